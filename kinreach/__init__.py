@@ -1,0 +1,1 @@
+"""kinreach: analytic kinematics, MuJoCo environments and RL baselines for reaching."""

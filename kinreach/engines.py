@@ -1,0 +1,53 @@
+"""Imports of the compiled engines, with one clear error when an installation does not fit together.
+
+placo is compiled against one exact Pinocchio. `pip install pin placo` without versions brings a pair that
+ends in a missing shared library at import; `load` turns that into the list of versions to install.
+"""
+
+from __future__ import annotations
+
+import importlib
+from importlib import metadata
+from types import ModuleType
+
+from kinreach.errors import InstallationError
+
+#: The versions that load together (placo's binary is linked to this Pinocchio).
+ENGINE_VERSIONS = {
+    "pin": "3.8.0",
+    "placo": "0.10.2",
+    "cmeel-urdfdom": "4.0.1",
+    "cmeel-tinyxml2": "10.0.0",
+    "example-robot-data": "4.4.0",
+    "example-robot-data-loaders": "4.4.0",
+}
+
+
+def installed_version(distribution: str) -> str | None:
+    """Version of an installed distribution, or None when it is not installed."""
+    try:
+        return metadata.version(distribution)
+    except metadata.PackageNotFoundError:
+        return None
+
+
+def load(module: str) -> ModuleType:
+    """Import a compiled engine (`pinocchio`, `coal`, `placo`).
+
+    Raises:
+        InstallationError: The module is missing or its shared libraries do not fit; the message lists
+            the versions that are installed, those that are needed, and the command that installs them.
+    """
+    try:
+        return importlib.import_module(module)
+    except (ImportError, AttributeError) as error:
+        wrong = [
+            f"{name} {installed_version(name) or 'missing'} (needs {wanted})"
+            for name, wanted in ENGINE_VERSIONS.items()
+            if installed_version(name) != wanted
+        ]
+        found = "; ".join(wrong) if wrong else "all versions as needed, but files of the installation are damaged"
+        command = "pip install " + " ".join(f"{name}=={wanted}" for name, wanted in ENGINE_VERSIONS.items())
+        raise InstallationError(
+            f"cannot import {module}: {str(error).splitlines()[0]}. Found: {found}. Install the set that works together: {command}"
+        ) from error

@@ -1,0 +1,1 @@
+"""Analytic and numeric kinematics."""

@@ -1,0 +1,142 @@
+"""Forward kinematics, Jacobian and joint limits of any described arm; Pinocchio is the reference."""
+
+from __future__ import annotations
+
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from kinreach.engines import load
+from kinreach.errors import InputError, raise_unknown
+from kinreach.kinematics.chain import SerialChain
+from kinreach.kinematics.goals import Floats, as_vector
+from kinreach.robots import ArmDescription, get_arm
+
+pin: Any = load("pinocchio")
+
+
+class ArmKinematics:
+    """Kinematics of one arm between a base frame and a tip frame.
+
+    Args:
+        arm: Name of a registered arm, or a description.
+        tip: Short name of the tip frame, one of `arm.tips`; default is the arm's own tool centre point.
+        base: `"base_link"` (the arm's own base) or `"world"`; all poses and goals are expressed in it.
+
+    Attributes:
+        arm: The description.
+        tip, base: As given.
+        model: Pinocchio model with the gripper locked; its joint order is that of `q`.
+        lower, upper: Joint limits [rad], shape (n,).
+        velocity_limit: Joint speed limits of the URDF [rad/s], shape (n,).
+        T_world_base: Pose of the base frame in the world (4, 4).
+
+    Raises:
+        UnknownNameError: The arm, the tip or the base does not exist.
+        InstallationError: Pinocchio cannot be loaded.
+    """
+
+    def __init__(self, arm: str | ArmDescription, *, tip: str | None = None, base: str = "base_link") -> None:
+        self.arm = get_arm(arm) if isinstance(arm, str) else arm
+        self.tip = tip if tip is not None else self.arm.default_tip
+        self.base = base
+        if self.tip not in self.arm.tips:
+            raise_unknown("tip", self.tip, self.arm.tips)
+        if base not in ("base_link", "world"):
+            raise_unknown("base", base, ("base_link", "world"))
+        self.model = build_model(self.arm)
+        self.data = self.model.createData()
+        self.n: int = self.model.nq
+        self.lower: Floats = self.model.lowerPositionLimit.copy()
+        self.upper: Floats = self.model.upperPositionLimit.copy()
+        self.velocity_limit: Floats = self.model.velocityLimit.copy()
+        self.tip_frame: int = self.model.getFrameId(self.arm.tips[self.tip])
+        T_world_arm = self.model.frames[self.model.getFrameId(self.arm.base)].placement.homogeneous
+        self.T_world_base: Floats = T_world_arm if base == "base_link" else np.eye(4)
+        self.T_base_world: Floats = np.linalg.inv(self.T_world_base)
+
+    def __repr__(self) -> str:
+        return f"{type(self).__name__}(arm={self.arm.name!r}, tip={self.tip!r}, base={self.base!r})"
+
+    def as_posture(self, name: str, q: ArrayLike) -> Floats:
+        """A finite posture of shape (n,), or an `InputError`."""
+        return as_vector(name, q, self.n)
+
+    def fk(self, q: ArrayLike) -> Floats:
+        """Pose of the tip in the base frame.
+
+        Args:
+            q: Posture [rad], shape (n,), or a stack of them, shape (..., n). One posture goes through
+                Pinocchio; a stack through `SerialChain`, built from the same model.
+
+        Returns:
+            Homogeneous transforms, shape (4, 4) or (..., 4, 4).
+
+        Raises:
+            InputError: Wrong shape or a value that is not finite.
+        """
+        q = np.asarray(q, dtype=np.float64)
+        if q.ndim == 1:
+            q = self.as_posture("q", q)
+            pin.framesForwardKinematics(self.model, self.data, q)
+            return self.T_base_world @ self.data.oMf[self.tip_frame].homogeneous
+        if q.ndim == 0 or q.shape[-1] != self.n:
+            raise InputError(f"q must have shape (..., {self.n}), got {q.shape}")
+        if not np.isfinite(q).all():
+            raise InputError("q must be finite")
+        return self._chain.fk(q.reshape(-1, self.n)).reshape(*q.shape[:-1], 4, 4)
+
+    def jacobian(self, q: ArrayLike) -> Floats:
+        """Geometric Jacobian of the tip, shape (6, n): rows 0-2 linear [m/rad], rows 3-5 angular [rad/rad].
+
+        Both are expressed along the axes of the base frame (Siciliano et al., Robotics, section 3.1).
+        """
+        q = self.as_posture("q", q)
+        J = pin.computeFrameJacobian(self.model, self.data, q, self.tip_frame, pin.LOCAL_WORLD_ALIGNED)
+        R = self.T_base_world[:3, :3]
+        return np.vstack([R @ J[:3], R @ J[3:]])
+
+    def within_limits(self, q: ArrayLike, *, tolerance: float = 1e-9) -> bool:
+        """Whether every joint is within its limits."""
+        q = self.as_posture("q", q)
+        return bool(((q >= self.lower - tolerance) & (q <= self.upper + tolerance)).all())
+
+    def joints_outside_limits(self, q: ArrayLike, *, tolerance: float = 1e-9) -> tuple[str, ...]:
+        """Names of the joints that are outside their limits."""
+        q = self.as_posture("q", q)
+        outside = (q < self.lower - tolerance) | (q > self.upper + tolerance)
+        return tuple(name for name, out in zip(self.arm.joints, outside, strict=True) if out)
+
+    @cached_property
+    def _chain(self) -> SerialChain:
+        placements = [self.model.jointPlacements[i].homogeneous for i in range(1, self.n + 1)]
+        placements[0] = self.T_base_world @ placements[0]
+        axes = [np.array(_axis(self.model.joints[i].shortname(), self.model.joints[i])) for i in range(1, self.n + 1)]
+        return SerialChain(placements, axes, self.model.frames[self.tip_frame].placement.homogeneous)
+
+
+def build_model(arm: ArmDescription) -> Any:
+    """Pinocchio model of an arm with the joints that are not part of `q` held in place."""
+    full = pin.buildModelFromXML(arm.urdf)
+    reference = pin.neutral(full)
+    locked = []
+    for name, position in arm.locked_joints.items():
+        joint = full.getJointId(name)
+        reference[full.joints[joint].idx_q] = position
+        locked.append(joint)
+    model = pin.buildReducedModel(full, locked, reference) if locked else full
+    if tuple(model.names)[1:] != arm.joints:
+        raise InputError(f"arm {arm.name!r}: the URDF's joints are {tuple(model.names)[1:]}, described are {arm.joints}")
+    return model
+
+
+def _axis(shortname: str, joint: Any) -> tuple[float, float, float]:
+    """Axis of a revolute joint in its own frame, from Pinocchio's joint type."""
+    fixed = {"JointModelRX": (1.0, 0.0, 0.0), "JointModelRY": (0.0, 1.0, 0.0), "JointModelRZ": (0.0, 0.0, 1.0)}
+    if shortname in fixed:
+        return fixed[shortname]
+    if "Revolute" in shortname:
+        return tuple(joint.extract().axis)  # type: ignore[return-value]
+    raise InputError(f"joint type {shortname} is not revolute")

@@ -1,0 +1,125 @@
+"""What an inverse-kinematics solver is asked for, in the base frame of the kinematics it belongs to."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from kinreach.errors import InputError
+
+Floats = NDArray[np.float64]
+
+#: How far a matrix may be from a rotation before it is refused (float32 poses pass).
+ROTATION_TOLERANCE = 1e-5
+
+
+def as_vector(name: str, value: ArrayLike, size: int) -> Floats:
+    """A finite float vector of the given size, or an `InputError` that says what is wrong."""
+    vector = _as_floats(name, value)
+    if vector.shape != (size,):
+        raise InputError(f"{name} must have shape ({size},), got {vector.shape}")
+    if not np.isfinite(vector).all():
+        raise InputError(f"{name} must be finite, got {vector}")
+    return vector
+
+
+def as_pose(name: str, value: ArrayLike) -> Floats:
+    """A homogeneous transform, shape (4, 4), or an `InputError` that says what is wrong."""
+    T = _as_floats(name, value)
+    if T.shape != (4, 4):
+        raise InputError(f"{name} must be a 4x4 homogeneous transform, got shape {T.shape}")
+    check_poses(name, T[None])
+    return T
+
+
+def check_poses(name: str, T: Floats) -> None:
+    """Refuse a stack of transforms, shape (n, 4, 4), in which one is not a rigid motion."""
+    if not np.isfinite(T).all():
+        raise InputError(f"{name} must be finite; {_where(~np.isfinite(T).all(axis=(1, 2)))} is not")
+    bad_row = (np.abs(T[:, 3] - (0.0, 0.0, 0.0, 1.0)) > ROTATION_TOLERANCE).any(axis=1)
+    if bad_row.any():
+        raise InputError(f"{name} must have the last row 0 0 0 1; {_where(bad_row)} has {T[bad_row.argmax(), 3]}")
+    R = T[:, :3, :3]
+    gram = np.abs(np.swapaxes(R, 1, 2) @ R - np.eye(3)).max(axis=(1, 2))
+    skewed = (gram > ROTATION_TOLERANCE) | (np.linalg.det(R) < 0)
+    if skewed.any():
+        worst = int(skewed.argmax())
+        raise InputError(
+            f"the upper left 3x3 block of {name} must be a rotation; {_where(skewed)} is not "
+            f"(largest entry of |R^T R - I| is {gram[worst]:.2g}, determinant {np.linalg.det(R[worst]):.3g})"
+        )
+
+
+def _as_floats(name: str, value: ArrayLike) -> Floats:
+    try:
+        return np.asarray(value, dtype=np.float64)
+    except (TypeError, ValueError) as error:
+        raise InputError(f"{name} must be an array of numbers: {error}") from None
+
+
+def _where(bad: NDArray[np.bool_]) -> str:
+    return "it" if len(bad) == 1 else f"entry {int(bad.argmax())}"
+
+
+@dataclass(frozen=True)
+class PoseGoal:
+    """The tip takes a full pose: position [m] and orientation. `T` has shape (4, 4)."""
+
+    T: Floats
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "T", as_pose("T", self.T))
+
+    @property
+    def position(self) -> Floats:
+        """Position of the tip [m], shape (3,)."""
+        return self.T[:3, 3]
+
+
+@dataclass(frozen=True)
+class AxisGoal:
+    """The tip's origin is at `position` [m] and its z axis points along `axis`; rotation about it is free."""
+
+    position: Floats
+    axis: Floats = (0.0, 0.0, -1.0)  # type: ignore[assignment]
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "position", as_vector("position", self.position, 3))
+        axis = as_vector("axis", self.axis, 3)
+        length = float(np.linalg.norm(axis))
+        if length < 1e-9:
+            raise InputError("axis must not be the zero vector")
+        object.__setattr__(self, "axis", axis / length)
+
+
+@dataclass(frozen=True)
+class PositionGoal:
+    """The tip's origin is at `position` [m], shape (3,); its orientation is free."""
+
+    position: Floats
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "position", as_vector("position", self.position, 3))
+
+
+Goal = PoseGoal | AxisGoal | PositionGoal
+
+
+def goal_error(goal: Goal, T: Floats) -> tuple[float, float]:
+    """How far a tip pose is from a goal: position [m] and orientation [rad] (0 where it is free)."""
+    position = float(np.linalg.norm(goal.position - T[:3, 3]))
+    if isinstance(goal, PoseGoal):
+        return position, rotation_angle(T[:3, :3], goal.T[:3, :3])
+    if isinstance(goal, AxisGoal):
+        z = T[:3, 2]
+        return position, float(np.arctan2(np.linalg.norm(np.cross(z, goal.axis)), z @ goal.axis))
+    return position, 0.0
+
+
+def rotation_angle(R_a: Floats, R_b: Floats) -> float:
+    """Angle [rad] of the rotation from `R_a` to `R_b`, exact also where it is tiny."""
+    R = R_a.T @ R_b
+    sine = 0.5 * np.sqrt((R[2, 1] - R[1, 2]) ** 2 + (R[0, 2] - R[2, 0]) ** 2 + (R[1, 0] - R[0, 1]) ** 2)
+    return float(np.arctan2(sine, 0.5 * (np.trace(R) - 1.0)))

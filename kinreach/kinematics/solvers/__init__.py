@@ -1,0 +1,1 @@
+"""Iterative inverse-kinematics solvers and the closed form behind one protocol."""

@@ -1,0 +1,41 @@
+"""The one protocol of all inverse-kinematics solvers."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Protocol
+
+from numpy.typing import ArrayLike
+
+from kinreach.kinematics.goals import Goal
+from kinreach.kinematics.result import Accept, IKResult
+
+
+class Solver(Protocol):
+    """Turns a goal and a seed posture into a posture."""
+
+    name: str
+
+    def solve(self, goal: Goal, seed: ArrayLike, *, accept: Accept | None = None) -> IKResult:
+        """Find a posture for `goal`, starting from `seed`.
+
+        Args:
+            goal: In the base frame of the solver's kinematics.
+            seed: Posture to start from, or to stay near to [rad], shape (n,).
+            accept: Test that a posture must also pass; a refused one sends the solver on to the next.
+
+        Returns:
+            The posture with errors computed on it, or the reason why there is none.
+
+        Raises:
+            InputError: The goal or the seed is malformed, or the arm cannot serve this kind of goal.
+        """
+        ...
+
+
+@dataclass(frozen=True)
+class Tolerance:
+    """When an iterative solver may stop: position [m] and orientation [rad]."""
+
+    position: float = 1e-4
+    orientation: float = 1e-3

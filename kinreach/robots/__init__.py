@@ -1,0 +1,10 @@
+"""What an arm is: description, mount, tool centre point, home, limits, gripper; and the work cell around it.
+
+Data only: nothing here imports a robotics engine. Every arm is one URDF that feeds Pinocchio, placo and MuJoCo.
+"""
+
+from kinreach.robots.description import ArmDescription, Gripper
+from kinreach.robots.registry import arm_names, get_arm, register_arm
+from kinreach.robots.workcell import Box, Workcell
+
+__all__ = ["ArmDescription", "Box", "Gripper", "Workcell", "arm_names", "get_arm", "register_arm"]

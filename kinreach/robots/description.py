@@ -1,0 +1,84 @@
+"""What an arm is: one URDF and the facts that a URDF does not carry. Data only, no engine is imported here."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from functools import cached_property
+
+from kinreach.robots.workcell import Workcell
+
+
+@dataclass(frozen=True)
+class Gripper:
+    """A parallel gripper driven by one prismatic joint; the other finger mimics it.
+
+    Attributes:
+        joint: Name of the driven prismatic joint; its position is half the opening [m].
+        mimic_joint: Name of the joint that follows with ratio 1.
+        stroke: Largest opening between the fingers [m].
+        opening: Opening in which the arm reaches [m].
+        force: Largest force of the drive [N].
+    """
+
+    joint: str
+    mimic_joint: str
+    stroke: float
+    opening: float
+    force: float
+
+
+@dataclass(frozen=True)
+class ArmDescription:
+    """One robot arm, described once for Pinocchio, placo and MuJoCo.
+
+    Attributes:
+        name: Key in the registry, as in `get_arm("ur5")`.
+        title: Name for people.
+        build_urdf: Returns the URDF text, root link `world`, meshes as `package://` addresses.
+        joints: Names of the actuated joints in the order of `q`.
+        home: Start posture [rad], shape `(n,)`.
+        base: Link that carries the arm's own coordinate system.
+        tips: Frames that may be asked for as the tip, by short name: `{"tcp": "tcp", ...}`.
+        default_tip: Key of `tips` that tasks use.
+        workcell: Obstacles around the arm and where its goals are.
+        disabled_collisions: Link pairs that touch by construction (SRDF `disable_collisions`).
+        package_root: Returns the folder that `package://` stands for, or None if the URDF names no mesh.
+        position_gains: Stiffness of the position servo of each joint [N m/rad].
+        speed_limit: Joint speed the controller commands [rad/s].
+        acceleration_limit: Joint acceleration the controller commands [rad/s^2].
+        armature: Rotor inertia seen at each joint [kg m^2].
+        joint_damping: Viscous friction of each joint [N m s/rad].
+        gripper: The gripper, or None.
+    """
+
+    name: str
+    title: str
+    build_urdf: Callable[[], str]
+    joints: tuple[str, ...]
+    home: tuple[float, ...]
+    base: str
+    tips: Mapping[str, str]
+    default_tip: str
+    workcell: Workcell
+    disabled_collisions: tuple[tuple[str, str], ...] = ()
+    package_root: Callable[[], str | None] = field(default=lambda: None)
+    position_gains: tuple[float, ...] = ()
+    speed_limit: float = 3.0
+    acceleration_limit: float = 10.0
+    armature: float = 0.1
+    joint_damping: tuple[float, ...] = ()
+    gripper: Gripper | None = None
+
+    @cached_property
+    def urdf(self) -> str:
+        """The URDF text, built on first use."""
+        return self.build_urdf()
+
+    @property
+    def locked_joints(self) -> Mapping[str, float]:
+        """Joints that are not part of `q`, with the position [m] they are held at."""
+        if self.gripper is None:
+            return {}
+        half = self.gripper.opening / 2
+        return {self.gripper.joint: half, self.gripper.mimic_joint: half}

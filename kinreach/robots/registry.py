@@ -1,0 +1,44 @@
+"""Arms by name. Modules in `kinreach.robots.arms` are found by themselves; others join with `register_arm`."""
+
+from __future__ import annotations
+
+import importlib
+import pkgutil
+from functools import cache
+
+from kinreach.errors import InputError, raise_unknown
+from kinreach.robots import arms
+from kinreach.robots.description import ArmDescription
+
+
+@cache
+def _arms() -> dict[str, ArmDescription]:
+    modules = (importlib.import_module(f"{arms.__name__}.{info.name}") for info in pkgutil.iter_modules(arms.__path__))
+    return {module.ARM.name: module.ARM for module in modules}
+
+
+def register_arm(arm: ArmDescription) -> None:
+    """Make an arm that lives outside kinreach available by its name.
+
+    Raises:
+        InputError: Another arm has that name already.
+    """
+    if _arms().get(arm.name, arm) is not arm:
+        raise InputError(f"an arm named {arm.name!r} is registered already")
+    _arms()[arm.name] = arm
+
+
+def get_arm(name: str) -> ArmDescription:
+    """The arm with this name.
+
+    Raises:
+        UnknownNameError: There is none; the message lists those there are.
+    """
+    if name not in _arms():
+        raise_unknown("arm", name, _arms())
+    return _arms()[name]
+
+
+def arm_names() -> tuple[str, ...]:
+    """Names of all registered arms, sorted."""
+    return tuple(sorted(_arms()))

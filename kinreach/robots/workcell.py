@@ -1,0 +1,79 @@
+"""The world around an arm: what it must not touch, and where goals are placed.
+
+World frame: z up. All lengths in metres.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+
+@dataclass(frozen=True)
+class Box:
+    """An axis-aligned obstacle in the world frame.
+
+    Attributes:
+        name: What a collision report calls it.
+        size: Full edge lengths [m].
+        position: Centre [m].
+    """
+
+    name: str
+    size: tuple[float, float, float]
+    position: tuple[float, float, float]
+
+
+class GoalRegion(Protocol):
+    """Where goals are drawn from."""
+
+    def sample(self, rng: np.random.Generator, count: int) -> NDArray[np.float64]:
+        """Draw `count` goal positions in the world frame [m], shape (count, 3)."""
+        ...
+
+
+@dataclass(frozen=True)
+class BoxRegion:
+    """Uniform in an axis-aligned box, given by the range of each coordinate [m]."""
+
+    x: tuple[float, float]
+    y: tuple[float, float]
+    z: tuple[float, float]
+
+    def sample(self, rng: np.random.Generator, count: int) -> NDArray[np.float64]:
+        """Draw `count` goal positions in the world frame [m], shape (count, 3)."""
+        low, high = np.array([self.x, self.y, self.z]).T
+        return rng.uniform(low, high, (count, 3))
+
+
+@dataclass(frozen=True)
+class QuadrantRegion:
+    """Uniform in one of the four quadrants around the base: |x| and |y| in `across`, z in `height` [m]."""
+
+    across: tuple[float, float]
+    height: tuple[float, float]
+
+    def sample(self, rng: np.random.Generator, count: int) -> NDArray[np.float64]:
+        """Draw `count` goal positions in the world frame [m], shape (count, 3)."""
+        xy = rng.uniform(*self.across, (count, 2)) * rng.choice((-1.0, 1.0), (count, 2))
+        return np.column_stack([xy, rng.uniform(*self.height, count)])
+
+
+@dataclass(frozen=True)
+class Workcell:
+    """Obstacles and goals of one arm.
+
+    Attributes:
+        obstacles: What the arm must not touch.
+        touching: (obstacle, link) pairs that touch by construction.
+        goals: Where the centre of the ball may be.
+        ball_radius: Radius of the ball that marks the goal [m]; it has no contact with the arm.
+    """
+
+    obstacles: tuple[Box, ...]
+    touching: tuple[tuple[str, str], ...]
+    goals: GoalRegion
+    ball_radius: float = 0.025
