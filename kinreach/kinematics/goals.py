@@ -118,6 +118,13 @@ def goal_error(goal: Goal, T: Floats) -> tuple[float, float]:
     return position, 0.0
 
 
+def nearest_rotations(R: Floats) -> Floats:
+    """The rotations nearest to matrices that almost are some, shape (..., 3, 3), by two Newton steps of the polar form."""
+    for _ in range(2):
+        R = R @ (1.5 * np.eye(3) - 0.5 * np.swapaxes(R, -1, -2) @ R)
+    return R
+
+
 def rotation_angle(R_a: Floats, R_b: Floats) -> float:
     """Angle [rad] of the rotation from `R_a` to `R_b`, exact also where it is tiny."""
     R = R_a.T @ R_b

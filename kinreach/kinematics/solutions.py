@@ -1,0 +1,114 @@
+"""All postures of a goal, and the choice among them: limits, windings, nearest to a seed."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from math import pi
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from kinreach.kinematics.goals import Floats
+from kinreach.kinematics.result import Status
+
+TURN = 2 * pi
+LIMIT_TOLERANCE = 1e-9
+
+#: Position error [m] and orientation error [rad] of a posture.
+ErrorOf = Callable[[Floats], tuple[float, float]]
+
+
+@dataclass(frozen=True)
+class IKSolutions:
+    """Every posture that reaches a goal, in the order of the branch index (of the distance, if a seed was given).
+
+    Arrays are made when they are first asked for.
+
+    Attributes:
+        found: One tuple per solution: branch index + 8 * singularity flags, then the joint angles [rad].
+        status: `OK` if there is at least one.
+        reason: Why there is none, else empty.
+        error_of: Forward-kinematics check of a posture against the goal.
+        n: Number of joints.
+    """
+
+    found: Sequence[tuple[Any, ...]]
+    status: Status
+    reason: str
+    error_of: ErrorOf
+    n: int
+
+    def __len__(self) -> int:
+        return len(self.found)
+
+    @property
+    def success(self) -> bool:
+        """Whether there is a solution."""
+        return self.status is Status.OK
+
+    @cached_property
+    def _table(self) -> Floats:
+        return np.array(self.found, dtype=np.float64).reshape(-1, self.n + 1)
+
+    @property
+    def q(self) -> Floats:
+        """Postures [rad], shape (k, n)."""
+        return self._table[:, 1:]
+
+    @cached_property
+    def branch(self) -> NDArray[np.int64]:
+        """Branch index of each solution, shape (k,)."""
+        return np.array([row[0] & 7 for row in self.found], dtype=np.int64)
+
+    @cached_property
+    def singularity(self) -> NDArray[np.int64]:
+        """Flags of what was clamped, free or moved in each solution, shape (k,); 0 is regular."""
+        return np.array([row[0] >> 3 for row in self.found], dtype=np.int64)
+
+    @cached_property
+    def residual(self) -> Floats:
+        """Position [m] and orientation [rad] error of each solution, by forward kinematics, shape (k, 2)."""
+        return np.array([self.error_of(q) for q in self.q]).reshape(-1, 2)
+
+
+def nearest_winding(
+    q: Sequence[float], seed: Sequence[float], lower: Sequence[float], upper: Sequence[float]
+) -> list[float] | None:
+    """The posture equal to `q` modulo full turns that is nearest to `seed` within the limits.
+
+    Joints do not interact here, so taking the best turn of each joint is exact for any norm that grows with
+    every joint's distance; nothing is enumerated.
+
+    Args:
+        q: Posture [rad].
+        seed: Posture to stay near to [rad].
+        lower: Lower limits [rad].
+        upper: Upper limits [rad].
+
+    Returns:
+        The shifted posture, or None where a joint has no turn within its limits.
+    """
+    shifted = []
+    for value, wanted, low, high in zip(q, seed, lower, upper, strict=True):
+        value += TURN * round((wanted - value) / TURN)
+        if value > high + LIMIT_TOLERANCE:
+            value -= TURN * np.ceil((value - high - LIMIT_TOLERANCE) / TURN)
+        elif value < low - LIMIT_TOLERANCE:
+            value += TURN * np.ceil((low - LIMIT_TOLERANCE - value) / TURN)
+        if not low - LIMIT_TOLERANCE <= value <= high + LIMIT_TOLERANCE:
+            return None
+        shifted.append(float(value))
+    return shifted
+
+
+def nearest_windings(q: Floats, seed: Floats, lower: Floats, upper: Floats) -> tuple[Floats, NDArray[np.bool_]]:
+    """`nearest_winding` for arrays with the joints first, shape (n, ...); also which postures are within the limits."""
+    low = (lower - LIMIT_TOLERANCE).reshape(-1, *[1] * (q.ndim - 1))
+    high = (upper + LIMIT_TOLERANCE).reshape(-1, *[1] * (q.ndim - 1))
+    shifted = q + TURN * np.round((seed - q) / TURN)
+    shifted -= TURN * np.maximum(np.ceil((shifted - high) / TURN), 0.0)
+    shifted += TURN * np.maximum(np.ceil((low - shifted) / TURN), 0.0)
+    return shifted, (shifted <= high).all(axis=0)

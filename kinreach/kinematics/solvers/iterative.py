@@ -1,0 +1,125 @@
+"""What all iterative solvers share: a first descent from the caller's seed, then restarts from random postures."""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from collections.abc import Callable, Iterator
+from typing import ClassVar, NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from kinreach.errors import InputError
+from kinreach.kinematics.arm import ArmKinematics
+from kinreach.kinematics.goals import Floats, Goal, goal_error
+from kinreach.kinematics.result import Accept, IKResult, Status
+from kinreach.kinematics.solvers.base import Tolerance
+from kinreach.kinematics.solvers.joint_space import JointSpace
+
+
+class Descent(NamedTuple):
+    """Where one descent ended: posture [rad] (n,), which may be some turns outside the limits, and steps taken."""
+
+    q: Floats
+    iterations: int
+
+
+#: Runs from a posture within the limits down to a minimum of the error of one goal.
+Descend = Callable[[Floats], Descent]
+
+
+class _Candidate(NamedTuple):
+    q: Floats
+    position_error: float
+    orientation_error: float
+
+
+class IterativeSolver(ABC):
+    """A local method made global by restarts.
+
+    Every attempt ends with the posture folded into the limits and judged anew by forward kinematics, so that success
+    is a property of the posture that is returned. The random postures are drawn from a generator that each call to
+    `solve` seeds afresh: equal inputs give equal results whatever was asked before.
+
+    Args:
+        kin: The arm, its tip and the base frame that goals are in.
+        tolerance: How near is reached.
+        max_iterations: Steps per attempt, at least 1.
+        max_restarts: Attempts from random postures after the one from the seed, at least 0.
+        rng_seed: Seed of the random postures.
+
+    Raises:
+        InputError: A count or a tolerance cannot be used.
+    """
+
+    name: ClassVar[str]
+
+    def __init__(
+        self,
+        kin: ArmKinematics,
+        *,
+        tolerance: Tolerance,
+        max_iterations: int,
+        max_restarts: int,
+        rng_seed: int,
+    ) -> None:
+        if max_iterations < 1:
+            raise InputError(f"max_iterations must be at least 1, got {max_iterations}")
+        if max_restarts < 0:
+            raise InputError(f"max_restarts must be at least 0, got {max_restarts}")
+        if not (tolerance.position > 0 and tolerance.orientation > 0):
+            raise InputError(f"both tolerances must be above 0, got {tolerance}")
+        self.kin = kin
+        self.tolerance = tolerance
+        self.max_iterations = max_iterations
+        self.max_restarts = max_restarts
+        self.rng_seed = rng_seed
+        self.joint_space = JointSpace(kin)
+
+    def __repr__(self) -> str:
+        return f"{type(self).__name__}({self.kin!r})"
+
+    @abstractmethod
+    def _descender(self, goal: Goal) -> Descend:
+        """Prepare the descent for one goal."""
+
+    def solve(self, goal: Goal, seed: ArrayLike, *, accept: Accept | None = None) -> IKResult:
+        """Find a posture for `goal`; see `Solver.solve`.
+
+        Args:
+            goal: In the base frame of `kin`, for its tip. A goal with more conditions than the arm has joints (a full
+                pose on the 3-DOF arm) is found if the arm can meet it, and otherwise does not converge.
+            seed: First posture to descend from [rad], shape (n,); folded into the limits if it is outside.
+            accept: Test that the posture must also pass; a refused one leads to the next restart.
+
+        Returns:
+            The first posture that is within tolerance and limits and accepted. Failing that, the first refused one
+            with `REJECTED`, or the one nearest to the goal with `NOT_CONVERGED`.
+
+        Raises:
+            InputError: The goal or the seed is malformed.
+        """
+        start = self.kin.as_posture("seed", seed)
+        descend = self._descender(goal)
+        iterations = restarts = 0
+        refused: list[_Candidate] = []
+        best: _Candidate | None = None
+        for restarts, q in enumerate(self._starts(start)):
+            found, steps = descend(q)
+            iterations += steps
+            candidate = self._judge(goal, found)
+            if self._miss(candidate) <= 1.0:
+                if accept is None or accept(candidate.q.copy()):
+                    return IKResult(*_ok(candidate), iterations=iterations, restarts=restarts)
+                refused.append(candidate)
+            elif best is None or self._miss(candidate) < self._miss(best):
+                best = candidate
+        attempts = f"{restarts + 1} attempts ({iterations} steps)"
+        if refused:
+            status, shown = Status.REJECTED, refused[0]
+            reason = f"{len(refused)} of {attempts} converged, and accept refused the posture of each"
+        else:
+            assert best is not None
+            status, shown = Status.NOT_CONVERGED, best
+            reason = f"none of {attempts} came within {self.tolerance.position:g} m and {self.tolerance.orientation:g} rad"
+        return IKResult(shown.q, status, *shown[1:], reason=reason, iterations=iterations, restarts=restarts)
