@@ -97,11 +97,6 @@ def zero_configuration(rng: np.random.Generator, count: int) -> Poses:
     return FLANGE.fk(q)
 
 
-def float32_upright(rng: np.random.Generator, count: int) -> Poses:
-    """Arm straight up, rounded to single precision."""
-    return upright(rng, count).astype(np.float32).astype(np.float64)
-
-
 #: Name as published -> the function that makes the poses.
 CASES: dict[str, Callable[[np.random.Generator, int], Poses]] = {
     "random poses": random_poses,
@@ -113,5 +108,4 @@ CASES: dict[str, Callable[[np.random.Generator, int], Poses]] = {
     "target rounded to float32": float32_poses,
     "arm upright": upright,
     "UR zero configuration": zero_configuration,
-    "arm upright, rounded to float32": float32_upright,
 }

@@ -1,12 +1,14 @@
 """Analytic and numeric kinematics: FK, Jacobians, limits, closed-form IK, collisions, reward geometry."""
 
 from kinreach.kinematics.arm import ArmKinematics
+from kinreach.kinematics.arm3 import Arm3Kinematics
 from kinreach.kinematics.goals import AxisGoal, PoseGoal, PositionGoal
 from kinreach.kinematics.result import IKResult, Status
-from kinreach.kinematics.solutions import IKSolutions
-from kinreach.kinematics.ur5 import IKBatch, IKBatchNearest, UR5Kinematics
+from kinreach.kinematics.solutions import IKBatch, IKBatchNearest, IKSolutions
+from kinreach.kinematics.ur5 import UR5Kinematics
 
 __all__ = [
+    "Arm3Kinematics",
     "ArmKinematics",
     "AxisGoal",
     "IKBatch",

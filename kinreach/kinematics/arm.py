@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike
 from kinreach.engines import load
 from kinreach.errors import InputError, raise_unknown
 from kinreach.kinematics.chain import SerialChain
-from kinreach.kinematics.goals import Floats, as_vector
+from kinreach.kinematics.goals import Floats, as_floats, as_vector
 from kinreach.robots import ArmDescription, get_arm
 
 pin: Any = load("pinocchio")
@@ -77,11 +77,11 @@ class ArmKinematics:
         Raises:
             InputError: Wrong shape or a value that is not finite.
         """
-        q = np.asarray(q, dtype=np.float64)
+        q = as_floats("q", q)
         if q.ndim == 1:
-            q = self.as_posture("q", q)
-            pin.framesForwardKinematics(self.model, self.data, q)
-            return self.T_base_world @ self.data.oMf[self.tip_frame].homogeneous
+            pin.forwardKinematics(self.model, self.data, self.as_posture("q", q))
+            T_world_tip = pin.updateFramePlacement(self.model, self.data, self.tip_frame).homogeneous
+            return T_world_tip if self.base == "world" else self.T_base_world @ T_world_tip
         if q.ndim == 0 or q.shape[-1] != self.n:
             raise InputError(f"q must have shape (..., {self.n}), got {q.shape}")
         if not np.isfinite(q).all():
@@ -128,7 +128,7 @@ def build_model(arm: ArmDescription) -> Any:
         locked.append(joint)
     model = pin.buildReducedModel(full, locked, reference) if locked else full
     if tuple(model.names)[1:] != arm.joints:
-        raise InputError(f"arm {arm.name!r}: the URDF's joints are {tuple(model.names)[1:]}, described are {arm.joints}")
+        raise InputError(f"arm {arm.name!r}: URDF joints {tuple(model.names)[1:]}, described {arm.joints}")
     return model
 
 

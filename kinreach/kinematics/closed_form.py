@@ -2,30 +2,97 @@
 
 from __future__ import annotations
 
+from abc import ABC, abstractmethod
 from collections.abc import Sequence
-from math import pi
+from math import dist, pi
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
+from kinreach.errors import InputError
 from kinreach.kinematics.arm import ArmKinematics
-from kinreach.kinematics.goals import Floats, Goal, goal_error
+from kinreach.kinematics.goals import Floats, Goal, as_floats, goal_error
 from kinreach.kinematics.result import Accept, IKResult, Status
-from kinreach.kinematics.solutions import LIMIT_TOLERANCE, ErrorOf, IKSolutions, nearest_winding
-from kinreach.kinematics.ur_ik import MISS_TEXT, Miss
+from kinreach.kinematics.solutions import (
+    SLACK,
+    TURN,
+    ErrorOf,
+    IKBatch,
+    IKBatchNearest,
+    IKSolutions,
+    nearest_winding,
+    nearest_windings,
+)
 from kinreach.robots import ArmDescription
 
 
-class ClosedFormKinematics(ArmKinematics):
+class ClosedFormKinematics(ArmKinematics, ABC):
     """Limits, windings and the choice of a branch, shared by the arms with a closed form."""
 
     def __init__(self, arm: str | ArmDescription, *, tip: str | None, base: str) -> None:
         super().__init__(arm, tip=tip, base=base)
         self._low: list[float] = self.lower.tolist()
         self._high: list[float] = self.upper.tolist()
-        # where every joint covers a full turn, a principal value is always within the limits
-        self._full_turn = bool((self.lower <= -pi + LIMIT_TOLERANCE).all() and (self.upper >= pi - LIMIT_TOLERANCE).all())
+        # where every joint covers a full turn, a principal value is always within the limits,
+        # and where it covers no more than that, the only one there is (its two ends apart)
+        self._full_turn = bool((self.lower <= -pi + SLACK).all() and (self.upper >= pi - SLACK).all())
+        self._one_turn = self._full_turn and bool((self.upper - self.lower <= TURN + SLACK).all())
+
+    def batch(self, T: ArrayLike, *, limits: bool = True, tol: float = 1e-7) -> IKBatch:
+        """Every posture of many poses.
+
+        Args:
+            T: Goals in the base frame: poses of the tip, shape (count, 4, 4), or for a 3-DOF arm positions (count, 3).
+            limits: Leave out what the joint limits forbid.
+            tol: As in `all_solutions`.
+
+        Raises:
+            InputError: A pose is not a finite rigid motion; the message says which.
+        """
+        q, valid = self._batch(as_floats("T", T), None, tol)
+        if limits and not self._full_turn:
+            q, within = nearest_windings(q, np.zeros(()), self.lower, self.upper)
+            valid &= within
+            np.copyto(q, np.nan, where=~valid)
+        return IKBatch(q.transpose(2, 1, 0), valid.T)
+
+    def nearest_batch(self, T: ArrayLike, seeds: ArrayLike, *, tol: float = 1e-7) -> IKBatchNearest:
+        """For each of many poses the posture nearest to its seed, over all branches and windings within the limits.
+
+        Args:
+            T: Goals in the base frame: poses of the tip, shape (count, 4, 4), or for a 3-DOF arm positions (count, 3).
+            seeds: Postures [rad], shape (count, n), or (n,) for all.
+            tol: As in `all_solutions`.
+
+        Raises:
+            InputError: Malformed poses or seeds.
+        """
+        T = as_floats("T", T)
+        count = len(np.atleast_1d(T))
+        try:
+            start = np.broadcast_to(np.asarray(seeds, dtype=np.float64), (count, self.n))
+        except (TypeError, ValueError):
+            raise InputError(f"seeds must have shape ({count}, {self.n}) or ({self.n},)") from None
+        if not np.isfinite(start).all():
+            raise InputError("seeds must be finite")
+        q, valid = self._batch(T, start, tol)
+        q, within = nearest_windings(q, start.T[:, None], self.lower, self.upper)
+        distance = ((q - start.T[:, None]) ** 2).sum(axis=0)
+        distance[~(valid & within)] = np.inf
+        best = distance.argmin(axis=0)
+        rows = np.arange(count)
+        success = np.isfinite(distance[best, rows])
+        chosen = np.where(success, q[:, best, rows], np.nan)
+        return IKBatchNearest(chosen.T, np.where(success, best, -1), success)
+
+    @abstractmethod
+    def solve(self, goal: Goal, seed: ArrayLike, *, accept: Accept | None = None) -> IKResult:
+        """The posture for a goal that is nearest to a seed; see `Solver.solve`."""
+
+    @abstractmethod
+    def _batch(self, T: Floats, seeds: Floats | None, tol: float) -> tuple[Floats, NDArray[np.bool_]]:
+        """Postures (n, branches, count), NaN where not valid, and validity (branches, count), before limits."""
 
     def _error_of(self, goal: Goal) -> ErrorOf:
         return lambda q: goal_error(goal, self.fk(q))
@@ -33,26 +100,29 @@ class ClosedFormKinematics(ArmKinematics):
     def _solutions(
         self,
         found: Sequence[tuple[Any, ...]],
-        miss: int,
+        unreached: str,
         error_of: ErrorOf,
         seed: Floats | None,
         limits: bool,
     ) -> IKSolutions:
         """Apply limits and windings; sort by distance where there is a seed."""
         if not found:
-            return IKSolutions((), Status.OUT_OF_REACH, _why(miss), error_of, self.n)
+            return IKSolutions((), Status.OUT_OF_REACH, unreached, error_of, self.n)
         if seed is None and (self._full_turn or not limits):
             return IKSolutions(found, Status.OK, "", error_of, self.n)
         wanted = [0.0] * self.n if seed is None else seed.tolist()
         low, high = (self._low, self._high) if limits else ([-np.inf] * self.n, [np.inf] * self.n)
-        kept = [
-            (row[0], *shifted) for row in found if (shifted := nearest_winding(row[1:], wanted, low, high)) is not None
-        ]
+        single = limits and self._one_turn
+        shifted = (
+            row if single and _inside_turn(row) else _shift(row, nearest_winding(row[1:], wanted, low, high))
+            for row in found
+        )
+        kept = [row for row in shifted if row is not None]
         if not kept:
             reason = f"all {len(found)} postures are outside the joint limits ({self._limiting_joints(found)})"
             return IKSolutions((), Status.OUT_OF_LIMITS, reason, error_of, self.n)
         if seed is not None:
-            kept.sort(key=lambda row: sum((a - b) ** 2 for a, b in zip(row[1:], wanted, strict=True)))
+            kept.sort(key=lambda row: dist(row[1:], wanted))
         return IKSolutions(kept, Status.OK, "", error_of, self.n)
 
     def _limiting_joints(self, found: Sequence[tuple[Any, ...]]) -> str:
@@ -78,8 +148,11 @@ class ClosedFormKinematics(ArmKinematics):
         return None if seed is None else self.as_posture("seed", seed)
 
 
-def _why(miss: int) -> str:
-    return "; ".join(text for flag, text in MISS_TEXT.items() if miss & flag)
+def _shift(row: tuple[Any, ...], q: list[float] | None) -> tuple[Any, ...] | None:
+    return None if q is None else (row[0], *q)
 
 
-__all__ = ["ClosedFormKinematics", "Miss"]
+def _inside_turn(row: Sequence[Any]) -> bool:
+    """Whether no joint of (code, q...) is at an end of (-pi, pi)."""
+    q = row[1:]
+    return max(q) < pi - SLACK and min(q) > SLACK - pi

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from math import atan2, dist, hypot
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -17,7 +18,7 @@ ROTATION_TOLERANCE = 1e-5
 
 def as_vector(name: str, value: ArrayLike, size: int) -> Floats:
     """A finite float vector of the given size, or an `InputError` that says what is wrong."""
-    vector = _as_floats(name, value)
+    vector = as_floats(name, value)
     if vector.shape != (size,):
         raise InputError(f"{name} must have shape ({size},), got {vector.shape}")
     if not np.isfinite(vector).all():
@@ -27,7 +28,7 @@ def as_vector(name: str, value: ArrayLike, size: int) -> Floats:
 
 def as_pose(name: str, value: ArrayLike) -> Floats:
     """A homogeneous transform, shape (4, 4), or an `InputError` that says what is wrong."""
-    T = _as_floats(name, value)
+    T = as_floats(name, value)
     if T.shape != (4, 4):
         raise InputError(f"{name} must be a 4x4 homogeneous transform, got shape {T.shape}")
     check_poses(name, T[None])
@@ -52,7 +53,8 @@ def check_poses(name: str, T: Floats) -> None:
         )
 
 
-def _as_floats(name: str, value: ArrayLike) -> Floats:
+def as_floats(name: str, value: ArrayLike) -> Floats:
+    """An array of doubles, or an `InputError` that says what is wrong."""
     try:
         return np.asarray(value, dtype=np.float64)
     except (TypeError, ValueError) as error:
@@ -109,17 +111,22 @@ Goal = PoseGoal | AxisGoal | PositionGoal
 
 def goal_error(goal: Goal, T: Floats) -> tuple[float, float]:
     """How far a tip pose is from a goal: position [m] and orientation [rad] (0 where it is free)."""
-    position = float(np.linalg.norm(goal.position - T[:3, 3]))
     if isinstance(goal, PoseGoal):
-        return position, rotation_angle(T[:3, :3], goal.T[:3, :3])
+        return pose_error(goal.T, T)
+    position = dist(goal.position.tolist(), T[:3, 3].tolist())
     if isinstance(goal, AxisGoal):
-        z = T[:3, 2]
-        return position, float(np.arctan2(np.linalg.norm(np.cross(z, goal.axis)), z @ goal.axis))
+        return position, _angle_between(T[:3, 2].tolist(), goal.axis.tolist())
     return position, 0.0
 
 
+def pose_error(T_wanted: Floats, T: Floats) -> tuple[float, float]:
+    """Distance [m] and angle [rad] between two poses, shape (4, 4)."""
+    position = dist(T_wanted[:3, 3].tolist(), T[:3, 3].tolist())
+    return position, rotation_angle(T[:3, :3], T_wanted[:3, :3])
+
+
 def nearest_rotations(R: Floats) -> Floats:
-    """The rotations nearest to matrices that almost are some, shape (..., 3, 3), by two Newton steps of the polar form."""
+    """The rotations nearest to matrices (..., 3, 3) that almost are some, by two Newton steps of the polar form."""
     for _ in range(2):
         R = R @ (1.5 * np.eye(3) - 0.5 * np.swapaxes(R, -1, -2) @ R)
     return R
@@ -127,6 +134,13 @@ def nearest_rotations(R: Floats) -> Floats:
 
 def rotation_angle(R_a: Floats, R_b: Floats) -> float:
     """Angle [rad] of the rotation from `R_a` to `R_b`, exact also where it is tiny."""
-    R = R_a.T @ R_b
-    sine = 0.5 * np.sqrt((R[2, 1] - R[1, 2]) ** 2 + (R[0, 2] - R[2, 0]) ** 2 + (R[1, 0] - R[0, 1]) ** 2)
-    return float(np.arctan2(sine, 0.5 * (np.trace(R) - 1.0)))
+    (_, b, c), (d, _, f), (g, h, _) = rows = (R_a.T @ R_b).tolist()
+    sine = hypot(h - f, c - g, d - b)
+    return atan2(sine, rows[0][0] + rows[1][1] + rows[2][2] - 1.0)
+
+
+def _angle_between(a: list[float], b: list[float]) -> float:
+    """Angle [rad] between two vectors, exact also where it is tiny."""
+    (ax, ay, az), (bx, by, bz) = a, b
+    sine = hypot(ay * bz - az * by, az * bx - ax * bz, ax * by - ay * bx)
+    return atan2(sine, ax * bx + ay * by + az * bz)

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from math import pi
+from math import ceil, pi
 from typing import Any
 
 import numpy as np
@@ -15,7 +15,8 @@ from kinreach.kinematics.goals import Floats
 from kinreach.kinematics.result import Status
 
 TURN = 2 * pi
-LIMIT_TOLERANCE = 1e-9
+#: How far a joint may be past its limit by rounding [rad].
+SLACK = 1e-9
 
 #: Position error [m] and orientation error [rad] of a posture.
 ErrorOf = Callable[[Floats], tuple[float, float]]
@@ -50,13 +51,9 @@ class IKSolutions:
         return self.status is Status.OK
 
     @cached_property
-    def _table(self) -> Floats:
-        return np.array(self.found, dtype=np.float64).reshape(-1, self.n + 1)
-
-    @property
     def q(self) -> Floats:
         """Postures [rad], shape (k, n)."""
-        return self._table[:, 1:]
+        return np.array([row[1:] for row in self.found]).reshape(-1, self.n)
 
     @cached_property
     def branch(self) -> NDArray[np.int64]:
@@ -72,6 +69,34 @@ class IKSolutions:
     def residual(self) -> Floats:
         """Position [m] and orientation [rad] error of each solution, by forward kinematics, shape (k, 2)."""
         return np.array([self.error_of(q) for q in self.q]).reshape(-1, 2)
+
+
+@dataclass(frozen=True)
+class IKBatch:
+    """All postures of many poses.
+
+    Attributes:
+        q: Postures [rad], shape (count, branches, n), by branch index; NaN where there is no solution.
+        valid: Which branches have a solution, shape (count, branches).
+    """
+
+    q: Floats
+    valid: NDArray[np.bool_]
+
+
+@dataclass(frozen=True)
+class IKBatchNearest:
+    """One posture for each of many poses.
+
+    Attributes:
+        q: Postures [rad], shape (count, n); NaN where `success` is False.
+        branch: Branch index, shape (count,); -1 where `success` is False.
+        success: Shape (count,).
+    """
+
+    q: Floats
+    branch: NDArray[np.int64]
+    success: NDArray[np.bool_]
 
 
 def nearest_winding(
@@ -93,21 +118,23 @@ def nearest_winding(
     """
     shifted = []
     for value, wanted, low, high in zip(q, seed, lower, upper, strict=True):
-        value += TURN * round((wanted - value) / TURN)
-        if value > high + LIMIT_TOLERANCE:
-            value -= TURN * np.ceil((value - high - LIMIT_TOLERANCE) / TURN)
-        elif value < low - LIMIT_TOLERANCE:
-            value += TURN * np.ceil((low - LIMIT_TOLERANCE - value) / TURN)
-        if not low - LIMIT_TOLERANCE <= value <= high + LIMIT_TOLERANCE:
+        turns = (wanted - value) / TURN
+        if not -0.5 <= turns <= 0.5:
+            value += TURN * round(turns)
+        if value > high + SLACK:
+            value -= TURN * ceil((value - high - SLACK) / TURN)
+        elif value < low - SLACK:
+            value += TURN * ceil((low - SLACK - value) / TURN)
+        if not low - SLACK <= value <= high + SLACK:
             return None
-        shifted.append(float(value))
+        shifted.append(value)
     return shifted
 
 
 def nearest_windings(q: Floats, seed: Floats, lower: Floats, upper: Floats) -> tuple[Floats, NDArray[np.bool_]]:
     """`nearest_winding` for arrays with the joints first, shape (n, ...); also which postures are within the limits."""
-    low = (lower - LIMIT_TOLERANCE).reshape(-1, *[1] * (q.ndim - 1))
-    high = (upper + LIMIT_TOLERANCE).reshape(-1, *[1] * (q.ndim - 1))
+    low = (lower - SLACK).reshape(-1, *[1] * (q.ndim - 1))
+    high = (upper + SLACK).reshape(-1, *[1] * (q.ndim - 1))
     shifted = q + TURN * np.round((seed - q) / TURN)
     shifted -= TURN * np.maximum(np.ceil((shifted - high) / TURN), 0.0)
     shifted += TURN * np.maximum(np.ceil((low - shifted) / TURN), 0.0)

@@ -15,31 +15,62 @@ from kinreach.kinematics.goals import Floats
 from kinreach.kinematics.ur_geometry import URGeometry
 
 TURN = 2 * pi
-BLOCK = 2048
+ROUNDING = 1e-12
+BLOCK = 4096
 BRANCHES = 8
 
 
-def solve_poses(m: Floats, g: URGeometry, *, tol: float) -> tuple[Floats, NDArray[np.bool_], NDArray[np.bool_]]:
-    """All postures for many flange poses.
+def solve_poses(
+    T: Floats, left: Floats, right: Floats, g: URGeometry, *, tol: float
+) -> tuple[Floats, NDArray[np.bool_], NDArray[np.bool_], NDArray[np.bool_]]:
+    """All postures for many tip poses.
 
     Args:
-        m: The twelve entries nx, ox, ax, px, ny, ... pz of each pose in the DH base frame, shape (12, count).
+        T: Poses of the tip, shape (count, 4, 4); only the three upper rows are read.
+        left: Transform from the tip pose's base to the DH base frame (4, 4).
+        right: Transform from the tip to the flange (4, 4).
         g: Link lengths [m].
         tol: As for `ur_ik.solve_pose`.
 
     Returns:
-        q [rad], shape (6, 8, count), meaningless where not valid; valid, shape (8, count), in the order of the
-        branch index; and the rows that need `ur_ik.solve_pose`, shape (count,).
+        q [rad], shape (6, 8, count), NaN where not valid; valid, shape (8, count), in the order of the branch index;
+        the rows that need `ur_ik.solve_pose`, shape (count,); and the rows whose rotation block is not one, (count,).
     """
-    count = m.shape[1]
+    count = len(T)
     q = np.empty((6, BRANCHES, count))
     valid = np.empty((BRANCHES, count), dtype=np.bool_)
-    singular = np.empty(count, dtype=np.bool_)
-    with np.errstate(invalid="ignore", divide="ignore"):
+    singular, skewed = np.empty(count, dtype=np.bool_), np.empty(count, dtype=np.bool_)
+    with np.errstate(invalid="ignore", divide="ignore", over="ignore"):
         for start in range(0, count, BLOCK):
             part = slice(start, start + BLOCK)
-            singular[part] = _solve_block(m[:, part], g, tol, q[:, :, part], valid[:, part])
-    return q, valid, singular
+            m = np.ascontiguousarray(T[part, :3].reshape(-1, 12).T)
+            skewed[part] = _not_a_rotation(m)
+            singular[part] = _solve_block(flange_entries(m, left, right), g, tol, q[:, :, part], valid[:, part])
+    return q, valid, singular, skewed
+
+
+def flange_entries(m: Floats, left: Floats, right: Floats) -> Floats:
+    """Entries nx, ox, ax, px, ny ... pz of left @ T @ right, shape (12, count), from those of T."""
+    rows = (left[:3, :3] @ m.reshape(3, -1)).reshape(3, 4, -1)
+    rows[:, 3] += left[:3, 3:]
+    if (right != np.eye(4)).any():
+        turned = np.tensordot(rows[:, :3], right[:3], axes=(1, 0)).transpose(0, 2, 1)
+        turned[:, 3] += rows[:, 3]
+        rows = turned
+    return rows.reshape(12, -1)
+
+
+def _not_a_rotation(m: Floats) -> NDArray[np.bool_]:
+    """Which 3x3 blocks are off a right-handed rotation by more than rounding, or not finite."""
+    nx, ox, ax, px, ny, oy, ay, py, nz, oz, az, pz = m
+    off = np.abs(nx * nx + ny * ny + nz * nz - 1.0)
+    off += np.abs(ox * ox + oy * oy + oz * oz - 1.0)
+    off += np.abs(nx * ox + ny * oy + nz * oz)
+    off += np.abs(ny * oz - nz * oy - ax)
+    off += np.abs(nz * ox - nx * oz - ay)
+    off += np.abs(nx * oy - ny * ox - az)
+    off += 0.0 * (px + py + pz)  # NaN where a position is not finite
+    return ~(off < ROUNDING)
 
 
 def _solve_block(m: Floats, g: URGeometry, tol: float, q: Floats, valid: NDArray[np.bool_]) -> NDArray[np.bool_]:
@@ -51,24 +82,27 @@ def _solve_block(m: Floats, g: URGeometry, tol: float, q: Floats, valid: NDArray
     singular = inside & (r2 >= (g.d4 - tol) ** 2)
     d, side = g.d4 / r2, np.sqrt(m2) / r2
     xd, yd, xm, ym = x * d, y * d, x * side, y * side
-    for shoulder, (s1, c1) in enumerate(((xd + ym, xm - yd), (xd - ym, -yd - xm))):
-        first = 4 * shoulder
-        q1, u = np.arctan2(s1, c1), x * c1 + y * s1
+    for first, s1, c1 in ((0, xd + ym, xm - yd), (4, xd - ym, -yd - xm)):
+        branch = slice(first, first + 4)
+        q[0, branch] = np.arctan2(s1, c1)
+        minus_u = x * c1 + y * s1
+        np.negative(minus_u, out=minus_u)
         c6, s6 = nx * s1 - ny * c1, oy * c1 - ox * s1
         s5 = np.sqrt(c6 * c6 + s6 * s6)
         singular |= s5 <= tol
         k = g.d5 / s5
         s, c = k * az, k * (ax * c1 + ay * s1)
         q5, q6, q234 = np.arctan2(s5, ax * s1 - ay * c1), np.arctan2(s6, c6), np.arctan2(-s, -c)
-        q[0, first : first + 4] = q1
         q[4, first : first + 2] = q5
         q[4, first + 2 : first + 4] = -q5
         q[5, first : first + 2] = q6
-        q[5, first + 2 : first + 4] = _opposite(q6)
-        _solve_elbow(u + s, z - c, q234, g, tol, q[:, first : first + 2], valid[first : first + 2], singular)
-        flipped = slice(first + 2, first + 4)
-        _solve_elbow(u - s, z + c, _opposite(q234), g, tol, q[:, flipped], valid[flipped], singular)
+        q[5, first + 2 : first + 4] = q6 - np.copysign(pi, q6)
+        middle = q[1:4, branch]
+        _solve_elbow(minus_u - s, c - z, q234, g, tol, middle[:, :2], valid[first : first + 2], singular)
+        q234 -= np.copysign(pi, q234)
+        _solve_elbow(minus_u + s, -z - c, q234, g, tol, middle[:, 2:], valid[first + 2 : first + 4], singular)
     valid &= ~inside
+    np.copyto(q, np.nan, where=~valid)
     return singular
 
 
@@ -82,28 +116,30 @@ def _solve_elbow(
     valid: NDArray[np.bool_],
     singular: NDArray[np.bool_],
 ) -> None:
-    """Fill in q2, q3, q4 of both elbows, q of shape (6, 2, count); adds to `singular`."""
-    rho2 = u * u + v * v
-    c3 = (rho2 - (g.a2 * g.a2 + g.a3 * g.a3)) / (2 * g.a2 * g.a3)
-    reached = np.abs(c3) < 1.0
+    """Fill in q2, q3, q4 of both elbows, q of shape (3, 2, count); adds to `singular`.
+
+    (u, v) points from wrist_1 to the shoulder, in the arm's plane.
+    """
+    c3 = u * u
+    c3 += v * v
+    rho2 = c3.copy()
+    c3 -= g.a2 * g.a2 + g.a3 * g.a3
+    c3 *= 1.0 / (2 * g.a2 * g.a3)
+    s3 = c3 * c3
+    np.subtract(1.0, s3, out=s3)
+    reached = s3 > 0.0
     valid[:] = reached
-    edge = ~reached
-    if edge.any():
-        singular |= edge & (rho2 <= (g.stretched + tol) ** 2) & (rho2 >= (g.folded - tol) ** 2)
-    s3 = np.sqrt(1.0 - c3 * c3)
-    q3 = np.arctan2(s3, c3)
-    phi, psi = np.arctan2(-v, -u), np.arctan2(-g.a3 * s3, -g.a2 - g.a3 * c3)
-    rest, bend = q234 - phi, psi - q3
-    q[1, 0] = phi - psi
-    q[1, 1] = phi + psi
-    q[2, 0] = q3
-    q[2, 1] = -q3
-    q[3, 0] = rest + bend
-    q[3, 1] = rest - bend
-    q[1] -= TURN * np.rint(q[1] * (1.0 / TURN))
-    q[3] -= TURN * np.rint(q[3] * (1.0 / TURN))
-
-
-def _opposite(angle: Floats) -> Floats:
-    """The angle plus or minus pi, in [-pi, pi]."""
-    return angle - np.copysign(pi, angle)
+    singular |= ~reached & (rho2 <= (g.stretched + tol) ** 2) & (rho2 >= (g.folded - tol) ** 2)
+    np.sqrt(s3, out=s3)
+    np.arctan2(s3, c3, out=q[1, 0])
+    np.negative(q[1, 0], out=q[1, 1])
+    phi, psi = np.arctan2(v, u), np.arctan2(-g.a3 * s3, -g.a2 - g.a3 * c3)
+    np.subtract(phi, psi, out=q[0, 0])
+    np.add(phi, psi, out=q[0, 1])
+    rest, bend = q234 - phi, psi - q[1, 0]
+    np.add(rest, bend, out=q[2, 0])
+    np.subtract(rest, bend, out=q[2, 1])
+    turns = q[::2] * (1.0 / TURN)
+    np.rint(turns, out=turns)
+    turns *= TURN
+    q[::2] -= turns

@@ -56,12 +56,17 @@ class Miss(IntFlag):
     RESIDUAL = 8
 
 
-MISS_TEXT = {
+_MISS_TEXT = {
     Miss.SHOULDER_CYLINDER: "wrist centre inside the shoulder cylinder (closer to the first axis than d4)",
     Miss.ELBOW_OUT: "too far away for the stretched elbow",
     Miss.ELBOW_IN: "too close for the folded elbow",
     Miss.RESIDUAL: "a clamped solution misses the target by more than the tolerance",
 }
+
+
+def miss_text(miss: int) -> str:
+    """What kept the arm from a target, in words; empty for no flags."""
+    return "; ".join(text for flag, text in _MISS_TEXT.items() if miss & flag)
 
 
 #: One solution: code (branch index + 8 * `Singularity` flags), and the six joint angles [rad] in [-pi, pi].
@@ -224,9 +229,7 @@ def _elbow_miss(rho: float, g: URGeometry, tol: float) -> int:
     return int(Miss.ELBOW_IN) if rho < g.folded - tol else 0
 
 
-def _free_wrist(
-    code: int, q1: float, c5: float, wanted: float, u: float, v: float, g: URGeometry
-) -> Wrist:
+def _free_wrist(code: int, q1: float, c5: float, wanted: float, u: float, v: float, g: URGeometry) -> Wrist:
     """The wrist at sin q5 = 0 with q234 as near to `wanted` as the elbow allows; q6 is left to the caller."""
     q234 = reachable_pitch(wanted, u, v, g)
     code |= WRIST if q234 == wanted else WRIST | MOVED
@@ -257,9 +260,7 @@ def wrap(angle: float) -> float:
     return angle - TURN * round(angle / TURN) if not -pi <= angle <= pi else angle
 
 
-def _verified(
-    found: list[Branch], miss: int, reaches: Callable[[Sequence[float]], bool]
-) -> tuple[list[Branch], int]:
+def _verified(found: list[Branch], miss: int, reaches: Callable[[Sequence[float]], bool]) -> tuple[list[Branch], int]:
     """Drop the solutions in which something was clamped or moved and that do not reach."""
     kept = [branch for branch in found if branch[0] < 8 or reaches(branch[1:])]
     if len(kept) < len(found):
@@ -273,9 +274,7 @@ def _pose_missed_by(got: Rows, wanted: Rows) -> float:
     return max(position, *(abs(g[j] - w[j]) for g, w in zip(got, wanted, strict=True) for j in range(3)))
 
 
-def _axis_missed_by(
-    got: Rows, position: Sequence[float], axis: Sequence[float], reach: float
-) -> float:
+def _axis_missed_by(got: Rows, position: Sequence[float], axis: Sequence[float], reach: float) -> float:
     """Larger of position [m] and direction error [rad]."""
     offset = hypot(*(row[3] + reach * row[2] - p for row, p in zip(got, position, strict=True)))
     return max(offset, hypot(*(row[2] - a for row, a in zip(got, axis, strict=True))))

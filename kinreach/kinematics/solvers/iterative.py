@@ -16,6 +16,11 @@ from kinreach.kinematics.result import Accept, IKResult, Status
 from kinreach.kinematics.solvers.base import Tolerance
 from kinreach.kinematics.solvers.joint_space import JointSpace
 
+DEFAULT_TOLERANCE = Tolerance()
+
+#: A step below this [rad] ends an attempt: the limits or a singular posture hold it.
+STALLED = 1e-5
+
 
 class Descent(NamedTuple):
     """Where one descent ended: posture [rad] (n,), which may be some turns outside the limits, and steps taken."""
@@ -29,9 +34,23 @@ Descend = Callable[[Floats], Descent]
 
 
 class _Candidate(NamedTuple):
+    """A posture within the limits, its errors [m], [rad], and the larger of the two in units of the tolerance."""
+
     q: Floats
     position_error: float
     orientation_error: float
+    miss: float
+
+    def result(self, status: Status, reason: str = "", *, iterations: int, restarts: int) -> IKResult:
+        return IKResult(
+            q=self.q,
+            status=status,
+            position_error=self.position_error,
+            orientation_error=self.orientation_error,
+            reason=reason,
+            iterations=iterations,
+            restarts=restarts,
+        )
 
 
 class IterativeSolver(ABC):
@@ -58,10 +77,10 @@ class IterativeSolver(ABC):
         self,
         kin: ArmKinematics,
         *,
-        tolerance: Tolerance,
-        max_iterations: int,
-        max_restarts: int,
-        rng_seed: int,
+        tolerance: Tolerance = DEFAULT_TOLERANCE,
+        max_iterations: int = 30,
+        max_restarts: int = 20,
+        rng_seed: int = 0,
     ) -> None:
         if max_iterations < 1:
             raise InputError(f"max_iterations must be at least 1, got {max_iterations}")
@@ -99,27 +118,40 @@ class IterativeSolver(ABC):
         Raises:
             InputError: The goal or the seed is malformed.
         """
-        start = self.kin.as_posture("seed", seed)
+        start = self.joint_space.fold(self.kin.as_posture("seed", seed))
         descend = self._descender(goal)
-        iterations = restarts = 0
         refused: list[_Candidate] = []
-        best: _Candidate | None = None
+        missed: list[_Candidate] = []
+        iterations = 0
         for restarts, q in enumerate(self._starts(start)):
-            found, steps = descend(q)
-            iterations += steps
-            candidate = self._judge(goal, found)
-            if self._miss(candidate) <= 1.0:
-                if accept is None or accept(candidate.q.copy()):
-                    return IKResult(*_ok(candidate), iterations=iterations, restarts=restarts)
+            descent = descend(q)
+            iterations += descent.iterations
+            candidate = self._judge(goal, descent.q)
+            if candidate.miss > 1.0:
+                missed.append(candidate)
+            elif accept is None or accept(candidate.q.copy()):
+                return candidate.result(Status.OK, iterations=iterations, restarts=restarts)
+            else:
                 refused.append(candidate)
-            elif best is None or self._miss(candidate) < self._miss(best):
-                best = candidate
-        attempts = f"{restarts + 1} attempts ({iterations} steps)"
+        attempts = f"{self.max_restarts + 1} attempts ({iterations} steps)"
         if refused:
-            status, shown = Status.REJECTED, refused[0]
             reason = f"{len(refused)} of {attempts} converged, and accept refused the posture of each"
-        else:
-            assert best is not None
-            status, shown = Status.NOT_CONVERGED, best
-            reason = f"none of {attempts} came within {self.tolerance.position:g} m and {self.tolerance.orientation:g} rad"
-        return IKResult(shown.q, status, *shown[1:], reason=reason, iterations=iterations, restarts=restarts)
+            return refused[0].result(Status.REJECTED, reason, iterations=iterations, restarts=self.max_restarts)
+        nearest = min(missed, key=lambda candidate: candidate.miss)
+        reason = (
+            f"none of {attempts} came within {self.tolerance.position:g} m and {self.tolerance.orientation:g} rad; "
+            f"the nearest is {nearest.position_error:.3g} m and {nearest.orientation_error:.3g} rad away"
+        )
+        return nearest.result(Status.NOT_CONVERGED, reason, iterations=iterations, restarts=self.max_restarts)
+
+    def _starts(self, first: Floats) -> Iterator[Floats]:
+        yield first
+        rng = np.random.default_rng(self.rng_seed)
+        for _ in range(self.max_restarts):
+            yield rng.uniform(self.kin.lower, self.kin.upper)
+
+    def _judge(self, goal: Goal, found: Floats) -> _Candidate:
+        q = self.joint_space.fold(found)
+        position, orientation = goal_error(goal, self.kin.fk(q))
+        miss = max(position / self.tolerance.position, orientation / self.tolerance.orientation)
+        return _Candidate(q, position, orientation, miss)

@@ -8,6 +8,8 @@ and folded back at the end; the others keep theirs at every step.
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 
 from kinreach.kinematics.arm import ArmKinematics
@@ -23,26 +25,31 @@ class JointSpace:
         kin: The arm.
 
     Attributes:
-        lower, upper: The arm's limits [rad], shape (n,).
-        search_lower, search_upper: The same with -inf and +inf for joints that turn full circle.
+        search_lower, search_upper: The arm's limits [rad], shape (n,), but -inf and +inf where a joint turns full circle.
     """
 
     def __init__(self, kin: ArmKinematics) -> None:
-        self.lower, self.upper = kin.lower, kin.upper
-        full_circle = self.upper - self.lower >= TWO_PI
-        self.search_lower = np.where(full_circle, -np.inf, self.lower)
-        self.search_upper = np.where(full_circle, np.inf, self.upper)
+        full_circle = kin.upper - kin.lower >= TWO_PI
+        self.search_lower: Floats = np.where(full_circle, -np.inf, kin.lower)
+        self.search_upper: Floats = np.where(full_circle, np.inf, kin.upper)
+        self._joints = list(zip(kin.lower.tolist(), kin.upper.tolist(), full_circle.tolist(), strict=True))
 
     def fold(self, q: Floats) -> Floats:
         """The posture within the limits that is the same as `q`, or the nearest where none is.
 
-        Full-circle joints are turned by the fewest multiples of 2 pi, the others are clamped.
-        """
-        above = np.ceil(np.maximum(q - self.upper, 0.0) / TWO_PI)
-        below = np.ceil(np.maximum(self.lower - q, 0.0) / TWO_PI)
-        turned = np.where(np.isinf(self.search_upper), q + TWO_PI * (below - above), q)
-        return np.clip(turned, self.lower, self.upper)
+        Args:
+            q: Posture [rad], shape (n,).
 
-    def random(self, rng: np.random.Generator) -> Floats:
-        """A posture drawn evenly from within the limits [rad], shape (n,)."""
-        return rng.uniform(self.lower, self.upper)
+        Returns:
+            A new array: full-circle joints turned by the fewest multiples of 2 pi, the others clamped.
+        """
+        return np.array([_fold(angle, *joint) for angle, joint in zip(q.tolist(), self._joints, strict=True)])
+
+
+def _fold(angle: float, lower: float, upper: float, full_circle: bool) -> float:
+    if lower <= angle <= upper:
+        return angle
+    if full_circle:
+        turns = math.ceil((lower - angle) / TWO_PI) if angle < lower else -math.ceil((angle - upper) / TWO_PI)
+        angle += turns * TWO_PI
+    return min(max(angle, lower), upper)

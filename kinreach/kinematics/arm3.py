@@ -1,0 +1,105 @@
+"""Kinematics of the 3-DOF arm of the button task, with a closed-form inverse for positions."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from kinreach.errors import InputError
+from kinreach.kinematics.arm3_ik import YawPlanarGeometry, miss_text, solve_positions
+from kinreach.kinematics.closed_form import ClosedFormKinematics
+from kinreach.kinematics.goals import Floats, Goal, PositionGoal, as_pose, check_poses
+from kinreach.kinematics.result import Accept, IKResult
+from kinreach.kinematics.solutions import IKSolutions
+from kinreach.robots import ArmDescription
+
+
+class Arm3Kinematics(ClosedFormKinematics):
+    """Kinematics of a turning base with a planar two-link arm, by default that of the button task.
+
+    Three joints place the tip but cannot choose its orientation: goals are positions. Where a pose is given,
+    its translation is the goal.
+
+    Args:
+        arm: Name or description of an arm with joints about z, y, y.
+        tip: `"end_effector"`.
+        base: `"base_link"` or `"world"`.
+
+    Attributes:
+        geometry: Lengths [m].
+
+    Raises:
+        InputError: The arm is not of this kind.
+    """
+
+    def __init__(
+        self, *, tip: str = "end_effector", base: str = "base_link", arm: str | ArmDescription = "arm3"
+    ) -> None:
+        super().__init__(arm, tip=tip, base=base)
+        self.geometry = YawPlanarGeometry.from_model(self.model, self.tip_frame)
+        T_world_arm = self.model.frames[self.model.getFrameId(self.arm.base)].placement.homogeneous
+        self._T_arm_base: Floats = np.linalg.inv(T_world_arm) @ self.T_world_base
+
+    def all_solutions(
+        self, target: ArrayLike, *, seed: ArrayLike | None = None, limits: bool = True, tol: float = 1e-7
+    ) -> IKSolutions:
+        """Every posture that brings the tip to a point.
+
+        Args:
+            target: Position of the tip in the base frame [m], shape (3,), or a pose (4, 4) whose translation is used.
+            seed: Posture [rad], shape (3,). With it, each solution is given in the winding nearest to it, and they are
+                sorted by distance from it; without it, they are in the order of the branch index.
+            limits: Leave out what the joint limits forbid.
+            tol: Largest position error of a solution in which something was clamped [m].
+
+        Returns:
+            Up to four solutions, or the reason why there is none.
+
+        Raises:
+            InputError: Malformed target or seed.
+        """
+        start = self._posture_or_none(seed)
+        goal = PositionGoal(as_pose("target", target)[:3, 3] if np.shape(target) == (4, 4) else target)  # type: ignore[arg-type]
+        q, valid, flags, miss = solve_positions(self._in_arm_frame(goal.position[None]), self.geometry, tol=tol)
+        branches = np.flatnonzero(valid[:, 0])
+        found = [(int(b) + 8 * int(flags[b, 0]), *q[:, b, 0].tolist()) for b in branches]
+        return self._solutions(found, miss_text(int(miss[0])), self._error_of(goal), start, limits)
+
+    def nearest(self, target: ArrayLike, seed: ArrayLike, *, accept: Accept | None = None) -> IKResult:
+        """The posture for a target that is nearest to a seed, over all branches and windings.
+
+        Args:
+            target: As in `all_solutions`.
+            seed: Posture [rad], shape (3,).
+            accept: Called with candidates in the order of their distance until it returns True.
+
+        Raises:
+            InputError: As `all_solutions`.
+        """
+        start = self.as_posture("seed", seed)
+        return self._choose(self.all_solutions(target, seed=start), start, accept)
+
+    def solve(self, goal: Goal, seed: ArrayLike, *, accept: Accept | None = None) -> IKResult:
+        """A `PositionGoal`.
+
+        Raises:
+            InputError: Any other goal, which asks for an orientation that three joints cannot choose.
+        """
+        if not isinstance(goal, PositionGoal):
+            raise InputError(f"a three-joint arm cannot choose its orientation; give a PositionGoal, not {goal}")
+        return self.nearest(goal.position, seed, accept=accept)
+
+    def _batch(self, T: Floats, seeds: Floats | None, tol: float) -> tuple[Floats, NDArray[np.bool_]]:
+        if T.ndim == 3 and T.shape[1:] == (4, 4):
+            check_poses("T", T)
+            T = T[:, :3, 3]
+        if T.ndim != 2 or T.shape[1] != 3:
+            raise InputError(f"targets must have shape (count, 3) or (count, 4, 4), got {T.shape}")
+        if not np.isfinite(T).all():
+            raise InputError("targets must be finite")
+        q, valid, _, _ = solve_positions(self._in_arm_frame(T), self.geometry, tol=tol)
+        return q, valid
+
+    def _in_arm_frame(self, p: Floats) -> Floats:
+        """Points of the base frame (count, 3) in the arm's own frame (3, count)."""
+        return self._T_arm_base[:3, :3] @ p.T + self._T_arm_base[:3, 3:]

@@ -1,0 +1,169 @@
+"""Whether a posture collides: the arm with itself, and with what stands around it.
+
+Meshes are taken as their convex hulls, as MuJoCo takes them, so that both give the same verdict (measured: the same
+pairs in 10 000 of 10 000 random postures of either arm). Boxes and cylinders are what they are. The gripper is held at `arm.locked_joints`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from itertools import combinations
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from kinreach.engines import load
+from kinreach.errors import InputError
+from kinreach.kinematics.arm import ArmKinematics
+from kinreach.robots import ArmDescription, Box
+
+pin: Any = load("pinocchio")
+coal: Any = load("coal")
+
+#: Joint and frame of the world in every Pinocchio model; obstacles are what is fixed to it directly.
+WORLD = 0
+
+#: At coal's own 1e-6 the search for a separating plane misses one overlap, up to 10 mm deep, in some 50 000 postures.
+GJK_TOLERANCE = 1e-8
+
+#: Two links or obstacles by name, in alphabetical order.
+Pair = tuple[str, str]
+
+
+@dataclass(frozen=True)
+class Clearance:
+    """How near a posture is to a collision.
+
+    Attributes:
+        distance: Smallest distance of all pairs that are checked [m]; negative is the depth of a penetration.
+        pair: The links or obstacles that are that near.
+    """
+
+    distance: float
+    pair: Pair
+
+
+class CollisionChecker:
+    """Collision checks of one arm on Pinocchio and coal.
+
+    Every pair of links is checked but those that no joint can move apart or together (a finger and its palm) and
+    `arm.disabled_collisions`; and every obstacle against every link but `arm.workcell.touching`.
+
+    Args:
+        arm: Kinematics, description or name of the arm. Only the arm matters: a posture collides whatever the tip.
+        obstacles: Boxes in the world frame; default are those of the arm's work cell.
+        margin: Pairs nearer than this [m] count as colliding, at least 0.
+
+    Attributes:
+        pairs: The pairs that are checked.
+
+    Raises:
+        InputError: `margin` cannot be used, or a mesh has no convex hull.
+        UnknownNameError: There is no arm of that name.
+        InstallationError: Pinocchio or coal cannot be loaded.
+    """
+
+    def __init__(
+        self,
+        arm: str | ArmDescription | ArmKinematics,
+        *,
+        obstacles: Sequence[Box] | None = None,
+        margin: float = 0.0,
+    ) -> None:
+        if not 0 <= margin < np.inf:
+            raise InputError(f"margin must be a distance of at least 0 m, got {margin}")
+        self._kin = arm if isinstance(arm, ArmKinematics) else ArmKinematics(arm)
+        description = self._kin.arm
+        boxes = description.workcell.obstacles if obstacles is None else tuple(obstacles)
+        self._model, self._data = self._kin.model, self._kin.model.createData()
+        self._geometry = _shapes(description, self._model, boxes)
+        self._names = _pair_up(self._geometry, description, self._model)
+        self.pairs: tuple[Pair, ...] = tuple(sorted(set(self._names)))
+        self._results = self._geometry.createData()
+        for request in self._results.collisionRequests:
+            request.security_margin = margin
+            request.gjk_tolerance = GJK_TOLERANCE
+        # The naive manager tests every pair's bounding boxes: with some ten shapes no tree is faster.
+        self._broad_phase = pin.BroadPhaseManager_NaiveCollisionManager(self._model, self._geometry, self._results)
+
+    def in_collision(self, q: ArrayLike) -> bool:
+        """Whether any pair touches or is nearer than the margin; stops at the first.
+
+        Args:
+            q: Posture [rad], shape (n,).
+
+        Raises:
+            InputError: `q` is malformed.
+        """
+        q = self._kin.as_posture("q", q)
+        return bool(pin.computeCollisions(self._model, self._data, self._broad_phase, q, True))
+
+    def free(self, q: ArrayLike) -> bool:
+        """The opposite of `in_collision`; fits where a solver takes `accept`."""
+        return not self.in_collision(q)
+
+    def contacts(self, q: ArrayLike) -> tuple[Pair, ...]:
+        """All pairs that touch or are nearer than the margin, each once, in alphabetical order.
+
+        Args:
+            q: Posture [rad], shape (n,).
+
+        Raises:
+            InputError: `q` is malformed.
+        """
+        q = self._kin.as_posture("q", q)
+        pin.computeCollisions(self._model, self._data, self._geometry, self._results, q, False)
+        results = self._results.collisionResults
+        touching = {name for name, result in zip(self._names, results, strict=True) if result.isCollision()}
+        return tuple(sorted(touching))
+
+    def distance(self, q: ArrayLike) -> Clearance:
+        """The smallest distance of all pairs; the margin plays no part.
+
+        Args:
+            q: Posture [rad], shape (n,).
+
+        Raises:
+            InputError: `q` is malformed.
+        """
+        q = self._kin.as_posture("q", q)
+        nearest = pin.computeDistances(self._model, self._data, self._geometry, self._results, q)
+        return Clearance(float(self._results.distanceResults[nearest].min_distance), self._names[nearest])
+
+
+def _shapes(arm: ArmDescription, model: Any, obstacles: Sequence[Box]) -> Any:
+    """Geometry of the links, meshes as their hulls, followed by the obstacles, fixed to the world."""
+    root = arm.package_root()
+    geometry = pin.buildGeomFromUrdfString(model, arm.urdf, pin.COLLISION, package_dirs=[root] if root else [])
+    for shape in geometry.geometryObjects:
+        if isinstance(shape.geometry, coal.BVHModelBase):
+            # buildConvexRepresentation would take the mesh for convex as it stands, and miss most contacts.
+            try:
+                shape.geometry.buildConvexHull(True, "Qt")
+            except (RuntimeError, ValueError) as error:
+                raise InputError(f"the collision mesh {shape.name!r} has no convex hull: {error}") from error
+            shape.geometry = shape.geometry.convex
+    for box in obstacles:
+        placement = pin.SE3(np.eye(3), np.array(box.position, dtype=np.float64))
+        geometry.addGeometryObject(pin.GeometryObject(box.name, WORLD, WORLD, placement, coal.Box(*box.size)))
+    return geometry
+
+
+def _pair_up(geometry: Any, arm: ArmDescription, model: Any) -> list[Pair]:
+    """Register the pairs to check; returns their names in the same order."""
+    skipped = {frozenset(pair) for pair in (*arm.disabled_collisions, *arm.workcell.touching)}
+    names: list[Pair] = []
+    for (i, one), (j, other) in combinations(enumerate(geometry.geometryObjects), 2):
+        a, b = _name(one, model), _name(other, model)
+        rigid = one.parentJoint == other.parentJoint and (one.parentFrame == WORLD) == (other.parentFrame == WORLD)
+        if rigid or frozenset((a, b)) in skipped:
+            continue
+        geometry.addCollisionPair(pin.CollisionPair(i, j))
+        names.append((min(a, b), max(a, b)))
+    return names
+
+
+def _name(shape: Any, model: Any) -> str:
+    return str(shape.name if shape.parentFrame == WORLD else model.frames[shape.parentFrame].name)

@@ -1,0 +1,145 @@
+"""placo's task-space quadratic program, iterated to convergence under joint and speed limits."""
+
+from __future__ import annotations
+
+import xml.etree.ElementTree as ET
+from typing import Any, ClassVar
+
+import numpy as np
+
+from kinreach.engines import load
+from kinreach.errors import InputError
+from kinreach.kinematics.arm import ArmKinematics
+from kinreach.kinematics.goals import AxisGoal, Floats, Goal, PoseGoal, PositionGoal
+from kinreach.kinematics.solvers.base import Tolerance
+from kinreach.kinematics.solvers.goal_task import goal_frame
+from kinreach.kinematics.solvers.iterative import DEFAULT_TOLERANCE, STALLED, Descend, Descent, IterativeSolver
+
+placo: Any = load("placo")
+
+#: Limit [rad] for joints that turn full circle: no search gets there.
+NO_LIMIT = 100.0
+
+
+class PlacoSolver(IterativeSolver):
+    """placo (github.com/Rhoban/placo) with restarts.
+
+    Used as it works best: with speed limits, which keep each step where the linearisation holds, and iterated to
+    convergence. Joints that turn full circle have no position limit on the way (see `JointSpace`). placo's objects
+    are made once per kind of goal; a call only moves their targets.
+
+    Args:
+        kin: The arm, its tip and the base frame that goals are in.
+        tolerance: How near is reached.
+        dt: Duration of one step [s]; the URDF's speed limits v allow v dt in it.
+        max_iterations: Steps per attempt.
+        max_restarts: Attempts from random postures after the one from the seed.
+        rng_seed: Seed of the random postures.
+
+    Raises:
+        InputError: A count, a tolerance or `dt` cannot be used.
+        InstallationError: placo cannot be loaded.
+    """
+
+    name: ClassVar[str] = "placo"
+
+    def __init__(
+        self,
+        kin: ArmKinematics,
+        *,
+        tolerance: Tolerance = DEFAULT_TOLERANCE,
+        dt: float = 0.2,
+        max_iterations: int = 30,
+        max_restarts: int = 20,
+        rng_seed: int = 0,
+    ) -> None:
+        super().__init__(
+            kin, tolerance=tolerance, max_iterations=max_iterations, max_restarts=max_restarts, rng_seed=rng_seed
+        )
+        if not 0 < dt < np.inf:
+            raise InputError(f"dt must be above 0 s, got {dt}")
+        self.dt = dt
+        self._robot = placo.RobotWrapper("", int(placo.Flags.ignore_collisions), _skeleton(kin.arm.urdf))
+        for name, position in kin.arm.locked_joints.items():
+            self._robot.set_joint(name, position)
+        # Base, then all joints of the URDF. A copy, because state.q is a view of memory that placo replaces.
+        self._configuration: Floats = self._robot.state.q.copy()
+        self._entries = [self._robot.get_joint_offset(name) for name in kin.arm.joints]
+        for name, free in zip(kin.arm.joints, np.isinf(self.joint_space.search_upper), strict=True):
+            if free:
+                self._robot.set_joint_limits(name, -NO_LIMIT, NO_LIMIT)
+        self._problems = {kind: self._make_problem(kind) for kind in (PoseGoal, AxisGoal, PositionGoal)}
+
+    def _make_problem(self, kind: type[Goal]) -> _Problem:
+        solver = placo.KinematicsSolver(self._robot)
+        solver.mask_fbase(True)
+        for name in self.kin.arm.locked_joints:
+            solver.mask_dof(name)
+        solver.enable_joint_limits(True)
+        solver.enable_velocity_limits(True)
+        solver.dt = self.dt
+        return _Problem(kind, solver, self.kin.arm.tips[self.kin.tip], self.tolerance)
+
+    def _descender(self, goal: Goal) -> Descend:
+        T_world_goal = self.kin.T_world_base @ goal_frame(goal)
+        problem = self._problems[type(goal)]
+        problem.aim(T_world_goal)
+        robot, configuration, entries = self._robot, self._configuration.copy(), self._entries
+
+        def descend(q: Floats) -> Descent:
+            configuration[entries] = q
+            robot.state.q = configuration
+            robot.update_kinematics()
+            steps, stalled = 0, False
+            while steps < self.max_iterations and not stalled and not problem.reached():
+                stalled = np.abs(problem.solver.solve(True)).max() < STALLED
+                robot.update_kinematics()
+                steps += 1
+            return Descent(robot.state.q[entries], steps)
+
+        return descend
+
+
+class _Problem:
+    """placo's solver with the tasks of one kind of goal, all of weight 1."""
+
+    def __init__(self, kind: type[Goal], solver: Any, frame: str, tolerance: Tolerance) -> None:
+        self.solver = solver
+        self._kind = kind
+        self._position = solver.add_position_task(frame, np.zeros(3))
+        self._position.configure("position", "soft", 1.0)
+        self._bounds = [(self._position, tolerance.position)]
+        if kind is PositionGoal:
+            return
+        z = np.array([0.0, 0.0, 1.0])
+        if kind is PoseGoal:
+            self._orientation = solver.add_orientation_task(frame, np.eye(3))
+        else:
+            self._orientation = solver.add_axisalign_task(frame, z, z)
+        self._orientation.configure("orientation", "soft", 1.0)
+        self._bounds.append((self._orientation, tolerance.orientation))
+
+    def aim(self, T_world_goal: Floats) -> None:
+        """Move the targets."""
+        self._position.target_world = T_world_goal[:3, 3]
+        if self._kind is PoseGoal:
+            self._orientation.R_world_frame = T_world_goal[:3, :3]
+        elif self._kind is AxisGoal:
+            self._orientation.targetAxis_world = T_world_goal[:3, 2]
+
+    def reached(self) -> bool:
+        """Whether the robot, its kinematics updated, is within the tolerance."""
+        for task, bound in self._bounds:
+            task.update()  # otherwise the error is that of the last call of solve
+            if task.error_norm() > bound:
+                return False
+        return True
+
+
+def _skeleton(urdf: str) -> str:
+    """The URDF without shapes: placo needs none of the files that they name."""
+    robot = ET.fromstring(urdf)
+    for link in robot.iter("link"):
+        for shape in link.findall("visual") + link.findall("collision"):
+            link.remove(shape)
+    return ET.tostring(robot, encoding="unicode")

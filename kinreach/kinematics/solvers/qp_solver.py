@@ -1,0 +1,88 @@
+"""Differential inverse kinematics as a quadratic program, iterated to convergence."""
+
+from __future__ import annotations
+
+from typing import ClassVar
+
+import numpy as np
+import qpsolvers
+
+from kinreach.errors import InputError
+from kinreach.kinematics.arm import ArmKinematics
+from kinreach.kinematics.goals import Floats, Goal
+from kinreach.kinematics.solvers.base import Tolerance
+from kinreach.kinematics.solvers.goal_task import GoalTask
+from kinreach.kinematics.solvers.iterative import DEFAULT_TOLERANCE, STALLED, Descend, Descent, IterativeSolver
+
+#: Levenberg-Marquardt damping per unit of the squared error, as the frame tasks of pink and mink have it ...
+DAMPING = 0.01
+#: ... and the part that stays at the goal and makes the program strictly convex.
+DAMPING_BIAS = 1e-6
+
+
+class QPSolver(IterativeSolver):
+    """The step that pink and mink take, with daqp behind qpsolvers.
+
+    Each step solves
+
+        minimise    |J dq - e|^2 + mu |dq|^2,    mu = 0.01 |e|^2 + 1e-6
+        subject to  max(lower - q, -v dt) <= dq <= min(upper - q, v dt)
+
+    with the URDF's joint speed limits v (Kanoun et al., "Kinematic control of redundant manipulators", IEEE T-RO
+    27(4), 2011; the damping is Sugihara's, as in `LevenbergMarquardtSolver`). Joints that turn full circle have no
+    position limit on the way (see `JointSpace`). `goal_task` has the equations of e and J.
+
+    Args:
+        kin: The arm, its tip and the base frame that goals are in.
+        tolerance: How near is reached.
+        dt: Duration of one step [s]; the speed limits allow v dt in it.
+        max_iterations: Steps per attempt.
+        max_restarts: Attempts from random postures after the one from the seed.
+        rng_seed: Seed of the random postures.
+
+    Raises:
+        InputError: A count, a tolerance or `dt` cannot be used.
+    """
+
+    name: ClassVar[str] = "qp"
+
+    def __init__(
+        self,
+        kin: ArmKinematics,
+        *,
+        tolerance: Tolerance = DEFAULT_TOLERANCE,
+        dt: float = 0.2,
+        max_iterations: int = 30,
+        max_restarts: int = 20,
+        rng_seed: int = 0,
+    ) -> None:
+        super().__init__(
+            kin, tolerance=tolerance, max_iterations=max_iterations, max_restarts=max_restarts, rng_seed=rng_seed
+        )
+        if not 0 < dt < np.inf:
+            raise InputError(f"dt must be above 0 s, got {dt}")
+        self.dt = dt
+
+    def _descender(self, goal: Goal) -> Descend:
+        task = GoalTask(self.kin, goal, self.tolerance)
+        lower, upper = self.joint_space.search_lower, self.joint_space.search_upper
+        largest_step = self.dt * self.kin.velocity_limit
+        identity = np.eye(self.kin.n)
+
+        def descend(q: Floats) -> Descent:
+            for step in range(self.max_iterations):
+                e, J = task.linearise(q)
+                if task.reached(e):
+                    return Descent(q, step)
+                H = J.T.dot(J) + (DAMPING * e.dot(e) + DAMPING_BIAS) * identity
+                lb = np.maximum(lower - q, -largest_step)
+                ub = np.minimum(upper - q, largest_step)
+                dq = qpsolvers.solve_qp(H, -J.T.dot(e), lb=lb, ub=ub, solver="daqp")
+                if dq is None:
+                    return Descent(q, step)
+                q = q + dq
+                if np.abs(dq).max() < STALLED:
+                    return Descent(q, step + 1)
+            return Descent(q, self.max_iterations)
+
+        return descend

@@ -1,0 +1,96 @@
+"""Closed-form inverse kinematics of the 3-DOF arm."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from kinreach.errors import InputError
+from kinreach.kinematics import AxisGoal, Arm3Kinematics, ArmKinematics, PoseGoal, PositionGoal, Status
+from kinreach.robots import get_arm
+
+KIN = Arm3Kinematics(base="world")
+
+
+def test_every_branch_reaches_and_the_generating_posture_comes_back():
+    q = np.random.default_rng(0).uniform(KIN.lower, KIN.upper, (10_000, 3))
+    T = ArmKinematics("arm3", base="world").fk(q)
+    batch = KIN.batch(T)
+    pose, branch = np.nonzero(batch.valid)
+    assert batch.q.shape == (10_000, 4, 3) and set(branch) == {0, 1, 2, 3} and len(pose) > 20_000
+    np.testing.assert_allclose(KIN.fk(batch.q[pose, branch])[:, :3, 3], T[pose, :3, 3], atol=1e-9)
+    assert np.nanmin(np.abs(batch.q - q[:, None]).max(axis=2), axis=1).max() < 1e-6
+    inside = batch.q[batch.valid]
+    assert (inside >= KIN.lower - 1e-9).all() and (inside <= KIN.upper + 1e-9).all()
+
+
+def test_single_targets_equal_the_batch():
+    q = np.random.default_rng(1).uniform(KIN.lower, KIN.upper, (500, 3))
+    T = KIN.fk(q)
+    batch, nearest = KIN.batch(T), KIN.nearest_batch(T[:, :3, 3], q)
+    np.testing.assert_allclose(nearest.q, q, atol=1e-6)
+    for i in range(500):
+        solutions = KIN.all_solutions(T[i, :3, 3])
+        np.testing.assert_array_equal(solutions.branch, np.flatnonzero(batch.valid[i]))
+        np.testing.assert_array_equal(solutions.q, batch.q[i, solutions.branch])
+        assert solutions.residual.max() < 1e-9
+        np.testing.assert_allclose(KIN.nearest(T[i], q[i]).q, q[i], atol=1e-6)
+
+
+def test_stretched_folded_and_just_beyond():
+    g = KIN.geometry
+    stretched = np.arctan2(*g.upper) - np.arctan2(*g.fore)  # elbow angle at which both links align
+    checked = 0
+    for first, second in np.random.default_rng(2).uniform(-1.5, 1.5, (300, 2)):
+        target = KIN.fk([first, second, stretched])[:3, 3]
+        forward, sideways = np.array([[np.cos(first), np.sin(first), 0], [-np.sin(first), np.cos(first), 0]])
+        shoulder = forward * g.shoulder[0] + sideways * g.offset + (0, 0, g.shoulder[1])
+        out = (target - shoulder) / np.linalg.norm(target - shoulder)
+        branch = KIN.nearest(target, [first, second, stretched]).branch
+        for scale in (0.0, 1e-9):
+            solutions = KIN.all_solutions(target + scale * out)
+            assert solutions.success and solutions.residual[:, 0].max() < 1e-7
+            checked += 1
+        assert branch not in KIN.all_solutions(target + 1e-3 * out).branch
+    assert checked == 600
+
+
+def test_targets_on_the_inner_cylinder():
+    offset = abs(KIN.geometry.offset)
+    for angle in np.linspace(-3, 3, 50):
+        target = np.array([offset * np.cos(angle), offset * np.sin(angle), 0.9])
+        solutions = KIN.all_solutions(target, limits=False)
+        assert solutions.success and solutions.residual[:, 0].max() < 1e-9
+    assert "sideways offset" in KIN.all_solutions([0.0, 0.0, 0.9]).reason
+
+
+def test_reasons():
+    assert "stretched elbow" in KIN.nearest([3, 0, 0], np.zeros(3)).reason
+    assert KIN.nearest([3, 0, 0], np.zeros(3)).status is Status.OUT_OF_REACH
+    blocked = 0
+    for target in KIN.arm.workcell.goals.sample(np.random.default_rng(4), 3000):
+        solutions = KIN.all_solutions(target)
+        if not solutions.success:
+            assert KIN.all_solutions(target, limits=False).success
+            assert solutions.status is Status.OUT_OF_LIMITS and "link_3_joint" in solutions.reason
+            blocked += 1
+    assert blocked > 10
+
+
+def test_most_of_the_button_area_is_reachable():
+    targets = KIN.arm.workcell.goals.sample(np.random.default_rng(3), 5000)
+    share = KIN.nearest_batch(targets, np.zeros(3)).success.mean()
+    assert 0.97 < share < 1.0  # the limits of the joints make about one percent unreachable
+
+
+def test_orientations_are_refused():
+    for goal in (PoseGoal(np.eye(4)), AxisGoal([0.3, 0, 0.3])):
+        with pytest.raises(InputError, match="PositionGoal"):
+            KIN.solve(goal, np.zeros(3))
+    assert KIN.solve(PositionGoal(KIN.fk([0.3, 0.2, 0.5])[:3, 3]), np.zeros(3)).success
+
+
+def test_an_arm_of_another_kind_is_refused():
+    ur5 = replace(get_arm("ur5"), tips={"end_effector": "tool0"})
+    with pytest.raises(InputError, match="z, y, y"):
+        Arm3Kinematics(arm=ur5)

@@ -1,0 +1,104 @@
+"""Forward kinematics, Jacobian and limits of both arms."""
+
+import xml.etree.ElementTree as ET
+
+import numpy as np
+import pytest
+
+from kinreach.errors import InputError, UnknownNameError
+from kinreach.kinematics import ArmKinematics, Arm3Kinematics, UR5Kinematics
+from kinreach.kinematics.goals import pose_error
+
+ARMS = [("ur5", "tool0"), ("ur5", "tcp"), ("arm3", "end_effector")]
+
+
+@pytest.mark.parametrize("base", ["base_link", "world"])
+@pytest.mark.parametrize(("arm", "tip"), ARMS)
+def test_batched_fk_equals_pinocchio(arm, tip, base):
+    kin = ArmKinematics(arm, tip=tip, base=base)
+    q = np.random.default_rng(0).uniform(-np.pi, np.pi, (2100, kin.n))  # more than one block
+    T = kin.fk(q)
+    single = np.array([kin.fk(row) for row in q])
+    assert T.shape == (2100, 4, 4)
+    np.testing.assert_allclose(T, single, atol=1e-14)
+    np.testing.assert_array_equal(kin.fk(q.reshape(3, 700, kin.n)), T.reshape(3, 700, 4, 4))
+
+
+def without_meshes(urdf):
+    robot = ET.fromstring(urdf)
+    for link in robot.findall("link"):
+        for tag in ("visual", "collision"):
+            for element in link.findall(tag):
+                link.remove(element)
+    return ET.tostring(robot, encoding="unicode")
+
+
+@pytest.mark.parametrize(("arm", "tip"), ARMS)
+def test_fk_equals_placo(arm, tip):
+    placo = pytest.importorskip("placo")
+    kin = ArmKinematics(arm, tip=tip, base="world")
+    robot = placo.RobotWrapper("", placo.Flags.ignore_collisions, without_meshes(kin.arm.urdf))
+    checked = 0
+    for q in np.random.default_rng(1).uniform(-np.pi, np.pi, (1000, kin.n)):
+        for name, value in zip(kin.arm.joints, q, strict=True):
+            robot.set_joint(name, value)
+        robot.update_kinematics()
+        position, angle = pose_error(robot.get_T_world_frame(kin.arm.tips[tip]), kin.fk(q))
+        assert position <= 1e-9 and angle <= 1e-9
+        checked += 1
+    assert checked == 1000
+
+
+@pytest.mark.parametrize("base", ["base_link", "world"])
+@pytest.mark.parametrize(("arm", "tip"), ARMS)
+def test_jacobian_by_central_differences(arm, tip, base):
+    kin = ArmKinematics(arm, tip=tip, base=base)
+    step = 1e-6
+    for q in np.random.default_rng(2).uniform(-2, 2, (100, kin.n)):
+        J, R = kin.jacobian(q), kin.fk(q)[:3, :3]
+        for j in range(kin.n):
+            ahead, behind = (kin.fk(q + sign * step * np.eye(kin.n)[j]) for sign in (1, -1))
+            spin = (ahead[:3, :3] - behind[:3, :3]) / (2 * step) @ R.T
+            np.testing.assert_allclose(J[:3, j], (ahead - behind)[:3, 3] / (2 * step), atol=1e-8)
+            np.testing.assert_allclose(J[3:, j], [spin[2, 1], spin[0, 2], spin[1, 0]], atol=1e-8)
+
+
+def test_front_of_the_ur5_is_world_x():
+    q = (-np.pi / 2, -np.pi / 2, np.pi / 2, -np.pi / 2, -np.pi / 2, 0)
+    in_base = UR5Kinematics(base="base_link").fk(q)[:3, 3]
+    in_world = UR5Kinematics(base="world").fk(q)[:3, 3]
+    np.testing.assert_allclose(in_world, [-in_base[1], in_base[0], in_base[2]], atol=1e-12)
+    assert in_world[0] > 0.3
+
+
+def test_tcp_is_20_cm_in_front_of_the_flange():
+    q = np.random.default_rng(3).uniform(-np.pi, np.pi, (100, 6))
+    flange, tcp = UR5Kinematics(tip="tool0").fk(q), UR5Kinematics(tip="tcp").fk(q)
+    np.testing.assert_allclose(tcp[:, :3, 3], flange[:, :3, 3] + 0.20 * flange[:, :3, 2], atol=1e-12)
+
+
+def test_limits_are_named():
+    kin = UR5Kinematics()
+    assert kin.within_limits(kin.arm.home)
+    assert kin.joints_outside_limits([0, 0, 3.2, 0, -3.2, 0]) == ("elbow_joint", "wrist_2_joint")
+    np.testing.assert_allclose(kin.upper, np.pi, atol=1e-9)
+    assert Arm3Kinematics().joints_outside_limits([0, 2.1, -2.1]) == ("link_2_joint", "link_3_joint")
+
+
+@pytest.mark.parametrize(
+    ("arguments", "available"),
+    [
+        ({"arm": "ur6"}, "arm3, ur5"),
+        ({"arm": "ur5", "tip": "hand"}, "tcp, tool0"),
+        ({"arm": "ur5", "base": "map"}, "world"),
+    ],
+)
+def test_unknown_names_list_the_available_ones(arguments, available):
+    with pytest.raises(UnknownNameError, match=available):
+        ArmKinematics(**arguments)
+
+
+@pytest.mark.parametrize("q", [np.zeros(5), np.zeros((3, 7)), [np.nan] * 6, 1.0, "home", [[0, 0, 0, 0, 0, np.inf]]])
+def test_malformed_postures_are_refused(q):
+    with pytest.raises(InputError):
+        UR5Kinematics().fk(q)

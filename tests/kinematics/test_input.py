@@ -1,0 +1,95 @@
+"""Whatever is thrown at the inverse kinematics: a clear error or a valid answer, never anything else."""
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from hypothesis.extra.numpy import arrays
+
+from kinreach.errors import InputError, KinreachError
+from kinreach.kinematics import AxisGoal, Arm3Kinematics, IKResult, PoseGoal, PositionGoal, UR5Kinematics
+
+KIN = UR5Kinematics(tip="tool0")
+ARM3 = Arm3Kinematics()
+POSE = KIN.fk(np.full(6, 0.5))
+ANY = st.floats(allow_nan=True, allow_infinity=True)
+ANGLES = arrays(np.float64, 6, elements=st.floats(-7, 7))
+
+
+@given(arrays(np.float64, st.tuples(st.integers(0, 5), st.integers(0, 5)), elements=ANY))
+def test_any_matrix_is_an_error_or_an_answer(T):
+    try:
+        solutions = KIN.all_solutions(T)
+    except InputError as error:
+        assert "T must" in str(error) or "block of T" in str(error), error
+    else:
+        assert T.shape == (4, 4) and (len(solutions) == 0 or solutions.residual.max() < 1e-6)
+
+
+@given(ANGLES, ANGLES)
+def test_any_reachable_pose_and_seed_has_an_answer(q, seed):
+    T = KIN.fk(q)
+    result = KIN.nearest(T, seed)
+    assert result.success and KIN.within_limits(result.q)
+    assert result.position_error < 1e-7 and result.orientation_error < 1e-7
+
+
+@given(st.integers(0, 2), st.integers(0, 2), st.floats(1e-4, 0.5))
+def test_sheared_rotations_are_refused(i, j, size):
+    T = POSE.copy()
+    T[i, j] += size
+    with pytest.raises(InputError, match="rotation"):
+        KIN.all_solutions(T)
+    with pytest.raises(InputError, match=r"rotation; entry 1 is not"):
+        KIN.batch(np.array([POSE, T]))
+
+
+def test_a_reflection_is_refused():
+    with pytest.raises(InputError, match="determinant -1"):
+        KIN.all_solutions(POSE @ np.diag([1, 1, -1, 1]))
+
+
+@given(arrays(np.float64, 3, elements=ANY))
+@settings(max_examples=200)
+def test_any_point_is_an_error_or_an_answer(p):
+    try:
+        result = ARM3.nearest(p, np.zeros(3))
+    except InputError as error:
+        assert "finite" in str(error)
+        assert not np.isfinite(p).all()
+    else:
+        assert isinstance(result, IKResult)
+        assert not result.success or result.position_error < 1e-7
+
+
+@pytest.mark.parametrize(
+    "call",
+    [
+        lambda: KIN.nearest(POSE, np.zeros(5)),
+        lambda: KIN.nearest(POSE, [np.nan] * 6),
+        lambda: KIN.nearest(POSE, "home"),
+        lambda: KIN.axis_goal([0, 0], [0, 0, 1], np.zeros(6)),
+        lambda: KIN.axis_goal([0, 0, 0.5], [0, 0, 0], np.zeros(6)),
+        lambda: KIN.axis_goal([0, 0, np.inf], [0, 0, 1], np.zeros(6)),
+        lambda: KIN.batch(POSE),
+        lambda: KIN.batch([[1, 2], [3]]),
+        lambda: KIN.batch(np.full((2, 4, 4), np.nan)),
+        lambda: KIN.nearest_batch([POSE, POSE], np.zeros((3, 6))),
+        lambda: KIN.nearest_batch([POSE], np.full(6, np.nan)),
+        lambda: ARM3.batch(np.zeros((4, 2))),
+        lambda: ARM3.batch(np.full((4, 3), np.inf)),
+        lambda: ARM3.all_solutions(np.zeros(2)),
+        lambda: PoseGoal(np.zeros((4, 4))),
+        lambda: AxisGoal([0, 0, 0], [0, 0, 0]),
+        lambda: PositionGoal([0, None, 0]),
+    ],
+)
+def test_malformed_calls_are_input_errors(call):
+    with pytest.raises(InputError) as caught:
+        call()
+    assert isinstance(caught.value, KinreachError) and str(caught.value)
+
+
+def test_an_empty_batch_is_fine():
+    assert KIN.batch(np.empty((0, 4, 4))).q.shape == (0, 8, 6)
+    assert KIN.nearest_batch(np.empty((0, 4, 4)), np.zeros(6)).q.shape == (0, 6)

@@ -1,0 +1,68 @@
+"""The cases in which other closed forms come back empty or wrong."""
+
+import numpy as np
+import pytest
+
+from benchmarks.edge_cases import CASES, FLANGE
+from benchmarks.singular_cases import judge
+from kinreach.kinematics.goals import pose_error
+from kinreach.kinematics.ur_ik import Singularity
+
+COUNT = 1000
+
+
+@pytest.mark.parametrize("case", CASES)
+def test_never_empty_and_never_wrong(case):
+    poses = CASES[case](np.random.default_rng(5), COUNT)
+    assert poses.shape == (COUNT, 4, 4)
+    tally = judge(lambda T: FLANGE.all_solutions(T).q, poses)
+    assert tally.empty == 0 and tally.spurious == 0 and tally.worst <= 1e-7
+
+
+@pytest.mark.parametrize("case", CASES)
+def test_batches_agree_with_single_poses(case):
+    poses = CASES[case](np.random.default_rng(6), 200)
+    batch = FLANGE.batch(poses)
+    nearest = FLANGE.nearest_batch(poses, np.full(6, 0.3))
+    assert batch.valid.any(axis=1).all() and nearest.success.all()
+    for i, T in enumerate(poses):
+        for q in (*batch.q[i, batch.valid[i]], nearest.q[i]):
+            assert max(pose_error(T, FLANGE.fk(q))) <= 1e-7
+        assert batch.valid[i].sum() == len(FLANGE.all_solutions(T))
+
+
+def test_singular_targets_rounded_to_single_precision():
+    """Rounding moves these by more than the default tolerance now and then; the caller can allow for it."""
+    poses = CASES["arm upright"](np.random.default_rng(9), COUNT).astype(np.float32)
+    tally = judge(lambda T: FLANGE.all_solutions(T, tol=5e-7).q, poses)
+    assert tally.empty == 0 and tally.spurious == 0 and tally.worst <= 5e-7
+
+
+def test_flags_name_what_was_singular():
+    expected = {
+        "sin q5 = 0 exactly": Singularity.WRIST,
+        "elbow 1e-9 m past stretch": Singularity.ELBOW,
+        "shoulder r = d4 - 1e-9": Singularity.SHOULDER,
+    }
+    for case, flag in expected.items():
+        for T in CASES[case](np.random.default_rng(7), 100):
+            assert (FLANGE.all_solutions(T).singularity & flag).any(), case
+    T = FLANGE.fk([0.3, -1.0, 1.2, -0.4, 0.9, 0.2])
+    assert not FLANGE.all_solutions(T).singularity.any()
+
+
+def test_nothing_is_invented_beyond_the_tolerance():
+    """A target that is missed by more than `tol` has no solution, even right next to the border."""
+    poses = CASES["elbow q3 = 0 exactly"](np.random.default_rng(8), 300)
+    returned = 0
+    for T in poses:
+        for q in FLANGE.all_solutions(T).q:
+            if abs(q[2]) > 1e-6:
+                continue
+            out = T.copy()
+            direction = FLANGE.fk(q)[:3, 3] - (0, 0, FLANGE.geometry.d1)
+            out[:3, 3] += 1e-4 * direction / np.linalg.norm(direction)
+            solutions = FLANGE.all_solutions(out)
+            returned += len(solutions)
+            assert len(solutions) == 0 or solutions.residual.max() <= 1e-7
+    assert returned > 0
