@@ -1,1 +1,17 @@
-"""kinreach: analytic kinematics, MuJoCo environments and RL baselines for reaching."""
+"""kinreach: does a robot need to learn to reach, when its kinematics is known in closed form?
+
+Analytic kinematics, MuJoCo environments and RL baselines for the same reaching tasks, and one command that puts them
+all on the same goals. Imports point one way, downwards:
+
+    kinreach.compare      all methods on equal terms, with statistics: `python -m kinreach.compare`
+    kinreach.baselines    recipes, training and evaluation; knows environments only through Gymnasium
+    kinreach.envs         MuJoCo scene, joint controller, cameras, tasks
+    kinreach.kinematics   forward and inverse kinematics, limits, collisions, the thesis's reward
+    kinreach.robots       what an arm is; knows no engine
+
+Units are metres, radians and seconds; z is up. `import kinreach` loads no engine and takes milliseconds.
+"""
+
+__version__ = "0.1.0"
+
+__all__ = ["__version__"]

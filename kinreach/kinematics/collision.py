@@ -1,7 +1,8 @@
 """Whether a posture collides: the arm with itself, and with what stands around it.
 
 Meshes are taken as their convex hulls, as MuJoCo takes them, so that both give the same verdict (measured: the same
-pairs in 10 000 of 10 000 random postures of either arm). Boxes and cylinders are what they are. The gripper is held at `arm.locked_joints`.
+pairs in 10 000 of 10 000 random postures of either arm). Boxes and cylinders are what they are. The gripper is held at
+`arm.locked_joints`.
 """
 
 from __future__ import annotations

@@ -6,7 +6,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
 
-from kinreach.robots.workcell import Workcell
+from kinreach.robots.workcell import CameraMount, Workcell
 
 
 @dataclass(frozen=True)
@@ -28,9 +28,9 @@ class Gripper:
     force: float
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class ArmDescription:
-    """One robot arm, described once for Pinocchio, placo and MuJoCo.
+    """One robot arm, described once for Pinocchio, placo and MuJoCo. Compared and hashed by identity.
 
     Attributes:
         name: Key in the registry, as in `get_arm("ur5")`.
@@ -50,6 +50,8 @@ class ArmDescription:
         armature: Rotor inertia seen at each joint [kg m^2].
         joint_damping: Viscous friction of each joint [N m s/rad].
         gripper: The gripper, or None.
+        moves_last: Joints that a two-phase move holds still until all others have arrived.
+        cameras: Cameras on the arm and around it; `overview` is the viewpoint of pictures.
     """
 
     name: str
@@ -69,6 +71,8 @@ class ArmDescription:
     armature: float = 0.1
     joint_damping: tuple[float, ...] = ()
     gripper: Gripper | None = None
+    moves_last: tuple[str, ...] = ()
+    cameras: tuple[CameraMount, ...] = ()
 
     @cached_property
     def urdf(self) -> str:

@@ -20,11 +20,37 @@ class Box:
         name: What a collision report calls it.
         size: Full edge lengths [m].
         position: Centre [m].
+        legs: Length of the four legs under it [m]; they are drawn and have no contact.
     """
 
     name: str
     size: tuple[float, float, float]
     position: tuple[float, float, float]
+    legs: float = 0.0
+
+
+@dataclass(frozen=True)
+class CameraMount:
+    """A camera that is fixed to a link; all points are in that link's frame [m].
+
+    Attributes:
+        name: What it is asked for by.
+        link: Link that carries it; `"world"` for a camera that stands still.
+        position: Optical centre.
+        target: Point in the middle of the picture.
+        up: Direction that is up in the picture.
+        fovy: Vertical field of view [degrees].
+        holder: Where the holder of the device starts; device and holder are drawn and have no contact. Without it
+            nothing is drawn: the camera is a viewpoint, not a device.
+    """
+
+    name: str
+    link: str
+    position: tuple[float, float, float]
+    target: tuple[float, float, float]
+    up: tuple[float, float, float] = (0.0, 0.0, 1.0)
+    fovy: float = 58.0
+    holder: tuple[float, float, float] | None = None
 
 
 class GoalRegion(Protocol):

@@ -116,7 +116,9 @@ def test_branch_index_is_stable_along_a_path():
         indices = set()
         for posture in path:
             solutions = FLANGE.all_solutions(FLANGE.fk(posture))
-            indices.add(int(solutions.branch[np.abs(solutions.q - posture).max(axis=1).argmin()]))
+            off = np.abs((solutions.q - posture + np.pi) % TURN - np.pi).max(axis=1)
+            assert off.min() < 1e-6
+            indices.add(int(solutions.branch[off.argmin()]))
         assert len(indices) == 1
         followed |= indices
     assert len(followed) == 8
@@ -162,20 +164,16 @@ def test_out_of_reach_says_which_part(T, reason):
 
 def test_every_unreachable_pose_has_a_reason():
     rng = np.random.default_rng(13)
-    reasons = set()
-    unreachable = 0
-    for T in FLANGE.fk(postures(13, 3000)):
-        T[:3, 3] = rng.uniform(-0.3, 0.3, 3) + (0, 0, FLANGE.geometry.d1)
+    counts = {"shoulder cylinder": 0, "stretched elbow": 0}
+    for i, T in enumerate(FLANGE.fk(postures(13, 4000))):
+        size = 0.3 if i % 2 else 1.2
+        T[:3, 3] = rng.uniform(-size, size, 3) + (0, 0, FLANGE.geometry.d1)
         solutions = FLANGE.all_solutions(T)
         if not solutions.success:
-            assert solutions.status is Status.OUT_OF_REACH
-            reasons |= set(solutions.reason.split("; "))
-            unreachable += 1
-    assert unreachable > 200
-    assert {reason.split(" ")[-1] for reason in reasons} >= {
-        "d4)",
-        "elbow",
-    } and "too close for the folded elbow" in reasons
+            assert solutions.status is Status.OUT_OF_REACH and solutions.reason
+            for part in counts:
+                counts[part] += part in solutions.reason
+    assert min(counts.values()) > 200
 
 
 def test_out_of_limits_names_the_joints():

@@ -25,7 +25,7 @@ class JointSpace:
         kin: The arm.
 
     Attributes:
-        search_lower, search_upper: The arm's limits [rad], shape (n,), but -inf and +inf where a joint turns full circle.
+        search_lower, search_upper: The arm's limits [rad], shape (n,); -inf and +inf where a joint turns full circle.
     """
 
     def __init__(self, kin: ArmKinematics) -> None:

@@ -23,8 +23,8 @@ class LevenbergMarquardtSolver(IterativeSolver):
     Damping by the error itself is robust for goals out of reach and near singularities, and converges quadratically
     where E vanishes (Sugihara, "Solvability-unconcerned inverse kinematics by the Levenberg-Marquardt method", IEEE
     T-RO 27(5), 2011; proportional to E as in Chan and Lawrence, "General inverse kinematics with the error damped
-    pseudoinverse", ICRA 1988). Each step is projected into the joint limits (see `JointSpace` for joints that turn
-    full circle). `goal_task` has the equations of e and J.
+    pseudoinverse", ICRA 1988). Each step is projected into the joint limits: a joint that would be pushed through
+    one is held, and the others take the step without it (see `JointSpace` for joints that turn full circle). `goal_task` has the equations of e and J.
 
     The arguments are those of `IterativeSolver`.
     """
@@ -38,7 +38,8 @@ class LevenbergMarquardtSolver(IterativeSolver):
 
         def step_from(e: Floats, J: Floats) -> Floats:
             A = J.T.dot(J) + (0.5 * DAMPING * e.dot(e) + DAMPING_BIAS) * identity
-            return dposv(A, J.T.dot(e))[1]
+            dq: Floats = dposv(A, J.T.dot(e))[1]
+            return dq
 
         def descend(q: Floats) -> Descent:
             for step in range(self.max_iterations):

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 
 from kinreach.robots.description import ArmDescription
 from kinreach.robots.urdf import Solid, add_joint, add_link, numbers
-from kinreach.robots.workcell import Box, QuadrantRegion, Workcell
+from kinreach.robots.workcell import Box, CameraMount, QuadrantRegion, Workcell
 
 BASE_HEIGHT = 0.158
 END_EFFECTOR = (-0.090, 0.0, 0.48)
@@ -131,4 +131,5 @@ ARM = ArmDescription(
     acceleration_limit=10.0,
     armature=0.2,
     joint_damping=(12.0, 20.0, 6.0),
+    cameras=(CameraMount("overview", "world", (1.9, -1.7, 1.1), (0.0, 0.0, 0.45), fovy=38.0),),
 )

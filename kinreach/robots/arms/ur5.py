@@ -15,13 +15,14 @@ from pathlib import Path
 from kinreach.errors import InstallationError
 from kinreach.robots.description import ArmDescription, Gripper
 from kinreach.robots.urdf import Solid, add_joint, add_link, prune, set_origin
-from kinreach.robots.workcell import Box, BoxRegion, Workcell
+from kinreach.robots.workcell import Box, BoxRegion, CameraMount, Workcell
 
 MOUNT_YAW = math.pi / 2
 TCP_OFFSET = 0.20  # tool0 -> tcp along z [m]
 STROKE = 0.16
 TABLE_TOP = -0.20  # world z [m]; at -0.30 the natural postures would push wrist_1 across +-pi
 FLOOR = -0.75
+PLATE = 0.02  # thickness of the plate under the arm [m]
 BALL_RADIUS = 0.025
 URDF_FILE = "example-robot-data/robots/ur_description/urdf/ur5_joint_limited_robot.urdf"
 
@@ -34,7 +35,8 @@ def _package_root() -> str:
             if (parent / "share" / URDF_FILE).is_file():
                 return str(parent / "share")
     raise InstallationError(
-        "the UR5's description is missing; install it with: pip install example-robot-data==4.4.0 example-robot-data-loaders==4.4.0"
+        "the UR5's description is missing; install it with: "
+        "pip install example-robot-data==4.4.0 example-robot-data-loaders==4.4.0"
     )
 
 
@@ -90,6 +92,15 @@ _GRIPPER_PAIRS = (
     ("finger_left", "finger_right"),
 )
 
+_CAMERAS = (
+    # Under the plate and 3 cm behind the arm's axis: further forward the nearest corners of the goal area, 45 degrees
+    # to the side, would leave the picture.
+    CameraMount("front", "world", (-0.03, 0.0, -0.05), (0.45, 0.0, -0.23), holder=(-0.05, 0.0, -PLATE)),
+    # Beside the fingers and far enough from them that they hide no goal; up in the picture is forward at home.
+    CameraMount("wrist", "tool0", (0.10, 0.0, 0.09), (0.109, 0.012, 0.607), up=(0, -1, 0), holder=(0.035, 0.0, 0.06)),
+    CameraMount("overview", "world", (1.75, -1.25, 0.85), (0.28, 0.0, 0.02), fovy=38.0),
+)
+
 ARM = ArmDescription(
     name="ur5",
     title="UR5 with parallel gripper",
@@ -108,11 +119,12 @@ ARM = ArmDescription(
     default_tip="tcp",
     workcell=Workcell(
         obstacles=(
-            Box("table", (0.70, 1.20, 0.04), (0.53, 0.0, TABLE_TOP - 0.02)),
-            Box("pedestal", (0.18, 0.18, -FLOOR), (0.0, 0.0, FLOOR / 2)),
+            Box("table", (0.70, 1.20, 0.04), (0.53, 0.0, TABLE_TOP - 0.02), legs=TABLE_TOP - 0.04 - FLOOR),
+            Box("mount", (0.30, 0.18, PLATE), (-0.06, 0.0, -PLATE / 2)),
+            Box("pedestal", (0.12, 0.18, -PLATE - FLOOR), (-0.15, 0.0, (FLOOR - PLATE) / 2)),
             Box("floor", (6.0, 6.0, 0.10), (0.0, 0.0, FLOOR - 0.05)),
         ),
-        touching=(("pedestal", "base_link"),),
+        touching=(("mount", "base_link"),),
         goals=BoxRegion(x=(0.30, 0.65), y=(-0.30, 0.30), z=(TABLE_TOP + BALL_RADIUS,) * 2),
         ball_radius=BALL_RADIUS,
     ),
@@ -126,4 +138,6 @@ ARM = ArmDescription(
     gripper=Gripper(
         joint="finger_left_joint", mimic_joint="finger_right_joint", stroke=STROKE, opening=0.10, force=120.0
     ),
+    moves_last=("shoulder_lift_joint",),
+    cameras=_CAMERAS,
 )
