@@ -62,7 +62,7 @@ def ur_analytic_solve() -> PeerSolve:
 
 
 def ssik_solve() -> PeerSolve:
-    """ssik 8 with its prebuilt UR5, C++ back end."""
+    """Ssik 8 with its prebuilt UR5, C++ back end."""
     from ssik.prebuilt import ur5_ik
 
     kin = ArmKinematics("ur5", tip="tool0")

@@ -68,7 +68,8 @@ def main(argv: list[str] | None = None) -> int:
     parser.add_argument("--out", type=Path)
     args = parser.parse_args(argv)
     text = (
-        "Share of poses without any valid solution, in percent (in brackets: share of returned solutions that are wrong)"
+        "Share of poses without any valid solution, in percent "
+        "(in brackets: share of returned solutions that are wrong)"
         f"\n\n{table(args.poses, args.seed)}\n"
     )
     print(text)

@@ -49,5 +49,6 @@ def load(module: str) -> ModuleType:
         found = "; ".join(wrong) if wrong else "all versions as needed, but files of the installation are damaged"
         command = "pip install " + " ".join(f"{name}=={wanted}" for name, wanted in ENGINE_VERSIONS.items())
         raise InstallationError(
-            f"cannot import {module}: {str(error).splitlines()[0]}. Found: {found}. Install the set that works together: {command}"
+            f"cannot import {module}: {str(error).splitlines()[0]}. Found: {found}. "
+            f"Install the set that works together: {command}"
         ) from error

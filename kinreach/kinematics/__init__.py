@@ -2,6 +2,7 @@
 
 from kinreach.kinematics.arm import ArmKinematics
 from kinreach.kinematics.arm3 import Arm3Kinematics
+from kinreach.kinematics.collision import CollisionChecker
 from kinreach.kinematics.goals import AxisGoal, PoseGoal, PositionGoal
 from kinreach.kinematics.result import IKResult, Status
 from kinreach.kinematics.solutions import IKBatch, IKBatchNearest, IKSolutions
@@ -11,6 +12,7 @@ __all__ = [
     "Arm3Kinematics",
     "ArmKinematics",
     "AxisGoal",
+    "CollisionChecker",
     "IKBatch",
     "IKBatchNearest",
     "IKResult",

@@ -138,5 +138,5 @@ def _axis(shortname: str, joint: Any) -> tuple[float, float, float]:
     if shortname in fixed:
         return fixed[shortname]
     if "Revolute" in shortname:
-        return tuple(joint.extract().axis)  # type: ignore[return-value]
+        return tuple(joint.extract().axis)
     raise InputError(f"joint type {shortname} is not revolute")

@@ -61,7 +61,8 @@ def as_floats(name: str, value: ArrayLike) -> Floats:
         raise InputError(f"{name} must be an array of numbers: {error}") from None
 
 
-def _where(bad: NDArray[np.bool_]) -> str:
+def _where(bad: ArrayLike) -> str:
+    bad = np.asarray(bad)
     return "it" if len(bad) == 1 else f"entry {int(bad.argmax())}"
 
 

@@ -7,8 +7,8 @@ posture's part is in `posture_geometry`, whose functions are exported here too.
 Where the thesis leaves something open:
 
 *   **Sign.** Its reward_distance is -d, of which there is no logarithm: r_d is a function of d.
-*   **Reached.** "10 - r_e higher than 9.85" and "r_e smaller than 0.15" are the same in the thesis, not in floating
-    point (10 - 0.15 > 9.85). The second decides: at r_e = 0.15 the goal is not reached.
+*   **Reached.** "10 - r_e higher than 9.85" and "r_e smaller than 0.15" are the same in the thesis, but not in floating
+    point: 10 - r_e is 9.85 for the numbers next to 0.15 on either side. The second decides; at 0.15 nothing is reached.
 *   **Impossible** comes before everything else: -100 wherever the arm ends up, and not reached.
 *   **d = 0** has no r_d in the thesis; it is +inf here, the limit. The reward does not use it: a special case replaces
     r_d below 0.01 m.

@@ -138,4 +138,4 @@ def nearest_windings(q: Floats, seed: Floats, lower: Floats, upper: Floats) -> t
     shifted = q + TURN * np.round((seed - q) / TURN)
     shifted -= TURN * np.maximum(np.ceil((shifted - high) / TURN), 0.0)
     shifted += TURN * np.maximum(np.ceil((low - shifted) / TURN), 0.0)
-    return shifted, (shifted <= high).all(axis=0)
+    return shifted, np.asarray((shifted <= high).all(axis=0))

@@ -196,7 +196,7 @@ class UR5Kinematics(ClosedFormKinematics):
     def _check_fit(self) -> None:
         """The closed form describes this arm: its forward kinematics agrees with Pinocchio's."""
         for q in (np.zeros(self.n), np.linspace(0.3, 1.3, self.n)):
-            rows = np.array(ur_fk(q, self.geometry))
+            rows: Floats = np.array(ur_fk(q.tolist(), self.geometry), dtype=np.float64)
             expected = (self._T_dh_base @ self.fk(q) @ self._T_tip_flange)[:3]
             if np.abs(rows - expected).max() > FIT_TOLERANCE:
                 raise InputError(f"arm {self.arm.name!r} does not have the geometry of a UR-type arm")

@@ -51,12 +51,12 @@ def solve_poses(
 
 def flange_entries(m: Floats, left: Floats, right: Floats) -> Floats:
     """Entries nx, ox, ax, px, ny ... pz of left @ T @ right, shape (12, count), from those of T."""
-    rows = (left[:3, :3] @ m.reshape(3, -1)).reshape(3, 4, -1)
+    rows: Floats = (left[:3, :3] @ m.reshape(3, -1)).reshape(3, 4, -1)
     rows[:, 3] += left[:3, 3:]
     if (right != np.eye(4)).any():
-        turned = np.tensordot(rows[:, :3], right[:3], axes=(1, 0)).transpose(0, 2, 1)
+        turned: Floats = np.tensordot(rows[:, :3], right[:3], axes=(1, 0)).transpose(0, 2, 1)
         turned[:, 3] += rows[:, 3]
-        rows = turned
+        return turned.reshape(12, -1)
     return rows.reshape(12, -1)
 
 
@@ -74,7 +74,7 @@ def _not_a_rotation(m: Floats) -> NDArray[np.bool_]:
 
 
 def _solve_block(m: Floats, g: URGeometry, tol: float, q: Floats, valid: NDArray[np.bool_]) -> NDArray[np.bool_]:
-    nx, ox, ax, px, ny, oy, ay, py, nz, oz, az, pz = m
+    nx, ox, ax, px, ny, oy, ay, py, _nz, _oz, az, pz = m
     x, y, z = px - g.d6 * ax, py - g.d6 * ay, pz - g.d6 * az - g.d1
     r2 = x * x + y * y
     m2 = r2 - g.d4 * g.d4

@@ -87,7 +87,7 @@ def solve_pose(rows: Rows, g: URGeometry, *, tol: float = 1e-7, q6: float = 0.0)
     Returns:
         The solutions in the order of their branch index, and the `Miss` flags of the branches that have none.
     """
-    (nx, ox, ax, px), (ny, oy, ay, py), (nz, oz, az, pz) = rows
+    (nx, ox, ax, px), (ny, oy, ay, py), (nz, _oz, az, pz) = rows
     d1, _, _, d5, d6, _, _, _ = g.packed
     x, y, z = px - d6 * ax, py - d6 * ay, pz - d6 * az - d1
     wrists: list[Wrist] = []

@@ -49,7 +49,7 @@ def add_link(robot: ET.Element, name: str, *, mass: float = 0.0, solids: Sequenc
         inertial = ET.SubElement(link, "inertial")
         ET.SubElement(inertial, "origin", xyz=numbers(solids[0].xyz), rpy=numbers(solids[0].rpy))
         ET.SubElement(inertial, "mass", value=repr(mass))
-        ET.SubElement(inertial, "inertia", **_inertia(mass, solids[0]))
+        ET.SubElement(inertial, "inertia", _inertia(mass, solids[0]))
     for kind in ("visual", "collision"):
         for index, solid in enumerate(solids):
             element = ET.SubElement(link, kind, name=f"{name}_{kind}_{index}")

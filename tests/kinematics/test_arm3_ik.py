@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from kinreach.errors import InputError
-from kinreach.kinematics import AxisGoal, Arm3Kinematics, ArmKinematics, PoseGoal, PositionGoal, Status
+from kinreach.kinematics import Arm3Kinematics, ArmKinematics, AxisGoal, PoseGoal, PositionGoal, Status
 from kinreach.robots import get_arm
 
 KIN = Arm3Kinematics(base="world")
@@ -17,11 +17,14 @@ def test_every_branch_reaches_and_the_generating_posture_comes_back():
     T = ArmKinematics("arm3", base="world").fk(q)
     batch = KIN.batch(T)
     pose, branch = np.nonzero(batch.valid)
-    assert batch.q.shape == (10_000, 4, 3) and set(branch) == {0, 1, 2, 3} and len(pose) > 20_000
+    assert batch.q.shape == (10_000, 4, 3)
+    assert set(branch) == {0, 1, 2, 3}
+    assert len(pose) > 20_000
     np.testing.assert_allclose(KIN.fk(batch.q[pose, branch])[:, :3, 3], T[pose, :3, 3], atol=1e-9)
     assert np.nanmin(np.abs(batch.q - q[:, None]).max(axis=2), axis=1).max() < 1e-6
     inside = batch.q[batch.valid]
-    assert (inside >= KIN.lower - 1e-9).all() and (inside <= KIN.upper + 1e-9).all()
+    assert (inside >= KIN.lower - 1e-9).all()
+    assert (inside <= KIN.upper + 1e-9).all()
 
 
 def test_single_targets_equal_the_batch():
@@ -49,7 +52,8 @@ def test_stretched_folded_and_just_beyond():
         branch = KIN.nearest(target, [first, second, stretched]).branch
         for scale in (0.0, 1e-9):
             solutions = KIN.all_solutions(target + scale * out)
-            assert solutions.success and solutions.residual[:, 0].max() < 1e-7
+            assert solutions.success
+            assert solutions.residual[:, 0].max() < 1e-7
             checked += 1
         assert branch not in KIN.all_solutions(target + 1e-3 * out).branch
     assert checked == 600
@@ -60,7 +64,8 @@ def test_targets_on_the_inner_cylinder():
     for angle in np.linspace(-3, 3, 50):
         target = np.array([offset * np.cos(angle), offset * np.sin(angle), 0.9])
         solutions = KIN.all_solutions(target, limits=False)
-        assert solutions.success and solutions.residual[:, 0].max() < 1e-9
+        assert solutions.success
+        assert solutions.residual[:, 0].max() < 1e-9
     assert "sideways offset" in KIN.all_solutions([0.0, 0.0, 0.9]).reason
 
 
@@ -72,7 +77,8 @@ def test_reasons():
         solutions = KIN.all_solutions(target)
         if not solutions.success:
             assert KIN.all_solutions(target, limits=False).success
-            assert solutions.status is Status.OUT_OF_LIMITS and "link_3_joint" in solutions.reason
+            assert solutions.status is Status.OUT_OF_LIMITS
+            assert "link_3_joint" in solutions.reason
             blocked += 1
     assert blocked > 10
 

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from kinreach.errors import InputError, UnknownNameError
-from kinreach.kinematics import ArmKinematics, Arm3Kinematics, UR5Kinematics
+from kinreach.kinematics import Arm3Kinematics, ArmKinematics, UR5Kinematics
 from kinreach.kinematics.goals import pose_error
 
 ARMS = [("ur5", "tool0"), ("ur5", "tcp"), ("arm3", "end_effector")]
@@ -44,7 +44,8 @@ def test_fk_equals_placo(arm, tip):
             robot.set_joint(name, value)
         robot.update_kinematics()
         position, angle = pose_error(robot.get_T_world_frame(kin.arm.tips[tip]), kin.fk(q))
-        assert position <= 1e-9 and angle <= 1e-9
+        assert position <= 1e-9
+        assert angle <= 1e-9
         checked += 1
     assert checked == 1000
 

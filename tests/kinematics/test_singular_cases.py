@@ -16,7 +16,9 @@ def test_never_empty_and_never_wrong(case):
     poses = CASES[case](np.random.default_rng(5), COUNT)
     assert poses.shape == (COUNT, 4, 4)
     tally = judge(lambda T: FLANGE.all_solutions(T).q, poses)
-    assert tally.empty == 0 and tally.spurious == 0 and tally.worst <= 1e-7
+    assert tally.empty == 0
+    assert tally.spurious == 0
+    assert tally.worst <= 1e-7
 
 
 @pytest.mark.parametrize("case", CASES)
@@ -24,7 +26,8 @@ def test_batches_agree_with_single_poses(case):
     poses = CASES[case](np.random.default_rng(6), 200)
     batch = FLANGE.batch(poses)
     nearest = FLANGE.nearest_batch(poses, np.full(6, 0.3))
-    assert batch.valid.any(axis=1).all() and nearest.success.all()
+    assert batch.valid.any(axis=1).all()
+    assert nearest.success.all()
     for i, T in enumerate(poses):
         for q in (*batch.q[i, batch.valid[i]], nearest.q[i]):
             assert max(pose_error(T, FLANGE.fk(q))) <= 1e-7
@@ -35,7 +38,9 @@ def test_singular_targets_rounded_to_single_precision():
     """Rounding moves these by more than the default tolerance now and then; the caller can allow for it."""
     poses = CASES["arm upright"](np.random.default_rng(9), COUNT).astype(np.float32)
     tally = judge(lambda T: FLANGE.all_solutions(T, tol=5e-7).q, poses)
-    assert tally.empty == 0 and tally.spurious == 0 and tally.worst <= 5e-7
+    assert tally.empty == 0
+    assert tally.spurious == 0
+    assert tally.worst <= 5e-7
 
 
 def test_flags_name_what_was_singular():

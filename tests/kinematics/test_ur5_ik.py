@@ -43,7 +43,9 @@ def test_every_branch_reaches_and_the_generating_posture_comes_back(tip, base):
         assert np.abs(solutions.q - q).max(axis=1).min() < 1e-6
         assert solutions.residual.max() < 1e-9
         assert np.abs(reference.fk(solutions.q) - T).max() < 1e-9
-        assert (np.diff(solutions.branch) > 0).all() and 0 <= solutions.branch[0] and solutions.branch[-1] < 8
+        assert (np.diff(solutions.branch) > 0).all()
+        assert solutions.branch[0] >= 0
+        assert solutions.branch[-1] < 8
         checked += len(solutions)
     assert checked > 2000 * 7
 
@@ -53,7 +55,8 @@ def test_batch_reaches_for_ten_thousand_poses_and_every_branch():
     T = FLANGE.fk(q)
     batch = FLANGE.batch(T)
     pose, branch = np.nonzero(batch.valid)
-    assert len(pose) > 70_000 and set(branch) == set(range(8))
+    assert len(pose) > 70_000
+    assert set(branch) == set(range(8))
     np.testing.assert_allclose(FLANGE.fk(batch.q[pose, branch]), T[pose], atol=1e-9)
     assert np.isnan(batch.q[~batch.valid]).all()
     assert np.nanmin(np.abs(batch.q - q[:, None]).max(axis=2), axis=1).max() < 1e-4
@@ -79,14 +82,16 @@ def test_nearest_batch_equals_nearest():
     assert batch.success.all()
     for i in range(300):
         single = kin.nearest(T[i], seeds[i])
-        assert single.success and single.branch == batch.branch[i]
+        assert single.success
+        assert single.branch == batch.branch[i]
         np.testing.assert_allclose(batch.q[i], single.q, atol=1e-9)
     np.testing.assert_allclose(kin.nearest_batch(T, q).q, q, atol=1e-5)
 
 
 def test_nearest_is_exact_over_all_windings():
     kin = UR5Kinematics(arm=wide_ur5(), tip="tool0")
-    assert kin.lower[0] == pytest.approx(-TURN) and kin.upper[2] == pytest.approx(np.pi)
+    assert kin.lower[0] == pytest.approx(-TURN)
+    assert kin.upper[2] == pytest.approx(np.pi)
     rng = np.random.default_rng(4)
     turns = np.array(list(itertools.product((-TURN, 0.0, TURN), repeat=6)))
     for _ in range(60):
@@ -134,11 +139,13 @@ def test_accept_moves_on_to_the_next_branch():
         return len(offered) == 3
 
     result = FLANGE.nearest(T, np.zeros(6), accept=third)
-    assert result.success and result.position_error < 1e-9
+    assert result.success
+    assert result.position_error < 1e-9
     np.testing.assert_array_equal(np.array(offered), order[:3])
     np.testing.assert_array_equal(result.q, order[2])
     refused = FLANGE.nearest(T, np.zeros(6), accept=lambda q: False)
-    assert refused.status is Status.REJECTED and "refused all 8" in refused.reason
+    assert refused.status is Status.REJECTED
+    assert "refused all 8" in refused.reason
 
 
 def far(x, y, z):
@@ -156,10 +163,12 @@ def far(x, y, z):
 )
 def test_out_of_reach_says_which_part(T, reason):
     result = FLANGE.nearest(T, np.zeros(6))
-    assert result.status is Status.OUT_OF_REACH and not result.success
+    assert result.status is Status.OUT_OF_REACH
+    assert not result.success
     assert reason in result.reason
     np.testing.assert_array_equal(result.q, np.zeros(6))
-    assert len(FLANGE.all_solutions(T)) == 0 and FLANGE.all_solutions(T).q.shape == (0, 6)
+    assert len(FLANGE.all_solutions(T)) == 0
+    assert FLANGE.all_solutions(T).q.shape == (0, 6)
 
 
 def test_every_unreachable_pose_has_a_reason():
@@ -167,10 +176,11 @@ def test_every_unreachable_pose_has_a_reason():
     counts = {"shoulder cylinder": 0, "stretched elbow": 0}
     for i, T in enumerate(FLANGE.fk(postures(13, 4000))):
         size = 0.3 if i % 2 else 1.2
-        T[:3, 3] = rng.uniform(-size, size, 3) + (0, 0, FLANGE.geometry.d1)
+        T[:3, 3] = (*rng.uniform(-size, size, 3), 0, 0, FLANGE.geometry.d1)
         solutions = FLANGE.all_solutions(T)
         if not solutions.success:
-            assert solutions.status is Status.OUT_OF_REACH and solutions.reason
+            assert solutions.status is Status.OUT_OF_REACH
+            assert solutions.reason
             for part in counts:
                 counts[part] += part in solutions.reason
     assert min(counts.values()) > 200
@@ -184,11 +194,13 @@ def test_out_of_limits_names_the_joints():
     T = next(T for T in FLANGE.fk(postures(14, 100)) if np.abs(FLANGE.all_solutions(T).q[:, 3]).min() > 0.2)
     assert kin.all_solutions(T, limits=False).success
     blocked = kin.all_solutions(T)
-    assert blocked.status is Status.OUT_OF_LIMITS and "wrist_1_joint" in blocked.reason
+    assert blocked.status is Status.OUT_OF_LIMITS
+    assert "wrist_1_joint" in blocked.reason
     q = np.array([0.3, -1.0, 1.2, 0.05, 0.9, 0.2])
     np.testing.assert_allclose(kin.nearest(FLANGE.fk(q), q).q, q, atol=1e-9)
     batch = kin.batch(np.array([T, FLANGE.fk(q)]))
-    assert not batch.valid[0].any() and batch.valid[1].any()
+    assert not batch.valid[0].any()
+    assert batch.valid[1].any()
 
 
 def test_calibrated_lengths_come_from_the_description():
@@ -196,7 +208,8 @@ def test_calibrated_lengths_come_from_the_description():
     urdf = arm.urdf.replace('xyz="0.0 -0.1197 0.425"', 'xyz="0.0 -0.1201 0.4261"')
     assert urdf != arm.urdf
     kin = UR5Kinematics(arm=replace(arm, name="calibrated", build_urdf=lambda: urdf), tip="tool0")
-    assert kin.geometry.a2 == -0.4261 and kin.geometry.d4 == pytest.approx(0.10915 - 0.0004)
+    assert kin.geometry.a2 == -0.4261
+    assert kin.geometry.d4 == pytest.approx(0.10915 - 0.0004)
     q = postures(7, 200)
     assert np.nanmin(np.abs(kin.batch(kin.fk(q)).q - q[:, None]).max(axis=2), axis=1).max() < 1e-6
 
@@ -238,7 +251,9 @@ def test_axis_goal_with_the_tool_parallel_to_the_middle_axes():
         q[4] = 0.0
         T = kin.fk(q)
         result = kin.axis_goal(T[:3, 3], T[:3, 2], q)
-        assert result.success and result.position_error < 1e-7 and result.orientation_error < 1e-7
+        assert result.success
+        assert result.position_error < 1e-7
+        assert result.orientation_error < 1e-7
         np.testing.assert_allclose(result.q, q, atol=1e-5)
 
 
@@ -253,9 +268,11 @@ def test_a_free_wrist_keeps_the_seed_where_it_can():
         np.testing.assert_allclose(FLANGE.fk(near.q), T, atol=1e-7)
         kept += np.abs(near.q - q).max() < 1e-5
         other = FLANGE.nearest(T, rng.uniform(-np.pi, np.pi, 6))
-        assert other.success and max(pose_error(T, FLANGE.fk(other.q))) < 1e-7
+        assert other.success
+        assert max(pose_error(T, FLANGE.fk(other.q))) < 1e-7
         moved += np.abs(other.q - q).max() > 1e-3
-    assert kept == 400 and moved > 300
+    assert kept == 400
+    assert moved > 300
 
 
 def test_bare_positions_are_refused():

@@ -14,7 +14,10 @@ from kinreach.kinematics.result import Accept, IKResult
 class Solver(Protocol):
     """Turns a goal and a seed posture into a posture."""
 
-    name: str
+    @property
+    def name(self) -> str:
+        """As the command line calls it."""
+        ...
 
     def solve(self, goal: Goal, seed: ArrayLike, *, accept: Accept | None = None) -> IKResult:
         """Find a posture for `goal`, starting from `seed`.

@@ -131,5 +131,5 @@ ARM = ArmDescription(
     acceleration_limit=10.0,
     armature=0.2,
     joint_damping=(12.0, 20.0, 6.0),
-    cameras=(CameraMount("overview", "world", (1.9, -1.7, 1.1), (0.0, 0.0, 0.45), fovy=38.0),),
+    cameras=(CameraMount("overview", "world", (1.7, -1.5, 0.95), (0.05, 0.0, 0.48), fovy=38.0),),
 )

@@ -53,11 +53,11 @@ def _add_gripper(robot: ET.Element) -> None:
     """Palm and rail on tool0, two fingers that slide along ±y of tool0."""
     palm = Solid((0.07, 0.10, 0.085), (0, 0, 0.0425))
     rail = Solid((0.03, 0.20, 0.02), (0, 0, 0.095))
-    add_link(robot, "gripper_palm", mass=0.9, solids=(palm, rail), rgba="0.16 0.17 0.19 1")
+    add_link(robot, "gripper_palm", mass=0.9, solids=(palm, rail), rgba="0.62 0.64 0.67 1")
     add_joint(robot, "gripper_joint", "tool0", "gripper_palm")
     for side, sign in (("left", 1.0), ("right", -1.0)):
         finger = Solid((0.022, 0.012, 0.105), (0, sign * 0.006, 0.1575))
-        add_link(robot, f"finger_{side}", mass=0.1, solids=(finger,), rgba="0.55 0.57 0.60 1")
+        add_link(robot, f"finger_{side}", mass=0.1, solids=(finger,), rgba="0.20 0.21 0.23 1")
         add_joint(
             robot,
             f"finger_{side}_joint",
@@ -98,7 +98,7 @@ _CAMERAS = (
     CameraMount("front", "world", (-0.03, 0.0, -0.05), (0.45, 0.0, -0.23), holder=(-0.05, 0.0, -PLATE)),
     # Beside the fingers and far enough from them that they hide no goal; up in the picture is forward at home.
     CameraMount("wrist", "tool0", (0.10, 0.0, 0.09), (0.109, 0.012, 0.607), up=(0, -1, 0), holder=(0.035, 0.0, 0.06)),
-    CameraMount("overview", "world", (1.75, -1.25, 0.85), (0.28, 0.0, 0.02), fovy=38.0),
+    CameraMount("overview", "world", (1.75, -1.30, 0.70), (0.25, 0.0, 0.0), fovy=37.0),
 )
 
 ARM = ArmDescription(
