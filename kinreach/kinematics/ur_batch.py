@@ -54,7 +54,8 @@ def flange_entries(m: Floats, left: Floats, right: Floats) -> Floats:
     rows: Floats = (left[:3, :3] @ m.reshape(3, -1)).reshape(3, 4, -1)
     rows[:, 3] += left[:3, 3:]
     if (right != np.eye(4)).any():
-        turned: Floats = np.tensordot(rows[:, :3], right[:3], axes=(1, 0)).transpose(0, 2, 1)
+        turned: Floats = np.asarray(np.tensordot(rows[:, :3], right[:3], axes=(1, 0)), dtype=np.float64)
+        turned = turned.transpose(0, 2, 1)
         turned[:, 3] += rows[:, 3]
         return turned.reshape(12, -1)
     return rows.reshape(12, -1)

@@ -176,7 +176,7 @@ def test_every_unreachable_pose_has_a_reason():
     counts = {"shoulder cylinder": 0, "stretched elbow": 0}
     for i, T in enumerate(FLANGE.fk(postures(13, 4000))):
         size = 0.3 if i % 2 else 1.2
-        T[:3, 3] = (*rng.uniform(-size, size, 3), 0, 0, FLANGE.geometry.d1)
+        T[:3, 3] = rng.uniform(-size, size, 3) + np.array([0, 0, FLANGE.geometry.d1])
         solutions = FLANGE.all_solutions(T)
         if not solutions.success:
             assert solutions.status is Status.OUT_OF_REACH
