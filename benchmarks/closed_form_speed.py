@@ -10,7 +10,8 @@ from __future__ import annotations
 import argparse
 import sys
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
+from typing import Any
 
 import numpy as np
 
@@ -19,6 +20,12 @@ from benchmarks.peers import eaik_robot
 from kinreach.kinematics.ur_ik import solve_pose
 
 SINGLES = 1000
+
+
+def each(solve: Callable[[Any], object], targets: Sequence[Any]) -> None:
+    """Call `solve` on every target and drop what it returns."""
+    for target in targets:
+        solve(target)
 
 
 def best_us(jobs: dict[str, tuple[Callable[[], object], int]], rounds: int) -> dict[str, float]:
@@ -48,10 +55,10 @@ def main(argv: list[str] | None = None) -> int:
     q = np.random.default_rng(1).uniform(-np.pi, np.pi, (args.poses, 6))
     single = best_us(
         {
-            "EAIK, IK(T).Q": (lambda: [robot.IK(t).Q for t in singles_eaik], SINGLES),
-            "kinreach, solve_pose on floats": (lambda: [solve_pose(r, geometry) for r in rows], SINGLES),
-            "kinreach, all_solutions(T), checked input": (lambda: [FLANGE.all_solutions(t) for t in singles], SINGLES),
-            "kinreach, all_solutions(T).q": (lambda: [FLANGE.all_solutions(t).q for t in singles], SINGLES),
+            "EAIK, IK(T).Q": (lambda: each(lambda t: robot.IK(t).Q, singles_eaik), SINGLES),
+            "kinreach, solve_pose on floats": (lambda: each(lambda r: solve_pose(r, geometry), rows), SINGLES),
+            "kinreach, all_solutions(T), checked input": (lambda: each(FLANGE.all_solutions, singles), SINGLES),
+            "kinreach, all_solutions(T).q": (lambda: each(lambda t: FLANGE.all_solutions(t).q, singles), SINGLES),
         },
         5 * args.rounds,
     )

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from itertools import chain
 from math import ceil, pi
 from typing import Any
 
@@ -53,7 +54,7 @@ class IKSolutions:
     @cached_property
     def q(self) -> Floats:
         """Postures [rad], shape (k, n)."""
-        return np.array([row[1:] for row in self.found]).reshape(-1, self.n)
+        return np.fromiter(chain.from_iterable(self.found), np.float64).reshape(-1, self.n + 1)[:, 1:]
 
     @cached_property
     def branch(self) -> NDArray[np.int64]:

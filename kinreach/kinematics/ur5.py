@@ -82,7 +82,8 @@ class UR5Kinematics(ClosedFormKinematics):
         start = self._posture_or_none(seed)
         rows = self._flange_rows(T)
         found, miss = solve_pose(rows, self.geometry, tol=tol, q6=0.0 if start is None else float(start[5]))
-        return self._solutions(found, miss_text(miss), lambda q: pose_error(np.asarray(T), self.fk(q)), start, limits)
+        unreached = "" if found else miss_text(miss)
+        return self._solutions(found, unreached, lambda q: pose_error(np.asarray(T), self.fk(q)), start, limits)
 
     def nearest(self, T: ArrayLike, seed: ArrayLike, *, accept: Accept | None = None) -> IKResult:
         """The posture for a pose that is nearest to a seed, over all branches and windings.
@@ -127,7 +128,7 @@ class UR5Kinematics(ClosedFormKinematics):
         a = self._T_dh_base[:3, :3] @ goal.axis
         pitch, q6 = (0.0, 0.0) if start is None else (float(start[1:4].sum()), float(start[5]))
         found, miss = solve_axis(p.tolist(), a.tolist(), self.geometry, reach=self._reach, tol=tol, pitch=pitch, q6=q6)
-        return self._solutions(found, miss_text(miss), self._error_of(goal), start, limits)
+        return self._solutions(found, "" if found else miss_text(miss), self._error_of(goal), start, limits)
 
     def axis_goal(
         self, position: ArrayLike, axis: ArrayLike, seed: ArrayLike, *, accept: Accept | None = None

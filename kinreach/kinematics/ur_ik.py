@@ -44,6 +44,8 @@ class Singularity(IntFlag):
     MOVED = 8
 
 
+#: Shoulder and wrist values where neither is singular.
+REGULAR_WRISTS = 4
 SHOULDER, WRIST, ELBOW, MOVED = (8 * flag for flag in Singularity)
 
 
@@ -71,7 +73,8 @@ def miss_text(miss: int) -> str:
 
 #: One solution: code (branch index + 8 * `Singularity` flags), and the six joint angles [rad] in [-pi, pi].
 Branch = tuple[int, float, float, float, float, float, float]
-#: Shoulder and wrist of a branch: code, q1, q5, q6, q234, and wrist_1's origin in the arm's plane (u, v) [m].
+#: Shoulder and wrist of a branch: code, q1, q5, q6, q234, and the vector (u, v) from wrist_1's
+#: origin to the shoulder in the arm's plane [m].
 Wrist = tuple[int, float, float, float, float, float, float]
 
 
@@ -93,26 +96,26 @@ def solve_pose(rows: Rows, g: URGeometry, *, tol: float = 1e-7, q6: float = 0.0)
     wrists: list[Wrist] = []
     turns = _shoulders(x, y, g.d4, tol)
     for code, s1, c1 in turns:
-        q1, u = atan2(s1, c1), x * c1 + y * s1
+        q1, u = atan2(s1, c1), -x * c1 - y * s1
         c6, s6, c5 = nx * s1 - ny * c1, oy * c1 - ox * s1, ax * s1 - ay * c1
         s5 = sqrt(c6 * c6 + s6 * s6)
         if s5 > tol:
             k = d5 / s5
             s, c = k * az, k * (ax * c1 + ay * s1)
             q5, q6_, q234 = atan2(s5, c5), atan2(s6, c6), atan2(-s, -c)
-            wrists.append((code, q1, q5, q6_, q234, u + s, z - c))
+            wrists.append((code, q1, q5, q6_, q234, u - s, c - z))
             # the flipped wrist is -q5, q6 + pi, q234 + pi
             q6_ += pi if q6_ <= 0.0 else -pi
             q234 += pi if q234 <= 0.0 else -pi
-            wrists.append((code + 2, q1, -q5, q6_, q234, u - s, z + c))
+            wrists.append((code + 2, q1, -q5, q6_, q234, u + s, -c - z))
         else:
             # n lies in the arm's plane, at the angle q234 + q6 (q5 = 0) or q234 - q6 + pi (q5 = pi)
             angle = atan2(nz, nx * c1 + ny * s1)
             wanted = angle - q6 if c5 > 0.0 else angle + q6 - pi
-            wrist = _free_wrist(code, q1, c5, wanted, u, z, g)
+            wrist = _free_wrist(code, q1, c5, wanted, -u, z, g)
             wrists.append((*wrist[:3], wrap(angle - wrist[4] if c5 > 0.0 else wrist[4] - angle + pi), *wrist[4:]))
-    found, miss, codes = _elbows(wrists, g, tol)
-    if codes < 8 and turns:
+    found, miss, clamped = _elbows(wrists, g, tol)
+    if len(wrists) == REGULAR_WRISTS and not clamped:
         return found, miss
     return _verified(found, miss, lambda q: _pose_missed_by(ur_fk(q, g), rows) <= tol)
 
@@ -150,20 +153,20 @@ def solve_axis(
     wrists: list[Wrist] = []
     turns = _shoulders(x, y, g.d4, tol)
     for code, s1, c1 in turns:
-        q1, u = atan2(s1, c1), x * c1 + y * s1
+        q1, u = atan2(s1, c1), -x * c1 - y * s1
         a_u, c5 = ax * c1 + ay * s1, ax * s1 - ay * c1
         s5 = hypot(a_u, az)
         if s5 > tol:
             s, c = az * g.d5 / s5, a_u * g.d5 / s5
             q5, q234 = atan2(s5, c5), atan2(-s, -c)
-            wrists.append((code, q1, q5, q6, q234, u + s, z - c))
+            wrists.append((code, q1, q5, q6, q234, u - s, c - z))
             q234 += pi if q234 <= 0.0 else -pi
-            wrists.append((code + 2, q1, -q5, q6, q234, u - s, z + c))
+            wrists.append((code + 2, q1, -q5, q6, q234, u + s, -c - z))
         else:
-            wrist = _free_wrist(code, q1, c5, pitch, u, z, g)
+            wrist = _free_wrist(code, q1, c5, pitch, -u, z, g)
             wrists.append((*wrist[:3], q6, *wrist[4:]))
-    found, miss, codes = _elbows(wrists, g, tol)
-    if codes < 8 and turns:
+    found, miss, clamped = _elbows(wrists, g, tol)
+    if len(wrists) == REGULAR_WRISTS and not clamped:
         return found, miss
     return _verified(found, miss, lambda q: _axis_missed_by(ur_fk(q, g), position, axis, reach) <= tol)
 
@@ -180,14 +183,14 @@ def _shoulders(x: float, y: float, d4: float, tol: float) -> Sequence[tuple[int,
     return ((SHOULDER, x / r, -y / r),) if r >= d4 - tol else ()
 
 
-def _elbows(wrists: list[Wrist], g: URGeometry, tol: float) -> tuple[list[Branch], int, int]:
-    """Both elbow solutions of every shoulder and wrist, from u = a2 c2 + a3 c23 and v = a2 s2 + a3 s23.
+def _elbows(wrists: list[Wrist], g: URGeometry, tol: float) -> tuple[list[Branch], int, bool]:
+    """Both elbow solutions of every shoulder and wrist, from -u = a2 c2 + a3 c23 and -v = a2 s2 + a3 s23.
 
-    Returns the solutions, the `Miss` flags, and all codes together.
+    Returns the solutions, the `Miss` flags, and whether an elbow was clamped.
     """
     _, upper, fore, _, _, _, lengths, twice = g.packed
     found: list[Branch] = []
-    miss = codes = 0
+    miss, clamped = 0, False
     for code, q1, q5, q6, q234, u, v in wrists:
         c3 = (u * u + v * v - lengths) / twice
         if -1.0 < c3 < 1.0:
@@ -197,10 +200,9 @@ def _elbows(wrists: list[Wrist], g: URGeometry, tol: float) -> tuple[list[Branch
             if reason:
                 miss |= reason
                 continue
-            c3, s3, code = copysign(1.0, c3), 0.0, code | ELBOW
-        codes |= code
+            c3, s3, code, clamped = copysign(1.0, c3), 0.0, code | ELBOW, True
         # wrist_1 -> shoulder points along phi, and is turned by psi >= 0 against the upper arm (a2 and a3 are negative)
-        q3, phi, psi = atan2(s3, c3), atan2(-v, -u), atan2(fore * s3, upper + fore * c3)
+        q3, phi, psi = atan2(s3, c3), atan2(v, u), atan2(fore * s3, upper + fore * c3)
         rest, bend = q234 - phi, psi - q3
         q2, q4 = phi - psi, rest + bend
         if q2 < -pi:
@@ -219,7 +221,7 @@ def _elbows(wrists: list[Wrist], g: URGeometry, tol: float) -> tuple[list[Branch
             if q4 < -pi:
                 q4 += TURN
             found.append((code + 1, q1, q2, -q3, q4, q5, q6))
-    return found, miss, codes
+    return found, miss, clamped
 
 
 def _elbow_miss(rho: float, g: URGeometry, tol: float) -> int:
@@ -234,7 +236,7 @@ def _free_wrist(code: int, q1: float, c5: float, wanted: float, u: float, v: flo
     q234 = reachable_pitch(wanted, u, v, g)
     code |= WRIST if q234 == wanted else WRIST | MOVED
     s, c = g.d5 * sin(q234), g.d5 * cos(q234)
-    return code, q1, 0.0 if c5 > 0.0 else pi, 0.0, q234, u - s, v + c
+    return code, q1, 0.0 if c5 > 0.0 else pi, 0.0, q234, s - u, -c - v
 
 
 def reachable_pitch(wanted: float, u: float, v: float, g: URGeometry) -> float:
