@@ -6,7 +6,8 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from kinreach.errors import InputError
-from kinreach.kinematics.arm3_ik import YawPlanarGeometry, miss_text, solve_positions
+from kinreach.kinematics.arm3_batch import solve_positions
+from kinreach.kinematics.arm3_ik import YawPlanarGeometry, miss_text, solve_position
 from kinreach.kinematics.closed_form import ClosedFormKinematics
 from kinreach.kinematics.goals import Floats, Goal, PositionGoal, as_pose, check_poses
 from kinreach.kinematics.result import Accept, IKResult
@@ -60,10 +61,9 @@ class Arm3Kinematics(ClosedFormKinematics):
         """
         start = self._posture_or_none(seed)
         goal = PositionGoal(as_pose("target", target)[:3, 3] if np.shape(target) == (4, 4) else target)  # type: ignore[arg-type]
-        q, valid, flags, miss = solve_positions(self._in_arm_frame(goal.position[None]), self.geometry, tol=tol)
-        branches = np.flatnonzero(valid[:, 0])
-        found = [(int(b) + 8 * int(flags[b, 0]), *q[:, b, 0].tolist()) for b in branches]
-        return self._solutions(found, miss_text(int(miss[0])), self._error_of(goal), start, limits)
+        p = self._in_arm_frame(goal.position[None])[:, 0]
+        found, miss = solve_position(p.tolist(), self.geometry, tol=tol)
+        return self._solutions(found, "" if found else miss_text(miss), self._error_of(goal), start, limits)
 
     def nearest(self, target: ArrayLike, seed: ArrayLike, *, accept: Accept | None = None) -> IKResult:
         """The posture for a target that is nearest to a seed, over all branches and windings.
@@ -97,8 +97,7 @@ class Arm3Kinematics(ClosedFormKinematics):
             raise InputError(f"targets must have shape (count, 3) or (count, 4, 4), got {T.shape}")
         if not np.isfinite(T).all():
             raise InputError("targets must be finite")
-        q, valid, _, _ = solve_positions(self._in_arm_frame(T), self.geometry, tol=tol)
-        return q, valid
+        return solve_positions(self._in_arm_frame(T), self.geometry, tol=tol)
 
     def _in_arm_frame(self, p: Floats) -> Floats:
         """Points of the base frame (count, 3) in the arm's own frame (3, count)."""

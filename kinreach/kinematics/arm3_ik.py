@@ -1,4 +1,4 @@
-"""Closed-form inverse kinematics of a turning base with a planar two-link arm, in numpy, for one or many targets.
+"""Closed-form inverse kinematics of a turning base with a planar two-link arm, as pure functions on floats.
 
 The third link's tip has to be at a point. In the frame that turns with the first joint the tip's sideways offset L
 is constant, so that -x sin q1 + y cos q1 = L gives two values of q1 (front and back); in the plane of the links the
@@ -8,17 +8,17 @@ that turns the same way as the joint's positive direction.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, field
 from enum import IntFlag
+from math import atan2, copysign, hypot, pi, sqrt
 from typing import Any
 
-import numpy as np
-from numpy.typing import NDArray
-
 from kinreach.errors import InputError
-from kinreach.kinematics.goals import Floats
 
-BRANCHES = 4
+TURN = 2 * pi
+#: One solution: code (branch index + 8 * `Singularity` flags), and the three joint angles [rad] in [-pi, pi].
+Branch = tuple[int, float, float, float]
 
 
 class Singularity(IntFlag):
@@ -59,12 +59,20 @@ class YawPlanarGeometry:
         upper: Second axis to third, in the plane (x, z) at zero angles [m].
         fore: Third axis to the tip, likewise [m].
         offset: Sideways offset L of the tip along y of the turning frame [m].
+        upper_polar, fore_polar: Length [m] of either link, and its angle from z towards x [rad], the direction in
+            which a joint about y turns.
     """
 
     shoulder: tuple[float, float]
     upper: tuple[float, float]
     fore: tuple[float, float]
     offset: float
+    upper_polar: tuple[float, float] = field(init=False)
+    fore_polar: tuple[float, float] = field(init=False)
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "upper_polar", (hypot(*self.upper), atan2(*self.upper)))
+        object.__setattr__(self, "fore_polar", (hypot(*self.fore), atan2(*self.fore)))
 
     @classmethod
     def from_model(cls, model: Any, tip_frame: int) -> YawPlanarGeometry:
@@ -86,59 +94,52 @@ class YawPlanarGeometry:
         )
 
 
-def solve_positions(
-    p: Floats, g: YawPlanarGeometry, *, tol: float = 1e-7
-) -> tuple[Floats, NDArray[np.bool_], NDArray[np.int64], NDArray[np.int64]]:
-    """All postures that put the tip at each of many points.
+def solve_position(p: Sequence[float], g: YawPlanarGeometry, *, tol: float = 1e-7) -> tuple[list[Branch], int]:
+    """All postures that put the tip at a point.
 
     Args:
-        p: Points in the frame of the base [m], shape (3, count).
+        p: Point in the frame of the base [m], three numbers.
         g: Lengths.
         tol: How far a point may be outside the reach of the joints and still be taken as on its border [m].
 
     Returns:
-        q [rad] in [-pi, pi], shape (3, 4, count), NaN where not valid; valid, shape (4, count); `Singularity`
-        flags, shape (4, count); and `Miss` flags of each point, shape (count,).
+        The solutions in the order of their branch index, and the `Miss` flags of the branches that have none.
     """
-    with np.errstate(over="ignore", invalid="ignore"):  # points at astronomic distances are just out of reach
-        return _solve(p, g, tol)
-
-
-def _solve(
-    p: Floats, g: YawPlanarGeometry, tol: float
-) -> tuple[Floats, NDArray[np.bool_], NDArray[np.int64], NDArray[np.int64]]:
     x, y, z = p
-    r = np.hypot(x, y)
-    near = r <= abs(g.offset)
-    outside = r < abs(g.offset) - tol
-    m = np.sqrt(np.maximum(r * r - g.offset**2, 0.0))
-    heading, v = np.arctan2(y, x), z - g.shoulder[1]
-    (a, angle_a), (b, angle_b) = _polar(g.upper), _polar(g.fore)
-    q = np.empty((3, BRANCHES, p.shape[1]))
-    valid = np.empty((BRANCHES, p.shape[1]), dtype=np.bool_)
-    flags = np.zeros((BRANCHES, p.shape[1]), dtype=np.int64)
-    miss = np.where(outside, int(Miss.BASE_CYLINDER), 0)
-    for back, radial in enumerate((m, -m)):
+    (a, angle_a), (b, angle_b) = g.upper_polar, g.fore_polar
+    r, v = hypot(x, y), z - g.shoulder[1]
+    if r < abs(g.offset) - tol:
+        return [], int(Miss.BASE_CYLINDER)
+    if r > abs(g.offset):
+        m = sqrt((r - g.offset) * (r + g.offset))
+        sides: tuple[tuple[int, float], ...] = ((0, m), (2, -m))
+    else:
+        sides = ((8 * int(Singularity.BASE), 0.0),)
+    found: list[Branch] = []
+    miss = 0
+    for code, radial in sides:
         u = radial - g.shoulder[0]
-        rho = np.hypot(u, v)
-        too_far, too_near = rho > a + b + tol, rho < abs(a - b) - tol
-        cosine = (rho * rho - a * a - b * b) / (2 * a * b)
-        edge = np.abs(cosine) >= 1.0
-        bend = np.arccos(np.clip(cosine, -1.0, 1.0))
-        reached = ~(outside | too_far | too_near) & ~(near & (back == 1))
-        miss |= np.where(outside, 0, np.where(too_far, int(Miss.ELBOW_OUT), np.where(too_near, int(Miss.ELBOW_IN), 0)))
-        for elbow, theta in enumerate((bend, -bend)):
-            branch = 2 * back + elbow
-            q[0, branch] = heading - np.arctan2(g.offset, radial)
-            q[1, branch] = np.arctan2(u, v) - angle_a - np.arctan2(b * np.sin(theta), a + b * np.cos(theta))
-            q[2, branch] = theta - (angle_b - angle_a)
-            valid[branch] = reached & ~(edge & (elbow == 1))
-            flags[branch] = np.where(near, int(Singularity.BASE), 0) | np.where(edge, int(Singularity.ELBOW), 0)
-    q -= 2 * np.pi * np.rint(q / (2 * np.pi))
-    np.copyto(q, np.nan, where=~valid)
-    return q, valid, flags, miss
+        rho = hypot(u, v)
+        if rho > a + b + tol:
+            miss |= Miss.ELBOW_OUT
+            continue
+        if rho < abs(a - b) - tol:
+            miss |= Miss.ELBOW_IN
+            continue
+        cosine = (rho * rho - a * a - b * b) / (2.0 * a * b)
+        q1, phi = wrap(atan2(y, x) - atan2(g.offset, radial)), atan2(u, v) - angle_a
+        if -1.0 < cosine < 1.0:
+            sine = sqrt(1.0 - cosine * cosine)
+            bends: tuple[tuple[int, float], ...] = ((0, sine), (1, -sine))
+        else:
+            cosine, bends = copysign(1.0, cosine), ((8 * int(Singularity.ELBOW), 0.0),)
+        for elbow, sine in bends:
+            q2 = wrap(phi - atan2(b * sine, a + b * cosine))
+            q3 = wrap(atan2(sine, cosine) - (angle_b - angle_a))
+            found.append((code + elbow, q1, q2, q3))
+    return found, int(miss)
 
 
-def _polar(vector: tuple[float, float]) -> tuple[float, float]:
-    """Length and angle from z towards x, the direction in which a joint about y turns."""
-    return float(np.hypot(*vector)), float(np.arctan2(*vector))
+def wrap(angle: float) -> float:
+    """The angle in [-pi, pi]."""
+    return angle - TURN * round(angle / TURN)

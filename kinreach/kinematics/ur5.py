@@ -21,8 +21,9 @@ from kinreach.kinematics.goals import (
 from kinreach.kinematics.result import Accept, IKResult
 from kinreach.kinematics.solutions import IKSolutions
 from kinreach.kinematics.ur_batch import ROUNDING, solve_poses
+from kinreach.kinematics.ur_flags import miss_text
 from kinreach.kinematics.ur_geometry import Rows, URGeometry, ur_fk
-from kinreach.kinematics.ur_ik import miss_text, solve_axis, solve_pose
+from kinreach.kinematics.ur_ik import solve_axis, solve_pose
 from kinreach.robots import ArmDescription
 
 #: base_link of the URDF is the DH base frame turned by pi about z.

@@ -23,54 +23,17 @@ Every solution in which something was clamped or moved is checked by forward kin
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from enum import IntFlag
 from math import acos, atan2, copysign, cos, hypot, pi, sin, sqrt
 
+from kinreach.kinematics.ur_flags import Miss, Singularity
 from kinreach.kinematics.ur_geometry import Rows, URGeometry, ur_fk
 
 TURN = 2 * pi
 
 
-class Singularity(IntFlag):
-    """What was clamped, free or moved in a solution."""
-
-    #: P5 lies on the cylinder of radius d4 around the first axis: both shoulder values are one.
-    SHOULDER = 1
-    #: sin q5 = 0: wrist_3 is parallel to the three middle axes, q6 was chosen.
-    WRIST = 2
-    #: The elbow is stretched or folded: both elbow values are one.
-    ELBOW = 4
-    #: q6 could not keep the caller's value and was moved to the nearest feasible one.
-    MOVED = 8
-
-
 #: Shoulder and wrist values where neither is singular.
 REGULAR_WRISTS = 4
 SHOULDER, WRIST, ELBOW, MOVED = (8 * flag for flag in Singularity)
-
-
-class Miss(IntFlag):
-    """Which part of the geometry kept a branch from reaching."""
-
-    SHOULDER_CYLINDER = 1
-    ELBOW_OUT = 2
-    ELBOW_IN = 4
-    RESIDUAL = 8
-
-
-_MISS_TEXT = {
-    Miss.SHOULDER_CYLINDER: "wrist centre inside the shoulder cylinder (closer to the first axis than d4)",
-    Miss.ELBOW_OUT: "too far away for the stretched elbow",
-    Miss.ELBOW_IN: "too close for the folded elbow",
-    Miss.RESIDUAL: "a clamped solution misses the target by more than the tolerance",
-}
-
-
-def miss_text(miss: int) -> str:
-    """What kept the arm from a target, in words; empty for no flags."""
-    return "; ".join(text for flag, text in _MISS_TEXT.items() if miss & flag)
-
-
 #: One solution: code (branch index + 8 * `Singularity` flags), and the six joint angles [rad] in [-pi, pi].
 Branch = tuple[int, float, float, float, float, float, float]
 #: Shoulder and wrist of a branch: code, q1, q5, q6, q234, and the vector (u, v) from wrist_1's

@@ -35,7 +35,7 @@ def test_single_targets_equal_the_batch():
     for i in range(500):
         solutions = KIN.all_solutions(T[i, :3, 3])
         np.testing.assert_array_equal(solutions.branch, np.flatnonzero(batch.valid[i]))
-        np.testing.assert_array_equal(solutions.q, batch.q[i, solutions.branch])
+        np.testing.assert_allclose(solutions.q, batch.q[i, solutions.branch], atol=1e-9)
         assert solutions.residual.max() < 1e-9
         np.testing.assert_allclose(KIN.nearest(T[i], q[i]).q, q[i], atol=1e-6)
 

@@ -6,7 +6,7 @@ import pytest
 from benchmarks.edge_cases import CASES, FLANGE
 from benchmarks.singular_cases import judge
 from kinreach.kinematics.goals import pose_error
-from kinreach.kinematics.ur_ik import Singularity
+from kinreach.kinematics.ur_flags import Singularity
 
 COUNT = 1000
 
