@@ -53,8 +53,8 @@ class PentagonAngles(NamedTuple):
 class _Joints(NamedTuple):
     """j0 ... j4 of the thesis; j5 turns the gripper about its own axis and changes nothing.
 
-    Columns of a stack, each of shape (...). For one posture they are plain floats, with which the same formulas take a
-    tenth of the time: hence no NumPy function below, and factors of 0 and 1 where a column would be masked.
+    Columns of a stack, each of shape (...). For one posture they are plain floats, with which the same formulas take
+    less than half the time: hence no NumPy function below, and factors of 0 and 1 where a column would be masked.
     """
 
     j0: Floats

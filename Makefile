@@ -1,0 +1,53 @@
+# kinreach: set-up and the jobs of the project. `make help` lists them.
+
+PYTHON ?= $(shell command -v python3.11 || command -v python3)
+VENV ?= .venv
+ARGS ?=
+PYTEST_ARGS ?=
+
+BIN := $(VENV)/bin
+PIP_INSTALL := $(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt
+CORE := $(VENV)/.installed-core
+DEV := $(VENV)/.installed-dev
+
+.DEFAULT_GOAL := help
+.PHONY: help setup compare test test-all lint bench clean
+
+help: ## List the targets
+	@grep -hE '^[a-z-]+:.*## ' $(MAKEFILE_LIST) | awk -F ':.*## ' '{printf "  make %-10s %s\n", $$1, $$2}'
+	@echo '  Options: ARGS="..." for compare and bench, PYTEST_ARGS="-n 2" for the tests, PYTHON=python3.12, VENV=DIR'
+
+setup: $(DEV) ## Make the virtual environment with everything that tests and lint need
+
+compare: $(CORE) ## Put all methods on the same goals, for example ARGS="--task button --goals 50"
+	$(BIN)/python -m kinreach.compare $(ARGS)
+
+test: $(DEV) ## Run the tests but the slow ones
+	$(BIN)/python -m pytest -m "not slow" $(PYTEST_ARGS)
+
+test-all: $(DEV) ## Run all tests
+	$(BIN)/python -m pytest $(PYTEST_ARGS)
+
+lint: $(DEV) ## Check style, format and types
+	$(BIN)/ruff check .
+	$(BIN)/ruff format --check .
+	$(BIN)/mypy
+
+bench: $(DEV) ## Singular cases, ours beside the peers
+	$(BIN)/python -m benchmarks.singular_cases $(ARGS)
+
+clean: ## Remove the virtual environment and the caches
+	rm -rf $(VENV) .pytest_cache .ruff_cache .mypy_cache .hypothesis
+
+$(BIN)/python:
+	@test -n "$(PYTHON)" || { echo "kinreach needs Python 3.11: no python3 found" >&2; exit 1; }
+	@$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11) and "kinreach needs Python 3.11 or newer, this is %d.%d: make PYTHON=python3.11" % sys.version_info[:2])'
+	$(PYTHON) -m venv $(VENV)
+
+$(CORE): pyproject.toml constraints.txt | $(BIN)/python
+	$(PIP_INSTALL) -e .
+	@touch $@
+
+$(DEV): $(CORE)
+	$(PIP_INSTALL) -e '.[dev]'
+	@touch $@

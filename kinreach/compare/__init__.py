@@ -1,0 +1,15 @@
+"""Methods on equal terms: the same goals, start posture, acceptance test, controller and machine, one thread.
+
+`python -m kinreach.compare` is the command; from Python:
+
+    from kinreach.compare import Settings, compare
+    results = compare(Settings(task="ur5", methods=("closed-form", "placo"), goals=50), out="results/mine")
+
+Where to add things: a method is a line in `methods.py`, a task a module named in `tasks/__init__.py`.
+"""
+
+from kinreach.compare.comparison import compare
+from kinreach.compare.settings import Settings
+from kinreach.compare.trials import Trial
+
+__all__ = ["Settings", "Trial", "compare"]

@@ -1,0 +1,84 @@
+"""The command line of the comparison."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+from rich.console import Console
+from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
+
+from kinreach.cli import Parser
+from kinreach.compare.comparison import compare
+from kinreach.compare.methods import METHODS
+from kinreach.compare.scene_picture import write_scene
+from kinreach.compare.settings import DEFAULT_GOALS, Settings
+from kinreach.compare.tables import TABLE_WIDTH, footnotes, methods_table
+from kinreach.compare.tasks import TASKS
+
+_EPILOG = "methods: " + "; ".join(f"{task}: {', '.join(methods)}" for task, methods in METHODS.items())
+
+
+def main(argv: Sequence[str], *, prog: str) -> int:
+    """Run a comparison and show its table.
+
+    Args:
+        argv: Arguments without the program's name.
+        prog: How the user called it, for messages and for the command in the results.
+
+    Returns:
+        Exit code 0; anything else is raised.
+
+    Raises:
+        KinreachError: Bad input, a directory that cannot be written, a missing package.
+        KeyboardInterrupt: With a message that says what was kept.
+    """
+    arguments = _parser(prog).parse_args(argv)
+    names = tuple(name.strip() for name in arguments.methods.split(",")) if arguments.methods is not None else ()
+    settings = Settings(task=arguments.task, methods=names, goals=arguments.goals, seed=arguments.seed)
+    out = Path(arguments.out) if arguments.out is not None else Path("results") / f"compare-{settings.task}"
+    command = (
+        f"{prog} --task {settings.task} --methods {','.join(settings.methods)} "
+        f"--goals {settings.goals} --seed {settings.seed}"
+    )
+    results = _measure(settings, out, fresh=arguments.fresh, command=command)
+    scene_note = write_scene(TASKS[settings.task].arm_name, out / "scene.png")
+
+    console = Console(width=TABLE_WIDTH, highlight=False)
+    console.print(methods_table(results, title=TASKS[settings.task].title))
+    for note in [*footnotes(results, out), scene_note]:
+        console.print(note, style="dim", soft_wrap=True)
+    return 0
+
+
+def _measure(settings: Settings, out: Path, *, fresh: bool, command: str) -> dict[str, Any]:
+    """Compare under a progress bar; Ctrl-C becomes a line that says what was kept."""
+    columns = (TextColumn("comparing"), BarColumn(), MofNCompleteColumn(), TimeElapsedColumn(), TimeRemainingColumn())
+    errors = Console(stderr=True)
+    # Drawn between trials, not by a thread of its own that would run into the solves that are timed.
+    hidden = not errors.is_terminal
+    with Progress(*columns, console=errors, transient=True, auto_refresh=False, disable=hidden) as bar:
+        shown = bar.add_task("comparing", total=None)
+
+        def show(done: int, total: int) -> None:
+            if bar.tasks[shown].total is None and done:
+                errors.print(f"Going on from an interrupted run: {done} of {total} trials kept (--fresh starts over).")
+            bar.update(shown, completed=done, total=total, refresh=True)
+
+        try:
+            return compare(settings, out, fresh=fresh, command=command, progress=show)
+        except KeyboardInterrupt:
+            kept = f"{bar.tasks[shown].completed:.0f} finished trials are kept in {out}"
+            raise KeyboardInterrupt(f"interrupted; {kept}; the same command goes on from there") from None
+
+
+def _parser(prog: str) -> Parser:
+    parser = Parser(prog=prog, description="Put all methods on the same goals and report how they do.", epilog=_EPILOG)
+    parser.add_argument("--task", default=Settings.task, help=f"one of: {', '.join(TASKS)} (default: %(default)s)")
+    parser.add_argument("--methods", metavar="A,B", help="methods to compare (default: all of the task's)")
+    parser.add_argument("--goals", type=int, default=DEFAULT_GOALS, metavar="N", help="default: %(default)s")
+    parser.add_argument("--seed", type=int, default=0, metavar="S", help="of the goals (default: %(default)s)")
+    parser.add_argument("--out", metavar="DIR", help="where results go (default: results/compare-TASK)")
+    parser.add_argument("--fresh", action="store_true", help="do not go on from an interrupted comparison in DIR")
+    return parser

@@ -1,0 +1,98 @@
+"""A whole comparison: settings in, measured trials, results on disk."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+from kinreach.compare import figures, provenance, statistics
+from kinreach.compare.checkpoint import Checkpoint
+from kinreach.compare.files import make_writable, write_text
+from kinreach.compare.methods import METHODS
+from kinreach.compare.runner import run_trials
+from kinreach.compare.settings import Settings
+from kinreach.compare.summary import summarise
+from kinreach.compare.tables import trials_csv
+from kinreach.compare.tasks import TASKS, Task
+from kinreach.compare.trials import Trial
+from kinreach.envs.controller import TOLERANCE
+from kinreach.envs.simulation import ArmSimulation
+from kinreach.kinematics.solvers.base import Tolerance
+
+#: Called with the number of finished trials and the number of all trials.
+Progress = Callable[[int, int], None]
+
+#: What all tasks give every method alike.
+_COMMON_TERMS = {
+    "tolerance": f"numeric solvers stop within {Tolerance().position:g} m and {Tolerance().orientation:g} rad",
+    "execution": f"from the start posture, two-phase, in MuJoCo; done when every joint rests within {TOLERANCE:g} rad",
+    "timing": "methods take turns on every goal after untimed warm-up solves; one process, one thread",
+}
+
+
+def compare(
+    settings: Settings,
+    out: str | Path,
+    *,
+    fresh: bool = False,
+    command: str = "kinreach.compare.compare(...)",
+    progress: Progress = lambda done, total: None,
+) -> dict[str, Any]:
+    """Measure every method on every goal and write the results.
+
+    Interrupted, it leaves the finished trials in `out/records.jsonl`; called again with the same settings (and the
+    same code, versions and machine) it goes on from there. The file disappears when the results are written.
+
+    Args:
+        settings: What to compare.
+        out: Directory for `results.json`, `results.csv` and the figures; created if need be.
+        fresh: Measure everything, even if an interrupted comparison could go on.
+        command: How to get the same again, written into the results.
+        progress: Told how far it is.
+
+    Returns:
+        The contents of `results.json`.
+
+    Raises:
+        OutputError: `out` cannot be written.
+        InstallationError: A method's packages are missing.
+    """
+    out = Path(out)
+    make_writable(out)
+    task = TASKS[settings.task]()
+    solvers = {name: METHODS[settings.task][name](task.new_kinematics()) for name in settings.methods}
+    versions, machine = provenance.versions(), provenance.machine()
+    identity = {"settings": settings.to_dict(), "versions": versions, "machine": machine}
+    checkpoint = Checkpoint(out / "records.jsonl", identity, fresh=fresh)
+    total = settings.goals * len(solvers)
+    progress(len(checkpoint.trials), total)
+    done = {(trial.goal, trial.method) for trial in checkpoint.trials}
+    goals = task.goals(settings.goals, settings.seed)
+    for trial in run_trials(task, solvers, goals, ArmSimulation(arm=task.arm_name), done=done):
+        checkpoint.add(trial)
+        progress(len(checkpoint.trials), total)
+    trials = sorted(checkpoint.trials, key=lambda trial: (trial.goal, settings.methods.index(trial.method)))
+    results = {
+        "methods": [summarise(name, [trial for trial in trials if trial.method == name]) for name in settings.methods],
+        "settings": {**settings.to_dict(), "command": command, **_conditions(task), "machine": machine},
+        "versions": versions,
+    }
+    _write(out, trials, results)
+    checkpoint.remove()
+    return results
+
+
+def _conditions(task: Task) -> dict[str, Any]:
+    return {
+        "terms": {**task.terms(), **_COMMON_TERMS},
+        "confidence": statistics.CONFIDENCE,
+        "intervals": f"Wilson for rates; percentile bootstrap with {statistics.RESAMPLES} resamples for the rest",
+    }
+
+
+def _write(out: Path, trials: list[Trial], results: dict[str, Any]) -> None:
+    write_text(out / "results.csv", trials_csv(trials))
+    figures.write_all(out, trials, results)
+    write_text(out / "results.json", json.dumps(results, indent=2, allow_nan=False) + "\n")

@@ -1,0 +1,76 @@
+"""From trials to the numbers of `results.json`, each with its 95 % confidence interval."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Callable, Sequence
+from typing import Any
+
+import numpy as np
+
+from kinreach.compare.statistics import Statistic, bootstrap_intervals, mean, median, p95, wilson_interval
+from kinreach.compare.trials import Trial
+
+#: Distances [mm] at which the share of goals is reported.
+TOLERANCES_MM = (50, 20, 10, 5, 2, 1, 0.5)
+
+
+def summarise(name: str, trials: Sequence[Trial]) -> dict[str, Any]:
+    """One entry of `methods` in `results.json`.
+
+    Rates are over all goals. Distances are over all goals too: an impossible one counts with the distance at which
+    the arm stood. A goal succeeds at a tolerance if its move was completed and ended within it. Moving times are
+    over completed moves. A quantity that was never measured is None.
+
+    Args:
+        name: Of the method.
+        trials: Its trials, at least one.
+    """
+    success = {
+        f"{tolerance:g}": sum(not t.impossible and 1e3 * t.distance <= tolerance for t in trials)
+        for tolerance in TOLERANCES_MM
+    }
+    reached, reached_ci = _rate(sum(t.reached for t in trials), len(trials))
+    impossible, impossible_ci = _rate(sum(t.impossible for t in trials), len(trials))
+    (reward_mean,), (reward_ci,) = _estimate([t.reward for t in trials], (mean,))
+    return {
+        "name": name,
+        "goals": len(trials),
+        "reached": reached,
+        "reached_ci": reached_ci,
+        **_median_p95("distance_mm", trials, lambda t: 1e3 * t.distance),
+        "success_at_mm": {key: _rate(count, len(trials))[0] for key, count in success.items()},
+        "success_at_mm_ci": {key: _rate(count, len(trials))[1] for key, count in success.items()},
+        "impossible": impossible,
+        "impossible_ci": impossible_ci,
+        "outcomes": dict(Counter(t.status for t in trials)),
+        "reward_mean": reward_mean,
+        "reward_mean_ci": reward_ci,
+        **_median_p95("posture_error", trials, lambda t: t.posture_error),
+        **_median_p95("ik_error_mm", trials, lambda t: None if t.q is None else 1e3 * t.ik_error),
+        **_median_p95("solve_ms", trials, lambda t: 1e3 * t.solve_s),
+        **_median_p95("accept_ms", trials, lambda t: 1e3 * t.accept_s),
+        **_median_p95("move_s", trials, lambda t: t.move_s),
+        **_median_p95("iterations", trials, lambda t: float(t.iterations)),
+        **_median_p95("restarts", trials, lambda t: float(t.restarts)),
+        **_median_p95("candidates", trials, lambda t: float(t.candidates)),
+    }
+
+
+def _median_p95(key: str, trials: Sequence[Trial], value: Callable[[Trial], float | None]) -> dict[str, Any]:
+    names = ("median", "p95")
+    values = [v for v in map(value, trials) if v is not None]
+    if not values:
+        return {key: dict.fromkeys(names), f"{key}_ci": dict.fromkeys(names)}
+    estimates, intervals = _estimate(values, (median, p95))
+    return {key: dict(zip(names, estimates, strict=True)), f"{key}_ci": dict(zip(names, intervals, strict=True))}
+
+
+def _estimate(values: Sequence[float], statistics: Sequence[Statistic]) -> tuple[list[float], list[list[float]]]:
+    sample = np.array(values, dtype=np.float64)
+    intervals = [list(interval) for interval in bootstrap_intervals(sample, statistics)]
+    return [float(statistic(sample)) for statistic in statistics], intervals
+
+
+def _rate(count: int, total: int) -> tuple[float, list[float]]:
+    return count / total, list(wilson_interval(count, total))

@@ -1,0 +1,46 @@
+"""Which links touch what, by name."""
+
+from __future__ import annotations
+
+from collections.abc import Collection
+from dataclasses import dataclass
+from typing import Any
+
+
+@dataclass(frozen=True)
+class Touch:
+    """Two bodies in contact.
+
+    Attributes:
+        link: A link of the arm.
+        other: An obstacle of the work cell, or another link.
+        with_itself: Whether `other` is a link.
+        depth: How far the two are inside each other [m].
+    """
+
+    link: str
+    other: str
+    with_itself: bool
+    depth: float
+
+    def __str__(self) -> str:
+        if self.with_itself:
+            return f"self-collision: {self.link} - {self.other}"
+        return f"{self.link} touches {self.other}"
+
+
+def touches(model: Any, data: Any, obstacles: Collection[str]) -> tuple[Touch, ...]:
+    """Bodies in contact in the last computed step, deepest first, each pair once.
+
+    Args:
+        model: The scene.
+        data: Its state; contacts are read, not computed.
+        obstacles: Names of the bodies that are not links.
+    """
+    deepest: dict[tuple[str, str], float] = {}
+    for contact in data.contact[: data.ncon]:
+        a, b = (model.body(model.geom_bodyid[geom]).name for geom in (contact.geom1, contact.geom2))
+        pair = (b, a) if a in obstacles else (a, b)
+        deepest[pair] = max(deepest.get(pair, 0.0), -float(contact.dist))
+    found = [Touch(link, other, other not in obstacles, depth) for (link, other), depth in deepest.items()]
+    return tuple(sorted(found, key=lambda touch: -touch.depth))

@@ -1,0 +1,37 @@
+"""MuJoCo, imported so that a missing graphics library does not stop the physics."""
+
+from __future__ import annotations
+
+import importlib
+import os
+from typing import Any
+
+from kinreach.errors import InstallationError
+
+_GRAPHICS = "MUJOCO_GL"
+
+
+def _load() -> Any:
+    """MuJoCo binds the graphics library that `MUJOCO_GL` names at import and fails if that is missing.
+
+    Physics needs no graphics: in that case the import is repeated without. Which library draws is decided when the
+    first frame is asked for (`kinreach.envs.rendering`), and only then is a missing one an error.
+    """
+    try:
+        return importlib.import_module("mujoco")
+    except Exception as error:  # MuJoCo lets AttributeError, OSError and RuntimeError of the graphics libraries pass
+        wanted = os.environ.get(_GRAPHICS)
+        if wanted is None:
+            raise InstallationError(
+                f"cannot import mujoco: {error}; install it with: pip install mujoco==4.0.0"
+            ) from error
+    os.environ[_GRAPHICS] = "disable"
+    try:
+        return importlib.import_module("mujoco")
+    except Exception as error:
+        raise InstallationError(f"cannot import mujoco: {error}; install it with: pip install mujoco==4.0.0") from error
+    finally:
+        os.environ[_GRAPHICS] = wanted
+
+
+mujoco: Any = _load()

@@ -1,0 +1,137 @@
+"""Pictures of a scene, with or without a screen.
+
+Which library draws is decided when the first frame is asked for, never at import: on Linux EGL, then OSMesa (or just
+the one that `MUJOCO_GL` names); elsewhere MuJoCo's own choice. Do not fork after the first frame: an OpenGL context
+does not survive it, start worker processes with `spawn` or `forkserver`.
+"""
+
+from __future__ import annotations
+
+import importlib
+import os
+import platform
+import sys
+from collections.abc import Sequence
+from functools import cache
+from types import TracebackType
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from kinreach.envs.engine import mujoco
+from kinreach.errors import InputError, InstallationError, raise_unknown
+
+if TYPE_CHECKING:
+    from kinreach.envs.simulation import ArmSimulation
+
+_PACKAGES = {"egl": "libegl1 libgl1", "osmesa": "libosmesa6"}
+_PROBE_SIZE = 8
+
+
+class FrameRenderer:
+    """Draws frames of one size of one model; to be closed, or used as a context manager.
+
+    Args:
+        model: A scene, from `kinreach.envs.scene`.
+        width, height: Size of the frames [pixels].
+        shadows: Draw shadows and reflections; a frame takes two to five times as long.
+
+    Raises:
+        InputError: The frame is larger than the scene's off-screen buffer.
+        InstallationError: There is no library to draw with; the message names the packages.
+    """
+
+    def __init__(self, model: Any, *, width: int = 1280, height: int = 720, shadows: bool = True) -> None:
+        most = model.vis.global_
+        if not (0 < width <= most.offwidth and 0 < height <= most.offheight):
+            raise InputError(f"frames can be up to {most.offwidth}x{most.offheight} pixels, got {width}x{height}")
+        _choose_library()
+        self._model = model
+        self._renderer = mujoco.Renderer(model, height, width)
+        for flag in (mujoco.mjtRndFlag.mjRND_SHADOW, mujoco.mjtRndFlag.mjRND_REFLECTION):
+            self._renderer.scene.flags[flag] = shadows
+
+    def rgb(self, data: Any, camera: str) -> NDArray[np.uint8]:
+        """A colour picture of a state (`mujoco.MjData`), shape (height, width, 3).
+
+        Raises:
+            UnknownNameError: There is no such camera; the message lists those there are.
+        """
+        if mujoco.mj_name2id(self._model, mujoco.mjtObj.mjOBJ_CAMERA, camera) < 0:
+            raise_unknown("camera", camera, (self._model.camera(i).name for i in range(self._model.ncam)))
+        mujoco.mj_kinematics(self._model, data)
+        mujoco.mj_camlight(self._model, data)
+        self._renderer.update_scene(data, camera)
+        frame: NDArray[np.uint8] = self._renderer.render()
+        return frame
+
+    def close(self) -> None:
+        """Free the graphics memory."""
+        self._renderer.close()
+
+    def __enter__(self) -> FrameRenderer:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self.close()
+
+
+def render(
+    simulation: ArmSimulation, camera: str = "overview", *, width: int = 1280, height: int = 720, shadows: bool = True
+) -> NDArray[np.uint8]:
+    """One picture of a simulation, shape (height, width, 3); for many of them keep a `FrameRenderer`.
+
+    Raises:
+        UnknownNameError: There is no such camera.
+        InputError: The frame is too large.
+        InstallationError: There is no library to draw with.
+    """
+    with FrameRenderer(simulation.model, width=width, height=height, shadows=shadows) as renderer:
+        return renderer.rgb(simulation.data, camera)
+
+
+@cache
+def _choose_library() -> None:
+    """Make MuJoCo draw with a library that works here.
+
+    MuJoCo chooses at import and, left alone on Linux, takes GLFW, which needs a screen.
+    """
+    wanted = os.environ.get("MUJOCO_GL", "").lower().strip()
+    if platform.system() != "Linux" or (wanted and wanted not in _PACKAGES):
+        return
+    context = _first_working([wanted] if wanted else list(_PACKAGES))
+    importlib.import_module("mujoco.rendering.classic.gl_context").GLContext = context  # type: ignore[attr-defined]
+
+
+def _first_working(names: Sequence[str]) -> Any:
+    """The context class of the first library that works."""
+    failures = []
+    platform_before = os.environ.get("PYOPENGL_PLATFORM")
+    for name in names:
+        try:
+            return _context(name)
+        except Exception as error:  # a missing library shows as ImportError, AttributeError, OSError or GLError
+            failures.append(f"{name}: {type(error).__name__}: {error}")
+            _forget(name, platform_before)
+    packages = ", or ".join(f"apt install {_PACKAGES[name]}" for name in names)
+    raise InstallationError(f"cannot draw, no OpenGL library works here: {'; '.join(failures)}. Do: {packages}")
+
+
+def _context(name: str) -> Any:
+    """MuJoCo's context class for a library, after a proof that one can be made."""
+    context = importlib.import_module(f"mujoco.{name}").GLContext
+    probe = context(_PROBE_SIZE, _PROBE_SIZE)
+    probe.make_current()
+    probe.free()
+    return context
+
+
+def _forget(name: str, platform_before: str | None) -> None:
+    """Undo a failed attempt: PyOpenGL binds its platform once, at import."""
+    if platform_before is None:
+        os.environ.pop("PYOPENGL_PLATFORM", None)
+    for module in [m for m in sys.modules if m == "OpenGL" or m.startswith(("OpenGL.", f"mujoco.{name}"))]:
+        del sys.modules[module]

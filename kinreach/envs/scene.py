@@ -1,0 +1,134 @@
+"""An arm in its work cell as a MuJoCo model, made from the same URDF that feeds Pinocchio and placo.
+
+Bodies carry the names of the URDF's links, so that every frame of the URDF is a body; obstacles are bodies of their
+own, named as their `Box`. The ball marks a goal: it is a mocap body without contact. Positions are held by servos
+with gravity compensation, as in the controller of a real UR5; without it shoulder_lift stands 0.013 rad low.
+"""
+
+from __future__ import annotations
+
+from functools import lru_cache
+from typing import Any
+
+import numpy as np
+
+from kinreach.envs.cameras import add_camera
+from kinreach.envs.engine import mujoco
+from kinreach.envs.looks import add_looks
+from kinreach.envs.meshes import add_visual_meshes
+from kinreach.robots import ArmDescription
+
+BALL = "ball"
+BALL_GROUP = 1  # of its own, so that it can be drawn alone
+BALL_COLOUR = (0.86, 0.04, 0.03, 1.0)
+#: Stiffness of the gripper's drive [N/m]: full force 12 mm from where it wants to be.
+GRIPPER_GAIN = 10_000.0
+#: Rotor inertia of the gripper's drive seen at a finger [kg].
+GRIPPER_ARMATURE = 0.1
+
+
+def build_scene(arm: ArmDescription, *, timestep: float = 0.002, visual: bool = True) -> Any:
+    """The scene of an arm, ready to compile or to edit further.
+
+    Args:
+        arm: The arm and its work cell.
+        timestep: Step of the simulation [s].
+        visual: Make it look good: draw the links by the URDF's visual meshes, the table's legs, camera housings. None
+            of it has mass or contact: the physics is the same, to the bit. Without, links are drawn by their collision
+            shapes and frames come faster.
+
+    Returns:
+        A `mujoco.MjSpec`.
+
+    Raises:
+        InstallationError: Packages that read the visual meshes are missing.
+    """
+    spec = _import_urdf(arm)
+    spec.option.timestep = timestep
+    spec.option.integrator = mujoco.mjtIntegrator.mjINT_IMPLICITFAST
+    _drive_joints(spec, arm)
+    _drive_gripper(spec, arm)
+    _add_workcell(spec, arm)
+    for camera in arm.cameras:
+        add_camera(spec, camera, housing=visual)
+    if visual:
+        add_visual_meshes(spec, arm)
+    add_looks(spec, arm.workcell.obstacles, visual=visual)
+    _add_home(spec, arm)
+    return spec
+
+
+@lru_cache(maxsize=16)
+def scene_model(arm: ArmDescription, *, timestep: float = 0.002, visual: bool = True) -> Any:
+    """The compiled scene (`mujoco.MjModel`), shared by all who ask for the same one: do not change it.
+
+    Arguments and errors are those of `build_scene`. Whoever wants to vary a model compiles their own.
+    """
+    return build_scene(arm, timestep=timestep, visual=visual).compile()
+
+
+def _import_urdf(arm: ArmDescription) -> Any:
+    root = arm.package_root()
+    spec = mujoco.MjSpec.from_string(arm.urdf if root is None else arm.urdf.replace("package://", f"{root}/"))
+    spec.compiler.fusestatic = False  # otherwise tool0, tcp and base_link are no bodies
+    spec.compiler.discardvisual = False  # otherwise shapes without contact, such as the ball, are dropped
+    for body in spec.bodies[1:]:
+        body.gravcomp = 1.0
+    return spec
+
+
+def _drive_joints(spec: Any, arm: ArmDescription) -> None:
+    for index, name in enumerate(arm.joints):
+        joint = spec.joint(name)
+        joint.armature = arm.armature
+        joint.damping[0] = arm.joint_damping[index]
+        _add_servo(spec, joint, arm.position_gains[index])
+
+
+def _drive_gripper(spec: Any, arm: ArmDescription) -> None:
+    """One finger is driven, the other follows by the equality that the importer makes of the URDF's `mimic`."""
+    if arm.gripper is None:
+        return
+    for name in (arm.gripper.joint, arm.gripper.mimic_joint):
+        spec.joint(name).armature = GRIPPER_ARMATURE
+        spec.joint(name).actgravcomp = True
+    _add_servo(spec, spec.joint(arm.gripper.joint), GRIPPER_GAIN)
+
+
+def _add_servo(spec: Any, joint: Any, gain: float) -> None:
+    """Critically damped position servo; its torque is limited by the joint's `actfrcrange`, the URDF's effort."""
+    joint.actgravcomp = True
+    servo = spec.add_actuator(name=joint.name, target=joint.name, trntype=mujoco.mjtTrn.mjTRN_JOINT)
+    servo.set_to_position(kp=gain, dampratio=1.0)
+
+
+def _add_workcell(spec: Any, arm: ArmDescription) -> None:
+    cell = arm.workcell
+    for box in cell.obstacles:
+        # A body each, so that a link that stands on one obstacle can be excused from touching just that one.
+        body = spec.worldbody.add_body(name=box.name, pos=box.position)
+        body.add_geom(name=box.name, type=mujoco.mjtGeom.mjGEOM_BOX, size=[edge / 2 for edge in box.size])
+    for one, other in (*arm.disabled_collisions, *cell.touching):
+        spec.add_exclude(bodyname1=one, bodyname2=other)
+    # Any goal will do until the first `place_ball`.
+    place = cell.goals.sample(np.random.default_rng(0), 1)[0]
+    ball = spec.worldbody.add_body(name=BALL, mocap=True, pos=place)
+    ball.add_geom(
+        name=BALL,
+        type=mujoco.mjtGeom.mjGEOM_SPHERE,
+        size=[cell.ball_radius, 0, 0],
+        rgba=BALL_COLOUR,
+        group=BALL_GROUP,
+        contype=0,
+        conaffinity=0,
+    )
+
+
+def _add_home(spec: Any, arm: ArmDescription) -> None:
+    """The start posture as a keyframe, for `reset` and for viewers."""
+    position = {**dict(zip(arm.joints, arm.home, strict=True)), **arm.locked_joints}
+    spec.add_key(
+        name="home",
+        qpos=[position[joint.name] for joint in spec.joints],
+        ctrl=[position[actuator.target] for actuator in spec.actuators],
+    )

@@ -1,0 +1,146 @@
+"""The command line: what it says when it is used wrongly, interrupted, or well."""
+
+import json
+import os
+import re
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import pytest
+
+from kinreach import cli
+from kinreach.compare.methods import METHODS
+from kinreach.errors import InstallationError
+
+PROG = "kinreach compare"
+
+
+def _call(*argv: str) -> int:
+    """Exit code of `kinreach` with these arguments."""
+    try:
+        return cli.main(argv)
+    except SystemExit as leaving:
+        return int(leaving.code or 0)
+
+
+@pytest.mark.parametrize(
+    ("argv", "said"),
+    [
+        (["--task", "chess"], "unknown task 'chess'; available: button, ur5"),
+        (["--methods", "magic"], "unknown ur5 method 'magic'; available: closed-form, lm, placo, qp"),
+        (["--task", "button", "--methods", "lm,magic"], "unknown button method 'magic'; available:"),
+        (["--methods", ""], "unknown ur5 method ''"),
+        (["--methods", "lm,lm"], "method 'lm' is named twice"),
+        (["--goals", "0"], "the number of goals must be at least 1, got 0"),
+        (["--goals", "-3"], "the number of goals must be at least 1, got -3"),
+        (["--goals", "many"], "argument --goals: invalid int value: 'many'"),
+        (["--seed", "-1"], "the seed must not be negative, got -1"),
+        (["--colour"], "unrecognized arguments: --colour"),
+        (["--out"], "argument --out: expected one argument"),
+    ],
+)
+def test_bad_input_is_one_clear_line(argv: list[str], said: str, capsys: pytest.CaptureFixture[str]) -> None:
+    assert _call("compare", *argv) == cli.EXIT_ERROR
+    out, err = capsys.readouterr()
+    assert out == ""
+    assert err.startswith(f"{PROG}: error: ")
+    assert said in err
+    assert err.count("\n") == 1
+
+
+def test_an_unknown_method_lists_every_method_there_is(capsys: pytest.CaptureFixture[str]) -> None:
+    assert _call("compare", "--methods", "magic") == cli.EXIT_ERROR
+    said = capsys.readouterr().err
+    assert all(name in said for name in METHODS["ur5"])
+
+
+def test_a_directory_that_cannot_be_written_is_one_clear_line(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    (tmp_path / "file").write_text("")
+    assert _call("compare", "--goals", "1", "--out", str(tmp_path / "file" / "out")) == cli.EXIT_ERROR
+    err = capsys.readouterr().err
+    assert err == f"{PROG}: error: cannot write {tmp_path / 'file' / 'out'}: Not a directory\n"
+
+
+def test_a_method_whose_package_is_missing_is_one_clear_line(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def missing(kinematics: object) -> None:
+        raise InstallationError("cannot import placo:\n  install it")
+
+    monkeypatch.setitem(METHODS["ur5"], "placo", missing)  # type: ignore[arg-type]
+    assert _call("compare", "--goals", "1", "--out", str(tmp_path)) == cli.EXIT_ERROR
+    assert capsys.readouterr().err == f"{PROG}: error: cannot import placo: install it\n"
+
+
+@pytest.mark.parametrize(("argv", "said"), [([], "required: COMMAND"), (["dance"], "invalid choice: 'dance'")])
+def test_a_missing_or_unknown_command_is_one_clear_line(
+    argv: list[str], said: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert _call(*argv) == cli.EXIT_ERROR
+    err = capsys.readouterr().err
+    assert said in err
+    assert err.count("\n") == 1
+
+
+def test_help_names_every_command_and_every_method(capsys: pytest.CaptureFixture[str]) -> None:
+    assert _call("--help") == 0
+    text = capsys.readouterr().out
+    assert all(name in text for name in cli.COMMANDS)
+    assert _call("compare", "--help") == 0
+    text = capsys.readouterr().out
+    assert all(name in text for methods in METHODS.values() for name in methods)
+
+
+def test_a_comparison_prints_its_table_and_the_command_that_gives_it_again(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert (
+        _call("compare", "--task", "button", "--methods", "closed-form,lm", "--goals", "2", "--out", str(tmp_path)) == 0
+    )
+    lines = capsys.readouterr().out.splitlines()
+    assert [line.split()[0] for line in lines[3:5]] == ["closed-form", "lm"]
+    command = json.loads((tmp_path / "results.json").read_text())["settings"]["command"]
+    assert command == "kinreach compare --task button --methods closed-form,lm --goals 2 --seed 0"
+    assert any(command in line for line in lines)
+
+
+@pytest.mark.parametrize("module", [["kinreach.compare"], ["kinreach", "compare"]])
+def test_as_a_module(module: list[str]) -> None:
+    done = subprocess.run(
+        [sys.executable, "-m", *module, "--task", "chess"], capture_output=True, text=True, check=False
+    )
+    assert done.returncode == cli.EXIT_ERROR
+    assert done.stdout == ""
+    assert done.stderr == f"python -m {' '.join(module)}: error: unknown task 'chess'; available: button, ur5\n"
+
+
+@pytest.mark.skipif(os.name != "posix", reason="sends SIGINT")
+def test_ctrl_c_is_one_line_and_keeps_what_is_finished(tmp_path: Path) -> None:
+    arguments = ["--task", "button", "--methods", "closed-form", "--goals", "2000", "--out", str(tmp_path)]
+    records = tmp_path / "records.jsonl"
+    with subprocess.Popen(
+        [sys.executable, "-m", "kinreach.compare", *arguments],
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+        preexec_fn=lambda: signal.signal(signal.SIGINT, signal.SIG_DFL),  # background jobs inherit "ignore"
+    ) as process:
+        deadline = time.monotonic() + 60
+        while time.monotonic() < deadline and not (records.exists() and records.read_text().count("\n") > 3):
+            time.sleep(0.05)
+        process.send_signal(signal.SIGINT)
+        out, err = process.communicate(timeout=60)
+    assert process.returncode == cli.EXIT_INTERRUPTED
+    assert out == ""
+    assert err.startswith("python -m kinreach.compare: interrupted; ")
+    assert err.count("\n") == 1
+    kept = records.read_text().count("\n") - 1
+    assert kept >= 3
+    said = re.search(r"(\d+) finished trials are kept in", err)
+    assert said is not None
+    assert int(said[1]) in (kept - 1, kept)

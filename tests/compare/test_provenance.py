@@ -1,0 +1,36 @@
+"""Where the numbers come from, as it is written beside them."""
+
+import platform
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import kinreach
+from kinreach.compare import provenance
+
+
+def test_versions_are_those_that_are_installed() -> None:
+    versions = provenance.versions()
+    assert versions["python"] == platform.python_version()
+    assert versions["numpy"] == np.__version__
+    assert all(versions[name] for name in ("pin", "placo", "mujoco"))
+
+
+def test_the_digest_tells_two_states_of_the_code_apart(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(kinreach, "__file__", str(tmp_path / "__init__.py"))
+    (tmp_path / "__init__.py").write_text("")
+    (tmp_path / "solver.py").write_text("x = 1\n")
+    first = provenance.source_digest()
+    assert provenance.source_digest() == first
+    assert len(first) == 12
+    (tmp_path / "solver.py").write_text("x = 2\n")
+    second = provenance.source_digest()
+    (tmp_path / "solver.py").rename(tmp_path / "other.py")
+    assert len({first, second, provenance.source_digest()}) == 3
+
+
+def test_the_machine_has_a_name() -> None:
+    machine = provenance.machine()
+    assert machine["processor"]
+    assert platform.system() in str(machine["system"])

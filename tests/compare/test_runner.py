@@ -1,0 +1,95 @@
+"""Every method is asked the same, in turns, and failures are told apart."""
+
+from typing import Any
+
+import numpy as np
+import pytest
+
+from kinreach.compare.runner import WARM_UP_GOALS, run_trials
+from kinreach.compare.tasks import UR5Task
+from kinreach.envs.simulation import ArmSimulation
+from kinreach.kinematics.goals import AxisGoal, Floats
+from kinreach.kinematics.result import IKResult, Status
+
+
+class Recorder:
+    """Writes down what it is asked, asks the acceptance test twice, and answers as told."""
+
+    def __init__(self, name: str, log: list[tuple[str, Any]], answer: IKResult) -> None:
+        self.name, self.log, self.answer = name, log, answer
+
+    def solve(self, goal: Any, seed: Any, *, accept: Any = None) -> IKResult:
+        """The answer it was made with."""
+        self.log.append((self.name, (goal, np.array(seed))))
+        accept(self.answer.q)
+        accept(self.answer.q)
+        return self.answer
+
+
+@pytest.fixture(scope="module")
+def task() -> UR5Task:
+    """The UR5's task."""
+    return UR5Task()
+
+
+@pytest.fixture(scope="module")
+def simulation() -> ArmSimulation:
+    """The UR5's simulation."""
+    return ArmSimulation(arm="ur5")
+
+
+def _answer(q: Floats, status: Status = Status.OK, reason: str = "") -> IKResult:
+    return IKResult(q, status, position_error=0.0, orientation_error=0.0, reason=reason, iterations=3, restarts=1)
+
+
+def test_all_methods_are_asked_the_same_in_rotating_order(task: UR5Task, simulation: ArmSimulation) -> None:
+    log: list[tuple[str, Any]] = []
+    solvers = {name: Recorder(name, log, _answer(task.home)) for name in ("a", "b", "c")}
+    goals = task.goals(4, 0)
+    trials = list(run_trials(task, solvers, goals, simulation))
+    assert len(trials) == 12
+    measured = log[3 * WARM_UP_GOALS :]
+    assert [name for name, _ in measured] == list("abcbcacababc")
+    for index, (_, (goal, seed)) in enumerate(measured):
+        assert isinstance(goal, AxisGoal)
+        assert np.array_equal(goal.position, goals[index // 3])
+        assert np.array_equal(seed, task.home)
+    warm_up = [goal.position for _, (goal, _) in log[: 3 * WARM_UP_GOALS]]
+    assert not any(np.array_equal(w, g) for w in warm_up for g in goals)
+    assert {trial.candidates for trial in trials} == {2}
+    assert all(0 < trial.accept_s < trial.solve_s for trial in trials)
+
+
+def test_trials_that_are_done_are_left_out(task: UR5Task, simulation: ArmSimulation) -> None:
+    solvers = {name: Recorder(name, [], _answer(task.home)) for name in ("a", "b")}
+    left = run_trials(task, solvers, task.goals(2, 0), simulation, done={(0, "a"), (1, "b")})
+    assert [(trial.goal, trial.method) for trial in left] == [(0, "b"), (1, "a")]
+
+
+def test_no_posture_is_impossible_and_the_arm_stays(task: UR5Task, simulation: ArmSimulation) -> None:
+    answer = _answer(task.home + 0.3, Status.REJECTED, "every posture collides")
+    (trial,) = run_trials(task, {"a": Recorder("a", [], answer)}, task.goals(1, 0), simulation)
+    assert (trial.impossible, trial.reached) == (True, False)
+    assert (trial.status, trial.reason) == ("rejected", "every posture collides")
+    assert (trial.reward, trial.move_s, trial.q) == (-100.0, None, None)
+    start = task.kinematics.fk(task.home)[:3, 3]
+    assert trial.distance == pytest.approx(np.linalg.norm(start - task.goals(1, 0)[0]), abs=1e-6)
+
+
+def test_a_posture_that_cannot_be_executed_is_impossible_and_says_why(task: UR5Task, simulation: ArmSimulation) -> None:
+    into_the_table = task.home + np.array([0.0, 1.0, 0.0, 0.0, 0.0, 0.0])
+    assert task.kinematics.fk(into_the_table)[2, 3] < -0.22
+    (trial,) = run_trials(task, {"a": Recorder("a", [], _answer(into_the_table))}, task.goals(1, 0), simulation)
+    assert (trial.impossible, trial.reached, trial.move_s, trial.reward) == (True, False, None, -100.0)
+    assert "table" in trial.reason
+    assert trial.q == tuple(into_the_table)
+
+
+def test_a_completed_move_is_measured_in_the_simulation(task: UR5Task, simulation: ArmSimulation) -> None:
+    (trial,) = run_trials(task, {"a": Recorder("a", [], _answer(task.home + 0.1))}, task.goals(1, 0), simulation)
+    assert (trial.impossible, trial.status, trial.reason) == (False, "completed", "")
+    assert (trial.iterations, trial.restarts) == (3, 1)
+    assert trial.move_s is not None
+    assert 0.05 < trial.move_s < 3
+    expected = np.linalg.norm(task.kinematics.fk(task.home + 0.1)[:3, 3] - task.goals(1, 0)[0])
+    assert trial.distance == pytest.approx(expected, abs=0.012)

@@ -1,0 +1,85 @@
+"""Intervals against hand-worked values and scipy, and that they cover what they promise to cover."""
+
+import numpy as np
+import pytest
+from scipy import stats
+
+from kinreach.compare.statistics import bootstrap_intervals, mean, median, p95, wilson_interval
+from kinreach.errors import InputError
+
+
+def test_wilson_by_hand() -> None:
+    # k = 8 of n = 10, z = 1.96: centre (0.8 + 0.19207) / 1.38415 = 0.71674, half width 0.22660.
+    assert wilson_interval(8, 10) == pytest.approx((0.4901625, 0.9433178), abs=1e-6)
+
+
+@pytest.mark.parametrize(("successes", "total"), [(0, 1), (1, 1), (0, 200), (200, 200), (3, 7), (199, 200), (50, 1000)])
+@pytest.mark.parametrize("confidence", [0.9, 0.95, 0.99])
+def test_wilson_agrees_with_scipy(successes: int, total: int, confidence: float) -> None:
+    oracle = stats.binomtest(successes, total).proportion_ci(confidence_level=confidence, method="wilson")
+    assert wilson_interval(successes, total, confidence=confidence) == pytest.approx(
+        (oracle.low, oracle.high), abs=1e-9
+    )
+
+
+def test_wilson_ends_exactly_at_the_ends() -> None:
+    assert wilson_interval(0, 50)[0] == 0.0
+    assert wilson_interval(50, 50)[1] == 1.0
+
+
+@pytest.mark.parametrize(("successes", "total"), [(0, 0), (-1, 5), (6, 5), (1, -1)])
+def test_wilson_refuses_what_is_no_rate(successes: int, total: int) -> None:
+    with pytest.raises(InputError, match=f"{successes} of {total}"):
+        wilson_interval(successes, total)
+
+
+def test_bootstrap_agrees_with_scipy() -> None:
+    values = np.random.default_rng(5).lognormal(size=200)
+    ours = bootstrap_intervals(values, (median, mean, p95))
+    for interval, statistic in zip(
+        ours, (np.median, np.mean, lambda v, axis: np.percentile(v, 95, axis=axis)), strict=True
+    ):
+        oracle = stats.bootstrap(
+            (values,), statistic, n_resamples=20_000, method="percentile", rng=1
+        ).confidence_interval
+        width = oracle.high - oracle.low
+        assert interval == pytest.approx((oracle.low, oracle.high), abs=0.12 * width)
+
+
+def test_bootstrap_of_equal_values_has_no_width() -> None:
+    assert bootstrap_intervals([3.25] * 7, (median, mean, p95)) == [(3.25, 3.25)] * 3
+
+
+def test_bootstrap_of_two_values_by_hand() -> None:
+    # The mean of two draws from {0, 1} is 0, 0.5 or 1 with 1/4, 1/2, 1/4: the 2.5 % and 97.5 % quantiles are 0 and 1.
+    assert bootstrap_intervals([0.0, 1.0], (mean,)) == [(0.0, 1.0)]
+    # The inner half of that distribution: quantiles at 0.3 and 0.7 are both 0.5.
+    assert bootstrap_intervals([0.0, 1.0], (mean,), confidence=0.4) == [(0.5, 0.5)]
+
+
+def test_bootstrap_is_the_same_for_the_same_seed_and_in_any_number_of_blocks(monkeypatch: pytest.MonkeyPatch) -> None:
+    values = np.random.default_rng(1).normal(size=101)
+    whole = bootstrap_intervals(values, (median, p95), seed=3)
+    monkeypatch.setattr("kinreach.compare.statistics._BLOCK", 7 * values.size)
+    assert bootstrap_intervals(values, (median, p95), seed=3) == whole
+    assert bootstrap_intervals(values, (median, p95), seed=4) != whole
+
+
+def test_bootstrap_covers_the_true_mean_about_as_often_as_promised() -> None:
+    rng = np.random.default_rng(0)
+    covered = 0
+    for _ in range(300):
+        ((low, high),) = bootstrap_intervals(rng.normal(2.0, 1.0, 60), (mean,), resamples=400)
+        covered += low <= 2.0 <= high
+    assert 0.90 <= covered / 300 <= 0.98
+
+
+@pytest.mark.parametrize("values", [[], [1.0, np.nan], [np.inf], [[1.0, 2.0]]])
+def test_bootstrap_refuses_what_it_cannot_resample(values: list[float]) -> None:
+    with pytest.raises(InputError, match="bootstrap"):
+        bootstrap_intervals(values, (mean,))
+
+
+def test_reducers() -> None:
+    values = np.arange(101.0)
+    assert (median(values), mean(values), p95(values)) == (50.0, 50.0, 95.0)

@@ -1,0 +1,76 @@
+"""Tables that fit, and a CSV that says everything."""
+
+import csv
+import io
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import pytest
+from rich.console import Console
+
+from kinreach.compare.methods import METHODS
+from kinreach.compare.summary import summarise
+from kinreach.compare.tables import TABLE_WIDTH, footnotes, methods_table, number, trials_csv
+from kinreach.compare.trials import Trial
+
+TrialFactory = Callable[..., list[Trial]]
+
+
+@pytest.fixture
+def results(make_trials: TrialFactory, impossible: Trial) -> dict[str, Any]:
+    """Results with wide numbers and the longest method name planned."""
+    wide = make_trials(150, distance=0.3456, solve_s=0.1234, move_s=12.345, reached=False, reward=-12.345)
+    return {
+        "methods": [summarise(name, [*wide, impossible]) for name in (*METHODS["ur5"], "thesis-ppo-single")],
+        "settings": {
+            "goals": 151,
+            "seed": 0,
+            "command": "python -m kinreach.compare",
+            "terms": {"reached": "d < 1 cm"},
+        },
+    }
+
+
+def _printed(results: dict[str, Any], width: int) -> list[str]:
+    console = Console(width=width, file=io.StringIO(), highlight=False)
+    console.print(methods_table(results, title="a title"))
+    return [line.rstrip() for line in console.file.getvalue().splitlines()]  # type: ignore[attr-defined]
+
+
+def test_the_table_fits_into_its_width_with_nothing_cut(results: dict[str, Any]) -> None:
+    lines = _printed(results, TABLE_WIDTH)
+    assert len(lines) == 3 + len(results["methods"])
+    assert 80 < max(map(len, lines)) <= TABLE_WIDTH
+    assert lines == _printed(results, 400)
+
+
+def test_every_method_has_its_row_with_its_numbers(results: dict[str, Any]) -> None:
+    rows = [line.split() for line in _printed(results, TABLE_WIDTH)[3:]]
+    assert [row[0] for row in rows] == [*METHODS["ur5"], "thesis-ppo-single"]
+    assert {" ".join(row[1:]) for row in rows} == {"0.0 [0.0, 2.5] 346 / 346 0.0 0.7 -12.9 123 / 123 12.3"}
+
+
+def test_footnotes_name_the_command_and_fit(results: dict[str, Any]) -> None:
+    notes = footnotes(results, Path("results/compare-ur5"))
+    assert any("python -m kinreach.compare" in note for note in notes)
+    assert max(map(len, notes)) <= TABLE_WIDTH
+
+
+@pytest.mark.parametrize(
+    ("value", "text"),
+    [(None, "-"), (0.0, "0.00"), (123.4, "123"), (12.34, "12.3"), (1.234, "1.23"), (0.1234, "0.12"), (0.01234, "0.012"),
+     (0.001234, "0.0012"), (1.2e-9, "1e-9"), (-0.5, "-0.50")],
+)  # fmt: skip
+def test_number(value: float | None, text: str) -> None:
+    assert number(value) == text
+
+
+def test_csv_has_a_row_per_trial_with_every_value(make_trials: TrialFactory, impossible: Trial) -> None:
+    (good,) = make_trials(1)
+    rows = list(csv.DictReader(io.StringIO(trials_csv([good, impossible]))))
+    assert len(rows) == 2
+    assert float(rows[0]["distance"]) == good.distance
+    assert tuple(map(float, rows[0]["q"].split())) == good.q
+    assert (rows[0]["reached"], rows[1]["reached"]) == ("1", "0")
+    assert (rows[1]["q"], rows[1]["move_s"], rows[1]["status"]) == ("", "", "out of reach")

@@ -1,0 +1,48 @@
+"""What tests of every part share."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+from hypothesis import settings
+
+# The same examples every time, on machines of any speed: what fails, a change has broken.
+settings.register_profile("kinreach", derandomize=True, deadline=None)
+settings.load_profile("kinreach")
+
+ROOT = Path(__file__).resolve().parents[1]
+
+PythonRunner = Callable[..., "subprocess.CompletedProcess[str]"]
+
+
+@pytest.fixture(scope="session")
+def root() -> Path:
+    """The repository."""
+    return ROOT
+
+
+@pytest.fixture
+def run_python(tmp_path: Path) -> PythonRunner:
+    """`run_python(*arguments, before=folder)`: a fresh interpreter in an empty folder.
+
+    kinreach comes from this repository; modules and distributions in `before` hide the installed ones.
+    """
+
+    def run(*arguments: str, before: Path | None = None) -> subprocess.CompletedProcess[str]:
+        paths = [str(path) for path in (before, ROOT) if path is not None]
+        return subprocess.run(
+            [sys.executable, *arguments],
+            cwd=tmp_path,
+            env={**os.environ, "PYTHONPATH": os.pathsep.join(paths)},
+            capture_output=True,
+            text=True,
+            timeout=120,
+            check=False,
+        )
+
+    return run

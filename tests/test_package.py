@@ -1,0 +1,207 @@
+"""The package as a whole: imports point one way, nothing heavy loads by itself, and its files agree with each other."""
+
+from __future__ import annotations
+
+import ast
+import re
+import sys
+import tomllib
+from collections.abc import Iterator
+from importlib.util import resolve_name
+from pathlib import Path
+
+import pytest
+from packaging.requirements import Requirement
+from packaging.utils import canonicalize_name
+
+import kinreach
+from kinreach import engines
+
+LAYERS = ("robots", "kinematics", "envs", "baselines", "compare")  # from the bottom to the top
+FOUNDATION = ("kinreach", "kinreach.errors", "kinreach.engines")
+ENGINES = ("pinocchio", "coal", "placo", "mujoco", "gymnasium", "torch", "stable_baselines3", "cv2", "matplotlib")
+LEARNING = {"torch", "stable_baselines3", "tensorboard"}
+#: Packages that a layer must not know (DESIGN: robots knows no engine, kinematics no environment, ...).
+UNKNOWN_TO = {
+    "robots": set(ENGINES),
+    "kinematics": {"mujoco", "gymnasium"} | LEARNING,
+    "envs": LEARNING - {"stable_baselines3"},
+    "baselines": {"mujoco"},
+    "compare": LEARNING,
+}
+LONGEST_MODULE = 260
+
+PACKAGE = Path(kinreach.__file__).resolve().parent
+MODULES = sorted(PACKAGE.rglob("*.py"))
+
+
+def module_name(path: Path) -> str:
+    parts = path.relative_to(PACKAGE.parent).with_suffix("").parts
+    return ".".join(parts[:-1] if parts[-1] == "__init__" else parts)
+
+
+def layer_of(module: str) -> str | None:
+    parts = module.split(".")
+    return parts[1] if len(parts) > 1 and parts[0] == "kinreach" and parts[1] in LAYERS else None
+
+
+def imports(path: Path) -> Iterator[str]:
+    """Every module or name that a file imports, also within functions, by its full name."""
+    package = module_name(path) if path.name == "__init__.py" else module_name(path).rpartition(".")[0]
+    for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+        if isinstance(node, ast.Import):
+            yield from (alias.name for alias in node.names)
+        elif isinstance(node, ast.ImportFrom):
+            source = resolve_name("." * node.level + (node.module or ""), package) if node.level else node.module
+            yield from (f"{source}.{alias.name}" for alias in node.names)
+
+
+def test_imports_point_downwards_only():
+    wrong, looked_at, edges = [], set(), 0
+    for path in MODULES:
+        module = module_name(path)
+        layer = layer_of(module)
+        if layer is None and module not in FOUNDATION:
+            continue  # the command line stands above all layers
+        rank = LAYERS.index(layer) if layer else -1
+        for imported in imports(path):
+            target = layer_of(imported)
+            if target is not None:
+                edges += 1
+                if LAYERS.index(target) > rank:
+                    wrong.append(f"{module} -> {imported}")
+        looked_at.add(module)
+    assert wrong == []
+    assert looked_at.issuperset(FOUNDATION)
+    assert {layer_of(module) for module in looked_at} >= {"robots", "kinematics", "envs", "compare"}
+    assert len(looked_at) >= 50
+    assert edges >= 100
+
+
+def test_layers_know_only_their_own_packages():
+    wrong, looked_at = [], 0
+    for path in MODULES:
+        layer = layer_of(module_name(path))
+        if layer is not None:
+            looked_at += 1
+            known = UNKNOWN_TO[layer]
+            wrong += [f"{module_name(path)} -> {name}" for name in imports(path) if name.split(".")[0] in known]
+    assert wrong == []
+    assert looked_at >= 50
+
+
+def test_modules_are_short():
+    lengths = {path: len(path.read_text(encoding="utf-8").splitlines()) for path in MODULES}
+    assert {module_name(path): n for path, n in lengths.items() if n > LONGEST_MODULE} == {}
+    assert len(lengths) >= 50
+
+
+def test_package_has_no_assert():
+    found = []
+    for path in MODULES:
+        nodes = ast.walk(ast.parse(path.read_text(encoding="utf-8")))
+        found += [f"{module_name(path)}:{node.lineno}" for node in nodes if isinstance(node, ast.Assert)]
+    assert found == []
+    assert len(MODULES) >= 50
+
+
+def test_every_module_says_what_it_is():
+    assert [module_name(p) for p in MODULES if not ast.get_docstring(ast.parse(p.read_text(encoding="utf-8")))] == []
+
+
+def test_import_loads_no_engine(run_python):
+    code = (
+        "import sys, kinreach, kinreach.robots, kinreach.errors, kinreach.engines, kinreach.cli\n"
+        "[kinreach.robots.get_arm(name).urdf for name in ('ur5', 'arm3')]\n"
+        f"print(sorted({set(ENGINES)} & set(sys.modules)), 'numpy' in sys.modules)"
+    )
+    done = run_python("-c", code)
+    assert done.returncode == 0, done.stderr
+    assert done.stdout.strip() == "[] True"
+
+
+class TestIncompatibleInstallation:
+    """`pip install pin placo` without versions: what the user then sees."""
+
+    TRACE = "libboost_python311.so.1.87.0: cannot open shared object file: No such file or directory"
+
+    @pytest.fixture
+    def broken(self, tmp_path: Path) -> Path:
+        """An environment whose pinocchio lacks its shared library and whose placo is a different one."""
+        folder = tmp_path / "broken"
+        folder.mkdir()
+        (folder / "pinocchio.py").write_text(f"raise ImportError({self.TRACE!r})\n", encoding="utf-8")
+        metadata = folder / "placo-0.9.0.dist-info" / "METADATA"
+        metadata.parent.mkdir()
+        metadata.write_text("Metadata-Version: 2.1\nName: placo\nVersion: 0.9.0\n", encoding="utf-8")
+        return folder
+
+    def check(self, message: str) -> None:
+        assert "cannot import pinocchio" in message
+        assert self.TRACE in message
+        assert "placo 0.9.0 (needs 0.10.2)" in message
+        assert "pin 3.8.0 (needs" not in message
+        for name, version in engines.ENGINE_VERSIONS.items():
+            assert f"{name}=={version}" in message
+        assert message.count("cannot import") == 1
+
+    def test_error_names_the_versions(self, run_python, broken):
+        code = (
+            "from kinreach import engines, errors\n"
+            "try:\n    engines.load('pinocchio')\n"
+            "except errors.InstallationError as error:\n    print(error)\n"
+        )
+        done = run_python("-c", code, before=broken)
+        assert done.returncode == 0, done.stderr
+        assert len(done.stdout.splitlines()) == 1
+        self.check(done.stdout)
+
+    def test_command_ends_in_one_line(self, run_python, broken):
+        done = run_python("-m", "kinreach", "compare", "--goals", "1", before=broken)
+        assert done.returncode == 2
+        assert done.stdout == ""
+        assert len(done.stderr.splitlines()) == 1
+        self.check(done.stderr)
+
+    def test_missing_engine(self, monkeypatch):
+        monkeypatch.setitem(sys.modules, "placo", None)
+        with pytest.raises(engines.InstallationError, match=r"cannot import placo: .*pip install pin==3\.8\.0 placo=="):
+            engines.load("placo")
+
+
+@pytest.fixture(scope="module")
+def project(root: Path) -> dict:
+    return tomllib.loads((root / "pyproject.toml").read_text(encoding="utf-8"))["project"]
+
+
+@pytest.fixture(scope="module")
+def constraints(root: Path) -> dict[str, str]:
+    lines = (root / "constraints.txt").read_text(encoding="utf-8").splitlines()
+    pins = [line.split("==") for line in lines if not line.startswith("#")]
+    assert all(len(pin) == 2 and re.fullmatch(r"[\w.]+", pin[1]) for pin in pins)
+    return {canonicalize_name(name): version for name, version in pins}
+
+
+class TestFilesAgree:
+    """Versions are written down in more than one file."""
+
+    def test_engines_are_one_set(self, project, constraints):
+        exact = dict(d.split("==") for d in project["dependencies"] if "==" in d)
+        assert exact == engines.ENGINE_VERSIONS
+        assert {name: constraints[name] for name in exact} == engines.ENGINE_VERSIONS
+
+    def test_constraints_cover_every_requirement(self, project, constraints):
+        lists = [project["dependencies"], *project["optional-dependencies"].values()]
+        wanted = [Requirement(text) for listed in lists for text in listed]
+        wanted = [requirement for requirement in wanted if requirement.name != "kinreach"]
+        assert len(wanted) >= 25
+        for requirement in wanted:
+            assert constraints[canonicalize_name(requirement.name)] in requirement.specifier, requirement
+
+    def test_core_needs_no_learning(self, project):
+        names = {canonicalize_name(Requirement(text).name) for text in project["dependencies"]}
+        assert names.isdisjoint({"torch", "stable-baselines3", "tensorboard", "eaik", "ssik", "ur-analytic-ik"})
+
+    def test_version(self, root):
+        assert re.search(rf"^version: {re.escape(kinreach.__version__)}$", (root / "CITATION.cff").read_text(), re.M)
+        assert "## [Unreleased]" in (root / "CHANGELOG.md").read_text()
