@@ -43,7 +43,7 @@ def main(argv: Sequence[str], *, prog: str) -> int:
         f"--goals {settings.goals} --seed {settings.seed}"
     )
     results = _measure(settings, out, fresh=arguments.fresh, command=command)
-    scene_note = write_scene(TASKS[settings.task].arm_name, out / "scene.png")
+    scene_note = write_scene(TASKS[settings.task](), out / "scene.png", seed=settings.seed)
 
     console = Console(width=TABLE_WIDTH, highlight=False)
     console.print(methods_table(results, title=TASKS[settings.task].title))

@@ -7,17 +7,20 @@ from pathlib import Path
 from matplotlib.image import imsave
 
 from kinreach.compare.files import replacing
+from kinreach.compare.methods import METHODS
+from kinreach.compare.tasks import Task
 from kinreach.envs.rendering import render
 from kinreach.envs.simulation import ArmSimulation
 from kinreach.errors import InstallationError
 
 
-def write_scene(arm: str, path: Path) -> str:
-    """Draw an arm in its work cell, in the start posture, with a ball at a goal.
+def write_scene(task: Task, path: Path, *, seed: int) -> str:
+    """Draw the arm in its work cell, at the first goal of a seed in the posture of the closed form.
 
     Args:
-        arm: Name of a registered arm.
+        task: Whose arm, goals and question.
         path: A PNG file.
+        seed: Of the goals.
 
     Returns:
         One line for the user: where the picture is, or why there is none. A comparison needs no OpenGL.
@@ -25,8 +28,15 @@ def write_scene(arm: str, path: Path) -> str:
     Raises:
         OutputError: The file system refused.
     """
+    goal = task.goals(1, seed)[0]
+    posture = METHODS[task.name]["closed-form"](task.new_kinematics()).solve(
+        task.ik_goal(goal), task.home, accept=task.accept
+    )
+    simulation = ArmSimulation(task.arm_name, visual=True)
+    simulation.reset(posture.q)
+    simulation.place_ball(goal)
     try:
-        picture = render(ArmSimulation(arm, visual=True))
+        picture = render(simulation)
     except InstallationError as error:
         return f"No picture of the scene: {' '.join(str(error).split())}"
     with replacing(path) as temporary:

@@ -6,13 +6,14 @@ import numpy as np
 import pytest
 
 from kinreach.compare.scene_picture import write_scene
+from kinreach.compare.tasks import ButtonTask
 from kinreach.errors import InstallationError
 
 
 def test_a_picture_is_written(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     frame = np.random.default_rng(0).integers(0, 255, (36, 64, 3), dtype=np.uint8)
     monkeypatch.setattr("kinreach.compare.scene_picture.render", lambda simulation: frame)
-    said = write_scene("arm3", tmp_path / "scene.png")
+    said = write_scene(ButtonTask(), tmp_path / "scene.png", seed=0)
     assert said == f"Scene: {tmp_path / 'scene.png'}"
     assert (tmp_path / "scene.png").read_bytes().startswith(b"\x89PNG")
 
@@ -22,5 +23,8 @@ def test_without_opengl_there_is_a_line_and_no_file(tmp_path: Path, monkeypatch:
         raise InstallationError("cannot draw:\n  install libegl1")
 
     monkeypatch.setattr("kinreach.compare.scene_picture.render", no_library)
-    assert write_scene("arm3", tmp_path / "scene.png") == "No picture of the scene: cannot draw: install libegl1"
+    assert (
+        write_scene(ButtonTask(), tmp_path / "scene.png", seed=0)
+        == "No picture of the scene: cannot draw: install libegl1"
+    )
     assert list(tmp_path.iterdir()) == []
