@@ -84,8 +84,7 @@ def _solve_block(m: Floats, g: URGeometry, tol: float, q: Floats, valid: NDArray
     d, side = g.d4 / r2, np.sqrt(m2) / r2
     xd, yd, xm, ym = x * d, y * d, x * side, y * side
     for first, s1, c1 in ((0, xd + ym, xm - yd), (4, xd - ym, -yd - xm)):
-        branch = slice(first, first + 4)
-        q[0, branch] = np.arctan2(s1, c1)
+        q1 = np.arctan2(s1, c1)
         minus_u = x * c1 + y * s1
         np.negative(minus_u, out=minus_u)
         c6, s6 = nx * s1 - ny * c1, oy * c1 - ox * s1
@@ -94,16 +93,16 @@ def _solve_block(m: Floats, g: URGeometry, tol: float, q: Floats, valid: NDArray
         k = g.d5 / s5
         s, c = k * az, k * (ax * c1 + ay * s1)
         q5, q6, q234 = np.arctan2(s5, ax * s1 - ay * c1), np.arctan2(s6, c6), np.arctan2(-s, -c)
-        q[4, first : first + 2] = q5
-        q[4, first + 2 : first + 4] = -q5
-        q[5, first : first + 2] = q6
-        q[5, first + 2 : first + 4] = q6 - np.copysign(pi, q6)
-        middle = q[1:4, branch]
-        _solve_elbow(minus_u - s, c - z, q234, g, tol, middle[:, :2], valid[first : first + 2], singular)
-        q234 -= np.copysign(pi, q234)
-        _solve_elbow(minus_u + s, -z - c, q234, g, tol, middle[:, 2:], valid[first + 2 : first + 4], singular)
+        for wrist, u, v in ((first, minus_u - s, c - z), (first + 2, minus_u + s, -z - c)):
+            both = slice(wrist, wrist + 2)
+            nothing = _solve_elbow(u, v, q234, g, tol, q[1:4, both], valid[both], singular)
+            np.add(q1, nothing, out=q[0, both])
+            np.add(q5, nothing, out=q[4, both])
+            np.add(q6, nothing, out=q[5, both])
+            np.negative(q5, out=q5)
+            q6 -= np.copysign(pi, q6)
+            q234 -= np.copysign(pi, q234)
     valid &= ~inside
-    np.copyto(q, np.nan, where=~valid)
     return singular
 
 
@@ -116,10 +115,10 @@ def _solve_elbow(
     q: Floats,
     valid: NDArray[np.bool_],
     singular: NDArray[np.bool_],
-) -> None:
+) -> Floats:
     """Fill in q2, q3, q4 of both elbows, q of shape (3, 2, count); adds to `singular`.
 
-    (u, v) points from wrist_1 to the shoulder, in the arm's plane.
+    (u, v) points from wrist_1 to the shoulder, in the arm's plane. Returns zeros, but NaN where nothing is reached.
     """
     c3 = u * u
     c3 += v * v
@@ -144,3 +143,5 @@ def _solve_elbow(
     np.rint(turns, out=turns)
     turns *= TURN
     q[::2] -= turns
+    s3 *= 0.0
+    return s3
