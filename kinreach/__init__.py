@@ -9,9 +9,14 @@ all on the same goals. Imports point one way, downwards:
     kinreach.kinematics   forward and inverse kinematics, limits, collisions, the thesis's reward
     kinreach.robots       what an arm is; knows no engine
 
-Units are metres, radians and seconds; z is up. `import kinreach` loads no engine and takes milliseconds.
+Units are metres, radians and seconds; z is up. `import kinreach` makes the environments known to Gymnasium and loads
+no engine.
 """
+
+from kinreach.registration import register_environments
 
 __version__ = "0.1.0"
 
 __all__ = ["__version__"]
+
+register_environments()

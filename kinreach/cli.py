@@ -30,6 +30,7 @@ class Command:
 
 COMMANDS = {
     "compare": Command("kinreach.compare.cli", "put all methods on the same goals and report how they do"),
+    "demo": Command("kinreach.demo.cli", "watch an environment with a policy, or film it"),
 }
 
 

@@ -11,6 +11,9 @@ from pathlib import Path
 import pytest
 from hypothesis import settings
 
+from kinreach.envs import ArmSimulation, render
+from kinreach.errors import InstallationError
+
 # The same examples every time, on machines of any speed: what fails, a change has broken.
 settings.register_profile("kinreach", derandomize=True, deadline=None)
 settings.load_profile("kinreach")
@@ -24,6 +27,17 @@ PythonRunner = Callable[..., "subprocess.CompletedProcess[str]"]
 def root() -> Path:
     """The repository."""
     return ROOT
+
+
+@pytest.fixture(scope="session")
+def needs_gl() -> None:
+    """Skip where nothing can be drawn, with the reason; fail instead where `KINREACH_REQUIRE_GL` is set, as in CI."""
+    try:
+        render(ArmSimulation("ur5"), width=8, height=8)
+    except InstallationError as error:
+        if os.environ.get("KINREACH_REQUIRE_GL"):
+            pytest.fail(f"KINREACH_REQUIRE_GL is set, and nothing can be drawn: {error}")
+        pytest.skip(str(error))
 
 
 @pytest.fixture

@@ -18,12 +18,12 @@ import kinreach
 from kinreach import engines
 
 LAYERS = ("robots", "kinematics", "envs", "baselines", "compare")  # from the bottom to the top
-FOUNDATION = ("kinreach", "kinreach.errors", "kinreach.engines")
-ENGINES = ("pinocchio", "coal", "placo", "mujoco", "gymnasium", "torch", "stable_baselines3", "cv2", "matplotlib")
+FOUNDATION = ("kinreach", "kinreach.errors", "kinreach.engines", "kinreach.files", "kinreach.registration")
+ENGINES = ("pinocchio", "coal", "placo", "mujoco", "torch", "stable_baselines3", "cv2", "matplotlib")
 LEARNING = {"torch", "stable_baselines3", "tensorboard"}
 #: Packages that a layer must not know (DESIGN: robots knows no engine, kinematics no environment, ...).
 UNKNOWN_TO = {
-    "robots": set(ENGINES),
+    "robots": {"gymnasium"} | set(ENGINES),
     "kinematics": {"mujoco", "gymnasium"} | LEARNING,
     "envs": LEARNING - {"stable_baselines3"},
     "baselines": {"mujoco"},

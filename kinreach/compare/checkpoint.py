@@ -7,9 +7,9 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-from kinreach.compare.files import write_text
 from kinreach.compare.trials import Trial
 from kinreach.errors import OutputError
+from kinreach.files import write_text
 
 
 class Checkpoint:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import argparse
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
@@ -12,10 +13,12 @@ from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, T
 from kinreach.cli import Parser
 from kinreach.compare.comparison import compare
 from kinreach.compare.methods import METHODS
+from kinreach.compare.observation import GEOMETRIC, CameraSettings
 from kinreach.compare.scene_picture import write_scene
 from kinreach.compare.settings import DEFAULT_GOALS, Settings
 from kinreach.compare.tables import TABLE_WIDTH, footnotes, methods_table
 from kinreach.compare.tasks import TASKS
+from kinreach.envs.ball_finder import PIPELINES
 
 _EPILOG = "methods: " + "; ".join(f"{task}: {', '.join(methods)}" for task, methods in METHODS.items())
 
@@ -36,11 +39,19 @@ def main(argv: Sequence[str], *, prog: str) -> int:
     """
     arguments = _parser(prog).parse_args(argv)
     names = tuple(name.strip() for name in arguments.methods.split(",")) if arguments.methods is not None else ()
-    settings = Settings(task=arguments.task, methods=names, goals=arguments.goals, seed=arguments.seed)
-    out = Path(arguments.out) if arguments.out is not None else Path("results") / f"compare-{settings.task}"
+    settings = Settings(
+        task=arguments.task,
+        methods=names,
+        goals=arguments.goals,
+        seed=arguments.seed,
+        observation=arguments.observation,
+        camera=_camera(arguments),
+    )
+    suffix = "" if settings.camera is None else f"-{settings.observation}"
+    out = Path("results") / f"compare-{settings.task}{suffix}" if arguments.out is None else Path(arguments.out)
     command = (
         f"{prog} --task {settings.task} --methods {','.join(settings.methods)} "
-        f"--goals {settings.goals} --seed {settings.seed}"
+        f"--goals {settings.goals} --seed {settings.seed}{_camera_arguments(settings)}"
     )
     results = _measure(settings, out, fresh=arguments.fresh, command=command)
     scene_note = write_scene(TASKS[settings.task](), out / "scene.png", seed=settings.seed)
@@ -79,6 +90,53 @@ def _parser(prog: str) -> Parser:
     parser.add_argument("--methods", metavar="A,B", help="methods to compare (default: all of the task's)")
     parser.add_argument("--goals", type=int, default=DEFAULT_GOALS, metavar="N", help="default: %(default)s")
     parser.add_argument("--seed", type=int, default=0, metavar="S", help="of the goals (default: %(default)s)")
-    parser.add_argument("--out", metavar="DIR", help="where results go (default: results/compare-TASK)")
+    parser.add_argument(
+        "--observation",
+        default=GEOMETRIC,
+        help="what methods are told: the true goal (geometric), or what the cameras saw (camera: --task ur5, needs "
+        "OpenGL) (default: %(default)s)",
+    )
+    parser.add_argument("--out", metavar="DIR", help="where results go (default: results/compare-TASK[-camera])")
     parser.add_argument("--fresh", action="store_true", help="do not go on from an interrupted comparison in DIR")
+    cameras = parser.add_argument_group("with --observation camera")
+    cameras.add_argument("--pipeline", help=f"one of: {', '.join(PIPELINES)} (default: {CameraSettings.pipeline})")
+    cameras.add_argument(
+        "--resolution",
+        type=_resolution,
+        metavar="WxH",
+        help=f"of the pictures (default: {CameraSettings.width}x{CameraSettings.height}; the thesis's: 1280x720)",
+    )
+    cameras.add_argument("--rgb-noise", type=float, metavar="L", help="standard deviation, levels of 255 (default: 0)")
+    cameras.add_argument("--depth-noise", type=float, metavar="M", help="standard deviation, metres (default: 0)")
     return parser
+
+
+def _resolution(text: str) -> tuple[int, int]:
+    width, _, height = text.partition("x")
+    if not (width.isdecimal() and height.isdecimal()):
+        raise argparse.ArgumentTypeError(f"expected WIDTHxHEIGHT in pixels, such as 640x360, got {text!r}")
+    return int(width), int(height)
+
+
+def _camera(arguments: argparse.Namespace) -> CameraSettings | None:
+    """How the cameras look, if anything was said about it."""
+    width, height = arguments.resolution or (None, None)
+    said = {"pipeline": arguments.pipeline, "width": width, "height": height,
+            "rgb_noise": arguments.rgb_noise, "depth_noise": arguments.depth_noise}  # fmt: skip
+    said = {name: value for name, value in said.items() if value is not None}
+    return CameraSettings(**said) if said else None
+
+
+def _camera_arguments(settings: Settings) -> str:
+    """The options that ask for this observation again; defaults are left out."""
+    camera, default = settings.camera, CameraSettings()
+    if camera is None:
+        return ""
+    options = [
+        ("pipeline", camera.pipeline, default.pipeline),
+        ("resolution", f"{camera.width}x{camera.height}", f"{default.width}x{default.height}"),
+        ("rgb-noise", f"{camera.rgb_noise!r}", f"{default.rgb_noise!r}"),
+        ("depth-noise", f"{camera.depth_noise!r}", f"{default.depth_noise!r}"),
+    ]
+    said = "".join(f" --{name} {value}" for name, value, usual in options if value != usual)
+    return f" --observation {settings.observation}{said}"

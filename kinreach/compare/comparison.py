@@ -9,8 +9,8 @@ from typing import Any
 
 from kinreach.compare import figures, provenance, statistics
 from kinreach.compare.checkpoint import Checkpoint
-from kinreach.compare.files import make_writable, write_text
 from kinreach.compare.methods import METHODS
+from kinreach.compare.observation import looking, what_is_told
 from kinreach.compare.runner import run_trials
 from kinreach.compare.settings import Settings
 from kinreach.compare.summary import summarise
@@ -19,6 +19,7 @@ from kinreach.compare.tasks import TASKS, Task
 from kinreach.compare.trials import Trial
 from kinreach.envs.controller import TOLERANCE
 from kinreach.envs.simulation import ArmSimulation
+from kinreach.files import make_writable, write_text
 from kinreach.kinematics.solvers.base import Tolerance
 
 #: Called with the number of finished trials and the number of all trials.
@@ -57,7 +58,7 @@ def compare(
 
     Raises:
         OutputError: `out` cannot be written.
-        InstallationError: A method's packages are missing.
+        InstallationError: A method's packages are missing, or cameras are to look and nothing can be drawn.
     """
     out = Path(out)
     make_writable(out)
@@ -65,18 +66,19 @@ def compare(
     solvers = {name: METHODS[settings.task][name](task.new_kinematics()) for name in settings.methods}
     versions, machine = provenance.versions(), provenance.machine()
     identity = {"settings": settings.to_dict(), "versions": versions, "machine": machine}
-    checkpoint = Checkpoint(out / "records.jsonl", identity, fresh=fresh)
     total = settings.goals * len(solvers)
-    progress(len(checkpoint.trials), total)
-    done = {(trial.goal, trial.method) for trial in checkpoint.trials}
     goals = task.goals(settings.goals, settings.seed)
-    for trial in run_trials(task, solvers, goals, ArmSimulation(arm=task.arm_name), done=done):
-        checkpoint.add(trial)
+    simulation = ArmSimulation(arm=task.arm_name)
+    with looking(task, settings.camera, settings.seed) as look:
+        checkpoint = Checkpoint(out / "records.jsonl", identity, fresh=fresh)
         progress(len(checkpoint.trials), total)
+        for trial in run_trials(task, solvers, goals, simulation, look=look, done=tuple(checkpoint.trials)):
+            checkpoint.add(trial)
+            progress(len(checkpoint.trials), total)
     trials = sorted(checkpoint.trials, key=lambda trial: (trial.goal, settings.methods.index(trial.method)))
     results = {
         "methods": [summarise(name, [trial for trial in trials if trial.method == name]) for name in settings.methods],
-        "settings": {**settings.to_dict(), "command": command, **_conditions(task), "machine": machine},
+        "settings": {**settings.to_dict(), "command": command, **_conditions(task, settings), "machine": machine},
         "versions": versions,
     }
     _write(out, trials, results)
@@ -84,9 +86,9 @@ def compare(
     return results
 
 
-def _conditions(task: Task) -> dict[str, Any]:
+def _conditions(task: Task, settings: Settings) -> dict[str, Any]:
     return {
-        "terms": {**task.terms(), **_COMMON_TERMS},
+        "terms": {**task.terms(), "observation": what_is_told(settings.camera), **_COMMON_TERMS},
         "confidence": statistics.CONFIDENCE,
         "intervals": f"Wilson for rates; percentile bootstrap with {statistics.RESAMPLES} resamples for the rest",
     }

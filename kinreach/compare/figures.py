@@ -9,6 +9,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from itertools import pairwise
 from pathlib import Path
+from textwrap import fill
 from typing import Any
 
 import numpy as np
@@ -16,14 +17,17 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.ticker import FuncFormatter, NullFormatter
 
-from kinreach.compare.files import replacing
 from kinreach.compare.methods import METHODS
 from kinreach.compare.statistics import median, p95
 from kinreach.compare.tables import number
 from kinreach.compare.trials import Trial
+from kinreach.files import replacing
 
 PALETTE = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#000000", "#8C6D31")
 INK, FAINT, GRID = "#222222", "#6b6b6b", "#e4e4e4"
+
+#: Name of the row of what the cameras saw.
+CAMERAS = "cameras"
 
 #: Errors below this are rounding noise; the axis ends here [mm].
 SMALLEST_ERROR_MM = 1e-13
@@ -42,23 +46,44 @@ def write_all(out: Path, trials: Sequence[Trial], results: Mapping[str, Any]) ->
 
 
 def draw_errors(trials: Sequence[Trial], results: Mapping[str, Any]) -> Figure:
-    """Distance to the goal of every trial: of the posture by itself, and after the arm has moved there."""
+    """Distance to the goal of every trial: of the posture by itself, and after the arm has moved there.
+
+    Where cameras looked, the first row is how far from the goal they saw it, and its median a line through both.
+    """
     figure, (left, right) = _figure(results, "Distance from the tip to the goal", columns=2)
-    posture = _by_method(trials, results, lambda t: None if t.q is None else max(1e3 * t.ik_error, SMALLEST_ERROR_MM))
+    posture = _by_method(trials, results, _posture_error_mm)
     moved = _by_method(trials, results, lambda t: 1e3 * t.distance)
-    _strips(left, posture, results, "posture found, by forward kinematics [mm]")
-    _strips(right, moved, results, "after the move, in the simulation [mm]")
+    colours, source, target = _colours(results), "by forward kinematics", "in the simulation"
+    if results["settings"].get("camera") is not None:
+        # One method's trials are all the looks there were.
+        seen = _by_method(trials, results, lambda t: None if t.seen_error is None else 1e3 * t.seen_error)
+        first = {CAMERAS: next(iter(seen.values()))}
+        posture, moved, colours = first | posture, first | moved, [FAINT, *colours]
+        for axes in (left, right) if first[CAMERAS].size else ():
+            axes.axvline(median(first[CAMERAS]), color=FAINT, lw=1, ls="--", zorder=0)
+        source, target = "to where the cameras saw the goal", "to where the goal is"
+        _key(right, "cameras: from where they saw the goal to where it is")
+    _strips(left, posture, colours, f"posture found, {source} [mm]")
+    _strips(right, moved, colours, f"after the move, {target} [mm]")
     right.tick_params(labelleft=False)
     _key(left, f"dot: one goal · bar: median · errors below {number(SMALLEST_ERROR_MM)} mm are drawn at it")
     return figure
 
 
+def _posture_error_mm(trial: Trial) -> float | None:
+    return None if trial.q is None or trial.ik_error is None else max(1e3 * trial.ik_error, SMALLEST_ERROR_MM)
+
+
 def draw_times(trials: Sequence[Trial], results: Mapping[str, Any]) -> Figure:
     """Wall time of every solve, and the median of what is left of it without the acceptance tests."""
     figure, (axes,) = _figure(results, "Time per solve, acceptance tests included")
-    _strips(axes, _by_method(trials, results, lambda t: 1e3 * t.solve_s), results, "wall time, one thread [ms]")
-    own = _by_method(trials, results, lambda t: 1e3 * (t.solve_s - t.accept_s))
-    for row, values in enumerate(own.values()):
+    whole = _by_method(trials, results, lambda t: t.solve_s)
+    tests = _by_method(trials, results, lambda t: t.accept_s)
+    _strips(axes, {name: 1e3 * times for name, times in whole.items()}, _colours(results), "wall time, one thread [ms]")
+    own = [1e3 * (times - tests[name]) for name, times in whole.items()]
+    for row, values in enumerate(own):
+        if not values.size:
+            continue
         axes.plot(median(values), row + 0.34, marker="D", ms=5, mfc="white", mec=INK, ls="")
     _key(axes, "dot: one goal · bar: median · diamond: median without the acceptance tests")
     return figure
@@ -91,7 +116,7 @@ def draw_success(trials: Sequence[Trial], results: Mapping[str, Any]) -> Figure:
             color=colours[rank],
             weight="bold",
             annotation_clip=False,
-            arrowprops={"arrowstyle": "-", "color": colours[rank], "lw": 0.8, "shrinkB": 0},
+            arrowprops={"arrowstyle": "-", "color": colours[rank], "lw": 0.8, "relpos": (1, 0.5), "shrinkB": 0},
         )
     axes.set(xscale="log", xlim=(0.46, 58), ylim=(-3, 103), xlabel="tolerance [mm]", ylabel="")
     ticks = sorted(float(key) for key in methods[0]["success_at_mm"])
@@ -109,8 +134,8 @@ def _figure(results: Mapping[str, Any], title: str, *, columns: int = 1) -> tupl
     figure = Figure(figsize=(9.0 if columns > 1 else 7.6, height), layout="constrained")
     settings = results["settings"]
     figure.suptitle(title, x=0.01, ha="left", fontsize=13, weight="bold", color=INK)
-    figure.supxlabel(f"{settings['goals']} goals, seed {settings['seed']} · {settings['command']}", x=0.01, ha="left",
-                     fontsize=7, color=FAINT)  # fmt: skip
+    origin = f"{settings['goals']} goals, seed {settings['seed']} · {settings['command']}"
+    figure.supxlabel(fill(origin, width=round(16 * figure.get_figwidth())), x=0.01, ha="left", fontsize=7, color=FAINT)
     axes = figure.subplots(1, columns, squeeze=False)[0]
     for ax in axes:
         ax.spines[["top", "right", "left"]].set_visible(False)
@@ -129,10 +154,10 @@ def _plain(value: float, _: int) -> str:
     return f"{value:g}" if 1e-3 <= value < 1e4 else f"$10^{{{round(np.log10(value))}}}$"
 
 
-def _strips(axes: Axes, values: Mapping[str, Any], results: Mapping[str, Any], label: str) -> None:
-    """One row of dots per method on a log axis, with the median marked and median and 95th percentile in numbers."""
+def _strips(axes: Axes, values: Mapping[str, Any], colours: Sequence[str], label: str) -> None:
+    """One row of dots per name on a log axis, with the median marked and median and 95th percentile in numbers."""
     jitter = np.random.default_rng(0)
-    for row, (colour, sample) in enumerate(zip(_colours(results), values.values(), strict=True)):
+    for row, (colour, sample) in enumerate(zip(colours, values.values(), strict=True)):
         if not sample.size:
             axes.annotate("none", (0.5, row), xycoords=("axes fraction", "data"), ha="center", color=FAINT)
             continue
@@ -149,7 +174,7 @@ def _strips(axes: Axes, values: Mapping[str, Any], results: Mapping[str, Any], l
     axes.xaxis.set_major_formatter(FuncFormatter(_plain))
     axes.xaxis.set_minor_formatter(NullFormatter())
     axes.set_yticks(range(len(values)), list(values), weight="bold")
-    for tick, colour in zip(axes.get_yticklabels(), _colours(results), strict=True):
+    for tick, colour in zip(axes.get_yticklabels(), colours, strict=True):
         tick.set_color(colour)
     axes.grid(axis="x", color=GRID, lw=0.8)
 

@@ -10,7 +10,7 @@ from pathlib import Path
 import kinreach
 from kinreach.engines import installed_version
 
-DISTRIBUTIONS = ("numpy", "pin", "placo", "mujoco", "qpsolvers", "daqp", "example-robot-data")
+DISTRIBUTIONS = ("numpy", "pin", "placo", "mujoco", "qpsolvers", "daqp", "example-robot-data", "opencv-python-headless")
 
 
 def versions() -> dict[str, str | None]:

@@ -6,12 +6,12 @@ from pathlib import Path
 
 from matplotlib.image import imsave
 
-from kinreach.compare.files import replacing
 from kinreach.compare.methods import METHODS
 from kinreach.compare.tasks import Task
 from kinreach.envs.rendering import render
 from kinreach.envs.simulation import ArmSimulation
 from kinreach.errors import InstallationError
+from kinreach.files import replacing
 
 
 def write_scene(task: Task, path: Path, *, seed: int) -> str:

@@ -6,6 +6,7 @@ from dataclasses import asdict, dataclass
 from typing import Any
 
 from kinreach.compare.methods import METHODS
+from kinreach.compare.observation import CAMERA, GEOMETRIC, CameraSettings
 from kinreach.compare.tasks import TASKS
 from kinreach.errors import InputError, raise_unknown
 
@@ -20,17 +21,23 @@ class Settings:
         task: Name of a task.
         methods: Names of the methods to compare; all of the task's if empty.
         goals: Number of goals.
-        seed: Of the goals. The first N goals of a seed are the same for every number of goals.
+        seed: Of the goals and of the cameras' noise. The first N goals of a seed, and what is seen of them, are the
+            same for every number of goals.
+        observation: What the methods are told: `"geometric"`, the true goal, or `"camera"`, what the cameras saw.
+        camera: How the cameras look; its defaults if None and the observation is `"camera"`.
 
     Raises:
-        UnknownNameError: A task or method does not exist; the message lists those that do.
-        InputError: A number is out of range, or a method is named twice.
+        UnknownNameError: A task, method or observation does not exist; the message lists those that do.
+        InputError: A number is out of range, a method is named twice, or there are options for cameras that do not
+            look.
     """
 
     task: str = "ur5"
     methods: tuple[str, ...] = ()
     goals: int = DEFAULT_GOALS
     seed: int = 0
+    observation: str = GEOMETRIC
+    camera: CameraSettings | None = None
 
     def __post_init__(self) -> None:
         if self.task not in TASKS:
@@ -46,6 +53,14 @@ class Settings:
             raise InputError(f"the number of goals must be at least 1, got {self.goals}")
         if self.seed < 0:
             raise InputError(f"the seed must not be negative, got {self.seed}")
+        if self.observation not in TASKS[self.task].observations:
+            raise_unknown(f"{self.task} observation", self.observation, TASKS[self.task].observations)
+        if self.observation == CAMERA and self.camera is None:
+            object.__setattr__(self, "camera", CameraSettings())
+        if self.observation != CAMERA and self.camera is not None:
+            raise InputError(
+                f"pipeline, resolution and noise need observation '{CAMERA}', got observation '{self.observation}'"
+            )
 
     def to_dict(self) -> dict[str, Any]:
         """As JSON types."""

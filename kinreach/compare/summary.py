@@ -20,7 +20,8 @@ def summarise(name: str, trials: Sequence[Trial]) -> dict[str, Any]:
 
     Rates are over all goals. Distances are over all goals too: an impossible one counts with the distance at which
     the arm stood. A goal succeeds at a tolerance if its move was completed and ended within it. Moving times are
-    over completed moves. A quantity that was never measured is None.
+    over completed moves, times and counts of the solver over goals that it was asked for, errors of what the cameras
+    saw over balls that one of them found. A quantity that was never measured is None.
 
     Args:
         name: Of the method.
@@ -47,14 +48,21 @@ def summarise(name: str, trials: Sequence[Trial]) -> dict[str, Any]:
         "reward_mean": reward_mean,
         "reward_mean_ci": reward_ci,
         **_median_p95("posture_error", trials, lambda t: t.posture_error),
-        **_median_p95("ik_error_mm", trials, lambda t: None if t.q is None else 1e3 * t.ik_error),
-        **_median_p95("solve_ms", trials, lambda t: 1e3 * t.solve_s),
-        **_median_p95("accept_ms", trials, lambda t: 1e3 * t.accept_s),
+        **_median_p95("observed_error_mm", trials, lambda t: _thousand(t.seen_error)),
+        **_median_p95("look_ms", trials, lambda t: _thousand(t.look_s)),
+        **_median_p95("ik_error_mm", trials, lambda t: None if t.q is None else _thousand(t.ik_error)),
+        **_median_p95("solve_ms", trials, lambda t: _thousand(t.solve_s)),
+        **_median_p95("accept_ms", trials, lambda t: _thousand(t.accept_s)),
         **_median_p95("move_s", trials, lambda t: t.move_s),
-        **_median_p95("iterations", trials, lambda t: float(t.iterations)),
-        **_median_p95("restarts", trials, lambda t: float(t.restarts)),
-        **_median_p95("candidates", trials, lambda t: float(t.candidates)),
+        **_median_p95("iterations", trials, lambda t: t.iterations),
+        **_median_p95("restarts", trials, lambda t: t.restarts),
+        **_median_p95("candidates", trials, lambda t: t.candidates),
     }
+
+
+def _thousand(value: float | None) -> float | None:
+    """From metres to millimetres, from seconds to milliseconds."""
+    return None if value is None else 1e3 * value
 
 
 def _median_p95(key: str, trials: Sequence[Trial], value: Callable[[Trial], float | None]) -> dict[str, Any]:

@@ -7,8 +7,8 @@ from collections.abc import Mapping
 from dataclasses import asdict, dataclass, fields
 from typing import Any
 
-#: `Trial.status` of a move that arrived.
-COMPLETED = "completed"
+#: `Trial.status` of a move that arrived, and of a goal that the methods were not asked for because no camera saw it.
+COMPLETED, UNSEEN = "completed", "no ball found"
 
 
 @dataclass(frozen=True)
@@ -20,19 +20,24 @@ class Trial:
         method: Name of the method.
         x, y, z: The goal in the world frame [m].
         reached: The task's own criterion.
-        impossible: No posture was found, or the arm could not execute it.
+        impossible: No camera found the ball, no posture was found, or the arm could not execute it.
         status: How it ended: `COMPLETED`, or in a word or two what made it impossible.
         reason: Why it was impossible in a sentence, else empty.
         distance: From the tip to the goal after the move, in the simulation [m]; without one, from the start posture.
         posture_error: The thesis's r_e [rad] of the posture the arm is in after the move; None where the task has none.
         reward: The task's reward.
-        ik_error: Distance from the tip to the goal by forward kinematics, in the posture that the method gave [m].
+        ik_error: Distance from the tip to the position that the method was told by forward kinematics, in the posture
+            that it gave [m]. This and the next five are None where it was not asked, as no camera found the ball.
         iterations, restarts: As the solver counted them.
         candidates: How many postures the acceptance test was asked about.
         solve_s: Wall time of the solve, acceptance tests included [s].
         accept_s: Of which in acceptance tests [s].
         move_s: Simulated time of the move [s]; None where no move was completed.
         q: Posture that was commanded [rad]; None where none was found.
+        seen_x, seen_y, seen_z: Where the cameras saw the goal, which is what the method was told, in the world [m];
+            None where no camera found it, or where the method was told the true position.
+        seen_error: Distance of that from the goal [m]; None likewise.
+        look_s: Wall time of the look, not part of `solve_s` [s]; None where the method was told the true position.
     """
 
     goal: int
@@ -47,14 +52,19 @@ class Trial:
     distance: float
     posture_error: float | None
     reward: float
-    ik_error: float
-    iterations: int
-    restarts: int
-    candidates: int
-    solve_s: float
-    accept_s: float
+    ik_error: float | None
+    iterations: int | None
+    restarts: int | None
+    candidates: int | None
+    solve_s: float | None
+    accept_s: float | None
     move_s: float | None
     q: tuple[float, ...] | None
+    seen_x: float | None = None
+    seen_y: float | None = None
+    seen_z: float | None = None
+    seen_error: float | None = None
+    look_s: float | None = None
 
     def to_json(self) -> str:
         """One line of JSON."""

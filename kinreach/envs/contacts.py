@@ -37,6 +37,8 @@ def touches(model: Any, data: Any, obstacles: Collection[str]) -> tuple[Touch, .
         data: Its state; contacts are read, not computed.
         obstacles: Names of the bodies that are not links.
     """
+    if data.ncon == 0:
+        return ()  # making MuJoCo's list of contacts, even of none, takes longer than a step
     deepest: dict[tuple[str, str], float] = {}
     for contact in data.contact[: data.ncon]:
         a, b = (model.body(model.geom_bodyid[geom]).name for geom in (contact.geom1, contact.geom2))

@@ -1,9 +1,9 @@
-"""Speed profiles along a straight line in joint space."""
+"""Speed profiles along straight lines."""
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
@@ -12,46 +12,36 @@ from kinreach.kinematics.goals import Floats
 
 @dataclass(frozen=True, eq=False)
 class TrapezoidalProfile:
-    """Synchronous trapezoid: all joints start and stop together, so the path is straight in joint space.
+    """Trapezoids of speed over time, from rest to rest, one for each of m ways; a triangle where a way is short.
 
-    The joint with the longest way keeps to the limits (triangle where it does not get up to speed), the others are
-    scaled to it.
+    Every entry is computed on its own, by elementwise arithmetic: it does not depend, to the bit, on the other ways.
 
     Attributes:
-        start: Posture at time 0 [rad], shape (n,).
-        target: Posture at `duration` and after [rad], shape (n,).
-        speed: Largest joint speed [rad/s].
-        acceleration: Largest joint acceleration [rad/s^2].
+        way: How far to go [rad], at least 0, shape (m,).
+        speed: Largest speed [rad/s].
+        acceleration: Acceleration and deceleration [rad/s^2].
     """
 
-    start: Floats
-    target: Floats
+    way: Floats
     speed: float
     acceleration: float
 
-    @property
-    def _way(self) -> float:
-        return float(np.abs(self.target - self.start).max())
+    @cached_property
+    def ramp(self) -> Floats:
+        """Time from rest to the highest speed [s], shape (m,)."""
+        return np.minimum(self.speed / self.acceleration, np.sqrt(self.way / self.acceleration))
 
-    @property
-    def _ramp(self) -> float:
-        """Time from rest to the highest speed [s]."""
-        return min(self.speed / self.acceleration, math.sqrt(self._way / self.acceleration))
-
-    @property
-    def duration(self) -> float:
-        """Time from start to target [s]."""
-        ramp = self._ramp
-        return self._way / (self.acceleration * ramp) + ramp if ramp > 0 else 0.0
+    @cached_property
+    def duration(self) -> Floats:
+        """Time for the whole way [s], shape (m,)."""
+        cruise = np.divide(self.way, self.acceleration * self.ramp, out=np.zeros_like(self.way), where=self.ramp > 0)
+        return cruise + self.ramp
 
     def sample(self, times: Floats) -> tuple[Floats, Floats]:
-        """Positions [rad] and velocities [rad/s] at the given times [s], both of shape (k, n) for k times."""
-        way, ramp, end = self._way, self._ramp, self.duration
-        t = np.clip(times, 0.0, end)
-        t_left = end - t
-        up, down = np.minimum(t, ramp), np.minimum(t_left, ramp)
-        # Covered way: the ramp up, the constant part and the ramp down, each up to time t.
-        covered = self.acceleration * (up**2 / 2 + ramp * np.clip(t - ramp, 0.0, None) - (ramp - down) ** 2 / 2)
-        rate = self.acceleration * np.minimum(up, down)
-        direction = (self.target - self.start) / way if way > 0 else np.zeros_like(self.start)
-        return self.start + covered[:, None] * direction, rate[:, None] * direction
+        """How much of the way is covered [rad] and how fast [rad/s], both of shape (k, m), at k times [s]."""
+        ramp, end = self.ramp, self.duration
+        t = np.minimum(np.maximum(times, 0.0)[:, None], end)
+        up, down = np.minimum(t, ramp), np.minimum(end - t, ramp)
+        # The ramp up, the constant part and the ramp down, each up to time t.
+        ways = up**2 / 2 + ramp * np.maximum(t - ramp, 0.0) - (ramp - down) ** 2 / 2
+        return self.acceleration * ways, self.acceleration * np.minimum(up, down)

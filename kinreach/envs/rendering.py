@@ -37,6 +37,9 @@ class FrameRenderer:
         width, height: Size of the frames [pixels].
         shadows: Draw shadows and reflections; a frame takes two to five times as long.
 
+    Attributes:
+        model, width, height: As given.
+
     Raises:
         InputError: The frame is larger than the scene's off-screen buffer.
         InstallationError: There is no library to draw with; the message names the packages.
@@ -47,7 +50,8 @@ class FrameRenderer:
         if not (0 < width <= most.offwidth and 0 < height <= most.offheight):
             raise InputError(f"frames can be up to {most.offwidth}x{most.offheight} pixels, got {width}x{height}")
         _choose_library()
-        self._model = model
+        self.model = model
+        self.width, self.height = width, height
         self._renderer = mujoco.Renderer(model, height, width)
         for flag in (mujoco.mjtRndFlag.mjRND_SHADOW, mujoco.mjtRndFlag.mjRND_REFLECTION):
             self._renderer.scene.flags[flag] = shadows
@@ -58,13 +62,25 @@ class FrameRenderer:
         Raises:
             UnknownNameError: There is no such camera; the message lists those there are.
         """
-        if mujoco.mj_name2id(self._model, mujoco.mjtObj.mjOBJ_CAMERA, camera) < 0:
-            raise_unknown("camera", camera, (self._model.camera(i).name for i in range(self._model.ncam)))
-        mujoco.mj_kinematics(self._model, data)
-        mujoco.mj_camlight(self._model, data)
+        self._renderer.disable_depth_rendering()
+        return self._draw(data, camera)
+
+    def depth(self, data: Any, camera: str) -> NDArray[np.float32]:
+        """How far what each pixel shows is from a camera, along its optical axis [m], shape (height, width).
+
+        Raises:
+            UnknownNameError: There is no such camera; the message lists those there are.
+        """
+        self._renderer.enable_depth_rendering()
+        return self._draw(data, camera)
+
+    def _draw(self, data: Any, camera: str) -> Any:
+        if mujoco.mj_name2id(self.model, mujoco.mjtObj.mjOBJ_CAMERA, camera) < 0:
+            raise_unknown("camera", camera, (self.model.camera(i).name for i in range(self.model.ncam)))
+        mujoco.mj_kinematics(self.model, data)
+        mujoco.mj_camlight(self.model, data)
         self._renderer.update_scene(data, camera)
-        frame: NDArray[np.uint8] = self._renderer.render()
-        return frame
+        return self._renderer.render()
 
     def close(self) -> None:
         """Free the graphics memory."""

@@ -2,16 +2,19 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from kinreach.envs.contacts import Touch, touches
-from kinreach.envs.controller import TOLERANCE, JointController, MoveResult
+from kinreach.envs.controller import TOLERANCE, JointController
 from kinreach.envs.engine import mujoco
-from kinreach.envs.scene import BALL, scene_model
-from kinreach.errors import InputError, raise_unknown
+from kinreach.envs.moves import MoveResult
+from kinreach.envs.plants import SinglePlant
+from kinreach.envs.scene import BALL, TIMESTEP, scene_model
+from kinreach.errors import raise_unknown
 from kinreach.kinematics.goals import Floats, as_vector
 from kinreach.robots import ArmDescription, get_arm
 
@@ -41,7 +44,7 @@ class ArmSimulation:
         self,
         arm: str | ArmDescription = "ur5",
         *,
-        timestep: float = 0.002,
+        timestep: float = TIMESTEP,
         visual: bool = False,
         tolerance: float = TOLERANCE,
     ) -> None:
@@ -49,6 +52,8 @@ class ArmSimulation:
         self.model: Any = scene_model(self.arm, timestep=timestep, visual=visual)
         self.data: Any = mujoco.MjData(self.model)
         self.controller = JointController(self.arm, self.model, tolerance=tolerance)
+        self._plant = SinglePlant(self.model, self.data)
+        self._only = np.zeros(1, dtype=np.intp)
         self._ball = int(self.model.body(BALL).mocapid[0])
         self.reset()
 
@@ -62,11 +67,7 @@ class ArmSimulation:
             InputError: Wrong shape, not finite, or outside the joint limits.
         """
         q = as_vector("q", self.arm.home if q is None else q, len(self.arm.joints))
-        outside = self.controller.joints_outside_limits(q)
-        if outside:
-            joint = self.arm.joints.index(outside[0])
-            low, high = self.controller.lower[joint], self.controller.upper[joint]
-            raise InputError(f"{outside[0]} = {q[joint]:.6g} rad is outside its limits [{low:.6g}, {high:.6g}]")
+        self.controller.refuse_outside_limits(q)
         mujoco.mj_resetDataKeyframe(self.model, self.data, self.model.key("home").id)
         self.data.qpos[self.controller.qpos] = q
         self.data.ctrl[self.controller.ctrl] = q
@@ -76,8 +77,29 @@ class ArmSimulation:
         self.data.mocap_pos[self._ball] = as_vector("position", position, 3)
 
     def move(self, q_target: ArrayLike, *, two_phase: bool = True) -> MoveResult:
-        """Move to a posture by dynamics; see `JointController.move`."""
-        return self.controller.move(self.data, q_target, two_phase=two_phase)
+        """Move to a posture by dynamics; see `JointController.move`.
+
+        Args:
+            q_target: Target posture [rad], shape (n,).
+            two_phase: Whether the joints in `arm.moves_last` wait until all others have arrived.
+
+        Returns:
+            How it ended, and where.
+
+        Raises:
+            InputError: The target has the wrong shape or is not finite.
+        """
+        target = as_vector("q_target", q_target, len(self.arm.joints))
+        return self.controller.move(self._plant, self._only, target[None], two_phase=two_phase)[0]
+
+    @property
+    def watch(self) -> Callable[[], object] | None:
+        """Called after every control period of a move (0.01 s), to draw it, say; it must not change the state."""
+        return self._plant.watch
+
+    @watch.setter
+    def watch(self, watch: Callable[[], object] | None) -> None:
+        self._plant.watch = watch
 
     @property
     def q(self) -> Floats:

@@ -42,12 +42,12 @@ class Arm3Kinematics(ClosedFormKinematics):
         self._T_arm_base: Floats = np.linalg.inv(T_world_arm) @ self.T_world_base
 
     def all_solutions(
-        self, target: ArrayLike, *, seed: ArrayLike | None = None, limits: bool = True, tol: float = 1e-7
+        self, T: ArrayLike, *, seed: ArrayLike | None = None, limits: bool = True, tol: float = 1e-7
     ) -> IKSolutions:
         """Every posture that brings the tip to a point.
 
         Args:
-            target: Position of the tip in the base frame [m], shape (3,), or a pose (4, 4) whose translation is used.
+            T: Position of the tip in the base frame [m], shape (3,), or a pose (4, 4) whose translation is used.
             seed: Posture [rad], shape (3,). With it, each solution is given in the winding nearest to it, and they are
                 sorted by distance from it; without it, they are in the order of the branch index.
             limits: Leave out what the joint limits forbid.
@@ -60,24 +60,10 @@ class Arm3Kinematics(ClosedFormKinematics):
             InputError: Malformed target or seed.
         """
         start = self._posture_or_none(seed)
-        goal = PositionGoal(as_pose("target", target)[:3, 3] if np.shape(target) == (4, 4) else target)  # type: ignore[arg-type]
+        goal = PositionGoal(as_pose("T", T)[:3, 3] if np.shape(T) == (4, 4) else T)  # type: ignore[arg-type]
         p = self._in_arm_frame(goal.position[None])[:, 0]
         found, miss = solve_position(p.tolist(), self.geometry, tol=tol)
         return self._solutions(found, "" if found else miss_text(miss), self._error_of(goal), start, limits)
-
-    def nearest(self, target: ArrayLike, seed: ArrayLike, *, accept: Accept | None = None) -> IKResult:
-        """The posture for a target that is nearest to a seed, over all branches and windings.
-
-        Args:
-            target: As in `all_solutions`.
-            seed: Posture [rad], shape (3,).
-            accept: Called with candidates in the order of their distance until it returns True.
-
-        Raises:
-            InputError: As `all_solutions`.
-        """
-        start = self.as_posture("seed", seed)
-        return self._choose(self.all_solutions(target, seed=start), start, accept)
 
     def solve(self, goal: Goal, seed: ArrayLike, *, accept: Accept | None = None) -> IKResult:
         """A `PositionGoal`.

@@ -39,6 +39,26 @@ class ClosedFormKinematics(ArmKinematics, ABC):
         self._full_turn = bool((self.lower <= -pi + SLACK).all() and (self.upper >= pi - SLACK).all())
         self._one_turn = self._full_turn and bool((self.upper - self.lower <= TURN + SLACK).all())
 
+    @abstractmethod
+    def all_solutions(
+        self, T: ArrayLike, *, seed: ArrayLike | None = None, limits: bool = True, tol: float = 1e-7
+    ) -> IKSolutions:
+        """Every posture that reaches a goal."""
+
+    def nearest(self, T: ArrayLike, seed: ArrayLike, *, accept: Accept | None = None) -> IKResult:
+        """The posture for a goal that is nearest to a seed, over all branches and windings.
+
+        Args:
+            T: Goal as in `all_solutions`.
+            seed: Posture [rad], shape (n,).
+            accept: Called with candidates in the order of their distance until it returns True.
+
+        Raises:
+            InputError: As `all_solutions`.
+        """
+        start = self.as_posture("seed", seed)
+        return self._choose(self.all_solutions(T, seed=start), start, accept)
+
     def batch(self, T: ArrayLike, *, limits: bool = True, tol: float = 1e-7) -> IKBatch:
         """Every posture of many poses.
 

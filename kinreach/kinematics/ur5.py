@@ -38,7 +38,7 @@ class UR5Kinematics(ClosedFormKinematics):
 
     Args:
         arm: Name or description of a UR-type arm with a frame `tool0`.
-        tip: `"tool0"` (the flange) or `"tcp"` (between the finger tips).
+        tip: `"tool0"` (the flange) or `"tcp"` (between the finger tips, 0.20 m in front of it).
         base: `"base_link"` or `"world"`.
 
     Attributes:
@@ -48,7 +48,7 @@ class UR5Kinematics(ClosedFormKinematics):
         InputError: The arm's geometry is not that of a UR.
     """
 
-    def __init__(self, *, tip: str = "tcp", base: str = "base_link", arm: str | ArmDescription = "ur5") -> None:
+    def __init__(self, *, tip: str = "tool0", base: str = "base_link", arm: str | ArmDescription = "ur5") -> None:
         super().__init__(arm, tip=tip, base=base)
         flange = self.model.getFrameId(self.arm.tips["tool0"])
         self.geometry = URGeometry.from_model(self.model, flange)
@@ -85,20 +85,6 @@ class UR5Kinematics(ClosedFormKinematics):
         found, miss = solve_pose(rows, self.geometry, tol=tol, q6=0.0 if start is None else float(start[5]))
         unreached = "" if found else miss_text(miss)
         return self._solutions(found, unreached, lambda q: pose_error(np.asarray(T), self.fk(q)), start, limits)
-
-    def nearest(self, T: ArrayLike, seed: ArrayLike, *, accept: Accept | None = None) -> IKResult:
-        """The posture for a pose that is nearest to a seed, over all branches and windings.
-
-        Args:
-            T: Pose of the tip in the base frame, shape (4, 4).
-            seed: Posture [rad], shape (6,).
-            accept: Called with candidates in the order of their distance until it returns True.
-
-        Raises:
-            InputError: As `all_solutions`.
-        """
-        start = self.as_posture("seed", seed)
-        return self._choose(self.all_solutions(T, seed=start), start, accept)
 
     def axis_solutions(
         self,

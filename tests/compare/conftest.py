@@ -1,13 +1,19 @@
-"""Trials made up for tests of what is done with trials."""
+"""Trials made up for tests of what is done with trials, and cameras for those without OpenGL."""
 
 from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import replace
+from typing import Any, ClassVar
 
+import numpy as np
 import pytest
 
 from kinreach.compare.trials import Trial
+from kinreach.envs.goal_view import GoalLook, geometric_goal_view
+from kinreach.envs.rgbd import SensorNoise
+from kinreach.envs.simulation import ArmSimulation
+from kinreach.kinematics.goals import Floats
 
 TrialFactory = Callable[..., list[Trial]]
 
@@ -46,3 +52,46 @@ def impossible() -> Trial:
     """A trial in which no posture was found."""
     nothing = {"q": None, "move_s": None, "reached": False, "reward": -100.0}
     return replace(_GOOD, impossible=True, status="out of reach", reason="too far", distance=0.5, **nothing)
+
+
+class StandInView:
+    """Plays `CameraGoalView` without drawing: perfect cameras, or as the class's attributes say.
+
+    Attributes:
+        sigma: Of normal noise on the six numbers, drawn from the generator of the look [m].
+        found: Which camera finds the ball.
+        blind: Looks, counted from the first one on, in which none does.
+        made: Every view that was made.
+    """
+
+    sigma: ClassVar[float] = 0.0
+    found: ClassVar[tuple[bool, bool]] = (True, True)
+    blind: ClassVar[tuple[int, ...]] = ()
+    made: ClassVar[list[StandInView]] = []
+
+    def __init__(self, arm: Any, *, width: int, height: int, pipeline: str, noise: SensorNoise) -> None:
+        self.arm, self.width, self.height, self.pipeline, self.noise = arm, width, height, pipeline, noise
+        self.looks: list[tuple[Floats, Floats]] = []
+        self.closed = False
+        self.made.append(self)
+
+    def look(self, simulation: ArmSimulation, rng: np.random.Generator) -> GoalLook:
+        """The posture and the ball are written down."""
+        found = np.array(self.found) & (len(self.looks) not in self.blind)
+        self.looks.append((simulation.q, simulation.ball_position))
+        values = geometric_goal_view(self.arm, simulation.ball_position) + self.sigma * rng.standard_normal(6)
+        return GoalLook(np.where(np.repeat(found, 3), values, 0.0), found, (None, None), ())
+
+    def __enter__(self) -> StandInView:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.closed = True
+
+
+@pytest.fixture
+def stand_in(monkeypatch: pytest.MonkeyPatch) -> type[StandInView]:
+    """Cameras that a `StandInView` plays; change its attributes to spoil them."""
+    fresh = type("Fresh", (StandInView,), {"made": []})
+    monkeypatch.setattr("kinreach.compare.observation.CameraGoalView", fresh)
+    return fresh

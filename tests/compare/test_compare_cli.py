@@ -38,6 +38,16 @@ def _call(*argv: str) -> int:
         (["--goals", "-3"], "the number of goals must be at least 1, got -3"),
         (["--goals", "many"], "argument --goals: invalid int value: 'many'"),
         (["--seed", "-1"], "the seed must not be negative, got -1"),
+        (["--observation", "pixels"], "unknown ur5 observation 'pixels'; available: camera, geometric"),
+        (["--task", "button", "--observation", "camera"], "unknown button observation 'camera'; available: geometric"),
+        (["--pipeline", "thesis"], "pipeline, resolution and noise need observation 'camera', got observation 'geo"),
+        (["--rgb-noise", "0"], "need observation 'camera'"),
+        (["--observation", "camera", "--pipeline", "magic"], "unknown pipeline 'magic'; available: hybrid, thesis"),
+        (["--observation", "camera", "--resolution", "640"], "expected WIDTHxHEIGHT in pixels, such as 640x360, got '"),
+        (["--observation", "camera", "--resolution", "-640x360"], "argument --resolution"),
+        (["--observation", "camera", "--resolution", "8x8"], "at least 16 pixels wide and high, got 8x8"),
+        (["--observation", "camera", "--rgb-noise", "nan"], "rgb_noise must be in [0, 256) levels, got nan"),
+        (["--observation", "camera", "--depth-noise", "-1"], "depth_noise must be in [0, 1) m, got -1.0"),
         (["--colour"], "unrecognized arguments: --colour"),
         (["--out"], "argument --out: expected one argument"),
     ],
@@ -77,6 +87,31 @@ def test_a_method_whose_package_is_missing_is_one_clear_line(
     assert capsys.readouterr().err == f"{PROG}: error: cannot import placo: install it\n"
 
 
+def test_cameras_without_a_graphics_library_are_one_clear_line(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def no_library() -> None:
+        raise InstallationError("cannot draw. Do: apt install libegl1 libgl1,\n or apt install libosmesa6")
+
+    monkeypatch.setattr("kinreach.envs.rendering._choose_library", no_library)
+    assert _call("compare", "--observation", "camera", "--goals", "1", "--out", str(tmp_path)) == cli.EXIT_ERROR
+    out, err = capsys.readouterr()
+    assert out == ""
+    assert err == f"{PROG}: error: cannot draw. Do: apt install libegl1 libgl1, or apt install libosmesa6\n"
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_pictures_that_cannot_be_drawn_so_large_are_one_clear_line(
+    needs_gl: None, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    argv = ["--observation", "camera", "--resolution", "9000x9000", "--goals", "1", "--out", str(tmp_path)]
+    assert _call("compare", *argv) == cli.EXIT_ERROR
+    out, err = capsys.readouterr()
+    assert (out, err.count("\n")) == ("", 1)
+    assert "got 9000x9000" in err
+    assert list(tmp_path.iterdir()) == []
+
+
 @pytest.mark.parametrize(("argv", "said"), [([], "required: COMMAND"), (["dance"], "invalid choice: 'dance'")])
 def test_a_missing_or_unknown_command_is_one_clear_line(
     argv: list[str], said: str, capsys: pytest.CaptureFixture[str]
@@ -107,6 +142,32 @@ def test_a_comparison_prints_its_table_and_the_command_that_gives_it_again(
     command = json.loads((tmp_path / "results.json").read_text())["settings"]["command"]
     assert command == "kinreach compare --task button --methods closed-form,lm --goals 2 --seed 0"
     assert any(command in line for line in lines)
+
+
+@pytest.mark.usefixtures("stand_in")
+@pytest.mark.parametrize(
+    ("argv", "again"),
+    [
+        ("", ""),
+        ("--pipeline hybrid --resolution 640x360 --rgb-noise 0", ""),
+        ("--pipeline thesis --depth-noise 2e-3", " --pipeline thesis --depth-noise 0.002"),
+        ("--resolution 1280x720 --rgb-noise 6", " --resolution 1280x720 --rgb-noise 6.0"),
+    ],
+)
+def test_a_comparison_with_cameras_says_so_and_how_to_do_it_again(
+    argv: str, again: str, tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr("kinreach.compare.cli.write_scene", lambda *_, **__: "")
+    monkeypatch.setattr("kinreach.compare.figures.write_all", lambda *_: None)
+    asked = ["--methods", "closed-form", "--goals", "1", "--observation", "camera", *argv.split()]
+    assert _call("compare", *asked) == 0
+    said = capsys.readouterr().out
+    assert "Seen: the cameras' median error" in said
+    results = json.loads((tmp_path / "results" / "compare-ur5-camera" / "results.json").read_text())
+    command = f"{PROG} --task ur5 --methods closed-form --goals 1 --seed 0 --observation camera{again}"
+    assert results["settings"]["command"] == command
+    assert command in said
 
 
 @pytest.mark.parametrize("module", [["kinreach.compare"], ["kinreach", "compare"]])

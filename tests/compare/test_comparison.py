@@ -56,6 +56,25 @@ def test_the_schema_refuses_what_is_wrong(finished: tuple[Settings, Path]) -> No
             jsonschema.validate(wrong, schema)
 
 
+def test_without_cameras_nothing_is_seen_and_older_results_are_valid(finished: tuple[Settings, Path]) -> None:
+    results = json.loads((finished[1] / "results.json").read_text())
+    settings = results["settings"]
+    assert (settings["observation"], settings["camera"]) == ("geometric", None)
+    for method in results["methods"]:
+        for key in ("observed_error_mm", "look_ms"):
+            assert method[key] == method[f"{key}_ci"] == {"median": None, "p95": None}
+    rows = list(csv.DictReader((finished[1] / "results.csv").read_text().splitlines()))
+    assert {row[key] for row in rows for key in ("seen_x", "seen_y", "seen_z", "seen_error", "look_s")} == {""}
+    new = ("observed_error_mm", "observed_error_mm_ci", "look_ms", "look_ms_ci")
+    older = {
+        "methods": [{key: value for key, value in m.items() if key not in new} for m in results["methods"]],
+        "settings": {key: value for key, value in settings.items() if key not in ("observation", "camera")},
+        "versions": results["versions"],
+    }
+    schema = json.loads(files("kinreach.compare").joinpath("results.schema.json").read_text())
+    jsonschema.validate(older, schema)
+
+
 def test_every_goal_and_method_has_its_row(finished: tuple[Settings, Path]) -> None:
     settings, out = finished
     pairs = [(int(row["goal"]), row["method"]) for row in _rows(out)]

@@ -1,10 +1,12 @@
 """Every method is asked the same, in turns, and failures are told apart."""
 
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
 import pytest
 
+from kinreach.compare.observation import Sight
 from kinreach.compare.runner import WARM_UP_GOALS, run_trials
 from kinreach.compare.tasks import UR5Task
 from kinreach.envs.simulation import ArmSimulation
@@ -62,8 +64,65 @@ def test_all_methods_are_asked_the_same_in_rotating_order(task: UR5Task, simulat
 
 def test_trials_that_are_done_are_left_out(task: UR5Task, simulation: ArmSimulation) -> None:
     solvers = {name: Recorder(name, [], _answer(task.home)) for name in ("a", "b")}
-    left = run_trials(task, solvers, task.goals(2, 0), simulation, done={(0, "a"), (1, "b")})
+    trials = list(run_trials(task, solvers, task.goals(2, 0), simulation))
+    done = [trial for trial in trials if (trial.goal, trial.method) in {(0, "a"), (1, "b")}]
+    left = run_trials(task, solvers, task.goals(2, 0), simulation, done=done)
     assert [(trial.goal, trial.method) for trial in left] == [(0, "b"), (1, "a")]
+
+
+def test_methods_are_told_what_was_seen_and_judged_by_what_is_true(task: UR5Task, simulation: ArmSimulation) -> None:
+    log: list[tuple[str, Any]] = []
+    solvers = {name: Recorder(name, log, _answer(task.home + 0.1)) for name in ("a", "b")}
+    goals, off = task.goals(2, 0), np.array([0.03, 0.0, 0.04])
+    looked: list[int] = []
+
+    def look(index: int, position: Floats) -> Sight:
+        looked.append(index)
+        return Sight(position + off, 0.07)
+
+    trials = list(run_trials(task, solvers, goals, simulation, look=look))
+    assert looked == [0, 1]  # once per goal
+    asked = [goal.position for _, (goal, _) in log[2 * WARM_UP_GOALS :]]
+    assert np.array_equal(asked, (goals + off)[[0, 0, 1, 1]])
+    for trial in trials:
+        goal = goals[trial.goal]
+        assert (trial.x, trial.y, trial.z) == tuple(goal)
+        assert (trial.seen_x, trial.seen_y, trial.seen_z) == tuple(goal + off)
+        assert trial.seen_error == pytest.approx(0.05)
+        assert trial.look_s == 0.07
+        tip = task.kinematics.fk(task.home + 0.1)[:3, 3]
+        assert trial.distance == pytest.approx(np.linalg.norm(tip - goal), abs=0.012)
+        assert abs(trial.distance - np.linalg.norm(tip - goal - off)) > 0.012
+
+
+def test_nobody_looks_at_a_finished_goal_and_the_rest_is_told_the_same(
+    task: UR5Task, simulation: ArmSimulation
+) -> None:
+    sights = {0: Sight(None, 0.1), 1: Sight(np.array([0.4, 0.1, -0.2]), 0.2), 2: Sight(np.array([0.5, 0.0, -0.1]), 0.3)}
+    solvers = {name: Recorder(name, [], _answer(task.home)) for name in ("a", "b")}
+    goals = task.goals(3, 0)
+    trials = list(run_trials(task, solvers, goals, simulation, look=lambda index, position: sights[index]))
+    assert [trial.status for trial in trials] == ["no ball found"] * 2 + ["completed"] * 4
+
+    def never(index: int, position: Floats) -> Sight:
+        pytest.fail(f"goal {index} was looked at again")
+
+    again = list(run_trials(task, solvers, goals, simulation, look=never, done=[trials[0], trials[3], *trials[4:]]))
+    untimed = {"solve_s": 0.0, "accept_s": 0.0}
+    assert [replace(trial, **untimed) for trial in again] == [replace(trials[k], **untimed) for k in (1, 2)]
+
+
+def test_a_ball_that_no_camera_found_is_asked_of_nobody(task: UR5Task, simulation: ArmSimulation) -> None:
+    log: list[tuple[str, Any]] = []
+    solver = Recorder("a", log, _answer(task.home))
+    goals = task.goals(1, 0)
+    (trial,) = run_trials(task, {"a": solver}, goals, simulation, look=lambda index, position: Sight(None, 0.1))
+    assert len(log) == WARM_UP_GOALS
+    assert (trial.impossible, trial.reached, trial.reward) == (True, False, -100.0)
+    assert (trial.status, trial.reason) == ("no ball found", "no camera found the ball")
+    assert {trial.q, trial.move_s, trial.solve_s, trial.ik_error, trial.candidates, trial.seen_x} == {None}
+    start = task.kinematics.fk(task.home)[:3, 3]
+    assert trial.distance == pytest.approx(np.linalg.norm(start - task.goals(1, 0)[0]), abs=1e-6)
 
 
 def test_no_posture_is_impossible_and_the_arm_stays(task: UR5Task, simulation: ArmSimulation) -> None:

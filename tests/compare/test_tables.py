@@ -21,14 +21,27 @@ TrialFactory = Callable[..., list[Trial]]
 def results(make_trials: TrialFactory, impossible: Trial) -> dict[str, Any]:
     """Results with wide numbers and the longest method name planned."""
     wide = make_trials(150, distance=0.3456, solve_s=0.1234, move_s=12.345, reached=False, reward=-12.345)
+    summary = summarise("any", [*wide, impossible])
     return {
-        "methods": [summarise(name, [*wide, impossible]) for name in (*METHODS["ur5"], "thesis-ppo-single")],
+        "methods": [summary | {"name": name} for name in (*METHODS["ur5"], "thesis-ppo-single")],
         "settings": {
             "goals": 151,
             "seed": 0,
             "command": "python -m kinreach.compare",
             "terms": {"reached": "d < 1 cm"},
         },
+    }
+
+
+@pytest.fixture
+def seen(results: dict[str, Any], make_trials: TrialFactory) -> dict[str, Any]:
+    """The same, and cameras that looked."""
+    summary = summarise("lm", make_trials(3, seen_error=0.00444, look_s=0.8391))
+    looks = {key: summary[key] for key in ("observed_error_mm", "look_ms")}
+    camera = {"pipeline": "thesis", "width": 1280, "height": 720, "rgb_noise": 12.5, "depth_noise": 0.0025}
+    return {
+        "methods": [method | looks for method in results["methods"]],
+        "settings": results["settings"] | {"observation": "camera", "camera": camera},
     }
 
 
@@ -49,6 +62,29 @@ def test_every_method_has_its_row_with_its_numbers(results: dict[str, Any]) -> N
     rows = [line.split() for line in _printed(results, TABLE_WIDTH)[3:]]
     assert [row[0] for row in rows] == [*METHODS["ur5"], "thesis-ppo-single"]
     assert {" ".join(row[1:]) for row in rows} == {"0.0 [0.0, 2.5] 346 / 346 0.0 0.7 -12.9 123 / 123 12.3"}
+
+
+def test_what_the_cameras_saw_is_a_column_and_fits(seen: dict[str, Any], results: dict[str, Any]) -> None:
+    lines = _printed(seen, TABLE_WIDTH)
+    assert 80 < max(map(len, lines)) <= TABLE_WIDTH
+    assert lines == _printed(seen, 400)
+    rows = [line.split() for line in lines[3:]]
+    assert {" ".join(row[1:]) for row in rows} == {"0.0 [0.0, 2.5] 4.44 346 / 346 0.0 0.7 -12.9 123 / 123 12.3"}
+    assert "seen" not in " ".join(_printed(results, TABLE_WIDTH))
+
+
+def test_columns_are_two_spaces_apart_where_they_fit(seen: dict[str, Any]) -> None:
+    short = seen | {"methods": [method for method in seen["methods"] if len(method["name"]) <= len("closed-form")]}
+    assert _printed(short, TABLE_WIDTH)[2].startswith("method       reached")
+    assert _printed(seen, TABLE_WIDTH)[2].startswith("method            reached")
+
+
+def test_footnotes_say_what_was_seen_and_how(seen: dict[str, Any], results: dict[str, Any]) -> None:
+    notes = footnotes(seen, Path("results/compare-ur5"))
+    assert max(map(len, notes)) <= TABLE_WIDTH
+    said = " ".join(notes)
+    assert all(part in said for part in ("thesis pipeline, 1280x720, noise 12.5 levels, 2.5 mm", "p95 4.44", "839 ms"))
+    assert "Seen" not in " ".join(footnotes(results, Path("results/compare-ur5")))
 
 
 def test_footnotes_name_the_command_and_fit(results: dict[str, Any]) -> None:

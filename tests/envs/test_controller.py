@@ -4,8 +4,14 @@ import mujoco
 import numpy as np
 import pytest
 
-from kinreach.envs import ArmSimulation, JointController, MoveStatus
+from kinreach.envs import ArmSimulation, BatchSimulation, JointController, MoveStatus
+from kinreach.envs.plants import SinglePlant
+from kinreach.envs.scene import TIMESTEP
 from kinreach.errors import InputError
+from kinreach.kinematics.collision import CollisionChecker
+
+TABLE_TOP = -0.20
+TIP_TO_FINGERTIP = 0.01
 
 
 def test_two_phase_moves_reach_tool_down_postures(ur5, tool_down, goals):
@@ -84,12 +90,42 @@ def test_presses_into_the_table_are_blocked_by_the_table(ur5, tool_down, goals):
         assert result.duration < 6.0
 
 
-def test_touching_without_being_held_off_is_no_failure(ur5, tool_down):
-    tip_to_fingertip = 0.01
-    table_top = -0.20
-    result = ur5.move(tool_down((0.45, 0.0, table_top + tip_to_fingertip - 1e-4)))
-    assert result.reached
+@pytest.mark.parametrize("depth", [1e-4, 3e-4, 1e-3])
+def test_resting_on_the_table_is_blocked_also_within_the_tolerance(ur5, tool_down, depth):
+    result = ur5.move(tool_down((0.45, 0.0, TABLE_TOP + TIP_TO_FINGERTIP - depth)))
+    assert result.status is MoveStatus.BLOCKED
+    assert result.reason.startswith("blocked: finger_")
     assert {touch.other for touch in result.touches} == {"table"}
+    assert result.error < ur5.controller.tolerance
+    assert 1e-5 < result.touches[0].depth < depth
+
+
+@pytest.mark.parametrize("clearance", [1e-4, 1e-3])
+def test_a_posture_just_above_the_table_is_reached(ur5, tool_down, clearance):
+    result = ur5.move(tool_down((0.45, 0.0, TABLE_TOP + TIP_TO_FINGERTIP + clearance)))
+    assert result.reached
+    assert result.touches == ()
+
+
+def test_verdicts_are_those_of_the_collision_checker_near_the_table(tool_down, goals):
+    rng = np.random.default_rng(4)
+    targets = np.array([tool_down(goal) for goal in goals])
+    targets += rng.normal(size=targets.shape) * rng.choice((0.02, 0.05, 0.1), (len(targets), 1))
+    batch, checker = BatchSimulation("ur5", len(targets)), CollisionChecker("ur5")
+    results = batch.move(np.arange(len(targets)), targets)
+    colliding = np.array([checker.in_collision(target) for target in targets])
+    assert 10 < colliding.sum() < len(targets) - 10
+    np.testing.assert_array_equal([not result.reached for result in results], colliding)
+
+
+def test_verdicts_do_not_hang_on_the_timestep():
+    targets = np.random.default_rng(5).uniform(-np.pi, np.pi, (40, 6))
+    verdicts = []
+    for timestep in (TIMESTEP, TIMESTEP / 2):
+        batch = BatchSimulation("ur5", len(targets), timestep=timestep)
+        verdicts.append([result.status for result in batch.move(np.arange(len(targets)), targets)])
+    assert verdicts[0] == verdicts[1]
+    assert all(verdicts[0].count(status) >= 8 for status in set(verdicts[0]))
 
 
 def test_self_collision_is_called_so(ur5):
@@ -127,7 +163,8 @@ def test_targets_out_of_limits_are_refused_by_joint(name):
 def test_a_servo_too_weak_to_arrive_is_blocked_by_nothing(ur5):
     model = copy.copy(ur5.model)
     model.jnt_actfrcrange[model.joint("wrist_3_joint").id] = 0.0
-    result = JointController(ur5.arm, model).move(ur5.data, ur5.q + np.eye(6)[5])
+    plant = SinglePlant(model, ur5.data)
+    (result,) = JointController(ur5.arm, model).move(plant, np.array([0]), (ur5.q + np.eye(6)[5])[None])
     assert result.status is MoveStatus.BLOCKED
     assert result.reason == "blocked: wrist_3_joint does not arrive, nothing touches"
 

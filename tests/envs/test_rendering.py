@@ -17,13 +17,8 @@ WIDTH, HEIGHT = 320, 180
 
 
 @pytest.fixture(scope="module")
-def scene():
-    simulation = ArmSimulation("ur5", visual=True)
-    try:
-        render(simulation, width=8, height=8)
-    except InstallationError as error:
-        pytest.skip(str(error))
-    return simulation
+def scene(needs_gl):
+    return ArmSimulation("ur5", visual=True)
 
 
 def test_cameras_look_at_their_targets_with_up_upwards():

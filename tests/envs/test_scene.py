@@ -4,7 +4,9 @@ import pinocchio as pin
 import pytest
 
 from kinreach.envs import ArmSimulation, build_scene, scene_model
+from kinreach.envs.scene import TIMESTEP
 from kinreach.kinematics import ArmKinematics
+from kinreach.kinematics.collision import CollisionChecker
 from kinreach.robots import arm_names, get_arm
 
 ARMS = arm_names()
@@ -108,6 +110,36 @@ def test_ball_has_no_contact_and_obstacles_are_named(name):
 
 
 @pytest.mark.parametrize("name", ARMS)
+def test_nothing_is_excluded_that_can_touch(name):
+    arm, model = get_arm(name), scene_model(get_arm(name))
+    known = {frozenset(pair) for pair in (*arm.disabled_collisions, *arm.workcell.touching)}
+    excluded = {
+        frozenset((model.body(int(pair) >> 16).name, model.body(int(pair) & 0xFFFF).name))
+        for pair in model.exclude_signature
+    }
+    assert known <= excluded
+    checker, kinematics = CollisionChecker(arm), ArmKinematics(name)
+    assert {tuple(sorted(pair)) for pair in excluded - known} <= set(checker.pairs)
+    touching = {frozenset(pair) for q in postures(kinematics, 1500, seed=4) for pair in checker.contacts(q)}
+    assert len(touching) >= 2
+    assert not touching & excluded
+
+
+def test_the_obstacles_are_out_of_the_first_links_reach(ur5):
+    bodies = {box.name for box in ur5.arm.workcell.obstacles}
+    pairs = [(int(pair) >> 16, int(pair) & 0xFFFF) for pair in ur5.model.exclude_signature]
+    names = [{ur5.model.body(body).name for body in pair} for pair in pairs]
+    assert {name for pair in names if "shoulder_link" in pair for name in pair} >= bodies
+
+
+@pytest.mark.parametrize("name", ARMS)
+def test_an_arm_that_touches_nothing_has_no_constraint_to_solve(name):
+    simulation = ArmSimulation(name)
+    mujoco.mj_forward(simulation.model, simulation.data)
+    assert simulation.data.nefc == 0
+
+
+@pytest.mark.parametrize("name", ARMS)
 def test_drawing_does_not_change_the_physics(name):
     plain, drawn = ArmSimulation(name, visual=False), ArmSimulation(name, visual=True)
     rng = np.random.default_rng(3)
@@ -138,5 +170,5 @@ def test_models_are_shared_and_specs_are_not():
     arm = get_arm("arm3")
     assert scene_model(arm, visual=False) is scene_model(arm, visual=False)
     assert scene_model(arm, timestep=0.001, visual=False).opt.timestep == 0.001
-    assert scene_model(arm, visual=False).opt.timestep == 0.002
+    assert scene_model(arm, visual=False).opt.timestep == TIMESTEP
     assert build_scene(arm) is not build_scene(arm)

@@ -87,3 +87,15 @@ def test_unknown_names_are_answered_with_the_known_ones(ur5):
         ur5.T_world_frame("tool9")
     with pytest.raises(UnknownNameError, match="available: arm3, ur5"):
         ArmSimulation("ur7")
+
+
+def test_whoever_watches_is_called_in_every_control_period(ur5):
+    times = []
+    ur5.watch = lambda: times.append(ur5.data.time)
+    result = ur5.move(ur5.q + 0.3)
+    assert times[-1] == result.duration
+    np.testing.assert_allclose(np.diff(times, prepend=0.0), times[0], atol=1e-12)
+    assert len(times) > 50
+    ur5.watch = None
+    assert ur5.move(ur5.q - 0.3).reached
+    assert times[-1] == result.duration

@@ -38,6 +38,7 @@ class Task(ABC):
         title: For headings.
         arm_name: Which registered arm does it.
         reached_means: The criterion in a few words.
+        observations: What can say where the goal is: `"geometric"`, the truth; `"camera"`, the arm's cameras.
         home: Start posture, and the seed of every solver [rad], shape (n,).
         kinematics: World frame, the arm's default tip.
     """
@@ -46,6 +47,7 @@ class Task(ABC):
     title: ClassVar[str]
     arm_name: ClassVar[str]
     reached_means: ClassVar[str]
+    observations: ClassVar[tuple[str, ...]] = ("geometric",)
 
     def __init__(self) -> None:
         self.arm = get_arm(self.arm_name)

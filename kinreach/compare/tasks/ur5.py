@@ -21,6 +21,7 @@ class UR5Task(Task):
     title = "UR5: gripper on the ball, tool down, natural posture"
     arm_name = "ur5"
     reached_means = "d < 10 mm and r_e < 0.15"
+    observations = ("geometric", "camera")
 
     def new_kinematics(self) -> UR5Kinematics:
         """The UR5 to its tcp, in the world frame."""

@@ -5,8 +5,8 @@ from pathlib import Path
 
 import pytest
 
-from kinreach.compare.files import make_writable, replacing, write_text
 from kinreach.errors import OutputError
+from kinreach.files import make_writable, replacing, write_text
 
 
 def test_a_failed_write_leaves_the_old_file_and_no_litter(tmp_path: Path) -> None:

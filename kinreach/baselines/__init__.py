@@ -1,0 +1,1 @@
+"""Policies and what they are made with. Environments are known only through Gymnasium's interface."""

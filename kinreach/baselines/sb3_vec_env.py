@@ -1,0 +1,86 @@
+"""A native batch of environments as stable-baselines3 wants it."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from gymnasium.vector import AutoresetMode, VectorEnv
+from stable_baselines3.common.vec_env import VecEnv
+from stable_baselines3.common.vec_env.base_vec_env import VecEnvIndices, VecEnvObs, VecEnvStepReturn
+
+from kinreach.errors import InputError
+
+#: What stable-baselines3's loggers read from an environment's `info`.
+INFO_KEYS = ("is_success", "distance", "posture_error", "impossible")
+
+
+class SB3VecEnv(VecEnv):
+    """Adapter from a Gymnasium vector environment that resets in the same step.
+
+    Args:
+        env: For example `gym.make_vec("kinreach/UR5SingleStep-v0", num_envs=1024,
+            vectorization_mode="vector_entry_point")`.
+
+    Raises:
+        InputError: The environment resets in another way.
+    """
+
+    def __init__(self, env: VectorEnv[Any, Any, Any]) -> None:
+        if env.metadata.get("autoreset_mode") is not AutoresetMode.SAME_STEP:
+            raise InputError("stable-baselines3 needs a vector environment with AutoresetMode.SAME_STEP")
+        self._env = env  # the next line asks for its attributes
+        self._actions: Any = None
+        super().__init__(env.num_envs, env.single_observation_space, env.single_action_space)
+
+    def reset(self) -> VecEnvObs:
+        """Start all episodes, with the seeds that were set last."""
+        seeds = self._seeds if any(seed is not None for seed in self._seeds) else None
+        observations, _ = self._env.reset(seed=seeds)  # type: ignore[arg-type]
+        self._reset_seeds()
+        return np.asarray(observations)
+
+    def step_async(self, actions: np.ndarray[Any, Any]) -> None:
+        """Keep the actions for `step_wait`."""
+        self._actions = actions
+
+    def step_wait(self) -> VecEnvStepReturn:
+        """Step, with the last observation of an ended episode in its info."""
+        observations, rewards, terminated, truncated, info = self._env.step(self._actions)
+        done = terminated | truncated
+        infos: list[dict[str, Any]] = [{} for _ in range(self.num_envs)]
+        for index in np.flatnonzero(done):
+            infos[index] = {key: info["final_info"][key][index].item() for key in INFO_KEYS}
+            infos[index]["terminal_observation"] = info["final_obs"][index]
+            infos[index]["TimeLimit.truncated"] = bool(truncated[index] and not terminated[index])
+        return np.asarray(observations), np.asarray(rewards, dtype=np.float32), done, infos
+
+    def close(self) -> None:
+        """Close the environments."""
+        self._env.close()
+
+    def get_attr(self, attr_name: str, indices: VecEnvIndices = None) -> list[Any]:
+        """An attribute of the batch, once for each of the environments asked for."""
+        return [getattr(self._env, attr_name)] * len(list(self._get_indices(indices)))
+
+    def set_attr(self, attr_name: str, value: Any, indices: VecEnvIndices = None) -> None:
+        """Not for single environments of a batch.
+
+        Raises:
+            InputError: Always.
+        """
+        raise InputError(f"environments of a native batch share their attributes; {attr_name} cannot be set for some")
+
+    def env_method(
+        self, method_name: str, *method_args: Any, indices: VecEnvIndices = None, **method_kwargs: Any
+    ) -> list[Any]:
+        """Not for single environments of a batch.
+
+        Raises:
+            InputError: Always.
+        """
+        raise InputError(f"environments of a native batch have no methods of their own, such as {method_name}")
+
+    def env_is_wrapped(self, wrapper_class: Any, indices: VecEnvIndices = None) -> list[bool]:
+        """No environment of a batch is wrapped."""
+        return [False] * len(list(self._get_indices(indices)))

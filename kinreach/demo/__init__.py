@@ -1,0 +1,1 @@
+"""Watch an environment: `python -m kinreach.demo`."""

@@ -1,0 +1,89 @@
+"""Frames into a file: a GIF through Pillow, or a video through OpenCV."""
+
+from __future__ import annotations
+
+from contextlib import AbstractContextManager, ExitStack
+from pathlib import Path
+from types import TracebackType
+from typing import Any
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+from PIL import Image
+
+from kinreach.errors import InputError, OutputError
+from kinreach.files import make_writable, replacing
+
+Frame = NDArray[np.uint8]
+FORMATS = (".gif", ".mp4")
+#: A GIF is put together in memory; a longer film has to be a video.
+LONGEST_GIF = 1000
+#: Chosen by an octree, which keeps the colour of things as small as the ball.
+GIF_COLOURS = 256
+
+
+class Film(AbstractContextManager["Film"]):
+    """Takes frames; the file appears when the block ends well, or with Ctrl-C, and is whole then.
+
+    Args:
+        path: A file that ends in `.gif` or `.mp4`.
+        fps: Frames per second.
+
+    Raises:
+        InputError: Another ending, or too many frames for a GIF.
+        OutputError: The file cannot be written.
+    """
+
+    def __init__(self, path: str | Path, *, fps: int) -> None:
+        self.path = Path(path)
+        if self.path.suffix not in FORMATS:
+            raise InputError(f"a film's name ends in {' or '.join(FORMATS)}, got {self.path.name!r}")
+        make_writable(self.path.parent)
+        self._fps = fps
+        self._stack = ExitStack()
+        self._images: list[Image.Image] = []
+        self._writer: Any = None
+        self.frames = 0
+
+    def __enter__(self) -> Film:
+        self._temporary = self._stack.enter_context(replacing(self.path))
+        return self
+
+    def add(self, frame: Frame) -> None:
+        """Append a frame, uint8 RGB, shape (height, width, 3)."""
+        self.frames += 1
+        if self.path.suffix == ".gif":
+            if self.frames > LONGEST_GIF:
+                raise InputError(f"a GIF has at most {LONGEST_GIF} frames here; name the film {self.path.stem}.mp4")
+            self._images.append(Image.fromarray(frame).quantize(GIF_COLOURS, Image.Quantize.FASTOCTREE))
+            return
+        if self._writer is None:
+            self._writer = self._open(frame.shape[1], frame.shape[0])
+        self._writer.write(cv2.cvtColor(frame, cv2.COLOR_RGB2BGR))
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        failed = kind is not None and not issubclass(kind, KeyboardInterrupt)
+        if not failed and self.frames:
+            self._finish()
+            self._stack.close()
+        else:  # leave the old file as it was
+            refused = error or InputError("there are no frames to write")
+            self._stack.__exit__(type(refused), refused, trace)
+            if error is None:
+                raise refused
+
+    def _open(self, width: int, height: int) -> Any:
+        writer = cv2.VideoWriter(str(self._temporary), cv2.VideoWriter.fourcc(*"mp4v"), self._fps, (width, height))
+        if not writer.isOpened():
+            raise OutputError(f"OpenCV cannot write {self.path}")
+        return writer
+
+    def _finish(self) -> None:
+        if self._writer is not None:
+            self._writer.release()
+            return
+        first, *rest = self._images
+        first.save(self._temporary, "GIF", save_all=True, append_images=rest, duration=round(1000 / self._fps), loop=0)

@@ -1,0 +1,156 @@
+"""Many simulations of one arm in its work cell, stepped together by MuJoCo's own threads."""
+
+from __future__ import annotations
+
+import importlib
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from kinreach.envs.controller import TOLERANCE, JointController
+from kinreach.envs.engine import mujoco
+from kinreach.envs.moves import MoveResult
+from kinreach.envs.plants import BatchPlant, Ids, rows_and_columns
+from kinreach.envs.scene import BALL, TIMESTEP, scene_model
+from kinreach.errors import InputError
+from kinreach.kinematics.goals import Floats, as_floats
+from kinreach.robots import ArmDescription, get_arm
+
+
+class BatchSimulation:
+    """A number of independent `ArmSimulation`, each bit for bit what it would be alone, on any number of threads.
+
+    Simulations are named by their ids, 0 to `count` - 1; wherever ids are given they are distinct and ascending. All
+    poses are in the world frame (z up, metres).
+
+    Args:
+        arm: Name of a registered arm, or a description.
+        count: Number of simulations.
+        threads: Threads that step them, the caller's included.
+        timestep: Step of the simulation [s].
+        tolerance: How far from its target a joint may come to rest [rad].
+
+    Attributes:
+        arm: The description.
+        count: As given.
+        model: MuJoCo's model, shared with other simulations of the same scene: do not change it.
+        batch: MuJoCo's batch (`mujoco.batch.Batch`).
+        controller: Executes moves.
+
+    Raises:
+        InputError: `count` or `threads` is less than 1.
+        UnknownNameError: There is no arm of that name.
+    """
+
+    def __init__(
+        self,
+        arm: str | ArmDescription,
+        count: int,
+        *,
+        threads: int = 1,
+        timestep: float = TIMESTEP,
+        tolerance: float = TOLERANCE,
+    ) -> None:
+        if count < 1 or threads < 1:
+            raise InputError(f"count and threads must be at least 1, got {count} and {threads}")
+        self.arm = get_arm(arm) if isinstance(arm, str) else arm
+        self.count = count
+        self.model: Any = scene_model(self.arm, timestep=timestep, visual=False)
+        self.batch: Any = importlib.import_module("mujoco.batch").Batch(self.model, count, threads)
+        self.controller = JointController(self.arm, self.model, tolerance=tolerance)
+        self._plant = BatchPlant(self.model, self.batch)
+        self._balls = self.batch.bind("mocap_pos")[:, int(self.model.body(BALL).mocapid[0])]
+        self._home = self.model.key("home").id
+        self._tip = self.model.body(self.arm.tips[self.arm.default_tip]).id
+        self._scratch = mujoco.MjData(self.model)
+        self.reset(np.arange(count))
+
+    def reset(self, ids: ArrayLike, q: ArrayLike | None = None) -> None:
+        """Put whole states back: arms at rest, servos holding them, time 0, balls at their default place.
+
+        Args:
+            ids: Simulations, shape (k,).
+            q: Postures [rad], shape (k, n) or (n,); the arm's home by default.
+
+        Raises:
+            InputError: Malformed arguments, or a posture outside the joint limits.
+        """
+        ids = self._as_ids(ids)
+        q = self._as_rows("q", self.arm.home if q is None else q, len(ids), len(self.arm.joints), repeat=True)
+        for posture in q[self.controller.outside_limits(q).any(axis=1)]:
+            self.controller.refuse_outside_limits(posture)
+        self.batch.reset(ids=ids, keyframe=self._home, stage=mujoco.mjtStage.mjSTAGE_NONE)
+        self._plant.qpos[rows_and_columns(ids, self.controller.qpos)] = q
+        self._plant.ctrl[rows_and_columns(ids, self.controller.ctrl)] = q
+
+    def place_ball(self, ids: ArrayLike, positions: ArrayLike) -> None:
+        """Move balls, by their centres [m] in the world; they have no contact and may be anywhere.
+
+        Args:
+            ids: Simulations, shape (k,).
+            positions: Shape (k, 3), or (3,) for the same place in all.
+
+        Raises:
+            InputError: Malformed arguments.
+        """
+        ids = self._as_ids(ids)
+        self._balls[ids] = self._as_rows("positions", positions, len(ids), 3, repeat=True)
+
+    def move(self, ids: ArrayLike, targets: ArrayLike, *, two_phase: bool = True) -> list[MoveResult]:
+        """Move arms to postures by dynamics; see `JointController.move`.
+
+        Args:
+            ids: Simulations, shape (k,); the others stand still, in time too.
+            targets: Target postures [rad], shape (k, n).
+            two_phase: Whether the joints in `arm.moves_last` wait until all others have arrived.
+
+        Returns:
+            How each ended, and where, in the order of `ids`.
+
+        Raises:
+            InputError: Malformed arguments.
+        """
+        ids = self._as_ids(ids)
+        targets = self._as_rows("targets", targets, len(ids), len(self.arm.joints))
+        return self.controller.move(self._plant, ids, targets, two_phase=two_phase)
+
+    @property
+    def q(self) -> Floats:
+        """Postures [rad], shape (count, n)."""
+        return self._plant.qpos[:, self.controller.qpos].copy()
+
+    @property
+    def ball_positions(self) -> Floats:
+        """Centres of the balls [m], shape (count, 3)."""
+        return self._balls.copy()
+
+    @property
+    def tip_positions(self) -> Floats:
+        """Positions of the arms' default tips [m], shape (count, 3)."""
+        tips = np.empty((self.count, 3))
+        for tip, qpos in zip(tips, self._plant.qpos, strict=True):
+            self._scratch.qpos[:] = qpos
+            mujoco.mj_kinematics(self.model, self._scratch)
+            tip[:] = self._scratch.xpos[self._tip]
+        return tips
+
+    def _as_ids(self, ids: ArrayLike) -> Ids:
+        given = np.asarray(ids)
+        integers = given.dtype.kind in "iu" or given.size == 0
+        if given.ndim != 1 or not integers or (given.size and not 0 <= given[0] <= given[-1] < self.count):
+            raise InputError(f"ids must be a list of integers from 0 to {self.count - 1}, got {given}")
+        if (np.diff(given) <= 0).any():
+            raise InputError(f"ids must be distinct and ascending, got {given}")
+        return given.astype(np.intp)
+
+    @staticmethod
+    def _as_rows(name: str, value: ArrayLike, rows: int, size: int, *, repeat: bool = False) -> Floats:
+        values = as_floats(name, value)
+        if repeat and values.shape == (size,):
+            values = np.broadcast_to(values, (rows, size))
+        if values.shape != (rows, size):
+            raise InputError(f"{name} must have shape ({rows}, {size}), got {values.shape}")
+        if not np.isfinite(values).all():
+            raise InputError(f"{name} must be finite, got {values[~np.isfinite(values).all(axis=1)][0]}")
+        return values

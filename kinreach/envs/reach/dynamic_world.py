@@ -1,0 +1,82 @@
+"""Worlds with MuJoCo's dynamics: one simulation, or a native batch of them."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from kinreach.envs.batch_simulation import BatchSimulation
+from kinreach.envs.reach.world import Executed, Ids
+from kinreach.envs.simulation import ArmSimulation
+from kinreach.kinematics.goals import Floats
+
+
+class SingleDynamicWorld:
+    """One arm under MuJoCo's dynamics.
+
+    Args:
+        simulation: The arm's simulation; what draws or films it may share it.
+    """
+
+    count = 1
+
+    def __init__(self, simulation: ArmSimulation) -> None:
+        self.simulation = simulation
+
+    def reset(self, ids: Ids, goals: Floats) -> None:
+        """Put the whole simulation back, and the ball to the goal [m], shape (1, 3)."""
+        self.simulation.reset()
+        self.simulation.place_ball(goals[0])
+
+    def execute(self, ids: Ids, targets: Floats, *, two_phase: bool) -> Executed:
+        """Move by dynamics; a target that is not attained is impossible, and the arm stays where it got to."""
+        move = self.simulation.move(targets[0], two_phase=two_phase)
+        return Executed(
+            q=self.simulation.q[None],
+            tip=self.simulation.tip_position[None],
+            impossible=np.array([not move.reached]),
+            reasons=[move.reason],
+        )
+
+    @property
+    def q(self) -> Floats:
+        """Posture [rad], shape (1, 6)."""
+        return self.simulation.q[None]
+
+    def close(self) -> None:
+        """Nothing to let go of."""
+
+
+class BatchDynamicWorld:
+    """Many arms under MuJoCo's dynamics, bit for bit what as many `SingleDynamicWorld` would do.
+
+    Args:
+        count: Number of arms.
+        threads: Threads that step them.
+    """
+
+    def __init__(self, count: int, *, threads: int = 1) -> None:
+        self.count = count
+        self._batch = BatchSimulation("ur5", count, threads=threads)
+
+    def reset(self, ids: Ids, goals: Floats) -> None:
+        """Put simulations back, and their balls to goals [m], shape (k, 3)."""
+        self._batch.reset(ids)
+        self._batch.place_ball(ids, goals)
+
+    def execute(self, ids: Ids, targets: Floats, *, two_phase: bool) -> Executed:
+        """Move by dynamics; see `SingleDynamicWorld.execute`."""
+        moves = self._batch.move(ids, targets, two_phase=two_phase)
+        return Executed(
+            q=self._batch.q[ids],
+            tip=self._batch.tip_positions[ids],
+            impossible=np.array([not move.reached for move in moves]),
+            reasons=[move.reason for move in moves],
+        )
+
+    @property
+    def q(self) -> Floats:
+        """Postures [rad], shape (count, 6)."""
+        return self._batch.q
+
+    def close(self) -> None:
+        """Nothing to let go of."""

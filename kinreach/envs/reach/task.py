@@ -1,0 +1,88 @@
+"""The two variants of the thesis's task: what an action means, and what is observed.
+
+Everything here works on stacks, so that one environment and thousands in a batch share it.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from gymnasium import spaces
+from numpy.typing import ArrayLike
+
+from kinreach.errors import InputError
+from kinreach.kinematics.goals import Floats, as_floats
+
+JOINTS = 6
+#: Goal in the front camera (3), goal in the wrist camera (3), joint angles (6), gripper opening (1).
+OBSERVATIONS = 13
+#: Largest change of a joint in one step of the multi-step task [rad].
+STEP_SIZE = math.radians(5.0)
+#: Cameras see no further than this; the bound of the goal's coordinates in the observation space [m].
+CAMERA_RANGE = 2.0
+#: Joints come to rest within the controller's tolerance of their target, so they may stand a little past a limit [rad].
+JOINT_BOUND = math.pi + 0.02
+
+
+@dataclass(frozen=True)
+class ReachVariant:
+    """One way to act.
+
+    Attributes:
+        name: `"single"` or `"multi"`.
+        relative: Whether an action changes the joint angles (else it sets them).
+        scale: What an action of 1 means [rad].
+        two_phase: Whether shoulder_lift waits for the other joints.
+        max_steps: Steps after which an episode is truncated.
+    """
+
+    name: str
+    relative: bool
+    scale: float
+    two_phase: bool
+    max_steps: int
+
+    def targets(self, q: Floats, actions: Floats) -> Floats:
+        """Joint targets [rad] of checked actions in postures `q`, both of shape (n, 6)."""
+        return q + self.scale * actions if self.relative else self.scale * actions
+
+
+#: One action sets all joints, shoulder_lift last; the episode is over (thesis, section 3.4.5).
+SINGLE_STEP = ReachVariant("single", relative=False, scale=math.pi, two_phase=True, max_steps=1)
+#: Up to 100 actions of -5 ... 5 degrees, all joints at once.
+MULTI_STEP = ReachVariant("multi", relative=True, scale=STEP_SIZE, two_phase=False, max_steps=100)
+
+
+def action_space() -> spaces.Box:
+    """Actions of an agent, in [-1, 1]."""
+    return spaces.Box(-1.0, 1.0, (JOINTS,), np.float32)
+
+
+def observation_space() -> spaces.Box:
+    """The 13 numbers in metres and radians."""
+    high = np.array([CAMERA_RANGE] * 6 + [JOINT_BOUND] * JOINTS + [CAMERA_RANGE])
+    low = -high
+    low[-1] = 0.0
+    return spaces.Box(low, high, dtype=np.float64)
+
+
+def check_actions(actions: ArrayLike, count: int | None) -> Floats:
+    """Actions of shape (6,), or (count, 6) for a batch, clipped to [-1, 1].
+
+    Raises:
+        InputError: Wrong shape, or a value that is not finite.
+    """
+    shape = (JOINTS,) if count is None else (count, JOINTS)
+    values = as_floats("action", actions)
+    if values.shape != shape:
+        raise InputError(f"action must have shape {shape}, got {values.shape}")
+    if not np.isfinite(values).all():
+        raise InputError("action must be finite")
+    return np.clip(values, -1.0, 1.0)
+
+
+def observation(view: Floats, q: Floats, opening: float) -> Floats:
+    """The 13 numbers, shape (n, 13), from the goal's six (n, 6), the postures (n, 6) and the gripper's opening [m]."""
+    return np.concatenate([view, q, np.full((len(q), 1), opening)], axis=1)

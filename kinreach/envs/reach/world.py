@@ -1,0 +1,54 @@
+"""What executes postures: one protocol for the kinematic and the simulated worlds, for one arm and for many."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from kinreach.kinematics.goals import Floats
+
+Ids = NDArray[np.intp]
+
+
+@dataclass(frozen=True, eq=False)
+class Executed:
+    """Where the arms stand after a move, in the order of the ids asked for.
+
+    Attributes:
+        q: Postures [rad], shape (k, 6).
+        tip: Positions of the tcp in the world [m], shape (k, 3).
+        impossible: Whether the target could not be taken, shape (k,).
+        reasons: Why, one phrase per arm (empty where possible); None where the world does not say in a batch.
+    """
+
+    q: Floats
+    tip: Floats
+    impossible: NDArray[np.bool_]
+    reasons: Sequence[str] | None
+
+
+class ReachWorld(Protocol):
+    """A number of equal arms, each with its own ball."""
+
+    count: int
+
+    def reset(self, ids: Ids, goals: Floats) -> None:
+        """Put arms back into the start pose, and their balls to goals in the world [m], shape (k, 3)."""
+        ...
+
+    def execute(self, ids: Ids, targets: Floats, *, two_phase: bool) -> Executed:
+        """Move arms to joint targets [rad], shape (k, 6)."""
+        ...
+
+    @property
+    def q(self) -> Floats:
+        """Postures of all arms [rad], shape (count, 6)."""
+        ...
+
+    def close(self) -> None:
+        """Let go of what the world holds."""
+        ...

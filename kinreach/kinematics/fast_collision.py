@@ -1,0 +1,221 @@
+"""Whether postures are impossible, for thousands at once: joint limits, and collisions as `CollisionChecker` sees them.
+
+Three kinds of test, each in the form in which it is cheapest:
+
+*   Links few joints apart, and the upper arm and the forearm against the work cell: tables of blocked arcs, measured
+    on the meshes when the first object is made.
+*   Wrist and gripper against the work cell, the base and the shoulder: geometry, exact for the gripper.
+*   Joint limits.
+
+All of it is elementwise: the verdict on a posture depends neither on the others nor on how many there are. How often it
+is that of `CollisionChecker` and of MuJoCo: `python -m benchmarks.collision_agreement`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from enum import IntEnum
+from functools import lru_cache
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from kinreach.errors import InputError
+from kinreach.kinematics.arm import ArmKinematics
+from kinreach.kinematics.blocked_arcs import Arcs, BlockedArcs
+from kinreach.kinematics.cell_shapes import CellShapes, Part
+from kinreach.kinematics.chain import blocks
+from kinreach.kinematics.collision import CollisionChecker
+from kinreach.kinematics.goals import Floats, as_floats
+from kinreach.kinematics.straight_line import Entry, Program, any_of
+from kinreach.kinematics.wrist_clearance import WristClearance
+from kinreach.robots import ArmDescription, get_arm
+
+#: How far outside a joint limit a joint may be, for rounding [rad]; as in `ArmKinematics.within_limits`.
+LIMIT_SLACK = 1e-9
+JOINTS = 6
+#: An obstacle that is no wider than this from its centre [m] belongs to the arm's foot.
+FOOT_WIDTH = 0.25
+
+Codes = NDArray[np.uint8]
+
+
+class Cause(IntEnum):
+    """Why a posture is impossible; the first that is found."""
+
+    NONE = 0
+    LIMITS = 1
+    SELF = 2
+    OBSTACLE = 3
+
+
+class FastCollision:
+    """Judges postures of a six-joint arm of the UR kind.
+
+    Args:
+        arm: Name of a registered arm, or a description.
+
+    Attributes:
+        arm: The description.
+
+    Raises:
+        InputError: The arm is not of that kind, or its work cell has no table.
+        UnknownNameError: There is no arm of that name.
+        InstallationError: Pinocchio or coal cannot be loaded.
+    """
+
+    def __init__(self, arm: str | ArmDescription = "ur5") -> None:
+        self.arm = get_arm(arm) if isinstance(arm, str) else arm
+        self._model = _model(self.arm)
+
+    def impossible(self, q: ArrayLike) -> NDArray[np.bool_]:
+        """Which postures are outside the joint limits or collide.
+
+        Args:
+            q: Postures [rad], shape (n, 6).
+
+        Returns:
+            Shape (n,).
+
+        Raises:
+            InputError: Wrong shape or a value that is not finite.
+        """
+        return self.causes(q) != Cause.NONE
+
+    def causes(self, q: ArrayLike) -> Codes:
+        """Why postures are impossible.
+
+        Args:
+            q: Postures [rad], shape (n, 6).
+
+        Returns:
+            Values of `Cause`, shape (n,).
+
+        Raises:
+            InputError: Wrong shape or a value that is not finite.
+        """
+        q = as_floats("q", q)
+        if q.ndim != 2 or q.shape[1] != JOINTS:
+            raise InputError(f"q must have shape (n, {JOINTS}), got {q.shape}")
+        causes = np.empty(len(q), dtype=np.uint8)
+        for block in blocks(len(q)):
+            causes[block] = self._judged(np.ascontiguousarray(q[block].T))
+        return causes
+
+    def reason(self, q: ArrayLike) -> str:
+        """What makes one posture impossible, for people; empty if nothing does.
+
+        Joints outside their limits, or the pair that is deepest in one another ("finger_left - table").
+
+        Args:
+            q: Posture [rad], shape (6,).
+
+        Raises:
+            InputError: Wrong shape or a value that is not finite.
+        """
+        kinematics = self._model.kinematics
+        q = kinematics.as_posture("q", q)
+        cause = self.causes(q[None])[0]
+        if cause == Cause.NONE:
+            return ""
+        if cause == Cause.LIMITS:
+            return f"out of limits: {', '.join(kinematics.joints_outside_limits(q, tolerance=LIMIT_SLACK))}"
+        one, other = self._model.checker.distance(q).pair
+        if one in (box.name for box in self.arm.workcell.obstacles):
+            one, other = other, one
+        return f"{one} - {other}"
+
+    def _judged(self, q: Floats) -> Codes:
+        """Causes for postures in columns, shape (6, m)."""
+        model = self._model
+        within = (q >= model.lower) & (q <= model.upper)
+        single = q.astype(np.float32)
+        if within.all():
+            return self._collisions(single)
+        finite = np.isfinite(q).all(axis=0)
+        if not finite.all():
+            raise InputError(f"q must be finite, got {q[:, int(finite.argmin())]}")
+        causes = self._collisions(np.clip(single, -np.float32(np.pi), np.float32(np.pi)))
+        causes[~within.all(axis=0)] = Cause.LIMITS
+        return causes
+
+    def _collisions(self, q: NDArray[np.float32]) -> Codes:
+        """Causes for postures within the limits."""
+        on_cell, on_arm = self._model.arcs(q)
+        causes: Codes = on_cell * np.uint8(Cause.OBSTACLE)
+        np.copyto(causes, np.uint8(Cause.SELF), where=on_arm)
+        rows = np.flatnonzero(causes == Cause.NONE)
+        on_cell, on_arm = self._model.wrist.touches(q.take(rows, axis=1))
+        causes[rows] = on_cell * np.uint8(Cause.OBSTACLE)
+        if on_arm.any():
+            causes[rows[on_arm]] = Cause.SELF
+        return causes
+
+
+class _Model(NamedTuple):
+    """What the verdicts on one arm are made of."""
+
+    kinematics: ArmKinematics
+    checker: CollisionChecker
+    lower: Floats
+    upper: Floats
+    arcs: Program
+    wrist: WristClearance
+
+
+@lru_cache(maxsize=4)
+def _model(arm: ArmDescription) -> _Model:
+    kinematics = ArmKinematics(arm, base="world")
+    checker = CollisionChecker(kinematics)
+    lower, upper = kinematics.lower[:, None] - LIMIT_SLACK, kinematics.upper[:, None] + LIMIT_SLACK
+    first = kinematics._chain.frames([0.0] * kinematics.n)[0]
+    upright = np.allclose(np.array([*first.z, *first.p[:2]], dtype=np.float64), (0, 0, 1, 0, 0))
+    if kinematics.n != JOINTS or not upright or arm.gripper is None or max(upper.max(), -lower.min()) > np.pi + 1e-6:
+        raise InputError(
+            f"arm {arm.name!r} cannot be judged fast: it needs six joints within ±pi, the first about the world's "
+            "z axis, and a gripper; use CollisionChecker"
+        )
+    obstacles = arm.workcell.obstacles
+    foot = frozenset(box.name for box in obstacles if np.hypot(*box.size[:2]) < 2 * FOOT_WIDTH)
+    beside = [box for box in obstacles if box.name not in foot]
+    if len(beside) < 2:
+        raise InputError(f"the work cell of {arm.name!r} needs a table and a floor, it has {[b.name for b in beside]}")
+    table = max(beside, key=lambda box: box.position[2] + box.size[2] / 2).name
+    shapes = CellShapes(checker, frozenset(box.name for box in obstacles))
+    wrist = WristClearance(
+        kinematics._chain,
+        shapes.bodies(lambda part: part.joint >= 3),
+        table=shapes.bodies(lambda part: part.name == table)[0],
+        ground=shapes.bodies(lambda part: part.obstacle and part.name not in foot and part.name != table),
+        foot=shapes.bodies(lambda part: part.name in foot),
+        base=shapes.bodies(lambda part: part.joint == -1 and not part.obstacle),
+        shoulder=shapes.bodies(lambda part: part.joint == 0),
+    )
+    return _Model(kinematics, checker, lower, upper, _arcs(shapes, table, foot), wrist)
+
+
+def _arcs(shapes: CellShapes, table: str, foot: frozenset[str]) -> Program:
+    """Whether upper arm or forearm touch the work cell, and whether two links touch each other.
+
+    Where the forearm touches the base it touches the shoulder or what the base stands on, too.
+    """
+
+    def table_of(arcs: Arcs, choose: Callable[[Part, Part], bool]) -> BlockedArcs:
+        return BlockedArcs(arcs, shapes.test(choose), JOINTS)
+
+    cell = (
+        table_of(Arcs(1, (0,), (256,)), lambda a, b: a.joint == -1 and b.joint == 1),
+        table_of(Arcs(2, (0, 1), (36, 36)), lambda a, b: a.name == table and b.joint == 2),
+        table_of(Arcs(2, (0, 1), (48, 48)), lambda a, b: a.name in foot and b.joint == 2),
+    )
+    links = (
+        table_of(Arcs(2, (1,), (256,)), lambda a, b: a.joint == 0 and b.joint == 2),
+        table_of(Arcs(2, (3, 4), (32, 16), averaged=5), lambda a, b: a.joint == 1 and b.joint >= 3),
+        table_of(Arcs(4, (3, 5), (48, 48)), lambda a, b: a.joint == 2 and b.joint >= 4),
+    )
+
+    def formula(q: Sequence[Entry]) -> list[Entry]:
+        return [any_of([blocked.blocked(q) for blocked in group]) for group in (cell, links)]
+
+    return Program(formula, JOINTS)

@@ -1,0 +1,19 @@
+"""Makes the environments known to Gymnasium; importing this loads no engine."""
+
+from __future__ import annotations
+
+from gymnasium.envs.registration import register, registry
+
+_REACH = "kinreach.envs.reach"
+#: Environment id -> entry points of the single environment and of its native batch. Steps are limited inside.
+ENVIRONMENTS = {
+    "kinreach/UR5SingleStep-v0": (f"{_REACH}.single_step:UR5SingleStepEnv", f"{_REACH}.vector_env:single_step"),
+    "kinreach/UR5MultiStep-v0": (f"{_REACH}.multi_step:UR5MultiStepEnv", f"{_REACH}.vector_env:multi_step"),
+}
+
+
+def register_environments() -> None:
+    """Register every environment that is not registered yet."""
+    for name, (entry_point, vector_entry_point) in ENVIRONMENTS.items():
+        if name not in registry:
+            register(name, entry_point=entry_point, vector_entry_point=vector_entry_point)

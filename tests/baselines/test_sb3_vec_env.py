@@ -1,0 +1,57 @@
+"""stable-baselines3 learns on a native batch."""
+
+import gymnasium as gym
+import numpy as np
+import pytest
+
+import kinreach
+from kinreach.errors import InputError
+
+pytest.importorskip("stable_baselines3")
+
+from stable_baselines3 import PPO
+
+from kinreach.baselines.sb3_vec_env import SB3VecEnv
+
+
+def batch(name, count):
+    assert kinreach.__version__
+    name = f"kinreach/{name}-v0"
+    return SB3VecEnv(gym.make_vec(name, count, vectorization_mode="vector_entry_point", backend="kinematic"))
+
+
+@pytest.mark.parametrize(("name", "steps"), [("UR5SingleStep", 1), ("UR5MultiStep", 100)])
+def test_ends_of_episodes_are_reported(name, steps):
+    env = batch(name, 4)
+    env.seed(3)
+    first = env.reset()
+    ended = 0
+    for _ in range(steps):
+        observations, rewards, done, infos = env.step(np.zeros((4, 6), dtype=np.float32))
+        assert observations.shape == (4, 13)
+        assert rewards.dtype == np.float32
+        for over, info in zip(done, infos, strict=True):
+            ended += over
+            assert ("terminal_observation" in info) == over
+            if over:
+                assert info["TimeLimit.truncated"] == (name == "UR5MultiStep")
+                assert info["distance"] > 0
+    assert ended == 4
+    env.seed(3)
+    np.testing.assert_array_equal(env.reset(), first)
+    env.close()
+
+
+def test_ppo_trains_on_it():
+    env = batch("UR5SingleStep", 64)
+    model = PPO("MlpPolicy", env, n_steps=4, batch_size=64, n_epochs=1, gamma=0.0, seed=0, device="cpu")
+    before = {name: value.clone() for name, value in model.policy.state_dict().items()}
+    model.learn(512)
+    assert model.num_timesteps == 512
+    assert any((value != before[name]).any() for name, value in model.policy.state_dict().items())
+
+
+def test_batches_that_reset_later_are_refused():
+    env = gym.make_vec("kinreach/UR5SingleStep-v0", num_envs=2, vectorization_mode="sync", backend="kinematic")
+    with pytest.raises(InputError, match="SAME_STEP"):
+        SB3VecEnv(env)

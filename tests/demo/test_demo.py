@@ -1,0 +1,81 @@
+"""The demo: runs, prints, films; and says in one line what is wrong."""
+
+import pytest
+from PIL import Image
+
+from kinreach.cli import main
+from kinreach.demo.film import Film
+from kinreach.errors import InputError
+
+
+@pytest.fixture(autouse=True)
+def no_screen(monkeypatch):
+    monkeypatch.delenv("DISPLAY", raising=False)
+    monkeypatch.delenv("WAYLAND_DISPLAY", raising=False)
+
+
+@pytest.mark.parametrize(("env", "backend", "steps"), [("single", "kinematic", 20), ("multi", "mujoco", 30)])
+def test_the_analytic_policy_reaches(env, backend, steps, capsys):
+    command = ["demo", "--env", env, "--backend", backend, "--steps", str(steps), "--print", "nothing"]
+    assert main(command) == 0
+    out, err = capsys.readouterr()
+    assert "No screen here" in err
+    reached = int(out.strip().split()[-1])
+    assert reached == 20 if env == "single" else reached >= 1
+
+
+def test_it_prints_what_is_asked(capsys):
+    command = ["demo", "--policy", "random", "--backend", "kinematic", "--steps", "12", "--reset-every", "5"]
+    assert main([*command, "--env", "multi", "--print", "action,observation,reward"]) == 0
+    lines = capsys.readouterr().out.splitlines()
+    for name in ("action", "observation", "reward"):
+        assert len([line for line in lines if f" {name}: " in line]) == 12
+    assert "12 steps, 3 episodes" in lines[-1]
+
+
+def test_one_seed_gives_one_output(capsys):
+    outputs = []
+    for _ in range(2):
+        assert main(["demo", "--policy", "random", "--backend", "kinematic", "--steps", "5", "--print", "reward"]) == 0
+        outputs.append(capsys.readouterr().out)
+    assert outputs[0] == outputs[1]
+
+
+@pytest.mark.parametrize("ending", [".gif", pytest.param(".mp4", marks=pytest.mark.slow)])
+def test_it_films(ending, tmp_path, needs_gl, capsys):
+    path = tmp_path / f"film{ending}"
+    assert main(["demo", "--steps", "1", "--print", "nothing", "--video", str(path)]) == 0
+    assert path.stat().st_size > 10_000
+    if ending == ".gif":
+        with Image.open(path) as film:
+            assert film.n_frames > 15  # the move takes more than a second
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        (["--env", "chess"], "multi, single"),
+        (["--policy", "wisdom"], "analytic, random"),
+        (["--steps", "0"], "at least 1"),
+        (["--print", "money"], "nothing"),
+        (["--video", "film.avi"], ".gif or .mp4"),
+        (["--backend", "bullet"], "kinematic, mujoco"),
+    ],
+)
+def test_bad_input_is_one_line(arguments, message, capsys):
+    assert main(["demo", *arguments]) == 2
+    err = capsys.readouterr().err.strip().splitlines()[-1]
+    assert message in err
+    assert "Traceback" not in err
+
+
+def test_a_failed_film_leaves_the_old_one(tmp_path):
+    path = tmp_path / "film.gif"
+    path.write_bytes(b"old")
+    with pytest.raises(AttributeError), Film(path, fps=10) as film:
+        film.add("not a frame")
+    assert path.read_bytes() == b"old"
+    with pytest.raises(InputError, match="no frames"), Film(path, fps=10):
+        pass
+    assert path.read_bytes() == b"old"
+    assert [p.name for p in tmp_path.iterdir()] == ["film.gif"]

@@ -1,0 +1,274 @@
+"""The reach environments as Gymnasium environments: interface, seeds, rewards, what is impossible."""
+
+import pickle
+import resource
+
+import gymnasium as gym
+import mujoco
+import numpy as np
+import pytest
+from gymnasium.utils.env_checker import check_env, data_equivalence
+
+import kinreach
+from kinreach.envs.reach import UR5SingleStepEnv
+from kinreach.errors import InputError, UnknownNameError
+from kinreach.kinematics import UR5Kinematics
+from kinreach.kinematics.reward_geometry import reach_reward
+
+SINGLE, MULTI = "kinreach/UR5SingleStep-v0", "kinreach/UR5MultiStep-v0"
+IDS = [SINGLE, MULTI]
+BACKENDS = ["kinematic", "mujoco"]
+HOME = np.array([-np.pi / 2, -np.pi / 2, np.pi / 2, -np.pi / 2, -np.pi / 2, 0])
+KIN = UR5Kinematics(tip="tcp", base="world")
+
+
+def make(name, **options):
+    assert kinreach.__version__
+    return gym.make(name, **options)
+
+
+def natural_postures(goal):
+    """Tool-down postures of a goal on branch A and on branch B."""
+    q = KIN.axis_solutions(goal, (0, 0, -1), seed=HOME).q
+    a = q[(q[:, 0] <= 0) & (q[:, 2] >= 0) & (np.abs(q[:, 4] + np.pi / 2) < 1e-6)]
+    b = q[(q[:, 0] >= 0) & (q[:, 2] <= 0) & (np.abs(q[:, 4] - np.pi / 2) < 1e-6)]
+    return a, b
+
+
+def full_state(env):
+    simulation = env.unwrapped._simulation
+    size = mujoco.mj_stateSize(simulation.model, mujoco.mjtState.mjSTATE_INTEGRATION)
+    state = np.empty(size)
+    mujoco.mj_getState(simulation.model, simulation.data, state, mujoco.mjtState.mjSTATE_INTEGRATION)
+    return state
+
+
+@pytest.mark.parametrize("backend", BACKENDS)
+@pytest.mark.parametrize("name", IDS)
+def test_gymnasium_checks(name, backend):
+    env = make(name, backend=backend)
+    check_env(env.unwrapped, skip_render_check=True)
+    env.close()
+
+
+@pytest.mark.parametrize("backend", BACKENDS)
+@pytest.mark.parametrize("name", IDS)
+def test_stable_baselines3_checks(name, backend):
+    checker = pytest.importorskip("stable_baselines3.common.env_checker")
+    checker.check_env(make(name, backend=backend).unwrapped, warn=True, skip_render_check=True)
+
+
+@pytest.mark.parametrize("name", IDS)
+@pytest.mark.parametrize("observation", ["camera", "pixels"])
+def test_checks_with_cameras(name, observation, needs_gl):
+    env = make(name, backend="kinematic", observation=observation, width=160, height=90)
+    check_env(env.unwrapped, skip_render_check=True)
+    pytest.importorskip("stable_baselines3.common.env_checker").check_env(env.unwrapped, warn=False)
+    env.close()
+
+
+@pytest.mark.parametrize("backend", BACKENDS)
+@pytest.mark.parametrize("name", IDS)
+def test_two_environments_with_one_seed_are_equal(name, backend):
+    first, second = make(name, backend=backend), make(name, backend=backend)
+    rng = np.random.default_rng(0)
+    steps = 0
+    for episode in range(3):
+        starts = [env.reset(seed=7 if episode == 0 else None) for env in (first, second)]
+        assert data_equivalence(*starts)
+        for _ in range(5):
+            action = rng.uniform(-1, 1, 6).astype(np.float32)
+            results = [env.step(action) for env in (first, second)]
+            assert data_equivalence(*results)
+            steps += 1
+            if results[0][2] or results[0][3]:
+                break
+    assert steps >= 3
+
+
+@pytest.mark.parametrize("name", IDS)
+def test_a_seeded_reset_restores_the_whole_state(name):
+    env = make(name, backend="mujoco")
+    env.reset(seed=3)
+    before = full_state(env)
+    for _ in range(2):
+        env.reset()
+        env.step(np.random.default_rng(1).uniform(-0.6, 0.6, 6).astype(np.float32))
+    assert not np.array_equal(full_state(env), before)
+    env.reset(seed=3)
+    np.testing.assert_array_equal(full_state(env), before)
+
+
+def test_every_episode_starts_in_the_same_posture_with_a_new_goal():
+    env = make(SINGLE, backend="kinematic")
+    goals = []
+    for i in range(500):
+        observation, info = env.reset(seed=0 if i == 0 else None)
+        np.testing.assert_array_equal(observation[6:12], HOME)
+        assert observation[12] == 0.10
+        goals.append(info["goal"])
+    goals = np.array(goals)
+    assert len(np.unique(goals, axis=0)) == 500
+    assert (goals.min(axis=0) >= [0.30, -0.30, -0.1751]).all()
+    assert (goals.max(axis=0) <= [0.65, 0.30, -0.1749]).all()
+    assert (np.ptp(goals, axis=0)[:2] > [0.33, 0.57]).all()
+
+
+@pytest.mark.parametrize("backend", BACKENDS)
+def test_the_closed_form_earns_20_on_both_branches(backend):
+    env = make(SINGLE, backend=backend)
+    reached = np.zeros(2, dtype=int)
+    for i in range(500):
+        _, info = env.reset(seed=11 if i == 0 else None)
+        for branch, postures in enumerate(natural_postures(info["goal"])):
+            assert len(postures) >= 1
+            env.reset(options={"goal": info["goal"]})
+            best = min(postures, key=lambda q: np.linalg.norm(q - HOME))
+            _, reward, terminated, truncated, result = env.step(best / np.pi)
+            assert terminated
+            assert not truncated
+            assert (reward == 20) == result["is_success"] == result["reached"]
+            reached[branch] += reward == 20
+    assert reached.tolist() == [500, 500]
+
+
+@pytest.mark.parametrize("backend", BACKENDS)
+@pytest.mark.parametrize("name", IDS)
+def test_the_reward_is_the_sum_of_its_terms(name, backend):
+    env = make(name, backend=backend)
+    rng = np.random.default_rng(2)
+    kinds = {"impossible": 0, "possible": 0, "reached": 0}
+    for i in range(60):
+        _, info = env.reset(seed=5 if i == 0 else None)
+        q = natural_postures(info["goal"])[0][0]
+        near = (q + rng.normal(0, 0.02, 6)) / np.pi if name == SINGLE else rng.uniform(-1, 1, 6)
+        action = [near, rng.uniform(-1, 1, 6), q / np.pi][i % 3]
+        _, reward, _, _, info = env.step(action.astype(np.float32))
+        natural, angle, distance, special = info["reward_terms"].values()
+        assert natural + angle + distance + special == reward
+        expected = reach_reward(info["distance"], env.unwrapped._world.q[0], impossible=info["impossible"])
+        assert expected.reward == reward
+        assert info["posture_error"] == expected.posture_error
+        assert bool(info["impossible_reason"]) == info["impossible"]
+        kinds["impossible" if info["impossible"] else "possible"] += 1
+        kinds["reached"] += info["reached"]
+    assert kinds["possible"] > 5
+    assert name == MULTI or min(kinds.values()) > 5
+
+
+@pytest.mark.parametrize("backend", BACKENDS)
+def test_a_press_into_the_table_is_impossible_and_says_table(backend):
+    env = make(SINGLE, backend=backend)
+    for seed in range(10):
+        _, info = env.reset(seed=seed)
+        q = natural_postures(info["goal"] - [0, 0, 0.05])[0][0]
+        _, reward, _, _, info = env.step(q / np.pi)
+        assert reward == -100
+        assert info["impossible"]
+        assert "table" in info["impossible_reason"]
+        assert not info["reached"]
+
+
+@pytest.mark.parametrize("backend", BACKENDS)
+def test_leaving_the_limits_is_impossible_and_names_the_joint(backend):
+    env = make(MULTI, backend=backend)
+    env.reset(seed=0)
+    action = np.array([0, 0, 0, 0, 0, 1], dtype=np.float32)  # wrist_3 turns freely up to pi
+    infos = [env.step(action)[4] for _ in range(37)]
+    assert [info["impossible"] for info in infos] == [False] * 36 + [True]
+    assert "wrist_3" in infos[-1]["impossible_reason"]
+    assert "limit" in infos[-1]["impossible_reason"]
+
+
+@pytest.mark.parametrize("backend", BACKENDS)
+def test_multi_step_turns_by_five_degrees_and_is_truncated_after_100(backend):
+    env = make(MULTI, backend=backend)
+    before, _ = env.reset(seed=0)
+    after, *_ = env.step(np.array([0.5, 0, -1, 0, 0, 1], dtype=np.float32))
+    turned = np.degrees(after[6:12] - before[6:12])
+    np.testing.assert_allclose(turned, [2.5, 0, -5, 0, 0, 5], atol=0.02)
+    flags = [env.step(np.zeros(6, dtype=np.float32))[2:4] for _ in range(99)]
+    assert flags == [(False, False)] * 98 + [(False, True)]
+
+
+@pytest.mark.parametrize("backend", BACKENDS)
+@pytest.mark.parametrize("ends", [True, False])
+def test_multi_step_ends_when_reached_if_asked(backend, ends):
+    env = make(MULTI, backend=backend, end_on_reached=ends)
+    observation, info = env.reset(seed=4)
+    target = natural_postures(info["goal"])[0][0]
+    for _ in range(60):
+        way = target - observation[6:12]
+        action = way / max(np.radians(5), np.abs(way).max())
+        observation, reward, terminated, truncated, info = env.step(action.astype(np.float32))
+        if info["reached"]:
+            break
+    assert info["reached"]
+    assert reward == 20
+    assert terminated == ends
+    assert not truncated
+
+
+@pytest.mark.parametrize("action", [np.full(6, np.nan), np.zeros(5), np.zeros((1, 6)), "up", [np.inf] * 6])
+def test_malformed_actions_are_refused(action):
+    env = make(SINGLE, backend="kinematic").unwrapped
+    env.reset(seed=0)
+    with pytest.raises(InputError):
+        env.step(action)
+
+
+def test_actions_outside_the_space_are_clipped():
+    results = []
+    for factor in (1.0, 3.0):
+        env = make(SINGLE, backend="kinematic").unwrapped
+        env.reset(seed=0)
+        results.append(env.step(factor * np.array([-1.0, 1, 1, -1, -1, 1])))
+    assert data_equivalence(*results)
+
+
+@pytest.mark.parametrize(
+    ("options", "error"),
+    [
+        ({"backend": "bullet"}, "kinematic, mujoco"),
+        ({"observation": "touch"}, "camera, geometric, pixels"),
+        ({"render_mode": "hologram"}, "rgb_array"),
+        ({"pipeline": "magic"}, "hybrid, thesis"),
+        ({"width": 0}, "16 px"),
+        ({"rgb_noise": -1.0}, "noise"),
+    ],
+)
+def test_unknown_options_are_refused(options, error):
+    with pytest.raises(InputError, match=error):
+        UR5SingleStepEnv(**options)
+
+
+def test_reset_options():
+    env = make(SINGLE, backend="kinematic")
+    _, info = env.reset(seed=0, options={"goal": [0.4, 0.1, -0.175]})
+    np.testing.assert_array_equal(info["goal"], [0.4, 0.1, -0.175])
+    with pytest.raises(InputError, match="colour"):
+        env.reset(options={"colour": "red"})
+    with pytest.raises(InputError, match="goal"):
+        env.reset(options={"goal": [0.4, np.nan, 0]})
+    assert issubclass(UnknownNameError, InputError)
+
+
+@pytest.mark.parametrize("backend", BACKENDS)
+def test_pickling_and_closing_twice(backend):
+    env = make(SINGLE, backend=backend).unwrapped
+    twin = pickle.loads(pickle.dumps(env))
+    assert data_equivalence(env.reset(seed=1), twin.reset(seed=1))
+    for _ in range(2):
+        env.close()
+
+
+@pytest.mark.parametrize("backend", BACKENDS)
+def test_resets_do_not_grow_the_memory(backend):
+    env = make(MULTI, backend=backend)
+    env.reset(seed=0)
+    for _ in range(1000):
+        env.reset()
+    before = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
+    for _ in range(10_000):
+        env.reset()
+    assert resource.getrusage(resource.RUSAGE_SELF).ru_maxrss - before < 10_000  # kB

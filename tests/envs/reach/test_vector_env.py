@@ -1,0 +1,143 @@
+"""Native batches are as many single environments."""
+
+import gymnasium as gym
+import numpy as np
+import pytest
+from gymnasium.vector import AutoresetMode
+
+import kinreach
+from kinreach.errors import InputError
+
+SINGLE, MULTI = "kinreach/UR5SingleStep-v0", "kinreach/UR5MultiStep-v0"
+ARRAYS = ("goal", "distance", "posture_error", "reached", "is_success", "impossible")
+
+
+def make_vec(name, count, **options):
+    assert kinreach.__version__
+    return gym.make_vec(name, num_envs=count, vectorization_mode="vector_entry_point", **options)
+
+
+def actions_for(name, count, steps):
+    """Random actions, and some near a posture that reaches."""
+    rng = np.random.default_rng(0)
+    actions = rng.uniform(-1, 1, (steps, count, 6))
+    if name == SINGLE:
+        natural = np.array([-1.8, -1.0, 1.9, -2.47, -np.pi / 2, 0.0]) / np.pi
+        actions[:, ::2] = natural + rng.normal(0, 0.02, (steps, len(range(0, count, 2)), 6))
+    return np.clip(actions, -1, 1)
+
+
+@pytest.mark.parametrize(
+    ("name", "backend", "count", "steps", "tolerance"),
+    [
+        (SINGLE, "kinematic", 32, 20, 1e-12),
+        (MULTI, "kinematic", 16, 120, 1e-12),
+        (SINGLE, "mujoco", 6, 4, 0.0),
+        (MULTI, "mujoco", 3, 8, 0.0),
+    ],
+)
+def test_a_batch_equals_single_environments(name, backend, count, steps, tolerance):
+    batch = make_vec(name, count, backend=backend)
+    singles = [gym.make(name, backend=backend) for _ in range(count)]
+    observations, info = batch.reset(seed=21)
+    for i, env in enumerate(singles):
+        observation, single_info = env.reset(seed=21 + i)
+        np.testing.assert_allclose(observations[i], observation, rtol=0, atol=tolerance)
+        np.testing.assert_array_equal(info["goal"][i], single_info["goal"])
+    ended = impossible = 0
+    for actions in actions_for(name, count, steps):
+        observations, rewards, terminated, truncated, info = batch.step(actions)
+        for i, env in enumerate(singles):
+            observation, reward, over, cut, single_info = env.step(actions[i])
+            last = info["final_info"] if over or cut else info
+            assert (terminated[i], truncated[i]) == (over, cut)
+            np.testing.assert_allclose(rewards[i], reward, rtol=0, atol=tolerance)
+            for key in ARRAYS:
+                np.testing.assert_allclose(last[key][i], single_info[key], rtol=0, atol=tolerance)
+            for key, term in single_info["reward_terms"].items():
+                np.testing.assert_allclose(last["reward_terms"][key][i], term, rtol=0, atol=tolerance)
+            if over or cut:
+                assert info["_final_obs"][i]
+                np.testing.assert_allclose(info["final_obs"][i], observation, rtol=0, atol=tolerance)
+                observation, single_info = env.reset()
+                np.testing.assert_array_equal(info["goal"][i], single_info["goal"])
+                ended += 1
+            np.testing.assert_allclose(observations[i], observation, rtol=0, atol=tolerance)
+            impossible += single_info.get("impossible", False)
+    assert ended == count * steps if name == SINGLE else True
+    assert name == SINGLE or backend == "mujoco" or ended >= count
+    batch.close()
+
+
+@pytest.mark.parametrize("threads", [1, 2])
+def test_threads_change_nothing(threads):
+    results = []
+    for used in (1, threads):
+        batch = make_vec(SINGLE, 8, backend="mujoco", threads=used)
+        batch.reset(seed=3)
+        results.append([batch.step(actions)[:2] for actions in actions_for(SINGLE, 8, 2)])
+    for one, other in zip(*results, strict=True):
+        np.testing.assert_array_equal(one[0], other[0])
+        np.testing.assert_array_equal(one[1], other[1])
+
+
+def test_the_vector_interface():
+    batch = make_vec(MULTI, 5, backend="kinematic")
+    assert batch.metadata["autoreset_mode"] is AutoresetMode.SAME_STEP
+    observations, _ = batch.reset(seed=[4, 5, 6, 7, 8])
+    assert batch.observation_space.contains(observations)
+    assert batch.action_space.shape == (5, 6)
+    np.testing.assert_array_equal(observations, batch.reset(seed=4)[0])
+    goals = np.tile([0.4, 0.0, -0.175], (5, 1))
+    np.testing.assert_array_equal(batch.reset(options={"goal": goals})[1]["goal"], goals)
+    for _ in range(2):
+        batch.close()
+
+
+def test_thousands_stay_in_step_with_one():
+    """The result of an environment does not depend on how many there are."""
+    small, large = make_vec(SINGLE, 1, backend="kinematic"), make_vec(SINGLE, 5000, backend="kinematic")
+    actions = actions_for(SINGLE, 5000, 6)
+    np.testing.assert_array_equal(small.reset(seed=9)[0][0], large.reset(seed=9)[0][0])
+    for action in actions:
+        one, many = small.step(action[:1]), large.step(action)
+        for a, b in zip(one[:2], many[:2], strict=True):
+            np.testing.assert_allclose(a[0], b[0], rtol=0, atol=1e-12)
+
+
+@pytest.mark.parametrize("mode", ["sync", "async"])
+def test_gymnasiums_own_vectorisation_works(mode):
+    env = gym.make_vec(
+        SINGLE,
+        num_envs=2,
+        vectorization_mode=mode,
+        backend="kinematic",
+        vector_kwargs={"autoreset_mode": AutoresetMode.SAME_STEP},
+    )
+    env.reset(seed=0)
+    for _ in range(3):
+        _, rewards, terminated, _, _ = env.step(env.action_space.sample())
+        assert terminated.all()
+        assert np.isfinite(rewards).all()
+    env.close()
+
+
+@pytest.mark.parametrize(
+    "options",
+    [{"observation": "pixels"}, {"render_mode": "rgb_array"}, {"threads": 0}, {"backend": "bullet"}],
+)
+def test_options_that_cannot_be_are_refused(options):
+    with pytest.raises(InputError):
+        make_vec(SINGLE, 2, **options)
+
+
+def test_malformed_input_is_refused():
+    batch = make_vec(SINGLE, 3, backend="kinematic")
+    batch.reset(seed=0)
+    for actions in (np.zeros((2, 6)), np.full((3, 6), np.nan), np.zeros(6)):
+        with pytest.raises(InputError):
+            batch.step(actions)
+    with pytest.raises(InputError, match="2 seeds"):
+        batch.reset(seed=[1, 2])
+    with pytest.raises(InputError):
+        batch.reset(options={"goal": np.zeros(3)})
