@@ -79,8 +79,9 @@ def geometric_goal_view(arm: str | ArmDescription, goals_world: ArrayLike) -> Fl
         raise InputError("goals_world must be finite")
     R, p = _world_to_cameras(get_arm(arm) if isinstance(arm, str) else arm)
     # not a matrix product, whose last bit depends on how many goals there are
-    x, y, z = goals[..., :1], goals[..., 1:2], goals[..., 2:]
-    return x * R[:, 0] + y * R[:, 1] + z * R[:, 2] + p
+    x, y, z = goals.reshape(-1, 3).T
+    views = R[:, :1] * x + R[:, 1:2] * y + R[:, 2:] * z + p[:, None]
+    return views.T.reshape(*goals.shape[:-1], len(p))
 
 
 def goal_in_world(arm: str | ArmDescription, values: ArrayLike, found: ArrayLike) -> Floats | None:

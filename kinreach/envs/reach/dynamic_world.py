@@ -27,7 +27,7 @@ class SingleDynamicWorld:
         self.simulation.reset()
         self.simulation.place_ball(goals[0])
 
-    def execute(self, ids: Ids, targets: Floats, *, two_phase: bool) -> Executed:
+    def execute(self, targets: Floats, *, two_phase: bool) -> Executed:
         """Move by dynamics; a target that is not attained is impossible, and the arm stays where it got to."""
         move = self.simulation.move(targets[0], two_phase=two_phase)
         return Executed(
@@ -63,12 +63,12 @@ class BatchDynamicWorld:
         self._batch.reset(ids)
         self._batch.place_ball(ids, goals)
 
-    def execute(self, ids: Ids, targets: Floats, *, two_phase: bool) -> Executed:
+    def execute(self, targets: Floats, *, two_phase: bool) -> Executed:
         """Move by dynamics; see `SingleDynamicWorld.execute`."""
-        moves = self._batch.move(ids, targets, two_phase=two_phase)
+        moves = self._batch.move(np.arange(self.count), targets, two_phase=two_phase)
         return Executed(
-            q=self._batch.q[ids],
-            tip=self._batch.tip_positions[ids],
+            q=self._batch.q,
+            tip=self._batch.tip_positions,
             impossible=np.array([not move.reached for move in moves]),
             reasons=[move.reason for move in moves],
         )

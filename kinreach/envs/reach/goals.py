@@ -24,7 +24,7 @@ class GoalStreams:
     def __init__(self, region: GoalRegion, count: int) -> None:
         self._region = region
         self._rngs = [np.random.default_rng() for _ in range(count)]
-        self._ahead = np.empty((count, AHEAD, 3))
+        self._ahead = np.empty((AHEAD, count, 3))  # environments in step read what lies side by side
         self._next = np.full(count, AHEAD)
 
     def seed(self, index: int, rng: np.random.Generator) -> None:
@@ -35,8 +35,8 @@ class GoalStreams:
     def draw(self, ids: np.ndarray) -> Floats:
         """The next goal of each of the given environments, in the world frame [m], shape (len(ids), 3)."""
         for index in ids[self._next[ids] == AHEAD]:
-            self._ahead[index] = self._region.sample(self._rngs[index], AHEAD)
+            self._ahead[:, index] = self._region.sample(self._rngs[index], AHEAD)
             self._next[index] = 0
-        goals: Floats = self._ahead[ids, self._next[ids]]
+        goals: Floats = self._ahead[self._next[ids], ids]
         self._next[ids] += 1
         return goals

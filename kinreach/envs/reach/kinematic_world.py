@@ -30,13 +30,12 @@ class KinematicWorld:
 
     def reset(self, ids: Ids, goals: Floats) -> None:
         """Put arms back into the start pose; balls need no place here."""
-        self._q[ids] = self._home
+        self._q[ids if len(ids) < self.count else slice(None)] = self._home
 
-    def execute(self, ids: Ids, targets: Floats, *, two_phase: bool) -> Executed:
+    def execute(self, targets: Floats, *, two_phase: bool) -> Executed:
         """Take the targets that can be taken."""
         impossible = self._check.impossible(targets)
-        q = np.where(impossible[:, None], self._q[ids], targets)
-        self._q[ids] = q
+        q = self._q = np.where(impossible[:, None], self._q, targets)
         tip = self._kinematics.fk(q)[:, :3, 3]
         reasons = None
         if self._explain:

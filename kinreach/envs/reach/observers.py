@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from kinreach.envs.goal_view import CameraGoalView, geometric_goal_view
+from kinreach.envs.reach.world import Ids
 from kinreach.envs.simulation import ArmSimulation
 from kinreach.kinematics.goals import Floats
 from kinreach.robots import ArmDescription
@@ -19,12 +20,13 @@ Flags = NDArray[np.bool_]
 class GoalObserver(Protocol):
     """Looks for balls, the arm being in its start pose."""
 
-    def look(self, goals: Floats, rngs: Sequence[np.random.Generator]) -> tuple[Floats, Flags]:
+    def look(self, goals: Floats, ids: Ids, rngs: Sequence[np.random.Generator]) -> tuple[Floats, Flags]:
         """Measure goals.
 
         Args:
             goals: Where the balls are in the world [m], shape (k, 3).
-            rngs: A generator per ball for the sensors' noise.
+            ids: Whose goals they are, shape (k,).
+            rngs: Everybody's generators for the sensors' noise.
 
         Returns:
             Position of each ball in the front and in the wrist camera [m], shape (k, 6), and which of the
@@ -43,7 +45,7 @@ class GeometricObserver:
     def __init__(self, arm: ArmDescription) -> None:
         self._arm = arm
 
-    def look(self, goals: Floats, rngs: Sequence[np.random.Generator]) -> tuple[Floats, Flags]:
+    def look(self, goals: Floats, ids: Ids, rngs: Sequence[np.random.Generator]) -> tuple[Floats, Flags]:
         """The true positions; both cameras always find the ball."""
         return geometric_goal_view(self._arm, goals), np.ones((len(goals), 2), dtype=np.bool_)
 
@@ -63,12 +65,12 @@ class CameraObserver:
         self._simulation = ArmSimulation(arm)
         self._view = view
 
-    def look(self, goals: Floats, rngs: Sequence[np.random.Generator]) -> tuple[Floats, Flags]:
+    def look(self, goals: Floats, ids: Ids, rngs: Sequence[np.random.Generator]) -> tuple[Floats, Flags]:
         """Render both cameras for every goal; a ball that is not found has the documented value of `CameraGoalView`."""
         views, found = np.empty((len(goals), 6)), np.empty((len(goals), 2), dtype=np.bool_)
-        for row, (goal, rng) in enumerate(zip(goals, rngs, strict=True)):
+        for row, (goal, index) in enumerate(zip(goals, ids, strict=True)):
             self._simulation.place_ball(goal)
-            seen = self._view.look(self._simulation, rng)
+            seen = self._view.look(self._simulation, rngs[index])
             views[row], found[row] = seen.values, seen.found
         return views, found
 

@@ -16,12 +16,12 @@ Ids = NDArray[np.intp]
 
 @dataclass(frozen=True, eq=False)
 class Executed:
-    """Where the arms stand after a move, in the order of the ids asked for.
+    """Where the arms stand after a move.
 
     Attributes:
-        q: Postures [rad], shape (k, 6).
-        tip: Positions of the tcp in the world [m], shape (k, 3).
-        impossible: Whether the target could not be taken, shape (k,).
+        q: Postures [rad], shape (count, 6).
+        tip: Positions of the tcp in the world [m], shape (count, 3).
+        impossible: Whether the target could not be taken, shape (count,).
         reasons: Why, one phrase per arm (empty where possible); None where the world does not say in a batch.
     """
 
@@ -40,8 +40,8 @@ class ReachWorld(Protocol):
         """Put arms back into the start pose, and their balls to goals in the world [m], shape (k, 3)."""
         ...
 
-    def execute(self, ids: Ids, targets: Floats, *, two_phase: bool) -> Executed:
-        """Move arms to joint targets [rad], shape (k, 6)."""
+    def execute(self, targets: Floats, *, two_phase: bool) -> Executed:
+        """Move all arms to joint targets [rad], shape (count, 6)."""
         ...
 
     @property
