@@ -91,7 +91,7 @@ class _Run:
         self.goal = np.empty_like(phases[0].target)
         self.arrival, self.deadline = np.empty(len(ids), dtype=np.intp), np.empty(len(ids), dtype=np.intp)
         self.rest_speed = np.full(len(ids), np.inf)
-        self.stalled = np.zeros(len(ids), dtype=np.intp)
+        self.calm, self.stalled = np.zeros(len(ids), dtype=np.intp), np.zeros(len(ids), dtype=np.bool_)
         self.end = np.full(len(ids), MOVING, dtype=np.int8)
         self.begin_phase(np.arange(len(ids)))
 
@@ -108,7 +108,8 @@ class _Run:
             if number == len(self.phases) - 1:
                 self.rest_speed[these] = REST_SPEED
         self.deadline[rows] = self.arrival[rows] + self.patience
-        self.stalled[rows] = 0
+        self.first_deadline = self.deadline.min()
+        self.calm[rows], self.stalled[rows] = 0, False
 
     def finish(self) -> NDArray[np.int8]:
         """Run until the last has ended."""
@@ -126,19 +127,27 @@ class _Run:
         return self.end
 
     def look(self, stall_look: bool) -> bool:
-        """Decide what is to be decided; returns whether a phase or a move was over."""
+        """Decide what is to be decided; returns whether a phase or a move was over.
+
+        Before its setpoint has arrived an arm is judged at stall looks only: others may give occasion to a look between
+        them, and must not matter.
+        """
         speed = np.maximum.reduce(np.abs(self.plant.qvel[self.at_dof]), axis=1)
+        arrived = self.time > self.arrival
+        stands = arrived & ((speed <= self.rest_speed) | self.stalled)
         if stall_look:
-            self.stalled = np.where(speed < STALL_SPEED, self.stalled + 1, 0)
-        stalled = self.stalled >= STALL_LOOKS
-        stands = ((self.time > self.arrival) & (speed <= self.rest_speed)) | stalled
+            self.calm = (self.calm + 1) * (speed < STALL_SPEED)
+            self.stalled = self.calm >= STALL_LOOKS
+            stands |= self.stalled
+        if self.time < self.first_deadline and not stands.any():
+            return False
         rows = ((stands | (self.time >= self.deadline)) & (self.end == MOVING)).nonzero()[0]
         if not rows.size:
             return False
         q = self.plant.qpos[rows_and_columns(self.ids[rows], self.rule.qpos)]
         near = np.abs(q - self.goal[rows]).max(axis=1) <= self.rule.tolerance
-        there = near & stands[rows] & (self.time > self.arrival[rows])
-        held = ~near & stalled[rows]
+        there = near & stands[rows] & arrived[rows]
+        held = ~near & self.stalled[rows]
         late = ~there & ~held & (self.time >= self.deadline[rows])
         last = self.phase[rows] == len(self.phases) - 1
         self.end[rows[there & last]] = ARRIVED

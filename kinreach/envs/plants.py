@@ -52,6 +52,9 @@ class SinglePlant:
         self.ctrl: Floats = data.ctrl[None]
         self.watch: Callable[[], object] | None = None
 
+    def __reduce__(self) -> tuple[type[SinglePlant], tuple[Any, Any]]:
+        return SinglePlant, (self.model, self.data)  # a copy's arrays are to be those of its own data
+
     @property
     def time(self) -> Floats:
         """Simulated time [s], shape (1,)."""

@@ -100,7 +100,7 @@ class FastCollision:
             raise InputError(f"q must have shape (n, {JOINTS}), got {q.shape}")
         causes = np.empty(len(q), dtype=np.uint8)
         for block in blocks(len(q)):
-            causes[block] = self._judged(np.ascontiguousarray(q[block].T))
+            causes[block] = self._judged(q[block])
         return causes
 
     def reason(self, q: ArrayLike) -> str:
@@ -127,15 +127,19 @@ class FastCollision:
         return f"{one} - {other}"
 
     def _judged(self, q: Floats) -> Codes:
-        """Causes for postures in columns, shape (6, m)."""
+        """Causes for one block of postures, shape (m, 6)."""
         model = self._model
-        within = (q >= model.lower) & (q <= model.upper)
-        single = q.astype(np.float32)
+        with np.errstate(over="ignore"):  # what is too large for single precision is far outside the limits
+            single = np.array(q.T, dtype=np.float32, order="C")
+        if np.abs(single).max() < model.certain:
+            return self._collisions(single)
+        columns = np.ascontiguousarray(q.T)
+        within = (columns >= model.lower) & (columns <= model.upper)
         if within.all():
             return self._collisions(single)
-        finite = np.isfinite(q).all(axis=0)
+        finite = np.isfinite(columns).all(axis=0)
         if not finite.all():
-            raise InputError(f"q must be finite, got {q[:, int(finite.argmin())]}")
+            raise InputError(f"q must be finite, got {q[finite.argmin()]}")
         causes = self._collisions(np.clip(single, -np.float32(np.pi), np.float32(np.pi)))
         causes[~within.all(axis=0)] = Cause.LIMITS
         return causes
@@ -160,6 +164,7 @@ class _Model(NamedTuple):
     checker: CollisionChecker
     lower: Floats
     upper: Floats
+    certain: float
     arcs: Program
     wrist: WristClearance
 
@@ -192,7 +197,8 @@ def _model(arm: ArmDescription) -> _Model:
         base=shapes.bodies(lambda part: part.joint == -1 and not part.obstacle),
         shoulder=shapes.bodies(lambda part: part.joint == 0),
     )
-    return _Model(kinematics, checker, lower, upper, _arcs(shapes, table, foot), wrist)
+    certain = float(min(upper.min(), -lower.max())) - 1e-6  # nearer to the limits single precision does not do
+    return _Model(kinematics, checker, lower, upper, certain, _arcs(shapes, table, foot), wrist)
 
 
 def _arcs(shapes: CellShapes, table: str, foot: frozenset[str]) -> Program:

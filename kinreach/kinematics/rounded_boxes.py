@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from kinreach.engines import load
+from kinreach.errors import InputError
 from kinreach.kinematics.goals import Floats
 
 coal: Any = load("coal")
@@ -56,8 +57,15 @@ class RoundedBox:
 
 
 def fitted(name: str, joint: int, shape: Any) -> Iterator[RoundedBox]:
-    """Bodies that stand for one of Pinocchio's geometry objects; exact for a box that is not askew."""
-    points = _vertices(shape.geometry) @ shape.placement.rotation.T + shape.placement.translation
+    """Bodies that stand for one of Pinocchio's geometry objects; exact for a box that is not askew.
+
+    Raises:
+        InputError: The shape is neither a box nor a convex mesh.
+    """
+    corners = _vertices(shape.geometry)
+    if corners is None:
+        raise InputError(f"{name}: a rounded box can stand for a box or a convex mesh, not for {shape.geometry}")
+    points = corners @ shape.placement.rotation.T + shape.placement.translation
     for part in [points] if isinstance(shape.geometry, coal.Box) else _pieces(points):
         yield _fit(name, joint, part)
 
@@ -72,11 +80,13 @@ def enclosing(boxes: Sequence[RoundedBox]) -> RoundedBox:
     )
 
 
-def _vertices(geometry: Any) -> Floats:
+def _vertices(geometry: Any) -> Floats | None:
     if isinstance(geometry, coal.Box):
         signs = np.array(np.meshgrid(*[(-1.0, 1.0)] * 3)).reshape(3, -1).T
         return signs * geometry.halfSide
-    return np.array([geometry.point(index) for index in range(geometry.num_points)])
+    if isinstance(geometry, coal.ConvexBase):
+        return np.array([geometry.point(index) for index in range(geometry.num_points)])
+    return None
 
 
 def _pieces(points: Floats) -> list[Floats]:

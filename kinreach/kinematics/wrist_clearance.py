@@ -51,17 +51,18 @@ class WristClearance:
         self._chain, self._bodies = chain, bodies
         self._table = table
         turning = [_where_q0_is_0(chain, body) for body in shoulder]
-        self._foot = enclosing([*foot, *base, *turning])
+        self._foot = enclosing([*foot, *base, *map(_swept, turning)])
         self._floor = max(box.top for box in ground)
         self._joints = sorted({body.joint for body in bodies})
         self._level = np.array([self._joints.index(body.joint) for body in bodies])
         self._centre = np.array([body.centre for body in bodies], dtype=np.float32).T
         self._half = np.array([body.half for body in bodies], dtype=np.float32).T
         self._radius = np.array([body.radius for body in bodies], dtype=np.float32)
-        self._reach = np.array([body.reach for body in bodies], dtype=np.float32)
         boxes = [table, *ground, *foot, *base, *turning]
         self._box_centre = np.array([box.centre for box in boxes], dtype=np.float32).T
         self._box_half = np.array([box.half + box.radius for box in boxes], dtype=np.float32).T
+        # how near centres are where a body and a box may touch: box, body, coordinate
+        self._near = self._box_half.T[:, None] + np.array([[body.reach] for body in bodies], dtype=np.float32)
         links = len(base) + len(turning)
         self._is_link = np.arange(len(boxes)) >= len(boxes) - links
         self._turns = (np.arange(len(boxes)) >= len(boxes) - len(turning)).astype(np.intp)
@@ -88,12 +89,13 @@ class WristClearance:
         table = self._table
         hand = [body for body in self._bodies if body.joint == self._joints[-1]]
         frame, tips = frames[self._joints[-1]], enclosing(hand[-2:])
-        low, near = [], []
+        low: list[Entry] = []
+        near = []
         for joint in self._joints:
             centre, radius = _ball([body for body in self._bodies if body.joint == joint])
             x, y, z = frames[joint].point(centre)
             x, y = c * x + -s * y, s * x + c * y
-            if joint == self._joints[-1]:
+            if joint == hand[0].joint:
                 low.append(apply(np.minimum, _bottom(frame, tips), _bottom(frame, enclosing(hand[:-2]))))
             else:
                 low.append(z - radius)
@@ -116,6 +118,7 @@ class WristClearance:
     def _examined(self, q: Single) -> tuple[Flags, Flags]:
         """The same as `touches`, by separating axes."""
         count, bodies = q.shape[1], len(self._bodies)
+        # in the world, and where q0 is 0; joint; three axes and the origin; coordinate; posture
         frames = np.empty((2, len(self._joints), 4, 3, count), dtype=np.float32)
         turned, still = frames
         for place, entry in zip(still.reshape(-1, count), self._poses(q), strict=True):
@@ -124,14 +127,12 @@ class WristClearance:
         turned[:, :, 0] = c * still[:, :, 0] - s * still[:, :, 1]
         turned[:, :, 1] = s * still[:, :, 0] + c * still[:, :, 1]
         turned[:, :, 2] = still[:, :, 2]
-        own = frames[:, self._level]
+        own = frames[:, self._level]  # body instead of joint
         centre = own[:, :, 3].copy()
         for axis in range(3):
             centre += own[:, :, axis] * self._centre[axis, :, None, None]
-        near: Flags = np.ones((len(self._turns), bodies, count), dtype=np.bool_)
-        for axis in range(3):
-            gap = centre[self._turns, :, axis] - self._box_centre[axis, :, None, None]
-            near &= np.abs(gap) < (self._box_half[axis, :, None] + self._reach)[..., None]
+        gap = centre[self._turns] - self._box_centre.T[:, None, :, None]
+        near = (np.abs(gap, out=gap) < self._near[..., None]).all(axis=2)
         box, body, row = np.nonzero(near)
         which = self._turns[box] * bodies + body
         axes = own.ravel().take(_gather(12 * which, count, row, 9)).reshape(3, 3, -1)
@@ -159,6 +160,13 @@ def _ball(bodies: Sequence[RoundedBox]) -> tuple[list[float], float]:
     centre = enclosing(bodies).centre
     centre = np.where(np.abs(centre) < 0.1 * np.abs(centre).max(), 0.0, centre)
     return centre.tolist(), max(float(np.linalg.norm(body.centre - centre)) + body.reach for body in bodies)
+
+
+def _swept(body: RoundedBox) -> RoundedBox:
+    """A box around everything that a body reaches when it turns about the vertical."""
+    across = float(np.linalg.norm(np.abs(body.centre[:2]) + body.half[:2])) + body.radius
+    half = np.array([across, across, body.half[2] + body.radius])
+    return RoundedBox(body.name, body.joint, body.centre * (0.0, 0.0, 1.0), half, 0.0)
 
 
 def _end(box: RoundedBox) -> RoundedBox:

@@ -1,3 +1,6 @@
+import copy
+import pickle
+
 import mujoco
 import numpy as np
 import pytest
@@ -99,3 +102,13 @@ def test_whoever_watches_is_called_in_every_control_period(ur5):
     ur5.watch = None
     assert ur5.move(ur5.q - 0.3).reached
     assert times[-1] == result.duration
+
+
+@pytest.mark.parametrize("duplicate", [copy.deepcopy, lambda simulation: pickle.loads(pickle.dumps(simulation))])
+def test_copies_do_the_same_on_their_own(ur5, tool_down, duplicate):
+    ur5.place_ball((0.4, 0.1, -0.175))
+    twin = duplicate(ur5)
+    result = twin.move(tool_down((0.4, 0.1, -0.175)))
+    np.testing.assert_array_equal(ur5.q, ur5.arm.home)
+    np.testing.assert_array_equal(ur5.move(tool_down((0.4, 0.1, -0.175))).q, result.q)
+    np.testing.assert_array_equal(full_state(ur5), full_state(twin))

@@ -1,0 +1,203 @@
+"""The fast verdict on postures: agreement with the meshes, exactness at the table, independence of the batch."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from benchmarks.collision_agreement import classes, exact, near_solutions
+from kinreach.errors import InputError, UnknownNameError
+from kinreach.kinematics import UR5Kinematics
+from kinreach.kinematics.blocked_arcs import Arcs, BlockedArcs
+from kinreach.kinematics.collision import CollisionChecker
+from kinreach.kinematics.fast_collision import Cause, FastCollision
+from kinreach.kinematics.straight_line import Program
+from kinreach.robots import get_arm
+
+COUNT = 1500
+FOLDED = np.array([0.0, -np.pi / 2, 3.0, -np.pi / 2, -np.pi / 2, 0.0])
+HOME = np.array(get_arm("ur5").home)
+
+
+@pytest.fixture(scope="module")
+def fast():
+    return FastCollision("ur5")
+
+
+@pytest.fixture(scope="module")
+def checker():
+    return CollisionChecker("ur5")
+
+
+@pytest.fixture(scope="module")
+def kin():
+    return UR5Kinematics(tip="tcp", base="world")
+
+
+@pytest.fixture(scope="module")
+def groups():
+    return classes(np.random.default_rng(10), COUNT)
+
+
+@pytest.mark.parametrize(
+    ("name", "agreement", "impossible"),
+    [
+        ("near, noise 0.02 rad", 0.999, (0.05, 0.2)),
+        ("near, noise 0.05 rad", 0.999, (0.2, 0.5)),
+        ("near, noise 0.1 rad", 0.998, (0.3, 0.6)),
+        ("near, noise 0.2 rad", 0.996, (0.3, 0.6)),
+        ("random", 0.985, (0.55, 0.7)),
+    ],
+)
+def test_agreement_with_the_meshes(fast, checker, kin, groups, name, agreement, impossible):
+    q = groups[name]
+    truth, verdict = exact(checker, kin, q), fast.impossible(q)
+    assert len(q) == COUNT
+    assert impossible[0] < truth.mean() < impossible[1]
+    assert (truth == verdict).mean() >= agreement
+    assert (truth & ~verdict).mean() <= 0.006
+    assert (verdict & ~truth).mean() <= 0.011
+
+
+def test_solutions_are_free(fast):
+    q = near_solutions(np.random.default_rng(3), 1000)
+    assert len(q) == 1000
+    assert (q[:, 0] < 0).any()
+    assert (q[:, 0] > 0).any()
+    assert not fast.impossible(q).any()
+
+
+def lowered(kin, q, heights):
+    """The posture with its tip at other heights [m], reached without changing the branch."""
+    T = kin.fk(q)
+    postures = []
+    for height in heights:
+        T[2, 3] = height
+        postures.append(kin.nearest(T, q).q)
+    return np.array(postures)
+
+
+@pytest.mark.parametrize("tilt", [0.0, 0.3])
+def test_finger_tips_meet_the_table_exactly(fast, checker, kin, tilt):
+    table = next(box for box in get_arm("ur5").workcell.obstacles if box.name == "table")
+    top = table.position[2] + table.size[2] / 2
+    rng = np.random.default_rng(4)
+    checked = 0
+    for q in near_solutions(rng, 40):
+        tilted = q.copy()
+        tilted[3] += rng.uniform(-tilt, tilt)
+        heights = np.arange(top + 0.0301, top - 0.02, -1e-4)
+        postures = lowered(kin, tilted, heights)
+        verdict = fast.impossible(postures)
+        truth = np.array([checker.in_collision(row) for row in postures])
+        assert not verdict[0]
+        assert verdict[-1]
+        assert (np.diff(verdict.astype(int)) >= 0).all()
+        assert abs(verdict.argmax() - truth.argmax()) <= 1
+        if tilt == 0.0:
+            assert heights[verdict.argmax()] == pytest.approx(top + 0.01, abs=1.1e-4)
+        checked += 1
+    assert checked == 40
+
+
+def test_a_verdict_does_not_depend_on_the_batch(fast, groups):
+    q = np.concatenate(list(groups.values()))[-4500:]  # more than one block
+    together = fast.causes(q)
+    assert len(q) == 4500
+    assert set(together) == set(Cause)
+    np.testing.assert_array_equal(np.concatenate([fast.causes(row[None]) for row in q[:700]]), together[:700])
+    np.testing.assert_array_equal(np.concatenate([fast.causes(part) for part in np.array_split(q, 37)]), together)
+    order = np.random.default_rng(0).permutation(len(q))
+    np.testing.assert_array_equal(fast.causes(q[order]), together[order])
+    np.testing.assert_array_equal(fast.causes(np.asfortranarray(q)), together)
+    np.testing.assert_array_equal(FastCollision(get_arm("ur5")).causes(q), together)
+
+
+def test_the_postures_are_left_as_they_are(fast, groups):
+    q = groups["random"].copy()
+    fast.impossible(q)
+    np.testing.assert_array_equal(q, groups["random"])
+
+
+def test_home_is_free(fast):
+    assert not fast.impossible(HOME[None])[0]
+    assert fast.reason(HOME) == ""
+    assert fast.impossible(np.empty((0, 6))).shape == (0,)
+
+
+@pytest.mark.parametrize("joint", range(6))
+@pytest.mark.parametrize("sign", [-1.0, 1.0])
+def test_limits(fast, kin, joint, sign):
+    q = np.tile(HOME, (3, 1))
+    q[:, joint] = sign * (kin.upper[joint] + np.array([-1e-6, 1e-6, 100.0]))
+    causes = fast.causes(q)
+    assert causes[0] != Cause.LIMITS
+    assert (causes[1:] == Cause.LIMITS).all()
+    assert fast.reason(q[1]) == f"out of limits: {kin.arm.joints[joint]}"
+
+
+def test_reasons_are_named(fast, checker, kin):
+    assert fast.reason(FOLDED) in {
+        " - ".join(pair) for one, two in checker.contacts(FOLDED) for pair in ((one, two), (two, one))
+    }
+    assert fast.causes(FOLDED[None])[0] == Cause.SELF
+    (pressed,) = lowered(kin, near_solutions(np.random.default_rng(0), 1)[0], [-0.195])
+    assert fast.reason(pressed) in ("finger_left - table", "finger_right - table")
+    assert fast.causes(pressed[None])[0] == Cause.OBSTACLE
+
+
+def test_the_kind_of_collision_is_that_of_the_deepest_pair_in_most_postures(fast, checker, groups):
+    q = groups["random"][fast.causes(groups["random"]) >= Cause.SELF]
+    causes = fast.causes(q)
+    obstacles = {box.name for box in get_arm("ur5").workcell.obstacles}
+    kinds = [{bool(obstacles & set(pair)) for pair in checker.contacts(row)} for row in q]
+    fits = [(cause == Cause.OBSTACLE) in kind for cause, kind in zip(causes, kinds, strict=True)]
+    assert len(fits) > 600
+    assert np.mean(fits) > 0.97
+
+
+@pytest.mark.parametrize("q", [HOME, np.zeros((3, 5)), np.full((2, 6), np.nan), "home", None, [[np.inf] * 6], 1.0])
+def test_malformed_postures(fast, q):
+    for judge in (fast.impossible, fast.causes):
+        with pytest.raises(InputError, match="q must"):
+            judge(q)
+
+
+def test_arms_of_another_kind_are_refused():
+    with pytest.raises(InputError, match="CollisionChecker"):
+        FastCollision("arm3")
+    with pytest.raises(UnknownNameError, match="ur5"):
+        FastCollision("ur6")
+
+
+@pytest.mark.parametrize("grid", [(64,), (48, 40)])
+def test_blocked_arcs_of_a_known_shape(grid):
+    joints = 1 + len(grid)
+    asked = []
+
+    def boundary(q):
+        return 2.5 * np.sin(q[1]), 0.8 + 0.5 * np.cos(q[-1])
+
+    def collides(q):
+        asked.append(None)
+        middle, half = boundary(q)
+        return abs((q[0] - middle + np.pi) % (2 * np.pi) - np.pi) < half
+
+    table = BlockedArcs(Arcs(0, tuple(range(1, joints)), grid), collides, joints)
+    blocked = Program(lambda q: [table.blocked(q)], joints)
+    q = np.random.default_rng(0).uniform(-np.pi, np.pi, (joints, 4000))
+    (verdict,) = blocked(q.astype(np.float32))
+    middle, half = boundary(q)
+    margin = half - np.abs((q[0] - middle + np.pi) % (2 * np.pi) - np.pi)
+    clear = np.abs(margin) > 0.08  # the grid's step times the slope of 2.5, and its curvature
+    assert clear.mean() > 0.9
+    np.testing.assert_array_equal(verdict[clear], margin[clear] > 0)
+    assert len(asked) < 41 * np.prod(grid)
+
+
+@pytest.mark.parametrize("answer", [True, False])
+def test_arcs_that_are_all_or_nothing(answer):
+    table = BlockedArcs(Arcs(1, (0,), (16,)), lambda q: answer, 2)
+    q = np.random.default_rng(0).uniform(-np.pi, np.pi, (2, 500)).astype(np.float32)
+    (verdict,) = Program(lambda q: [table.blocked(q)], 2)(q)
+    assert (verdict == answer).all()
