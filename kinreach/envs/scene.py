@@ -56,6 +56,8 @@ def build_scene(arm: ArmDescription, *, timestep: float = TIMESTEP, visual: bool
     _drive_gripper(spec, arm)
     _add_workcell(spec, arm)
     _exclude_out_of_reach(spec, arm)
+    for frame in arm.tips.values():
+        spec.body(frame).add_site(name=frame, group=HIDDEN_GROUP)
     for camera in arm.cameras:
         add_camera(spec, camera, housing=visual)
     if visual:

@@ -31,6 +31,7 @@ def test_every_frame_agrees_with_pinocchio(name):
     bodies = [simulation.model.body(frame.name).id for frame in links]
     frames = [kinematics.model.getFrameId(frame.name) for frame in links]
     assert {*simulation.arm.tips.values(), simulation.arm.base} <= {frame.name for frame in links}
+    sites = [(simulation.model.site(tip).id, kinematics.model.getFrameId(tip)) for tip in simulation.arm.tips.values()]
     worst = 0.0
     compared = 0
     for q in postures(kinematics, 1000):
@@ -43,7 +44,13 @@ def test_every_frame_agrees_with_pinocchio(name):
             error_R = np.abs(simulation.data.xmat[body].reshape(3, 3) - placement.rotation).max()
             worst = max(worst, error_p, error_R)
             compared += 1
-    assert compared == 1000 * len(links)
+        for site, frame in sites:
+            placement = kinematics.data.oMf[frame]
+            error_p = np.abs(simulation.data.site_xpos[site] - placement.translation).max()
+            error_R = np.abs(simulation.data.site_xmat[site].reshape(3, 3) - placement.rotation).max()
+            worst = max(worst, error_p, error_R)
+            compared += 1
+    assert compared == 1000 * (len(links) + len(sites))
     assert len(links) >= {"ur5": 12, "arm3": 5}.get(name, 3)
     assert worst <= 1e-9
 
