@@ -29,7 +29,7 @@ class WristClearance:
 
     Args:
         chain: The arm, in the world frame; its first axis is the world's z axis.
-        bodies: Bodies of the links behind the forearm; the finger tips are the last two.
+        bodies: Bodies of wrist and gripper; the fingers, equal and side by side, are the last two.
         table: What is in front of the arm; everything else is below its top or is part of the foot.
         foot: Obstacles under and around the base.
         ground: Obstacles that are lower than the table.
