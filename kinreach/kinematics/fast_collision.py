@@ -213,11 +213,11 @@ def _arcs(shapes: CellShapes, table: str, foot: frozenset[str]) -> Program:
 
     cell = (
         table_of(Arcs(1, (0,), (256,)), lambda a, b: a.joint == -1 and b.joint == 1),
-        table_of(Arcs(2, (0, 1), (36, 36), averaged=3), lambda a, b: a.name == table and b.joint in (2, 3)),
-        table_of(Arcs(2, (0, 1), (48, 48), averaged=3), lambda a, b: a.name in foot and b.joint in (2, 3)),
+        table_of(Arcs(2, (0, 1), (24, 24), averaged=3), lambda a, b: a.name == table and b.joint in (2, 3)),
+        table_of(Arcs(2, (0, 1), (32, 32), averaged=3), lambda a, b: a.name in foot and b.joint in (2, 3)),
     )
     links = (
-        table_of(Arcs(2, (1,), (256,), averaged=3), lambda a, b: a.joint == 0 and b.joint in (2, 3)),
+        table_of(Arcs(2, (1,), (128,), averaged=3), lambda a, b: a.joint == 0 and b.joint in (2, 3)),
         table_of(Arcs(2, (3, 4), (32, 16), averaged=5), lambda a, b: a.joint == 1 and b.joint >= 3),
         table_of(Arcs(4, (3, 5), (48, 48)), lambda a, b: a.joint == 2 and b.joint >= 4),
     )
