@@ -82,24 +82,18 @@ class ArmKinematics:
             pin.forwardKinematics(self.model, self.data, self.as_posture("q", q))
             T_world_tip = pin.updateFramePlacement(self.model, self.data, self.tip_frame).homogeneous
             return T_world_tip if self.base == "world" else self.T_base_world @ T_world_tip
-        if q.ndim == 0 or q.shape[-1] != self.n:
-            raise InputError(f"q must have shape (..., {self.n}), got {q.shape}")
-        if not np.isfinite(q).all():
-            raise InputError("q must be finite")
+        self._check_stack(q)
         return self._chain.fk(q.reshape(-1, self.n)).reshape(*q.shape[:-1], 4, 4)
 
     def positions(self, q: ArrayLike) -> Floats:
-        """Positions of the tip alone [m], shape (m, 3), for postures `q` [rad], shape (m, n); half the time of `fk`.
+        """Tip positions [m], shape (..., 3), for postures `q` [rad], shape (..., n); half the time `fk` takes.
 
         Raises:
             InputError: Wrong shape or a value that is not finite.
         """
         q = as_floats("q", q)
-        if q.ndim != 2 or q.shape[1] != self.n:
-            raise InputError(f"q must have shape (m, {self.n}), got {q.shape}")
-        if not np.isfinite(q).all():
-            raise InputError("q must be finite")
-        return self._chain.positions(q)
+        self._check_stack(q)
+        return self._chain.positions(q.reshape(-1, self.n)).reshape(*q.shape[:-1], 3)
 
     def jacobian(self, q: ArrayLike) -> Floats:
         """Geometric Jacobian of the tip, shape (6, n): rows 0-2 linear [m/rad], rows 3-5 angular [rad/rad].
@@ -121,6 +115,12 @@ class ArmKinematics:
         q = self.as_posture("q", q)
         outside = (q < self.lower - tolerance) | (q > self.upper + tolerance)
         return tuple(name for name, out in zip(self.arm.joints, outside, strict=True) if out)
+
+    def _check_stack(self, q: Floats) -> None:
+        if q.ndim == 0 or q.shape[-1] != self.n:
+            raise InputError(f"q must have shape (..., {self.n}), got {q.shape}")
+        if not np.isfinite(q).all():
+            raise InputError("q must be finite")
 
     @cached_property
     def _chain(self) -> SerialChain:

@@ -25,7 +25,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from kinreach.errors import InputError
-from kinreach.kinematics.goals import Floats
+from kinreach.kinematics.goals import Floats, as_floats
 
 #: Natural-arm error of a posture on neither branch.
 UNNATURAL_ERROR = 25.0
@@ -150,10 +150,7 @@ def posture_error(q: ArrayLike) -> Floats:
 
 
 def _joints(q: ArrayLike) -> _Joints:
-    try:
-        q = np.asarray(q, dtype=np.float64)
-    except (TypeError, ValueError) as error:
-        raise InputError(f"q must be an array of numbers: {error}") from None
+    q = as_floats("q", q)
     if q.ndim == 0 or q.shape[-1] != _DOF:
         raise InputError(f"q must have shape (..., {_DOF}), got {q.shape}")
     finite = all(map(math.isfinite, q.tolist())) if q.ndim == 1 else np.isfinite(q).all()

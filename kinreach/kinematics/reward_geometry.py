@@ -23,7 +23,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from kinreach.errors import InputError
-from kinreach.kinematics.goals import Floats
+from kinreach.kinematics.goals import Floats, as_floats
 from kinreach.kinematics.posture_geometry import (
     UNNATURAL_ERROR,
     PentagonAngles,
@@ -164,10 +164,7 @@ def reach_reward(d: ArrayLike, q: ArrayLike, *, impossible: ArrayLike = False) -
 
 
 def _distances(d: ArrayLike) -> Floats:
-    try:
-        d = np.asarray(d, dtype=np.float64)
-    except (TypeError, ValueError) as error:
-        raise InputError(f"d must be a number or an array of numbers: {error}") from None
+    d = as_floats("d", d)
     usable = np.isfinite(d) & (d >= 0.0)
     if not usable.all():
         raise InputError(f"d must be finite and not negative, got {d[~usable][0]} m")

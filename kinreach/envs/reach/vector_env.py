@@ -25,7 +25,7 @@ from kinreach.envs.reach.task import (
 )
 from kinreach.envs.reach.world import ReachWorld
 from kinreach.errors import InputError
-from kinreach.kinematics.goals import Floats
+from kinreach.kinematics.goals import Floats, as_floats
 
 
 class UR5ReachVectorEnv(VectorEnv[Floats, ArrayLike, Floats]):
@@ -106,7 +106,7 @@ class UR5ReachVectorEnv(VectorEnv[Floats, ArrayLike, Floats]):
             raise InputError(f"unknown reset options {sorted(unknown)}; available: goal")
         goals = None
         if options:
-            goals = np.asarray(options["goal"], dtype=np.float64)
+            goals = as_floats("goal", options["goal"])
             if goals.shape != (self.num_envs, 3) or not np.isfinite(goals).all():
                 raise InputError(f"goal must be finite and have shape ({self.num_envs}, 3), got {goals.shape}")
         self._episodes.begin(self._everyone, goals)

@@ -139,5 +139,6 @@ def test_malformed_input_is_refused():
             batch.step(actions)
     with pytest.raises(InputError, match="2 seeds"):
         batch.reset(seed=[1, 2])
-    with pytest.raises(InputError):
-        batch.reset(options={"goal": np.zeros(3)})
+    for goals in (np.zeros(3), "there"):
+        with pytest.raises(InputError):
+            batch.reset(options={"goal": goals})
