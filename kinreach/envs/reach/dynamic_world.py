@@ -22,9 +22,9 @@ class SingleDynamicWorld:
     def __init__(self, simulation: ArmSimulation) -> None:
         self.simulation = simulation
 
-    def reset(self, ids: Ids, goals: Floats) -> None:
+    def reset(self, ids: Ids, goals: Floats, q: Floats | None) -> None:
         """Put the whole simulation back, and the ball to the goal [m], shape (1, 3)."""
-        self.simulation.reset()
+        self.simulation.reset(None if q is None else q[0])
         self.simulation.place_ball(goals[0])
 
     def execute(self, targets: Floats, *, two_phase: bool) -> Executed:
@@ -58,9 +58,9 @@ class BatchDynamicWorld:
         self.count = count
         self._batch = BatchSimulation("ur5", count, threads=threads)
 
-    def reset(self, ids: Ids, goals: Floats) -> None:
+    def reset(self, ids: Ids, goals: Floats, q: Floats | None) -> None:
         """Put simulations back, and their balls to goals [m], shape (k, 3)."""
-        self._batch.reset(ids)
+        self._batch.reset(ids, q)
         self._batch.place_ball(ids, goals)
 
     def execute(self, targets: Floats, *, two_phase: bool) -> Executed:

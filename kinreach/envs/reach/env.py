@@ -16,11 +16,16 @@ from kinreach.envs.reach.kinematic_world import KinematicWorld
 from kinreach.envs.reach.options import ReachOptions
 from kinreach.envs.reach.picture import ScenePicture
 from kinreach.envs.reach.pixels import PixelObserver
-from kinreach.envs.reach.task import ReachVariant, action_space, check_actions, observation_space
+from kinreach.envs.reach.task import (
+    ReachVariant,
+    action_space,
+    check_actions,
+    observation_space,
+    reset_options,
+)
 from kinreach.envs.reach.world import ReachWorld
 from kinreach.envs.simulation import ArmSimulation
-from kinreach.errors import InputError, raise_unknown
-from kinreach.kinematics.goals import as_vector
+from kinreach.errors import raise_unknown
 from kinreach.kinematics.reward_geometry import posture_error
 
 ONE = np.zeros(1, dtype=np.intp)
@@ -85,20 +90,17 @@ class UR5ReachEnv(gym.Env[Any, Any], EzPickle):
 
         Args:
             seed: Of the goals and of the cameras' noise.
-            options: `{"goal": (x, y, z)}` puts the ball there, in the world frame [m].
+            options: `"goal"`, shape (3,), puts the ball there, in the world frame [m]; `"q"`, shape (6,), starts the
+                arm in this posture [rad].
 
         Raises:
-            InputError: An unknown option, or a goal that is not three finite numbers.
+            InputError: An unknown option, or one that is malformed.
         """
         super().reset(seed=seed)
         if seed is not None or not self._seeded:
             self._episodes.seed(0, self.np_random)
             self._seeded = True
-        unknown = set(options or {}) - {"goal"}
-        if unknown:
-            raise InputError(f"unknown reset options {sorted(unknown)}; available: goal")
-        goal = None if not options else as_vector("goal", options["goal"], 3)[None]
-        self._episodes.begin(ONE, goal)
+        self._episodes.begin(ONE, *reset_options(options, None))
         self._show()
         info = {
             "goal": self._episodes.goals[0].copy(),

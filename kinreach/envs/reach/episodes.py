@@ -71,10 +71,16 @@ class ReachEpisodes:
         goal_rng, self._sensors[index] = rng.spawn(2)
         self._streams.seed(index, goal_rng)
 
-    def begin(self, ids: Ids, goals: Floats | None = None) -> None:
-        """Start new episodes: arm in the start pose, a new goal (or a given one [m], shape (k, 3)), measured once."""
+    def begin(self, ids: Ids, goals: Floats | None = None, q: Floats | None = None) -> None:
+        """Start new episodes: arm in the start pose, a new goal, measured once.
+
+        Args:
+            ids: Whose episodes, shape (k,).
+            goals: Goals to take instead of new ones [m], shape (k, 3).
+            q: Postures to start in instead [rad], shape (k, 6); goals are measured from the start pose all the same.
+        """
         goals = self._streams.draw(ids) if goals is None else goals
-        self._world.reset(ids, goals)
+        self._world.reset(ids, goals, q)
         views, found = self._observer.look(goals, ids, self._sensors)
         rows = slice(None) if len(ids) == self._world.count else ids  # a slice is much faster than as many indices
         self.goals[rows], self._views[rows], self.found[rows], self._steps[rows] = goals, views, found, 0

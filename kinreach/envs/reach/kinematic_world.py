@@ -28,9 +28,9 @@ class KinematicWorld:
         self._home = np.array(self._kinematics.arm.home)
         self._q = np.tile(self._home, (count, 1))
 
-    def reset(self, ids: Ids, goals: Floats) -> None:
-        """Put arms back into the start pose; balls need no place here."""
-        self._q[ids if len(ids) < self.count else slice(None)] = self._home
+    def reset(self, ids: Ids, goals: Floats, q: Floats | None) -> None:
+        """Put arms into postures [rad], shape (k, 6), or the start pose; balls need no place here."""
+        self._q[ids if len(ids) < self.count else slice(None)] = self._home if q is None else q
 
     def execute(self, targets: Floats, *, two_phase: bool) -> Executed:
         """Take the targets that can be taken."""

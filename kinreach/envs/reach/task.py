@@ -6,7 +6,9 @@ Everything here works on stacks, so that one environment and thousands in a batc
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from gymnasium import spaces
@@ -66,6 +68,32 @@ def observation_space() -> spaces.Box:
     low = -high
     low[-1] = 0.0
     return spaces.Box(low, high, dtype=np.float64)
+
+
+def reset_options(options: Mapping[str, Any] | None, count: int | None) -> tuple[Floats | None, Floats | None]:
+    """The goals [m] and the postures [rad] that `reset(options=)` asks for, one a row; None for what it leaves open.
+
+    Raises:
+        InputError: An unknown option, a wrong shape, a value that is not finite, or a joint outside its limits.
+    """
+    options = dict(options or {})
+    unknown = set(options) - {"goal", "q"}
+    if unknown:
+        raise InputError(f"unknown reset options {sorted(unknown)}; available: goal, q")
+    goals, q = (_rows(name, options.get(name), count, size) for name, size in (("goal", 3), ("q", JOINTS)))
+    if q is not None and (np.abs(q) > math.pi).any():
+        raise InputError(f"q must be within ±π, got {np.abs(q).max():g}")
+    return goals, q
+
+
+def _rows(name: str, value: ArrayLike | None, count: int | None, size: int) -> Floats | None:
+    if value is None:
+        return None
+    shape = (size,) if count is None else (count, size)
+    values = as_floats(name, value)
+    if values.shape != shape or not np.isfinite(values).all():
+        raise InputError(f"{name} must be finite and have shape {shape}, got {values.shape}")
+    return values.reshape(-1, size)
 
 
 def check_actions(actions: ArrayLike, count: int | None) -> Floats:

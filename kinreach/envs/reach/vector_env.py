@@ -22,10 +22,11 @@ from kinreach.envs.reach.task import (
     action_space,
     check_actions,
     observation_space,
+    reset_options,
 )
 from kinreach.envs.reach.world import ReachWorld
 from kinreach.errors import InputError
-from kinreach.kinematics.goals import Floats, as_floats
+from kinreach.kinematics.goals import Floats
 
 
 class UR5ReachVectorEnv(VectorEnv[Floats, ArrayLike, Floats]):
@@ -95,21 +96,15 @@ class UR5ReachVectorEnv(VectorEnv[Floats, ArrayLike, Floats]):
 
         Args:
             seed: Of the first environment (the others count up), or one for each.
-            options: `{"goal": (num_envs, 3)}` puts the balls there, in the world frame [m].
+            options: `"goal"`, shape (num_envs, 3), puts the balls there, in the world frame [m]; `"q"`, shape
+                (num_envs, 6), starts the arms in these postures [rad].
 
         Raises:
-            InputError: Unknown options, or as many seeds or goals as there are not environments.
+            InputError: Unknown options, or as many seeds, goals or postures as there are not environments.
         """
+        goals, q = reset_options(options, self.num_envs)
         self._seed(seed)
-        unknown = set(options or {}) - {"goal"}
-        if unknown:
-            raise InputError(f"unknown reset options {sorted(unknown)}; available: goal")
-        goals = None
-        if options:
-            goals = as_floats("goal", options["goal"])
-            if goals.shape != (self.num_envs, 3) or not np.isfinite(goals).all():
-                raise InputError(f"goal must be finite and have shape ({self.num_envs}, 3), got {goals.shape}")
-        self._episodes.begin(self._everyone, goals)
+        self._episodes.begin(self._everyone, goals, q)
         return self._episodes.observe(), {
             "goal": self._episodes.goals.copy(),
             "ball_found": self._episodes.found.copy(),

@@ -36,8 +36,8 @@ class ReachWorld(Protocol):
 
     count: int
 
-    def reset(self, ids: Ids, goals: Floats) -> None:
-        """Put arms back into the start pose, and their balls to goals in the world [m], shape (k, 3)."""
+    def reset(self, ids: Ids, goals: Floats, q: Floats | None) -> None:
+        """Put arms into postures [rad], shape (k, 6), or the start pose, and their balls to goals [m], shape (k, 3)."""
         ...
 
     def execute(self, targets: Floats, *, two_phase: bool) -> Executed:

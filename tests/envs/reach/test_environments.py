@@ -11,7 +11,7 @@ from gymnasium.utils.env_checker import check_env, data_equivalence
 
 import kinreach
 from kinreach.envs.reach import UR5SingleStepEnv
-from kinreach.errors import InputError, UnknownNameError
+from kinreach.errors import InputError
 from kinreach.kinematics import UR5Kinematics
 from kinreach.kinematics.reward_geometry import reach_reward
 
@@ -240,17 +240,6 @@ def test_actions_outside_the_space_are_clipped():
 def test_unknown_options_are_refused(options, error):
     with pytest.raises(InputError, match=error):
         UR5SingleStepEnv(**options)
-
-
-def test_reset_options():
-    env = make(SINGLE, backend="kinematic")
-    _, info = env.reset(seed=0, options={"goal": [0.4, 0.1, -0.175]})
-    np.testing.assert_array_equal(info["goal"], [0.4, 0.1, -0.175])
-    with pytest.raises(InputError, match="colour"):
-        env.reset(options={"colour": "red"})
-    with pytest.raises(InputError, match="goal"):
-        env.reset(options={"goal": [0.4, np.nan, 0]})
-    assert issubclass(UnknownNameError, InputError)
 
 
 @pytest.mark.parametrize("backend", BACKENDS)
