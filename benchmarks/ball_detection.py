@@ -17,7 +17,6 @@ from pathlib import Path
 
 import numpy as np
 
-from kinreach.compare.statistics import p95
 from kinreach.envs.ball_finder import PIPELINES, find_ball
 from kinreach.envs.goal_view import GOAL_CAMERAS, CameraGoalView, geometric_goal_view
 from kinreach.envs.rendering import FrameRenderer
@@ -25,6 +24,7 @@ from kinreach.envs.rgbd import RGBDCamera, SensorNoise
 from kinreach.envs.simulation import ArmSimulation
 from kinreach.files import replacing, write_text
 from kinreach.robots import get_arm
+from kinreach.statistics import p95
 
 RESOLUTIONS = ((1280, 720), (640, 360), (320, 180))
 NOISE = SensorNoise(rgb_sigma=6.0, depth_sigma=0.002)

@@ -7,7 +7,8 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
-from kinreach.compare import figures, provenance, statistics
+from kinreach import provenance, statistics
+from kinreach.compare import figures
 from kinreach.compare.checkpoint import Checkpoint
 from kinreach.compare.methods import METHODS
 from kinreach.compare.observation import looking, what_is_told

@@ -8,8 +8,8 @@ from typing import Any
 
 import numpy as np
 
-from kinreach.compare.statistics import Statistic, bootstrap_intervals, mean, median, p95, wilson_interval
 from kinreach.compare.trials import Trial
+from kinreach.statistics import Statistic, bootstrap_intervals, mean, median, p95, wilson_interval
 
 #: Distances [mm] at which the share of goals is reported.
 TOLERANCES_MM = (50, 20, 10, 5, 2, 1, 0.5)

@@ -33,7 +33,7 @@ def out(needs_gl: None, tmp_path_factory: pytest.TempPathFactory) -> Path:
 def no_figures(monkeypatch: pytest.MonkeyPatch) -> None:
     """Leave out the figures; and the same code, even if somebody edits a module in between."""
     monkeypatch.setattr("kinreach.compare.figures.write_all", lambda out, trials, results: None)
-    monkeypatch.setattr("kinreach.compare.provenance.source_digest", lambda: "0" * 12)
+    monkeypatch.setattr("kinreach.provenance.source_digest", lambda: "0" * 12)
 
 
 def _rows(folder: Path) -> list[dict[str, str]]:

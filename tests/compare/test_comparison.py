@@ -108,7 +108,7 @@ def test_the_same_seed_gives_the_same_numbers(finished: tuple[Settings, Path], t
 @pytest.fixture
 def same_code(monkeypatch: pytest.MonkeyPatch) -> None:
     """Two comparisons by the same code, even if somebody edits a module in between."""
-    monkeypatch.setattr("kinreach.compare.provenance.source_digest", lambda: "0" * 12)
+    monkeypatch.setattr("kinreach.provenance.source_digest", lambda: "0" * 12)
 
 
 @pytest.mark.usefixtures("no_figures", "same_code")
@@ -142,10 +142,10 @@ def test_other_settings_other_code_or_fresh_do_not_go_on(tmp_path: Path, monkeyp
     settings = Settings(task="button", methods=("closed-form",), goals=3)
     changes = [(replace(settings, goals=4), "0" * 12, False), (settings, "1" * 12, False), (settings, "0" * 12, True)]
     for again, digest, fresh in changes:
-        monkeypatch.setattr("kinreach.compare.provenance.source_digest", lambda: "0" * 12)
+        monkeypatch.setattr("kinreach.provenance.source_digest", lambda: "0" * 12)
         with pytest.raises(KeyboardInterrupt):
             compare(settings, tmp_path, fresh=True, progress=interrupt)
-        monkeypatch.setattr("kinreach.compare.provenance.source_digest", lambda digest=digest: digest)
+        monkeypatch.setattr("kinreach.provenance.source_digest", lambda digest=digest: digest)
         seen: list[int] = []
         compare(again, tmp_path, fresh=fresh, progress=lambda done, total, seen=seen: seen.append(done))
         assert seen[0] == 0

@@ -4,9 +4,9 @@ from collections.abc import Callable
 
 import pytest
 
-from kinreach.compare.statistics import wilson_interval
 from kinreach.compare.summary import summarise
 from kinreach.compare.trials import Trial
+from kinreach.statistics import wilson_interval
 
 TrialFactory = Callable[..., list[Trial]]
 

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 import kinreach
-from kinreach.compare import provenance
+from kinreach import provenance
 
 
 def test_versions_are_those_that_are_installed() -> None:

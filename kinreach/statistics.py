@@ -8,10 +8,11 @@ from statistics import NormalDist
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
 from kinreach.errors import InputError
-from kinreach.kinematics.goals import Floats
+
+Floats = NDArray[np.float64]
 
 #: A bound on both sides, (low, high).
 Interval = tuple[float, float]
