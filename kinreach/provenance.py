@@ -5,6 +5,7 @@ from __future__ import annotations
 import hashlib
 import os
 import platform
+from collections.abc import Iterable
 from pathlib import Path
 
 import kinreach
@@ -13,9 +14,9 @@ from kinreach.engines import installed_version
 DISTRIBUTIONS = ("numpy", "pin", "placo", "mujoco", "qpsolvers", "daqp", "example-robot-data", "opencv-python-headless")
 
 
-def versions() -> dict[str, str | None]:
+def versions(distributions: Iterable[str] = DISTRIBUTIONS) -> dict[str, str | None]:
     """Versions by distribution name, None for what is not installed; and a digest of kinreach's own source."""
-    found = {name: installed_version(name) for name in DISTRIBUTIONS}
+    found = {name: installed_version(name) for name in distributions}
     ours = {"kinreach": kinreach.__version__, "kinreach-source": source_digest()}
     return {"python": platform.python_version(), **ours, **found}
 

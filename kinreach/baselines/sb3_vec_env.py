@@ -9,10 +9,11 @@ from gymnasium.vector import AutoresetMode, VectorEnv
 from stable_baselines3.common.vec_env import VecEnv
 from stable_baselines3.common.vec_env.base_vec_env import VecEnvIndices, VecEnvObs, VecEnvStepReturn
 
+from kinreach.baselines.training_reward import TrainingReward, own
 from kinreach.errors import InputError
 
-#: What stable-baselines3's loggers read from an environment's `info`.
-INFO_KEYS = ("is_success", "distance", "posture_error", "impossible")
+#: What stable-baselines3's loggers read from an environment's `info`, as far as it is there.
+INFO_KEYS = ("is_success", "distance", "posture_error", "impossible", "wrong_presses", "energy")
 
 
 class SB3VecEnv(VecEnv):
@@ -21,15 +22,17 @@ class SB3VecEnv(VecEnv):
     Args:
         env: For example `gym.make_vec("kinreach/UR5SingleStep-v0", num_envs=1024,
             vectorization_mode="vector_entry_point")`.
+        reward: What the learner sees instead of the environment's reward.
 
     Raises:
         InputError: The environment resets in another way.
     """
 
-    def __init__(self, env: VectorEnv[Any, Any, Any]) -> None:
+    def __init__(self, env: VectorEnv[Any, Any, Any], *, reward: TrainingReward = own) -> None:
         if env.metadata.get("autoreset_mode") is not AutoresetMode.SAME_STEP:
             raise InputError("stable-baselines3 needs a vector environment with AutoresetMode.SAME_STEP")
-        self._env = env  # the next line asks for its attributes
+        self._env = env  # the base class asks for its attributes
+        self._reward = reward
         self._actions: Any = None
         super().__init__(env.num_envs, env.single_observation_space, env.single_action_space)
 
@@ -48,11 +51,17 @@ class SB3VecEnv(VecEnv):
         """Step, with the last observation of an ended episode in its info."""
         observations, rewards, terminated, truncated, info = self._env.step(self._actions)
         done = terminated | truncated
+        last_seen = np.where(done[:, None], info["final_obs"], observations) if done.any() else np.asarray(observations)
+        rewards = self._reward(np.asarray(rewards), {**info, "observation": last_seen})
         infos: list[dict[str, Any]] = [{} for _ in range(self.num_envs)]
-        for index in np.flatnonzero(done):
-            infos[index] = {key: info["final_info"][key][index].item() for key in INFO_KEYS}
-            infos[index]["terminal_observation"] = info["final_obs"][index]
-            infos[index]["TimeLimit.truncated"] = bool(truncated[index] and not terminated[index])
+        if done.any():
+            last = info["final_info"]
+            columns = {key: last[key].tolist() for key in INFO_KEYS if key in last}
+            cut = (truncated & ~terminated).tolist()
+            for index in np.flatnonzero(done).tolist():
+                infos[index] = {key: values[index] for key, values in columns.items()}
+                infos[index]["terminal_observation"] = info["final_obs"][index]
+                infos[index]["TimeLimit.truncated"] = cut[index]
         return np.asarray(observations), np.asarray(rewards, dtype=np.float32), done, infos
 
     def close(self) -> None:

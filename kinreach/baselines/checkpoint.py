@@ -1,0 +1,86 @@
+"""The state of a training run on disk, so that it can go on after an interruption.
+
+Tensors and plain values only, read with torch's loader for weights, which runs no code from the file.
+"""
+
+from __future__ import annotations
+
+import pickle
+from pathlib import Path
+from typing import Any
+
+import torch
+from stable_baselines3.common.base_class import BaseAlgorithm
+from stable_baselines3.common.off_policy_algorithm import OffPolicyAlgorithm
+
+from kinreach.baselines.models import Trainee
+from kinreach.errors import InputError
+from kinreach.files import replacing
+
+#: Attributes of algorithms that change during training, as far as an algorithm has them.
+_COUNTERS = ("num_timesteps", "_n_updates", "_episode_num", "_n_calls", "exploration_rate", "rate")
+_CURVE = ("rows", "steps", "episodes", "trace", "traced")
+_BUFFER = ("observations", "next_observations", "actions", "rewards", "dones", "timeouts")
+
+
+def save_checkpoint(path: Path, identity: dict[str, Any], segment: int, trainee: Trainee) -> None:
+    """Write the state after a segment, whole or not at all.
+
+    Raises:
+        OutputError: The file system refused.
+    """
+    model, curve = trainee.model, trainee.curve
+    state: dict[str, Any] = {
+        "identity": identity,
+        "segment": segment,
+        "parameters": model.get_parameters(),
+        "variables": {name: getattr(model, name).detach() for name in _variables(model)},
+        "counters": {name: getattr(model, name) for name in _COUNTERS if hasattr(model, name)},
+        "curve": {name: getattr(curve, name) for name in _CURVE},
+    }
+    if isinstance(model, OffPolicyAlgorithm) and model.replay_buffer is not None:
+        buffer: Any = model.replay_buffer
+        kept = buffer.buffer_size if buffer.full else buffer.pos
+        arrays = {name: torch.from_numpy(getattr(buffer, name)[:kept]) for name in _BUFFER}
+        state["buffer"] = {"arrays": arrays, "pos": buffer.pos, "full": buffer.full}
+    with replacing(path) as temporary:
+        torch.save(state, temporary)
+
+
+def load_checkpoint(path: Path, identity: dict[str, Any], trainee: Trainee) -> int:
+    """Put a fresh trainee into the state after the last segment; the number of the next one.
+
+    Raises:
+        InputError: The file is not a checkpoint, or is one of another run.
+    """
+    try:
+        state = torch.load(path, weights_only=True)
+        if state["identity"] != identity:
+            raise InputError(
+                f"{path} belongs to a run with other settings or versions; train without --resume, or elsewhere"
+            )
+        model, curve = trainee.model, trainee.curve
+        model.set_parameters(state["parameters"], exact_match=True)
+        for name, value in state["variables"].items():
+            getattr(model, name).data.copy_(value)
+        for name, value in state["counters"].items():
+            setattr(model, name, value)
+        for name, value in state["curve"].items():
+            setattr(curve, name, value)
+        if "buffer" in state:
+            buffer: Any = model.replay_buffer  # type: ignore[attr-defined]
+            for name, rows in state["buffer"]["arrays"].items():
+                getattr(buffer, name)[: len(rows)] = rows.numpy()
+            buffer.pos, buffer.full = state["buffer"]["pos"], state["buffer"]["full"]
+        return int(state["segment"]) + 1
+    except OSError as error:
+        raise InputError(f"cannot read {path}: {error.strerror or error}") from None
+    except (pickle.UnpicklingError, RuntimeError, KeyError, TypeError, AttributeError, EOFError, ValueError) as error:
+        if isinstance(error, InputError):
+            raise
+        raise InputError(f"{path} is no checkpoint, or a damaged one") from None
+
+
+def _variables(model: BaseAlgorithm) -> list[str]:
+    """Names of tensors that are no parameters of a module, such as SAC's entropy coefficient."""
+    return list(model._get_torch_save_params()[1])

@@ -1,0 +1,113 @@
+"""The command line of the evaluation of policies."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Sequence
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+from rich.console import Console
+from rich.progress import Progress
+
+from kinreach import provenance
+from kinreach.baselines.evaluation import evaluate
+from kinreach.baselines.evaluation_table import TABLE_WIDTH, evaluation_table
+from kinreach.baselines.learned import LearnedPolicy, load_policy, pretrained_names
+from kinreach.baselines.policy_file import read_policy, save_policy
+from kinreach.baselines.recipes.base import BUTTON
+from kinreach.cli import Parser
+from kinreach.errors import InputError
+from kinreach.files import make_writable, write_text
+
+
+def main(argv: Sequence[str], *, prog: str) -> int:
+    """Evaluate policies on held-out goals.
+
+    Args:
+        argv: Arguments without the program's name.
+        prog: How the user called it, for messages.
+
+    Returns:
+        Exit code 0; anything else is raised.
+
+    Raises:
+        KinreachError: Bad input, a file that is no policy, cameras that cannot draw.
+    """
+    arguments = _parser(prog).parse_args(argv)
+    if arguments.goals < 1:
+        raise InputError(f"--goals must be at least 1, got {arguments.goals}")
+    policies = {name: load_policy(name) for name in arguments.policies}
+    summaries = {}
+    for name, policy in policies.items():
+        options = _options(policy, arguments)
+        summaries[_short(name)] = _evaluate(policy, _short(name), arguments.goals, options)
+    said = {name: getattr(arguments, name) for name in ("backend", "observation", "max_steps")}
+    given = "".join(f" --{name.replace('_', '-')} {value}" for name, value in said.items() if value is not None)
+    command = f"{prog} {' '.join(arguments.policies)} --goals {arguments.goals}{given}"
+    console = Console(width=TABLE_WIDTH, highlight=False)
+    console.print(evaluation_table(summaries, title=f"{arguments.goals} held-out goals{given.replace(' --', ', ')}"))
+    console.print(f"Again: {command}", style="dim", soft_wrap=True)
+    found = {"policies": summaries, "command": command, "versions": provenance.versions()}
+    if arguments.out:
+        path = Path(arguments.out)
+        make_writable(path.parent)
+        write_text(path, json.dumps(found, indent=2, allow_nan=False) + "\n")
+    if arguments.record:
+        for name in arguments.policies:
+            _record(name, command, summaries[_short(name)])
+    return 0
+
+
+def _options(policy: LearnedPolicy, arguments: Any) -> dict[str, Any]:
+    """Options of the policy's environment: what the command line says, else the environment's defaults.
+
+    The length of an episode and the actuation of the button task belong to what a policy was trained for.
+    """
+    said = {"backend": arguments.backend, "observation": arguments.observation}
+    if policy.card.environment == BUTTON:
+        if any(said.values()):
+            raise InputError("--backend and --observation are for reach policies")
+        said = {**policy.card.recipe.get("options", {}), "max_steps": arguments.max_steps}
+    elif arguments.max_steps:
+        raise InputError("--max-steps is for policies of the button task")
+    return {name: value for name, value in said.items() if value is not None}
+
+
+def _evaluate(policy: LearnedPolicy, name: str, goals: int, options: dict[str, Any]) -> dict[str, Any]:
+    console = Console(stderr=True)
+    with Progress(console=console, transient=True, disable=not console.is_terminal) as bar:
+        shown = bar.add_task(name, total=goals)
+        evaluation = evaluate(
+            policy, goals=goals, options=options, progress=lambda done: bar.update(shown, completed=done)
+        )
+    return evaluation.summary()
+
+
+def _short(name: str) -> str:
+    """A name for the table: recipe and seed where the path is that of a training run."""
+    path = Path(name)
+    return "/".join(path.parts[-3:-1]) if path.name == "policy.safetensors" else path.stem
+
+
+def _record(name: str, command: str, summary: dict[str, Any]) -> None:
+    """Write what was measured into the policy's own card."""
+    if name in pretrained_names():
+        raise InputError("--record needs the path of a policy file, not the name of a policy of the package")
+    card, network = read_policy(name)
+    save_policy(name, replace(card, results={**card.results, command: summary}), network)
+
+
+def _parser(prog: str) -> Parser:
+    parser = Parser(prog=prog, description="Play one deterministic episode for each of many held-out goals.")
+    parser.add_argument(
+        "policies", nargs="+", metavar="POLICY", help=f"files, or of the package: {', '.join(pretrained_names())}"
+    )
+    parser.add_argument("--goals", type=int, default=1000, metavar="N", help="default: %(default)s")
+    parser.add_argument("--backend", help="kinematic or mujoco (default: mujoco)")
+    parser.add_argument("--observation", help="geometric or camera (default: geometric)")
+    parser.add_argument("--max-steps", type=int, metavar="N", help="of an episode of the button task")
+    parser.add_argument("--out", metavar="FILE", help="write all figures with their intervals as JSON")
+    parser.add_argument("--record", action="store_true", help="write them into the policy files too")
+    return parser

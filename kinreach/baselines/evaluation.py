@@ -1,0 +1,120 @@
+"""How good a policy is: one deterministic episode for each of many goals that no training has seen."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import gymnasium as gym
+import numpy as np
+
+from kinreach.baselines.learned import LearnedPolicy
+from kinreach.errors import InputError
+from kinreach.statistics import bootstrap_intervals, median, p95, wilson_interval
+
+Array = np.ndarray[Any, Any]
+
+#: Seeds of goals. Training draws below 2**31, so these are never trained on; a choice between settings is made on the
+#: first set, and what is published is measured on the second.
+VALIDATION, HELD_OUT = 2**40, 2**41
+#: Distances [mm] at which the share of goals is reported.
+TOLERANCES_MM = (50, 20, 10, 5, 2, 1, 0.5)
+#: Episodes in step, and resamples of a bootstrap.
+BATCH, RESAMPLES = 500, 500
+#: What an environment's info says of a finished episode, as far as it says it, and in which unit it is reported.
+_MEASURES: Mapping[str, tuple[str, float]] = {
+    "distance": ("distance_mm", 1e3),
+    "posture_error": ("posture_error", 1.0),
+    "wrong_presses": ("wrong_presses", 1.0),
+    "energy": ("energy", 1.0),
+    "steps": ("steps", 1.0),
+    "return": ("return", 1.0),
+}
+
+
+@dataclass(frozen=True, eq=False)
+class Evaluation:
+    """Episodes of one policy; arrays have one value for each goal.
+
+    Attributes:
+        reached: The task's own criterion.
+        impossible: Whether the last action was.
+        measures: Last values of the episode by name: `distance` [m], `posture_error` [rad], `steps`, `return` (of the
+            environment's reward), and what else the environment says.
+    """
+
+    reached: Array
+    impossible: Array
+    measures: Mapping[str, Array]
+
+    def summary(self) -> dict[str, Any]:
+        """Rates, medians and 95th percentiles with 95 % intervals, as JSON types."""
+        total = len(self.reached)
+        found: dict[str, Any] = {"goals": total}
+        for name, flags in (("reached", self.reached), ("impossible", self.impossible)):
+            found[name] = float(flags.mean())
+            found[f"{name}_ci"] = list(wilson_interval(int(flags.sum()), total))
+        if "posture_error" in self.measures:
+            near = 1e3 * self.measures["distance"]
+            found["success_at_mm"] = {
+                f"{mm:g}": float(np.mean((near <= mm) & ~self.impossible)) for mm in TOLERANCES_MM
+            }
+        for name, values in self.measures.items():
+            key, unit = _MEASURES[name]
+            values = unit * values
+            middle, high = bootstrap_intervals(values, (median, p95), resamples=RESAMPLES)
+            found[key] = {"median": float(median(values)), "p95": float(p95(values)), "mean": float(values.mean())}
+            found[f"{key}_ci"] = {"median": list(middle), "p95": list(high)}
+        return found
+
+
+def evaluate(
+    policy: LearnedPolicy,
+    *,
+    goals: int = 1000,
+    seed: int = HELD_OUT,
+    options: Mapping[str, Any] | None = None,
+    progress: Callable[[int], None] = lambda done: None,
+) -> Evaluation:
+    """Play one episode for each goal.
+
+    Args:
+        policy: Of any of the environments.
+        goals: How many; those of a smaller number are the first of a larger one.
+        seed: Of the first goal; goal i is that of the environment's seed `seed + i`.
+        options: Of the environment.
+        progress: Told how many goals are done.
+
+    Raises:
+        InputError: No goals, or options that the environment does not take.
+    """
+    if goals < 1:
+        raise InputError(f"the number of goals must be at least 1, got {goals}")
+    parts = []
+    for first in range(0, goals, BATCH):
+        count = min(BATCH, goals - first)
+        parts.append(_episodes(policy, count, seed + first, dict(options or {})))
+        progress(first + count)
+    joined = {name: np.concatenate([part[name] for part in parts]) for name in parts[0]}
+    return Evaluation(joined.pop("is_success"), joined.pop("impossible"), joined)
+
+
+def _episodes(policy: LearnedPolicy, count: int, seed: int, options: dict[str, Any]) -> dict[str, Array]:
+    env = gym.make_vec(policy.card.environment, num_envs=count, vectorization_mode="vector_entry_point", **options)
+    found: dict[str, Array] = {"steps": np.zeros(count), "return": np.zeros(count)}
+    pending = np.ones(count, dtype=np.bool_)
+    try:
+        observations, _ = env.reset(seed=seed)
+        while pending.any():
+            observations, rewards, terminated, truncated, info = env.step(policy.act(observations))
+            found["steps"] += pending
+            found["return"] += np.where(pending, rewards, 0.0)
+            over = (terminated | truncated) & pending
+            for name in ("is_success", "impossible", *_MEASURES):
+                if name in info:
+                    found.setdefault(name, np.zeros_like(info[name]))[over] = info[name][over]
+            pending &= ~over
+    finally:
+        env.close()
+    return found

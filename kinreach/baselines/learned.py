@@ -1,0 +1,109 @@
+"""Trained policies, run in numpy: loading and running them needs neither torch nor the library that trained them."""
+
+from __future__ import annotations
+
+from importlib import resources
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from kinreach.baselines.network import Network
+from kinreach.baselines.pacing import paced
+from kinreach.baselines.policy_file import PolicyCard, read_policy
+from kinreach.envs.reach.task import MULTI_STEP, SINGLE_STEP
+from kinreach.errors import InputError, UnknownNameError, raise_unknown
+
+Array = np.ndarray[Any, Any]
+
+_SUFFIX = ".safetensors"
+_BUTTON = "kinreach/ButtonPress-v0"
+_REACH = {variant: f"kinreach/UR5{variant.name.capitalize()}Step-v0" for variant in (SINGLE_STEP, MULTI_STEP)}
+#: Environment -> length of an observation, length of the network's output, what the output may mean.
+_FITS = {
+    _REACH[SINGLE_STEP]: (13, 6, ("action", "posture")),
+    _REACH[MULTI_STEP]: (13, 6, ("action", "posture")),
+    _BUTTON: (19, 54, ("preferences",)),
+}
+
+
+class LearnedPolicy:
+    """A policy from a file.
+
+    Args:
+        card, network: As `read_policy` returns them.
+
+    Attributes:
+        card: What is known of it.
+
+    Raises:
+        InputError: The network does not fit the environment that its card names.
+    """
+
+    def __init__(self, card: PolicyCard, network: Network) -> None:
+        if card.environment not in _FITS:
+            raise_unknown("environment of a policy", card.environment, _FITS)
+        inputs, outputs, meanings = _FITS[card.environment]
+        if len(network.mean) > inputs or len(network.gain) != outputs or card.meaning not in meanings:
+            raise InputError(
+                f"a policy for {card.environment} takes at most {inputs} numbers, gives {outputs}, and means "
+                f"{' or '.join(meanings)}; this one takes {len(network.mean)}, gives {len(network.gain)}, and means "
+                f"{card.meaning}"
+            )
+        self.card = card
+        self._network = network
+        self._walks = card.environment == _REACH[MULTI_STEP]
+
+    def reset(self, info: dict[str, Any]) -> None:
+        """A trained policy remembers nothing."""
+
+    def act(self, observation: Array) -> Any:
+        """The deterministic action for an observation, shape (n,), or for a batch of them, shape (count, n).
+
+        Returns:
+            Actions in [-1, 1], shape (..., 6), or the number of a discrete action, shape (...).
+        """
+        if self.card.meaning == "preferences":
+            return self._network(observation).argmax(axis=-1)
+        if self._walks and self.card.meaning == "posture":
+            return paced(self.posture(observation) - observation[..., 6:12])
+        return np.clip(self._network(observation), -1.0, 1.0)
+
+    def posture(self, observation: Array) -> Array:
+        """The posture that a reach policy aims at [rad], shape (..., 6).
+
+        Raises:
+            InputError: The policy's output means something else.
+        """
+        if self.card.meaning != "posture":
+            raise InputError(f"the output of {self.card.recipe.get('name')} means {self.card.meaning}, not a posture")
+        return SINGLE_STEP.scale * np.clip(self._network(observation), -1.0, 1.0)
+
+
+def pretrained_names() -> list[str]:
+    """Names of the policies that come with the package."""
+    folder = resources.files("kinreach.baselines") / "pretrained"
+    return sorted(file.name.removesuffix(_SUFFIX) for file in folder.iterdir() if file.name.endswith(_SUFFIX))
+
+
+def load_policy(policy: str | Path, *, environment: str | None = None) -> LearnedPolicy:
+    """Load a policy.
+
+    Args:
+        policy: Name of one that comes with the package, or path of a file.
+        environment: Id of the environment that it must be for.
+
+    Raises:
+        InputError: There is no such policy, the file is not a policy, or it is for another environment.
+    """
+    names = pretrained_names()
+    if str(policy) in names:
+        with resources.as_file(resources.files("kinreach.baselines") / "pretrained" / f"{policy}{_SUFFIX}") as path:
+            loaded = LearnedPolicy(*read_policy(path))
+    elif Path(policy).suffix or Path(policy).exists():
+        loaded = LearnedPolicy(*read_policy(policy))
+    else:
+        raise UnknownNameError(f"there is no policy {policy!r}; a file, or one of: {', '.join(names)}")
+    if environment not in (None, loaded.card.environment):
+        raise InputError(f"the policy {policy} is for {loaded.card.environment}, not for {environment}")
+    return loaded

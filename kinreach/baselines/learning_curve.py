@@ -1,0 +1,138 @@
+"""What happens while a policy is trained, in windows of environment steps."""
+
+from __future__ import annotations
+
+import csv
+import io
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from gymnasium.vector import VectorEnv, VectorWrapper
+
+from kinreach.errors import InputError
+
+Array = np.ndarray[Any, Any]
+
+#: Columns of a learning curve. Steps and episodes count from the start; the rest is of one window: the mean reward of
+#: a step and return of an episode (both of the environment, exploration included); of the episodes that ended in it,
+#: the share that reached the goal, and the means of the last distance [m] and posture error [rad]; and the share of
+#: steps that were impossible. Empty where the environment has no such thing, or no episode ended.
+COLUMNS = ("steps", "episodes", "reward", "return", "reached", "distance", "posture_error", "impossible")
+
+#: Columns of a traced episode: steps so far, distance after the step [m], reward of the step.
+TRACE_COLUMNS = ("steps", "distance", "reward")
+
+_LAST = ("reached", "distance", "posture_error")
+
+
+class LearningCurve(VectorWrapper[Any, Any, Any]):
+    """A vector environment that keeps its own learning curve.
+
+    An episode that a reset cuts short counts as ended there.
+
+    Args:
+        env: With `AutoresetMode.SAME_STEP`.
+        window: Environment steps of a row.
+        trace_after: Steps after which the next whole episode of the first environment is kept step by step.
+
+    Attributes:
+        rows: Finished rows, values in the order of `COLUMNS`.
+        steps, episodes: Counts so far.
+        trace: That episode, values in the order of `TRACE_COLUMNS`.
+        traced: Whether it is over.
+    """
+
+    def __init__(self, env: VectorEnv[Any, Any, Any], *, window: int, trace_after: int | None = None) -> None:
+        super().__init__(env)
+        self.window = window
+        self.trace: list[list[float]] = []
+        self.traced = trace_after is None
+        self._trace_after = trace_after or 0
+        self.rows: list[list[float | None]] = []
+        self.steps = self.episodes = 0
+        self._returns = np.zeros(env.num_envs)
+        self._begun = np.zeros(env.num_envs, dtype=np.bool_)
+        self._info: dict[str, Any] = {}
+        self._clear()
+
+    def reset(self, **kwargs: Any) -> tuple[Any, dict[str, Any]]:
+        """Reset the environments; episodes in progress end."""
+        self._end(self._begun)
+        return self.env.reset(**kwargs)
+
+    def step(self, actions: Any) -> tuple[Any, Any, Any, Any, dict[str, Any]]:
+        """Step, and count."""
+        observations, rewards, terminated, truncated, self._info = self.env.step(actions)
+        self.steps += self.num_envs
+        self._counted += self.num_envs
+        self._sums["reward"] += float(rewards.sum())
+        self._sums["impossible"] += float(np.sum(self._info["impossible"]))
+        self._returns += rewards
+        if not self.traced:
+            self._keep(float(rewards[0]), over=bool(terminated[0] or truncated[0]))
+        self._begun[:] = True
+        self._end(terminated | truncated)
+        if self._counted >= self.window:
+            self._close_row()
+        return observations, rewards, terminated, truncated, self._info
+
+    def _keep(self, reward: float, *, over: bool) -> None:
+        """Add a step to the traced episode, if it has begun or begins now."""
+        if not self._begun[0]:
+            self.trace = []  # one that a reset cut short does not count
+        if self.steps > self._trace_after and (self.trace or not self._begun[0]):
+            self.trace.append([self.steps, float(self._info["distance"][0]), reward])
+            self.traced = over
+
+    def _end(self, over: Array) -> None:
+        if not over.any():
+            return
+        self.episodes += int(over.sum())
+        self._ended += int(over.sum())
+        self._sums["return"] += float(self._returns[over].sum())
+        for key in _LAST:
+            if key in self._info:
+                self._sums[key] = self._sums.get(key, 0.0) + float(self._info[key][over].sum())
+        self._returns[over] = 0.0
+        self._begun[over] = False
+
+    def _close_row(self) -> None:
+        row: dict[str, float] = {"steps": self.steps, "episodes": self.episodes}
+        for name, value in self._sums.items():
+            count = self._counted if name in ("reward", "impossible") else self._ended
+            if count:
+                row[name] = value / count
+        self.rows.append([row.get(name) for name in COLUMNS])
+        self._clear()
+
+    def _clear(self) -> None:
+        self._sums = dict.fromkeys(("reward", "return", "impossible"), 0.0)
+        self._counted = self._ended = 0
+
+
+def curve_csv(rows: Sequence[Sequence[float | None]], columns: Sequence[str] = COLUMNS) -> str:
+    """A learning curve, or a traced episode, as CSV with a header."""
+    text = io.StringIO()
+    writer = csv.writer(text, lineterminator="\n")
+    writer.writerow(columns)
+    writer.writerows([["" if value is None else f"{value:.10g}" for value in row] for row in rows])
+    return text.getvalue()
+
+
+def read_curve(path: str | Path) -> dict[str, Array]:
+    """Columns of a learning curve by name; what is empty is NaN.
+
+    Raises:
+        InputError: There is no such file, or it is no learning curve.
+    """
+    try:
+        with Path(path).open(encoding="utf-8", newline="") as file:
+            header, *rows = csv.reader(file)
+            values = np.array([[float(cell or "nan") for cell in row] for row in rows]).reshape(-1, len(header))
+    except OSError as error:
+        raise InputError(f"cannot read the learning curve {path}: {error.strerror}") from None
+    except ValueError as error:
+        raise InputError(f"{path} is no learning curve: {error}") from None
+    return dict(zip(header, values.T, strict=True))

@@ -1,0 +1,76 @@
+"""What a recipe is."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass, field
+from typing import Any
+
+SINGLE, MULTI, BUTTON = "kinreach/UR5SingleStep-v0", "kinreach/UR5MultiStep-v0", "kinreach/ButtonPress-v0"
+
+
+@dataclass(frozen=True)
+class Networks:
+    """Actor and critic.
+
+    Attributes:
+        hidden: Sizes of the hidden layers.
+        activation: `"tanh"`, `"silu"` or `"relu"`.
+        features: `"raw"`: the observation as it is; `"scaled"`: shifted and scaled by constants; `"goal waves"`: the
+            goal alone, scaled, and waves of it.
+        posture: Whether the actor's output is a change of the start pose [rad], small at first.
+    """
+
+    hidden: tuple[int, ...] = (64, 64)
+    activation: str = "tanh"
+    features: str = "raw"
+    posture: bool = False
+
+
+@dataclass(frozen=True)
+class Recipe:
+    """Everything that a training run depends on, beside its seed.
+
+    Attributes:
+        name: As on the command line.
+        summary: What it is, in a sentence.
+        environment: Id.
+        options: Of the environment.
+        algorithm: Key of `kinreach.baselines.models.ALGORITHMS`.
+        steps: Actions that the learner takes.
+        num_envs: Environments in step.
+        reward: What the learner sees, key of `kinreach.baselines.training_reward.REWARDS`; evaluation always uses the
+            environment's own.
+        blur: Standard deviation of the noise on observed goals in training [m]; of ranked PPO only.
+        networks: Actor and critic.
+        settings: Keyword arguments of the algorithm, with `minibatches` of an update instead of a batch size,
+            `exploration` of an `Exploration` (in radians where the output is a posture), `adaptive` of an
+            `AdaptiveRate`, `adam` of the optimiser, `action_noise` as a standard deviation.
+        segments: Parts of the training, after each of which its state is kept.
+        window: Environment steps of a row of the learning curve.
+        trace_after: Environment steps after which one episode is kept step by step; None for none.
+    """
+
+    name: str
+    summary: str
+    environment: str
+    algorithm: str
+    steps: int
+    num_envs: int
+    reward: str = "own"
+    blur: float = 0.0
+    networks: Networks = field(default_factory=Networks)
+    settings: Mapping[str, Any] = field(default_factory=dict)
+    options: Mapping[str, Any] = field(default_factory=dict)
+    segments: int = 10
+    window: int = 1000
+    trace_after: int | None = None
+
+    @property
+    def meaning(self) -> str:
+        """What the output of the policy means, as its card says it."""
+        return "preferences" if self.environment == BUTTON else "posture" if self.networks.posture else "action"
+
+    def to_dict(self) -> dict[str, Any]:
+        """As JSON types."""
+        return asdict(self)

@@ -1,0 +1,167 @@
+"""Recipes for the UR5: the thesis's, and those that reach."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from kinreach.baselines.recipes.base import MULTI, SINGLE, Networks, Recipe
+
+#: PPO2 of the thesis's time: 4 minibatches, 4 epochs, clip 0.2, λ 0.95, entropy 0.01, value 0.5, gradient 0.5.
+_THESIS_PPO = {
+    "n_epochs": 4,
+    "clip_range": 0.2,
+    "gae_lambda": 0.95,
+    "ent_coef": 0.01,
+    "vf_coef": 0.5,
+    "max_grad_norm": 0.5,
+}
+_GOAL_WAVES = Networks(activation="silu", features="goal waves", posture=True)
+_RANKED = {
+    "tries": 8,
+    "n_steps": 1,
+    "n_epochs": 2,
+    "minibatches": 4,
+    "gamma": 0.0,
+    "gae_lambda": 1.0,
+    "clip_range": 0.2,
+    "max_grad_norm": 0.5,
+    "exploration": {"first": 0.2, "last": 5e-5, "until": 0.85},
+    "adaptive": {"first": 3e-3, "target_kl": 0.05, "decay": 0.15},
+    "adam": {"betas": (0.9, 0.99), "eps": 1e-5},
+}
+
+#: 64 environments in step, four updates a step: 20 000 updates of 320 000 actions.
+_OFF_POLICY = {
+    "learning_rate": 1e-3,
+    "buffer_size": 320_000,
+    "learning_starts": 6_400,
+    "batch_size": 256,
+    "train_freq": 1,
+    "gradient_steps": 4,
+}
+
+
+def _off_policy(algorithm: str, environment: str, gamma: float, **settings: Any) -> Recipe:
+    """An off-policy learner with the thesis's reward, not below -30."""
+    variant = "single" if environment == SINGLE else "multi"
+    return Recipe(
+        name=f"{algorithm.lower()}-{variant}",
+        summary=f"{algorithm} from a replay buffer; the thesis's reward, not below -30.",
+        environment=environment,
+        options={"backend": "kinematic", **({} if environment == SINGLE else {"end_on_reached": False})},
+        algorithm=algorithm,
+        steps=320_000,
+        num_envs=64,
+        reward="floored",
+        networks=Networks(hidden=(128, 128), activation="relu", features="scaled"),
+        settings={**_OFF_POLICY, "gamma": gamma, **settings},
+        window=3_200,
+    )
+
+
+REACH_RECIPES = (
+    Recipe(
+        name="thesis-single",
+        window=100,
+        summary="The thesis's single-step path planning with its settings: γ 0, 128 steps an update, rate 1e-3.",
+        environment=SINGLE,
+        algorithm="PPO",
+        steps=150_000,
+        num_envs=1,
+        options={"backend": "kinematic"},
+        settings={**_THESIS_PPO, "gamma": 0.0, "n_steps": 128, "batch_size": 32, "learning_rate": 1e-3},
+    ),
+    Recipe(
+        name="thesis-multi",
+        trace_after=25_000,
+        summary="The thesis's multi-step path planning with its settings: γ 0.99, 4096 steps an update, rate 2.5e-4.",
+        environment=MULTI,
+        algorithm="PPO",
+        steps=150_000,
+        num_envs=1,
+        options={"backend": "kinematic"},
+        settings={**_THESIS_PPO, "gamma": 0.99, "n_steps": 4096, "batch_size": 1024, "learning_rate": 2.5e-4},
+    ),
+    Recipe(
+        name="ppo-single",
+        summary="PPO with scheduled exploration and an adaptive rate; the thesis's reward, not below -30.",
+        environment=SINGLE,
+        options={"backend": "kinematic"},
+        algorithm="AdaptivePPO",
+        steps=2_000_000,
+        num_envs=4096,
+        reward="floored",
+        networks=Networks(activation="silu", features="goal waves", posture=True),
+        settings={
+            "n_steps": 1,
+            "n_epochs": 4,
+            "minibatches": 4,
+            "gamma": 0.0,
+            "gae_lambda": 1.0,
+            "clip_range": 0.2,
+            "vf_coef": 0.5,
+            "max_grad_norm": 0.5,
+            "exploration": {"first": 1.0, "last": 0.006, "until": 0.7},
+            "adaptive": {"first": 1e-3, "target_kl": 0.03},
+            "adam": {"eps": 1e-5},
+        },
+        window=20_480,
+    ),
+    Recipe(
+        name="ppo-multi",
+        summary="PPO with scheduled exploration and an adaptive rate, γ 0.7; the thesis's reward, not below -30.",
+        environment=MULTI,
+        options={"backend": "kinematic", "end_on_reached": False},
+        algorithm="AdaptivePPO",
+        steps=2_500_000,
+        num_envs=1024,
+        reward="floored",
+        networks=Networks(activation="silu", features="scaled"),
+        settings={
+            "n_steps": 16,
+            "n_epochs": 4,
+            "minibatches": 4,
+            "gamma": 0.7,
+            "gae_lambda": 0.9,
+            "clip_range": 0.2,
+            "vf_coef": 0.5,
+            "max_grad_norm": 0.5,
+            "exploration": {"first": 0.5, "last": 0.1, "until": 0.8},
+            "adaptive": {"first": 1e-3, "target_kl": 0.02},
+            "adam": {"eps": 1e-5},
+        },
+        window=20_480,
+    ),
+    Recipe(
+        name="single",
+        summary="Ranked PPO: eight postures tried for every goal, dense reward in training.",
+        environment=SINGLE,
+        algorithm="RankedPPO",
+        steps=4_000_000,
+        num_envs=2048,
+        reward="dense",
+        blur=5e-4,
+        networks=_GOAL_WAVES,
+        settings=_RANKED,
+        window=20_480,
+        options={"backend": "kinematic"},
+    ),
+    Recipe(
+        name="multi",
+        summary="Ranked PPO: eight postures walked to for every goal, dense reward in training.",
+        environment=MULTI,
+        options={"backend": "kinematic", "end_on_reached": False},
+        algorithm="RankedPPO",
+        steps=2_000_000,
+        num_envs=1024,
+        reward="dense",
+        blur=5e-4,
+        networks=_GOAL_WAVES,
+        settings=_RANKED,
+        window=163_840,
+    ),
+    _off_policy("SAC", SINGLE, 0.0),
+    _off_policy("TD3", SINGLE, 0.0, action_noise=0.1),
+    _off_policy("SAC", MULTI, 0.9),
+    _off_policy("TD3", MULTI, 0.9, action_noise=0.1),
+)

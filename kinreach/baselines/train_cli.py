@@ -1,0 +1,124 @@
+"""The command line of training."""
+
+from __future__ import annotations
+
+import argparse
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+from rich.console import Console
+from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
+
+from kinreach.baselines.evaluation import evaluate
+from kinreach.baselines.evaluation_table import TABLE_WIDTH, evaluation_table
+from kinreach.baselines.recipes import RECIPES, Recipe, get_recipe
+from kinreach.cli import Parser
+from kinreach.errors import InputError, InstallationError
+
+#: Held-out goals that a finished policy is tried on; `evaluate` does it properly.
+GOALS = 1000
+
+
+def main(argv: Sequence[str], *, prog: str) -> int:
+    """Train one recipe with one seed or several.
+
+    Args:
+        argv: Arguments without the program's name.
+        prog: How the user called it, for messages.
+
+    Returns:
+        Exit code 0; anything else is raised.
+
+    Raises:
+        KinreachError: Bad input, packages for training that are not installed, a folder that cannot be written.
+        KeyboardInterrupt: With a message that says what was kept.
+    """
+    arguments = _parser(prog).parse_args(argv)
+    recipe = get_recipe(arguments.recipe)
+    for name in ("seeds", "steps", "threads"):
+        value = getattr(arguments, name)
+        if value is not None and value < 1:
+            raise InputError(f"--{name} must be at least 1, got {value}")
+    if arguments.seed < 0:
+        raise InputError(f"--seed must not be negative, got {arguments.seed}")
+    out = Path(arguments.out) if arguments.out else Path("results") / "train"
+    console = Console(width=TABLE_WIDTH, highlight=False)
+    evaluations = {}
+    for seed in range(arguments.seed, arguments.seed + arguments.seeds):
+        folder = out / recipe.name / f"seed-{seed}"
+        run = _train(recipe, folder, seed, arguments, prog)
+        console.print(f"{folder}: {run.seconds:.0f} s, {run.cpu_seconds:.0f} s of processor time", soft_wrap=True)
+        evaluations[f"seed {seed}"] = evaluate(run.policy, goals=GOALS, options=recipe.options).summary()
+    console.print(evaluation_table(evaluations, title=f"{recipe.name}, {GOALS} held-out goals"))
+    again = f"kinreach evaluate {out / recipe.name}/seed-*/policy.safetensors"
+    console.print(f"More goals, dynamics, cameras: {again}", style="dim", soft_wrap=True)
+    return 0
+
+
+def _train(recipe: Recipe, folder: Path, seed: int, arguments: argparse.Namespace, prog: str) -> Any:
+    """Train under a progress bar; Ctrl-C becomes a line that says how to go on."""
+    try:
+        from kinreach.baselines.training import train  # the only import that needs the extra
+    except ImportError as error:
+        raise InstallationError(f"training needs more packages ({error.name}): pip install 'kinreach[train]'") from None
+    columns = (
+        TextColumn("{task.description}"),
+        BarColumn(),
+        TextColumn("{task.percentage:3.0f} %"),
+        TimeElapsedColumn(),
+        TimeRemainingColumn(),
+        TextColumn("{task.fields[figures]}"),
+    )
+    errors = Console(stderr=True)
+    with Progress(*columns, console=errors, transient=True, disable=not errors.is_terminal) as bar:
+        shown = bar.add_task(f"{recipe.name}, seed {seed}", total=None, figures="")
+
+        def show(done: int, planned: int, row: dict[str, float | None]) -> None:
+            bar.update(shown, completed=done, total=planned, figures=_figures(row))
+
+        try:
+            return train(
+                recipe,
+                folder,
+                seed=seed,
+                steps=arguments.steps,
+                resume=arguments.resume,
+                threads=arguments.threads,
+                export=arguments.export,
+                progress=show,
+            )
+        except KeyboardInterrupt:
+            again = f"{prog} {recipe.name} --seed {seed} --out {folder.parent.parent} --resume"
+            raise KeyboardInterrupt(f"interrupted; what is in {folder} is kept; go on with: {again}") from None
+
+
+def _figures(row: dict[str, float | None]) -> str:
+    """The last row of the learning curve, as far as it has something to say."""
+    parts = []
+    if row["reward"] is not None:
+        parts.append(f"reward {row['reward']:.2f}")
+    if row["reached"] is not None:
+        parts.append(f"reached {100 * row['reached']:.0f} %")
+    if row["distance"] is not None:
+        parts.append(f"{1e3 * row['distance']:.1f} mm")
+    return ", ".join(parts)
+
+
+def _parser(prog: str) -> Parser:
+    lines = [f"  {name:<{max(map(len, RECIPES))}}  {recipe.summary}" for name, recipe in RECIPES.items()]
+    parser = Parser(
+        prog=prog,
+        description="Train a policy by a recipe; the folder gets policy.safetensors, curve.csv and run.json.",
+        epilog="recipes:\n" + "\n".join(lines),
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+    )
+    parser.add_argument("recipe", metavar="RECIPE", help="what to train, see below")
+    parser.add_argument("--seed", type=int, default=0, metavar="S", help="the first seed (default: %(default)s)")
+    parser.add_argument("--seeds", type=int, default=1, metavar="K", help="how many seeds (default: %(default)s)")
+    parser.add_argument("--steps", type=int, metavar="N", help="actions to train for (default: the recipe's)")
+    parser.add_argument("--out", metavar="DIR", help="runs go into DIR/RECIPE/seed-S (default: results/train)")
+    parser.add_argument("--resume", action="store_true", help="go on from the last checkpoint")
+    parser.add_argument("--export", action="store_true", help="write stable-baselines3's own model.zip too")
+    parser.add_argument("--threads", type=int, default=1, metavar="T", help="of torch (default: %(default)s)")
+    return parser
