@@ -9,9 +9,10 @@ BIN := $(VENV)/bin
 PIP_INSTALL := $(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt
 CORE := $(VENV)/.installed-core
 DEV := $(VENV)/.installed-dev
+DOCS := $(VENV)/.installed-docs
 
 .DEFAULT_GOAL := help
-.PHONY: help setup compare test test-all lint bench clean
+.PHONY: help setup compare test test-all lint bench notebooks docs clean
 
 help: ## List the targets
 	@grep -hE '^[a-z-]+:.*## ' $(MAKEFILE_LIST) | awk -F ':.*## ' '{printf "  make %-10s %s\n", $$1, $$2}'
@@ -36,6 +37,13 @@ lint: $(DEV) ## Check style, format and types
 bench: $(DEV) ## Singular cases, ours beside the peers
 	$(BIN)/python -m benchmarks.singular_cases $(ARGS)
 
+notebooks: $(DEV) ## Run all notebooks from top to bottom and keep their outputs
+	$(BIN)/python notebooks/execute.py $(ARGS)
+
+docs: $(DOCS) ## Build the documentation into build/docs
+	NO_MKDOCS_2_WARNING=1 $(BIN)/mkdocs build --strict --quiet
+	@echo 'build/docs/index.html'
+
 clean: ## Remove the virtual environment and the caches
 	rm -rf $(VENV) .pytest_cache .ruff_cache .mypy_cache .hypothesis
 
@@ -50,4 +58,8 @@ $(CORE): pyproject.toml constraints.txt | $(BIN)/python
 
 $(DEV): $(CORE)
 	$(PIP_INSTALL) -e '.[dev]'
+	@touch $@
+
+$(DOCS): $(CORE)
+	$(PIP_INSTALL) -e '.[docs]'
 	@touch $@

@@ -15,7 +15,6 @@ from collections.abc import Callable
 from typing import Any
 
 import gymnasium as gym
-import numpy as np
 
 import kinreach
 
@@ -28,7 +27,8 @@ def native(name: str, count: int, **options: Any) -> Stepper:
     """A native batch under random actions; one call is one step of all environments."""
     env = gym.make_vec(name, num_envs=count, vectorization_mode="vector_entry_point", **options)
     env.reset(seed=0)
-    actions = np.random.default_rng(0).uniform(-1, 1, (16, count, 6))
+    env.action_space.seed(0)
+    actions = [env.action_space.sample() for _ in range(16)]
     turn = iter(range(sys.maxsize))
 
     def step() -> int:
@@ -66,7 +66,7 @@ def main(argv: list[str] | None = None) -> int:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--seconds", type=float, default=3.0, help="per environment, in all rounds together")
     args = parser.parse_args(argv)
-    one, many = "kinreach/UR5SingleStep-v0", "kinreach/UR5MultiStep-v0"
+    one, many, button = "kinreach/UR5SingleStep-v0", "kinreach/UR5MultiStep-v0", "kinreach/ButtonPress-v0"
     steppers: dict[str, Stepper] = {
         f"{one}, kinematic, batch of 4096": native(one, 4096, backend="kinematic"),
         f"{many}, kinematic, batch of 4096": native(many, 4096, backend="kinematic"),
@@ -75,6 +75,9 @@ def main(argv: list[str] | None = None) -> int:
         f"{one}, mujoco, batch of 64, 2 threads": native(one, 64, backend="mujoco", threads=2),
         f"{one}, mujoco, one": single(one, backend="mujoco"),
         f"{many}, mujoco, one": single(many, backend="mujoco"),
+        f"{button}, batch of 256, 1 thread": native(button, 256),
+        f"{button}, batch of 256, 2 threads": native(button, 256, threads=2),
+        f"{button}, one": single(button),
     }
     for name, module in PEERS.items():
         try:

@@ -17,14 +17,23 @@ from packaging.utils import canonicalize_name
 import kinreach
 from kinreach import engines
 
-LAYERS = ("robots", "kinematics", "envs", "baselines", "compare")  # from the bottom to the top
-FOUNDATION = ("kinreach", "kinreach.errors", "kinreach.engines", "kinreach.files", "kinreach.registration")
+LAYERS = ("robots", "kinematics", "plots", "envs", "baselines", "compare")  # from the bottom to the top
+FOUNDATION = (
+    "kinreach",
+    "kinreach.errors",
+    "kinreach.engines",
+    "kinreach.files",
+    "kinreach.registration",
+    "kinreach.statistics",
+    "kinreach.provenance",
+)
 ENGINES = ("pinocchio", "coal", "placo", "mujoco", "torch", "stable_baselines3", "cv2", "matplotlib")
 LEARNING = {"torch", "stable_baselines3", "tensorboard"}
 #: Packages that a layer must not know (DESIGN: robots knows no engine, kinematics no environment, ...).
 UNKNOWN_TO = {
     "robots": {"gymnasium"} | set(ENGINES),
     "kinematics": {"mujoco", "gymnasium"} | LEARNING,
+    "plots": {"mujoco", "gymnasium"} | LEARNING,
     "envs": LEARNING - {"stable_baselines3"},
     "baselines": {"mujoco"},
     "compare": LEARNING,

@@ -5,7 +5,9 @@ Tensors and plain values only, read with torch's loader for weights, which runs 
 
 from __future__ import annotations
 
+import io
 import pickle
+import warnings
 from pathlib import Path
 from typing import Any
 
@@ -19,7 +21,7 @@ from kinreach.files import replacing
 
 #: Attributes of algorithms that change during training, as far as an algorithm has them.
 _COUNTERS = ("num_timesteps", "_n_updates", "_episode_num", "_n_calls", "exploration_rate", "rate")
-_CURVE = ("rows", "steps", "episodes", "trace", "traced")
+_CURVE = ("rows", "steps", "episodes", "trace", "traced", "_sums", "_counted", "_ended")
 _BUFFER = ("observations", "next_observations", "actions", "rewards", "dones", "timeouts")
 
 
@@ -54,7 +56,9 @@ def load_checkpoint(path: Path, identity: dict[str, Any], trainee: Trainee) -> i
         InputError: The file is not a checkpoint, or is one of another run.
     """
     try:
-        state = torch.load(path, weights_only=True)
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")  # torch warns of what it then refuses
+            state = torch.load(io.BytesIO(path.read_bytes()), weights_only=True)
         if state["identity"] != identity:
             raise InputError(
                 f"{path} belongs to a run with other settings or versions; train without --resume, or elsewhere"

@@ -7,7 +7,6 @@ from typing import Any
 
 from rich.table import Table
 
-
 #: Width that the table fits into [characters].
 TABLE_WIDTH = 110
 

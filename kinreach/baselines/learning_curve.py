@@ -59,8 +59,12 @@ class LearningCurve(VectorWrapper[Any, Any, Any]):
 
     def reset(self, **kwargs: Any) -> tuple[Any, dict[str, Any]]:
         """Reset the environments; episodes in progress end."""
-        self._end(self._begun)
+        self.cut()
         return self.env.reset(**kwargs)
+
+    def cut(self) -> None:
+        """Count the episodes in progress as ended; a reset must follow."""
+        self._end(self._begun.copy())
 
     def step(self, actions: Any) -> tuple[Any, Any, Any, Any, dict[str, Any]]:
         """Step, and count."""

@@ -113,6 +113,7 @@ def train(
                 reset_num_timesteps=False,
                 log_interval=None,  # type: ignore[arg-type]
             )
+            trainee.curve.cut()
             save_checkpoint(checkpoint, identity, segment, trainee)
             write_text(folder / CURVE, curve_csv(trainee.curve.rows))
             if trainee.curve.traced and trainee.curve.trace:

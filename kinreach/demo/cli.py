@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 import sys
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from contextlib import nullcontext
 from typing import Any
 
@@ -12,22 +12,19 @@ import gymnasium as gym
 import numpy as np
 
 import kinreach  # registers the environments
-from kinreach.baselines.scripted import AnalyticReachPolicy, Policy, RandomPolicy
+from kinreach.baselines.scripted import Policy
 from kinreach.cli import Parser
 from kinreach.demo.film import Film
+from kinreach.demo.tasks import POLICIES, TASKS
+from kinreach.envs.button import ACTUATIONS
 from kinreach.envs.reach.options import BACKENDS, OBSERVATIONS
 from kinreach.errors import InputError, raise_unknown
 
-#: Short name -> environment and the variant that the analytic policy needs.
-ENVIRONMENTS = {
-    "single": ("kinreach/UR5SingleStep-v0", "single"),
-    "multi": ("kinreach/UR5MultiStep-v0", "multi"),
-}
-POLICIES: dict[str, Callable[[gym.Env[Any, Any], str, int], Policy]] = {
-    "random": lambda env, variant, seed: RandomPolicy(env.action_space, seed=seed),
-    "analytic": lambda env, variant, seed: AnalyticReachPolicy(variant),
-}
 PRINTABLE = ("action", "observation", "reward", "info")
+#: Frames per second of a film, in the time of the simulation.
+FILM_FPS = 25
+#: How many frames the end of an episode stands still.
+HOLD = 12
 
 
 def main(argv: Sequence[str], *, prog: str) -> int:
@@ -43,22 +40,17 @@ def main(argv: Sequence[str], *, prog: str) -> int:
     Raises:
         KinreachError: Bad input, a missing library, a file that cannot be written.
     """
-    arguments = _parser(prog).parse_args(argv)
+    arguments = _arguments(argv, prog)
+    task = TASKS[arguments.env]
     printed = _printed(arguments.print)
-    if arguments.steps < 1 or arguments.reset_every < 1:
-        raise InputError(f"steps and reset-every must be at least 1, got {arguments.steps}, {arguments.reset_every}")
-    for kind, value, known in (("env", arguments.env, ENVIRONMENTS), ("policy", arguments.policy, POLICIES)):
-        if value not in known:
-            raise_unknown(kind, value, known)
-    name, variant = ENVIRONMENTS[arguments.env]
     screen = bool(os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY") or sys.platform != "linux")
     mode = "rgb_array_list" if arguments.video else "human" if screen else None
     if mode is None:
         print("No screen here: nothing is drawn. --video FILE.gif or FILE.mp4 films it.", file=sys.stderr)
-    env = gym.make(name, observation=arguments.observation, backend=arguments.backend, render_mode=mode)
+    env = gym.make(task.name, render_mode=mode, **{name: getattr(arguments, name) for name in task.options})
     try:
-        policy = POLICIES[arguments.policy](env, variant, arguments.seed)
-        film = Film(arguments.video, fps=env.metadata["render_fps"]) if arguments.video else nullcontext()
+        policy = POLICIES[arguments.policy](task, env, arguments)
+        film = Film(arguments.video, fps=FILM_FPS) if arguments.video else nullcontext()
         with film as reel:
             reached, episodes = _run(env, policy, arguments, printed, reel)
     finally:
@@ -74,6 +66,7 @@ def _run(
 ) -> tuple[int, int]:
     """Step through the episodes; how many ended at the goal, and how many there were."""
     reached = episodes = since_reset = 0
+    steps_per_frame = max(1, round(env.metadata["render_fps"] / FILM_FPS))
     over = True
     observation: Any = None
     for step in range(arguments.steps):
@@ -90,15 +83,17 @@ def _run(
         said = {"action": action, "observation": observation, "reward": reward, "info": info}
         for name in printed:
             print(f"{step} {name}: {_text(said[name])}")
-        if film is not None:
+        if film is not None and (over or since_reset % steps_per_frame == 0):
             frames: Any = env.render()
-            for frame in frames:
+            for frame in [*frames, *frames[-1:] * (HOLD if over else 0)]:
                 film.add(frame)
     return reached, episodes
 
 
 def _text(value: Any) -> str:
-    return np.array2string(value, precision=4, max_line_width=1000) if isinstance(value, np.ndarray) else str(value)
+    if isinstance(value, np.ndarray):
+        return np.array2string(value, precision=4, suppress_small=True, max_line_width=1000)
+    return str(value)
 
 
 def _printed(names: str) -> list[str]:
@@ -109,24 +104,49 @@ def _printed(names: str) -> list[str]:
     return chosen
 
 
+def _arguments(argv: Sequence[str], prog: str) -> Any:
+    """What the user wants, with the task's own defaults where nothing was said."""
+    arguments = _parser(prog).parse_args(argv)
+    if arguments.env not in TASKS:
+        raise_unknown("env", arguments.env, TASKS)
+    task = TASKS[arguments.env]
+    for name, default in (("policy", task.policy), ("steps", task.steps), ("print", task.printed)):
+        if getattr(arguments, name) is None:
+            setattr(arguments, name, default)
+    if arguments.steps < 1 or arguments.reset_every < 1:
+        raise InputError(f"steps and reset-every must be at least 1, got {arguments.steps}, {arguments.reset_every}")
+    if arguments.policy not in POLICIES:
+        raise_unknown("policy", arguments.policy, POLICIES)
+    return arguments
+
+
 def _parser(prog: str) -> Parser:
+    def by_task(attribute: str) -> str:
+        return ", ".join(f"{name}: {getattr(task, attribute)}" for name, task in TASKS.items())
+
     parser = Parser(prog=prog, description=f"Watch an environment of kinreach {kinreach.__version__}.")
-    parser.add_argument("--env", default="single", help=f"one of: {', '.join(ENVIRONMENTS)} (default: %(default)s)")
-    parser.add_argument("--policy", default="analytic", help=f"one of: {', '.join(POLICIES)} (default: %(default)s)")
-    parser.add_argument("--steps", type=int, default=20, metavar="N", help="default: %(default)s")
+    parser.add_argument("--env", default="single", help=f"one of: {', '.join(TASKS)} (default: %(default)s)")
+    parser.add_argument("--policy", help=f"one of: {', '.join(POLICIES)} (default for {by_task('policy')})")
+    parser.add_argument("--steps", type=int, metavar="N", help=f"default for {by_task('steps')}")
     parser.add_argument(
         "--reset-every", type=int, default=1000, metavar="N", help="or when an episode ends (default: %(default)s)"
     )
     parser.add_argument("--seed", type=int, default=0, metavar="S", help="default: %(default)s")
-    parser.add_argument("--backend", default="mujoco", help=f"one of: {', '.join(BACKENDS)} (default: %(default)s)")
     parser.add_argument(
-        "--observation", default="geometric", help=f"one of: {', '.join(OBSERVATIONS)} (default: %(default)s)"
+        "--backend", default="mujoco", help=f"of single and multi: {', '.join(BACKENDS)} (default: %(default)s)"
+    )
+    parser.add_argument(
+        "--observation",
+        default="geometric",
+        help=f"of single and multi: {', '.join(OBSERVATIONS)} (default: %(default)s)",
+    )
+    parser.add_argument(
+        "--actuation", default="tuned", help=f"of button: {', '.join(ACTUATIONS)} (default: %(default)s)"
     )
     parser.add_argument(
         "--print",
-        default="reward",
         metavar="A,B",
-        help=f"any of: {', '.join(PRINTABLE)}, nothing (default: %(default)s)",
+        help=f"any of: {', '.join(PRINTABLE)}, nothing (default for {by_task('printed')})",
     )
     parser.add_argument("--video", metavar="FILE", help="film it into FILE.gif or FILE.mp4")
     return parser

@@ -39,10 +39,14 @@ def touches(model: Any, data: Any, obstacles: Collection[str]) -> tuple[Touch, .
     """
     if data.ncon == 0:
         return ()  # making MuJoCo's list of contacts, even of none, takes longer than a step
+    between: dict[tuple[int, int], float] = {}
+    bodies = model.geom_bodyid[data.contact.geom].tolist()
+    for (first, second), distance in zip(bodies, data.contact.dist.tolist(), strict=True):
+        between[first, second] = max(between.get((first, second), 0.0), -distance)
     deepest: dict[tuple[str, str], float] = {}
-    for contact in data.contact[: data.ncon]:
-        a, b = (model.body(model.geom_bodyid[geom]).name for geom in (contact.geom1, contact.geom2))
+    for (first, second), depth in between.items():
+        a, b = model.body(first).name, model.body(second).name
         pair = (b, a) if a in obstacles else (a, b)
-        deepest[pair] = max(deepest.get(pair, 0.0), -float(contact.dist))
+        deepest[pair] = max(deepest.get(pair, 0.0), depth)
     found = [Touch(link, other, other not in obstacles, depth) for (link, other), depth in deepest.items()]
     return tuple(sorted(found, key=lambda touch: -touch.depth))

@@ -1,5 +1,7 @@
 """The control loop: setpoints go to the servos, and every so often each arm is asked whether it has arrived.
 
+Between two looks nothing is decided, so that as many setpoints go to the simulation in one call.
+
 One loop for one simulation and for many: each goes through the phases of its move at its own time, and what one does
 is never seen by another, so that the results are the same to the bit whoever else is moved.
 """
@@ -30,6 +32,8 @@ STALL_LOOKS = 3
 PATIENCE = 2.0
 #: How following ended.
 MOVING, ARRIVED, STALLED, LATE = range(4)
+#: A time that does not come.
+NEVER = np.iinfo(np.intp).max // 2
 
 
 @dataclass(frozen=True, eq=False)
@@ -82,8 +86,7 @@ class _Run:
         self.rule, self.plant, self.ids, self.phases = rule, plant, ids, phases
         self.patience = round(PATIENCE / rule.period)
         rows: Any = slice(None) if len(ids) == len(plant.ctrl) else ids
-        self.at_servos = rows_and_columns(rows, rule.servos)
-        self.at_dof = rows_and_columns(rows, rule.dof)
+        self.at_qpos, self.at_dof = rows_and_columns(rows, rule.qpos), rows_and_columns(rows, rule.dof)
         longest = sum(len(plan.setpoints) for plan in phases) + self.patience * (len(phases) - 1)
         self.line = np.empty((longest, len(ids), phases[0].target.shape[1]))
         self.time = 0
@@ -108,53 +111,55 @@ class _Run:
             if number == len(self.phases) - 1:
                 self.rest_speed[these] = REST_SPEED
         self.deadline[rows] = self.arrival[rows] + self.patience
-        self.first_deadline = self.deadline.min()
         self.calm[rows], self.stalled[rows] = 0, False
+
+    def end_moves(self, rows: Ids, end: int) -> None:
+        """Let these keep their last setpoint, with nothing left to decide."""
+        self.end[rows] = end
+        self.arrival[rows] = self.deadline[rows] = NEVER
+        self.calm[rows], self.stalled[rows] = -NEVER, False
 
     def finish(self) -> NDArray[np.int8]:
         """Run until the last has ended."""
-        plant, servos, line, substeps = self.plant, self.at_servos, self.line, self.rule.substeps
-        moving, soonest, end = self.ids, self.arrival.min(), len(line) - 1
-        while moving.size:
-            plant.ctrl[servos] = line[min(self.time, end)]
-            plant.step(moving, substeps)
-            self.time += 1
-            stall_look = self.time % STALL_LOOK == 0
-            if (stall_look or (self.time > soonest and self.time % ARRIVAL_LOOK == 0)) and self.look(stall_look):
-                active = self.end == MOVING
-                moving = self.ids[active]
-                soonest = self.arrival.min(where=active, initial=self.deadline.max())
+        rows = np.arange(len(self.ids))
+        while rows.size:
+            soonest, nothing_new = self.arrival.min(), True
+            while nothing_new:
+                until = self.next_look(soonest)
+                times = np.minimum(np.arange(self.time, until), len(self.line) - 1)
+                setpoints = self.line[times] if rows.size == self.end.size else self.line[times[:, None], rows]
+                self.plant.follow(self.ids[rows], self.rule.servos, setpoints, self.rule.substeps)
+                self.time = until
+                nothing_new = not self.look()
+            rows = np.flatnonzero(self.end == MOVING)
         return self.end
 
-    def look(self, stall_look: bool) -> bool:
+    def next_look(self, soonest: int) -> int:
+        """When something may have to be decided next; until then all setpoints are known."""
+        stall_look = self.time - self.time % STALL_LOOK + STALL_LOOK
+        after = max(self.time, soonest) + 1
+        return min(stall_look, after + -after % ARRIVAL_LOOK)
+
+    def look(self) -> bool:
         """Decide what is to be decided; returns whether a phase or a move was over.
 
         Before its setpoint has arrived an arm is judged at stall looks only: others may give occasion to a look between
         them, and must not matter.
         """
         speed = np.maximum.reduce(np.abs(self.plant.qvel[self.at_dof]), axis=1)
-        arrived = self.time > self.arrival
-        stands = arrived & ((speed <= self.rest_speed) | self.stalled)
-        if stall_look:
+        off = np.maximum.reduce(np.abs(self.plant.qpos[self.at_qpos] - self.goal), axis=1)
+        if self.time % STALL_LOOK == 0:
             self.calm = (self.calm + 1) * (speed < STALL_SPEED)
             self.stalled = self.calm >= STALL_LOOKS
-            stands |= self.stalled
-        if self.time < self.first_deadline and not stands.any():
+        near = off <= self.rule.tolerance
+        there = near & (self.time > self.arrival) & ((speed <= self.rest_speed) | self.stalled)
+        held = self.stalled & ~near
+        late = (self.time >= self.deadline) & ~there & ~held
+        over = there | held | late
+        if not over.any():
             return False
-        rows = ((stands | (self.time >= self.deadline)) & (self.end == MOVING)).nonzero()[0]
-        if not rows.size:
-            return False
-        q = self.plant.qpos[rows_and_columns(self.ids[rows], self.rule.qpos)]
-        near = np.abs(q - self.goal[rows]).max(axis=1) <= self.rule.tolerance
-        there = near & stands[rows] & arrived[rows]
-        held = ~near & self.stalled[rows]
-        late = ~there & ~held & (self.time >= self.deadline[rows])
-        last = self.phase[rows] == len(self.phases) - 1
-        self.end[rows[there & last]] = ARRIVED
-        self.end[rows[held]] = STALLED
-        self.end[rows[late]] = LATE
-        over = rows[(there & last) | held | late]
-        # Whoever is done keeps the last setpoint while others go on.
-        self.line[self.time :, over] = self.line[min(self.time, len(self.line)) - 1, over]
-        self.begin_phase(rows[there & ~last])
-        return bool(there.any() or held.any() or late.any())
+        last = self.phase == len(self.phases) - 1
+        for rows, end in ((there & last, ARRIVED), (held, STALLED), (late, LATE)):
+            self.end_moves(rows.nonzero()[0], end)
+        self.begin_phase((there & ~last).nonzero()[0])
+        return True

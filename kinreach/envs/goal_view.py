@@ -11,6 +11,7 @@ can be: the thesis's "no goal for that episode" (6.1).
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import lru_cache
 from types import TracebackType
@@ -26,6 +27,7 @@ from kinreach.envs.simulation import ArmSimulation
 from kinreach.errors import InputError, raise_unknown
 from kinreach.kinematics.arm import build_model, pin
 from kinreach.kinematics.goals import Floats, as_floats, as_vector
+from kinreach.kinematics.straight_line import Entry, Program, Symbol
 from kinreach.robots import ArmDescription, get_arm
 
 #: The cameras that measure the goal, in the order of the observation.
@@ -77,11 +79,10 @@ def geometric_goal_view(arm: str | ArmDescription, goals_world: ArrayLike) -> Fl
         raise InputError(f"goals_world must have shape (..., 3), got {goals.shape}")
     if not np.isfinite(goals).all():
         raise InputError("goals_world must be finite")
-    R, p = _world_to_cameras(get_arm(arm) if isinstance(arm, str) else arm)
     # not a matrix product, whose last bit depends on how many goals there are
-    x, y, z = goals.reshape(-1, 3).T
-    views = R[:, :1] * x + R[:, 1:2] * y + R[:, 2:] * z + p[:, None]
-    return views.T.reshape(*goals.shape[:-1], len(p))
+    formula = _world_to_cameras(get_arm(arm) if isinstance(arm, str) else arm)
+    views = np.array(formula(np.ascontiguousarray(goals.reshape(-1, 3).T)))
+    return views.T.reshape(*goals.shape[:-1], len(views))
 
 
 def goal_in_world(arm: str | ArmDescription, values: ArrayLike, found: ArrayLike) -> Floats | None:
@@ -215,8 +216,15 @@ class CameraGoalView:
 
 
 @lru_cache(maxsize=16)
-def _world_to_cameras(arm: ArmDescription) -> tuple[Floats, Floats]:
-    """R (6, 3) and p (6,) so that the six numbers of a goal g are R g + p."""
+def _world_to_cameras(arm: ArmDescription) -> Program:
+    """The six numbers of a goal as a formula of its three coordinates in the world."""
     T = goal_camera_poses(arm)
     R = np.swapaxes(T[:, :3, :3], 1, 2)
-    return R.reshape(6, 3), -(R @ T[:, :3, 3:]).reshape(6)
+    p = -(R @ T[:, :3, 3:])
+
+    def formula(goal: Sequence[Symbol]) -> list[Entry]:
+        x, y, z = goal
+        rows = zip(R.reshape(6, 3).tolist(), p.ravel().tolist(), strict=True)
+        return [a * x + b * y + c * z + offset for (a, b, c), offset in rows]
+
+    return Program(formula, inputs=3)

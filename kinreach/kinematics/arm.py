@@ -83,7 +83,7 @@ class ArmKinematics:
             T_world_tip = pin.updateFramePlacement(self.model, self.data, self.tip_frame).homogeneous
             return T_world_tip if self.base == "world" else self.T_base_world @ T_world_tip
         self._check_stack(q)
-        return self._chain.fk(q.reshape(-1, self.n)).reshape(*q.shape[:-1], 4, 4)
+        return self.chain.fk(q.reshape(-1, self.n)).reshape(*q.shape[:-1], 4, 4)
 
     def positions(self, q: ArrayLike) -> Floats:
         """Tip positions [m], shape (..., 3), for postures `q` [rad], shape (..., n); half the time `fk` takes.
@@ -93,7 +93,7 @@ class ArmKinematics:
         """
         q = as_floats("q", q)
         self._check_stack(q)
-        return self._chain.positions(q.reshape(-1, self.n)).reshape(*q.shape[:-1], 3)
+        return self.chain.positions(q.reshape(-1, self.n)).reshape(*q.shape[:-1], 3)
 
     def jacobian(self, q: ArrayLike) -> Floats:
         """Geometric Jacobian of the tip, shape (6, n): rows 0-2 linear [m/rad], rows 3-5 angular [rad/rad].
@@ -123,7 +123,8 @@ class ArmKinematics:
             raise InputError("q must be finite")
 
     @cached_property
-    def _chain(self) -> SerialChain:
+    def chain(self) -> SerialChain:
+        """The arm from the base frame to the tip, for many postures at once."""
         placements = [self.model.jointPlacements[i].homogeneous for i in range(1, self.n + 1)]
         placements[0] = self.T_base_world @ placements[0]
         axes = [np.array(_axis(self.model.joints[i].shortname(), self.model.joints[i])) for i in range(1, self.n + 1)]

@@ -29,7 +29,14 @@ def overlap(axes: Single, half: Single, radius: Single, offset: Single, box_half
     size = np.abs(axes)
     met: NDArray[np.bool_] = (np.abs(offset) <= box_half + radius + (half[:, None] * size).sum(axis=0)).all(axis=0)
     met &= (np.abs((axes * offset).sum(axis=1)) <= half + radius + (size * box_half).sum(axis=1)).all(axis=0)
-    # cross products of one's own axes with the coordinate axes
+    close = np.flatnonzero(met)  # no face separates these
+    met[close] = _edges_meet(*(array.take(close, axis=-1) for array in (axes, half, radius, offset, box_half)))
+    return met
+
+
+def _edges_meet(axes: Single, half: Single, radius: Single, offset: Single, box_half: Single) -> NDArray[np.bool_]:
+    """Whether no cross product of one's own axes with the coordinate axes separates the boxes."""
+    size = np.abs(axes)
     spread = radius * np.sqrt(np.maximum(1.0 - axes * axes, 0.0))
     axes, size = axes[:, WRAPPED], size[WRAPPED][:, WRAPPED]
     half, offset, box_half = half[WRAPPED, None], offset[WRAPPED], box_half[WRAPPED]
@@ -38,4 +45,5 @@ def overlap(axes: Single, half: Single, radius: Single, offset: Single, box_half
     spread += half[NEXT] * size[LAST, THIS]
     spread += half[LAST] * size[NEXT, THIS]
     apart = np.abs(offset[LAST] * axes[:, NEXT] - offset[NEXT] * axes[:, LAST]) > spread + PARALLEL
-    return met & ~apart.any(axis=(0, 1))
+    met: NDArray[np.bool_] = ~apart.any(axis=(0, 1))
+    return met

@@ -41,7 +41,7 @@ class CellShapes:
     """
 
     def __init__(self, checker: CollisionChecker, obstacles: frozenset[str]) -> None:
-        self._model, self._geometry = checker._model, checker._geometry
+        self._model, self._geometry = checker.model, checker.geometry
         self.parts = tuple(self._part(shape, obstacles) for shape in self._geometry.geometryObjects)
 
     def bodies(self, choose: Callable[[Part], bool]) -> tuple[RoundedBox, ...]:

@@ -78,16 +78,16 @@ class CollisionChecker:
         self._kin = arm if isinstance(arm, ArmKinematics) else ArmKinematics(arm)
         description = self._kin.arm
         boxes = description.workcell.obstacles if obstacles is None else tuple(obstacles)
-        self._model, self._data = self._kin.model, self._kin.model.createData()
-        self._geometry = _shapes(description, self._model, boxes)
-        self._names = _pair_up(self._geometry, description, self._model)
+        self.model, self._data = self._kin.model, self._kin.model.createData()
+        self.geometry = _shapes(description, self.model, boxes)
+        self._names = _pair_up(self.geometry, description, self.model)
         self.pairs: tuple[Pair, ...] = tuple(sorted(set(self._names)))
-        self._results = self._geometry.createData()
+        self._results = self.geometry.createData()
         for request in self._results.collisionRequests:
             request.security_margin = margin
             request.gjk_tolerance = GJK_TOLERANCE
         # The naive manager tests every pair's bounding boxes: with some ten shapes no tree is faster.
-        self._broad_phase = pin.BroadPhaseManager_NaiveCollisionManager(self._model, self._geometry, self._results)
+        self._broad_phase = pin.BroadPhaseManager_NaiveCollisionManager(self.model, self.geometry, self._results)
 
     def in_collision(self, q: ArrayLike) -> bool:
         """Whether any pair touches or is nearer than the margin; stops at the first.
@@ -99,7 +99,7 @@ class CollisionChecker:
             InputError: `q` is malformed.
         """
         q = self._kin.as_posture("q", q)
-        return bool(pin.computeCollisions(self._model, self._data, self._broad_phase, q, True))
+        return bool(pin.computeCollisions(self.model, self._data, self._broad_phase, q, True))
 
     def free(self, q: ArrayLike) -> bool:
         """The opposite of `in_collision`; fits where a solver takes `accept`."""
@@ -115,7 +115,7 @@ class CollisionChecker:
             InputError: `q` is malformed.
         """
         q = self._kin.as_posture("q", q)
-        pin.computeCollisions(self._model, self._data, self._geometry, self._results, q, False)
+        pin.computeCollisions(self.model, self._data, self.geometry, self._results, q, False)
         results = self._results.collisionResults
         touching = {name for name, result in zip(self._names, results, strict=True) if result.isCollision()}
         return tuple(sorted(touching))
@@ -130,7 +130,7 @@ class CollisionChecker:
             InputError: `q` is malformed.
         """
         q = self._kin.as_posture("q", q)
-        nearest = pin.computeDistances(self._model, self._data, self._geometry, self._results, q)
+        nearest = pin.computeDistances(self.model, self._data, self.geometry, self._results, q)
         return Clearance(float(self._results.distanceResults[nearest].min_distance), self._names[nearest])
 
 

@@ -131,7 +131,7 @@ class FastCollision:
         model = self._model
         with np.errstate(over="ignore"):  # what is too large for single precision is far outside the limits
             single = np.array(q.T, dtype=np.float32, order="C")
-        if np.abs(single).max() < model.certain:
+        if max(single.max(initial=0.0), -single.min(initial=0.0)) < model.certain:
             return self._collisions(single)
         columns = np.ascontiguousarray(q.T)
         within = (columns >= model.lower) & (columns <= model.upper)
@@ -146,15 +146,15 @@ class FastCollision:
 
     def _collisions(self, q: NDArray[np.float32]) -> Codes:
         """Causes for postures within the limits."""
-        on_cell, on_arm = self._model.arcs(q)
-        causes: Codes = on_cell * np.uint8(Cause.OBSTACLE)
-        np.copyto(causes, np.uint8(Cause.SELF), where=on_arm)
+        causes = _causes(*self._model.arcs(q))
         rows = np.flatnonzero(causes == Cause.NONE)
-        on_cell, on_arm = self._model.wrist.touches(q.take(rows, axis=1))
-        causes[rows] = on_cell * np.uint8(Cause.OBSTACLE)
-        if on_arm.any():
-            causes[rows[on_arm]] = Cause.SELF
+        causes[rows] = _causes(*self._model.wrist.touches(q.take(rows, axis=1)))
         return causes
+
+
+def _causes(on_cell: NDArray[np.bool_], on_arm: NDArray[np.bool_]) -> Codes:
+    """Self-collision where both are so."""
+    return np.where(on_arm, np.uint8(Cause.SELF), on_cell * np.uint8(Cause.OBSTACLE))
 
 
 class _Model(NamedTuple):
@@ -174,7 +174,7 @@ def _model(arm: ArmDescription) -> _Model:
     kinematics = ArmKinematics(arm, base="world")
     checker = CollisionChecker(kinematics)
     lower, upper = kinematics.lower[:, None] - LIMIT_SLACK, kinematics.upper[:, None] + LIMIT_SLACK
-    first = kinematics._chain.frames([0.0] * kinematics.n)[0]
+    first = kinematics.chain.frames([0.0] * kinematics.n)[0]
     upright = np.allclose(np.array([*first.z, *first.p[:2]], dtype=np.float64), (0, 0, 1, 0, 0))
     if kinematics.n != JOINTS or not upright or arm.gripper is None or max(upper.max(), -lower.min()) > np.pi + 1e-6:
         raise InputError(
@@ -189,7 +189,7 @@ def _model(arm: ArmDescription) -> _Model:
     table = max(beside, key=lambda box: box.position[2] + box.size[2] / 2).name
     shapes = CellShapes(checker, frozenset(box.name for box in obstacles))
     wrist = WristClearance(
-        kinematics._chain,
+        kinematics.chain,
         shapes.bodies(lambda part: part.joint >= 4),
         table=shapes.bodies(lambda part: part.name == table)[0],
         ground=shapes.bodies(lambda part: part.obstacle and part.name not in foot and part.name != table),

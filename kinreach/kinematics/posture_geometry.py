@@ -19,10 +19,10 @@ Where the thesis leaves something open:
 from __future__ import annotations
 
 import math
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
 from kinreach.errors import InputError
 from kinreach.kinematics.goals import Floats, as_floats
@@ -32,6 +32,8 @@ UNNATURAL_ERROR = 25.0
 
 _HALF_PI = math.pi / 2
 _DOF = 6
+
+Flags = NDArray[np.bool_]
 
 
 class PentagonAngles(NamedTuple):
@@ -54,7 +56,7 @@ class _Joints(NamedTuple):
     """j0 ... j4 of the thesis; j5 turns the gripper about its own axis and changes nothing.
 
     Columns of a stack, each of shape (...). For one posture they are plain floats, with which the same formulas take
-    less than half the time: hence no NumPy function below, and factors of 0 and 1 where a column would be masked.
+    less than half the time: hence factors of 0 and 1 below where a column would be masked.
     """
 
     j0: Floats
@@ -80,8 +82,7 @@ def natural_arm_error(q: ArrayLike) -> Floats:
     Raises:
         InputError: Wrong shape, or an angle that is not finite.
     """
-    joints = _joints(q)
-    return _natural_arm_error(joints, _branch(joints))
+    return posture_errors(q)[0]
 
 
 def pentagon_angles(q: ArrayLike) -> PentagonAngles:
@@ -103,8 +104,14 @@ def pentagon_angles(q: ArrayLike) -> PentagonAngles:
     Raises:
         InputError: Wrong shape, or an angle that is not finite.
     """
-    joints = _joints(q)
-    return _pentagon_angles(joints, _branch(joints))
+    _, j1, j2, j3, _ = joints = _joints(q)
+    quarter = _quarter(joints)
+    branch = quarter / _HALF_PI
+    offset = _HALF_PI - quarter  # 0 or pi
+    alpha = offset - branch * j1
+    beta = branch * j2
+    gamma = offset - branch * j3
+    return PentagonAngles(alpha, beta, gamma, 2.0 * math.pi - gamma - (math.pi - beta) - alpha)
 
 
 def gripper_angle_error(q: ArrayLike) -> Floats:
@@ -122,15 +129,15 @@ def gripper_angle_error(q: ArrayLike) -> Floats:
     Raises:
         InputError: Wrong shape, or an angle that is not finite.
     """
-    joints = _joints(q)
-    return _gripper_angle_error(joints, _branch(joints))
+    return posture_errors(q)[1]
 
 
 def posture_errors(q: ArrayLike) -> tuple[Floats, Floats]:
     """Natural-arm error and gripper-angle error in one pass, as `natural_arm_error` and `gripper_angle_error` say."""
-    joints = _joints(q)
-    branch = _branch(joints)
-    return _natural_arm_error(joints, branch), _gripper_angle_error(joints, branch)
+    j0, _, j2, _, _ = joints = _joints(q)
+    wrist, angle = _side_errors(joints, _quarter(joints))
+    natural = ((j0 <= 0.0) & (j2 >= 0.0)) | ((j0 >= 0.0) & (j2 <= 0.0))
+    return natural * wrist + (1.0 - natural) * UNNATURAL_ERROR, angle
 
 
 def posture_error(q: ArrayLike) -> Floats:
@@ -159,33 +166,27 @@ def _joints(q: ArrayLike) -> _Joints:
     return _Joints(*(q.tolist()[:-1] if q.ndim == 1 else (q[..., joint] for joint in range(_DOF - 1))))
 
 
-def _branch(joints: _Joints) -> Floats:
-    """+1 on branch A, -1 on branch B."""
+def _quarter(joints: _Joints) -> Floats | float:
+    """Where j4 has to be, times -1: pi/2 on branch A, -pi/2 on branch B."""
     j0, _, j2, _, _ = joints
-    error_a, error_b = (_wrist_error(joints, side) + _gripper_angle_error(joints, side) for side in (1.0, -1.0))
-    on_both = (j0 == 0.0) & (j2 == 0.0)
-    on_b = (j2 < 0.0) | ((j2 == 0.0) & (j0 > 0.0)) | (on_both & (error_b < error_a))
-    return 1.0 - 2.0 * on_b
+    on_b: Any = j2 < 0.0  # a column, or one truth value
+    straight: Flags | bool = j2 == 0.0
+    if some(straight):
+        error_a, error_b = (sum(_side_errors(joints, quarter)) for quarter in (_HALF_PI, -_HALF_PI))
+        on_b = on_b | (straight & ((j0 > 0.0) | ((j0 == 0.0) & (error_b < error_a))))
+    quarter: Floats | float = _HALF_PI - math.pi * on_b
+    return quarter
 
 
-def _wrist_error(joints: _Joints, branch: Floats | float) -> Floats:
-    return abs(joints.j4 + branch * _HALF_PI)
+def _side_errors(joints: _Joints, quarter: Floats | float) -> tuple[Floats, Floats]:
+    """Errors of wrist_2 and of the gripper's angle on the branch with this `_quarter`.
+
+    The second is |pi/2 - delta| with the pentagon's angles put in.
+    """
+    _, j1, j2, j3, j4 = joints
+    return abs(j4 + quarter), abs(j1 + j2 + j3 + (math.pi - quarter))
 
 
-def _natural_arm_error(joints: _Joints, branch: Floats | float) -> Floats:
-    j0, _, j2, _, _ = joints
-    natural = ((j0 <= 0.0) & (j2 >= 0.0)) | ((j0 >= 0.0) & (j2 <= 0.0))
-    return natural * _wrist_error(joints, branch) + (1.0 - natural) * UNNATURAL_ERROR
-
-
-def _pentagon_angles(joints: _Joints, branch: Floats | float) -> PentagonAngles:
-    _, j1, j2, j3, _ = joints
-    offset = _HALF_PI - branch * _HALF_PI  # 0 or pi
-    alpha = offset - branch * j1
-    beta = branch * j2
-    gamma = offset - branch * j3
-    return PentagonAngles(alpha, beta, gamma, 2.0 * math.pi - gamma - (math.pi - beta) - alpha)
-
-
-def _gripper_angle_error(joints: _Joints, branch: Floats | float) -> Floats:
-    return abs(_HALF_PI - _pentagon_angles(joints, branch).delta)
+def some(flags: Flags | bool) -> bool:
+    """Whether one is set: of a column, or the only one there is."""
+    return flags if isinstance(flags, bool) else bool(flags.any())

@@ -32,6 +32,7 @@ from kinreach.kinematics.posture_geometry import (
     pentagon_angles,
     posture_error,
     posture_errors,
+    some,
 )
 
 __all__ = [
@@ -157,7 +158,7 @@ def reach_reward(d: ArrayLike, q: ArrayLike, *, impossible: ArrayLike = False) -
         natural_arm=0.0 - posture_counts * natural,
         gripper_angle=0.0 - posture_counts * angle,
         distance=distance_counts * _distance_reward(np.maximum(d, REACHED_DISTANCE)),
-        special=IMPOSSIBLE_REWARD * failed + REACHED_REWARD * reached + NEAR_REWARD * (near & ~reached),
+        special=IMPOSSIBLE_REWARD * failed + NEAR_REWARD * near + (REACHED_REWARD - NEAR_REWARD) * reached,
     )
     reward = terms.natural_arm + terms.gripper_angle + terms.distance + terms.special
     return ReachReward(reward, terms, r_e, reached)
@@ -165,12 +166,12 @@ def reach_reward(d: ArrayLike, q: ArrayLike, *, impossible: ArrayLike = False) -
 
 def _distances(d: ArrayLike) -> Floats:
     d = as_floats("d", d)
-    usable = np.isfinite(d) & (d >= 0.0)
+    usable = (d >= 0.0) & (d < np.inf)
     if not usable.all():
         raise InputError(f"d must be finite and not negative, got {d[~usable][0]} m")
     return d[()]
 
 
 def _distance_reward(d: Floats) -> Floats:
-    far = d >= 2.0
-    return far * (1.0 - d / 2.0) + (1.0 - far) * (0.5 - 0.5 * np.log2(d))
+    reward, far = 0.5 - 0.5 * np.log2(d), d >= 2.0
+    return far * (1.0 - d / 2.0) + (1.0 - far) * reward if some(far) else reward

@@ -55,17 +55,21 @@ class WristClearance:
         self._floor = max(box.top for box in ground)
         self._joints = sorted({body.joint for body in bodies})
         self._level = np.array([self._joints.index(body.joint) for body in bodies])
-        self._centre = np.array([body.centre for body in bodies], dtype=np.float32).T
-        self._half = np.array([body.half for body in bodies], dtype=np.float32).T
-        self._radius = np.array([body.radius for body in bodies], dtype=np.float32)
+        self._centre = np.array([body.centre for body in bodies], dtype=np.float32)
         boxes = [table, *ground, *foot, *base, *turning]
-        self._box_centre = np.array([box.centre for box in boxes], dtype=np.float32).T
-        self._box_half = np.array([box.half + box.radius for box in boxes], dtype=np.float32).T
+        self._fixed, self._obstacles = len(boxes) - len(turning), len(boxes) - len(turning) - len(base)
+        self._turns = (np.arange(len(boxes)) >= self._fixed).astype(np.intp)
+        self._box_centre = np.array([box.centre for box in boxes], dtype=np.float32)[:, None, :, None]
         # how near centres are where a body and a box may touch: box, body, coordinate
-        self._near = self._box_half.T[:, None] + np.array([[body.reach] for body in bodies], dtype=np.float32)
-        links = len(base) + len(turning)
-        self._is_link = np.arange(len(boxes)) >= len(boxes) - links
-        self._turns = (np.arange(len(boxes)) >= len(boxes) - len(turning)).astype(np.intp)
+        reach = [[box.half + box.radius + body.reach for body in bodies] for box in boxes]
+        self._reach = np.array(reach, dtype=np.float32)[..., None]
+        # all there is to know of a body and a box, in a column for each pair
+        pairs = [
+            [*body.half, body.radius, *body.centre, *(box.half + box.radius), *box.centre]
+            for box in boxes
+            for body in bodies
+        ]
+        self._pairs = np.array(pairs, dtype=np.float32).T.copy()
         self._screen = Program(self._screened, chain.joints)
         self._poses = Program(self._posed, chain.joints)
 
@@ -99,8 +103,8 @@ class WristClearance:
                 low.append(apply(np.minimum, _bottom(frame, tips), _bottom(frame, enclosing(hand[:-2]))))
             else:
                 low.append(z - radius)
-            near.append(all_of([apply(np.less, z, self._foot.top + radius), *_above(self._foot, x, y, radius)]))
-            near.append(all_of([apply(np.less, low[-1], table.top), *_above(table, x, y, radius)]))
+            boxes = (self._foot, table)
+            near += [all_of([apply(np.less, low[-1], box.top), *_above(box, x, y, radius)]) for box in boxes]
         near.append(apply(np.less, reduce(lambda a, b: apply(np.minimum, a, b), low), self._floor))
         # x, y, z: the centre of the hand. From there to the ends of the fingers it is in one piece.
         end = _end(tips)
@@ -117,35 +121,47 @@ class WristClearance:
 
     def _examined(self, q: Single) -> tuple[Flags, Flags]:
         """The same as `touches`, by separating axes."""
-        count, bodies = q.shape[1], len(self._bodies)
-        # in the world, and where q0 is 0; joint; three axes and the origin; coordinate; posture
-        frames = np.empty((2, len(self._joints), 4, 3, count), dtype=np.float32)
-        turned, still = frames
-        for place, entry in zip(still.reshape(-1, count), self._poses(q), strict=True):
+        count = q.shape[1]
+        # where q0 is 0: joint; three axes and the origin; coordinate; posture
+        frames = np.empty((len(self._joints), 4, 3, count), dtype=np.float32)
+        for place, entry in zip(frames.reshape(-1, count), self._poses(q), strict=True):
             place[:] = entry
-        c, s = np.cos(q[0]), np.sin(q[0])
-        turned[:, :, 0] = c * still[:, :, 0] - s * still[:, :, 1]
-        turned[:, :, 1] = s * still[:, :, 0] + c * still[:, :, 1]
-        turned[:, :, 2] = still[:, :, 2]
-        own = frames[:, self._level]  # body instead of joint
-        centre = own[:, :, 3].copy()
-        for axis in range(3):
-            centre += own[:, :, axis] * self._centre[axis, :, None, None]
-        gap = centre[self._turns] - self._box_centre.T[:, None, :, None]
-        near = (np.abs(gap, out=gap) < self._near[..., None]).all(axis=2)
-        box, body, row = np.nonzero(near)
-        which = self._turns[box] * bodies + body
-        axes = own.ravel().take(_gather(12 * which, count, row, 9)).reshape(3, 3, -1)
-        offset = centre.ravel().take(_gather(3 * which, count, row, 3)) - self._box_centre[:, box]
-        met = overlap(axes, self._half[:, body], self._radius[body], offset, self._box_half[:, box])
+        pair, row = np.divmod(np.flatnonzero(self._near(frames, q[0])), count)
+        box, body = np.divmod(pair, len(self._bodies))
+        entries = 12 * count * self._level[body] + row + count * np.arange(12)[:, None]
+        frame = frames.ravel().take(entries).reshape(4, 3, -1)
+        _turn(frame, np.where(box < self._fixed, q[0].take(row), np.float32(0.0)))
+        half, radius, centre, box_half, box_centre = np.split(self._pairs.take(pair, axis=1), (3, 4, 7, 10))
+        axes, origin = frame[:3], frame[3]
+        offset = origin + (axes * centre[:, None]).sum(axis=0) - box_centre
+        met = np.flatnonzero(overlap(axes, half, radius[0], offset, box_half))
         found = np.zeros((2, count), dtype=np.bool_)
-        found[self._is_link[box[met]].astype(np.intp), row[met]] = True
+        found[(box[met] >= self._obstacles).astype(np.intp), row[met]] = True
         return found[0], found[1]
 
+    def _near(self, frames: Single, q0: Single) -> Flags:
+        """Where a body is so near to a box that they may touch, shape (boxes, bodies, m)."""
+        own = frames[self._level]
+        centres = np.empty((2, *own[:, 3].shape), dtype=np.float32)  # in the world, and where q0 is 0
+        turned, still = centres
+        still[:] = own[:, 3]
+        for axis in range(3):
+            still += own[:, axis] * self._centre[:, axis, None, None]
+        turned[:] = still
+        _turn(turned, q0)
+        gap = centres[self._turns]
+        gap -= self._box_centre
+        x, y, z = (np.abs(gap, out=gap) < self._reach).transpose(2, 0, 1, 3)
+        near: Flags = x & y & z
+        return near
 
-def _gather(first: NDArray[np.intp], count: int, row: NDArray[np.intp], entries: int) -> NDArray[np.intp]:
-    """Where the entries that begin at `first` are in an array whose last dimension, of length `count`, is `row`."""
-    return first * count + row + count * np.arange(entries)[:, None]
+
+def _turn(vectors: Single, angle: Single) -> None:
+    """Turn vectors about the vertical, in place: any number of them, shape (k, 3, m), by m angles [rad]."""
+    c, s = np.cos(angle), np.sin(angle)
+    x, y = vectors[:, 0].copy(), vectors[:, 1]
+    vectors[:, 0] = c * x - s * y
+    vectors[:, 1] = s * x + c * y
 
 
 def _where_q0_is_0(chain: SerialChain, body: RoundedBox) -> RoundedBox:

@@ -55,3 +55,28 @@ def test_batches_that_reset_later_are_refused():
     env = gym.make_vec("kinreach/UR5SingleStep-v0", num_envs=2, vectorization_mode="sync", backend="kinematic")
     with pytest.raises(InputError, match="SAME_STEP"):
         SB3VecEnv(env)
+
+
+def button_batch(count, **options):
+    name = "kinreach/ButtonPress-v0"
+    return SB3VecEnv(gym.make_vec(name, count, vectorization_mode="vector_entry_point", **options))
+
+
+def test_an_environment_without_a_posture_error_is_reported_too():
+    env = button_batch(3, max_steps=5)
+    env.reset()
+    infos = [env.step(np.full(3, 40))[3] for _ in range(5)]
+    assert infos[:4] == [[{}, {}, {}]] * 4
+    for info in infos[4]:
+        assert info["TimeLimit.truncated"]
+        assert info["is_success"] is False
+        assert info["wrong_presses"] == 5
+        assert info["energy"] == 0.0
+        assert info["terminal_observation"].shape == (19,)
+        assert "posture_error" not in info
+
+
+def test_ppo_trains_on_discrete_actions():
+    model = PPO("MlpPolicy", button_batch(16, max_steps=10), n_steps=8, batch_size=64, n_epochs=1, device="cpu")
+    model.learn(256)
+    assert model.num_timesteps == 256

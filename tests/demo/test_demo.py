@@ -33,6 +33,29 @@ def test_it_prints_what_is_asked(capsys):
     assert "12 steps, 3 episodes" in lines[-1]
 
 
+def test_the_reports_test_runs_by_default(capsys):
+    """Report, section 2.3: 10000 random steps, a reset every 1000 or when done, action and observation printed."""
+    assert main(["demo", "--env", "button"]) == 0
+    *lines, last = capsys.readouterr().out.splitlines()
+    assert len(lines) == 20_000
+    actions = [int(line.split(": ")[1]) for line in lines if " action: " in line]
+    assert len(actions) == 10_000
+    assert set(actions) == set(range(54))
+    observations = [line for line in lines if " observation: " in line]
+    assert len(observations) == 10_000
+    assert all(len(line.split("[")[1].split()) in (19, 20) for line in observations)
+    steps, _, episodes, *_ = last.split()
+    assert steps == "10000"
+    assert int(episodes) >= 10
+
+
+@pytest.mark.parametrize(("actuation", "steps"), [("tuned", 150), ("report", 600)])
+def test_the_button_is_pressed_on_both_actuations(actuation, steps, capsys):
+    command = ["demo", "--env", "button", "--policy", "analytic", "--actuation", actuation, "--steps", str(steps)]
+    assert main([*command, "--print", "nothing"]) == 0
+    assert int(capsys.readouterr().out.strip().split()[-1]) >= 2
+
+
 def test_one_seed_gives_one_output(capsys):
     outputs = []
     for _ in range(2):
@@ -54,7 +77,8 @@ def test_it_films(ending, tmp_path, needs_gl, capsys):
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
-        (["--env", "chess"], "multi, single"),
+        (["--env", "chess"], "button, multi, single"),
+        (["--env", "button", "--actuation", "magic"], "report, tuned"),
         (["--policy", "wisdom"], "analytic, random"),
         (["--steps", "0"], "at least 1"),
         (["--print", "money"], "nothing"),

@@ -1,3 +1,4 @@
+import ctypes.util
 import itertools
 import os
 import subprocess
@@ -156,6 +157,26 @@ def test_a_missing_library_stops_pictures_and_not_physics(library, packages):
     message = run(MISSING, library)
     assert message.startswith("cannot draw")
     assert all(package in message for package in packages)
+
+
+OSMESA = """
+import numpy as np
+from kinreach.envs import ArmSimulation, render
+
+simulation = ArmSimulation("ur5")
+simulation.place_ball((0.45, 0.05, -0.175))
+red, green, blue = np.moveaxis(render(simulation, "front", width=320, height=180).astype(int), -1, 0)
+loaded = open("/proc/self/maps").read()
+print(((red > 90) & (green < 60) & (blue < 60)).sum(), "libOSMesa" in loaded, "libEGL" in loaded)
+"""
+
+
+def test_osmesa_draws_too():
+    if ctypes.util.find_library("OSMesa") is None:
+        pytest.skip("OSMesa is not installed: apt install libosmesa6")
+    red, *libraries = run(OSMESA, "osmesa").split()
+    assert 15 < int(red) < 0.05 * WIDTH * HEIGHT
+    assert libraries == ["True", "False"]
 
 
 def run(program, library):

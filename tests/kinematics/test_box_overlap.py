@@ -49,7 +49,7 @@ def test_bodies_reach_as_far_as_the_shapes_they_stand_for():
     directions = np.random.default_rng(0).standard_normal((400, 3))
     directions /= np.linalg.norm(directions, axis=1)[:, None]
     exact = 0
-    for shape in CollisionChecker("ur5")._geometry.geometryObjects:
+    for shape in CollisionChecker("ur5").geometry.geometryObjects:
         bodies = list(fitted("", 0, shape))
         reach = np.max([directions @ b.centre + np.abs(directions) @ b.half + b.radius for b in bodies], axis=0)
         if isinstance(shape.geometry, coal.Box):

@@ -10,11 +10,11 @@ from gymnasium import spaces
 from gymnasium.utils import EzPickle
 from numpy.typing import ArrayLike
 
+from kinreach.envs.picture import ScenePicture
 from kinreach.envs.reach.dynamic_world import SingleDynamicWorld
 from kinreach.envs.reach.episodes import Outcome, ReachEpisodes
 from kinreach.envs.reach.kinematic_world import KinematicWorld
 from kinreach.envs.reach.options import ReachOptions
-from kinreach.envs.reach.picture import ScenePicture
 from kinreach.envs.reach.pixels import PixelObserver
 from kinreach.envs.reach.task import (
     ReachVariant,
@@ -149,7 +149,9 @@ class UR5ReachEnv(gym.Env[Any, Any], EzPickle):
     def _show(self) -> None:
         """Let the scene that is drawn follow a world that has no scene of its own."""
         if self._picture is not None and self.options.backend == "kinematic":
-            self._picture.follow(self._world.q[0], self._episodes.goals[0])
+            limits = self._simulation.controller
+            self._simulation.reset(np.clip(self._world.q[0], limits.lower, limits.upper))
+            self._simulation.place_ball(self._episodes.goals[0])
 
     def _info(self, outcome: Outcome) -> dict[str, Any]:
         scored = outcome.scored

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from kinreach.envs.reach.goals import GoalStreams
 from kinreach.envs.reach.observers import GoalObserver
-from kinreach.envs.reach.task import ReachVariant, observation
+from kinreach.envs.reach.task import ANGLES, GOAL, GRIPPER, OBSERVATIONS, ReachVariant
 from kinreach.envs.reach.world import Executed, Ids, ReachWorld
 from kinreach.kinematics.goals import Floats
 from kinreach.kinematics.reward_geometry import ReachReward, reach_reward
@@ -41,7 +41,7 @@ class ReachEpisodes:
 
     Attributes:
         goals: Where the balls are in the world [m], shape (count, 3).
-        found: Which of the cameras found them, shape (count, 2).
+        found: Which of the cameras found them, shape (count, 2). New episodes have new arrays, these stay as they are.
     """
 
     def __init__(
@@ -60,10 +60,10 @@ class ReachEpisodes:
         self._world = world
         self._observer = observer
         self._end_on_reached = end_on_reached
-        self._opening = 0.0 if arm.gripper is None else arm.gripper.opening
         self._streams = GoalStreams(arm.workcell.goals, count)
         self._sensors = [np.random.default_rng() for _ in range(count)]
-        self._views = np.zeros((count, 6))
+        self._observation = np.zeros((count, OBSERVATIONS))
+        self._observation[:, GRIPPER] = 0.0 if arm.gripper is None else arm.gripper.opening
         self._steps = np.zeros(count, dtype=np.int64)
 
     def seed(self, index: int, rng: np.random.Generator) -> None:
@@ -79,15 +79,22 @@ class ReachEpisodes:
             goals: Goals to take instead of new ones [m], shape (k, 3).
             q: Postures to start in instead [rad], shape (k, 6); goals are measured from the start pose all the same.
         """
-        goals = self._streams.draw(ids) if goals is None else goals
+        goals = self._streams.draw(ids) if goals is None else goals.copy()
         self._world.reset(ids, goals, q)
         views, found = self._observer.look(goals, ids, self._sensors)
-        rows = slice(None) if len(ids) == self._world.count else ids  # a slice is much faster than as many indices
-        self.goals[rows], self._views[rows], self.found[rows], self._steps[rows] = goals, views, found, 0
+        if len(ids) == self._world.count:
+            self.goals, self.found = goals, found
+            rows: Ids | slice = slice(None)  # much faster than as many indices
+        else:
+            rows, self.goals, self.found = ids, self.goals.copy(), self.found.copy()
+            self.goals[rows], self.found[rows] = goals, found
+        self._steps[rows] = 0
+        self._observation[rows, GOAL] = views
 
     def observe(self) -> Floats:
         """The 13 numbers of every arm, shape (count, 13)."""
-        return observation(self._views, self._world.q, self._opening)
+        self._observation[:, ANGLES] = self._world.q
+        return self._observation.copy()
 
     def step(self, actions: Floats) -> Outcome:
         """Act with every arm.
@@ -97,7 +104,8 @@ class ReachEpisodes:
         """
         targets = self.variant.targets(self._world.q, actions)
         executed = self._world.execute(targets, two_phase=self.variant.two_phase)
-        distance = np.sqrt(((executed.tip - self.goals) ** 2).sum(axis=1))
+        x, y, z = (executed.tip[:, axis] - self.goals[:, axis] for axis in range(3))
+        distance = np.sqrt(x * x + y * y + z * z)
         scored = reach_reward(distance, executed.q, impossible=executed.impossible)
         self._steps += 1
         over = self._steps >= self.variant.max_steps

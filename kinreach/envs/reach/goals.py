@@ -4,39 +4,39 @@ from __future__ import annotations
 
 import numpy as np
 
+from kinreach.envs.streams import AHEAD, RowStreams
+from kinreach.errors import InputError
 from kinreach.kinematics.goals import Floats
-from kinreach.robots.workcell import GoalRegion
-
-#: Goals drawn at a time. Part of what a seed means: changing it may change the goals that follow from a seed.
-AHEAD = 256
+from kinreach.robots.workcell import BoxRegion, GoalRegion
 
 
-class GoalStreams:
-    """An endless sequence of goals for each of a number of environments.
-
-    A sequence depends on its own generator alone, not on how many environments there are.
+class GoalStreams(RowStreams):
+    """What `BoxRegion.sample` draws for each of a number of environments, to the bit, in a third of the time.
 
     Args:
         region: Where goals are.
         count: Number of environments.
+
+    Raises:
+        InputError: The region is not a box.
     """
 
     def __init__(self, region: GoalRegion, count: int) -> None:
-        self._region = region
-        self._rngs = [np.random.default_rng() for _ in range(count)]
-        self._ahead = np.empty((AHEAD, count, 3))  # environments in step read what lies side by side
-        self._next = np.full(count, AHEAD)
-
-    def seed(self, index: int, rng: np.random.Generator) -> None:
-        """Start an environment's sequence afresh with a generator that it then owns."""
-        self._rngs[index] = rng
-        self._next[index] = AHEAD
+        if not isinstance(region, BoxRegion):
+            raise InputError(f"goals of the reach tasks are drawn in a box, not in {region}")
+        super().__init__(region, count)
+        self._low, high = np.array([region.x, region.y, region.z]).T
+        self._size = high - self._low
 
     def draw(self, ids: np.ndarray) -> Floats:
         """The next goal of each of the given environments, in the world frame [m], shape (len(ids), 3)."""
-        for index in ids[self._next[ids] == AHEAD]:
-            self._ahead[:, index] = self._region.sample(self._rngs[index], AHEAD)
-            self._next[index] = 0
-        goals: Floats = self._ahead[self._next[ids], ids]
-        self._next[ids] += 1
+        goals = self._size * self._taken(ids)
+        goals += self._low
         return goals
+
+    def _drawn(self, ids: np.ndarray) -> Floats:
+        """Places in a box from 0 to 1; they are brought into the region when their turn comes."""
+        places = np.empty((len(ids), AHEAD, 3))
+        for index, place in zip(ids, places, strict=True):
+            self._rngs[index].random(out=place)
+        return places

@@ -14,12 +14,14 @@ import numpy as np
 from gymnasium import spaces
 from numpy.typing import ArrayLike
 
+from kinreach.envs.resets import option_rows
 from kinreach.errors import InputError
 from kinreach.kinematics.goals import Floats, as_floats
 
 JOINTS = 6
-#: Goal in the front camera (3), goal in the wrist camera (3), joint angles (6), gripper opening (1).
+#: What is observed: goal in the front camera (3), goal in the wrist camera (3), joint angles (6), gripper opening (1).
 OBSERVATIONS = 13
+GOAL, ANGLES, GRIPPER = slice(0, 6), slice(6, 12), 12
 #: Largest change of a joint in one step of the multi-step task [rad].
 STEP_SIZE = math.radians(5.0)
 #: Cameras see no further than this; the bound of the goal's coordinates in the observation space [m].
@@ -76,28 +78,16 @@ def reset_options(options: Mapping[str, Any] | None, count: int | None) -> tuple
     Raises:
         InputError: An unknown option, a wrong shape, a value that is not finite, or a joint outside its limits.
     """
-    options = dict(options or {})
-    unknown = set(options) - {"goal", "q"}
-    if unknown:
-        raise InputError(f"unknown reset options {sorted(unknown)}; available: goal, q")
-    goals, q = (_rows(name, options.get(name), count, size) for name, size in (("goal", 3), ("q", JOINTS)))
+    goals, q = option_rows(options, {"goal": 3, "q": JOINTS}, count)
     if q is not None and (np.abs(q) > math.pi).any():
         raise InputError(f"q must be within ±π, got {np.abs(q).max():g}")
     return goals, q
 
 
-def _rows(name: str, value: ArrayLike | None, count: int | None, size: int) -> Floats | None:
-    if value is None:
-        return None
-    shape = (size,) if count is None else (count, size)
-    values = as_floats(name, value)
-    if values.shape != shape or not np.isfinite(values).all():
-        raise InputError(f"{name} must be finite and have shape {shape}, got {values.shape}")
-    return values.reshape(-1, size)
-
-
 def check_actions(actions: ArrayLike, count: int | None) -> Floats:
     """Actions of shape (6,), or (count, 6) for a batch, clipped to [-1, 1].
+
+    In the result what belongs to one joint lies side by side, as the formulas want it.
 
     Raises:
         InputError: Wrong shape, or a value that is not finite.
@@ -106,11 +96,8 @@ def check_actions(actions: ArrayLike, count: int | None) -> Floats:
     values = as_floats("action", actions)
     if values.shape != shape:
         raise InputError(f"action must have shape {shape}, got {values.shape}")
+    if values.min() >= -1.0 and values.max() <= 1.0:  # there is nothing to clip
+        return np.array(values.T, order="C").T
     if not np.isfinite(values).all():
         raise InputError("action must be finite")
-    return np.clip(values, -1.0, 1.0)
-
-
-def observation(view: Floats, q: Floats, opening: float) -> Floats:
-    """The 13 numbers, shape (n, 13), from the goal's six (n, 6), the postures (n, 6) and the gripper's opening [m]."""
-    return np.concatenate([view, q, np.full((len(q), 1), opening)], axis=1)
+    return np.clip(values.T, -1.0, 1.0, order="C").T

@@ -6,11 +6,9 @@ from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
-from gymnasium.utils import seeding
-from gymnasium.vector import AutoresetMode, VectorEnv
-from gymnasium.vector.utils import batch_space
 from numpy.typing import ArrayLike
 
+from kinreach.envs.native_batch import NativeVectorEnv
 from kinreach.envs.reach.dynamic_world import BatchDynamicWorld
 from kinreach.envs.reach.episodes import Outcome, ReachEpisodes
 from kinreach.envs.reach.kinematic_world import KinematicWorld
@@ -25,11 +23,10 @@ from kinreach.envs.reach.task import (
     reset_options,
 )
 from kinreach.envs.reach.world import ReachWorld
-from kinreach.errors import InputError
 from kinreach.kinematics.goals import Floats
 
 
-class UR5ReachVectorEnv(VectorEnv[Floats, ArrayLike, Floats]):
+class UR5ReachVectorEnv(NativeVectorEnv):
     """As many independent environments, equal to as many single ones with the seeds `seed`, `seed + 1`, ...
 
     An episode that ends starts anew in the same step (`AutoresetMode.SAME_STEP`): the observation returned is the first
@@ -50,11 +47,6 @@ class UR5ReachVectorEnv(VectorEnv[Floats, ArrayLike, Floats]):
         InputError: Options that cannot be.
     """
 
-    metadata = {  # noqa: RUF012 (declared by Gymnasium)
-        "render_modes": [],
-        "autoreset_mode": AutoresetMode.SAME_STEP,
-    }
-
     def __init__(
         self,
         num_envs: int = 1,
@@ -71,23 +63,18 @@ class UR5ReachVectorEnv(VectorEnv[Floats, ArrayLike, Floats]):
         depth_noise: float = 0.0,
         end_on_reached: bool = True,
     ) -> None:
-        if num_envs < 1 or threads < 1:
-            raise InputError(f"num_envs and threads must be at least 1, got {num_envs} and {threads}")
-        if observation == "pixels" or render_mode is not None:
-            raise InputError('a native batch draws no images; use vectorization_mode="sync" or "async" for them')
+        super().__init__(
+            num_envs,
+            threads=threads,
+            draws=observation == "pixels" or render_mode is not None,
+            action_space=action_space(),
+            observation_space=observation_space(),
+        )
         options = ReachOptions(observation, backend, pipeline, width, height, rgb_noise, depth_noise)
         world: ReachWorld = (
             BatchDynamicWorld(num_envs, threads=threads) if backend == "mujoco" else KinematicWorld(num_envs)
         )
         self._episodes = ReachEpisodes(options.arm, variant, world, options.observer(), end_on_reached=end_on_reached)
-        self.num_envs = num_envs
-        self.render_mode = None
-        self.single_action_space = action_space()
-        self.single_observation_space = observation_space()
-        self.action_space = batch_space(self.single_action_space, num_envs)
-        self.observation_space = batch_space(self.single_observation_space, num_envs)
-        self._everyone = np.arange(num_envs)
-        self._seeded = False
 
     def reset(
         self, *, seed: int | Sequence[int | None] | None = None, options: dict[str, Any] | None = None
@@ -103,7 +90,7 @@ class UR5ReachVectorEnv(VectorEnv[Floats, ArrayLike, Floats]):
             InputError: Unknown options, or as many seeds, goals or postures as there are not environments.
         """
         goals, q = reset_options(options, self.num_envs)
-        self._seed(seed)
+        self._seed(seed, self._episodes.seed)
         self._episodes.begin(self._everyone, goals, q)
         return self._episodes.observe(), {
             "goal": self._episodes.goals.copy(),
@@ -124,35 +111,20 @@ class UR5ReachVectorEnv(VectorEnv[Floats, ArrayLike, Floats]):
         over = outcome.terminated | outcome.truncated
         observation = self._episodes.observe()
         if over.any():
-            info |= {"final_obs": observation, "_final_obs": over, "final_info": dict(info), "_final_info": over}
+            final_info = info | {"goal": self._episodes.goals, "ball_found": self._episodes.found}
+            info |= {"final_obs": observation, "_final_obs": over, "final_info": final_info, "_final_info": over}
             self._episodes.begin(np.flatnonzero(over))
             observation = self._episodes.observe()
-            info |= {"goal": self._episodes.goals.copy(), "ball_found": self._episodes.found.copy()}
+        info |= {"goal": self._episodes.goals.copy(), "ball_found": self._episodes.found.copy()}
         return observation, outcome.scored.reward, outcome.terminated, outcome.truncated, info
 
     def close_extras(self, **kwargs: Any) -> None:
         """Free the renderers."""
         self._episodes.close()
 
-    def _seed(self, seed: int | Sequence[int | None] | None) -> None:
-        if isinstance(seed, int | np.integer):
-            seeds: Sequence[int | None] = [int(seed) + index for index in range(self.num_envs)]
-        elif seed is not None:
-            seeds = seed
-        else:
-            seeds = [None] * self.num_envs
-        if len(seeds) != self.num_envs:
-            raise InputError(f"there are {self.num_envs} environments and {len(seeds)} seeds")
-        for index, value in enumerate(seeds):
-            if value is not None or not self._seeded:
-                self._episodes.seed(index, seeding.np_random(value)[0])
-        self._seeded = True
-
     def _info(self, outcome: Outcome) -> dict[str, Any]:
         scored = outcome.scored
         info: dict[str, Any] = {
-            "goal": self._episodes.goals.copy(),
-            "ball_found": self._episodes.found.copy(),
             "distance": outcome.distance,
             "posture_error": scored.posture_error,
             "reached": scored.reached,

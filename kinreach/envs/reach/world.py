@@ -16,7 +16,7 @@ Ids = NDArray[np.intp]
 
 @dataclass(frozen=True, eq=False)
 class Executed:
-    """Where the arms stand after a move.
+    """Where the arms stand after a move; `q` and `tip` hold until the next move or reset.
 
     Attributes:
         q: Postures [rad], shape (count, 6).
@@ -46,7 +46,7 @@ class ReachWorld(Protocol):
 
     @property
     def q(self) -> Floats:
-        """Postures of all arms [rad], shape (count, 6)."""
+        """Postures of all arms [rad], shape (count, 6), to be read only; they hold until the next move or reset."""
         ...
 
     def close(self) -> None:

@@ -1,0 +1,52 @@
+"""What can be watched: environments by short name, with their policies and how they are run by default."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import gymnasium as gym
+
+from kinreach.baselines.button_controller import AnalyticButtonPolicy
+from kinreach.baselines.scripted import AnalyticReachPolicy, Policy, RandomPolicy
+
+
+@dataclass(frozen=True)
+class DemoTask:
+    """One environment.
+
+    Attributes:
+        name: Its id at Gymnasium.
+        options: Arguments of the command line that are arguments of the environment.
+        analytic: Makes its analytic policy from the arguments of the command line.
+        policy, steps, printed: What the command line does if it is not told.
+    """
+
+    name: str
+    options: tuple[str, ...]
+    analytic: Callable[[Any], Policy]
+    policy: str = "analytic"
+    steps: int = 20
+    printed: str = "reward"
+
+
+_REACH_OPTIONS = ("observation", "backend")
+TASKS: Mapping[str, DemoTask] = {
+    "single": DemoTask("kinreach/UR5SingleStep-v0", _REACH_OPTIONS, lambda arguments: AnalyticReachPolicy("single")),
+    "multi": DemoTask("kinreach/UR5MultiStep-v0", _REACH_OPTIONS, lambda arguments: AnalyticReachPolicy("multi")),
+    # By default this is the test that the course report describes.
+    "button": DemoTask(
+        "kinreach/ButtonPress-v0",
+        ("actuation",),
+        lambda arguments: AnalyticButtonPolicy(arguments.actuation),
+        policy="random",
+        steps=10_000,
+        printed="action,observation",
+    ),
+}
+#: Policies by name; each is made from the task, the environment and the arguments of the command line.
+POLICIES: Mapping[str, Callable[[DemoTask, gym.Env[Any, Any], Any], Policy]] = {
+    "random": lambda task, env, arguments: RandomPolicy(env.action_space, seed=arguments.seed),
+    "analytic": lambda task, env, arguments: task.analytic(arguments),
+}

@@ -1,0 +1,172 @@
+"""Episodes of a number of arms in step: the whole button task but for Gymnasium's interface."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from kinreach.envs.button.options import ButtonOptions
+from kinreach.envs.button.starts import SIZE, ButtonStarts
+from kinreach.envs.button.task import (
+    CONTROL_LIMIT,
+    JOINTS,
+    SPEED_BOUND,
+    Actions,
+    Flags,
+    RewardTerms,
+    button_reward,
+    meaning,
+    observation,
+)
+from kinreach.envs.button.world import Ids, TorqueWorld
+from kinreach.envs.resets import option_rows
+from kinreach.envs.streams import RowStreams
+from kinreach.errors import InputError
+from kinreach.kinematics.goals import Floats
+
+
+@dataclass(frozen=True, eq=False)
+class Outcome:
+    """What one step of all arms led to; every array has the number of arms first."""
+
+    reward: Floats
+    terms: RewardTerms
+    terminated: Flags
+    truncated: Flags
+    info: Mapping[str, Any]
+
+
+class ButtonEpisodes:
+    """The state of the episodes and their rules, for one arm or thousands.
+
+    Args:
+        options: Of the environment.
+        world: Simulates the arms.
+
+    Attributes:
+        goals: Targets in the world [m], shape (count, 3).
+
+    Raises:
+        InputError: The fixed target cannot be reached.
+    """
+
+    def __init__(self, options: ButtonOptions, world: TorqueWorld) -> None:
+        count = world.count
+        self.goals = np.zeros((count, 3))
+        self._world = world
+        self._starts = ButtonStarts()
+        self._streams = RowStreams(self._starts, count, size=SIZE)
+        self._max_steps = options.max_steps
+        self._period = options.actuation.period
+        self._gears = np.array(options.actuation.gears)
+        self._keep = options.keep_target
+        self._has_target = np.zeros(count, dtype=np.bool_)
+        self._state = np.zeros((3, count, JOINTS))  # joint angles, velocities, end effectors
+        self._control = np.zeros((count, JOINTS))
+        self._pushed = np.zeros(count, dtype=np.bool_)
+        self._steps = np.zeros(count, dtype=np.int64)
+        self._wrong_presses = np.zeros(count, dtype=np.int64)
+        self._energy = np.zeros(count)
+        self._fixed = options.target
+        if self._fixed is not None:
+            self._refuse_unreachable("fixed_target", self._fixed[None])
+
+    def seed(self, index: int, rng: np.random.Generator) -> None:
+        """Give an arm its own generator; it forgets a target that it kept."""
+        self._streams.seed(index, rng)
+        self._has_target[index] = False
+
+    def options(self, options: Mapping[str, Any] | None, count: int | None) -> tuple[Floats | None, Floats | None]:
+        """Targets [m] and postures [rad] that `reset(options=)` asks for; None for what it leaves open.
+
+        Raises:
+            InputError: An unknown option, a malformed one, a target out of reach, a joint outside its limits.
+        """
+        goals, q = option_rows(options, {"goal": 3, "q": JOINTS}, count)
+        if goals is not None:
+            self._refuse_unreachable("goal", goals)
+        if q is not None and not self._starts.within_limits(q).all():
+            raise InputError(f"q is outside the joint limits: {q[~self._starts.within_limits(q)][0]}")
+        return goals, q
+
+    def begin(self, ids: Ids, goals: Floats | None = None, q: Floats | None = None) -> None:
+        """Start new episodes.
+
+        Args:
+            ids: Which, shape (k,).
+            goals: Targets [m], shape (k, 3); drawn, or kept, by default.
+            q: Postures to start in [rad], at rest, shape (k, 3); drawn, with velocities, by default.
+        """
+        targets, postures, speeds = np.split(self._streams.draw(ids), 3, axis=1)
+        if goals is not None:
+            targets = goals
+        elif self._fixed is not None:
+            targets = np.broadcast_to(self._fixed, targets.shape)
+        elif self._keep:
+            targets = np.where(self._has_target[ids, None], self.goals[ids], targets)
+        if q is not None:
+            postures, speeds = q, np.zeros_like(q)
+        self.goals[ids], self._has_target[ids] = targets, True
+        for counter in (self._control, self._pushed, self._steps, self._wrong_presses, self._energy):
+            counter[ids] = 0
+        self._world.reset(ids, targets, postures, speeds)
+        self._state[:, ids] = self._world.q[ids], self._world.qd[ids], self._world.tip[ids]
+
+    def observe(self) -> Floats:
+        """The 19 numbers of every arm, shape (count, 19)."""
+        q, qd, tip = self._state
+        return observation(q, qd, tip, self.goals, self._pushed)
+
+    @property
+    def distance(self) -> Floats:
+        """From the end effectors to the targets [m], shape (count,)."""
+        return np.sqrt(((self._state[2] - self.goals) ** 2).sum(axis=1))
+
+    def step(self, actions: Actions) -> Outcome:
+        """Act with every arm.
+
+        Args:
+            actions: Checked, shape (count,).
+        """
+        change, self._pushed = meaning(actions)
+        self._control = np.clip(self._control + change, -CONTROL_LIMIT, CONTROL_LIMIT)
+        diverged = self._simulate()
+        distance = self.distance
+        reward, terms = button_reward(distance, self._pushed)
+        pressed, wrong = terms.press > 0, terms.wrong_press < 0
+        self._steps += 1
+        self._wrong_presses += wrong
+        self._energy += ((self._control * self._gears) ** 2).sum(axis=1) * self._period
+        truncated = (diverged | (self._steps >= self._max_steps)) & ~pressed
+        info = {
+            "goal": self.goals.copy(),
+            "distance": distance,
+            "reached": pressed,
+            "is_success": pressed,
+            "pressed": pressed,
+            "wrong_press": wrong,
+            "wrong_presses": self._wrong_presses.copy(),
+            "impossible": diverged,
+            "energy": self._energy.copy(),
+            "steps": self._steps.copy(),
+        }
+        return Outcome(reward, terms, pressed, truncated, info)
+
+    def _simulate(self) -> Flags:
+        """Step the world; which arms have diverged. Their last good state stays."""
+        self._world.step(self._control)
+        good = np.all(np.abs(self._world.qd) <= SPEED_BOUND, axis=1)
+        if good.all():
+            self._state[:] = self._world.q, self._world.qd, self._world.tip
+        else:
+            now = np.stack([self._world.q, self._world.qd, self._world.tip])
+            np.copyto(self._state, now, where=good[:, None])
+        return ~good
+
+    def _refuse_unreachable(self, name: str, targets: Floats) -> None:
+        missed = targets[~self._starts.reachable(targets)]
+        if len(missed):
+            raise InputError(f"{name} {missed[0]} m cannot be reached within the joint limits")

@@ -1,0 +1,45 @@
+"""The options that `reset` is given, for one environment and for a batch."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+
+from kinreach.errors import InputError
+from kinreach.kinematics.goals import Floats, as_floats
+
+
+def option_rows(
+    options: Mapping[str, Any] | None, sizes: Mapping[str, int], count: int | None
+) -> tuple[Floats | None, ...]:
+    """The options of `reset(options=...)` as arrays with a row for each environment.
+
+    Args:
+        options: As given by the user.
+        sizes: The options there are, each with the length of its rows.
+        count: Number of environments of a batch; None for a single one, whose options are plain rows.
+
+    Returns:
+        In the order of `sizes`, arrays of shape (count, size), or (1, size) for a single environment; None for what is
+        not given.
+
+    Raises:
+        InputError: An unknown option, a wrong shape, or a value that is not finite.
+    """
+    given = {name: value for name, value in (options or {}).items() if value is not None}
+    unknown = set(given) - set(sizes)
+    if unknown:
+        raise InputError(f"unknown reset options {sorted(unknown)}; available: {', '.join(sizes)}")
+    rows: list[Floats | None] = []
+    for name, size in sizes.items():
+        if name not in given:
+            rows.append(None)
+            continue
+        values = as_floats(name, given[name])
+        shape = (size,) if count is None else (count, size)
+        if values.shape != shape or not np.isfinite(values).all():
+            raise InputError(f"{name} must be finite and have shape {shape}, got {values.shape}")
+        rows.append(values.reshape(-1, size))
+    return tuple(rows)

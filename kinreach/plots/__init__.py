@@ -1,0 +1,50 @@
+"""Figures as functions: they take data and return a `matplotlib.figure.Figure`, all in the style of `style`.
+
+Nothing here knows an environment or a learner, so that every layer and every notebook can draw with it.
+
+- `rewards`, `pentagon`: the thesis's reward and its geometry, PPO's clipped objective.
+- `pictures`: renderings and the steps of the search for the ball.
+- `maps`: errors and rewards over the table.
+- `learning`, `series`: learning curves over seeds, episodes, discounted rewards.
+- `methods`: success against tolerance.
+"""
+
+from kinreach.plots.learning import (
+    draw_discounted_rewards,
+    draw_distances,
+    draw_episode_rewards,
+    draw_learning_curves,
+)
+from kinreach.plots.maps import RewardMap, draw_error_maps, draw_reward_maps
+from kinreach.plots.methods import Success, draw_success
+from kinreach.plots.pentagon import Pentagon, draw_pentagon_angles, draw_pentagons, pentagon_of, side_camera
+from kinreach.plots.pictures import draw_camera_steps, draw_pictures
+from kinreach.plots.rewards import draw_clipped_objective, draw_distance_reward, draw_reward_sections
+from kinreach.plots.series import Band, discounted_returns, moving_mean, per_block, seed_band
+
+__all__ = [
+    "Band",
+    "Pentagon",
+    "RewardMap",
+    "Success",
+    "discounted_returns",
+    "draw_camera_steps",
+    "draw_clipped_objective",
+    "draw_discounted_rewards",
+    "draw_distance_reward",
+    "draw_distances",
+    "draw_episode_rewards",
+    "draw_error_maps",
+    "draw_learning_curves",
+    "draw_pentagon_angles",
+    "draw_pentagons",
+    "draw_pictures",
+    "draw_reward_maps",
+    "draw_reward_sections",
+    "draw_success",
+    "moving_mean",
+    "pentagon_of",
+    "per_block",
+    "seed_band",
+    "side_camera",
+]

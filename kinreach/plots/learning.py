@@ -1,0 +1,171 @@
+"""How training went: curves over seeds, every episode's reward, one episode's distance, discounted rewards."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.ticker import FuncFormatter, NullFormatter
+from numpy.typing import ArrayLike
+
+from kinreach.errors import InputError
+from kinreach.kinematics.reward_geometry import REACHED_DISTANCE
+from kinreach.plots.series import Run, discounted_returns, moving_mean, seed_band
+from kinreach.plots.style import FAINT, INK, PALETTE, colours_of, key, label_ends, new_figure, plain
+
+
+def draw_learning_curves(
+    panels: Mapping[str, Mapping[str, Sequence[Run]]], *, title: str, xlabel: str, note: str = ""
+) -> Figure:
+    """Median over seeds of what training logged, with a band from the lowest to the highest seed.
+
+    Args:
+        panels: By what is on the vertical axis, unit included; in each the runs of all seeds of every recipe by the
+            recipe's name. A recipe keeps its colour in all panels.
+        title: Of the figure.
+        xlabel: What x counts, such as `"environment steps"`.
+        note: Small print.
+
+    Raises:
+        InputError: No panel, or runs that `seed_band` refuses.
+    """
+    if not panels:
+        raise InputError("a figure of learning curves needs at least one panel")
+    figure, axes = new_figure(title, size=(9.0, 1.0 + 2.7 * len(panels)), rows=len(panels), note=note)
+    colours = colours_of(dict.fromkeys(name for recipes in panels.values() for name in recipes))
+    bands = {ylabel: {name: seed_band(runs) for name, runs in recipes.items()} for ylabel, recipes in panels.items()}
+    everywhere = np.concatenate([band.x for recipes in bands.values() for band in recipes.values()] or [np.zeros(1)])
+    for ax, (ylabel, recipes) in zip(axes, bands.items(), strict=True):
+        ends = {}
+        for name, band in recipes.items():
+            ax.fill_between(band.x, band.low, band.high, color=colours[name], alpha=0.2, lw=0)
+            ax.plot(band.x, band.median, color=colours[name], lw=1.8)
+            ends[name] = (band.x[-1], band.median[-1])
+        ax.set(ylabel=ylabel, xlim=_hull(everywhere))
+        _thousands(ax)
+        label_ends(ax, ends, colours)
+    seeds = {len(runs) for recipes in panels.values() for runs in recipes.values()}
+    if seeds == {1}:
+        key(axes[0], "one seed")
+    else:
+        key(
+            axes[0], f"line: median of {'/'.join(map(str, sorted(seeds)))} seeds · band: from the lowest to the highest"
+        )
+    axes[-1].set_xlabel(xlabel)
+    return figure
+
+
+def draw_episode_rewards(rewards: ArrayLike, *, title: str, window: int = 1000, note: str = "") -> Figure:
+    """The reward of every episode, and its moving mean (thesis, figures 5.1 and 5.3).
+
+    Args:
+        rewards: Of successive episodes, shape (n,).
+        title: Of the figure.
+        window: Episodes in the mean.
+        note: Small print.
+
+    Raises:
+        InputError: Not one-dimensional, or a window below 1.
+    """
+    smooth = moving_mean(rewards, window)
+    episodes = np.arange(1, len(smooth) + 1)
+    figure, (ax,) = new_figure(title, size=(9.0, 3.8), note=note)
+    size = float(np.clip(3e4 / max(len(smooth), 1), 0.3, 8.0))
+    ax.scatter(episodes, np.asarray(rewards), s=size, color=PALETTE[0], alpha=0.35, linewidths=0, rasterized=True)
+    ax.plot(episodes[window - 1 :], smooth[window - 1 :], color=PALETTE[1], lw=1.8)
+    ax.set(xlabel="episode", ylabel="reward of the episode", xlim=(0, max(len(smooth), 1)))
+    _thousands(ax)
+    key(ax, f"dot: one episode · line: mean of the last {window}")
+    return figure
+
+
+def draw_distances(
+    episodes: Mapping[str, ArrayLike], *, title: str, xlabel: str = "step of the episode", note: str = ""
+) -> Figure:
+    """Distance from the tip to the goal along episodes, on a log axis (thesis, figure 5.5).
+
+    Args:
+        episodes: Distance [m] before the first and after every step by the episode's name, each of shape (n,).
+        title: Of the figure.
+        xlabel: What is counted.
+        note: Small print.
+
+    Raises:
+        InputError: No episode, or a distance that is not positive.
+    """
+    if not episodes:
+        raise InputError("a figure of distances needs at least one episode")
+    figure, (ax,) = new_figure(title, size=(9.0, 3.8), note=note)
+    colours = colours_of(episodes)
+    ends = {}
+    for name, distances in episodes.items():
+        mm = 1e3 * np.asarray(distances, dtype=float)
+        if mm.ndim != 1 or not mm.size or not (mm > 0).all():
+            raise InputError(f"the distances of {name!r} must be positive numbers in a row")
+        ax.plot(mm, color=colours[name], lw=1.8, marker="o", ms=2.5)
+        ends[name] = (len(mm) - 1, mm[-1])
+    ax.set(
+        yscale="log",
+        xlabel=xlabel,
+        ylabel="distance to the goal [mm]",
+        xlim=_hull(np.array([0, *(x for x, _ in ends.values())])),
+    )
+    ax.yaxis.set_major_formatter(FuncFormatter(plain))
+    ax.yaxis.set_minor_formatter(NullFormatter())
+    limit = 1e3 * REACHED_DISTANCE
+    if ax.get_ylim()[0] < limit:
+        ax.axhline(limit, color=INK, lw=1.2, ls="--", zorder=1)
+        key(ax, f"dashed: {limit:g} mm, near enough to reach the goal")
+    label_ends(ax, ends, colours)
+    return figure
+
+
+def draw_discounted_rewards(
+    rewards: ArrayLike, ends: ArrayLike, *, gamma: float, n_steps: int, title: str, note: str = ""
+) -> Figure:
+    """Discounted sum of what follows each step, with the updates of the policy marked (thesis, figure 5.6).
+
+    Args:
+        rewards: Of successive steps of training, shape (n,).
+        ends: Whether an episode ended with the step, shape (n,).
+        gamma: Discount factor, 0 to 1.
+        n_steps: Steps between two updates.
+        title: Of the figure.
+        note: Small print.
+
+    Raises:
+        InputError: What `discounted_returns` or `moving_mean` refuse.
+    """
+    returns = discounted_returns(rewards, ends, gamma)
+    smooth = moving_mean(returns, n_steps)
+    steps = np.arange(1, len(returns) + 1)
+    figure, (ax,) = new_figure(title, size=(9.0, 3.8), note=note, grid="y")
+    for update in range(n_steps, len(returns) + 1, n_steps):
+        ax.axvline(update, color=FAINT, lw=0.6, alpha=0.5, zorder=0)
+    ax.plot(steps, returns, color=PALETTE[0], lw=0.4, alpha=0.6, rasterized=True)
+    ax.plot(steps[n_steps - 1 :], smooth[n_steps - 1 :], color=PALETTE[1], lw=1.8)
+    ax.set(xlabel="environment steps", ylabel=f"discounted reward, $\\gamma$ = {gamma:g}", xlim=(0, len(returns)))
+    _thousands(ax)
+    key(ax, f"thin: of each step · thick: mean of the last {n_steps} · grey: update of the policy")
+    return figure
+
+
+def _hull(x: ArrayLike) -> tuple[float, float]:
+    """Limits without margins, so that names can stand right behind the ends of lines."""
+    x = np.asarray(x, dtype=float)
+    low, high = float(x.min()), float(x.max())
+    return (low, high) if high > low else (low - 0.5, high + 0.5)
+
+
+def _thousands(axes: Axes) -> None:
+    axes.xaxis.set_major_formatter(FuncFormatter(lambda value, _: _count(value)))
+    axes.tick_params(axis="x", colors=INK)
+
+
+def _count(value: float) -> str:
+    for unit, letter in ((1e6, "M"), (1e3, "k")):
+        if abs(value) >= unit:
+            return f"{value / unit:g}{letter}"
+    return f"{value:g}"

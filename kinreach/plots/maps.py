@@ -1,0 +1,178 @@
+"""The table from above: errors of goals, and the reward around one."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any, NamedTuple
+
+import numpy as np
+from matplotlib import colormaps
+from matplotlib.axes import Axes
+from matplotlib.colors import BoundaryNorm, ListedColormap, LogNorm
+from matplotlib.figure import Figure
+from matplotlib.patches import Rectangle
+from matplotlib.ticker import FuncFormatter, NullFormatter
+from numpy.typing import ArrayLike
+
+from kinreach.errors import InputError
+from kinreach.kinematics.goals import Floats, as_floats
+from kinreach.kinematics.reward_geometry import IMPOSSIBLE_REWARD, NEAR_REWARD, REACHED_REWARD
+from kinreach.plots.style import FAINT, INK, MAGNITUDE, PALETTE, new_figure, plain
+
+#: Bounds of x and y [m].
+Area = tuple[tuple[float, float], tuple[float, float]]
+
+_IMPOSSIBLE, _NEAR, _REACHED = "#bdbdbd", PALETTE[4], PALETTE[1]
+#: Steps of the reward that are told apart where the tip is not at the goal.
+_FAR = np.linspace(0.0, 4.0, 17)
+
+
+class RewardMap(NamedTuple):
+    """Rewards of tip positions on a grid.
+
+    Attributes:
+        x, y: Of the grid [m], shapes (m,) and (n,).
+        reward: Shape (m, n); not a number where nothing is to be drawn.
+    """
+
+    x: ArrayLike
+    y: ArrayLike
+    reward: ArrayLike
+
+
+def draw_error_maps(
+    maps: Mapping[str, tuple[ArrayLike, ArrayLike]],
+    *,
+    title: str,
+    label: str = "error [mm]",
+    limits: tuple[float, float] | None = None,
+    missing: str = "not found",
+    columns: int = 2,
+    note: str = "",
+) -> Figure:
+    """Errors of goals on the table, a panel for each method, camera or pipeline, on one logarithmic scale.
+
+    Args:
+        maps: By the panel's name: positions (x, y) in the world [m], shape (n, 2), and their errors, shape (n,); an
+            error that is not a number is drawn as a cross.
+        title: Of the figure.
+        label: What is measured, with its unit.
+        limits: Ends of the scale, to compare figures; by default the smallest and the largest error.
+        missing: What a cross means.
+        columns: Panels beside each other.
+        note: Small print.
+
+    Raises:
+        InputError: No panel, shapes that do not fit, or no positive error at all.
+    """
+    panels = {name: _error_map(name, *data) for name, data in maps.items()}
+    measured = np.concatenate([np.empty(0), *(errors for _, errors in panels.values())])
+    finite = measured[np.isfinite(measured) & (measured > 0)]
+    if not finite.size:
+        raise InputError("an error map needs at least one positive error")
+    low, high = limits or (float(finite.min()), float(finite.max()))
+    norm = LogNorm(low, high if high > low else 1.01 * low)
+    rows = -(-len(panels) // columns)
+    figure, axes = new_figure(
+        title, size=(4.5 * columns, 0.7 + 2.8 * rows), rows=rows, columns=columns, note=note, grid="none"
+    )
+    drawn: Any = None
+    for ax, (name, (xy, errors)) in zip(axes, panels.items(), strict=False):
+        seen = np.isfinite(errors)
+        size = float(np.clip(9e3 / len(errors), 6, 60))
+        drawn = ax.scatter(
+            xy[seen, 1],
+            xy[seen, 0],
+            s=size,
+            c=np.clip(errors[seen], low, None),
+            cmap=MAGNITUDE,
+            norm=norm,
+            marker="s",
+            linewidths=0,
+        )
+        ax.scatter(xy[~seen, 1], xy[~seen, 0], s=30, color=PALETTE[1], marker="x")
+        _seen_by_the_robot(ax, xy[:, 0], xy[:, 1], margin=0.02)
+        some = errors[seen]
+        missed = f" · {(~seen).sum()} {missing} (×)" if (~seen).any() else ""
+        numbers = f"median {np.median(some):.2g}, max {some.max():.2g}" if some.size else "none"
+        ax.set_title(name, loc="left", fontsize=10, weight="bold", color=INK, pad=18)
+        ax.annotate(numbers + missed, (0, 1.025), xycoords="axes fraction", fontsize=8.5, color=FAINT)
+    for ax in axes[len(panels) :]:
+        ax.set_axis_off()
+    bar = figure.colorbar(drawn, ax=axes, label=label, shrink=0.8, aspect=30)
+    bar.outline.set_visible(False)
+    bar.ax.yaxis.set_major_formatter(FuncFormatter(plain))
+    bar.ax.yaxis.set_minor_formatter(FuncFormatter(plain) if high / low < 20 else NullFormatter())
+    bar.ax.tick_params(which="both", labelsize=9)
+    return figure
+
+
+def draw_reward_maps(
+    maps: Mapping[str, RewardMap], *, goal: tuple[float, float], area: Area | None = None, title: str, note: str = ""
+) -> Figure:
+    """The thesis's reward of tip positions over the table, for a goal that stays where it is.
+
+    Args:
+        maps: By the panel's name.
+        goal: Where the ball lies, (x, y) in the world [m].
+        area: Where goals are drawn from; outlined in panels that hold all of it.
+        title: Of the figure.
+        note: Small print.
+
+    Raises:
+        InputError: No panel, or shapes that do not fit.
+    """
+    if not maps:
+        raise InputError("a figure of reward maps needs at least one panel")
+    panels = {name: _reward_map(name, *grid) for name, grid in maps.items()}
+    widths = [(y[-1] - y[0]) / (x[-1] - x[0]) for x, y, _ in panels.values()]
+    height = 3.2
+    text = "seen from above, the robot below · grey: impossible, −100 · " + (note or "+: the ball")
+    figure, axes = new_figure(
+        title, size=(0.8 + (height - 1.2) * sum(widths) + 0.75 * len(maps), height), columns=len(maps), widths=widths,
+        note=text, grid="none",
+    )  # fmt: skip
+    cmap = ListedColormap([*colormaps[MAGNITUDE](np.linspace(0, 1, len(_FAR) - 1)), _NEAR, _REACHED])
+    norm = BoundaryNorm([*_FAR, NEAR_REWARD + 0.5, REACHED_REWARD + 0.5], cmap.N)
+    drawn: Any = None
+    for ax, (name, (x, y, r)) in zip(axes, panels.items(), strict=True):
+        ax.pcolormesh(y, x, np.where(r == IMPOSSIBLE_REWARD, 0.0, np.nan), cmap=ListedColormap([_IMPOSSIBLE]))
+        possible = np.where(r == IMPOSSIBLE_REWARD, np.nan, np.maximum(r, 0.0))
+        drawn = ax.pcolormesh(y, x, possible, cmap=cmap, norm=norm)
+        _seen_by_the_robot(ax, x, y)
+        ax.locator_params(nbins=5)
+        if area is not None and x[0] <= area[0][0] and area[0][1] <= x[-1]:
+            (x0, x1), (y0, y1) = area
+            ax.add_patch(Rectangle((y0, x0), y1 - y0, x1 - x0, fill=False, ec="white", lw=1.2, ls="--"))
+        ax.plot(goal[1], goal[0], marker="+", ms=9, mew=1.4, color=INK)
+        ax.set_title(name, loc="left", fontsize=9.5, weight="bold", color=INK)
+    bar = figure.colorbar(drawn, ax=axes, label="reward r", aspect=18)
+    bar.outline.set_visible(False)
+    middles = (norm.boundaries[-3:-1] + norm.boundaries[-2:]) / 2
+    bar.set_ticks([0, 1, 2, 3, *middles], labels=["≤ 0", "1", "2", "3", "$10 - r_e$", f"{REACHED_REWARD:g}: reached"])
+    bar.ax.tick_params(length=0, labelsize=8.5)
+    bar.ax.minorticks_off()
+    return figure
+
+
+def _seen_by_the_robot(axes: Axes, x: Floats, y: Floats, *, margin: float = 0.0) -> None:
+    """World x up and y to the left, as the robot at the lower edge sees the table; equal scales."""
+    axes.set(
+        xlim=(y.max() + margin, y.min() - margin), ylim=(x.min() - margin, x.max() + margin), aspect="equal",
+        xlabel="y [m]", ylabel="x [m]",
+    )  # fmt: skip
+    axes.spines["bottom"].set_visible(False)
+
+
+def _error_map(name: str, positions: ArrayLike, errors: ArrayLike) -> tuple[Floats, Floats]:
+    xy, values = as_floats("positions", positions), as_floats("errors", errors)
+    if xy.ndim != 2 or xy.shape[1] != 2 or values.shape != xy.shape[:1] or not values.size:
+        raise InputError(f"map {name!r} needs positions (n, 2) and errors (n,), got {xy.shape} and {values.shape}")
+    return xy, values
+
+
+def _reward_map(name: str, x: ArrayLike, y: ArrayLike, reward: ArrayLike) -> tuple[Floats, Floats, Floats]:
+    x, y, r = as_floats("x", x), as_floats("y", y), as_floats("reward", reward)
+    if min(x.size, y.size) < 2 or r.shape != (*x.shape, *y.shape):
+        raise InputError(f"the reward of {name!r} must have shape {(*x.shape, *y.shape)} on a grid, got {r.shape}")
+    return x, y, r

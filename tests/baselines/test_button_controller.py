@@ -1,0 +1,97 @@
+"""The controller that presses the button by a model: on both actuations, alone and for many at once."""
+
+import gymnasium as gym
+import numpy as np
+import pytest
+
+import kinreach
+from benchmarks.button_actuation import analytic
+from kinreach.baselines.button_controller import AnalyticButtonPolicy, ButtonController
+from kinreach.envs.button import ACTUATIONS
+from kinreach.errors import InputError, UnknownNameError
+
+NAME = "kinreach/ButtonPress-v0"
+HELD_OUT = 1_000_000  # seed
+#: Steps within which the button has to be pressed: a quarter more than the worst of 1000 targets took.
+LONGEST = {"tuned": 72, "report": 610}
+
+
+def make(**options):
+    assert kinreach.__version__
+    return gym.make(NAME, **options)
+
+
+@pytest.mark.parametrize(
+    ("actuation", "count", "median"),
+    [
+        ("tuned", 300, 25),
+        pytest.param("tuned", 1000, 25, marks=pytest.mark.slow),
+        ("report", 100, 138),
+        pytest.param("report", 1000, 138, marks=pytest.mark.slow),
+    ],
+)
+def test_held_out_targets_are_pressed(actuation, count, median):
+    result = analytic(ACTUATIONS[actuation], count, HELD_OUT)
+    assert result["pressed"] >= 0.99
+    assert np.median(result["steps"]) == pytest.approx(median, rel=0.15)
+    assert result["wrong"] <= 0.01 * count
+
+
+@pytest.mark.parametrize("actuation", list(ACTUATIONS))
+def test_one_at_a_time_it_does_what_it_does_for_many(actuation):
+    count = 4
+    env = make(actuation=actuation, max_steps=LONGEST[actuation])
+    policy = AnalyticButtonPolicy(actuation)
+    together = analytic(ACTUATIONS[actuation], count, 5)
+    assert together["pressed"] == 1
+    for index in range(count):
+        observation, info = env.reset(seed=5 + index)
+        policy.reset(info)
+        taken = 0
+        over = False
+        while not over:
+            action = policy.act(observation)
+            assert isinstance(action, int)
+            observation, _, over, truncated, _ = env.step(action)
+            taken += 1
+            assert not truncated
+        assert taken == together["steps"][index]
+
+
+def test_episodes_after_the_first_start_with_a_clean_slate():
+    env = make()
+    policy = AnalyticButtonPolicy()
+    pressed = 0
+    for episode in range(12):
+        observation, info = env.reset(seed=3 if episode == 0 else None)
+        policy.reset(info)
+        for _ in range(LONGEST["tuned"]):
+            observation, _, over, _, _ = env.step(policy.act(observation))
+            if over:
+                pressed += 1
+                break
+    assert pressed == 12
+
+
+def test_it_starts_from_any_posture():
+    """Also with the first joint near the end of its range, where the observed angle jumps."""
+    rng = np.random.default_rng(8)
+    env = make(max_steps=150)
+    policy = AnalyticButtonPolicy()
+    pressed = 0
+    for episode in range(40):
+        q = [np.pi - 0.02 if episode % 2 else 0.02 - np.pi, *rng.uniform(-0.8, 0.8, 2)]
+        observation, info = env.reset(seed=episode, options={"q": q})
+        policy.reset(info)
+        over = truncated = False
+        while not (over or truncated):
+            observation, _, over, truncated, _ = env.step(policy.act(observation))
+        pressed += over
+    assert pressed >= 38
+
+
+def test_malformed_input_is_refused():
+    with pytest.raises(UnknownNameError, match="report, tuned"):
+        ButtonController("magic")
+    with pytest.raises(InputError, match="needs 2 observations, got 3"):
+        ButtonController(count=2).actions(np.zeros((3, 19)))

@@ -1,0 +1,191 @@
+"""Policy files: what is written is read, and nothing else is taken for a policy."""
+
+import itertools
+import json
+import pickle
+import zipfile
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from safetensors.numpy import save_file
+
+from kinreach.baselines.learned import LearnedPolicy, load_policy, pretrained_names
+from kinreach.baselines.network import ACTIVATIONS, OUTPUTS, Network
+from kinreach.baselines.policy_file import PolicyCard, read_policy, save_policy
+from kinreach.errors import InputError, OutputError, UnknownNameError
+
+SINGLE = "kinreach/UR5SingleStep-v0"
+CARD = PolicyCard(SINGLE, "posture", "silu", "linear", "RankedPPO", {"name": "single"}, 3, 1000, {"reached": 1.0})
+
+
+def network(seed=0, inputs=6, hidden=(8, 8), outputs=6, waves=(0.5, 2.0)):
+    rng = np.random.default_rng(seed)
+    sizes = [inputs * (1 + 2 * len(waves)), *hidden, outputs]
+    layers = [(rng.normal(size=(b, a)), rng.normal(size=b)) for a, b in itertools.pairwise(sizes)]
+    vectors = rng.normal(size=inputs), rng.uniform(0.5, 2, inputs), np.array(waves)
+    return Network(*vectors, layers, "silu", "linear", rng.normal(size=outputs), rng.normal(size=outputs))
+
+
+@pytest.fixture
+def file(tmp_path):
+    path = tmp_path / "policy.safetensors"
+    save_policy(path, CARD, network())
+    return path
+
+
+def tensors_and_header(net):
+    names = ("mean", "scale", "waves", "gain", "shift")
+    tensors = {name: np.array(getattr(net, name)) for name in names}
+    for index, (weight, bias) in enumerate(net.layers):
+        tensors |= {f"layer{index}.weight": weight, f"layer{index}.bias": bias}
+    card = {"format": 1, **{field: getattr(CARD, field) for field in CARD.__dataclass_fields__}}
+    return tensors, card
+
+
+def test_round_trip(tmp_path):
+    covered = 0
+    for seed in range(30):
+        rng = np.random.default_rng(seed)
+        made = network(seed, waves=tuple(rng.uniform(0.1, 3, rng.integers(0, 3))))
+        made = replace(made, activation=str(rng.choice(list(ACTIVATIONS))), output=str(rng.choice(list(OUTPUTS))))
+        card = replace(CARD, activation=made.activation, output=made.output, seed=seed)
+        save_policy(tmp_path / "p.safetensors", card, made)
+        read_card, read = read_policy(tmp_path / "p.safetensors")
+        assert read_card == card
+        x = rng.normal(size=(20, 13))
+        np.testing.assert_array_equal(read(x), made(x))
+        np.testing.assert_allclose(read(x[0]), made(x)[0], rtol=1e-12, atol=1e-12)
+        covered += len(x)
+    assert covered == 600
+
+
+def test_every_truncation_is_refused(file):
+    whole = file.read_bytes()
+    cuts = np.unique(np.linspace(0, len(whole) - 1, 300).astype(int))
+    assert len(cuts) == 300
+    for cut in cuts:
+        file.write_bytes(whole[:cut])
+        with pytest.raises(InputError, match="is no policy"):
+            read_policy(file)
+
+
+def test_flipped_bits_are_refused_or_change_numbers_only(file):
+    whole = file.read_bytes()
+    rng = np.random.default_rng(0)
+    refused = 0
+    for _ in range(500):
+        damaged = bytearray(whole)
+        damaged[rng.integers(len(whole))] ^= 1 << rng.integers(8)
+        file.write_bytes(bytes(damaged))
+        try:
+            policy = LearnedPolicy(*read_policy(file))
+        except InputError:
+            refused += 1
+        else:
+            with np.errstate(all="ignore"):
+                assert policy.act(np.zeros(13)).shape == (6,)
+    assert 50 < refused < 500
+
+
+class Bomb:
+    def __reduce__(self):
+        return (print, ("executed",))
+
+
+def test_files_of_other_kinds_are_refused_and_nothing_runs(tmp_path, capsys):
+    path = tmp_path / "p.safetensors"
+    contents = [b"", b"{}", pickle.dumps(Bomb()), b"\xff" * 64, (2**63).to_bytes(8, "little") + b"{}"]
+    for content in contents:
+        path.write_bytes(content)
+        with pytest.raises(InputError, match="is no policy"):
+            read_policy(path)
+    with zipfile.ZipFile(path, "w", zipfile.ZIP_DEFLATED) as archive:
+        archive.writestr("data.pkl", pickle.dumps(Bomb()))
+    with pytest.raises(InputError):
+        read_policy(path)
+    path.write_bytes(b"\0" * (17 << 20))
+    with pytest.raises(InputError, match="larger than 16 MiB"):
+        read_policy(path)
+    for other in (tmp_path, tmp_path / "missing.safetensors"):
+        with pytest.raises(InputError):
+            read_policy(other)
+    assert "executed" not in capsys.readouterr().out
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        ({"mean": np.full(6, np.nan)}, "mean must be finite"),
+        ({"mean": np.zeros(6, dtype=np.int64)}, "floating-point"),
+        ({"scale": np.zeros(6)}, "scale must be positive"),
+        ({"scale": np.ones(5)}, "the same length"),
+        ({"gain": np.ones(5)}, "6 numbers"),
+        ({"layer1.weight": np.ones((8, 9))}, "layer 1 must take 8"),
+        ({"layer9.weight": np.ones((8, 8))}, "tensors must be"),
+        ({"mean": np.zeros((2, 3))}, "one dimension"),
+    ],
+)
+def test_tensors_that_do_not_fit_are_refused(tmp_path, change, message):
+    tensors, card = tensors_and_header(network())
+    save_file(tensors | change, tmp_path / "p.safetensors", metadata={"kinreach": json.dumps(card)})
+    with pytest.raises(InputError, match=message):
+        read_policy(tmp_path / "p.safetensors")
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        ({"format": 2}, "format is not 1"),
+        ({"seed": "3"}, "seed must be of type int"),
+        ({"recipe": []}, "recipe must be of type dict"),
+        ({"meaning": "magic"}, "meaning must be one of action"),
+        ({"activation": "__import__"}, "activation must be one of"),
+        ({"more": 1}, "must have the fields"),
+    ],
+)
+def test_cards_that_do_not_fit_are_refused(tmp_path, change, message):
+    tensors, card = tensors_and_header(network())
+    save_file(tensors, tmp_path / "p.safetensors", metadata={"kinreach": json.dumps(card | change)})
+    with pytest.raises(InputError, match=message):
+        read_policy(tmp_path / "p.safetensors")
+
+
+@pytest.mark.parametrize("text", ["", "{", "[]", "null", "[" * 100_000])
+def test_headers_that_are_no_card_are_refused(tmp_path, text):
+    tensors, _ = tensors_and_header(network())
+    save_file(tensors, tmp_path / "p.safetensors", metadata={"kinreach": text})
+    with pytest.raises(InputError, match="is no policy"):
+        read_policy(tmp_path / "p.safetensors")
+
+
+def test_policies_for_something_else_are_refused(file):
+    with pytest.raises(InputError, match="is for kinreach/UR5SingleStep-v0, not for kinreach/UR5MultiStep-v0"):
+        load_policy(file, environment="kinreach/UR5MultiStep-v0")
+    with pytest.raises(UnknownNameError, match="CartPole"):
+        LearnedPolicy(replace(CARD, environment="CartPole-v1"), network())
+    for wrong in (network(inputs=14), network(outputs=5)):
+        with pytest.raises(InputError, match="takes at most 13 numbers, gives 6"):
+            LearnedPolicy(CARD, wrong)
+    with pytest.raises(InputError, match="action or posture"):
+        LearnedPolicy(replace(CARD, meaning="preferences"), network())
+    with pytest.raises(UnknownNameError, match="single"):
+        load_policy("no-such-policy")
+
+
+def test_a_policy_is_written_whole_or_not_at_all(file, monkeypatch):
+    before = file.read_bytes()
+    monkeypatch.setattr("os.replace", lambda *a: (_ for _ in ()).throw(OSError("disk full")))
+    with pytest.raises(OutputError, match="disk full"):
+        save_policy(file, CARD, network(1))
+    assert file.read_bytes() == before
+    assert [path.name for path in file.parent.iterdir()] == [file.name]
+
+
+def test_policies_of_the_package_are_small_and_fit(tmp_path):
+    names = pretrained_names()
+    assert {"single", "multi", "ppo-single", "ppo-multi", "thesis-single"} <= set(names)
+    for name in names:
+        policy = load_policy(name)
+        save_policy(tmp_path / name, policy.card, policy._network)
+        assert (tmp_path / name).stat().st_size < 1_000_000

@@ -1,0 +1,193 @@
+"""The parts that training adds to stable-baselines3: schedules, ranks, pacing, groups, the learning curve."""
+
+import gymnasium as gym
+import numpy as np
+import pytest
+from scipy.stats import norm, rankdata
+
+from kinreach.baselines.adaptive_ppo import AdaptiveRate, Exploration
+from kinreach.baselines.learning_curve import COLUMNS, LearningCurve, curve_csv, read_curve
+from kinreach.baselines.models import _wider_goals
+from kinreach.baselines.pacing import paced
+from kinreach.baselines.ranked_ppo import normal_scores
+from kinreach.baselines.training_reward import REWARDS
+from kinreach.baselines.tries_vec_env import TriesVecEnv
+from kinreach.envs.reach.task import STEP_SIZE
+from kinreach.errors import InputError
+from kinreach.robots import get_arm
+
+SINGLE, MULTI = "kinreach/UR5SingleStep-v0", "kinreach/UR5MultiStep-v0"
+
+
+def batch(name, count, **options):
+    return gym.make_vec(name, num_envs=count, vectorization_mode="vector_entry_point", backend="kinematic", **options)
+
+
+def test_exploration_falls_on_a_straight_line_in_the_logarithm_and_is_held():
+    schedule = Exploration(1.0, 0.01, 0.5)
+    assert schedule.at(0) == 1.0
+    assert schedule.at(0.25) == pytest.approx(0.1)
+    assert schedule.at(0.5) == schedule.at(1) == pytest.approx(0.01)
+    assert schedule.scaled(2).at(0.25) == pytest.approx(0.2)
+
+
+def test_the_rate_follows_the_divergence_within_its_bounds():
+    adaptive = AdaptiveRate(1e-3, 0.03, decay=0.2)
+    assert adaptive.after(1e-3, 0.05) == pytest.approx(1e-3 / 1.3)
+    assert adaptive.after(1e-3, 0.01) == pytest.approx(1.3e-3)
+    assert adaptive.after(1e-3, 0.03) == 1e-3
+    assert adaptive.after(1e-6, 1.0) == 1e-6
+    assert adaptive.after(1e-2, 0.0) == 1e-2
+    assert [adaptive.share(p) for p in (0, 0.8, 0.9, 1)] == pytest.approx([1, 1, 0.5, 0])
+    assert AdaptiveRate(1e-3, 0.03).share(1.0) == 1.0
+
+
+def test_normal_scores_agree_with_scipy_where_ranks_differ_and_share_ties():
+    rng = np.random.default_rng(0)
+    rewards = rng.normal(size=(500, 8))
+    raw = norm.ppf((rankdata(rewards, axis=1) - 0.5) / 8)
+    np.testing.assert_allclose(normal_scores(rewards), raw / raw.std(axis=1, keepdims=True), atol=1e-12)
+    tied = rng.integers(0, 3, (500, 8)).astype(float)
+    scores = normal_scores(tied)
+    same = tied[:, :, None] == tied[:, None, :]
+    assert same.sum() > 500 * 8
+    np.testing.assert_array_equal((scores[:, :, None] == scores[:, None, :]), same)
+    np.testing.assert_allclose(scores.mean(axis=1), 0, atol=0.3)
+    np.testing.assert_array_equal(normal_scores(np.zeros((1, 8))), 0)
+
+
+def test_pacing_arrives_in_equal_steps_as_few_as_can_be():
+    rng = np.random.default_rng(1)
+    ways = rng.uniform(-1.2, 1.2, (400, 6))
+    fewest = np.ceil(np.abs(ways).max(axis=1) / STEP_SIZE)
+    left, lengths = ways.copy(), []
+    for _ in range(int(fewest.max())):
+        actions = paced(left)
+        assert (np.abs(actions) <= 1).all()
+        lengths.append(np.abs(actions).max(axis=1))
+        left = left - STEP_SIZE * actions
+    np.testing.assert_allclose(left, 0, atol=1e-12)
+    lengths = np.array(lengths)
+    np.testing.assert_array_equal((lengths > 1e-6).sum(axis=0), fewest)
+    for column, steps in zip(lengths.T, fewest.astype(int), strict=True):
+        np.testing.assert_allclose(column[:steps], column[0], rtol=1e-6)
+    np.testing.assert_array_equal(paced(np.zeros(6)), 0)
+
+
+def test_training_rewards():
+    rewards = np.array([-100.0, -40.0, 3.0])
+    info = {
+        "distance": np.array([0.1, 0.01, 0.0]),
+        "posture_error": np.array([0.2, 0.0, 0.0]),
+        "impossible": np.array([True, False, False]),
+    }
+    np.testing.assert_array_equal(REWARDS["own"](rewards, info), rewards)
+    np.testing.assert_array_equal(REWARDS["floored"](rewards, info), [-30, -30, 3])
+    expected = [-np.log(0.10001) - 1.0 - 200, -np.log(0.01001), -np.log(1e-5)]
+    np.testing.assert_allclose(REWARDS["dense"](rewards, info), expected)
+
+
+@pytest.mark.parametrize(("name", "steps"), [(SINGLE, 1), (MULTI, 16)])
+def test_groups_share_goals_and_are_rewarded_for_where_they_end(name, steps):
+    options = {} if steps == 1 else {"end_on_reached": False}
+    env = TriesVecEnv(
+        batch(name, 64, **options), tries=8, draw=_wider_goals().sample, steps=steps, reward=REWARDS["dense"], blur=0.0
+    )
+    env.seed(3)
+    first = env.reset()
+    env.seed(3)
+    np.testing.assert_array_equal(first, env.reset())
+    groups = first.reshape(8, 8, 13)
+    np.testing.assert_array_equal(groups, np.repeat(groups[:, :1], 8, axis=1))
+    assert len(np.unique(groups[:, 0, 0])) == 8
+    home = np.array(get_arm("ur5").home) / np.pi
+    after, rewards, dones, _ = env.step(np.tile(home, (64, 1)))
+    assert dones.all()
+    assert len(np.unique(rewards.round(4))) == 8
+    assert not np.array_equal(after, first)
+    np.testing.assert_array_equal(after[:, 6:12], first[:, 6:12])
+
+
+def test_walking_ends_where_one_step_ends():
+    rng = np.random.default_rng(0)
+    postures = (np.array(get_arm("ur5").home) + rng.uniform(-0.3, 0.3, (64, 6))) / np.pi
+    outcomes = []
+    for name, steps, options in ((SINGLE, 1, {}), (MULTI, 16, {"end_on_reached": False})):
+        env = TriesVecEnv(
+            batch(name, 64, **options),
+            tries=8, draw=_wider_goals().sample, steps=steps, reward=REWARDS["dense"], blur=0.0,
+        )  # fmt: skip
+        env.seed(5)
+        env.reset()
+        outcomes.append(env.step(postures)[1])
+    possible = outcomes[0] > -100
+    assert possible.sum() > 40
+    np.testing.assert_allclose(outcomes[0][possible], outcomes[1][possible], atol=1e-5)
+
+
+def test_blur_is_shared_within_a_group_and_has_its_size():
+    env = TriesVecEnv(
+        batch(SINGLE, 4096), tries=8, draw=lambda rng, n: np.tile([0.4, 0.0, -0.175], (n, 1)), steps=1,
+        reward=REWARDS["dense"], blur=1e-3,
+    )  # fmt: skip
+    env.seed(0)
+    groups = env.reset().reshape(512, 8, 13)
+    assert (groups == groups[:, :1]).all()
+    assert groups[:, 0, :6].std(axis=0) == pytest.approx(np.full(6, 1e-3), rel=0.15)
+    assert (groups[:, 0, 6:] == groups[0, 0, 6:]).all()
+
+
+def test_the_learning_curve_counts_what_a_loop_counts():
+    env = LearningCurve(batch(MULTI, 16), window=160, trace_after=320)
+    env.reset(seed=0)
+    rng = np.random.default_rng(0)
+    rewards, impossible, lasts, returns = [], [], [], np.zeros(16)
+    ended = []
+    for step in range(230):
+        _, reward, terminated, truncated, info = env.step(rng.uniform(-1, 1, (16, 6)))
+        rewards.append(reward)
+        impossible.append(info["impossible"])
+        returns += reward
+        over = terminated | truncated
+        ended += [(step, returns[index], info["distance"][index]) for index in np.flatnonzero(over)]
+        returns[over] = 0
+    assert len(env.rows) == 23
+    assert env.steps == 230 * 16
+    assert env.episodes == len(ended) >= 32
+    for row, values in enumerate(env.rows):
+        found = dict(zip(COLUMNS, values, strict=True))
+        window = slice(10 * row, 10 * row + 10)
+        assert found["steps"] == 160 * (row + 1)
+        assert found["reward"] == pytest.approx(np.mean(rewards[window]))
+        assert found["impossible"] == pytest.approx(np.mean(impossible[window]))
+        lasts = [(r, d) for s, r, d in ended if window.start <= s < window.stop]
+        if lasts:
+            assert found["return"] == pytest.approx(np.mean([r for r, _ in lasts]))
+            assert found["distance"] == pytest.approx(np.mean([d for _, d in lasts]))
+        else:
+            assert found["return"] is None
+    assert env.traced
+    assert len(env.trace) == 100
+    assert env.trace[0][0] > 320
+
+
+def test_a_reset_ends_the_episodes_in_progress_only():
+    env = LearningCurve(batch(MULTI, 8, end_on_reached=False), window=8)
+    for _ in range(3):
+        env.reset(seed=0)
+    assert env.episodes == 0
+    env.step(np.zeros((8, 6)))
+    env.reset()
+    assert env.episodes == 8
+
+
+def test_learning_curves_survive_the_file(tmp_path):
+    rows = [[1, 2, 0.5, None, None, 0.1, 0.2, 0.0], [2, 4, 0.25, 3.0, 1.0, 0.1, 0.2, 1.0]]
+    (tmp_path / "curve.csv").write_text(curve_csv(rows))
+    read = read_curve(tmp_path / "curve.csv")
+    assert list(read) == list(COLUMNS)
+    np.testing.assert_array_equal(np.column_stack(list(read.values())), np.array(rows, dtype=float))
+    (tmp_path / "bad.csv").write_text("steps,reward\n1,two\n")
+    for name in ("bad.csv", "missing.csv"):
+        with pytest.raises(InputError, match="learning curve"):
+            read_curve(tmp_path / name)

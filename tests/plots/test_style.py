@@ -1,0 +1,94 @@
+from __future__ import annotations
+
+from itertools import combinations
+
+import numpy as np
+import pytest
+from matplotlib.colors import to_rgb
+
+from kinreach.plots.style import FAINT, GRID, INK, PALETTE, colours_of, label_ends, new_figure, plain, spread
+
+#: What colours look like to people without red, green or blue cones (Machado, Oliveira, Fernandes 2009, severity 1).
+BLINDNESS = {
+    "protan": [[0.152286, 1.052583, -0.204868], [0.114503, 0.786281, 0.099216], [-0.003882, -0.048116, 1.051998]],
+    "deutan": [[0.367322, 0.860646, -0.227968], [0.280085, 0.672501, 0.047413], [-0.011820, 0.042940, 0.968881]],
+    "tritan": [[1.255528, -0.076749, -0.178779], [-0.078411, 0.930809, 0.147602], [0.004733, 0.691367, 0.303900]],
+}
+
+
+def linear(colour: str) -> np.ndarray:
+    c = np.array(to_rgb(colour))
+    return np.where(c <= 0.04045, c / 12.92, ((c + 0.055) / 1.055) ** 2.4)
+
+
+def lab(rgb: np.ndarray) -> np.ndarray:
+    """CIELAB of linear sRGB."""
+    to_xyz = np.array([[0.4124, 0.3576, 0.1805], [0.2126, 0.7152, 0.0722], [0.0193, 0.1192, 0.9505]])
+    xyz = to_xyz @ np.clip(rgb, 0, 1) / (to_xyz @ np.ones(3))
+    f = np.where(xyz > 0.008856, np.cbrt(xyz), 7.787 * xyz + 16 / 116)
+    return np.array([116 * f[1] - 16, 500 * (f[0] - f[1]), 200 * (f[1] - f[2])])
+
+
+def test_colours_differ_for_everybody():
+    """A difference of 2.3 can just be seen; the first six colours, which most figures need at most, keep 8 of it."""
+    pairs = 0
+    for matrix in (np.eye(3), *map(np.array, BLINDNESS.values())):
+        seen = [lab(matrix @ linear(colour)) for colour in PALETTE]
+        for i, j in combinations(range(len(PALETTE)), 2):
+            assert np.linalg.norm(seen[i] - seen[j]) > (8.0 if max(i, j) < 6 else 5.0), (PALETTE[i], PALETTE[j])
+            pairs += 1
+    assert pairs == 4 * 28
+
+
+def test_ink_can_be_read():
+    """Contrast on white of at least 4.5 for text (WCAG 2), and hardly any for the grid."""
+
+    def contrast(colour: str) -> float:
+        return 1.05 / (float(linear(colour) @ [0.2126, 0.7152, 0.0722]) + 0.05)
+
+    assert contrast(INK) > contrast(FAINT) > 4.5
+    assert contrast(GRID) < 1.5
+
+
+def test_spread_keeps_order_and_gap():
+    cases = 0
+    for seed in range(200):
+        rng = np.random.default_rng(seed)
+        positions = list(rng.uniform(0, 1, int(rng.integers(1, 9))))
+        placed = np.array(spread(positions, gap=0.06))
+        assert (np.argsort(placed) == np.argsort(positions)).all()
+        assert (np.diff(np.sort(placed)) >= 0.06 - 1e-12).all()
+        assert placed.min() >= 0
+        cases += 1
+    assert cases == 200
+    assert spread([0.2, 0.9], gap=0.06) == pytest.approx([0.2, 0.9])  # what does not collide stays
+    assert spread([], gap=0.06) == []
+
+
+@pytest.mark.parametrize("side", ["left", "right"])
+def test_names_beside_lines_do_not_overlap(side):
+    cases = 0
+    for seed in range(10):
+        rng = np.random.default_rng(seed)
+        figure, (ax,) = new_figure("title", size=(7, 4))
+        ends = {f"method {i}": (0.5, y) for i, y in enumerate(rng.uniform(0.4, 0.6, 6))}
+        label_ends(ax, ends, colours_of(ends), side=side)
+        figure.canvas.draw()
+        boxes = [text.get_window_extent() for text in ax.texts]
+        # the box of an annotation holds its arrow too: compare where the names themselves are
+        heights = sorted(text.get_position()[1] for text in ax.texts)
+        high = ax.transAxes.transform([(0, 0.062)])[0][1] - ax.transAxes.transform([(0, 0)])[0][1]
+        assert len(boxes) == 6
+        assert high > 12  # pixels at 100 dpi: 9 points are 12.5
+        assert np.diff(heights).min() >= 0.062 - 1e-9
+        cases += 1
+    assert cases == 10
+
+
+@pytest.mark.parametrize(
+    ("value", "text"),
+    [(0, "0"), (1, "1"), (0.5, "0.5"), (0.001, "0.001"), (1e-13, "$10^{-13}$"), (5e-4, "0.0005"), (1e4, "$10^{4}$"),
+     (2500, "2500"), (-3, "-3")],
+)  # fmt: skip
+def test_plain_numbers(value, text):
+    assert plain(value) == text

@@ -1,0 +1,110 @@
+"""The notebooks as they are shipped: run from top to bottom, without an error, readable without being run."""
+
+from __future__ import annotations
+
+import re
+import subprocess
+import sys
+from base64 import b64decode
+from pathlib import Path
+
+import nbformat
+import pytest
+
+ROOT = Path(__file__).parents[1]
+FOLDER = ROOT / "notebooks"
+NOTEBOOKS = sorted(FOLDER.glob("*.ipynb"))
+LARGEST = 1_500_000
+#: Figures of the thesis that a notebook shows, by the beginning of its name.
+FIGURES = {
+    "01": ("2.4", "2.5", "3.2", "3.3", "3.4", "3.5", "3.6", "3.7", "3.8"),
+    "02": ("3.1",),
+}
+
+
+@pytest.fixture(params=NOTEBOOKS, ids=lambda path: path.stem)
+def path(request) -> Path:
+    return request.param
+
+
+@pytest.fixture
+def notebook(path):
+    return nbformat.read(path, as_version=4)
+
+
+def code(notebook) -> list:
+    return [cell for cell in notebook.cells if cell.cell_type == "code"]
+
+
+def outputs(notebook) -> list:
+    return [output for cell in code(notebook) for output in cell.outputs]
+
+
+def test_there_are_notebooks():
+    assert {path.name[:2] for path in NOTEBOOKS} >= set(FIGURES)
+
+
+def test_valid_and_small(path, notebook):
+    nbformat.validate(notebook)
+    assert path.stat().st_size < LARGEST
+
+
+def test_run_once_from_top_to_bottom(notebook):
+    cells = code(notebook)
+    assert [cell.execution_count for cell in cells] == list(range(1, len(cells) + 1))
+    assert len(cells) >= 3
+
+
+def test_outputs_are_there_and_clean(notebook):
+    kinds = [output.output_type for output in outputs(notebook)]
+    assert "error" not in kinds
+    assert not [output for output in outputs(notebook) if output.get("name") == "stderr"]
+    pictures = [output.data["image/png"] for output in outputs(notebook) if "image/png" in output.get("data", {})]
+    assert len(pictures) >= 3
+    assert all(b64decode(picture).startswith(b"\x89PNG") for picture in pictures)
+
+
+def test_nothing_of_the_machine(path, notebook):
+    """No path, and nothing that differs from one run to the next."""
+    assert not re.search(r"(/home/|/root/|/tmp/|/work/|/Users/|C:\\\\|0x[0-9a-f]{8})", path.read_text(encoding="utf-8"))
+    assert set(notebook.metadata) == {"kernelspec", "language_info"}
+    assert notebook.metadata.language_info == {"name": "python"}
+    assert not any(cell.metadata for cell in notebook.cells)
+
+
+def test_no_long_function_in_a_cell(notebook):
+    """Code is in the package, the notebook tells the story."""
+    for cell in code(notebook):
+        for body in re.findall(r"^def .*\n((?:[ ]+.*\n?)+)", cell.source, re.MULTILINE):
+            assert len(body.splitlines()) <= 6, body
+
+
+def test_figures_of_the_thesis(path, notebook):
+    shown = "\n".join(cell.source for cell in notebook.cells)
+    ranges = [(major, int(a), int(b)) for major, a, b in re.findall(r"(\d)\.(\d) (?:to|and) \d\.(\d)", shown)]
+    wanted = FIGURES.get(path.name[:2], ())
+    for figure in wanted:
+        major, minor = figure.split(".")
+        in_range = any(major == m and a <= int(minor) <= b for m, a, b in ranges)
+        assert in_range or re.search(rf"figure {re.escape(figure)}\b", shown), figure
+
+
+def test_links_lead_somewhere(notebook):
+    targets = [
+        target
+        for cell in notebook.cells
+        if cell.cell_type == "markdown"
+        for target in re.findall(r"\]\(([^)#]+)\)", cell.source)
+        if not target.startswith("http")
+    ]
+    assert len(targets) >= 1
+    assert [target for target in targets if not (FOLDER / target).exists()] == []
+
+
+@pytest.mark.slow
+def test_they_run(path, tmp_path):
+    """In a kernel of their own, by the script that made them."""
+    command = [sys.executable, str(FOLDER / "execute.py"), "--check", str(path)]
+    done = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, timeout=300, check=False)
+    assert done.returncode == 0, done.stderr
+    assert path.name in done.stdout
