@@ -1,10 +1,11 @@
-"""Methods on equal terms: the same goals, start posture, acceptance test, controller and machine, one thread.
+"""Methods on equal terms: the same goals, look at them, start posture, controller, reward and machine, one thread.
 
 `python -m kinreach.compare` is the command; from Python:
 
     from kinreach.compare import Settings, compare
     results = compare(Settings(task="ur5", methods=("closed-form", "placo"), goals=50), out="results/mine")
 
+Solvers give one posture, trained policies act as in their environments; `deciding.GIVEN` says what each kind is given.
 Where to add things: a method is a line in `methods.py`, a task a module named in `tasks/__init__.py`.
 """
 

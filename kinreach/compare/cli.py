@@ -5,6 +5,7 @@ from __future__ import annotations
 import argparse
 from collections.abc import Sequence
 from pathlib import Path
+from textwrap import fill
 from typing import Any
 
 from rich.console import Console
@@ -16,11 +17,13 @@ from kinreach.compare.methods import METHODS
 from kinreach.compare.observation import GEOMETRIC, CameraSettings
 from kinreach.compare.scene_picture import write_scene
 from kinreach.compare.settings import DEFAULT_GOALS, Settings
-from kinreach.compare.tables import TABLE_WIDTH, footnotes, methods_table
+from kinreach.compare.tables import TABLE_WIDTH, budget_table, footnotes, methods_table
 from kinreach.compare.tasks import TASKS
 from kinreach.envs.ball_finder import PIPELINES
 
-_EPILOG = "methods: " + "; ".join(f"{task}: {', '.join(methods)}" for task, methods in METHODS.items())
+_METHODS = [f"methods of {task}: {', '.join(methods)}" for task, methods in METHODS.items()]
+#: Filled here: argparse would break names at their hyphens.
+_EPILOG = "\n".join(fill(line, 79, subsequent_indent="  ", break_on_hyphens=False) for line in _METHODS)
 
 
 def main(argv: Sequence[str], *, prog: str) -> int:
@@ -49,15 +52,18 @@ def main(argv: Sequence[str], *, prog: str) -> int:
     )
     suffix = "" if settings.camera is None else f"-{settings.observation}"
     out = Path("results") / f"compare-{settings.task}{suffix}" if arguments.out is None else Path(arguments.out)
+    chosen = "" if settings.methods == tuple(METHODS[settings.task]) else f" --methods {','.join(settings.methods)}"
     command = (
-        f"{prog} --task {settings.task} --methods {','.join(settings.methods)} "
-        f"--goals {settings.goals} --seed {settings.seed}{_camera_arguments(settings)}"
+        f"{prog} --task {settings.task}{chosen} --goals {settings.goals} --seed {settings.seed}"
+        f"{_camera_arguments(settings)}"
     )
     results = _measure(settings, out, fresh=arguments.fresh, command=command)
     scene_note = write_scene(TASKS[settings.task](), out / "scene.png", seed=settings.seed)
 
     console = Console(width=TABLE_WIDTH, highlight=False)
     console.print(methods_table(results, title=TASKS[settings.task].title))
+    console.print()
+    console.print(budget_table(results))
     for note in [*footnotes(results, out), scene_note]:
         console.print(note, style="dim", soft_wrap=True)
     return 0
@@ -85,9 +91,18 @@ def _measure(settings: Settings, out: Path, *, fresh: bool, command: str) -> dic
 
 
 def _parser(prog: str) -> Parser:
-    parser = Parser(prog=prog, description="Put all methods on the same goals and report how they do.", epilog=_EPILOG)
+    parser = Parser(
+        prog=prog,
+        description="Put all methods on the same goals and report how they do.",
+        epilog=_EPILOG,
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+    )
     parser.add_argument("--task", default=Settings.task, help=f"one of: {', '.join(TASKS)} (default: %(default)s)")
-    parser.add_argument("--methods", metavar="A,B", help="methods to compare (default: all of the task's)")
+    parser.add_argument(
+        "--methods",
+        metavar="A,B",
+        help="methods to compare, or files of policies (default: all of the task's)",
+    )
     parser.add_argument("--goals", type=int, default=DEFAULT_GOALS, metavar="N", help="default: %(default)s")
     parser.add_argument("--seed", type=int, default=0, metavar="S", help="of the goals (default: %(default)s)")
     parser.add_argument(

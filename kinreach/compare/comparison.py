@@ -3,14 +3,16 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
 
 from kinreach import provenance, statistics
 from kinreach.compare import figures
+from kinreach.compare.budget import MEANING
 from kinreach.compare.checkpoint import Checkpoint
-from kinreach.compare.methods import METHODS
+from kinreach.compare.deciding import GIVEN, Method
+from kinreach.compare.methods import new_method, short_name
 from kinreach.compare.observation import looking, what_is_told
 from kinreach.compare.runner import run_trials
 from kinreach.compare.settings import Settings
@@ -29,8 +31,11 @@ Progress = Callable[[int, int], None]
 #: What all tasks give every method alike.
 _COMMON_TERMS = {
     "tolerance": f"numeric solvers stop within {Tolerance().position:g} m and {Tolerance().orientation:g} rad",
-    "execution": f"from the start posture, two-phase, in MuJoCo; done when every joint rests within {TOLERANCE:g} rad",
-    "timing": "methods take turns on every goal after untimed warm-up solves; one process, one thread",
+    "execution": "from the start posture, in MuJoCo: one move, two-phase; a policy of several steps moves all joints "
+    f"at once and decides after each move; a move is done when every joint rests within {TOLERANCE:g} rad",
+    "timing": "methods take turns in random order on every goal after untimed warm-up decisions; one process, one "
+    "thread, one goal at a time; a policy's time is that of its features and its network, summed over its decisions",
+    "error_budget": f"seeing, deciding and moving: {MEANING}; the parts sum to the distance",
 }
 
 
@@ -60,26 +65,38 @@ def compare(
     Raises:
         OutputError: `out` cannot be written.
         InstallationError: A method's packages are missing, or cameras are to look and nothing can be drawn.
+        InputError: A policy's file cannot be read, is none, or is for another task.
     """
     out = Path(out)
     make_writable(out)
     task = TASKS[settings.task]()
-    solvers = {name: METHODS[settings.task][name](task.new_kinematics()) for name in settings.methods}
+    methods = {short_name(name): new_method(task, name) for name in settings.methods}
     versions, machine = provenance.versions(), provenance.machine()
+    for method in methods.values():
+        versions |= method.versions
     identity = {"settings": settings.to_dict(), "versions": versions, "machine": machine}
-    total = settings.goals * len(solvers)
+    total = settings.goals * len(methods)
     goals = task.goals(settings.goals, settings.seed)
     simulation = ArmSimulation(arm=task.arm_name)
     with looking(task, settings.camera, settings.seed) as look:
         checkpoint = Checkpoint(out / "records.jsonl", identity, fresh=fresh)
         progress(len(checkpoint.trials), total)
-        for trial in run_trials(task, solvers, goals, simulation, look=look, done=tuple(checkpoint.trials)):
+        for trial in run_trials(task, methods, goals, simulation, look=look, done=tuple(checkpoint.trials)):
             checkpoint.add(trial)
             progress(len(checkpoint.trials), total)
-    trials = sorted(checkpoint.trials, key=lambda trial: (trial.goal, settings.methods.index(trial.method)))
+    order = list(methods)
+    trials = sorted(checkpoint.trials, key=lambda trial: (trial.goal, order.index(trial.method)))
     results = {
-        "methods": [summarise(name, [trial for trial in trials if trial.method == name]) for name in settings.methods],
-        "settings": {**settings.to_dict(), "command": command, **_conditions(task, settings), "machine": machine},
+        "methods": [
+            summarise(name, method.kind, [trial for trial in trials if trial.method == name])
+            for name, method in methods.items()
+        ],
+        "settings": {
+            **settings.to_dict(),
+            "command": command,
+            **_conditions(task, settings, methods),
+            "machine": machine,
+        },
         "versions": versions,
     }
     _write(out, trials, results)
@@ -87,9 +104,11 @@ def compare(
     return results
 
 
-def _conditions(task: Task, settings: Settings) -> dict[str, Any]:
+def _conditions(task: Task, settings: Settings, methods: Mapping[str, Method]) -> dict[str, Any]:
+    kinds = {method.kind for method in methods.values()}
+    given = {f"given to a {kind}": words for kind, words in GIVEN.items() if kind in kinds}
     return {
-        "terms": {**task.terms(), "observation": what_is_told(settings.camera), **_COMMON_TERMS},
+        "terms": {**task.terms(), "observation": what_is_told(settings.camera), **given, **_COMMON_TERMS},
         "confidence": statistics.CONFIDENCE,
         "intervals": f"Wilson for rates; percentile bootstrap with {statistics.RESAMPLES} resamples for the rest",
     }

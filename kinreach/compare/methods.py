@@ -1,42 +1,54 @@
 """The methods that can be compared. To add one, add a line to `METHODS` under the tasks that it can do.
 
-A method turns a goal into a posture: its factory gets the task's kinematics (world frame, task's tip) and returns a
-`kinreach.kinematics.solvers.base.Solver`. Every method gets its own kinematics object, and factories import what
-they need themselves, so that one missing package does not disable the other methods.
+A factory gets the task and returns a `kinreach.compare.deciding.Method`: `SolverMethod` around a
+`kinreach.kinematics.solvers.base.Solver`, `PolicyMethod` around a trained policy, or another. Every method gets its own
+kinematics object, and factories import what they need themselves, so that one missing package does not disable the
+other methods.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from typing import Any
+from pathlib import Path
 
-from kinreach.kinematics.solvers.base import Solver
+from kinreach.compare.deciding import Method
+from kinreach.compare.policies import PolicyMethod, is_policy_file
+from kinreach.compare.solving import SeededMethod, SolverMethod
+from kinreach.compare.tasks import Task, UR5Task
 
-Factory = Callable[[Any], Solver]
+Factory = Callable[[Task], Method]
 
 
-def _closed_form(kinematics: Any) -> Solver:
+def _closed_form(task: Task) -> Method:
     from kinreach.kinematics.solvers.closed_form import ClosedFormSolver
 
-    return ClosedFormSolver(kinematics)
+    return SolverMethod(task, ClosedFormSolver(task.new_kinematics()))
 
 
-def _placo(kinematics: Any) -> Solver:
+def _placo(task: Task) -> Method:
     from kinreach.kinematics.solvers.placo_solver import PlacoSolver
 
-    return PlacoSolver(kinematics)
+    return SolverMethod(task, PlacoSolver(task.new_kinematics()))
 
 
-def _levenberg_marquardt(kinematics: Any) -> Solver:
+def _levenberg_marquardt(task: Task) -> Method:
     from kinreach.kinematics.solvers.levenberg_marquardt import LevenbergMarquardtSolver
 
-    return LevenbergMarquardtSolver(kinematics)
+    return SolverMethod(task, LevenbergMarquardtSolver(task.new_kinematics()))
 
 
-def _qp(kinematics: Any) -> Solver:
+def _qp(task: Task) -> Method:
     from kinreach.kinematics.solvers.qp_solver import QPSolver
 
-    return QPSolver(kinematics)
+    return SolverMethod(task, QPSolver(task.new_kinematics()))
+
+
+def _policy(name: str) -> Factory:
+    return lambda task: PolicyMethod(task.arm, name)
+
+
+def _hybrid(task: Task) -> Method:
+    return SeededMethod(PolicyMethod(task.arm, "single"), _levenberg_marquardt(task))
 
 
 _INVERSE_KINEMATICS: Mapping[str, Factory] = {
@@ -48,6 +60,35 @@ _INVERSE_KINEMATICS: Mapping[str, Factory] = {
 
 #: Methods by task and name, in the order in which reports show them.
 METHODS: Mapping[str, Mapping[str, Factory]] = {
-    "ur5": {**_INVERSE_KINEMATICS},
+    "ur5": {
+        **_INVERSE_KINEMATICS,
+        "ppo-single": _policy("ppo-single"),
+        "ppo-multi": _policy("ppo-multi"),
+        "ranked-single": _policy("single"),
+        "ranked-multi": _policy("multi"),
+        "thesis-ppo-single": _policy("thesis-single"),
+        "hybrid": _hybrid,
+    },
     "button": {**_INVERSE_KINEMATICS},
 }
+
+
+def known(task: str, name: str) -> bool:
+    """Whether a task has a method of this name: one of `METHODS`, or a file with a policy for the UR5."""
+    return name in METHODS[task] or (task == UR5Task.name and is_policy_file(name))
+
+
+def short_name(name: str) -> str:
+    """What results call a method: its name; of a policy's file without folder and ending."""
+    return Path(name).stem if is_policy_file(name) else name
+
+
+def new_method(task: Task, name: str) -> Method:
+    """Make a method that is `known`.
+
+    Raises:
+        InstallationError: Its packages are missing.
+        InputError: A file that is no policy, or one for another task.
+    """
+    factory = METHODS[task.name].get(name) or _policy(name)
+    return factory(task)

@@ -1,7 +1,8 @@
 """What the methods are told about a goal: where it truly is, or where the cameras of the environments saw it.
 
-A goal is looked at once, before any method solves it: all of them are told the same position. The cameras, the ways
-of finding the ball and the noise are those of the environments.
+A goal is looked at once, before any method decides: all of them are told of the same look. Solvers are told a position,
+policies are given what each camera measured, as the environment's agent is. The cameras, the ways of finding the ball
+and the noise are those of the environments.
 """
 
 from __future__ import annotations
@@ -78,10 +79,13 @@ class Sight:
     Attributes:
         position: Where the methods are told it is, in the world [m], shape (3,); None if no camera found the ball.
         look_s: Wall time of the look [s]; None where nobody looked and the position is the true one.
+        view: Where each of the two cameras saw it, in its own frame [m], shape (6,), with zeros for one that did not
+            find the ball; None where nobody looked.
     """
 
     position: Floats | None
     look_s: float | None = None
+    view: Floats | None = None
 
 
 #: Index of a goal and where it truly is, in the world [m], shape (3,), to what the methods are told.
@@ -96,10 +100,11 @@ def true_position(index: int, position: Floats) -> Sight:
 def what_is_told(camera: CameraSettings | None) -> str:
     """What the methods are told about a goal, in words, for the record beside the results."""
     if camera is None:
-        return "geometric: every method is told where the goal truly is"
+        return "geometric: every method is told where the goal truly is, policies as perfect cameras would say it"
     return (
-        f"camera: every method is told where the arm's two cameras saw the ball from the start posture, the mean of "
-        f"those that found it ({camera}); the verdict is about the true ball; a ball that none found is impossible"
+        f"camera: every method is told where the arm's two cameras saw the ball from the start posture, solvers the "
+        f"mean of those that found it, policies what each of them measured, zeros for one that did not find it "
+        f"({camera}); the verdict is about the true ball; a ball that none found is impossible"
     )
 
 
@@ -132,7 +137,7 @@ def looking(task: Task, camera: CameraSettings | None, seed: int) -> Iterator[Lo
             start = time.perf_counter()
             seen = view.look(simulation, rng)
             told = goal_in_world(task.arm, seen.values, seen.found)
-            return Sight(told, time.perf_counter() - start)
+            return Sight(told, time.perf_counter() - start, seen.values)
 
         look(0, task.goals(1, _WARM_UP_SEED)[0])
         yield look

@@ -6,12 +6,12 @@ from pathlib import Path
 
 from matplotlib.image import imsave
 
-from kinreach.compare.methods import METHODS
 from kinreach.compare.tasks import Task
 from kinreach.envs.rendering import render
 from kinreach.envs.simulation import ArmSimulation
 from kinreach.errors import InstallationError
 from kinreach.files import replacing
+from kinreach.kinematics.solvers.closed_form import ClosedFormSolver
 
 
 def write_scene(task: Task, path: Path, *, seed: int) -> str:
@@ -29,9 +29,7 @@ def write_scene(task: Task, path: Path, *, seed: int) -> str:
         OutputError: The file system refused.
     """
     goal = task.goals(1, seed)[0]
-    posture = METHODS[task.name]["closed-form"](task.new_kinematics()).solve(
-        task.ik_goal(goal), task.home, accept=task.accept
-    )
+    posture = ClosedFormSolver(task.new_kinematics()).solve(task.ik_goal(goal), task.home, accept=task.accept)
     simulation = ArmSimulation(task.arm_name, visual=True)
     simulation.reset(posture.q)
     simulation.place_ball(goal)

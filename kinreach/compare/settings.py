@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from dataclasses import asdict, dataclass
 from typing import Any
 
-from kinreach.compare.methods import METHODS
+from kinreach.compare.methods import METHODS, known, short_name
 from kinreach.compare.observation import CAMERA, GEOMETRIC, CameraSettings
 from kinreach.compare.tasks import TASKS
 from kinreach.errors import InputError, raise_unknown
@@ -19,7 +20,8 @@ class Settings:
 
     Attributes:
         task: Name of a task.
-        methods: Names of the methods to compare; all of the task's if empty.
+        methods: Names of the methods to compare, or paths of policies' files (`*.safetensors`, task `"ur5"`); all of
+            the task's own if empty.
         goals: Number of goals.
         seed: Of the goals and of the cameras' noise. The first N goals of a seed, and what is seen of them, are the
             same for every number of goals.
@@ -45,9 +47,10 @@ class Settings:
         available = METHODS[self.task]
         object.__setattr__(self, "methods", tuple(self.methods) or tuple(available))
         for name in self.methods:
-            if name not in available:
+            if not known(self.task, name):
                 raise_unknown(f"{self.task} method", name, available)
-            if self.methods.count(name) > 1:
+        for name, count in Counter(map(short_name, self.methods)).items():
+            if count > 1:
                 raise InputError(f"method {name!r} is named twice")
         if self.goals < 1:
             raise InputError(f"the number of goals must be at least 1, got {self.goals}")

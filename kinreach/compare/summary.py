@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 
+from kinreach.compare.budget import Budget
 from kinreach.compare.trials import Trial
 from kinreach.statistics import Statistic, bootstrap_intervals, mean, median, p95, wilson_interval
 
@@ -15,16 +16,18 @@ from kinreach.statistics import Statistic, bootstrap_intervals, mean, median, p9
 TOLERANCES_MM = (50, 20, 10, 5, 2, 1, 0.5)
 
 
-def summarise(name: str, trials: Sequence[Trial]) -> dict[str, Any]:
+def summarise(name: str, kind: str, trials: Sequence[Trial]) -> dict[str, Any]:
     """One entry of `methods` in `results.json`.
 
     Rates are over all goals. Distances are over all goals too: an impossible one counts with the distance at which
-    the arm stood. A goal succeeds at a tolerance if its move was completed and ended within it. Moving times are
-    over completed moves, times and counts of the solver over goals that it was asked for, errors of what the cameras
-    saw over balls that one of them found. A quantity that was never measured is None.
+    the arm stood. A goal succeeds at a tolerance if its last move was completed and ended within it. Moving times,
+    moving errors and the error budget are over goals whose last move was completed, times and counts of decisions over
+    goals that the method was asked for, errors of what the cameras saw over balls that one of them found. A quantity
+    that was never measured is None.
 
     Args:
         name: Of the method.
+        kind: Of the method.
         trials: Its trials, at least one.
     """
     success = {
@@ -36,6 +39,7 @@ def summarise(name: str, trials: Sequence[Trial]) -> dict[str, Any]:
     (reward_mean,), (reward_ci,) = _estimate([t.reward for t in trials], (mean,))
     return {
         "name": name,
+        "kind": kind,
         "goals": len(trials),
         "reached": reached,
         "reached_ci": reached_ci,
@@ -50,7 +54,9 @@ def summarise(name: str, trials: Sequence[Trial]) -> dict[str, Any]:
         **_median_p95("posture_error", trials, lambda t: t.posture_error),
         **_median_p95("observed_error_mm", trials, lambda t: _thousand(t.seen_error)),
         **_median_p95("look_ms", trials, lambda t: _thousand(t.look_s)),
-        **_median_p95("ik_error_mm", trials, lambda t: None if t.q is None else _thousand(t.ik_error)),
+        **_median_p95("ik_error_mm", trials, lambda t: _thousand(t.ik_error)),
+        **_median_p95("move_error_mm", trials, lambda t: _thousand(t.move_error)),
+        **_budget([t for t in trials if t.seeing is not None]),
         **_median_p95("solve_ms", trials, lambda t: _thousand(t.solve_s)),
         **_median_p95("accept_ms", trials, lambda t: _thousand(t.accept_s)),
         **_median_p95("move_s", trials, lambda t: t.move_s),
@@ -63,6 +69,18 @@ def summarise(name: str, trials: Sequence[Trial]) -> dict[str, Any]:
 def _thousand(value: float | None) -> float | None:
     """From metres to millimetres, from seconds to milliseconds."""
     return None if value is None else 1e3 * value
+
+
+def _budget(completed: Sequence[Trial]) -> dict[str, Any]:
+    """Means of the distance and of its parts."""
+    names = (*Budget._fields, "distance")
+    if not completed:
+        return {"budget_mm": dict.fromkeys(names), "budget_mm_ci": dict.fromkeys(names)}
+    means = {name: _estimate([1e3 * getattr(t, name) for t in completed], (mean,)) for name in names}
+    return {
+        "budget_mm": {name: value for name, ((value,), _) in means.items()},
+        "budget_mm_ci": {name: interval for name, (_, (interval,)) in means.items()},
+    }
 
 
 def _median_p95(key: str, trials: Sequence[Trial], value: Callable[[Trial], float | None]) -> dict[str, Any]:

@@ -13,6 +13,7 @@ from rich.console import Console
 from rich.table import Table
 from rich.text import Text
 
+from kinreach.compare.budget import Budget
 from kinreach.compare.observation import CameraSettings
 from kinreach.compare.trials import COMPLETED, Trial
 
@@ -40,14 +41,10 @@ def _cell(value: Any) -> Any:
 def methods_table(results: Mapping[str, Any], *, title: str) -> Table:
     """One row per method, at most `TABLE_WIDTH` characters wide; a column more where the cameras looked."""
     looked = results["settings"].get("camera") is not None
-    table = Table(title=title, title_style="bold", title_justify="left", box=None, pad_edge=False, header_style="bold")
-    table.add_column("method", no_wrap=True)
-    headings = (
-        "reached % [95 % CI]", *(["seen\nmm"] if looked else []), "distance mm\nmedian / p95", "< 1 mm\n%",
+    table = _table(
+        title, "reached % [95 % CI]", *(["seen\nmm"] if looked else []), "distance mm\nmedian / p95", "< 1 mm\n%",
         "impos-\nsible %", "reward\nmean", "solve ms\nmedian / p95", "move s\nmedian",
     )  # fmt: skip
-    for heading in headings:
-        table.add_column(heading, justify="right", no_wrap=True)
     for method in results["methods"]:
         low, high = method["reached_ci"]
         table.add_row(
@@ -66,6 +63,26 @@ def methods_table(results: Mapping[str, Any], *, title: str) -> Table:
     return table
 
 
+def budget_table(results: Mapping[str, Any]) -> Table:
+    """What each method's mean distance consists of, and what its decisions took; as wide as `methods_table` at most."""
+    table = _table(
+        "Where the distance comes from", "seeing\nmm", "+ deciding\nmm", "+ moving\nmm", "= distance\nmean mm",
+        "iterations\nmedian / p95", "restarts\nmedian / p95",
+    )  # fmt: skip
+    for method in results["methods"]:
+        parts = (number(method["budget_mm"][name]) for name in (*Budget._fields, "distance"))
+        table.add_row(Text(method["name"]), *parts, _counts(method["iterations"]), _counts(method["restarts"]))
+    return table
+
+
+def _table(title: str, *headings: str) -> Table:
+    table = Table(title=title, title_style="bold", title_justify="left", box=None, pad_edge=False, header_style="bold")
+    table.add_column("method", no_wrap=True)
+    for heading in headings:
+        table.add_column(heading, justify="right", no_wrap=True)
+    return table
+
+
 def footnotes(results: Mapping[str, Any], out: Path) -> list[str]:
     """What the table's numbers mean, the command that gives them again, and where everything was written."""
     settings = results["settings"]
@@ -75,8 +92,10 @@ def footnotes(results: Mapping[str, Any], out: Path) -> list[str]:
         f"{settings['goals']} goals, seed {settings['seed']}. Reached: {reached}; its 95 % interval is Wilson's.",
         *_seen(results),
         "Distance, move: simulated in MuJoCo. Solve: wall time on one thread, acceptance tests included.",
+        "Iterations: a solver's steps, a policy's decisions. Seeing, deciding and moving sum to the distance:",
+        "the component of each error along the line from the goal to the tip, mean over completed moves.",
         f"Again: {settings['command']}",
-        f"In {out}: results.json (with all intervals), results.csv, {{errors,success,times}}.png",
+        f"In {out}: results.json, results.csv, {{errors,success,times,budget}}.png",
     ]
 
 
@@ -115,3 +134,7 @@ def number(value: float | None) -> str:
 
 def _pair(summary: Mapping[str, float | None]) -> str:
     return f"{number(summary['median'])} / {number(summary['p95'])}"
+
+
+def _counts(summary: Mapping[str, float | None]) -> str:
+    return " / ".join("-" if count is None else f"{count:.3g}" for count in (summary["median"], summary["p95"]))

@@ -1,14 +1,18 @@
-"""Trials made up for tests of what is done with trials, and cameras for those without OpenGL."""
+"""Trials made up for tests of what is done with trials, cameras for those without OpenGL, and policies that fail."""
 
 from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import replace
+from importlib.resources import files
+from pathlib import Path
 from typing import Any, ClassVar
 
 import numpy as np
 import pytest
 
+from kinreach.baselines.policy_file import read_policy, save_policy
+from kinreach.compare.tasks import UR5Task
 from kinreach.compare.trials import Trial
 from kinreach.envs.goal_view import GoalLook, geometric_goal_view
 from kinreach.envs.rgbd import SensorNoise
@@ -38,6 +42,10 @@ _GOOD = Trial(
     accept_s=1e-4,
     move_s=1.25,
     q=(0.1, -1.5, 1.5, -1.5, -1.5, 0.0),
+    move_error=0.0015,
+    seeing=0.0,
+    deciding=-0.0005,
+    moving=0.002,
 )
 
 
@@ -50,7 +58,8 @@ def make_trials() -> TrialFactory:
 @pytest.fixture
 def impossible() -> Trial:
     """A trial in which no posture was found."""
-    nothing = {"q": None, "move_s": None, "reached": False, "reward": -100.0}
+    nothing = dict.fromkeys(("q", "move_s", "ik_error", "move_error", "seeing", "deciding", "moving"))
+    nothing |= {"reached": False, "reward": -100.0}
     return replace(_GOOD, impossible=True, status="out of reach", reason="too far", distance=0.5, **nothing)
 
 
@@ -95,3 +104,32 @@ def stand_in(monkeypatch: pytest.MonkeyPatch) -> type[StandInView]:
     fresh = type("Fresh", (StandInView,), {"made": []})
     monkeypatch.setattr("kinreach.compare.observation.CameraGoalView", fresh)
     return fresh
+
+
+@pytest.fixture
+def no_figures(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Leave out the figures; and the same code, even if somebody edits a module in between."""
+    monkeypatch.setattr("kinreach.compare.figures.write_all", lambda out, trials, results: None)
+    monkeypatch.setattr("kinreach.provenance.source_digest", lambda: "0" * 12)
+
+
+@pytest.fixture
+def clumsy(tmp_path: Path) -> Path:
+    """A folder with `single.safetensors` and `multi.safetensors`: the shipped ones, but they run into the table."""
+    for name in ("single", "multi"):
+        card, network = read_policy(Path(str(files("kinreach.baselines"))) / "pretrained" / f"{name}.safetensors")
+        lower = np.add(network.shift, (0, 0.3, 0, 0, 0, 0))  # shoulder_lift by 54 degrees, or at every step
+        save_policy(tmp_path / f"{name}.safetensors", card, replace(network, shift=lower))
+    return tmp_path
+
+
+@pytest.fixture(scope="module")
+def task() -> UR5Task:
+    """The UR5's task."""
+    return UR5Task()
+
+
+@pytest.fixture(scope="module")
+def simulation() -> ArmSimulation:
+    """The UR5's simulation."""
+    return ArmSimulation("ur5")

@@ -29,13 +29,6 @@ def out(needs_gl: None, tmp_path_factory: pytest.TempPathFactory) -> Path:
     return folder
 
 
-@pytest.fixture
-def no_figures(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Leave out the figures; and the same code, even if somebody edits a module in between."""
-    monkeypatch.setattr("kinreach.compare.figures.write_all", lambda out, trials, results: None)
-    monkeypatch.setattr("kinreach.provenance.source_digest", lambda: "0" * 12)
-
-
 def _rows(folder: Path) -> list[dict[str, str]]:
     """Rows of `results.csv` without the times that a clock measured."""
     rows = csv.DictReader((folder / "results.csv").read_text().splitlines())
@@ -104,6 +97,9 @@ def test_the_closed_form_goes_where_it_was_told_and_reaches_every_ball(out: Path
         np.testing.assert_allclose(tip, _point(row, "seen_"), atol=1e-9)
         assert float(row["ik_error"]) < 1e-9
         assert abs(float(row["distance"]) - float(row["seen_error"])) < 0.001  # what the move adds or takes away
+        parts = [float(row[part]) for part in ("seeing", "deciding", "moving")]
+        assert sum(parts) == pytest.approx(float(row["distance"]), abs=1e-15)
+        assert parts[0] > 0.5 * float(row["distance"])
 
 
 @pytest.mark.usefixtures("no_figures")

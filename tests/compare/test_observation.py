@@ -12,12 +12,6 @@ from kinreach.envs.goal_view import CameraGoalView
 from kinreach.errors import InputError, InstallationError, UnknownNameError
 
 
-@pytest.fixture(scope="module")
-def task() -> UR5Task:
-    """The UR5's task."""
-    return UR5Task()
-
-
 def test_the_geometric_observation_is_the_true_goal(task: UR5Task) -> None:
     goal = task.goals(1, 0)[0]
     with looking(task, None, 0) as look:

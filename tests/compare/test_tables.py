@@ -9,9 +9,10 @@ from typing import Any
 import pytest
 from rich.console import Console
 
+from kinreach.compare.deciding import POLICY, SOLVER
 from kinreach.compare.methods import METHODS
 from kinreach.compare.summary import summarise
-from kinreach.compare.tables import TABLE_WIDTH, footnotes, methods_table, number, trials_csv
+from kinreach.compare.tables import TABLE_WIDTH, budget_table, footnotes, methods_table, number, trials_csv
 from kinreach.compare.trials import Trial
 
 TrialFactory = Callable[..., list[Trial]]
@@ -19,11 +20,11 @@ TrialFactory = Callable[..., list[Trial]]
 
 @pytest.fixture
 def results(make_trials: TrialFactory, impossible: Trial) -> dict[str, Any]:
-    """Results with wide numbers and the longest method name planned."""
+    """Results with wide numbers and all methods there are."""
     wide = make_trials(150, distance=0.3456, solve_s=0.1234, move_s=12.345, reached=False, reward=-12.345)
-    summary = summarise("any", [*wide, impossible])
+    summary = summarise("any", POLICY, [*wide, impossible])
     return {
-        "methods": [summary | {"name": name} for name in (*METHODS["ur5"], "thesis-ppo-single")],
+        "methods": [summary | {"name": name} for name in METHODS["ur5"]],
         "settings": {
             "goals": 151,
             "seed": 0,
@@ -36,7 +37,7 @@ def results(make_trials: TrialFactory, impossible: Trial) -> dict[str, Any]:
 @pytest.fixture
 def seen(results: dict[str, Any], make_trials: TrialFactory) -> dict[str, Any]:
     """The same, and cameras that looked."""
-    summary = summarise("lm", make_trials(3, seen_error=0.00444, look_s=0.8391))
+    summary = summarise("lm", SOLVER, make_trials(3, seen_error=0.00444, look_s=0.8391))
     looks = {key: summary[key] for key in ("observed_error_mm", "look_ms")}
     camera = {"pipeline": "thesis", "width": 1280, "height": 720, "rgb_noise": 12.5, "depth_noise": 0.0025}
     return {
@@ -60,7 +61,7 @@ def test_the_table_fits_into_its_width_with_nothing_cut(results: dict[str, Any])
 
 def test_every_method_has_its_row_with_its_numbers(results: dict[str, Any]) -> None:
     rows = [line.split() for line in _printed(results, TABLE_WIDTH)[3:]]
-    assert [row[0] for row in rows] == [*METHODS["ur5"], "thesis-ppo-single"]
+    assert [row[0] for row in rows] == list(METHODS["ur5"])
     assert {" ".join(row[1:]) for row in rows} == {"0.0 [0.0, 2.5] 346 / 346 0.0 0.7 -12.9 123 / 123 12.3"}
 
 
@@ -71,6 +72,16 @@ def test_what_the_cameras_saw_is_a_column_and_fits(seen: dict[str, Any], results
     rows = [line.split() for line in lines[3:]]
     assert {" ".join(row[1:]) for row in rows} == {"0.0 [0.0, 2.5] 4.44 346 / 346 0.0 0.7 -12.9 123 / 123 12.3"}
     assert "seen" not in " ".join(_printed(results, TABLE_WIDTH))
+
+
+def test_the_error_budget_adds_up_and_fits(results: dict[str, Any]) -> None:
+    console = Console(width=TABLE_WIDTH, file=io.StringIO(), highlight=False)
+    console.print(budget_table(results))
+    lines = [line.rstrip() for line in console.file.getvalue().splitlines()]  # type: ignore[attr-defined]
+    assert 80 < max(map(len, lines)) <= TABLE_WIDTH
+    rows = [line.split() for line in lines[3:]]
+    assert [row[0] for row in rows] == list(METHODS["ur5"])
+    assert {" ".join(row[1:]) for row in rows} == {"0.00 -0.50 2.00 346 0 / 0 0 / 0"}
 
 
 def test_columns_are_two_spaces_apart_where_they_fit(seen: dict[str, Any]) -> None:

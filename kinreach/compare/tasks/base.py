@@ -9,7 +9,7 @@ from typing import ClassVar
 
 import numpy as np
 
-from kinreach.kinematics.arm import ArmKinematics
+from kinreach.kinematics.closed_form import ClosedFormKinematics
 from kinreach.kinematics.collision import CollisionChecker
 from kinreach.kinematics.goals import Floats, Goal
 from kinreach.robots import get_arm
@@ -56,7 +56,7 @@ class Task(ABC):
         self._collisions = CollisionChecker(self.kinematics)
 
     @abstractmethod
-    def new_kinematics(self) -> ArmKinematics:
+    def new_kinematics(self) -> ClosedFormKinematics:
         """A kinematics of the task's arm in the world frame; every solver gets its own."""
 
     @abstractmethod

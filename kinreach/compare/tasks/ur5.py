@@ -45,8 +45,8 @@ class UR5Task(Task):
         return {
             "goal": "ball's centre in the world, uniform on the table area; tcp there, z axis down, free about it",
             "seed_posture": "the start posture of the arm, the same for every goal",
-            "accept": "no collision (self, table, mount, pedestal, floor) and r_e < 0.15",
-            "distance": "tcp to the ball's centre after the move, in the simulation",
+            "accept": "solvers' postures: no collision (self, table, mount, pedestal, floor) and r_e < 0.15",
+            "distance": "tcp to the ball's centre after the last move, in the simulation",
             "reached": self.reached_means,
-            "reward": "the thesis's; impossible -100",
+            "reward": "the thesis's, of the last move; impossible -100",
         }
