@@ -1,6 +1,6 @@
 """Single-step episodes of the UR5 under full dynamics: a Python loop, and the native batch on one thread and on two.
 
-    python -m benchmarks.episodes [--goals 64] [--rounds 7]
+    python -m benchmarks.episodes [--goals 256] [--rounds 7]
 
 An episode is a reset, a two-phase move from home to a tool-down posture at the goal, and the tip's position read.
 Rounds are interleaved, so that a busy machine hits all alike; trust the ratios. With one free core the batch on two
@@ -69,7 +69,7 @@ def table(times: dict[str, np.ndarray], episodes: int) -> str:
 def main(argv: list[str] | None = None) -> int:
     """Measure and print."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--goals", type=int, default=64)
+    parser.add_argument("--goals", type=int, default=256)
     parser.add_argument("--rounds", type=int, default=7)
     args = parser.parse_args(argv)
     kinematics = UR5Kinematics(tip="tcp", base="world")

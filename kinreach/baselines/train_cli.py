@@ -49,7 +49,8 @@ def main(argv: Sequence[str], *, prog: str) -> int:
         folder = out / recipe.name / f"seed-{seed}"
         run = _train(recipe, folder, seed, arguments, prog)
         console.print(f"{folder}: {run.seconds:.0f} s, {run.cpu_seconds:.0f} s of processor time", soft_wrap=True)
-        evaluations[f"seed {seed}"] = evaluate(run.policy, goals=GOALS, options=recipe.options).summary()
+        options = {name: value for name, value in recipe.options.items() if name != "end_on_reached"}
+        evaluations[f"seed {seed}"] = evaluate(run.policy, goals=GOALS, options=options).summary()
     console.print(evaluation_table(evaluations, title=f"{recipe.name}, {GOALS} held-out goals"))
     again = f"kinreach evaluate {out / recipe.name}/seed-*/policy.safetensors"
     console.print(f"More goals, dynamics, cameras: {again}", style="dim", soft_wrap=True)
@@ -89,7 +90,8 @@ def _train(recipe: Recipe, folder: Path, seed: int, arguments: argparse.Namespac
                 progress=show,
             )
         except KeyboardInterrupt:
-            again = f"{prog} {recipe.name} --seed {seed} --out {folder.parent.parent} --resume"
+            steps = "" if arguments.steps is None else f" --steps {arguments.steps}"
+            again = f"{prog} {recipe.name} --seed {seed}{steps} --out {folder.parent.parent} --resume"
             raise KeyboardInterrupt(f"interrupted; what is in {folder} is kept; go on with: {again}") from None
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Any
 
 from kinreach.baselines.recipes.base import MULTI, SINGLE, Networks, Recipe
@@ -30,10 +31,10 @@ _RANKED = {
     "adam": {"betas": (0.9, 0.99), "eps": 1e-5},
 }
 
-#: 64 environments in step, four updates a step: 20 000 updates of 320 000 actions.
+#: 64 environments in step, four updates a step: 10 000 updates of 160 000 actions.
 _OFF_POLICY = {
     "learning_rate": 1e-3,
-    "buffer_size": 320_000,
+    "buffer_size": 160_000,
     "learning_starts": 6_400,
     "batch_size": 256,
     "train_freq": 1,
@@ -50,7 +51,7 @@ def _off_policy(algorithm: str, environment: str, gamma: float, **settings: Any)
         environment=environment,
         options={"backend": "kinematic", **({} if environment == SINGLE else {"end_on_reached": False})},
         algorithm=algorithm,
-        steps=320_000,
+        steps=160_000,
         num_envs=64,
         reward="floored",
         networks=Networks(hidden=(128, 128), activation="relu", features="scaled"),
@@ -58,6 +59,43 @@ def _off_policy(algorithm: str, environment: str, gamma: float, **settings: Any)
         window=3_200,
     )
 
+
+_THESIS_MULTI = Recipe(
+    name="thesis-multi",
+    trace_after=25_000,
+    summary="The thesis's multi-step path planning with its settings: γ 0.99, 4096 steps an update, rate 2.5e-4.",
+    environment=MULTI,
+    algorithm="PPO",
+    steps=150_000,
+    num_envs=1,
+    options={"backend": "kinematic"},
+    settings={**_THESIS_PPO, "gamma": 0.99, "n_steps": 4096, "batch_size": 1024, "learning_rate": 2.5e-4},
+)
+_PPO_MULTI = Recipe(
+    name="ppo-multi",
+    summary="PPO with scheduled exploration and an adaptive rate, γ 0.7; the thesis's reward, not below -30.",
+    environment=MULTI,
+    options={"backend": "kinematic", "end_on_reached": False},
+    algorithm="AdaptivePPO",
+    steps=5_000_000,
+    num_envs=1024,
+    reward="floored",
+    networks=Networks(activation="silu", features="scaled"),
+    settings={
+        "n_steps": 16,
+        "n_epochs": 4,
+        "minibatches": 4,
+        "gamma": 0.7,
+        "gae_lambda": 0.9,
+        "clip_range": 0.2,
+        "vf_coef": 0.5,
+        "max_grad_norm": 0.5,
+        "exploration": {"first": 0.5, "last": 0.05, "until": 0.8},
+        "adaptive": {"first": 1e-3, "target_kl": 0.02},
+        "adam": {"eps": 1e-5},
+    },
+    window=20_480,
+)
 
 REACH_RECIPES = (
     Recipe(
@@ -71,17 +109,7 @@ REACH_RECIPES = (
         options={"backend": "kinematic"},
         settings={**_THESIS_PPO, "gamma": 0.0, "n_steps": 128, "batch_size": 32, "learning_rate": 1e-3},
     ),
-    Recipe(
-        name="thesis-multi",
-        trace_after=25_000,
-        summary="The thesis's multi-step path planning with its settings: γ 0.99, 4096 steps an update, rate 2.5e-4.",
-        environment=MULTI,
-        algorithm="PPO",
-        steps=150_000,
-        num_envs=1,
-        options={"backend": "kinematic"},
-        settings={**_THESIS_PPO, "gamma": 0.99, "n_steps": 4096, "batch_size": 1024, "learning_rate": 2.5e-4},
-    ),
+    _THESIS_MULTI,
     Recipe(
         name="ppo-single",
         summary="PPO with scheduled exploration and an adaptive rate; the thesis's reward, not below -30.",
@@ -107,30 +135,22 @@ REACH_RECIPES = (
         },
         window=20_480,
     ),
-    Recipe(
-        name="ppo-multi",
-        summary="PPO with scheduled exploration and an adaptive rate, γ 0.7; the thesis's reward, not below -30.",
-        environment=MULTI,
-        options={"backend": "kinematic", "end_on_reached": False},
-        algorithm="AdaptivePPO",
+    _PPO_MULTI,
+    replace(
+        _PPO_MULTI,
+        name="ppo-multi-ending",
+        summary="As ppo-multi, but reaching ends the episode in training too, as in the thesis: what loitering pays.",
+        options={"backend": "kinematic"},
+    ),
+    replace(
+        _THESIS_MULTI,
+        name="thesis-multi-long",
+        summary="As thesis-multi, with 128 environments in step and 33 times as many steps: whether time was lacking.",
         steps=5_000_000,
-        num_envs=1024,
-        reward="floored",
-        networks=Networks(activation="silu", features="scaled"),
-        settings={
-            "n_steps": 16,
-            "n_epochs": 4,
-            "minibatches": 4,
-            "gamma": 0.7,
-            "gae_lambda": 0.9,
-            "clip_range": 0.2,
-            "vf_coef": 0.5,
-            "max_grad_norm": 0.5,
-            "exploration": {"first": 0.5, "last": 0.05, "until": 0.8},
-            "adaptive": {"first": 1e-3, "target_kl": 0.02},
-            "adam": {"eps": 1e-5},
-        },
+        num_envs=128,
+        settings={**_THESIS_MULTI.settings, "n_steps": 32},
         window=20_480,
+        trace_after=None,
     ),
     Recipe(
         name="single",
