@@ -126,8 +126,10 @@ class _Run:
             soonest, nothing_new = self.arrival.min(), True
             while nothing_new:
                 until = self.next_look(soonest)
-                times = np.minimum(np.arange(self.time, until), len(self.line) - 1)
-                setpoints = self.line[times] if rows.size == self.end.size else self.line[times[:, None], rows]
+                setpoints = self.line[self.time : until]
+                if len(setpoints) < until - self.time:  # the last remains
+                    setpoints = self.line[np.minimum(np.arange(self.time, until), len(self.line) - 1)]
+                setpoints = setpoints if rows.size == self.end.size else setpoints[:, rows]
                 self.plant.follow(self.ids[rows], self.rule.servos, setpoints, self.rule.substeps)
                 self.time = until
                 nothing_new = not self.look()
@@ -147,14 +149,18 @@ class _Run:
         them, and must not matter.
         """
         speed = np.maximum.reduce(np.abs(self.plant.qvel[self.at_dof]), axis=1)
-        off = np.maximum.reduce(np.abs(self.plant.qpos[self.at_qpos] - self.goal), axis=1)
         if self.time % STALL_LOOK == 0:
             self.calm = (self.calm + 1) * (speed < STALL_SPEED)
             self.stalled = self.calm >= STALL_LOOKS
+        arrived, late = self.time > self.arrival, self.time >= self.deadline
+        stands = self.stalled | (arrived & (speed <= self.rest_speed))
+        if not (stands | late).any():
+            return False
+        off = np.maximum.reduce(np.abs(self.plant.qpos[self.at_qpos] - self.goal), axis=1)
         near = off <= self.rule.tolerance
-        there = near & (self.time > self.arrival) & ((speed <= self.rest_speed) | self.stalled)
+        there = near & arrived & stands
         held = self.stalled & ~near
-        late = (self.time >= self.deadline) & ~there & ~held
+        late &= ~(there | held)
         over = there | held | late
         if not over.any():
             return False

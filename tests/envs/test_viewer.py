@@ -61,7 +61,7 @@ def screen(tmp_path, monkeypatch):
         server.terminate()
 
 
-@pytest.mark.parametrize("backend", ["kinematic", "mujoco"])
+@pytest.mark.parametrize("backend", ["mujoco", pytest.param("kinematic", marks=pytest.mark.slow)])
 def test_the_viewer_shows_the_ball_and_closes(screen, run_python, backend):
     done = run_python("-c", PROGRAM, backend, str(screen))
     assert done.returncode == 0, done.stderr

@@ -1,6 +1,5 @@
 """The scene under torque: its dynamics are Pinocchio's, its good looks change nothing, its button shows its state."""
 
-import sys
 from types import SimpleNamespace
 
 import gymnasium as gym
@@ -139,8 +138,7 @@ def test_the_viewer_runs_no_faster_than_the_clock(monkeypatch):
     """With a viewer that opens no window and a clock that only sleeping moves."""
     clock, syncs = [0.0], []
     viewer = SimpleNamespace(sync=lambda: syncs.append(clock[0]), close=lambda: syncs.append("closed"))
-    monkeypatch.setitem(sys.modules, "mujoco.viewer", SimpleNamespace(launch_passive=lambda model, data: viewer))
-    monkeypatch.setattr(mujoco, "viewer", sys.modules["mujoco.viewer"], raising=False)
+    monkeypatch.setattr("kinreach.envs.picture.SceneViewer", lambda model, data, *, camera: viewer)
     monkeypatch.setattr("time.monotonic", lambda: clock[0])
     monkeypatch.setattr("time.sleep", lambda seconds: clock.__setitem__(0, clock[0] + seconds))
     env = make(render_mode="human", actuation="report")

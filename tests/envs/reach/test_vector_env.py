@@ -1,5 +1,7 @@
 """Native batches are as many single environments."""
 
+import copy
+
 import gymnasium as gym
 import numpy as np
 import pytest
@@ -7,6 +9,7 @@ from gymnasium.vector import AutoresetMode
 
 import kinreach
 from kinreach.errors import InputError
+from kinreach.kinematics import UR5Kinematics
 
 SINGLE, MULTI = "kinreach/UR5SingleStep-v0", "kinreach/UR5MultiStep-v0"
 ARRAYS = ("goal", "distance", "posture_error", "reached", "is_success", "impossible")
@@ -67,6 +70,34 @@ def test_a_batch_equals_single_environments(name, backend, count, steps, toleran
     assert ended == count * steps if name == SINGLE else True
     assert name == SINGLE or backend == "mujoco" or ended >= count
     batch.close()
+
+
+@pytest.mark.parametrize(("name", "backend"), [(SINGLE, "kinematic"), (MULTI, "kinematic"), (SINGLE, "mujoco")])
+def test_what_a_step_returned_is_not_touched_by_later_ones(name, backend):
+    batch = make_vec(name, 4, backend=backend)
+    q = np.tile([-1.8, -1.0, 1.9, -2.47, -np.pi / 2, 0.0], (4, 1))
+    goals = UR5Kinematics(tip="tcp", base="world").positions(q) + np.arange(4)[:, None] * [0.0, 0.02, 0.0]
+    returned = [batch.reset(seed=1, options={"q": q, "goal": goals})]
+    scale = 1.0 if name == SINGLE else 0.0
+    returned += [batch.step(scale * actions) for actions in actions_for(name, 4, 4)]
+    ended = returned[1][4]["_final_info"]
+    assert ended.all() if name == SINGLE else ended.tolist() == [True, False, False, False]
+    kept = copy.deepcopy(returned)
+    for actions in actions_for(name, 4, 102 if name == MULTI else 3):
+        batch.step(actions)
+    compared = 0
+    for old, new in zip(flat(kept), flat(returned), strict=True):
+        np.testing.assert_array_equal(old, new)
+        compared += 1
+    assert compared > 50
+
+
+def flat(value):
+    """The arrays in nested lists, tuples and dicts."""
+    if isinstance(value, np.ndarray):
+        yield value
+    for part in value.values() if isinstance(value, dict) else value if isinstance(value, list | tuple) else ():
+        yield from flat(part)
 
 
 @pytest.mark.parametrize("threads", [1, 2])
