@@ -12,10 +12,11 @@ import gymnasium as gym
 import numpy as np
 
 import kinreach  # registers the environments
+from kinreach.baselines.learned import pretrained_names
 from kinreach.baselines.scripted import Policy
 from kinreach.cli import Parser
 from kinreach.demo.film import Film
-from kinreach.demo.tasks import POLICIES, TASKS
+from kinreach.demo.tasks import POLICIES, TASKS, make_policy
 from kinreach.envs.button import ACTUATIONS
 from kinreach.envs.reach.options import BACKENDS, OBSERVATIONS
 from kinreach.errors import InputError, raise_unknown
@@ -49,7 +50,7 @@ def main(argv: Sequence[str], *, prog: str) -> int:
         print("No screen here: nothing is drawn. --video FILE.gif or FILE.mp4 films it.", file=sys.stderr)
     env = gym.make(task.name, render_mode=mode, **{name: getattr(arguments, name) for name in task.options})
     try:
-        policy = POLICIES[arguments.policy](task, env, arguments)
+        policy = make_policy(arguments.policy, task, env, arguments)
         film = Film(arguments.video, fps=FILM_FPS) if arguments.video else nullcontext()
         with film as reel:
             reached, episodes = _run(env, policy, arguments, printed, reel)
@@ -115,8 +116,6 @@ def _arguments(argv: Sequence[str], prog: str) -> Any:
             setattr(arguments, name, default)
     if arguments.steps < 1 or arguments.reset_every < 1:
         raise InputError(f"steps and reset-every must be at least 1, got {arguments.steps}, {arguments.reset_every}")
-    if arguments.policy not in POLICIES:
-        raise_unknown("policy", arguments.policy, POLICIES)
     return arguments
 
 
@@ -126,7 +125,11 @@ def _parser(prog: str) -> Parser:
 
     parser = Parser(prog=prog, description=f"Watch an environment of kinreach {kinreach.__version__}.")
     parser.add_argument("--env", default="single", help=f"one of: {', '.join(TASKS)} (default: %(default)s)")
-    parser.add_argument("--policy", help=f"one of: {', '.join(POLICIES)} (default for {by_task('policy')})")
+    parser.add_argument(
+        "--policy",
+        help=f"one of: {', '.join([*POLICIES, *pretrained_names()])}; or the file of a trained policy "
+        f"(default for {by_task('policy')})",
+    )
     parser.add_argument("--steps", type=int, metavar="N", help=f"default for {by_task('steps')}")
     parser.add_argument(
         "--reset-every", type=int, default=1000, metavar="N", help="or when an episode ends (default: %(default)s)"

@@ -4,12 +4,15 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Any
 
 import gymnasium as gym
 
 from kinreach.baselines.button_controller import AnalyticButtonPolicy
+from kinreach.baselines.learned import load_policy, pretrained_names
 from kinreach.baselines.scripted import AnalyticReachPolicy, Policy, RandomPolicy
+from kinreach.errors import raise_unknown
 
 
 @dataclass(frozen=True)
@@ -45,8 +48,22 @@ TASKS: Mapping[str, DemoTask] = {
         printed="action,observation",
     ),
 }
-#: Policies by name; each is made from the task, the environment and the arguments of the command line.
+#: Policies that nobody trained, by name; each is made from the task, the environment and the arguments.
 POLICIES: Mapping[str, Callable[[DemoTask, gym.Env[Any, Any], Any], Policy]] = {
     "random": lambda task, env, arguments: RandomPolicy(env.action_space, seed=arguments.seed),
     "analytic": lambda task, env, arguments: task.analytic(arguments),
 }
+
+
+def make_policy(name: str, task: DemoTask, env: gym.Env[Any, Any], arguments: Any) -> Policy:
+    """A policy by name, or a trained one: of the package, or from a file.
+
+    Raises:
+        InputError: There is none of that name, the file is no policy, or it is for another environment.
+    """
+    if name in POLICIES:
+        return POLICIES[name](task, env, arguments)
+    trained = [policy for policy in pretrained_names() if load_policy(policy).card.environment == task.name]
+    if name not in trained and not Path(name).suffix:
+        raise_unknown(f"policy for {task.name}", name, ("a file of a policy", *POLICIES, *trained))
+    return load_policy(name, environment=task.name)

@@ -24,6 +24,15 @@ def test_the_analytic_policy_reaches(env, backend, steps, capsys):
     assert reached == 20 if env == "single" else reached >= 1
 
 
+@pytest.mark.parametrize(("env", "steps"), [("single", 5), ("multi", 60)])
+def test_trained_policies_reach(env, steps, capsys):
+    command = ["demo", "--env", env, "--policy", env, "--backend", "kinematic", "--steps", str(steps)]
+    assert main([*command, "--print", "nothing"]) == 0
+    assert int(capsys.readouterr().out.strip().split()[-1]) >= 4
+    assert main(["demo", "--env", "button", "--policy", "single"]) == 2
+    assert "available: a file of a policy, analytic" in capsys.readouterr().err
+
+
 def test_it_prints_what_is_asked(capsys):
     command = ["demo", "--policy", "random", "--backend", "kinematic", "--steps", "12", "--reset-every", "5"]
     assert main([*command, "--env", "multi", "--print", "action,observation,reward"]) == 0
@@ -79,7 +88,7 @@ def test_it_films(ending, tmp_path, needs_gl, capsys):
     [
         (["--env", "chess"], "button, multi, single"),
         (["--env", "button", "--actuation", "magic"], "report, tuned"),
-        (["--policy", "wisdom"], "analytic, random"),
+        (["--policy", "wisdom"], "analytic, ppo-single, random"),
         (["--steps", "0"], "at least 1"),
         (["--print", "money"], "nothing"),
         (["--video", "film.avi"], ".gif or .mp4"),
