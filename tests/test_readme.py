@@ -14,7 +14,7 @@ def test_the_python_code_runs(capsys):
     names: dict[str, object] = {}
     for block in blocks:
         exec(block, names)  # one session, as a reader would type it
-    assert len(blocks) == 4
+    assert len(blocks) == 5
     assert names["reward"] == 20
     assert names["move"].reached
     assert names["placo"].success
