@@ -7,7 +7,7 @@ import time
 from dataclasses import dataclass
 
 from kinreach.compare.deciding import Decision, Method
-from kinreach.compare.tasks import Task, Verdict
+from kinreach.compare.tasks import ReachTask, Verdict
 from kinreach.compare.trials import COMPLETED, UNSEEN
 from kinreach.envs.simulation import ArmSimulation
 from kinreach.kinematics.goals import Floats
@@ -74,7 +74,7 @@ class Ending:
         return self.status != COMPLETED
 
 
-def execute(task: Task, simulation: ArmSimulation, goal: Floats, attempt: Attempt | None) -> Ending:
+def execute(task: ReachTask, simulation: ArmSimulation, goal: Floats, attempt: Attempt | None) -> Ending:
     """Move as decided, ask again as long as the method has moves left, and judge where the arm is then.
 
     After each move it is judged as the environments do; the verdict on the last one stands.
@@ -105,7 +105,7 @@ def execute(task: Task, simulation: ArmSimulation, goal: Floats, attempt: Attemp
 
 
 def _ending(
-    task: Task, simulation: ArmSimulation, goal: Floats, status: str, reason: str, q: Floats | None, move_s: float
+    task: ReachTask, simulation: ArmSimulation, goal: Floats, status: str, reason: str, q: Floats | None, move_s: float
 ) -> Ending:
     tip = simulation.tip_position
     x, y, z = (tip - goal).tolist()

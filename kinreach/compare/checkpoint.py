@@ -5,14 +5,16 @@ from __future__ import annotations
 import json
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Any
+from typing import Any, Generic, TypeVar
 
 from kinreach.compare.trials import Trial
 from kinreach.errors import OutputError
 from kinreach.files import write_text
 
+T = TypeVar("T", bound=Trial)
 
-class Checkpoint:
+
+class Checkpoint(Generic[T]):
     """The finished trials of one comparison, one line of JSON each, appended as they come.
 
     The first line is the identity of the comparison: settings, versions, code and machine. Trials of another
@@ -21,6 +23,7 @@ class Checkpoint:
     Args:
         path: The file.
         identity: What must be equal for old trials to count, as JSON types.
+        kind: Class of the trials.
         fresh: Drop old trials in any case.
 
     Attributes:
@@ -30,14 +33,14 @@ class Checkpoint:
         OutputError: The file cannot be written.
     """
 
-    def __init__(self, path: Path, identity: Mapping[str, Any], *, fresh: bool = False) -> None:
+    def __init__(self, path: Path, identity: Mapping[str, Any], kind: type[T], *, fresh: bool = False) -> None:
         self.path = path
-        self.trials: list[Trial] = [] if fresh else _read(path, identity)
+        self.trials: list[T] = [] if fresh else _read(path, identity, kind)
         # Written anew, not appended to: a line that a crash cut short must go before the next one is added.
         lines = [json.dumps(identity), *(trial.to_json() for trial in self.trials)]
         write_text(path, "\n".join(lines) + "\n")
 
-    def add(self, trial: Trial) -> None:
+    def add(self, trial: T) -> None:
         """Keep a finished trial, in memory and on disk."""
         line = trial.to_json() + "\n"
         try:
@@ -52,7 +55,7 @@ class Checkpoint:
         self.path.unlink(missing_ok=True)
 
 
-def _read(path: Path, identity: Mapping[str, Any]) -> list[Trial]:
+def _read(path: Path, identity: Mapping[str, Any], kind: type[T]) -> list[T]:
     """Trials of this identity, up to the first line that is not whole."""
     try:
         first, *lines = path.read_text(encoding="utf-8").splitlines()
@@ -60,10 +63,10 @@ def _read(path: Path, identity: Mapping[str, Any]) -> list[Trial]:
             return []
     except (OSError, ValueError):
         return []
-    trials: list[Trial] = []
+    trials: list[T] = []
     for line in lines:
         try:
-            trials.append(Trial.from_dict(json.loads(line)))
+            trials.append(kind.from_dict(json.loads(line)))
         except (ValueError, KeyError, TypeError):
             break
     return trials

@@ -13,13 +13,16 @@ from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, T
 
 from kinreach.cli import Parser
 from kinreach.compare.comparison import compare
+from kinreach.compare.contests import CONTESTS
 from kinreach.compare.methods import METHODS
 from kinreach.compare.observation import GEOMETRIC, CameraSettings
 from kinreach.compare.scene_picture import write_scene
 from kinreach.compare.settings import DEFAULT_GOALS, Settings
-from kinreach.compare.tables import TABLE_WIDTH, budget_table, footnotes, methods_table
+from kinreach.compare.tables import TABLE_WIDTH, ending
 from kinreach.compare.tasks import TASKS
+from kinreach.compare.tasks.button import EpisodeSettings
 from kinreach.envs.ball_finder import PIPELINES
+from kinreach.envs.button import ACTUATIONS
 
 _METHODS = [f"methods of {task}: {', '.join(methods)}" for task, methods in METHODS.items()]
 #: Filled here: argparse would break names at their hyphens.
@@ -49,22 +52,24 @@ def main(argv: Sequence[str], *, prog: str) -> int:
         seed=arguments.seed,
         observation=arguments.observation,
         camera=_camera(arguments),
+        episode=_episode(arguments),
     )
     suffix = "" if settings.camera is None else f"-{settings.observation}"
     out = Path("results") / f"compare-{settings.task}{suffix}" if arguments.out is None else Path(arguments.out)
     chosen = "" if settings.methods == tuple(METHODS[settings.task]) else f" --methods {','.join(settings.methods)}"
     command = (
         f"{prog} --task {settings.task}{chosen} --goals {settings.goals} --seed {settings.seed}"
-        f"{_camera_arguments(settings)}"
+        f"{_camera_arguments(settings)}{_episode_arguments(settings)}"
     )
     results = _measure(settings, out, fresh=arguments.fresh, command=command)
-    scene_note = write_scene(TASKS[settings.task](), out / "scene.png", seed=settings.seed)
+    scene_note = write_scene(settings, out / "scene.png")
 
+    contest = CONTESTS[settings.task]
     console = Console(width=TABLE_WIDTH, highlight=False)
-    console.print(methods_table(results, title=TASKS[settings.task].title))
-    console.print()
-    console.print(budget_table(results))
-    for note in [*footnotes(results, out), scene_note]:
+    for table in contest.tables(results, title=TASKS[settings.task].title):
+        console.print(table)
+        console.print()
+    for note in [*contest.notes(results), *ending(results, out, list(contest.figures)), scene_note]:
         console.print(note, style="dim", soft_wrap=True)
     return 0
 
@@ -123,6 +128,15 @@ def _parser(prog: str) -> Parser:
     )
     cameras.add_argument("--rgb-noise", type=float, metavar="L", help="standard deviation, levels of 255 (default: 0)")
     cameras.add_argument("--depth-noise", type=float, metavar="M", help="standard deviation, metres (default: 0)")
+    episodes = parser.add_argument_group("with --task button")
+    default = EpisodeSettings()
+    episodes.add_argument(
+        "--max-steps",
+        type=int,
+        metavar="N",
+        help=f"after which an episode is over, for all methods (default: {default.max_steps}; the environment's: 1000)",
+    )
+    episodes.add_argument("--actuation", help=f"one of: {', '.join(ACTUATIONS)} (default: {default.actuation})")
     return parser
 
 
@@ -136,10 +150,22 @@ def _resolution(text: str) -> tuple[int, int]:
 def _camera(arguments: argparse.Namespace) -> CameraSettings | None:
     """How the cameras look, if anything was said about it."""
     width, height = arguments.resolution or (None, None)
-    said = {"pipeline": arguments.pipeline, "width": width, "height": height,
-            "rgb_noise": arguments.rgb_noise, "depth_noise": arguments.depth_noise}  # fmt: skip
-    said = {name: value for name, value in said.items() if value is not None}
+    said = _said(
+        pipeline=arguments.pipeline, width=width, height=height, rgb_noise=arguments.rgb_noise,
+        depth_noise=arguments.depth_noise,
+    )  # fmt: skip
     return CameraSettings(**said) if said else None
+
+
+def _episode(arguments: argparse.Namespace) -> EpisodeSettings | None:
+    """How episodes are played, if anything was said about it."""
+    said = _said(max_steps=arguments.max_steps, actuation=arguments.actuation)
+    return EpisodeSettings(**said) if said else None
+
+
+def _said(**options: Any) -> dict[str, Any]:
+    """The options that were given."""
+    return {name: value for name, value in options.items() if value is not None}
 
 
 def _camera_arguments(settings: Settings) -> str:
@@ -155,3 +181,15 @@ def _camera_arguments(settings: Settings) -> str:
     ]
     said = "".join(f" --{name} {value}" for name, value, usual in options if value != usual)
     return f" --observation {settings.observation}{said}"
+
+
+def _episode_arguments(settings: Settings) -> str:
+    """The options that ask for these episodes again; defaults are left out."""
+    episode, default = settings.episode, EpisodeSettings()
+    if episode is None:
+        return ""
+    options = [
+        ("max-steps", episode.max_steps, default.max_steps),
+        ("actuation", episode.actuation, default.actuation),
+    ]
+    return "".join(f" --{name} {value}" for name, value, usual in options if value != usual)

@@ -3,40 +3,21 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
 from kinreach import provenance, statistics
-from kinreach.compare import figures
-from kinreach.compare.budget import MEANING
+from kinreach.compare import figures, report
 from kinreach.compare.checkpoint import Checkpoint
-from kinreach.compare.deciding import GIVEN, Method
-from kinreach.compare.methods import new_method, short_name
-from kinreach.compare.observation import looking, what_is_told
-from kinreach.compare.runner import run_trials
+from kinreach.compare.contests import CONTESTS
 from kinreach.compare.settings import Settings
-from kinreach.compare.summary import summarise
 from kinreach.compare.tables import trials_csv
-from kinreach.compare.tasks import TASKS, Task
 from kinreach.compare.trials import Trial
-from kinreach.envs.controller import TOLERANCE
-from kinreach.envs.simulation import ArmSimulation
 from kinreach.files import make_writable, write_text
-from kinreach.kinematics.solvers.base import Tolerance
 
 #: Called with the number of finished trials and the number of all trials.
 Progress = Callable[[int, int], None]
-
-#: What all tasks give every method alike.
-_COMMON_TERMS = {
-    "tolerance": f"numeric solvers stop within {Tolerance().position:g} m and {Tolerance().orientation:g} rad",
-    "execution": "from the start posture, in MuJoCo: one move, two-phase; a policy of several steps moves all joints "
-    f"at once and decides after each move; a move is done when every joint rests within {TOLERANCE:g} rad",
-    "timing": "methods take turns in random order on every goal after untimed warm-up decisions; one process, one "
-    "thread, one goal at a time; a policy's time is that of its features and its network, summed over its decisions",
-    "error_budget": f"seeing, deciding and moving: {MEANING}; the parts sum to the distance",
-}
 
 
 def compare(
@@ -65,36 +46,33 @@ def compare(
     Raises:
         OutputError: `out` cannot be written.
         InstallationError: A method's packages are missing, or cameras are to look and nothing can be drawn.
-        InputError: A policy's file cannot be read, is none, or is for another task.
+        InputError: A policy does not come with the package, or its file cannot be read, is none, or is for another
+            task.
     """
     out = Path(out)
     make_writable(out)
-    task = TASKS[settings.task]()
-    methods = {short_name(name): new_method(task, name) for name in settings.methods}
+    contest = CONTESTS[settings.task](settings)
     versions, machine = provenance.versions(), provenance.machine()
-    for method in methods.values():
+    for method in contest.methods.values():
         versions |= method.versions
     identity = {"settings": settings.to_dict(), "versions": versions, "machine": machine}
-    total = settings.goals * len(methods)
-    goals = task.goals(settings.goals, settings.seed)
-    simulation = ArmSimulation(arm=task.arm_name)
-    with looking(task, settings.camera, settings.seed) as look:
-        checkpoint = Checkpoint(out / "records.jsonl", identity, fresh=fresh)
+    total = settings.goals * len(contest.methods)
+    with contest.trying() as run:
+        checkpoint = Checkpoint(out / "records.jsonl", identity, contest.trial, fresh=fresh)
         progress(len(checkpoint.trials), total)
-        for trial in run_trials(task, methods, goals, simulation, look=look, done=tuple(checkpoint.trials)):
+        for trial in run(tuple(checkpoint.trials)):
             checkpoint.add(trial)
             progress(len(checkpoint.trials), total)
-    order = list(methods)
+    order = list(contest.methods)
     trials = sorted(checkpoint.trials, key=lambda trial: (trial.goal, order.index(trial.method)))
     results = {
-        "methods": [
-            summarise(name, method.kind, [trial for trial in trials if trial.method == name])
-            for name, method in methods.items()
-        ],
+        "methods": [contest.summarise(name, [trial for trial in trials if trial.method == name]) for name in order],
         "settings": {
             **settings.to_dict(),
             "command": command,
-            **_conditions(task, settings, methods),
+            "terms": contest.terms(),
+            "confidence": statistics.CONFIDENCE,
+            "intervals": f"Wilson for rates; percentile bootstrap with {statistics.RESAMPLES} resamples for the rest",
             "machine": machine,
         },
         "versions": versions,
@@ -104,17 +82,8 @@ def compare(
     return results
 
 
-def _conditions(task: Task, settings: Settings, methods: Mapping[str, Method]) -> dict[str, Any]:
-    kinds = {method.kind for method in methods.values()}
-    given = {f"given to a {kind}": words for kind, words in GIVEN.items() if kind in kinds}
-    return {
-        "terms": {**task.terms(), "observation": what_is_told(settings.camera), **given, **_COMMON_TERMS},
-        "confidence": statistics.CONFIDENCE,
-        "intervals": f"Wilson for rates; percentile bootstrap with {statistics.RESAMPLES} resamples for the rest",
-    }
-
-
 def _write(out: Path, trials: list[Trial], results: dict[str, Any]) -> None:
     write_text(out / "results.csv", trials_csv(trials))
-    figures.write_all(out, trials, results)
+    drawn = figures.write_all(out, trials, results)
+    report.write_report(out / "report.html", trials, results, drawn)
     write_text(out / "results.json", json.dumps(results, indent=2, allow_nan=False) + "\n")

@@ -53,7 +53,7 @@ Decide = Callable[[Floats], Decision]
 
 
 class Method(Protocol):
-    """One way to do a task."""
+    """One way to reach a goal."""
 
     @property
     def kind(self) -> str:

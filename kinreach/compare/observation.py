@@ -14,7 +14,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from kinreach.compare.tasks import Task
+from kinreach.compare.tasks import ReachTask
 from kinreach.envs.ball_finder import PIPELINES
 from kinreach.envs.goal_view import CameraGoalView, goal_in_world
 from kinreach.envs.rgbd import SensorNoise
@@ -109,7 +109,7 @@ def what_is_told(camera: CameraSettings | None) -> str:
 
 
 @contextmanager
-def looking(task: Task, camera: CameraSettings | None, seed: int) -> Iterator[Look]:
+def looking(task: ReachTask, camera: CameraSettings | None, seed: int) -> Iterator[Look]:
     """How goals are looked at, until the context ends.
 
     Args:

@@ -60,7 +60,7 @@ class PolicyMethod:
             raise InputError(f"the policy {policy} is for {environment}, not for one of: {', '.join(VARIANTS)}")
         self._variant = VARIANTS[environment]
         self.moves, self.two_phase = self._variant.max_steps, self._variant.two_phase
-        self.versions = {f"policy {policy}": _digest(policy)}
+        self.versions = policy_version(policy)
 
     def about(self, position: Floats, view: Floats | None) -> Decide:
         """See `Method.about`; where nobody looked, the agent is given what perfect cameras would say."""
@@ -81,8 +81,12 @@ def is_policy_file(name: str) -> bool:
     return name.endswith(SUFFIX)
 
 
-def _digest(policy: str) -> str:
-    """First 12 hex digits of the SHA-256 over a policy's file."""
+def policy_version(policy: str) -> dict[str, str]:
+    """What a policy's file is: the first 12 hex digits of its SHA-256, by name.
+
+    Args:
+        policy: Name of one that comes with the package, or path of a file.
+    """
     shipped = policy in pretrained_names()
     file = resources.files("kinreach.baselines") / "pretrained" / f"{policy}{SUFFIX}" if shipped else Path(policy)
-    return hashlib.sha256(file.read_bytes()).hexdigest()[:12]
+    return {f"policy {policy}": hashlib.sha256(file.read_bytes()).hexdigest()[:12]}

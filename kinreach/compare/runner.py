@@ -17,8 +17,8 @@ from kinreach.compare.attempts import Attempt, Ending, execute
 from kinreach.compare.budget import budget
 from kinreach.compare.deciding import Method
 from kinreach.compare.observation import Look, Sight, true_position
-from kinreach.compare.tasks import Task
-from kinreach.compare.trials import Trial
+from kinreach.compare.tasks import ReachTask
+from kinreach.compare.trials import ReachTrial
 from kinreach.envs.simulation import ArmSimulation
 from kinreach.kinematics.goals import Floats
 
@@ -28,14 +28,14 @@ WARM_UP_SEED = 2**32 - 1
 
 
 def run_trials(
-    task: Task,
+    task: ReachTask,
     methods: Mapping[str, Method],
     goals: Floats,
     simulation: ArmSimulation,
     *,
     look: Look = true_position,
-    done: Collection[Trial] = (),
-) -> Iterator[Trial]:
+    done: Collection[ReachTrial] = (),
+) -> Iterator[ReachTrial]:
     """Yield a trial per goal and method as it is finished.
 
     Args:
@@ -64,7 +64,7 @@ def run_trials(
             yield _trial(task, index, name, position, sight, attempt, ending)
 
 
-def _begin(task: Task, method: Method, sight: Sight) -> Attempt | None:
+def _begin(task: ReachTask, method: Method, sight: Sight) -> Attempt | None:
     """The method's first decision; None if there is nothing to tell it."""
     if sight.position is None:
         return None
@@ -74,10 +74,10 @@ def _begin(task: Task, method: Method, sight: Sight) -> Attempt | None:
 
 
 def _trial(
-    task: Task, index: int, name: str, goal: Floats, sight: Sight, attempt: Attempt | None, ending: Ending
-) -> Trial:
+    task: ReachTask, index: int, name: str, goal: Floats, sight: Sight, attempt: Attempt | None, ending: Ending
+) -> ReachTrial:
     x, y, z = map(float, goal)
-    return Trial(
+    return ReachTrial(
         goal=index,
         method=name,
         x=x,
@@ -106,7 +106,7 @@ def _effort(attempt: Attempt | None) -> dict[str, Any]:
     }
 
 
-def _errors(task: Task, goal: Floats, sight: Sight, ending: Ending) -> dict[str, Any]:
+def _errors(task: ReachTask, goal: Floats, sight: Sight, ending: Ending) -> dict[str, Any]:
     """The values of a trial that say where its distance comes from."""
     if sight.position is None or ending.q is None:
         return {"ik_error": None}
@@ -132,7 +132,7 @@ def _seen(sight: Sight, goal: Floats) -> dict[str, Any]:
     return seen
 
 
-def _sight_of(trial: Trial) -> Sight:
+def _sight_of(trial: ReachTrial) -> Sight:
     """What a trial's method was told: the inverse of `_seen`."""
     position = None if trial.seen_x is None else np.array((trial.seen_x, trial.seen_y, trial.seen_z), dtype=np.float64)
     return Sight(position, trial.look_s, None if trial.view is None else np.array(trial.view))

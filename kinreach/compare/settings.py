@@ -8,7 +8,8 @@ from typing import Any
 
 from kinreach.compare.methods import METHODS, known, short_name
 from kinreach.compare.observation import CAMERA, GEOMETRIC, CameraSettings
-from kinreach.compare.tasks import TASKS
+from kinreach.compare.tasks import TASKS, ButtonTask
+from kinreach.compare.tasks.button import EpisodeSettings
 from kinreach.errors import InputError, raise_unknown
 
 DEFAULT_GOALS = 200
@@ -20,18 +21,19 @@ class Settings:
 
     Attributes:
         task: Name of a task.
-        methods: Names of the methods to compare, or paths of policies' files (`*.safetensors`, task `"ur5"`); all of
-            the task's own if empty.
+        methods: Names of the methods to compare, or paths of policies' files (`*.safetensors`, tasks `"ur5"` and
+            `"button"`); all of the task's own if empty.
         goals: Number of goals.
         seed: Of the goals and of the cameras' noise. The first N goals of a seed, and what is seen of them, are the
             same for every number of goals.
         observation: What the methods are told: `"geometric"`, the true goal, or `"camera"`, what the cameras saw.
         camera: How the cameras look; its defaults if None and the observation is `"camera"`.
+        episode: Of the task `"button"`: how long episodes are and how the arm is driven; its defaults if None.
 
     Raises:
         UnknownNameError: A task, method or observation does not exist; the message lists those that do.
         InputError: A number is out of range, a method is named twice, or there are options for cameras that do not
-            look.
+            look or for episodes that are not played.
     """
 
     task: str = "ur5"
@@ -40,6 +42,7 @@ class Settings:
     seed: int = 0
     observation: str = GEOMETRIC
     camera: CameraSettings | None = None
+    episode: EpisodeSettings | None = None
 
     def __post_init__(self) -> None:
         if self.task not in TASKS:
@@ -64,6 +67,10 @@ class Settings:
             raise InputError(
                 f"pipeline, resolution and noise need observation '{CAMERA}', got observation '{self.observation}'"
             )
+        if self.task == ButtonTask.name and self.episode is None:
+            object.__setattr__(self, "episode", EpisodeSettings())
+        if self.task != ButtonTask.name and self.episode is not None:
+            raise InputError(f"max steps and actuation need task '{ButtonTask.name}', got task '{self.task}'")
 
     def to_dict(self) -> dict[str, Any]:
         """As JSON types."""

@@ -6,7 +6,7 @@ import time
 from collections.abc import Mapping
 
 from kinreach.compare.deciding import SEEDED, SOLVER, Decide, Decision, Method
-from kinreach.compare.tasks import Task
+from kinreach.compare.tasks import ReachTask
 from kinreach.kinematics.goals import Floats
 from kinreach.kinematics.solvers.base import Solver
 
@@ -24,7 +24,7 @@ class SolverMethod:
     two_phase = True
     versions: Mapping[str, str] = {}
 
-    def __init__(self, task: Task, solver: Solver) -> None:
+    def __init__(self, task: ReachTask, solver: Solver) -> None:
         self._task, self._solver = task, solver
 
     def about(self, position: Floats, view: Floats | None) -> Decide:
@@ -77,7 +77,7 @@ class SeededMethod:
 class _Acceptance:
     """The task's acceptance test with a clock."""
 
-    def __init__(self, task: Task) -> None:
+    def __init__(self, task: ReachTask) -> None:
         self._task = task
         self.seconds = 0.0
         self.calls = 0

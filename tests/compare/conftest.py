@@ -11,17 +11,18 @@ from typing import Any, ClassVar
 import numpy as np
 import pytest
 
-from kinreach.baselines.policy_file import read_policy, save_policy
+from kinreach.baselines.network import Network
+from kinreach.baselines.policy_file import PolicyCard, read_policy, save_policy
 from kinreach.compare.tasks import UR5Task
-from kinreach.compare.trials import Trial
+from kinreach.compare.trials import EpisodeTrial, ReachTrial
 from kinreach.envs.goal_view import GoalLook, geometric_goal_view
 from kinreach.envs.rgbd import SensorNoise
 from kinreach.envs.simulation import ArmSimulation
 from kinreach.kinematics.goals import Floats
 
-TrialFactory = Callable[..., list[Trial]]
+TrialFactory = Callable[..., list[ReachTrial]]
 
-_GOOD = Trial(
+_GOOD = ReachTrial(
     goal=0,
     method="closed-form",
     x=0.4,
@@ -56,11 +57,35 @@ def make_trials() -> TrialFactory:
 
 
 @pytest.fixture
-def impossible() -> Trial:
+def impossible() -> ReachTrial:
     """A trial in which no posture was found."""
     nothing = dict.fromkeys(("q", "move_s", "ik_error", "move_error", "seeing", "deciding", "moving"))
     nothing |= {"reached": False, "reward": -100.0}
     return replace(_GOOD, impossible=True, status="out of reach", reason="too far", distance=0.5, **nothing)
+
+
+@pytest.fixture
+def make_episodes() -> Callable[..., list[EpisodeTrial]]:
+    """`make_episodes(n, **values)`: episodes on goals 0 … n - 1 that were pressed, but for the given values."""
+    good = EpisodeTrial(
+        goal=0, method="analytic", x=0.4, y=-0.3, z=0.2, reached=True, impossible=False, status="pressed", reason="",
+        distance=0.04, reward=85.0, solve_s=0.004, move_s=1.0, q=(0.1, 1.2, -0.3), steps=25, wrong_presses=0,
+        energy=900.0,
+    )  # fmt: skip
+    return lambda count, **values: [replace(good, goal=index, **values) for index in range(count)]
+
+
+@pytest.fixture(scope="module")
+def button_policy(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A file with a policy for the button task that nobody trained: its preferences are random numbers."""
+    rng = np.random.default_rng(5)
+    linear = [(rng.standard_normal((54, 19)), rng.standard_normal(54))]
+    one, none = np.ones(54), np.zeros(54)
+    network = Network(np.zeros(19), np.ones(19), np.zeros(0), linear, "tanh", "linear", one, none)
+    card = PolicyCard("kinreach/ButtonPress-v0", "preferences", "tanh", "linear", "none", {"name": "untrained"}, 0, 0)
+    path = tmp_path_factory.mktemp("policy") / "untrained.safetensors"
+    save_policy(path, card, network)
+    return path
 
 
 class StandInView:
@@ -108,8 +133,9 @@ def stand_in(monkeypatch: pytest.MonkeyPatch) -> type[StandInView]:
 
 @pytest.fixture
 def no_figures(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Leave out the figures; and the same code, even if somebody edits a module in between."""
-    monkeypatch.setattr("kinreach.compare.figures.write_all", lambda out, trials, results: None)
+    """Leave out figures and report; and the same code, even if somebody edits a module in between."""
+    monkeypatch.setattr("kinreach.compare.figures.write_all", lambda out, trials, results: {})
+    monkeypatch.setattr("kinreach.compare.report.write_report", lambda path, trials, results, figures: None)
     monkeypatch.setattr("kinreach.provenance.source_digest", lambda: "0" * 12)
 
 

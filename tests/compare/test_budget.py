@@ -9,9 +9,9 @@ from kinreach.compare.budget import Budget, budget
 from kinreach.compare.budget_figure import draw_budget
 from kinreach.compare.deciding import POLICY
 from kinreach.compare.summary import summarise
-from kinreach.compare.trials import Trial
+from kinreach.compare.trials import ReachTrial
 
-TrialFactory = Callable[..., list[Trial]]
+TrialFactory = Callable[..., list[ReachTrial]]
 
 ORIGIN = np.zeros(3)
 
@@ -48,7 +48,7 @@ def test_where_nothing_is_left_every_part_is_zero() -> None:
 
 
 def test_means_of_parts_sum_to_the_mean_distance_of_completed_moves(
-    make_trials: TrialFactory, impossible: Trial
+    make_trials: TrialFactory, impossible: ReachTrial
 ) -> None:
     trials = [impossible]
     for k in range(20):
@@ -65,7 +65,9 @@ def test_means_of_parts_sum_to_the_mean_distance_of_completed_moves(
     assert intervals["seeing"][0] < 9.0 < 10.0 < intervals["seeing"][1]
 
 
-def test_bars_are_the_shares_and_parts_that_help_lie_left_of_zero(make_trials: TrialFactory, impossible: Trial) -> None:
+def test_bars_are_the_shares_and_parts_that_help_lie_left_of_zero(
+    make_trials: TrialFactory, impossible: ReachTrial
+) -> None:
     good = summarise("good", POLICY, make_trials(3, seeing=4e-3, deciding=-1e-3, moving=1e-3, distance=4e-3))
     none = summarise("none", POLICY, [impossible])
     figure = draw_budget({"methods": [good, none]}, note="made up")
@@ -79,7 +81,7 @@ def test_bars_are_the_shares_and_parts_that_help_lie_left_of_zero(make_trials: T
     assert [label.get_text() for label in axes.get_yticklabels()] == ["good", "none"]
 
 
-def test_without_a_completed_move_there_is_no_budget(impossible: Trial) -> None:
+def test_without_a_completed_move_there_is_no_budget(impossible: ReachTrial) -> None:
     summary = summarise("any", POLICY, [impossible] * 2)
     assert set(summary["budget_mm"].values()) == set(summary["budget_mm_ci"].values()) == {None}
     assert summary["move_error_mm"] == {"median": None, "p95": None}

@@ -12,8 +12,8 @@ import numpy as np
 import pytest
 
 from kinreach.compare import Settings, compare
-from kinreach.compare.figures import draw_errors, draw_times
 from kinreach.compare.observation import CameraSettings
+from kinreach.compare.reach_figures import draw_errors, draw_times
 from kinreach.compare.tasks import UR5Task
 
 GOALS = 5
@@ -199,12 +199,16 @@ def test_no_ball_at_all_is_a_result_too(stand_in: Any, tmp_path: Path) -> None:
     assert (tmp_path / "errors.png").stat().st_size > 10_000
 
 
+@pytest.mark.usefixtures("no_figures")
 def test_figures_show_what_the_cameras_saw(stand_in: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     stand_in.sigma = 0.001
     kept: dict[str, Any] = {}
-    monkeypatch.setattr(
-        "kinreach.compare.figures.write_all", lambda out, trials, results: kept.update(trials=trials, results=results)
-    )
+
+    def keep(out: Path, trials: Any, results: Any) -> dict[str, Path]:
+        kept.update(trials=trials, results=results)
+        return {}
+
+    monkeypatch.setattr("kinreach.compare.figures.write_all", keep)
     compare(replace(SETTINGS, methods=("closed-form", "lm"), goals=3), tmp_path)
     left, right = draw_errors(**kept).axes
     names = [label.get_text() for label in left.get_yticklabels()]

@@ -29,14 +29,28 @@ def _call(*argv: str) -> int:
 @pytest.mark.parametrize(
     ("argv", "said"),
     [
-        (["--task", "chess"], "unknown task 'chess'; available: button, ur5"),
+        (["--task", "chess"], "unknown task 'chess'; available: arm3, button, ur5"),
         (["--methods", "magic"], "unknown ur5 method 'magic'; available: closed-form, hybrid, lm, placo, ppo-multi,"),
-        (["--task", "button", "--methods", "lm,magic"], "unknown button method 'magic'; available:"),
+        (
+            ["--task", "button", "--methods", "random,lm"],
+            "unknown button method 'lm'; available: analytic, ppo, random",
+        ),
         (["--methods", ""], "unknown ur5 method ''"),
         (["--methods", "lm,lm"], "method 'lm' is named twice"),
         (["--methods", "lm,folder/lm.safetensors"], "method 'lm' is named twice"),
         (["--methods", "nowhere.safetensors"], "cannot read the policy nowhere.safetensors: No such file or directory"),
-        (["--task", "button", "--methods", "lm.safetensors"], "unknown button method 'lm.safetensors'"),
+        (
+            ["--task", "arm3", "--methods", "lm.safetensors"],
+            "unknown arm3 method 'lm.safetensors'; available: closed-form, lm",
+        ),
+        (
+            ["--task", "button", "--methods", "nowhere.safetensors"],
+            "cannot read the policy nowhere.safetensors: No such",
+        ),
+        (["--max-steps", "10"], "max steps and actuation need task 'button', got task 'ur5'"),
+        (["--task", "arm3", "--actuation", "tuned"], "max steps and actuation need task 'button', got task 'arm3'"),
+        (["--task", "button", "--max-steps", "0"], "max_steps must be at least 1, got 0"),
+        (["--task", "button", "--actuation", "magic"], "unknown actuation 'magic'; available: report, tuned"),
         (["--goals", "0"], "the number of goals must be at least 1, got 0"),
         (["--goals", "-3"], "the number of goals must be at least 1, got -3"),
         (["--goals", "many"], "argument --goals: invalid int value: 'many'"),
@@ -138,16 +152,16 @@ def test_a_comparison_prints_its_table_and_the_command_that_gives_it_again(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     assert (
-        _call("compare", "--task", "button", "--methods", "closed-form,lm", "--goals", "2", "--out", str(tmp_path)) == 0
+        _call("compare", "--task", "arm3", "--methods", "closed-form,lm", "--goals", "2", "--out", str(tmp_path)) == 0
     )
     lines = capsys.readouterr().out.splitlines()
     assert [line.split()[0] for line in lines[3:5]] == ["closed-form", "lm"]
     command = json.loads((tmp_path / "results.json").read_text())["settings"]["command"]
-    assert command == "kinreach compare --task button --methods closed-form,lm --goals 2 --seed 0"
+    assert command == "kinreach compare --task arm3 --methods closed-form,lm --goals 2 --seed 0"
     assert any(command in line for line in lines)
 
 
-@pytest.mark.usefixtures("stand_in")
+@pytest.mark.usefixtures("stand_in", "no_figures")
 @pytest.mark.parametrize(
     ("argv", "again"),
     [
@@ -162,7 +176,6 @@ def test_a_comparison_with_cameras_says_so_and_how_to_do_it_again(
 ) -> None:
     monkeypatch.chdir(tmp_path)
     monkeypatch.setattr("kinreach.compare.cli.write_scene", lambda *_, **__: "")
-    monkeypatch.setattr("kinreach.compare.figures.write_all", lambda *_: None)
     asked = ["--methods", "closed-form", "--goals", "1", "--observation", "camera", *argv.split()]
     assert _call("compare", *asked) == 0
     said = capsys.readouterr().out
@@ -180,12 +193,12 @@ def test_as_a_module(module: list[str]) -> None:
     )
     assert done.returncode == cli.EXIT_ERROR
     assert done.stdout == ""
-    assert done.stderr == f"python -m {' '.join(module)}: error: unknown task 'chess'; available: button, ur5\n"
+    assert done.stderr == f"python -m {' '.join(module)}: error: unknown task 'chess'; available: arm3, button, ur5\n"
 
 
 @pytest.mark.skipif(os.name != "posix", reason="sends SIGINT")
 def test_ctrl_c_is_one_line_and_keeps_what_is_finished(tmp_path: Path) -> None:
-    arguments = ["--task", "button", "--methods", "closed-form", "--goals", "2000", "--out", str(tmp_path)]
+    arguments = ["--task", "arm3", "--methods", "closed-form", "--goals", "2000", "--out", str(tmp_path)]
     records = tmp_path / "records.jsonl"
     with subprocess.Popen(
         [sys.executable, "-m", "kinreach.compare", *arguments],

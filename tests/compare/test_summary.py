@@ -6,13 +6,13 @@ import pytest
 
 from kinreach.compare.deciding import POLICY, SOLVER
 from kinreach.compare.summary import summarise
-from kinreach.compare.trials import Trial
+from kinreach.compare.trials import ReachTrial
 from kinreach.statistics import wilson_interval
 
-TrialFactory = Callable[..., list[Trial]]
+TrialFactory = Callable[..., list[ReachTrial]]
 
 
-def test_rates_and_spreads_by_hand(make_trials: TrialFactory, impossible: Trial) -> None:
+def test_rates_and_spreads_by_hand(make_trials: TrialFactory, impossible: ReachTrial) -> None:
     near = make_trials(8, distance=0.0004, reward=20.0, solve_s=1e-3, accept_s=4e-4, move_s=1.0)
     far = make_trials(1, distance=0.015, reward=3.0, reached=False, solve_s=5e-3, move_s=2.0)
     summary = summarise("lm", SOLVER, [*near, *far, impossible])
@@ -57,7 +57,7 @@ def test_errors_are_in_millimetres_and_the_kind_is_said(make_trials: TrialFactor
     assert (summary["ik_error_mm"]["median"], summary["move_error_mm"]["median"]) == pytest.approx((2.0, 3.0))
 
 
-def test_what_was_never_measured_is_null(make_trials: TrialFactory, impossible: Trial) -> None:
+def test_what_was_never_measured_is_null(make_trials: TrialFactory, impossible: ReachTrial) -> None:
     summary = summarise("lm", SOLVER, [impossible] * 3)
     for key in ("move_s", "ik_error_mm"):
         assert summary[key] == summary[f"{key}_ci"] == {"median": None, "p95": None}

@@ -11,15 +11,17 @@ from rich.console import Console
 
 from kinreach.compare.deciding import POLICY, SOLVER
 from kinreach.compare.methods import METHODS
+from kinreach.compare.reach_contest import ReachContest
+from kinreach.compare.reach_tables import budget_table, methods_table
 from kinreach.compare.summary import summarise
-from kinreach.compare.tables import TABLE_WIDTH, budget_table, footnotes, methods_table, number, trials_csv
-from kinreach.compare.trials import Trial
+from kinreach.compare.tables import TABLE_WIDTH, ending, number, trials_csv
+from kinreach.compare.trials import ReachTrial
 
-TrialFactory = Callable[..., list[Trial]]
+TrialFactory = Callable[..., list[ReachTrial]]
 
 
 @pytest.fixture
-def results(make_trials: TrialFactory, impossible: Trial) -> dict[str, Any]:
+def results(make_trials: TrialFactory, impossible: ReachTrial) -> dict[str, Any]:
     """Results with wide numbers and all methods there are."""
     wide = make_trials(150, distance=0.3456, solve_s=0.1234, move_s=12.345, reached=False, reward=-12.345)
     summary = summarise("any", POLICY, [*wide, impossible])
@@ -91,15 +93,15 @@ def test_columns_are_two_spaces_apart_where_they_fit(seen: dict[str, Any]) -> No
 
 
 def test_footnotes_say_what_was_seen_and_how(seen: dict[str, Any], results: dict[str, Any]) -> None:
-    notes = footnotes(seen, Path("results/compare-ur5"))
+    notes = ReachContest.notes(seen)
     assert max(map(len, notes)) <= TABLE_WIDTH
     said = " ".join(notes)
     assert all(part in said for part in ("thesis pipeline, 1280x720, noise 12.5 levels, 2.5 mm", "p95 4.44", "839 ms"))
-    assert "Seen" not in " ".join(footnotes(results, Path("results/compare-ur5")))
+    assert "Seen" not in " ".join(ReachContest.notes(results))
 
 
 def test_footnotes_name_the_command_and_fit(results: dict[str, Any]) -> None:
-    notes = footnotes(results, Path("results/compare-ur5"))
+    notes = [*ReachContest.notes(results), *ending(results, Path("results/compare-ur5"), list(ReachContest.figures))]
     assert any("python -m kinreach.compare" in note for note in notes)
     assert max(map(len, notes)) <= TABLE_WIDTH
 
@@ -113,7 +115,7 @@ def test_number(value: float | None, text: str) -> None:
     assert number(value) == text
 
 
-def test_csv_has_a_row_per_trial_with_every_value(make_trials: TrialFactory, impossible: Trial) -> None:
+def test_csv_has_a_row_per_trial_with_every_value(make_trials: TrialFactory, impossible: ReachTrial) -> None:
     (good,) = make_trials(1)
     rows = list(csv.DictReader(io.StringIO(trials_csv([good, impossible]))))
     assert len(rows) == 2

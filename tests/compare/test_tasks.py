@@ -1,10 +1,10 @@
-"""Goals, the acceptance test and the verdict of both tasks."""
+"""Goals, the acceptance test and the verdict of the tasks that are done by moving to a posture."""
 
 import numpy as np
 import pytest
 
 from kinreach.compare.methods import METHODS
-from kinreach.compare.tasks import TASKS, ButtonTask, Task, UR5Task
+from kinreach.compare.tasks import REACH_TASKS, TASKS, Arm3Task, ReachTask, UR5Task
 from kinreach.kinematics.goals import AxisGoal, PositionGoal
 from kinreach.kinematics.solvers.closed_form import ClosedFormSolver
 
@@ -16,9 +16,9 @@ def ur5() -> UR5Task:
 
 
 @pytest.fixture(scope="module")
-def button() -> ButtonTask:
-    """The button task."""
-    return ButtonTask()
+def arm3() -> Arm3Task:
+    """The reaching part of the button task."""
+    return Arm3Task()
 
 
 def test_every_task_has_methods_and_the_name_it_is_found_by() -> None:
@@ -26,11 +26,11 @@ def test_every_task_has_methods_and_the_name_it_is_found_by() -> None:
     assert all(TASKS[name].name == name and METHODS[name] for name in TASKS)
 
 
-@pytest.mark.parametrize("name", sorted(TASKS))
+@pytest.mark.parametrize("name", sorted(REACH_TASKS))
 def test_the_first_goals_do_not_depend_on_how_many_there_are(name: str) -> None:
-    task = TASKS[name]()
+    task = REACH_TASKS[name]()
     assert np.array_equal(task.goals(3, 5), task.goals(9, 5)[:3])
-    assert np.array_equal(task.goals(9, 5), TASKS[name]().goals(9, 5))
+    assert np.array_equal(task.goals(9, 5), REACH_TASKS[name]().goals(9, 5))
     assert not np.array_equal(task.goals(3, 5), task.goals(3, 6))
 
 
@@ -44,30 +44,30 @@ def test_ur5_goals_lie_on_the_table_area_and_ask_for_the_tool_down(ur5: UR5Task)
     assert np.array_equal(goal.axis, (0.0, 0.0, -1.0))
 
 
-def test_button_goals_are_those_the_arm_can_reach(button: ButtonTask) -> None:
-    solver = ClosedFormSolver(button.new_kinematics())
-    goals = button.goals(100, 0)
+def test_arm3_goals_are_those_the_arm_can_reach(arm3: Arm3Task) -> None:
+    solver = ClosedFormSolver(arm3.new_kinematics())
+    goals = arm3.goals(100, 0)
     for position in goals:
-        goal = button.ik_goal(position)
+        goal = arm3.ik_goal(position)
         assert isinstance(goal, PositionGoal)
-        assert solver.solve(goal, button.home, accept=button.accept).success
-    drawn = button.arm.workcell.goals.sample(np.random.default_rng(1), 1000)
-    refused = [position for position in drawn if not button.usable(position)]
+        assert solver.solve(goal, arm3.home, accept=arm3.accept).success
+    drawn = arm3.arm.workcell.goals.sample(np.random.default_rng(1), 1000)
+    refused = [position for position in drawn if not arm3.usable(position)]
     assert 0 < len(refused) < 100
     assert {tuple(sign) for sign in np.sign(goals[:, :2])} == {(1, 1), (1, -1), (-1, 1), (-1, -1)}
 
 
-@pytest.mark.parametrize("name", sorted(TASKS))
+@pytest.mark.parametrize("name", sorted(REACH_TASKS))
 def test_the_start_posture_is_free(name: str) -> None:
-    task = TASKS[name]()
-    assert Task.accept(task, task.home)
+    task = REACH_TASKS[name]()
+    assert ReachTask.accept(task, task.home)
 
 
 def test_ur5_accepts_both_natural_branches_and_nothing_else(ur5: UR5Task) -> None:
     assert ur5.accept(ur5.home)
     right_angle_at_wrist_2 = ur5.home + np.array([0, 0, 0, 0, 0.2, 0])
     assert not ur5.accept(right_angle_at_wrist_2)
-    assert Task.accept(ur5, right_angle_at_wrist_2)
+    assert ReachTask.accept(ur5, right_angle_at_wrist_2)
     into_the_table = ur5.home + np.array([0, 1.2, 0, -1.2, 0, 0])
     assert not ur5.accept(into_the_table)
 
@@ -84,15 +84,15 @@ def test_ur5_verdicts_by_hand(ur5: UR5Task) -> None:
     assert (impossible.reached, impossible.reward) == (False, -100.0)
 
 
-def test_button_verdicts_by_hand(button: ButtonTask) -> None:
-    near = button.judge(0.049, button.home, impossible=False)
+def test_arm3_verdicts_by_hand(arm3: Arm3Task) -> None:
+    near = arm3.judge(0.049, arm3.home, impossible=False)
     assert (near.reached, near.reward, near.posture_error) == (True, -0.049, None)
-    assert not button.judge(0.05, button.home, impossible=False).reached
-    blocked = button.judge(0.049, button.home, impossible=True)
+    assert not arm3.judge(0.05, arm3.home, impossible=False).reached
+    blocked = arm3.judge(0.049, arm3.home, impossible=True)
     assert (blocked.reached, blocked.reward) == (False, -0.049)
 
 
-def test_terms_say_what_is_alike(ur5: UR5Task, button: ButtonTask) -> None:
-    for task in (ur5, button):
+def test_terms_say_what_is_alike(ur5: UR5Task, arm3: Arm3Task) -> None:
+    for task in (ur5, arm3):
         assert {"goal", "seed_posture", "accept", "distance", "reached", "reward"} <= set(task.terms())
         assert task.terms()["reached"] == task.reached_means

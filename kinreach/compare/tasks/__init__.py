@@ -2,11 +2,15 @@
 
 from collections.abc import Mapping
 
-from kinreach.compare.tasks.base import Task, Verdict
+from kinreach.compare.tasks.arm3 import Arm3Task
+from kinreach.compare.tasks.base import Task
 from kinreach.compare.tasks.button import ButtonTask
+from kinreach.compare.tasks.reach import ReachTask, Verdict
 from kinreach.compare.tasks.ur5 import UR5Task
 
-#: Tasks by the name that the command line uses.
-TASKS: Mapping[str, type[Task]] = {"ur5": UR5Task, "button": ButtonTask}
+#: Tasks that are done by moving to a posture, by the name that the command line uses.
+REACH_TASKS: Mapping[str, type[ReachTask]] = {"ur5": UR5Task, "arm3": Arm3Task}
+#: All tasks.
+TASKS: Mapping[str, type[Task]] = {**REACH_TASKS, "button": ButtonTask}
 
-__all__ = ["TASKS", "ButtonTask", "Task", "UR5Task", "Verdict"]
+__all__ = ["REACH_TASKS", "TASKS", "Arm3Task", "ButtonTask", "ReachTask", "Task", "UR5Task", "Verdict"]

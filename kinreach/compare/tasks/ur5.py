@@ -6,7 +6,7 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from kinreach.compare.tasks.base import Task, Verdict
+from kinreach.compare.tasks.reach import ReachTask, Verdict
 from kinreach.kinematics import UR5Kinematics
 from kinreach.kinematics.goals import AxisGoal, Floats, Goal
 from kinreach.kinematics.reward_geometry import REACHED_POSTURE_ERROR, posture_error, reach_reward
@@ -14,7 +14,7 @@ from kinreach.kinematics.reward_geometry import REACHED_POSTURE_ERROR, posture_e
 TOOL_DOWN = np.array([0.0, 0.0, -1.0])
 
 
-class UR5Task(Task):
+class UR5Task(ReachTask):
     """Tool down at the ball's centre, by one of the thesis's two natural branches; scored by the thesis's reward."""
 
     name = "ur5"

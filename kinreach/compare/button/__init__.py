@@ -1,0 +1,1 @@
+"""Whole episodes of the button task: who plays them, what is measured, and how it is reported."""
