@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
@@ -129,6 +130,8 @@ def _policy(recipe: Recipe) -> dict[str, Any]:
         policy["net_arch"] = {"pi": actor, "vf": [] if recipe.algorithm == "RankedPPO" else actor}
     else:
         policy["net_arch"] = actor
+    if networks.std != 1.0:
+        policy["log_std_init"] = math.log(networks.std)
     if networks.features != "raw":
         policy |= {"features_extractor_class": ObservationFeatures, "features_extractor_kwargs": _features(recipe)}
     if networks.posture:

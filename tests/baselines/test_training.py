@@ -142,6 +142,14 @@ def test_the_exported_network_is_the_trained_one(name, tmp_path):
     assert len(observations) >= 8
 
 
+@pytest.mark.parametrize(("name", "std"), [("thesis-single", 1.0), ("thesis-multi", np.radians(1.0))])
+def test_the_thesis_explores_by_one_unit_of_its_actions(name, std):
+    """Actions are radians in single-step, degrees in multi-step (section 3.4.3)."""
+    trainee = build(get_recipe(name), 0, steps=1000)
+    unit = np.pi if name == "thesis-single" else np.radians(5.0)
+    np.testing.assert_allclose(unit * trainee.model.policy.log_std.exp().detach().numpy(), std, rtol=1e-6)
+
+
 def test_networks_that_cannot_be_exported_are_refused():
     trainee = build(small("ppo-multi"), 0, steps=1)
     odd = PPO("MlpPolicy", trainee.env, policy_kwargs={"activation_fn": torch.nn.ELU}, device="cpu")

@@ -17,14 +17,16 @@ class Networks:
         hidden: Sizes of the hidden layers.
         activation: `"tanh"`, `"silu"` or `"relu"`.
         features: `"raw"`: the observation as it is; `"scaled"`: shifted and scaled by constants; `"goal waves"`: the
-            goal alone, scaled, and waves of it.
+            goal alone, scaled, and waves of it; `"button"`: scaled by the constants of the button task.
         posture: Whether the actor's output is a change of the start pose [rad], small at first.
+        std: Standard deviation of the actions to begin with, where it is learned; 1 is half the range.
     """
 
     hidden: tuple[int, ...] = (64, 64)
     activation: str = "tanh"
     features: str = "raw"
     posture: bool = False
+    std: float = 1.0
 
 
 @dataclass(frozen=True)

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import replace
 from typing import Any
 
 from kinreach.baselines.recipes.base import MULTI, SINGLE, Networks, Recipe
 
-#: PPO2 of the thesis's time: 4 minibatches, 4 epochs, clip 0.2, λ 0.95, entropy 0.01, value 0.5, gradient 0.5.
+#: PPO2 of the thesis's time: 4 minibatches, 4 epochs, clip 0.2, λ 0.95, entropy 0.01, value 0.5, gradient 0.5. It
+#: begins with a standard deviation of 1 in the units of the action: radians in single-step, degrees in multi-step.
 _THESIS_PPO = {
     "n_epochs": 4,
     "clip_range": 0.2,
@@ -69,6 +71,7 @@ _THESIS_MULTI = Recipe(
     steps=150_000,
     num_envs=1,
     options={"backend": "kinematic"},
+    networks=Networks(std=1 / 5),
     settings={**_THESIS_PPO, "gamma": 0.99, "n_steps": 4096, "batch_size": 1024, "learning_rate": 2.5e-4},
 )
 _PPO_MULTI = Recipe(
@@ -107,6 +110,7 @@ REACH_RECIPES = (
         steps=150_000,
         num_envs=1,
         options={"backend": "kinematic"},
+        networks=Networks(std=1 / math.pi),
         settings={**_THESIS_PPO, "gamma": 0.0, "n_steps": 128, "batch_size": 32, "learning_rate": 1e-3},
     ),
     _THESIS_MULTI,
