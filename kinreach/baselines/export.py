@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
-from stable_baselines3 import PPO, SAC, TD3
+from stable_baselines3 import DQN, PPO, SAC, TD3
 from stable_baselines3.common.base_class import BaseAlgorithm
 from torch import nn
 
@@ -17,7 +17,7 @@ _ACTIVATIONS = {nn.Tanh: "tanh", nn.SiLU: "silu", nn.ReLU: "relu"}
 
 
 def network_of(model: BaseAlgorithm) -> Network:
-    """The deterministic actor of a trained model.
+    """The deterministic actor of a trained model; that of a DQN is its Q-network.
 
     Raises:
         InputError: An algorithm, or a layer, that is not known here.
@@ -35,6 +35,8 @@ def network_of(model: BaseAlgorithm) -> Network:
     elif isinstance(model, TD3):
         features, output = policy.actor.features_extractor, "tanh"
         modules = list(policy.actor.mu)[:-1]
+    elif isinstance(model, DQN):
+        features, modules = policy.q_net.features_extractor, list(policy.q_net.q_net)
     else:
         raise InputError(f"{type(model).__name__} has no exporter")
     linears = [module for module in modules if isinstance(module, nn.Linear)]

@@ -30,7 +30,8 @@ _LAST = ("reached", "distance", "posture_error")
 class LearningCurve(VectorWrapper[Any, Any, Any]):
     """A vector environment that keeps its own learning curve.
 
-    An episode that a reset cuts short counts as ended there.
+    An episode that a reset cuts short counts as ended there. A step's info is given `reached_lately`, so that rewards
+    can depend on how far the training is.
 
     Args:
         env: With `AutoresetMode.SAME_STEP`.
@@ -57,6 +58,12 @@ class LearningCurve(VectorWrapper[Any, Any, Any]):
         self._info: dict[str, Any] = {}
         self._clear()
 
+    @property
+    def reached_lately(self) -> float:
+        """Share of the episodes that reached the goal, from the last row in which one ended; 0 before."""
+        column = COLUMNS.index("reached")
+        return next((share for row in reversed(self.rows) if (share := row[column]) is not None), 0.0)
+
     def reset(self, **kwargs: Any) -> tuple[Any, dict[str, Any]]:
         """Reset the environments; episodes in progress end."""
         self.cut()
@@ -80,7 +87,7 @@ class LearningCurve(VectorWrapper[Any, Any, Any]):
         self._end(terminated | truncated)
         if self._counted >= self.window:
             self._close_row()
-        return observations, rewards, terminated, truncated, self._info
+        return observations, rewards, terminated, truncated, {**self._info, "reached_lately": self.reached_lately}
 
     def _keep(self, reward: float, *, over: bool) -> None:
         """Add a step to the traced episode, if it has begun or begins now."""

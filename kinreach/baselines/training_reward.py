@@ -7,6 +7,8 @@ from typing import Any
 
 import numpy as np
 
+from kinreach.baselines.button_reward import guided, scaled
+
 Array = np.ndarray[Any, Any]
 
 #: The environment's rewards, and the step's info as arrays of a batch, to what the learner sees, shape (n,). Where the
@@ -40,4 +42,10 @@ def dense(rewards: Array, info: Mapping[str, Any]) -> Array:
 
 
 #: Training rewards by the name that recipes use.
-REWARDS: Mapping[str, TrainingReward] = {"own": own, "floored": floored, "dense": dense}
+REWARDS: Mapping[str, TrainingReward] = {
+    "own": own,
+    "floored": floored,
+    "dense": dense,
+    "scaled": scaled,
+    "guided": guided,
+}
