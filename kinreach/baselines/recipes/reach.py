@@ -9,7 +9,8 @@ from typing import Any
 from kinreach.baselines.recipes.base import MULTI, SINGLE, Networks, Recipe
 
 #: PPO2 of the thesis's time: 4 minibatches, 4 epochs, clip 0.2, λ 0.95, entropy 0.01, value 0.5, gradient 0.5. It
-#: begins with a standard deviation of 1 in the units of the action: radians in single-step, degrees in multi-step.
+#: began with a standard deviation of 1 in the units of the action. Here an action of 1 is half the range; in the thesis
+#: it may have been a radian in single-step and a degree in multi-step (3.4.3), which two recipes try.
 _THESIS_PPO = {
     "n_epochs": 4,
     "clip_range": 0.2,
@@ -62,6 +63,17 @@ def _off_policy(algorithm: str, environment: str, gamma: float, **settings: Any)
     )
 
 
+_THESIS_SINGLE = Recipe(
+    name="thesis-single",
+    window=100,
+    summary="The thesis's single-step path planning with its settings: γ 0, 128 steps an update, rate 1e-3.",
+    environment=SINGLE,
+    algorithm="PPO",
+    steps=150_000,
+    num_envs=1,
+    options={"backend": "kinematic"},
+    settings={**_THESIS_PPO, "gamma": 0.0, "n_steps": 128, "batch_size": 32, "learning_rate": 1e-3},
+)
 _THESIS_MULTI = Recipe(
     name="thesis-multi",
     trace_after=25_000,
@@ -71,7 +83,6 @@ _THESIS_MULTI = Recipe(
     steps=150_000,
     num_envs=1,
     options={"backend": "kinematic"},
-    networks=Networks(std=1 / 5),
     settings={**_THESIS_PPO, "gamma": 0.99, "n_steps": 4096, "batch_size": 1024, "learning_rate": 2.5e-4},
 )
 _PPO_MULTI = Recipe(
@@ -101,19 +112,20 @@ _PPO_MULTI = Recipe(
 )
 
 REACH_RECIPES = (
-    Recipe(
-        name="thesis-single",
-        window=100,
-        summary="The thesis's single-step path planning with its settings: γ 0, 128 steps an update, rate 1e-3.",
-        environment=SINGLE,
-        algorithm="PPO",
-        steps=150_000,
-        num_envs=1,
-        options={"backend": "kinematic"},
+    _THESIS_SINGLE,
+    replace(
+        _THESIS_SINGLE,
+        name="thesis-single-radians",
+        summary="As thesis-single, with an exploration of one radian at first instead of half the range.",
         networks=Networks(std=1 / math.pi),
-        settings={**_THESIS_PPO, "gamma": 0.0, "n_steps": 128, "batch_size": 32, "learning_rate": 1e-3},
     ),
     _THESIS_MULTI,
+    replace(
+        _THESIS_MULTI,
+        name="thesis-multi-degrees",
+        summary="As thesis-multi, with an exploration of one degree at first instead of half the range.",
+        networks=Networks(std=1 / 5),
+    ),
     Recipe(
         name="ppo-single",
         summary="PPO with scheduled exploration and an adaptive rate; the thesis's reward, not below -30.",
