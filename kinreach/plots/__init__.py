@@ -7,6 +7,7 @@ Nothing here knows an environment or a learner, so that every layer and every no
 - `maps`: errors and rewards over the table.
 - `learning`, `series`: learning curves over seeds, episodes, discounted rewards.
 - `methods`: success against tolerance.
+- `optimum`: the reward around a posture, and how near policies keep to the limit of the posture error.
 """
 
 from kinreach.plots.learning import (
@@ -17,6 +18,7 @@ from kinreach.plots.learning import (
 )
 from kinreach.plots.maps import RewardMap, draw_error_maps, draw_reward_maps
 from kinreach.plots.methods import Success, draw_success
+from kinreach.plots.optimum import draw_local_optimum, draw_posture_errors
 from kinreach.plots.pentagon import Pentagon, draw_pentagon_angles, draw_pentagons, pentagon_of, side_camera
 from kinreach.plots.pictures import draw_camera_steps, draw_pictures
 from kinreach.plots.rewards import draw_clipped_objective, draw_distance_reward, draw_reward_sections
@@ -36,9 +38,11 @@ __all__ = [
     "draw_episode_rewards",
     "draw_error_maps",
     "draw_learning_curves",
+    "draw_local_optimum",
     "draw_pentagon_angles",
     "draw_pentagons",
     "draw_pictures",
+    "draw_posture_errors",
     "draw_reward_maps",
     "draw_reward_sections",
     "draw_success",

@@ -2,22 +2,29 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
-from matplotlib.ticker import FuncFormatter, NullFormatter
+from matplotlib.ticker import FuncFormatter, LogLocator
 from numpy.typing import ArrayLike
 
 from kinreach.errors import InputError
 from kinreach.kinematics.reward_geometry import REACHED_DISTANCE
-from kinreach.plots.series import Run, discounted_returns, moving_mean, seed_band
+from kinreach.plots.series import Run, moving_mean, seed_band
 from kinreach.plots.style import FAINT, INK, PALETTE, colours_of, key, label_ends, new_figure, plain
 
 
 def draw_learning_curves(
-    panels: Mapping[str, Mapping[str, Sequence[Run]]], *, title: str, xlabel: str, note: str = ""
+    panels: Mapping[str, Mapping[str, Sequence[Run]]],
+    *,
+    title: str,
+    xlabel: str,
+    log: Collection[str] = (),
+    limits: Mapping[str, tuple[float, float]] | None = None,
+    marks: Mapping[str, Mapping[str, tuple[float, float]]] | None = None,
+    note: str = "",
 ) -> Figure:
     """Median over seeds of what training logged, with a band from the lowest to the highest seed.
 
@@ -26,6 +33,9 @@ def draw_learning_curves(
             recipe's name. A recipe keeps its colour in all panels.
         title: Of the figure.
         xlabel: What x counts, such as `"environment steps"`.
+        log: Panels with a logarithmic vertical axis.
+        limits: Of a panel's vertical axis.
+        marks: In a panel, points (x, y) by what to write beside them: what others have reported.
         note: Small print.
 
     Raises:
@@ -44,8 +54,15 @@ def draw_learning_curves(
             ax.plot(band.x, band.median, color=colours[name], lw=1.8)
             ends[name] = (band.x[-1], band.median[-1])
         ax.set(ylabel=ylabel, xlim=_hull(everywhere))
+        if ylabel in log:
+            _log_axis(ax)
+        if limits is not None and ylabel in limits:
+            ax.set_ylim(limits[ylabel])
+        for text, point in (marks or {}).get(ylabel, {}).items():
+            ax.plot(*point, marker="D", ms=6, mfc="white", mec=INK, mew=1.4, ls="", clip_on=False, zorder=4)
+            ax.annotate(text, point, xytext=(8, 5), textcoords="offset points", fontsize=8.5, color=INK)
         _thousands(ax)
-        label_ends(ax, ends, colours)
+        label_ends(ax, {name: (x, np.clip(y, *ax.get_ylim())) for name, (x, y) in ends.items()}, colours)
     seeds = {len(runs) for recipes in panels.values() for runs in recipes.values()}
     if seeds == {1}:
         key(axes[0], "one seed")
@@ -57,27 +74,41 @@ def draw_learning_curves(
     return figure
 
 
-def draw_episode_rewards(rewards: ArrayLike, *, title: str, window: int = 1000, note: str = "") -> Figure:
-    """The reward of every episode, and its moving mean (thesis, figures 5.1 and 5.3).
+def draw_episode_rewards(
+    rewards: ArrayLike,
+    *,
+    title: str,
+    at: ArrayLike | None = None,
+    window: int = 1000,
+    xlabel: str = "episode",
+    note: str = "",
+) -> Figure:
+    """Rewards of single episodes, and their moving mean (thesis, figures 5.1 and 5.3).
 
     Args:
         rewards: Of successive episodes, shape (n,).
         title: Of the figure.
-        window: Episodes in the mean.
+        at: Which episodes these are, increasing, shape (n,); 1 to n by default.
+        window: Of the mean, counted in `rewards`.
+        xlabel: What `at` counts.
         note: Small print.
 
     Raises:
-        InputError: Not one-dimensional, or a window below 1.
+        InputError: Not one-dimensional, shapes that do not fit, or a window below 1.
     """
     smooth = moving_mean(rewards, window)
-    episodes = np.arange(1, len(smooth) + 1)
+    episodes = np.arange(1, len(smooth) + 1) if at is None else np.asarray(at)
+    if episodes.shape != smooth.shape:
+        raise InputError(f"rewards and their places must have the same length, got {smooth.shape} and {episodes.shape}")
     figure, (ax,) = new_figure(title, size=(9.0, 3.8), note=note)
     size = float(np.clip(3e4 / max(len(smooth), 1), 0.3, 8.0))
     ax.scatter(episodes, np.asarray(rewards), s=size, color=PALETTE[0], alpha=0.35, linewidths=0, rasterized=True)
     ax.plot(episodes[window - 1 :], smooth[window - 1 :], color=PALETTE[1], lw=1.8)
-    ax.set(xlabel="episode", ylabel="reward of the episode", xlim=(0, max(len(smooth), 1)))
+    ax.set(xlabel=xlabel, ylabel="reward of the episode", xlim=(0, max(episodes.max(initial=1), 1)))
     _thousands(ax)
-    key(ax, f"dot: one episode · line: mean of the last {window}")
+    every = 1 if at is None or len(episodes) < 2 else round(float(np.diff(episodes).mean()))
+    dots = "one episode" if every == 1 else f"one episode in {every}"
+    key(ax, f"dot: {dots} · line: mean of the last {every * window}")
     return figure
 
 
@@ -106,14 +137,8 @@ def draw_distances(
             raise InputError(f"the distances of {name!r} must be positive numbers in a row")
         ax.plot(mm, color=colours[name], lw=1.8, marker="o", ms=2.5)
         ends[name] = (len(mm) - 1, mm[-1])
-    ax.set(
-        yscale="log",
-        xlabel=xlabel,
-        ylabel="distance to the goal [mm]",
-        xlim=_hull(np.array([0, *(x for x, _ in ends.values())])),
-    )
-    ax.yaxis.set_major_formatter(FuncFormatter(plain))
-    ax.yaxis.set_minor_formatter(NullFormatter())
+    ax.set(xlabel=xlabel, ylabel="distance to the goal [mm]", xlim=_hull(np.array([0, *(x for x, _ in ends.values())])))
+    _log_axis(ax)
     limit = 1e3 * REACHED_DISTANCE
     if ax.get_ylim()[0] < limit:
         ax.axhline(limit, color=INK, lw=1.2, ls="--", zorder=1)
@@ -123,32 +148,35 @@ def draw_distances(
 
 
 def draw_discounted_rewards(
-    rewards: ArrayLike, ends: ArrayLike, *, gamma: float, n_steps: int, title: str, note: str = ""
+    steps: ArrayLike, returns: ArrayLike, *, gamma: float, n_steps: int, title: str, note: str = ""
 ) -> Figure:
-    """Discounted sum of what follows each step, with the updates of the policy marked (thesis, figure 5.6).
+    """Discounted sum of what follows a step, with the updates of the policy marked (thesis, figure 5.6).
 
     Args:
-        rewards: Of successive steps of training, shape (n,).
-        ends: Whether an episode ended with the step, shape (n,).
-        gamma: Discount factor, 0 to 1.
+        steps: Of training, equally far apart, shape (n,).
+        returns: `discounted_returns` of these steps, shape (n,).
+        gamma: Discount factor, for the label.
         n_steps: Steps between two updates.
         title: Of the figure.
         note: Small print.
 
     Raises:
-        InputError: What `discounted_returns` or `moving_mean` refuse.
+        InputError: Shapes that do not fit, or fewer than two steps.
     """
-    returns = discounted_returns(rewards, ends, gamma)
-    smooth = moving_mean(returns, n_steps)
-    steps = np.arange(1, len(returns) + 1)
+    x = np.asarray(steps, dtype=float)
+    if x.ndim != 1 or len(x) < 2 or x.shape != np.shape(returns):
+        raise InputError(f"steps and returns must be as long as each other, got {x.shape} and {np.shape(returns)}")
+    every = (x[-1] - x[0]) / (len(x) - 1)
+    window = min(len(x), max(1, round(n_steps / every)))
+    smooth = moving_mean(returns, window)
     figure, (ax,) = new_figure(title, size=(9.0, 3.8), note=note, grid="y")
-    for update in range(n_steps, len(returns) + 1, n_steps):
+    for update in np.arange(n_steps, x[-1] + 1, n_steps):
         ax.axvline(update, color=FAINT, lw=0.6, alpha=0.5, zorder=0)
-    ax.plot(steps, returns, color=PALETTE[0], lw=0.4, alpha=0.6, rasterized=True)
-    ax.plot(steps[n_steps - 1 :], smooth[n_steps - 1 :], color=PALETTE[1], lw=1.8)
-    ax.set(xlabel="environment steps", ylabel=f"discounted reward, $\\gamma$ = {gamma:g}", xlim=(0, len(returns)))
+    ax.plot(x, returns, color=PALETTE[0], lw=0.4, alpha=0.6, rasterized=True)
+    ax.plot(x[window - 1 :], smooth[window - 1 :], color=PALETTE[1], lw=1.8)
+    ax.set(xlabel="environment steps", ylabel=f"discounted reward, $\\gamma$ = {gamma:g}", xlim=(0, x[-1]))
     _thousands(ax)
-    key(ax, f"thin: of each step · thick: mean of the last {n_steps} · grey: update of the policy")
+    key(ax, f"thin: of {every:.0f} steps one · thick: mean of the last {n_steps} · grey: update of the policy")
     return figure
 
 
@@ -157,6 +185,16 @@ def _hull(x: ArrayLike) -> tuple[float, float]:
     x = np.asarray(x, dtype=float)
     low, high = float(x.min()), float(x.max())
     return (low, high) if high > low else (low - 0.5, high + 0.5)
+
+
+def _log_axis(axes: Axes) -> None:
+    """A logarithmic vertical axis with plain numbers, and enough of them where it spans less than two decades."""
+    axes.set_yscale("log")
+    low, high = axes.get_ylim()
+    axes.yaxis.set_major_formatter(FuncFormatter(plain))
+    axes.yaxis.set_minor_locator(LogLocator(subs=(2.0, 5.0) if high < 100 * low else ()))
+    axes.yaxis.set_minor_formatter(FuncFormatter(plain))
+    axes.tick_params(axis="y", which="minor", length=0, labelsize=9, labelcolor=INK)
 
 
 def _thousands(axes: Axes) -> None:

@@ -47,6 +47,7 @@ def draw_error_maps(
     label: str = "error [mm]",
     limits: tuple[float, float] | None = None,
     missing: str = "not found",
+    area: Area | None = None,
     columns: int = 2,
     note: str = "",
 ) -> Figure:
@@ -59,6 +60,7 @@ def draw_error_maps(
         label: What is measured, with its unit.
         limits: Ends of the scale, to compare figures; by default the smallest and the largest error.
         missing: What a cross means.
+        area: To be outlined, such as where goals are drawn from.
         columns: Panels beside each other.
         note: Small print.
 
@@ -80,6 +82,7 @@ def draw_error_maps(
     for ax, (name, (xy, errors)) in zip(axes, panels.items(), strict=False):
         seen = np.isfinite(errors)
         size = float(np.clip(9e3 / len(errors), 6, 60))
+        crosses = float(np.clip(6e3 / len(errors), 3, 30))
         drawn = ax.scatter(
             xy[seen, 1],
             xy[seen, 0],
@@ -90,7 +93,9 @@ def draw_error_maps(
             marker="s",
             linewidths=0,
         )
-        ax.scatter(xy[~seen, 1], xy[~seen, 0], s=30, color=PALETTE[1], marker="x")
+        ax.scatter(xy[~seen, 1], xy[~seen, 0], s=crosses, color=PALETTE[1], marker="x")
+        if area is not None:
+            _outline(ax, area, colour="white")
         _seen_by_the_robot(ax, xy[:, 0], xy[:, 1], margin=0.02)
         some = errors[seen]
         missed = f" · {(~seen).sum()} {missing} (×)" if (~seen).any() else ""
@@ -142,8 +147,7 @@ def draw_reward_maps(
         _seen_by_the_robot(ax, x, y)
         ax.locator_params(nbins=5)
         if area is not None and x[0] <= area[0][0] and area[0][1] <= x[-1]:
-            (x0, x1), (y0, y1) = area
-            ax.add_patch(Rectangle((y0, x0), y1 - y0, x1 - x0, fill=False, ec="white", lw=1.2, ls="--"))
+            _outline(ax, area, colour="white")
         ax.plot(goal[1], goal[0], marker="+", ms=9, mew=1.4, color=INK)
         ax.set_title(name, loc="left", fontsize=9.5, weight="bold", color=INK)
     bar = figure.colorbar(drawn, ax=axes, label="reward r", aspect=18)
@@ -153,6 +157,11 @@ def draw_reward_maps(
     bar.ax.tick_params(length=0, labelsize=8.5)
     bar.ax.minorticks_off()
     return figure
+
+
+def _outline(axes: Axes, area: Area, *, colour: str) -> None:
+    (x0, x1), (y0, y1) = area
+    axes.add_patch(Rectangle((y0, x0), y1 - y0, x1 - x0, fill=False, ec=colour, lw=1.2, ls="--"))
 
 
 def _seen_by_the_robot(axes: Axes, x: Floats, y: Floats, *, margin: float = 0.0) -> None:

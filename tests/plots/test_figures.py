@@ -84,12 +84,12 @@ class TestLearning:
         assert "dashed: 10 mm, near enough to reach the goal" in texts(figure)
 
     def test_discounted_rewards(self, rng, texts):
-        rewards, ends = rng.normal(size=400), np.arange(400) % 50 == 49
-        figure = plots.draw_discounted_rewards(rewards, ends, gamma=0.9, n_steps=100, title="T")
+        steps, returns = np.arange(1, 401), rng.normal(size=400)
+        figure = plots.draw_discounted_rewards(steps, returns, gamma=0.9, n_steps=100, title="T")
         (ax,) = figure.axes
-        updates = [line for line in ax.lines if len(set(line.get_xdata())) == 1]
+        updates = [line for line in ax.lines if len(line.get_xdata()) == 2 and len(set(line.get_xdata())) == 1]
         assert [line.get_xdata()[0] for line in updates] == [100, 200, 300, 400]
-        assert points(ax, 4)[:, 1] == pytest.approx(plots.discounted_returns(rewards, ends, 0.9))
+        assert points(ax, 4) == pytest.approx(np.column_stack([steps, returns]))
         assert "discounted reward, $\\gamma$ = 0.9" in texts(figure)
 
     def test_refused(self):

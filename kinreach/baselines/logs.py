@@ -1,0 +1,186 @@
+"""How the published policies were trained: the learning curves that come with the package, or those of own runs.
+
+The folder `logs` holds, by recipe, `seed-<k>.csv`: the learning curve of a seed, in the columns of
+`kinreach.baselines.learning_curve`, long ones in wider windows (`thinned`). Some recipes have more:
+`seed-<k>-episode.csv`, one episode step by step, and `seed-<k>-rewards.csv`, what followed a step at many steps
+(`sampled_returns`), or `seed-<k>.safetensors`, the policy, where it is worth a look but not among those that come with
+the package by name. `python -m tools.build_logs` makes the folder from runs.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from importlib import resources
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from kinreach.baselines.learned import LearnedPolicy, load_policy
+from kinreach.baselines.learning_curve import COLUMNS, read_curve
+from kinreach.baselines.recipes import get_recipe
+from kinreach.errors import InputError, raise_unknown
+from kinreach.plots.series import discounted_returns
+
+Array = np.ndarray[Any, Any]
+#: Columns by name.
+Log = dict[str, Array]
+
+#: What there can be of a seed.
+CURVE, EPISODE, REWARDS = "curve", "episode", "rewards"
+#: Most rows of a shipped learning curve, and most samples of what followed a step.
+MOST_ROWS, MOST_SAMPLES = 750, 7600
+
+
+def log_names() -> list[str]:
+    """Recipes whose logs come with the package."""
+    return sorted(folder.name for folder in _shipped().iterdir() if folder.is_dir())
+
+
+def load_logs(recipe: str, what: str = CURVE, *, runs: str | Path | None = None) -> dict[int, Log]:
+    """Logs of all seeds of a recipe.
+
+    Args:
+        recipe: Its name.
+        what: `"curve"`: the learning curve; `"episode"`: one episode step by step; `"rewards"`: what followed a step.
+        runs: Folder of own training runs, `<recipe>/seed-<k>/`, instead of what comes with the package; unfinished
+            ones do not count. There, `"rewards"` needs a learning curve with a row for each step.
+
+    Returns:
+        Columns by seed and name; what is empty is NaN.
+
+    Raises:
+        UnknownNameError: There are no logs of the recipe, or no such `what`.
+        InputError: There are logs, but not these, or a file is damaged.
+    """
+    if what not in (CURVE, EPISODE, REWARDS):
+        raise_unknown("kind of log", what, (CURVE, EPISODE, REWARDS))
+    if runs is not None:
+        found = dict(_of_runs(recipe, what, Path(runs)))
+    else:
+        if recipe not in log_names():
+            raise_unknown("logs of the recipe", recipe, log_names())
+        with resources.as_file(_shipped() / recipe) as folder:
+            ending = ".csv" if what == CURVE else f"-{what}.csv"
+            files = {path.name.removesuffix(ending).removeprefix("seed-"): path for path in folder.glob(f"*{ending}")}
+            found = {int(seed): read_curve(path) for seed, path in sorted(files.items()) if seed.isdecimal()}
+    if not found:
+        raise InputError(f"there is no {what} of {recipe!r}")
+    return found
+
+
+def logged_policies(recipe: str, *, runs: str | Path | None = None) -> dict[int, LearnedPolicy]:
+    """Policies of all seeds of a recipe, where they come with the logs.
+
+    Args:
+        recipe: Its name.
+        runs: As for `load_logs`.
+
+    Raises:
+        InputError: There are none, or a file is damaged.
+    """
+    with resources.as_file(_shipped() / recipe) as folder:
+        where = folder if runs is None else Path(runs) / recipe
+        pattern = "seed-*.safetensors" if runs is None else "seed-*/policy.safetensors"
+        found = {}
+        for file in sorted(where.glob(pattern)):
+            policy = load_policy(file)
+            found[policy.card.seed] = policy
+    if not found:
+        raise InputError(f"there are no policies with the logs of {recipe!r}")
+    return found
+
+
+def thinned(log: Mapping[str, Array], most: int = MOST_ROWS) -> Log:
+    """A learning curve in wider windows, all of the same number of rows; an incomplete last one is left out.
+
+    Steps and episodes are those at the end of a window. What is of a step is averaged over the steps of the window,
+    what is of an episode over the episodes that ended in it.
+
+    Args:
+        log: Columns by name, those of `COLUMNS`.
+        most: Most rows.
+
+    Raises:
+        InputError: Columns are missing, or `most` is below 1.
+    """
+    if missing := [name for name in COLUMNS if name not in log]:
+        raise InputError(f"a learning curve needs the columns {', '.join(missing)}")
+    if most < 1:
+        raise InputError(f"the number of rows must be at least 1, got {most}")
+    rows = len(log["steps"])
+    width = -(-rows // most) or 1
+    shape = (rows // width, width)
+
+    def windows(values: Array) -> Array:
+        return values[: shape[0] * width].reshape(shape)
+
+    found: Log = {}
+    for name in COLUMNS:
+        if name in ("steps", "episodes"):
+            found[name] = windows(log[name])[:, -1]
+            continue
+        counted = log["steps"] if name in ("reward", "impossible") else log["episodes"]
+        values, weights = windows(log[name]), windows(np.diff(counted, prepend=0.0))
+        weights = np.where(np.isnan(values), 0.0, weights)
+        total = weights.sum(axis=1)
+        sums = (np.nan_to_num(values) * weights).sum(axis=1)
+        found[name] = np.divide(sums, total, out=np.full(shape[0], np.nan), where=total > 0)
+    return found
+
+
+def sampled_returns(log: Mapping[str, Array], gamma: float, most: int = MOST_SAMPLES) -> Log:
+    """What followed single steps of training, discounted; with γ = 0 just their rewards.
+
+    Args:
+        log: A learning curve with a row for each step.
+        gamma: Discount factor.
+        most: Most samples; they are equally far apart.
+
+    Returns:
+        `steps` and `discounted`, each of shape (n,).
+
+    Raises:
+        InputError: The rows are of more than one step.
+    """
+    steps, episodes = log["steps"], log["episodes"]
+    if not np.array_equal(steps, np.arange(1, len(steps) + 1)):
+        raise InputError("what followed a step needs a learning curve with a row for each step: train with window=1")
+    returns = discounted_returns(log["reward"], np.diff(episodes, prepend=0.0) > 0, gamma)
+    every = -(-len(steps) // most) or 1
+    return {"steps": steps[every - 1 :: every], "discounted": returns[every - 1 :: every]}
+
+
+def reached_per_thousand(log: Mapping[str, Array], *, of: str) -> Array:
+    """How often a goal was reached in a thousand episodes, or steps, shape (n,): one value for each window.
+
+    Args:
+        log: A learning curve.
+        of: `"episodes"` or `"steps"`.
+
+    Raises:
+        UnknownNameError: Neither of them.
+    """
+    if of not in ("episodes", "steps"):
+        raise_unknown("unit", of, ("episodes", "steps"))
+    ended = np.diff(log["episodes"], prepend=0.0)
+    counts = np.nan_to_num(log["reached"]) * ended
+    per = ended if of == "episodes" else np.diff(log["steps"], prepend=0.0)
+    return 1000 * np.divide(counts, per, out=np.full(len(per), np.nan), where=per > 0)
+
+
+def _shipped() -> Any:
+    return resources.files("kinreach.baselines") / "logs"
+
+
+def _of_runs(recipe: str, what: str, runs: Path) -> Iterator[tuple[int, Log]]:
+    for folder in sorted((runs / recipe).glob("seed-*")):
+        seed = folder.name.removeprefix("seed-")
+        file = folder / ("episode.csv" if what == EPISODE else "curve.csv")
+        finished = (folder / "run.json").exists()
+        if not (seed.isdecimal() and finished and file.exists()):
+            continue
+        log = read_curve(file)
+        if what == REWARDS:
+            log = sampled_returns(log, get_recipe(recipe).settings["gamma"])
+        yield int(seed), thinned(log) if what == CURVE else log

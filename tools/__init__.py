@@ -1,0 +1,1 @@
+"""What keeps the project's own data up to date; not part of the package."""
