@@ -45,8 +45,10 @@ def save_checkpoint(path: Path, identity: dict[str, Any], segment: int, trainee:
         kept = buffer.buffer_size if buffer.full else buffer.pos
         arrays = {name: torch.from_numpy(getattr(buffer, name)[:kept]) for name in _BUFFER}
         state["buffer"] = {"arrays": arrays, "pos": buffer.pos, "full": buffer.full}
+    content = io.BytesIO()  # torch's own file writer reports a full disk as a damaged archive
+    torch.save(state, content)
     with replacing(path) as temporary:
-        torch.save(state, temporary)
+        temporary.write_bytes(content.getbuffer())
 
 
 def load_checkpoint(path: Path, identity: dict[str, Any], trainee: Trainee) -> int:

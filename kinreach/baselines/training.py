@@ -7,6 +7,7 @@ that was never interrupted.
 
 from __future__ import annotations
 
+import io
 import json
 import math
 import random
@@ -103,6 +104,8 @@ def train(
     model.set_logger(configure(str(folder / "tensorboard"), ["tensorboard"]))
     try:
         first = load_checkpoint(checkpoint, identity, trainee) if resume and checkpoint.exists() else 0
+        if first:  # the run may have been killed between its checkpoint and its curve
+            _write_curves(folder, trainee.curve)
         for segment, target in enumerate(_targets(recipe, model)):
             if segment < first:
                 continue
@@ -115,9 +118,7 @@ def train(
             )
             trainee.curve.cut()
             save_checkpoint(checkpoint, identity, segment, trainee)
-            write_text(folder / CURVE, curve_csv(trainee.curve.rows))
-            if trainee.curve.traced and trainee.curve.trace:
-                write_text(folder / EPISODE, curve_csv(trainee.curve.trace, TRACE_COLUMNS))
+            _write_curves(folder, trainee.curve)
     finally:
         trainee.env.close()
         model.logger.close()
@@ -139,10 +140,18 @@ def train(
            "resumed": first > 0, "machine": provenance.machine()}  # fmt: skip
     write_text(folder / RUN, json.dumps(run, indent=2) + "\n")
     if export:
+        archive = io.BytesIO()
+        model.save(archive)
         with replacing(folder / "model.zip") as temporary:
-            model.save(temporary)
+            temporary.write_bytes(archive.getbuffer())
     checkpoint.unlink(missing_ok=True)
     return Run(folder, card, LearnedPolicy(card, network), seconds, cpu_seconds)
+
+
+def _write_curves(folder: Path, curve: LearningCurve) -> None:
+    write_text(folder / CURVE, curve_csv(curve.rows))
+    if curve.traced and curve.trace:
+        write_text(folder / EPISODE, curve_csv(curve.trace, TRACE_COLUMNS))
 
 
 class _Report(BaseCallback):

@@ -18,6 +18,7 @@ from kinreach.baselines.learning_curve import read_curve
 from kinreach.baselines.models import build
 from kinreach.baselines.recipes import MULTI, RECIPES, get_recipe
 from kinreach.baselines.training import train
+from kinreach.baselines.training_reward import REWARDS
 from kinreach.errors import InputError, OutputError, UnknownNameError
 
 #: Small versions of one on-policy, one ranked and one off-policy recipe, of three segments each.
@@ -141,7 +142,7 @@ def test_the_exported_network_is_the_trained_one(name, tmp_path):
     assert len(observations) >= 8
 
 
-@pytest.mark.parametrize(("name", "std"), [("thesis-single-radians", 1.0), ("thesis-multi-degrees", np.radians(1.0))])
+@pytest.mark.parametrize(("name", "std"), [("thesis-single", 1.0), ("thesis-multi", np.radians(1.0))])
 def test_the_thesis_explores_by_one_unit_of_its_actions(name, std):
     """Actions are radians in single-step, degrees in multi-step (section 3.4.3)."""
     trainee = build(get_recipe(name), 0, steps=1000)
@@ -170,7 +171,15 @@ def test_runs_leave_what_they_promise(uninterrupted, tmp_path):
 
 
 @pytest.mark.parametrize(
-    ("name", "steps"), [("single", 100_000), ("multi", 50_000), ("ppo-single", 50_000), ("ppo-multi", 300_000)]
+    ("name", "steps"),
+    [
+        ("single", 100_000),
+        ("multi", 50_000),
+        ("ppo-single", 50_000),
+        ("ppo-multi", 300_000),
+        pytest.param("ppo-multi-ending", 300_000, marks=pytest.mark.slow),
+        pytest.param("thesis-multi-long", 500_000, marks=pytest.mark.slow),
+    ],
 )
 def test_recipes_learn_in_seconds(name, steps, tmp_path):
     """A few seconds take the tip a good part of its way from the start pose, which is 0.4 m from a goal."""
@@ -180,8 +189,9 @@ def test_recipes_learn_in_seconds(name, steps, tmp_path):
     assert np.median(distance) < 0.2
 
 
-def test_the_thesis_recipe_learns_what_is_impossible_in_seconds(tmp_path):
-    train(get_recipe("thesis-single"), tmp_path, seed=0, steps=6000)
+@pytest.mark.parametrize("name", ["thesis-single", "thesis-single-half-range"])
+def test_the_thesis_recipe_learns_what_is_impossible_in_seconds(name, tmp_path):
+    train(get_recipe(name), tmp_path, seed=0, steps=6000)
     curve = read_curve(tmp_path / "curve.csv")
     assert len(curve["reward"]) >= 60
     assert curve["reward"][-10:].mean() > curve["reward"][:10].mean() + 10
@@ -189,11 +199,29 @@ def test_the_thesis_recipe_learns_what_is_impossible_in_seconds(tmp_path):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("name", ["sac-single", "td3-single", "thesis-multi"])
+@pytest.mark.parametrize("name", ["sac-single", "td3-single", "thesis-multi", "thesis-multi-half-range"])
 def test_slower_recipes_learn_too(name, tmp_path):
     train(get_recipe(name), tmp_path, seed=0, steps=12_000)
     reward = read_curve(tmp_path / "curve.csv")["reward"]
     assert reward[-len(reward) // 5 :].mean() > reward[: max(1, len(reward) // 5)].mean()
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", ["sac-multi", "td3-multi"])
+def test_off_policy_learners_turn_the_base_to_the_left_in_seconds(name, tmp_path, monkeypatch):
+    """A trivial version of the task, which takes them tens of thousands of steps: only the first joint counts."""
+    angles = []
+
+    def turned(rewards, info):
+        angles.append(np.abs(info["observation"][:, 6]).mean())
+        return -np.abs(info["observation"][:, 6])
+
+    monkeypatch.setitem(REWARDS, "turned", turned)
+    recipe = get_recipe(name)
+    settings = {**recipe.settings, "learning_starts": 1000}
+    train(replace(recipe, reward="turned", num_envs=32, settings=settings), tmp_path, seed=0, steps=12_000)
+    assert len(angles) >= 300
+    assert np.mean(angles[-30:]) < np.mean(angles[:30]) - 0.1
 
 
 def test_evaluation_is_that_of_single_environments_and_of_no_training_goal():

@@ -9,8 +9,9 @@ from typing import Any
 from kinreach.baselines.recipes.base import MULTI, SINGLE, Networks, Recipe
 
 #: PPO2 of the thesis's time: 4 minibatches, 4 epochs, clip 0.2, λ 0.95, entropy 0.01, value 0.5, gradient 0.5. It
-#: began with a standard deviation of 1 in the units of the action. Here an action of 1 is half the range; in the thesis
-#: it may have been a radian in single-step and a degree in multi-step (3.4.3), which two recipes try.
+#: began with a standard deviation of 1 in the units of the action, which in the thesis are radians in single-step and
+#: degrees in multi-step (3.4.3). Here an action of 1 is half the range: π rad and 5 degrees. Two recipes begin with
+#: that instead, as stable-baselines3 does by itself.
 _THESIS_PPO = {
     "n_epochs": 4,
     "clip_range": 0.2,
@@ -71,6 +72,7 @@ _THESIS_SINGLE = Recipe(
     algorithm="PPO",
     steps=150_000,
     num_envs=1,
+    networks=Networks(std=1 / math.pi),
     options={"backend": "kinematic"},
     settings={**_THESIS_PPO, "gamma": 0.0, "n_steps": 128, "batch_size": 32, "learning_rate": 1e-3},
 )
@@ -82,6 +84,7 @@ _THESIS_MULTI = Recipe(
     algorithm="PPO",
     steps=150_000,
     num_envs=1,
+    networks=Networks(std=1 / 5),
     options={"backend": "kinematic"},
     settings={**_THESIS_PPO, "gamma": 0.99, "n_steps": 4096, "batch_size": 1024, "learning_rate": 2.5e-4},
 )
@@ -115,16 +118,16 @@ REACH_RECIPES = (
     _THESIS_SINGLE,
     replace(
         _THESIS_SINGLE,
-        name="thesis-single-radians",
-        summary="As thesis-single, with an exploration of one radian at first instead of half the range.",
-        networks=Networks(std=1 / math.pi),
+        name="thesis-single-half-range",
+        summary="As thesis-single, with an exploration of half the range at first instead of one radian.",
+        networks=Networks(),
     ),
     _THESIS_MULTI,
     replace(
         _THESIS_MULTI,
-        name="thesis-multi-degrees",
-        summary="As thesis-multi, with an exploration of one degree at first instead of half the range.",
-        networks=Networks(std=1 / 5),
+        name="thesis-multi-half-range",
+        summary="As thesis-multi, with an exploration of half the range at first instead of one degree.",
+        networks=Networks(),
     ),
     Recipe(
         name="ppo-single",
