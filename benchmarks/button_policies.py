@@ -14,8 +14,7 @@ import numpy as np
 
 from kinreach.baselines.evaluation import evaluate
 from kinreach.baselines.learned import load_policy
-from kinreach.baselines.recipes import RECIPES
-from kinreach.baselines.recipes.base import BUTTON
+from kinreach.baselines.recipes import BUTTON, RECIPES
 from kinreach.statistics import bootstrap_intervals, mean, median, wilson_interval
 
 HEADINGS = (

@@ -1,4 +1,4 @@
-"""What trained policies reach on held-out goals, over all seeds of every recipe: the tables of docs/training.md.
+"""What trained reach policies do on held-out goals, over all seeds of every recipe: the tables of docs/training.md.
 
 python -m kinreach.train single --seeds 5         (and the other recipes)
 python -m benchmarks.trained results/train --goals 10000
@@ -16,7 +16,7 @@ import numpy as np
 
 from kinreach.baselines.evaluation import Evaluation, evaluate
 from kinreach.baselines.learned import load_policy
-from kinreach.baselines.recipes import RECIPES
+from kinreach.baselines.recipes import BUTTON, RECIPES
 from kinreach.statistics import bootstrap_intervals, median, p95, wilson_interval
 
 HEADINGS = (
@@ -29,7 +29,8 @@ def main() -> None:
     """Print a Markdown table, one row per recipe."""
     arguments = parse()
     print(f"| {' | '.join(HEADINGS)} |\n|{'---|' * len(HEADINGS)}")
-    for recipe in arguments.recipes.split(",") if arguments.recipes else RECIPES:
+    reach = [name for name, recipe in RECIPES.items() if recipe.environment != BUTTON]
+    for recipe in arguments.recipes.split(",") if arguments.recipes else reach:
         folders = sorted((Path(arguments.runs) / recipe).glob("seed-*"))
         finished = [folder for folder in folders if (folder / "policy.safetensors").exists()]
         if finished:
