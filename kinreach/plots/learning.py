@@ -113,13 +113,19 @@ def draw_episode_rewards(
 
 
 def draw_distances(
-    episodes: Mapping[str, ArrayLike], *, title: str, xlabel: str = "step of the episode", note: str = ""
+    episodes: Mapping[str, ArrayLike],
+    *,
+    title: str,
+    near: float = REACHED_DISTANCE,
+    xlabel: str = "step of the episode",
+    note: str = "",
 ) -> Figure:
     """Distance from the tip to the goal along episodes, on a log axis (thesis, figure 5.5).
 
     Args:
         episodes: Distance [m] before the first and after every step by the episode's name, each of shape (n,).
         title: Of the figure.
+        near: Distance at which a goal counts as reached [m].
         xlabel: What is counted.
         note: Small print.
 
@@ -139,7 +145,7 @@ def draw_distances(
         ends[name] = (len(mm) - 1, mm[-1])
     ax.set(xlabel=xlabel, ylabel="distance to the goal [mm]", xlim=_hull(np.array([0, *(x for x, _ in ends.values())])))
     _log_axis(ax)
-    limit = 1e3 * REACHED_DISTANCE
+    limit = 1e3 * near
     if ax.get_ylim()[0] < limit:
         ax.axhline(limit, color=INK, lw=1.2, ls="--", zorder=1)
         key(ax, f"dashed: {limit:g} mm, near enough to reach the goal")

@@ -1,0 +1,63 @@
+"""Traces are what single environments do, step by step."""
+
+import gymnasium as gym
+import numpy as np
+import pytest
+
+from kinreach.baselines.learned import load_policy
+from kinreach.baselines.traces import trace
+from kinreach.errors import InputError
+from kinreach.kinematics import UR5Kinematics
+from kinreach.robots import get_arm
+
+
+@pytest.fixture(scope="module")
+def goals():
+    return get_arm("ur5").workcell.goals.sample(np.random.default_rng(3), 8)
+
+
+@pytest.mark.parametrize("name", ["single", "multi", "ppo-multi"])
+def test_a_trace_is_what_single_environments_do(name, goals):
+    policy = load_policy(name)
+    traced = trace(policy, goals, options={"backend": "kinematic"})
+    env = gym.make(policy.card.environment, backend="kinematic")
+    lengths = []
+    for index, goal in enumerate(goals):
+        observation, info = env.reset(seed=0, options={"goal": goal})
+        policy.reset(info)
+        over, step = False, 0
+        while not over:
+            observation, reward, terminated, truncated, info = env.step(policy.act(observation))
+            over, step = terminated or truncated, step + 1
+            assert traced.distance[step, index] == pytest.approx(info["distance"], abs=1e-9)
+            assert traced.posture_error[step - 1, index] == pytest.approx(info["posture_error"], abs=1e-9)
+            assert traced.reward[step - 1, index] == pytest.approx(reward, abs=1e-6)
+            np.testing.assert_allclose(traced.q[step, index], observation[6:12], atol=1e-9)
+        lengths.append(step)
+        assert (traced.reached[index], traced.impossible[index]) == (info["reached"], info["impossible"])
+        np.testing.assert_array_equal(traced.distance[step:, index], traced.distance[step, index])
+        assert np.isnan(traced.reward[step:, index]).all()
+    assert len(traced.distance) == max(lengths) + 1
+    if name != "single":
+        assert min(lengths) < max(lengths)
+
+
+def test_it_starts_at_home(goals):
+    traced = trace(load_policy("single"), goals, options={"backend": "kinematic"})
+    home = np.array(get_arm("ur5").home)
+    np.testing.assert_allclose(traced.q[0], np.tile(home, (len(goals), 1)), atol=1e-12)
+    tip = UR5Kinematics(tip="tcp", base="world").fk(home)[:3, 3]
+    np.testing.assert_allclose(traced.distance[0], np.linalg.norm(goals - tip, axis=1), atol=1e-9)
+
+
+@pytest.mark.parametrize(
+    ("name", "goals", "message"),
+    [
+        ("button", np.zeros((1, 3)), "UR5SingleStep"),
+        ("single", np.zeros(3), "shape"),
+        ("single", np.zeros((0, 3)), "sha"),
+    ],
+)
+def test_what_cannot_be_traced_is_refused(name, goals, message):
+    with pytest.raises(InputError, match=message):
+        trace(load_policy(name), goals)
