@@ -11,7 +11,7 @@ from kinreach.baselines.button_reward import BRANCH_ORDER, POSTURE_WEIGHT, SCALE
 from kinreach.baselines.evaluation import evaluate
 from kinreach.baselines.export import network_of
 from kinreach.baselines.learned import load_policy
-from kinreach.baselines.learning_curve import LearningCurve
+from kinreach.baselines.learning_curve import LearningCurve, read_curve
 from kinreach.baselines.models import build
 from kinreach.baselines.recipes import BUTTON, RECIPES, get_recipe
 from kinreach.baselines.sb3_vec_env import SB3VecEnv
@@ -138,6 +138,16 @@ def test_recipes_train_go_on_and_export_what_they_trained(name, tmp_path):
     assert len(observations) == 64
     assert (found == expected).mean() >= 0.98  # ties, in single precision
     json.dumps(recipe.to_dict())
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("name", "steps"), [("button", 64_000), ("button-report", 64_000), ("button-dqn", 32_000)])
+def test_recipes_learn_in_seconds(name, steps, tmp_path):
+    """Long before anything is pressed, chance presses less often in the wrong place and comes nearer."""
+    train(replace(get_recipe(name), window=6400), tmp_path, seed=1, steps=steps)
+    returns = read_curve(tmp_path / "curve.csv")["return"]
+    assert len(returns) >= 5
+    assert returns[-1] > returns[0] + 8
 
 
 @pytest.mark.parametrize("name", BUTTONS)
