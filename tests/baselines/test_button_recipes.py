@@ -167,8 +167,9 @@ def test_evaluation_knows_nothing_of_the_training_reward(name, tmp_path):
     np.testing.assert_allclose(first.measures["return"], rewards)
 
 
-def test_the_policy_of_the_package_presses():
-    policy = load_policy("button", environment=BUTTON)
+@pytest.mark.parametrize("name", ["button", "button-report"])
+def test_the_policies_of_the_package_press(name):
+    policy = load_policy(name, environment=BUTTON)
     found = evaluate(policy, goals=200, options=policy.card.recipe["options"])
     assert found.reached.mean() >= 0.95
     assert found.measures["wrong_presses"].mean() < 1

@@ -1,5 +1,6 @@
 """The policies of the package still do what is published of them; a sample here, the whole in the slow tests."""
 
+import re
 import subprocess
 import sys
 
@@ -7,7 +8,7 @@ import numpy as np
 import pytest
 
 from kinreach.baselines.evaluation import evaluate
-from kinreach.baselines.learned import load_policy
+from kinreach.baselines.learned import load_policy, pretrained_names
 
 #: Name -> least share reached, largest median [mm], least share within 1 mm and within 2 mm; not from cameras.
 PUBLISHED = {
@@ -52,6 +53,20 @@ def test_goals_seen_by_cameras(name, needs_gl):
     found = evaluate(policy, goals=100, options={"backend": "mujoco", "observation": "camera"})
     assert found.reached.mean() >= 0.97
     assert np.median(found.measures["distance"]) < 1e-3
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", pretrained_names())
+def test_what_a_card_says_was_measured_can_be_measured_again(name):
+    policy = load_policy(name)
+    again = {command: said for command, said in policy.card.results.items() if "camera" not in command}
+    assert again
+    for command, said in again.items():
+        options = dict(re.findall(r"--(backend) (\w+)", command)) or policy.card.recipe["options"]
+        found = evaluate(policy, goals=said["goals"], options=options).summary()
+        assert f"--goals {said['goals']}" in command
+        assert found["reached"] == pytest.approx(said["reached"], abs=2e-3)
+        assert found["distance_mm"]["median"] == pytest.approx(said["distance_mm"]["median"], rel=0.02)
 
 
 def test_policies_run_without_the_libraries_that_trained_them():
