@@ -15,13 +15,20 @@ ROOT = Path(__file__).parents[1]
 FOLDER = ROOT / "notebooks"
 NOTEBOOKS = sorted(FOLDER.glob("*.ipynb"))
 LARGEST = 1_500_000
-#: Figures of the thesis that a notebook shows, by the beginning of its name.
-FIGURES = {
+#: Figures of the thesis that a notebook shows, by the beginning of its name; none where the thesis has none.
+FIGURES: dict[str, tuple[str, ...]] = {
     "01": ("2.4", "2.5", "3.2", "3.3", "3.4", "3.5", "3.6", "3.7", "3.8"),
     "02": ("3.1",),
     "03": ("5.1", "5.2"),
     "04": ("5.3", "5.4", "5.5", "5.6", "6.1", "6.2"),
+    "05": (),
+    "06": (),
+    "07": (),
 }
+#: What a notebook without a figure of the thesis takes up: sections of the thesis, or the report of the other task.
+SECTIONS = {"05": ("section 1.1",), "06": ("sections 6.3 and 7.2",), "07": ("Gym Coding Report",)}
+#: Notebooks with learned policies: they can train them again instead.
+WITH_POLICIES = ("03", "04", "05", "06", "07")
 
 
 @pytest.fixture(params=NOTEBOOKS, ids=lambda path: path.stem)
@@ -43,7 +50,7 @@ def outputs(notebook) -> list:
 
 
 def test_there_are_notebooks():
-    assert {path.name[:2] for path in NOTEBOOKS} >= set(FIGURES)
+    assert {path.name[:2] for path in NOTEBOOKS} == set(FIGURES)
 
 
 def test_valid_and_small(path, notebook):
@@ -84,11 +91,22 @@ def test_no_long_function_in_a_cell(notebook):
 def test_figures_of_the_thesis(path, notebook):
     shown = "\n".join(cell.source for cell in notebook.cells)
     ranges = [(major, int(a), int(b)) for major, a, b in re.findall(r"(\d)\.(\d) (?:to|and) \d\.(\d)", shown)]
-    wanted = FIGURES.get(path.name[:2], ())
-    for figure in wanted:
+    for figure in FIGURES[path.name[:2]]:
         major, minor = figure.split(".")
         in_range = any(major == m and a <= int(minor) <= b for m, a, b in ranges)
         assert in_range or re.search(rf"figure {re.escape(figure)}\b", shown), figure
+
+
+def test_sections_of_the_thesis(path, notebook):
+    shown = "\n".join(cell.source for cell in notebook.cells if cell.cell_type == "markdown")
+    assert FIGURES[path.name[:2]] or SECTIONS[path.name[:2]]
+    assert [section for section in SECTIONS.get(path.name[:2], ()) if section not in shown] == []
+
+
+def test_one_switch_trains_again(path, notebook):
+    """At the top, and it is off in what is shipped."""
+    switches = [bool(re.search(r"^RETRAIN = False\b", cell.source, re.MULTILINE)) for cell in code(notebook)]
+    assert switches == [path.name[:2] in WITH_POLICIES] + [False] * (len(switches) - 1)
 
 
 def test_links_lead_somewhere(notebook):

@@ -6,9 +6,11 @@ import json
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
+from shlex import join
 from typing import Any
 
 from rich.console import Console
+from rich.markup import escape
 from rich.progress import Progress
 
 from kinreach import provenance
@@ -20,6 +22,7 @@ from kinreach.baselines.recipes.base import BUTTON
 from kinreach.cli import Parser
 from kinreach.errors import InputError
 from kinreach.files import make_writable, write_text
+from kinreach.inputs import check_count, check_path
 
 
 def main(argv: Sequence[str], *, prog: str) -> int:
@@ -36,17 +39,19 @@ def main(argv: Sequence[str], *, prog: str) -> int:
         KinreachError: Bad input, a file that is no policy, cameras that cannot draw.
     """
     arguments = _parser(prog).parse_args(argv)
-    if arguments.goals < 1:
-        raise InputError(f"--goals must be at least 1, got {arguments.goals}")
+    check_count("--goals", arguments.goals, most=10**7)
     policies = {name: load_policy(name) for name in arguments.policies}
+    names = _short_names(list(policies))
+    if arguments.out is not None:
+        check_path("--out", arguments.out)
     summaries = {}
     for name, policy in policies.items():
         options = _options(policy, arguments)
-        summaries[_short(name)] = _evaluate(policy, _short(name), arguments.goals, options)
+        summaries[names[name]] = _evaluate(policy, names[name], arguments.goals, options)
     said = {name: getattr(arguments, name) for name in ("backend", "observation", "max_steps")}
     given = "".join(f" --{name.replace('_', '-')} {value}" for name, value in said.items() if value is not None)
-    command = f"{prog} {' '.join(arguments.policies)} --goals {arguments.goals}{given}"
-    console = Console(width=TABLE_WIDTH, highlight=False)
+    command = f"{prog} {join(arguments.policies)} --goals {arguments.goals}{given}"
+    console = Console(width=TABLE_WIDTH, highlight=False, markup=False, emoji=False)
     console.print(evaluation_table(summaries, title=f"{arguments.goals} held-out goals{given.replace(' --', ', ')}"))
     console.print(f"Again: {command}", style="dim", soft_wrap=True)
     found = {"policies": summaries, "command": command, "versions": provenance.versions()}
@@ -56,7 +61,7 @@ def main(argv: Sequence[str], *, prog: str) -> int:
         write_text(path, json.dumps(found, indent=2, allow_nan=False) + "\n")
     if arguments.record:
         for name in arguments.policies:
-            _record(name, command, summaries[_short(name)])
+            _record(name, command, summaries[names[name]])
     return 0
 
 
@@ -69,20 +74,32 @@ def _options(policy: LearnedPolicy, arguments: Any) -> dict[str, Any]:
     if policy.card.environment == BUTTON:
         if any(said.values()):
             raise InputError("--backend and --observation are for reach policies")
-        said = {**policy.card.recipe.get("options", {}), "max_steps": arguments.max_steps}
+        said = {"actuation": _actuation(policy), "max_steps": arguments.max_steps}
     elif arguments.max_steps:
         raise InputError("--max-steps is for policies of the button task")
     return {name: value for name, value in said.items() if value is not None}
 
 
+def _actuation(policy: LearnedPolicy) -> Any:
+    """The actuation that a policy of the button task was trained for, if its file says so; else None."""
+    options = policy.card.recipe.get("options")
+    return options.get("actuation") if isinstance(options, dict) else None
+
+
 def _evaluate(policy: LearnedPolicy, name: str, goals: int, options: dict[str, Any]) -> dict[str, Any]:
     console = Console(stderr=True)
     with Progress(console=console, transient=True, disable=not console.is_terminal) as bar:
-        shown = bar.add_task(name, total=goals)
+        shown = bar.add_task(escape(name), total=goals)
         evaluation = evaluate(
             policy, goals=goals, options=options, progress=lambda done: bar.update(shown, completed=done)
         )
     return evaluation.summary()
+
+
+def _short_names(policies: Sequence[str]) -> dict[str, str]:
+    """Names for the table, by what the user said; where two would be the same, that itself."""
+    short = [_short(name) for name in policies]
+    return {name: text if short.count(text) == 1 else name for name, text in zip(policies, short, strict=True)}
 
 
 def _short(name: str) -> str:

@@ -10,7 +10,7 @@ import gymnasium as gym
 import numpy as np
 
 from kinreach.baselines.learned import LearnedPolicy
-from kinreach.errors import InputError
+from kinreach.inputs import check_count
 from kinreach.statistics import bootstrap_intervals, median, p95, wilson_interval
 
 Array = np.ndarray[Any, Any]
@@ -89,8 +89,8 @@ def evaluate(
     Raises:
         InputError: No goals, or options that the environment does not take.
     """
-    if goals < 1:
-        raise InputError(f"the number of goals must be at least 1, got {goals}")
+    goals = check_count("the number of goals", goals, most=10**7)
+    seed = check_count("seed", seed, least=0)
     parts = []
     for first in range(0, goals, BATCH):
         count = min(BATCH, goals - first)

@@ -7,15 +7,20 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from kinreach.baselines.network import Network
 from kinreach.baselines.pacing import paced
 from kinreach.baselines.policy_file import PolicyCard, read_policy
 from kinreach.envs.reach.task import MULTI_STEP, SINGLE_STEP
 from kinreach.errors import InputError, UnknownNameError, raise_unknown
+from kinreach.inputs import check_path
+from kinreach.kinematics.goals import as_floats, check_entries
 
 Array = np.ndarray[Any, Any]
 
+#: No environment observes larger numbers.
+MOST_OBSERVED = 1e6
 _SUFFIX = ".safetensors"
 _BUTTON = "kinreach/ButtonPress-v0"
 _REACH = {variant: f"kinreach/UR5{variant.name.capitalize()}Step-v0" for variant in (SINGLE_STEP, MULTI_STEP)}
@@ -28,7 +33,7 @@ _FITS = {
 
 
 class LearnedPolicy:
-    """A policy from a file.
+    """A policy from a file. Threads may share an instance.
 
     Args:
         card, network: As `read_policy` returns them.
@@ -52,6 +57,7 @@ class LearnedPolicy:
             )
         self.card = card
         self._network = network
+        self._inputs = inputs
         self._walks = card.environment == _REACH[MULTI_STEP]
 
     def reset(self, info: dict[str, Any]) -> None:
@@ -62,22 +68,37 @@ class LearnedPolicy:
 
         Returns:
             Actions in [-1, 1], shape (..., 6), or the number of a discrete action, shape (...).
+
+        Raises:
+            InputError: A wrong shape, values that are not finite, or so large that the network's output is not.
         """
         if self.card.meaning == "preferences":
-            return self._network(observation).argmax(axis=-1)
+            return self._output(observation).argmax(axis=-1)
         if self._walks and self.card.meaning == "posture":
-            return paced(self.posture(observation) - observation[..., 6:12])
-        return np.clip(self._network(observation), -1.0, 1.0)
+            return paced(self.posture(observation) - np.asarray(observation)[..., 6:12])
+        return np.clip(self._output(observation), -1.0, 1.0)
 
     def posture(self, observation: Array) -> Array:
         """The posture that a reach policy aims at [rad], shape (..., 6).
 
         Raises:
-            InputError: The policy's output means something else.
+            InputError: The policy's output means something else, or as for `act`.
         """
         if self.card.meaning != "posture":
             raise InputError(f"the output of {self.card.recipe.get('name')} means {self.card.meaning}, not a posture")
-        return SINGLE_STEP.scale * np.clip(self._network(observation), -1.0, 1.0)
+        return SINGLE_STEP.scale * np.clip(self._output(observation), -1.0, 1.0)
+
+    def _output(self, observation: ArrayLike) -> Array:
+        """What the network says of observations, once they and its answer are found to be numbers."""
+        x = as_floats("observation", observation)
+        if x.ndim == 0 or x.shape[-1] != self._inputs:
+            raise InputError(f"observation must have shape (..., {self._inputs}), got {x.shape}")
+        check_entries("observation", x, MOST_OBSERVED)
+        with np.errstate(over="ignore", invalid="ignore", divide="ignore"):
+            output = self._network(x)
+        if not np.isfinite(output).all():
+            raise InputError(f"the network of {self.card.recipe.get('name')} answers with what is no number")
+        return output
 
 
 def pretrained_names() -> list[str]:
@@ -100,7 +121,7 @@ def load_policy(policy: str | Path, *, environment: str | None = None) -> Learne
     if str(policy) in names:
         with resources.as_file(resources.files("kinreach.baselines") / "pretrained" / f"{policy}{_SUFFIX}") as path:
             loaded = LearnedPolicy(*read_policy(path))
-    elif Path(policy).suffix or Path(policy).exists():
+    elif check_path("policy", policy).suffix or Path(policy).exists():
         loaded = LearnedPolicy(*read_policy(policy))
     else:
         raise UnknownNameError(f"there is no policy {policy!r}; a file, or one of: {', '.join(names)}")

@@ -144,6 +144,6 @@ def read_curve(path: str | Path) -> dict[str, Array]:
             values = np.array([[float(cell or "nan") for cell in row] for row in rows]).reshape(-1, len(header))
     except OSError as error:
         raise InputError(f"cannot read the learning curve {path}: {error.strerror}") from None
-    except ValueError as error:
+    except (ValueError, csv.Error) as error:
         raise InputError(f"{path} is no learning curve: {error}") from None
     return dict(zip(header, values.T, strict=True))

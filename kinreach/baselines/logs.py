@@ -20,6 +20,7 @@ from kinreach.baselines.learned import LearnedPolicy, load_policy
 from kinreach.baselines.learning_curve import COLUMNS, read_curve
 from kinreach.baselines.recipes import get_recipe
 from kinreach.errors import InputError, raise_unknown
+from kinreach.inputs import check_count, check_known, check_path, shown
 from kinreach.plots.series import discounted_returns
 
 Array = np.ndarray[Any, Any]
@@ -53,13 +54,11 @@ def load_logs(recipe: str, what: str = CURVE, *, runs: str | Path | None = None)
         UnknownNameError: There are no logs of the recipe, or no such `what`.
         InputError: There are logs, but not these, or a file is damaged.
     """
-    if what not in (CURVE, EPISODE, REWARDS):
-        raise_unknown("kind of log", what, (CURVE, EPISODE, REWARDS))
+    check_known("kind of log", what, (CURVE, EPISODE, REWARDS))
     if runs is not None:
-        found = dict(_of_runs(recipe, what, Path(runs)))
+        found = dict(_of_runs(_folder(recipe), what, check_path("runs", runs)))
     else:
-        if recipe not in log_names():
-            raise_unknown("logs of the recipe", recipe, log_names())
+        check_known("logs of the recipe", recipe, log_names())
         with resources.as_file(_shipped() / recipe) as folder:
             ending = ".csv" if what == CURVE else f"-{what}.csv"
             files = {path.name.removesuffix(ending).removeprefix("seed-"): path for path in folder.glob(f"*{ending}")}
@@ -79,8 +78,8 @@ def logged_policies(recipe: str, *, runs: str | Path | None = None) -> dict[int,
     Raises:
         InputError: There are none, or a file is damaged.
     """
-    with resources.as_file(_shipped() / recipe) as folder:
-        where = folder if runs is None else Path(runs) / recipe
+    with resources.as_file(_shipped() / _folder(recipe)) as folder:
+        where = folder if runs is None else check_path("runs", runs) / recipe
         pattern = "seed-*.safetensors" if runs is None else "seed-*/policy.safetensors"
         found = {}
         for file in sorted(where.glob(pattern)):
@@ -106,8 +105,7 @@ def thinned(log: Mapping[str, Array], most: int = MOST_ROWS) -> Log:
     """
     if missing := [name for name in COLUMNS if name not in log]:
         raise InputError(f"a learning curve needs the columns {', '.join(missing)}")
-    if most < 1:
-        raise InputError(f"the number of rows must be at least 1, got {most}")
+    most = check_count("the number of rows", most)
     rows = len(log["steps"])
     width = -(-rows // most) or 1
     shape = (rows // width, width)
@@ -161,8 +159,7 @@ def reached_per_thousand(log: Mapping[str, Array], *, of: str) -> Array:
     Raises:
         UnknownNameError: Neither of them.
     """
-    if of not in ("episodes", "steps"):
-        raise_unknown("unit", of, ("episodes", "steps"))
+    check_known("unit", of, ("episodes", "steps"))
     ended = np.diff(log["episodes"], prepend=0.0)
     counts = np.nan_to_num(log["reached"]) * ended
     per = ended if of == "episodes" else np.diff(log["steps"], prepend=0.0)
@@ -171,6 +168,14 @@ def reached_per_thousand(log: Mapping[str, Array], *, of: str) -> Array:
 
 def _shipped() -> Any:
     return resources.files("kinreach.baselines") / "logs"
+
+
+def _folder(recipe: str) -> str:
+    """The name of a recipe, which is that of a folder and leads to no other."""
+    given: object = recipe
+    if not isinstance(given, str) or given != Path(given).name or "\0" in given:
+        raise_unknown("logs of the recipe", shown(given), log_names())
+    return given
 
 
 def _of_runs(recipe: str, what: str, runs: Path) -> Iterator[tuple[int, Log]]:

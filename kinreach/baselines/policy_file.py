@@ -11,7 +11,7 @@ import json
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass, field, fields
 from pathlib import Path
-from typing import Any
+from typing import Any, NoReturn
 
 import numpy as np
 from safetensors import SafetensorError, safe_open
@@ -20,6 +20,7 @@ from safetensors.numpy import save as to_bytes
 from kinreach.baselines.network import ACTIVATIONS, OUTPUTS, Network
 from kinreach.errors import InputError
 from kinreach.files import replacing
+from kinreach.inputs import check_path
 
 #: Version of the format; files of other versions are refused.
 FORMAT = 1
@@ -79,7 +80,7 @@ def read_policy(path: str | Path) -> tuple[PolicyCard, Network]:
     Raises:
         InputError: There is no such file, or it is not a policy: the message says what is wrong with it.
     """
-    path = Path(path)
+    path = check_path("policy", path)
     try:
         size = path.stat().st_size
         if not path.is_file() or size > MOST_BYTES:
@@ -98,9 +99,14 @@ def read_policy(path: str | Path) -> tuple[PolicyCard, Network]:
         raise InputError(f"{path} is no policy: {error}") from None
 
 
+def _refuse(constant: str) -> NoReturn:
+    """What Python's parser takes for a number and JSON does not: NaN and the infinities."""
+    raise ValueError(constant)
+
+
 def _card(header: Mapping[str, str]) -> PolicyCard:
     try:
-        values = json.loads(header.get("kinreach", ""))
+        values = json.loads(header.get("kinreach", ""), parse_constant=_refuse)
     except (ValueError, RecursionError):
         raise InputError("its header has no JSON entry 'kinreach'") from None
     if not isinstance(values, dict) or values.pop("format", None) != FORMAT:

@@ -15,6 +15,7 @@ from kinreach.baselines.evaluation_table import TABLE_WIDTH, evaluation_table
 from kinreach.baselines.recipes import RECIPES, Recipe, get_recipe
 from kinreach.cli import Parser
 from kinreach.errors import InputError, InstallationError
+from kinreach.inputs import MOST_THREADS, check_count, check_path
 
 #: Held-out goals that a finished policy is tried on; `evaluate` does it properly.
 GOALS = 1000
@@ -42,8 +43,10 @@ def main(argv: Sequence[str], *, prog: str) -> int:
             raise InputError(f"--{name} must be at least 1, got {value}")
     if arguments.seed < 0:
         raise InputError(f"--seed must not be negative, got {arguments.seed}")
-    out = Path(arguments.out) if arguments.out else Path("results") / "train"
-    console = Console(width=TABLE_WIDTH, highlight=False)
+    check_count("--seed", arguments.seed + arguments.seeds, most=2**31)
+    check_count("--threads", arguments.threads, most=MOST_THREADS)
+    out = check_path("--out", arguments.out) if arguments.out else Path("results") / "train"
+    console = Console(width=TABLE_WIDTH, highlight=False, markup=False, emoji=False)
     evaluations = {}
     for seed in range(arguments.seed, arguments.seed + arguments.seeds):
         folder = out / recipe.name / f"seed-{seed}"

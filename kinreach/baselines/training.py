@@ -27,7 +27,7 @@ from kinreach import provenance
 from kinreach.baselines.checkpoint import load_checkpoint, save_checkpoint
 from kinreach.baselines.export import network_of
 from kinreach.baselines.learned import LearnedPolicy
-from kinreach.baselines.learning_curve import COLUMNS, TRACE_COLUMNS, curve_csv
+from kinreach.baselines.learning_curve import COLUMNS, TRACE_COLUMNS, LearningCurve, curve_csv
 from kinreach.baselines.models import Trainee, build
 from kinreach.baselines.policy_file import PolicyCard, save_policy
 from kinreach.baselines.recipes import Recipe

@@ -6,8 +6,10 @@ Nothing here knows an environment or a learner, so that every layer and every no
 - `pictures`: renderings and the steps of the search for the ball.
 - `maps`: errors and rewards over the table.
 - `learning`, `series`: learning curves over seeds, episodes, discounted rewards.
-- `methods`: success against tolerance.
-- `optimum`: the reward around a posture, and how near policies keep to the limit of the posture error.
+- `paths`: ways of an end effector.
+- `methods`: success and errors against tolerance.
+- `optimum`: the reward around a posture and what exploring there pays, and how near policies keep to the limit of the
+  posture error.
 """
 
 from kinreach.plots.learning import (
@@ -17,8 +19,9 @@ from kinreach.plots.learning import (
     draw_learning_curves,
 )
 from kinreach.plots.maps import RewardMap, draw_error_maps, draw_reward_maps
-from kinreach.plots.methods import Success, draw_success
+from kinreach.plots.methods import Success, draw_error_bands, draw_success
 from kinreach.plots.optimum import draw_local_optimum, draw_posture_errors
+from kinreach.plots.paths import draw_paths
 from kinreach.plots.pentagon import Pentagon, draw_pentagon_angles, draw_pentagons, pentagon_of, side_camera
 from kinreach.plots.pictures import draw_camera_steps, draw_pictures
 from kinreach.plots.rewards import draw_clipped_objective, draw_distance_reward, draw_reward_sections
@@ -36,9 +39,11 @@ __all__ = [
     "draw_distance_reward",
     "draw_distances",
     "draw_episode_rewards",
+    "draw_error_bands",
     "draw_error_maps",
     "draw_learning_curves",
     "draw_local_optimum",
+    "draw_paths",
     "draw_pentagon_angles",
     "draw_pentagons",
     "draw_pictures",

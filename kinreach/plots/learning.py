@@ -11,9 +11,13 @@ from matplotlib.ticker import FuncFormatter, LogLocator
 from numpy.typing import ArrayLike
 
 from kinreach.errors import InputError
+from kinreach.inputs import check_count, check_number
 from kinreach.kinematics.reward_geometry import REACHED_DISTANCE
 from kinreach.plots.series import Run, moving_mean, seed_band
-from kinreach.plots.style import FAINT, INK, PALETTE, colours_of, key, label_ends, new_figure, plain
+from kinreach.plots.style import FAINT, INK, PALETTE, as_drawn, colours_of, key, label_ends, new_figure, plain
+
+#: Most lines that mark an update.
+MOST_UPDATES = 10_000
 
 
 def draw_learning_curves(
@@ -97,7 +101,7 @@ def draw_episode_rewards(
         InputError: Not one-dimensional, shapes that do not fit, or a window below 1.
     """
     smooth = moving_mean(rewards, window)
-    episodes = np.arange(1, len(smooth) + 1) if at is None else np.asarray(at)
+    episodes = as_drawn("at", np.arange(1, len(smooth) + 1) if at is None else at)
     if episodes.shape != smooth.shape:
         raise InputError(f"rewards and their places must have the same length, got {smooth.shape} and {episodes.shape}")
     figure, (ax,) = new_figure(title, size=(9.0, 3.8), note=note)
@@ -138,7 +142,7 @@ def draw_distances(
     colours = colours_of(episodes)
     ends = {}
     for name, distances in episodes.items():
-        mm = 1e3 * np.asarray(distances, dtype=float)
+        mm = 1e3 * as_drawn(f"distances of {name!r}", distances)
         if mm.ndim != 1 or not mm.size or not (mm > 0).all():
             raise InputError(f"the distances of {name!r} must be positive numbers in a row")
         ax.plot(mm, color=colours[name], lw=1.8, marker="o", ms=2.5)
@@ -169,16 +173,21 @@ def draw_discounted_rewards(
     Raises:
         InputError: Shapes that do not fit, or fewer than two steps.
     """
-    x = np.asarray(steps, dtype=float)
-    if x.ndim != 1 or len(x) < 2 or x.shape != np.shape(returns):
-        raise InputError(f"steps and returns must be as long as each other, got {x.shape} and {np.shape(returns)}")
+    x, y = as_drawn("steps", steps), as_drawn("returns", returns)
+    if x.ndim != 1 or len(x) < 2 or x.shape != y.shape:
+        raise InputError(f"steps and returns must be as long as each other, got {x.shape} and {y.shape}")
+    if not (np.diff(x) > 0).all():
+        raise InputError("steps must increase")
+    gamma, n_steps = check_number("gamma", gamma, least=0.0, most=1.0), check_count("n_steps", n_steps)
+    if x[-1] / n_steps > MOST_UPDATES:
+        raise InputError(f"there is no room for more than {MOST_UPDATES} updates, got one every {n_steps} steps")
     every = (x[-1] - x[0]) / (len(x) - 1)
     window = min(len(x), max(1, round(n_steps / every)))
-    smooth = moving_mean(returns, window)
+    smooth = moving_mean(y, window)
     figure, (ax,) = new_figure(title, size=(9.0, 3.8), note=note, grid="y")
     for update in np.arange(n_steps, x[-1] + 1, n_steps):
         ax.axvline(update, color=FAINT, lw=0.6, alpha=0.5, zorder=0)
-    ax.plot(x, returns, color=PALETTE[0], lw=0.4, alpha=0.6, rasterized=True)
+    ax.plot(x, y, color=PALETTE[0], lw=0.4, alpha=0.6, rasterized=True)
     ax.plot(x[window - 1 :], smooth[window - 1 :], color=PALETTE[1], lw=1.8)
     ax.set(xlabel="environment steps", ylabel=f"discounted reward, $\\gamma$ = {gamma:g}", xlim=(0, x[-1]))
     _thousands(ax)

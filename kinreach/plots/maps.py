@@ -15,9 +15,9 @@ from matplotlib.ticker import FuncFormatter, NullFormatter
 from numpy.typing import ArrayLike
 
 from kinreach.errors import InputError
-from kinreach.kinematics.goals import Floats, as_floats
+from kinreach.kinematics.goals import Floats
 from kinreach.kinematics.reward_geometry import IMPOSSIBLE_REWARD, NEAR_REWARD, REACHED_REWARD
-from kinreach.plots.style import FAINT, INK, MAGNITUDE, PALETTE, new_figure, plain
+from kinreach.plots.style import FAINT, INK, MAGNITUDE, PALETTE, as_drawn, name_label, new_figure, plain
 
 #: Bounds of x and y [m].
 Area = tuple[tuple[float, float], tuple[float, float]]
@@ -95,12 +95,12 @@ def draw_error_maps(
         )
         ax.scatter(xy[~seen, 1], xy[~seen, 0], s=crosses, color=PALETTE[1], marker="x")
         if area is not None:
-            _outline(ax, area, colour="white")
+            _outline(ax, area, colour=INK, halo=True)
         _seen_by_the_robot(ax, xy[:, 0], xy[:, 1], margin=0.02)
         some = errors[seen]
         missed = f" · {(~seen).sum()} {missing} (×)" if (~seen).any() else ""
         numbers = f"median {np.median(some):.2g}, max {some.max():.2g}" if some.size else "none"
-        ax.set_title(name, loc="left", fontsize=10, weight="bold", color=INK, pad=18)
+        ax.set_title(name_label(name), loc="left", fontsize=10, weight="bold", color=INK, pad=18)
         ax.annotate(numbers + missed, (0, 1.025), xycoords="axes fraction", fontsize=8.5, color=FAINT)
     for ax in axes[len(panels) :]:
         ax.set_axis_off()
@@ -149,7 +149,7 @@ def draw_reward_maps(
         if area is not None and x[0] <= area[0][0] and area[0][1] <= x[-1]:
             _outline(ax, area, colour="white")
         ax.plot(goal[1], goal[0], marker="+", ms=9, mew=1.4, color=INK)
-        ax.set_title(name, loc="left", fontsize=9.5, weight="bold", color=INK)
+        ax.set_title(name_label(name), loc="left", fontsize=9.5, weight="bold", color=INK)
     bar = figure.colorbar(drawn, ax=axes, label="reward r", aspect=18)
     bar.outline.set_visible(False)
     middles = (norm.boundaries[-3:-1] + norm.boundaries[-2:]) / 2
@@ -159,9 +159,10 @@ def draw_reward_maps(
     return figure
 
 
-def _outline(axes: Axes, area: Area, *, colour: str) -> None:
+def _outline(axes: Axes, area: Area, *, colour: str, halo: bool = False) -> None:
     (x0, x1), (y0, y1) = area
-    axes.add_patch(Rectangle((y0, x0), y1 - y0, x1 - x0, fill=False, ec=colour, lw=1.2, ls="--"))
+    for ec, lw, ls in ((("white", 3.6, "-"),) if halo else ()) + ((colour, 1.2, "--"),):
+        axes.add_patch(Rectangle((y0, x0), y1 - y0, x1 - x0, fill=False, ec=ec, lw=lw, ls=ls))
 
 
 def _seen_by_the_robot(axes: Axes, x: Floats, y: Floats, *, margin: float = 0.0) -> None:
@@ -174,14 +175,16 @@ def _seen_by_the_robot(axes: Axes, x: Floats, y: Floats, *, margin: float = 0.0)
 
 
 def _error_map(name: str, positions: ArrayLike, errors: ArrayLike) -> tuple[Floats, Floats]:
-    xy, values = as_floats("positions", positions), as_floats("errors", errors)
+    xy, values = as_drawn("positions", positions), as_drawn("errors", errors)
     if xy.ndim != 2 or xy.shape[1] != 2 or values.shape != xy.shape[:1] or not values.size:
         raise InputError(f"map {name!r} needs positions (n, 2) and errors (n,), got {xy.shape} and {values.shape}")
     return xy, values
 
 
 def _reward_map(name: str, x: ArrayLike, y: ArrayLike, reward: ArrayLike) -> tuple[Floats, Floats, Floats]:
-    x, y, r = as_floats("x", x), as_floats("y", y), as_floats("reward", reward)
+    x, y, r = as_drawn("x", x), as_drawn("y", y), as_drawn("reward", reward)
     if min(x.size, y.size) < 2 or r.shape != (*x.shape, *y.shape):
         raise InputError(f"the reward of {name!r} must have shape {(*x.shape, *y.shape)} on a grid, got {r.shape}")
+    if x.ndim != 1 or y.ndim != 1 or not (np.diff(x) > 0).all() or not (np.diff(y) > 0).all():
+        raise InputError(f"x and y of the grid of {name!r} must increase")
     return x, y, r

@@ -12,65 +12,86 @@ from numpy.typing import ArrayLike
 
 from kinreach.errors import InputError
 from kinreach.kinematics.goals import Floats, as_floats
-from kinreach.kinematics.reward_geometry import IMPOSSIBLE_REWARD, REACHED_POSTURE_ERROR, REACHED_REWARD
-from kinreach.plots.style import FAINT, INK, PALETTE, colours_of, key, label_ends, new_figure
-
-_IMPOSSIBLE = "#d9d9d9"
+from kinreach.kinematics.reward_geometry import IMPOSSIBLE_REWARD, REACHED_POSTURE_ERROR
+from kinreach.plots.style import FAINT, INK, PALETTE, as_drawn, colours_of, key, label_ends, name_label, new_figure
 
 
 def draw_local_optimum(
     offsets: ArrayLike,
     joints: Mapping[str, ArrayLike],
-    way: ArrayLike,
+    heights: ArrayLike,
+    explored: Mapping[str, ArrayLike],
     *,
     title: str,
     note: str = "",
 ) -> Figure:
-    """A posture that small steps do not leave, though a better one exists (thesis, figure 6.1).
+    """Why a learner stays where it is though a better posture is near (thesis, figure 6.1).
 
-    Left the reward if one joint turns, right on the straight way through joint space to a posture that reaches the
-    goal.
+    Left the reward if one joint turns. Right the mean reward of a learner that tries something else every time, at
+    several heights above the goal: the more it explores, the higher is the place that pays best.
 
     Args:
         offsets: Of the joint [rad], increasing, shape (n,).
         joints: Rewards by the joint's name, each of shape (n,); impossible ones are left out, and their border marked.
-        way: Rewards at even parts of the way, shape (m,); impossible stretches are grey.
+        heights: Above the goal [m], increasing, shape (m,).
+        explored: Mean rewards by how far the learner explores, each of shape (m,).
         title: Of the figure.
         note: Small print.
 
     Raises:
-        InputError: No joint, or shapes that do not fit.
+        InputError: No joint, no exploration, shapes that do not fit, places that do not increase, or a number that is
+            not finite.
     """
-    x, along = as_floats("offsets", offsets), as_floats("way", way)
-    lines = {name: as_floats(f"reward of {name}", values) for name, values in joints.items()}
-    if not lines or x.ndim != 1 or along.ndim != 1 or any(line.shape != x.shape for line in lines.values()):
-        raise InputError("a local optimum needs rewards of joints, one for each offset, and of the way")
+    x, lines = _lines("an offset", offsets, joints)
+    height, means = _lines("a height", heights, explored)
     figure, (left, right) = new_figure(title, size=(9.0, 3.9), columns=2, note=note)
-    colours, ends = colours_of(lines), {}
-    degrees = np.degrees(x)
-    for name, line in lines.items():
-        possible = np.where(line == IMPOSSIBLE_REWARD, np.nan, line)
-        left.plot(degrees, possible, color=colours[name], lw=1.6)
-        borders = np.flatnonzero(np.diff(np.isnan(possible).astype(int)) == 1)
-        left.plot(degrees[borders], possible[borders], "x", color=colours[name], ms=7, mew=2)
-        last = np.flatnonzero(~np.isnan(possible))[-1]
-        ends[name] = (degrees[last], possible[last])
-    left.axvline(0, color=FAINT, lw=1, ls="--", zorder=0)
-    left.set(xlim=(degrees[0], degrees[-1]), xlabel="change of one joint [°]", ylabel="reward r")
-    label_ends(left, ends, colours)
-    key(left, "×: beyond it the posture is impossible")
-    _draw_way(right, along)
+    _draw_joints(left, np.degrees(x), lines)
+    _draw_explored(right, 1e3 * height, means)
     return figure
 
 
-def _draw_way(ax: Axes, along: Floats) -> None:
-    at = np.linspace(0, 1, len(along))
-    impossible = along == IMPOSSIBLE_REWARD
-    ax.plot(at, np.where(impossible, np.nan, along), color=PALETTE[0], lw=1.8)
-    ax.set(xlim=(0, 1), ylim=(-1.5, REACHED_REWARD + 1), xlabel="part of the way to the goal")
-    ax.fill_between(at, *ax.get_ylim(), where=impossible.tolist(), color=_IMPOSSIBLE, lw=0, zorder=0)
-    ax.plot(0, along[0], "o", color=PALETTE[1], ms=7, clip_on=False, zorder=4)
-    key(ax, "dot: the posture · grey: impossible, −100")
+def _lines(what: str, at: ArrayLike, values: Mapping[str, ArrayLike]) -> tuple[Floats, dict[str, Floats]]:
+    x = as_floats("places", at)
+    lines = {name: as_floats(f"reward of {name}", line) for name, line in values.items()}
+    if not lines or x.ndim != 1 or len(x) < 2 or any(line.shape != x.shape for line in lines.values()):
+        raise InputError(f"a local optimum needs lines with a reward for {what} each, and two or more of them")
+    if not all(np.isfinite(line).all() for line in (x, *lines.values())) or (np.diff(x) <= 0).any():
+        raise InputError("a local optimum needs finite rewards at increasing places")
+    return x, lines
+
+
+def _draw_joints(ax: Axes, degrees: Floats, lines: Mapping[str, Floats]) -> None:
+    colours, ends = colours_of(lines), {}
+    for name, line in lines.items():
+        possible = np.where(line == IMPOSSIBLE_REWARD, np.nan, line)
+        ax.plot(degrees, possible, color=colours[name], lw=1.6)
+        known = ~np.isnan(possible)
+        borders = known & ~(np.append(known[1:], True) & np.append(True, known[:-1]))
+        ax.plot(degrees[borders], possible[borders], "x", color=colours[name], ms=7, mew=2)
+        if known.any():
+            last = np.flatnonzero(known)[-1]
+            ends[name] = (degrees[last], possible[last])
+    ax.axvline(0, color=FAINT, lw=1, ls="--", zorder=0)
+    ax.set(xlim=(degrees[0], degrees[-1]), xlabel="change of one joint [°]", ylabel="reward r")
+    label_ends(ax, ends, colours)
+    key(ax, "×: beyond it the posture is impossible, −100")
+
+
+def _draw_explored(ax: Axes, millimetres: Floats, means: Mapping[str, Floats]) -> None:
+    colours = colours_of(means)
+    for name, line in means.items():
+        best = int(line.argmax())
+        ax.plot(millimetres, line, color=colours[name], lw=1.6)
+        ax.plot(millimetres[best], line[best], "o", color=colours[name], ms=6, clip_on=False, zorder=4)
+        ax.annotate(
+            name_label(name), (millimetres[best], line[best]), xytext=(4, 6), textcoords="offset points", fontsize=9,
+            weight="bold", color=colours[name],
+        )  # fmt: skip
+    top = max(float(line.max()) for line in means.values())
+    span = abs(top) or 1.0
+    ax.set(xlim=(millimetres[0], millimetres[-1]), ylim=(top - 1.3 * span, top + 0.12 * span))
+    ax.set(xlabel="height above the goal [mm]", ylabel="mean reward")
+    key(ax, "colour: exploration in every joint, σ · dot: the best height")
 
 
 def draw_posture_errors(errors: Mapping[str, ArrayLike], *, title: str, widest: float = 0.4, note: str = "") -> Figure:
@@ -90,10 +111,12 @@ def draw_posture_errors(errors: Mapping[str, ArrayLike], *, title: str, widest: 
     figure, (ax,) = new_figure(title, size=(9.0, 3.8), note=note)
     edges = np.linspace(0, widest, 81)
     for colour, (name, values) in zip(PALETTE, errors.items(), strict=False):
-        sample = as_floats(name, values)
+        sample = as_drawn(name, values)
+        if sample.ndim != 1:
+            raise InputError(f"the posture errors of {name!r} must have shape (n,), got {sample.shape}")
         ax.hist(
-            sample, list(edges), weights=np.full(sample.shape, 1 / sample.size), color=colour, alpha=0.55, label=name,
-            histtype="stepfilled",
+            sample, list(edges), weights=np.full(sample.shape, 1 / sample.size), color=colour, alpha=0.55,
+            label=name_label(name), histtype="stepfilled",
         )  # fmt: skip
     ax.axvline(REACHED_POSTURE_ERROR, color=INK, lw=1.2, ls="--")
     ax.set(xlim=(0, widest), xlabel="posture error $r_e$ [rad]", ylabel="share of the steps")

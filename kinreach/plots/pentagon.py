@@ -25,8 +25,9 @@ from matplotlib.patches import Circle, Polygon, Wedge
 from numpy.typing import ArrayLike, NDArray
 
 from kinreach.errors import InputError
+from kinreach.inputs import check_number
 from kinreach.kinematics.arm import pin
-from kinreach.kinematics.goals import Floats, as_vector
+from kinreach.kinematics.goals import Floats
 from kinreach.kinematics.reward_geometry import PentagonAngles, pentagon_angles
 from kinreach.kinematics.ur5 import UR5Kinematics
 from kinreach.plots.style import FAINT, INK, PALETTE, new_figure
@@ -75,7 +76,7 @@ def pentagon_of(q: ArrayLike, *, ground: float, kinematics: UR5Kinematics | None
         InputError: Wrong shape, not finite, or a tool that never comes to the ground.
     """
     kin = kinematics or UR5Kinematics(tip="tcp", base="world")
-    posture = as_vector("q", q, 6)
+    posture, ground = kin.as_posture("q", q), check_number("ground", ground, least=-10.0, most=10.0)
     T_world_tip = kin.fk(posture)
     pin.forwardKinematics(kin.model, kin.data, posture)
     joints = np.array([kin.data.oMi[joint].translation for joint in range(1, 7)] + [T_world_tip[:3, 3]])

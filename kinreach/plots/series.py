@@ -9,7 +9,9 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from kinreach.errors import InputError
+from kinreach.inputs import check_count, shown
 from kinreach.kinematics.goals import Floats, as_floats
+from kinreach.plots.style import as_drawn
 
 #: What one seed logged: positions on the horizontal axis, increasing, and values there.
 Run = tuple[ArrayLike, ArrayLike]
@@ -41,6 +43,9 @@ def seed_band(runs: Sequence[Run]) -> Band:
     Raises:
         InputError: No run, arrays that do not fit, x that does not increase, or seeds that have no x in common.
     """
+    given: object = runs
+    if not isinstance(given, Sequence) or not all(isinstance(run, Sequence) and len(run) == 2 for run in given):
+        raise InputError(f"runs must be pairs of x and y, got {shown(runs)}")
     if not runs:
         raise InputError("a band needs at least one run")
     curves = [_curve(x, y) for x, y in runs]
@@ -60,8 +65,7 @@ def moving_mean(values: ArrayLike, window: int) -> Floats:
         InputError: Not one-dimensional, or a window below 1.
     """
     values = _line("values", values)
-    if window < 1:
-        raise InputError(f"window must be at least 1, got {window}")
+    window = check_count("window", window, most=2**62)
     sums = np.cumsum(np.concatenate([[0.0], values]))
     ends = np.arange(1, len(values) + 1)
     starts = np.maximum(ends - window, 0)
@@ -82,8 +86,7 @@ def per_block(flags: ArrayLike, block: int = 1000) -> tuple[Floats, Floats]:
         InputError: Not one-dimensional, or a block below 1.
     """
     happened = _line("flags", flags)
-    if block < 1:
-        raise InputError(f"block must be at least 1, got {block}")
+    block = check_count("block", block)
     count = len(happened) // block
     counts = happened[: count * block].reshape(count, block).sum(axis=1)
     return as_floats("ends", np.arange(1, count + 1) * block), as_floats("counts", counts)
@@ -106,8 +109,9 @@ def discounted_returns(rewards: ArrayLike, ends: ArrayLike, gamma: float) -> Flo
     rewards, ends = _line("rewards", rewards), _line("ends", ends)
     if rewards.shape != ends.shape:
         raise InputError(f"rewards and ends must have the same length, got {len(rewards)} and {len(ends)}")
-    if not 0 <= gamma <= 1:
-        raise InputError(f"gamma must be from 0 to 1, got {gamma}")
+    factor: object = gamma
+    if not (isinstance(factor, int | float) and 0 <= factor <= 1):
+        raise InputError(f"gamma must be from 0 to 1, got {shown(gamma)}")
     returns = np.empty_like(rewards)
     following = 0.0
     for step in range(len(rewards) - 1, -1, -1):
@@ -127,7 +131,7 @@ def _curve(x: ArrayLike, y: ArrayLike) -> tuple[Floats, Floats]:
 
 
 def _line(name: str, values: ArrayLike) -> Floats:
-    array = as_floats(name, values)
+    array = as_drawn(name, values)
     if array.ndim != 1:
         raise InputError(f"{name} must be one-dimensional, got shape {array.shape}")
     return array

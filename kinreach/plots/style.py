@@ -9,18 +9,27 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping, Sequence
 from itertools import pairwise
 from textwrap import fill
+from typing import Literal
 
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from numpy.typing import ArrayLike
 
+from kinreach.errors import InputError
+from kinreach.kinematics.goals import Floats, as_floats
+
 PALETTE = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#000000", "#8C6D31")
 INK, FAINT, GRID = "#222222", "#6b6b6b", "#e4e4e4"
 #: Colour map of magnitudes: even in lightness, and the same to colour-blind readers.
 MAGNITUDE = "cividis"
+Grid = Literal["x", "y", "both", "none"]
 #: Dots per inch where nothing else is asked for, as in notebooks.
 DPI = 100
+#: Beyond this matplotlib's axes give up, or take minutes.
+MOST_DRAWN = 1e15
+#: Characters of a name that a figure has room for.
+LONGEST_NAME = 40
 
 
 def new_figure(
@@ -31,7 +40,7 @@ def new_figure(
     columns: int = 1,
     widths: Sequence[float] | None = None,
     note: str = "",
-    grid: str = "both",
+    grid: Grid = "both",
     bare: bool = False,
 ) -> tuple[Figure, list[Axes]]:
     """A figure with empty axes in the common style.
@@ -57,13 +66,23 @@ def new_figure(
         if bare:
             ax.set_axis_off()
             continue
-        ax.spines[["top", "right", "left"]].set_visible(False)
-        ax.spines["bottom"].set_color(FAINT)
-        ax.tick_params(colors=INK, length=0, labelsize=9)
-        ax.set_axisbelow(True)
-        if grid != "none":
-            ax.grid(axis=grid, color=GRID, lw=0.8)
+        style_axes(ax, grid=grid)
     return figure, axes
+
+
+def style_axes(axes: Axes, *, grid: Grid = "both") -> None:
+    """Bring empty axes into the common style.
+
+    Args:
+        axes: The axes.
+        grid: As of `new_figure`.
+    """
+    axes.spines[["top", "right", "left"]].set_visible(False)
+    axes.spines["bottom"].set_color(FAINT)
+    axes.tick_params(colors=INK, length=0, labelsize=9)
+    axes.set_axisbelow(True)
+    if grid != "none":
+        axes.grid(axis=grid, color=GRID, lw=0.8)
 
 
 def key(axes: Axes, text: str) -> None:
@@ -75,6 +94,28 @@ def plain(value: float, _: int | None = None) -> str:
     """A label of a log axis: a plain number as long as that is short, else a power of ten."""
     power = f"$10^{{{round(np.log10(value))}}}$" if value > 0 else ""
     return power if power and not 1e-3 <= value < 1e4 and np.isclose(np.log10(value) % 1, 0) else f"{value:g}"
+
+
+def as_drawn(name: str, values: ArrayLike) -> Floats:
+    """Numbers that an axis can hold; what is not a number is left out of a drawing.
+
+    Raises:
+        InputError: No array of numbers, or one that is infinite or too large.
+    """
+    array = as_floats(name, values)
+    if (wild := np.abs(array) > MOST_DRAWN).any():
+        raise InputError(f"{name} must be within ±{MOST_DRAWN:g} to be drawn, got {array[wild][0]:g}")
+    return array
+
+
+def verbatim(text: str) -> str:
+    """Text to be drawn as it stands: its dollar signs begin no formula."""
+    return text.replace("$", r"\$")
+
+
+def name_label(name: str) -> str:
+    """A name beside its data: as it stands, but no longer than there is room for."""
+    return verbatim(name if len(name) <= LONGEST_NAME else f"{name[: LONGEST_NAME - 1]}…")
 
 
 def colours_of(names: Iterable[str]) -> dict[str, str]:
@@ -98,7 +139,7 @@ def label_ends(axes: Axes, ends: Mapping[str, ArrayLike], colours: Mapping[str, 
     x, align = (1.03, "left") if side == "right" else (-0.03, "right")
     for (name, end), height in zip(ends.items(), spread(heights, gap=0.062), strict=True):
         axes.annotate(
-            name,
+            name_label(name),
             tuple(np.asarray(end, dtype=float)),
             xytext=(x, height),
             textcoords="axes fraction",
