@@ -14,7 +14,7 @@ from kinreach.baselines.pacing import paced
 from kinreach.baselines.policy_file import PolicyCard, read_policy
 from kinreach.envs.reach.task import MULTI_STEP, SINGLE_STEP
 from kinreach.errors import InputError, UnknownNameError, raise_unknown
-from kinreach.inputs import check_path
+from kinreach.inputs import check_known, check_path
 from kinreach.kinematics.goals import as_floats, check_entries
 
 Array = np.ndarray[Any, Any]
@@ -125,6 +125,8 @@ def load_policy(policy: str | Path, *, environment: str | None = None) -> Learne
         loaded = LearnedPolicy(*read_policy(policy))
     else:
         raise UnknownNameError(f"there is no policy {policy!r}; a file, or one of: {', '.join(names)}")
+    if environment is not None:
+        check_known("environment", environment, _FITS)
     if environment not in (None, loaded.card.environment):
         raise InputError(f"the policy {policy} is for {loaded.card.environment}, not for {environment}")
     return loaded

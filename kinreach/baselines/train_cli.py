@@ -94,7 +94,8 @@ def _train(recipe: Recipe, folder: Path, seed: int, arguments: argparse.Namespac
             )
         except KeyboardInterrupt:
             steps = "" if arguments.steps is None else f" --steps {arguments.steps}"
-            again = f"{prog} {recipe.name} --seed {seed}{steps} --out {folder.parent.parent} --resume"
+            seeds = "" if arguments.seeds == 1 else f" --seeds {arguments.seeds}"
+            again = f"{prog} {recipe.name} --seed {arguments.seed}{seeds}{steps} --out {folder.parent.parent} --resume"
             raise KeyboardInterrupt(f"interrupted; what is in {folder} is kept; go on with: {again}") from None
 
 
@@ -123,7 +124,7 @@ def _parser(prog: str) -> Parser:
     parser.add_argument("--seeds", type=int, default=1, metavar="K", help="how many seeds (default: %(default)s)")
     parser.add_argument("--steps", type=int, metavar="N", help="actions to train for (default: the recipe's)")
     parser.add_argument("--out", metavar="DIR", help="runs go into DIR/RECIPE/seed-S (default: results/train)")
-    parser.add_argument("--resume", action="store_true", help="go on from the last checkpoint")
+    parser.add_argument("--resume", action="store_true", help="go on from the last checkpoint; keep what is finished")
     parser.add_argument("--export", action="store_true", help="write stable-baselines3's own model.zip too")
     parser.add_argument("--threads", type=int, default=1, metavar="T", help="of torch (default: %(default)s)")
     return parser

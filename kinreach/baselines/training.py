@@ -15,6 +15,7 @@ import time
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import torch
@@ -26,7 +27,7 @@ from stable_baselines3.common.on_policy_algorithm import OnPolicyAlgorithm
 from kinreach import provenance
 from kinreach.baselines.checkpoint import load_checkpoint, save_checkpoint
 from kinreach.baselines.export import network_of
-from kinreach.baselines.learned import LearnedPolicy
+from kinreach.baselines.learned import LearnedPolicy, load_policy
 from kinreach.baselines.learning_curve import COLUMNS, TRACE_COLUMNS, LearningCurve, curve_csv
 from kinreach.baselines.models import Trainee, build
 from kinreach.baselines.policy_file import PolicyCard, save_policy
@@ -53,7 +54,8 @@ class Run:
         folder: Where its files are.
         card: Of its policy.
         policy: The policy.
-        seconds: Wall time of this call, and CPU time.
+        seconds: Wall time of the call that finished it.
+        cpu_seconds: CPU time of that call.
     """
 
     folder: Path
@@ -84,7 +86,7 @@ def train(
         folder: Where to; created if need be.
         seed: Of networks, exploration and training goals.
         steps: Actions instead of the recipe's.
-        resume: Go on from the checkpoint in the folder, if there is one.
+        resume: Go on from the checkpoint in the folder, if there is one; the same run, if it is finished, is kept.
         threads: Of torch.
         export: Write stable-baselines3's own `model.zip` too. Loading such a file can run code: load only your own.
         progress: Told how far it is.
@@ -97,6 +99,8 @@ def train(
     make_writable(folder)
     recipe = recipe if steps is None else replace(recipe, steps=steps)
     identity = json.loads(json.dumps({"recipe": recipe.to_dict(), "seed": seed, "versions": _versions()}))
+    if resume and not export and (done := _finished(folder, identity)) is not None:
+        return done
     torch.set_num_threads(threads)
     clock, cpu = time.perf_counter(), time.process_time()
     trainee = build(recipe, _entropy(seed, 0)[0], steps=recipe.steps)
@@ -146,6 +150,20 @@ def train(
             temporary.write_bytes(archive.getbuffer())
     checkpoint.unlink(missing_ok=True)
     return Run(folder, card, LearnedPolicy(card, network), seconds, cpu_seconds)
+
+
+def _finished(folder: Path, identity: dict[str, Any]) -> Run | None:
+    """The run in a folder, if it is this one and has come to its end."""
+    try:
+        run = json.loads((folder / RUN).read_text(encoding="utf-8"))
+        same = {name: run[name] for name in identity} == identity
+        seconds, cpu_seconds = float(run["seconds"]), float(run["cpu_seconds"])
+    except (OSError, ValueError, KeyError, TypeError):
+        return None
+    if not same or (folder / CHECKPOINT).exists() or not (folder / POLICY).exists():
+        return None
+    policy = load_policy(folder / POLICY)
+    return Run(folder, policy.card, policy, seconds, cpu_seconds)
 
 
 def _write_curves(folder: Path, curve: LearningCurve) -> None:

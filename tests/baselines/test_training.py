@@ -3,7 +3,9 @@
 import json
 import os
 import pickle
+import shutil
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -71,6 +73,25 @@ def test_going_on_gives_what_no_interruption_gives(name, kept, uninterrupted, tm
     assert not (tmp_path / "checkpoint.pt").exists()
 
 
+def test_a_finished_run_is_kept(uninterrupted, tmp_path, monkeypatch):
+    finished = uninterrupted["single"]
+    before = {path.name: path.read_bytes() for path in finished.folder.iterdir() if path.is_file()}
+    with monkeypatch.context() as patch:
+        patch.setattr(training, "build", lambda *a, **k: pytest.fail("it trains again"))
+        again = train(small("single"), finished.folder, seed=4, resume=True)
+    assert {path.name: path.read_bytes() for path in finished.folder.iterdir() if path.is_file()} == before
+    assert (again.card.seed, again.cpu_seconds) == (4, finished.cpu_seconds)
+    np.testing.assert_allclose(again.policy.act(np.ones((3, 13))), finished.policy.act(np.ones((3, 13))), atol=1e-6)
+    for other in ({"seed": 5}, {"seed": 4, "steps": 400}):  # another run is trained, and so is one without a policy
+        assert training._finished(finished.folder, {"recipe": {}, "versions": {}, **other}) is None
+    shutil.copytree(finished.folder, tmp_path / "run")
+    (tmp_path / "run/policy.safetensors").unlink()
+    train(small("single"), tmp_path / "run", seed=4, resume=True)
+    np.testing.assert_array_equal(
+        weights(tmp_path / "run/policy.safetensors"), weights(finished.folder / "policy.safetensors")
+    )
+
+
 def interrupted(recipe, folder, kept):
     """Ctrl-C in the segment after `kept` whole ones."""
     saved = 0
@@ -96,7 +117,7 @@ def test_a_checkpoint_is_written_whole_or_not_at_all(tmp_path, monkeypatch):
     recipe = small("single")
     interrupted(recipe, tmp_path, 1)
     before = (tmp_path / "checkpoint.pt").read_bytes()
-    monkeypatch.setattr(torch, "save", lambda *a: (_ for _ in ()).throw(OSError(28, "No space left on device")))
+    monkeypatch.setattr(Path, "write_bytes", lambda *a: (_ for _ in ()).throw(OSError(28, "No space left on device")))
     with pytest.raises(OutputError, match="No space left"):
         train(recipe, tmp_path, seed=4, resume=True)
     assert (tmp_path / "checkpoint.pt").read_bytes() == before
