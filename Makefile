@@ -10,9 +10,10 @@ PIP_INSTALL := $(BIN)/python -m pip install --quiet --disable-pip-version-check 
 CORE := $(VENV)/.installed-core
 DEV := $(VENV)/.installed-dev
 DOCS := $(VENV)/.installed-docs
+BENCH := $(VENV)/.installed-bench
 
 .DEFAULT_GOAL := help
-.PHONY: help setup compare test test-all lint bench notebooks docs clean
+.PHONY: help setup compare test test-all lint bench endurance notebooks docs clean
 
 help: ## List the targets
 	@grep -hE '^[a-z-]+:.*## ' $(MAKEFILE_LIST) | awk -F ':.*## ' '{printf "  make %-10s %s\n", $$1, $$2}'
@@ -34,8 +35,11 @@ lint: $(DEV) ## Check style, format and types
 	$(BIN)/ruff format --check .
 	$(BIN)/mypy
 
-bench: $(DEV) ## Singular cases, ours beside the peers
-	$(BIN)/python -m benchmarks.singular_cases $(ARGS)
+bench: $(BENCH) ## Speed beside other packages, for example ARGS="--suite ik-single --quick"
+	$(BIN)/python -m kinreach.bench $(ARGS)
+
+endurance: $(DEV) ## What takes too long for the tests: faults, long runs, processes; ARGS="--quick" for some minutes
+	$(BIN)/python -m tools.endurance $(ARGS)
 
 notebooks: $(DEV) ## Run all notebooks from top to bottom and keep their outputs
 	$(BIN)/python notebooks/execute.py $(ARGS)
@@ -58,6 +62,10 @@ $(CORE): pyproject.toml constraints.txt | $(BIN)/python
 
 $(DEV): $(CORE)
 	$(PIP_INSTALL) -e '.[dev]'
+	@touch $@
+
+$(BENCH): $(CORE)
+	$(PIP_INSTALL) -e '.[bench]'
 	@touch $@
 
 $(DOCS): $(CORE)

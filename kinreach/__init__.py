@@ -3,6 +3,7 @@
 Analytic kinematics, MuJoCo environments and RL baselines for the same reaching tasks, and one command that puts them
 all on the same goals. Imports point one way, downwards:
 
+    kinreach.bench        speed beside other packages: `python -m kinreach.bench`
     kinreach.compare      all methods on equal terms, with statistics: `python -m kinreach.compare`
     kinreach.baselines    recipes, training and evaluation; knows environments only through Gymnasium
     kinreach.envs         MuJoCo scene, joint controller, cameras, tasks

@@ -7,6 +7,7 @@ is a line in `COMMANDS` and a module with a function `main(argv, *, prog) -> int
 from __future__ import annotations
 
 import argparse
+import errno
 import importlib
 import sys
 from collections.abc import Sequence
@@ -18,6 +19,9 @@ from kinreach.errors import KinreachError
 #: Exit codes: wrong input or installation, and Ctrl-C (as shells report it).
 EXIT_ERROR = 2
 EXIT_INTERRUPTED = 130
+#: What a file system says that takes no more. Results are written through `kinreach.files`, which names the file; this
+#: is for the rest, such as the terminal's output in a file, and the logs of libraries.
+_NO_ROOM = (errno.ENOSPC, errno.EDQUOT, errno.EROFS, errno.EFBIG)
 
 
 @dataclass(frozen=True)
@@ -32,6 +36,7 @@ COMMANDS = {
     "compare": Command("kinreach.compare.cli", "put all methods on the same goals and report how they do"),
     "train": Command("kinreach.baselines.train_cli", "train a policy by a recipe"),
     "evaluate": Command("kinreach.baselines.evaluate_cli", "try policies on goals they were not trained on"),
+    "bench": Command("kinreach.bench.cli", "measure speed beside other packages"),
     "demo": Command("kinreach.demo.cli", "watch an environment with a policy, or film it"),
 }
 
@@ -41,7 +46,12 @@ class Parser(argparse.ArgumentParser):
 
     def error(self, message: str) -> NoReturn:
         """Print one line on stderr and leave with `EXIT_ERROR`."""
-        self.exit(EXIT_ERROR, f"{self.prog}: error: {message} (see {self.prog} --help)\n")
+        self.exit(EXIT_ERROR, f"{self.prog}: error: {_line(message)} (see {self.prog} --help)\n")
+
+
+def _line(text: object) -> str:
+    """Text as one line; what a terminal would not print but obey is written out."""
+    return "".join(sign if sign.isprintable() else ascii(sign)[1:-1] for sign in " ".join(str(text).split()))
 
 
 def run_command(name: str, argv: Sequence[str] | None = None, *, prog: str) -> int:
@@ -59,10 +69,15 @@ def run_command(name: str, argv: Sequence[str] | None = None, *, prog: str) -> i
         main_function = importlib.import_module(COMMANDS[name].module).main
         return int(main_function(sys.argv[1:] if argv is None else list(argv), prog=prog))
     except KinreachError as error:
-        print(f"{prog}: error: {' '.join(str(error).split())}", file=sys.stderr)
+        print(f"{prog}: error: {_line(error)}", file=sys.stderr)
+        return EXIT_ERROR
+    except OSError as error:
+        if error.errno not in _NO_ROOM:
+            raise
+        print(f"{prog}: error: cannot write: {error.strerror}", file=sys.stderr)
         return EXIT_ERROR
     except KeyboardInterrupt as interrupt:
-        print(f"{prog}: {' '.join(str(interrupt).split()) or 'interrupted'}", file=sys.stderr)
+        print(f"{prog}: {_line(interrupt) or 'interrupted'}", file=sys.stderr)
         return EXIT_INTERRUPTED
 
 

@@ -5,6 +5,9 @@ from __future__ import annotations
 from collections.abc import Iterable
 from typing import NoReturn
 
+#: More of a name is not repeated to who said it [characters].
+LONGEST_NAME = 100
+
 
 class KinreachError(Exception):
     """Root of all errors that kinreach raises on purpose."""
@@ -26,6 +29,11 @@ class OutputError(KinreachError, OSError):
     """A result cannot be written where it was asked to go."""
 
 
+class DrawingError(KinreachError, RuntimeError):
+    """The graphics library was there and failed all the same."""
+
+
 def raise_unknown(kind: str, name: str, available: Iterable[str]) -> NoReturn:
     """Raise `UnknownNameError` that names the value and what could have been said instead."""
-    raise UnknownNameError(f"unknown {kind} {name!r}; available: {', '.join(sorted(available))}")
+    said = name if len(name) <= LONGEST_NAME else f"{name[:LONGEST_NAME]}…"
+    raise UnknownNameError(f"unknown {kind} {said!r}; available: {', '.join(sorted(available))}")

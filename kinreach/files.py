@@ -2,38 +2,47 @@
 
 from __future__ import annotations
 
+import fcntl
+import glob
 import os
 import tempfile
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
 
 from kinreach.errors import OutputError
+
+#: In the name of every file that is being written, between a dot with the stem and what makes it unique.
+UNFINISHED = "-unfinished-"
+#: A disk without room for that many bytes is full from the start.
+_ROOM = 16_384
 
 
 @contextmanager
 def replacing(path: Path) -> Iterator[Path]:
     """A temporary path beside `path` to write to; it takes `path`'s place when the block ends well.
 
-    If the block raises, the old file stays as it was.
+    If the block raises, the old file stays as it was. If the process is killed in the block, the temporary file stays
+    behind until the same file is written again, or `make_writable` is called for its directory.
 
     Raises:
         OutputError: The file system refused.
     """
     try:
-        handle, name = tempfile.mkstemp(prefix=f".{path.stem}-", suffix=path.suffix, dir=path.parent)
-        os.close(handle)
+        _sweep(path.parent, f".{glob.escape(path.stem)}{UNFINISHED}*")
+        handle, temporary = _locked_temporary(path)
     except OSError as error:
         raise _refused(path, error) from error
-    temporary = Path(name)
     try:
         yield temporary
+        _to_disk(temporary)
         temporary.chmod(0o666 & ~_umask())
         os.replace(temporary, path)
     except OSError as error:
         raise _refused(path, error) from error
     finally:
         temporary.unlink(missing_ok=True)
+        os.close(handle)
 
 
 def write_text(path: Path, text: str) -> None:
@@ -50,14 +59,52 @@ def make_writable(directory: Path) -> None:
     """Create a directory, with its parents, and make sure that files can be written in it.
 
     Raises:
-        OutputError: It cannot be created, or cannot be written to.
+        OutputError: It cannot be created, cannot be written to, or its disk is full.
     """
     try:
         directory.mkdir(parents=True, exist_ok=True)
-        with tempfile.TemporaryFile(dir=directory):
-            pass
+        _sweep(directory, f".*{UNFINISHED}*")
+        with tempfile.TemporaryFile(dir=directory) as file:
+            file.write(bytes(_ROOM))
+            file.flush()
+            os.fsync(file.fileno())
     except OSError as error:
         raise _refused(directory, error) from error
+
+
+def _sweep(directory: Path, pattern: str) -> None:
+    """Remove temporary files whose writers were killed; those that somebody is writing are locked, and stay."""
+    for left in directory.glob(pattern):
+        with suppress(OSError):  # gone, somebody else's, or being written
+            handle = os.open(left, os.O_RDWR)
+            try:
+                fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
+                left.unlink()
+            finally:
+                os.close(handle)
+
+
+def _locked_temporary(path: Path) -> tuple[int, Path]:
+    """A new temporary file and the handle that holds its lock, which ends with the process whatever ends that."""
+    while True:
+        prefix = f".{path.stem}{UNFINISHED}"
+        handle, name = tempfile.mkstemp(prefix=prefix, suffix=path.suffix, dir=path.parent)
+        try:
+            fcntl.flock(handle, fcntl.LOCK_EX)
+            if os.fstat(handle).st_nlink:  # else somebody swept it up before it was locked
+                return handle, Path(name)
+        except OSError:
+            return handle, Path(name)  # a file system without locks: it cannot be swept either
+        os.close(handle)
+
+
+def _to_disk(path: Path) -> None:
+    """Have the data on the disk before the name points at them; a disk that turns out to be full says so here."""
+    handle = os.open(path, os.O_RDWR)
+    try:
+        os.fsync(handle)
+    finally:
+        os.close(handle)
 
 
 def _umask() -> int:

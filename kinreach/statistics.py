@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from kinreach.errors import InputError
+from kinreach.inputs import check_count, shown
 
 Floats = NDArray[np.float64]
 
@@ -21,6 +22,8 @@ Interval = tuple[float, float]
 Statistic = Callable[..., Any]
 
 CONFIDENCE = 0.95
+#: Sums of larger values could overflow.
+LARGEST = 1e150
 RESAMPLES = 2000
 
 #: Resampled values held in memory at a time.
@@ -60,6 +63,7 @@ def wilson_interval(successes: int, total: int, *, confidence: float = CONFIDENC
     Raises:
         InputError: `total` is not positive, or `successes` is not in 0 … `total`.
     """
+    total, successes = check_count("total", total, least=-(2**63)), check_count("successes", successes, least=-(2**63))
     if total < 1 or not 0 <= successes <= total:
         raise InputError(f"a rate needs 0 <= successes <= total and total >= 1, got {successes} of {total}")
     z = NormalDist().inv_cdf(0.5 + confidence / 2)
@@ -95,9 +99,15 @@ def bootstrap_intervals(
     Raises:
         InputError: `values` is empty, not one-dimensional or not finite.
     """
-    sample = np.asarray(values, dtype=np.float64)
-    if sample.ndim != 1 or sample.size == 0 or not np.isfinite(sample).all():
-        raise InputError(f"the bootstrap needs a list of finite values, got shape {sample.shape}: {sample}")
+    try:
+        sample = np.asarray(values)
+    except Exception:  # whatever the conversion of somebody else's object raises
+        sample = np.empty(0)
+    if sample.ndim != 1 or sample.size == 0 or sample.dtype.kind not in "biuf" or not np.isfinite(sample).all():
+        raise InputError(f"the bootstrap needs a list of finite values, got shape {sample.shape}: {shown(values)}")
+    sample = sample.astype(np.float64)
+    if np.abs(sample).max() > LARGEST:
+        raise InputError(f"the bootstrap needs values within ±{LARGEST:g}, got {np.abs(sample).max():g}")
     rng = np.random.default_rng(seed)
     rows = max(1, _BLOCK // sample.size)
     estimates: list[list[Floats]] = [[] for _ in statistics]

@@ -17,12 +17,13 @@ from packaging.utils import canonicalize_name
 import kinreach
 from kinreach import engines
 
-LAYERS = ("robots", "kinematics", "plots", "envs", "baselines", "compare")  # from the bottom to the top
+LAYERS = ("robots", "kinematics", "plots", "envs", "baselines", "compare", "bench")  # from the bottom to the top
 FOUNDATION = (
     "kinreach",
     "kinreach.errors",
     "kinreach.engines",
     "kinreach.files",
+    "kinreach.inputs",
     "kinreach.registration",
     "kinreach.statistics",
     "kinreach.provenance",
@@ -37,6 +38,7 @@ UNKNOWN_TO = {
     "envs": LEARNING - {"stable_baselines3"},
     "baselines": {"mujoco"},
     "compare": LEARNING,
+    "bench": set(),
 }
 LONGEST_MODULE = 260
 

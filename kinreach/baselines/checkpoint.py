@@ -67,15 +67,16 @@ def load_checkpoint(path: Path, identity: dict[str, Any], trainee: Trainee) -> i
             )
         model, curve = trainee.model, trainee.curve
         model.set_parameters(state["parameters"], exact_match=True)
-        for name, value in state["variables"].items():
-            getattr(model, name).data.copy_(value)
-        for name, value in state["counters"].items():
-            setattr(model, name, value)
-        for name, value in state["curve"].items():
-            setattr(curve, name, value)
+        for name in _variables(model):
+            getattr(model, name).data.copy_(state["variables"][name])
+        for name in (name for name in _COUNTERS if hasattr(model, name)):
+            setattr(model, name, _number(state["counters"][name]))
+        for name in _CURVE:
+            setattr(curve, name, state["curve"][name])
         if "buffer" in state:
             buffer: Any = model.replay_buffer  # type: ignore[attr-defined]
-            for name, rows in state["buffer"]["arrays"].items():
+            for name in _BUFFER:
+                rows = state["buffer"]["arrays"][name]
                 getattr(buffer, name)[: len(rows)] = rows.numpy()
             buffer.pos, buffer.full = state["buffer"]["pos"], state["buffer"]["full"]
         return int(state["segment"]) + 1
@@ -85,6 +86,12 @@ def load_checkpoint(path: Path, identity: dict[str, Any], trainee: Trainee) -> i
         if isinstance(error, InputError):
             raise
         raise InputError(f"{path} is no checkpoint, or a damaged one") from None
+
+
+def _number(value: Any) -> Any:
+    if not isinstance(value, int | float):
+        raise TypeError(f"a counter must be a number, got {type(value).__name__}")
+    return value
 
 
 def _variables(model: BaseAlgorithm) -> list[str]:

@@ -9,7 +9,7 @@ from matplotlib.figure import Figure
 
 from kinreach.compare.budget import MEANING, Budget
 from kinreach.compare.tables import number
-from kinreach.plots.style import FAINT, INK, PALETTE, new_figure
+from kinreach.plots.style import FAINT, INK, PALETTE, name_label, new_figure
 
 _COLOURS = dict(zip(Budget._fields, (PALETTE[5], PALETTE[1], PALETTE[2]), strict=True))
 
@@ -52,7 +52,7 @@ def draw_budget(results: Mapping[str, Any], *, note: str) -> Figure:
             f"{text} = {number(distance)} mm", (1.02, row), xycoords=("axes fraction", "data"), va="center",
             fontsize=8.5, color=INK, annotation_clip=False,
         )  # fmt: skip
-    axes.set_yticks(range(len(methods)), [method["name"] for method in methods], weight="bold")
+    axes.set_yticks(range(len(methods)), [name_label(method["name"]) for method in methods], weight="bold")
     axes.set(ylim=(len(methods) - 0.5, -0.5), xlim=(low, high))
     axes.set_xlabel(f"share of the mean distance [%]\n{MEANING}", fontsize=9)
     for name, colour in _COLOURS.items():

@@ -5,6 +5,7 @@ from __future__ import annotations
 import argparse
 from collections.abc import Sequence
 from pathlib import Path
+from shlex import quote
 from textwrap import fill
 from typing import Any
 
@@ -23,6 +24,7 @@ from kinreach.compare.tasks import TASKS
 from kinreach.compare.tasks.button import EpisodeSettings
 from kinreach.envs.ball_finder import PIPELINES
 from kinreach.envs.button import ACTUATIONS
+from kinreach.inputs import check_path
 
 _METHODS = [f"methods of {task}: {', '.join(methods)}" for task, methods in METHODS.items()]
 #: Filled here: argparse would break names at their hyphens.
@@ -55,8 +57,10 @@ def main(argv: Sequence[str], *, prog: str) -> int:
         episode=_episode(arguments),
     )
     suffix = "" if settings.camera is None else f"-{settings.observation}"
-    out = Path("results") / f"compare-{settings.task}{suffix}" if arguments.out is None else Path(arguments.out)
-    chosen = "" if settings.methods == tuple(METHODS[settings.task]) else f" --methods {','.join(settings.methods)}"
+    default = Path("results") / f"compare-{settings.task}{suffix}"
+    out = default if arguments.out is None else check_path("--out", arguments.out)
+    everything = settings.methods == tuple(METHODS[settings.task])
+    chosen = "" if everything else f" --methods {quote(','.join(settings.methods))}"
     command = (
         f"{prog} --task {settings.task}{chosen} --goals {settings.goals} --seed {settings.seed}"
         f"{_camera_arguments(settings)}{_episode_arguments(settings)}"
@@ -65,7 +69,7 @@ def main(argv: Sequence[str], *, prog: str) -> int:
     scene_note = write_scene(settings, out / "scene.png")
 
     contest = CONTESTS[settings.task]
-    console = Console(width=TABLE_WIDTH, highlight=False)
+    console = Console(width=TABLE_WIDTH, highlight=False, markup=False, emoji=False)
     for table in contest.tables(results, title=TASKS[settings.task].title):
         console.print(table)
         console.print()

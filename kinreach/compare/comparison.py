@@ -58,7 +58,13 @@ def compare(
     identity = {"settings": settings.to_dict(), "versions": versions, "machine": machine}
     total = settings.goals * len(contest.methods)
     with contest.trying() as run:
-        checkpoint = Checkpoint(out / "records.jsonl", identity, contest.trial, fresh=fresh)
+        checkpoint = Checkpoint(
+            out / "records.jsonl",
+            identity,
+            contest.trial,
+            belongs=lambda trial: trial.method in contest.methods and trial.goal in range(settings.goals),
+            fresh=fresh,
+        )
         progress(len(checkpoint.trials), total)
         for trial in run(tuple(checkpoint.trials)):
             checkpoint.add(trial)

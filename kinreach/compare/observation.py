@@ -11,6 +11,7 @@ import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
+from numbers import Real
 
 import numpy as np
 
@@ -19,7 +20,8 @@ from kinreach.envs.ball_finder import PIPELINES
 from kinreach.envs.goal_view import CameraGoalView, goal_in_world
 from kinreach.envs.rgbd import SensorNoise
 from kinreach.envs.simulation import ArmSimulation
-from kinreach.errors import InputError, raise_unknown
+from kinreach.errors import InputError
+from kinreach.inputs import check_count, check_known, shown
 from kinreach.kinematics.goals import Floats
 
 CAMERA, GEOMETRIC = "camera", "geometric"
@@ -53,8 +55,12 @@ class CameraSettings:
     depth_noise: float = 0.0
 
     def __post_init__(self) -> None:
-        if self.pipeline not in PIPELINES:
-            raise_unknown("pipeline", self.pipeline, PIPELINES)
+        check_known("pipeline", self.pipeline, PIPELINES)
+        for name in ("width", "height"):
+            check_count(f"the {name} of the pictures", getattr(self, name), least=-(2**63), most=2**63)
+        for name in ("rgb_noise", "depth_noise"):
+            if not isinstance(value := getattr(self, name), Real):
+                raise InputError(f"{name} must be a number, got {shown(value)}")
         if min(self.width, self.height) < SMALLEST_PICTURE:
             raise InputError(
                 f"pictures must be at least {SMALLEST_PICTURE} pixels wide and high, got {self.width}x{self.height}"

@@ -22,7 +22,7 @@ from kinreach.compare.report_pictures import Rendering, render_trials
 from kinreach.compare.report_table import headings_and_rows
 from kinreach.compare.tasks import TASKS
 from kinreach.compare.trials import Trial
-from kinreach.errors import InstallationError
+from kinreach.errors import DrawingError, InstallationError
 from kinreach.files import write_text
 
 #: Dots per inch that a browser counts with.
@@ -45,7 +45,7 @@ def write_report(path: Path, trials: Sequence[Trial], results: Mapping[str, Any]
     """
     try:
         renderings: list[Rendering] | str = render_trials(trials, results)
-    except InstallationError as error:
+    except (InstallationError, DrawingError) as error:
         renderings = f"None: {' '.join(str(error).split())}"
     write_text(path, report_html(results, charts, renderings))
 

@@ -8,7 +8,7 @@ from matplotlib.image import imsave
 
 from kinreach.compare.contests import CONTESTS
 from kinreach.compare.settings import Settings
-from kinreach.errors import InstallationError
+from kinreach.errors import DrawingError, InstallationError
 from kinreach.files import replacing
 
 
@@ -27,7 +27,7 @@ def write_scene(settings: Settings, path: Path) -> str:
     """
     try:
         picture = CONTESTS[settings.task].scene(settings)
-    except InstallationError as error:
+    except (InstallationError, DrawingError) as error:
         return f"No picture of the scene: {' '.join(str(error).split())}"
     with replacing(path) as temporary:
         imsave(temporary, picture)

@@ -11,8 +11,12 @@ from kinreach.compare.observation import CAMERA, GEOMETRIC, CameraSettings
 from kinreach.compare.tasks import TASKS, ButtonTask
 from kinreach.compare.tasks.button import EpisodeSettings
 from kinreach.errors import InputError, raise_unknown
+from kinreach.inputs import check_count, check_known, shown
 
 DEFAULT_GOALS = 200
+#: More are refused before anything is measured: a comparison of so many would take a month, and its results gigabytes.
+MOST_GOALS = 10**7
+MOST_SEED = 2**63 - 1
 
 
 @dataclass(frozen=True)
@@ -45,22 +49,21 @@ class Settings:
     episode: EpisodeSettings | None = None
 
     def __post_init__(self) -> None:
-        if self.task not in TASKS:
-            raise_unknown("task", self.task, TASKS)
+        check_known("task", self.task, TASKS)
         available = METHODS[self.task]
-        object.__setattr__(self, "methods", tuple(self.methods) or tuple(available))
+        object.__setattr__(self, "methods", _names(self.methods) or tuple(available))
         for name in self.methods:
             if not known(self.task, name):
                 raise_unknown(f"{self.task} method", name, available)
         for name, count in Counter(map(short_name, self.methods)).items():
             if count > 1:
                 raise InputError(f"method {name!r} is named twice")
-        if self.goals < 1:
-            raise InputError(f"the number of goals must be at least 1, got {self.goals}")
-        if self.seed < 0:
-            raise InputError(f"the seed must not be negative, got {self.seed}")
-        if self.observation not in TASKS[self.task].observations:
-            raise_unknown(f"{self.task} observation", self.observation, TASKS[self.task].observations)
+        object.__setattr__(self, "goals", check_count("the number of goals", self.goals, most=MOST_GOALS))
+        object.__setattr__(self, "seed", check_count("the seed", self.seed, least=0, most=MOST_SEED))
+        check_known(f"{self.task} observation", self.observation, TASKS[self.task].observations)
+        for kind, group in ((CameraSettings, self.camera), (EpisodeSettings, self.episode)):
+            if group is not None and not isinstance(group, kind):
+                raise InputError(f"{shown(group)} is no {kind.__name__}")
         if self.observation == CAMERA and self.camera is None:
             object.__setattr__(self, "camera", CameraSettings())
         if self.observation != CAMERA and self.camera is not None:
@@ -75,3 +78,12 @@ class Settings:
     def to_dict(self) -> dict[str, Any]:
         """As JSON types."""
         return {**asdict(self), "methods": list(self.methods)}
+
+
+def _names(methods: Any) -> tuple[str, ...]:
+    """Names of methods; what is printed, drawn and written to files must be text that can be."""
+    names = tuple(methods) if isinstance(methods, list | tuple) else (methods,)
+    for name in names:
+        if not isinstance(name, str) or not name.isprintable():
+            raise InputError(f"methods must be named in printable text, got {shown(name)}")
+    return names

@@ -15,7 +15,7 @@ from matplotlib.ticker import FuncFormatter, NullFormatter
 
 from kinreach.compare.tables import number
 from kinreach.compare.trials import Trial
-from kinreach.plots.style import FAINT, INK, plain
+from kinreach.plots.style import FAINT, INK, name_label, plain, verbatim
 from kinreach.statistics import median, p95
 
 T = TypeVar("T", bound=Trial)
@@ -76,7 +76,7 @@ def draw_strips(
         axes.set_xlim(10.0 ** np.floor(low), 10.0 ** np.ceil(high))
     axes.xaxis.set_major_formatter(FuncFormatter(plain))
     axes.xaxis.set_minor_formatter(NullFormatter())
-    axes.set_yticks(range(len(values)), list(values), weight="bold")
+    axes.set_yticks(range(len(values)), [name_label(name) for name in values], weight="bold")
     for tick, colour in zip(axes.get_yticklabels(), colours, strict=True):
         tick.set_color(colour)
 
@@ -100,4 +100,4 @@ def colours_in(results: Mapping[str, Any]) -> list[str]:
 def origin(results: Mapping[str, Any]) -> str:
     """Small print: where the numbers are from."""
     settings = results["settings"]
-    return f"{settings['goals']} goals, seed {settings['seed']} · {settings['command']}"
+    return f"{settings['goals']} goals, seed {settings['seed']} · {verbatim(settings['command'])}"

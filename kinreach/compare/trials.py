@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass, fields
+from math import isfinite
 from typing import Any, Self
 
 #: `Trial.status` of a move that arrived, and of a goal that the methods were not asked for because no camera saw it.
@@ -56,14 +57,22 @@ class Trial:
 
     @classmethod
     def from_dict(cls, values: Mapping[str, Any]) -> Self:
-        """The trial that `to_json` wrote; a missing value raises `KeyError`."""
-        known: dict[str, Any] = {field.name: values[field.name] for field in fields(cls)}
-        return cls(**{name: _frozen(value) for name, value in known.items()})
+        """The trial that `to_json` wrote; a missing value raises `KeyError`, one of another type `TypeError`."""
+        return cls(**{field.name: _checked(field.name, str(field.type), values[field.name]) for field in fields(cls)})
 
 
-def _frozen(value: Any) -> Any:
-    """What JSON has made a list is a tuple again."""
-    return tuple(value) if isinstance(value, list) else value
+def _checked(name: str, kind: str, value: Any) -> Any:
+    """A value that is of its field's type; what JSON has made a list is a tuple again."""
+    wanted, _, optional = kind.partition(" | ")
+    if value is None and optional:
+        return None
+    if wanted.startswith("tuple") and isinstance(value, list):
+        return tuple(_checked(name, "float", entry) for entry in value)
+    if wanted == "float" and type(value) in (int, float) and isfinite(value):
+        return float(value)
+    if type(value) is not {"int": int, "bool": bool, "str": str}.get(wanted):
+        raise TypeError(f"{name} must be of type {kind}")
+    return value
 
 
 @dataclass(frozen=True)

@@ -20,6 +20,7 @@ from kinreach.demo.tasks import POLICIES, TASKS, make_policy
 from kinreach.envs.button import ACTUATIONS
 from kinreach.envs.reach.options import BACKENDS, OBSERVATIONS
 from kinreach.errors import InputError, raise_unknown
+from kinreach.inputs import check_count
 
 PRINTABLE = ("action", "observation", "reward", "info")
 #: Frames per second of a film, in the time of the simulation.
@@ -116,6 +117,7 @@ def _arguments(argv: Sequence[str], prog: str) -> Any:
             setattr(arguments, name, default)
     if arguments.steps < 1 or arguments.reset_every < 1:
         raise InputError(f"steps and reset-every must be at least 1, got {arguments.steps}, {arguments.reset_every}")
+    check_count("seed", arguments.seed, least=0)
     return arguments
 
 

@@ -14,6 +14,7 @@ from PIL import Image
 
 from kinreach.errors import InputError, OutputError
 from kinreach.files import make_writable, replacing
+from kinreach.inputs import check_path
 
 Frame = NDArray[np.uint8]
 FORMATS = (".gif", ".mp4")
@@ -36,7 +37,7 @@ class Film(AbstractContextManager["Film"]):
     """
 
     def __init__(self, path: str | Path, *, fps: int) -> None:
-        self.path = Path(path)
+        self.path = check_path("a film", path)
         if self.path.suffix not in FORMATS:
             raise InputError(f"a film's name ends in {' or '.join(FORMATS)}, got {self.path.name!r}")
         make_writable(self.path.parent)

@@ -12,14 +12,20 @@ from kinreach.envs.controller import TOLERANCE, JointController
 from kinreach.envs.engine import mujoco
 from kinreach.envs.moves import MoveResult
 from kinreach.envs.plants import BatchPlant, Ids, rows_and_columns
-from kinreach.envs.scene import BALL, TIMESTEP, scene_model
+from kinreach.envs.scene import BALL, TIMESTEP, check_timestep, scene_model
 from kinreach.errors import InputError
-from kinreach.kinematics.goals import Floats, as_floats
-from kinreach.robots import ArmDescription, get_arm
+from kinreach.inputs import MOST_THREADS, check_count, shown
+from kinreach.kinematics.goals import MOST_DISTANCE, Floats, as_array, as_floats, check_entries
+from kinreach.robots import ArmDescription, as_arm
+
+#: More simulations than this are refused before memory is asked for; each takes some hundred kB.
+MOST_COUNT = 2**17
 
 
 class BatchSimulation:
     """A number of independent `ArmSimulation`, each bit for bit what it would be alone, on any number of threads.
+
+    Those are its own; who uses it from threads makes one per thread. It cannot be pickled.
 
     Simulations are named by their ids, 0 to `count` - 1; wherever ids are given they are distinct and ascending. All
     poses are in the world frame (z up, metres).
@@ -39,7 +45,7 @@ class BatchSimulation:
         controller: Executes moves.
 
     Raises:
-        InputError: `count` or `threads` is less than 1.
+        InputError: `count`, `threads`, a timestep or a tolerance that cannot be used.
         UnknownNameError: There is no arm of that name.
     """
 
@@ -52,12 +58,18 @@ class BatchSimulation:
         timestep: float = TIMESTEP,
         tolerance: float = TOLERANCE,
     ) -> None:
-        if count < 1 or threads < 1:
-            raise InputError(f"count and threads must be at least 1, got {count} and {threads}")
-        self.arm = get_arm(arm) if isinstance(arm, str) else arm
+        count, threads = (
+            check_count("count", count, most=MOST_COUNT),
+            check_count("threads", threads, most=MOST_THREADS),
+        )
+        check_timestep(timestep)
+        self.arm = as_arm(arm)
         self.count = count
         self.model: Any = scene_model(self.arm, timestep=timestep, visual=False)
-        self.batch: Any = importlib.import_module("mujoco.batch").Batch(self.model, count, threads)
+        try:
+            self.batch: Any = importlib.import_module("mujoco.batch").Batch(self.model, count, threads)
+        except (MemoryError, ValueError) as error:  # what MuJoCo makes of it when there is no memory left
+            raise InputError(f"{count} simulations do not fit into the memory: {error}") from None
         self.controller = JointController(self.arm, self.model, tolerance=tolerance)
         self._plant = BatchPlant(self.model, self.batch)
         self._balls = self.batch.bind("mocap_pos")[:, int(self.model.body(BALL).mocapid[0])]
@@ -85,7 +97,7 @@ class BatchSimulation:
         self._plant.ctrl[rows_and_columns(ids, self.controller.ctrl)] = q
 
     def place_ball(self, ids: ArrayLike, positions: ArrayLike) -> None:
-        """Move balls, by their centres [m] in the world; they have no contact and may be anywhere.
+        """Move balls, by their centres [m] in the world; they have no contact and may be anywhere within 1e6 m.
 
         Args:
             ids: Simulations, shape (k,).
@@ -95,7 +107,9 @@ class BatchSimulation:
             InputError: Malformed arguments.
         """
         ids = self._as_ids(ids)
-        self._balls[ids] = self._as_rows("positions", positions, len(ids), 3, repeat=True)
+        rows = self._as_rows("positions", positions, len(ids), 3, repeat=True)
+        check_entries("positions", rows, MOST_DISTANCE)
+        self._balls[ids] = rows
 
     def move(self, ids: ArrayLike, targets: ArrayLike, *, two_phase: bool = True) -> list[MoveResult]:
         """Move arms to postures by dynamics; see `JointController.move`.
@@ -136,13 +150,14 @@ class BatchSimulation:
         return tips
 
     def _as_ids(self, ids: ArrayLike) -> Ids:
-        given = np.asarray(ids)
+        given = as_array("ids", ids)
         integers = given.dtype.kind in "iu" or given.size == 0
-        if given.ndim != 1 or not integers or (given.size and not 0 <= given[0] <= given[-1] < self.count):
-            raise InputError(f"ids must be a list of integers from 0 to {self.count - 1}, got {given}")
+        if given.ndim != 1 or not integers or (given.size and not 0 <= given.min() <= given.max() < self.count):
+            raise InputError(f"ids must be a list of integers from 0 to {self.count - 1}, got {shown(ids)}")
+        given = given.astype(np.intp)  # before anything is subtracted: unsigned numbers have no negative differences
         if (np.diff(given) <= 0).any():
-            raise InputError(f"ids must be distinct and ascending, got {given}")
-        return given.astype(np.intp)
+            raise InputError(f"ids must be distinct and ascending, got {shown(ids)}")
+        return given
 
     @staticmethod
     def _as_rows(name: str, value: ArrayLike, rows: int, size: int, *, repeat: bool = False) -> Floats:

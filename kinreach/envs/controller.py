@@ -16,11 +16,12 @@ from numpy.typing import NDArray
 
 from kinreach.envs.contacts import Touch, touches
 from kinreach.envs.engine import mujoco
-from kinreach.envs.following import ARRIVED, LATE, MOVING, Following
+from kinreach.envs.following import ARRIVED, DIVERGED, LATE, MOVING, Following
 from kinreach.envs.moves import MoveResult, MoveStatus
 from kinreach.envs.plants import Ids, Plant
 from kinreach.envs.setpoints import SetpointPlanner
 from kinreach.errors import InputError
+from kinreach.inputs import check_number
 from kinreach.kinematics.goals import Floats
 from kinreach.robots import ArmDescription
 
@@ -68,7 +69,7 @@ class JointController:
     def __init__(self, arm: ArmDescription, model: Any, *, tolerance: float = TOLERANCE) -> None:
         self.arm = arm
         self.model = model
-        self.tolerance = tolerance
+        self.tolerance = check_number("tolerance", tolerance, above=0.0, most=np.pi)
         joints = [model.joint(name) for name in arm.joints]
         self.qpos = as_index([joint.qposadr[0] for joint in joints])
         self.lower, self.upper = np.array([joint.range for joint in joints]).T
@@ -110,13 +111,18 @@ class JointController:
                 in joint space. An arm without such joints moves in one phase in any case.
 
         Returns:
-            How each ended, and where, in the order of `ids`.
+            How each ended, and where, in the order of `ids`. An arm whose simulation diverged is put back to where its
+            move began.
         """
-        began = plant.time[ids]
+        began, before = plant.time[ids], plant.states(ids)
         ends = np.full(len(ids), MOVING, dtype=np.int8)
         inside = ~self.outside_limits(targets).any(axis=1)
         if inside.any():
             ends[inside] = self._follow(plant, ids[inside], targets[inside], two_phase=two_phase)
+        lost = plant.diverged(ids)
+        if lost.any():  # MuJoCo has started them afresh, and where they went from there is nobody's move
+            plant.put_back(ids[lost], before[lost])
+            ends[lost] = DIVERGED
         durations = plant.time[ids] - began
         return [
             self._result(state, target, int(end), float(duration))
@@ -134,7 +140,9 @@ class JointController:
         q = state[self.qpos].copy()
         error = np.abs(q - target)
         found = self._touches(state)
-        if end == MOVING:
+        if end == DIVERGED:
+            status, reason = MoveStatus.DIVERGED, "diverged: the simulation became unstable"
+        elif end == MOVING:
             outside = ", ".join(self.joints_outside_limits(target))
             status, reason = MoveStatus.OUT_OF_LIMITS, f"out of limits: {outside}"
         elif end == ARRIVED and (not found or found[0].depth <= PRESSED):

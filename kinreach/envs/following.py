@@ -30,8 +30,8 @@ STALL_SPEED = 0.02
 STALL_LOOKS = 3
 #: How long the arm may take to arrive after its setpoint has [s].
 PATIENCE = 2.0
-#: How following ended.
-MOVING, ARRIVED, STALLED, LATE = range(4)
+#: How following ended; that a simulation has diverged is found by who asked for the move.
+MOVING, ARRIVED, STALLED, LATE, DIVERGED = range(5)
 #: A time that does not come.
 NEVER = np.iinfo(np.intp).max // 2
 

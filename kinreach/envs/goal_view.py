@@ -25,10 +25,11 @@ from kinreach.envs.rendering import FrameRenderer
 from kinreach.envs.rgbd import OPTICAL_IN_GL, RGBDCamera, RGBDImage, SensorNoise
 from kinreach.envs.simulation import ArmSimulation
 from kinreach.errors import InputError, raise_unknown
+from kinreach.inputs import shown
 from kinreach.kinematics.arm import build_model, pin
-from kinreach.kinematics.goals import Floats, as_floats, as_vector
+from kinreach.kinematics.goals import MOST_DISTANCE, Floats, as_array, as_floats, as_vector, check_entries
 from kinreach.kinematics.straight_line import Entry, Program, Symbol
-from kinreach.robots import ArmDescription, get_arm
+from kinreach.robots import ArmDescription, as_arm
 
 #: The cameras that measure the goal, in the order of the observation.
 GOAL_CAMERAS = ("front", "wrist")
@@ -77,10 +78,9 @@ def geometric_goal_view(arm: str | ArmDescription, goals_world: ArrayLike) -> Fl
     goals = as_floats("goals_world", goals_world)
     if goals.ndim == 0 or goals.shape[-1] != 3:
         raise InputError(f"goals_world must have shape (..., 3), got {goals.shape}")
-    if not np.isfinite(goals).all():
-        raise InputError("goals_world must be finite")
+    check_entries("goals_world", goals, MOST_DISTANCE)
     # not a matrix product, whose last bit depends on how many goals there are
-    formula = _world_to_cameras(get_arm(arm) if isinstance(arm, str) else arm)
+    formula = _world_to_cameras(as_arm(arm))
     views = np.array(formula(np.ascontiguousarray(goals.reshape(-1, 3).T)))
     return views.T.reshape(*goals.shape[:-1], len(views))
 
@@ -100,13 +100,13 @@ def goal_in_world(arm: str | ArmDescription, values: ArrayLike, found: ArrayLike
         UnknownNameError: There is no such arm, or it lacks one of the cameras.
         InputError: Wrong shape, or a value that is not finite.
     """
-    points = as_vector("values", values, 6).reshape(2, 3)
-    seen = np.asarray(found)
+    points = as_vector("values", values, 6, most=2 * MOST_DISTANCE).reshape(2, 3)
+    seen = as_array("found", found)
     if seen.shape != (2,) or seen.dtype != np.bool_:
-        raise InputError(f"found must be two truth values, got {found!r}")
+        raise InputError(f"found must be two truth values, got {shown(found)}")
     if not seen.any():
         return None
-    T = goal_camera_poses(get_arm(arm) if isinstance(arm, str) else arm)
+    T = goal_camera_poses(as_arm(arm))
     in_world = np.einsum("nij,nj->ni", T[:, :3, :3], points) + T[:, :3, 3]
     return in_world[seen].mean(axis=0)
 
@@ -154,7 +154,7 @@ class CameraGoalView:
         pipeline: str = "hybrid",
         noise: SensorNoise | None = None,
     ) -> None:
-        self.arm = get_arm(arm) if isinstance(arm, str) else arm
+        self.arm = as_arm(arm)
         goal_camera_poses(self.arm)  # says now if a camera is missing
         if pipeline not in PIPELINES:
             raise_unknown("pipeline", pipeline, PIPELINES)

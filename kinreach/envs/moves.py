@@ -22,6 +22,8 @@ class MoveStatus(Enum):
     COLLISION = "self-collision"
     #: The arm is still moving long after it should have arrived.
     TIMEOUT = "timeout"
+    #: The simulation became unstable; the arm was put back to where it stood before, at rest.
+    DIVERGED = "diverged"
 
 
 @dataclass(frozen=True, eq=False)

@@ -12,8 +12,13 @@ from gymnasium.vector import AutoresetMode, VectorEnv
 from gymnasium.vector.utils import batch_space
 from numpy.typing import ArrayLike
 
+from kinreach.envs.resets import check_seed
 from kinreach.errors import InputError
+from kinreach.inputs import MOST_THREADS, check_count
 from kinreach.kinematics.goals import Floats
+
+#: More environments in one batch are refused before memory is asked for.
+MOST_ENVIRONMENTS = 2**17
 
 
 class NativeVectorEnv(VectorEnv[Floats, ArrayLike, Floats]):
@@ -43,8 +48,8 @@ class NativeVectorEnv(VectorEnv[Floats, ArrayLike, Floats]):
         action_space: spaces.Space[Any],
         observation_space: spaces.Space[Any],
     ) -> None:
-        if num_envs < 1 or threads < 1:
-            raise InputError(f"num_envs and threads must be at least 1, got {num_envs} and {threads}")
+        num_envs = check_count("num_envs", num_envs, most=MOST_ENVIRONMENTS)
+        check_count("threads", threads, most=MOST_THREADS)
         if draws:
             raise InputError('a native batch draws no images; use vectorization_mode="sync" or "async" for them')
         self.num_envs = num_envs
@@ -66,11 +71,15 @@ class NativeVectorEnv(VectorEnv[Floats, ArrayLike, Floats]):
             give: Called with the index of an environment and its generator.
 
         Raises:
-            InputError: As many seeds as there are not environments.
+            InputError: A seed that is none, or as many seeds as there are not environments.
         """
-        if isinstance(seed, int | np.integer):
-            seed = [int(seed) + index for index in range(self.num_envs)]
-        seeds = [None] * self.num_envs if seed is None else seed
+        if seed is None:
+            seeds: list[int | None] = [None] * self.num_envs
+        elif isinstance(seed, Sequence | np.ndarray) and not isinstance(seed, str | bytes):
+            seeds = [check_seed(value) for value in seed]
+        else:
+            first = check_count("seed", seed, least=0)
+            seeds = list(range(first, first + self.num_envs))
         if len(seeds) != self.num_envs:
             raise InputError(f"there are {self.num_envs} environments and {len(seeds)} seeds")
         for index, value in enumerate(seeds):

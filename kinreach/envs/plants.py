@@ -13,6 +13,19 @@ from kinreach.kinematics.goals import Floats
 
 Ids = NDArray[np.intp]
 
+_STATE = mujoco.mjtState.mjSTATE_INTEGRATION
+#: Warnings after which MuJoCo starts a simulation afresh, in the middle of whatever it was doing.
+_UNSTABLE = [
+    int(kind)
+    for kind in (
+        mujoco.mjtWarning.mjWARN_BADQPOS,
+        mujoco.mjtWarning.mjWARN_BADQVEL,
+        mujoco.mjtWarning.mjWARN_BADQACC,
+    )
+]
+#: Where a batch has the number of warnings, beside where the last one was.
+_NUMBER = 1
+
 
 class Plant(Protocol):
     """Simulations of one model; row i of every array belongs to simulation i.
@@ -30,6 +43,18 @@ class Plant(Protocol):
     @property
     def time(self) -> Floats:
         """Simulated time [s], shape (count,)."""
+        ...
+
+    def states(self, ids: Ids) -> Floats:
+        """All that determines how some go on, to be kept for `put_back`, shape (k, size)."""
+        ...
+
+    def put_back(self, ids: Ids, states: Floats) -> None:
+        """Put some, ascending, shape (k,), back into states that they were in, but at rest and taken for sound."""
+        ...
+
+    def diverged(self, ids: Ids) -> NDArray[np.bool_]:
+        """Which of some MuJoCo has found unstable since they were last reset or put back, shape (k,)."""
         ...
 
     def follow(self, ids: Ids, servos: Any, setpoints: Floats, substeps: int) -> None:
@@ -67,6 +92,22 @@ class SinglePlant:
         """Simulated time [s], shape (1,)."""
         return np.array([self.data.time])
 
+    def states(self, ids: Ids) -> Floats:
+        """What to put back; see `Plant.states`."""
+        state = np.empty(mujoco.mj_stateSize(self.model, _STATE))
+        mujoco.mj_getState(self.model, self.data, state, _STATE)
+        return state[None]
+
+    def put_back(self, ids: Ids, states: Floats) -> None:
+        """Put the simulation back; see `Plant.put_back`."""
+        mujoco.mj_resetData(self.model, self.data)
+        mujoco.mj_setState(self.model, self.data, states[0], _STATE)
+        self.data.qvel[:] = self.data.qacc_warmstart[:] = 0.0
+
+    def diverged(self, ids: Ids) -> NDArray[np.bool_]:
+        """Whether the simulation was unstable; see `Plant.diverged`."""
+        return np.array([any(self.data.warning[kind].number for kind in _UNSTABLE)])
+
     def follow(self, ids: Ids, servos: Any, setpoints: Floats, substeps: int) -> None:
         """Simulate forward; see `Plant.follow`."""
         for setpoint in setpoints[:, 0]:
@@ -90,11 +131,28 @@ class BatchPlant:
         self.qvel: Floats = batch.bind("qvel")
         self.ctrl: Floats = batch.bind("ctrl")
         self._time: Floats = batch.bind("time")
+        self._warmstart: Floats = batch.bind("qacc_warmstart")
 
     @property
     def time(self) -> Floats:
         """Simulated time [s], shape (count,)."""
         return self._time
+
+    def states(self, ids: Ids) -> Floats:
+        """What to put back; see `Plant.states`."""
+        states: Floats = self.batch.state[ids]
+        return states
+
+    def put_back(self, ids: Ids, states: Floats) -> None:
+        """Put simulations back; see `Plant.put_back`."""
+        self.batch.reset(ids=ids, stage=mujoco.mjtStage.mjSTAGE_NONE)
+        self.batch.state[ids] = states
+        self.qvel[ids] = self._warmstart[ids] = 0.0
+
+    def diverged(self, ids: Ids) -> NDArray[np.bool_]:
+        """Which simulations were unstable; see `Plant.diverged`."""
+        unstable: NDArray[np.bool_] = self.batch.warning[ids][:, _UNSTABLE, _NUMBER].any(axis=1)
+        return unstable
 
     def follow(self, ids: Ids, servos: Any, setpoints: Floats, substeps: int) -> None:
         """Simulate forward, in one call; see `Plant.follow`."""

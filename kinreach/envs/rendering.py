@@ -20,7 +20,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from kinreach.envs.engine import mujoco
-from kinreach.errors import InputError, InstallationError, raise_unknown
+from kinreach.errors import DrawingError, InputError, InstallationError, raise_unknown
 
 if TYPE_CHECKING:
     from kinreach.envs.simulation import ArmSimulation
@@ -39,9 +39,11 @@ class FrameRenderer:
 
     Attributes:
         model, width, height: As given.
+        frames: How many were drawn.
 
     Raises:
         InputError: The frame is larger than the scene's off-screen buffer.
+        DrawingError: The library refused.
         InstallationError: There is no library to draw with; the message names the packages.
     """
 
@@ -52,7 +54,11 @@ class FrameRenderer:
         _choose_library()
         self.model = model
         self.width, self.height = width, height
-        self._renderer = mujoco.Renderer(model, height, width)
+        self.frames = 0
+        try:
+            self._renderer = mujoco.Renderer(model, height, width)
+        except Exception as error:  # of the libraries, each has errors of its own
+            raise DrawingError(f"cannot draw frames of {width}x{height} pixels: {error}") from error
         for flag in (mujoco.mjtRndFlag.mjRND_SHADOW, mujoco.mjtRndFlag.mjRND_REFLECTION):
             self._renderer.scene.flags[flag] = shadows
 
@@ -61,6 +67,7 @@ class FrameRenderer:
 
         Raises:
             UnknownNameError: There is no such camera; the message lists those there are.
+            DrawingError: The graphics library failed.
         """
         self._renderer.disable_depth_rendering()
         return self._draw(data, camera)
@@ -70,17 +77,30 @@ class FrameRenderer:
 
         Raises:
             UnknownNameError: There is no such camera; the message lists those there are.
+            DrawingError: The graphics library failed.
         """
         self._renderer.enable_depth_rendering()
         return self._draw(data, camera)
 
     def _draw(self, data: Any, camera: str) -> Any:
-        if mujoco.mj_name2id(self.model, mujoco.mjtObj.mjOBJ_CAMERA, camera) < 0:
+        view = mujoco.MjvCamera()
+        view.type = mujoco.mjtCamera.mjCAMERA_FIXED
+        view.fixedcamid = mujoco.mj_name2id(self.model, mujoco.mjtObj.mjOBJ_CAMERA, camera)
+        if view.fixedcamid < 0:
             raise_unknown("camera", camera, (self.model.camera(i).name for i in range(self.model.ncam)))
         mujoco.mj_kinematics(self.model, data)
         mujoco.mj_camlight(self.model, data)
-        self._renderer.update_scene(data, camera)
-        return self._renderer.render()
+        try:
+            # A floor without end is laid out around the camera, and otherwise around that of the frame before.
+            mujoco.mjv_updateCamera(self.model, data, view, self._renderer.scene)
+            self._renderer.update_scene(data, view)
+            frame = self._renderer.render()
+        except Exception as error:
+            raise DrawingError(
+                f"cannot draw frame {self.frames + 1} of {self.width}x{self.height} pixels, camera {camera}: {error}"
+            ) from error
+        self.frames += 1
+        return frame
 
     def close(self) -> None:
         """Free the graphics memory."""

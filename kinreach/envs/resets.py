@@ -8,7 +8,8 @@ from typing import Any
 import numpy as np
 
 from kinreach.errors import InputError
-from kinreach.kinematics.goals import Floats, as_floats
+from kinreach.inputs import check_count, shown
+from kinreach.kinematics.goals import MOST_DISTANCE, Floats, as_floats, check_entries
 
 
 def option_rows(
@@ -28,10 +29,11 @@ def option_rows(
     Raises:
         InputError: An unknown option, a wrong shape, or a value that is not finite.
     """
+    if options is not None and not isinstance(options, Mapping):
+        raise InputError(f"reset options must be a mapping of {', '.join(sizes)}, got {shown(options)}")
     given = {name: value for name, value in (options or {}).items() if value is not None}
-    unknown = set(given) - set(sizes)
-    if unknown:
-        raise InputError(f"unknown reset options {sorted(unknown)}; available: {', '.join(sizes)}")
+    if unknown := [name for name in given if name not in sizes]:
+        raise InputError(f"unknown reset options {shown(unknown)}; available: {', '.join(sizes)}")
     rows: list[Floats | None] = []
     for name, size in sizes.items():
         if name not in given:
@@ -41,5 +43,15 @@ def option_rows(
         shape = (size,) if count is None else (count, size)
         if values.shape != shape or not np.isfinite(values).all():
             raise InputError(f"{name} must be finite and have shape {shape}, got {values.shape}")
+        check_entries(name, values, MOST_DISTANCE)
         rows.append(values.reshape(-1, size))
     return tuple(rows)
+
+
+def check_seed(seed: object) -> int | None:
+    """The seed of an environment, as Gymnasium takes it; NumPy's integers are taken too.
+
+    Raises:
+        InputError: It is no integer, or negative.
+    """
+    return None if seed is None else check_count("seed", seed, least=0)

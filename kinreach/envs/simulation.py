@@ -13,14 +13,14 @@ from kinreach.envs.controller import TOLERANCE, JointController
 from kinreach.envs.engine import mujoco
 from kinreach.envs.moves import MoveResult
 from kinreach.envs.plants import SinglePlant
-from kinreach.envs.scene import BALL, TIMESTEP, scene_model
+from kinreach.envs.scene import BALL, TIMESTEP, check_timestep, scene_model
 from kinreach.errors import raise_unknown
-from kinreach.kinematics.goals import Floats, as_vector
-from kinreach.robots import ArmDescription, get_arm
+from kinreach.kinematics.goals import MOST_DISTANCE, Floats, as_vector
+from kinreach.robots import ArmDescription, as_arm
 
 
 class ArmSimulation:
-    """An arm, its obstacles and the ball, under MuJoCo's dynamics.
+    """An arm, its obstacles and the ball, under MuJoCo's dynamics. One per thread.
 
     All poses are in the world frame (z up, metres). What is read off is always that of the current state.
 
@@ -38,6 +38,7 @@ class ArmSimulation:
 
     Raises:
         UnknownNameError: There is no arm of that name.
+        InputError: A timestep or a tolerance that cannot be used.
     """
 
     def __init__(
@@ -48,7 +49,8 @@ class ArmSimulation:
         visual: bool = False,
         tolerance: float = TOLERANCE,
     ) -> None:
-        self.arm = get_arm(arm) if isinstance(arm, str) else arm
+        self.arm = as_arm(arm)
+        check_timestep(timestep)
         self.model: Any = scene_model(self.arm, timestep=timestep, visual=visual)
         self.data: Any = mujoco.MjData(self.model)
         self.controller = JointController(self.arm, self.model, tolerance=tolerance)
@@ -73,8 +75,12 @@ class ArmSimulation:
         self.data.ctrl[self.controller.ctrl] = q
 
     def place_ball(self, position: ArrayLike) -> None:
-        """Move the ball, by its centre [m] in the world, shape (3,). It has no contact and may be anywhere."""
-        self.data.mocap_pos[self._ball] = as_vector("position", position, 3)
+        """Move the ball, by its centre [m] in the world, shape (3,). It has no contact; its place is free, up to 1e6 m.
+
+        Raises:
+            InputError: Wrong shape, not finite, or further away.
+        """
+        self.data.mocap_pos[self._ball] = as_vector("position", position, 3, most=MOST_DISTANCE)
 
     def move(self, q_target: ArrayLike, *, two_phase: bool = True) -> MoveResult:
         """Move to a posture by dynamics; see `JointController.move`.
@@ -124,9 +130,11 @@ class ArmSimulation:
         Raises:
             UnknownNameError: There is no such frame; the message lists those there are.
         """
-        body = mujoco.mj_name2id(self.model, mujoco.mjtObj.mjOBJ_BODY, name)
+        given: object = name
+        named = isinstance(given, str) and given.isprintable()
+        body = mujoco.mj_name2id(self.model, mujoco.mjtObj.mjOBJ_BODY, name) if named else -1
         if body < 0:
-            raise_unknown("frame", name, (self.model.body(i).name for i in range(self.model.nbody)))
+            raise_unknown("frame", str(name), (self.model.body(i).name for i in range(self.model.nbody)))
         mujoco.mj_kinematics(self.model, self.data)  # after a step the poses are those before its last substep
         T = np.eye(4)
         T[:3, :3] = self.data.xmat[body].reshape(3, 3)

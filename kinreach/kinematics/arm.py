@@ -9,16 +9,19 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from kinreach.engines import load
-from kinreach.errors import InputError, raise_unknown
+from kinreach.errors import InputError
+from kinreach.inputs import check_known
 from kinreach.kinematics.chain import SerialChain
-from kinreach.kinematics.goals import Floats, as_floats, as_vector
-from kinreach.robots import ArmDescription, get_arm
+from kinreach.kinematics.goals import MOST_ANGLE, Floats, as_floats, as_vector, check_entries
+from kinreach.robots import ArmDescription, as_arm
 
 pin: Any = load("pinocchio")
 
 
 class ArmKinematics:
     """Kinematics of one arm between a base frame and a tip frame.
+
+    Pinocchio's work space is part of it: threads must not share an instance, one per thread.
 
     Args:
         arm: Name of a registered arm, or a description.
@@ -39,13 +42,11 @@ class ArmKinematics:
     """
 
     def __init__(self, arm: str | ArmDescription, *, tip: str | None = None, base: str = "base_link") -> None:
-        self.arm = get_arm(arm) if isinstance(arm, str) else arm
+        self.arm = as_arm(arm)
         self.tip = tip if tip is not None else self.arm.default_tip
         self.base = base
-        if self.tip not in self.arm.tips:
-            raise_unknown("tip", self.tip, self.arm.tips)
-        if base not in ("base_link", "world"):
-            raise_unknown("base", base, ("base_link", "world"))
+        check_known("tip", self.tip, self.arm.tips)
+        check_known("base", base, ("base_link", "world"))
         self.model = build_model(self.arm)
         self.data = self.model.createData()
         self.n: int = self.model.nq
@@ -61,8 +62,8 @@ class ArmKinematics:
         return f"{type(self).__name__}(arm={self.arm.name!r}, tip={self.tip!r}, base={self.base!r})"
 
     def as_posture(self, name: str, q: ArrayLike) -> Floats:
-        """A finite posture of shape (n,), or an `InputError`."""
-        return as_vector(name, q, self.n)
+        """A posture of shape (n,), each angle within ±1e6 rad, or an `InputError`."""
+        return as_vector(name, q, self.n, most=MOST_ANGLE)
 
     def fk(self, q: ArrayLike) -> Floats:
         """Pose of the tip in the base frame.
@@ -75,7 +76,7 @@ class ArmKinematics:
             Homogeneous transforms, shape (4, 4) or (..., 4, 4).
 
         Raises:
-            InputError: Wrong shape or a value that is not finite.
+            InputError: Wrong shape, or a value that is not finite or larger than 1e6 rad.
         """
         q = as_floats("q", q)
         if q.ndim == 1:
@@ -89,7 +90,7 @@ class ArmKinematics:
         """Tip positions [m], shape (..., 3), for postures `q` [rad], shape (..., n); half the time `fk` takes.
 
         Raises:
-            InputError: Wrong shape or a value that is not finite.
+            InputError: Wrong shape, or a value that is not finite or larger than 1e6 rad.
         """
         q = as_floats("q", q)
         self._check_stack(q)
@@ -119,8 +120,7 @@ class ArmKinematics:
     def _check_stack(self, q: Floats) -> None:
         if q.ndim == 0 or q.shape[-1] != self.n:
             raise InputError(f"q must have shape (..., {self.n}), got {q.shape}")
-        if not np.isfinite(q).all():
-            raise InputError("q must be finite")
+        check_entries("q", q, MOST_ANGLE)
 
     @cached_property
     def chain(self) -> SerialChain:
@@ -133,16 +133,25 @@ class ArmKinematics:
 
 def build_model(arm: ArmDescription) -> Any:
     """Pinocchio model of an arm with the joints that are not part of `q` held in place."""
-    full = pin.buildModelFromXML(arm.urdf)
+    urdf = arm.urdf
+    try:
+        full = pin.buildModelFromXML(urdf)
+    except (RuntimeError, ValueError) as error:
+        raise InputError(f"Pinocchio cannot read the URDF of arm {arm.name!r}: {error}") from None
     reference = pin.neutral(full)
     locked = []
     for name, position in arm.locked_joints.items():
+        if not full.existJointName(name):
+            raise InputError(f"arm {arm.name!r}: the URDF has no joint {name!r}")
         joint = full.getJointId(name)
         reference[full.joints[joint].idx_q] = position
         locked.append(joint)
     model = pin.buildReducedModel(full, locked, reference) if locked else full
     if tuple(model.names)[1:] != arm.joints:
         raise InputError(f"arm {arm.name!r}: URDF joints {tuple(model.names)[1:]}, described {arm.joints}")
+    for frame in (arm.base, *arm.tips.values()):
+        if not model.existFrame(frame):
+            raise InputError(f"arm {arm.name!r}: the URDF has no link {frame!r}")
     return model
 
 

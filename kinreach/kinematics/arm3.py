@@ -6,10 +6,21 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from kinreach.errors import InputError
+from kinreach.inputs import shown
 from kinreach.kinematics.arm3_batch import solve_positions
 from kinreach.kinematics.arm3_ik import YawPlanarGeometry, miss_text, solve_position
 from kinreach.kinematics.closed_form import ClosedFormKinematics
-from kinreach.kinematics.goals import Floats, Goal, PositionGoal, as_pose, check_poses
+from kinreach.kinematics.goals import (
+    MOST_DISTANCE,
+    Floats,
+    Goal,
+    PositionGoal,
+    as_floats,
+    as_pose,
+    check_entries,
+    check_poses,
+    check_tolerance,
+)
 from kinreach.kinematics.result import Accept, IKResult
 from kinreach.kinematics.solutions import IKSolutions
 from kinreach.robots import ArmDescription
@@ -18,8 +29,8 @@ from kinreach.robots import ArmDescription
 class Arm3Kinematics(ClosedFormKinematics):
     """Kinematics of a turning base with a planar two-link arm, by default that of the button task.
 
-    Three joints place the tip but cannot choose its orientation: goals are positions. Where a pose is given,
-    its translation is the goal.
+    One per thread. Three joints place the tip but cannot choose its orientation: goals are positions. Where a pose is
+    given, its translation is the goal.
 
     Args:
         arm: Name or description of an arm with joints about z, y, y.
@@ -51,7 +62,7 @@ class Arm3Kinematics(ClosedFormKinematics):
             seed: Posture [rad], shape (3,). With it, each solution is given in the winding nearest to it, and they are
                 sorted by distance from it; without it, they are in the order of the branch index.
             limits: Leave out what the joint limits forbid.
-            tol: Largest position error of a solution in which something was clamped [m].
+            tol: Largest position error of a solution in which something was clamped [m], 1e-9 to 1.
 
         Returns:
             Up to four solutions, or the reason why there is none.
@@ -60,7 +71,8 @@ class Arm3Kinematics(ClosedFormKinematics):
             InputError: Malformed target or seed.
         """
         start = self._posture_or_none(seed)
-        goal = PositionGoal(as_pose("T", T)[:3, 3] if np.shape(T) == (4, 4) else T)  # type: ignore[arg-type]
+        target, tol = as_floats("T", T), check_tolerance(tol)
+        goal = PositionGoal(as_pose("T", target)[:3, 3] if target.shape == (4, 4) else target)
         p = self._in_arm_frame(goal.position[None])[:, 0]
         found, miss = solve_position(p.tolist(), self.geometry, tol=tol)
         return self._solutions(found, "" if found else miss_text(miss), self._error_of(goal), start, limits)
@@ -72,7 +84,7 @@ class Arm3Kinematics(ClosedFormKinematics):
             InputError: Any other goal, which asks for an orientation that three joints cannot choose.
         """
         if not isinstance(goal, PositionGoal):
-            raise InputError(f"a three-joint arm cannot choose its orientation; give a PositionGoal, not {goal}")
+            raise InputError(f"a three-joint arm cannot choose its orientation; give a PositionGoal, not {shown(goal)}")
         return self.nearest(goal.position, seed, accept=accept)
 
     def _batch(self, T: Floats, seeds: Floats | None, tol: float) -> tuple[Floats, NDArray[np.bool_]]:
@@ -81,8 +93,7 @@ class Arm3Kinematics(ClosedFormKinematics):
             T = T[:, :3, 3]
         if T.ndim != 2 or T.shape[1] != 3:
             raise InputError(f"targets must have shape (count, 3) or (count, 4, 4), got {T.shape}")
-        if not np.isfinite(T).all():
-            raise InputError("targets must be finite")
+        check_entries("targets", T, MOST_DISTANCE)
         return solve_positions(self._in_arm_frame(T), self.geometry, tol=tol)
 
     def _in_arm_frame(self, p: Floats) -> Floats:

@@ -12,8 +12,8 @@ from numpy.typing import ArrayLike, NDArray
 
 from kinreach.errors import InputError
 from kinreach.kinematics.arm import ArmKinematics
-from kinreach.kinematics.goals import Floats, Goal, as_floats, goal_error
-from kinreach.kinematics.result import Accept, IKResult, Status
+from kinreach.kinematics.goals import MOST_ANGLE, Floats, Goal, as_floats, check_entries, check_tolerance, goal_error
+from kinreach.kinematics.result import Accept, IKResult, Status, check_accept
 from kinreach.kinematics.solutions import (
     SLACK,
     TURN,
@@ -70,7 +70,7 @@ class ClosedFormKinematics(ArmKinematics, ABC):
         Raises:
             InputError: A pose is not a finite rigid motion; the message says which.
         """
-        q, valid = self._batch(as_floats("T", T), None, tol)
+        q, valid = self._batch(as_floats("T", T), None, check_tolerance(tol))
         if limits and not self._full_turn:
             q, within = nearest_windings(q, np.zeros(()), self.lower, self.upper)
             valid &= within
@@ -90,13 +90,12 @@ class ClosedFormKinematics(ArmKinematics, ABC):
         """
         T = as_floats("T", T)
         count = len(np.atleast_1d(T))
-        try:
-            start = np.broadcast_to(np.asarray(seeds, dtype=np.float64), (count, self.n))
-        except (TypeError, ValueError):
-            raise InputError(f"seeds must have shape ({count}, {self.n}) or ({self.n},)") from None
-        if not np.isfinite(start).all():
-            raise InputError("seeds must be finite")
-        q, valid = self._batch(T, start, tol)
+        start = as_floats("seeds", seeds)
+        if start.shape not in ((self.n,), (count, self.n)):
+            raise InputError(f"seeds must have shape ({count}, {self.n}) or ({self.n},), got {start.shape}")
+        check_entries("seeds", start, MOST_ANGLE)
+        start = np.broadcast_to(start, (count, self.n))
+        q, valid = self._batch(T, start, check_tolerance(tol))
         q, within = nearest_windings(q, start.T[:, None], self.lower, self.upper)
         distance = ((q - start.T[:, None]) ** 2).sum(axis=0)
         distance[~(valid & within)] = np.inf
@@ -154,9 +153,10 @@ class ClosedFormKinematics(ArmKinematics, ABC):
 
     def _choose(self, solutions: IKSolutions, seed: Floats, accept: Accept | None) -> IKResult:
         """The first of the sorted solutions that the caller accepts."""
+        check_accept(accept)
         for row in solutions.found:
             q = np.array(row[1:])
-            if accept is None or accept(q):
+            if accept is None or accept(q.copy()):
                 return IKResult(q, Status.OK, *solutions.error_of(q), branch=row[0] & 7)
         if solutions.success:
             q = np.array(solutions.found[0][1:])

@@ -7,8 +7,10 @@ pairs in 10 000 of 10 000 random postures of either arm). Boxes and cylinders ar
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import partial
 from itertools import combinations
 from typing import Any
 
@@ -17,8 +19,11 @@ from numpy.typing import ArrayLike
 
 from kinreach.engines import load
 from kinreach.errors import InputError
+from kinreach.inputs import check_number
 from kinreach.kinematics.arm import ArmKinematics
+from kinreach.kinematics.goals import MOST_DISTANCE
 from kinreach.robots import ArmDescription, Box
+from kinreach.robots.workcell import as_boxes
 
 pin: Any = load("pinocchio")
 coal: Any = load("coal")
@@ -47,7 +52,7 @@ class Clearance:
 
 
 class CollisionChecker:
-    """Collision checks of one arm on Pinocchio and coal.
+    """Collision checks of one arm on Pinocchio and coal. Threads must not share an instance: one per thread.
 
     Every pair of links is checked but those that no joint can move apart or together (a finger and its palm) and
     `arm.disabled_collisions`; and every obstacle against every link but `arm.workcell.touching`.
@@ -73,21 +78,25 @@ class CollisionChecker:
         obstacles: Sequence[Box] | None = None,
         margin: float = 0.0,
     ) -> None:
-        if not 0 <= margin < np.inf:
-            raise InputError(f"margin must be a distance of at least 0 m, got {margin}")
+        margin = check_number("margin", margin, least=0.0, most=MOST_DISTANCE)
         self._kin = arm if isinstance(arm, ArmKinematics) else ArmKinematics(arm)
         description = self._kin.arm
-        boxes = description.workcell.obstacles if obstacles is None else tuple(obstacles)
+        boxes = description.workcell.obstacles if obstacles is None else as_boxes(obstacles)
+        self._obstacles, self._margin = boxes, margin
         self.model, self._data = self._kin.model, self._kin.model.createData()
         self.geometry = _shapes(description, self.model, boxes)
         self._names = _pair_up(self.geometry, description, self.model)
         self.pairs: tuple[Pair, ...] = tuple(sorted(set(self._names)))
         self._results = self.geometry.createData()
+        _forget_what_was_asked(self._results)
         for request in self._results.collisionRequests:
             request.security_margin = margin
             request.gjk_tolerance = GJK_TOLERANCE
         # The naive manager tests every pair's bounding boxes: with some ten shapes no tree is faster.
         self._broad_phase = pin.BroadPhaseManager_NaiveCollisionManager(self.model, self.geometry, self._results)
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        return partial(CollisionChecker, obstacles=self._obstacles, margin=self._margin), (self._kin,)
 
     def in_collision(self, q: ArrayLike) -> bool:
         """Whether any pair touches or is nearer than the margin; stops at the first.
@@ -134,10 +143,21 @@ class CollisionChecker:
         return Clearance(float(self._results.distanceResults[nearest].min_distance), self._names[nearest])
 
 
+def _forget_what_was_asked(results: Any) -> None:
+    """Have each search begin anew: from where the one before ended, a distance would depend on it by up to 2e-7 m."""
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", DeprecationWarning)  # what replaces the switch leaves it on
+        for request in (*results.collisionRequests, *results.distanceRequests):
+            request.enable_cached_gjk_guess = False
+
+
 def _shapes(arm: ArmDescription, model: Any, obstacles: Sequence[Box]) -> Any:
     """Geometry of the links, meshes as their hulls, followed by the obstacles, fixed to the world."""
     root = arm.package_root()
-    geometry = pin.buildGeomFromUrdfString(model, arm.urdf, pin.COLLISION, package_dirs=[root] if root else [])
+    try:
+        geometry = pin.buildGeomFromUrdfString(model, arm.urdf, pin.COLLISION, package_dirs=[root] if root else [])
+    except (RuntimeError, ValueError) as error:
+        raise InputError(f"the collision shapes of arm {arm.name!r} cannot be read: {error}") from None
     for shape in geometry.geometryObjects:
         if isinstance(shape.geometry, coal.BVHModelBase):
             # buildConvexRepresentation would take the mesh for convex as it stands, and miss most contacts.

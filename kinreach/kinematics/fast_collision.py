@@ -16,6 +16,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from enum import IntEnum
 from functools import lru_cache
+from threading import Lock
 from typing import NamedTuple
 
 import numpy as np
@@ -30,7 +31,7 @@ from kinreach.kinematics.collision import CollisionChecker
 from kinreach.kinematics.goals import Floats, as_floats
 from kinreach.kinematics.straight_line import Entry, Program, any_of
 from kinreach.kinematics.wrist_clearance import WristClearance
-from kinreach.robots import ArmDescription, get_arm
+from kinreach.robots import ArmDescription, as_arm
 
 #: How far outside a joint limit a joint may be, for rounding [rad]; as in `ArmKinematics.within_limits`.
 LIMIT_SLACK = 1e-9
@@ -39,6 +40,9 @@ JOINTS = 6
 FOOT_WIDTH = 0.25
 
 Codes = NDArray[np.uint8]
+
+
+_EXPLAINING = Lock()
 
 
 class Cause(IntEnum):
@@ -51,7 +55,7 @@ class Cause(IntEnum):
 
 
 class FastCollision:
-    """Judges postures of a six-joint arm of the UR kind.
+    """Judges postures of a six-joint arm of the UR kind. Threads may share an instance.
 
     Args:
         arm: Name of a registered arm, or a description.
@@ -66,8 +70,11 @@ class FastCollision:
     """
 
     def __init__(self, arm: str | ArmDescription = "ur5") -> None:
-        self.arm = get_arm(arm) if isinstance(arm, str) else arm
+        self.arm = as_arm(arm)
         self._model = _model(self.arm)
+
+    def __reduce__(self) -> tuple[type[FastCollision], tuple[ArmDescription]]:
+        return FastCollision, (self.arm,)  # the tables are quicker made than read
 
     def impossible(self, q: ArrayLike) -> NDArray[np.bool_]:
         """Which postures are outside the joint limits or collide.
@@ -121,7 +128,8 @@ class FastCollision:
             return ""
         if cause == Cause.LIMITS:
             return f"out of limits: {', '.join(kinematics.joints_outside_limits(q, tolerance=LIMIT_SLACK))}"
-        one, other = self._model.checker.distance(q).pair
+        with _EXPLAINING:  # instances of the same arm share the checker
+            one, other = self._model.checker.distance(q).pair
         if one in (box.name for box in self.arm.workcell.obstacles):
             one, other = other, one
         return f"{one} - {other}"

@@ -25,7 +25,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from kinreach.errors import InputError
-from kinreach.kinematics.goals import Floats, as_floats
+from kinreach.kinematics.goals import MOST_ANGLE, Floats, as_floats, check_entries
 
 #: Natural-arm error of a posture on neither branch.
 UNNATURAL_ERROR = 25.0
@@ -160,9 +160,8 @@ def _joints(q: ArrayLike) -> _Joints:
     q = as_floats("q", q)
     if q.ndim == 0 or q.shape[-1] != _DOF:
         raise InputError(f"q must have shape (..., {_DOF}), got {q.shape}")
-    finite = all(map(math.isfinite, q.tolist())) if q.ndim == 1 else np.isfinite(q).all()
-    if not finite:
-        raise InputError(f"q must be finite, got {q[~np.isfinite(q).all(axis=-1)][0]}")
+    if q.ndim > 1 or not all(-MOST_ANGLE <= angle <= MOST_ANGLE for angle in q.tolist()):
+        check_entries("q", q, MOST_ANGLE)
     return _Joints(*(q.tolist()[:-1] if q.ndim == 1 else (q[..., joint] for joint in range(_DOF - 1))))
 
 

@@ -6,6 +6,8 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from enum import Enum
 
+from kinreach.errors import InputError
+from kinreach.inputs import shown
 from kinreach.kinematics.goals import Floats
 
 
@@ -25,6 +27,12 @@ class Status(Enum):
 
 #: A caller's own test of a posture `q` (n,), such as "does not collide"; False asks for the next candidate.
 Accept = Callable[[Floats], bool]
+
+
+def check_accept(accept: object) -> None:
+    """Refuse what cannot be called, before anything is computed."""
+    if accept is not None and not callable(accept):
+        raise InputError(f"accept must be a function of a posture, or None, got {shown(accept)}")
 
 
 @dataclass(frozen=True)

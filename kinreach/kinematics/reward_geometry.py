@@ -23,7 +23,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from kinreach.errors import InputError
-from kinreach.kinematics.goals import Floats, as_floats
+from kinreach.kinematics.goals import Floats, as_flags, as_floats
 from kinreach.kinematics.posture_geometry import (
     UNNATURAL_ERROR,
     PentagonAngles,
@@ -142,7 +142,7 @@ def reach_reward(d: ArrayLike, q: ArrayLike, *, impossible: ArrayLike = False) -
         InputError: Wrong shapes, a negative distance, or a value that is not finite.
     """
     natural, angle = posture_errors(q)
-    d, failed = _distances(d), np.asarray(impossible, dtype=np.bool_)[()]
+    d, failed = _distances(d), as_flags("impossible", impossible)[()]
     if not np.shape(natural) == d.shape == failed.shape:
         try:
             natural, angle, d, failed = np.broadcast_arrays(natural, angle, d, failed)

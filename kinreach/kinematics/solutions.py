@@ -54,7 +54,9 @@ class IKSolutions:
     @cached_property
     def q(self) -> Floats:
         """Postures [rad], shape (k, n)."""
-        return np.fromiter(chain.from_iterable(self.found), np.float64).reshape(-1, self.n + 1)[:, 1:]
+        columns = self.n + 1
+        rows = np.fromiter(chain.from_iterable(self.found), np.float64, columns * len(self.found))
+        return rows.reshape(-1, columns)[:, 1:]
 
     @cached_property
     def branch(self) -> NDArray[np.int64]:

@@ -6,15 +6,19 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from kinreach.errors import InputError
+from kinreach.inputs import shown
 from kinreach.kinematics.closed_form import ClosedFormKinematics
 from kinreach.kinematics.goals import (
+    MOST_DISTANCE,
     AxisGoal,
     Floats,
     Goal,
+    PoseGoal,
     PositionGoal,
     as_floats,
     as_pose,
     check_poses,
+    check_tolerance,
     nearest_rotations,
     pose_error,
 )
@@ -32,7 +36,7 @@ FIT_TOLERANCE = 1e-8
 
 
 class UR5Kinematics(ClosedFormKinematics):
-    """Kinematics of a UR-type arm, by default the UR5 within +-pi.
+    """Kinematics of a UR-type arm, by default the UR5 within +-pi. One per thread.
 
     Link lengths are read from the URDF, so a calibrated description brings its own.
 
@@ -72,7 +76,7 @@ class UR5Kinematics(ClosedFormKinematics):
                 sorted by distance from it, and wrist_3 keeps its value where it is free. Without it,
                 they are in the order of the branch index, and a free wrist_3 stays near 0.
             limits: Leave out what the joint limits forbid.
-            tol: Largest error of a solution in which something was clamped [m, rad].
+            tol: Largest error of a solution in which something was clamped [m, rad], 1e-9 to 1.
 
         Returns:
             Up to eight solutions, or the reason why there is none.
@@ -82,9 +86,10 @@ class UR5Kinematics(ClosedFormKinematics):
         """
         start = self._posture_or_none(seed)
         rows = self._flange_rows(T)
+        tol = check_tolerance(tol)
         found, miss = solve_pose(rows, self.geometry, tol=tol, q6=0.0 if start is None else float(start[5]))
         unreached = "" if found else miss_text(miss)
-        return self._solutions(found, unreached, lambda q: pose_error(np.asarray(T), self.fk(q)), start, limits)
+        return self._solutions(found, unreached, lambda q: pose_error(as_floats("T", T), self.fk(q)), start, limits)
 
     def axis_solutions(
         self,
@@ -108,7 +113,8 @@ class UR5Kinematics(ClosedFormKinematics):
             InputError: Malformed input, or a tip that is not on the axis of wrist_3.
         """
         start = self._posture_or_none(seed)
-        goal = AxisGoal(np.asarray(position), np.asarray(axis))
+        goal = AxisGoal(position, axis)  # type: ignore[arg-type]
+        tol = check_tolerance(tol)
         if self._reach is None:
             raise InputError(f"tip {self.tip!r} is not on the axis of the last joint, which an axis goal needs")
         p = self._T_dh_base[:3, :3] @ goal.position + self._T_dh_base[:3, 3]
@@ -128,12 +134,14 @@ class UR5Kinematics(ClosedFormKinematics):
         """Any goal this arm has a closed form for: `PoseGoal` or `AxisGoal`.
 
         Raises:
-            InputError: A `PositionGoal`, which leaves three of six joints free.
+            InputError: A `PositionGoal`, which leaves three of six joints free, or what is no goal.
         """
         if isinstance(goal, PositionGoal):
             raise InputError("a six-joint arm has no closed form for a bare position; give an AxisGoal or a PoseGoal")
         if isinstance(goal, AxisGoal):
             return self.axis_goal(goal.position, goal.axis, seed, accept=accept)
+        if not isinstance(goal, PoseGoal):
+            raise InputError(f"goal must be a PoseGoal or an AxisGoal, got {shown(goal)}")
         return self.nearest(goal.T, seed, accept=accept)
 
     def _batch(self, T: Floats, seeds: Floats | None, tol: float) -> tuple[Floats, NDArray[np.bool_]]:
@@ -170,7 +178,9 @@ class UR5Kinematics(ClosedFormKinematics):
             and -ROUNDING < ny * oz - nz * oy - ax < ROUNDING
             and -ROUNDING < nz * ox - nx * oz - ay < ROUNDING
             and -ROUNDING < nx * oy - ny * ox - az < ROUNDING
-            and -np.inf < px + py + pz < np.inf
+            and -MOST_DISTANCE < px < MOST_DISTANCE
+            and -MOST_DISTANCE < py < MOST_DISTANCE
+            and -MOST_DISTANCE < pz < MOST_DISTANCE
             and last == [0.0, 0.0, 0.0, 1.0]
         )
         if exact and self._plain:

@@ -11,7 +11,7 @@ from math import pi
 import numpy as np
 from numpy.typing import NDArray
 
-from kinreach.kinematics.goals import Floats
+from kinreach.kinematics.goals import MOST_DISTANCE, Floats
 from kinreach.kinematics.ur_geometry import URGeometry
 
 TURN = 2 * pi
@@ -62,7 +62,7 @@ def flange_entries(m: Floats, left: Floats, right: Floats) -> Floats:
 
 
 def _not_a_rotation(m: Floats) -> NDArray[np.bool_]:
-    """Which 3x3 blocks are off a right-handed rotation by more than rounding, or not finite."""
+    """Which 3x3 blocks are off a right-handed rotation by more than rounding, or are too far away or not finite."""
     nx, ox, ax, px, ny, oy, ay, py, nz, oz, az, pz = m
     off = np.abs(nx * nx + ny * ny + nz * nz - 1.0)
     off += np.abs(ox * ox + oy * oy + oz * oz - 1.0)
@@ -70,7 +70,7 @@ def _not_a_rotation(m: Floats) -> NDArray[np.bool_]:
     off += np.abs(ny * oz - nz * oy - ax)
     off += np.abs(nz * ox - nx * oz - ay)
     off += np.abs(nx * oy - ny * ox - az)
-    off += 0.0 * (px + py + pz)  # NaN where a position is not finite
+    off += ~(np.abs(px) + np.abs(py) + np.abs(pz) < MOST_DISTANCE)
     return ~(off < ROUNDING)
 
 

@@ -4,7 +4,17 @@ Data only: nothing here imports a robotics engine. Every arm is one URDF that fe
 """
 
 from kinreach.robots.description import ArmDescription, Gripper
-from kinreach.robots.registry import arm_names, get_arm, register_arm
+from kinreach.robots.registry import arm_names, as_arm, get_arm, register_arm
 from kinreach.robots.workcell import Box, CameraMount, Workcell
 
-__all__ = ["ArmDescription", "Box", "CameraMount", "Gripper", "Workcell", "arm_names", "get_arm", "register_arm"]
+__all__ = [
+    "ArmDescription",
+    "Box",
+    "CameraMount",
+    "Gripper",
+    "Workcell",
+    "arm_names",
+    "as_arm",
+    "get_arm",
+    "register_arm",
+]

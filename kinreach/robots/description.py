@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from functools import cached_property
 
+from kinreach.robots.urdf_check import check_urdf
 from kinreach.robots.workcell import CameraMount, Workcell
 
 
@@ -26,6 +27,10 @@ class Gripper:
     stroke: float
     opening: float
     force: float
+
+
+def no_package() -> None:
+    """For an arm whose URDF names no files."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -64,7 +69,7 @@ class ArmDescription:
     default_tip: str
     workcell: Workcell
     disabled_collisions: tuple[tuple[str, str], ...] = ()
-    package_root: Callable[[], str | None] = field(default=lambda: None)
+    package_root: Callable[[], str | None] = no_package
     position_gains: tuple[float, ...] = ()
     speed_limit: float = 3.0
     acceleration_limit: float = 10.0
@@ -76,8 +81,14 @@ class ArmDescription:
 
     @cached_property
     def urdf(self) -> str:
-        """The URDF text, built on first use."""
-        return self.build_urdf()
+        """The URDF text, built and checked on first use.
+
+        Raises:
+            InputError: It is no URDF, or not one that an engine should be given: see `check_urdf`.
+        """
+        text = self.build_urdf()
+        check_urdf(text, self.package_root())
+        return text
 
     @property
     def locked_joints(self) -> Mapping[str, float]:

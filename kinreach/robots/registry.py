@@ -6,7 +6,8 @@ import importlib
 import pkgutil
 from functools import cache
 
-from kinreach.errors import InputError, raise_unknown
+from kinreach.errors import InputError
+from kinreach.inputs import check_known
 from kinreach.robots import arms
 from kinreach.robots.description import ArmDescription
 
@@ -34,9 +35,17 @@ def get_arm(name: str) -> ArmDescription:
     Raises:
         UnknownNameError: There is none; the message lists those there are.
     """
-    if name not in _arms():
-        raise_unknown("arm", name, _arms())
+    check_known("arm", name, _arms())
     return _arms()[name]
+
+
+def as_arm(arm: str | ArmDescription) -> ArmDescription:
+    """The arm with this name, or the description itself.
+
+    Raises:
+        UnknownNameError: There is no such arm.
+    """
+    return arm if isinstance(arm, ArmDescription) else get_arm(arm)
 
 
 def arm_names() -> tuple[str, ...]:

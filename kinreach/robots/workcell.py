@@ -5,11 +5,20 @@ World frame: z up. All lengths in metres.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Protocol
+from math import inf
+from typing import Any, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
+
+from kinreach.errors import InputError
+from kinreach.inputs import check_number, shown
+
+#: Edges and coordinates of obstacles are no larger [m]: the collision engines lose touches between shapes whose sizes
+#: are too far apart.
+WIDEST = 1000.0
 
 
 @dataclass(frozen=True)
@@ -21,12 +30,42 @@ class Box:
         size: Full edge lengths [m].
         position: Centre [m].
         legs: Length of the four legs under it [m]; they are drawn and have no contact.
+
+    Raises:
+        InputError: A length or a coordinate that is not finite, not positive where it must be, or beyond 1 km.
     """
 
     name: str
     size: tuple[float, float, float]
     position: tuple[float, float, float]
     legs: float = 0.0
+
+    def __post_init__(self) -> None:
+        given: dict[str, Any] = vars(self)
+        if not isinstance(given["name"], str) or not self.name:
+            raise InputError(f"the name of a box must be text, got {shown(self.name)}")
+        for part, above in (("size", 0.0), ("position", -inf)):
+            values = given[part]
+            if not isinstance(values, Sequence | np.ndarray) or len(values) != 3:
+                raise InputError(f"the {part} of the box {self.name!r} must be three numbers, got {shown(values)}")
+            for value in values:
+                check_number(f"the {part} of the box {self.name!r}", value, above=above, least=-WIDEST, most=WIDEST)
+        check_number(f"the legs of the box {self.name!r}", self.legs, least=0.0, most=WIDEST)
+
+
+def as_boxes(obstacles: Sequence[Box]) -> tuple[Box, ...]:
+    """Obstacles with names of their own.
+
+    Raises:
+        InputError: One is no `Box`, or two have the same name.
+    """
+    boxes: Any = obstacles
+    if not isinstance(boxes, Sequence) or not all(isinstance(box, Box) for box in boxes):
+        raise InputError(f"obstacles must be a list of Box, got {shown(obstacles)}")
+    names = [box.name for box in obstacles]
+    if twice := [name for name in names if names.count(name) > 1]:
+        raise InputError(f"two obstacles are named {twice[0]!r}")
+    return tuple(obstacles)
 
 
 @dataclass(frozen=True)

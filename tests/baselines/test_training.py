@@ -142,6 +142,18 @@ def test_checkpoints_of_other_runs_and_damaged_ones_are_refused(tmp_path):
     assert not Bomb.executed
 
 
+def test_a_checkpoint_sets_only_what_a_checkpoint_has(tmp_path):
+    interrupted(small("single"), tmp_path, 1)
+    path = tmp_path / "checkpoint.pt"
+    state = torch.load(path, weights_only=True)
+    torch.save({**state, "counters": {**state["counters"], "train": 1}, "curve": {**state["curve"], "step": 1}}, path)
+    train(small("single"), tmp_path, seed=4, resume=True)  # neither of the functions is replaced
+    interrupted(small("single"), tmp_path, 1)
+    torch.save({**state, "counters": {**state["counters"], "num_timesteps": "many"}}, path)
+    with pytest.raises(InputError, match="no checkpoint"):
+        train(small("single"), tmp_path, seed=4, resume=True)
+
+
 class Bomb:
     executed = False
 

@@ -54,7 +54,7 @@ def _call(*argv: str) -> int:
         (["--goals", "0"], "the number of goals must be at least 1, got 0"),
         (["--goals", "-3"], "the number of goals must be at least 1, got -3"),
         (["--goals", "many"], "argument --goals: invalid int value: 'many'"),
-        (["--seed", "-1"], "the seed must not be negative, got -1"),
+        (["--seed", "-1"], "the seed must be at least 0, got -1"),
         (["--observation", "pixels"], "unknown ur5 observation 'pixels'; available: camera, geometric"),
         (["--task", "button", "--observation", "camera"], "unknown button observation 'camera'; available: geometric"),
         (["--pipeline", "thesis"], "pipeline, resolution and noise need observation 'camera', got observation 'geo"),

@@ -3,8 +3,9 @@
 import numpy as np
 import pytest
 
-from benchmarks.edge_cases import FLANGE, random_poses
-from benchmarks.peers import PEERS, silent
+from kinreach.bench.peers.analytic import ANALYTIC
+from kinreach.bench.peers.base import silent
+from kinreach.bench.poses import FLANGE, random_poses
 from kinreach.kinematics.goals import pose_error
 
 pytest.importorskip("eaik")
@@ -20,9 +21,9 @@ def angular_distance(a, b):
     return np.abs(wrapped(a[:, None] - b[None])).max(axis=2)
 
 
-@pytest.mark.parametrize("peer", ["EAIK 1.2.2", "ur-analytic-ik", "ssik"])
+@pytest.mark.parametrize("peer", ANALYTIC)
 def test_solution_sets_agree(peer):
-    solve = PEERS[peer]()
+    solve = ANALYTIC[peer]().solve
     compared = 0
     for T in random_poses(np.random.default_rng(9), 1000):
         with silent():

@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from benchmarks.edge_cases import CASES, FLANGE
-from benchmarks.singular_cases import judge
+from kinreach.bench.poses import CASES, FLANGE
+from kinreach.bench.suites.ik_edge_cases import judge
 from kinreach.kinematics.goals import pose_error
 from kinreach.kinematics.ur_flags import Singularity
 

@@ -19,7 +19,6 @@ from kinreach.compare.button.players import Player
 from kinreach.compare.tasks import ButtonTask
 from kinreach.compare.trials import EpisodeTrial
 from kinreach.envs.button import ButtonPressEnv
-from kinreach.envs.button.task import SPEED_BOUND
 from kinreach.kinematics.goals import Floats
 
 #: Seed of an episode that every method plays untimed first; never among those compared.
@@ -105,7 +104,7 @@ def _trial(task: ButtonTask, index: int, name: str, episode: Episode) -> Episode
         reached=pressed,
         impossible=diverged,
         status=PRESSED if pressed else DIVERGED if diverged else NOT_PRESSED,
-        reason=f"a joint became faster than {SPEED_BOUND:g} rad/s" if diverged else "",
+        reason=info["impossible_reason"],
         distance=info["distance"],
         reward=episode.reward,
         solve_s=episode.solve_s,

@@ -17,7 +17,8 @@ from kinreach.envs.button.scene import ButtonState
 from kinreach.envs.button.task import action_space, check_actions, observation_space
 from kinreach.envs.button.world import SingleTorqueWorld
 from kinreach.envs.picture import ScenePicture
-from kinreach.errors import raise_unknown
+from kinreach.envs.resets import check_seed
+from kinreach.inputs import check_known
 from kinreach.kinematics.goals import Floats
 
 ONE = np.zeros(1, dtype=np.intp)
@@ -114,7 +115,8 @@ class ButtonPressEnv(gym.Env[Floats, Any], EzPickle):
     ## Info
     `goal` (target in the world [m], from the reset too), `distance` [m], `reached`, `is_success` and `pressed` (all
     three: pressed at the target), `wrong_press`, `wrong_presses` and `steps` (numbers in this episode), `impossible`,
-    `energy` (sum over joints and time of torque^2 dt in this episode [N^2 m^2 s]), `reward_terms`.
+    `impossible_reason` (why, else empty), `energy` (sum over joints and time of torque^2 dt in this episode
+    [N^2 m^2 s]), `reward_terms`.
 
     ## Arguments
 
@@ -145,8 +147,8 @@ class ButtonPressEnv(gym.Env[Floats, Any], EzPickle):
         EzPickle.__init__(
             self, actuation=actuation, fixed_target=fixed_target, max_steps=max_steps, render_mode=render_mode
         )
-        if render_mode is not None and render_mode not in self.metadata["render_modes"]:
-            raise_unknown("render_mode", render_mode, self.metadata["render_modes"])
+        if render_mode is not None:
+            check_known("render_mode", render_mode, self.metadata["render_modes"])
         self.options = ButtonOptions(actuation, fixed_target, max_steps)
         self.render_mode = render_mode
         # What `render` gives after every step is a film at one frame per step.
@@ -169,7 +171,7 @@ class ButtonPressEnv(gym.Env[Floats, Any], EzPickle):
         Raises:
             InputError: An unknown option, one that is malformed, or a target out of reach.
         """
-        super().reset(seed=seed)
+        super().reset(seed=check_seed(seed))
         goals, q = self._episodes.options(options, None)
         if seed is not None or not self._seeded:
             self._episodes.seed(0, self.np_random)
@@ -218,7 +220,7 @@ class ButtonPressEnv(gym.Env[Floats, Any], EzPickle):
 def _single(outcome: Outcome) -> dict[str, Any]:
     """The `info` of a batch of one, without the batch."""
     info: dict[str, Any] = {
-        name: value[0].copy() if value.ndim > 1 else value[0].item() for name, value in outcome.info.items()
+        name: value[0].copy() if value.ndim > 1 else value.tolist()[0] for name, value in outcome.info.items()
     }
     info["reward_terms"] = {name: float(term[0]) for name, term in outcome.terms._asdict().items()}
     return info

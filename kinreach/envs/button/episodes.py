@@ -27,6 +27,9 @@ from kinreach.envs.streams import RowStreams
 from kinreach.errors import InputError
 from kinreach.kinematics.goals import Floats
 
+#: Why a step was impossible.
+REASON = f"diverged: a joint became faster than {SPEED_BOUND:g} rad/s"
+
 
 @dataclass(frozen=True, eq=False)
 class Outcome:
@@ -150,6 +153,7 @@ class ButtonEpisodes:
             "wrong_press": wrong,
             "wrong_presses": self._wrong_presses.copy(),
             "impossible": diverged,
+            "impossible_reason": np.where(diverged, REASON, "").astype(object),
             "energy": self._energy.copy(),
             "steps": self._steps.copy(),
         }

@@ -6,8 +6,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from kinreach.envs.button.actuation import ACTUATIONS, Actuation
-from kinreach.errors import InputError, raise_unknown
-from kinreach.kinematics.goals import Floats, as_vector
+from kinreach.inputs import check_count, check_known
+from kinreach.kinematics.goals import MOST_DISTANCE, Floats, as_vector
 from kinreach.robots import ArmDescription, get_arm
 
 
@@ -30,10 +30,8 @@ class ButtonOptions:
     max_steps: int
 
     def __post_init__(self) -> None:
-        if self.actuation_name not in ACTUATIONS:
-            raise_unknown("actuation", self.actuation_name, ACTUATIONS)
-        if self.max_steps < 1:
-            raise InputError(f"max_steps must be at least 1, got {self.max_steps}")
+        check_known("actuation", self.actuation_name, ACTUATIONS)
+        check_count("max_steps", self.max_steps)
         _ = self.target
 
     @property
@@ -54,4 +52,8 @@ class ButtonOptions:
     @property
     def target(self) -> Floats | None:
         """The target of all episodes in the world [m], shape (3,), if one was given."""
-        return None if isinstance(self.fixed_target, bool) else as_vector("fixed_target", self.fixed_target, 3)
+        return (
+            None
+            if isinstance(self.fixed_target, bool)
+            else as_vector("fixed_target", self.fixed_target, 3, most=MOST_DISTANCE)
+        )

@@ -13,7 +13,7 @@ from gymnasium import spaces
 from numpy.typing import ArrayLike, NDArray
 
 from kinreach.errors import InputError
-from kinreach.kinematics.goals import Floats
+from kinreach.kinematics.goals import Floats, as_array
 
 JOINTS = 3
 #: What each of the 27 torque actions adds to the controls of the three joints; the first joint changes slowest.
@@ -64,10 +64,7 @@ def check_actions(actions: ArrayLike, count: int | None) -> Actions:
         InputError: Not integers from 0 to 53, or a wrong shape.
     """
     shape = () if count is None else (count,)
-    try:
-        values = np.asarray(actions)
-    except (TypeError, ValueError):
-        raise InputError(f"action must be integers of shape {shape}, got {actions!r}") from None
+    values = as_array("action", actions)
     if values.shape != shape or values.dtype.kind not in "iu":
         raise InputError(f"action must be integers of shape {shape}, got {values.dtype} of shape {values.shape}")
     outside = (values < 0) | (values >= ACTIONS)

@@ -2,12 +2,26 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 
 from kinreach.envs.batch_simulation import BatchSimulation
+from kinreach.envs.moves import MoveResult, MoveStatus
 from kinreach.envs.reach.world import Executed, Ids
 from kinreach.envs.simulation import ArmSimulation
 from kinreach.kinematics.goals import Floats
+
+
+def _executed(moves: Sequence[MoveResult], q: Floats, tip: Floats) -> Executed:
+    """What moves came to, with postures [rad], shape (count, 6), and tips [m], shape (count, 3)."""
+    return Executed(
+        q=q,
+        tip=tip,
+        impossible=np.array([not move.reached for move in moves]),
+        reasons=[move.reason for move in moves],
+        diverged=np.array([move.status is MoveStatus.DIVERGED for move in moves]),
+    )
 
 
 class SingleDynamicWorld:
@@ -30,12 +44,7 @@ class SingleDynamicWorld:
     def execute(self, targets: Floats, *, two_phase: bool) -> Executed:
         """Move by dynamics; a target that is not attained is impossible, and the arm stays where it got to."""
         move = self.simulation.move(targets[0], two_phase=two_phase)
-        return Executed(
-            q=self.simulation.q[None],
-            tip=self.simulation.tip_position[None],
-            impossible=np.array([not move.reached]),
-            reasons=[move.reason],
-        )
+        return _executed([move], self.simulation.q[None], self.simulation.tip_position[None])
 
     @property
     def q(self) -> Floats:
@@ -66,12 +75,7 @@ class BatchDynamicWorld:
     def execute(self, targets: Floats, *, two_phase: bool) -> Executed:
         """Move by dynamics; see `SingleDynamicWorld.execute`."""
         moves = self._batch.move(np.arange(self.count), targets, two_phase=two_phase)
-        return Executed(
-            q=self._batch.q,
-            tip=self._batch.tip_positions,
-            impossible=np.array([not move.reached for move in moves]),
-            reasons=[move.reason for move in moves],
-        )
+        return _executed(moves, self._batch.q, self._batch.tip_positions)
 
     @property
     def q(self) -> Floats:

@@ -24,8 +24,9 @@ from kinreach.envs.reach.task import (
     reset_options,
 )
 from kinreach.envs.reach.world import ReachWorld
+from kinreach.envs.resets import check_seed
 from kinreach.envs.simulation import ArmSimulation
-from kinreach.errors import raise_unknown
+from kinreach.inputs import check_known
 from kinreach.kinematics.reward_geometry import posture_error
 
 ONE = np.zeros(1, dtype=np.intp)
@@ -65,9 +66,11 @@ class UR5ReachEnv(gym.Env[Any, Any], EzPickle):
             depth_noise=depth_noise,
             end_on_reached=end_on_reached,
         )
-        if render_mode is not None and render_mode not in self.metadata["render_modes"]:
-            raise_unknown("render_mode", render_mode, self.metadata["render_modes"])
-        self.options = ReachOptions(observation, backend, pipeline, width, height, rgb_noise, depth_noise)
+        if render_mode is not None:
+            check_known("render_mode", render_mode, self.metadata["render_modes"])
+        self.options = ReachOptions(
+            observation, backend, pipeline, width, height, rgb_noise, depth_noise, end_on_reached
+        )
         self.render_mode = render_mode
         arm = self.options.arm
         self._simulation = ArmSimulation(arm, visual=render_mode is not None)
@@ -94,9 +97,9 @@ class UR5ReachEnv(gym.Env[Any, Any], EzPickle):
                 arm in this posture [rad].
 
         Raises:
-            InputError: An unknown option, or one that is malformed.
+            InputError: A seed that is none, an unknown option, or one that is malformed.
         """
-        super().reset(seed=seed)
+        super().reset(seed=check_seed(seed))
         if seed is not None or not self._seeded:
             self._episodes.seed(0, self.np_random)
             self._seeded = True

@@ -112,6 +112,8 @@ class ReachEpisodes:
         if self.variant.max_steps == 1:
             return Outcome(executed, distance, scored, over, np.zeros_like(over))
         terminated = scored.reached & self._end_on_reached
+        if executed.diverged is not None:
+            over |= executed.diverged
         return Outcome(executed, distance, scored, terminated, over & ~terminated)
 
     def close(self) -> None:

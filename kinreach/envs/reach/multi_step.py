@@ -56,8 +56,9 @@ class UR5MultiStepEnv(UR5ReachEnv):
 
     ## Episode End
     Terminated when the goal is reached (d < 0.01 m and r_e < 0.15), unless `end_on_reached=False`; truncated after
-    100 steps. The thesis says both that an episode has 100 actions (section 3.4.5) and that it may end when the goal
-    is reached (section 5.3); the default is the latter.
+    100 steps, or when the simulation diverges (`info["impossible_reason"]` begins with "diverged"). The thesis says
+    both that an episode has 100 actions (section 3.4.5) and that it may end when the goal is reached (section 5.3);
+    the default is the latter.
 
     ## Arguments
 

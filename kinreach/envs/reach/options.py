@@ -8,10 +8,13 @@ from kinreach.envs.ball_finder import PIPELINES
 from kinreach.envs.goal_view import CameraGoalView
 from kinreach.envs.reach.observers import CameraObserver, GeometricObserver, GoalObserver
 from kinreach.envs.rgbd import SensorNoise
-from kinreach.errors import InputError, raise_unknown
+from kinreach.inputs import check_count, check_known, check_number
+from kinreach.kinematics.goals import as_flags
 from kinreach.robots import ArmDescription, get_arm
 
 OBSERVATIONS = ("camera", "geometric", "pixels")
+#: Images are no wider or higher; graphics libraries draw the line somewhere below [px].
+LARGEST_PICTURE = 16384
 BACKENDS = ("mujoco", "kinematic")
 
 
@@ -26,6 +29,7 @@ class ReachOptions:
         width, height: Size of the cameras' images [px].
         rgb_noise: Standard deviation of the colours' noise [levels of 255].
         depth_noise: Standard deviation of the depth's noise [m].
+        end_on_reached: Whether reaching the goal ends an episode of several steps.
 
     Raises:
         UnknownNameError: A name that is not one of those above.
@@ -39,6 +43,7 @@ class ReachOptions:
     height: int
     rgb_noise: float
     depth_noise: float
+    end_on_reached: bool = True
 
     def __post_init__(self) -> None:
         for kind, value, known in (
@@ -46,12 +51,12 @@ class ReachOptions:
             ("backend", self.backend, BACKENDS),
             ("pipeline", self.pipeline, PIPELINES),
         ):
-            if value not in known:
-                raise_unknown(kind, value, known)
-        if min(self.width, self.height) < 16:
-            raise InputError(f"width and height must be at least 16 px, got {self.width} x {self.height}")
-        if not (0 <= self.rgb_noise < 256 and 0 <= self.depth_noise < 1):
-            raise InputError(f"noise out of range: rgb_noise {self.rgb_noise}, depth_noise {self.depth_noise} m")
+            check_known(kind, value, known)
+        for name in ("width", "height"):
+            check_count(f"{name} [px]", getattr(self, name), least=16, most=LARGEST_PICTURE)
+        check_number("rgb_noise", self.rgb_noise, least=0.0, most=255.0)
+        check_number("depth_noise", self.depth_noise, least=0.0, most=1.0)
+        as_flags("end_on_reached", self.end_on_reached)
 
     @property
     def arm(self) -> ArmDescription:

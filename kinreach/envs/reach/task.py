@@ -14,6 +14,7 @@ import numpy as np
 from gymnasium import spaces
 from numpy.typing import ArrayLike
 
+from kinreach.envs.goal_view import geometric_goal_view
 from kinreach.envs.resets import option_rows
 from kinreach.errors import InputError
 from kinreach.kinematics.goals import Floats, as_floats
@@ -76,11 +77,16 @@ def reset_options(options: Mapping[str, Any] | None, count: int | None) -> tuple
     """The goals [m] and the postures [rad] that `reset(options=)` asks for, one a row; None for what it leaves open.
 
     Raises:
-        InputError: An unknown option, a wrong shape, a value that is not finite, or a joint outside its limits.
+        InputError: An unknown option, a wrong shape, a value that is not finite, a joint outside its limits, or a goal
+            that an observation cannot hold.
     """
     goals, q = option_rows(options, {"goal": 3, "q": JOINTS}, count)
     if q is not None and (np.abs(q) > math.pi).any():
         raise InputError(f"q must be within ±π, got {np.abs(q).max():g}")
+    if goals is not None:
+        seen = np.abs(geometric_goal_view("ur5", goals)).max(axis=1)
+        if (seen > CAMERA_RANGE).any():
+            raise InputError(f"goal {goals[seen.argmax()]} m is outside the {CAMERA_RANGE:g} m that the cameras see")
     return goals, q
 
 

@@ -63,14 +63,14 @@ class UR5ReachVectorEnv(NativeVectorEnv):
         depth_noise: float = 0.0,
         end_on_reached: bool = True,
     ) -> None:
+        options = ReachOptions(observation, backend, pipeline, width, height, rgb_noise, depth_noise, end_on_reached)
         super().__init__(
             num_envs,
             threads=threads,
-            draws=observation == "pixels" or render_mode is not None,
+            draws=(observation == "pixels") or render_mode is not None,
             action_space=action_space(),
             observation_space=observation_space(),
         )
-        options = ReachOptions(observation, backend, pipeline, width, height, rgb_noise, depth_noise)
         world: ReachWorld = (
             BatchDynamicWorld(num_envs, threads=threads) if backend == "mujoco" else KinematicWorld(num_envs)
         )

@@ -23,12 +23,14 @@ class Executed:
         tip: Positions of the tcp in the world [m], shape (count, 3).
         impossible: Whether the target could not be taken, shape (count,).
         reasons: Why, one phrase per arm (empty where possible); None where the world does not say in a batch.
+        diverged: Whether it was for an unstable simulation, shape (count,); None where there is no simulation.
     """
 
     q: Floats
     tip: Floats
     impossible: NDArray[np.bool_]
     reasons: Sequence[str] | None
+    diverged: NDArray[np.bool_] | None = None
 
 
 class ReachWorld(Protocol):

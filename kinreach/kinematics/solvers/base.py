@@ -12,7 +12,11 @@ from kinreach.kinematics.result import Accept, IKResult
 
 
 class Solver(Protocol):
-    """Turns a goal and a seed posture into a posture."""
+    """Turns a goal and a seed posture into a posture.
+
+    Solvers have work space: threads must not share one, nor two solvers on the same kinematics. One per thread, made
+    there, gives what a single thread gives. A pickled solver is one of its own, too.
+    """
 
     @property
     def name(self) -> str:

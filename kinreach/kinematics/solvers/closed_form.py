@@ -10,7 +10,7 @@ from kinreach.kinematics.result import Accept, IKResult
 
 
 class ClosedFormSolver:
-    """Takes the nearest of all exact postures; see `kinreach.kinematics.solvers.base.Solver`."""
+    """Takes the nearest of all exact postures; see `kinreach.kinematics.solvers.base.Solver`. One per thread."""
 
     name = "closed-form"
 

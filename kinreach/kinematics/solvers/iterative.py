@@ -10,13 +10,20 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from kinreach.errors import InputError
+from kinreach.inputs import check_count, check_number, shown
 from kinreach.kinematics.arm import ArmKinematics
 from kinreach.kinematics.goals import Floats, Goal, goal_error
-from kinreach.kinematics.result import Accept, IKResult, Status
+from kinreach.kinematics.result import Accept, IKResult, Status, check_accept
 from kinreach.kinematics.solvers.base import Tolerance
 from kinreach.kinematics.solvers.joint_space import JointSpace
 
 DEFAULT_TOLERANCE = Tolerance()
+
+#: Most steps of an attempt, and most attempts: a goal that cannot be reached takes them all.
+MOST_ATTEMPTS = 10_000
+
+#: Largest duration of a step [s]: with it, speed limits limit nothing.
+LONGEST_STEP = 1e3
 
 #: A step below this [rad] ends an attempt: the limits or a singular posture hold it.
 STALLED = 1e-5
@@ -58,7 +65,7 @@ class IterativeSolver(ABC):
 
     Every attempt ends with the posture folded into the limits and judged anew by forward kinematics, so that success
     is a property of the posture that is returned. The random postures are drawn from a generator that each call to
-    `solve` seeds afresh: equal inputs give equal results whatever was asked before.
+    `solve` seeds afresh: equal inputs give equal results whatever was asked before. One per thread (see `Solver`).
 
     Args:
         kin: The arm, its tip and the base frame that goals are in.
@@ -82,17 +89,17 @@ class IterativeSolver(ABC):
         max_restarts: int = 20,
         rng_seed: int = 0,
     ) -> None:
-        if max_iterations < 1:
-            raise InputError(f"max_iterations must be at least 1, got {max_iterations}")
-        if max_restarts < 0:
-            raise InputError(f"max_restarts must be at least 0, got {max_restarts}")
-        if not (tolerance.position > 0 and tolerance.orientation > 0):
-            raise InputError(f"both tolerances must be above 0, got {tolerance}")
+        if not isinstance(kin, ArmKinematics):
+            raise InputError(f"kin must be the kinematics of an arm, got {shown(kin)}")
+        if not isinstance(tolerance, Tolerance):
+            raise InputError(f"tolerance must be a Tolerance, got {shown(tolerance)}")
+        for part in ("position", "orientation"):
+            check_number(f"the tolerance of the {part}", getattr(tolerance, part), above=0.0)
         self.kin = kin
         self.tolerance = tolerance
-        self.max_iterations = max_iterations
-        self.max_restarts = max_restarts
-        self.rng_seed = rng_seed
+        self.max_iterations = check_count("max_iterations", max_iterations, most=MOST_ATTEMPTS)
+        self.max_restarts = check_count("max_restarts", max_restarts, least=0, most=MOST_ATTEMPTS)
+        self.rng_seed = check_count("rng_seed", rng_seed, least=0)
         self.joint_space = JointSpace(kin)
 
     def __repr__(self) -> str:
@@ -119,6 +126,7 @@ class IterativeSolver(ABC):
             InputError: The goal or the seed is malformed.
         """
         start = self.joint_space.fold(self.kin.as_posture("seed", seed))
+        check_accept(accept)
         descend = self._descender(goal)
         refused: list[_Candidate] = []
         missed: list[_Candidate] = []

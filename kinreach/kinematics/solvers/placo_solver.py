@@ -3,17 +3,25 @@
 from __future__ import annotations
 
 import xml.etree.ElementTree as ET
+from functools import partial
 from typing import Any, ClassVar
 
 import numpy as np
 
 from kinreach.engines import load
-from kinreach.errors import InputError
+from kinreach.inputs import check_number
 from kinreach.kinematics.arm import ArmKinematics
 from kinreach.kinematics.goals import AxisGoal, Floats, Goal, PoseGoal, PositionGoal
 from kinreach.kinematics.solvers.base import Tolerance
 from kinreach.kinematics.solvers.goal_task import goal_frame
-from kinreach.kinematics.solvers.iterative import DEFAULT_TOLERANCE, STALLED, Descend, Descent, IterativeSolver
+from kinreach.kinematics.solvers.iterative import (
+    DEFAULT_TOLERANCE,
+    LONGEST_STEP,
+    STALLED,
+    Descend,
+    Descent,
+    IterativeSolver,
+)
 
 placo: Any = load("placo")
 
@@ -26,7 +34,7 @@ class PlacoSolver(IterativeSolver):
 
     Used as it works best: with speed limits, which keep each step where the linearisation holds, and iterated to
     convergence. Joints that turn full circle have no position limit on the way (see `JointSpace`). placo's objects
-    are made once per kind of goal; a call only moves their targets.
+    are made once per kind of goal; a call only moves their targets. One per thread, as all solvers.
 
     Args:
         kin: The arm, its tip and the base frame that goals are in.
@@ -56,9 +64,7 @@ class PlacoSolver(IterativeSolver):
         super().__init__(
             kin, tolerance=tolerance, max_iterations=max_iterations, max_restarts=max_restarts, rng_seed=rng_seed
         )
-        if not 0 < dt < np.inf:
-            raise InputError(f"dt must be above 0 s, got {dt}")
-        self.dt = dt
+        self.dt = check_number("dt", dt, above=0.0, most=LONGEST_STEP)
         self._robot = placo.RobotWrapper("", int(placo.Flags.ignore_collisions), _skeleton(kin.arm.urdf))
         for name, position in kin.arm.locked_joints.items():
             self._robot.set_joint(name, position)
@@ -69,6 +75,12 @@ class PlacoSolver(IterativeSolver):
             if free:
                 self._robot.set_joint_limits(name, -NO_LIMIT, NO_LIMIT)
         self._problems = {kind: self._make_problem(kind) for kind in (PoseGoal, AxisGoal, PositionGoal)}
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        options = {
+            name: getattr(self, name) for name in ("tolerance", "dt", "max_iterations", "max_restarts", "rng_seed")
+        }
+        return partial(PlacoSolver, **options), (self.kin,)  # placo's own objects cannot be pickled
 
     def _make_problem(self, kind: type[Goal]) -> _Problem:
         solver = placo.KinematicsSolver(self._robot)
@@ -82,7 +94,7 @@ class PlacoSolver(IterativeSolver):
 
     def _descender(self, goal: Goal) -> Descend:
         T_world_goal = self.kin.T_world_base @ goal_frame(goal)
-        problem = self._problems[type(goal)]
+        problem = next(problem for kind, problem in self._problems.items() if isinstance(goal, kind))
         problem.aim(T_world_goal)
         robot, configuration, entries = self._robot, self._configuration.copy(), self._entries
 

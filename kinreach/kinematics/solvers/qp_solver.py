@@ -7,12 +7,19 @@ from typing import ClassVar
 import numpy as np
 import qpsolvers
 
-from kinreach.errors import InputError
+from kinreach.inputs import check_number
 from kinreach.kinematics.arm import ArmKinematics
 from kinreach.kinematics.goals import Floats, Goal
 from kinreach.kinematics.solvers.base import Tolerance
 from kinreach.kinematics.solvers.goal_task import GoalTask
-from kinreach.kinematics.solvers.iterative import DEFAULT_TOLERANCE, STALLED, Descend, Descent, IterativeSolver
+from kinreach.kinematics.solvers.iterative import (
+    DEFAULT_TOLERANCE,
+    LONGEST_STEP,
+    STALLED,
+    Descend,
+    Descent,
+    IterativeSolver,
+)
 
 #: Levenberg-Marquardt damping per unit of the squared error, as the frame tasks of pink and mink have it ...
 DAMPING = 0.01
@@ -30,7 +37,8 @@ class QPSolver(IterativeSolver):
 
     with the URDF's joint speed limits v (Kanoun et al., "Kinematic control of redundant manipulators", IEEE T-RO
     27(4), 2011; the damping is Sugihara's, as in `LevenbergMarquardtSolver`). Joints that turn full circle have no
-    position limit on the way (see `JointSpace`). `goal_task` has the equations of e and J.
+    position limit on the way (see `JointSpace`). `goal_task` has the equations of e and J. One per thread, as all
+    solvers.
 
     Args:
         kin: The arm, its tip and the base frame that goals are in.
@@ -59,9 +67,7 @@ class QPSolver(IterativeSolver):
         super().__init__(
             kin, tolerance=tolerance, max_iterations=max_iterations, max_restarts=max_restarts, rng_seed=rng_seed
         )
-        if not 0 < dt < np.inf:
-            raise InputError(f"dt must be above 0 s, got {dt}")
-        self.dt = dt
+        self.dt = check_number("dt", dt, above=0.0, most=LONGEST_STEP)
 
     def _descender(self, goal: Goal) -> Descend:
         task = GoalTask(self.kin, goal, self.tolerance)

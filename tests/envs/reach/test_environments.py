@@ -233,7 +233,7 @@ def test_actions_outside_the_space_are_clipped():
         ({"observation": "touch"}, "camera, geometric, pixels"),
         ({"render_mode": "hologram"}, "rgb_array"),
         ({"pipeline": "magic"}, "hybrid, thesis"),
-        ({"width": 0}, "16 px"),
+        ({"width": 0}, r"width \[px\] must be at least 16"),
         ({"rgb_noise": -1.0}, "noise"),
     ],
 )

@@ -1,0 +1,1 @@
+"""Other people's packages, one module each, behind one call: what a suite needs and no more."""

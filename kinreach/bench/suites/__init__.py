@@ -1,0 +1,1 @@
+"""The suites, one module each; `kinreach.bench.registry` has their names."""

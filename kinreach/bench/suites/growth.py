@@ -1,0 +1,225 @@
+"""Cost of a pose, a step and an episode against how many there are at once, with the memory that it takes."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from functools import partial
+
+import gymnasium as gym
+import numpy as np
+
+from kinreach.bench.child import peak_memory
+from kinreach.bench.measure import Contender, Timings, interleaved
+from kinreach.bench.peers import eaik
+from kinreach.bench.peers.base import installed
+from kinreach.bench.suite import Cell, Chart, Options, Progress, Section
+from kinreach.bench.suites import growth_texts as texts
+from kinreach.bench.suites.episodes import batched, goals_and_targets
+from kinreach.bench.times import median_ratio, samples
+from kinreach.envs import BatchSimulation
+from kinreach.kinematics import UR5Kinematics
+
+AGAIN = "python -m kinreach.bench --suite growth"
+#: Sizes, and those of `--quick`.
+POSES = (1, 10, 100, 1_000, 10_000, 100_000, 1_000_000)
+ENVIRONMENTS = (1, 4, 16, 64, 256, 1_024, 4_096, 16_384, 65_536)
+SIMULATIONS = (1, 2, 8, 32, 128, 512)
+QUICK: dict[tuple[int, ...], tuple[int, ...]] = {
+    POSES: (1, 10_000),
+    ENVIRONMENTS: (1, 4_096),
+    SIMULATIONS: (1, 32),
+}
+#: A call on few is repeated until this many are done, so that the clock sees it.
+POSES_A_ROUND, STEPS_A_ROUND, EPISODES_A_ROUND = 10_000, 16_384, 64
+#: What is called once with little is repeated no more often than this.
+MOST_CALLS = 100
+#: EAIK takes many seconds for more.
+MOST_EAIK = 100_000
+MOST_ROUNDS = 5
+THREADS = (1, 2)
+KINEMATIC = "kinreach/UR5SingleStep-v0"
+
+_POSES_CODE = """\
+import numpy as np
+from kinreach.kinematics import UR5Kinematics
+kinematics, q = UR5Kinematics(), np.random.default_rng(0).uniform(-np.pi, np.pi, ({n}, 6))
+"""
+IK_CODE = _POSES_CODE + "T = kinematics.fk(q); kinematics.batch(T)"
+FK_CODE = _POSES_CODE + "kinematics.fk(q)"
+ENV_CODE = """\
+import gymnasium, numpy as np, kinreach
+env = gymnasium.make_vec("kinreach/UR5SingleStep-v0", num_envs={n}, vectorization_mode="vector_entry_point",
+                         backend="kinematic")
+env.reset(seed=0)
+env.step(np.zeros(({n}, 6)))
+"""
+DYNAMICS_CODE = """\
+import numpy as np
+from kinreach.bench.suites.episodes import batched, goals_and_targets
+from kinreach.envs import BatchSimulation
+batched(BatchSimulation("ur5", {n}), goals_and_targets({n}, 0)[1])
+"""
+
+
+def run(options: Options, progress: Progress) -> list[Section]:
+    """Measure; see `kinreach.bench.suite.Suite`."""
+    return [part(options, progress) for part in (_poses, _environments, _dynamics)]
+
+
+def _poses(options: Options, progress: Progress) -> Section:
+    kinematics = UR5Kinematics()
+    rng = np.random.default_rng(options.seed)
+    peers, missing = installed({"EAIK": eaik.make})
+    contenders = []
+    sizes = _sizes(POSES, options)
+    for n in sizes:
+        q = rng.uniform(-np.pi, np.pi, (n, 6))
+        T = kinematics.fk(q)
+        contenders.append(_repeated(f"IK {n}", partial(kinematics.batch, T), n, POSES_A_ROUND))
+        contenders.append(_repeated(f"FK {n}", partial(kinematics.fk, q), n, POSES_A_ROUND))
+        if n <= MOST_EAIK and "EAIK" in peers and peers["EAIK"].batch is not None:
+            contenders.append(_repeated(f"EAIK {n}", peers["EAIK"].batch(T), n, POSES_A_ROUND, peer=True))
+    timings = _timed("batches of poses", contenders, options, progress)
+    rows: list[list[Cell]] = []
+    for n in sizes:
+        progress("memory of batches of poses", sizes.index(n), len(sizes))
+        ratio = median_ratio(timings, f"EAIK {n}", f"IK {n}") if f"EAIK {n}" in timings else None
+        times = (_us(timings, f"{what} {n}") for what in ("IK", "EAIK", "FK"))
+        rows.append([n, *times, ratio, *(peak_memory(code.format(n=n)) for code in (IK_CODE, FK_CODE))])
+    return Section(
+        title="Growth: poses",
+        text=texts.POSES,
+        columns=(
+            "poses",
+            "IK [us a pose]",
+            "EAIK [us a pose]",
+            "FK [us a pose]",
+            "EAIK / IK",
+            "memory with IK [MB]",
+            "with FK [MB]",
+        ),
+        rows=rows,
+        again=AGAIN,
+        missing=missing | timings.failed,
+        charts=[
+            Chart(
+                "cost of a pose",
+                lines=_lines(timings, sizes, ("IK", "EAIK", "FK")),
+                x="poses in a batch",
+                y="us a pose",
+            )
+        ],
+        samples=samples(timings),
+    )
+
+
+def _environments(options: Options, progress: Progress) -> Section:
+    sizes = _sizes(ENVIRONMENTS, options)
+    contenders = []
+    for n in sizes:
+        env = gym.make_vec(KINEMATIC, num_envs=n, vectorization_mode="vector_entry_point", backend="kinematic")
+        env.reset(seed=options.seed)
+        actions = np.random.default_rng(options.seed).uniform(-1.0, 1.0, (n, 6))
+        contenders.append(_repeated(f"step {n}", partial(env.step, actions), n, STEPS_A_ROUND))
+    timings = _timed("kinematic environments", contenders, options, progress)
+    rows: list[list[Cell]] = []
+    for n in sizes:
+        progress("memory of kinematic environments", sizes.index(n), len(sizes))
+        us = _us(timings, f"step {n}")
+        rows.append([n, us, None if us is None else 1e6 / us, peak_memory(ENV_CODE.format(n=n))])
+    return Section(
+        title="Growth: kinematic environments",
+        text=texts.ENVIRONMENTS,
+        columns=("environments", "us a step", "steps/s", "memory [MB]"),
+        rows=rows,
+        again=AGAIN,
+        charts=[
+            Chart(
+                "cost of a kinematic step",
+                lines=_lines(timings, sizes, ("step",)),
+                x="environments in a batch",
+                y="us a step",
+            )
+        ],
+        samples=samples(timings),
+    )
+
+
+def _dynamics(options: Options, progress: Progress) -> Section:
+    sizes = _sizes(SIMULATIONS, options)
+    contenders = []
+    for n in sizes:
+        targets = goals_and_targets(n, options.seed)[1]
+        for threads in THREADS:
+            simulation = BatchSimulation("ur5", n, threads=threads)
+            episodes = partial(batched, simulation, targets)
+            contenders.append(_repeated(_threads(threads, n), episodes, n, EPISODES_A_ROUND))
+    timings = _timed("simulations", contenders, options, progress)
+    rows: list[list[Cell]] = []
+    for n in sizes:
+        progress("memory of simulations", sizes.index(n), len(sizes))
+        one, two = (_threads(threads, n) for threads in THREADS)
+        per_second = (float(1 / np.median(timings[name])) for name in (one, two))
+        faster = median_ratio(timings, one, two)
+        rows.append([n, *per_second, faster, round(timings.cores[two], 2), peak_memory(DYNAMICS_CODE.format(n=n))])
+    return Section(
+        title="Growth: simulations with dynamics",
+        text=texts.DYNAMICS,
+        columns=(
+            "simulations",
+            "episodes/s, one thread",
+            "episodes/s, two threads",
+            "two / one",
+            "cores that two had",
+            "memory [MB]",
+        ),
+        rows=rows,
+        again=AGAIN,
+        charts=[
+            Chart(
+                "cost of an episode with dynamics",
+                lines=_lines(timings, sizes, tuple(_threads(threads) for threads in THREADS)),
+                x="simulations in a batch",
+                y="us an episode",
+            )
+        ],
+        samples=samples(timings),
+    )
+
+
+def _sizes(full: tuple[int, ...], options: Options) -> tuple[int, ...]:
+    return QUICK[full] if options.quick else full
+
+
+def _repeated(name: str, call: Callable[[], object], size: int, enough: int, *, peer: bool = False) -> Contender:
+    calls = min(max(1, enough // size), MOST_CALLS)
+
+    def run() -> None:
+        for _ in range(calls):
+            call()
+
+    return Contender(name, run, calls * size, peer=peer)
+
+
+def _timed(what: str, contenders: list[Contender], options: Options, progress: Progress) -> Timings:
+    rounds = min(options.rounds, MOST_ROUNDS)
+    return interleaved(contenders, rounds, on_round=lambda done, all_rounds: progress(what, done, all_rounds))
+
+
+def _threads(threads: int, n: int | None = None) -> str:
+    name = "one thread" if threads == 1 else "two threads"
+    return name if n is None else f"{name} {n}"
+
+
+def _us(timings: Timings, name: str) -> float | None:
+    return float(1e6 * np.median(timings[name])) if name in timings else None
+
+
+def _lines(timings: Timings, sizes: tuple[int, ...], names: tuple[str, ...]) -> dict[str, list[tuple[float, float]]]:
+    """Microseconds against size, of those that were timed."""
+    lines: dict[str, list[tuple[float, float]]] = {}
+    for name in names:
+        points = [(float(n), us) for n in sizes if (us := _us(timings, f"{name} {n}")) is not None]
+        if points:
+            lines[name] = points
+    return lines

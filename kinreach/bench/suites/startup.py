@@ -1,0 +1,131 @@
+"""Time to import, memory after it, and one decision of a policy."""
+
+from __future__ import annotations
+
+from functools import partial
+
+import gymnasium as gym
+import numpy as np
+
+from kinreach.baselines.learned import load_policy
+from kinreach.bench.child import ChildRun, peak_memory, run_child
+from kinreach.bench.measure import Contender, EachContender, interleaved, interleaved_each
+from kinreach.bench.rates import short_of_cores, time_row
+from kinreach.bench.suite import Cell, Options, Progress, Section, Target
+from kinreach.bench.times import samples
+
+AGAIN = "python -m kinreach.bench --suite startup"
+#: Fresh processes of each kind, at least, but with `--quick`.
+STARTS = 10
+PYTHON, NUMPY, OURS, KINEMATICS = "pass", "import numpy", "import kinreach", "import kinreach.kinematics"
+PROGRAMS = (
+    PYTHON,
+    NUMPY,
+    "import gymnasium",
+    OURS,
+    KINEMATICS,
+    "import kinreach.envs",
+    "from kinreach.baselines.learned import load_policy; load_policy('single')",
+)
+#: Longest starts [s], and longest decision [us].
+LONGEST = {OURS: 0.3, KINEMATICS: 0.8}
+DECISION_US = 50.0
+SINGLE = "single"
+POLICIES = (SINGLE, "multi", "button")
+#: Observations that a policy decides on in a round.
+OBSERVATIONS = 500
+
+IMPORTS_TEXT = """\
+Each start is a fresh process, from its creation to its end, the interpreter included; files come from the system's
+cache, bytecode is compiled beforehand. Starts take turns. Memory is the most that a process held.
+
+`python -X importtime` says what the time is: `import kinreach` is Gymnasium, of which numpy is half, and under two
+milliseconds of its own; `import kinreach.kinematics` is that and Pinocchio with coal, shared libraries that have to be
+loaded."""
+
+DECISION_TEXT = """\
+One observation in, one action out (`load_policy(name).act`), call by call. The networks are two hidden layers of up to
+64 in numpy; there are some twenty calls of numpy in a decision, and their overhead is what it costs, not the
+arithmetic: in a batch of 1000 an observation takes less than a tenth of the time."""
+
+
+def run(options: Options, progress: Progress) -> list[Section]:
+    """Measure; see `kinreach.bench.suite.Suite`."""
+    return [_imports(options, progress), _decisions(options, progress)]
+
+
+def _imports(options: Options, progress: Progress) -> Section:
+    starts: dict[str, list[ChildRun]] = {code: [] for code in PROGRAMS}
+
+    def start(code: str) -> None:
+        starts[code].append(run_child(["-c", code]))
+
+    contenders = [Contender(f"`{code}`", partial(start, code), 1) for code in PROGRAMS]
+    rounds = options.rounds if options.quick else max(options.rounds, STARTS)
+    timings = interleaved(contenders, rounds, on_round=lambda done, of: progress("starts", done, of))
+    bare = timings[f"`{PYTHON}`"]
+    rows: list[list[Cell]] = []
+    for code in PROGRAMS:
+        seconds = timings[f"`{code}`"]
+        beyond = float(1e3 * np.median(seconds - bare))
+        worked = [run.processor for run in starts[code][-len(seconds) :]]
+        milliseconds = (
+            float(1e3 * value) for value in (np.median(seconds), np.percentile(seconds, 95), np.median(worked))
+        )
+        rows.append([f"`{code}`", *milliseconds, beyond, peak_memory(code)])
+    return Section(
+        title="Imports",
+        text=IMPORTS_TEXT,
+        columns=(
+            "`python -c`",
+            "wall, median [ms]",
+            "p95 [ms]",
+            "processor [ms]",
+            "beyond a bare Python [ms]",
+            "memory [MB]",
+        ),
+        rows=rows,
+        again=AGAIN,
+        targets=[
+            Target(f"`{code}`", bound, "at most", float(np.median(timings[f"`{code}`"])), "s", _busy(starts[code]))
+            for code, bound in LONGEST.items()
+        ],
+        samples=samples(timings),
+    )
+
+
+def _busy(starts: list[ChildRun]) -> str:
+    share = float(np.median([run.processor / run.wall for run in starts]))
+    return "" if share > 0.9 else f"of the time of a start the processor worked on it {100 * share:.0f} %: it was busy"
+
+
+def _decisions(options: Options, progress: Progress) -> Section:
+    contenders = []
+    for name in POLICIES:
+        policy = load_policy(name)
+        batch = gym.make_vec(policy.card.environment, num_envs=OBSERVATIONS, vectorization_mode="vector_entry_point")
+        observations, _ = batch.reset(seed=options.seed)
+        batch.close()
+        contenders.append(EachContender(name, policy.act, list(np.array(observations))))
+    timings = interleaved_each(
+        contenders, options.rounds, on_round=lambda done, rounds: progress("decisions", done, rounds)
+    )
+    rows = [time_row(name, timings, 1e-6) for name in timings]
+    return Section(
+        title="One decision of a policy",
+        text=DECISION_TEXT,
+        columns=("policy", "median [us]", "p95 [us]", "cores"),
+        rows=rows,
+        again=AGAIN,
+        targets=[
+            Target(
+                f"`load_policy({SINGLE!r}).act`, one observation",
+                DECISION_US,
+                "at most",
+                float(1e6 * np.median(timings[SINGLE])),
+                "us",
+                short_of_cores(timings, SINGLE, 1),
+            )
+        ],
+        samples=samples(timings),
+    )

@@ -1,0 +1,151 @@
+"""The suites of environments and training, with as little of everything as there can be."""
+
+from __future__ import annotations
+
+import sys
+
+import numpy as np
+import pytest
+
+from kinreach.bench.measure import Timings
+from kinreach.bench.peers.gym_child import learning_seconds
+from kinreach.bench.peers.gym_peer import PANDA, REACHER
+from kinreach.bench.rates import rate_row, short_of_cores
+from kinreach.bench.suite import Options
+from kinreach.bench.suites import env, episodes, train
+from kinreach.errors import KinreachError
+
+TINY = Options(rounds=1, quick=True, seed=3)
+
+
+@pytest.fixture
+def no_peers(monkeypatch, tmp_path):
+    """Peers that do not start."""
+    for peer in (PANDA, REACHER):
+        monkeypatch.setenv(peer.variable, str(tmp_path / "nowhere"))
+
+
+class TestEnvironments:
+    @pytest.fixture
+    def tiny(self, monkeypatch):
+        monkeypatch.setattr(env, "QUICK", env.Amounts(0.01, 2, 1))
+        monkeypatch.setattr(env, "KINEMATIC", 8)
+        monkeypatch.setattr(episodes, "QUICK", 4)
+
+    @pytest.mark.slow
+    def test_sections(self, checked, tiny, no_peers):
+        told = []
+        steps, dynamics, resets = checked(env.run(TINY, lambda *what: told.append(what)))
+        names = [row[0] for row in steps.rows]
+        assert len(names) == len(set(names)) == 12
+        assert sum("thread" in str(name) for name in names) == 4
+        assert all(row[1] > 0 and row[2] > 0 and row[3] is None for row in steps.rows)
+        assert set(steps.missing) == {"PandaReach-v3", "Reacher-v5"}
+        assert steps.targets == []  # there is nothing to compare with
+        assert [row[0] for row in dynamics.rows] == [episodes.LOOP, *episodes.BATCHES.values()]
+        assert dynamics.targets[0].bound == 500
+        assert len(resets.rows) + len(resets.missing) == 3
+        assert {what for what, *_ in told} == {"steps of environments", "episodes under dynamics", "resets"}
+
+    def test_ratio_to_the_peer(self):
+        timings = Timings()
+        timings |= {PANDA.name: np.array([1.0, 4.0, 9.0]), "ours": np.array([1e-3, 2e-3, 1e-3])}
+        (target,) = env._times_panda(timings, {"task": "ours"})
+        assert target.measured == pytest.approx(2000)
+        assert target.met
+
+    def test_without_stable_baselines3(self, monkeypatch):
+        monkeypatch.setitem(sys.modules, "kinreach.baselines.sb3_vec_env", None)
+        missing: dict[str, str] = {}
+        assert env._learners_batch(1, 0, missing) == []
+        assert list(missing) == ["stable-baselines3"]
+
+    def test_a_batch_that_does_something_else_is_no_result(self, tiny, monkeypatch):
+        monkeypatch.setattr(episodes, "batched", lambda simulation, targets: targets[:, :3])
+        with pytest.raises(KinreachError, match="does not do what"):
+            episodes.section(TINY, lambda *what: None, "again")
+
+    def test_goals_are_reached_from_above(self):
+        goals, targets = episodes.goals_and_targets(16, 5)
+        kinematics = episodes.UR5Kinematics(tip="tcp", base="world")
+        T = kinematics.fk(targets)
+        np.testing.assert_allclose(T[:, :3, 3], goals, atol=1e-9)
+        np.testing.assert_allclose(T[:, :3, 2] @ episodes.TOOL_DOWN, 1.0, atol=1e-9)
+
+
+class TestRates:
+    def timings(self) -> Timings:
+        timings = Timings()
+        timings |= {"a": np.array([0.5, 0.25, 0.25]), "b": np.array([1.0, 1.0, 2.0])}
+        timings.cores |= {"a": 1.93, "b": 0.5}
+        return timings
+
+    def test_row(self):
+        assert rate_row("a", self.timings(), ("b", "nobody")) == ["a", 4.0, pytest.approx(1 / 0.475), 4.0, None, 1.93]
+        assert rate_row("b", self.timings(), note="elsewhere")[-1] == "elsewhere"
+
+    def test_busy_machine(self):
+        assert short_of_cores(self.timings(), "a", 2) == ""
+        assert short_of_cores(self.timings(), "b", 1) == "the machine was busy: of 1 core the measurement had 0.50"
+        assert "of 2 cores" in short_of_cores(self.timings(), "b", 2)
+
+
+class TestTraining:
+    def test_rows(self, checked, no_peers, monkeypatch):
+        monkeypatch.setattr(train, "QUICK_ACTIONS", 2048)
+        (section,) = checked(train.run(TINY, lambda *what: None))
+        assert [row[0] for row in section.rows] == [train.RECIPE, train.BATCH]
+        assert set(section.missing) == {PANDA.name}
+        for row in section.rows:
+            cells = dict(zip(section.columns, row, strict=True))
+            assert cells["actions"] == 2048
+            assert cells[f"x {PANDA.name}"] is None
+            shares = [cells[f"{part} [%]"] for part in (*train.PARTS, "rest")]
+            assert sum(shares) == pytest.approx(100)
+            assert min(shares) > 0
+
+    def test_peer_in_the_table(self):
+        ours = {"actions": 100.0, "wall": 1.0, "processor": 1.0, "environment": 0.25, "choosing": 0.25, "updating": 0.5}
+        theirs = {**ours, "actions": 10.0, "wall": 2.0}
+        rows = train._rows({train.BATCH: [ours, ours], train.PEER: [theirs, theirs]})
+        assert rows[0] == [train.BATCH, 100, 100.0, 20.0, 25.0, 25.0, 50.0, 0.0, 1.0, 1.0]
+        assert rows[1][2:4] == [5.0, 1.0]
+
+    def test_without_torch(self, monkeypatch):
+        monkeypatch.setitem(sys.modules, "torch", None)
+        (section,) = train.run(TINY, lambda *what: None)
+        assert section.rows == []
+        assert list(section.missing) == ["stable-baselines3"]
+
+    def test_parts_of_learning_add_up(self):
+        class Clocked:
+            """A model and its environment, of which the times are known to be ordered."""
+
+            num_timesteps = 12
+
+            def reset(self):
+                return 0
+
+            def step_wait(self):
+                return sum(range(30_000))
+
+            def collect_rollouts(self):
+                return [self.step_wait() for _ in range(4)]
+
+            def train(self):
+                return sum(range(60_000))
+
+            def learn(self, steps, log_interval):
+                assert (steps, log_interval) == (12, None)
+                self.reset()
+                for _ in range(3):
+                    self.collect_rollouts()
+                    self.train()
+
+        both = Clocked()
+        took = learning_seconds(both, both, 12)
+        parts = [took[part] for part in ("environment", "choosing", "updating")]
+        assert min(parts) > 0
+        assert took["environment"] > took["choosing"]
+        assert sum(parts) <= took["wall"]
+        assert took["actions"] == 12

@@ -1,0 +1,153 @@
+"""Policies, logs, comparisons and statistics under fuzz."""
+
+import gymnasium as gym
+import numpy as np
+import pytest
+from hypothesis import strategies as st
+from hypothesis.extra.numpy import arrays
+
+from kinreach.baselines.evaluation import evaluate
+from kinreach.baselines.learned import load_policy, pretrained_names
+from kinreach.baselines.learning_curve import read_curve
+from kinreach.baselines.logs import load_logs, log_names, logged_policies
+from kinreach.baselines.traces import trace
+from kinreach.compare import Settings
+from kinreach.compare.observation import CameraSettings
+from kinreach.compare.tasks.button import EpisodeSettings
+from kinreach.errors import InputError
+from kinreach.statistics import bootstrap_intervals, median, wilson_interval
+from tests.robustness.fuzzing import NUMBERS, bad_arrays, things
+
+NAMES = pretrained_names()
+WORDS = ["ur5", "arm3", "button", "lm", "qp,lm", "geometric", "camera", "hybrid", "thesis", "tuned", "a.safetensors"]
+PATHS = (
+    things() | st.text(max_size=20) | st.sampled_from(["/", "/proc/self/mem", "/dev/zero", ".", "x" * 300, "~", "*"])
+)
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_acting(name, fuzzed):
+    policy = load_policy(name)
+    env = gym.make(policy.card.environment)
+    size, space = env.observation_space.shape[0], env.action_space
+
+    def run(observation):
+        action = policy.act(observation)
+        shape = np.shape(observation)[:-1]
+        assert np.shape(action) == (shape if policy.card.meaning == "preferences" else (*shape, 6))
+        for one in np.reshape(action, (-1,) if policy.card.meaning == "preferences" else (-1, 6)):
+            assert space.contains(one if policy.card.meaning == "preferences" else one.astype(np.float32))
+
+    good = arrays(np.float64, size, elements=st.floats(-3, 3)) | arrays(
+        np.float64, (3, size), elements=st.floats(-3, 3)
+    )
+    large = arrays(np.float64, size, elements=st.floats(-1e6, 1e6))
+    fuzzed(good | large | bad_arrays((size,)) | bad_arrays((2, size)), run)
+
+
+def test_names_and_paths_of_policies(fuzzed):
+    def run(case):
+        policy, environment = case
+        loaded = load_policy(policy, environment=environment)
+        assert loaded.card.environment == environment or environment is None
+
+    paths = PATHS | st.sampled_from(NAMES)
+    environments = st.none() | things() | st.sampled_from(["kinreach/UR5SingleStep-v0", "CartPole-v1"])
+    fuzzed(st.tuples(paths, environments), run)
+
+
+def test_logs(fuzzed):
+    def run(case):
+        recipe, what, runs = case
+        for seed, log in load_logs(recipe, what, runs=runs).items():
+            assert seed >= 0
+            assert all(column.ndim == 1 for column in log.values())
+        logged_policies(recipe, runs=runs)
+
+    recipes = st.sampled_from(log_names()) | PATHS | st.sampled_from(["..", "../logs/single", "/etc", "single/"])
+    kinds = st.sampled_from(["curve", "episode", "rewards"]) | things()
+    fuzzed(st.tuples(recipes, kinds, st.none() | st.none() | PATHS), run)
+
+
+def test_learning_curves(fuzzed, tmp_path):
+    file = tmp_path / "curve.csv"
+
+    def run(content):
+        file.write_bytes(content)
+        columns = read_curve(file)
+        assert len({column.shape for column in columns.values()}) <= 1
+
+    cell = st.sampled_from(["1", "nan", "inf", "", "x", '"', "\0", "1e999", "-", "é", "\r", "9" * 200_000])
+    rows = st.lists(st.lists(cell, max_size=4).map(",".join), max_size=4).map("\n".join)
+    fuzzed(st.binary(max_size=60) | rows.map(str.encode) | rows.map(lambda text: f"steps,b\n{text}".encode()), run)
+
+
+def test_settings_of_comparisons(fuzzed):
+    def run(case):
+        settings = Settings(**case)
+        assert settings.goals >= 1
+        assert all(isinstance(name, str) for name in settings.methods)
+        settings.to_dict()
+
+    value = things() | NUMBERS | st.integers(-5, 10**12) | st.sampled_from(WORDS) | st.booleans()
+    names = st.lists(st.sampled_from(WORDS), max_size=2) | value | st.lists(things() | st.text(max_size=3), max_size=3)
+
+    @st.composite
+    def cases(draw):
+        case = {name: draw(value) for name in ("goals", "seed", "observation", "task") if draw(st.integers(0, 3)) == 0}
+        if draw(st.booleans()):
+            case["methods"] = draw(names)
+        if draw(st.integers(0, 5)) == 0:
+            case |= {"camera": draw(value), "episode": draw(value)}
+        return case
+
+    fuzzed(cases(), run)
+
+
+@pytest.mark.parametrize("kind", [CameraSettings, EpisodeSettings])
+def test_settings_of_cameras_and_episodes(kind, fuzzed):
+    fields = list(kind.__dataclass_fields__)
+    value = things() | NUMBERS | st.integers(-5, 2000) | st.sampled_from(WORDS)
+    fuzzed(st.dictionaries(st.sampled_from(fields), value, max_size=2), lambda case: str(kind(**case)))
+
+
+def test_evaluations_and_traces(fuzzed):
+    policy = load_policy("single")
+
+    def run(case):
+        kind, value = case
+        options = {"backend": "kinematic"}
+        if kind == "trace":
+            found = trace(policy, value, options=options)
+            assert found.distance.shape == (2, len(value))
+            assert np.isfinite(found.distance).all()
+        else:
+            evaluation = evaluate(policy, **{"goals": 2, "options": options, kind: value})
+            assert np.isfinite(evaluation.measures["distance"]).all()
+
+    near = arrays(np.float64, (2, 3), elements=st.floats(-0.6, 0.6))
+    traces = st.tuples(st.just("trace"), near | bad_arrays((2, 3)))
+    counts = things() | NUMBERS | st.integers(-3, 5)
+    fuzzed(traces | st.tuples(st.sampled_from(["goals", "seed"]), counts), run, share=0.4)
+
+
+def test_statistics(fuzzed):
+    def run(case):
+        values, successes, total = case
+        low, high = bootstrap_intervals(values, (median,), resamples=20)[0]
+        assert np.min(np.asarray(values).astype(float)) <= low <= high <= np.max(np.asarray(values).astype(float))
+        low, high = wilson_interval(successes, total)
+        assert 0 <= low <= successes / total <= high <= 1
+
+    values = arrays(np.float64, st.integers(0, 9), elements=st.floats(-1e300, 1e300)) | bad_arrays((4,))
+    counts = st.integers(-3, 20) | NUMBERS | things()
+    fuzzed(st.tuples(values, st.integers(0, 9) | counts, st.integers(9, 20) | counts), run)
+
+
+@pytest.mark.parametrize("methods", ["lm", ["a\nb"], ["\ud800.safetensors"], ["\u202eevil.safetensors"], [b"lm"], 5])
+def test_names_that_cannot_be_printed_are_refused(methods):
+    if methods == "lm":
+        assert Settings(methods=methods).methods == ("lm",)
+        return
+    with pytest.raises(InputError, match="printable"):
+        Settings(methods=methods)

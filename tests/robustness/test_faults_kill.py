@@ -1,0 +1,153 @@
+"""Processes that are killed: nothing half-written stays, and going on gives the uninterrupted result."""
+
+import fcntl
+import multiprocessing
+import os
+import signal
+import time
+from dataclasses import replace
+
+import pytest
+
+from kinreach.baselines import training
+from kinreach.baselines.learning_curve import read_curve
+from kinreach.baselines.recipes import get_recipe
+from kinreach.baselines.training import train
+from kinreach.files import UNFINISHED, make_writable, replacing, write_text
+from tools.endurance import kills
+from tools.endurance.outcome import BrokenPromiseError
+
+SPAWN = multiprocessing.get_context("spawn")
+RECIPE = replace(get_recipe("single"), num_envs=32, steps=32 * 48, segments=3, window=256)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", ["off-policy training", "comparison"])
+def test_killed_at_random_moments_a_job_goes_on_to_the_same_end(name, tmp_path):
+    assert kills.kill_and_go_on(kills.WORKS[name], tmp_path, kills=1).count >= 1
+
+
+def test_what_is_not_whole_is_found(tmp_path):
+    """The check can fail: half of each file is refused."""
+    whole = tmp_path / "whole"
+    train(RECIPE, whole, seed=1)
+    assert kills.whole_files(whole) == 3
+    for path in ("policy.safetensors", "curve.csv", "run.json"):
+        content = (whole / path).read_bytes()
+        (whole / path).write_bytes(content[: len(content) // 2])
+        with pytest.raises(BrokenPromiseError, match=path):
+            kills.whole_files(whole)
+        (whole / path).write_bytes(content)
+
+
+@pytest.mark.parametrize("segment", [0, 1, 2])
+def test_a_run_that_dies_between_its_checkpoint_and_its_curve_has_a_whole_curve_in_the_end(
+    segment, tmp_path, monkeypatch
+):
+    train(RECIPE, tmp_path / "whole", seed=1)
+    written = 0
+
+    def die(path, text):
+        nonlocal written
+        if path.name == "curve.csv":
+            if written == segment:
+                raise SystemExit(9)
+            written += 1
+        write_text(path, text)
+
+    with monkeypatch.context() as patch:
+        patch.setattr(training, "write_text", die)
+        with pytest.raises(SystemExit):
+            train(RECIPE, tmp_path / "killed", seed=1)
+    train(RECIPE, tmp_path / "killed", seed=1, resume=True)
+    for name in ("policy.safetensors", "curve.csv"):
+        assert (tmp_path / "killed" / name).read_bytes() == (tmp_path / "whole" / name).read_bytes()
+    assert len(read_curve(tmp_path / "killed" / "curve.csv")["steps"]) > 3
+
+
+def hold_a_file_open(path, started):
+    with replacing(path) as temporary:
+        temporary.write_text("half of the ne")
+        started.set()
+        time.sleep(600)
+
+
+@pytest.fixture
+def writer(tmp_path):
+    """A process in the middle of writing `results.json`, in which `old` stands."""
+    path, started = tmp_path / "results.json", SPAWN.Event()
+    path.write_text("old")
+    process = SPAWN.Process(target=hold_a_file_open, args=(path, started))
+    process.start()
+    assert started.wait(60)
+    yield process, path
+    process.kill()
+    process.join(60)
+
+
+def unfinished(path):
+    return [name for name in os.listdir(path.parent) if UNFINISHED in name]
+
+
+def test_what_a_killed_writer_leaves_is_swept_up_by_the_next_one(writer):
+    process, path = writer
+    assert len(unfinished(path)) == 1
+    os.kill(process.pid, signal.SIGKILL)
+    process.join(60)
+    assert path.read_text() == "old"
+    assert len(unfinished(path)) == 1
+    write_text(path, "new")
+    assert path.read_text() == "new"
+    assert unfinished(path) == []
+
+
+def test_what_somebody_is_writing_is_left_alone(writer):
+    process, path = writer
+    make_writable(path.parent)
+    write_text(path, "other")
+    assert len(unfinished(path)) == 1
+    os.kill(process.pid, signal.SIGKILL)
+    process.join(60)
+    make_writable(path.parent)
+    assert unfinished(path) == []
+    assert path.read_text() == "other"
+
+
+def test_names_that_look_like_patterns_and_files_of_others_survive(tmp_path):
+    others = [".notes-unfinished.txt", "results-unfinished-1.json", ".results.json"]
+    for name in others:
+        (tmp_path / name).write_text("mine")
+    for path in (tmp_path / "[a-z].json", tmp_path / "results.json", tmp_path / "*.csv"):
+        write_text(path, "x")
+        assert path.read_text() == "x"
+    make_writable(tmp_path)
+    assert {name for name in others if (tmp_path / name).exists()} == set(others)
+
+
+def test_a_temporary_swept_before_it_was_locked_is_replaced(tmp_path, monkeypatch):
+    """Between its making and its lock a temporary file can be taken for one that was left behind."""
+    swept = []
+    lock = fcntl.flock
+
+    def sweep_first(handle, operation):
+        if not swept:
+            swept.extend(unfinished(tmp_path / "a"))
+            (tmp_path / swept[0]).unlink()
+        lock(handle, operation)
+
+    monkeypatch.setattr(fcntl, "flock", sweep_first)
+    write_text(tmp_path / "a.txt", "whole")
+    assert (tmp_path / "a.txt").read_text() == "whole"
+    assert len(swept) == 1
+    assert os.listdir(tmp_path) == ["a.txt"]
+
+
+def test_a_file_system_without_locks_is_written_to_all_the_same(tmp_path, monkeypatch):
+    def refuse(handle, operation):
+        raise OSError(95, "Operation not supported")
+
+    monkeypatch.setattr(fcntl, "flock", refuse)
+    write_text(tmp_path / "a.txt", "whole")
+    make_writable(tmp_path)
+    assert (tmp_path / "a.txt").read_text() == "whole"
+    assert os.listdir(tmp_path) == ["a.txt"]

@@ -1,0 +1,107 @@
+"""Threads, forked and spawned processes, and pickles find what one thread of one process finds."""
+
+import pickle
+import sys
+
+import cloudpickle
+import numpy as np
+import pytest
+
+from kinreach.baselines.learned import LearnedPolicy
+from kinreach.envs.batch_simulation import BatchSimulation
+from kinreach.envs.simulation import ArmSimulation
+from kinreach.kinematics import Arm3Kinematics, CollisionChecker, UR5Kinematics
+from kinreach.kinematics.arm import ArmKinematics
+from kinreach.kinematics.fast_collision import FastCollision
+from kinreach.kinematics.solvers import ClosedFormSolver, LevenbergMarquardtSolver, PlacoSolver, QPSolver
+from kinreach.kinematics.solvers.base import Solver, Tolerance
+from tools.endurance import workers
+from tools.endurance.jobs import JOBS, SHARED, UNPICKLED
+
+LIGHT = [name for name in JOBS if "reach" not in name and "dynamics" not in name and "Simulation" not in name]
+
+
+@pytest.fixture
+def impatient():
+    """Threads take turns a thousand times as often as usual."""
+    usual = sys.getswitchinterval()
+    sys.setswitchinterval(5e-6)
+    yield
+    sys.setswitchinterval(usual)
+
+
+@pytest.mark.usefixtures("impatient")
+@pytest.mark.parametrize("name", LIGHT)
+def test_eight_threads_find_what_one_finds(name):
+    found = workers.in_threads(1, jobs=[name])
+    assert found.count == workers.THREADS * (2 if name in SHARED else 1)
+
+
+@pytest.mark.slow
+@pytest.mark.usefixtures("impatient")
+def test_eight_threads_simulate_what_one_simulates():
+    heavy = [name for name in JOBS if name not in LIGHT]
+    assert workers.in_threads(1, jobs=heavy).count == workers.THREADS * len(heavy)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("method", ["fork", "spawn"])
+def test_processes_find_what_this_one_finds(method):
+    assert workers.in_processes([method]).count == 3 * len(JOBS) - 2 * len(UNPICKLED)
+
+
+@pytest.mark.parametrize("library", [pickle, cloudpickle])
+@pytest.mark.parametrize("name", [name for name in LIGHT if name not in UNPICKLED])
+def test_a_pickled_instance_is_as_good_as_the_first(name, library):
+    make, do = JOBS[name]
+    instance = make()
+    expected = workers.bits(do(instance))
+    twin = library.loads(library.dumps(instance))
+    assert workers.bits(do(twin)) == expected
+    assert workers.bits(do(instance)) == expected
+
+
+def test_a_distance_does_not_depend_on_what_was_asked_before():
+    postures = np.random.default_rng(7).uniform(-3.0, 3.0, (200, 6))
+    checker = CollisionChecker("ur5")
+    forwards = [checker.distance(q) for q in postures]
+    backwards = [checker.distance(q) for q in postures[::-1]][::-1]
+    assert forwards == backwards
+    assert len({found.distance for found in forwards}) > 150
+
+
+def test_a_pickled_instance_keeps_its_options():
+    options = {"tolerance": Tolerance(1e-5, 1e-4), "dt": 0.1, "max_iterations": 7, "max_restarts": 3, "rng_seed": 5}
+    solver = PlacoSolver(UR5Kinematics(tip="tool0", base="world"), **options)
+    twin = pickle.loads(pickle.dumps(solver))
+    assert {name: getattr(twin, name) for name in options} == options
+    assert (twin.kin.tip, twin.kin.base) == ("tool0", "world")
+    checker = CollisionChecker(UR5Kinematics(), obstacles=(), margin=0.05)
+    twin = pickle.loads(pickle.dumps(checker))
+    assert twin.pairs == checker.pairs
+    assert not any("table" in pair for pair in twin.pairs)
+    near = [q for q in np.random.default_rng(0).uniform(-2, 2, (300, 6)) if 0 < checker.distance(q).distance < 0.05]
+    assert len(near) >= 5
+    assert all(twin.in_collision(q) for q in near)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("name", "options"),
+    [("kinreach/UR5MultiStep-v0", {"backend": "kinematic"}), ("kinreach/UR5SingleStep-v0", {}),
+     ("kinreach/ButtonPress-v0", {})],
+)  # fmt: skip
+def test_a_worker_that_is_killed_is_an_error_and_no_hang(name, options):
+    assert workers.killed_worker(2, name=name, **options).count == 2
+
+
+def test_what_is_not_for_several_threads_says_so():
+    alone = [
+        ArmKinematics, UR5Kinematics, Arm3Kinematics, ClosedFormSolver, LevenbergMarquardtSolver, PlacoSolver, QPSolver,
+        Solver, CollisionChecker, ArmSimulation, BatchSimulation,
+    ]  # fmt: skip
+    for each in alone:
+        assert "one per thread" in " ".join(each.__doc__.lower().split()), each
+    for each in (FastCollision, LearnedPolicy):
+        assert "Threads may share" in each.__doc__
+    assert len(SHARED) == 2

@@ -1,0 +1,183 @@
+"""Digests of a fixed set of results, to be compared between machines, Pythons and versions: `python -m tools.digest`.
+
+Each line names a result and has the SHA-256 of its numbers, once to the last bit and once rounded. `--check FILE`
+compares with what another run has printed into FILE and ends with exit code 1 where a rounded digest differs. Nothing
+here needs torch or OpenGL.
+"""
+
+from __future__ import annotations
+
+import argparse
+import hashlib
+import platform
+import sys
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import Any
+
+import gymnasium as gym
+import mujoco
+import numpy as np
+
+import kinreach
+from kinreach.baselines.learned import load_policy
+from kinreach.envs.batch_simulation import BatchSimulation
+from kinreach.envs.simulation import ArmSimulation
+from kinreach.kinematics import Arm3Kinematics, CollisionChecker, UR5Kinematics
+from kinreach.kinematics.goals import AxisGoal
+from kinreach.kinematics.reward_geometry import posture_error
+from kinreach.kinematics.solvers import LevenbergMarquardtSolver, PlacoSolver, QPSolver
+
+#: What is rounded away before the second digest: metres, radians and rewards to a billionth.
+DIGITS = 9
+SEED = 20_24
+TOOL_DOWN = (0.0, 0.0, -1.0)
+
+
+def forward() -> Iterator[Any]:
+    """Poses of 1000 postures, and their Jacobians."""
+    kin = UR5Kinematics(tip="tcp", base="world")
+    for q in _postures(1000):
+        yield kin.fk(q)
+        yield kin.jacobian(q)
+
+
+def closed_form() -> Iterator[Any]:
+    """All postures of 500 poses, one by one and as a batch, with their branches."""
+    kin = UR5Kinematics(tip="tcp", base="world")
+    poses = kin.fk(_postures(500))
+    for T in poses:
+        found = kin.all_solutions(T)
+        yield found.q
+        yield found.branch
+    batch = kin.batch(poses)
+    yield np.where(batch.valid[..., None], batch.q, 0.0)
+    yield batch.valid
+
+
+def arm3() -> Iterator[Any]:
+    """All postures of the 3-DOF arm at 500 positions."""
+    kin = Arm3Kinematics(base="world")
+    rng = np.random.default_rng(SEED)
+    batch = kin.batch(rng.uniform(-0.8, 0.8, (500, 3)))
+    yield np.where(batch.valid[..., None], batch.q, 0.0)
+    yield batch.valid
+
+
+def solvers() -> Iterator[Any]:
+    """What the numeric solvers find for 40 goals above the table."""
+    kin = UR5Kinematics(tip="tcp", base="world")
+    home = np.array(kin.arm.home)
+    for solver in (LevenbergMarquardtSolver(kin), PlacoSolver(kin), QPSolver(kin)):
+        for position in _goals(40):
+            found = solver.solve(AxisGoal(position, TOOL_DOWN), home)
+            yield found.q
+            yield found.success
+
+
+def collisions() -> Iterator[Any]:
+    """Whether 1000 postures are free, and the thesis's error of them."""
+    checker = CollisionChecker("ur5")
+    postures = _postures(1000)
+    yield np.array([checker.free(q) for q in postures])
+    yield posture_error(postures)
+
+
+def kinematic_reaching() -> Iterator[Any]:
+    """400 random steps of a batch of 64 arms without dynamics."""
+    yield from _played("kinreach/UR5MultiStep-v0", 64, 400, backend="kinematic")
+
+
+def dynamic_reaching() -> Iterator[Any]:
+    """20 random steps of a batch of 8 arms with dynamics."""
+    yield from _played("kinreach/UR5SingleStep-v0", 8, 20, backend="mujoco")
+
+
+def button() -> Iterator[Any]:
+    """300 random steps of a batch of 32 arms under torque."""
+    yield from _played("kinreach/ButtonPress-v0", 32, 300)
+
+
+def moves() -> Iterator[Any]:
+    """10 moves, one by one and as a batch."""
+    single, targets = ArmSimulation("ur5"), _postures(10)
+    for target in targets:
+        single.reset()
+        yield single.move(target).q
+    batch = BatchSimulation("ur5", len(targets))
+    yield [move.q for move in batch.move(np.arange(len(targets)), targets)]
+
+
+def policies() -> Iterator[Any]:
+    """What the policies of the package do about 200 observations."""
+    rng = np.random.default_rng(SEED)
+    for name in ("single", "multi", "ppo-single"):
+        policy = load_policy(name)
+        for observation in rng.uniform(-1, 1, (200, 13)):
+            yield policy.act(observation)
+
+
+RESULTS: dict[str, Callable[[], Iterator[Any]]] = {
+    part.__name__: part
+    for part in (
+        forward, closed_form, arm3, solvers, collisions, kinematic_reaching, dynamic_reaching, button, moves, policies
+    )
+}  # fmt: skip
+
+
+def digests(results: Callable[[], Iterator[Any]]) -> tuple[str, str, int]:
+    """Of the numbers of some results: the digest to the last bit, the rounded one, and how many numbers there were."""
+    exact, rounded, count = hashlib.sha256(), hashlib.sha256(), 0
+    for value in results():
+        numbers = np.ascontiguousarray(value, dtype=np.float64)
+        exact.update(numbers.tobytes())
+        rounded.update((np.round(numbers, DIGITS) + 0.0).tobytes())  # + 0.0: no negative zero
+        count += numbers.size
+    return exact.hexdigest()[:16], rounded.hexdigest()[:16], count
+
+
+def main() -> int:
+    """Print the digests; compare them if asked to."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--check", type=Path, metavar="FILE", help="output of another run to compare with")
+    arguments = parser.parse_args()
+    known = {} if arguments.check is None else _read(arguments.check)
+    print(f"# kinreach {kinreach.__version__}, Python {platform.python_version()}, numpy {np.__version__}, "
+          f"mujoco {mujoco.__version__}, {platform.machine()}")  # fmt: skip
+    different = 0
+    for name, results in RESULTS.items():
+        exact, rounded, count = digests(results)
+        verdict = ""
+        if name in known:
+            same_bits, same = exact == known[name][0], rounded == known[name][1]
+            verdict = "same bits" if same_bits else f"same to 1e-{DIGITS}" if same else "DIFFERENT"
+            different += not same
+        print(f"{name:20} {exact} {rounded} {count:>9} {verdict}".rstrip())
+    return int(different > 0)
+
+
+def _read(path: Path) -> dict[str, list[str]]:
+    rows = (line.split() for line in path.read_text(encoding="utf-8").splitlines() if not line.startswith("#"))
+    return {name: [exact, rounded] for name, exact, rounded, *_ in rows}
+
+
+def _postures(count: int) -> Any:
+    return np.random.default_rng(SEED).uniform(-np.pi, np.pi, (count, 6))
+
+
+def _goals(count: int) -> Any:
+    return UR5Kinematics().arm.workcell.goals.sample(np.random.default_rng(SEED), count)
+
+
+def _played(name: str, arms: int, steps: int, **options: Any) -> Iterator[Any]:
+    env = gym.make_vec(name, num_envs=arms, vectorization_mode="vector_entry_point", **options)
+    env.action_space.seed(SEED)
+    yield env.reset(seed=SEED)[0]
+    for _ in range(steps):
+        observation, reward, terminated, truncated, _ = env.step(env.action_space.sample())
+        yield from (observation, reward, terminated, truncated)
+    env.close()
+
+
+if __name__ == "__main__":
+    sys.exit(main())
