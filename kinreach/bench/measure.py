@@ -16,6 +16,9 @@ import numpy as np
 
 from kinreach.errors import InputError
 
+#: What a turn of short calls should last at least [s]: so long that the first call, which finds the caches full of what
+#: others left and its memory not yet mapped, is one of several.
+LAP = 0.25
 #: (finished rounds, all rounds)
 OnRound = Callable[[int, int], None]
 
@@ -80,7 +83,12 @@ class _Record:
 
 
 def interleaved(
-    contenders: Sequence[Contender], rounds: int, *, warmup: int = 1, on_round: OnRound | None = None
+    contenders: Sequence[Contender],
+    rounds: int,
+    *,
+    warmup: int = 1,
+    lap: float = 0.0,
+    on_round: OnRound | None = None,
 ) -> Timings:
     """Time contenders in turns.
 
@@ -88,6 +96,7 @@ def interleaved(
         contenders: Who takes part; names are unique.
         rounds: How often each is timed.
         warmup: Rounds before that, which do not count.
+        lap: Calls are repeated within a turn until it has lasted so long [s]; their mean counts.
         on_round: Called after every round.
 
     Returns:
@@ -98,9 +107,13 @@ def interleaved(
     """
 
     def play(contender: Contender) -> float:
-        start = time.perf_counter()
-        contender.run()
-        return (time.perf_counter() - start) / contender.units
+        calls, start = 0, time.perf_counter()
+        while True:
+            contender.run()
+            calls += 1
+            seconds = time.perf_counter() - start
+            if seconds >= lap:
+                return seconds / (calls * contender.units)
 
     return _take_turns(contenders, play, rounds, warmup, on_round)
 

@@ -26,6 +26,9 @@ from kinreach.kinematics.solutions import (
 )
 from kinreach.robots import ArmDescription
 
+#: Poses in step where windings are chosen: their numbers stay in the cache.
+_BLOCK = 4096
+
 
 class ClosedFormKinematics(ArmKinematics, ABC):
     """Limits, windings and the choice of a branch, shared by the arms with a closed form."""
@@ -96,14 +99,21 @@ class ClosedFormKinematics(ArmKinematics, ABC):
         check_entries("seeds", start, MOST_ANGLE)
         start = np.broadcast_to(start, (count, self.n))
         q, valid = self._batch(T, start, check_tolerance(tol))
-        q, within = nearest_windings(q, start.T[:, None], self.lower, self.upper)
-        distance = ((q - start.T[:, None]) ** 2).sum(axis=0)
+        chosen, branch = np.empty((count, self.n)), np.empty(count, dtype=np.int64)
+        for first in range(0, count, _BLOCK):
+            rows = slice(first, first + _BLOCK)
+            chosen[rows], branch[rows] = self._nearest(q[..., rows], valid[..., rows], start[rows].T[:, None])
+        return IKBatchNearest(chosen, branch, branch >= 0)
+
+    def _nearest(self, q: Floats, valid: NDArray[np.bool_], start: Floats) -> tuple[Floats, NDArray[np.int64]]:
+        """Nearest postures (count, n), NaN where there is none, and their branches (count,), -1 there."""
+        q, within = nearest_windings(q, start, self.lower, self.upper)
+        distance = ((q - start) ** 2).sum(axis=0)
         distance[~(valid & within)] = np.inf
         best = distance.argmin(axis=0)
-        rows = np.arange(count)
-        success = np.isfinite(distance[best, rows])
-        chosen = np.where(success, q[:, best, rows], np.nan)
-        return IKBatchNearest(chosen.T, np.where(success, best, -1), success)
+        columns = np.arange(q.shape[-1])
+        found = np.isfinite(distance[best, columns])
+        return np.where(found, q[:, best, columns], np.nan).T, np.where(found, best, -1)
 
     @abstractmethod
     def solve(self, goal: Goal, seed: ArrayLike, *, accept: Accept | None = None) -> IKResult:

@@ -36,6 +36,15 @@ def test_time_is_per_unit():
     assert timings.cores["sleep"] < 0.9, "sleeping needs no processor"
 
 
+def test_short_calls_are_repeated_until_a_turn_has_lasted():
+    calls: list[str] = []
+    contenders = [Contender("short", lambda: calls.append("short") or time.sleep(0.002), 1), *noted(calls, "a")]
+    timings = interleaved(contenders, 2, warmup=0, lap=0.05)
+    assert 2 <= calls.count("short") <= 50
+    assert calls.count("a") > 2
+    assert ((timings["short"] >= 0.002) & (timings["short"] < 0.05)).all()
+
+
 def test_each_input_is_timed_on_its_own():
     seen = []
     timings = interleaved_each(

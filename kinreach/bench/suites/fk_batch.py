@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from kinreach.bench.measure import Contender, interleaved
+from kinreach.bench.measure import LAP, Contender, interleaved
 from kinreach.bench.peers import rtb
 from kinreach.bench.peers.base import installed
 from kinreach.bench.suite import Cell, Chart, Options, Progress, Section, Target
@@ -57,7 +57,9 @@ def run(options: Options, progress: Progress) -> list[Section]:
         results.append(np.asarray(robot.eval(q[:looped])))
         contenders.append(Contender(ROBOTICS, partial(robot.eval, q), count, "ETS.eval(q)", peer=True))
     _check(kin.fk(q[:looped]), results)
-    timings = interleaved(contenders, options.rounds, on_round=lambda done, of: progress("batch of postures", done, of))
+    timings = interleaved(
+        contenders, options.rounds, lap=LAP, on_round=lambda done, of: progress("batch of postures", done, of)
+    )
     rows: list[list[Cell]] = [
         [c.name, *time_cells(timings, c.name, REFERENCE), round(timings.cores[c.name], 2)]
         for c in contenders

@@ -9,7 +9,7 @@ import gymnasium as gym
 import numpy as np
 
 from kinreach.bench.child import peak_memory
-from kinreach.bench.measure import Contender, Timings, interleaved
+from kinreach.bench.measure import LAP, Contender, Timings, interleaved
 from kinreach.bench.peers import eaik
 from kinreach.bench.peers.base import installed
 from kinreach.bench.suite import Cell, Chart, Options, Progress, Section
@@ -203,7 +203,7 @@ def _repeated(name: str, call: Callable[[], object], size: int, enough: int, *, 
 
 def _timed(what: str, contenders: list[Contender], options: Options, progress: Progress) -> Timings:
     rounds = min(options.rounds, MOST_ROUNDS)
-    return interleaved(contenders, rounds, on_round=lambda done, all_rounds: progress(what, done, all_rounds))
+    return interleaved(contenders, rounds, lap=LAP, on_round=lambda done, all_rounds: progress(what, done, all_rounds))
 
 
 def _threads(threads: int, n: int | None = None) -> str:
