@@ -26,12 +26,13 @@ COLUMNS = ("batch", "median [us per pose]", "p95", "x EAIK", "of the rounds", "c
 TEXT = """\
 {poses} poses of tool0, drawn from postures within +-pi; all branches. Peers without a batch are called in a loop over
 the first {looped} of them. Poses are in the peer's own frames before the clock runs. Calls are repeated
-until a turn has lasted a quarter of a second.
+until a turn has lasted a quarter of a second, after one that does not count: the first call after another contender
+finds its memory given back to the kernel, and takes twice as long.
 
 kinreach works on structure-of-arrays blocks of 4096 poses that stay in the cache, in numpy, whose arctan2 takes 2 ns
 with AVX-512. By a profile, 60 % of the time is arithmetic within the blocks, 17 % is fresh memory for the answer
-(38 MB for 100 000 poses), and the rest is moving poses and answers between memory and cache. `nearest_batch` takes three
-times as long: it turns all 48 joints of a pose's eight branches into the winding next to the seed, and picks one
+(38 MB for 100 000 poses), and the rest is moving poses and answers between memory and cache. `nearest_batch` takes
+three times as long: it turns all 48 joints of a pose's eight branches into the winding next to the seed, and picks one
 branch."""
 
 

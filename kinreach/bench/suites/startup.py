@@ -17,11 +17,12 @@ from kinreach.bench.times import samples
 AGAIN = "python -m kinreach.bench --suite startup"
 #: Fresh processes of each kind, at least, but with `--quick`.
 STARTS = 10
-PYTHON, NUMPY, OURS, KINEMATICS = "pass", "import numpy", "import kinreach", "import kinreach.kinematics"
+PYTHON, NUMPY, GYMNASIUM = "pass", "import numpy", "import gymnasium"
+OURS, KINEMATICS = "import kinreach", "import kinreach.kinematics"
 PROGRAMS = (
     PYTHON,
     NUMPY,
-    "import gymnasium",
+    GYMNASIUM,
     OURS,
     KINEMATICS,
     "import kinreach.envs",
@@ -63,7 +64,7 @@ def _imports(options: Options, progress: Progress) -> Section:
     contenders = [Contender(f"`{code}`", partial(start, code), 1) for code in PROGRAMS]
     rounds = options.rounds if options.quick else max(options.rounds, STARTS)
     timings = interleaved(contenders, rounds, on_round=lambda done, of: progress("starts", done, of))
-    bare = timings[f"`{PYTHON}`"]
+    bare, gymnasium = timings[f"`{PYTHON}`"], float(np.median(timings[f"`{GYMNASIUM}`"]))
     rows: list[list[Cell]] = []
     for code in PROGRAMS:
         seconds = timings[f"`{code}`"]
@@ -87,7 +88,14 @@ def _imports(options: Options, progress: Progress) -> Section:
         rows=rows,
         again=AGAIN,
         targets=[
-            Target(f"`{code}`", bound, "at most", float(np.median(timings[f"`{code}`"])), "s", _busy(starts[code]))
+            Target(
+                f"`{code}`",
+                bound,
+                "at most",
+                float(np.median(timings[f"`{code}`"])),
+                "s",
+                _busy(starts[code]) or f"`{GYMNASIUM}` alone took {gymnasium:.2g} s of it",
+            )
             for code, bound in LONGEST.items()
         ],
         samples=samples(timings),
