@@ -19,14 +19,15 @@ TINY = Options(rounds=1, quick=True, seed=3)
 class TestStartup:
     @pytest.fixture(autouse=True)
     def few(self, monkeypatch):
-        monkeypatch.setattr(startup, "PROGRAMS", (startup.PYTHON, startup.OURS, startup.KINEMATICS))
+        monkeypatch.setattr(startup, "PROGRAMS", (startup.PYTHON, startup.GYMNASIUM, startup.OURS, startup.KINEMATICS))
         monkeypatch.setattr(startup, "STARTS", 1)
         monkeypatch.setattr(startup, "OBSERVATIONS", 3)
 
     def test_sections(self, checked):
         imports, decisions = checked(startup.run(TINY, lambda *what: None))
-        bare, ours, kinematics = imports.rows
-        assert [row[0] for row in imports.rows] == ["`pass`", "`import kinreach`", "`import kinreach.kinematics`"]
+        bare, _, ours, kinematics = imports.rows
+        programs = ["pass", "import gymnasium", "import kinreach", "import kinreach.kinematics"]
+        assert [row[0] for row in imports.rows] == [f"`{program}`" for program in programs]
         assert bare[4] == 0.0
         if sys.platform == "linux":
             assert bare[5] < ours[5] < kinematics[5]  # each holds what the one before it holds, and more
