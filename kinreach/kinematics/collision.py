@@ -7,7 +7,6 @@ pairs in 10 000 of 10 000 random postures of either arm). Boxes and cylinders ar
 
 from __future__ import annotations
 
-import warnings
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import partial
@@ -87,11 +86,7 @@ class CollisionChecker:
         self.geometry = _shapes(description, self.model, boxes)
         self._names = _pair_up(self.geometry, description, self.model)
         self.pairs: tuple[Pair, ...] = tuple(sorted(set(self._names)))
-        self._results = self.geometry.createData()
-        _forget_what_was_asked(self._results)
-        for request in self._results.collisionRequests:
-            request.security_margin = margin
-            request.gjk_tolerance = GJK_TOLERANCE
+        self._results = _search_data(self.geometry, margin)
         # The naive manager tests every pair's bounding boxes: with some ten shapes no tree is faster.
         self._broad_phase = pin.BroadPhaseManager_NaiveCollisionManager(self.model, self.geometry, self._results)
 
@@ -143,12 +138,20 @@ class CollisionChecker:
         return Clearance(float(self._results.distanceResults[nearest].min_distance), self._names[nearest])
 
 
-def _forget_what_was_asked(results: Any) -> None:
-    """Have each search begin anew: from where the one before ended, a distance would depend on it by up to 2e-7 m."""
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore", DeprecationWarning)  # what replaces the switch leaves it on
-        for request in (*results.collisionRequests, *results.distanceRequests):
-            request.enable_cached_gjk_guess = False
+def _search_data(geometry: Any, margin: float) -> Any:
+    """What is asked of each pair, and where the answers go.
+
+    A search begins anew, as coal's own requests say: Pinocchio's begin where the one before ended, and a distance would
+    depend on that one by up to 2e-7 m. (The switch in them is deprecated, and silencing its warning would change the
+    filters of all threads.)
+    """
+    results = geometry.createData()
+    collision, distance = coal.CollisionRequest(coal.CollisionRequestFlag.NO_REQUEST, 1), coal.DistanceRequest()
+    collision.security_margin, collision.gjk_tolerance = margin, GJK_TOLERANCE
+    for pair in range(len(geometry.collisionPairs)):
+        results.collisionRequests[pair] = collision
+        results.distanceRequests[pair] = distance
+    return results
 
 
 def _shapes(arm: ArmDescription, model: Any, obstacles: Sequence[Box]) -> Any:

@@ -3,6 +3,7 @@
 import pickle
 import subprocess
 import sys
+import warnings
 from pathlib import Path
 
 import cloudpickle
@@ -38,6 +39,21 @@ def impatient():
 def test_eight_threads_find_what_one_finds(name):
     found = workers.in_threads(1, jobs=[name])
     assert found.count == workers.THREADS * (2 if name in SHARED else 1)
+
+
+@pytest.mark.parametrize("name", LIGHT)
+def test_warnings_of_the_process_are_left_alone(name, monkeypatch):
+    """To silence a warning for a moment silences, or wakes, those of all other threads."""
+
+    def forbidden(*_, **__):
+        raise AssertionError("the filters of all threads are changed")
+
+    make, do = JOBS[name]
+    with monkeypatch.context() as patch:
+        patch.setattr(warnings, "catch_warnings", forbidden)
+        patch.setattr(warnings, "simplefilter", forbidden)
+        found = do(make())
+    assert len(found) > 0
 
 
 @pytest.mark.slow
