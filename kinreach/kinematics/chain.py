@@ -138,7 +138,7 @@ class SerialChain:
 
 
 def blocks(count: int) -> Iterator[slice]:
-    """Slices of at most BLOCK rows that make up `count` rows."""
+    """Slices of at most BLOCK rows that make up `count` rows: few enough that their numbers stay in the cache."""
     return (slice(start, start + BLOCK) for start in range(0, count, BLOCK))
 
 

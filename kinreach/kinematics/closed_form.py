@@ -12,6 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from kinreach.errors import InputError
 from kinreach.kinematics.arm import ArmKinematics
+from kinreach.kinematics.chain import blocks
 from kinreach.kinematics.goals import MOST_ANGLE, Floats, Goal, as_floats, check_entries, check_tolerance, goal_error
 from kinreach.kinematics.result import Accept, IKResult, Status, check_accept
 from kinreach.kinematics.solutions import (
@@ -25,9 +26,6 @@ from kinreach.kinematics.solutions import (
     nearest_windings,
 )
 from kinreach.robots import ArmDescription
-
-#: Poses in step where windings are chosen: their numbers stay in the cache.
-_BLOCK = 4096
 
 
 class ClosedFormKinematics(ArmKinematics, ABC):
@@ -100,8 +98,7 @@ class ClosedFormKinematics(ArmKinematics, ABC):
         start = np.broadcast_to(start, (count, self.n))
         q, valid = self._batch(T, start, check_tolerance(tol))
         chosen, branch = np.empty((count, self.n)), np.empty(count, dtype=np.int64)
-        for first in range(0, count, _BLOCK):
-            rows = slice(first, first + _BLOCK)
+        for rows in blocks(count):
             chosen[rows], branch[rows] = self._nearest(q[..., rows], valid[..., rows], start[rows].T[:, None])
         return IKBatchNearest(chosen, branch, branch >= 0)
 

@@ -11,12 +11,12 @@ from math import pi
 import numpy as np
 from numpy.typing import NDArray
 
+from kinreach.kinematics.chain import blocks
 from kinreach.kinematics.goals import MOST_DISTANCE, Floats
 from kinreach.kinematics.ur_geometry import URGeometry
 
 TURN = 2 * pi
 ROUNDING = 1e-12
-BLOCK = 4096
 BRANCHES = 8
 
 
@@ -41,8 +41,7 @@ def solve_poses(
     valid = np.empty((BRANCHES, count), dtype=np.bool_)
     singular, skewed = np.empty(count, dtype=np.bool_), np.empty(count, dtype=np.bool_)
     with np.errstate(invalid="ignore", divide="ignore", over="ignore"):
-        for start in range(0, count, BLOCK):
-            part = slice(start, start + BLOCK)
+        for part in blocks(count):
             m = np.ascontiguousarray(T[part, :3].reshape(-1, 12).T)
             skewed[part] = _not_a_rotation(m)
             singular[part] = _solve_block(flange_entries(m, left, right), g, tol, q[:, :, part], valid[:, part])
