@@ -25,6 +25,15 @@ def time_cells(timings: Timings, name: str, reference: str) -> list[Cell]:
     return [*cells, float(np.median(each)), f"{each.min():.3g} ... {each.max():.3g}"]
 
 
+def batch_rows(contenders: Sequence[Contender], timings: Timings, reference: str) -> list[list[Cell]]:
+    """A row for each contender that was timed: name, `time_cells`, and the cores that it had."""
+    return [
+        [c.name, *time_cells(timings, c.name, reference), round(timings.cores[c.name], 2)]
+        for c in contenders
+        if c.name in timings
+    ]
+
+
 def median_ratio(timings: Timings, of: str, to: str) -> float:
     """Median over the rounds of the time of one contender as a multiple of another's."""
     return float(np.median(ratios(timings, of, to)))

@@ -93,8 +93,7 @@ class TestGrowth:
         self.asked: list[str] = []
         sizes = {growth.POSES: (1, 50), growth.ENVIRONMENTS: (1, 5), growth.SIMULATIONS: (1, 3)}
         monkeypatch.setattr(growth, "QUICK", sizes)
-        for name, enough in (("POSES_A_ROUND", 100), ("STEPS_A_ROUND", 10), ("EPISODES_A_ROUND", 3)):
-            monkeypatch.setattr(growth, name, enough)
+        monkeypatch.setattr(growth, "LAP", 0.001)
         monkeypatch.setattr(growth, "peak_memory", self.peak_memory)
 
     def peak_memory(self, code: str) -> float:

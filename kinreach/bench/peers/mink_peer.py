@@ -7,24 +7,18 @@ from typing import Any, ClassVar
 import numpy as np
 
 from kinreach.bench.peers.base import coordinate_axis
-from kinreach.bench.peers.pink_peer import STEP, near
+from kinreach.bench.peers.frame_task import STEP, FrameTaskSolver
 from kinreach.engines import load
 from kinreach.kinematics.arm import ArmKinematics
-from kinreach.kinematics.goals import Floats, Goal
+from kinreach.kinematics.goals import Floats
 from kinreach.kinematics.solvers import Tolerance
-from kinreach.kinematics.solvers.goal_task import goal_frame
-from kinreach.kinematics.solvers.iterative import STALLED, Descend, Descent, IterativeSolver
 
 #: Levenberg-Marquardt damping of the task, chosen as pink's, and damping of the program.
 TASK_DAMPING, DAMPING = 0.1, 1e-6
 
 
-class MinkSolver(IterativeSolver):
-    """mink's loop of `solve_ik` and `integrate_inplace`, until it is near enough, with the restarts of our own solvers.
-
-    Speed limits are those of the URDF, and joints that turn full circle have no position limit on the way, as in
-    `PlacoSolver`.
-    """
+class MinkSolver(FrameTaskSolver):
+    """mink on the arm's joints in MuJoCo."""
 
     name: ClassVar[str] = "mink"
 
@@ -32,29 +26,21 @@ class MinkSolver(IterativeSolver):
         super().__init__(kin, tolerance=tolerance, max_restarts=max_restarts)
         import mink
 
-        self._solve_ik, self._SE3 = mink.solve_ik, mink.SE3
-        self._model = _chain(kin, self.joint_space.search_lower, self.joint_space.search_upper)
-        self._configuration = mink.Configuration(self._model)
+        self._solve_ik, self._pose_type = mink.solve_ik, mink.SE3
+        model = _chain(kin, self.joint_space.search_lower, self.joint_space.search_upper)
+        self._configuration = mink.Configuration(model)
         self._task = mink.FrameTask("tip", "site", position_cost=1.0, orientation_cost=1.0, lm_damping=TASK_DAMPING)
         speeds = dict(zip(kin.arm.joints, kin.velocity_limit, strict=True))
-        self._limits = [mink.ConfigurationLimit(self._model), mink.VelocityLimit(self._model, speeds)]
+        self._limits = [mink.ConfigurationLimit(model), mink.VelocityLimit(model, speeds)]
 
-    def _descender(self, goal: Goal) -> Descend:
-        task, configuration, solve_ik, limits = self._task, self._configuration, self._solve_ik, self._limits
-        task.set_target(self._SE3.from_matrix(self.kin.T_world_base @ goal_frame(goal)))
+    def _pose(self, T: Floats) -> Any:
+        return self._pose_type.from_matrix(T)
 
-        def descend(q: Floats) -> Descent:
-            configuration.update(q)
-            for step in range(self.max_iterations):
-                if near(task.compute_error(configuration), self.tolerance):
-                    return Descent(configuration.q, step)
-                velocity = solve_ik(configuration, [task], STEP, "daqp", damping=DAMPING, limits=limits)
-                configuration.integrate_inplace(velocity, STEP)
-                if np.abs(velocity).max() * STEP < STALLED:
-                    return Descent(configuration.q, step + 1)
-            return Descent(configuration.q, self.max_iterations)
-
-        return descend
+    def _velocity(self) -> Floats:
+        velocity: Floats = self._solve_ik(
+            self._configuration, [self._task], STEP, "daqp", damping=DAMPING, limits=self._limits
+        )
+        return velocity
 
 
 def _chain(kin: ArmKinematics, lower: Floats, upper: Floats) -> Any:

@@ -10,8 +10,8 @@ import numpy as np
 from kinreach.bench.measure import LAP, Contender, interleaved
 from kinreach.bench.peers import rtb
 from kinreach.bench.peers.base import installed
-from kinreach.bench.suite import Cell, Chart, Options, Progress, Section, Target
-from kinreach.bench.times import calls, median_ratio, medians, samples, time_cells
+from kinreach.bench.suite import Chart, Options, Progress, Section, Target
+from kinreach.bench.times import batch_rows, calls, median_ratio, medians, samples
 from kinreach.engines import load
 from kinreach.errors import KinreachError
 from kinreach.kinematics import ArmKinematics
@@ -60,11 +60,6 @@ def run(options: Options, progress: Progress) -> list[Section]:
     timings = interleaved(
         contenders, options.rounds, lap=LAP, on_round=lambda done, of: progress("batch of postures", done, of)
     )
-    rows: list[list[Cell]] = [
-        [c.name, *time_cells(timings, c.name, REFERENCE), round(timings.cores[c.name], 2)]
-        for c in contenders
-        if c.name in timings
-    ]
     targets = [
         Target(f"{OURS} of {count}, times as fast", BOUND, "at least", median_ratio(timings, name, OURS), f"x {name}")
         for name in (REFERENCE, ONE_FRAME)
@@ -74,7 +69,7 @@ def run(options: Options, progress: Progress) -> list[Section]:
             title="Many postures of the UR5",
             text=TEXT.format(postures=f"{count:,}".replace(",", " ")) + "\n\n" + calls(contenders),
             columns=COLUMNS,
-            rows=rows,
+            rows=batch_rows(contenders, timings, REFERENCE),
             again=AGAIN,
             targets=targets,
             missing=missing | timings.failed,

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from functools import partial
 
 import gymnasium as gym
@@ -29,10 +28,6 @@ QUICK: dict[tuple[int, ...], tuple[int, ...]] = {
     ENVIRONMENTS: (1, 4_096),
     SIMULATIONS: (1, 32),
 }
-#: A call on few is repeated until this many are done, so that the clock sees it.
-POSES_A_ROUND, STEPS_A_ROUND, EPISODES_A_ROUND = 10_000, 16_384, 64
-#: What is called once with little is repeated no more often than this.
-MOST_CALLS = 100
 #: EAIK takes many seconds for more.
 MOST_EAIK = 100_000
 MOST_ROUNDS = 5
@@ -75,10 +70,10 @@ def _poses(options: Options, progress: Progress) -> Section:
     for n in sizes:
         q = rng.uniform(-np.pi, np.pi, (n, 6))
         T = kinematics.fk(q)
-        contenders.append(_repeated(f"IK {n}", partial(kinematics.batch, T), n, POSES_A_ROUND))
-        contenders.append(_repeated(f"FK {n}", partial(kinematics.fk, q), n, POSES_A_ROUND))
+        contenders.append(Contender(f"IK {n}", partial(kinematics.batch, T), n))
+        contenders.append(Contender(f"FK {n}", partial(kinematics.fk, q), n))
         if n <= MOST_EAIK and "EAIK" in peers and peers["EAIK"].batch is not None:
-            contenders.append(_repeated(f"EAIK {n}", peers["EAIK"].batch(T), n, POSES_A_ROUND, peer=True))
+            contenders.append(Contender(f"EAIK {n}", peers["EAIK"].batch(T), n, peer=True))
     timings = _timed("batches of poses", contenders, options, progress)
     rows: list[list[Cell]] = []
     for n in sizes:
@@ -120,7 +115,7 @@ def _environments(options: Options, progress: Progress) -> Section:
         env = gym.make_vec(KINEMATIC, num_envs=n, vectorization_mode="vector_entry_point", backend="kinematic")
         env.reset(seed=options.seed)
         actions = np.random.default_rng(options.seed).uniform(-1.0, 1.0, (n, 6))
-        contenders.append(_repeated(f"step {n}", partial(env.step, actions), n, STEPS_A_ROUND))
+        contenders.append(Contender(f"step {n}", partial(env.step, actions), n))
     timings = _timed("kinematic environments", contenders, options, progress)
     rows: list[list[Cell]] = []
     for n in sizes:
@@ -153,7 +148,7 @@ def _dynamics(options: Options, progress: Progress) -> Section:
         for threads in THREADS:
             simulation = BatchSimulation("ur5", n, threads=threads)
             episodes = partial(batched, simulation, targets)
-            contenders.append(_repeated(_threads(threads, n), episodes, n, EPISODES_A_ROUND))
+            contenders.append(Contender(_threads(threads, n), episodes, n))
     timings = _timed("simulations", contenders, options, progress)
     rows: list[list[Cell]] = []
     for n in sizes:
@@ -189,16 +184,6 @@ def _dynamics(options: Options, progress: Progress) -> Section:
 
 def _sizes(full: tuple[int, ...], options: Options) -> tuple[int, ...]:
     return QUICK[full] if options.quick else full
-
-
-def _repeated(name: str, call: Callable[[], object], size: int, enough: int, *, peer: bool = False) -> Contender:
-    calls = min(max(1, enough // size), MOST_CALLS)
-
-    def run() -> None:
-        for _ in range(calls):
-            call()
-
-    return Contender(name, run, calls * size, peer=peer)
 
 
 def _timed(what: str, contenders: list[Contender], options: Options, progress: Progress) -> Timings:

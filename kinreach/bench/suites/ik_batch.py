@@ -13,8 +13,8 @@ from kinreach.bench.peers.analytic import ANALYTIC
 from kinreach.bench.peers.base import installed, silent
 from kinreach.bench.poses import FLANGE, random_poses
 from kinreach.bench.rates import short_of_cores
-from kinreach.bench.suite import Cell, Chart, Options, Progress, Section, Target
-from kinreach.bench.times import calls, median_ratio, medians, samples, time_cells
+from kinreach.bench.suite import Chart, Options, Progress, Section, Target
+from kinreach.bench.times import batch_rows, calls, median_ratio, medians, samples
 from kinreach.kinematics.goals import Floats
 
 AGAIN = "python -m kinreach.bench --suite ik-batch"
@@ -58,11 +58,6 @@ def run(options: Options, progress: Progress) -> list[Section]:
         timings = interleaved(
             contenders, options.rounds, lap=LAP, on_round=lambda done, of: progress("batch of poses", done, of)
         )
-    rows: list[list[Cell]] = [
-        [c.name, *time_cells(timings, c.name, REFERENCE), round(timings.cores[c.name], 2)]
-        for c in contenders
-        if c.name in timings
-    ]
     targets = []
     if REFERENCE in timings:
         faster = median_ratio(timings, REFERENCE, OURS)
@@ -76,7 +71,7 @@ def run(options: Options, progress: Progress) -> list[Section]:
             title="Many poses of the UR5",
             text=TEXT.format(poses=f"{count:,}".replace(",", " "), looped=looped) + "\n\n" + calls(contenders),
             columns=COLUMNS,
-            rows=rows,
+            rows=batch_rows(contenders, timings, REFERENCE),
             again=AGAIN,
             targets=targets,
             missing=missing | timings.failed,
