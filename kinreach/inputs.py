@@ -38,7 +38,7 @@ def check_count(name: str, value: object, *, least: int = 1, most: int | None = 
     """
     try:
         count = operator.index(value)  # type: ignore[arg-type]
-    except TypeError:
+    except Exception:  # no integer, or an object whose own code fails
         raise InputError(f"{name} must be an integer, got {shown(value)}") from None
     if isinstance(value, bool):
         raise InputError(f"{name} must be an integer, got {value}")

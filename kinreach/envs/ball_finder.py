@@ -25,11 +25,14 @@ from numpy.typing import NDArray
 
 from kinreach.envs.ball_finder_hough import Circle, grey_circles, red_circles, red_mask
 from kinreach.envs.pinhole import Intrinsics
-from kinreach.errors import InputError, raise_unknown
-from kinreach.kinematics.goals import Floats
+from kinreach.errors import InputError
+from kinreach.inputs import check_known, check_number, shown
+from kinreach.kinematics.goals import MOST_DISTANCE, Floats, as_array, as_floats
 
 #: How near and how far the ball may be [m]: bounds the radius of the circle. The goals are 0.33 to 0.71 m away.
 NEAREST, FARTHEST = 0.25, 1.0
+#: Radius of a ball [m]: a smaller one is no pixel, and a larger one would reach the camera.
+LEAST_RADIUS, MOST_RADIUS = 1e-4, 0.2
 #: Largest ratio, either way, between the radius of the thesis's circle and the one that the depth asks for: OpenCV's
 #: radius is off by ratios from 0.69 to 1.31.
 RADIUS_TOLERANCE = 1.6
@@ -79,19 +82,22 @@ def find_ball(
 
     Raises:
         UnknownNameError: There is no such pipeline.
-        InputError: Pictures of another type or size than the camera's, or a radius that is not positive.
+        InputError: Pictures of another type or size than the camera's, or a radius outside 0.1 mm … 0.2 m.
     """
-    if pipeline not in PIPELINES:
-        raise_unknown("pipeline", pipeline, PIPELINES)
+    check_known("pipeline", pipeline, PIPELINES)
+    if not isinstance(intrinsics, Intrinsics):
+        raise InputError(f"intrinsics must be Intrinsics, got {shown(intrinsics)}")
+    radius = check_number("the ball's radius", radius, least=LEAST_RADIUS, most=MOST_RADIUS)
+    rgb, depth = as_array("rgb", rgb), as_array("depth", depth)
+    if depth.dtype.kind != "f":
+        depth = as_floats("depth", depth)
     size = (intrinsics.height, intrinsics.width)
     if rgb.dtype != np.uint8 or rgb.shape != (*size, 3) or depth.shape != size:
         raise InputError(
             f"the camera takes {size[1]}x{size[0]} pictures: rgb must be uint8 of shape {(*size, 3)} and depth of "
             f"shape {size}, got {rgb.dtype} {rgb.shape} and {depth.shape}"
         )
-    if not 0 < radius < NEAREST:
-        raise InputError(f"the ball's radius must be between 0 and {NEAREST} m, got {radius}")
-    return PIPELINES[pipeline](rgb, depth, intrinsics, radius)
+    return PIPELINES[pipeline](np.ascontiguousarray(rgb), depth, intrinsics, radius)
 
 
 def _thesis(rgb: NDArray[np.uint8], depth: NDArray[np.floating], camera: Intrinsics, radius: float) -> BallFix | None:
@@ -180,7 +186,7 @@ def _touches_edge(rows: NDArray[np.intp], columns: NDArray[np.intp], shape: tupl
 
 
 def _measured(depth: Floats) -> NDArray[np.bool_]:
-    return np.isfinite(depth) & (depth > 0)
+    return (depth > 0) & (depth < MOST_DISTANCE)
 
 
 def _radii(camera: Intrinsics, radius: float) -> tuple[float, float]:

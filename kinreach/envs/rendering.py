@@ -20,13 +20,25 @@ import numpy as np
 from numpy.typing import NDArray
 
 from kinreach.envs.engine import mujoco
-from kinreach.errors import DrawingError, InputError, InstallationError, raise_unknown
+from kinreach.errors import DrawingError, InstallationError
+from kinreach.inputs import check_count, check_known
 
 if TYPE_CHECKING:
     from kinreach.envs.simulation import ArmSimulation
 
 _PACKAGES = {"egl": "libegl1 libgl1", "osmesa": "libosmesa6"}
 _PROBE_SIZE = 8
+
+
+def camera_id(model: Any, name: str) -> int:
+    """Number of a camera of a scene.
+
+    Raises:
+        UnknownNameError: There is no such camera; the message lists those there are.
+    """
+    check_known("camera", name, [model.camera(i).name for i in range(model.ncam)])
+    found: int = mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_CAMERA, name)
+    return found
 
 
 class FrameRenderer:
@@ -42,15 +54,15 @@ class FrameRenderer:
         frames: How many were drawn.
 
     Raises:
-        InputError: The frame is larger than the scene's off-screen buffer.
+        InputError: A size is no positive integer, or larger than the scene's off-screen buffer.
         DrawingError: The library refused.
         InstallationError: There is no library to draw with; the message names the packages.
     """
 
     def __init__(self, model: Any, *, width: int = 1280, height: int = 720, shadows: bool = True) -> None:
         most = model.vis.global_
-        if not (0 < width <= most.offwidth and 0 < height <= most.offheight):
-            raise InputError(f"frames can be up to {most.offwidth}x{most.offheight} pixels, got {width}x{height}")
+        width = check_count("width", width, most=most.offwidth)
+        height = check_count("height", height, most=most.offheight)
         _choose_library()
         self.model = model
         self.width, self.height = width, height
@@ -85,9 +97,7 @@ class FrameRenderer:
     def _draw(self, data: Any, camera: str) -> Any:
         view = mujoco.MjvCamera()
         view.type = mujoco.mjtCamera.mjCAMERA_FIXED
-        view.fixedcamid = mujoco.mj_name2id(self.model, mujoco.mjtObj.mjOBJ_CAMERA, camera)
-        if view.fixedcamid < 0:
-            raise_unknown("camera", camera, (self.model.camera(i).name for i in range(self.model.ncam)))
+        view.fixedcamid = camera_id(self.model, camera)
         mujoco.mj_kinematics(self.model, data)
         mujoco.mj_camlight(self.model, data)
         try:

@@ -14,13 +14,16 @@ from numpy.typing import NDArray
 
 from kinreach.envs.engine import mujoco
 from kinreach.envs.pinhole import Intrinsics
-from kinreach.envs.rendering import FrameRenderer
+from kinreach.envs.rendering import FrameRenderer, camera_id
 from kinreach.envs.simulation import ArmSimulation
-from kinreach.errors import InputError, raise_unknown
+from kinreach.errors import InputError
+from kinreach.inputs import check_number
 from kinreach.kinematics.goals import Floats
 
 #: From the optical frame to the frame that MuJoCo and OpenGL give a camera.
 OPTICAL_IN_GL: Floats = np.diag([1.0, -1.0, -1.0])
+#: Largest standard deviation of a sensor's noise, in the unit of either picture: far more than leaves a picture.
+MOST_SIGMA = 1e3
 
 
 @dataclass(frozen=True, eq=False)
@@ -45,7 +48,7 @@ class SensorNoise:
         depth_sigma: Of the depth [m].
 
     Raises:
-        InputError: A sigma is negative or not finite.
+        InputError: A sigma is negative, above 1000, or no number.
     """
 
     rgb_sigma: float = 0.0
@@ -53,9 +56,7 @@ class SensorNoise:
 
     def __post_init__(self) -> None:
         for name in ("rgb_sigma", "depth_sigma"):
-            value = getattr(self, name)
-            if not 0 <= value < np.inf:
-                raise InputError(f"{name} must be finite and not negative, got {value}")
+            check_number(name, getattr(self, name), least=0.0, most=MOST_SIGMA)
 
     def apply(self, image: RGBDImage, rng: np.random.Generator) -> RGBDImage:
         """The picture with noise; colours are rounded and kept in 0 … 255, depths at or above 0."""
@@ -100,9 +101,7 @@ class RGBDCamera:
         renderer: FrameRenderer | None = None,
     ) -> None:
         model = simulation.model
-        self._id: int = mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_CAMERA, name)
-        if self._id < 0:
-            raise_unknown("camera", name, (model.camera(i).name for i in range(model.ncam)))
+        self._id = camera_id(model, name)
         if renderer is not None and (
             renderer.model is not model or (renderer.width, renderer.height) != (width, height)
         ):

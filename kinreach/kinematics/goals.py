@@ -44,6 +44,7 @@ def check_entries(name: str, values: Floats, most: float) -> None:
 
 
 def _refuse_entries(name: str, values: Floats, most: float) -> None:
+    values = np.atleast_1d(values)
     finite = np.isfinite(values)
     if not finite.all():
         rows = finite.reshape(-1, values.shape[-1])

@@ -98,9 +98,9 @@ def test_drawing_does_not_change_the_state(scene):
 def test_unusable_requests_are_refused(scene):
     with pytest.raises(UnknownNameError, match="available: front, overview, wrist"):
         render(scene, "back", width=64, height=36)
-    with pytest.raises(InputError, match="1920x1080"):
+    with pytest.raises(InputError, match="at most 1920"):
         render(scene, width=4000, height=36)
-    with pytest.raises(InputError, match="0x36"):
+    with pytest.raises(InputError, match="at least 1"):
         render(scene, width=0, height=36)
 
 

