@@ -5,8 +5,10 @@ all on the same goals. Imports point one way, downwards:
 
     kinreach.bench        speed beside other packages: `python -m kinreach.bench`
     kinreach.compare      all methods on equal terms, with statistics: `python -m kinreach.compare`
+    kinreach.demo         an environment to watch, or to film: `python -m kinreach.demo`
     kinreach.baselines    recipes, training and evaluation; knows environments only through Gymnasium
     kinreach.envs         MuJoCo scene, joint controller, cameras, tasks
+    kinreach.plots        figures: data in, a matplotlib figure out
     kinreach.kinematics   forward and inverse kinematics, limits, collisions, the thesis's reward
     kinreach.robots       what an arm is; knows no engine
 

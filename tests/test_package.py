@@ -17,7 +17,7 @@ from packaging.utils import canonicalize_name
 import kinreach
 from kinreach import engines
 
-LAYERS = ("robots", "kinematics", "plots", "envs", "baselines", "compare", "bench")  # from the bottom to the top
+LAYERS = ("robots", "kinematics", "plots", "envs", "baselines", "demo", "compare", "bench")  # from the bottom to the top
 FOUNDATION = (
     "kinreach",
     "kinreach.errors",
@@ -37,6 +37,7 @@ UNKNOWN_TO = {
     "plots": {"mujoco", "gymnasium"} | LEARNING,
     "envs": LEARNING - {"stable_baselines3"},
     "baselines": {"mujoco"},
+    "demo": LEARNING,
     "compare": LEARNING,
     "bench": set(),
 }
