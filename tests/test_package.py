@@ -17,7 +17,8 @@ from packaging.utils import canonicalize_name
 import kinreach
 from kinreach import engines
 
-LAYERS = ("robots", "kinematics", "plots", "envs", "baselines", "demo", "compare", "bench")  # from the bottom to the top
+#: From the bottom to the top.
+LAYERS = ("robots", "kinematics", "plots", "envs", "baselines", "demo", "compare", "bench")
 FOUNDATION = (
     "kinreach",
     "kinreach.errors",
