@@ -48,7 +48,7 @@ def load(module: str) -> ModuleType:
         ]
         found = "; ".join(wrong) if wrong else "all versions as needed, but files of the installation are damaged"
         command = "pip install " + " ".join(f"{name}=={wanted}" for name, wanted in ENGINE_VERSIONS.items())
+        reason = (str(error).strip() or type(error).__name__).splitlines()[0]
         raise InstallationError(
-            f"cannot import {module}: {str(error).splitlines()[0]}. Found: {found}. "
-            f"Install the set that works together: {command}"
+            f"cannot import {module}: {reason}. Found: {found}. Install the set that works together: {command}"
         ) from error

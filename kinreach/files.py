@@ -5,6 +5,8 @@ from __future__ import annotations
 import fcntl
 import glob
 import os
+import secrets
+import stat
 import tempfile
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
@@ -16,6 +18,8 @@ from kinreach.errors import OutputError
 UNFINISHED = "-unfinished-"
 #: A disk without room for that many bytes is full from the start.
 _ROOM = 16_384
+#: Mode bits of an owner who reads and writes.
+_OWN = 0o600
 
 
 @contextmanager
@@ -30,13 +34,14 @@ def replacing(path: Path) -> Iterator[Path]:
     """
     try:
         _sweep(path.parent, f".{glob.escape(path.stem)}{UNFINISHED}*")
-        handle, temporary = _locked_temporary(path)
+        handle, temporary, mode = _locked_temporary(path)
     except OSError as error:
         raise _refused(path, error) from error
     try:
+        temporary.chmod(mode | _OWN)  # a mask may keep the owner out, who has yet to write
         yield temporary
         _to_disk(temporary)
-        temporary.chmod(0o666 & ~_umask())
+        temporary.chmod(mode)  # of a file that `open` makes; the block may have put another in its place
         os.replace(temporary, path)
     except OSError as error:
         raise _refused(path, error) from error
@@ -84,17 +89,25 @@ def _sweep(directory: Path, pattern: str) -> None:
                 os.close(handle)
 
 
-def _locked_temporary(path: Path) -> tuple[int, Path]:
-    """A new temporary file and the handle that holds its lock, which ends with the process whatever ends that."""
+def _locked_temporary(path: Path) -> tuple[int, Path, int]:
+    """A new temporary file, the handle that holds its lock, and the mode that the system gives a new file here.
+
+    The lock ends with the process whatever ends that. The mode is that of the file itself: to ask for the process's
+    mask is to change it for a moment, for all threads.
+    """
     while True:
-        prefix = f".{path.stem}{UNFINISHED}"
-        handle, name = tempfile.mkstemp(prefix=prefix, suffix=path.suffix, dir=path.parent)
+        temporary = path.parent / f".{path.stem}{UNFINISHED}{secrets.token_hex(4)}{path.suffix}"
+        try:
+            handle = os.open(temporary, os.O_RDWR | os.O_CREAT | os.O_EXCL, 0o666)
+        except FileExistsError:
+            continue
+        mode = stat.S_IMODE(os.fstat(handle).st_mode)
         try:
             fcntl.flock(handle, fcntl.LOCK_EX)
             if os.fstat(handle).st_nlink:  # else somebody swept it up before it was locked
-                return handle, Path(name)
+                return handle, temporary, mode
         except OSError:
-            return handle, Path(name)  # a file system without locks: it cannot be swept either
+            return handle, temporary, mode  # a file system without locks: it cannot be swept either
         os.close(handle)
 
 
@@ -105,12 +118,6 @@ def _to_disk(path: Path) -> None:
         os.fsync(handle)
     finally:
         os.close(handle)
-
-
-def _umask() -> int:
-    mask = os.umask(0)
-    os.umask(mask)
-    return mask
 
 
 def _refused(path: Path, error: OSError) -> OutputError:

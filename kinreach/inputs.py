@@ -53,10 +53,10 @@ def check_number(name: str, value: object, *, least: float = -inf, most: float =
     """A finite number within bounds, of which `above` is excluded.
 
     Raises:
-        InputError: It is no number, not finite, or outside the bounds.
+        InputError: It is no number (a truth value is none), not finite, or outside the bounds.
     """
     try:
-        number = float(value) if isinstance(value, Real) else None
+        number = None if isinstance(value, bool) or not isinstance(value, Real) else float(value)
     except OverflowError:
         number = inf
     if number is None:

@@ -1,6 +1,8 @@
 """A result file is the old one or the new one, never half of one."""
 
 import os
+from collections.abc import Iterator
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 import pytest
@@ -45,10 +47,80 @@ def test_a_full_disk_is_one_clear_error(tmp_path: Path, monkeypatch: pytest.Monk
     assert (tmp_path / "a.txt").read_text() == "old"
 
 
-def test_written_files_have_the_usual_permissions(tmp_path: Path) -> None:
-    write_text(tmp_path / "ours", "x")
+@pytest.fixture(params=[0o000, 0o002, 0o022, 0o027, 0o077, 0o177, 0o777], ids=oct)
+def mask(request: pytest.FixtureRequest) -> Iterator[int]:
+    """A file mode creation mask of this process."""
+    before = os.umask(request.param)
+    yield request.param
+    os.umask(before)
+
+
+def test_written_files_have_the_usual_permissions(tmp_path: Path, mask: int) -> None:
     (tmp_path / "plain").write_text("x")
-    assert (tmp_path / "ours").stat().st_mode == (tmp_path / "plain").stat().st_mode
+    usual = (tmp_path / "plain").stat().st_mode
+    assert usual & 0o777 == 0o666 & ~mask
+
+    def add(path: Path) -> None:
+        with path.open("a") as file:
+            file.write("x")
+
+    def narrow(path: Path) -> None:
+        path.write_text("x")
+        path.chmod(0o600)
+
+    def replace(path: Path) -> None:
+        path.with_name("other").write_text("x")
+        path.with_name("other").chmod(0o755)
+        path.with_name("other").replace(path)
+
+    def create_again(path: Path) -> None:
+        path.unlink()
+        path.touch(0o600)
+        path.write_text("x")
+
+    for write in (add, narrow, replace, create_again):
+        with replacing(tmp_path / "ours") as temporary:
+            write(temporary)
+        assert (tmp_path / "ours").stat().st_mode == usual, write.__name__
+    assert sorted(os.listdir(tmp_path)) == ["ours", "plain"]
+
+
+@pytest.mark.parametrize("path", [".", "/", ""])
+def test_a_directory_is_no_file(path: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    with pytest.raises(OutputError, match="cannot write"):
+        write_text(Path(path), "x")
+    assert os.listdir(tmp_path) == []
+
+
+def test_threads_that_write_leave_the_mask_of_the_process_alone(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """There is one for all threads: whoever asks for it changes it for a moment, and files of others come out wrong."""
+
+    def forbidden(mask: int) -> int:
+        raise AssertionError("the mask of all threads is changed")
+
+    monkeypatch.setattr(os, "umask", forbidden)
+    (tmp_path / "plain").write_text("x")
+
+    def write(index: int) -> int:
+        for turn in range(20):
+            write_text(tmp_path / f"{index}.txt", str(turn))
+        return (tmp_path / f"{index}.txt").stat().st_mode
+
+    with ThreadPoolExecutor(4) as pool:
+        assert set(pool.map(write, range(8))) == {(tmp_path / "plain").stat().st_mode}
+    assert {(tmp_path / f"{index}.txt").read_text() for index in range(8)} == {"19"}
+
+
+def test_two_that_write_one_file_do_not_share_a_temporary(tmp_path: Path) -> None:
+    with replacing(tmp_path / "a.txt") as first, replacing(tmp_path / "a.txt") as second:
+        assert first != second
+        first.write_text("first")
+        second.write_text("second")
+    assert (tmp_path / "a.txt").read_text() == "first"
+    assert os.listdir(tmp_path) == ["a.txt"]
 
 
 def test_a_directory_that_cannot_be_made(tmp_path: Path) -> None:

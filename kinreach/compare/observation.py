@@ -11,26 +11,22 @@ import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
-from numbers import Real
 
 import numpy as np
 
 from kinreach.compare.tasks import ReachTask
-from kinreach.envs.ball_finder import PIPELINES
 from kinreach.envs.goal_view import CameraGoalView, goal_in_world
+from kinreach.envs.reach.options import check_cameras
 from kinreach.envs.rgbd import SensorNoise
 from kinreach.envs.simulation import ArmSimulation
-from kinreach.errors import InputError
-from kinreach.inputs import check_count, check_known, shown
 from kinreach.kinematics.goals import Floats
 
 CAMERA, GEOMETRIC = "camera", "geometric"
 
-#: Bounds of what may be asked of the cameras: pixels, levels of 255, metres.
-SMALLEST_PICTURE, MOST_RGB_NOISE, MOST_DEPTH_NOISE = 16, 256, 1.0
-
-#: Seed of the goal that is looked at before those that are timed: the first look loads the graphics library.
-_WARM_UP_SEED = 2**32 - 1
+#: Seed of the goals that are looked at, and decided on, before those that are timed: the first look loads the graphics
+#: library, and first decisions fill caches. It is above all seeds of comparisons (`kinreach.compare.settings`), so that
+#: none of these goals is ever compared.
+WARM_UP_SEED = 2**63
 
 
 @dataclass(frozen=True)
@@ -55,20 +51,7 @@ class CameraSettings:
     depth_noise: float = 0.0
 
     def __post_init__(self) -> None:
-        check_known("pipeline", self.pipeline, PIPELINES)
-        for name in ("width", "height"):
-            check_count(f"the {name} of the pictures", getattr(self, name), least=-(2**63), most=2**63)
-        for name in ("rgb_noise", "depth_noise"):
-            if not isinstance(value := getattr(self, name), Real):
-                raise InputError(f"{name} must be a number, got {shown(value)}")
-        if min(self.width, self.height) < SMALLEST_PICTURE:
-            raise InputError(
-                f"pictures must be at least {SMALLEST_PICTURE} pixels wide and high, got {self.width}x{self.height}"
-            )
-        if not 0 <= self.rgb_noise < MOST_RGB_NOISE:
-            raise InputError(f"rgb_noise must be in [0, {MOST_RGB_NOISE}) levels, got {self.rgb_noise}")
-        if not 0 <= self.depth_noise < MOST_DEPTH_NOISE:
-            raise InputError(f"depth_noise must be in [0, {MOST_DEPTH_NOISE:g}) m, got {self.depth_noise}")
+        check_cameras(self.pipeline, self.width, self.height, self.rgb_noise, self.depth_noise)
 
     def __str__(self) -> str:
         noise = f"noise {self.rgb_noise:g} levels, {1e3 * self.depth_noise:g} mm"
@@ -145,5 +128,5 @@ def looking(task: ReachTask, camera: CameraSettings | None, seed: int) -> Iterat
             told = goal_in_world(task.arm, seen.values, seen.found)
             return Sight(told, time.perf_counter() - start, seen.values)
 
-        look(0, task.goals(1, _WARM_UP_SEED)[0])
+        look(0, task.goals(1, WARM_UP_SEED)[0])
         yield look

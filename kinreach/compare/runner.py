@@ -16,15 +16,14 @@ import numpy as np
 from kinreach.compare.attempts import Attempt, Ending, execute
 from kinreach.compare.budget import budget
 from kinreach.compare.deciding import Method
-from kinreach.compare.observation import Look, Sight, true_position
+from kinreach.compare.observation import WARM_UP_SEED, Look, Sight, true_position
 from kinreach.compare.tasks import ReachTask
 from kinreach.compare.trials import ReachTrial
 from kinreach.envs.simulation import ArmSimulation
 from kinreach.kinematics.goals import Floats
 
-#: Goals on which every method decides untimed first, and the seed they are drawn with (never among those compared).
+#: Goals on which every method decides untimed first.
 WARM_UP_GOALS = 3
-WARM_UP_SEED = 2**32 - 1
 
 
 def run_trials(

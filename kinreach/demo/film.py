@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from contextlib import AbstractContextManager, ExitStack
 from pathlib import Path
 from types import TracebackType
@@ -66,25 +67,47 @@ class Film(AbstractContextManager["Film"]):
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
-        failed = kind is not None and not issubclass(kind, KeyboardInterrupt)
-        if not failed and self.frames:
+        if error is not None and not (isinstance(error, KeyboardInterrupt) and self.frames):
+            self._stack.__exit__(kind, error, trace)  # leaves the old file as it was
+            return
+        with self._stack:
+            if not self.frames:
+                raise InputError("there are no frames to write")
             self._finish()
-            self._stack.close()
-        else:  # leave the old file as it was
-            refused = error or InputError("there are no frames to write")
-            self._stack.__exit__(type(refused), refused, trace)
-            if error is None:
-                raise refused
 
     def _open(self, width: int, height: int) -> Any:
         writer = cv2.VideoWriter(str(self._temporary), cv2.VideoWriter.fourcc(*"mp4v"), self._fps, (width, height))
         if not writer.isOpened():
-            raise OutputError(f"OpenCV cannot write {self.path}")
+            raise OutputError(f"cannot write {self.path}: OpenCV cannot open it")
+        self._stack.callback(writer.release)  # where the film fails; a second time does nothing
         return writer
 
     def _finish(self) -> None:
         if self._writer is not None:
             self._writer.release()
+            if not _is_whole(self._temporary):
+                raise OutputError(f"cannot write {self.path}: the video is not whole; the disk may be full")
             return
         first, *rest = self._images
         first.save(self._temporary, "GIF", save_all=True, append_images=rest, duration=round(1000 / self._fps), loop=0)
+
+
+def _is_whole(video: Path) -> bool:
+    """Whether an MP4 has all its parts, of which the index comes last: OpenCV does not say what it could not write.
+
+    Each part begins with its size in 4 bytes, or 1 and its size in the 8 after the name, and 4 letters that name it
+    (ISO/IEC 14496-12, 4.2).
+    """
+    with video.open("rb") as file:
+        end, at, names = file.seek(0, os.SEEK_END), 0, set()
+        while at < end:
+            file.seek(at)
+            head = file.read(16)
+            size = int.from_bytes(head[:4], "big")
+            if size == 1:
+                size = int.from_bytes(head[8:], "big")
+            if size < 8:  # 0 where it was not known yet
+                return False
+            names.add(head[4:8])
+            at += size
+    return at == end and b"moov" in names

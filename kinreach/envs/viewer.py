@@ -6,7 +6,6 @@ import importlib
 import math
 import platform
 import threading
-import warnings
 from typing import Any
 
 import numpy as np
@@ -62,13 +61,21 @@ def _check_screen() -> None:
         return
     try:
         glfw = importlib.import_module("glfw")
-        with warnings.catch_warnings(record=True) as said:
-            warnings.simplefilter("always")
-            if glfw.init():
-                return
-        reason = "; ".join(str(warning.message) for warning in said)
     except ImportError as error:
         reason = str(error)
+    else:
+        said: list[str] = []
+
+        def note(code: int, what: bytes) -> None:
+            said.append(f"({code}) {what.decode(errors='replace')}")
+
+        before = glfw.set_error_callback(note)  # by default it warns, and warnings are caught for all threads or none
+        try:
+            if glfw.init():
+                return
+        finally:
+            glfw.set_error_callback(before)
+        reason = "; ".join(said)
     raise InstallationError(
         f'cannot open a window: {reason}. Without a screen use render_mode="rgb_array", or a virtual screen: '
         "apt install xvfb, then xvfb-run python ..."

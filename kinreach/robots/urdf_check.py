@@ -17,6 +17,7 @@ MOST_CHARACTERS, MOST_LINKS, MOST_NUMBER = 2**23, 500, 1e9
 PACKAGE = "package://"
 KINDS = ("revolute", "continuous", "prismatic", "fixed")
 _MOVED = ("revolute", "continuous", "prismatic")
+_LIMITED = ("revolute", "prismatic")
 #: Attributes that are numbers, by element, with how many there are.
 _NUMBERS = {
     "origin": {"xyz": 3, "rpy": 3},
@@ -46,7 +47,7 @@ def check_urdf(text: object, package_root: str | None) -> None:
 
     Raises:
         InputError: It is too long or no XML; it declares entities; links and joints are no tree; a number is not
-            finite, too large or of the wrong sign; a mesh is outside the package.
+            finite, too large or of the wrong sign; a lower limit is above the upper one; a mesh is outside the package.
     """
     if not isinstance(text, str) or len(text) > MOST_CHARACTERS:
         raise InputError(f"a URDF must be text of at most {MOST_CHARACTERS} characters, got {shown(text)}")
@@ -68,6 +69,8 @@ def check_urdf(text: object, package_root: str | None) -> None:
                 _check_numbers(f"{name} of <{element.tag}>", element.attrib[name], count, name)
         if element.tag in ("mesh", "texture"):
             _check_file(element.get("filename", ""), package_root)
+    for joint in robot.findall("joint"):
+        _check_limits(joint)
 
 
 def _refuse_declarations(*declared: object) -> NoReturn:
@@ -75,7 +78,7 @@ def _refuse_declarations(*declared: object) -> NoReturn:
 
 
 def _check_tree(robot: ET.Element) -> None:
-    """Every joint connects two links, no link hangs on two, and all hang on one."""
+    """Every joint connects two links, no link hangs on two, and all hang on one: some engines leave out a loop."""
     links = [link.get("name", "") for link in robot.findall("link")]
     joints = robot.findall("joint")
     if not 1 <= len(links) <= MOST_LINKS:
@@ -86,25 +89,44 @@ def _check_tree(robot: ET.Element) -> None:
             raise InputError(f"the URDF names {shown(name)} {count} times" if name else "the URDF has a nameless part")
     if len({joint.get("name") for joint in joints}) < len(joints):
         raise InputError("the URDF has two joints of one name")
-    parents: dict[str, str] = {}
+    held: set[str] = set()
+    children: dict[str, list[str]] = {link: [] for link in links}
     for joint in joints:
         name, ends = shown(joint.get("name")), []
         for part in ("parent", "child"):
             element = joint.find(part)
             ends.append("" if element is None else element.get("link", ""))
-        if not set(ends) <= set(links) or ends[1] in parents:
+        if not set(ends) <= set(links) or ends[1] in held:
             raise InputError(
                 f"joint {name} of the URDF must connect two links, each of which hangs on one joint at most"
             )
-        parents[ends[1]] = ends[0]
+        held.add(ends[1])
+        children[ends[0]].append(ends[1])
         kind, limit, axis = joint.get("type"), joint.find("limit"), joint.find("axis")
-        if kind not in KINDS or (kind in ("revolute", "prismatic") and limit is None):
+        if kind not in KINDS or (kind in _LIMITED and limit is None):
             raise InputError(f"joint {name} of the URDF must be one of {', '.join(KINDS)}, with its limits")
         if kind in _MOVED and axis is not None and not any(_floats(axis.get("xyz", "1 0 0"))):
             raise InputError(f"joint {name} of the URDF has an axis without direction")
-    roots = [link for link in links if link not in parents]
+    roots = [link for link in links if link not in held]
     if len(roots) != 1 or len(links) != len(joints) + 1:
         raise InputError(f"the links of the URDF must hang on one, got {len(roots)} that hang on none")
+    hanging = roots[:]
+    for link in hanging:  # grows until all that hang on the root were there
+        hanging += children[link]
+    if len(hanging) < len(links):
+        loose = [link for link in links if link not in hanging]
+        raise InputError(f"all links of the URDF must hang on {shown(roots[0])}, and not on a loop: {shown(loose)}")
+
+
+def _check_limits(joint: ET.Element) -> None:
+    """The lower limit is not above the upper one, where the kind of joint has limits; one that is left out is 0."""
+    limit = joint.find("limit")
+    if limit is None or joint.get("type") not in _LIMITED:
+        return
+    lower, upper = (float(limit.get(name, "0")) for name in ("lower", "upper"))
+    if lower > upper:
+        name = shown(joint.get("name"))
+        raise InputError(f"joint {name} of the URDF has its lower limit above the upper one: {lower:g} > {upper:g}")
 
 
 def _floats(text: str) -> list[float]:

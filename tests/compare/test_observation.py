@@ -1,14 +1,19 @@
 """What the methods are told about a goal, with cameras that a stand-in plays: no OpenGL here."""
 
 import inspect
+import math
+from dataclasses import asdict
+from functools import partial
 from typing import Any
 
 import numpy as np
 import pytest
 
 from kinreach.compare.observation import CameraSettings, looking, true_position
+from kinreach.compare.settings import MOST_SEED, Settings
 from kinreach.compare.tasks import UR5Task
 from kinreach.envs.goal_view import CameraGoalView
+from kinreach.envs.reach.options import ReachOptions
 from kinreach.errors import InputError, InstallationError, UnknownNameError
 
 
@@ -42,17 +47,45 @@ def test_in_words(camera: CameraSettings, words: str) -> None:
 @pytest.mark.parametrize(
     ("wrong", "said"),
     [
-        ({"width": 15}, "at least 16 pixels wide and high, got 15x360"),
-        ({"height": 0}, "got 640x0"),
-        ({"rgb_noise": -1.0}, r"rgb_noise must be in \[0, 256\) levels, got -1"),
+        ({"width": 15}, r"width \[px\] must be at least 16, got 15"),
+        ({"height": 16385}, r"height \[px\] must be at most 16384, got 16385"),
+        ({"rgb_noise": -1.0}, "rgb_noise must be finite and at least 0 and at most 255, got -1"),
+        ({"rgb_noise": 255.5}, "rgb_noise must be"),
         ({"rgb_noise": float("nan")}, "rgb_noise"),
-        ({"depth_noise": 1.0}, r"depth_noise must be in \[0, 1\) m, got 1"),
+        ({"depth_noise": 1.1}, "depth_noise must be finite and at least 0 and at most 1, got 1.1"),
         ({"depth_noise": float("inf")}, "depth_noise"),
+        ({"depth_noise": True}, "depth_noise must be a number, got True"),
     ],
 )
 def test_what_cannot_be_is_refused(wrong: dict[str, float], said: str) -> None:
     with pytest.raises(InputError, match=said):
         CameraSettings(**wrong)  # type: ignore[arg-type]
+
+
+def test_the_cameras_of_a_comparison_may_be_what_those_of_an_environment_may_be() -> None:
+    """The same values are refused with the same words; for values at, around and far from every bound."""
+    values: dict[str, list[Any]] = {
+        "pipeline": ["hybrid", "thesis", "magic", None, 1],
+        "width": [-1, 0, 15, 16, 640, 16384, 16385, 20000, 2**63, 640.0, True, "640"],
+        "rgb_noise": [-1e-9, -0.0, 0, 6, 254.9, 255, 255.5, 256, math.nan, math.inf, True, "6", None],
+        "depth_noise": [-1e-9, 0.0, 0.002, 0.999, 1, np.float32(1), 1.0000001, -math.inf, math.nan, False, None],
+    }
+    values["height"] = values["width"]
+    defaults = asdict(CameraSettings())
+    assert set(values) == set(defaults)
+    refused = 0
+    for name, case in [(option, each) for option in values for each in values[option]]:
+        said = []
+        options = {**defaults, name: case}
+        for make in (CameraSettings, partial(ReachOptions, "camera", "kinematic")):
+            try:
+                make(**options)
+                said.append("")
+            except InputError as error:
+                said.append(str(error))
+        assert said[0] == said[1], (name, case)
+        refused += bool(said[0])
+    assert refused == 35
 
 
 def test_an_unknown_pipeline_is_refused() -> None:
@@ -77,6 +110,16 @@ def test_the_view_looks_at_the_goal_from_the_start_posture_and_is_closed(task: U
         assert 0 < sight.look_s < 1
         np.testing.assert_allclose(sight.position, goal, atol=1e-12)
     assert not any(np.array_equal(view.looks[0][1], goal) for goal in goals)
+
+
+@pytest.mark.parametrize("seed", [0, 2**32 - 1, MOST_SEED])
+def test_no_seed_of_a_comparison_draws_the_goal_of_the_warm_up(task: UR5Task, stand_in: Any, seed: int) -> None:
+    assert Settings(seed=seed).seed == seed
+    with looking(task, CameraSettings(), seed):
+        (view,) = stand_in.made
+    ((_, ball),) = view.looks
+    assert len(task.goals(3, seed)) == 3
+    assert not any(np.array_equal(ball, goal) for goal in task.goals(3, seed))
 
 
 def test_the_noise_of_a_goal_depends_on_seed_and_index_alone(task: UR5Task, stand_in: Any) -> None:

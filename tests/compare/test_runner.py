@@ -6,11 +6,13 @@ from typing import Any
 import numpy as np
 import pytest
 
-from kinreach.compare.observation import Sight
+from kinreach.compare.observation import WARM_UP_SEED, Sight
 from kinreach.compare.runner import WARM_UP_GOALS, run_trials
+from kinreach.compare.settings import MOST_SEED, Settings
 from kinreach.compare.solving import SolverMethod
 from kinreach.compare.tasks import UR5Task
 from kinreach.envs.simulation import ArmSimulation
+from kinreach.errors import InputError
 from kinreach.kinematics.goals import AxisGoal, Floats
 from kinreach.kinematics.result import IKResult, Status
 
@@ -55,6 +57,21 @@ def test_all_methods_are_asked_the_same_in_turns(task: UR5Task, simulation: ArmS
     assert not any(np.array_equal(w, g) for w in warm_up for g in goals)
     assert {trial.candidates for trial in trials} == {2}
     assert all(0 < trial.accept_s < trial.solve_s for trial in trials)
+
+
+@pytest.mark.parametrize("seed", [0, 2**32 - 1, MOST_SEED])
+def test_no_seed_of_a_comparison_draws_the_goals_of_the_warm_up(
+    task: UR5Task, simulation: ArmSimulation, seed: int
+) -> None:
+    assert Settings(seed=seed).seed == seed
+    with pytest.raises(InputError, match="the seed must be at most"):
+        Settings(seed=WARM_UP_SEED)
+    log: list[tuple[str, Any]] = []
+    goals = task.goals(WARM_UP_GOALS, seed)
+    list(run_trials(task, _methods(task, "a", log, _answer(task.home)), goals[:1], simulation))
+    warm_up = [goal.position for _, (goal, _) in log[:WARM_UP_GOALS]]
+    assert len(log) == WARM_UP_GOALS + 1
+    assert not any(np.array_equal(w, g) for w in warm_up for g in goals)
 
 
 def test_trials_that_are_done_are_left_out(task: UR5Task, simulation: ArmSimulation) -> None:

@@ -4,8 +4,6 @@ import pytest
 from PIL import Image
 
 from kinreach.cli import main
-from kinreach.demo.film import Film
-from kinreach.errors import InputError
 
 
 @pytest.fixture(autouse=True)
@@ -100,15 +98,3 @@ def test_bad_input_is_one_line(arguments, message, capsys):
     err = capsys.readouterr().err.strip().splitlines()[-1]
     assert message in err
     assert "Traceback" not in err
-
-
-def test_a_failed_film_leaves_the_old_one(tmp_path):
-    path = tmp_path / "film.gif"
-    path.write_bytes(b"old")
-    with pytest.raises(AttributeError), Film(path, fps=10) as film:
-        film.add("not a frame")
-    assert path.read_bytes() == b"old"
-    with pytest.raises(InputError, match="no frames"), Film(path, fps=10):
-        pass
-    assert path.read_bytes() == b"old"
-    assert [p.name for p in tmp_path.iterdir()] == ["film.gif"]

@@ -1,5 +1,6 @@
 """The window of `render_mode="human"`, on a virtual screen."""
 
+import re
 import shutil
 import subprocess
 
@@ -48,6 +49,31 @@ except InstallationError as error:
 env.close()
 """
 
+#: Other threads may warn while it is found out whether there is a screen.
+ASKED = """
+import sys, warnings
+import glfw
+from kinreach.envs import viewer
+from kinreach.errors import InstallationError
+
+def forbidden(*_, **__):
+    raise AssertionError("the filters of all threads are changed")
+
+warnings.catch_warnings = warnings.simplefilter = warnings.filterwarnings = forbidden
+warnings.warn = forbidden
+theirs = []
+hook = None if sys.argv[1] == "none" else lambda code, description: theirs.append(code)
+glfw.set_error_callback(hook)
+for _ in range(2):
+    try:
+        viewer._check_screen()
+        print("a screen")
+    except InstallationError as error:
+        print(error)
+assert glfw.set_error_callback(None) is hook
+assert theirs == []
+"""
+
 
 @pytest.fixture
 def screen(tmp_path, monkeypatch):
@@ -66,6 +92,22 @@ def test_the_viewer_shows_the_ball_and_closes(screen, run_python, backend):
     done = run_python("-c", PROGRAM, backend, str(screen))
     assert done.returncode == 0, done.stderr
     assert 30 < int(done.stdout) < 5000
+
+
+@pytest.mark.parametrize("hook", ["none", "own"])
+def test_to_ask_for_a_screen_changes_nothing_of_the_process(run_python, monkeypatch, hook):
+    for name in ("DISPLAY", "WAYLAND_DISPLAY"):
+        monkeypatch.delenv(name, raising=False)
+    done = run_python("-c", ASKED, hook)
+    assert done.returncode == 0, done.stderr
+    first, again = done.stdout.splitlines()
+    assert first == again
+    assert re.match(r"cannot open a window: \(\d+\) .*DISPLAY.*\. Without a screen use", first)
+
+
+def test_with_a_screen_nothing_is_said(screen, run_python):
+    done = run_python("-c", ASKED, "own")
+    assert (done.returncode, done.stdout) == (0, 2 * "a screen\n"), done.stderr
 
 
 def test_without_a_screen_the_error_says_what_to_do(run_python, monkeypatch):

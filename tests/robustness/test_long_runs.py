@@ -1,11 +1,8 @@
-"""Long runs, shortened; and digests of results, which are to be the same wherever they are computed."""
-
-import sys
+"""Long runs, shortened."""
 
 import numpy as np
 import pytest
 
-from tools import digest
 from tools.endurance import long_runs
 from tools.endurance.checks import CHECKS
 from tools.endurance.outcome import BrokenPromiseError
@@ -38,6 +35,21 @@ def test_a_leak_is_found():
         long_runs._endure(leak, 10, "steps")
 
 
+@pytest.mark.parametrize("slack", [2**20, long_runs.SLACK, long_runs.KEPT])
+def test_memory_is_held_to_the_slack_of_the_run(slack, monkeypatch):
+    def usage(grown):
+        held = iter([100 * 2**20] * (long_runs.PARTS - 1) + [100 * 2**20 + grown])
+        again = iter([100 * 2**20] * long_runs.PARTS)
+        return lambda: long_runs.Usage(next(held, None) or next(again), 5, 5)
+
+    monkeypatch.setattr(long_runs.Usage, "now", usage(slack))
+    steps = lambda: (float(i) for i in range(100))  # noqa: E731
+    assert long_runs._endure(steps, 10, "steps", slack=slack).count == 20
+    monkeypatch.setattr(long_runs.Usage, "now", usage(slack + 2**16))
+    with pytest.raises(BrokenPromiseError, match="memory has grown"):
+        long_runs._endure(steps, 10, "steps", slack=slack)
+
+
 def test_an_open_handle_is_found(tmp_path):
     kept = []
 
@@ -66,30 +78,9 @@ def test_drift_is_found():
 
 
 def test_every_check_has_a_quick_version():
-    assert len(CHECKS) >= 12
+    assert len(CHECKS) >= 14
     assert all(1 <= check.quick <= check.full for check in CHECKS.values())
     kills = sum(
         check.full for name, check in CHECKS.items() if name in ("kill-training", "kill-off-policy", "kill-comparison")
     )
     assert kills >= 50
-
-
-@pytest.mark.parametrize("name", ["forward", "closed_form", "arm3", "moves", "policies"])
-def test_digests_repeat(name):
-    first, again = (digest.digests(digest.RESULTS[name]) for _ in range(2))
-    assert first == again
-    assert first[2] > 100
-
-
-def test_digests_tell_results_apart(tmp_path, monkeypatch, capsys):
-    monkeypatch.setattr(digest, "RESULTS", {"one": lambda: iter([[1.0, 2.0]]), "two": lambda: iter([[3.0]])})
-    monkeypatch.setattr(sys, "argv", ["digest"])
-    assert digest.main() == 0
-    (tmp_path / "known").write_text(capsys.readouterr().out)
-    monkeypatch.setattr(sys, "argv", ["digest", "--check", str(tmp_path / "known")])
-    assert digest.main() == 0
-    assert capsys.readouterr().out.count("same bits") == 2
-    for changed, code, verdict in ((3.0 + 1e-13, 0, "same to 1e-9"), (3.0 + 1e-6, 1, "DIFFERENT")):
-        monkeypatch.setitem(digest.RESULTS, "two", lambda changed=changed: iter([[changed]]))
-        assert digest.main() == code
-        assert verdict in capsys.readouterr().out

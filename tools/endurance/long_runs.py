@@ -105,7 +105,7 @@ def _endure(begin: Callable[[], Iterator[Any]], rounds: int, of: str, *, each: i
     memory = [[u.memory for u in run] for run in runs]
     grown = max(max(run) - min(run) for run in memory)
     demand(
-        grown <= SLACK, f"memory has grown by {grown / 2**20:.1f} MiB: {[[m >> 20 for m in run] for run in memory]} MiB"
+        grown <= slack, f"memory has grown by {grown / 2**20:.1f} MiB: {[[m >> 20 for m in run] for run in memory]} MiB"
     )
     kept = max(memory[1]) - max(memory[0])
     demand(kept <= KEPT, f"the first run has left {kept / 2**20:.1f} MiB behind")

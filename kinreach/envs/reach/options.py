@@ -18,6 +18,20 @@ LARGEST_PICTURE = 16384
 BACKENDS = ("mujoco", "kinematic")
 
 
+def check_cameras(pipeline: object, width: object, height: object, rgb_noise: object, depth_noise: object) -> None:
+    """Refuse cameras that cannot be; for the values see `ReachOptions`.
+
+    Raises:
+        UnknownNameError: There is no such pipeline.
+        InputError: A size or a noise that cannot be.
+    """
+    check_known("pipeline", pipeline, PIPELINES)
+    for name, size in (("width", width), ("height", height)):
+        check_count(f"{name} [px]", size, least=16, most=LARGEST_PICTURE)
+    check_number("rgb_noise", rgb_noise, least=0.0, most=255.0)
+    check_number("depth_noise", depth_noise, least=0.0, most=1.0)
+
+
 @dataclass(frozen=True)
 class ReachOptions:
     """Options of an environment.
@@ -49,13 +63,9 @@ class ReachOptions:
         for kind, value, known in (
             ("observation", self.observation, OBSERVATIONS),
             ("backend", self.backend, BACKENDS),
-            ("pipeline", self.pipeline, PIPELINES),
         ):
             check_known(kind, value, known)
-        for name in ("width", "height"):
-            check_count(f"{name} [px]", getattr(self, name), least=16, most=LARGEST_PICTURE)
-        check_number("rgb_noise", self.rgb_noise, least=0.0, most=255.0)
-        check_number("depth_noise", self.depth_noise, least=0.0, most=1.0)
+        check_cameras(self.pipeline, self.width, self.height, self.rgb_noise, self.depth_noise)
         as_flags("end_on_reached", self.end_on_reached)
 
     @property
