@@ -3,7 +3,10 @@
 from __future__ import annotations
 
 import argparse
-from collections.abc import Sequence
+import contextlib
+import os
+import sys
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 
 from rich.console import Console
@@ -11,12 +14,13 @@ from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, T
 from rich.table import Table
 
 from kinreach.bench.registry import SUITES, chosen
-from kinreach.bench.report import sections_of, show, write_page
+from kinreach.bench.report import TARGET_COLUMNS, picture_of, sections_of, show, target_cells, write_page
 from kinreach.bench.run import run_suites
 from kinreach.bench.suite import Options, Section, Target
 from kinreach.cli import Parser
+from kinreach.errors import InputError
 from kinreach.files import make_writable
-from kinreach.inputs import check_count
+from kinreach.inputs import check_count, check_path
 
 ROUNDS, QUICK_ROUNDS = 7, 3
 OUT = Path("results") / "bench"
@@ -47,9 +51,8 @@ def main(argv: Sequence[str], *, prog: str) -> int:
         quick=arguments.quick,
         seed=check_count("the seed", arguments.seed, least=0),
     )
-    out = Path(arguments.out) if arguments.out is not None else OUT
-    if arguments.docs is not None:
-        make_writable(Path(arguments.docs).parent)  # told now, not after ten minutes of measuring
+    out = OUT if arguments.out is None else check_path("--out", arguments.out)
+    page = None if arguments.docs is None else _page(arguments.docs)
     results = _measure(suites, options, out, fresh=arguments.fresh, command=_command(prog, suites, options))
     console = _console()
     targets = [target for section in sections_of(results) for target in section.targets]
@@ -59,21 +62,42 @@ def main(argv: Sequence[str], *, prog: str) -> int:
     written = [f"{out}/results.json", f"{out}/results.md"]
     if (out / "results.png").exists():
         written.append(f"{out}/results.png")
-    if arguments.docs is not None:
-        write_page(results, Path(arguments.docs))
-        written.append(arguments.docs)
+    if page is not None:
+        write_page(results, page)
+        written.append(str(page))
     console.print(f"Written: {', '.join(written)}", style="dim", soft_wrap=True)
     return 0
 
 
+def _page(docs: str) -> Path:
+    """Where the page of the documentation goes; told now, not after ten minutes of measuring, if it cannot.
+
+    Raises:
+        InputError: It is no path, a directory, or where the page's data goes.
+        OutputError: The directories cannot be written.
+    """
+    page = check_path("--docs", docs)
+    if not page.name or page.is_dir():
+        raise InputError(f"--docs must be a file, got the directory {docs!r}")
+    if page.suffix == ".json":
+        raise InputError(f"--docs must be a page of Markdown; its numbers go to {page}")
+    for folder in (page.parent, picture_of(page).parent):
+        make_writable(folder)
+    return page
+
+
 def _measure(suites: Sequence[str], options: Options, out: Path, *, fresh: bool, command: str) -> dict[str, object]:
     """Run under a progress bar; Ctrl-C becomes a line that says what was kept."""
-    console, errors = _console(), Console(stderr=True)
+    console = _console()
     finished: list[str] = []
     columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeElapsedColumn())
     # Drawn between rounds, not by a thread of its own that would run into what is timed.
-    hidden = not errors.is_terminal
-    with Progress(*columns, console=errors, transient=True, auto_refresh=False, disable=hidden) as bar:
+    with (
+        _errors() as errors,
+        Progress(
+            *columns, console=errors, transient=True, auto_refresh=False, disable=not errors.is_interactive
+        ) as bar,
+    ):
         shown = bar.add_task("", total=None)
 
         def progress(what: str, done: int, total: int) -> None:
@@ -81,6 +105,7 @@ def _measure(suites: Sequence[str], options: Options, out: Path, *, fresh: bool,
 
         def on_suite(suite: str, sections: Sequence[Section], kept: bool) -> None:
             finished.append(suite)
+            bar.stop()  # a table would start on its line
             if kept:
                 errors.print(f"{suite}: kept from an interrupted run (--fresh starts over)")
             for section in sections:
@@ -88,12 +113,24 @@ def _measure(suites: Sequence[str], options: Options, out: Path, *, fresh: bool,
                 for name, why in section.missing.items():
                     console.print(f"Missing: {name}: {' '.join(why.split())}", style="dim", soft_wrap=True)
                 console.print()
+            bar.start()
 
         try:
             return run_suites(suites, options, out, command=command, fresh=fresh, progress=progress, on_suite=on_suite)
         except KeyboardInterrupt:
             kept = f"{len(finished)} of {len(suites)} suites are kept in {out}"
             raise KeyboardInterrupt(f"interrupted; {kept}; the same command goes on from there") from None
+
+
+@contextlib.contextmanager
+def _errors() -> Iterator[Console]:
+    """Standard error; on a terminal by a descriptor of its own, which stays while suites silence their peers."""
+    if not sys.stderr.isatty():
+        yield Console(stderr=True)
+        return
+    width = Console(stderr=True).width
+    with open(os.dup(sys.stderr.fileno()), "w", encoding=sys.stderr.encoding) as terminal:
+        yield Console(file=terminal, width=width)
 
 
 def _console() -> Console:
@@ -148,9 +185,8 @@ def _numbers(section: Section, column: int) -> bool:
 def _targets(targets: Sequence[Target]) -> Table:
     title = f"Targets: {sum(target.met for target in targets)} of {len(targets)} met"
     table = Table(title=title, title_style="bold", title_justify="left", box=None, pad_edge=False)
-    for name in ("", "target", "measured", "met"):
+    for name in TARGET_COLUMNS:
         table.add_column(name)
     for target in targets:
-        bound = f"{target.kind} {show(target.bound)} {target.unit}"
-        table.add_row(target.what, bound, f"{show(target.measured)} {target.unit}", "yes" if target.met else "no")
+        table.add_row(*target_cells(target))
     return table

@@ -49,17 +49,22 @@ def _bars(axes: Axes, chart: Chart) -> None:
     axes.barh(places, values, height=0.7, color=colours)
     axes.set_yticks(list(places), [verbatim(name) for name in names])
     axes.invert_yaxis()
-    axes.set_xscale("log")
-    lowest, highest = min(values), max(values)
-    # room for a bar of the smallest, and for the number behind the largest
-    axes.set_xlim(lowest / 3, highest * max(3.0, (highest / lowest) ** 0.25))
+    drawn = [value for value in values if value > 0]  # nothing has no place on a logarithmic axis
+    if drawn:
+        axes.set_xscale("log")
+        lowest, highest = min(drawn), max(drawn)
+        # room for a bar of the smallest, and for the number behind the largest
+        axes.set_xlim(lowest / 3, highest * max(3.0, (highest / lowest) ** 0.25))
+    else:
+        axes.set_xlim(0.0, 1.0)
     for place, value in zip(places, values, strict=True):
         axes.annotate(
             f" {value:.3g}" if value < 1000 else f" {float(f'{value:.3g}'):,.0f}".replace(",", " "),
-            (value, place), va="center", fontsize=7.5, color=INK,
+            (max(value, axes.get_xlim()[0]), place), va="center", fontsize=7.5, color=INK,
         )  # fmt: skip
     axes.set_xlabel(chart.x, fontsize=8.5, color=FAINT)
-    _plain(axes.xaxis)
+    if drawn:
+        _plain(axes.xaxis)
 
 
 def _lines(axes: Axes, chart: Chart) -> None:

@@ -8,7 +8,7 @@ import numpy as np
 
 from kinreach.bench.measure import Timings
 from kinreach.bench.suite import Cell
-from kinreach.bench.times import median_ratio
+from kinreach.bench.times import median_ratio, slow
 
 
 def rate_row(name: str, timings: Timings, references: Sequence[str] = (), *, note: str = "") -> list[Cell]:
@@ -22,20 +22,25 @@ def rate_row(name: str, timings: Timings, references: Sequence[str] = (), *, not
         note: How many cores, in words, where it was not measured: other processes are not.
 
     Returns:
-        Name, median rate [units/s], the rate that 95 % of the rounds exceed, the median ratio to each reference, cores.
+        Name, median rate [units/s], the rate of the worst round, the median ratio to each reference, cores.
     """
     seconds = timings[name]
     faster: list[Cell] = [
         median_ratio(timings, reference, name) if reference in timings else None for reference in references
     ]
     cores: Cell = note or round(timings.cores[name], 2)
-    return [name, float(1 / np.median(seconds)), float(1 / np.percentile(seconds, 95)), *faster, cores]
+    return [name, float(1 / np.median(seconds)), float(1 / seconds.max()), *faster, cores]
+
+
+def median_rates(timings: Timings) -> dict[str, float]:
+    """Median rate [units/s] by name, for the figure."""
+    return {name: float(1 / np.median(seconds)) for name, seconds in timings.items()}
 
 
 def time_row(name: str, timings: Timings, unit: float) -> list[Cell]:
-    """One contender: name, median and p95 of its time in units of `unit` seconds, and how many cores it had."""
+    """One contender: name, median and slow end of its time in units of `unit` seconds, and how many cores it had."""
     times = timings[name] / unit
-    return [name, float(np.median(times)), float(np.percentile(times, 95)), round(timings.cores[name], 2)]
+    return [name, float(np.median(times)), slow(times), round(timings.cores[name], 2)]
 
 
 def short_of_cores(timings: Timings, name: str, wanted: int) -> str:

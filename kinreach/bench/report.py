@@ -18,6 +18,7 @@ PEERS = (
     "gymnasium", "stable_baselines3", "torch",
 )  # fmt: skip
 PACKAGES = (*DISTRIBUTIONS, *PEERS)
+TARGET_COLUMNS = ("", "target", "measured", "met")
 
 Results = Mapping[str, Any]
 
@@ -37,7 +38,12 @@ def write_page(results: Results, page: Path) -> None:
     Raises:
         OutputError: They cannot be written.
     """
-    _write(results, page.with_suffix(".json"), page, page.parent / "images" / f"{page.stem}.png")
+    _write(results, page.with_suffix(".json"), page, picture_of(page))
+
+
+def picture_of(page: Path) -> Path:
+    """Where the figure of a page of the documentation goes."""
+    return page.parent / "images" / f"{page.stem}.png"
 
 
 def _write(results: Results, data: Path, page: Path, picture: Path) -> None:
@@ -46,7 +52,9 @@ def _write(results: Results, data: Path, page: Path, picture: Path) -> None:
     for folder in (data.parent, picture.parent):
         make_writable(folder)
     figure = draw(sections_of(results))
-    if figure is not None:
+    if figure is None:
+        picture.unlink(missing_ok=True)  # of an earlier run, beside other numbers
+    else:
         with replacing(picture) as temporary:
             figure.savefig(temporary, dpi=130)
     shown = picture.relative_to(page.parent).as_posix() if figure is not None else ""
@@ -76,23 +84,23 @@ def _parts(results: Results, data: str, picture: str) -> Iterator[str]:
     yield f"<!-- written by `{results['command']}`; do not edit -->"
     yield (
         "Contenders take turns in every round; a ratio is taken within a round, pair by pair, and its median over the "
-        "rounds is shown: it holds on a busy machine, the times themselves do not. p95 is the time that 95 % of what "
-        "was timed stays below. A package that did not take part is named. Everything runs in one process and on one "
-        "thread unless a row says otherwise."
+        "rounds is shown: it holds on a busy machine, the times themselves do not. p95 is the time that 95 % of single "
+        "calls stay below; where whole rounds were timed, the worst of them is shown. A package that did not take part "
+        "is named. Everything runs in one process and on one thread unless a row says otherwise."
     )
     if options["quick"]:
         yield "**Measured with `--quick`: small sizes and few rounds. These numbers show that it works, no more.**"
     names = ", ".join(f"{name} {version}" for name, version in results["versions"].items() if version)
     absent = ", ".join(name for name, version in results["versions"].items() if version is None)
     yield (
-        f"Machine: {machine['processor']}, {machine['cores']} cores, {machine['system']}. Rounds: {options['rounds']}; "
-        f"seed: {options['seed']}. Versions: {names}." + (f" Not installed: {absent}." if absent else "")
+        f"Machine: {machine['processor']}, {machine['cores']} cores, {machine['system']}. "
+        f"Seed: {options['seed']}. Versions: {names}." + (f" Not installed: {absent}." if absent else "")
     )
     yield f"Again: `{results['command']}`. All numbers: [{data}]({data})."
     targets = [target for section in sections for target in section.targets]
     if targets:
         yield f"## Targets: {sum(target.met for target in targets)} of {len(targets)} met"
-        yield table(("", "target", "measured", "met"), [_target_row(target) for target in targets])
+        yield table(TARGET_COLUMNS, [target_cells(target) for target in targets])
         short = [f"* {target.what}: {target.why}" for target in targets if target.why and not target.met]
         if short:
             yield "\n".join(["Why, where a target is not met:", "", *short])
@@ -108,12 +116,14 @@ def _section(section: Section) -> Iterator[str]:
     yield table(section.columns, section.rows)
     if section.missing:
         yield "\n".join(f"* Missing: {name}: {_one_line(why)}" for name, why in section.missing.items())
-    yield f"Again: `{section.again}`"
+    rounds = f"Rounds: {section.rounds}. " if section.rounds else ""
+    yield f"{rounds}Again: `{section.again}`"
 
 
-def _target_row(target: Target) -> list[Cell]:
+def target_cells(target: Target) -> tuple[str, str, str, str]:
+    """A row under `TARGET_COLUMNS`."""
     bound = f"{target.kind} {show(target.bound)} {target.unit}"
-    return [target.what, bound, f"{show(target.measured)} {target.unit}", "yes" if target.met else "no"]
+    return target.what, bound, f"{show(target.measured)} {target.unit}", "yes" if target.met else "no"
 
 
 def table(columns: Sequence[str], rows: Sequence[Sequence[Cell]]) -> str:

@@ -16,7 +16,8 @@ class Options:
 
     Attributes:
         rounds: How often each contender is timed.
-        quick: Sizes that show that it works rather than how fast it is; targets are still judged.
+        quick: Sizes that show that it works rather than how fast it is; targets are judged all the same, unless a
+            suite says that its target is meant for the full size.
         seed: Of poses, goals and postures.
     """
 
@@ -97,6 +98,11 @@ class Section:
     missing: dict[str, str] = field(default_factory=dict)
     charts: list[Chart] = field(default_factory=list)
     samples: dict[str, list[float]] = field(default_factory=dict)
+
+    @property
+    def rounds(self) -> int:
+        """How often each contender was timed; 0 where nothing was."""
+        return max(map(len, self.samples.values()), default=0)
 
     def to_json(self) -> dict[str, Any]:
         """Plain dictionaries and lists, each target with its verdict."""

@@ -23,36 +23,42 @@ class Unfinished:
 
     Attributes:
         suites: Sections by suite, as JSON types.
+        seconds: How long each of them took.
     """
 
     def __init__(self, path: Path, identity: Mapping[str, Any], *, fresh: bool = False) -> None:
         self._path = path
         self._identity = json.loads(json.dumps(identity))
-        self.suites: dict[str, list[dict[str, Any]]] = {} if fresh else _read(path, self._identity)
+        self.suites: dict[str, list[dict[str, Any]]] = {}
+        self.seconds: dict[str, float] = {}
+        if not fresh:
+            self.suites, self.seconds = _read(path, self._identity)
 
-    def add(self, suite: str, sections: Sequence[Section]) -> None:
+    def add(self, suite: str, sections: Sequence[Section], seconds: float) -> None:
         """Keep a finished suite, in memory and on disk.
 
         Raises:
             OutputError: The file cannot be written.
         """
         self.suites[suite] = [section.to_json() for section in sections]
-        write_text(self._path, json.dumps({"identity": self._identity, "suites": self.suites}))
+        self.seconds[suite] = seconds
+        kept = {"identity": self._identity, "suites": self.suites, "seconds": self.seconds}
+        write_text(self._path, json.dumps(kept))
 
     def remove(self) -> None:
         """Delete the file: the benchmark is complete and its results are written."""
         self._path.unlink(missing_ok=True)
 
 
-def _read(path: Path, identity: Mapping[str, Any]) -> dict[str, list[dict[str, Any]]]:
+def _read(path: Path, identity: Mapping[str, Any]) -> tuple[dict[str, list[dict[str, Any]]], dict[str, float]]:
     try:
         kept = json.loads(path.read_text(encoding="utf-8"))
         if kept["identity"] != identity:
-            return {}
+            return {}, {}
         suites: dict[str, list[dict[str, Any]]] = kept["suites"]
         for sections in suites.values():
             for section in sections:
                 Section.from_json(section)
-        return suites
+        return suites, {suite: float(kept["seconds"][suite]) for suite in suites}
     except (OSError, ValueError, KeyError, TypeError, AttributeError):  # missing, cut short, or somebody else's
-        return {}
+        return {}, {}

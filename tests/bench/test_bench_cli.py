@@ -75,6 +75,16 @@ def test_page_of_the_documentation(suites, out, tmp_path):
     assert (page.parent / "images" / "speed.png").stat().st_size > 1000
 
 
+def test_a_picture_of_an_earlier_run_does_not_stay(suites, out, capsys):
+    suites["charts"] = True
+    assert call("--out", str(out)) == 0
+    assert f"{out}/results.png" in capsys.readouterr().out
+    suites["charts"] = False
+    assert call("--out", str(out)) == 0
+    assert "results.png" not in capsys.readouterr().out
+    assert sorted(path.name for path in out.iterdir()) == ["results.json", "results.md"]
+
+
 class TestInterruption:
     @pytest.fixture
     def interrupted(self, suites, out, capsys):
@@ -100,6 +110,14 @@ class TestInterruption:
         assert not (out / "unfinished.json").exists()
         assert call("--out", str(out)) == 0
         assert interrupted == ["one", "two", "three"] * 2, "a finished run is not gone on from"
+
+    def test_seconds_are_of_all_suites(self, suites, interrupted, out):
+        kept = json.loads((out / "unfinished.json").read_text())
+        kept["seconds"]["one"] += 100.0
+        (out / "unfinished.json").write_text(json.dumps(kept))
+        assert call("--out", str(out)) == 0
+        assert interrupted == ["one", "two", "three"]
+        assert 100.0 <= results(out)["seconds"] < 110.0
 
     @pytest.mark.parametrize("argv", [("--seed", "1"), ("--rounds", "2"), ("--quick",), ("--fresh",)])
     def test_other_options_start_over(self, interrupted, out, argv):
@@ -130,6 +148,12 @@ class TestInterruption:
         (["--fast"], "unrecognized arguments: --fast"),
         (["--out", "/proc/nowhere"], "cannot write /proc/nowhere"),
         (["--docs", "/proc/nowhere/page.md"], "cannot write /proc/nowhere"),
+        (["--out", "a\0b"], "--out cannot be a path, got 'a\\x00b': a path has no null character"),
+        (["--docs", "a\0b"], "--docs cannot be a path"),
+        (["--docs", "x" * 300], "--docs cannot be a path"),
+        (["--docs", "/"], "--docs must be a file, got the directory '/'"),
+        (["--docs", ""], "--docs must be a file, got the directory ''"),
+        (["--docs", "page.json"], "--docs must be a page of Markdown; its numbers go to page.json"),
     ],
 )
 def test_bad_input_is_one_clear_line(suites, capsys, argv, said):

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import contextlib
 import sys
+from collections import Counter
 
 import numpy as np
 import pytest
@@ -10,10 +12,10 @@ import pytest
 from kinreach.bench.measure import Timings
 from kinreach.bench.peers.gym_child import learning_seconds
 from kinreach.bench.peers.gym_peer import PANDA, REACHER
-from kinreach.bench.rates import rate_row, short_of_cores
+from kinreach.bench.rates import median_rates, rate_row, short_of_cores, time_row
 from kinreach.bench.suite import Options
 from kinreach.bench.suites import env, episodes, train
-from kinreach.errors import KinreachError
+from kinreach.errors import DrawingError, KinreachError
 
 TINY = Options(rounds=1, quick=True, seed=3)
 
@@ -47,6 +49,31 @@ class TestEnvironments:
         assert len(resets.rows) + len(resets.missing) == 3
         assert {what for what, *_ in told} == {"steps of environments", "episodes under dynamics", "resets"}
 
+    def test_what_is_opened_is_closed(self, tiny, no_peers, monkeypatch):
+        made, closed = Counter(), Counter()
+        for name in ("make", "make_vec"):
+            monkeypatch.setattr(env.gym, name, _noted(getattr(env.gym, name), made, closed))
+        monkeypatch.setattr(env, "interleaved", lambda *args, **settings: Timings())
+        env._steps(TINY, lambda *what: None)
+        assert made == {"make": 5, "make_vec": 7}
+        assert set(closed) == set(range(12))
+
+    def test_resets_close_also_what_cannot_be_drawn(self, tiny, monkeypatch):
+        made, closed = Counter(), Counter()
+        make = _noted(env.gym.make, made, closed)
+
+        def refusing(task, **settings):
+            made_env = make(task, **settings)
+            if settings:
+                monkeypatch.setattr(made_env, "reset", _refuse)
+            return made_env
+
+        monkeypatch.setattr(env.gym, "make", refusing)
+        section = env._resets(TINY, lambda *what: None)
+        assert len(section.missing) == 2
+        assert [row[0] for row in section.rows] == ['observation="geometric"']
+        assert set(closed) == {0, 1, 2}
+
     def test_ratio_to_the_peer(self):
         timings = Timings()
         timings |= {PANDA.name: np.array([1.0, 4.0, 9.0]), "ours": np.array([1e-3, 2e-3, 1e-3])}
@@ -57,7 +84,7 @@ class TestEnvironments:
     def test_without_stable_baselines3(self, monkeypatch):
         monkeypatch.setitem(sys.modules, "kinreach.baselines.sb3_vec_env", None)
         missing: dict[str, str] = {}
-        assert env._learners_batch(1, 0, missing) == []
+        assert env._learners_batch(contextlib.ExitStack(), 0, 1, missing) == []
         assert list(missing) == ["stable-baselines3"]
 
     def test_a_batch_that_does_something_else_is_no_result(self, tiny, monkeypatch):
@@ -73,6 +100,29 @@ class TestEnvironments:
         np.testing.assert_allclose(T[:, :3, 2] @ episodes.TOOL_DOWN, 1.0, atol=1e-9)
 
 
+def _noted(make, made, closed):
+    """`make` of Gymnasium that counts what it makes, and notes which of it is closed."""
+
+    def noting(*args, **kwargs):
+        number = made.total()
+        made[make.__name__] += 1
+        opened = make(*args, **kwargs)
+        close = opened.close
+
+        def closing(*args, **kwargs):
+            closed[number] += 1
+            close(*args, **kwargs)
+
+        opened.close = closing
+        return opened
+
+    return noting
+
+
+def _refuse(**settings):
+    raise DrawingError("no OpenGL")
+
+
 class TestRates:
     def timings(self) -> Timings:
         timings = Timings()
@@ -81,8 +131,10 @@ class TestRates:
         return timings
 
     def test_row(self):
-        assert rate_row("a", self.timings(), ("b", "nobody")) == ["a", 4.0, pytest.approx(1 / 0.475), 4.0, None, 1.93]
+        assert rate_row("a", self.timings(), ("b", "nobody")) == ["a", 4.0, 2.0, 4.0, None, 1.93]
         assert rate_row("b", self.timings(), note="elsewhere")[-1] == "elsewhere"
+        assert median_rates(self.timings()) == {"a": 4.0, "b": 1.0}
+        assert time_row("a", self.timings(), 0.5) == ["a", 0.5, 1.0, 1.93]
 
     def test_busy_machine(self):
         assert short_of_cores(self.timings(), "a", 2) == ""
@@ -110,6 +162,13 @@ class TestTraining:
         rows = train._rows({train.BATCH: [ours, ours], train.PEER: [theirs, theirs]})
         assert rows[0] == [train.BATCH, 100, 100.0, 20.0, 25.0, 25.0, 50.0, 0.0, 1.0, 1.0]
         assert rows[1][2:4] == [5.0, 1.0]
+
+    def test_rest_is_taken_round_by_round(self):
+        """In no round do the parts take longer than the whole; their medians do, together."""
+        part = dict(zip(train.PARTS, (0.2, 0.2, 0.6), strict=True))
+        rounds = [{**part, train.PARTS[i]: part[train.PARTS[i]] - 0.1} for i in range(3)]
+        rows = train._rows({train.BATCH: [{"actions": 1.0, "wall": 1.0, "processor": 1.0, **each} for each in rounds]})
+        assert rows[0][4:8] == pytest.approx([20.0, 20.0, 60.0, 10.0])
 
     def test_without_torch(self, monkeypatch):
         monkeypatch.setitem(sys.modules, "torch", None)

@@ -7,13 +7,14 @@ import sys
 import numpy as np
 import pytest
 
+from kinreach.bench.measure import Timings
 from kinreach.bench.peers import base
 from kinreach.bench.peers.analytic import ANALYTIC, WITH_APPROXIMATE
 from kinreach.bench.peers.base import IKPeer, installed, silent
 from kinreach.bench.poses import FLANGE, random_poses
 from kinreach.bench.registry import SUITES, load_suite
 from kinreach.bench.suite import Options
-from kinreach.bench.suites import fk_batch, ik_edge_cases, ik_seeded
+from kinreach.bench.suites import fk_batch, ik_batch, ik_edge_cases, ik_seeded, ik_single
 from kinreach.errors import InstallationError
 from kinreach.kinematics import ArmKinematics
 from kinreach.kinematics.goals import pose_error
@@ -73,6 +74,16 @@ def test_suites(suite, monkeypatch, checked):
         assert all(len(values) == QUICK.rounds and min(values) > 0 for values in section.samples.values())
     assert any(section.targets for section in sections)
     assert SUITES[suite].summary
+
+
+def test_the_text_of_single_poses_says_what_was_timed():
+    timings = Timings()
+    for name, us in ((ik_single.FORMULAS, 4.0), (ik_single.PUBLIC, 9.0), (ik_single.ARRAY, 15.0)):
+        timings[name] = np.full((3, 5), 1e-6 * us) * [[1], [10], [1]]
+    text = ik_single._text(timings, 5)
+    assert "5 poses of tool0" in text
+    assert "it takes 2.25 times as long as the formulas" in text
+    assert "takes 1.5 times as long as the formulas once more" in text
 
 
 def test_edge_cases_are_never_empty_and_never_wrong():
@@ -140,8 +151,24 @@ def test_a_suite_without_eaik_names_it_and_has_no_ratio(monkeypatch):
     (section,) = load_suite("ik-batch").run(QUICK, lambda *what: None)
     assert section.missing == {"EAIK": "not installed (no module eaik); pip install 'kinreach[bench]'"}
     assert "kinreach, batch" in [row[0] for row in section.rows]
-    assert all(row[3] is None for row in section.rows)
+    assert all(row[3:7] == [None] * 4 for row in section.rows)
     assert section.targets == []
+
+
+@pytest.mark.parametrize(
+    ("suite", "peer", "ours"),
+    [("ik-batch", ik_batch.EAIK, ik_batch.OURS), ("fk-batch", fk_batch.PINOCCHIO, fk_batch.OURS)],
+)
+@pytest.mark.filterwarnings("ignore")
+def test_a_peer_is_judged_by_its_quickest_way(suite, peer, ours):
+    (section,) = load_suite(suite).run(QUICK, lambda *what: None)
+    row = next(row for row in section.rows if row[0] == ours)
+    assert all(section.columns[column].startswith("x ") for column in (3, 5))
+    ratios = {way: 1 / row[column] for way, column in zip(peer, (3, 5), strict=True)}
+    (target,) = section.targets
+    quickest = min(ratios, key=ratios.get)
+    assert target.unit == f"x {quickest}"
+    assert target.measured == pytest.approx(ratios[quickest])  # of one round: no median is between
 
 
 def test_joint_axes():

@@ -7,8 +7,16 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from kinreach.bench.measure import Contender, EachContender, Timings, interleaved, interleaved_each, ratios
-from kinreach.bench.times import calls, medians, samples, time_cells
+from kinreach.bench.measure import (
+    Contender,
+    EachContender,
+    Timings,
+    clock_seconds,
+    interleaved,
+    interleaved_each,
+    ratios,
+)
+from kinreach.bench.times import calls, medians, samples, slow, time_cells, times_as_fast
 from kinreach.errors import InputError
 
 
@@ -117,8 +125,33 @@ def test_garbage_is_collected_between_rounds_only():
 def test_cells_of_a_table():
     timings = Timings()
     timings |= {"a": np.array([1e-6, 2e-6, 3e-6]), "b": np.array([[2e-6, 2e-6], [8e-6, 8e-6], [3e-6, 3e-6]])}
-    assert time_cells(timings, "a", "b") == pytest.approx([2.0, 2.9, 0.5, "0.25 ... 1"])
-    assert time_cells(timings, "a", "missing")[2:] == [None, None]
+    assert time_cells(timings, "a", "b") == pytest.approx([2.0, 3.0, 0.5, "0.25 ... 1"])
+    assert time_cells(timings, "a", "missing", "b")[2:] == pytest.approx([None, None, 0.5, "0.25 ... 1"])
     assert medians(timings) == pytest.approx({"a": 2.0, "b": 3.0})
-    assert samples(timings, "batch: ") == {"batch: a": [1e-6, 2e-6, 3e-6], "batch: b": [2e-6, 8e-6, 3e-6]}
+    assert samples(timings) == {"a": [1e-6, 2e-6, 3e-6], "b": [2e-6, 8e-6, 3e-6]}
     assert calls([Contender("a", print, 1, "f(x)"), Contender("b", print, 1)]) == "How each is called: a: `f(x)`."
+
+
+def test_slow_end_is_the_worst_round_or_p95_of_calls():
+    rng = np.random.default_rng(0)
+    for count in range(1, 41):
+        rounds = rng.exponential(size=count)
+        assert slow(rounds) == rounds.max()
+    calls_of_rounds = rng.exponential(size=(7, 200))
+    assert np.mean(calls_of_rounds <= slow(calls_of_rounds)) == pytest.approx(0.95, abs=1e-3)
+
+
+def test_target_is_held_against_the_quickest_way_of_a_peer():
+    timings = Timings()
+    timings |= {"ours": np.ones(3), "one way": np.array([9.0, 13.0, 20.0]), "other way": np.array([11.0, 11.0, 15.0])}
+    judged = {"what": "it", "bound": 12.0, "why": "because"}
+    for ways in (("one way", "other way"), ("other way", "one way"), ("other way",), ("gone", "other way")):
+        (target,) = times_as_fast(timings, "ours", ways, **judged)
+        assert (target.measured, target.unit, target.met, target.why) == (11.0, "x other way", False, "because")
+    (target,) = times_as_fast(timings, "ours", ("one way", "gone"), **judged)
+    assert (target.measured, target.unit, target.met) == (13.0, "x one way", True)
+    assert times_as_fast(timings, "ours", ("gone",), **judged) == []
+
+
+def test_reading_the_clock_costs_little():
+    assert 0 < clock_seconds() < 1e-5

@@ -7,9 +7,11 @@ import sys
 from importlib import resources
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from kinreach.bench.child import ChildRun
+from kinreach.bench.measure import Timings
 from kinreach.bench.suite import Options
 from kinreach.bench.suites import compare, growth, startup
 
@@ -19,22 +21,37 @@ TINY = Options(rounds=1, quick=True, seed=3)
 class TestStartup:
     @pytest.fixture(autouse=True)
     def few(self, monkeypatch):
-        monkeypatch.setattr(startup, "PROGRAMS", (startup.PYTHON, startup.GYMNASIUM, startup.OURS, startup.KINEMATICS))
+        monkeypatch.setattr(
+            startup, "PROGRAMS", (startup.PYTHON, startup.NUMPY, startup.GYMNASIUM, startup.OURS, startup.KINEMATICS)
+        )
         monkeypatch.setattr(startup, "STARTS", 1)
         monkeypatch.setattr(startup, "OBSERVATIONS", 3)
 
     def test_sections(self, checked):
         imports, decisions = checked(startup.run(TINY, lambda *what: None))
-        bare, _, ours, kinematics = imports.rows
-        programs = ["pass", "import gymnasium", "import kinreach", "import kinreach.kinematics"]
+        bare, _, _, ours, kinematics = imports.rows
+        programs = ["pass", "import numpy", "import gymnasium", "import kinreach", "import kinreach.kinematics"]
         assert [row[0] for row in imports.rows] == [f"`{program}`" for program in programs]
         assert bare[4] == 0.0
         if sys.platform == "linux":
             assert bare[5] < ours[5] < kinematics[5]  # each holds what the one before it holds, and more
         assert [(target.bound, target.unit) for target in imports.targets] == [(0.3, "s"), (0.8, "s")]
         assert [row[0] for row in decisions.rows] == list(startup.POLICIES)
+        assert all(row[4] > 0 for row in decisions.rows)
         assert decisions.targets[0].bound == 50
         assert decisions.targets[0].measured == decisions.rows[0][1]
+
+    def test_shares_are_of_what_our_import_adds(self):
+        timings = Timings()
+        for code, seconds in (
+            (startup.PYTHON, 1.0),
+            (startup.NUMPY, 2.0),
+            (startup.GYMNASIUM, 4.0),
+            (startup.OURS, 5.0),
+        ):
+            timings[f"`{code}`"] = np.array([seconds, 10 * seconds, seconds])
+        assert startup._share(timings, startup.NUMPY) == 25.0
+        assert startup._share(timings, startup.GYMNASIUM) == 75.0
 
     def test_busy(self):
         assert startup._busy([ChildRun(1.0, 0.95, "")]) == ""
@@ -42,15 +59,16 @@ class TestStartup:
 
 
 class TestCompare:
-    def fake(self, monkeypatch, processor: float) -> list[list[str]]:
-        """A comparison that was done in 80 s."""
+    def fake(self, monkeypatch, processor: float, *, first: float | None = 0.25) -> list[list[str]]:
+        """A comparison that was done in 80 s, with the median time of its first method."""
         started: list[list[str]] = []
 
         def run_child(arguments: list[str]) -> ChildRun:
             started.append(arguments)
             median = {"median": 0.25, "p95": 0.5}
             methods = [
-                {"name": name, "solve_ms": median, "accept_ms": median, "iterations": median} for name in ("a", "b")
+                {"name": name, "solve_ms": {"median": time, "p95": 0.5}, "accept_ms": median, "iterations": median}
+                for name, time in (("a", first), ("b", 0.25))
             ]
             folder = Path(arguments[arguments.index("--out") + 1])
             (folder / "results.json").write_text(json.dumps({"methods": methods}), encoding="utf-8")
@@ -67,6 +85,13 @@ class TestCompare:
         assert section.rows == [["a", 0.25, 0.5, 0.25, 0.25], ["b", 0.25, 0.5, 0.25, 0.25]]
         (target,) = section.targets
         assert (target.bound, target.measured, target.met, target.why) == (90.0, 80.0, True, "")
+
+    @pytest.mark.parametrize(("first", "bars"), [(None, {"b": 0.25}), (0.0, {"a": 0.0, "b": 0.25})])
+    def test_what_was_not_timed_has_no_bar(self, checked, monkeypatch, first, bars):
+        self.fake(monkeypatch, 79.0, first=first)
+        (section,) = checked(compare.run(TINY, lambda *what: None))
+        assert section.rows[0][1] == first
+        assert section.charts[0].bars == bars
 
     def test_busy_machine_is_told(self, monkeypatch):
         self.fake(monkeypatch, 40.0)
@@ -115,6 +140,30 @@ class TestGrowth:
         assert set(dynamics.charts[0].lines) == {"one thread", "two threads"}
         for row in environments.rows:
             assert row[1] * row[2] == pytest.approx(1e6)
+        assert all(f"{growth.PROFILED}" in section.text for section in (poses, environments, dynamics))
+        assert "Each of them takes 2.5e+02 kB of memory." in environments.text  # 1 MB for four more
+
+    def test_the_texts_say_what_the_run_said(self):
+        timings = Timings()
+        timings |= {f"IK {n}": np.array([time]) for n, time in ((1, 9.0), (10, 2.0), (100, 3.0))}
+        assert growth._cheapest(timings, (1, 10, 100), "IK") == 10
+        assert growth._memory((1, 101), [140.0, 141.0]) == " Each of them takes 10 kB of memory."
+        assert growth._memory((1, 101), [None, None]) == ""
+
+    def test_environments_are_closed(self, monkeypatch):
+        closed = []
+        make = growth.gym.make_vec
+
+        def noting(*args, num_envs, **kwargs):
+            batch = make(*args, num_envs=num_envs, **kwargs)
+            close = batch.close
+            batch.close = lambda: (closed.append(num_envs), close())
+            return batch
+
+        monkeypatch.setattr(growth.gym, "make_vec", noting)
+        monkeypatch.setattr(growth, "peak_memory", lambda code: None)
+        growth._environments(TINY, lambda *what: None)
+        assert sorted(closed) == [1, 5]
 
     def test_without_eaik(self, monkeypatch):
         monkeypatch.setitem(sys.modules, "eaik.IK_HP", None)

@@ -1,5 +1,6 @@
 """The report says all that was measured, and the page of the documentation is what the command would write."""
 
+import dataclasses
 import json
 import math
 from pathlib import Path
@@ -32,7 +33,7 @@ def results(make_section) -> dict:
 def test_the_report_says_everything(results):
     page = markdown(results, data="data.json", picture="picture.png")
     for said in (
-        "Machine: a processor, 2 cores, Linux. Rounds: 7; seed: 0. Versions: numpy 2.0. Not installed: mink.",
+        "Machine: a processor, 2 cores, Linux. Seed: 0. Versions: numpy 2.0. Not installed: mink.",
         "## Targets: 2 of 4 met",
         "| one, time | at most 1 x theirs | 0.5 x theirs | yes |",
         "| one, rate | at least 10 steps/s | 8 steps/s | no |",
@@ -43,7 +44,7 @@ def test_the_report_says_everything(results):
         "| ours | 1.23 | 0.5 | 0.4 ... 0.6 |",
         "| theirs\\|they | 12 300 |  |  |",
         "* Missing: absent: not installed (no module absent)",
-        "Again: `python -m kinreach.bench --suite two`",
+        "Rounds: 2. Again: `python -m kinreach.bench --suite two`",
         "[data.json](data.json)",
     ):
         assert said in page, said
@@ -95,6 +96,32 @@ def test_figure(results):
     line = panels[2].lines[0]
     assert [*zip(*line.get_data(), strict=True)] == [(1.0, 3.0), (10.0, 0.1)]
     figure.canvas.draw()
+
+
+def test_rounds_are_those_of_the_section():
+    bare = Section("a", "b", ("c",), [["d"]], "e")
+    assert bare.rounds == 0
+    assert Section("a", "b", ("c",), [["d"]], "e", samples={"f": [1.0] * 5, "g": [2.0] * 5}).rounds == 5
+
+
+def test_a_section_that_timed_nothing_tells_no_rounds(results, make_section):
+    results["suites"] = {"one": [dataclasses.replace(make_section("one"), samples={}).to_json()]}
+    page = markdown(results, data="data.json", picture="")
+    assert "\nAgain: `python -m kinreach.bench --suite one`" in page
+    assert "Rounds" not in page
+
+
+@pytest.mark.parametrize("values", [[0.0, 2.0, 5.0], [0.0, 0.0], [0.0], [3.0]])
+def test_a_bar_of_nothing_is_drawn_as_nothing(values):
+    bars = {f"bar {number}": value for number, value in enumerate(values)}
+    figure = draw([Section("a", "b", ("c",), [], "e", charts=[Chart("x", bars=bars)])])
+    figure.canvas.draw()
+    (axes,) = figure.axes
+    assert [bar.get_width() for bar in axes.patches] == values
+    low, high = axes.get_xlim()
+    assert 0 <= low < high
+    assert max(values) < high
+    assert [note.get_text().strip() for note in axes.texts] == [f"{value:g}" for value in values]
 
 
 def test_no_figure_without_charts():

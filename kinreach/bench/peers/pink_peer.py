@@ -11,9 +11,8 @@ from kinreach.engines import load
 from kinreach.kinematics.arm import ArmKinematics
 from kinreach.kinematics.goals import Floats
 from kinreach.kinematics.solvers import Tolerance
+from kinreach.kinematics.solvers.placo_solver import NO_LIMIT
 
-#: Limit [rad] for joints that turn full circle: no search gets there.
-NO_LIMIT = 100.0
 #: Levenberg-Marquardt damping of the task: of 1, 0.1, 0.01, 0.001 and 1e-6 the one with which it succeeds most often.
 DAMPING = 0.1
 

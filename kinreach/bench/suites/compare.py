@@ -8,6 +8,7 @@ from pathlib import Path
 
 from kinreach.bench.child import run_child
 from kinreach.bench.suite import Cell, Chart, Options, Progress, Section, Target
+from kinreach.bench.suites import PROFILED
 from kinreach.compare.settings import DEFAULT_GOALS
 
 AGAIN = "python -m kinreach.bench --suite compare"
@@ -20,12 +21,12 @@ processor worked {processor:.1f} s. The table says how long a method takes to de
 included, of which the tests alone; for a policy of many steps it is the sum over its decisions. Each decision is on
 one thread.
 
-Methods take turns on every goal; what they decide is then simulated. {bound}"""
-BOUND = """\
-A profile of 20 goals (`cProfile`) says where a run's time goes: a trial, simulated moves included, takes 8 ms; the rest
-is the same for any number of goals, and most of it the report's pictures of the scene (OpenGL in software on a machine
-without a graphics card), then the diagrams, and imports."""
-UNJUDGED = " The target is for {goals} goals: without `--quick`."
+Methods take turns on every goal; what they decide is then simulated.
+
+{profiled}: of 20 goals (`cProfile`), a trial took 8 ms, simulated moves included; the rest is the same for any number
+of goals, and most of it was the report's pictures of the scene (OpenGL in software on a machine without a graphics
+card), then the diagrams, and imports."""
+UNJUDGED = "\n\nThe target is for {goals} goals: without `--quick`."
 
 
 def run(options: Options, progress: Progress) -> list[Section]:
@@ -41,7 +42,9 @@ def run(options: Options, progress: Progress) -> list[Section]:
         [m["name"], m["solve_ms"]["median"], m["solve_ms"]["p95"], m["accept_ms"]["median"], m["iterations"]["median"]]
         for m in methods
     ]
-    text = TEXT.format(goals=goals, wall=done.wall, processor=done.processor, bound=BOUND)
+    medians = {m["name"]: m["solve_ms"]["median"] for m in methods}
+    decided = {name: float(median) for name, median in medians.items() if median is not None}
+    text = TEXT.format(goals=goals, wall=done.wall, processor=done.processor, profiled=PROFILED)
     targets = []
     if options.quick:
         text += UNJUDGED.format(goals=DEFAULT_GOALS)
@@ -56,7 +59,7 @@ def run(options: Options, progress: Progress) -> list[Section]:
             rows=rows,
             again=AGAIN,
             targets=targets,
-            charts=[Chart("time to decide", bars={str(row[0]): float(row[1] or 0) for row in rows}, x="ms")],
+            charts=[Chart("time to decide", bars=decided, x="ms")],
             samples={"wall per goal": [done.wall / goals], "processor per goal": [done.processor / goals]},
         )
     ]

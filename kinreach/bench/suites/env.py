@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from contextlib import ExitStack, closing
 from dataclasses import dataclass
 from functools import partial
 from itertools import cycle
@@ -12,17 +13,17 @@ import gymnasium as gym
 import numpy as np
 from gymnasium.vector import VectorEnv
 
+from kinreach.baselines.recipes import BUTTON, MULTI, SINGLE
 from kinreach.bench.measure import Contender, Timings, interleaved
 from kinreach.bench.peers.gym_child import play, random_actions
 from kinreach.bench.peers.gym_peer import PANDA, REACHER, gym_peers
-from kinreach.bench.rates import rate_row, short_of_cores, time_row
+from kinreach.bench.rates import median_rates, rate_row, short_of_cores, time_row
 from kinreach.bench.suite import Chart, Options, Progress, Section, Target
-from kinreach.bench.suites import episodes
+from kinreach.bench.suites import PROFILED, episodes
 from kinreach.bench.times import median_ratio, samples
 from kinreach.errors import DrawingError, InstallationError
 
 AGAIN = "python -m kinreach.bench --suite env"
-ONE, MANY, BUTTON = "kinreach/UR5SingleStep-v0", "kinreach/UR5MultiStep-v0", "kinreach/ButtonPress-v0"
 #: Environments of a kinematic batch, and how many times as fast as PandaReach-v3 it has to be.
 KINEMATIC, TIMES_PANDA = 4096, 1000.0
 #: Steps of peers in a round.
@@ -47,26 +48,27 @@ class Amounts:
 
 
 FULL, QUICK = Amounts(1.0, 256, 8), Amounts(0.1, 32, 2)
-COLUMNS = ("environment", "steps/s, median", "steps/s in 95 % of rounds", "x PandaReach-v3", "x Reacher-v5", "cores")
+COLUMNS = ("environment", "steps/s, median", "steps/s, worst round", "x PandaReach-v3", "x Reacher-v5", "cores")
 
-STEPS_TEXT = """\
+STEPS_TEXT = f"""\
 Random actions, drawn before the clock runs; resets of ended episodes count as part of the steps. A batch is one
 `gym.make_vec(..., vectorization_mode="vector_entry_point")`. Peers run in a process of their own, as `gym.make` gives
 them, and take turns with the others. The tasks differ: a step of PandaReach-v3 is 40 ms of a position-controlled arm
 in PyBullet, one of Reacher-v5 is 20 ms of a planar arm with two joints, one of UR5SingleStep-v0 under dynamics is a
 whole episode, 1.3 s and more of simulated time.
 
-What bounds the numbers, by profiles (`cProfile`, `perf record`): a kinematic batch of 4096 is bound by numpy's
-arithmetic (45 % of the samples), the interpreter between its calls (29 %) and copies (13 %); half of its time is the
-check for collisions. One kinematic environment is the interpreter (42 %) and numpy's calls for arrays of one row
-(37 %). Under dynamics 90 % of a batch's time is MuJoCo's step, the rest the Python that looks whether joints have
-arrived; a random posture with something in its way takes longer than one that is reached, because the arm is pressed
-against the thing until it is found to stand still. The button's batch is MuJoCo's step to 97 %."""
+{PROFILED}, by `cProfile` and `perf record`: a kinematic batch of 4096 was bound by numpy's arithmetic (45 % of the
+samples), the interpreter between its calls (29 %) and copies (13 %); half of its time was the check for collisions. One
+kinematic environment was the interpreter (42 %) and numpy's calls for arrays of one row (37 %). Under dynamics 90 % of
+a batch's time was MuJoCo's step, the rest the Python that looks whether joints have arrived; a random posture with
+something in its way takes longer than one that is reached, because the arm is pressed against the thing until it is
+found to stand still. The button's batch was MuJoCo's step to 97 %."""
 
-RESET_TEXT = """\
+RESET_TEXT = f"""\
 `reset()` of one environment with the dynamics. With `observation="camera"` two cameras draw a colour and a depth
 picture of 640 x 360 pixels each (OpenGL in software on a machine without a graphics card), and the ball is found in
-them. Nine tenths of the time are drawing and fetching the pictures, a twentieth is finding the ball (`cProfile`)."""
+them. {PROFILED}, by `cProfile`: nine tenths of the time were drawing and fetching the pictures, a twentieth was finding
+the ball."""
 
 
 def run(options: Options, progress: Progress) -> list[Section]:
@@ -76,28 +78,13 @@ def run(options: Options, progress: Progress) -> list[Section]:
 
 def _steps(options: Options, progress: Progress) -> Section:
     amounts = QUICK if options.quick else FULL
-    share, dynamic = amounts.share, amounts.dynamic
-    kinematic = {task: f"{task.removeprefix('kinreach/')}, kinematic, batch of {KINEMATIC}" for task in (ONE, MANY)}
+    kinematic = {task: f"{task.removeprefix('kinreach/')}, kinematic, batch of {KINEMATIC}" for task in (SINGLE, MULTI)}
     missing: dict[str, str] = {}
-    contenders = [
-        _batch(kinematic[ONE], ONE, KINEMATIC, share * 50, options.seed, backend="kinematic"),
-        _batch(kinematic[MANY], MANY, KINEMATIC, share * 50, options.seed, backend="kinematic"),
-        *_learners_batch(share * 50, options.seed, missing),
-        _single("UR5SingleStep-v0, kinematic, one", ONE, share * 500, options.seed, backend="kinematic"),
-        _single("UR5MultiStep-v0, kinematic, one", MANY, share * 500, options.seed, backend="kinematic"),
-    ]
-    for name, task, steps in (("UR5SingleStep-v0, mujoco", ONE, 1), ("ButtonPress-v0", BUTTON, share * 20)):
-        for threads, written in ((1, "1 thread"), (2, "2 threads")):
-            name_of_batch = f"{name}, batch of {dynamic}, {written}"
-            contenders.append(_batch(name_of_batch, task, dynamic, steps, options.seed, threads=threads))
-    contenders += [
-        _single("UR5SingleStep-v0, mujoco, one", ONE, share * 60, options.seed),
-        _single("UR5MultiStep-v0, mujoco, one", MANY, share * 300, options.seed),
-        _single("ButtonPress-v0, one", BUTTON, share * 1000, options.seed),
-    ]
-    with gym_peers((PANDA, REACHER), seed=options.seed) as (peers, absent):
+    with ExitStack() as opened:
+        contenders = _contenders(opened, amounts, options.seed, kinematic, missing)
+        peers, absent = opened.enter_context(gym_peers((PANDA, REACHER), seed=options.seed))
         for name, peer in peers.items():
-            steps = _at_least_one(share * PEER_STEPS[name])
+            steps = _at_least_one(amounts.share * PEER_STEPS[name])
             contenders.append(Contender(name, partial(peer.play, steps), steps, note=peer.description, peer=True))
         timings = interleaved(
             contenders, options.rounds, on_round=lambda done, rounds: progress("steps of environments", done, rounds)
@@ -119,13 +106,38 @@ def _steps(options: Options, progress: Progress) -> Section:
         charts=[
             Chart(
                 "steps per second",
-                bars={str(row[0]): float(row[1] or 0) for row in rows},
+                bars=median_rates(timings),
                 x="steps/s",
                 peers=[PANDA.name, REACHER.name],
             )
         ],
         samples=samples(timings),
     )
+
+
+def _contenders(
+    opened: ExitStack, amounts: Amounts, seed: int, kinematic: dict[str, str], missing: dict[str, str]
+) -> list[Contender]:
+    """All of ours, their environments left open until `opened` closes."""
+    share, dynamic = amounts.share, amounts.dynamic
+    batch, single = partial(_batch, opened, seed), partial(_single, opened, seed)
+    contenders = [
+        batch(kinematic[SINGLE], SINGLE, KINEMATIC, share * 50, backend="kinematic"),
+        batch(kinematic[MULTI], MULTI, KINEMATIC, share * 50, backend="kinematic"),
+        *_learners_batch(opened, seed, share * 50, missing),
+        single("UR5SingleStep-v0, kinematic, one", SINGLE, share * 500, backend="kinematic"),
+        single("UR5MultiStep-v0, kinematic, one", MULTI, share * 500, backend="kinematic"),
+    ]
+    for name, task, steps in (("UR5SingleStep-v0, mujoco", SINGLE, 1), ("ButtonPress-v0", BUTTON, share * 20)):
+        for threads, written in ((1, "1 thread"), (2, "2 threads")):
+            name_of_batch = f"{name}, batch of {dynamic}, {written}"
+            contenders.append(batch(name_of_batch, task, dynamic, steps, threads=threads))
+    return [
+        *contenders,
+        single("UR5SingleStep-v0, mujoco, one", SINGLE, share * 60),
+        single("UR5MultiStep-v0, mujoco, one", MULTI, share * 300),
+        single("ButtonPress-v0, one", BUTTON, share * 1000),
+    ]
 
 
 def _times_panda(timings: Timings, kinematic: dict[str, str]) -> list[Target]:
@@ -143,22 +155,23 @@ def _times_panda(timings: Timings, kinematic: dict[str, str]) -> list[Target]:
     ]
 
 
-def _batch(name: str, task: str, count: int, steps: float, seed: int, **settings: Any) -> Contender:
+def _batch(opened: ExitStack, seed: int, name: str, task: str, count: int, steps: float, **settings: Any) -> Contender:
     """A native batch; one call is some steps of all its environments."""
     env = gym.make_vec(task, num_envs=count, vectorization_mode="vector_entry_point", **settings)
+    opened.enter_context(closing(env))
     env.reset(seed=seed)
     return _stepped(name, env.step, env, count, steps, seed)
 
 
-def _learners_batch(steps: float, seed: int, missing: dict[str, str]) -> list[Contender]:
+def _learners_batch(opened: ExitStack, seed: int, steps: float, missing: dict[str, str]) -> list[Contender]:
     """A native batch as stable-baselines3 sees it."""
     try:
         from kinreach.baselines.sb3_vec_env import SB3VecEnv
     except ImportError as error:
         missing["stable-baselines3"] = f"the batch behind its interface is left out: {error}"
         return []
-    env = gym.make_vec(MANY, num_envs=KINEMATIC, vectorization_mode="vector_entry_point", backend="kinematic")
-    learners = SB3VecEnv(env)
+    env = gym.make_vec(MULTI, num_envs=KINEMATIC, vectorization_mode="vector_entry_point", backend="kinematic")
+    learners = opened.enter_context(closing(SB3VecEnv(env)))
     learners.seed(seed)
     learners.reset()
     name = f"UR5MultiStep-v0, kinematic, batch of {KINEMATIC} as SB3VecEnv"
@@ -179,8 +192,8 @@ def _stepped(
     return Contender(name, run, calls * count)
 
 
-def _single(name: str, task: str, steps: float, seed: int, **settings: Any) -> Contender:
-    env = gym.make(task, **settings)
+def _single(opened: ExitStack, seed: int, name: str, task: str, steps: float, **settings: Any) -> Contender:
+    env = opened.enter_context(closing(gym.make(task, **settings)))
     env.reset(seed=seed)
     calls = _at_least_one(steps)
     return Contender(name, partial(play, env, random_actions(env, seed), calls), calls)
@@ -199,15 +212,18 @@ def _resets(options: Options, progress: Progress) -> Section:
     resets = (QUICK if options.quick else FULL).resets
     missing: dict[str, str] = {}
     contenders = []
-    for name, chosen in settings.items():
-        env = gym.make(ONE, **chosen)
-        try:
-            env.reset(seed=options.seed)
-        except (DrawingError, InstallationError) as error:
-            missing[name] = str(error)
-            continue
-        contenders.append(Contender(name, partial(_reset, env, resets), resets))
-    timings = interleaved(contenders, options.rounds, on_round=lambda done, rounds: progress("resets", done, rounds))
+    with ExitStack() as opened:
+        for name, chosen in settings.items():
+            env = opened.enter_context(closing(gym.make(SINGLE, **chosen)))
+            try:
+                env.reset(seed=options.seed)
+            except (DrawingError, InstallationError) as error:
+                missing[name] = str(error)
+                continue
+            contenders.append(Contender(name, partial(_reset, env, resets), resets))
+        timings = interleaved(
+            contenders, options.rounds, on_round=lambda done, rounds: progress("resets", done, rounds)
+        )
     rows = [time_row(name, timings, 1e-3) for name in timings]
     camera = next(iter(settings))
     targets = []
@@ -218,7 +234,7 @@ def _resets(options: Options, progress: Progress) -> Section:
     return Section(
         title="Environments: resets",
         text=RESET_TEXT,
-        columns=("UR5SingleStep-v0", "reset, median [ms]", "p95 over rounds [ms]", "cores"),
+        columns=("UR5SingleStep-v0", "reset, median [ms]", "worst round [ms]", "cores"),
         rows=rows,
         again=AGAIN,
         targets=targets,

@@ -2,16 +2,20 @@
 
 from __future__ import annotations
 
+import time
+from contextlib import ExitStack, closing
 from functools import partial
 
 import gymnasium as gym
 import numpy as np
 
+from kinreach.baselines.recipes import SINGLE
 from kinreach.bench.child import peak_memory
 from kinreach.bench.measure import LAP, Contender, Timings, interleaved
 from kinreach.bench.peers import eaik
 from kinreach.bench.peers.base import installed
 from kinreach.bench.suite import Cell, Chart, Options, Progress, Section
+from kinreach.bench.suites import PROFILED
 from kinreach.bench.suites import growth_texts as texts
 from kinreach.bench.suites.episodes import batched, goals_and_targets
 from kinreach.bench.times import median_ratio, samples
@@ -32,7 +36,6 @@ QUICK: dict[tuple[int, ...], tuple[int, ...]] = {
 MOST_EAIK = 100_000
 MOST_ROUNDS = 5
 THREADS = (1, 2)
-KINEMATIC = "kinreach/UR5SingleStep-v0"
 
 _POSES_CODE = """\
 import numpy as np
@@ -43,7 +46,7 @@ IK_CODE = _POSES_CODE + "T = kinematics.fk(q); kinematics.batch(T)"
 FK_CODE = _POSES_CODE + "kinematics.fk(q)"
 ENV_CODE = """\
 import gymnasium, numpy as np, kinreach
-env = gymnasium.make_vec("kinreach/UR5SingleStep-v0", num_envs={n}, vectorization_mode="vector_entry_point",
+env = gymnasium.make_vec("{id}", num_envs={n}, vectorization_mode="vector_entry_point",
                          backend="kinematic")
 env.reset(seed=0)
 env.step(np.zeros(({n}, 6)))
@@ -83,7 +86,9 @@ def _poses(options: Options, progress: Progress) -> Section:
         rows.append([n, *times, ratio, *(peak_memory(code.format(n=n)) for code in (IK_CODE, FK_CODE))])
     return Section(
         title="Growth: poses",
-        text=texts.POSES,
+        text=texts.POSES.format(
+            ik=_cheapest(timings, sizes, "IK"), fk=_cheapest(timings, sizes, "FK"), profiled=PROFILED
+        ),
         columns=(
             "poses",
             "IK [us a pose]",
@@ -111,20 +116,30 @@ def _poses(options: Options, progress: Progress) -> Section:
 def _environments(options: Options, progress: Progress) -> Section:
     sizes = _sizes(ENVIRONMENTS, options)
     contenders = []
-    for n in sizes:
-        env = gym.make_vec(KINEMATIC, num_envs=n, vectorization_mode="vector_entry_point", backend="kinematic")
-        env.reset(seed=options.seed)
-        actions = np.random.default_rng(options.seed).uniform(-1.0, 1.0, (n, 6))
-        contenders.append(Contender(f"step {n}", partial(env.step, actions), n))
-    timings = _timed("kinematic environments", contenders, options, progress)
+    with ExitStack() as opened:
+        for n in sizes:
+            env = gym.make_vec(SINGLE, num_envs=n, vectorization_mode="vector_entry_point", backend="kinematic")
+            opened.enter_context(closing(env))
+            start = time.perf_counter()
+            env.reset(seed=options.seed)
+            seeding = time.perf_counter() - start  # of the largest, in the end
+            actions = np.random.default_rng(options.seed).uniform(-1.0, 1.0, (n, 6))
+            contenders.append(Contender(f"step {n}", partial(env.step, actions), n))
+        timings = _timed("kinematic environments", contenders, options, progress)
     rows: list[list[Cell]] = []
     for n in sizes:
         progress("memory of kinematic environments", sizes.index(n), len(sizes))
         us = _us(timings, f"step {n}")
-        rows.append([n, us, None if us is None else 1e6 / us, peak_memory(ENV_CODE.format(n=n))])
+        rows.append([n, us, None if us is None else 1e6 / us, peak_memory(ENV_CODE.format(n=n, id=SINGLE))])
     return Section(
         title="Growth: kinematic environments",
-        text=texts.ENVIRONMENTS,
+        text=texts.ENVIRONMENTS.format(
+            cheapest=_cheapest(timings, sizes, "step"),
+            seeding=1e6 * seeding / sizes[-1],
+            most=sizes[-1],
+            memory=_memory(sizes, [row[-1] for row in rows]),
+            profiled=PROFILED,
+        ),
         columns=("environments", "us a step", "steps/s", "memory [MB]"),
         rows=rows,
         again=AGAIN,
@@ -198,6 +213,19 @@ def _threads(threads: int, n: int | None = None) -> str:
 
 def _us(timings: Timings, name: str) -> float | None:
     return float(1e6 * np.median(timings[name])) if name in timings else None
+
+
+def _cheapest(timings: Timings, sizes: tuple[int, ...], name: str) -> int:
+    """The size at which one takes least."""
+    return min(sizes, key=lambda n: float(np.median(timings[f"{name} {n}"])))
+
+
+def _memory(sizes: tuple[int, ...], megabytes: list[Cell]) -> str:
+    """A sentence that says what one among the most takes more than one alone; empty where memory is not told."""
+    one, most = megabytes[0], megabytes[-1]
+    if not isinstance(one, float) or not isinstance(most, float):
+        return ""
+    return texts.MEMORY.format(kilobytes=1e3 * (most - one) / (sizes[-1] - sizes[0]))
 
 
 def _lines(timings: Timings, sizes: tuple[int, ...], names: tuple[str, ...]) -> dict[str, list[tuple[float, float]]]:

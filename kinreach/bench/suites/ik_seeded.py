@@ -15,6 +15,7 @@ from kinreach.bench.peers.mink_peer import MinkSolver
 from kinreach.bench.peers.pink_peer import PinkSolver
 from kinreach.bench.poses import FLANGE, random_poses
 from kinreach.bench.suite import Cell, Chart, Options, Progress, Section
+from kinreach.bench.suites import PROFILED
 from kinreach.bench.times import calls, medians, samples, time_cells
 from kinreach.kinematics import PoseGoal, UR5Kinematics
 from kinreach.kinematics.goals import Floats, pose_error
@@ -43,10 +44,10 @@ an attempt, and up to {restarts} restarts from random postures. Steps of placo, 
 the URDF's speed limits, and joints that turn full circle are folded into their limits at the end. roboticstoolbox may
 search as often; TRAC-IK restarts by itself until {timeout:g} ms are over, and runs two threads.
 
-What bounds them, by profiles: the loops take 9 steps on half of the poses. In a step of pink, 60 % of the time builds
-the quadratic program in Python, 16 % is qpsolvers with daqp; in one of mink, half and a third. The closed form's
-nearest posture is a sixth the formulas, a quarter limits, windings and sorting, a quarter the forward kinematics that
-tells its error; the rest is checks of the input and the objects that are returned."""
+{profiled}: the loops took 9 steps on half of the poses. In a step of pink, 60 % of the time built the quadratic
+program in Python, 16 % was qpsolvers with daqp; in one of mink, half and a third. The closed form's nearest posture was
+a sixth the formulas, a quarter limits, windings and sorting, a quarter the forward kinematics that tells its error; the
+rest was checks of the input and the objects that are returned."""
 
 
 def section(options: Options, progress: Progress, again: str) -> Section:
@@ -78,6 +79,7 @@ def section(options: Options, progress: Progress, again: str) -> Section:
             steps=30,
             restarts=rtb.SEARCHES - 1,
             timeout=1e3 * tracik.TIMEOUT,
+            profiled=PROFILED,
         )
         + "\n\n"
         + calls(contenders),

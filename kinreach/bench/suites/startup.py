@@ -9,10 +9,10 @@ import numpy as np
 
 from kinreach.baselines.learned import load_policy
 from kinreach.bench.child import ChildRun, peak_memory, run_child
-from kinreach.bench.measure import Contender, EachContender, interleaved, interleaved_each
+from kinreach.bench.measure import LAP, Contender, EachContender, Timings, interleaved, interleaved_each
 from kinreach.bench.rates import short_of_cores, time_row
 from kinreach.bench.suite import Cell, Options, Progress, Section, Target
-from kinreach.bench.times import samples
+from kinreach.bench.times import samples, slow
 
 AGAIN = "python -m kinreach.bench --suite startup"
 #: Fresh processes of each kind, at least, but with `--quick`.
@@ -40,14 +40,13 @@ IMPORTS_TEXT = """\
 Each start is a fresh process, from its creation to its end, the interpreter included; files come from the system's
 cache, bytecode is compiled beforehand. Starts take turns. Memory is the most that a process held.
 
-`python -X importtime` says what the time is: `import kinreach` is Gymnasium, of which numpy is half, and under two
-milliseconds of its own; `import kinreach.kinematics` is that and Pinocchio with coal, shared libraries that have to be
-loaded."""
+Of what `import kinreach` takes beyond a bare Python, {gymnasium:.0f} % is Gymnasium, numpy included, which by itself is
+{numpy:.0f} %. `import kinreach.kinematics` is that and Pinocchio with coal, shared libraries that have to be loaded."""
 
 DECISION_TEXT = """\
-One observation in, one action out (`load_policy(name).act`), call by call. The networks are two hidden layers of up to
-64 in numpy; there are some twenty calls of numpy in a decision, and their overhead is what it costs, not the
-arithmetic: in a batch of 1000 an observation takes less than a tenth of the time."""
+One observation in, one action out (`load_policy(name).act`), call by call. The networks are small and in numpy. The
+last column is the time of an observation among {observations} that are decided on in one call, which is arithmetic;
+what a single one takes beyond it is the overhead of the interpreter and of some twenty calls of numpy."""
 
 
 def run(options: Options, progress: Progress) -> list[Section]:
@@ -70,17 +69,15 @@ def _imports(options: Options, progress: Progress) -> Section:
         seconds = timings[f"`{code}`"]
         beyond = float(1e3 * np.median(seconds - bare))
         worked = [run.processor for run in starts[code][-len(seconds) :]]
-        milliseconds = (
-            float(1e3 * value) for value in (np.median(seconds), np.percentile(seconds, 95), np.median(worked))
-        )
+        milliseconds = (float(1e3 * value) for value in (np.median(seconds), slow(seconds), np.median(worked)))
         rows.append([f"`{code}`", *milliseconds, beyond, peak_memory(code)])
     return Section(
         title="Imports",
-        text=IMPORTS_TEXT,
+        text=IMPORTS_TEXT.format(gymnasium=_share(timings, GYMNASIUM), numpy=_share(timings, NUMPY)),
         columns=(
             "`python -c`",
             "wall, median [ms]",
-            "p95 [ms]",
+            "worst round [ms]",
             "processor [ms]",
             "beyond a bare Python [ms]",
             "memory [MB]",
@@ -102,27 +99,37 @@ def _imports(options: Options, progress: Progress) -> Section:
     )
 
 
+def _share(timings: Timings, code: str) -> float:
+    """What a program takes beyond a bare Python, as a share of what our import takes beyond it [%]."""
+    bare, part, ours = (timings[f"`{name}`"] for name in (PYTHON, code, OURS))
+    return float(100 * np.median((part - bare) / (ours - bare)))
+
+
 def _busy(starts: list[ChildRun]) -> str:
     share = float(np.median([run.processor / run.wall for run in starts]))
     return "" if share > 0.9 else f"of the time of a start the processor worked on it {100 * share:.0f} %: it was busy"
 
 
 def _decisions(options: Options, progress: Progress) -> Section:
-    contenders = []
+    contenders, batches = [], []
     for name in POLICIES:
         policy = load_policy(name)
         batch = gym.make_vec(policy.card.environment, num_envs=OBSERVATIONS, vectorization_mode="vector_entry_point")
         observations, _ = batch.reset(seed=options.seed)
         batch.close()
         contenders.append(EachContender(name, policy.act, list(np.array(observations))))
+        batches.append(Contender(name, partial(policy.act, np.array(observations)), OBSERVATIONS))
     timings = interleaved_each(
         contenders, options.rounds, on_round=lambda done, rounds: progress("decisions", done, rounds)
     )
-    rows = [time_row(name, timings, 1e-6) for name in timings]
+    among = interleaved(
+        batches, options.rounds, lap=LAP, on_round=lambda done, rounds: progress("decisions in batches", done, rounds)
+    )
+    rows = [[*time_row(name, timings, 1e-6), float(1e6 * np.median(among[name]))] for name in timings]
     return Section(
         title="One decision of a policy",
-        text=DECISION_TEXT,
-        columns=("policy", "median [us]", "p95 [us]", "cores"),
+        text=DECISION_TEXT.format(observations=OBSERVATIONS),
+        columns=("policy", "median [us]", "p95 [us]", "cores", f"in a batch of {OBSERVATIONS} [us]"),
         rows=rows,
         again=AGAIN,
         targets=[

@@ -9,17 +9,19 @@ from typing import Any
 import gymnasium as gym
 import numpy as np
 
+from kinreach.baselines.recipes import MULTI, get_recipe
 from kinreach.bench.peers.gym_child import learning_seconds, ppo_seconds
 from kinreach.bench.peers.gym_peer import PANDA, gym_peers
 from kinreach.bench.suite import Cell, Options, Progress, Section
+from kinreach.bench.suites import PROFILED
 from kinreach.errors import InstallationError
 
 AGAIN = "python -m kinreach.bench --suite train"
-ENVIRONMENT = "kinreach/UR5MultiStep-v0"
-#: Actions that a round takes, of ours and of the peer; and of both with `--quick`.
-ACTIONS, PEER_ACTIONS, QUICK_ACTIONS = 102_400, 4_096, 10_240
 #: Actions of an update, environments of ours and of the peer's, and what both are told besides.
 UPDATE, OURS, PEERS = 2048, 2048, 8
+#: Actions that a round takes, of ours and of the peer; and with `--quick`.
+ACTIONS, PEER_ACTIONS = 102_400, 2 * UPDATE
+QUICK_ACTIONS, QUICK_PEER_ACTIONS = 10_240, UPDATE
 SETTINGS: dict[str, Any] = {"batch_size": 512, "n_epochs": 2, "policy_kwargs": {"net_arch": [64, 64]}}
 #: More rounds say no more.
 MOST_ROUNDS = 5
@@ -32,13 +34,14 @@ TEXT = f"""\
 Training for a short, fixed number of actions on one thread, `learn` alone. PPO is stable-baselines3's with the same
 settings for both: {UPDATE} actions an update, minibatches of {SETTINGS["batch_size"]}, {SETTINGS["n_epochs"]} epochs,
 two layers of 64. Environments are vectorised as each package offers it: ours as a native batch, {PANDA.name}'s by
-stable-baselines3's `make_vec_env`. The ratio is that of the medians of rounds that follow each other.
+stable-baselines3's `make_vec_env`. The ratio is taken within a round; its median over the rounds is shown.
 
 Environment is the time in its steps and resets, choosing the rest of the rollouts (the network's actions, the buffer),
-updating the gradients; the rest is stable-baselines3's own. With a native batch the network is what there is to wait
-for: in a run of `single` of {ACTIONS} actions some 70 % are gradients and 15 to 20 % the environment, almost half of
-it the seeding of 2048 generators at the start, which a longer run does not notice and `--quick` notices most. With
-{PANDA.name} nine tenths are the environment."""
+updating the gradients; the rest is stable-baselines3's own. Each of these shares is the median of its rounds. With a
+native batch the network is what there is to wait for, with {PANDA.name} the environment.
+
+{PROFILED}: of the environment's time in a run of `single` of {ACTIONS} actions almost half was the seeding of 2048
+generators at the start, which a longer run does not notice and `--quick` notices most."""
 
 
 def run(options: Options, progress: Progress) -> list[Section]:
@@ -87,7 +90,7 @@ def _rounds(
                     times[name].append(train())
                 if PANDA.name not in missing:
                     try:
-                        steps = UPDATE if options.quick else PEER_ACTIONS
+                        steps = QUICK_PEER_ACTIONS if options.quick else PEER_ACTIONS
                         times[PEER].append(peers[PANDA.name].ppo(steps, PEERS, settings))
                     except InstallationError as error:
                         missing[PANDA.name] = str(error)
@@ -102,16 +105,16 @@ def _rows(times: dict[str, list[dict[str, float]]]) -> list[list[Cell]]:
     rows: list[list[Cell]] = []
     for name, each in times.items():
         wall, processor = (float(np.median([taken[what] for taken in each])) for what in ("wall", "processor"))
-        shares = [100 * float(np.median([taken[part] / taken["wall"] for taken in each])) for part in PARTS]
+        parts = np.array([[100 * taken[part] / taken["wall"] for part in PARTS] for taken in each])
+        shares = [float(share) for share in np.median(np.column_stack([parts, 100 - parts.sum(axis=1)]), axis=0)]
         ratio = float(np.median(rates[name] / rates[PEER])) if PEER in rates else None
         actions = int(each[0]["actions"])
-        rows.append([name, actions, float(np.median(rates[name])), ratio, *shares, 100 - sum(shares), wall, processor])
+        rows.append([name, actions, float(np.median(rates[name])), ratio, *shares, wall, processor])
     return rows
 
 
 def _recipe(actions: int, seed: int) -> dict[str, float]:
     from kinreach.baselines.models import build
-    from kinreach.baselines.recipes import get_recipe
 
     trainee = build(get_recipe("single"), seed, steps=actions)
     try:
@@ -124,7 +127,7 @@ def _recipe(actions: int, seed: int) -> dict[str, float]:
 def _batch(actions: int, seed: int) -> dict[str, float]:
     from kinreach.baselines.sb3_vec_env import SB3VecEnv
 
-    batch = gym.make_vec(ENVIRONMENT, num_envs=OURS, vectorization_mode="vector_entry_point", backend="kinematic")
+    batch = gym.make_vec(MULTI, num_envs=OURS, vectorization_mode="vector_entry_point", backend="kinematic")
     env = SB3VecEnv(batch)
     try:
         return ppo_seconds(env, actions, {**SETTINGS, "n_steps": UPDATE // OURS}, seed)
