@@ -8,6 +8,7 @@ Random actions run for the same simulated time on both, so that steps of 4 ms an
 from __future__ import annotations
 
 import argparse
+from contextlib import closing
 from typing import Any
 
 import gymnasium as gym
@@ -32,45 +33,45 @@ def batch(actuation: Actuation, count: int) -> Any:
 
 def one_increment(actuation: Actuation) -> float:
     """Speed of the first joint after one action from rest in the upright posture [rad/s]."""
-    env = gym.make(NAME, actuation=actuation.name)
-    env.reset(seed=0, options={"q": np.zeros(3)})
-    return float(env.step(FIRST_UP)[0][SPEEDS][0])
+    with closing(gym.make(NAME, actuation=actuation.name)) as env:
+        env.reset(seed=0, options={"q": np.zeros(3)})
+        return float(env.step(FIRST_UP)[0][SPEEDS][0])
 
 
 def random_actions(actuation: Actuation, count: int, seed: int) -> dict[str, Any]:
     """What uniformly random actions lead to, one episode per environment."""
-    env = batch(actuation, count)
-    env.reset(seed=seed)
     rng = np.random.default_rng(seed)
     fastest = np.zeros((count, 3))
     near, pressed, over = (np.zeros(count, dtype=bool) for _ in range(3))
     diverged = 0
-    for _ in range(round(RANDOM_TIME / actuation.period)):
-        seen, _, terminated, truncated, info = env.step(rng.integers(0, 54, count))
-        seen = np.where((terminated | truncated)[:, None], info.get("final_obs", seen), seen)
-        going = ~over  # episodes that have not ended before
-        fastest[going] = np.maximum(fastest, np.abs(seen[:, SPEEDS]))[going]
-        near |= going & (np.linalg.norm(seen[:, DIFFERENCE], axis=1) < PRESS_RADIUS)
-        pressed |= going & terminated
-        diverged += int((going & info["impossible"]).sum())
-        over |= terminated | truncated
+    with closing(batch(actuation, count)) as env:
+        env.reset(seed=seed)
+        for _ in range(round(RANDOM_TIME / actuation.period)):
+            seen, _, terminated, truncated, info = env.step(rng.integers(0, 54, count))
+            seen = np.where((terminated | truncated)[:, None], info.get("final_obs", seen), seen)
+            going = ~over  # episodes that have not ended before
+            fastest[going] = np.maximum(fastest, np.abs(seen[:, SPEEDS]))[going]
+            near |= going & (np.linalg.norm(seen[:, DIFFERENCE], axis=1) < PRESS_RADIUS)
+            pressed |= going & terminated
+            diverged += int((going & info["impossible"]).sum())
+            over |= terminated | truncated
     return {"fastest": fastest, "near": near.mean(), "pressed": pressed.mean(), "diverged": diverged}
 
 
 def analytic(actuation: Actuation, count: int, seed: int) -> dict[str, Any]:
     """How the controller does on that many targets, one episode each."""
-    env = batch(actuation, count)
     controller = ButtonController(actuation.name, count=count)
-    seen, _ = env.reset(seed=seed)
     steps, wrong, over, pressed = np.zeros(count), np.zeros(count), np.zeros(count, bool), np.zeros(count, bool)
-    while not over.all():
-        seen, _, terminated, truncated, info = env.step(controller.actions(seen))
-        ended = terminated | truncated
-        controller.restart(ended)
-        first = ended & ~over
-        steps[first], wrong[first] = info["steps"][first], info["wrong_presses"][first]
-        pressed |= first & terminated
-        over |= ended
+    with closing(batch(actuation, count)) as env:
+        seen, _ = env.reset(seed=seed)
+        while not over.all():
+            seen, _, terminated, truncated, info = env.step(controller.actions(seen))
+            ended = terminated | truncated
+            controller.restart(ended)
+            first = ended & ~over
+            steps[first], wrong[first] = info["steps"][first], info["wrong_presses"][first]
+            pressed |= first & terminated
+            over |= ended
     return {"pressed": pressed.mean(), "steps": steps[pressed], "wrong": wrong.sum()}
 
 

@@ -7,6 +7,7 @@ python -m benchmarks.button_failures results/train/button-report/seed-*/policy.s
 from __future__ import annotations
 
 import argparse
+from contextlib import closing
 from typing import Any
 
 import gymnasium as gym
@@ -31,18 +32,19 @@ def last_observations(policy: LearnedPolicy, episodes: int) -> tuple[np.ndarray,
     env: Any = gym.make_vec(
         BUTTON, num_envs=episodes, vectorization_mode="vector_entry_point", **policy.card.recipe["options"]
     )
-    observations, _ = env.reset(seed=HELD_OUT)
-    last, pressed, pending = np.array(observations), np.zeros(episodes, dtype=bool), np.ones(episodes, dtype=bool)
-    while pending.any():
-        observations, _, terminated, truncated, info = env.step(policy.act(observations))
-        over = terminated | truncated
-        seen = np.array(observations)
-        if over.any():
-            seen[over] = np.stack(info["final_obs"][over])
-        last[pending] = seen[pending]
-        pressed |= terminated & pending
-        pending &= ~over
-    env.close()
+    pressed, pending = np.zeros(episodes, dtype=bool), np.ones(episodes, dtype=bool)
+    with closing(env):
+        observations, _ = env.reset(seed=HELD_OUT)
+        last = np.array(observations)
+        while pending.any():
+            observations, _, terminated, truncated, info = env.step(policy.act(observations))
+            over = terminated | truncated
+            seen = np.array(observations)
+            if over.any():
+                seen[over] = np.stack(info["final_obs"][over])
+            last[pending] = seen[pending]
+            pressed |= terminated & pending
+            pending &= ~over
     return last, pressed
 
 

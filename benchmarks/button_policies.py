@@ -1,4 +1,4 @@
-"""What trained policies press on held-out targets, all seeds of a recipe together: the table of docs/button.md.
+"""What trained policies press on held-out targets, over all seeds of every recipe: the table of docs/button.md.
 
 python -m kinreach.train button --seeds 5         (and the other recipes)
 python -m benchmarks.button_policies results/train
@@ -7,61 +7,50 @@ python -m benchmarks.button_policies results/train
 from __future__ import annotations
 
 import argparse
-import json
 from pathlib import Path
 
-import numpy as np
-
-from kinreach.baselines.evaluation import evaluate
-from kinreach.baselines.learned import load_policy
+from benchmarks.trainings import Trainings, finished, print_table, with_interval
 from kinreach.baselines.recipes import BUTTON, RECIPES
-from kinreach.statistics import bootstrap_intervals, mean, median, wilson_interval
+from kinreach.statistics import median
 
 HEADINGS = (
-    "recipe", "seeds", "pressed, % [95 % CI]", "every seed, %", "steps, median [95 % CI]",
-    "wrong presses an episode [95 % CI]", "every seed", "training, s of processor",
+    "pressed, % [95 % CI over seeds]", "every seed, %", "steps, median of every seed",
+    "wrong presses an episode [95 % CI over seeds]", "every seed",
 )  # fmt: skip
 
 
 def main(argv: list[str] | None = None) -> int:
     """Print a Markdown table, a row for each recipe that was trained."""
+    button = [name for name, recipe in RECIPES.items() if recipe.environment == BUTTON]
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("runs", type=Path, help="the folder that `kinreach train --out` wrote to")
+    parser.add_argument("--recipes", metavar="A,B", default=",".join(button), help="default: all that were trained")
     parser.add_argument("--goals", type=int, default=1000, help="targets, the same for every seed")
     arguments = parser.parse_args(argv)
-    print(f"| {' | '.join(HEADINGS)} |\n|{'---|' * len(HEADINGS)}")
-    for recipe in (name for name, recipe in RECIPES.items() if recipe.environment == BUTTON):
-        files = sorted((arguments.runs / recipe).glob("seed-*/policy.safetensors"))
-        if files:
-            print(row(recipe, files, arguments.goals), flush=True)
+    rows = (
+        Trainings.evaluated(recipe, folders, goals=arguments.goals, options=RECIPES[recipe].options)
+        for recipe in arguments.recipes.split(",")
+        if (folders := finished(arguments.runs, recipe))
+    )
+    print_table(HEADINGS, rows, cells)
     return 0
 
 
-def row(recipe: str, files: list[Path], goals: int) -> str:
-    """Evaluate the policies of one recipe; the steps are those of the episodes in which the button was pressed."""
-    options = RECIPES[recipe].options
-    found = [evaluate(load_policy(file), goals=goals, options=options) for file in files]
-    seconds = [json.loads((file.parent / "run.json").read_text(encoding="utf-8"))["cpu_seconds"] for file in files]
-    pressed = np.concatenate([one.reached for one in found])
-    steps = np.concatenate([one.measures["steps"] for one in found])[pressed]
-    wrong = np.concatenate([one.measures["wrong_presses"] for one in found]).astype(float)
-    low, high = wilson_interval(int(pressed.sum()), len(pressed))
-    ((least, most),) = bootstrap_intervals(wrong, (mean,), resamples=500)
-    needed = "no press"
-    if len(steps):
-        ((first, last),) = bootstrap_intervals(steps, (median,), resamples=500)
-        needed = f"{median(steps):.0f} [{first:.0f}, {last:.0f}]"
-    cells = (
-        f"`{recipe}`",
-        str(len(files)),
-        f"{100 * pressed.mean():.1f} [{100 * low:.1f}, {100 * high:.1f}]",
-        ", ".join(f"{100 * one.reached.mean():.1f}" for one in found),
-        needed,
-        f"{wrong.mean():.2f} [{least:.2f}, {most:.2f}]",
-        ", ".join(f"{one.measures['wrong_presses'].mean():.2f}" for one in found),
-        f"{min(seconds):.0f}–{max(seconds):.0f}",
+def cells(trainings: Trainings) -> tuple[str, ...]:
+    """What a row says, in the order of the headings.
+
+    Steps are those of the episodes in which the button was pressed. Those are other targets for every seed, so that the
+    medians have no interval in common.
+    """
+    pressed, wrong = trainings.reached, trainings.measured("wrong_presses")
+    steps = (row[flags] for row, flags in zip(trainings.measured("steps"), pressed, strict=True))
+    return (
+        with_interval(pressed, unit=100, decimals=1),
+        ", ".join(f"{100 * share:.1f}" for share in pressed.mean(axis=1)),
+        ", ".join(f"{median(needed):.0f}" if len(needed) else "-" for needed in steps),
+        with_interval(wrong, decimals=2),
+        ", ".join(f"{count:.2f}" for count in wrong.mean(axis=1)),
     )
-    return f"| {' | '.join(cells)} |"
 
 
 if __name__ == "__main__":

@@ -1,4 +1,8 @@
-"""Confidence intervals: Wilson's for rates, the percentile bootstrap for everything else. Pure functions."""
+"""Confidence intervals: Wilson's for rates, the percentile bootstrap for everything else. Pure functions.
+
+Both take their values for independent. Goals are, trainings of the same recipe on the same goals are not:
+`trainings_interval` is for those.
+"""
 
 from __future__ import annotations
 
@@ -63,7 +67,10 @@ def wilson_interval(successes: int, total: int, *, confidence: float = CONFIDENC
     Raises:
         InputError: `total` is not positive, or `successes` is not in 0 … `total`.
     """
-    total, successes = check_count("total", total, least=-(2**63)), check_count("successes", successes, least=-(2**63))
+    total, successes = (
+        check_count(name, value, least=-(2**63), most=2**63)
+        for name, value in (("total", total), ("successes", successes))
+    )
     if total < 1 or not 0 <= successes <= total:
         raise InputError(f"a rate needs 0 <= successes <= total and total >= 1, got {successes} of {total}")
     z = NormalDist().inv_cdf(0.5 + confidence / 2)
@@ -99,22 +106,104 @@ def bootstrap_intervals(
     Raises:
         InputError: `values` is empty, not one-dimensional or not finite.
     """
+    sample = _finite("the bootstrap", values, dimensions=1)
+    return _resampled(sample[None], statistics, resamples=resamples, seed=seed, confidence=confidence)
+
+
+def trainings_interval(
+    values: ArrayLike,
+    statistic: Statistic = mean,
+    *,
+    least: float = -math.inf,
+    most: float = math.inf,
+    resamples: int = RESAMPLES,
+    seed: int = 0,
+    confidence: float = CONFIDENCE,
+) -> Interval:
+    r"""What a recipe achieves, from several trainings of it (seeds) that were evaluated on the same goals.
+
+    The estimate is the mean over the trainings of each one's statistic, $m$. Its interval has two parts. Chance in
+    training: Student's $m \pm t_{n - 1} s / \sqrt n$ over the n trainings, for the training is what was repeated
+    independently, not the episode (Henderson et al. 2018, arXiv:1709.06560; Colas, Sigaud and Oudeyer 2018,
+    arXiv:1806.08295; Agarwal et al. 2021, arXiv:2108.13264). Chance in the goals, which all trainings share: Wilson's
+    interval of the mean share among the goals of one training where values are truth values, otherwise the percentile
+    bootstrap that draws goals, with what all trainings did on each. Distances of the bounds from m add up by their
+    squares, on each side by itself (Zou and Donner 2008, Stat. Med. 27), so neither part is wider than the result.
+
+    One training gives the second part only, and says nothing about other trainings. Equal trainings have no spread:
+    five of them that all succeed do not exclude that one in ten fails. A few that differ as much as they can, as shares
+    of 0 % and 100 %, are not normal, and their interval is rough.
+
+    Args:
+        values: What each training did on each goal, shape (trainings, goals), finite; the mean
+            of truth values is a share.
+        statistic: Of the values of a training.
+        least: No value can be less; the interval ends there. Of shares 0.
+        most: No value can be more. Of shares 1.
+        resamples: Of the bootstrap.
+        seed: Of the bootstrap.
+        confidence: Share of experiments whose interval holds the true value.
+
+    Returns:
+        Low and high bound of the mean over all possible trainings, on all possible goals.
+
+    Raises:
+        InputError: `values` are empty, not two-dimensional, not finite, or not between `least` and `most`.
+    """
+    from scipy.special import stdtrit  # takes longer to import than the rest of this module
+
+    sample = _finite("the interval of trainings", values, dimensions=2)
+    shares = statistic is mean and np.asarray(values).dtype == np.bool_
+    least, most = (max(least, 0.0), min(most, 1.0)) if shares else (least, most)
+    if sample.min() < least or sample.max() > most:
+        raise InputError(f"values must be from {least:g} to {most:g}, got {sample.min():g} to {sample.max():g}")
+    each = np.asarray(statistic(sample, axis=1), dtype=np.float64)
+    trainings, goals = sample.shape
+    middle = float(each.mean())
+    if shares:
+        mean_successes = sample.sum() / trainings  # no integer, so the bounds are those of its neighbours
+        low = wilson_interval(math.floor(mean_successes), goals, confidence=confidence)[0]
+        high = wilson_interval(math.ceil(mean_successes), goals, confidence=confidence)[1]
+    else:
+        ((low, high),) = _resampled(sample, (statistic,), resamples=resamples, seed=seed, confidence=confidence)
+    spread = 0.0
+    if trainings > 1:
+        spread = stdtrit(trainings - 1, 0.5 + confidence / 2) * float(each.std(ddof=1)) / math.sqrt(trainings)
+    below, above = math.hypot(spread, max(0.0, middle - low)), math.hypot(spread, max(0.0, high - middle))
+    return max(least, middle - below), min(most, middle + above)
+
+
+def _finite(what: str, values: ArrayLike, *, dimensions: int) -> Floats:
     try:
         sample = np.asarray(values)
     except Exception:  # whatever the conversion of somebody else's object raises
         sample = np.empty(0)
-    if sample.ndim != 1 or sample.size == 0 or sample.dtype.kind not in "biuf" or not np.isfinite(sample).all():
-        raise InputError(f"the bootstrap needs a list of finite values, got shape {sample.shape}: {shown(values)}")
+    if (
+        sample.ndim != dimensions
+        or sample.size == 0
+        or sample.dtype.kind not in "biuf"
+        or not np.isfinite(sample).all()
+    ):
+        shape = "a list" if dimensions == 1 else "rows of equal length"
+        raise InputError(f"{what} needs {shape} of finite values, got shape {sample.shape}: {shown(values)}")
     sample = sample.astype(np.float64)
     if np.abs(sample).max() > LARGEST:
-        raise InputError(f"the bootstrap needs values within ±{LARGEST:g}, got {np.abs(sample).max():g}")
+        raise InputError(f"{what} needs values within ±{LARGEST:g}, got {np.abs(sample).max():g}")
+    return sample
+
+
+def _resampled(
+    sample: Floats, statistics: Sequence[Statistic], *, resamples: int, seed: int, confidence: float
+) -> list[Interval]:
+    """Columns are drawn with replacement; each statistic is that of a row, averaged over the rows."""
     rng = np.random.default_rng(seed)
-    rows = max(1, _BLOCK // sample.size)
+    columns = sample.shape[1]
+    block = max(1, _BLOCK // sample.size)
     estimates: list[list[Floats]] = [[] for _ in statistics]
-    for start in range(0, resamples, rows):
-        drawn = sample[rng.integers(sample.size, size=(min(rows, resamples - start), sample.size))]
+    for start in range(0, resamples, block):
+        drawn = sample[:, rng.integers(columns, size=(min(block, resamples - start), columns))]
         for collected, statistic in zip(estimates, statistics, strict=True):
-            collected.append(statistic(drawn, axis=1))
+            collected.append(np.mean(statistic(drawn, axis=-1), axis=0))
     tail = (1 - confidence) / 2
     bounds = (np.quantile(np.concatenate(collected), (tail, 1 - tail)) for collected in estimates)
     return [(float(low), float(high)) for low, high in bounds]
