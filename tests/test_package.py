@@ -181,6 +181,25 @@ class TestIncompatibleInstallation:
         with pytest.raises(engines.InstallationError, match=r"cannot import placo: .*pip install pin==3\.8\.0 placo=="):
             engines.load("placo")
 
+    @pytest.mark.parametrize(
+        ("error", "said"),
+        [
+            (ImportError(), "ImportError. Found"),
+            (ImportError(""), "ImportError. Found"),
+            (ImportError("\n"), "ImportError. Found"),
+            (AttributeError(), "AttributeError. Found"),
+            (ImportError("\nno such file\nand more"), "no such file. Found"),
+        ],
+        ids=repr,
+    )
+    def test_errors_that_say_nothing(self, error, said, monkeypatch):
+        def fail(module):
+            raise error
+
+        monkeypatch.setattr("importlib.import_module", fail)
+        with pytest.raises(engines.InstallationError, match=f"^cannot import coal: {said}"):
+            engines.load("coal")
+
 
 @pytest.fixture(scope="module")
 def project(root: Path) -> dict:

@@ -14,7 +14,11 @@ from numpy.typing import NDArray
 
 from kinreach.envs.ball_finder_hough import CANNY, SMOOTHING
 from kinreach.errors import InputError
-from kinreach.kinematics.goals import Floats
+from kinreach.inputs import check_number
+from kinreach.kinematics.goals import Floats, as_array
+
+#: Of circles that are drawn around every edge [pixels]; wider than any picture that is looked at.
+MOST_RADIUS = 1024.0
 
 
 class EdgeSteps(NamedTuple):
@@ -38,10 +42,11 @@ def edge_steps(rgb: NDArray[np.uint8]) -> EdgeSteps:
         rgb: Colours, uint8, shape (height, width, 3).
 
     Raises:
-        InputError: A picture of another type or shape.
+        InputError: A picture of another type or shape, or without a pixel.
     """
-    if rgb.dtype != np.uint8 or rgb.ndim != 3 or rgb.shape[2] != 3:
-        raise InputError(f"rgb must be uint8 of shape (height, width, 3), got {rgb.dtype} {rgb.shape}")
+    rgb = as_array("rgb", rgb)
+    if rgb.dtype != np.uint8 or rgb.ndim != 3 or rgb.shape[2] != 3 or not rgb.size:
+        raise InputError(f"rgb must be uint8 of shape (height, width, 3) with a pixel, got {rgb.dtype} {rgb.shape}")
     grey = cv2.GaussianBlur(cv2.cvtColor(rgb, cv2.COLOR_RGB2GRAY), (0, 0), SMOOTHING)
     dx, dy = (cv2.Sobel(grey, cv2.CV_64F, *order) for order in ((1, 0), (0, 1)))
     edges = cv2.Canny(grey, CANNY / 2, CANNY) > 0
@@ -61,12 +66,11 @@ def circle_votes(edges: NDArray[np.bool_], radius: float) -> NDArray[np.intp]:
         Shape (height, width).
 
     Raises:
-        InputError: Edges of another type or shape, or a radius below half a pixel.
+        InputError: Edges of another type or shape, or a radius below half a pixel or above `MOST_RADIUS`.
     """
+    edges, radius = as_array("edges", edges), check_number("radius", radius, least=0.5, most=MOST_RADIUS)
     if edges.dtype != np.bool_ or edges.ndim != 2:
         raise InputError(f"edges must be bool of shape (height, width), got {edges.dtype} {edges.shape}")
-    if not 0.5 <= radius < np.inf:
-        raise InputError(f"the radius must be at least half a pixel, got {radius}")
     reach = int(np.ceil(radius + 0.5))
     dv, du = np.mgrid[-reach : reach + 1, -reach : reach + 1]
     on_circle = np.abs(np.hypot(dv, du) - radius) < 0.5

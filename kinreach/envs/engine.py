@@ -1,4 +1,4 @@
-"""MuJoCo, imported so that a missing graphics library does not stop the physics."""
+"""MuJoCo, imported so that a missing graphics library does not stop the physics, and no log file appears."""
 
 from __future__ import annotations
 
@@ -9,6 +9,8 @@ from typing import Any
 from kinreach.errors import InstallationError
 
 _GRAPHICS = "MUJOCO_GL"
+#: Where MuJoCo's warnings go if nobody says otherwise: into a file of the folder that the process stands in.
+_DEFAULT_LOG = "MUJOCO_LOG.TXT"
 
 
 def _load() -> Any:
@@ -34,4 +36,17 @@ def _load() -> Any:
         os.environ[_GRAPHICS] = wanted
 
 
-mujoco: Any = _load()
+def _without_log_file(module: Any) -> Any:
+    """Keep MuJoCo's warnings out of a file that nobody asked for; they are still printed to stderr.
+
+    This is a setting of the whole process and of its native threads. Who has named a log file before keeps it, and who
+    names one later gets it.
+    """
+    settings = module.MjLogConfig.get()
+    if settings.logfile == _DEFAULT_LOG:
+        settings.logto_file = False
+        settings.set()
+    return module
+
+
+mujoco: Any = _without_log_file(_load())

@@ -25,7 +25,7 @@ from kinreach.envs.rendering import FrameRenderer
 from kinreach.envs.rgbd import OPTICAL_IN_GL, RGBDCamera, RGBDImage, SensorNoise
 from kinreach.envs.simulation import ArmSimulation
 from kinreach.errors import InputError, raise_unknown
-from kinreach.inputs import shown
+from kinreach.inputs import check_known, shown
 from kinreach.kinematics.arm import build_model, pin
 from kinreach.kinematics.goals import MOST_DISTANCE, Floats, as_array, as_floats, as_vector, check_entries
 from kinreach.kinematics.straight_line import Entry, Program, Symbol
@@ -156,8 +156,7 @@ class CameraGoalView:
     ) -> None:
         self.arm = as_arm(arm)
         goal_camera_poses(self.arm)  # says now if a camera is missing
-        if pipeline not in PIPELINES:
-            raise_unknown("pipeline", pipeline, PIPELINES)
+        check_known("pipeline", pipeline, PIPELINES)
         self.width, self.height = width, height
         self.pipeline = pipeline
         self.noise = noise

@@ -13,8 +13,9 @@ from numpy.typing import ArrayLike
 from kinreach.errors import InputError
 from kinreach.inputs import check_count, check_number
 from kinreach.kinematics.reward_geometry import REACHED_DISTANCE
+from kinreach.plots.checks import MOST_DRAWN, as_drawn, as_limits, as_point, check_label, check_mapping, check_names
 from kinreach.plots.series import Run, moving_mean, seed_band
-from kinreach.plots.style import FAINT, INK, PALETTE, as_drawn, colours_of, key, label_ends, new_figure, plain
+from kinreach.plots.style import FAINT, INK, PALETTE, colours_of, key, label_ends, new_figure, plain
 
 #: Most lines that mark an update.
 MOST_UPDATES = 10_000
@@ -43,8 +44,17 @@ def draw_learning_curves(
         note: Small print.
 
     Raises:
-        InputError: No panel, or runs that `seed_band` refuses.
+        InputError: No panel, runs that `seed_band` refuses, limits that do not increase, or a mark that is no point.
     """
+    check_label("xlabel", xlabel)
+    check_mapping("panels", panels)
+    for ylabel, runs_of in panels.items():
+        check_label("a panel", ylabel)
+        check_mapping(f"panel {ylabel!r}", runs_of)
+    check_names("log", log)
+    limits, marks = {} if limits is None else limits, {} if marks is None else marks
+    check_mapping("limits", limits)
+    check_mapping("marks", marks)
     if not panels:
         raise InputError("a figure of learning curves needs at least one panel")
     figure, axes = new_figure(title, size=(9.0, 1.0 + 2.7 * len(panels)), rows=len(panels), note=note)
@@ -60,9 +70,13 @@ def draw_learning_curves(
         ax.set(ylabel=ylabel, xlim=_hull(everywhere))
         if ylabel in log:
             _log_axis(ax)
-        if limits is not None and ylabel in limits:
-            ax.set_ylim(limits[ylabel])
-        for text, point in (marks or {}).get(ylabel, {}).items():
+        if ylabel in limits:
+            ax.set_ylim(as_limits(f"limits of {ylabel!r}", limits[ylabel], positive=ylabel in log))
+        noted = marks.get(ylabel, {})
+        check_mapping(f"marks of {ylabel!r}", noted)
+        for text, place in noted.items():
+            check_label("a mark", text)
+            point = as_point(f"mark {text!r}", place)
             ax.plot(*point, marker="D", ms=6, mfc="white", mec=INK, mew=1.4, ls="", clip_on=False, zorder=4)
             ax.annotate(text, point, xytext=(8, 5), textcoords="offset points", fontsize=8.5, color=INK)
         _thousands(ax)
@@ -100,6 +114,7 @@ def draw_episode_rewards(
     Raises:
         InputError: Not one-dimensional, shapes that do not fit, or a window below 1.
     """
+    check_label("xlabel", xlabel)
     smooth = moving_mean(rewards, window)
     episodes = as_drawn("at", np.arange(1, len(smooth) + 1) if at is None else at)
     if episodes.shape != smooth.shape:
@@ -136,6 +151,9 @@ def draw_distances(
     Raises:
         InputError: No episode, or a distance that is not positive.
     """
+    check_label("xlabel", xlabel)
+    check_mapping("episodes", episodes)
+    near = check_number("near", near, above=0.0, most=MOST_DRAWN)
     if not episodes:
         raise InputError("a figure of distances needs at least one episode")
     figure, (ax,) = new_figure(title, size=(9.0, 3.8), note=note)
@@ -178,7 +196,7 @@ def draw_discounted_rewards(
         raise InputError(f"steps and returns must be as long as each other, got {x.shape} and {y.shape}")
     if not (np.diff(x) > 0).all():
         raise InputError("steps must increase")
-    gamma, n_steps = check_number("gamma", gamma, least=0.0, most=1.0), check_count("n_steps", n_steps)
+    gamma, n_steps = check_number("gamma", gamma, least=0.0, most=1.0), check_count("n_steps", n_steps, most=2**62)
     if x[-1] / n_steps > MOST_UPDATES:
         raise InputError(f"there is no room for more than {MOST_UPDATES} updates, got one every {n_steps} steps")
     every = (x[-1] - x[0]) / (len(x) - 1)

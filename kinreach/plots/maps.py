@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -15,9 +15,12 @@ from matplotlib.ticker import FuncFormatter, NullFormatter
 from numpy.typing import ArrayLike
 
 from kinreach.errors import InputError
+from kinreach.inputs import check_count, shown
 from kinreach.kinematics.goals import Floats
 from kinreach.kinematics.reward_geometry import IMPOSSIBLE_REWARD, NEAR_REWARD, REACHED_REWARD
-from kinreach.plots.style import FAINT, INK, MAGNITUDE, PALETTE, as_drawn, name_label, new_figure, plain
+from kinreach.plots.checks import as_drawn, as_limits, as_point, check_label, check_mapping
+from kinreach.plots.pictures import MOST_RATIO
+from kinreach.plots.style import FAINT, INK, MAGNITUDE, MOST_COLUMNS, PALETTE, name_label, new_figure, plain
 
 #: Bounds of x and y [m].
 Area = tuple[tuple[float, float], tuple[float, float]]
@@ -58,21 +61,30 @@ def draw_error_maps(
             error that is not a number is drawn as a cross.
         title: Of the figure.
         label: What is measured, with its unit.
-        limits: Ends of the scale, to compare figures; by default the smallest and the largest error.
+        limits: Ends of the scale, to compare figures; by default the smallest and the largest error. What is beyond
+            has the colour of the end, but is itself in what a panel says of its errors.
         missing: What a cross means.
         area: To be outlined, such as where goals are drawn from.
         columns: Panels beside each other.
         note: Small print.
 
     Raises:
-        InputError: No panel, shapes that do not fit, or no positive error at all.
+        InputError: No panel, shapes that do not fit, no positive error at all, or limits or an area that do not
+            increase.
     """
-    panels = {name: _error_map(name, *data) for name, data in maps.items()}
+    check_mapping("maps", maps)
+    check_label("label", label)
+    check_label("missing", missing)
+    columns, area = check_count("columns", columns, most=MOST_COLUMNS), _as_area(area)
+    panels = {name: _error_map(name, *_parts(name, data, 2)) for name, data in maps.items()}
     measured = np.concatenate([np.empty(0), *(errors for _, errors in panels.values())])
     finite = measured[np.isfinite(measured) & (measured > 0)]
     if not finite.size:
         raise InputError("an error map needs at least one positive error")
-    low, high = limits or (float(finite.min()), float(finite.max()))
+    if limits is None:
+        low, high = float(finite.min()), float(finite.max())
+    else:
+        low, high = as_limits("limits", limits, positive=True)
     norm = LogNorm(low, high if high > low else 1.01 * low)
     rows = -(-len(panels) // columns)
     figure, axes = new_figure(
@@ -125,11 +137,14 @@ def draw_reward_maps(
         note: Small print.
 
     Raises:
-        InputError: No panel, or shapes that do not fit.
+        InputError: No panel, shapes that do not fit, a goal that is no point, or an area that does not increase.
     """
+    check_mapping("maps", maps)
+    check_label("note", note)
+    goal, area = as_point("goal", goal), _as_area(area)
     if not maps:
         raise InputError("a figure of reward maps needs at least one panel")
-    panels = {name: _reward_map(name, *grid) for name, grid in maps.items()}
+    panels = {name: _reward_map(name, *_parts(name, grid, 3)) for name, grid in maps.items()}
     widths = [(y[-1] - y[0]) / (x[-1] - x[0]) for x, y, _ in panels.values()]
     height = 3.2
     text = "seen from above, the robot below · grey: impossible, −100 · " + (note or "+: the ball")
@@ -174,6 +189,19 @@ def _seen_by_the_robot(axes: Axes, x: Floats, y: Floats, *, margin: float = 0.0)
     axes.spines["bottom"].set_visible(False)
 
 
+def _as_area(area: Area | None) -> Area | None:
+    if area is None:
+        return None
+    x, y = _parts("area", area, 2)
+    return as_limits("x of the area", x), as_limits("y of the area", y)
+
+
+def _parts(name: str, value: object, count: int) -> Sequence[ArrayLike]:
+    if not isinstance(value, Sequence) or len(value) != count:
+        raise InputError(f"{name!r} must have {count} parts, got {shown(value)}")
+    return value
+
+
 def _error_map(name: str, positions: ArrayLike, errors: ArrayLike) -> tuple[Floats, Floats]:
     xy, values = as_drawn("positions", positions), as_drawn("errors", errors)
     if xy.ndim != 2 or xy.shape[1] != 2 or values.shape != xy.shape[:1] or not values.size:
@@ -187,4 +215,6 @@ def _reward_map(name: str, x: ArrayLike, y: ArrayLike, reward: ArrayLike) -> tup
         raise InputError(f"the reward of {name!r} must have shape {(*x.shape, *y.shape)} on a grid, got {r.shape}")
     if x.ndim != 1 or y.ndim != 1 or not (np.diff(x) > 0).all() or not (np.diff(y) > 0).all():
         raise InputError(f"x and y of the grid of {name!r} must increase")
+    if not 1 / MOST_RATIO <= (y[-1] - y[0]) / (x[-1] - x[0]) <= MOST_RATIO:
+        raise InputError(f"a side of the grid of {name!r} must be at most {MOST_RATIO} times as long as the other")
     return x, y, r

@@ -6,13 +6,15 @@ from collections.abc import Mapping
 from typing import NamedTuple
 
 import numpy as np
+from matplotlib.colors import is_color_like
 from matplotlib.figure import Figure
 from matplotlib.ticker import FuncFormatter, NullFormatter
 from numpy.typing import ArrayLike
 
 from kinreach.errors import InputError
-from kinreach.kinematics.goals import as_floats
-from kinreach.plots.style import INK, as_drawn, colours_of, key, label_ends, new_figure, plain
+from kinreach.inputs import check_number, shown
+from kinreach.plots.checks import MOST_DRAWN, as_drawn, check_label, check_mapping
+from kinreach.plots.style import INK, colours_of, key, label_ends, new_figure, plain
 
 
 class Success(NamedTuple):
@@ -47,17 +49,24 @@ def draw_success(
         note: Small print.
 
     Raises:
-        InputError: No method, shapes that do not fit, or a tolerance that is not positive.
+        InputError: No method, shapes that do not fit, a tolerance that is not positive, or a method without a colour.
     """
+    check_label("xlabel", xlabel)
+    check_mapping("methods", methods)
     x = as_drawn("tolerances", tolerances)
     if not methods or x.ndim != 1 or not x.size or not (x > 0).all():
         raise InputError("success against tolerance needs a method and positive tolerances")
     order = np.argsort(x)
     x = x[order]
-    colours = colours or colours_of(methods)
+    colours = colours_of(methods) if colours is None else colours
+    check_mapping("colours", colours)
     figure, (ax,) = new_figure(title, size=(7.6, 4.6), note=note, grid="y")
     ends = {}
     for rank, (name, success) in enumerate(methods.items()):
+        if not isinstance(success, Success):
+            raise InputError(f"the method {name!r} must be a Success, got {shown(success)}")
+        if not is_color_like(colours.get(name)):
+            raise InputError(f"colours must have one for {name!r}, got {shown(colours.get(name))}")
         share = 100 * as_drawn(f"share of {name}", success.share)
         if share.shape != x.shape:
             raise InputError(f"the share of {name!r} must have shape {x.shape}, got {share.shape}")
@@ -110,23 +119,21 @@ def draw_error_bands(
     Raises:
         InputError: No method, shapes that do not fit, or a tolerance, an error or a limit that is not positive.
     """
-    x = as_floats("tolerances", tolerances)
-    if not errors or x.ndim != 1 or not x.size or not (np.isfinite(x) & (x > 0)).all():
+    check_label("xlabel", xlabel)
+    check_label("ylabel", ylabel)
+    check_mapping("errors", errors)
+    x = as_drawn("tolerances", tolerances)
+    if not errors or x.ndim != 1 or not x.size or not (x > 0).all():
         raise InputError("errors against tolerance need a method and positive tolerances")
-    if limit is not None and not 0 < limit < np.inf:
-        raise InputError(f"the limit must be positive, got {limit}")
+    if limit is not None:
+        limit = check_number("limit", limit, above=0.0, most=MOST_DRAWN)
     order = np.argsort(x)
     x = x[order]
     figure, (ax,) = new_figure(title, size=(7.6, 4.6), note=note)
     colours, ends = colours_of(errors), {}
     for name, values in errors.items():
-        sample = as_floats(f"errors of {name}", values)
-        if (
-            sample.ndim != 2
-            or len(sample) != len(x)
-            or not sample.size
-            or not (np.isfinite(sample) & (sample > 0)).all()
-        ):
+        sample = as_drawn(f"errors of {name}", values)
+        if sample.ndim != 2 or len(sample) != len(x) or not sample.size or not (sample > 0).all():
             raise InputError(f"the errors of {name!r} must be positive, of shape ({len(x)}, n), got {sample.shape}")
         low, middle, high = np.percentile(sample[order], (5, 50, 95), axis=1)
         ax.fill_between(x, low, high, color=colours[name], alpha=0.2, lw=0)
@@ -139,10 +146,10 @@ def draw_error_bands(
     ax.yaxis.tick_right()
     ax.yaxis.set_label_position("right")
     ax.yaxis.set_major_formatter(FuncFormatter(plain))
-    shown = "line: median · band: 90 % of the goals"
+    said = "line: median · band: 90 % of the goals"
     if limit is not None:
         ax.axhline(limit, color=INK, lw=1.2, ls="--", zorder=1)
-        shown += f" · dashed: {limit:g}, which is allowed"
-    key(ax, shown)
+        said += f" · dashed: {limit:g}, which is allowed"
+    key(ax, said)
     label_ends(ax, ends, colours, side="left")
     return figure

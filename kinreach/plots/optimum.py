@@ -11,9 +11,11 @@ from matplotlib.ticker import PercentFormatter
 from numpy.typing import ArrayLike
 
 from kinreach.errors import InputError
-from kinreach.kinematics.goals import Floats, as_floats
+from kinreach.inputs import check_number
+from kinreach.kinematics.goals import Floats
 from kinreach.kinematics.reward_geometry import IMPOSSIBLE_REWARD, REACHED_POSTURE_ERROR
-from kinreach.plots.style import FAINT, INK, PALETTE, as_drawn, colours_of, key, label_ends, name_label, new_figure
+from kinreach.plots.checks import as_drawn, check_mapping
+from kinreach.plots.style import FAINT, INK, PALETTE, colours_of, key, label_ends, name_label, new_figure
 
 
 def draw_local_optimum(
@@ -42,6 +44,8 @@ def draw_local_optimum(
         InputError: No joint, no exploration, shapes that do not fit, places that do not increase, or a number that is
             not finite.
     """
+    check_mapping("joints", joints)
+    check_mapping("explored", explored)
     x, lines = _lines("an offset", offsets, joints)
     height, means = _lines("a height", heights, explored)
     figure, (left, right) = new_figure(title, size=(9.0, 3.9), columns=2, note=note)
@@ -51,8 +55,8 @@ def draw_local_optimum(
 
 
 def _lines(what: str, at: ArrayLike, values: Mapping[str, ArrayLike]) -> tuple[Floats, dict[str, Floats]]:
-    x = as_floats("places", at)
-    lines = {name: as_floats(f"reward of {name}", line) for name, line in values.items()}
+    x = as_drawn("places", at)
+    lines = {name: as_drawn(f"reward of {name}", line) for name, line in values.items()}
     if not lines or x.ndim != 1 or len(x) < 2 or any(line.shape != x.shape for line in lines.values()):
         raise InputError(f"a local optimum needs lines with a reward for {what} each, and two or more of them")
     if not all(np.isfinite(line).all() for line in (x, *lines.values())) or (np.diff(x) <= 0).any():
@@ -104,14 +108,16 @@ def draw_posture_errors(errors: Mapping[str, ArrayLike], *, title: str, widest: 
         note: Small print.
 
     Raises:
-        InputError: No policy, or one without a step.
+        InputError: No policy, one without a step, or an end of the axis that is no angle.
     """
-    if not errors or any(not np.size(values) for values in errors.values()):
+    check_mapping("errors", errors)
+    widest = check_number("widest", widest, least=1e-6, most=100.0)
+    samples = {name: as_drawn(name, values) for name, values in errors.items()}
+    if not samples or not all(sample.size for sample in samples.values()):
         raise InputError("a figure of posture errors needs policies, and of each at least one step")
     figure, (ax,) = new_figure(title, size=(9.0, 3.8), note=note)
     edges = np.linspace(0, widest, 81)
-    for colour, (name, values) in zip(PALETTE, errors.items(), strict=False):
-        sample = as_drawn(name, values)
+    for colour, (name, sample) in zip(PALETTE, samples.items(), strict=False):
         if sample.ndim != 1:
             raise InputError(f"the posture errors of {name!r} must have shape (n,), got {sample.shape}")
         ax.hist(

@@ -11,7 +11,10 @@ from matplotlib.patches import Circle
 from numpy.typing import ArrayLike
 
 from kinreach.errors import InputError
-from kinreach.plots.style import INK, colours_of, key, new_figure
+from kinreach.inputs import check_number
+from kinreach.kinematics.goals import as_vector
+from kinreach.plots.checks import MOST_DRAWN, as_drawn, check_mapping
+from kinreach.plots.style import INK, colours_of, key, name_label, new_figure
 
 Array = np.ndarray[Any, Any]
 
@@ -32,14 +35,14 @@ def draw_paths(
         note: Small print.
 
     Raises:
-        InputError: No path, or positions that are not finite or not of these shapes.
+        InputError: No path, positions that are not finite or not of these shapes, or a radius that is not positive.
     """
-    goal = np.asarray(target, dtype=float)
-    ways = {name: np.asarray(path, dtype=float) for name, path in paths.items()}
+    check_mapping("paths", paths)
+    goal = as_vector("target", target, 3, most=MOST_DRAWN)
+    radius = check_number("radius", radius, above=0.0, most=MOST_DRAWN)
+    ways = {name: as_drawn(f"path of {name}", path) for name, path in paths.items()}
     if not ways:
         raise InputError("a figure of paths needs at least one path")
-    if goal.shape != (3,) or not np.isfinite(goal).all():
-        raise InputError(f"the target must be three finite numbers, got shape {goal.shape}")
     for name, way in ways.items():
         if way.ndim != 2 or way.shape[1:] != (3,) or not len(way) or not np.isfinite(way).all():
             raise InputError(f"the path {name!r} must be of finite numbers and shape (n, 3), got {way.shape}")
@@ -49,7 +52,7 @@ def draw_paths(
     for ax, view, (xlabel, ylabel) in zip(axes, (_from_above, _from_the_side), labels, strict=True):
         for name, way in ways.items():
             line = view(way)
-            ax.plot(*line.T, color=colours[name], lw=1.5, marker="o", ms=2.0, label=name)
+            ax.plot(*line.T, color=colours[name], lw=1.5, marker="o", ms=2.0, label=name_label(name))
             ax.plot(*line[-1], color=colours[name], marker="s", ms=6)
         ax.add_patch(Circle(tuple(view(goal)), radius, fill=False, ec=INK, lw=1.4, zorder=3))
         ax.set(xlabel=xlabel, ylabel=ylabel)

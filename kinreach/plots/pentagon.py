@@ -22,19 +22,19 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.patches import Circle, Polygon, Wedge
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from kinreach.errors import InputError
-from kinreach.inputs import check_number
+from kinreach.inputs import check_count, check_number, shown
 from kinreach.kinematics.arm import pin
 from kinreach.kinematics.goals import Floats
 from kinreach.kinematics.reward_geometry import PentagonAngles, pentagon_angles
 from kinreach.kinematics.ur5 import UR5Kinematics
+from kinreach.plots.checks import check_label, check_mapping
+from kinreach.plots.pictures import Extent, Picture, as_placed
 from kinreach.plots.style import FAINT, INK, PALETTE, new_figure
 from kinreach.robots import CameraMount
 
-#: Left, right, bottom and top [m].
-Extent = tuple[float, float, float, float]
 #: Joints whose origins are corners, by their number in the thesis: shoulder (j1), elbow (j2), wrist_1 (j3).
 _CORNERS = (1, 2, 3)
 #: Where an angle is written, from its corner [m].
@@ -73,8 +73,10 @@ def pentagon_of(q: ArrayLike, *, ground: float, kinematics: UR5Kinematics | None
         kinematics: Of the arm in the world frame, with the tip whose tool this is; by default the UR5's tcp.
 
     Raises:
-        InputError: Wrong shape, not finite, or a tool that never comes to the ground.
+        InputError: Wrong shape, not finite, a tool that never comes to the ground, or kinematics of another kind.
     """
+    if not isinstance(kinematics, UR5Kinematics | None):
+        raise InputError(f"kinematics must be a UR5Kinematics, got {shown(kinematics)}")
     kin = kinematics or UR5Kinematics(tip="tcp", base="world")
     posture, ground = kin.as_posture("q", q), check_number("ground", ground, least=-10.0, most=10.0)
     T_world_tip = kin.fk(posture)
@@ -108,7 +110,12 @@ def side_camera(pentagon: Pentagon, *, width: int, height: int) -> tuple[CameraM
 
     Returns:
         The camera, to be added to an arm's description, and what its picture shows of the plane.
+
+    Raises:
+        InputError: No pentagon, or a size that is no number of pixels.
     """
+    _check_pentagon(pentagon)
+    width, height = (check_count(name, size, most=2**16) for name, size in (("width", width), ("height", height)))
     middle, half, away = (0.25, 0.12), 0.53, 8.0  # reach and height of the centre, half of what is seen, distance [m]
     target = middle[0] * pentagon.forward + (0.0, 0.0, middle[1])
     position = target + away * np.cross(pentagon.forward, (0.0, 0.0, 1.0))
@@ -122,7 +129,7 @@ def draw_pentagons(
     pentagons: Mapping[str, Pentagon],
     *,
     title: str = "The arm as a pentagon",
-    pictures: Mapping[str, tuple[NDArray[Any], Extent]] | None = None,
+    pictures: Mapping[str, tuple[Picture, Extent]] | None = None,
     note: str = "",
 ) -> Figure:
     """Pentagons with their angles, beside each other (thesis, figure 3.4).
@@ -135,15 +142,20 @@ def draw_pentagons(
         note: Small print.
 
     Raises:
-        InputError: No pentagon.
+        InputError: No pentagon, or a picture that is none or says wrongly what it shows.
     """
+    check_mapping("pentagons", pentagons)
+    pictures = {} if pictures is None else pictures
+    check_mapping("pictures", pictures)
     if not pentagons:
         raise InputError("a figure of pentagons needs at least one")
     figure, axes = new_figure(title, size=(5.0 * len(pentagons), 4.9), columns=len(pentagons), note=note, grid="none")
     for ax, (name, pentagon) in zip(axes, pentagons.items(), strict=True):
+        check_label("a pentagon's name", name)
+        _check_pentagon(pentagon)
         corners, angles = pentagon.corners, pentagon.angles
-        if pictures is not None and name in pictures:
-            pixels, extent = pictures[name]
+        if name in pictures:
+            pixels, extent = as_placed(f"the picture of {name!r}", pictures[name])
             ax.imshow(pixels, extent=extent, alpha=0.75)
         else:
             ax.plot(*pentagon.joints.T, color=FAINT, lw=5, alpha=0.4, solid_capstyle="round", solid_joinstyle="round")
@@ -176,7 +188,11 @@ def draw_pentagon_angles(pentagon: Pentagon, *, title: str = "How the joints' an
     Args:
         pentagon: Of a posture.
         title: Of the figure.
+
+    Raises:
+        InputError: No pentagon.
     """
+    _check_pentagon(pentagon)
     figure, axes = new_figure(title, size=(9.6, 3.9), columns=3, bare=True)
     _, shoulder, elbow, wrist, gripper = pentagon.corners
     alpha, beta, gamma, _ = pentagon.angles
@@ -205,6 +221,11 @@ def draw_pentagon_angles(pentagon: Pentagon, *, title: str = "How the joints' an
         text = f"j{joint} = {angle:.2f} rad, {letter} = {value:.2f} rad".replace("-", "−")
         ax.annotate(text, (0, -1.62), ha="center", fontsize=9.5, color=_COLOURS[letter])
     return figure
+
+
+def _check_pentagon(pentagon: object) -> None:
+    if not isinstance(pentagon, Pentagon):
+        raise InputError(f"expected a Pentagon, got {shown(pentagon)}")
 
 
 def _heading(vector: ArrayLike) -> float:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Mapping
+from collections.abc import Collection, Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -12,11 +12,50 @@ from matplotlib.patches import Circle
 from numpy.typing import ArrayLike, NDArray
 
 from kinreach.errors import InputError
-from kinreach.kinematics.goals import as_floats
-from kinreach.plots.style import INK, MAGNITUDE, PALETTE, new_figure
+from kinreach.inputs import check_count, check_number, shown
+from kinreach.kinematics.goals import as_array, as_floats, as_vector
+from kinreach.plots.checks import MOST_DRAWN, as_drawn, as_limits, check_label, check_mapping, check_names
+from kinreach.plots.style import INK, MAGNITUDE, MOST_COLUMNS, PALETTE, new_figure
 
 #: Picture with colours, uint8 (height, width, 3), or one number per pixel, (height, width).
 Picture = NDArray[Any]
+#: Farther away than any picture's edge [pixels].
+MOST_PIXELS = 1e6
+#: Of height and width, for a figure that is to be looked at.
+MOST_RATIO = 20
+#: What a picture shows of a plane: left, right, bottom and top [m].
+Extent = tuple[float, float, float, float]
+
+
+def check_picture(name: str, picture: Picture) -> None:
+    """Refuse what cannot be drawn as a picture.
+
+    Raises:
+        InputError: Another shape or type, no pixel, or no pixel that is a number.
+    """
+    array = as_array(name, picture)
+    colours = array.ndim == 3 and array.shape[2] == 3 and array.dtype == np.uint8
+    if array is not picture or not array.size or not (colours or array.ndim == 2):
+        raise InputError(
+            f"{name} must be uint8 of shape (height, width, 3) or numbers of shape (height, width), got {array.dtype} "
+            f"{array.shape}"
+        )
+    if not colours and np.isnan(as_drawn(name, array)).all():
+        raise InputError(f"{name} must have a pixel that is a number")
+
+
+def as_placed(name: str, value: object) -> tuple[Picture, Extent]:
+    """A picture and what it shows of a plane.
+
+    Raises:
+        InputError: They are none.
+    """
+    if not isinstance(value, Sequence) or len(value) != 2:
+        raise InputError(f"{name} must be pixels and what they show, got {shown(value)}")
+    pixels, shows = value
+    check_picture(name, pixels)
+    left, right, bottom, top = as_vector(f"what {name} shows", shows, 4, most=MOST_DRAWN).tolist()
+    return pixels, (*as_limits("left and right", (left, right)), *as_limits("bottom and top", (bottom, top)))
 
 
 def draw_pictures(
@@ -40,17 +79,29 @@ def draw_pictures(
         note: Small print.
 
     Raises:
-        InputError: No picture, or one that has neither two nor three dimensions.
+        InputError: No picture, one of another shape or type, or a width without room for the columns.
     """
-    if not pictures or any(np.ndim(picture) not in (2, 3) for picture in pictures.values()):
+    check_label("title", title)
+    check_mapping("pictures", pictures)
+    units = {} if units is None else units
+    check_mapping("units", units)
+    if not pictures:
         raise InputError("expected pictures of shape (height, width) or (height, width, 3)")
+    for name, picture in pictures.items():
+        check_label("a picture's name", name)
+        check_label("a picture's unit", units.get(name, ""))
+        check_picture(f"picture {name!r}", picture)
+    columns = check_count("columns", columns, most=MOST_COLUMNS)
+    width = check_number("width", width, least=float(columns), most=100.0)
     height, across = next(iter(pictures.values())).shape[:2]
+    if height > MOST_RATIO * across:
+        raise InputError(f"pictures must be at most {MOST_RATIO} times as high as wide, got {height} x {across} pixels")
     rows = -(-len(pictures) // columns)
     each = width / columns - (0.75 / columns if units else 0.1)  # a scale takes its room from the whole column
     size = (width, (0.45 if title else 0.1) + rows * (0.3 + each * height / across))
     figure, axes = new_figure(title, size=size, rows=rows, columns=columns, note=note, bare=True)
     for ax, (name, picture) in zip(axes, pictures.items(), strict=False):
-        unit = (units or {}).get(name)
+        unit = units.get(name)
         drawn = ax.imshow(picture, cmap=MAGNITUDE if unit else "gray", interpolation="antialiased")
         ax.set_title(name, loc="left", fontsize=9.5, weight="bold", color=INK)
         if unit:
@@ -82,11 +133,17 @@ def draw_camera_steps(
         note: Small print.
 
     Raises:
-        InputError: What `draw_pictures` refuses, or a circle that is not three finite numbers.
+        InputError: What `draw_pictures` refuses, a circle that is not three finite numbers and of a size, or a zoom
+            that is not positive.
     """
+    check_mapping("pictures", pictures)
+    check_names("marked", marked)
+    zoom = check_number("zoom", zoom, least=1e-3, most=1e3)
     found = as_floats("circle", circle)
-    if found.shape not in ((3,), (len(pictures), 3)) or not np.isfinite(found).all():
-        raise InputError(f"circle must have shape (3,) or ({len(pictures)}, 3) and be finite, got {found}")
+    if found.shape not in ((3,), (len(pictures), 3)) or not (np.abs(found) < MOST_PIXELS).all():
+        raise InputError(f"circle must have shape (3,) or ({len(pictures)}, 3) and be finite, got {shown(circle)}")
+    if (found[..., 2] < 1e-3).any():
+        raise InputError(f"the radius of a circle must be positive, got {found[..., 2].min():g}")
     circles = np.broadcast_to(found, (len(pictures), 3))
     figure = draw_pictures(pictures, title=title, units=units, note=note)
     for ax, (name, picture), (u, v, r) in zip(figure.axes, pictures.items(), circles, strict=False):

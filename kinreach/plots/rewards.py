@@ -10,8 +10,9 @@ from matplotlib.ticker import FuncFormatter, NullFormatter
 from numpy.typing import ArrayLike
 
 from kinreach.errors import InputError
-from kinreach.kinematics.goals import as_floats
+from kinreach.inputs import check_number
 from kinreach.kinematics.reward_geometry import REACHED_DISTANCE, distance_reward
+from kinreach.plots.checks import MOST_DRAWN, as_drawn, check_mapping
 from kinreach.plots.style import FAINT, INK, PALETTE, colours_of, label_ends, new_figure, plain
 
 
@@ -24,8 +25,7 @@ def draw_distance_reward(*, farthest: float = 3.0) -> Figure:
     Raises:
         InputError: `farthest` is not beyond 2 m, where the pieces meet.
     """
-    if not 2.0 < farthest < np.inf:
-        raise InputError(f"the axis must end beyond 2 m, got {farthest}")
+    farthest = check_number("farthest", farthest, above=2.0, most=MOST_DRAWN)
     figure, (ax,) = new_figure("The reward of the distance", size=(7.2, 3.9))
     near, far = np.geomspace(REACHED_DISTANCE, 2.0, 300), np.linspace(2.0, farthest, 50)
     ax.plot(near, distance_reward(near), color=PALETTE[0], lw=2)
@@ -54,16 +54,17 @@ def draw_reward_sections(
         note: Small print.
 
     Raises:
-        InputError: No posture, or shapes that do not fit.
+        InputError: No posture, shapes that do not fit, or distances that are not positive and increasing.
     """
-    d = as_floats("distances", distances)
-    if not rewards or d.ndim != 1 or not d.size or not (d > 0).all():
-        raise InputError("a section of the reward needs a posture and positive distances")
+    check_mapping("rewards", rewards)
+    d = as_drawn("distances", distances)
+    if not rewards or d.ndim != 1 or len(d) < 2 or not d[0] > 0 or not (np.diff(d) > 0).all():
+        raise InputError("a section of the reward needs a posture, and two or more positive distances that increase")
     figure, (ax,) = new_figure(title, size=(9.0, 4.2), note=note)
     colours = colours_of(rewards)
     starts = {}
     for name, values in rewards.items():
-        r = as_floats(f"reward of {name}", values)
+        r = as_drawn(f"reward of {name}", values)
         if r.shape != d.shape:
             raise InputError(f"the reward of {name!r} must have shape {d.shape}, got {r.shape}")
         ax.plot(1e3 * d, r, color=colours[name], lw=1.8)
@@ -96,8 +97,8 @@ def draw_clipped_objective(*, epsilon: float = 0.2) -> Figure:
     Raises:
         InputError: `epsilon` is not between 0 and 1.
     """
-    if not 0 < epsilon < 1:
-        raise InputError(f"epsilon must be between 0 and 1, got {epsilon}")
+    if not 0 < (epsilon := check_number("epsilon", epsilon)) < 1:
+        raise InputError(f"epsilon must be between 0 and 1, got {epsilon:g}")
     note = "dot: where every update begins, the new policy being the old one · dotted: without the clip"
     figure, axes = new_figure("PPO's clipped objective of one action", size=(9.0, 3.7), columns=2, note=note)
     ratio = np.array(sorted([*np.linspace(0.0, 2.0, 101), 1 - epsilon, 1 + epsilon]))

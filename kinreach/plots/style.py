@@ -16,8 +16,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from numpy.typing import ArrayLike
 
-from kinreach.errors import InputError
-from kinreach.kinematics.goals import Floats, as_floats
+from kinreach.plots.checks import check_label
 
 PALETTE = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#000000", "#8C6D31")
 INK, FAINT, GRID = "#222222", "#6b6b6b", "#e4e4e4"
@@ -26,8 +25,8 @@ MAGNITUDE = "cividis"
 Grid = Literal["x", "y", "both", "none"]
 #: Dots per inch where nothing else is asked for, as in notebooks.
 DPI = 100
-#: Beyond this matplotlib's axes give up, or take minutes.
-MOST_DRAWN = 1e15
+#: Panels beside each other that a figure has room for.
+MOST_COLUMNS = 32
 #: Characters of a name that a figure has room for.
 LONGEST_NAME = 40
 
@@ -54,7 +53,12 @@ def new_figure(
         note: Small print at the bottom: where the data comes from.
         grid: `"x"`, `"y"`, `"both"` or `"none"`.
         bare: Hide axes and ticks: for pictures.
+
+    Raises:
+        InputError: A title or a note that is no text, or in which a formula is wrong.
     """
+    check_label("title", title)
+    check_label("note", note)
     figure = Figure(figsize=size, dpi=DPI, layout="constrained")
     if title:
         figure.suptitle(title, x=0.01, ha="left", fontsize=13, weight="bold", color=INK)
@@ -94,18 +98,6 @@ def plain(value: float, _: int | None = None) -> str:
     """A label of a log axis: a plain number as long as that is short, else a power of ten."""
     power = f"$10^{{{round(np.log10(value))}}}$" if value > 0 else ""
     return power if power and not 1e-3 <= value < 1e4 and np.isclose(np.log10(value) % 1, 0) else f"{value:g}"
-
-
-def as_drawn(name: str, values: ArrayLike) -> Floats:
-    """Numbers that an axis can hold; what is not a number is left out of a drawing.
-
-    Raises:
-        InputError: No array of numbers, or one that is infinite or too large.
-    """
-    array = as_floats(name, values)
-    if (wild := np.abs(array) > MOST_DRAWN).any():
-        raise InputError(f"{name} must be within ±{MOST_DRAWN:g} to be drawn, got {array[wild][0]:g}")
-    return array
 
 
 def verbatim(text: str) -> str:

@@ -81,5 +81,5 @@ def test_refused():
         edge_steps(np.zeros((4, 4, 3)))
     with pytest.raises(InputError, match="edges must be bool"):
         circle_votes(np.zeros((4, 4)), 2.0)
-    with pytest.raises(InputError, match="at least half a pixel, got 0"):
+    with pytest.raises(InputError, match=r"radius must be finite and at least 0\.5 .*, got 0"):
         circle_votes(np.zeros((4, 4), dtype=bool), 0.0)

@@ -93,6 +93,8 @@ def test_unusable_requests_are_refused(ur5):
         geometric_goal_view("arm3", np.zeros(3))
     with pytest.raises(UnknownNameError, match="available: hybrid, thesis"):
         CameraGoalView("ur5", pipeline="best")
+    with pytest.raises(UnknownNameError, match="available: hybrid, thesis"):
+        CameraGoalView("ur5", pipeline=None)
     with pytest.raises(InputError, match="view is of ur5, got a simulation of arm3"):
         CameraGoalView("ur5").look(ArmSimulation("arm3"))
 

@@ -73,7 +73,7 @@ class TestLocalOptimum:
             ([0, 1], {"j": [1, 2]}, [0, 1], {"a": [1]}, "reward for a height each"),
             ([1, 0], {"j": [1, 2]}, [0, 1], {"a": [1, 1]}, "at increasing places"),
             ([0, np.nan], {"j": [1, 2]}, [0, 1], {"a": [1, 1]}, "finite rewards at increasing"),
-            ([0, 1], {"j": [1, 2]}, [0, 1], {"a": [1, np.inf]}, "finite rewards"),
+            ([0, 1], {"j": [1, 2]}, [0, 1], {"a": [1, np.inf]}, "reward of a must be within"),
         ],
     )
     def test_refused(self, offsets, joints, heights, explored, message):
@@ -132,5 +132,5 @@ class TestErrorBands:
     def test_refused(self, tolerances, errors, message):
         with pytest.raises(InputError, match=message):
             plots.draw_error_bands(tolerances, errors, title="", xlabel="")
-        with pytest.raises(InputError, match="limit must be positive, got 0"):
+        with pytest.raises(InputError, match=r"limit must be finite and above 0 .*, got 0"):
             plots.draw_error_bands([1.0], {"a": [[1.0]]}, title="", xlabel="", limit=0)

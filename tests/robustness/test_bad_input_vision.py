@@ -8,6 +8,7 @@ from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
 from kinreach.envs.ball_finder import PIPELINES, BallFix, find_ball
+from kinreach.envs.ball_finder_steps import circle_votes, edge_steps
 from kinreach.envs.pinhole import Intrinsics
 from kinreach.envs.rendering import FrameRenderer
 from kinreach.envs.rgbd import RGBDCamera, RGBDImage, SensorNoise
@@ -94,6 +95,26 @@ def test_pictures_in_other_clothes(fuzzed):
 
     pairs = balls.flatmap(lambda pair: st.tuples(dressed(st.just(pair[0])), dressed(st.just(pair[1])), names))
     fuzzed(pairs, run, both=False)
+
+
+def test_steps_of_the_search(fuzzed):
+    """The pictures in between, for figures: of any picture, or refused."""
+    edges = with_ball(40.0, 30.0, 0.5)[0][..., 0] > 150
+
+    def run(case):
+        which, picture, radius = case
+        if which:
+            assert {step.shape for step in edge_steps(picture)} == {np.shape(picture)[:2]}
+        else:
+            votes = circle_votes(picture, radius)
+            assert votes.shape == np.shape(picture)
+            assert 0 <= votes.min(initial=0) <= votes.max(initial=0) <= np.count_nonzero(picture)
+
+    bad = st.sampled_from([np.zeros((0, 0, 3), np.uint8), np.zeros((0, 4, 3), np.uint8), np.zeros((0, 4), bool)])
+    rgb = st.tuples(st.just(True), dressed(pictures).map(lambda pair: pair[1]) | bad_arrays((5, 7, 3)) | bad, numbers)
+    flags = arrays(np.bool_, (5, 7)) | st.just(edges)
+    votes = st.tuples(st.just(False), flags | flags | bad_arrays((5, 7)) | bad, st.floats(0.5, 30) | numbers)
+    fuzzed(rgb | votes, run)
 
 
 def test_intrinsics(fuzzed):

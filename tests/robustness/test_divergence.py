@@ -1,5 +1,9 @@
 """A simulation that blows up ends the episode as impossible, says so, and leaves nothing of itself behind."""
 
+import os
+import subprocess
+import sys
+
 import gymnasium as gym
 import numpy as np
 import pytest
@@ -13,14 +17,40 @@ SPEEDS = [np.nan, np.inf, -np.inf, 1e5, 1e8, 1e12]
 GOAL = (0.45, 0.05, -0.175)
 
 
-@pytest.fixture(autouse=True)
-def elsewhere(tmp_path, monkeypatch):
-    """MuJoCo writes its log where it stands."""
-    monkeypatch.chdir(tmp_path)
+#: What a fresh process runs: moves that diverge, alone and in native threads, in which it counts them.
+DIVERGING = """
+import numpy as np
+from kinreach.envs.batch_simulation import BatchSimulation
+from kinreach.envs.simulation import ArmSimulation
+arm, batch = ArmSimulation("ur5"), BatchSimulation("ur5", 4, threads=2)
+arm._plant.qvel[0], batch._plant.qvel[:] = 1e12, np.nan
+moves = [arm.move(arm.arm.home), *batch.move(np.arange(4), np.tile(batch.arm.home, (4, 1)))]
+print([move.reason.split(":")[0] for move in moves].count("diverged"))
+"""
+OWN_LOG = """
+import mujoco
+settings = mujoco.MjLogConfig.get()
+settings.logfile, settings.logto_file = "own.txt", True
+settings.set()
+"""
 
 
 def blow_up(plant, row, speed):
     plant.qvel[row] = speed
+
+
+@pytest.mark.parametrize(("before", "after", "written"), [
+    ("", "", []), (OWN_LOG, "", ["own.txt"]), ("import kinreach.envs.engine", OWN_LOG, ["own.txt"]),
+])  # fmt: skip
+def test_a_move_that_diverges_writes_no_file_but_the_log_that_was_asked_for(before, after, written, tmp_path):
+    code = "\n".join([before, after, DIVERGING])
+    environment = {**os.environ, "PYTHONPATH": os.pathsep.join(sys.path)}
+    done = subprocess.run(
+        [sys.executable, "-c", code], cwd=tmp_path, env=environment, capture_output=True, text=True, timeout=120
+    )
+    assert (done.returncode, done.stdout) == (0, "5\n"), done.stderr
+    assert "unstable" in done.stderr  # MuJoCo's warnings are not lost
+    assert [path.name for path in tmp_path.iterdir()] == written
 
 
 @pytest.mark.parametrize("speed", SPEEDS)
