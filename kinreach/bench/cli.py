@@ -73,12 +73,12 @@ def _page(docs: str) -> Path:
     """Where the page of the documentation goes; told now, not after ten minutes of measuring, if it cannot.
 
     Raises:
-        InputError: It is no path, a directory, or where the page's data goes.
+        InputError: It is no path, a directory or a device, or where the page's data goes.
         OutputError: The directories cannot be written.
     """
     page = check_path("--docs", docs)
-    if not page.name or page.is_dir():
-        raise InputError(f"--docs must be a file, got the directory {docs!r}")
+    if not page.name or (page.exists() and not page.is_file()):
+        raise InputError(f"--docs must be a file, got {docs!r}")
     if page.suffix == ".json":
         raise InputError(f"--docs must be a page of Markdown; its numbers go to {page}")
     for folder in (page.parent, picture_of(page).parent):

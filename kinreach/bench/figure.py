@@ -62,7 +62,7 @@ def _bars(axes: Axes, chart: Chart) -> None:
             f" {value:.3g}" if value < 1000 else f" {float(f'{value:.3g}'):,.0f}".replace(",", " "),
             (max(value, axes.get_xlim()[0]), place), va="center", fontsize=7.5, color=INK,
         )  # fmt: skip
-    axes.set_xlabel(chart.x, fontsize=8.5, color=FAINT)
+    axes.set_xlabel(verbatim(chart.x), fontsize=8.5, color=FAINT)
     if drawn:
         _plain(axes.xaxis)
 
@@ -73,8 +73,8 @@ def _lines(axes: Axes, chart: Chart) -> None:
         axes.plot(*zip(*points, strict=True), color=colours[name], lw=1.8, marker="o", ms=3.5, label=verbatim(name))
     axes.set_xscale("log")
     axes.set_yscale("log")
-    axes.set_xlabel(chart.x, fontsize=8.5, color=FAINT)
-    axes.set_ylabel(chart.y, fontsize=8.5, color=FAINT)
+    axes.set_xlabel(verbatim(chart.x), fontsize=8.5, color=FAINT)
+    axes.set_ylabel(verbatim(chart.y), fontsize=8.5, color=FAINT)
     axes.legend(frameon=False, fontsize=8)
     _plain(axes.xaxis)
     _plain(axes.yaxis)

@@ -8,7 +8,8 @@ from dataclasses import dataclass
 from typing import cast
 
 from kinreach.bench.suite import Suite
-from kinreach.errors import InputError, raise_unknown
+from kinreach.errors import InputError
+from kinreach.inputs import check_known
 
 
 @dataclass(frozen=True)
@@ -38,8 +39,7 @@ def load_suite(name: str) -> Suite:
     Raises:
         UnknownNameError: There is no suite of this name.
     """
-    if name not in SUITES:
-        raise_unknown("suite", name, SUITES)
+    check_known("suite", name, SUITES)
     return cast(Suite, importlib.import_module(f"kinreach.bench.suites.{SUITES[name].module}"))
 
 
@@ -54,8 +54,7 @@ def chosen(names: str | None) -> tuple[str, ...]:
         return tuple(SUITES)
     wanted: Sequence[str] = [name.strip() for name in names.split(",") if name.strip()]
     for name in wanted:
-        if name not in SUITES:
-            raise_unknown("suite", name, SUITES)
+        check_known("suite", name, SUITES)
     if not wanted:
         raise InputError(f"no suite given; available: {', '.join(SUITES)}")
     return tuple(name for name in SUITES if name in wanted)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
@@ -100,14 +101,14 @@ def _parts(results: Results, data: str, picture: str) -> Iterator[str]:
     targets = [target for section in sections for target in section.targets]
     if targets:
         yield f"## Targets: {sum(target.met for target in targets)} of {len(targets)} met"
-        yield table(TARGET_COLUMNS, [target_cells(target) for target in targets])
+        yield _no_markup(table(TARGET_COLUMNS, [target_cells(target) for target in targets]))
         short = [f"* {target.what}: {target.why}" for target in targets if target.why and not target.met]
         if short:
-            yield "\n".join(["Why, where a target is not met:", "", *short])
+            yield _no_markup("\n".join(["Why, where a target is not met:", "", *short]))
     if picture:
         yield f"![Times and rates of all contenders]({picture})"
     for section in sections:
-        yield from _section(section)
+        yield from map(_no_markup, _section(section))
 
 
 def _section(section: Section) -> Iterator[str]:
@@ -151,6 +152,11 @@ def show(cell: Cell) -> str:
 
 def _escaped(text: str) -> str:
     return text.replace("|", "\\|")
+
+
+def _no_markup(text: str) -> str:
+    """Markdown in which nothing is HTML: sections may come from a file, and say what a peer's error said."""
+    return re.sub(r"<(?=[A-Za-z/!?])", "&lt;", text)
 
 
 def _one_line(text: str) -> str:

@@ -7,14 +7,22 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
+from kinreach.bench.checks import check_sections
+from kinreach.bench.registry import SUITES
 from kinreach.bench.suite import Section
+from kinreach.errors import InputError
 from kinreach.files import write_text
+from kinreach.inputs import check_known, check_number
+
+#: A longer file is none of ours.
+MOST_BYTES = 2**23
 
 
 class Unfinished:
     """The finished suites of one run.
 
-    Suites that were measured with other options, code, versions or on another machine are dropped.
+    Suites that were measured with other options, code, versions or on another machine are dropped, and so is a file
+    that is damaged: what is kept is shown and drawn like what was measured now.
 
     Args:
         path: The file.
@@ -51,14 +59,21 @@ class Unfinished:
 
 
 def _read(path: Path, identity: Mapping[str, Any]) -> tuple[dict[str, list[dict[str, Any]]], dict[str, float]]:
+    """What the file holds of a run like this one; nothing if any of it is not as `Unfinished.add` writes it."""
     try:
+        if not path.is_file() or path.stat().st_size > MOST_BYTES:
+            return {}, {}
         kept = json.loads(path.read_text(encoding="utf-8"))
         if kept["identity"] != identity:
             return {}, {}
         suites: dict[str, list[dict[str, Any]]] = kept["suites"]
-        for sections in suites.values():
-            for section in sections:
-                Section.from_json(section)
-        return suites, {suite: float(kept["seconds"][suite]) for suite in suites}
-    except (OSError, ValueError, KeyError, TypeError, AttributeError):  # missing, cut short, or somebody else's
+        for name, sections in suites.items():
+            check_known("suite", name, SUITES)
+            if not isinstance(sections, list):
+                raise TypeError("the sections of a suite are a list")
+        check_sections([section for sections in suites.values() for section in sections])
+        seconds = {name: check_number("seconds", kept["seconds"][name], least=0.0) for name in suites}
+        return suites, seconds
+    # missing, cut short, damaged, or somebody else's
+    except (OSError, ValueError, KeyError, TypeError, AttributeError, OverflowError, RecursionError, InputError):
         return {}, {}

@@ -10,7 +10,7 @@ import pytest
 from kinreach import cli
 from kinreach.bench import registry
 from kinreach.bench.report import markdown
-from kinreach.errors import InstallationError
+from kinreach.errors import InstallationError, UnknownNameError
 
 SCHEMA = Path(registry.__file__).with_name("results.schema.json")
 
@@ -151,8 +151,9 @@ class TestInterruption:
         (["--out", "a\0b"], "--out cannot be a path, got 'a\\x00b': a path has no null character"),
         (["--docs", "a\0b"], "--docs cannot be a path"),
         (["--docs", "x" * 300], "--docs cannot be a path"),
-        (["--docs", "/"], "--docs must be a file, got the directory '/'"),
-        (["--docs", ""], "--docs must be a file, got the directory ''"),
+        (["--docs", "/"], "--docs must be a file, got '/'"),
+        (["--docs", ""], "--docs must be a file, got ''"),
+        (["--docs", "/dev/full"], "--docs must be a file, got '/dev/full'"),
         (["--docs", "page.json"], "--docs must be a page of Markdown; its numbers go to page.json"),
     ],
 )
@@ -185,6 +186,13 @@ def test_every_suite_exists():
         assert callable(registry.load_suite(name).run)
         assert importlib.import_module(f"kinreach.bench.suites.{entry.module}").__doc__
         assert entry.summary
+
+
+@pytest.mark.parametrize("name", [None, 3, ["env"], "chess", "x" * 5000])
+def test_no_name_of_a_suite(name):
+    with pytest.raises(UnknownNameError, match=r"unknown suite .*available: ") as caught:
+        registry.load_suite(name)
+    assert len(str(caught.value)) < 6000
 
 
 def test_help_loads_nothing_heavy(run_python):

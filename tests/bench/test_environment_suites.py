@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import re
 import sys
 from collections import Counter
 
@@ -44,8 +45,7 @@ class TestEnvironments:
         assert all(row[1] > 0 and row[2] > 0 and row[3] is None for row in steps.rows)
         assert set(steps.missing) == {"PandaReach-v3", "Reacher-v5"}
         assert steps.targets == []  # there is nothing to compare with
-        assert [row[0] for row in dynamics.rows] == [episodes.LOOP, *episodes.BATCHES.values()]
-        assert dynamics.targets[0].bound == 500
+        assert [row[0] for row in dynamics.rows][-2:] == [episodes.REACHING, episodes.RANDOM]
         assert len(resets.rows) + len(resets.missing) == 3
         assert {what for what, *_ in told} == {"steps of environments", "episodes under dynamics", "resets"}
 
@@ -91,6 +91,37 @@ class TestEnvironments:
         monkeypatch.setattr(episodes, "batched", lambda simulation, targets: targets[:, :3])
         with pytest.raises(KinreachError, match="does not do what"):
             episodes.section(TINY, lambda *what: None, "again")
+
+    def test_the_target_is_judged_on_the_environment(self, checked, tiny):
+        (section,) = checked([episodes.section(TINY, lambda *what: None, "python -m kinreach.bench --suite env")])
+        rows = {row[0]: row for row in section.rows}
+        assert list(rows) == [episodes.LOOP, *episodes.BATCHES.values(), episodes.REACHING, episodes.RANDOM]
+        (target,) = section.targets
+        assert (target.bound, target.kind, target.measured) == (500, "at least", rows[episodes.REACHING][1])
+        assert "of which 100 % reached the goal" in section.text
+        assert re.search(r"\d+ % were impossible", section.text)
+        assert re.search(r"tool-down [\d.]+ s and [\d.]+ ms; .*random, impossible [\d.]+ s and ", section.text)
+
+    def test_an_environment_that_does_something_else_is_no_result(self, tiny, monkeypatch):
+        monkeypatch.setattr(episodes, "episode", lambda env, goals, actions: {"distance": np.ones(len(goals))})
+        with pytest.raises(KinreachError, match="the environment does not do what"):
+            episodes.section(TINY, lambda *what: None, "again")
+
+    def test_how_long_moves_take(self):
+        """Simulated times beside those of a loop; the text has only the kinds of moves that there were."""
+        targets = episodes.goals_and_targets(3, 5)[1]
+        loop = episodes.ArmSimulation("ur5")
+        wanted = []
+        for target in targets:
+            loop.reset()
+            wanted.append(loop.move(target).duration)
+        batch = episodes.BatchSimulation("ur5", 4)
+        took, processor = episodes.cost(batch, targets)
+        assert took == pytest.approx(np.mean(wanted), rel=1e-12)
+        assert 0 < processor < 10
+        said = episodes._costs(batch, {"a": targets, "none": targets[:0]})
+        assert said.startswith(f"a {took:.2f} s and ")
+        assert "none" not in said
 
     def test_goals_are_reached_from_above(self):
         goals, targets = episodes.goals_and_targets(16, 5)
@@ -152,6 +183,7 @@ class TestTraining:
             cells = dict(zip(section.columns, row, strict=True))
             assert cells["actions"] == 2048
             assert cells[f"x {PANDA.name}"] is None
+            assert 0 < cells["actions/s, worst round"] <= cells["actions/s, median"]
             shares = [cells[f"{part} [%]"] for part in (*train.PARTS, "rest")]
             assert sum(shares) == pytest.approx(100)
             assert min(shares) > 0
@@ -159,16 +191,17 @@ class TestTraining:
     def test_peer_in_the_table(self):
         ours = {"actions": 100.0, "wall": 1.0, "processor": 1.0, "environment": 0.25, "choosing": 0.25, "updating": 0.5}
         theirs = {**ours, "actions": 10.0, "wall": 2.0}
-        rows = train._rows({train.BATCH: [ours, ours], train.PEER: [theirs, theirs]})
-        assert rows[0] == [train.BATCH, 100, 100.0, 20.0, 25.0, 25.0, 50.0, 0.0, 1.0, 1.0]
-        assert rows[1][2:4] == [5.0, 1.0]
+        slower = {**ours, "wall": 4.0, "environment": 1.0, "choosing": 1.0, "updating": 2.0}
+        rows = train._rows({train.BATCH: [ours, slower, ours], train.PEER: [theirs] * 3})
+        assert rows[0] == [train.BATCH, 100, 100.0, 25.0, 20.0, 25.0, 25.0, 50.0, 0.0, 1.0, 1.0]
+        assert rows[1][2:5] == [5.0, 5.0, 1.0]
 
     def test_rest_is_taken_round_by_round(self):
         """In no round do the parts take longer than the whole; their medians do, together."""
         part = dict(zip(train.PARTS, (0.2, 0.2, 0.6), strict=True))
         rounds = [{**part, train.PARTS[i]: part[train.PARTS[i]] - 0.1} for i in range(3)]
         rows = train._rows({train.BATCH: [{"actions": 1.0, "wall": 1.0, "processor": 1.0, **each} for each in rounds]})
-        assert rows[0][4:8] == pytest.approx([20.0, 20.0, 60.0, 10.0])
+        assert rows[0][5:9] == pytest.approx([20.0, 20.0, 60.0, 10.0])
 
     def test_without_torch(self, monkeypatch):
         monkeypatch.setitem(sys.modules, "torch", None)

@@ -150,6 +150,14 @@ class TestGrowth:
         assert growth._memory((1, 101), [140.0, 141.0]) == " Each of them takes 10 kB of memory."
         assert growth._memory((1, 101), [None, None]) == ""
 
+    def test_an_empty_cell_of_the_peer_is_explained(self):
+        timings = Timings()
+        timings |= {"EAIK 10": np.array([1e-5]), "EAIK 100": np.array([8e-6])}
+        said = growth._blank(timings, (10, 100, 1000))
+        assert "with up to 100 poses" in said
+        assert "a single call with 1000 would take 0.008 s" in said
+        assert growth._blank(timings, (10, 100)) == growth._blank(Timings(), (10, 100)) == ""
+
     def test_environments_are_closed(self, monkeypatch):
         closed = []
         make = growth.gym.make_vec

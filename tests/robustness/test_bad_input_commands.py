@@ -22,6 +22,7 @@ OPTIONS = {
         "--env", "--policy", "--steps", "--reset-every", "--seed", "--backend", "--observation", "--actuation",
         "--print", "--video", "--help",
     ],
+    "bench": ["--suite", "--quick", "--rounds", "--seed", "--out", "--docs", "--fresh", "--help", "--", "--nonsense"],
 }  # fmt: skip
 WORDS = [
     "", " ", "-1", "0", "1", "3", "1e9", "nan", "inf", "1" * 30, "9" * 5000, "2.5", "\u0663", "\u00b2", "true", "None",
@@ -29,6 +30,7 @@ WORDS = [
     "--", "-", "640x360", "0x0", "9" * 5000 + "x1", "1x", "ur5", "arm3", "button", "chess", "lm", "lm,lm", ",", "$HOME",
     "geometric", "camera", "pixels", "kinematic", "mujoco", "hybrid", "thesis", "tuned", "report", "single", "multi",
     "ppo-single", "random", "analytic", "x.safetensors", "a.gif", "a.mp4", ".gif", "a.avi", "reward,info", "nothing",
+    "env,train", "env,chess", "page.md", "page.json",
 ]  # fmt: skip
 
 
@@ -49,7 +51,7 @@ def nothing_is_measured(monkeypatch, tmp_path):
     monkeypatch.delenv("DISPLAY", raising=False)
     for name in (
         "kinreach.compare.cli.compare", "kinreach.baselines.evaluate_cli.evaluate", "kinreach.demo.cli._run",
-        "kinreach.baselines.training.train",
+        "kinreach.baselines.training.train", "kinreach.bench.cli.run_suites",
     ):  # fmt: skip
         monkeypatch.setattr(name, begin)
 
@@ -109,6 +111,8 @@ def test_arguments(command, fuzzed):
         ["evaluate", "single", "--goals", "0"],
         ["demo", "--policy", "/etc/passwd", "--steps", "1"],
         ["demo", "--video", "/proc/x.gif", "--steps", "1"],
+        ["bench", "--docs", "", "--suite", "fk-batch", "--quick", "--rounds", "1"],
+        ["bench", "--suite", "fk-batch,chess"],
     ],
 )
 @pytest.mark.slow

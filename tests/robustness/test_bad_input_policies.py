@@ -6,10 +6,12 @@ import pytest
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
+from kinreach.baselines import training
 from kinreach.baselines.evaluation import evaluate
 from kinreach.baselines.learned import load_policy, pretrained_names
 from kinreach.baselines.learning_curve import read_curve
-from kinreach.baselines.logs import load_logs, log_names, logged_policies
+from kinreach.baselines.logs import load_logs, log_names, logged_policies, sampled_returns, thinned
+from kinreach.baselines.recipes import get_recipe
 from kinreach.baselines.traces import trace
 from kinreach.compare import Settings
 from kinreach.compare.observation import CameraSettings
@@ -56,6 +58,34 @@ def test_names_and_paths_of_policies(fuzzed):
     fuzzed(st.tuples(paths, environments), run)
 
 
+def test_arguments_of_a_training(fuzzed, tmp_path, monkeypatch):
+    """The training itself is replaced; what it is given is what it can use."""
+
+    def trained(recipe, folder, identity, **_):
+        assert folder.is_dir()
+        assert identity["recipe"]["steps"] == recipe.steps > 0
+        assert 0 <= identity["seed"] < 2**31
+
+    monkeypatch.setattr(training, "_train", trained)
+    monkeypatch.setattr(training.torch, "set_num_threads", lambda count: None)
+    recipe = get_recipe("single")
+    odd = NUMBERS | things() | st.integers(-3, 2**40)
+
+    def run(case):
+        recipe, folder, seed, steps, threads = case
+        training.train(recipe, folder, seed=seed, steps=steps, threads=threads)
+
+    good = [st.just(recipe), st.just(tmp_path / "run"), st.integers(0, 9), st.none(), st.just(1)]
+    bad = [things(), st.sampled_from([None, 3, b"", "x" * 300, "/proc/x", "a\0"]), odd, odd, odd]
+    fuzzed(st.integers(0, 4).flatmap(lambda k: st.tuples(*good[:k], bad[k], *good[k + 1 :])) | st.tuples(*good), run)
+    with pytest.raises(InputError, match="recipe"):
+        get_recipe(None)
+    with pytest.raises(InputError, match="samples"):
+        sampled_returns({}, 0.5, most=0)
+    with pytest.raises(InputError, match="columns"):
+        thinned(None)
+
+
 def test_logs(fuzzed):
     def run(case):
         recipe, what, runs = case
@@ -65,6 +95,7 @@ def test_logs(fuzzed):
         logged_policies(recipe, runs=runs)
 
     recipes = st.sampled_from(log_names()) | PATHS | st.sampled_from(["..", "../logs/single", "/etc", "single/"])
+    recipes |= st.just("ppo-multi-ending")  # few others have policies
     kinds = st.sampled_from(["curve", "episode", "rewards"]) | things()
     fuzzed(st.tuples(recipes, kinds, st.none() | st.none() | PATHS), run)
 

@@ -60,9 +60,8 @@ whole episode, 1.3 s and more of simulated time.
 {PROFILED}, by `cProfile` and `perf record`: a kinematic batch of 4096 was bound by numpy's arithmetic (45 % of the
 samples), the interpreter between its calls (29 %) and copies (13 %); half of its time was the check for collisions. One
 kinematic environment was the interpreter (42 %) and numpy's calls for arrays of one row (37 %). Under dynamics 90 % of
-a batch's time was MuJoCo's step, the rest the Python that looks whether joints have arrived; a random posture with
-something in its way takes longer than one that is reached, because the arm is pressed against the thing until it is
-found to stand still. The button's batch was MuJoCo's step to 97 %."""
+a batch's time was MuJoCo's step, the rest the Python that looks whether joints have arrived; the section
+on episodes says why random actions take longer than those that reach. The button's batch was MuJoCo's step to 97 %."""
 
 RESET_TEXT = f"""\
 `reset()` of one environment with the dynamics. With `observation="camera"` two cameras draw a colour and a depth

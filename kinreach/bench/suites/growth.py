@@ -87,7 +87,10 @@ def _poses(options: Options, progress: Progress) -> Section:
     return Section(
         title="Growth: poses",
         text=texts.POSES.format(
-            ik=_cheapest(timings, sizes, "IK"), fk=_cheapest(timings, sizes, "FK"), profiled=PROFILED
+            ik=_cheapest(timings, sizes, "IK"),
+            fk=_cheapest(timings, sizes, "FK"),
+            blank=_blank(timings, sizes),
+            profiled=PROFILED,
         ),
         columns=(
             "poses",
@@ -218,6 +221,15 @@ def _us(timings: Timings, name: str) -> float | None:
 def _cheapest(timings: Timings, sizes: tuple[int, ...], name: str) -> int:
     """The size at which one takes least."""
     return min(sizes, key=lambda n: float(np.median(timings[f"{name} {n}"])))
+
+
+def _blank(timings: Timings, sizes: tuple[int, ...]) -> str:
+    """Sentences that say why EAIK's cells are empty where they are; nothing where it was not timed at all."""
+    timed = [n for n in sizes if f"EAIK {n}" in timings]
+    if not timed or timed[-1] == sizes[-1]:
+        return ""
+    seconds = 1e-6 * (_us(timings, f"EAIK {timed[-1]}") or 0.0)
+    return texts.BLANK.format(most=timed[-1], seconds=seconds * sizes[-1], largest=sizes[-1])
 
 
 def _memory(sizes: tuple[int, ...], megabytes: list[Cell]) -> str:

@@ -5,7 +5,7 @@ from kinreach.bench.suites import PROFILED
 POSES = """\
 Batches of random poses, all eight branches (`UR5Kinematics.batch`), EAIK's `IK_batched` on one thread beside it (the
 suite `ik-batch` also calls EAIK in a loop), and forward kinematics of as many postures. Memory is the most that a fresh
-process held that did it once, its inputs included.
+process held that did it once, its inputs included.{blank}
 
 Of these sizes, inverse kinematics is cheapest a pose in batches of {ik}, forward kinematics in batches of {fk}. Both
 run over blocks of 4096, whose numbers stay in the second-level cache; the eight branches of six angles of a pose are
@@ -16,6 +16,10 @@ interpreter; single poses have a path of their own, `all_solutions`. At 10 000 p
 quarters of the samples were numpy's loops, of which atan2 was the largest single one (18 % of all). At a million 42 %
 of the samples were the kernel clearing the pages of the result: inverse kinematics was then bound by memory, not by
 arithmetic. Forward kinematics was from 10 000 on (a third of the samples were the kernel's)."""
+BLANK = (
+    " EAIK is timed with up to {most} poses: at what it took for one of those, a single call with {largest} would take "
+    "{seconds:.2g} s, so its cells are empty beyond."
+)
 
 ENVIRONMENTS = """\
 Steps of `kinreach/UR5SingleStep-v0` with the kinematic backend; each is a whole episode, its reset included. Memory is
@@ -35,7 +39,8 @@ DYNAMICS = f"""\
 Episodes under full dynamics, as in the suite `env`, in batches on one thread and on two.
 
 What a batch costs besides MuJoCo's step, the Python that plans the moves and looks whether joints have arrived, hardly
-grows with the number; MuJoCo steps each by itself. Two threads share the step, not the rest. `cores` says how much of
-two cores there was.
+grows with the number; MuJoCo steps each by itself. Two threads share out the simulations, and not the rest. One
+simulation cannot be shared: its row says what noise, and the handing over to threads, do to a ratio that should be 1,
+and rows of a few are to be read with that in mind. `cores that two had` says how much of two cores there was.
 
 {PROFILED}: with 256 simulations the step was 90 % of the time (`cProfile`, random actions)."""

@@ -47,8 +47,8 @@ generators at the start, which a longer run does not notice and `--quick` notice
 def run(options: Options, progress: Progress) -> list[Section]:
     """Measure; see `kinreach.bench.suite.Suite`."""
     missing: dict[str, str] = {}
-    columns = ("", "actions", "actions/s, median", f"x {PANDA.name}", *(f"{part} [%]" for part in PARTS),
-               "rest [%]", "wall [s]", "processor [s]")  # fmt: skip
+    columns = ("", "actions", "actions/s, median", "actions/s, worst round", f"x {PANDA.name}",
+               *(f"{part} [%]" for part in PARTS), "rest [%]", "wall [s]", "processor [s]")  # fmt: skip
     rows: list[list[Cell]] = []
     samples: dict[str, list[float]] = {}
     try:
@@ -109,7 +109,8 @@ def _rows(times: dict[str, list[dict[str, float]]]) -> list[list[Cell]]:
         shares = [float(share) for share in np.median(np.column_stack([parts, 100 - parts.sum(axis=1)]), axis=0)]
         ratio = float(np.median(rates[name] / rates[PEER])) if PEER in rates else None
         actions = int(each[0]["actions"])
-        rows.append([name, actions, float(np.median(rates[name])), ratio, *shares, wall, processor])
+        rate = rates[name]
+        rows.append([name, actions, float(np.median(rate)), float(rate.min()), ratio, *shares, wall, processor])
     return rows
 
 
