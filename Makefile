@@ -13,7 +13,7 @@ DOCS := $(VENV)/.installed-docs
 BENCH := $(VENV)/.installed-bench
 
 .DEFAULT_GOAL := help
-.PHONY: help setup compare test test-all lint bench endurance notebooks docs clean
+.PHONY: help setup compare test test-all lint bench digest endurance notebooks docs clean
 
 help: ## List the targets
 	@grep -hE '^[a-z-]+:.*## ' $(MAKEFILE_LIST) | awk -F ':.*## ' '{printf "  make %-10s %s\n", $$1, $$2}'
@@ -37,6 +37,9 @@ lint: $(DEV) ## Check style, format and types
 
 bench: $(BENCH) ## Speed beside other packages, for example ARGS="--suite ik-single --quick"
 	$(BIN)/python -m kinreach.bench $(ARGS)
+
+digest: $(CORE) ## Compare fixed results with tools/digest.txt, for example PYTHON=python3.13 VENV=build/venv-3.13
+	$(BIN)/python -m tools.digest --check $(ARGS)
 
 endurance: $(DEV) ## What takes too long for the tests: faults, long runs, processes; ARGS="--quick" for some minutes
 	$(BIN)/python -m tools.endurance $(ARGS)

@@ -1,12 +1,14 @@
 """Run notebooks from top to bottom and keep what they show: `python notebooks/execute.py [NOTEBOOK ...] [--check]`.
 
 Without names all notebooks of this folder are run. Outputs are written into the files; times and versions are not, so
-that running them again changes only what really is different. With `--check` nothing is written.
+that running them again changes only what really is different. With `--check` nothing is written. How long each took is
+printed, and how long all: by the clock, and the processor time, which a busy machine does not change much.
 """
 
 from __future__ import annotations
 
 import argparse
+import resource
 import sys
 import time
 from pathlib import Path
@@ -56,8 +58,9 @@ def main(argv: list[str] | None = None) -> int:
     if missing:
         parser.error(f"no such notebook: {', '.join(missing)}")
     failed = False
+    began, used = time.perf_counter(), _processor_time()
     for path in args.notebooks or sorted(FOLDER.glob("*.ipynb")):
-        start = time.perf_counter()
+        start, before = time.perf_counter(), _processor_time()
         try:
             notebook = execute(path.resolve())
         except CellExecutionError as error:
@@ -69,8 +72,20 @@ def main(argv: list[str] | None = None) -> int:
             temporary = path.with_suffix(".tmp")
             nbformat.write(notebook, temporary)
             temporary.replace(path)
-        print(f"{path.name}: {time.perf_counter() - start:.0f} s, {path.stat().st_size / 1e3:.0f} kB")
+        print(f"{path.name}: {_spent(start, before)}, {path.stat().st_size / 1e3:.0f} kB", flush=True)
+    print(f"altogether: {_spent(began, used)}")
     return int(failed)
+
+
+def _spent(start: float, before: float) -> str:
+    seconds, cpu = time.perf_counter() - start, _processor_time() - before
+    return f"{seconds:.0f} s, {cpu:.0f} s of processor time"
+
+
+def _processor_time() -> float:
+    """Of this process, and of the kernels that have ended [s]."""
+    usage = [resource.getrusage(who) for who in (resource.RUSAGE_SELF, resource.RUSAGE_CHILDREN)]
+    return sum(each.ru_utime + each.ru_stime for each in usage)
 
 
 if __name__ == "__main__":

@@ -1,7 +1,10 @@
 """What the README shows works as it stands there."""
 
+import json
 import re
 from pathlib import Path
+
+import pytest
 
 from kinreach.compare.cli import main as compare
 from kinreach.compare.methods import METHODS
@@ -39,3 +42,35 @@ def test_the_comparison_commands_parse(tmp_path, capsys):
 def test_the_table_has_every_method():
     rows = re.findall(r"^\| ([a-z-]+) \| [\d.]+ \[", README.read_text(), re.MULTILINE)
     assert rows == list(METHODS["ur5"])
+
+
+def shown_number(text):
+    """A number and what its last digit is worth, which it may be off by on another processor."""
+    return float(text), 1.01 * 10.0 ** -len(text.partition(".")[2])
+
+
+@pytest.mark.slow
+def test_the_table_is_what_its_command_measures(tmp_path):
+    """All of it but the times to solve, and the intervals, which follow from the shares."""
+    text = README.read_text()
+    command = re.search(r"Again: `python -m kinreach\.compare ([^`]+)`", text).group(1)
+    assert compare([*command.split(), "--out", str(tmp_path)], prog="compare") == 0
+    found = json.loads((tmp_path / "results.json").read_text())
+    rows = [line.strip("| \n").split(" | ") for line in text.splitlines() if re.match(r"\| [a-z-]+ \| [\d.]+ \[", line)]
+    checked = 0
+    for row, method in zip(rows, found["methods"], strict=True):
+        name, reached, distance, near, impossible, reward, _, move = row
+        assert name == method["name"]
+        pairs = [
+            (reached.split(" ")[0], 100 * method["reached"]),
+            *zip(distance.split(" / "), (method["distance_mm"][name] for name in ("median", "p95")), strict=True),
+            (near, 100 * method["success_at_mm"]["1"]),
+            (impossible, 100 * method["impossible"]),
+            (reward, method["reward_mean"]),
+            (move, method["move_s"]["median"]),
+        ]
+        for said, value in pairs:
+            number, unit = shown_number(said)
+            assert value == pytest.approx(number, abs=unit), (name, said)
+            checked += 1
+    assert checked == 7 * len(METHODS["ur5"])

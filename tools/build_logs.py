@@ -21,7 +21,7 @@ FOLDER = Path(kinreach.__file__).parent / "baselines" / "logs"
 DIGITS = 4
 COUNTS = ("steps", "episodes")
 #: Seeds whose policies a notebook looks into, by recipe.
-POLICIES = {"ppo-multi-ending": range(5), "thesis-multi": range(1)}
+POLICIES = {"ppo-multi-ending": range(5)}
 
 
 def write_logs(recipe: str, what: str, runs: Path, folder: Path) -> int:

@@ -1,8 +1,9 @@
 """Digests of a fixed set of results, to be compared between machines, Pythons and versions: `python -m tools.digest`.
 
-Each line names a result and has the SHA-256 of its numbers, once to the last bit and once rounded. `--check FILE`
-compares with what another run has printed into FILE and ends with exit code 1 where a rounded digest differs. Nothing
-here needs torch or OpenGL.
+Each line names a result and has the SHA-256 of its numbers, once to the last bit and once rounded. `--check` compares
+with `tools/digest.txt`, `--check FILE` with what another run has printed into FILE; the exit code is 1 where a rounded
+digest differs, or where only one of the two runs has a result. Last bits may differ: numpy, OpenBLAS and the C library
+choose their code by the processor. Nothing here needs torch or OpenGL.
 """
 
 from __future__ import annotations
@@ -11,7 +12,7 @@ import argparse
 import hashlib
 import platform
 import sys
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -31,6 +32,11 @@ from kinreach.kinematics.solvers import LevenbergMarquardtSolver, PlacoSolver, Q
 #: What is rounded away before the second digest: metres, radians and rewards to a billionth.
 DIGITS = 9
 SEED = 20_24
+#: What a run on the machine of the project has printed.
+REFERENCE = Path(__file__).with_suffix(".txt")
+#: Verdicts that fail a check.
+DIFFERENT, MISSING = FAILED = "DIFFERENT", "MISSING"
+EXACT, ROUNDED = "same bits", f"same to 1e-{DIGITS}"
 TOOL_DOWN = (0.0, 0.0, -1.0)
 
 
@@ -55,13 +61,27 @@ def closed_form() -> Iterator[Any]:
     yield batch.valid
 
 
+def nearest() -> Iterator[Any]:
+    """The posture nearest to another one for each of 500 poses, some of them out of reach, and its branch."""
+    kin = UR5Kinematics(tip="tcp", base="world")
+    poses = kin.fk(_postures(500))
+    poses[::10, :3, 3] += 1.0
+    found = kin.nearest_batch(poses, np.roll(_postures(500), 1, axis=0))
+    yield np.where(found.success[:, None], found.q, 0.0)
+    yield found.branch
+
+
 def arm3() -> Iterator[Any]:
-    """All postures of the 3-DOF arm at 500 positions."""
+    """All postures of the 3-DOF arm at 500 positions, and the ones nearest to zero."""
     kin = Arm3Kinematics(base="world")
     rng = np.random.default_rng(SEED)
-    batch = kin.batch(rng.uniform(-0.8, 0.8, (500, 3)))
+    positions = rng.uniform(-0.8, 0.8, (500, 3))
+    batch = kin.batch(positions)
     yield np.where(batch.valid[..., None], batch.q, 0.0)
     yield batch.valid
+    found = kin.nearest_batch(positions, np.zeros(3))
+    yield np.where(found.success[:, None], found.q, 0.0)
+    yield found.branch
 
 
 def solvers() -> Iterator[Any]:
@@ -120,7 +140,8 @@ def policies() -> Iterator[Any]:
 RESULTS: dict[str, Callable[[], Iterator[Any]]] = {
     part.__name__: part
     for part in (
-        forward, closed_form, arm3, solvers, collisions, kinematic_reaching, dynamic_reaching, button, moves, policies
+        forward, closed_form, nearest, arm3, solvers, collisions, kinematic_reaching, dynamic_reaching, button, moves,
+        policies,
     )
 }  # fmt: skip
 
@@ -136,29 +157,46 @@ def digests(results: Callable[[], Iterator[Any]]) -> tuple[str, str, int]:
     return exact.hexdigest()[:16], rounded.hexdigest()[:16], count
 
 
-def main() -> int:
+def compare(name: str, found: tuple[str, str, int], known: Mapping[str, Sequence[str]]) -> str:
+    """What there is to say about a result beside those of another run.
+
+    Args:
+        name: Of the result.
+        found: Its digests.
+        known: What `read` gives.
+    """
+    if name not in known:
+        return MISSING
+    exact, rounded = known[name]
+    return EXACT if found[0] == exact else ROUNDED if found[1] == rounded else DIFFERENT
+
+
+def read(path: Path) -> dict[str, list[str]]:
+    """Both digests of every result, by its name, from what a run has printed."""
+    rows = [line.split() for line in path.read_text(encoding="utf-8").splitlines() if not line.startswith("#")]
+    return {row[0]: [*row[1:3], "", ""][:2] for row in rows if row}
+
+
+def main(argv: Sequence[str] | None = None) -> int:
     """Print the digests; compare them if asked to."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--check", type=Path, metavar="FILE", help="output of another run to compare with")
-    arguments = parser.parse_args()
-    known = {} if arguments.check is None else _read(arguments.check)
+    parser.add_argument(
+        "--check", type=Path, nargs="?", const=REFERENCE, metavar="FILE", help="output of another run to compare with"
+    )
+    arguments = parser.parse_args(argv)
+    known = None if arguments.check is None else read(arguments.check)
     print(f"# kinreach {kinreach.__version__}, Python {platform.python_version()}, numpy {np.__version__}, "
           f"mujoco {mujoco.__version__}, {platform.machine()}")  # fmt: skip
-    different = 0
+    failed = False
     for name, results in RESULTS.items():
-        exact, rounded, count = digests(results)
-        verdict = ""
-        if name in known:
-            same_bits, same = exact == known[name][0], rounded == known[name][1]
-            verdict = "same bits" if same_bits else f"same to 1e-{DIGITS}" if same else "DIFFERENT"
-            different += not same
-        print(f"{name:20} {exact} {rounded} {count:>9} {verdict}".rstrip())
-    return int(different > 0)
-
-
-def _read(path: Path) -> dict[str, list[str]]:
-    rows = (line.split() for line in path.read_text(encoding="utf-8").splitlines() if not line.startswith("#"))
-    return {name: [exact, rounded] for name, exact, rounded, *_ in rows}
+        found = digests(results)
+        verdict = "" if known is None else compare(name, found, known)
+        failed |= verdict in FAILED
+        print(f"{name:20} {found[0]} {found[1]} {found[2]:>9} {verdict}".rstrip(), flush=True)
+    for name in sorted((known or {}).keys() - RESULTS.keys()):
+        print(f"{name:20} {MISSING} here")
+        failed = True
+    return int(failed)
 
 
 def _postures(count: int) -> Any:

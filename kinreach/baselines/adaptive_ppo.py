@@ -74,7 +74,7 @@ class AdaptivePPO(PPO):
 
     Args:
         exploration: Schedule of the standard deviation; None where it is learned, or for discrete actions.
-        rate: How the learning rate adapts.
+        adaptive: How the learning rate adapts.
         planned_steps: Steps of the whole training, to which the schedules refer.
         **kwargs: Of PPO.
 

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import io
 import pickle
-import warnings
+import zipfile
 from pathlib import Path
 from typing import Any
 
@@ -27,6 +27,12 @@ _BUFFER = ("observations", "next_observations", "actions", "rewards", "dones", "
 
 def save_checkpoint(path: Path, identity: dict[str, Any], segment: int, trainee: Trainee) -> None:
     """Write the state after a segment, whole or not at all.
+
+    Args:
+        path: Of the file.
+        identity: Recipe, seed and versions of the run; `sources`, digests of the code that had a part in the state.
+        segment: Its number.
+        trainee: In that state.
 
     Raises:
         OutputError: The file system refused.
@@ -51,17 +57,29 @@ def save_checkpoint(path: Path, identity: dict[str, Any], segment: int, trainee:
         temporary.write_bytes(content.getbuffer())
 
 
-def load_checkpoint(path: Path, identity: dict[str, Any], trainee: Trainee) -> int:
-    """Put a fresh trainee into the state after the last segment; the number of the next one.
+def load_checkpoint(path: Path, identity: dict[str, Any], trainee: Trainee) -> tuple[int, list[str]]:
+    """Put a fresh trainee into the state after the last segment.
+
+    Args:
+        path: Of the file.
+        identity: What was given to `save_checkpoint`, but for `sources`: the code may have changed.
+        trainee: A fresh one.
+
+    Returns:
+        The number of the next segment, and `sources`: digests of the code that had a part in the state.
 
     Raises:
         InputError: The file is not a checkpoint, or is one of another run.
     """
     try:
-        with warnings.catch_warnings():
-            warnings.simplefilter("ignore")  # torch warns of what it then refuses
-            state = torch.load(io.BytesIO(path.read_bytes()), weights_only=True)
-        if state["identity"] != identity:
+        content = io.BytesIO(path.read_bytes())
+        if not zipfile.is_zipfile(content):  # torch would try it as a plain pickle, and warn before it refuses
+            raise ValueError("no archive")
+        content.seek(0)
+        state = torch.load(content, weights_only=True)
+        said = dict(state["identity"])
+        sources = said.pop("sources", None)
+        if said != identity or not isinstance(sources, list):
             raise InputError(
                 f"{path} belongs to a run with other settings or versions; train without --resume, or elsewhere"
             )
@@ -79,7 +97,7 @@ def load_checkpoint(path: Path, identity: dict[str, Any], trainee: Trainee) -> i
                 rows = state["buffer"]["arrays"][name]
                 getattr(buffer, name)[: len(rows)] = rows.numpy()
             buffer.pos, buffer.full = state["buffer"]["pos"], state["buffer"]["full"]
-        return int(state["segment"]) + 1
+        return int(state["segment"]) + 1, [str(source) for source in sources]
     except OSError as error:
         raise InputError(f"cannot read {path}: {error.strerror or error}") from None
     except (pickle.UnpicklingError, RuntimeError, KeyError, TypeError, AttributeError, EOFError, ValueError) as error:

@@ -14,7 +14,7 @@ from rich.markup import escape
 from rich.progress import Progress
 
 from kinreach import provenance
-from kinreach.baselines.evaluation import evaluate
+from kinreach.baselines.evaluation import SPLITS, evaluate
 from kinreach.baselines.evaluation_table import TABLE_WIDTH, evaluation_table
 from kinreach.baselines.learned import LearnedPolicy, load_policy, pretrained_names
 from kinreach.baselines.policy_file import read_policy, save_policy
@@ -22,11 +22,16 @@ from kinreach.baselines.recipes.base import BUTTON
 from kinreach.cli import Parser
 from kinreach.errors import InputError
 from kinreach.files import make_writable, write_text
-from kinreach.inputs import check_count, check_path
+from kinreach.inputs import check_count, check_known, check_path
+
+#: Goals, unless the user says otherwise.
+SPLIT = "held-out"
+#: Options of the environment that belong to what a policy of the button task was trained for.
+TASK_OPTIONS = ("actuation", "max_steps")
 
 
 def main(argv: Sequence[str], *, prog: str) -> int:
-    """Evaluate policies on held-out goals.
+    """Evaluate policies on goals that no training has seen.
 
     Args:
         argv: Arguments without the program's name.
@@ -40,58 +45,76 @@ def main(argv: Sequence[str], *, prog: str) -> int:
     """
     arguments = _parser(prog).parse_args(argv)
     check_count("--goals", arguments.goals, most=10**7)
+    check_known("split", arguments.split, SPLITS)
     policies = {name: load_policy(name) for name in arguments.policies}
     names = _short_names(list(policies))
-    if arguments.out is not None:
-        check_path("--out", arguments.out)
-    summaries = {}
-    for name, policy in policies.items():
-        options = _options(policy, arguments)
-        summaries[names[name]] = _evaluate(policy, names[name], arguments.goals, options)
+    options = {name: _options(policy, arguments) for name, policy in policies.items()}
+    _check_outputs(arguments)
+    summaries = {
+        names[name]: _evaluate(policy, names[name], arguments, options[name]) for name, policy in policies.items()
+    }
     said = {name: getattr(arguments, name) for name in ("backend", "observation", "max_steps")}
     given = "".join(f" --{name.replace('_', '-')} {value}" for name, value in said.items() if value is not None)
-    command = f"{prog} {join(arguments.policies)} --goals {arguments.goals}{given}"
+    split = "" if arguments.split == SPLIT else f" --split {arguments.split}"
+    command = f"{prog} {join(arguments.policies)} --goals {arguments.goals}{split}{given}"
+    title = f"{arguments.goals} {arguments.split} goals{given.replace(' --', ', ')}"
     console = Console(width=TABLE_WIDTH, highlight=False, markup=False, emoji=False)
-    console.print(evaluation_table(summaries, title=f"{arguments.goals} held-out goals{given.replace(' --', ', ')}"))
+    console.print(evaluation_table(summaries, title=title))
     console.print(f"Again: {command}", style="dim", soft_wrap=True)
-    found = {"policies": summaries, "command": command, "versions": provenance.versions()}
-    if arguments.out:
-        path = Path(arguments.out)
-        make_writable(path.parent)
-        write_text(path, json.dumps(found, indent=2, allow_nan=False) + "\n")
+    if arguments.out is not None:
+        found = {
+            "policies": summaries,
+            "split": arguments.split,
+            "command": command,
+            "versions": provenance.versions(),
+        }
+        write_text(Path(arguments.out), json.dumps(found, indent=2, allow_nan=False) + "\n")
     if arguments.record:
         for name in arguments.policies:
             _record(name, command, summaries[names[name]])
     return 0
 
 
+def _check_outputs(arguments: Any) -> None:
+    """Refuse what could not be written after all the episodes."""
+    if arguments.record and (shipped := sorted(set(arguments.policies) & set(pretrained_names()))):
+        raise InputError(f"--record needs the path of a policy file, not the name of one of the package: {shipped[0]}")
+    if arguments.record and arguments.split != SPLIT:
+        raise InputError(f"--record is for what was measured on {SPLIT} goals, not on {arguments.split} goals")
+    paths = list(arguments.policies) if arguments.record else []
+    if arguments.out is not None:
+        if check_path("--out", arguments.out).is_dir():
+            raise InputError(f"--out must be a file, got {arguments.out!r}")
+        paths.append(arguments.out)
+    for path in paths:
+        make_writable(Path(path).parent)
+
+
 def _options(policy: LearnedPolicy, arguments: Any) -> dict[str, Any]:
     """Options of the policy's environment: what the command line says, else the environment's defaults.
 
-    The length of an episode and the actuation of the button task belong to what a policy was trained for.
+    The length of an episode and the actuation of the button task belong to what a policy was trained for: they are
+    those of its card, as far as the card has them and the command line does not say otherwise.
     """
     said = {"backend": arguments.backend, "observation": arguments.observation}
+    trained: dict[str, Any] = {}
     if policy.card.environment == BUTTON:
-        if any(said.values()):
+        if any(value is not None for value in said.values()):
             raise InputError("--backend and --observation are for reach policies")
-        said = {"actuation": _actuation(policy), "max_steps": arguments.max_steps}
-    elif arguments.max_steps:
+        card = policy.card.recipe.get("options")
+        trained = {name: card[name] for name in TASK_OPTIONS if name in card} if isinstance(card, dict) else {}
+        said = {"max_steps": arguments.max_steps}
+    elif arguments.max_steps is not None:
         raise InputError("--max-steps is for policies of the button task")
-    return {name: value for name, value in said.items() if value is not None}
+    return trained | {name: value for name, value in said.items() if value is not None}
 
 
-def _actuation(policy: LearnedPolicy) -> Any:
-    """The actuation that a policy of the button task was trained for, if its file says so; else None."""
-    options = policy.card.recipe.get("options")
-    return options.get("actuation") if isinstance(options, dict) else None
-
-
-def _evaluate(policy: LearnedPolicy, name: str, goals: int, options: dict[str, Any]) -> dict[str, Any]:
-    console = Console(stderr=True)
+def _evaluate(policy: LearnedPolicy, name: str, arguments: Any, options: dict[str, Any]) -> dict[str, Any]:
+    goals, seed, console = arguments.goals, SPLITS[arguments.split], Console(stderr=True)
     with Progress(console=console, transient=True, disable=not console.is_terminal) as bar:
         shown = bar.add_task(escape(name), total=goals)
         evaluation = evaluate(
-            policy, goals=goals, options=options, progress=lambda done: bar.update(shown, completed=done)
+            policy, goals=goals, seed=seed, options=options, progress=lambda done: bar.update(shown, completed=done)
         )
     return evaluation.summary()
 
@@ -110,21 +133,29 @@ def _short(name: str) -> str:
 
 def _record(name: str, command: str, summary: dict[str, Any]) -> None:
     """Write what was measured into the policy's own card."""
-    if name in pretrained_names():
-        raise InputError("--record needs the path of a policy file, not the name of a policy of the package")
     card, network = read_policy(name)
     save_policy(name, replace(card, results={**card.results, command: summary}), network)
 
 
 def _parser(prog: str) -> Parser:
-    parser = Parser(prog=prog, description="Play one deterministic episode for each of many held-out goals.")
+    parser = Parser(
+        prog=prog, description="Play one deterministic episode for each of many goals that no training saw."
+    )
     parser.add_argument(
         "policies", nargs="+", metavar="POLICY", help=f"files, or of the package: {', '.join(pretrained_names())}"
     )
     parser.add_argument("--goals", type=int, default=1000, metavar="N", help="default: %(default)s")
+    parser.add_argument(
+        "--split",
+        default=SPLIT,
+        metavar="GOALS",
+        help="held-out, for results, or validation, to choose settings by (default: %(default)s)",
+    )
     parser.add_argument("--backend", help="kinematic or mujoco (default: mujoco)")
     parser.add_argument("--observation", help="geometric or camera (default: geometric)")
-    parser.add_argument("--max-steps", type=int, metavar="N", help="of an episode of the button task")
+    parser.add_argument(
+        "--max-steps", type=int, metavar="N", help="of an episode of the button task (default: as in training)"
+    )
     parser.add_argument("--out", metavar="FILE", help="write all figures with their intervals as JSON")
-    parser.add_argument("--record", action="store_true", help="write them into the policy files too")
+    parser.add_argument("--record", action="store_true", help="write them into the policy files; of held-out goals")
     return parser

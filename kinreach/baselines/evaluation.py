@@ -18,6 +18,8 @@ Array = np.ndarray[Any, Any]
 #: Seeds of goals. Training draws below 2**31, so these are never trained on; a choice between settings is made on the
 #: first set, and what is published is measured on the second.
 VALIDATION, HELD_OUT = 2**40, 2**41
+#: The same by the names that the command line uses.
+SPLITS: Mapping[str, int] = {"held-out": HELD_OUT, "validation": VALIDATION}
 #: Distances [mm] at which the share of goals is reported.
 TOLERANCES_MM = (50, 20, 10, 5, 2, 1, 0.5)
 #: Episodes in step, and resamples of a bootstrap.
@@ -57,8 +59,10 @@ class Evaluation:
             found[f"{name}_ci"] = list(wilson_interval(int(flags.sum()), total))
         if "posture_error" in self.measures:
             near = 1e3 * self.measures["distance"]
-            found["success_at_mm"] = {
-                f"{mm:g}": float(np.mean((near <= mm) & ~self.impossible)) for mm in TOLERANCES_MM
+            within = {f"{mm:g}": (near <= mm) & ~self.impossible for mm in TOLERANCES_MM}
+            found["success_at_mm"] = {mm: float(flags.mean()) for mm, flags in within.items()}
+            found["success_at_mm_ci"] = {
+                mm: list(wilson_interval(int(flags.sum()), total)) for mm, flags in within.items()
             }
         for name, values in self.measures.items():
             key, unit = _MEASURES[name]

@@ -56,7 +56,7 @@ def load_logs(recipe: str, what: str = CURVE, *, runs: str | Path | None = None)
     """
     check_known("kind of log", what, (CURVE, EPISODE, REWARDS))
     if runs is not None:
-        found = dict(_of_runs(_folder(recipe), what, check_path("runs", runs)))
+        found = dict(_of_runs(_own(runs, recipe), what))
     else:
         check_known("logs of the recipe", recipe, log_names())
         with resources.as_file(_shipped() / recipe) as folder:
@@ -79,7 +79,7 @@ def logged_policies(recipe: str, *, runs: str | Path | None = None) -> dict[int,
         InputError: There are none, or a file is damaged.
     """
     with resources.as_file(_shipped() / _folder(recipe)) as folder:
-        where = folder if runs is None else check_path("runs", runs) / recipe
+        where = folder if runs is None else _own(runs, recipe)
         pattern = "seed-*.safetensors" if runs is None else "seed-*/policy.safetensors"
         found = {}
         for file in sorted(where.glob(pattern)):
@@ -103,7 +103,7 @@ def thinned(log: Mapping[str, Array], most: int = MOST_ROWS) -> Log:
     Raises:
         InputError: Columns are missing, or `most` is below 1.
     """
-    if missing := [name for name in COLUMNS if name not in log]:
+    if missing := [name for name in COLUMNS if not isinstance(log, Mapping) or name not in log]:
         raise InputError(f"a learning curve needs the columns {', '.join(missing)}")
     most = check_count("the number of rows", most)
     rows = len(log["steps"])
@@ -139,8 +139,9 @@ def sampled_returns(log: Mapping[str, Array], gamma: float, most: int = MOST_SAM
         `steps` and `discounted`, each of shape (n,).
 
     Raises:
-        InputError: The rows are of more than one step.
+        InputError: The rows are of more than one step, or `most` is below 1.
     """
+    most = check_count("the number of samples", most)
     steps, episodes = log["steps"], log["episodes"]
     if not np.array_equal(steps, np.arange(1, len(steps) + 1)):
         raise InputError("what followed a step needs a learning curve with a row for each step: train with window=1")
@@ -178,8 +179,13 @@ def _folder(recipe: str) -> str:
     return given
 
 
-def _of_runs(recipe: str, what: str, runs: Path) -> Iterator[tuple[int, Log]]:
-    for folder in sorted((runs / recipe).glob("seed-*")):
+def _own(runs: str | Path, recipe: str) -> Path:
+    """Folder of own runs of a recipe, if files in it can have a path at all."""
+    return check_path("runs", check_path("runs", runs) / _folder(recipe) / "seed-0" / "policy.safetensors").parents[1]
+
+
+def _of_runs(runs: Path, what: str) -> Iterator[tuple[int, Log]]:
+    for folder in sorted(runs.glob("seed-*")):
         seed = folder.name.removeprefix("seed-")
         file = folder / ("episode.csv" if what == EPISODE else "curve.csv")
         finished = (folder / "run.json").exists()
@@ -187,5 +193,5 @@ def _of_runs(recipe: str, what: str, runs: Path) -> Iterator[tuple[int, Log]]:
             continue
         log = read_curve(file)
         if what == REWARDS:
-            log = sampled_returns(log, get_recipe(recipe).settings["gamma"])
+            log = sampled_returns(log, get_recipe(runs.name).settings["gamma"])
         yield int(seed), thinned(log) if what == CURVE else log

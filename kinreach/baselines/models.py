@@ -17,7 +17,7 @@ from stable_baselines3.common.noise import NormalActionNoise, VectorizedActionNo
 from kinreach.baselines.adaptive_ppo import AdaptivePPO, AdaptiveRate, Exploration
 from kinreach.baselines.learning_curve import LearningCurve
 from kinreach.baselines.ranked_ppo import RankedPPO
-from kinreach.baselines.recipes import MULTI, Recipe
+from kinreach.baselines.recipes import Recipe
 from kinreach.baselines.sb3_networks import ObservationFeatures, PosturePolicy
 from kinreach.baselines.sb3_vec_env import SB3VecEnv
 from kinreach.baselines.training_reward import REWARDS
@@ -37,11 +37,6 @@ ALGORITHMS: Mapping[str, type[BaseAlgorithm]] = {
 }
 _ACTIVATIONS = {"tanh": torch.nn.Tanh, "silu": torch.nn.SiLU, "relu": torch.nn.ReLU}
 
-#: Ranked training draws goals from this much beyond the table area on every side [m]: the border is then learned as
-#: well as the middle.
-MARGIN = 0.02
-#: Steps that walk to any posture which the arm has reason to take: 80 degrees at 5 degrees a step.
-WALK = 16
 #: Seed of the observations whose mean and spread scale the network's inputs, and how many.
 _SCALE_SEED, _SCALE_SAMPLE = 1, 2048
 
@@ -80,9 +75,9 @@ def build(recipe: Recipe, seed: int, *, steps: int) -> Trainee:
     curve = LearningCurve(batch, window=recipe.window, trace_after=recipe.trace_after)
     reward = REWARDS[recipe.reward]
     if tries > 1:
-        walk = WALK if recipe.environment == MULTI else 1
+        goals = _wider_goals(recipe.margin)
         env: SB3VecEnv = TriesVecEnv(
-            curve, tries=tries, draw=_wider_goals().sample, steps=walk, reward=reward, blur=recipe.blur
+            curve, tries=tries, draw=goals.sample, steps=recipe.walk, reward=reward, blur=recipe.blur
         )
     else:
         env = SB3VecEnv(curve, reward=reward)
@@ -96,11 +91,11 @@ def build(recipe: Recipe, seed: int, *, steps: int) -> Trainee:
     return Trainee(model, env, curve)
 
 
-def _wider_goals() -> BoxRegion:
-    """The table area with a margin."""
+def _wider_goals(margin: float) -> BoxRegion:
+    """The table area with a margin [m]."""
     region: Any = get_arm("ur5").workcell.goals
     (x0, x1), (y0, y1) = region.x, region.y
-    return BoxRegion((x0 - MARGIN, x1 + MARGIN), (y0 - MARGIN, y1 + MARGIN), region.z)
+    return BoxRegion((x0 - margin, x1 + margin), (y0 - margin, y1 + margin), region.z)
 
 
 def _settings(recipe: Recipe, env: SB3VecEnv) -> dict[str, Any]:

@@ -28,6 +28,8 @@ FORMAT = 1
 MOST_BYTES = 16 * 1024 * 1024
 #: What a network's output means: an action of the environment, a posture, or the preference of each discrete action.
 MEANINGS = ("action", "posture", "preferences")
+#: Fields that a card may lack, because there are files which were written before there were such fields.
+_LATER = {"goal_seeds"}
 
 
 @dataclass(frozen=True)
@@ -40,10 +42,13 @@ class PolicyCard:
         activation, output: Of the network.
         algorithm: Name of what trained it.
         recipe: Name and settings of the recipe.
-        seed: Of the training.
+        seed: Of the training: networks, exploration and goals follow from it.
         steps: Environment steps it was trained for.
         results: Measured afterwards: success, distances, with the command that measures them again.
         versions: Of the packages that trained it.
+        goal_seeds: `"training"`: what the goals of each segment of the training were drawn from, one seed a segment;
+            `"held_out"`: seed of the first goal of `results`, goal i has that plus i; a result whose command says
+            `--split validation` has others. Empty in older files.
     """
 
     environment: str
@@ -56,6 +61,7 @@ class PolicyCard:
     steps: int
     results: Mapping[str, Any] = field(default_factory=dict)
     versions: Mapping[str, str] = field(default_factory=dict)
+    goal_seeds: Mapping[str, Any] = field(default_factory=dict)
 
 
 def save_policy(path: str | Path, card: PolicyCard, network: Network) -> None:
@@ -112,9 +118,9 @@ def _card(header: Mapping[str, str]) -> PolicyCard:
     if not isinstance(values, dict) or values.pop("format", None) != FORMAT:
         raise InputError(f"its format is not {FORMAT}")
     known = {f.name for f in fields(PolicyCard)}
-    if set(values) != known:
+    if not known - _LATER <= set(values) <= known:
         raise InputError(f"its card must have the fields {sorted(known)}, got {sorted(values)}")
-    kinds = {"recipe": dict, "results": dict, "versions": dict, "seed": int, "steps": int}
+    kinds = {"recipe": dict, "results": dict, "versions": dict, "goal_seeds": dict, "seed": int, "steps": int}
     for name, value in values.items():
         if type(value) is not kinds.get(name, str):
             raise InputError(f"{name} must be of type {kinds.get(name, str).__name__}, got {type(value).__name__}")

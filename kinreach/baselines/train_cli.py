@@ -5,20 +5,23 @@ from __future__ import annotations
 import argparse
 from collections.abc import Sequence
 from pathlib import Path
+from shlex import join, quote
 from typing import Any
 
 from rich.console import Console
 from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
 
-from kinreach.baselines.evaluation import evaluate
+from kinreach.baselines.evaluation import SPLITS, evaluate
 from kinreach.baselines.evaluation_table import TABLE_WIDTH, evaluation_table
 from kinreach.baselines.recipes import RECIPES, Recipe, get_recipe
 from kinreach.cli import Parser
 from kinreach.errors import InputError, InstallationError
-from kinreach.inputs import MOST_THREADS, check_count, check_path
+from kinreach.inputs import MOST_THREADS, check_count, check_known, check_path
 
-#: Held-out goals that a finished policy is tried on; `evaluate` does it properly.
+#: Goals that a finished policy is tried on; `evaluate` does it properly.
 GOALS = 1000
+#: Which of them, unless the user says so: a recipe may be changed because of what is printed.
+SPLIT = "validation"
 
 
 def main(argv: Sequence[str], *, prog: str) -> int:
@@ -45,7 +48,10 @@ def main(argv: Sequence[str], *, prog: str) -> int:
         raise InputError(f"--seed must not be negative, got {arguments.seed}")
     check_count("--seed", arguments.seed + arguments.seeds, most=2**31)
     check_count("--threads", arguments.threads, most=MOST_THREADS)
-    out = check_path("--out", arguments.out) if arguments.out else Path("results") / "train"
+    check_known("split", arguments.split, SPLITS)
+    if not arguments.out:
+        raise InputError("--out must name a folder, got ''")
+    out = check_path("--out", arguments.out)
     console = Console(width=TABLE_WIDTH, highlight=False, markup=False, emoji=False)
     evaluations = {}
     for seed in range(arguments.seed, arguments.seed + arguments.seeds):
@@ -53,10 +59,12 @@ def main(argv: Sequence[str], *, prog: str) -> int:
         run = _train(recipe, folder, seed, arguments, prog)
         console.print(f"{folder}: {run.seconds:.0f} s, {run.cpu_seconds:.0f} s of processor time", soft_wrap=True)
         options = {name: value for name, value in recipe.options.items() if name != "end_on_reached"}
-        evaluations[f"seed {seed}"] = evaluate(run.policy, goals=GOALS, options=options).summary()
-    console.print(evaluation_table(evaluations, title=f"{recipe.name}, {GOALS} held-out goals"))
-    again = f"kinreach evaluate {out / recipe.name}/seed-*/policy.safetensors"
-    console.print(f"More goals, dynamics, cameras: {again}", style="dim", soft_wrap=True)
+        evaluations[f"seed {seed}"] = evaluate(
+            run.policy, goals=GOALS, seed=SPLITS[arguments.split], options=options
+        ).summary()
+    console.print(evaluation_table(evaluations, title=f"{recipe.name}, {GOALS} {arguments.split} goals"))
+    again = f"kinreach evaluate {quote(str(out / recipe.name))}/seed-*/policy.safetensors"
+    console.print(f"Held-out goals, more of them, dynamics, cameras: {again}", style="dim", soft_wrap=True)
     return 0
 
 
@@ -91,12 +99,21 @@ def _train(recipe: Recipe, folder: Path, seed: int, arguments: argparse.Namespac
                 threads=arguments.threads,
                 export=arguments.export,
                 progress=show,
+                notice=lambda text: errors.print(text, highlight=False, markup=False, emoji=False, soft_wrap=True),
             )
         except KeyboardInterrupt:
-            steps = "" if arguments.steps is None else f" --steps {arguments.steps}"
-            seeds = "" if arguments.seeds == 1 else f" --seeds {arguments.seeds}"
-            again = f"{prog} {recipe.name} --seed {arguments.seed}{seeds}{steps} --out {folder.parent.parent} --resume"
+            again = f"{prog} {join(_again(arguments))}"
             raise KeyboardInterrupt(f"interrupted; what is in {folder} is kept; go on with: {again}") from None
+
+
+def _again(arguments: argparse.Namespace) -> list[str]:
+    """The arguments that go on with what was interrupted."""
+    said = [arguments.recipe, "--seed", str(arguments.seed)]
+    for name, default in (("seeds", 1), ("steps", None), ("threads", 1), ("split", SPLIT)):
+        value = getattr(arguments, name)
+        said += [] if value == default else [f"--{name}", str(value)]
+    said += ["--export"] if arguments.export else []
+    return [*said, "--out", str(arguments.out), "--resume"]
 
 
 def _figures(row: dict[str, float | None]) -> str:
@@ -123,8 +140,21 @@ def _parser(prog: str) -> Parser:
     parser.add_argument("--seed", type=int, default=0, metavar="S", help="the first seed (default: %(default)s)")
     parser.add_argument("--seeds", type=int, default=1, metavar="K", help="how many seeds (default: %(default)s)")
     parser.add_argument("--steps", type=int, metavar="N", help="actions to train for (default: the recipe's)")
-    parser.add_argument("--out", metavar="DIR", help="runs go into DIR/RECIPE/seed-S (default: results/train)")
+    parser.add_argument(
+        "--out", metavar="DIR", default="results/train", help="runs go into DIR/RECIPE/seed-S (default: %(default)s)"
+    )
     parser.add_argument("--resume", action="store_true", help="go on from the last checkpoint; keep what is finished")
-    parser.add_argument("--export", action="store_true", help="write stable-baselines3's own model.zip too")
+    parser.add_argument(
+        "--export",
+        action="store_true",
+        help="write stable-baselines3's own model.zip too; a run without it does not count as finished",
+    )
+    parser.add_argument(
+        "--split",
+        default=SPLIT,
+        metavar="GOALS",
+        help="goals that the policies are tried on: validation, by which settings may be chosen, or held-out, "
+        "for which nothing may be chosen (default: %(default)s)",
+    )
     parser.add_argument("--threads", type=int, default=1, metavar="T", help="of torch (default: %(default)s)")
     return parser

@@ -12,8 +12,9 @@ import json
 import math
 import random
 import time
+import warnings
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -26,43 +27,26 @@ from stable_baselines3.common.on_policy_algorithm import OnPolicyAlgorithm
 
 from kinreach import provenance
 from kinreach.baselines.checkpoint import load_checkpoint, save_checkpoint
+from kinreach.baselines.evaluation import HELD_OUT
 from kinreach.baselines.export import network_of
-from kinreach.baselines.learned import LearnedPolicy, load_policy
+from kinreach.baselines.learned import LearnedPolicy
 from kinreach.baselines.learning_curve import COLUMNS, TRACE_COLUMNS, LearningCurve, curve_csv
 from kinreach.baselines.models import Trainee, build
 from kinreach.baselines.policy_file import PolicyCard, save_policy
 from kinreach.baselines.recipes import Recipe
+from kinreach.baselines.run_folder import CHECKPOINT, CURVE, EPISODE, MODEL, POLICY, RUN, Run, finished_run, remove
+from kinreach.errors import InputError
 from kinreach.files import make_writable, replacing, write_text
+from kinreach.inputs import MOST_THREADS, check_count, check_path, shown
 
+#: Of torch's and numpy's generators.
+MOST_SEED = 2**31 - 1
 #: Called with actions done, actions planned, and the last row of the learning curve by column.
 Progress = Callable[[int, int, dict[str, float | None]], None]
 
-CHECKPOINT, POLICY, CURVE, EPISODE, RUN = (
-    "checkpoint.pt",
-    "policy.safetensors",
-    "curve.csv",
-    "episode.csv",
-    "run.json",
-)
 
-
-@dataclass(frozen=True)
-class Run:
-    """A finished training run.
-
-    Attributes:
-        folder: Where its files are.
-        card: Of its policy.
-        policy: The policy.
-        seconds: Wall time of the call that finished it.
-        cpu_seconds: CPU time of that call.
-    """
-
-    folder: Path
-    card: PolicyCard
-    policy: LearnedPolicy
-    seconds: float
-    cpu_seconds: float
+def _warn(text: str) -> None:
+    warnings.warn(text, stacklevel=4)
 
 
 def train(
@@ -75,11 +59,16 @@ def train(
     threads: int = 1,
     export: bool = False,
     progress: Progress = lambda done, planned, row: None,
+    notice: Callable[[str], None] = _warn,
 ) -> Run:
     """Train a policy.
 
-    Writes into the folder: `policy.safetensors`, `curve.csv`, `run.json` (recipe, seed, versions, times), TensorBoard's
-    logs, and, until it is done, `checkpoint.pt`.
+    Writes into the folder: `policy.safetensors`, `curve.csv`, `run.json` (recipe, seed, versions, digests of the code
+    that had a part in it, times), TensorBoard's logs, and, until it is done, `checkpoint.pt`. What an earlier run left
+    there is removed when this one begins to train; its checkpoint, when this one has its own.
+
+    Only one training at a time in a process: the generators of `random`, `numpy` and torch are seeded, as
+    stable-baselines3 does it, and stay where the training leaves them; torch's number of threads is as before.
 
     Args:
         recipe: What to train.
@@ -89,25 +78,55 @@ def train(
         resume: Go on from the checkpoint in the folder, if there is one; the same run, if it is finished, is kept.
         threads: Of torch.
         export: Write stable-baselines3's own `model.zip` too. Loading such a file can run code: load only your own.
+            A run that was finished without it is trained again: there is more in it than in the policy.
         progress: Told how far it is.
+        notice: Told that a checkpoint was made by other code of kinreach; a `UserWarning` by default.
 
     Raises:
         OutputError: The folder cannot be written.
-        InputError: The checkpoint is damaged, or of another run.
+        InputError: An argument cannot be used, or the checkpoint is damaged, or of another run.
     """
-    folder = Path(folder)
+    if not isinstance(recipe, Recipe):
+        raise InputError(f"recipe must be a Recipe, see `get_recipe`; got {shown(recipe)}")
+    seed = check_count("seed", seed, least=0, most=MOST_SEED)
+    threads = check_count("threads", threads, most=MOST_THREADS)
+    steps = None if steps is None else check_count("steps", steps)
+    folder = check_path("folder", folder)
     make_writable(folder)
     recipe = recipe if steps is None else replace(recipe, steps=steps)
     identity = json.loads(json.dumps({"recipe": recipe.to_dict(), "seed": seed, "versions": _versions()}))
-    if resume and not export and (done := _finished(folder, identity)) is not None:
+    if resume and (done := finished_run(folder, identity, export=export)) is not None:
         return done
+    others = torch.get_num_threads()
     torch.set_num_threads(threads)
+    try:
+        return _train(recipe, folder, identity, resume=resume, export=export, progress=progress, notice=notice)
+    finally:
+        torch.set_num_threads(others)
+
+
+def _train(
+    recipe: Recipe,
+    folder: Path,
+    identity: dict[str, Any],
+    *,
+    resume: bool,
+    export: bool,
+    progress: Progress,
+    notice: Callable[[str], None],
+) -> Run:
+    seed, source = identity["seed"], provenance.source_digest()
     clock, cpu = time.perf_counter(), time.process_time()
     trainee = build(recipe, _entropy(seed, 0)[0], steps=recipe.steps)
     model, checkpoint = trainee.model, folder / CHECKPOINT
     model.set_logger(configure(str(folder / "tensorboard"), ["tensorboard"]))
     try:
-        first = load_checkpoint(checkpoint, identity, trainee) if resume and checkpoint.exists() else 0
+        first, sources = load_checkpoint(checkpoint, identity, trainee) if resume and checkpoint.exists() else (0, [])
+        if sources and sources[-1] != source:
+            was = f"{checkpoint} was made by other code of kinreach ({sources[-1]}, now {source})"
+            notice(f"{was}: the policy may not be that of an uninterrupted run")
+        sources = sources if sources[-1:] == [source] else [*sources, source]
+        remove(folder, (RUN, POLICY, MODEL) if first else (RUN, POLICY, MODEL, CURVE, EPISODE))
         if first:  # the run may have been killed between its checkpoint and its curve
             _write_curves(folder, trainee.curve)
         for segment, target in enumerate(_targets(recipe, model)):
@@ -120,8 +139,8 @@ def train(
                 reset_num_timesteps=False,
                 log_interval=None,  # type: ignore[arg-type]
             )
-            trainee.curve.cut()
-            save_checkpoint(checkpoint, identity, segment, trainee)
+            _end_segment(trainee)
+            save_checkpoint(checkpoint, {**identity, "sources": sources}, segment, trainee)
             _write_curves(folder, trainee.curve)
     finally:
         trainee.env.close()
@@ -138,32 +157,19 @@ def train(
         seed=seed,
         steps=model.num_timesteps,
         versions=identity["versions"],
+        goal_seeds=goal_seeds(seed, len(_targets(recipe, model))),
     )
     save_policy(folder / POLICY, card, network)
-    run = {**identity, "steps": model.num_timesteps, "seconds": seconds, "cpu_seconds": cpu_seconds,
+    run = {**identity, "sources": sources, "steps": model.num_timesteps, "seconds": seconds, "cpu_seconds": cpu_seconds,
            "resumed": first > 0, "machine": provenance.machine()}  # fmt: skip
     write_text(folder / RUN, json.dumps(run, indent=2) + "\n")
     if export:
         archive = io.BytesIO()
         model.save(archive)
-        with replacing(folder / "model.zip") as temporary:
+        with replacing(folder / MODEL) as temporary:
             temporary.write_bytes(archive.getbuffer())
-    checkpoint.unlink(missing_ok=True)
+    remove(folder, (CHECKPOINT,))
     return Run(folder, card, LearnedPolicy(card, network), seconds, cpu_seconds)
-
-
-def _finished(folder: Path, identity: dict[str, Any]) -> Run | None:
-    """The run in a folder, if it is this one and has come to its end."""
-    try:
-        run = json.loads((folder / RUN).read_text(encoding="utf-8"))
-        same = {name: run[name] for name in identity} == identity
-        seconds, cpu_seconds = float(run["seconds"]), float(run["cpu_seconds"])
-    except (OSError, ValueError, KeyError, TypeError):
-        return None
-    if not same or (folder / CHECKPOINT).exists() or not (folder / POLICY).exists():
-        return None
-    policy = load_policy(folder / POLICY)
-    return Run(folder, policy.card, policy, seconds, cpu_seconds)
 
 
 def _write_curves(folder: Path, curve: LearningCurve) -> None:
@@ -210,6 +216,29 @@ def _begin_segment(trainee: Trainee, seed: int, segment: int) -> None:
     trainee.model.action_space.seed(ours)
     trainee.env.seed(environments)
     trainee.model._last_obs = None
+
+
+def _end_segment(trainee: Trainee) -> None:
+    """Close the curve's window, and cut what the replay buffer holds of the episodes that end here.
+
+    A return over several steps goes on to the next row unless this one ended or was cut off, and the next one will be
+    of another episode. The 1-step returns of a row that is cut off are those of one that is not.
+    """
+    trainee.curve.cut()
+    buffer = getattr(trainee.model, "replay_buffer", None)
+    if buffer is not None:
+        last = buffer.pos - 1
+        buffer.timeouts[last] = np.maximum(buffer.timeouts[last], 1 - buffer.dones[last])
+
+
+def goal_seeds(seed: int, segments: int) -> dict[str, Any]:
+    """Seeds of all goals that a policy has to do with, as its card says them.
+
+    Args:
+        seed: Of the training.
+        segments: Parts of the training.
+    """
+    return {"training": [_entropy(seed, index + 1)[3] for index in range(segments)], "held_out": HELD_OUT}
 
 
 def _entropy(seed: int, key: int) -> list[int]:

@@ -7,17 +7,19 @@ import gymnasium as gym
 import numpy as np
 import pytest
 
+from kinreach.baselines import training
 from kinreach.baselines.button_reward import BRANCH_ORDER, POSTURE_WEIGHT, SCALE, goal_postures
 from kinreach.baselines.evaluation import evaluate
 from kinreach.baselines.export import network_of
 from kinreach.baselines.learned import load_policy
-from kinreach.baselines.learning_curve import LearningCurve, read_curve
+from kinreach.baselines.learning_curve import LearningCurve
 from kinreach.baselines.models import build
 from kinreach.baselines.recipes import BUTTON, RECIPES, get_recipe
 from kinreach.baselines.sb3_vec_env import SB3VecEnv
 from kinreach.baselines.training import train
 from kinreach.baselines.training_reward import REWARDS
 from kinreach.kinematics import Arm3Kinematics
+from tests.baselines.small_runs import weights
 
 BUTTONS = [name for name, recipe in RECIPES.items() if recipe.environment == BUTTON]
 GOAL = np.array([0.45, 0.35, 0.3])
@@ -140,16 +142,6 @@ def test_recipes_train_go_on_and_export_what_they_trained(name, tmp_path):
     json.dumps(recipe.to_dict())
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize(("name", "steps"), [("button", 64_000), ("button-report", 64_000), ("button-dqn", 32_000)])
-def test_recipes_learn_in_seconds(name, steps, tmp_path):
-    """Long before anything is pressed, chance presses less often in the wrong place and comes nearer."""
-    train(replace(get_recipe(name), window=6400), tmp_path, seed=1, steps=steps)
-    returns = read_curve(tmp_path / "curve.csv")["return"]
-    assert len(returns) >= 5
-    assert returns[-1] > returns[0] + 8
-
-
 @pytest.mark.parametrize("name", BUTTONS)
 def test_evaluation_knows_nothing_of_the_training_reward(name, tmp_path):
     """Two policies of equal numbers, one said to be trained with another reward: every figure is the same."""
@@ -174,3 +166,43 @@ def test_the_policies_of_the_package_press(name):
     assert found.reached.mean() >= 0.95
     assert found.measures["wrong_presses"].mean() < 1
     assert np.median(found.measures["steps"]) < 40
+
+
+def test_n_step_returns_end_where_a_segment_ends(tmp_path, monkeypatch):
+    """The next segment begins with other episodes: nothing of them may follow a row of the last."""
+    trainees = []
+    monkeypatch.setattr(training, "build", lambda *a, **k: trainees.append(build(*a, **k)) or trainees[0])
+    train(small("button-dqn"), tmp_path, seed=2)
+    buffer, gamma, most = trainees[0].model.replay_buffer, 0.95, 3
+    assert (buffer.pos, buffer.full, buffer.n_steps, buffer.gamma) == (30, False, most, gamma)
+    assert not buffer.dones[:30].any()  # segments of 10 steps, episodes of 20
+    checked = 0
+    for row in range(30):
+        found = buffer._get_samples(np.full(64, row))
+        last = min(row + most - 1, 10 * (row // 10) + 9)
+        for index, observation in enumerate(found.observations.numpy()):
+            (env,) = np.flatnonzero((buffer.observations[row] == observation).all(axis=1))
+            rewards = buffer.rewards[row : last + 1, env]
+            discounts = gamma ** np.arange(len(rewards))
+            np.testing.assert_array_equal(found.next_observations[index], buffer.next_observations[last, env])
+            assert found.rewards[index, 0] == pytest.approx(rewards @ discounts, abs=1e-5)
+            assert found.discounts[index, 0] == pytest.approx(gamma ** len(rewards), rel=1e-6)
+            assert found.dones[index, 0] == 0
+            checked += 1
+    assert checked == 30 * 64
+
+
+def test_a_dqn_that_was_interrupted_gives_what_no_interruption_gives(tmp_path):
+    recipe = small("button-dqn")
+
+    def stop(done, planned, row):
+        if done > 320:
+            raise KeyboardInterrupt
+
+    train(recipe, tmp_path / "whole", seed=2)
+    with pytest.raises(KeyboardInterrupt):
+        train(recipe, tmp_path / "cut", seed=2, progress=stop)
+    train(recipe, tmp_path / "cut", seed=2, resume=True)
+    assert json.loads((tmp_path / "cut/run.json").read_text())["resumed"]
+    np.testing.assert_array_equal(*(weights(tmp_path / each / "policy.safetensors") for each in ("whole", "cut")))
+    assert (tmp_path / "cut/curve.csv").read_text() == (tmp_path / "whole/curve.csv").read_text()

@@ -1,11 +1,22 @@
 """`kinreach train` and `kinreach evaluate`: what they print, write and refuse."""
 
 import json
+import shlex
+import shutil
+from dataclasses import replace
+from importlib import resources
+from pathlib import Path
 
 import pytest
 
-from kinreach.baselines import train_cli
+from kinreach import provenance
+from kinreach.baselines import evaluate_cli, train_cli
+from kinreach.baselines.evaluation import HELD_OUT, VALIDATION, evaluate
+from kinreach.baselines.policy_file import read_policy, save_policy
 from kinreach.cli import main
+from tests.baselines.small_runs import interrupted, small
+
+SHIPPED = Path(str(resources.files("kinreach.baselines"))) / "pretrained"
 
 
 @pytest.fixture(scope="module")
@@ -41,10 +52,25 @@ def test_training_prints_a_table_and_evaluation_reads_the_runs(trained, capsys, 
         (["evaluate", "single", "--goals", "0"], "--goals must be at least 1"),
         (["evaluate", "single", "--backend", "magic"], "unknown backend 'magic'; available: kinematic, mujoco"),
         (["evaluate", "single", "--max-steps", "3"], "--max-steps is for policies of the button task"),
-        (["evaluate", "single", "--goals", "1", "--record"], "--record needs the path of a policy file"),
+        (["evaluate", "single", "--max-steps", "0"], "--max-steps is for policies of the button task"),
+        (["evaluate", "single", "--split", "training"], "unknown split 'training'; available: held-out, validation"),
+        (["evaluate", "single", "--out", ""], "--out must be a file, got ''"),
+        (["evaluate", "single", "--out", "/proc/nowhere/x.json"], "cannot write /proc/nowhere"),
+        (["evaluate", "x.safetensors", "single", "--record"], "--record needs the path of a policy file"),
+        (
+            ["evaluate", "x.safetensors", "--record", "--split", "validation"],
+            "--record is for what was measured on held-out",
+        ),
+        (["train", "single", "--split", "test"], "unknown split 'test'; available: held-out, validation"),
+        (["train", "single", "--out", ""], "--out must name a folder, got ''"),
     ],
 )
-def test_bad_input_is_one_line(arguments, message, capsys):
+def test_bad_input_is_one_line_before_any_episode(arguments, message, capsys, monkeypatch, tmp_path):
+    if arguments[-1] != "magic":  # which is for the environment to refuse
+        monkeypatch.setattr(evaluate_cli, "evaluate", lambda *a, **k: pytest.fail("it plays episodes"))
+    if "x.safetensors" in arguments:
+        monkeypatch.chdir(tmp_path)
+        shutil.copy(SHIPPED / "multi.safetensors", "x.safetensors")
     try:
         code = main(arguments)
     except SystemExit as leaving:
@@ -55,14 +81,98 @@ def test_bad_input_is_one_line(arguments, message, capsys):
     assert errors.count("\n") == 1
 
 
-def test_an_interruption_says_how_to_go_on(tmp_path, monkeypatch, capsys):
+@pytest.mark.parametrize(
+    ("more", "said"),
+    [
+        ([], ""),
+        (
+            ["--seeds", "2", "--threads", "3", "--split", "held-out", "--export"],
+            "--seeds 2 --threads 3 --split held-out --export",
+        ),
+    ],
+)
+def test_an_interruption_says_how_to_go_on(more, said, tmp_path, monkeypatch, capsys):
     def stop(row):
         raise KeyboardInterrupt
 
+    out = tmp_path / "two words"
     monkeypatch.setattr(train_cli, "_figures", stop)
-    assert main(["train", "ppo-single", "--steps", "40000", "--seed", "7", "--out", str(tmp_path)]) == 130
+    given = ["ppo-single", "--steps", "40000", "--seed", "7", *more, "--out", str(out)]
+    assert main(["train", *given]) == 130
     message = capsys.readouterr().err
-    assert f"kinreach train ppo-single --seed 7 --steps 40000 --out {tmp_path} --resume" in message
+    again = message.split("go on with: kinreach train ")[1].strip()
+    assert sorted(shlex.split(again)) == sorted([*given, "--resume"])
+    assert said in again.replace("--steps 40000 ", "")
+
+
+def test_training_is_judged_by_validation_goals_and_evaluation_by_held_out_ones(trained, capsys, monkeypatch, tmp_path):
+    """A recipe that is changed because of what `train` prints has not seen the goals that results are measured on."""
+    seeds = []
+
+    def note(*arguments, seed, **settings):
+        seeds.append(seed)
+        return evaluate(*arguments, seed=seed, **{**settings, "goals": 2})
+
+    monkeypatch.setattr(train_cli, "evaluate", note)
+    monkeypatch.setattr(evaluate_cli, "evaluate", note)
+    train = ["train", "single", "--steps", "4096", "--out", str(trained), "--resume"]
+    assert main(train) == 0
+    assert "single, 1000 validation goals" in capsys.readouterr().out
+    assert main([*train, "--split", "held-out"]) == 0
+    assert "single, 1000 held-out goals" in capsys.readouterr().out
+    policy, out = str(trained / "single/seed-0/policy.safetensors"), tmp_path / "found.json"
+    play = ["evaluate", policy, "--goals", "2", "--backend", "kinematic", "--out", str(out)]
+    assert main(play) == 0
+    assert "2 held-out goals" in capsys.readouterr().out
+    assert json.loads(out.read_text())["split"] == "held-out"
+    assert main([*play, "--split", "validation"]) == 0
+    assert "2 validation goals" in capsys.readouterr().out
+    found = json.loads(out.read_text())
+    assert found["split"] == "validation"
+    assert found["command"] == f"kinreach evaluate {policy} --goals 2 --split validation --backend kinematic"
+    assert seeds == [VALIDATION, HELD_OUT, HELD_OUT, VALIDATION]
+
+
+def test_a_policy_of_the_button_task_is_evaluated_as_it_was_trained(monkeypatch, tmp_path):
+    """Episode length and actuation are those of its card, unless the command line says otherwise."""
+    played = []
+
+    def note(policy, *, options, **settings):
+        played.append(options)
+        return evaluate(policy, options={**options, "max_steps": 2}, **settings)
+
+    monkeypatch.setattr(evaluate_cli, "evaluate", note)
+    card, network = read_policy(SHIPPED / "button.safetensors")
+    for options in ({"max_steps": 100}, {"actuation": "report", "max_steps": 500, "end_on_reached": False}, {}, None):
+        file = tmp_path / f"{len(played)}.safetensors"
+        save_policy(file, replace(card, recipe={**card.recipe, "options": options}), network)
+        assert main(["evaluate", str(file), "--goals", "1"]) == 0
+        assert main(["evaluate", str(file), "--goals", "1", "--max-steps", "7"]) == 0
+    tuned, report = {"max_steps": 100}, {"actuation": "report", "max_steps": 500}
+    seven = {"max_steps": 7}
+    assert played == [tuned, seven, report, {**report, **seven}, {}, seven, {}, seven]
+
+
+@pytest.mark.parametrize("options", [{"max_steps": "many"}, {"max_steps": None}, {"actuation": ["report"]}])
+def test_a_card_with_options_that_nothing_takes_is_one_line(options, tmp_path, capsys):
+    card, network = read_policy(SHIPPED / "button.safetensors")
+    save_policy(tmp_path / "odd.safetensors", replace(card, recipe={"options": options}), network)
+    assert main(["evaluate", str(tmp_path / "odd.safetensors"), "--goals", "1"]) == 2
+    errors = capsys.readouterr().err
+    assert errors.count("\n") == 1
+    assert next(iter(options)).replace("_", " ").split()[-1] in errors
+
+
+def test_going_on_with_other_code_is_one_line(tmp_path, monkeypatch, capsys):
+    monkeypatch.setattr(provenance, "source_digest", lambda: "0123456789ab")
+    recipe = small("single")
+    interrupted(recipe, tmp_path / "single/seed-4", 1)
+    monkeypatch.undo()
+    monkeypatch.setattr(train_cli, "get_recipe", lambda name: recipe)
+    assert main(["train", "single", "--seed", "4", "--out", str(tmp_path), "--resume"]) == 0
+    errors = capsys.readouterr().err
+    assert "was made by other code of kinreach (0123456789ab, now " in errors
+    assert errors.count("\n") == 1
 
 
 def test_without_the_extra_training_says_what_to_install(monkeypatch, capsys):

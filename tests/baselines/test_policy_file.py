@@ -49,7 +49,7 @@ def test_round_trip(tmp_path):
         rng = np.random.default_rng(seed)
         made = network(seed, waves=tuple(rng.uniform(0.1, 3, rng.integers(0, 3))))
         made = replace(made, activation=str(rng.choice(list(ACTIVATIONS))), output=str(rng.choice(list(OUTPUTS))))
-        card = replace(CARD, activation=made.activation, output=made.output, seed=seed)
+        card = replace(CARD, activation=made.activation, output=made.output, seed=seed, goal_seeds={"training": [seed]})
         save_policy(tmp_path / "p.safetensors", card, made)
         read_card, read = read_policy(tmp_path / "p.safetensors")
         assert read_card == card
@@ -142,6 +142,7 @@ def test_tensors_that_do_not_fit_are_refused(tmp_path, change, message):
         ({"meaning": "magic"}, "meaning must be one of action"),
         ({"activation": "__import__"}, "activation must be one of"),
         ({"more": 1}, "must have the fields"),
+        ({"goal_seeds": [1]}, "goal_seeds must be of type dict"),
     ],
 )
 def test_cards_that_do_not_fit_are_refused(tmp_path, change, message):
@@ -149,6 +150,21 @@ def test_cards_that_do_not_fit_are_refused(tmp_path, change, message):
     save_file(tensors, tmp_path / "p.safetensors", metadata={"kinreach": json.dumps(card | change)})
     with pytest.raises(InputError, match=message):
         read_policy(tmp_path / "p.safetensors")
+
+
+def test_cards_of_before_there_were_seeds_of_goals_are_read(tmp_path):
+    tensors, card = tensors_and_header(network())
+    path, lacking = tmp_path / "p.safetensors", 0
+    for name in CARD.__dataclass_fields__:
+        older = {field: value for field, value in card.items() if field != name}
+        save_file(tensors, path, metadata={"kinreach": json.dumps(older)})
+        if name == "goal_seeds":
+            assert read_policy(path)[0] == replace(CARD, goal_seeds={})
+        else:
+            with pytest.raises(InputError, match="must have the fields"):
+                read_policy(path)
+            lacking += 1
+    assert lacking == 10
 
 
 @pytest.mark.parametrize("text", ["", "{", "[]", "null", "[" * 100_000])

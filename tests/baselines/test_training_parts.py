@@ -1,5 +1,7 @@
 """The parts that training adds to stable-baselines3: schedules, ranks, pacing, groups, the learning curve."""
 
+from dataclasses import replace
+
 import gymnasium as gym
 import numpy as np
 import pytest
@@ -7,9 +9,10 @@ from scipy.stats import norm, rankdata
 
 from kinreach.baselines.adaptive_ppo import AdaptiveRate, Exploration
 from kinreach.baselines.learning_curve import COLUMNS, LearningCurve, curve_csv, read_curve
-from kinreach.baselines.models import _wider_goals
+from kinreach.baselines.models import _wider_goals, build
 from kinreach.baselines.pacing import paced
 from kinreach.baselines.ranked_ppo import normal_scores
+from kinreach.baselines.recipes import get_recipe
 from kinreach.baselines.training_reward import REWARDS
 from kinreach.baselines.tries_vec_env import TriesVecEnv
 from kinreach.envs.reach.task import STEP_SIZE
@@ -91,7 +94,12 @@ def test_training_rewards():
 def test_groups_share_goals_and_are_rewarded_for_where_they_end(name, steps):
     options = {} if steps == 1 else {"end_on_reached": False}
     env = TriesVecEnv(
-        batch(name, 64, **options), tries=8, draw=_wider_goals().sample, steps=steps, reward=REWARDS["dense"], blur=0.0
+        batch(name, 64, **options),
+        tries=8,
+        draw=_wider_goals(0.02).sample,
+        steps=steps,
+        reward=REWARDS["dense"],
+        blur=0.0,
     )
     env.seed(3)
     first = env.reset()
@@ -108,6 +116,22 @@ def test_groups_share_goals_and_are_rewarded_for_where_they_end(name, steps):
     np.testing.assert_array_equal(after[:, 6:12], first[:, 6:12])
 
 
+@pytest.mark.parametrize(("name", "walk"), [("single", 1), ("multi", 16)])
+def test_goals_of_training_are_from_around_the_table_area_as_the_recipe_says(name, walk):
+    area, rng, drawn = get_arm("ur5").workcell.goals, np.random.default_rng(0), 0
+    assert (get_recipe(name).margin, get_recipe(name).walk) == (0.02, walk)
+    for margin, steps in ((0.02, walk), (0.0, 1), (0.1, 3)):
+        env = build(replace(get_recipe(name), num_envs=8, margin=margin, walk=steps), 0, steps=8).env
+        assert env._steps == steps
+        goals = env._draw(rng, 4000)
+        for axis, (low, high) in enumerate((area.x, area.y)):
+            np.testing.assert_allclose(goals[:, axis].min(), low - margin, atol=1e-3)
+            np.testing.assert_allclose(goals[:, axis].max(), high + margin, atol=1e-3)
+        drawn += len(goals)
+        env.close()
+    assert drawn == 12_000
+
+
 def test_walking_ends_where_one_step_ends():
     rng = np.random.default_rng(0)
     postures = (np.array(get_arm("ur5").home) + rng.uniform(-0.3, 0.3, (64, 6))) / np.pi
@@ -115,7 +139,7 @@ def test_walking_ends_where_one_step_ends():
     for name, steps, options in ((SINGLE, 1, {}), (MULTI, 16, {"end_on_reached": False})):
         env = TriesVecEnv(
             batch(name, 64, **options),
-            tries=8, draw=_wider_goals().sample, steps=steps, reward=REWARDS["dense"], blur=0.0,
+            tries=8, draw=_wider_goals(0.02).sample, steps=steps, reward=REWARDS["dense"], blur=0.0,
         )  # fmt: skip
         env.seed(5)
         env.reset()

@@ -7,7 +7,8 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 
-from tools.endurance import kills, long_runs, storage, workers
+from tools import digest
+from tools.endurance import kills, long_runs, results, storage, workers
 from tools.endurance.outcome import Outcome
 
 
@@ -54,6 +55,8 @@ CHECKS = {
     "threads": Check("one instance per thread: the same bits", workers.in_threads, 10, 1),
     "processes": Check("forked, spawned and pickled: the same bits", lambda _: workers.in_processes(), 1, 1),
     "killed-workers": Check("a dead worker is an error and no hang", workers.killed_worker, 30, 2),
+    "fuzz": Check("whatever is handed in: right, or refused", results.fuzzing, len(results.MODULES), 2),
+    "digest": Check("the results of tools/digest.txt", results.digests, len(digest.RESULTS), 4),
 }
 
 

@@ -11,10 +11,10 @@ class BrokenPromiseError(Exception):
 
 @dataclass(frozen=True)
 class Outcome:
-    """A check that held.
+    """A check that did not fail.
 
     Attributes:
-        count: How many cases there were.
+        count: How many cases there were; 0 where it cannot be checked here, which is no success.
         of: What a case was, in the plural.
         detail: What was measured on the way, or why there were no cases.
     """

@@ -11,7 +11,7 @@ from collections.abc import Mapping
 from kinreach.baselines.recipes.base import BUTTON, MULTI, SINGLE, Networks, Recipe
 from kinreach.baselines.recipes.button import BUTTON_RECIPES
 from kinreach.baselines.recipes.reach import REACH_RECIPES
-from kinreach.errors import raise_unknown
+from kinreach.inputs import check_known
 
 __all__ = ["BUTTON", "MULTI", "RECIPES", "SINGLE", "Networks", "Recipe", "get_recipe"]
 
@@ -25,6 +25,5 @@ def get_recipe(name: str) -> Recipe:
     Raises:
         UnknownNameError: There is none of that name; the message lists those that there are.
     """
-    if name not in RECIPES:
-        raise_unknown("recipe", name, RECIPES)
+    check_known("recipe", name, RECIPES)
     return RECIPES[name]

@@ -44,6 +44,9 @@ class Recipe:
         reward: What the learner sees, key of `kinreach.baselines.training_reward.REWARDS`; evaluation always uses the
             environment's own.
         blur: Standard deviation of the noise on observed goals in training [m]; of ranked PPO only.
+        margin: How far beyond the table area goals are drawn in training, on every side [m]; of ranked PPO only. The
+            border is then learned as well as the middle.
+        walk: Steps of the environment in which a posture is walked to in training; of ranked PPO only.
         networks: Actor and critic.
         settings: Keyword arguments of the algorithm, with `minibatches` of an update instead of a batch size,
             `exploration` of an `Exploration` (in radians where the output is a posture), `adaptive` of an
@@ -61,6 +64,8 @@ class Recipe:
     num_envs: int
     reward: str = "own"
     blur: float = 0.0
+    margin: float = 0.0
+    walk: int = 1
     networks: Networks = field(default_factory=Networks)
     settings: Mapping[str, Any] = field(default_factory=dict)
     options: Mapping[str, Any] = field(default_factory=dict)

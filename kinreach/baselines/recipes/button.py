@@ -99,6 +99,15 @@ BUTTON_RECIPES = (
         gamma=0.99,
         gae_lambda=0.95,
     ),
+    _ppo(
+        "button-report-both",
+        "The course report's own system: its reward alone, on its actuation.",
+        reward="scaled",
+        steps=1_200_000,
+        options=_REPORT,
+        gamma=0.99,
+        gae_lambda=0.95,
+    ),
     _dqn(
         "button-dqn-report-actuation",
         "As `button-dqn`, on the actuation of the course report.",
