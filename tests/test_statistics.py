@@ -33,6 +33,12 @@ def test_wilson_refuses_what_is_no_rate(successes: int, total: int) -> None:
         wilson_interval(successes, total)
 
 
+@pytest.mark.parametrize(("successes", "total"), [(1, 10**400), (10**400, 10**400), (10**400, 5)])
+def test_wilson_refuses_more_than_anybody_counts(successes: int, total: int) -> None:
+    with pytest.raises(InputError, match="must be at most"):
+        wilson_interval(successes, total)
+
+
 def test_bootstrap_agrees_with_scipy() -> None:
     values = np.random.default_rng(5).lognormal(size=200)
     ours = bootstrap_intervals(values, (median, mean, p95))
