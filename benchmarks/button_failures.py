@@ -16,8 +16,8 @@ import numpy as np
 import kinreach  # noqa: F401  registers the environments
 from kinreach.baselines.evaluation import HELD_OUT
 from kinreach.baselines.learned import LearnedPolicy, load_policy
-from kinreach.baselines.recipes import BUTTON
 from kinreach.kinematics import Arm3Kinematics
+from kinreach.registration import BUTTON
 
 HEADINGS = (
     "policy", "pressed, %: target at −x −y / −x +y / +x −y / +x +y", "not pressed: distance, mm, median",

@@ -10,7 +10,8 @@ import argparse
 from pathlib import Path
 
 from benchmarks.trainings import Trainings, finished, print_table, with_interval
-from kinreach.baselines.recipes import BUTTON, RECIPES
+from kinreach.baselines.recipes import RECIPES
+from kinreach.registration import BUTTON
 from kinreach.statistics import median
 
 HEADINGS = (

@@ -15,8 +15,8 @@ import numpy as np
 from benchmarks.trainings import finished
 from kinreach.baselines.evaluation import HELD_OUT
 from kinreach.baselines.learned import LearnedPolicy, load_policy
-from kinreach.baselines.recipes import MULTI
 from kinreach.kinematics.reward_geometry import REACHED_DISTANCE
+from kinreach.registration import MULTI
 
 GOALS = 500
 

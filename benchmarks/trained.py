@@ -14,7 +14,8 @@ from pathlib import Path
 import numpy as np
 
 from benchmarks.trainings import Trainings, decimals_for, finished, print_table, with_interval
-from kinreach.baselines.recipes import BUTTON, RECIPES
+from kinreach.baselines.recipes import RECIPES
+from kinreach.registration import BUTTON
 from kinreach.statistics import median, p95
 
 HEADINGS = (

@@ -5,11 +5,13 @@ from __future__ import annotations
 from gymnasium.envs.registration import register, registry
 
 _REACH, _BUTTON = "kinreach.envs.reach", "kinreach.envs.button"
+#: Ids of the environments.
+SINGLE, MULTI, BUTTON = "kinreach/UR5SingleStep-v0", "kinreach/UR5MultiStep-v0", "kinreach/ButtonPress-v0"
 #: Environment id -> entry points of the single environment and of its native batch. Steps are limited inside.
 ENVIRONMENTS = {
-    "kinreach/UR5SingleStep-v0": (f"{_REACH}.single_step:UR5SingleStepEnv", f"{_REACH}.vector_env:single_step"),
-    "kinreach/UR5MultiStep-v0": (f"{_REACH}.multi_step:UR5MultiStepEnv", f"{_REACH}.vector_env:multi_step"),
-    "kinreach/ButtonPress-v0": (f"{_BUTTON}.env:ButtonPressEnv", f"{_BUTTON}.vector_env:ButtonPressVectorEnv"),
+    SINGLE: (f"{_REACH}.single_step:UR5SingleStepEnv", f"{_REACH}.vector_env:single_step"),
+    MULTI: (f"{_REACH}.multi_step:UR5MultiStepEnv", f"{_REACH}.vector_env:multi_step"),
+    BUTTON: (f"{_BUTTON}.env:ButtonPressEnv", f"{_BUTTON}.vector_env:ButtonPressVectorEnv"),
 }
 
 

@@ -23,6 +23,7 @@ import numpy as np
 import kinreach
 from kinreach.baselines.learned import load_policy
 from kinreach.envs.batch_simulation import BatchSimulation
+from kinreach.envs.reach.task import TOOL_DOWN
 from kinreach.envs.simulation import ArmSimulation
 from kinreach.kinematics import Arm3Kinematics, CollisionChecker, UR5Kinematics
 from kinreach.kinematics.goals import AxisGoal
@@ -37,7 +38,6 @@ REFERENCE = Path(__file__).with_suffix(".txt")
 #: Verdicts that fail a check.
 DIFFERENT, MISSING = FAILED = "DIFFERENT", "MISSING"
 EXACT, ROUNDED = "same bits", f"same to 1e-{DIGITS}"
-TOOL_DOWN = (0.0, 0.0, -1.0)
 
 
 def forward() -> Iterator[Any]:

@@ -12,23 +12,22 @@ from numpy.typing import ArrayLike
 from kinreach.baselines.network import Network
 from kinreach.baselines.pacing import paced
 from kinreach.baselines.policy_file import PolicyCard, read_policy
-from kinreach.envs.reach.task import MULTI_STEP, SINGLE_STEP
+from kinreach.envs.reach.task import SINGLE_STEP
 from kinreach.errors import InputError, UnknownNameError, raise_unknown
 from kinreach.inputs import check_known, check_path
 from kinreach.kinematics.goals import as_floats, check_entries
+from kinreach.registration import BUTTON, MULTI, SINGLE
 
 Array = np.ndarray[Any, Any]
 
 #: No environment observes larger numbers.
 MOST_OBSERVED = 1e6
 _SUFFIX = ".safetensors"
-_BUTTON = "kinreach/ButtonPress-v0"
-_REACH = {variant: f"kinreach/UR5{variant.name.capitalize()}Step-v0" for variant in (SINGLE_STEP, MULTI_STEP)}
 #: Environment -> length of an observation, length of the network's output, what the output may mean.
 _FITS = {
-    _REACH[SINGLE_STEP]: (13, 6, ("action", "posture")),
-    _REACH[MULTI_STEP]: (13, 6, ("action", "posture")),
-    _BUTTON: (19, 54, ("preferences",)),
+    SINGLE: (13, 6, ("action", "posture")),
+    MULTI: (13, 6, ("action", "posture")),
+    BUTTON: (19, 54, ("preferences",)),
 }
 
 
@@ -58,7 +57,7 @@ class LearnedPolicy:
         self.card = card
         self._network = network
         self._inputs = inputs
-        self._walks = card.environment == _REACH[MULTI_STEP]
+        self._walks = card.environment == MULTI
 
     def reset(self, info: dict[str, Any]) -> None:
         """A trained policy remembers nothing."""

@@ -103,7 +103,8 @@ def thinned(log: Mapping[str, Array], most: int = MOST_ROWS) -> Log:
     Raises:
         InputError: Columns are missing, or `most` is below 1.
     """
-    if missing := [name for name in COLUMNS if not isinstance(log, Mapping) or name not in log]:
+    given: object = log
+    if missing := [name for name in COLUMNS if not isinstance(given, Mapping) or name not in given]:
         raise InputError(f"a learning curve needs the columns {', '.join(missing)}")
     most = check_count("the number of rows", most)
     rows = len(log["steps"])

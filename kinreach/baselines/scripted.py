@@ -8,13 +8,11 @@ import numpy as np
 from gymnasium import spaces
 
 from kinreach.envs.goal_view import goal_in_world
-from kinreach.envs.reach.task import MULTI_STEP, SINGLE_STEP, STEP_SIZE
+from kinreach.envs.reach.task import MULTI_STEP, SINGLE_STEP, STEP_SIZE, TOOL_DOWN
 from kinreach.errors import InputError
 from kinreach.kinematics import CollisionChecker, UR5Kinematics
 from kinreach.kinematics.goals import Floats
 from kinreach.kinematics.reward_geometry import REACHED_POSTURE_ERROR, posture_error
-
-TOOL_DOWN = (0.0, 0.0, -1.0)
 
 
 class Policy(Protocol):

@@ -11,11 +11,11 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from kinreach.baselines.learned import LearnedPolicy
-from kinreach.baselines.recipes import MULTI, SINGLE
 from kinreach.envs.reach.task import ANGLES
 from kinreach.errors import InputError
 from kinreach.kinematics import UR5Kinematics
 from kinreach.kinematics.goals import Floats, as_floats
+from kinreach.registration import MULTI, SINGLE
 
 
 @dataclass(frozen=True, eq=False)

@@ -24,16 +24,14 @@ from kinreach.envs.reach.task import (
 )
 from kinreach.errors import InputError
 from kinreach.kinematics.goals import Floats
+from kinreach.registration import MULTI, SINGLE
 from kinreach.robots import ArmDescription
 
 #: What a method's name ends with if it is the path of a policy's file.
 SUFFIX = ".safetensors"
 
 #: Environments that policies can be compared in, by id.
-VARIANTS: Mapping[str, ReachVariant] = {
-    "kinreach/UR5SingleStep-v0": SINGLE_STEP,
-    "kinreach/UR5MultiStep-v0": MULTI_STEP,
-}
+VARIANTS: Mapping[str, ReachVariant] = {SINGLE: SINGLE_STEP, MULTI: MULTI_STEP}
 
 
 class PolicyMethod:

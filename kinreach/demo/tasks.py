@@ -13,6 +13,7 @@ from kinreach.baselines.button_controller import AnalyticButtonPolicy
 from kinreach.baselines.learned import load_policy, pretrained_names
 from kinreach.baselines.scripted import AnalyticReachPolicy, Policy, RandomPolicy
 from kinreach.errors import raise_unknown
+from kinreach.registration import BUTTON, MULTI, SINGLE
 
 
 @dataclass(frozen=True)
@@ -36,11 +37,11 @@ class DemoTask:
 
 _REACH_OPTIONS = ("observation", "backend")
 TASKS: Mapping[str, DemoTask] = {
-    "single": DemoTask("kinreach/UR5SingleStep-v0", _REACH_OPTIONS, lambda arguments: AnalyticReachPolicy("single")),
-    "multi": DemoTask("kinreach/UR5MultiStep-v0", _REACH_OPTIONS, lambda arguments: AnalyticReachPolicy("multi")),
+    "single": DemoTask(SINGLE, _REACH_OPTIONS, lambda arguments: AnalyticReachPolicy("single")),
+    "multi": DemoTask(MULTI, _REACH_OPTIONS, lambda arguments: AnalyticReachPolicy("multi")),
     # By default this is the test that the course report describes.
     "button": DemoTask(
-        "kinreach/ButtonPress-v0",
+        BUTTON,
         ("actuation",),
         lambda arguments: AnalyticButtonPolicy(arguments.actuation),
         policy="random",

@@ -14,11 +14,12 @@ from kinreach.baselines.export import network_of
 from kinreach.baselines.learned import load_policy
 from kinreach.baselines.learning_curve import LearningCurve
 from kinreach.baselines.models import build
-from kinreach.baselines.recipes import BUTTON, RECIPES, get_recipe
+from kinreach.baselines.recipes import RECIPES, get_recipe
 from kinreach.baselines.sb3_vec_env import SB3VecEnv
 from kinreach.baselines.training import train
 from kinreach.baselines.training_reward import REWARDS
 from kinreach.kinematics import Arm3Kinematics
+from kinreach.registration import BUTTON
 from tests.baselines.small_runs import weights
 
 BUTTONS = [name for name, recipe in RECIPES.items() if recipe.environment == BUTTON]

@@ -12,9 +12,10 @@ from kinreach.baselines.export import network_of
 from kinreach.baselines.learned import load_policy
 from kinreach.baselines.learning_curve import read_curve
 from kinreach.baselines.models import build
-from kinreach.baselines.recipes import MULTI, get_recipe
+from kinreach.baselines.recipes import get_recipe
 from kinreach.baselines.training import train
 from kinreach.errors import InputError, UnknownNameError
+from kinreach.registration import MULTI
 from kinreach.statistics import wilson_interval
 from tests.baselines.small_runs import SMALL, small
 

@@ -4,10 +4,10 @@ import numpy as np
 import pytest
 
 from kinreach.envs import ArmSimulation
+from kinreach.envs.reach.task import TOOL_DOWN
 from kinreach.kinematics import UR5Kinematics
 
 HEADED = 2  # lines of a table before its first row
-TOOL_DOWN = (0.0, 0.0, -1.0)
 
 
 @pytest.fixture

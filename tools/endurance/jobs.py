@@ -11,13 +11,13 @@ import numpy as np
 import kinreach  # noqa: F401 (registers the environments)
 from kinreach.baselines.learned import load_policy
 from kinreach.envs.batch_simulation import BatchSimulation
+from kinreach.envs.reach.task import TOOL_DOWN
 from kinreach.envs.simulation import ArmSimulation
 from kinreach.kinematics import Arm3Kinematics, AxisGoal, CollisionChecker, PositionGoal, UR5Kinematics
 from kinreach.kinematics.fast_collision import FastCollision
 from kinreach.kinematics.solvers import ClosedFormSolver, LevenbergMarquardtSolver, PlacoSolver, QPSolver
 
 SEED = 7
-TOOL_DOWN = (0.0, 0.0, -1.0)
 #: Postures or goals that a job looks at.
 CASES = 24
 #: An instance, and what to do with it.

@@ -8,12 +8,12 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
-from kinreach.baselines.recipes.base import BUTTON, MULTI, SINGLE, Networks, Recipe
+from kinreach.baselines.recipes.base import Networks, Recipe
 from kinreach.baselines.recipes.button import BUTTON_RECIPES
 from kinreach.baselines.recipes.reach import REACH_RECIPES
 from kinreach.inputs import check_known
 
-__all__ = ["BUTTON", "MULTI", "RECIPES", "SINGLE", "Networks", "Recipe", "get_recipe"]
+__all__ = ["RECIPES", "Networks", "Recipe", "get_recipe"]
 
 #: Recipes by name.
 RECIPES: Mapping[str, Recipe] = {recipe.name: recipe for recipe in (*REACH_RECIPES, *BUTTON_RECIPES)}

@@ -5,7 +5,8 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
-from kinreach.baselines.recipes.base import BUTTON, Networks, Recipe
+from kinreach.baselines.recipes.base import Networks, Recipe
+from kinreach.registration import BUTTON
 
 #: Episodes last 100 steps, and so does a rollout: environments that begin together would else all be in the same part
 #: of their episodes in every update.

@@ -6,7 +6,8 @@ import math
 from dataclasses import replace
 from typing import Any
 
-from kinreach.baselines.recipes.base import MULTI, SINGLE, Networks, Recipe
+from kinreach.baselines.recipes.base import Networks, Recipe
+from kinreach.registration import MULTI, SINGLE
 
 #: PPO2 of the thesis's time: 4 minibatches, 4 epochs, clip 0.2, λ 0.95, entropy 0.01, value 0.5, gradient 0.5. It
 #: began with a standard deviation of 1 in the units of the action, which in the thesis are radians in single-step and

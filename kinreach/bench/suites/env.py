@@ -13,7 +13,6 @@ import gymnasium as gym
 import numpy as np
 from gymnasium.vector import VectorEnv
 
-from kinreach.baselines.recipes import BUTTON, MULTI, SINGLE
 from kinreach.bench.measure import Contender, Timings, interleaved
 from kinreach.bench.peers.gym_child import play, random_actions
 from kinreach.bench.peers.gym_peer import PANDA, REACHER, gym_peers
@@ -22,6 +21,7 @@ from kinreach.bench.suite import Chart, Options, Progress, Section, Target
 from kinreach.bench.suites import PROFILED, episodes
 from kinreach.bench.times import median_ratio, samples
 from kinreach.errors import DrawingError, InstallationError
+from kinreach.registration import BUTTON, MULTI, SINGLE
 
 AGAIN = "python -m kinreach.bench --suite env"
 #: Environments of a kinematic batch, and how many times as fast as PandaReach-v3 it has to be.

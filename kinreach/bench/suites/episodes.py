@@ -10,18 +10,18 @@ from typing import Any
 import gymnasium as gym
 import numpy as np
 
-from kinreach.baselines.recipes import SINGLE
 from kinreach.bench.measure import Contender, interleaved
 from kinreach.bench.rates import rate_row, short_of_cores
 from kinreach.bench.suite import Options, Progress, Section, Target
 from kinreach.bench.suites import PROFILED
 from kinreach.bench.times import samples
 from kinreach.envs import ArmSimulation, BatchSimulation
+from kinreach.envs.reach.task import TOOL_DOWN
 from kinreach.errors import KinreachError
 from kinreach.kinematics import UR5Kinematics
 from kinreach.kinematics.goals import Floats
+from kinreach.registration import SINGLE
 
-TOOL_DOWN = (0.0, 0.0, -1.0)
 #: Least number of episodes per second of the environment on two cores.
 PER_SECOND = 500.0
 #: Episodes in a round, and those of `--quick`.

@@ -9,7 +9,6 @@ from functools import partial
 import gymnasium as gym
 import numpy as np
 
-from kinreach.baselines.recipes import SINGLE
 from kinreach.bench.child import peak_memory
 from kinreach.bench.measure import LAP, Contender, Timings, interleaved
 from kinreach.bench.peers import eaik
@@ -21,6 +20,7 @@ from kinreach.bench.suites.episodes import batched, goals_and_targets
 from kinreach.bench.times import median_ratio, samples
 from kinreach.envs import BatchSimulation
 from kinreach.kinematics import UR5Kinematics
+from kinreach.registration import SINGLE
 
 AGAIN = "python -m kinreach.bench --suite growth"
 #: Sizes, and those of `--quick`.

@@ -9,12 +9,13 @@ from typing import Any
 import gymnasium as gym
 import numpy as np
 
-from kinreach.baselines.recipes import MULTI, get_recipe
+from kinreach.baselines.recipes import get_recipe
 from kinreach.bench.peers.gym_child import learning_seconds, ppo_seconds
 from kinreach.bench.peers.gym_peer import PANDA, gym_peers
 from kinreach.bench.suite import Cell, Options, Progress, Section
 from kinreach.bench.suites import PROFILED
 from kinreach.errors import InstallationError
+from kinreach.registration import MULTI
 
 AGAIN = "python -m kinreach.bench --suite train"
 #: Actions of an update, environments of ours and of the peer's, and what both are told besides.

@@ -13,6 +13,7 @@ from kinreach.baselines.scripted import Policy, RandomPolicy
 from kinreach.compare.policies import policy_version
 from kinreach.compare.tasks import ButtonTask
 from kinreach.envs.button.task import action_space
+from kinreach.registration import BUTTON
 
 #: What kinds of players there are, and what each is given, in words, for the record beside the results.
 CONTROLLER, POLICY, CHANCE = "controller", "policy", "chance"
@@ -26,7 +27,6 @@ GIVEN: Mapping[str, str] = {
 
 #: The trained policy that comes with the package.
 PRETRAINED = "button"
-ENVIRONMENT = "kinreach/ButtonPress-v0"
 
 
 @dataclass(frozen=True)
@@ -62,7 +62,7 @@ def learned(policy: str) -> Callable[[ButtonTask], Player]:
     """
 
     def new(task: ButtonTask) -> Player:
-        loaded = load_policy(policy, environment=ENVIRONMENT)
+        loaded = load_policy(policy, environment=BUTTON)
         return Player(POLICY, lambda seed: loaded, policy_version(policy))
 
     return new

@@ -4,14 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
-import numpy as np
-
 from kinreach.compare.tasks.reach import ReachTask, Verdict
+from kinreach.envs.reach.task import TOOL_DOWN
 from kinreach.kinematics import UR5Kinematics
 from kinreach.kinematics.goals import AxisGoal, Floats, Goal
 from kinreach.kinematics.reward_geometry import REACHED_POSTURE_ERROR, posture_error, reach_reward
-
-TOOL_DOWN = np.array([0.0, 0.0, -1.0])
 
 
 class UR5Task(ReachTask):
@@ -29,7 +26,7 @@ class UR5Task(ReachTask):
 
     def ik_goal(self, position: Floats) -> Goal:
         """The tcp in the ball's centre, pointing down; rotation about the tool axis is free."""
-        return AxisGoal(position, TOOL_DOWN)
+        return AxisGoal(position, np.array(TOOL_DOWN))
 
     def accept(self, q: Floats) -> bool:
         """Free of collisions, and within the task's own posture criterion."""

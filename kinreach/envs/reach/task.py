@@ -23,6 +23,8 @@ JOINTS = 6
 #: What is observed: goal in the front camera (3), goal in the wrist camera (3), joint angles (6), gripper opening (1).
 OBSERVATIONS = 13
 GOAL, ANGLES, GRIPPER = slice(0, 6), slice(6, 12), 12
+#: How the tool points at a goal, in the world: straight down.
+TOOL_DOWN = (0.0, 0.0, -1.0)
 #: Largest change of a joint in one step of the multi-step task [rad].
 STEP_SIZE = math.radians(5.0)
 #: Cameras see no further than this; the bound of the goal's coordinates in the observation space [m].
