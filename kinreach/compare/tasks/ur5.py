@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
+import numpy as np
+
 from kinreach.compare.tasks.reach import ReachTask, Verdict
 from kinreach.envs.reach.task import TOOL_DOWN
 from kinreach.kinematics import UR5Kinematics
