@@ -35,10 +35,11 @@ def check_picture(name: str, picture: Picture) -> None:
     """
     array = as_array(name, picture)
     colours = array.ndim == 3 and array.shape[2] == 3 and array.dtype == np.uint8
-    if array is not picture or not array.size or not (colours or array.ndim == 2):
+    wide = array.dtype.kind == "f" and array.dtype.itemsize > 8  # matplotlib takes doubles at most
+    if array is not picture or not array.size or not (colours or (array.ndim == 2 and not wide)):
         raise InputError(
-            f"{name} must be uint8 of shape (height, width, 3) or numbers of shape (height, width), got {array.dtype} "
-            f"{array.shape}"
+            f"{name} must be uint8 of shape (height, width, 3) or numbers of up to 8 bytes of shape (height, width), "
+            f"got {array.dtype} {array.shape}"
         )
     if not colours and np.isnan(as_drawn(name, array)).all():
         raise InputError(f"{name} must have a pixel that is a number")

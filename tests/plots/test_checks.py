@@ -24,6 +24,7 @@ CASES = {
         lambda: plots.draw_pictures({"a": np.zeros((0, 9, 3), np.uint8)}),
         lambda: plots.draw_pictures({"a": np.zeros((0, 9))}),
         lambda: plots.draw_pictures({"a": [[1, 2]]}),
+        lambda: plots.draw_pictures({"a": np.ones((9, 9), np.longdouble)}),
     ],
     "must be at most 20 times as high as wide": [lambda: plots.draw_pictures({"a": np.ones((900, 1))})],
     "units must be a mapping": [lambda: plots.draw_pictures({"a": PICTURE}, units="m")],

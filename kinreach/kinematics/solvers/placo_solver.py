@@ -104,7 +104,10 @@ class PlacoSolver(IterativeSolver):
             robot.update_kinematics()
             steps, stalled = 0, False
             while steps < self.max_iterations and not stalled and not problem.reached():
-                stalled = np.abs(problem.solver.solve(True)).max() < STALLED
+                try:
+                    stalled = np.abs(problem.solver.solve(True)).max() < STALLED
+                except RuntimeError:  # rarely, placo finds NaN in what its program gives
+                    break
                 robot.update_kinematics()
                 steps += 1
             return Descent(robot.state.q[entries], steps)
