@@ -3,7 +3,7 @@
 PYTHON ?= $(shell command -v python3.11 || command -v python3)
 VENV ?= .venv
 ARGS ?=
-PYTEST_ARGS ?=
+PYTEST_ARGS ?= -n auto --maxprocesses 8
 
 BIN := $(VENV)/bin
 PIP_INSTALL := $(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt
@@ -17,7 +17,7 @@ BENCH := $(VENV)/.installed-bench
 
 help: ## List the targets
 	@grep -hE '^[a-z-]+:.*## ' $(MAKEFILE_LIST) | awk -F ':.*## ' '{printf "  make %-10s %s\n", $$1, $$2}'
-	@echo '  Options: ARGS="..." for compare and bench, PYTEST_ARGS="-n 2" for the tests, PYTHON=python3.12, VENV=DIR'
+	@echo '  Options: ARGS="..." for compare and bench, PYTEST_ARGS="-n 1" for the tests, PYTHON=python3.12, VENV=DIR'
 
 setup: $(DEV) ## Make the virtual environment with everything that tests and lint need
 
