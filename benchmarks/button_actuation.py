@@ -18,8 +18,8 @@ import kinreach
 from kinreach.baselines.button_controller import ButtonController
 from kinreach.envs.button import ACTUATIONS, Actuation
 from kinreach.envs.button.task import PRESS_RADIUS
+from kinreach.registration import BUTTON
 
-NAME = "kinreach/ButtonPress-v0"
 #: Simulated time of an episode of random actions [s].
 RANDOM_TIME = 4.0
 FIRST_UP = 22  # one more unit of control on the first joint, nothing else
@@ -28,12 +28,12 @@ SPEEDS, DIFFERENCE = slice(12, 15), slice(15, 18)
 
 def batch(actuation: Actuation, count: int) -> Any:
     """That many environments in step."""
-    return gym.make_vec(NAME, num_envs=count, vectorization_mode="vector_entry_point", actuation=actuation.name)
+    return gym.make_vec(BUTTON, num_envs=count, vectorization_mode="vector_entry_point", actuation=actuation.name)
 
 
 def one_increment(actuation: Actuation) -> float:
     """Speed of the first joint after one action from rest in the upright posture [rad/s]."""
-    with closing(gym.make(NAME, actuation=actuation.name)) as env:
+    with closing(gym.make(BUTTON, actuation=actuation.name)) as env:
         env.reset(seed=0, options={"q": np.zeros(3)})
         return float(env.step(FIRST_UP)[0][SPEEDS][0])
 

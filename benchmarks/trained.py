@@ -2,8 +2,8 @@
 
 python -m kinreach.train single --seeds 5         (and the other recipes)
 python -m benchmarks.trained results/train --goals 10000
-python -m benchmarks.trained results/train --recipes single,multi --backend mujoco --goals 1000
-python -m benchmarks.trained results/train --recipes single,multi --backend mujoco --observation camera --goals 500
+python -m benchmarks.trained results/train --recipes single,multi,ppo-single,ppo-multi --backend mujoco
+and `--observation camera --goals 200` beside `--backend mujoco`: goals as the cameras see them.
 """
 
 from __future__ import annotations

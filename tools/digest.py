@@ -29,6 +29,7 @@ from kinreach.kinematics import Arm3Kinematics, CollisionChecker, UR5Kinematics
 from kinreach.kinematics.goals import AxisGoal
 from kinreach.kinematics.reward_geometry import posture_error
 from kinreach.kinematics.solvers import LevenbergMarquardtSolver, PlacoSolver, QPSolver
+from kinreach.registration import BUTTON, MULTI, SINGLE
 
 #: What is rounded away before the second digest: metres, radians and rewards to a billionth.
 DIGITS = 9
@@ -105,17 +106,17 @@ def collisions() -> Iterator[Any]:
 
 def kinematic_reaching() -> Iterator[Any]:
     """400 random steps of a batch of 64 arms without dynamics."""
-    yield from _played("kinreach/UR5MultiStep-v0", 64, 400, backend="kinematic")
+    yield from _played(MULTI, 64, 400, backend="kinematic")
 
 
 def dynamic_reaching() -> Iterator[Any]:
     """20 random steps of a batch of 8 arms with dynamics."""
-    yield from _played("kinreach/UR5SingleStep-v0", 8, 20, backend="mujoco")
+    yield from _played(SINGLE, 8, 20, backend="mujoco")
 
 
 def button() -> Iterator[Any]:
     """300 random steps of a batch of 32 arms under torque."""
-    yield from _played("kinreach/ButtonPress-v0", 32, 300)
+    yield from _played(BUTTON, 32, 300)
 
 
 def moves() -> Iterator[Any]:

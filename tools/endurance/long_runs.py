@@ -14,6 +14,7 @@ import numpy as np
 
 import kinreach  # noqa: F401 (registers the environments)
 from kinreach.envs import ArmSimulation, render
+from kinreach.registration import BUTTON, MULTI, SINGLE
 from tools.endurance.outcome import Outcome, demand
 
 #: In how many parts a run is cut; the process is looked at after each.
@@ -50,24 +51,24 @@ class Usage:
 
 def kinematic_steps(steps: int) -> Outcome:
     """Random steps of the multi-step environment without dynamics, in a batch of ten."""
-    begin = lambda: _steps(_batch("kinreach/UR5MultiStep-v0", backend="kinematic"))  # noqa: E731
+    begin = lambda: _steps(_batch(MULTI, backend="kinematic"))  # noqa: E731
     return _endure(begin, steps // BATCH, "steps", each=BATCH)
 
 
 def dynamics_steps(steps: int) -> Outcome:
     """Random steps of the multi-step environment with dynamics."""
-    return _endure(lambda: _steps(gym.make("kinreach/UR5MultiStep-v0", backend="mujoco")), steps, "steps")
+    return _endure(lambda: _steps(gym.make(MULTI, backend="mujoco")), steps, "steps")
 
 
 def torque_steps(steps: int) -> Outcome:
     """Random steps of the arm under torque, with the report's own gears, which make it fly about."""
-    return _endure(lambda: _steps(gym.make("kinreach/ButtonPress-v0", actuation="report")), steps, "steps")
+    return _endure(lambda: _steps(gym.make(BUTTON, actuation="report")), steps, "steps")
 
 
 def camera_resets(resets: int) -> Outcome:
     """Resets of which each draws the pictures of both cameras and finds the ball in them."""
     return _endure(
-        lambda: _resets(gym.make("kinreach/UR5SingleStep-v0", backend="kinematic", observation="camera")),
+        lambda: _resets(gym.make(SINGLE, backend="kinematic", observation="camera")),
         resets,
         "resets",
     )

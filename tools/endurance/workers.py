@@ -17,6 +17,7 @@ import numpy as np
 import torch  # noqa: F401 (processes are forked from one that has it, as in training)
 from gymnasium.vector.async_vector_env import AsyncState
 
+from kinreach.registration import MULTI
 from tools.endurance.jobs import JOBS, SHARED, UNPICKLED
 from tools.endurance.outcome import Outcome, demand
 
@@ -122,7 +123,7 @@ def _work(pipe: Any, sent: list[tuple[str, bytes | None]]) -> None:
             pipe.send(f"{type(error).__name__}: {error}")
 
 
-def killed_worker(times: int, *, name: str = "kinreach/UR5MultiStep-v0", **options: Any) -> Outcome:
+def killed_worker(times: int, *, name: str = MULTI, **options: Any) -> Outcome:
     """Kill a worker of Gymnasium's `AsyncVectorEnv`: the next step says so, and closing ends all processes.
 
     Raises:
