@@ -36,7 +36,7 @@ lint: $(DEV) ## Check style, format and types
 	$(BIN)/mypy
 
 bench: $(BENCH) ## Speed beside other packages, for example ARGS="--suite ik-single --quick"
-	$(BIN)/python -m kinreach.bench $(ARGS)
+	$(BIN)/python -m benchmarks.speed $(ARGS)
 
 digest: $(CORE) ## Compare fixed results with tools/digest.txt, for example PYTHON=python3.13 VENV=build/venv-3.13
 	$(BIN)/python -m tools.digest --check $(ARGS)

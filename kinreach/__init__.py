@@ -3,7 +3,7 @@
 Analytic kinematics, MuJoCo environments and RL baselines for the same reaching tasks, and one command that puts them
 all on the same goals. Imports point one way, downwards:
 
-    kinreach.bench        speed beside other packages: `python -m kinreach.bench`
+    benchmarks.speed        speed beside other packages: `python -m benchmarks.speed`
     kinreach.compare      all methods on equal terms, with statistics: `python -m kinreach.compare`
     kinreach.demo         an environment to watch, or to film: `python -m kinreach.demo`
     kinreach.baselines    recipes, training and evaluation; knows environments only through Gymnasium

@@ -9,8 +9,8 @@ _REACH, _BUTTON = "kinreach.envs.reach", "kinreach.envs.button"
 SINGLE, MULTI, BUTTON = "kinreach/UR5SingleStep-v0", "kinreach/UR5MultiStep-v0", "kinreach/ButtonPress-v0"
 #: Environment id -> entry points of the single environment and of its native batch. Steps are limited inside.
 ENVIRONMENTS = {
-    SINGLE: (f"{_REACH}.single_step:UR5SingleStepEnv", f"{_REACH}.vector_env:single_step"),
-    MULTI: (f"{_REACH}.multi_step:UR5MultiStepEnv", f"{_REACH}.vector_env:multi_step"),
+    SINGLE: (f"{_REACH}.env:UR5SingleStepEnv", f"{_REACH}.vector_env:single_step"),
+    MULTI: (f"{_REACH}.env:UR5MultiStepEnv", f"{_REACH}.vector_env:multi_step"),
     BUTTON: (f"{_BUTTON}.env:ButtonPressEnv", f"{_BUTTON}.vector_env:ButtonPressVectorEnv"),
 }
 

@@ -14,8 +14,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from kinreach.checks import check_count, shown
 from kinreach.errors import InputError
-from kinreach.inputs import check_count, shown
 
 Floats = NDArray[np.float64]
 

@@ -10,10 +10,9 @@ from pathlib import Path
 import pytest
 from safetensors import safe_open
 
-from kinreach import bench
+from benchmarks import speed as bench
 from kinreach.baselines.evaluation import evaluate
-from kinreach.baselines.learned import load_policy
-from kinreach.baselines.policy_file import FORMAT, PolicyCard
+from kinreach.baselines.policies import FORMAT, PolicyCard, load_policy
 from kinreach.baselines.training import train
 from tests.baselines.small_runs import small
 

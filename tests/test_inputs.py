@@ -6,12 +6,11 @@ from fractions import Fraction
 import numpy as np
 import pytest
 
+from kinreach.checks import check_count, check_number
 from kinreach.envs import ArmSimulation
-from kinreach.envs.pinhole import Intrinsics
-from kinreach.envs.rgbd import SensorNoise
 from kinreach.errors import InputError
-from kinreach.inputs import check_count, check_number
 from kinreach.kinematics import CollisionChecker, UR5Kinematics
+from kinreach.vision.cameras import Intrinsics, SensorNoise
 
 NO_NUMBERS = [True, False, np.True_, np.False_, np.array(True), None, "1", 1j, [1.0], Decimal(1), np.array([1.0])]
 

@@ -24,7 +24,7 @@ FOUNDATION = (
     "kinreach.errors",
     "kinreach.engines",
     "kinreach.files",
-    "kinreach.inputs",
+    "kinreach.checks",
     "kinreach.registration",
     "kinreach.statistics",
     "kinreach.provenance",

@@ -21,15 +21,14 @@ import mujoco
 import numpy as np
 
 import kinreach
-from kinreach.baselines.learned import load_policy
-from kinreach.envs.batch_simulation import BatchSimulation
+from kinreach.baselines.policies import load_policy
 from kinreach.envs.reach.task import TOOL_DOWN
-from kinreach.envs.simulation import ArmSimulation
 from kinreach.kinematics import Arm3Kinematics, CollisionChecker, UR5Kinematics
 from kinreach.kinematics.goals import AxisGoal
-from kinreach.kinematics.reward_geometry import posture_error
 from kinreach.kinematics.solvers import LevenbergMarquardtSolver, PlacoSolver, QPSolver
 from kinreach.registration import BUTTON, MULTI, SINGLE
+from kinreach.sim.simulation import ArmSimulation, BatchSimulation
+from kinreach.thesis.reward import posture_error
 
 #: What is rounded away before the second digest: metres, radians and rewards to a billionth.
 DIGITS = 9

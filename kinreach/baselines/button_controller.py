@@ -14,12 +14,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from kinreach.checks import Floats
 from kinreach.engines import load
 from kinreach.envs.button import ACTUATIONS
 from kinreach.envs.button.task import CONTROL_LIMIT, JOINTS, PRESS_RADIUS, action_of
 from kinreach.errors import InputError, raise_unknown
 from kinreach.kinematics import Arm3Kinematics
-from kinreach.kinematics.goals import Floats
 
 pin: Any = load("pinocchio")
 
@@ -138,7 +138,7 @@ class ButtonController:
 
 
 class AnalyticButtonPolicy:
-    """`ButtonController` for one environment, as a `kinreach.baselines.scripted.Policy`.
+    """`ButtonController` for one environment, as a `kinreach.baselines.rollout.Policy`.
 
     Args:
         actuation: `"tuned"` or `"report"`, as the environment has it.

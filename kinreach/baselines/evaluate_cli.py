@@ -14,14 +14,12 @@ from rich.markup import escape
 from rich.progress import Progress
 
 from kinreach import provenance
-from kinreach.baselines.evaluation import SPLITS, evaluate
-from kinreach.baselines.evaluation_table import TABLE_WIDTH, evaluation_table
-from kinreach.baselines.learned import LearnedPolicy, load_policy, pretrained_names
-from kinreach.baselines.policy_file import read_policy, save_policy
+from kinreach.baselines.evaluation import SPLITS, TABLE_WIDTH, evaluate, evaluation_table
+from kinreach.baselines.policies import LearnedPolicy, load_policy, pretrained_names, read_policy, save_policy
+from kinreach.checks import check_count, check_known, check_path
 from kinreach.cli import Parser
 from kinreach.errors import InputError
 from kinreach.files import make_writable, write_text
-from kinreach.inputs import check_count, check_known, check_path
 from kinreach.registration import BUTTON
 
 #: Goals, unless the user says otherwise.

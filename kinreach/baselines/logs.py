@@ -1,27 +1,26 @@
-"""How the published policies were trained: the learning curves that come with the package, or those of own runs.
-
-The folder `logs` holds, by recipe, `seed-<k>.csv`: the learning curve of a seed, in the columns of
-`kinreach.baselines.learning_curve`, long ones in wider windows (`thinned`). Some recipes have more:
-`seed-<k>-episode.csv`, one episode step by step, and `seed-<k>-rewards.csv`, what followed a step at many steps
-(`sampled_returns`), or `seed-<k>.safetensors`, the policy, where it is worth a look but not among those that come with
-the package by name. `python -m tools.build_logs` makes the folder from runs.
-"""
+"""What a policy for a reach environment does on given goals, step by step."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
 from importlib import resources
 from pathlib import Path
 from typing import Any
 
+import gymnasium as gym
 import numpy as np
+from numpy.typing import ArrayLike
 
-from kinreach.baselines.learned import LearnedPolicy, load_policy
 from kinreach.baselines.learning_curve import COLUMNS, read_curve
+from kinreach.baselines.policies import LearnedPolicy, load_policy
 from kinreach.baselines.recipes import get_recipe
+from kinreach.checks import Floats, as_floats, check_count, check_known, check_path, shown
+from kinreach.envs.reach.task import ANGLES
 from kinreach.errors import InputError, raise_unknown
-from kinreach.inputs import check_count, check_known, check_path, shown
+from kinreach.kinematics import UR5Kinematics
 from kinreach.plots.series import discounted_returns
+from kinreach.registration import MULTI, SINGLE
 
 Array = np.ndarray[Any, Any]
 #: Columns by name.
@@ -196,3 +195,85 @@ def _of_runs(runs: Path, what: str) -> Iterator[tuple[int, Log]]:
         if what == REWARDS:
             log = sampled_returns(log, get_recipe(runs.name).settings["gamma"])
         yield int(seed), thinned(log) if what == CURVE else log
+
+
+@dataclass(frozen=True, eq=False)
+class Trace:
+    """Episodes side by side; row 0 is the start, row k is after step k.
+
+    After the end of its episode an arm stays where it is in here.
+
+    Attributes:
+        distance: To the goal [m], shape (steps + 1, n).
+        q: Joint angles [rad], shape (steps + 1, n, 6).
+        posture_error: r_e [rad], shape (steps, n).
+        reward: Shape (steps, n); after the end not a number.
+        reached: Whether the goal was reached at the end, shape (n,).
+        impossible: Whether the last action was, shape (n,).
+    """
+
+    distance: Floats
+    q: Floats
+    posture_error: Floats
+    reward: Floats
+    reached: Any
+    impossible: Any
+
+
+def trace(policy: LearnedPolicy, goals: ArrayLike, *, options: Mapping[str, Any] | None = None) -> Trace:
+    """Play one deterministic episode for each goal.
+
+    Args:
+        policy: For a reach environment.
+        goals: Positions in the world [m], shape (n, 3).
+        options: Of the environment.
+
+    Raises:
+        InputError: The policy is for another environment, the goals are malformed, or options that the environment does
+            not take.
+    """
+    goals = as_floats("goals", goals)
+    environment = policy.card.environment
+    if environment not in (SINGLE, MULTI):
+        raise InputError(f"a trace needs a policy for {SINGLE} or {MULTI}, got one for {environment}")
+    if goals.ndim != 2 or goals.shape[1] != 3 or not len(goals):
+        raise InputError(f"goals must have shape (n, 3), got {goals.shape}")
+    env: Any = gym.make_vec(
+        environment, num_envs=len(goals), vectorization_mode="vector_entry_point", **dict(options or {})
+    )
+    try:
+        return _play(env, policy, goals)
+    finally:
+        env.close()
+
+
+def _play(env: Any, policy: LearnedPolicy, goals: Floats) -> Trace:
+    observations, _ = env.reset(seed=0, options={"goal": goals})
+    start = observations[:, ANGLES]
+    first = np.linalg.norm(UR5Kinematics(tip="tcp", base="world").positions(start) - goals, axis=1)
+    q, distance = [start], [first]
+    posture_error: list[Floats] = []
+    reward: list[Floats] = []
+    reached, impossible = (np.zeros(len(goals), dtype=np.bool_) for _ in range(2))
+    pending = np.ones(len(goals), dtype=np.bool_)
+    while pending.any():
+        observations, rewards, terminated, truncated, info = env.step(policy.act(observations))
+        over = terminated | truncated
+        now = observations[:, ANGLES].copy()
+        if over.any():  # the observation is that of the next episode
+            now[over] = info["final_obs"][over][:, ANGLES]
+        q.append(np.where(pending[:, None], now, q[-1]))
+        distance.append(np.where(pending, info["distance"], distance[-1]))
+        posture_error.append(np.where(pending, info["posture_error"], posture_error[-1] if posture_error else np.nan))
+        reward.append(np.where(pending, rewards, np.nan))
+        reached[pending & over] = info["reached"][pending & over]
+        impossible[pending & over] = info["impossible"][pending & over]
+        pending &= ~over
+    return Trace(
+        distance=np.array(distance),
+        q=np.array(q),
+        posture_error=np.array(posture_error),
+        reward=np.array(reward),
+        reached=reached,
+        impossible=impossible,
+    )

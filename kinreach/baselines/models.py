@@ -14,14 +14,18 @@ from stable_baselines3 import DQN, PPO, SAC, TD3
 from stable_baselines3.common.base_class import BaseAlgorithm
 from stable_baselines3.common.noise import NormalActionNoise, VectorizedActionNoise
 
-from kinreach.baselines.adaptive_ppo import AdaptivePPO, AdaptiveRate, Exploration
+from kinreach.baselines.algorithms import (
+    AdaptivePPO,
+    AdaptiveRate,
+    Exploration,
+    ObservationFeatures,
+    PosturePolicy,
+    RankedPPO,
+)
 from kinreach.baselines.learning_curve import LearningCurve
-from kinreach.baselines.ranked_ppo import RankedPPO
 from kinreach.baselines.recipes import Recipe
-from kinreach.baselines.sb3_networks import ObservationFeatures, PosturePolicy
-from kinreach.baselines.sb3_vec_env import SB3VecEnv
-from kinreach.baselines.training_reward import REWARDS
-from kinreach.baselines.tries_vec_env import TriesVecEnv
+from kinreach.baselines.rewards import REWARDS
+from kinreach.baselines.vec_envs import SB3VecEnv, TriesVecEnv
 from kinreach.envs.reach.task import SINGLE_STEP
 from kinreach.robots import get_arm
 from kinreach.robots.workcell import BoxRegion

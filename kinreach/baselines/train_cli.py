@@ -11,12 +11,11 @@ from typing import Any
 from rich.console import Console
 from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
 
-from kinreach.baselines.evaluation import SPLITS, evaluate
-from kinreach.baselines.evaluation_table import TABLE_WIDTH, evaluation_table
+from kinreach.baselines.evaluation import SPLITS, TABLE_WIDTH, evaluate, evaluation_table
 from kinreach.baselines.recipes import RECIPES, Recipe, get_recipe
+from kinreach.checks import MOST_THREADS, check_count, check_known, check_path
 from kinreach.cli import Parser
 from kinreach.errors import InputError, InstallationError
-from kinreach.inputs import MOST_THREADS, check_count, check_known, check_path
 
 #: Goals that a finished policy is tried on; `evaluate` does it properly.
 GOALS = 1000

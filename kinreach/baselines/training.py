@@ -10,11 +10,13 @@ from __future__ import annotations
 import io
 import json
 import math
+import pickle
 import random
 import time
 import warnings
-from collections.abc import Callable
-from dataclasses import replace
+import zipfile
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -23,21 +25,180 @@ import torch
 from stable_baselines3.common.base_class import BaseAlgorithm
 from stable_baselines3.common.callbacks import BaseCallback
 from stable_baselines3.common.logger import configure
+from stable_baselines3.common.off_policy_algorithm import OffPolicyAlgorithm
 from stable_baselines3.common.on_policy_algorithm import OnPolicyAlgorithm
 
 from kinreach import provenance
-from kinreach.baselines.checkpoint import load_checkpoint, save_checkpoint
+from kinreach.baselines.algorithms import network_of
 from kinreach.baselines.evaluation import HELD_OUT
-from kinreach.baselines.export import network_of
-from kinreach.baselines.learned import LearnedPolicy
 from kinreach.baselines.learning_curve import COLUMNS, TRACE_COLUMNS, LearningCurve, curve_csv
 from kinreach.baselines.models import Trainee, build
-from kinreach.baselines.policy_file import PolicyCard, save_policy
+from kinreach.baselines.policies import LearnedPolicy, PolicyCard, load_policy, save_policy
 from kinreach.baselines.recipes import Recipe
-from kinreach.baselines.run_folder import CHECKPOINT, CURVE, EPISODE, MODEL, POLICY, RUN, Run, finished_run, remove
-from kinreach.errors import InputError
+from kinreach.checks import MOST_THREADS, check_count, check_path, shown
+from kinreach.errors import InputError, OutputError
 from kinreach.files import make_writable, replacing, write_text
-from kinreach.inputs import MOST_THREADS, check_count, check_path, shown
+
+CHECKPOINT, POLICY, CURVE, EPISODE, RUN, MODEL = (
+    "checkpoint.pt",
+    "policy.safetensors",
+    "curve.csv",
+    "episode.csv",
+    "run.json",
+    "model.zip",
+)
+
+
+@dataclass(frozen=True)
+class Run:
+    """A finished training run.
+
+    Attributes:
+        folder: Where its files are.
+        card: Of its policy.
+        policy: The policy.
+        seconds: Wall time of the call that finished it.
+        cpu_seconds: CPU time of that call.
+    """
+
+    folder: Path
+    card: PolicyCard
+    policy: LearnedPolicy
+    seconds: float
+    cpu_seconds: float
+
+
+def finished_run(folder: Path, identity: dict[str, Any], *, export: bool = False) -> Run | None:
+    """The run in a folder, if it is this one and has come to its end.
+
+    Args:
+        folder: Of the run.
+        identity: What `run.json` must say.
+        export: Whether a finished run has stable-baselines3's own file as well.
+    """
+    try:
+        run = json.loads((folder / RUN).read_text(encoding="utf-8"))
+        same = {name: run[name] for name in identity} == identity
+        seconds, cpu_seconds = float(run["seconds"]), float(run["cpu_seconds"])
+    except (OSError, ValueError, KeyError, TypeError):
+        return None
+    wanted = (POLICY, MODEL) if export else (POLICY,)
+    if not same or (folder / CHECKPOINT).exists() or not all((folder / name).exists() for name in wanted):
+        return None
+    policy = load_policy(folder / POLICY)
+    return Run(folder, policy.card, policy, seconds, cpu_seconds)
+
+
+def remove(folder: Path, names: Iterable[str]) -> None:
+    """Remove files, as far as they are there.
+
+    Raises:
+        OutputError: The file system refused.
+    """
+    for name in names:
+        try:
+            (folder / name).unlink(missing_ok=True)
+        except OSError as error:
+            raise OutputError(f"cannot remove {folder / name}: {error.strerror or error}") from error
+
+
+#: Attributes of algorithms that change during training, as far as an algorithm has them.
+_COUNTERS = ("num_timesteps", "_n_updates", "_episode_num", "_n_calls", "exploration_rate", "rate")
+_CURVE = ("rows", "steps", "episodes", "trace", "traced", "_sums", "_counted", "_ended")
+_BUFFER = ("observations", "next_observations", "actions", "rewards", "dones", "timeouts")
+
+
+def save_checkpoint(path: Path, identity: dict[str, Any], segment: int, trainee: Trainee) -> None:
+    """Write the state after a segment, whole or not at all.
+
+    Args:
+        path: Of the file.
+        identity: Recipe, seed and versions of the run; `sources`, digests of the code that had a part in the state.
+        segment: Its number.
+        trainee: In that state.
+
+    Raises:
+        OutputError: The file system refused.
+    """
+    model, curve = trainee.model, trainee.curve
+    state: dict[str, Any] = {
+        "identity": identity,
+        "segment": segment,
+        "parameters": model.get_parameters(),
+        "variables": {name: getattr(model, name).detach() for name in _variables(model)},
+        "counters": {name: getattr(model, name) for name in _COUNTERS if hasattr(model, name)},
+        "curve": {name: getattr(curve, name) for name in _CURVE},
+    }
+    if isinstance(model, OffPolicyAlgorithm) and model.replay_buffer is not None:
+        buffer: Any = model.replay_buffer
+        kept = buffer.buffer_size if buffer.full else buffer.pos
+        arrays = {name: torch.from_numpy(getattr(buffer, name)[:kept]) for name in _BUFFER}
+        state["buffer"] = {"arrays": arrays, "pos": buffer.pos, "full": buffer.full}
+    content = io.BytesIO()  # torch's own file writer reports a full disk as a damaged archive
+    torch.save(state, content)
+    with replacing(path) as temporary:
+        temporary.write_bytes(content.getbuffer())
+
+
+def load_checkpoint(path: Path, identity: dict[str, Any], trainee: Trainee) -> tuple[int, list[str]]:
+    """Put a fresh trainee into the state after the last segment.
+
+    Args:
+        path: Of the file.
+        identity: What was given to `save_checkpoint`, but for `sources`: the code may have changed.
+        trainee: A fresh one.
+
+    Returns:
+        The number of the next segment, and `sources`: digests of the code that had a part in the state.
+
+    Raises:
+        InputError: The file is not a checkpoint, or is one of another run.
+    """
+    try:
+        content = io.BytesIO(path.read_bytes())
+        if not zipfile.is_zipfile(content):  # torch would try it as a plain pickle, and warn before it refuses
+            raise ValueError("no archive")
+        content.seek(0)
+        state = torch.load(content, weights_only=True)
+        said = dict(state["identity"])
+        sources = said.pop("sources", None)
+        if said != identity or not isinstance(sources, list):
+            raise InputError(
+                f"{path} belongs to a run with other settings or versions; train without --resume, or elsewhere"
+            )
+        model, curve = trainee.model, trainee.curve
+        model.set_parameters(state["parameters"], exact_match=True)
+        for name in _variables(model):
+            getattr(model, name).data.copy_(state["variables"][name])
+        for name in (name for name in _COUNTERS if hasattr(model, name)):
+            setattr(model, name, _number(state["counters"][name]))
+        for name in _CURVE:
+            setattr(curve, name, state["curve"][name])
+        if "buffer" in state:
+            buffer: Any = model.replay_buffer  # type: ignore[attr-defined]
+            for name in _BUFFER:
+                rows = state["buffer"]["arrays"][name]
+                getattr(buffer, name)[: len(rows)] = rows.numpy()
+            buffer.pos, buffer.full = state["buffer"]["pos"], state["buffer"]["full"]
+        return int(state["segment"]) + 1, [str(source) for source in sources]
+    except OSError as error:
+        raise InputError(f"cannot read {path}: {error.strerror or error}") from None
+    except (pickle.UnpicklingError, RuntimeError, KeyError, TypeError, AttributeError, EOFError, ValueError) as error:
+        if isinstance(error, InputError):
+            raise
+        raise InputError(f"{path} is no checkpoint, or a damaged one") from None
+
+
+def _number(value: Any) -> Any:
+    if not isinstance(value, int | float):
+        raise TypeError(f"a counter must be a number, got {type(value).__name__}")
+    return value
+
+
+def _variables(model: BaseAlgorithm) -> list[str]:
+    """Names of tensors that are no parameters of a module, such as SAC's entropy coefficient."""
+    return list(model._get_torch_save_params()[1])
+
 
 #: Of torch's and numpy's generators.
 MOST_SEED = 2**31 - 1

@@ -6,11 +6,11 @@ import math
 import time
 from dataclasses import dataclass
 
+from kinreach.checks import Floats
 from kinreach.compare.deciding import Decision, Method
 from kinreach.compare.tasks import ReachTask, Verdict
 from kinreach.compare.trials import COMPLETED, UNSEEN
-from kinreach.envs.simulation import ArmSimulation
-from kinreach.kinematics.goals import Floats
+from kinreach.sim.simulation import ArmSimulation
 
 
 class Attempt:

@@ -12,6 +12,7 @@ from typing import Any
 from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
 
+from kinreach.checks import check_path
 from kinreach.cli import Parser
 from kinreach.compare.comparison import compare
 from kinreach.compare.contests import CONTESTS
@@ -22,9 +23,8 @@ from kinreach.compare.settings import DEFAULT_GOALS, Settings
 from kinreach.compare.tables import TABLE_WIDTH, ending
 from kinreach.compare.tasks import TASKS
 from kinreach.compare.tasks.button import EpisodeSettings
-from kinreach.envs.ball_finder import PIPELINES
 from kinreach.envs.button import ACTUATIONS
-from kinreach.inputs import check_path
+from kinreach.vision.ball_finder import PIPELINES
 
 _METHODS = [f"methods of {task}: {', '.join(methods)}" for task, methods in METHODS.items()]
 #: Filled here: argparse would break names at their hyphens.

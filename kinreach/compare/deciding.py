@@ -10,7 +10,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Protocol
 
-from kinreach.kinematics.goals import Floats
+from kinreach.checks import Floats
 
 #: What kinds of methods there are, and what each is given, in words, for the record beside the results.
 SOLVER, POLICY, SEEDED = "solver", "policy", "seeded solver"

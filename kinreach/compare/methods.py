@@ -24,7 +24,7 @@ Factory = Callable[[ReachTask], Method]
 
 
 def _closed_form(task: ReachTask) -> Method:
-    from kinreach.kinematics.solvers.closed_form import ClosedFormSolver
+    from kinreach.kinematics.solvers.base import ClosedFormSolver
 
     return SolverMethod(task, ClosedFormSolver(task.new_kinematics()))
 

@@ -14,12 +14,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from kinreach.checks import Floats
 from kinreach.compare.tasks import ReachTask
-from kinreach.envs.goal_view import CameraGoalView, goal_in_world
 from kinreach.envs.reach.options import check_cameras
-from kinreach.envs.rgbd import SensorNoise
-from kinreach.envs.simulation import ArmSimulation
-from kinreach.kinematics.goals import Floats
+from kinreach.sim.simulation import ArmSimulation
+from kinreach.vision.cameras import SensorNoise
+from kinreach.vision.goal_view import CameraGoalView, goal_in_world
 
 CAMERA, GEOMETRIC = "camera", "geometric"
 

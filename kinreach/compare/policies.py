@@ -9,9 +9,9 @@ from pathlib import Path
 
 import numpy as np
 
-from kinreach.baselines.learned import load_policy, pretrained_names
+from kinreach.baselines.policies import load_policy, pretrained_names
+from kinreach.checks import Floats
 from kinreach.compare.deciding import POLICY, Decide, Decision
-from kinreach.envs.goal_view import geometric_goal_view
 from kinreach.envs.reach.task import (
     ANGLES,
     GOAL,
@@ -23,9 +23,9 @@ from kinreach.envs.reach.task import (
     check_actions,
 )
 from kinreach.errors import InputError
-from kinreach.kinematics.goals import Floats
 from kinreach.registration import MULTI, SINGLE
 from kinreach.robots import ArmDescription
+from kinreach.vision.goal_view import geometric_goal_view
 
 #: What a method's name ends with if it is the path of a policy's file.
 SUFFIX = ".safetensors"

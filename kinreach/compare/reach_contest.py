@@ -23,11 +23,10 @@ from kinreach.compare.strips import origin
 from kinreach.compare.summary import summarise
 from kinreach.compare.tasks import REACH_TASKS
 from kinreach.compare.trials import ReachTrial
-from kinreach.envs.controller import TOLERANCE
-from kinreach.envs.rendering import render
-from kinreach.envs.simulation import ArmSimulation
-from kinreach.kinematics.solvers.base import Tolerance
-from kinreach.kinematics.solvers.closed_form import ClosedFormSolver
+from kinreach.kinematics.solvers.base import ClosedFormSolver, Tolerance
+from kinreach.sim.controller import TOLERANCE
+from kinreach.sim.rendering import render
+from kinreach.sim.simulation import ArmSimulation
 
 #: What all of these tasks give every method alike.
 _TERMS = {

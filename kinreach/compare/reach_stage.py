@@ -8,8 +8,8 @@ import numpy as np
 
 from kinreach.compare.tables import number
 from kinreach.compare.trials import ReachTrial
-from kinreach.envs.simulation import ArmSimulation
 from kinreach.robots import ArmDescription
+from kinreach.sim.simulation import ArmSimulation
 
 
 class ReachStage:

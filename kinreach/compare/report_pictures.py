@@ -12,8 +12,8 @@ from PIL import Image
 from kinreach.compare.contests import CONTESTS
 from kinreach.compare.tables import number
 from kinreach.compare.trials import Trial
-from kinreach.envs.picture import CAMERA
-from kinreach.envs.rendering import FrameRenderer
+from kinreach.sim.picture import CAMERA
+from kinreach.sim.rendering import FrameRenderer
 
 #: Size of the pictures [pixels], and quality of their JPEG.
 WIDTH, HEIGHT, QUALITY = 640, 360, 85

@@ -13,14 +13,14 @@ from typing import Any
 
 import numpy as np
 
+from kinreach.checks import Floats
 from kinreach.compare.attempts import Attempt, Ending, execute
 from kinreach.compare.budget import budget
 from kinreach.compare.deciding import Method
 from kinreach.compare.observation import WARM_UP_SEED, Look, Sight, true_position
 from kinreach.compare.tasks import ReachTask
 from kinreach.compare.trials import ReachTrial
-from kinreach.envs.simulation import ArmSimulation
-from kinreach.kinematics.goals import Floats
+from kinreach.sim.simulation import ArmSimulation
 
 #: Goals on which every method decides untimed first.
 WARM_UP_GOALS = 3

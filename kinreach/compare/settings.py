@@ -6,12 +6,12 @@ from collections import Counter
 from dataclasses import asdict, dataclass
 from typing import Any
 
+from kinreach.checks import check_count, check_known, shown
 from kinreach.compare.methods import METHODS, known, short_name
 from kinreach.compare.observation import CAMERA, GEOMETRIC, CameraSettings
 from kinreach.compare.tasks import TASKS, ButtonTask
 from kinreach.compare.tasks.button import EpisodeSettings
 from kinreach.errors import InputError, raise_unknown
-from kinreach.inputs import check_count, check_known, shown
 
 DEFAULT_GOALS = 200
 #: More are refused before anything is measured: a comparison of so many would take a month, and its results gigabytes.

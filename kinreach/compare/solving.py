@@ -5,9 +5,9 @@ from __future__ import annotations
 import time
 from collections.abc import Mapping
 
+from kinreach.checks import Floats
 from kinreach.compare.deciding import SEEDED, SOLVER, Decide, Decision, Method
 from kinreach.compare.tasks import ReachTask
-from kinreach.kinematics.goals import Floats
 from kinreach.kinematics.solvers.base import Solver
 
 

@@ -12,15 +12,15 @@ import gymnasium as gym
 import numpy as np
 
 import kinreach  # registers the environments
-from kinreach.baselines.learned import pretrained_names
-from kinreach.baselines.scripted import Policy
+from kinreach.baselines.policies import pretrained_names
+from kinreach.baselines.rollout import Policy
+from kinreach.checks import check_count
 from kinreach.cli import Parser
 from kinreach.demo.film import Film
 from kinreach.demo.tasks import POLICIES, TASKS, make_policy
 from kinreach.envs.button import ACTUATIONS
 from kinreach.envs.reach.options import BACKENDS, OBSERVATIONS
 from kinreach.errors import InputError, raise_unknown
-from kinreach.inputs import check_count
 
 PRINTABLE = ("action", "observation", "reward", "info")
 #: Frames per second of a film, in the time of the simulation.

@@ -13,9 +13,9 @@ import numpy as np
 from numpy.typing import NDArray
 from PIL import Image
 
+from kinreach.checks import check_path
 from kinreach.errors import InputError, OutputError
 from kinreach.files import make_writable, replacing
-from kinreach.inputs import check_path
 
 Frame = NDArray[np.uint8]
 FORMATS = (".gif", ".mp4")

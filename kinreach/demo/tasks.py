@@ -10,8 +10,8 @@ from typing import Any
 import gymnasium as gym
 
 from kinreach.baselines.button_controller import AnalyticButtonPolicy
-from kinreach.baselines.learned import load_policy, pretrained_names
-from kinreach.baselines.scripted import AnalyticReachPolicy, Policy, RandomPolicy
+from kinreach.baselines.policies import load_policy, pretrained_names
+from kinreach.baselines.rollout import AnalyticReachPolicy, Policy, RandomPolicy
 from kinreach.errors import raise_unknown
 from kinreach.registration import BUTTON, MULTI, SINGLE
 

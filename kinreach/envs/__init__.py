@@ -4,12 +4,10 @@
 `BatchSimulation` is any number of them, stepped together.
 """
 
-from kinreach.envs.batch_simulation import BatchSimulation
-from kinreach.envs.controller import JointController
-from kinreach.envs.moves import MoveResult, MoveStatus
-from kinreach.envs.rendering import FrameRenderer, render
-from kinreach.envs.scene import build_scene, scene_model
-from kinreach.envs.simulation import ArmSimulation
+from kinreach.sim.controller import JointController, MoveResult, MoveStatus
+from kinreach.sim.rendering import FrameRenderer, render
+from kinreach.sim.scene import build_scene, scene_model
+from kinreach.sim.simulation import ArmSimulation, BatchSimulation
 
 __all__ = [
     "ArmSimulation",

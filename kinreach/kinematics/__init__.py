@@ -4,9 +4,8 @@ from kinreach.kinematics.arm import ArmKinematics
 from kinreach.kinematics.arm3 import Arm3Kinematics
 from kinreach.kinematics.collision import CollisionChecker
 from kinreach.kinematics.goals import AxisGoal, PoseGoal, PositionGoal
-from kinreach.kinematics.result import IKResult, Status
-from kinreach.kinematics.solutions import IKBatch, IKBatchNearest, IKSolutions
-from kinreach.kinematics.ur5 import UR5Kinematics
+from kinreach.kinematics.solutions import IKBatch, IKBatchNearest, IKResult, IKSolutions, Status
+from kinreach.kinematics.ur.kinematics import UR5Kinematics
 
 __all__ = [
     "Arm3Kinematics",

@@ -8,11 +8,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
+from kinreach.checks import MOST_ANGLE, Floats, as_floats, as_vector, check_entries, check_known
 from kinreach.engines import load
 from kinreach.errors import InputError
-from kinreach.inputs import check_known
 from kinreach.kinematics.chain import SerialChain
-from kinreach.kinematics.goals import MOST_ANGLE, Floats, as_floats, as_vector, check_entries
 from kinreach.robots import ArmDescription, as_arm
 
 pin: Any = load("pinocchio")

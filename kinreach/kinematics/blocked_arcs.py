@@ -13,7 +13,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from kinreach.kinematics.goals import Floats
+from kinreach.checks import Floats
 from kinreach.kinematics.straight_line import Entry, apply
 
 #: Whether a posture collides.

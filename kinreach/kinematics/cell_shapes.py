@@ -6,9 +6,9 @@ from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from typing import Any
 
+from kinreach.checks import Floats
 from kinreach.engines import load
 from kinreach.kinematics.collision import GJK_TOLERANCE, CollisionChecker
-from kinreach.kinematics.goals import Floats
 from kinreach.kinematics.rounded_boxes import RoundedBox, fitted
 
 pin: Any = load("pinocchio")

@@ -10,18 +10,22 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from kinreach.checks import MOST_ANGLE, Floats, as_floats, check_entries, check_tolerance
 from kinreach.errors import InputError
 from kinreach.kinematics.arm import ArmKinematics
 from kinreach.kinematics.chain import blocks
-from kinreach.kinematics.goals import MOST_ANGLE, Floats, Goal, as_floats, check_entries, check_tolerance, goal_error
-from kinreach.kinematics.result import Accept, IKResult, Status, check_accept
+from kinreach.kinematics.goals import Goal, goal_error
 from kinreach.kinematics.solutions import (
     SLACK,
     TURN,
+    Accept,
     ErrorOf,
     IKBatch,
     IKBatchNearest,
+    IKResult,
     IKSolutions,
+    Status,
+    check_accept,
     nearest_winding,
     nearest_windings,
 )

@@ -16,11 +16,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
+from kinreach.checks import MOST_DISTANCE, check_number
 from kinreach.engines import load
 from kinreach.errors import InputError
-from kinreach.inputs import check_number
 from kinreach.kinematics.arm import ArmKinematics
-from kinreach.kinematics.goals import MOST_DISTANCE
 from kinreach.robots import ArmDescription, Box
 from kinreach.robots.workcell import as_boxes
 

@@ -8,7 +8,7 @@ Three kinds of test, each in the form in which it is cheapest:
 *   Joint limits.
 
 All of it is elementwise: the verdict on a posture depends neither on the others nor on how many there are. How often it
-is that of `CollisionChecker` and of MuJoCo: `python -m benchmarks.collision_agreement`.
+is that of `CollisionChecker` and of MuJoCo: `python -m benchmarks.studies.collision_agreement`.
 """
 
 from __future__ import annotations
@@ -22,13 +22,13 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from kinreach.checks import Floats, as_floats
 from kinreach.errors import InputError
 from kinreach.kinematics.arm import ArmKinematics
 from kinreach.kinematics.blocked_arcs import Arcs, BlockedArcs
 from kinreach.kinematics.cell_shapes import CellShapes, Part
 from kinreach.kinematics.chain import blocks
 from kinreach.kinematics.collision import CollisionChecker
-from kinreach.kinematics.goals import Floats, as_floats
 from kinreach.kinematics.straight_line import Entry, Program, any_of
 from kinreach.kinematics.wrist_clearance import WristClearance
 from kinreach.robots import ArmDescription, as_arm

@@ -8,9 +8,9 @@ from typing import Any
 
 import numpy as np
 
+from kinreach.checks import Floats
 from kinreach.engines import load
 from kinreach.errors import InputError
-from kinreach.kinematics.goals import Floats
 
 coal: Any = load("coal")
 

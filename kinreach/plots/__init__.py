@@ -18,10 +18,8 @@ from kinreach.plots.learning import (
     draw_episode_rewards,
     draw_learning_curves,
 )
-from kinreach.plots.maps import RewardMap, draw_error_maps, draw_reward_maps
-from kinreach.plots.methods import Success, draw_error_bands, draw_success
-from kinreach.plots.optimum import draw_local_optimum, draw_posture_errors
-from kinreach.plots.paths import draw_paths
+from kinreach.plots.maps import RewardMap, draw_error_maps, draw_paths, draw_reward_maps
+from kinreach.plots.methods import Success, draw_error_bands, draw_local_optimum, draw_posture_errors, draw_success
 from kinreach.plots.pentagon import Pentagon, draw_pentagon_angles, draw_pentagons, pentagon_of, side_camera
 from kinreach.plots.pictures import draw_camera_steps, draw_pictures
 from kinreach.plots.rewards import draw_clipped_objective, draw_distance_reward, draw_reward_sections

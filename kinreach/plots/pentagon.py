@@ -24,16 +24,14 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Circle, Polygon, Wedge
 from numpy.typing import ArrayLike
 
+from kinreach.checks import Floats, check_count, check_number, shown
 from kinreach.errors import InputError
-from kinreach.inputs import check_count, check_number, shown
 from kinreach.kinematics.arm import pin
-from kinreach.kinematics.goals import Floats
-from kinreach.kinematics.reward_geometry import PentagonAngles, pentagon_angles
-from kinreach.kinematics.ur5 import UR5Kinematics
-from kinreach.plots.checks import check_label, check_mapping
+from kinreach.kinematics.ur.kinematics import UR5Kinematics
 from kinreach.plots.pictures import Extent, Picture, as_placed
-from kinreach.plots.style import FAINT, INK, PALETTE, new_figure
+from kinreach.plots.style import FAINT, INK, PALETTE, check_label, check_mapping, new_figure
 from kinreach.robots import CameraMount
+from kinreach.thesis.reward import PentagonAngles, pentagon_angles
 
 #: Joints whose origins are corners, by their number in the thesis: shoulder (j1), elbow (j2), wrist_1 (j3).
 _CORNERS = (1, 2, 3)

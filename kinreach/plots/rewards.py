@@ -9,11 +9,21 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import FuncFormatter, NullFormatter
 from numpy.typing import ArrayLike
 
+from kinreach.checks import check_number
 from kinreach.errors import InputError
-from kinreach.inputs import check_number
-from kinreach.kinematics.reward_geometry import REACHED_DISTANCE, distance_reward
-from kinreach.plots.checks import MOST_DRAWN, as_drawn, check_mapping
-from kinreach.plots.style import FAINT, INK, PALETTE, colours_of, label_ends, new_figure, plain
+from kinreach.plots.style import (
+    FAINT,
+    INK,
+    MOST_DRAWN,
+    PALETTE,
+    as_drawn,
+    check_mapping,
+    colours_of,
+    label_ends,
+    new_figure,
+    plain,
+)
+from kinreach.thesis.reward import REACHED_DISTANCE, distance_reward
 
 
 def draw_distance_reward(*, farthest: float = 3.0) -> Figure:

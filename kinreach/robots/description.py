@@ -6,7 +6,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from functools import cached_property
 
-from kinreach.robots.urdf_check import check_urdf
+from kinreach.robots.urdf import check_urdf
 from kinreach.robots.workcell import CameraMount, Workcell
 
 

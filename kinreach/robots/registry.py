@@ -2,20 +2,17 @@
 
 from __future__ import annotations
 
-import importlib
-import pkgutil
 from functools import cache
 
+from kinreach.checks import check_known
 from kinreach.errors import InputError
-from kinreach.inputs import check_known
-from kinreach.robots import arms
+from kinreach.robots import arm3, ur
 from kinreach.robots.description import ArmDescription
 
 
 @cache
 def _arms() -> dict[str, ArmDescription]:
-    modules = (importlib.import_module(f"{arms.__name__}.{info.name}") for info in pkgutil.iter_modules(arms.__path__))
-    return {module.ARM.name: module.ARM for module in modules}
+    return {arm.name: arm for arm in (ur.ARM, arm3.ARM)}
 
 
 def register_arm(arm: ArmDescription) -> None:

@@ -1,10 +1,18 @@
-"""Small editing steps on a URDF: prune, move, and add links made of primitives."""
+"""URDF texts: built from primitives, and checked before an engine is given one."""
 
 from __future__ import annotations
 
+import math
 import xml.etree.ElementTree as ET
+from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass
+from pathlib import PurePosixPath
+from typing import NoReturn
+from xml.parsers import expat
+
+from kinreach.checks import shown
+from kinreach.errors import InputError
 
 
 @dataclass(frozen=True)
@@ -101,3 +109,146 @@ def add_joint(
         ET.SubElement(joint, "limit", dict(zip(keys, map(repr, map(float, limit)), strict=True)))
     if mimic is not None:
         ET.SubElement(joint, "mimic", joint=mimic, multiplier="1", offset="0")
+
+
+#: Bounds of a URDF: characters, links, and how large a number in it may be.
+MOST_CHARACTERS, MOST_LINKS, MOST_NUMBER = 2**23, 500, 1e9
+PACKAGE = "package://"
+KINDS = ("revolute", "continuous", "prismatic", "fixed")
+_MOVED = ("revolute", "continuous", "prismatic")
+_LIMITED = ("revolute", "prismatic")
+#: Attributes that are numbers, by element, with how many there are.
+_NUMBERS = {
+    "origin": {"xyz": 3, "rpy": 3},
+    "axis": {"xyz": 3},
+    "box": {"size": 3},
+    "cylinder": {"radius": 1, "length": 1},
+    "sphere": {"radius": 1},
+    "mesh": {"scale": 3},
+    "mass": {"value": 1},
+    "inertia": dict.fromkeys(("ixx", "ixy", "ixz", "iyy", "iyz", "izz"), 1),
+    "limit": dict.fromkeys(("lower", "upper", "effort", "velocity"), 1),
+    "mimic": {"multiplier": 1, "offset": 1},
+    "dynamics": {"damping": 1, "friction": 1},
+    "color": {"rgba": 4},
+}
+#: Numbers that must be above 0, or not below.
+_POSITIVE = ("size", "radius", "length", "scale")
+_NOT_NEGATIVE = ("value", "effort", "velocity", "damping", "friction")
+
+
+def check_urdf(text: object, package_root: str | None) -> None:
+    """Refuse what is no URDF of one arm, and what would make a reader open other files or take much memory.
+
+    Args:
+        text: The URDF.
+        package_root: Folder that `package://` stands for; None if there is none.
+
+    Raises:
+        InputError: It is too long or no XML; it declares entities; links and joints are no tree; a number is not
+            finite, too large or of the wrong sign; a lower limit is above the upper one; a mesh is outside the package.
+    """
+    if not isinstance(text, str) or len(text) > MOST_CHARACTERS:
+        raise InputError(f"a URDF must be text of at most {MOST_CHARACTERS} characters, got {shown(text)}")
+    parser = expat.ParserCreate()
+    parser.StartDoctypeDeclHandler = _refuse_declarations
+    try:
+        parser.Parse(text.encode(), True)
+        robot = ET.fromstring(text)
+    except (expat.ExpatError, ET.ParseError, ValueError, RecursionError) as error:
+        if isinstance(error, InputError):
+            raise
+        raise InputError(f"the URDF is no XML: {error}") from None
+    if robot.tag != "robot":
+        raise InputError(f"the URDF must begin with <robot>, got <{shown(robot.tag)}>")
+    _check_tree(robot)
+    for element in robot.iter():
+        for name, count in _NUMBERS.get(element.tag, {}).items():
+            if name in element.attrib:
+                _check_numbers(f"{name} of <{element.tag}>", element.attrib[name], count, name)
+        if element.tag in ("mesh", "texture"):
+            _check_file(element.get("filename", ""), package_root)
+    for joint in robot.findall("joint"):
+        _check_limits(joint)
+
+
+def _refuse_declarations(*declared: object) -> NoReturn:
+    raise InputError("a URDF must not have a document type: entities could name other files, or grow without bound")
+
+
+def _check_tree(robot: ET.Element) -> None:
+    """Every joint connects two links, no link hangs on two, and all hang on one: some engines leave out a loop."""
+    links = [link.get("name", "") for link in robot.findall("link")]
+    joints = robot.findall("joint")
+    if not 1 <= len(links) <= MOST_LINKS:
+        raise InputError(f"the URDF must have 1 to {MOST_LINKS} links, got {len(links)}")
+    names = Counter([*links, *(joint.get("name", "") for joint in joints)])
+    for name, count in names.items():
+        if not name.isprintable() or not name or (count > 1 and (name in links)):
+            raise InputError(f"the URDF names {shown(name)} {count} times" if name else "the URDF has a nameless part")
+    if len({joint.get("name") for joint in joints}) < len(joints):
+        raise InputError("the URDF has two joints of one name")
+    held: set[str] = set()
+    children: dict[str, list[str]] = {link: [] for link in links}
+    for joint in joints:
+        name, ends = shown(joint.get("name")), []
+        for part in ("parent", "child"):
+            element = joint.find(part)
+            ends.append("" if element is None else element.get("link", ""))
+        if not set(ends) <= set(links) or ends[1] in held:
+            raise InputError(
+                f"joint {name} of the URDF must connect two links, each of which hangs on one joint at most"
+            )
+        held.add(ends[1])
+        children[ends[0]].append(ends[1])
+        kind, limit, axis = joint.get("type"), joint.find("limit"), joint.find("axis")
+        if kind not in KINDS or (kind in _LIMITED and limit is None):
+            raise InputError(f"joint {name} of the URDF must be one of {', '.join(KINDS)}, with its limits")
+        if kind in _MOVED and axis is not None and not any(_floats(axis.get("xyz", "1 0 0"))):
+            raise InputError(f"joint {name} of the URDF has an axis without direction")
+    roots = [link for link in links if link not in held]
+    if len(roots) != 1 or len(links) != len(joints) + 1:
+        raise InputError(f"the links of the URDF must hang on one, got {len(roots)} that hang on none")
+    hanging = roots[:]
+    for link in hanging:  # grows until all that hang on the root were there
+        hanging += children[link]
+    if len(hanging) < len(links):
+        loose = [link for link in links if link not in hanging]
+        raise InputError(f"all links of the URDF must hang on {shown(roots[0])}, and not on a loop: {shown(loose)}")
+
+
+def _check_limits(joint: ET.Element) -> None:
+    """The lower limit is not above the upper one, where the kind of joint has limits; one that is left out is 0."""
+    limit = joint.find("limit")
+    if limit is None or joint.get("type") not in _LIMITED:
+        return
+    lower, upper = (float(limit.get(name, "0")) for name in ("lower", "upper"))
+    if lower > upper:
+        name = shown(joint.get("name"))
+        raise InputError(f"joint {name} of the URDF has its lower limit above the upper one: {lower:g} > {upper:g}")
+
+
+def _floats(text: str) -> list[float]:
+    try:
+        return [float(word) for word in text.split()]
+    except ValueError:
+        return []
+
+
+def _check_numbers(what: str, text: str, count: int, name: str) -> None:
+    values = _floats(text)
+    if len(values) != count or not all(math.isfinite(value) and abs(value) <= MOST_NUMBER for value in values):
+        raise InputError(f"{what} must be {count} numbers within ±{MOST_NUMBER:g}, got {shown(text)}")
+    least = min(values)
+    if (name in _POSITIVE and least <= 0) or (name in _NOT_NEGATIVE and least < 0):
+        raise InputError(f"{what} must not be negative, and a size not zero; got {shown(text)}")
+
+
+def _check_file(name: str, package_root: str | None) -> None:
+    """A file is within the package: nothing else of this machine is read because a URDF says so."""
+    path = PurePosixPath(name.removeprefix(PACKAGE))
+    inside = name.startswith(PACKAGE) and not path.is_absolute() and ".." not in path.parts and name.isprintable()
+    if package_root is None or not inside:
+        raise InputError(
+            f"files of a URDF must be within {PACKAGE}, and the arm must have a package; got {shown(name)}"
+        )

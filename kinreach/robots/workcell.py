@@ -13,8 +13,8 @@ from typing import Any, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
+from kinreach.checks import check_number, shown
 from kinreach.errors import InputError
-from kinreach.inputs import check_number, shown
 
 #: Edges and coordinates of obstacles are no larger [m]: the collision engines lose touches between shapes whose sizes
 #: are too far apart.

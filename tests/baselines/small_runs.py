@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from kinreach.baselines import training
-from kinreach.baselines.learned import load_policy
+from kinreach.baselines.policies import load_policy
 from kinreach.baselines.recipes import RECIPES, get_recipe
 from kinreach.baselines.training import train
 

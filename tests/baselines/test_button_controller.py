@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 import kinreach
-from benchmarks.button_actuation import analytic
+from benchmarks.studies.button_actuation import analytic
 from kinreach.baselines.button_controller import AnalyticButtonPolicy, ButtonController
 from kinreach.envs.button import ACTUATIONS
 from kinreach.errors import InputError, UnknownNameError

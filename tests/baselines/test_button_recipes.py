@@ -8,16 +8,15 @@ import numpy as np
 import pytest
 
 from kinreach.baselines import training
-from kinreach.baselines.button_reward import BRANCH_ORDER, POSTURE_WEIGHT, SCALE, goal_postures
+from kinreach.baselines.algorithms import network_of
 from kinreach.baselines.evaluation import evaluate
-from kinreach.baselines.export import network_of
-from kinreach.baselines.learned import load_policy
 from kinreach.baselines.learning_curve import LearningCurve
 from kinreach.baselines.models import build
+from kinreach.baselines.policies import load_policy
 from kinreach.baselines.recipes import RECIPES, get_recipe
-from kinreach.baselines.sb3_vec_env import SB3VecEnv
+from kinreach.baselines.rewards import BRANCH_ORDER, POSTURE_WEIGHT, REWARDS, SCALE, goal_postures
 from kinreach.baselines.training import train
-from kinreach.baselines.training_reward import REWARDS
+from kinreach.baselines.vec_envs import SB3VecEnv
 from kinreach.kinematics import Arm3Kinematics
 from kinreach.registration import BUTTON
 from tests.baselines.small_runs import weights

@@ -9,8 +9,8 @@ import pytest
 from kinreach.baselines.evaluation import evaluate
 from kinreach.baselines.learning_curve import read_curve
 from kinreach.baselines.recipes import RECIPES, get_recipe
+from kinreach.baselines.rewards import REWARDS
 from kinreach.baselines.training import train
-from kinreach.baselines.training_reward import REWARDS
 
 #: Recipe -> steps after which the tip is a good part of its way to the goals.
 COME_NEAR = {

@@ -10,9 +10,17 @@ import numpy as np
 import pytest
 from safetensors.numpy import save_file
 
-from kinreach.baselines.learned import LearnedPolicy, load_policy, pretrained_names
-from kinreach.baselines.network import ACTIVATIONS, OUTPUTS, Network
-from kinreach.baselines.policy_file import PolicyCard, read_policy, save_policy
+from kinreach.baselines.policies import (
+    ACTIVATIONS,
+    OUTPUTS,
+    LearnedPolicy,
+    Network,
+    PolicyCard,
+    load_policy,
+    pretrained_names,
+    read_policy,
+    save_policy,
+)
 from kinreach.errors import InputError, OutputError, UnknownNameError
 
 SINGLE = "kinreach/UR5SingleStep-v0"

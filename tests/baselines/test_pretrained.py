@@ -13,8 +13,8 @@ import pytest
 
 from kinreach.baselines.evaluate_cli import main
 from kinreach.baselines.evaluation import HELD_OUT, evaluate
-from kinreach.baselines.learned import load_policy, pretrained_names
 from kinreach.baselines.logs import log_names, logged_policies
+from kinreach.baselines.policies import load_policy, pretrained_names
 from kinreach.baselines.recipes import RECIPES
 from kinreach.baselines.training import goal_seeds
 from kinreach.errors import InputError

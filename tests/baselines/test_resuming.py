@@ -13,8 +13,7 @@ import torch
 
 from kinreach import provenance
 from kinreach.baselines import training
-from kinreach.baselines.run_folder import finished_run
-from kinreach.baselines.training import train
+from kinreach.baselines.training import finished_run, train
 from kinreach.errors import InputError, OutputError
 from kinreach.provenance import source_digest
 from tests.baselines.small_runs import SMALL, interrupted, small, weights

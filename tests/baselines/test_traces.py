@@ -4,8 +4,8 @@ import gymnasium as gym
 import numpy as np
 import pytest
 
-from kinreach.baselines.learned import load_policy
-from kinreach.baselines.traces import trace
+from kinreach.baselines.logs import trace
+from kinreach.baselines.policies import load_policy
 from kinreach.errors import InputError
 from kinreach.kinematics import UR5Kinematics
 from kinreach.robots import get_arm

@@ -7,11 +7,11 @@ import pytest
 import torch
 from stable_baselines3 import PPO
 
+from kinreach.baselines.algorithms import network_of
 from kinreach.baselines.evaluation import evaluate
-from kinreach.baselines.export import network_of
-from kinreach.baselines.learned import load_policy
 from kinreach.baselines.learning_curve import read_curve
 from kinreach.baselines.models import build
+from kinreach.baselines.policies import load_policy
 from kinreach.baselines.recipes import get_recipe
 from kinreach.baselines.training import train
 from kinreach.errors import InputError, UnknownNameError

@@ -7,14 +7,13 @@ import numpy as np
 import pytest
 from scipy.stats import norm, rankdata
 
-from kinreach.baselines.adaptive_ppo import AdaptiveRate, Exploration
+from kinreach.baselines.algorithms import AdaptiveRate, Exploration, normal_scores
 from kinreach.baselines.learning_curve import COLUMNS, LearningCurve, curve_csv, read_curve
 from kinreach.baselines.models import _wider_goals, build
-from kinreach.baselines.pacing import paced
-from kinreach.baselines.ranked_ppo import normal_scores
+from kinreach.baselines.policies import paced
 from kinreach.baselines.recipes import get_recipe
-from kinreach.baselines.training_reward import REWARDS
-from kinreach.baselines.tries_vec_env import TriesVecEnv
+from kinreach.baselines.rewards import REWARDS
+from kinreach.baselines.vec_envs import TriesVecEnv
 from kinreach.envs.reach.task import STEP_SIZE
 from kinreach.errors import InputError
 from kinreach.robots import get_arm

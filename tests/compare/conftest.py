@@ -11,14 +11,13 @@ from typing import Any, ClassVar
 import numpy as np
 import pytest
 
-from kinreach.baselines.network import Network
-from kinreach.baselines.policy_file import PolicyCard, read_policy, save_policy
+from kinreach.baselines.policies import Network, PolicyCard, read_policy, save_policy
+from kinreach.checks import Floats
 from kinreach.compare.tasks import UR5Task
 from kinreach.compare.trials import EpisodeTrial, ReachTrial
-from kinreach.envs.goal_view import GoalLook, geometric_goal_view
-from kinreach.envs.rgbd import SensorNoise
-from kinreach.envs.simulation import ArmSimulation
-from kinreach.kinematics.goals import Floats
+from kinreach.sim.simulation import ArmSimulation
+from kinreach.vision.cameras import SensorNoise
+from kinreach.vision.goal_view import GoalLook, geometric_goal_view
 
 TrialFactory = Callable[..., list[ReachTrial]]
 

@@ -5,13 +5,13 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 
+from kinreach.checks import Floats
 from kinreach.compare.attempts import Attempt, Ending, execute
 from kinreach.compare.deciding import Decide, Decision
 from kinreach.compare.solving import SolverMethod
 from kinreach.compare.tasks import UR5Task
-from kinreach.envs.simulation import ArmSimulation
-from kinreach.kinematics.goals import Floats
-from kinreach.kinematics.solvers.closed_form import ClosedFormSolver
+from kinreach.kinematics.solvers.base import ClosedFormSolver
+from kinreach.sim.simulation import ArmSimulation
 
 
 class Walker:

@@ -13,7 +13,7 @@ import jsonschema
 import pytest
 
 from kinreach import cli
-from kinreach.baselines.learned import pretrained_names
+from kinreach.baselines.policies import pretrained_names
 from kinreach.compare import Settings, compare
 from kinreach.compare.button.players import GIVEN, PRETRAINED
 from kinreach.compare.tasks.button import EpisodeSettings
@@ -168,7 +168,7 @@ def test_the_command_prints_the_table_and_how_to_get_it_again(
 def test_a_policy_that_does_not_come_with_the_package_is_one_clear_line(
     tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("kinreach.baselines.learned.pretrained_names", lambda: ["multi", "single"])
+    monkeypatch.setattr("kinreach.baselines.policies.pretrained_names", lambda: ["multi", "single"])
     assert cli.main(["compare", "--task", "button", "--goals", "1", "--out", str(tmp_path)]) == cli.EXIT_ERROR
     out, err = capsys.readouterr()
     assert out == ""

@@ -110,7 +110,7 @@ def test_cameras_without_a_graphics_library_are_one_clear_line(
     def no_library() -> None:
         raise InstallationError("cannot draw. Do: apt install libegl1 libgl1,\n or apt install libosmesa6")
 
-    monkeypatch.setattr("kinreach.envs.rendering._choose_library", no_library)
+    monkeypatch.setattr("kinreach.sim.rendering._choose_library", no_library)
     assert _call("compare", "--observation", "camera", "--goals", "1", "--out", str(tmp_path)) == cli.EXIT_ERROR
     out, err = capsys.readouterr()
     assert out == ""

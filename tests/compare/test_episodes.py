@@ -14,7 +14,7 @@ import pytest
 
 from kinreach.baselines.button_controller import AnalyticButtonPolicy
 from kinreach.baselines.evaluation import HELD_OUT
-from kinreach.baselines.learned import load_policy
+from kinreach.baselines.policies import load_policy
 from kinreach.compare.button import players
 from kinreach.compare.button.episodes import WARM_UP_SEED, play, run_episodes
 from kinreach.compare.button.players import Player

@@ -12,9 +12,9 @@ import pytest
 from kinreach.compare.observation import CameraSettings, looking, true_position
 from kinreach.compare.settings import MOST_SEED, Settings
 from kinreach.compare.tasks import UR5Task
-from kinreach.envs.goal_view import CameraGoalView
 from kinreach.envs.reach.options import ReachOptions
 from kinreach.errors import InputError, InstallationError, UnknownNameError
+from kinreach.vision.goal_view import CameraGoalView
 
 
 def test_the_geometric_observation_is_the_true_goal(task: UR5Task) -> None:
@@ -152,6 +152,6 @@ def test_without_a_graphics_library_nothing_is_looked_at(task: UR5Task, monkeypa
     def no_library() -> None:
         raise InstallationError("apt install libegl1 libgl1")
 
-    monkeypatch.setattr("kinreach.envs.rendering._choose_library", no_library)
+    monkeypatch.setattr("kinreach.sim.rendering._choose_library", no_library)
     with pytest.raises(InstallationError, match="libegl1"), looking(task, CameraSettings(), 0):
         pytest.fail("the context was entered")

@@ -10,16 +10,16 @@ import gymnasium as gym
 import numpy as np
 import pytest
 
-from kinreach.baselines.learned import load_policy
+from kinreach.baselines.policies import load_policy
+from kinreach.checks import Floats
 from kinreach.compare import Settings, Trial, compare
 from kinreach.compare.methods import new_method
 from kinreach.compare.observation import CameraSettings, looking
 from kinreach.compare.policies import PolicyMethod
 from kinreach.compare.runner import run_trials
 from kinreach.compare.tasks import UR5Task
-from kinreach.envs.goal_view import geometric_goal_view
-from kinreach.envs.simulation import ArmSimulation
-from kinreach.kinematics.goals import Floats
+from kinreach.sim.simulation import ArmSimulation
+from kinreach.vision.goal_view import geometric_goal_view
 
 
 def _episode(policy: str, goal: Floats, **options: Any) -> tuple[float, dict[str, Any], int]:

@@ -10,8 +10,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from kinreach.baselines.learned import pretrained_names
-from kinreach.baselines.policy_file import read_policy, save_policy
+from kinreach.baselines.policies import pretrained_names, read_policy, save_policy
 from kinreach.compare import Settings, compare
 from kinreach.compare.deciding import GIVEN
 from kinreach.compare.methods import METHODS, new_method

@@ -6,15 +6,16 @@ from typing import Any
 import numpy as np
 import pytest
 
+from kinreach.checks import Floats
 from kinreach.compare.observation import WARM_UP_SEED, Sight
 from kinreach.compare.runner import WARM_UP_GOALS, run_trials
 from kinreach.compare.settings import MOST_SEED, Settings
 from kinreach.compare.solving import SolverMethod
 from kinreach.compare.tasks import UR5Task
-from kinreach.envs.simulation import ArmSimulation
 from kinreach.errors import InputError
-from kinreach.kinematics.goals import AxisGoal, Floats
-from kinreach.kinematics.result import IKResult, Status
+from kinreach.kinematics.goals import AxisGoal
+from kinreach.kinematics.solutions import IKResult, Status
+from kinreach.sim.simulation import ArmSimulation
 
 
 class Recorder:

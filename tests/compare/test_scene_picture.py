@@ -37,7 +37,7 @@ def test_without_opengl_there_is_a_line_and_no_file(task: str, tmp_path: Path, m
     def no_library() -> None:
         raise InstallationError("cannot draw:\n  install libegl1")
 
-    monkeypatch.setattr("kinreach.envs.rendering._choose_library", no_library)
+    monkeypatch.setattr("kinreach.sim.rendering._choose_library", no_library)
     said = write_scene(Settings(task=task), tmp_path / "scene.png")
     assert said == "No picture of the scene: cannot draw: install libegl1"
     assert list(tmp_path.iterdir()) == []

@@ -2,12 +2,12 @@
 
 import numpy as np
 
+from kinreach.checks import Floats
 from kinreach.compare.attempts import Attempt
 from kinreach.compare.deciding import Decide, Decision, Method
 from kinreach.compare.methods import METHODS
 from kinreach.compare.solving import SeededMethod, SolverMethod
 from kinreach.compare.tasks import UR5Task
-from kinreach.kinematics.goals import Floats
 from kinreach.kinematics.solvers.levenberg_marquardt import LevenbergMarquardtSolver
 
 GOALS = 100

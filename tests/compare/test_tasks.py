@@ -6,7 +6,7 @@ import pytest
 from kinreach.compare.methods import METHODS
 from kinreach.compare.tasks import REACH_TASKS, TASKS, Arm3Task, ReachTask, UR5Task
 from kinreach.kinematics.goals import AxisGoal, PositionGoal
-from kinreach.kinematics.solvers.closed_form import ClosedFormSolver
+from kinreach.kinematics.solvers.base import ClosedFormSolver
 
 
 @pytest.fixture(scope="module")

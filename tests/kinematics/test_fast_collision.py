@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from benchmarks.collision_agreement import classes, exact, near_solutions
+from benchmarks.studies.collision_agreement import classes, exact, near_solutions
 from kinreach.errors import InputError, UnknownNameError
 from kinreach.kinematics import UR5Kinematics
 from kinreach.kinematics.blocked_arcs import Arcs, BlockedArcs

@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
-from kinreach.bench.peers.analytic import ANALYTIC
-from kinreach.bench.peers.base import silent
-from kinreach.bench.poses import FLANGE, random_poses
+from benchmarks.speed.peers.analytic import ANALYTIC
+from benchmarks.speed.peers.base import silent
+from benchmarks.speed.poses import FLANGE, random_poses
 from kinreach.kinematics.goals import pose_error
 
 pytest.importorskip("eaik")

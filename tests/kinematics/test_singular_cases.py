@@ -3,10 +3,10 @@
 import numpy as np
 import pytest
 
-from kinreach.bench.poses import CASES, FLANGE
-from kinreach.bench.suites.ik_edge_cases import judge
+from benchmarks.speed.poses import CASES, FLANGE
+from benchmarks.speed.suites.ik_edge_cases import judge
 from kinreach.kinematics.goals import pose_error
-from kinreach.kinematics.ur_flags import Singularity
+from kinreach.kinematics.ur.geometry import Singularity
 
 COUNT = 1000
 

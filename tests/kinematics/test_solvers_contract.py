@@ -9,10 +9,9 @@ from kinreach.errors import InputError
 from kinreach.kinematics.arm import ArmKinematics
 from kinreach.kinematics.collision import CollisionChecker
 from kinreach.kinematics.goals import AxisGoal, PoseGoal, PositionGoal, goal_error
-from kinreach.kinematics.result import Status
+from kinreach.kinematics.solutions import Status
 from kinreach.kinematics.solvers.base import Tolerance
-from kinreach.kinematics.solvers.goal_task import GoalTask
-from kinreach.kinematics.solvers.joint_space import JointSpace
+from kinreach.kinematics.solvers.iterative import GoalTask, JointSpace
 from kinreach.kinematics.solvers.levenberg_marquardt import LevenbergMarquardtSolver
 from kinreach.kinematics.solvers.placo_solver import PlacoSolver
 from kinreach.kinematics.solvers.qp_solver import QPSolver

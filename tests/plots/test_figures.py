@@ -7,9 +7,9 @@ import pytest
 
 from kinreach import plots
 from kinreach.errors import InputError
-from kinreach.kinematics.reward_geometry import reach_reward
 from kinreach.plots import Success
 from kinreach.plots.style import PALETTE
+from kinreach.thesis.reward import reach_reward
 
 
 @pytest.fixture

@@ -7,7 +7,7 @@ import pytest
 
 from kinreach import plots
 from kinreach.errors import InputError
-from kinreach.kinematics.reward_geometry import IMPOSSIBLE_REWARD
+from kinreach.thesis.reward import IMPOSSIBLE_REWARD
 
 HEIGHTS = np.linspace(0.0, 0.1, 11)
 

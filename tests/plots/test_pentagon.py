@@ -7,11 +7,11 @@ import math
 import numpy as np
 import pytest
 
-from kinreach.envs.pinhole import Intrinsics
 from kinreach.errors import InputError
 from kinreach.kinematics import UR5Kinematics
-from kinreach.kinematics.reward_geometry import posture_error
 from kinreach.plots import draw_pentagon_angles, draw_pentagons, pentagon_of, side_camera
+from kinreach.thesis.reward import posture_error
+from kinreach.vision.cameras import Intrinsics
 
 GROUND = -0.20
 

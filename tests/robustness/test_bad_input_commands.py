@@ -51,7 +51,7 @@ def nothing_is_measured(monkeypatch, tmp_path):
     monkeypatch.delenv("DISPLAY", raising=False)
     for name in (
         "kinreach.compare.cli.compare", "kinreach.baselines.evaluate_cli.evaluate", "kinreach.demo.cli._run",
-        "kinreach.baselines.training.train", "kinreach.bench.cli.run_suites",
+        "kinreach.baselines.training.train", "benchmarks.speed.cli.run_suites",
     ):  # fmt: skip
         monkeypatch.setattr(name, begin)
 

@@ -7,12 +7,12 @@ import pytest
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
-from kinreach.envs.goal_view import geometric_goal_view, goal_in_world
 from kinreach.errors import InputError
 from kinreach.kinematics import ArmKinematics, CollisionChecker
 from kinreach.kinematics.fast_collision import FastCollision
-from kinreach.kinematics.reward_geometry import distance_reward, pentagon_angles, posture_error, reach_reward
 from kinreach.robots import Box
+from kinreach.thesis.reward import distance_reward, pentagon_angles, posture_error, reach_reward
+from kinreach.vision.goal_view import geometric_goal_view, goal_in_world
 from tests.robustness.fuzzing import NUMBERS, bad_arrays, things
 
 CHECKERS = {arm: CollisionChecker(arm) for arm in ("ur5", "arm3")}

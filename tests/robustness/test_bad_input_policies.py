@@ -8,11 +8,10 @@ from hypothesis.extra.numpy import arrays
 
 from kinreach.baselines import training
 from kinreach.baselines.evaluation import evaluate
-from kinreach.baselines.learned import load_policy, pretrained_names
 from kinreach.baselines.learning_curve import read_curve
-from kinreach.baselines.logs import load_logs, log_names, logged_policies, sampled_returns, thinned
+from kinreach.baselines.logs import load_logs, log_names, logged_policies, sampled_returns, thinned, trace
+from kinreach.baselines.policies import load_policy, pretrained_names
 from kinreach.baselines.recipes import get_recipe
-from kinreach.baselines.traces import trace
 from kinreach.compare import Settings
 from kinreach.compare.observation import CameraSettings
 from kinreach.compare.tasks.button import EpisodeSettings

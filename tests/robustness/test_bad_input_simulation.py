@@ -6,9 +6,9 @@ from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
 from kinreach.envs import ArmSimulation
-from kinreach.envs.batch_simulation import BatchSimulation
-from kinreach.envs.moves import MoveStatus
 from kinreach.errors import InputError
+from kinreach.sim.controller import MoveStatus
+from kinreach.sim.simulation import BatchSimulation
 from tests.robustness.fuzzing import NUMBERS, bad_arrays, things
 
 SIZES = {"arm3": 3, "ur5": 6}

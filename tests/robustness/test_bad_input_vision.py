@@ -7,12 +7,10 @@ import pytest
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
-from kinreach.envs.ball_finder import PIPELINES, BallFix, find_ball
-from kinreach.envs.ball_finder_steps import circle_votes, edge_steps
-from kinreach.envs.pinhole import Intrinsics
-from kinreach.envs.rendering import FrameRenderer
-from kinreach.envs.rgbd import RGBDCamera, RGBDImage, SensorNoise
-from kinreach.envs.simulation import ArmSimulation
+from kinreach.sim.rendering import FrameRenderer
+from kinreach.sim.simulation import ArmSimulation
+from kinreach.vision.ball_finder import PIPELINES, BallFix, circle_votes, edge_steps, find_ball
+from kinreach.vision.cameras import Intrinsics, RGBDCamera, RGBDImage, SensorNoise
 from tests.robustness.fuzzing import NUMBERS, THINGS, bad_arrays, dressed, things
 
 WIDTH, HEIGHT, RADIUS = 96, 64, 0.025

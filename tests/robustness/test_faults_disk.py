@@ -20,9 +20,9 @@ from dataclasses import replace
 from importlib.resources import files
 from pathlib import Path
 
-from kinreach.baselines.checkpoint import save_checkpoint
+from kinreach.baselines.training import save_checkpoint
 from kinreach.baselines.models import build
-from kinreach.baselines.policy_file import read_policy, save_policy
+from kinreach.baselines.policies import read_policy, save_policy
 from kinreach.baselines.recipes import get_recipe
 from kinreach.compare.checkpoint import Checkpoint
 from kinreach.compare.trials import EpisodeTrial

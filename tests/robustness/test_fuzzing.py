@@ -3,8 +3,8 @@
 import pytest
 from hypothesis import strategies as st
 
+from kinreach.checks import shown
 from kinreach.errors import InputError
-from kinreach.inputs import shown
 from tests.robustness.fuzzing import fuzz
 
 

@@ -10,12 +10,12 @@ import pytest
 from hypothesis import strategies as st
 from rich.console import Console
 
-from kinreach.bench import checks, cli, registry
-from kinreach.bench.checks import check_sections
-from kinreach.bench.figure import draw
-from kinreach.bench.report import markdown
-from kinreach.bench.suite import Section
-from kinreach.bench.unfinished import MOST_BYTES, Unfinished
+from benchmarks.speed import checks, cli, registry
+from benchmarks.speed.checks import check_sections
+from benchmarks.speed.figure import draw
+from benchmarks.speed.report import markdown
+from benchmarks.speed.suite import Section
+from benchmarks.speed.unfinished import MOST_BYTES, Unfinished
 
 IDENTITY = {"options": {"rounds": 1, "quick": True, "seed": 0}}
 SCHEMA = json.loads(Path(registry.__file__).with_name("results.schema.json").read_text(encoding="utf-8"))

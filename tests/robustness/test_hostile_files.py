@@ -11,8 +11,7 @@ import numpy as np
 import pytest
 from hypothesis import strategies as st
 
-from kinreach.baselines.learned import LearnedPolicy, load_policy
-from kinreach.baselines.policy_file import read_policy, save_policy
+from kinreach.baselines.policies import LearnedPolicy, load_policy, read_policy, save_policy
 from kinreach.cli import main
 from kinreach.compare.checkpoint import Checkpoint
 from kinreach.compare.trials import EpisodeTrial, ReachTrial
@@ -148,8 +147,8 @@ def test_pickles_under_any_name_are_not_executed(tmp_path, capsys):
         (tmp_path / name).write_bytes(content)
     torch = pytest.importorskip("torch")
     torch.save({"identity": Bomb(mark), "segment": 0}, tmp_path / "zipped.pt")
-    from kinreach.baselines.checkpoint import load_checkpoint
     from kinreach.baselines.learning_curve import read_curve
+    from kinreach.baselines.training import load_checkpoint
 
     with pytest.raises(InputError):
         load_policy(tmp_path / "p.safetensors")
@@ -241,7 +240,7 @@ def test_files_that_promise_too_much_take_neither_memory_nor_time(tmp_path, whol
         file.truncate(2**40)
     code = (
         "import resource, sys\n"
-        "from kinreach.baselines.learned import load_policy\n"
+        "from kinreach.baselines.policies import load_policy\n"
         "from kinreach.errors import KinreachError\n"
         "used = int(open('/proc/self/statm').read().split()[0]) * 4096\n"
         "resource.setrlimit(resource.RLIMIT_AS, (used + 3 * 2**29, used + 3 * 2**29))\n"

@@ -10,14 +10,13 @@ import cloudpickle
 import numpy as np
 import pytest
 
-from kinreach.baselines.learned import LearnedPolicy
-from kinreach.envs.batch_simulation import BatchSimulation
-from kinreach.envs.simulation import ArmSimulation
+from kinreach.baselines.policies import LearnedPolicy
 from kinreach.kinematics import Arm3Kinematics, CollisionChecker, UR5Kinematics
 from kinreach.kinematics.arm import ArmKinematics
 from kinreach.kinematics.fast_collision import FastCollision
 from kinreach.kinematics.solvers import ClosedFormSolver, LevenbergMarquardtSolver, PlacoSolver, QPSolver
 from kinreach.kinematics.solvers.base import Solver, Tolerance
+from kinreach.sim.simulation import ArmSimulation, BatchSimulation
 from tools.endurance import workers
 from tools.endurance.jobs import JOBS, SHARED, UNPICKLED
 

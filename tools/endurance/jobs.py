@@ -9,13 +9,12 @@ import gymnasium as gym
 import numpy as np
 
 import kinreach  # noqa: F401 (registers the environments)
-from kinreach.baselines.learned import load_policy
-from kinreach.envs.batch_simulation import BatchSimulation
+from kinreach.baselines.policies import load_policy
 from kinreach.envs.reach.task import TOOL_DOWN
-from kinreach.envs.simulation import ArmSimulation
 from kinreach.kinematics import Arm3Kinematics, AxisGoal, CollisionChecker, PositionGoal, UR5Kinematics
 from kinreach.kinematics.fast_collision import FastCollision
 from kinreach.kinematics.solvers import ClosedFormSolver, LevenbergMarquardtSolver, PlacoSolver, QPSolver
+from kinreach.sim.simulation import ArmSimulation, BatchSimulation
 
 SEED = 7
 #: Postures or goals that a job looks at.

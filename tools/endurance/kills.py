@@ -18,7 +18,7 @@ import torch
 from PIL import Image
 
 from kinreach import provenance
-from kinreach.baselines.learned import load_policy
+from kinreach.baselines.policies import load_policy
 from kinreach.baselines.recipes import get_recipe
 from kinreach.baselines.training import train
 from kinreach.compare.comparison import compare

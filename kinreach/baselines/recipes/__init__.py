@@ -11,7 +11,7 @@ from collections.abc import Mapping
 from kinreach.baselines.recipes.base import Networks, Recipe
 from kinreach.baselines.recipes.button import BUTTON_RECIPES
 from kinreach.baselines.recipes.reach import REACH_RECIPES
-from kinreach.inputs import check_known
+from kinreach.checks import check_known
 
 __all__ = ["RECIPES", "Networks", "Recipe", "get_recipe"]
 

@@ -41,7 +41,7 @@ class Recipe:
         algorithm: Key of `kinreach.baselines.models.ALGORITHMS`.
         steps: Actions that the learner takes.
         num_envs: Environments in step.
-        reward: What the learner sees, key of `kinreach.baselines.training_reward.REWARDS`; evaluation always uses the
+        reward: What the learner sees, key of `kinreach.baselines.rewards.REWARDS`; evaluation always uses the
             environment's own.
         blur: Standard deviation of the noise on observed goals in training [m]; of ranked PPO only.
         margin: How far beyond the table area goals are drawn in training, on every side [m]; of ranked PPO only. The

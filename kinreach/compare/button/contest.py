@@ -20,8 +20,8 @@ from kinreach.compare.settings import Settings
 from kinreach.compare.tasks import ButtonTask
 from kinreach.compare.tasks.button import EpisodeSettings
 from kinreach.compare.trials import EpisodeTrial
-from kinreach.envs.picture import CAMERA
-from kinreach.envs.rendering import FrameRenderer
+from kinreach.sim.picture import CAMERA
+from kinreach.sim.rendering import FrameRenderer
 
 _TERMS = {
     "observation": "the 19 numbers of the environment",

@@ -14,12 +14,12 @@ from typing import Any
 import numpy as np
 
 from kinreach.baselines.evaluation import HELD_OUT
-from kinreach.baselines.scripted import Policy
+from kinreach.baselines.rollout import Policy
+from kinreach.checks import Floats
 from kinreach.compare.button.players import Player
 from kinreach.compare.tasks import ButtonTask
 from kinreach.compare.trials import EpisodeTrial
 from kinreach.envs.button import ButtonPressEnv
-from kinreach.kinematics.goals import Floats
 
 #: Seed of an episode that every method plays untimed first; never among those compared.
 WARM_UP_SEED = HELD_OUT - 1

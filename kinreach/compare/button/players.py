@@ -8,8 +8,8 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from kinreach.baselines.button_controller import AnalyticButtonPolicy
-from kinreach.baselines.learned import load_policy
-from kinreach.baselines.scripted import Policy, RandomPolicy
+from kinreach.baselines.policies import load_policy
+from kinreach.baselines.rollout import Policy, RandomPolicy
 from kinreach.compare.policies import policy_version
 from kinreach.compare.tasks import ButtonTask
 from kinreach.envs.button.task import action_space

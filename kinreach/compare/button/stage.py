@@ -8,8 +8,7 @@ import numpy as np
 
 from kinreach.compare.tasks import ButtonTask
 from kinreach.compare.trials import EpisodeTrial
-from kinreach.envs.button.scene import ButtonState
-from kinreach.envs.button.world import SingleTorqueWorld
+from kinreach.envs.button.world import ButtonState, SingleTorqueWorld
 
 
 class ButtonStage:

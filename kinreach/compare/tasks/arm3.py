@@ -4,11 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
+from kinreach.checks import Floats
 from kinreach.compare.tasks.reach import ReachTask, Verdict
 from kinreach.envs.button.task import PRESS_RADIUS
 from kinreach.kinematics import Arm3Kinematics
-from kinreach.kinematics.goals import Floats, Goal, PositionGoal
-from kinreach.kinematics.solvers.closed_form import ClosedFormSolver
+from kinreach.kinematics.goals import Goal, PositionGoal
+from kinreach.kinematics.solvers.base import ClosedFormSolver
 
 
 class Arm3Task(ReachTask):

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from kinreach.baselines.evaluation import HELD_OUT
 from kinreach.compare.tasks.base import Task
 from kinreach.envs.button import ButtonPressEnv
-from kinreach.envs.button.options import ButtonOptions
+from kinreach.envs.button.episodes import ButtonOptions
 
 #: Between the environment's seeds of the first goals of two seeds of comparisons: none has as many goals.
 SPACING = 2**32

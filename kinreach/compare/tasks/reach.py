@@ -7,10 +7,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from kinreach.checks import Floats
 from kinreach.compare.tasks.base import Task
 from kinreach.kinematics.closed_form import ClosedFormKinematics
 from kinreach.kinematics.collision import CollisionChecker
-from kinreach.kinematics.goals import Floats, Goal
+from kinreach.kinematics.goals import Goal
 
 
 @dataclass(frozen=True)

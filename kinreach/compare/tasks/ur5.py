@@ -6,11 +6,12 @@ from collections.abc import Mapping
 
 import numpy as np
 
+from kinreach.checks import Floats
 from kinreach.compare.tasks.reach import ReachTask, Verdict
 from kinreach.envs.reach.task import TOOL_DOWN
 from kinreach.kinematics import UR5Kinematics
-from kinreach.kinematics.goals import AxisGoal, Floats, Goal
-from kinreach.kinematics.reward_geometry import REACHED_POSTURE_ERROR, posture_error, reach_reward
+from kinreach.kinematics.goals import AxisGoal, Goal
+from kinreach.thesis.reward import REACHED_POSTURE_ERROR, posture_error, reach_reward
 
 
 class UR5Task(ReachTask):

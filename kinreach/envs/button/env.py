@@ -11,15 +11,12 @@ from gymnasium import spaces
 from gymnasium.utils import EzPickle
 from numpy.typing import ArrayLike
 
-from kinreach.envs.button.episodes import ButtonEpisodes, Outcome
-from kinreach.envs.button.options import ButtonOptions
-from kinreach.envs.button.scene import ButtonState
+from kinreach.checks import Floats, check_known
+from kinreach.envs.batch import check_seed
+from kinreach.envs.button.episodes import ButtonEpisodes, ButtonOptions, Outcome
 from kinreach.envs.button.task import action_space, check_actions, observation_space
-from kinreach.envs.button.world import SingleTorqueWorld
-from kinreach.envs.picture import ScenePicture
-from kinreach.envs.resets import check_seed
-from kinreach.inputs import check_known
-from kinreach.kinematics.goals import Floats
+from kinreach.envs.button.world import ButtonState, SingleTorqueWorld
+from kinreach.sim.picture import ScenePicture
 
 ONE = np.zeros(1, dtype=np.intp)
 #: Frames per second of simulated time in the viewer and in films.

@@ -2,19 +2,21 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
-from kinreach.envs.button.options import ButtonOptions
-from kinreach.envs.button.starts import SIZE, ButtonStarts
+from kinreach.checks import MOST_DISTANCE, Floats, as_vector, check_count, check_known
+from kinreach.envs.batch import RowStreams, option_rows
 from kinreach.envs.button.task import (
+    ACTUATIONS,
     CONTROL_LIMIT,
     JOINTS,
     SPEED_BOUND,
     Actions,
+    Actuation,
     Flags,
     RewardTerms,
     button_reward,
@@ -22,10 +24,96 @@ from kinreach.envs.button.task import (
     observation,
 )
 from kinreach.envs.button.world import Ids, TorqueWorld
-from kinreach.envs.resets import option_rows
-from kinreach.envs.streams import RowStreams
 from kinreach.errors import InputError
-from kinreach.kinematics.goals import Floats
+from kinreach.kinematics import Arm3Kinematics
+from kinreach.robots import ArmDescription, get_arm
+
+
+@dataclass(frozen=True)
+class ButtonOptions:
+    """Options of an environment.
+
+    Attributes:
+        actuation_name: `"tuned"` or `"report"`.
+        fixed_target: Whether episodes keep the target of the first one, or the target of all of them in the world [m].
+        max_steps: Steps after which an episode is truncated.
+
+    Raises:
+        UnknownNameError: There is no such actuation.
+        InputError: A target that is not three finite numbers, or no steps.
+    """
+
+    actuation_name: str
+    fixed_target: bool | Sequence[float]
+    max_steps: int
+
+    def __post_init__(self) -> None:
+        check_known("actuation", self.actuation_name, ACTUATIONS)
+        check_count("max_steps", self.max_steps)
+        _ = self.target
+
+    @property
+    def arm(self) -> ArmDescription:
+        """The arm that does the task."""
+        return get_arm("arm3")
+
+    @property
+    def actuation(self) -> Actuation:
+        """Motors, friction and time."""
+        return ACTUATIONS[self.actuation_name]
+
+    @property
+    def keep_target(self) -> bool:
+        """Whether a target stays from one episode to the next."""
+        return self.fixed_target is not False
+
+    @property
+    def target(self) -> Floats | None:
+        """The target of all episodes in the world [m], shape (3,), if one was given."""
+        return (
+            None
+            if isinstance(self.fixed_target, bool)
+            else as_vector("fixed_target", self.fixed_target, 3, most=MOST_DISTANCE)
+        )
+
+
+#: Joint angles [rad] and velocities [rad/s] start within +- this of rest in the home posture.
+SPREAD = 0.1
+#: Numbers of a start: target (3), joint angles (3), joint velocities (3).
+SIZE = 3 + 2 * JOINTS
+
+
+class ButtonStarts:
+    """Draws starts; targets are uniform in what the arm reaches, within its limits, of the work cell's region."""
+
+    def __init__(self) -> None:
+        self._kinematics = Arm3Kinematics(base="world")
+        self._home = np.array(self._kinematics.arm.home)
+
+    def reachable(self, targets: Floats) -> Flags:
+        """Whether the closed form has a posture within the joint limits for targets [m], shape (n, 3).
+
+        Collisions need no look: each of 4971 such targets of the region had a posture free of them.
+        """
+        return np.any(self._kinematics.batch(targets).valid, axis=1)
+
+    def within_limits(self, q: Floats) -> Flags:
+        """Whether postures [rad], shape (n, 3), are within the joint limits."""
+        return np.all((q >= self._kinematics.lower) & (q <= self._kinematics.upper), axis=1)
+
+    def sample(self, rng: np.random.Generator, count: int) -> Floats:
+        """Draw `count` starts, shape (count, 9): target [m], joint angles [rad], joint velocities [rad/s]."""
+        targets = self._targets(rng, count)
+        q = self._home + rng.uniform(-SPREAD, SPREAD, (count, JOINTS))
+        return np.concatenate([targets, q, rng.uniform(-SPREAD, SPREAD, (count, JOINTS))], axis=1)
+
+    def _targets(self, rng: np.random.Generator, count: int) -> Floats:
+        region = self._kinematics.arm.workcell.goals
+        targets: Floats = region.sample(rng, count)
+        while not (kept := self.reachable(targets)).all():
+            targets[~kept] = region.sample(rng, int((~kept).sum()))
+        return targets
+
 
 #: Why a step was impossible.
 REASON = f"diverged: a joint became faster than {SPEED_BOUND:g} rad/s"

@@ -8,12 +8,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from kinreach.envs.button.episodes import ButtonEpisodes
-from kinreach.envs.button.options import ButtonOptions
+from kinreach.checks import Floats
+from kinreach.envs.batch import NativeVectorEnv
+from kinreach.envs.button.episodes import ButtonEpisodes, ButtonOptions
 from kinreach.envs.button.task import action_space, check_actions, observation_space
 from kinreach.envs.button.world import BatchTorqueWorld
-from kinreach.envs.native_batch import NativeVectorEnv
-from kinreach.kinematics.goals import Floats
 
 
 class ButtonPressVectorEnv(NativeVectorEnv):

@@ -1,4 +1,4 @@
-"""Where the goal's six numbers come from: true geometry, or the cameras."""
+"""What is seen of a goal: true geometry, what the cameras find, or the pictures themselves."""
 
 from __future__ import annotations
 
@@ -8,11 +8,11 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from kinreach.envs.goal_view import CameraGoalView, geometric_goal_view
-from kinreach.envs.reach.world import Ids
-from kinreach.envs.simulation import ArmSimulation
-from kinreach.kinematics.goals import Floats
+from kinreach.checks import Floats
+from kinreach.envs.reach.worlds import Ids
 from kinreach.robots import ArmDescription
+from kinreach.sim.simulation import ArmSimulation
+from kinreach.vision.goal_view import CameraGoalView, geometric_goal_view
 
 Flags = NDArray[np.bool_]
 

@@ -14,10 +14,10 @@ import numpy as np
 from gymnasium import spaces
 from numpy.typing import ArrayLike
 
-from kinreach.envs.goal_view import geometric_goal_view
-from kinreach.envs.resets import option_rows
+from kinreach.checks import Floats, as_floats
+from kinreach.envs.batch import option_rows
 from kinreach.errors import InputError
-from kinreach.kinematics.goals import Floats, as_floats
+from kinreach.vision.goal_view import geometric_goal_view
 
 JOINTS = 6
 #: What is observed: goal in the front camera (3), goal in the wrist camera (3), joint angles (6), gripper opening (1).

@@ -8,10 +8,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from kinreach.envs.native_batch import NativeVectorEnv
-from kinreach.envs.reach.dynamic_world import BatchDynamicWorld
+from kinreach.checks import Floats
+from kinreach.envs.batch import NativeVectorEnv
 from kinreach.envs.reach.episodes import Outcome, ReachEpisodes
-from kinreach.envs.reach.kinematic_world import KinematicWorld
 from kinreach.envs.reach.options import ReachOptions
 from kinreach.envs.reach.task import (
     MULTI_STEP,
@@ -22,8 +21,7 @@ from kinreach.envs.reach.task import (
     observation_space,
     reset_options,
 )
-from kinreach.envs.reach.world import ReachWorld
-from kinreach.kinematics.goals import Floats
+from kinreach.envs.reach.worlds import BatchDynamicWorld, KinematicWorld, ReachWorld
 
 
 class UR5ReachVectorEnv(NativeVectorEnv):

@@ -1,7 +1,6 @@
 """Inverse-kinematics solvers behind one protocol: the closed form, and three iterative ones to compare it with."""
 
-from kinreach.kinematics.solvers.base import Solver, Tolerance
-from kinreach.kinematics.solvers.closed_form import ClosedFormSolver
+from kinreach.kinematics.solvers.base import ClosedFormSolver, Solver, Tolerance
 from kinreach.kinematics.solvers.levenberg_marquardt import LevenbergMarquardtSolver
 from kinreach.kinematics.solvers.placo_solver import PlacoSolver
 from kinreach.kinematics.solvers.qp_solver import QPSolver

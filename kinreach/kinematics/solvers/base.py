@@ -1,4 +1,4 @@
-"""The one protocol of all inverse-kinematics solvers."""
+"""What every solver of inverse kinematics offers, and the closed form as one of them."""
 
 from __future__ import annotations
 
@@ -7,8 +7,9 @@ from typing import Protocol
 
 from numpy.typing import ArrayLike
 
+from kinreach.kinematics.closed_form import ClosedFormKinematics
 from kinreach.kinematics.goals import Goal
-from kinreach.kinematics.result import Accept, IKResult
+from kinreach.kinematics.solutions import Accept, IKResult
 
 
 class Solver(Protocol):
@@ -46,3 +47,16 @@ class Tolerance:
 
     position: float = 1e-4
     orientation: float = 1e-3
+
+
+class ClosedFormSolver:
+    """Takes the nearest of all exact postures; see `kinreach.kinematics.solvers.base.Solver`. One per thread."""
+
+    name = "closed-form"
+
+    def __init__(self, kin: ClosedFormKinematics) -> None:
+        self.kin = kin
+
+    def solve(self, goal: Goal, seed: ArrayLike, *, accept: Accept | None = None) -> IKResult:
+        """The posture nearest to the seed that reaches the goal and is accepted."""
+        return self.kin.solve(goal, seed, accept=accept)

@@ -7,9 +7,9 @@ from typing import ClassVar
 import numpy as np
 from scipy.linalg.lapack import dposv
 
-from kinreach.kinematics.goals import Floats, Goal
-from kinreach.kinematics.solvers.goal_task import GoalTask
-from kinreach.kinematics.solvers.iterative import Descend, Descent, IterativeSolver
+from kinreach.checks import Floats
+from kinreach.kinematics.goals import Goal
+from kinreach.kinematics.solvers.iterative import Descend, Descent, GoalTask, IterativeSolver
 
 #: Damping per unit of the squared error E = |e|^2 / 2 ...
 DAMPING = 0.1

@@ -8,12 +8,11 @@ from typing import Any, ClassVar
 
 import numpy as np
 
+from kinreach.checks import Floats, check_number
 from kinreach.engines import load
-from kinreach.inputs import check_number
 from kinreach.kinematics.arm import ArmKinematics
-from kinreach.kinematics.goals import AxisGoal, Floats, Goal, PoseGoal, PositionGoal
+from kinreach.kinematics.goals import AxisGoal, Goal, PoseGoal, PositionGoal
 from kinreach.kinematics.solvers.base import Tolerance
-from kinreach.kinematics.solvers.goal_task import goal_frame
 from kinreach.kinematics.solvers.iterative import (
     DEFAULT_TOLERANCE,
     LONGEST_STEP,
@@ -21,6 +20,7 @@ from kinreach.kinematics.solvers.iterative import (
     Descend,
     Descent,
     IterativeSolver,
+    goal_frame,
 )
 
 placo: Any = load("placo")

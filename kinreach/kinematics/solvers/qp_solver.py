@@ -7,17 +7,17 @@ from typing import ClassVar
 import numpy as np
 import qpsolvers
 
-from kinreach.inputs import check_number
+from kinreach.checks import Floats, check_number
 from kinreach.kinematics.arm import ArmKinematics
-from kinreach.kinematics.goals import Floats, Goal
+from kinreach.kinematics.goals import Goal
 from kinreach.kinematics.solvers.base import Tolerance
-from kinreach.kinematics.solvers.goal_task import GoalTask
 from kinreach.kinematics.solvers.iterative import (
     DEFAULT_TOLERANCE,
     LONGEST_STEP,
     STALLED,
     Descend,
     Descent,
+    GoalTask,
     IterativeSolver,
 )
 

@@ -2,7 +2,7 @@
 
 import pytest
 
-from benchmarks.button_actuation import column
+from benchmarks.studies.button_actuation import column
 from kinreach.envs.button import ACTUATIONS
 
 MEASURED_ON = 20  # targets; enough to see that the command works

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from kinreach.envs.reach.goals import GoalStreams
+from kinreach.envs.reach.episodes import GoalStreams
 from kinreach.errors import InputError
 from kinreach.robots import get_arm
 

@@ -1,0 +1,1 @@
+"""Measurements that stand beside published numbers; each module is one command."""

@@ -1,0 +1,64 @@
+"""What trained reach policies do on held-out goals, over all seeds of every recipe: the tables of docs/training.md.
+
+python -m kinreach.train single --seeds 5         (and the other recipes)
+python -m benchmarks.studies.trained results/train --goals 10000
+python -m benchmarks.studies.trained results/train --recipes single,multi,ppo-single,ppo-multi --backend mujoco
+and `--observation camera --goals 200` beside `--backend mujoco`: goals as the cameras see them.
+"""
+
+from __future__ import annotations
+
+import argparse
+from pathlib import Path
+
+import numpy as np
+
+from benchmarks.studies.trainings import Trainings, decimals_for, finished, print_table, with_interval
+from kinreach.baselines.recipes import RECIPES
+from kinreach.registration import BUTTON
+from kinreach.statistics import median, p95
+
+HEADINGS = (
+    "reached, % [95 % CI over seeds]", "worst seed, %", "median, mm [95 % CI over seeds]", "p95, mm", "within 1 mm, %",
+    "within 2 mm, %", "worst seed: median, mm", "impossible, %", "steps",
+)  # fmt: skip
+
+
+def main(argv: list[str] | None = None) -> int:
+    """Print a Markdown table, one row per recipe."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("runs", type=Path, help="the folder that `kinreach train --out` wrote to")
+    parser.add_argument("--recipes", metavar="A,B", help="default: all that were trained")
+    parser.add_argument("--goals", type=int, default=1000, help="the same for every seed")
+    parser.add_argument("--backend", default="kinematic")
+    parser.add_argument("--observation", default="geometric")
+    arguments = parser.parse_args(argv)
+    options = {"backend": arguments.backend, "observation": arguments.observation}
+    reach = [name for name, recipe in RECIPES.items() if recipe.environment != BUTTON]
+    rows = (
+        Trainings.evaluated(recipe, folders, goals=arguments.goals, options=options)
+        for recipe in (arguments.recipes.split(",") if arguments.recipes else reach)
+        if (folders := finished(arguments.runs, recipe))
+    )
+    print_table(HEADINGS, rows, cells)
+    return 0
+
+
+def cells(trainings: Trainings) -> tuple[str, ...]:
+    """What a row says, in the order of the headings; what has no interval is of all seeds together."""
+    reached, mm = trainings.reached, 1e3 * trainings.measured("distance")
+    high, worst = p95(mm.ravel()), median(mm, axis=1).max()
+    return (
+        with_interval(reached, unit=100, decimals=2),
+        f"{100 * reached.mean(axis=1).min():.2f}",
+        with_interval(mm, median),
+        f"{high:.{decimals_for(high)}f}",
+        *(f"{100 * np.mean((mm <= limit) & ~trainings.impossible):.2f}" for limit in (1, 2)),
+        f"{worst:.{decimals_for(worst)}f}",
+        f"{100 * trainings.impossible.mean():.2f}",
+        f"{np.median(trainings.measured('steps')):.0f}",
+    )
+
+
+if __name__ == "__main__":
+    raise SystemExit(main())

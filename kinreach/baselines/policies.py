@@ -1,0 +1,353 @@
+"""Policies: networks that run in numpy, the files that they come in, and how they are loaded.
+
+Neither can carry code. What is read is checked before it is used: sizes, names, shapes, finite numbers. The header's
+`kinreach` entry is a JSON object with the fields of `PolicyCard`; the tensors are `mean`, `scale`, `waves`, `gain`,
+`shift`, and `layer0.weight`, `layer0.bias`, `layer1.weight` ... in the order of the layers.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import asdict, dataclass, field, fields
+from importlib import resources
+from pathlib import Path
+from typing import Any, NoReturn
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+from safetensors import SafetensorError, safe_open
+from safetensors.numpy import save as to_bytes
+
+from kinreach.checks import as_floats, check_entries, check_known, check_path
+from kinreach.envs.reach.task import SINGLE_STEP, STEP_SIZE
+from kinreach.errors import InputError, UnknownNameError, raise_unknown
+from kinreach.files import replacing
+from kinreach.registration import BUTTON, MULTI, SINGLE
+
+Array = NDArray[Any]
+
+
+def _silu(x: Array) -> Array:
+    with np.errstate(over="ignore"):
+        return x / (1.0 + np.exp(-x))
+
+
+#: What stands behind every hidden layer, and behind the last.
+ACTIVATIONS: Mapping[str, Callable[[Array], Array]] = {
+    "tanh": np.tanh,
+    "silu": _silu,
+    "relu": lambda x: np.maximum(x, 0.0),
+}
+OUTPUTS: Mapping[str, Callable[[Array], Array]] = {"linear": lambda x: x, "tanh": np.tanh}
+
+
+@dataclass(frozen=True, eq=False)
+class Network:
+    """y = shift + gain out(W_k ... act(W_1 f + b_1) ... + b_k) of features f of an observation x.
+
+    With z = (x - mean) / scale over the first observations, the features are z, then sin(w z) and cos(w z), in both the
+    waves of one observation side by side.
+
+    Attributes:
+        mean, scale: Constants of the normalisation, shape (n,); only the first n observations are used.
+        waves: Angular frequencies w, shape (k,).
+        layers: Weights, shape (out, in), and biases, shape (out,), of one layer after the other.
+        activation: Of the hidden layers, a key of `ACTIVATIONS`.
+        output: Behind the last layer, a key of `OUTPUTS`.
+        gain, shift: Shape (m,).
+    """
+
+    mean: Array
+    scale: Array
+    waves: Array
+    layers: Sequence[tuple[Array, Array]]
+    activation: str
+    output: str
+    gain: Array
+    shift: Array
+
+    def __call__(self, x: Array) -> Array:
+        """Outputs, shape (..., m), for observations of shape (..., at least n)."""
+        h = (x[..., : len(self.mean)] - self.mean) / self.scale
+        if len(self.waves):
+            angles = (h[..., :, None] * self.waves).reshape(*h.shape[:-1], -1)
+            h = np.concatenate([h, np.sin(angles), np.cos(angles)], axis=-1)
+        activation = ACTIVATIONS[self.activation]
+        for weight, bias in self.layers[:-1]:
+            h = activation(h @ weight.T + bias)
+        weight, bias = self.layers[-1]
+        return self.shift + self.gain * OUTPUTS[self.output](h @ weight.T + bias)
+
+
+#: Version of the format; files of other versions are refused.
+FORMAT = 1
+#: No policy of ours is larger; a file that is, is refused before it is read [bytes].
+MOST_BYTES = 16 * 1024 * 1024
+#: What a network's output means: an action of the environment, a posture, or the preference of each discrete action.
+MEANINGS = ("action", "posture", "preferences")
+#: Fields that a card may lack, because there are files which were written before there were such fields.
+_LATER = {"goal_seeds"}
+
+
+@dataclass(frozen=True)
+class PolicyCard:
+    """What is known of a policy beside its numbers; JSON values only.
+
+    Attributes:
+        environment: Id of the environment it acts in.
+        meaning: What its output means, one of `MEANINGS`.
+        activation, output: Of the network.
+        algorithm: Name of what trained it.
+        recipe: Name and settings of the recipe.
+        seed: Of the training: networks, exploration and goals follow from it.
+        steps: Environment steps it was trained for.
+        results: Measured afterwards: success, distances, with the command that measures them again.
+        versions: Of the packages that trained it.
+        goal_seeds: `"training"`: what the goals of each segment of the training were drawn from, one seed a segment;
+            `"held_out"`: seed of the first goal of `results`, goal i has that plus i; a result whose command says
+            `--split validation` has others. Empty in older files.
+    """
+
+    environment: str
+    meaning: str
+    activation: str
+    output: str
+    algorithm: str
+    recipe: Mapping[str, Any]
+    seed: int
+    steps: int
+    results: Mapping[str, Any] = field(default_factory=dict)
+    versions: Mapping[str, str] = field(default_factory=dict)
+    goal_seeds: Mapping[str, Any] = field(default_factory=dict)
+
+
+def save_policy(path: str | Path, card: PolicyCard, network: Network) -> None:
+    """Write a policy, whole or not at all.
+
+    Raises:
+        OutputError: The file system refused.
+    """
+    tensors = {name: getattr(network, name) for name in ("mean", "scale", "waves", "gain", "shift")}
+    for index, (weight, bias) in enumerate(network.layers):
+        tensors |= {f"layer{index}.weight": weight, f"layer{index}.bias": bias}
+    tensors = {name: np.ascontiguousarray(value) for name, value in tensors.items()}
+    header = {"kinreach": json.dumps({"format": FORMAT, **asdict(card)}, allow_nan=False, sort_keys=True)}
+    data = to_bytes(tensors, metadata=header)
+    with replacing(Path(path)) as temporary:
+        temporary.write_bytes(data)
+
+
+def read_policy(path: str | Path) -> tuple[PolicyCard, Network]:
+    """Read a policy.
+
+    Raises:
+        InputError: There is no such file, or it is not a policy: the message says what is wrong with it.
+    """
+    path = check_path("policy", path)
+    try:
+        size = path.stat().st_size
+        if not path.is_file() or size > MOST_BYTES:
+            raise InputError(f"{path} is no policy: it is no file, or larger than {MOST_BYTES >> 20} MiB")
+        with safe_open(path, framework="numpy") as file:
+            header = file.metadata() or {}
+            tensors = {name: file.get_tensor(name) for name in file.keys()}  # noqa: SIM118 (no mapping)
+    except OSError as error:
+        raise InputError(f"cannot read the policy {path}: {error.strerror or error}") from None
+    except SafetensorError as error:
+        raise InputError(f"{path} is no policy: {error}") from None
+    try:
+        card = _card(header)
+        return card, _network(card, tensors)
+    except InputError as error:
+        raise InputError(f"{path} is no policy: {error}") from None
+
+
+def _refuse(constant: str) -> NoReturn:
+    """What Python's parser takes for a number and JSON does not: NaN and the infinities."""
+    raise ValueError(constant)
+
+
+def _card(header: Mapping[str, str]) -> PolicyCard:
+    try:
+        values = json.loads(header.get("kinreach", ""), parse_constant=_refuse)
+    except (ValueError, RecursionError):
+        raise InputError("its header has no JSON entry 'kinreach'") from None
+    if not isinstance(values, dict) or values.pop("format", None) != FORMAT:
+        raise InputError(f"its format is not {FORMAT}")
+    known = {f.name for f in fields(PolicyCard)}
+    if not known - _LATER <= set(values) <= known:
+        raise InputError(f"its card must have the fields {sorted(known)}, got {sorted(values)}")
+    kinds = {"recipe": dict, "results": dict, "versions": dict, "goal_seeds": dict, "seed": int, "steps": int}
+    for name, value in values.items():
+        if type(value) is not kinds.get(name, str):
+            raise InputError(f"{name} must be of type {kinds.get(name, str).__name__}, got {type(value).__name__}")
+    card = PolicyCard(**values)
+    for name, value, choices in (
+        ("meaning", card.meaning, MEANINGS),
+        ("activation", card.activation, ACTIVATIONS),
+        ("output", card.output, OUTPUTS),
+    ):
+        if value not in choices:
+            raise InputError(f"its {name} must be one of {', '.join(choices)}, got {value!r}")
+    return card
+
+
+def _network(card: PolicyCard, tensors: Mapping[str, np.ndarray[Any, Any]]) -> Network:
+    count = sum(name.endswith(".weight") for name in tensors)
+    names = {f"layer{i}.{part}" for i in range(count) for part in ("weight", "bias")}
+    expected = {"mean", "scale", "waves", "gain", "shift"} | names
+    if count == 0 or set(tensors) != expected:
+        raise InputError(f"its tensors must be {sorted(expected)}, got {sorted(tensors)}")
+    for name, value in tensors.items():
+        if value.dtype not in (np.float32, np.float64) or not np.isfinite(value).all():
+            raise InputError(f"{name} must be finite floating-point numbers")
+    doubles = {name: value.astype(np.float64) for name, value in tensors.items()}
+    layers = [(doubles[f"layer{i}.weight"], doubles[f"layer{i}.bias"]) for i in range(count)]
+    mean, scale, waves, gain, shift = (doubles[name] for name in ("mean", "scale", "waves", "gain", "shift"))
+    width = mean.size * (1 + 2 * waves.size)
+    for index, (weight, bias) in enumerate(layers):
+        if weight.ndim != 2 or weight.shape[1] != width or bias.shape != weight.shape[:1]:
+            raise InputError(f"layer {index} must take {width} numbers, got weight {weight.shape}, bias {bias.shape}")
+        width = len(bias)
+    shapes = {"mean": mean, "scale": scale, "waves": waves}, {"gain": gain, "shift": shift}
+    if any(value.ndim != 1 for group in shapes for value in group.values()) or mean.shape != scale.shape:
+        raise InputError("mean, scale, waves, gain and shift must have one dimension, mean and scale the same length")
+    if gain.shape != (width,) or shift.shape != (width,) or not (scale > 0).all():
+        raise InputError(f"gain and shift must have {width} numbers, scale must be positive")
+    return Network(mean, scale, waves, layers, card.activation, card.output, gain, shift)
+
+
+Array = np.ndarray[Any, Any]
+
+#: Steps are not split for a remainder below this [steps].
+_SLACK = 1e-6
+
+
+def paced(way: Array) -> Array:
+    """The next multi-step action on the straight way in joint space, in equal steps as few as can be.
+
+    Equal steps end at the posture with a long one. An arm that creeps up to it would come within the thesis's 10 mm
+    somewhere on the way, where the episode ends.
+
+    Args:
+        way: Joint angles still to go [rad], shape (..., 6).
+
+    Returns:
+        Action in [-1, 1], shape (..., 6).
+    """
+    steps = np.abs(way).max(axis=-1, keepdims=True) / STEP_SIZE
+    return way / STEP_SIZE / np.maximum(1.0, np.ceil(steps - _SLACK))
+
+
+Array = np.ndarray[Any, Any]
+
+#: No environment observes larger numbers.
+MOST_OBSERVED = 1e6
+_SUFFIX = ".safetensors"
+#: Environment -> length of an observation, length of the network's output, what the output may mean.
+_FITS = {
+    SINGLE: (13, 6, ("action", "posture")),
+    MULTI: (13, 6, ("action", "posture")),
+    BUTTON: (19, 54, ("preferences",)),
+}
+
+
+class LearnedPolicy:
+    """A policy from a file. Threads may share an instance.
+
+    Args:
+        card, network: As `read_policy` returns them.
+
+    Attributes:
+        card: What is known of it.
+
+    Raises:
+        InputError: The network does not fit the environment that its card names.
+    """
+
+    def __init__(self, card: PolicyCard, network: Network) -> None:
+        if card.environment not in _FITS:
+            raise_unknown("environment of a policy", card.environment, _FITS)
+        inputs, outputs, meanings = _FITS[card.environment]
+        if len(network.mean) > inputs or len(network.gain) != outputs or card.meaning not in meanings:
+            raise InputError(
+                f"a policy for {card.environment} takes at most {inputs} numbers, gives {outputs}, and means "
+                f"{' or '.join(meanings)}; this one takes {len(network.mean)}, gives {len(network.gain)}, and means "
+                f"{card.meaning}"
+            )
+        self.card = card
+        self._network = network
+        self._inputs = inputs
+        self._walks = card.environment == MULTI
+
+    def reset(self, info: dict[str, Any]) -> None:
+        """A trained policy remembers nothing."""
+
+    def act(self, observation: Array) -> Any:
+        """The deterministic action for an observation, shape (n,), or for a batch of them, shape (count, n).
+
+        Returns:
+            Actions in [-1, 1], shape (..., 6), or the number of a discrete action, shape (...).
+
+        Raises:
+            InputError: A wrong shape, values that are not finite, or so large that the network's output is not.
+        """
+        if self.card.meaning == "preferences":
+            return self._output(observation).argmax(axis=-1)
+        if self._walks and self.card.meaning == "posture":
+            return paced(self.posture(observation) - np.asarray(observation)[..., 6:12])
+        return np.clip(self._output(observation), -1.0, 1.0)
+
+    def posture(self, observation: Array) -> Array:
+        """The posture that a reach policy aims at [rad], shape (..., 6).
+
+        Raises:
+            InputError: The policy's output means something else, or as for `act`.
+        """
+        if self.card.meaning != "posture":
+            raise InputError(f"the output of {self.card.recipe.get('name')} means {self.card.meaning}, not a posture")
+        return SINGLE_STEP.scale * np.clip(self._output(observation), -1.0, 1.0)
+
+    def _output(self, observation: ArrayLike) -> Array:
+        """What the network says of observations, once they and its answer are found to be numbers."""
+        x = as_floats("observation", observation)
+        if x.ndim == 0 or x.shape[-1] != self._inputs:
+            raise InputError(f"observation must have shape (..., {self._inputs}), got {x.shape}")
+        check_entries("observation", x, MOST_OBSERVED)
+        with np.errstate(over="ignore", invalid="ignore", divide="ignore"):
+            output = self._network(x)
+        if not np.isfinite(output).all():
+            raise InputError(f"the network of {self.card.recipe.get('name')} answers with what is no number")
+        return output
+
+
+def pretrained_names() -> list[str]:
+    """Names of the policies that come with the package."""
+    folder = resources.files("kinreach.baselines") / "pretrained"
+    return sorted(file.name.removesuffix(_SUFFIX) for file in folder.iterdir() if file.name.endswith(_SUFFIX))
+
+
+def load_policy(policy: str | Path, *, environment: str | None = None) -> LearnedPolicy:
+    """Load a policy.
+
+    Args:
+        policy: Name of one that comes with the package, or path of a file.
+        environment: Id of the environment that it must be for.
+
+    Raises:
+        InputError: There is no such policy, the file is not a policy, or it is for another environment.
+    """
+    names = pretrained_names()
+    if str(policy) in names:
+        with resources.as_file(resources.files("kinreach.baselines") / "pretrained" / f"{policy}{_SUFFIX}") as path:
+            loaded = LearnedPolicy(*read_policy(path))
+    elif check_path("policy", policy).suffix or Path(policy).exists():
+        loaded = LearnedPolicy(*read_policy(policy))
+    else:
+        raise UnknownNameError(f"there is no policy {policy!r}; a file, or one of: {', '.join(names)}")
+    if environment is not None:
+        check_known("environment", environment, _FITS)
+    if environment not in (None, loaded.card.environment):
+        raise InputError(f"the policy {policy} is for {loaded.card.environment}, not for {environment}")
+    return loaded

@@ -1,0 +1,165 @@
+"""Native batches for stable-baselines3, and the one in which several actions are tried from the same state."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+from gymnasium.vector import AutoresetMode, VectorEnv
+from stable_baselines3.common.vec_env import VecEnv
+from stable_baselines3.common.vec_env.base_vec_env import VecEnvIndices, VecEnvObs, VecEnvStepReturn
+
+from kinreach.baselines.policies import paced
+from kinreach.baselines.rewards import TrainingReward, own
+from kinreach.envs.reach.task import SINGLE_STEP
+from kinreach.errors import InputError
+
+#: What stable-baselines3's loggers read from an environment's `info`, as far as it is there.
+INFO_KEYS = ("is_success", "distance", "posture_error", "impossible", "wrong_presses", "energy")
+
+
+class SB3VecEnv(VecEnv):
+    """Adapter from a Gymnasium vector environment that resets in the same step.
+
+    Args:
+        env: For example `gym.make_vec("kinreach/UR5SingleStep-v0", num_envs=1024,
+            vectorization_mode="vector_entry_point")`.
+        reward: What the learner sees instead of the environment's reward.
+
+    Raises:
+        InputError: The environment resets in another way.
+    """
+
+    def __init__(self, env: VectorEnv[Any, Any, Any], *, reward: TrainingReward = own) -> None:
+        if env.metadata.get("autoreset_mode") is not AutoresetMode.SAME_STEP:
+            raise InputError("stable-baselines3 needs a vector environment with AutoresetMode.SAME_STEP")
+        self._env = env  # the base class asks for its attributes
+        self._reward = reward
+        self._actions: Any = None
+        super().__init__(env.num_envs, env.single_observation_space, env.single_action_space)
+
+    def reset(self) -> VecEnvObs:
+        """Start all episodes, with the seeds that were set last."""
+        seeds = self._seeds if any(seed is not None for seed in self._seeds) else None
+        observations, _ = self._env.reset(seed=seeds)  # type: ignore[arg-type]
+        self._reset_seeds()
+        return np.asarray(observations)
+
+    def step_async(self, actions: np.ndarray[Any, Any]) -> None:
+        """Keep the actions for `step_wait`."""
+        self._actions = actions
+
+    def step_wait(self) -> VecEnvStepReturn:
+        """Step, with the last observation of an ended episode in its info."""
+        observations, rewards, terminated, truncated, info = self._env.step(self._actions)
+        done = terminated | truncated
+        last_seen = np.where(done[:, None], info["final_obs"], observations) if done.any() else np.asarray(observations)
+        rewards = self._reward(np.asarray(rewards), {**info, "observation": last_seen})
+        infos: list[dict[str, Any]] = [{} for _ in range(self.num_envs)]
+        if done.any():
+            last = info["final_info"]
+            columns = {key: last[key].tolist() for key in INFO_KEYS if key in last}
+            cut = (truncated & ~terminated).tolist()
+            for index in np.flatnonzero(done).tolist():
+                infos[index] = {key: values[index] for key, values in columns.items()}
+                infos[index]["terminal_observation"] = info["final_obs"][index]
+                infos[index]["TimeLimit.truncated"] = cut[index]
+        return np.asarray(observations), np.asarray(rewards, dtype=np.float32), done, infos
+
+    def close(self) -> None:
+        """Close the environments."""
+        self._env.close()
+
+    def get_attr(self, attr_name: str, indices: VecEnvIndices = None) -> list[Any]:
+        """An attribute of the batch, once for each of the environments asked for."""
+        return [getattr(self._env, attr_name)] * len(list(self._get_indices(indices)))
+
+    def set_attr(self, attr_name: str, value: Any, indices: VecEnvIndices = None) -> None:
+        """Not for single environments of a batch.
+
+        Raises:
+            InputError: Always.
+        """
+        raise InputError(f"environments of a native batch share their attributes; {attr_name} cannot be set for some")
+
+    def env_method(
+        self, method_name: str, *method_args: Any, indices: VecEnvIndices = None, **method_kwargs: Any
+    ) -> list[Any]:
+        """Not for single environments of a batch.
+
+        Raises:
+            InputError: Always.
+        """
+        raise InputError(f"environments of a native batch have no methods of their own, such as {method_name}")
+
+    def env_is_wrapped(self, wrapper_class: Any, indices: VecEnvIndices = None) -> list[bool]:
+        """No environment of a batch is wrapped."""
+        return [False] * len(list(self._get_indices(indices)))
+
+
+Array = np.ndarray[Any, Any]
+
+
+class TriesVecEnv(SB3VecEnv):
+    """A batch of reach environments in groups of `tries` that have the same goal; a step is a whole episode.
+
+    The action is a posture. It is taken in one step, or, where the environment takes `steps` of a few degrees, walked
+    to; the reward is that of where the arm then is.
+
+    Args:
+        env: The batch; its reset takes the option `goal`.
+        tries: Size of a group.
+        draw: Draws goals [m], shape (n, 3), from a generator.
+        steps: Of an episode; 1 where actions are postures.
+        reward: What the learner sees.
+        blur: Standard deviation of noise on the six numbers that say where the goal is [m]: without, a network is free
+            in how it answers two cameras that do not quite agree, as real ones do.
+    """
+
+    def __init__(
+        self,
+        env: VectorEnv[Any, Any, Any],
+        *,
+        tries: int,
+        draw: Callable[[np.random.Generator, int], Array],
+        steps: int,
+        reward: TrainingReward,
+        blur: float,
+    ) -> None:
+        super().__init__(env, reward=reward)
+        self._tries, self._draw, self._steps, self._blur = tries, draw, steps, blur
+        self._rng = np.random.default_rng()
+        self._infos: list[dict[str, Any]] = [{} for _ in range(env.num_envs)]
+        self._over = np.ones(env.num_envs, dtype=np.bool_)
+
+    def reset(self) -> VecEnvObs:
+        """Start all episodes."""
+        if self._seeds[0] is not None:
+            self._rng = np.random.default_rng(self._seeds[0])
+            self._env.reset(seed=self._seeds[0])
+        self._reset_seeds()
+        return self._begin()
+
+    def step_wait(self) -> VecEnvStepReturn:
+        """Play an episode towards the postures."""
+        if self._steps == 1:
+            _, rewards, _, _, info = self._env.step(self._actions)
+        else:
+            rewards, info = self._walk(SINGLE_STEP.scale * np.clip(self._actions, -1, 1))
+        seen = self._reward(np.asarray(rewards), info).astype(np.float32)
+        return self._begin(), seen, self._over, self._infos
+
+    def _walk(self, postures: Array) -> tuple[Any, Any]:
+        q = self._first[:, 6:12]
+        for _ in range(self._steps):
+            observations, rewards, _, _, info = self._env.step(paced(postures - q))
+            q = observations[:, 6:12]
+        return rewards, info
+
+    def _begin(self) -> Array:
+        groups = self.num_envs // self._tries
+        goals = self._draw(self._rng, groups)
+        self._first = np.array(self._env.reset(options={"goal": np.repeat(goals, self._tries, axis=0)})[0])
+        self._first[:, :6] += np.repeat(self._rng.normal(0.0, self._blur, (groups, 6)), self._tries, axis=0)
+        return self._first

@@ -1,0 +1,210 @@
+"""Input checks at the public boundary: all raise an `InputError` that names the value and its bound."""
+
+from __future__ import annotations
+
+import operator
+from collections.abc import Collection
+from math import inf
+from numbers import Real
+from pathlib import Path
+from reprlib import Repr
+from sys import float_info
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from kinreach.errors import InputError, raise_unknown
+
+Floats = NDArray[np.float64]
+
+#: More threads than any machine has that this is for.
+MOST_THREADS = 1024
+
+_SHORT = Repr()
+_SHORT.maxstring = _SHORT.maxother = _SHORT.maxlong = 60
+
+
+def shown(value: object) -> str:
+    """A value as an error message shows it: short, whatever it is."""
+    try:
+        return _SHORT.repr(value)
+    except Exception:  # a number of too many digits, or an object whose own code fails
+        return f"an object of type {type(value).__name__}"
+
+
+def check_count(name: str, value: object, *, least: int = 1, most: int | None = None) -> int:
+    """An integer within bounds.
+
+    Raises:
+        InputError: It is no integer (a float is none, nor is a truth value), or it is outside the bounds.
+    """
+    try:
+        count = operator.index(value)  # type: ignore[arg-type]
+    except Exception:  # no integer, or an object whose own code fails
+        raise InputError(f"{name} must be an integer, got {shown(value)}") from None
+    if isinstance(value, bool):
+        raise InputError(f"{name} must be an integer, got {value}")
+    if count < least:
+        raise InputError(f"{name} must be at least {least}, got {shown(count)}")
+    if most is not None and count > most:
+        raise InputError(f"{name} must be at most {most}, got {shown(count)}")
+    return count
+
+
+def check_number(name: str, value: object, *, least: float = -inf, most: float = inf, above: float = -inf) -> float:
+    """A finite number within bounds, of which `above` is excluded.
+
+    Raises:
+        InputError: It is no number (a truth value is none), not finite, or outside the bounds.
+    """
+    try:
+        number = None if isinstance(value, bool) or not isinstance(value, Real) else float(value)
+    except OverflowError:
+        number = inf
+    if number is None:
+        raise InputError(f"{name} must be a number, got {shown(value)}")
+    if not (least <= number <= most and above < number and -inf < number < inf):
+        said = (
+            (f"at least {least:g}", least > above),
+            (f"above {above:g}", above > -inf),
+            (f"at most {most:g}", most < inf),
+        )
+        bounds = " and ".join(["finite", *(text for text, bound in said if bound)])
+        raise InputError(f"{name} must be {bounds}, got {shown(value)}")
+    return number
+
+
+def check_known(kind: str, value: object, available: Collection[str]) -> None:
+    """Refuse what is not one of the names there are.
+
+    Raises:
+        UnknownNameError: The message lists those there are.
+    """
+    if not isinstance(value, str) or value not in available:
+        raise_unknown(kind, value if isinstance(value, str) else shown(value), available)
+
+
+def check_path(name: str, value: Any) -> Path:
+    """A path that can be, and can be looked at.
+
+    Raises:
+        InputError: It is no path, is too long, has characters that are no text, or leads through a closed folder.
+    """
+    try:
+        path = Path(value)
+        str(path).encode()  # what cannot be printed cannot be reported either
+        if "\0" in str(path):
+            raise ValueError("a path has no null character")
+        path.exists()  # raises where a name is too long
+    except (TypeError, ValueError, OSError) as error:
+        reason = error.strerror if isinstance(error, OSError) else error
+        raise InputError(f"{name} cannot be a path, got {shown(value)}: {reason}") from None
+    return path
+
+
+#: How far a matrix may be from a rotation before it is refused (float32 poses pass).
+ROTATION_TOLERANCE = 1e-5
+#: Bounds of what is taken for a joint angle [rad] and for a coordinate [m]. Far beyond any arm, and near enough that
+#: what is lost by rounding does not count: sines are exact to 1e-10, and no square overflows.
+MOST_ANGLE, MOST_DISTANCE = 1e6, 1e6
+
+#: Bounds of a closed form's tolerance [m, rad].
+LEAST_TOLERANCE, MOST_TOLERANCE = 1e-9, 1.0
+
+
+def as_vector(name: str, value: ArrayLike, size: int, *, most: float = float_info.max) -> Floats:
+    """A finite float vector of the given size with entries up to `most`, or an `InputError` that says what is wrong."""
+    vector = as_floats(name, value)
+    if vector.shape != (size,):
+        raise InputError(f"{name} must have shape ({size},), got {vector.shape}")
+    for entry in vector.tolist():  # faster than an array's operations
+        if not -most <= entry <= most:
+            _refuse_entries(name, vector, most)
+    return vector
+
+
+def check_entries(name: str, values: Floats, most: float) -> None:
+    """Refuse an array with an entry that is not finite, or larger than `most`."""
+    if not (values.max(initial=0.0) <= most and values.min(initial=0.0) >= -most):
+        _refuse_entries(name, values, most)
+
+
+def _refuse_entries(name: str, values: Floats, most: float) -> None:
+    values = np.atleast_1d(values)
+    finite = np.isfinite(values)
+    if not finite.all():
+        rows = finite.reshape(-1, values.shape[-1])
+        raise InputError(f"{name} must be finite, got {values.reshape(rows.shape)[~rows.all(axis=1)][0]}")
+    raise InputError(f"{name} must be within ±{most:g}, got {values.flat[np.abs(values).argmax()]:g}")
+
+
+def as_pose(name: str, value: ArrayLike) -> Floats:
+    """A homogeneous transform, shape (4, 4), or an `InputError` that says what is wrong."""
+    T = as_floats(name, value)
+    if T.shape != (4, 4):
+        raise InputError(f"{name} must be a 4x4 homogeneous transform, got shape {T.shape}")
+    check_poses(name, T[None])
+    return T
+
+
+def check_poses(name: str, T: Floats) -> None:
+    """Refuse a stack of transforms, shape (n, 4, 4), in which one is no rigid motion or goes beyond `MOST_DISTANCE`."""
+    if not np.isfinite(T).all():
+        raise InputError(f"{name} must be finite; {_where(~np.isfinite(T).all(axis=(1, 2)))} is not")
+    check_entries(f"every entry of {name}", T, MOST_DISTANCE)
+    bad_row = (np.abs(T[:, 3] - (0.0, 0.0, 0.0, 1.0)) > ROTATION_TOLERANCE).any(axis=1)
+    if bad_row.any():
+        raise InputError(f"{name} must have the last row 0 0 0 1; {_where(bad_row)} has {T[bad_row.argmax(), 3]}")
+    R = T[:, :3, :3]
+    gram = np.abs(np.swapaxes(R, 1, 2) @ R - np.eye(3)).max(axis=(1, 2))
+    skewed = (gram > ROTATION_TOLERANCE) | (np.linalg.det(R) < 0)
+    if skewed.any():
+        worst = int(skewed.argmax())
+        raise InputError(
+            f"the upper left 3x3 block of {name} must be a rotation; {_where(skewed)} is not "
+            f"(largest entry of |R^T R - I| is {gram[worst]:.2g}, determinant {np.linalg.det(R[worst]):.3g})"
+        )
+
+
+def as_floats(name: str, value: ArrayLike) -> Floats:
+    """An array of doubles, or an `InputError` that says what is wrong: text, complex numbers, dates, None are none."""
+    array = as_array(name, value)
+    if array.dtype == np.float64:
+        return array
+    try:
+        if array.dtype.kind in "biuf" or (array.dtype.kind == "O" and all(isinstance(x, Real) for x in array.flat)):
+            with np.errstate(over="ignore"):  # what is too large becomes infinite, and that is refused by who asks
+                return array.astype(np.float64)
+    except (TypeError, ValueError, ArithmeticError) as error:
+        raise InputError(f"{name} must be an array of numbers: {error}") from None
+    raise InputError(f"{name} must be an array of numbers, got {shown(value)}")
+
+
+def as_array(name: str, value: ArrayLike) -> NDArray[Any]:
+    """An array of whatever it may be, or an `InputError`."""
+    try:
+        return np.asarray(value)
+    except Exception as error:  # whatever the conversion of somebody else's object raises
+        raise InputError(f"{name} must be an array of numbers: {error}") from None
+
+
+def as_flags(name: str, value: ArrayLike) -> NDArray[np.bool_]:
+    """An array of truth values, or an `InputError`; 0 and 1 are taken for such, other numbers are not."""
+    if isinstance(value, np.ndarray | bool) and np.asarray(value).dtype == np.bool_:
+        return np.asarray(value)
+    values = as_floats(name, value)
+    if not ((values == 0.0) | (values == 1.0)).all():
+        raise InputError(f"{name} must be true or false, got {values[(values != 0.0) & (values != 1.0)][0]:g}")
+    return values.astype(np.bool_)
+
+
+def check_tolerance(tol: float) -> float:
+    """A tolerance that means something: below the bound rounding decides, and above it there is no arm so large."""
+    inside = type(tol) is float and LEAST_TOLERANCE <= tol <= MOST_TOLERANCE
+    return tol if inside else check_number("tol", tol, least=LEAST_TOLERANCE, most=MOST_TOLERANCE)
+
+
+def _where(bad: ArrayLike) -> str:
+    bad = np.asarray(bad)
+    return "it" if len(bad) == 1 else f"entry {int(bad.argmax())}"

@@ -1,0 +1,146 @@
+"""Closed-form inverse kinematics of UR-type arms for many poses at once, in numpy.
+
+The same formulas as `ur_ik`, on structure-of-arrays blocks that stay in the cache. Rows that come near a singularity
+are marked and left to `ur_ik`, which knows how to treat them.
+"""
+
+from __future__ import annotations
+
+from math import pi
+
+import numpy as np
+from numpy.typing import NDArray
+
+from kinreach.checks import MOST_DISTANCE, Floats
+from kinreach.kinematics.chain import blocks
+from kinreach.kinematics.ur.geometry import URGeometry
+
+TURN = 2 * pi
+ROUNDING = 1e-12
+BRANCHES = 8
+
+
+def solve_poses(
+    T: Floats, left: Floats, right: Floats, g: URGeometry, *, tol: float
+) -> tuple[Floats, NDArray[np.bool_], NDArray[np.bool_], NDArray[np.bool_]]:
+    """All postures for many tip poses.
+
+    Args:
+        T: Poses of the tip, shape (count, 4, 4); only the three upper rows are read.
+        left: Transform from the tip pose's base to the DH base frame (4, 4).
+        right: Transform from the tip to the flange (4, 4).
+        g: Link lengths [m].
+        tol: As for `ur_ik.solve_pose`.
+
+    Returns:
+        q [rad], shape (6, 8, count), NaN where not valid; valid, shape (8, count), in the order of the branch index;
+        the rows that need `ur_ik.solve_pose`, shape (count,); and the rows whose rotation block is not one, (count,).
+    """
+    count = len(T)
+    q = np.empty((6, BRANCHES, count))
+    valid = np.empty((BRANCHES, count), dtype=np.bool_)
+    singular, skewed = np.empty(count, dtype=np.bool_), np.empty(count, dtype=np.bool_)
+    with np.errstate(invalid="ignore", divide="ignore", over="ignore"):
+        for part in blocks(count):
+            m = np.ascontiguousarray(T[part, :3].reshape(-1, 12).T)
+            skewed[part] = _not_a_rotation(m)
+            singular[part] = _solve_block(flange_entries(m, left, right), g, tol, q[:, :, part], valid[:, part])
+    return q, valid, singular, skewed
+
+
+def flange_entries(m: Floats, left: Floats, right: Floats) -> Floats:
+    """Entries nx, ox, ax, px, ny ... pz of left @ T @ right, shape (12, count), from those of T."""
+    rows: Floats = (left[:3, :3] @ m.reshape(3, -1)).reshape(3, 4, -1)
+    rows[:, 3] += left[:3, 3:]
+    if (right != np.eye(4)).any():
+        turned: Floats = np.asarray(np.tensordot(rows[:, :3], right[:3], axes=(1, 0)), dtype=np.float64)
+        turned = turned.transpose(0, 2, 1)
+        turned[:, 3] += rows[:, 3]
+        return turned.reshape(12, -1)
+    return rows.reshape(12, -1)
+
+
+def _not_a_rotation(m: Floats) -> NDArray[np.bool_]:
+    """Which 3x3 blocks are off a right-handed rotation by more than rounding, or are too far away or not finite."""
+    nx, ox, ax, px, ny, oy, ay, py, nz, oz, az, pz = m
+    off = np.abs(nx * nx + ny * ny + nz * nz - 1.0)
+    off += np.abs(ox * ox + oy * oy + oz * oz - 1.0)
+    off += np.abs(nx * ox + ny * oy + nz * oz)
+    off += np.abs(ny * oz - nz * oy - ax)
+    off += np.abs(nz * ox - nx * oz - ay)
+    off += np.abs(nx * oy - ny * ox - az)
+    off += ~(np.abs(px) + np.abs(py) + np.abs(pz) < MOST_DISTANCE)
+    return ~(off < ROUNDING)
+
+
+def _solve_block(m: Floats, g: URGeometry, tol: float, q: Floats, valid: NDArray[np.bool_]) -> NDArray[np.bool_]:
+    nx, ox, ax, px, ny, oy, ay, py, _nz, _oz, az, pz = m
+    x, y, z = px - g.d6 * ax, py - g.d6 * ay, pz - g.d6 * az - g.d1
+    r2 = x * x + y * y
+    m2 = r2 - g.d4 * g.d4
+    inside = m2 <= 0.0
+    singular = inside & (r2 >= (g.d4 - tol) ** 2)
+    d, side = g.d4 / r2, np.sqrt(m2) / r2
+    xd, yd, xm, ym = x * d, y * d, x * side, y * side
+    for first, s1, c1 in ((0, xd + ym, xm - yd), (4, xd - ym, -yd - xm)):
+        q1 = np.arctan2(s1, c1)
+        minus_u = x * c1 + y * s1
+        np.negative(minus_u, out=minus_u)
+        c6, s6 = nx * s1 - ny * c1, oy * c1 - ox * s1
+        s5 = np.sqrt(c6 * c6 + s6 * s6)
+        singular |= s5 <= tol
+        k = g.d5 / s5
+        s, c = k * az, k * (ax * c1 + ay * s1)
+        q5, q6, q234 = np.arctan2(s5, ax * s1 - ay * c1), np.arctan2(s6, c6), np.arctan2(-s, -c)
+        for wrist, u, v in ((first, minus_u - s, c - z), (first + 2, minus_u + s, -z - c)):
+            both = slice(wrist, wrist + 2)
+            nothing = _solve_elbow(u, v, q234, g, tol, q[1:4, both], valid[both], singular)
+            np.add(q1, nothing, out=q[0, both])
+            np.add(q5, nothing, out=q[4, both])
+            np.add(q6, nothing, out=q[5, both])
+            np.negative(q5, out=q5)
+            q6 -= np.copysign(pi, q6)
+            q234 -= np.copysign(pi, q234)
+    valid &= ~inside
+    return singular
+
+
+def _solve_elbow(
+    u: Floats,
+    v: Floats,
+    q234: Floats,
+    g: URGeometry,
+    tol: float,
+    q: Floats,
+    valid: NDArray[np.bool_],
+    singular: NDArray[np.bool_],
+) -> Floats:
+    """Fill in q2, q3, q4 of both elbows, q of shape (3, 2, count); adds to `singular`.
+
+    (u, v) points from wrist_1 to the shoulder, in the arm's plane. Returns zeros, but NaN where nothing is reached.
+    """
+    c3 = u * u
+    c3 += v * v
+    rho2 = c3.copy()
+    c3 -= g.a2 * g.a2 + g.a3 * g.a3
+    c3 *= 1.0 / (2 * g.a2 * g.a3)
+    s3 = c3 * c3
+    np.subtract(1.0, s3, out=s3)
+    reached = s3 > 0.0
+    valid[:] = reached
+    singular |= ~reached & (rho2 <= (g.stretched + tol) ** 2) & (rho2 >= (g.folded - tol) ** 2)
+    np.sqrt(s3, out=s3)
+    np.arctan2(s3, c3, out=q[1, 0])
+    np.negative(q[1, 0], out=q[1, 1])
+    phi, psi = np.arctan2(v, u), np.arctan2(-g.a3 * s3, -g.a2 - g.a3 * c3)
+    np.subtract(phi, psi, out=q[0, 0])
+    np.add(phi, psi, out=q[0, 1])
+    rest, bend = q234 - phi, psi - q[1, 0]
+    np.add(rest, bend, out=q[2, 0])
+    np.subtract(rest, bend, out=q[2, 1])
+    turns = q[::2] * (1.0 / TURN)
+    np.rint(turns, out=turns)
+    turns *= TURN
+    q[::2] -= turns
+    s3 *= 0.0
+    return s3

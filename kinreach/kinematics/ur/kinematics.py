@@ -1,0 +1,191 @@
+"""Kinematics of the UR5 and its siblings: closed-form inverse for poses and tool directions, one or many."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from kinreach.checks import MOST_DISTANCE, Floats, as_floats, as_pose, check_poses, check_tolerance, shown
+from kinreach.errors import InputError
+from kinreach.kinematics.closed_form import ClosedFormKinematics
+from kinreach.kinematics.goals import AxisGoal, Goal, PoseGoal, PositionGoal, nearest_rotations, pose_error
+from kinreach.kinematics.solutions import Accept, IKResult, IKSolutions
+from kinreach.kinematics.ur.batch import ROUNDING, solve_poses
+from kinreach.kinematics.ur.closed_form import solve_axis, solve_pose
+from kinreach.kinematics.ur.geometry import Rows, URGeometry, miss_text, ur_fk
+from kinreach.robots import ArmDescription
+
+#: base_link of the URDF is the DH base frame turned by pi about z.
+FLIP = np.diag([-1.0, -1.0, 1.0, 1.0])
+FIT_TOLERANCE = 1e-8
+
+
+class UR5Kinematics(ClosedFormKinematics):
+    """Kinematics of a UR-type arm, by default the UR5 within +-pi. One per thread.
+
+    Link lengths are read from the URDF, so a calibrated description brings its own.
+
+    Args:
+        arm: Name or description of a UR-type arm with a frame `tool0`.
+        tip: `"tool0"` (the flange) or `"tcp"` (between the finger tips, 0.20 m in front of it).
+        base: `"base_link"` or `"world"`.
+
+    Attributes:
+        geometry: Denavit-Hartenberg lengths [m].
+
+    Raises:
+        InputError: The arm's geometry is not that of a UR.
+    """
+
+    def __init__(self, *, tip: str = "tool0", base: str = "base_link", arm: str | ArmDescription = "ur5") -> None:
+        super().__init__(arm, tip=tip, base=base)
+        flange = self.model.getFrameId(self.arm.tips["tool0"])
+        self.geometry = URGeometry.from_model(self.model, flange)
+        T_flange_tip = self.model.frames[flange].placement.inverse() * self.model.frames[self.tip_frame].placement
+        T_world_arm = self.model.frames[self.model.getFrameId(self.arm.base)].placement.homogeneous
+        self._T_dh_base: Floats = FLIP @ np.linalg.inv(T_world_arm) @ self.T_world_base
+        self._T_tip_flange: Floats = T_flange_tip.inverse().homogeneous
+        # with tool0 in base_link only two rows change their sign
+        self._plain = bool((self._T_dh_base == FLIP).all() and (self._T_tip_flange == np.eye(4)).all())
+        self._reach = _reach_along_tool(T_flange_tip.homogeneous)
+        self._check_fit()
+
+    def all_solutions(
+        self, T: ArrayLike, *, seed: ArrayLike | None = None, limits: bool = True, tol: float = 1e-7
+    ) -> IKSolutions:
+        """Every posture that brings the tip to a pose, singular cases included.
+
+        Args:
+            T: Pose of the tip in the base frame, shape (4, 4).
+            seed: Posture [rad], shape (6,). With it, each solution is given in the winding nearest to it, they are
+                sorted by distance from it, and wrist_3 keeps its value where it is free. Without it,
+                they are in the order of the branch index, and a free wrist_3 stays near 0.
+            limits: Leave out what the joint limits forbid.
+            tol: Largest error of a solution in which something was clamped [m, rad], 1e-9 to 1.
+
+        Returns:
+            Up to eight solutions, or the reason why there is none.
+
+        Raises:
+            InputError: `T` is not a finite rigid motion, or the seed is malformed.
+        """
+        start = self._posture_or_none(seed)
+        rows = self._flange_rows(T)
+        tol = check_tolerance(tol)
+        found, miss = solve_pose(rows, self.geometry, tol=tol, q6=0.0 if start is None else float(start[5]))
+        unreached = "" if found else miss_text(miss)
+        return self._solutions(found, unreached, lambda q: pose_error(as_floats("T", T), self.fk(q)), start, limits)
+
+    def axis_solutions(
+        self,
+        position: ArrayLike,
+        axis: ArrayLike,
+        *,
+        seed: ArrayLike | None = None,
+        limits: bool = True,
+        tol: float = 1e-7,
+    ) -> IKSolutions:
+        """Every posture that brings the tip to a point with its z axis along a direction (rotation about it is free).
+
+        Args:
+            position: In the base frame [m], shape (3,).
+            axis: Direction of the tip's z axis in the base frame, shape (3,); need not be normalised.
+            seed: As in `all_solutions`; wrist_3 takes its value (0 without a seed).
+            limits: As in `all_solutions`.
+            tol: As in `all_solutions`.
+
+        Raises:
+            InputError: Malformed input, or a tip that is not on the axis of wrist_3.
+        """
+        start = self._posture_or_none(seed)
+        goal = AxisGoal(position, axis)  # type: ignore[arg-type]
+        tol = check_tolerance(tol)
+        if self._reach is None:
+            raise InputError(f"tip {self.tip!r} is not on the axis of the last joint, which an axis goal needs")
+        p = self._T_dh_base[:3, :3] @ goal.position + self._T_dh_base[:3, 3]
+        a = self._T_dh_base[:3, :3] @ goal.axis
+        pitch, q6 = (0.0, 0.0) if start is None else (float(start[1:4].sum()), float(start[5]))
+        found, miss = solve_axis(p.tolist(), a.tolist(), self.geometry, reach=self._reach, tol=tol, pitch=pitch, q6=q6)
+        return self._solutions(found, "" if found else miss_text(miss), self._error_of(goal), start, limits)
+
+    def axis_goal(
+        self, position: ArrayLike, axis: ArrayLike, seed: ArrayLike, *, accept: Accept | None = None
+    ) -> IKResult:
+        """The posture nearest to a seed among `axis_solutions`; see `nearest` for `accept`."""
+        start = self.as_posture("seed", seed)
+        return self._choose(self.axis_solutions(position, axis, seed=start), start, accept)
+
+    def solve(self, goal: Goal, seed: ArrayLike, *, accept: Accept | None = None) -> IKResult:
+        """Any goal this arm has a closed form for: `PoseGoal` or `AxisGoal`.
+
+        Raises:
+            InputError: A `PositionGoal`, which leaves three of six joints free, or what is no goal.
+        """
+        if isinstance(goal, PositionGoal):
+            raise InputError("a six-joint arm has no closed form for a bare position; give an AxisGoal or a PoseGoal")
+        if isinstance(goal, AxisGoal):
+            return self.axis_goal(goal.position, goal.axis, seed, accept=accept)
+        if not isinstance(goal, PoseGoal):
+            raise InputError(f"goal must be a PoseGoal or an AxisGoal, got {shown(goal)}")
+        return self.nearest(goal.T, seed, accept=accept)
+
+    def _batch(self, T: Floats, seeds: Floats | None, tol: float) -> tuple[Floats, NDArray[np.bool_]]:
+        """Postures (6, 8, count) and their validity (8, count), before limits."""
+        if T.ndim != 3 or T.shape[1:] != (4, 4):
+            raise InputError(f"T must have shape (count, 4, 4), got {T.shape}")
+        left, right, g = self._T_dh_base, self._T_tip_flange, self.geometry
+        q, valid, singular, skewed = solve_poses(T, left, right, g, tol=tol)
+        if skewed.any() or (T[:, 3] != (0.0, 0.0, 0.0, 1.0)).any():
+            check_poses("T", T)
+            T = T.copy()
+            T[:, :3, :3] = nearest_rotations(T[:, :3, :3])
+            q, valid, singular, _ = solve_poses(T, left, right, g, tol=tol)
+        for row in np.flatnonzero(singular):
+            q6 = 0.0 if seeds is None else float(seeds[row, 5])
+            found, _ = solve_pose((left @ T[row] @ right)[:3].tolist(), g, tol=tol, q6=q6)
+            q[:, :, row] = np.nan
+            valid[:, row] = False
+            for code, *angles in found:
+                q[:, code & 7, row] = angles
+                valid[code & 7, row] = True
+        return q, valid
+
+    def _flange_rows(self, T: ArrayLike) -> Rows:
+        """Pose of the flange in the DH base frame, from a checked pose of the tip in the base frame."""
+        T = as_floats("T", T)
+        if T.shape != (4, 4):
+            as_pose("T", T)
+        (nx, ox, ax, px), (ny, oy, ay, py), (nz, oz, az, pz), last = rows = T.tolist()
+        exact = (
+            -ROUNDING < nx * nx + ny * ny + nz * nz - 1.0 < ROUNDING
+            and -ROUNDING < ox * ox + oy * oy + oz * oz - 1.0 < ROUNDING
+            and -ROUNDING < nx * ox + ny * oy + nz * oz < ROUNDING
+            and -ROUNDING < ny * oz - nz * oy - ax < ROUNDING
+            and -ROUNDING < nz * ox - nx * oz - ay < ROUNDING
+            and -ROUNDING < nx * oy - ny * ox - az < ROUNDING
+            and -MOST_DISTANCE < px < MOST_DISTANCE
+            and -MOST_DISTANCE < py < MOST_DISTANCE
+            and -MOST_DISTANCE < pz < MOST_DISTANCE
+            and last == [0.0, 0.0, 0.0, 1.0]
+        )
+        if exact and self._plain:
+            return (-nx, -ox, -ax, -px), (-ny, -oy, -ay, -py), (nz, oz, az, pz)
+        if not exact:
+            T = as_pose("T", T).copy()
+            T[:3, :3] = nearest_rotations(T[:3, :3])
+        rows = (self._T_dh_base @ T @ self._T_tip_flange).tolist()
+        return rows[:3]
+
+    def _check_fit(self) -> None:
+        """The closed form describes this arm: its forward kinematics agrees with Pinocchio's."""
+        for q in (np.zeros(self.n), np.linspace(0.3, 1.3, self.n)):
+            rows: Floats = np.array(ur_fk(q.tolist(), self.geometry), dtype=np.float64)
+            expected = (self._T_dh_base @ self.fk(q) @ self._T_tip_flange)[:3]
+            if np.abs(rows - expected).max() > FIT_TOLERANCE:
+                raise InputError(f"arm {self.arm.name!r} does not have the geometry of a UR-type arm")
+
+
+def _reach_along_tool(T_flange_tip: Floats) -> float | None:
+    """Distance of the tip along the flange's z axis [m], or None if it is not on it or turned away from it."""
+    aligned = np.allclose(T_flange_tip[:2, 3], 0.0, atol=1e-12) and np.isclose(T_flange_tip[2, 2], 1.0, atol=1e-12)
+    return float(T_flange_tip[2, 3]) if aligned else None

@@ -1,0 +1,404 @@
+"""Moves of an arm in joint space, by dynamics: servos follow a speed profile, contacts and torque limits included.
+
+A move has *attained* its target when every joint is within the tolerance of it, the arm stands still, and it is not
+pressed at anything there. A target that is not attained is what the thesis calls impossible; `MoveResult.reason` says
+why. Touching something on the way does not make a target impossible, being held off by it does: whoever wants motion
+free of contact asks a collision checker before the move.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Sequence
+from dataclasses import dataclass
+from enum import Enum
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from kinreach.checks import Floats, check_number
+from kinreach.errors import InputError
+from kinreach.robots import ArmDescription
+from kinreach.sim.engine import mujoco
+from kinreach.sim.plants import Ids, Plant, rows_and_columns
+from kinreach.sim.setpoints import Plan, SetpointPlanner
+
+
+@dataclass(frozen=True)
+class Touch:
+    """Two bodies in contact.
+
+    Attributes:
+        link: A link of the arm.
+        other: An obstacle of the work cell, or another link.
+        with_itself: Whether `other` is a link.
+        depth: How far the two are inside each other [m].
+    """
+
+    link: str
+    other: str
+    with_itself: bool
+    depth: float
+
+    def __str__(self) -> str:
+        if self.with_itself:
+            return f"self-collision: {self.link} - {self.other}"
+        return f"{self.link} touches {self.other}"
+
+
+def touches(model: Any, data: Any, obstacles: Collection[str]) -> tuple[Touch, ...]:
+    """Bodies in contact in the last computed step, deepest first, each pair once.
+
+    Args:
+        model: The scene.
+        data: Its state; contacts are read, not computed.
+        obstacles: Names of the bodies that are not links.
+    """
+    if data.ncon == 0:
+        return ()  # making MuJoCo's list of contacts, even of none, takes longer than a step
+    between: dict[tuple[int, int], float] = {}
+    bodies = model.geom_bodyid[data.contact.geom].tolist()
+    for (first, second), distance in zip(bodies, data.contact.dist.tolist(), strict=True):
+        between[first, second] = max(between.get((first, second), 0.0), -distance)
+    deepest: dict[tuple[str, str], float] = {}
+    for (first, second), depth in between.items():
+        a, b = model.body(first).name, model.body(second).name
+        pair = (b, a) if a in obstacles else (a, b)
+        deepest[pair] = max(deepest.get(pair, 0.0), depth)
+    found = [Touch(link, other, other not in obstacles, depth) for (link, other), depth in deepest.items()]
+    return tuple(sorted(found, key=lambda touch: -touch.depth))
+
+
+class MoveStatus(Enum):
+    """How a move ended. Everything but REACHED is an impossible target."""
+
+    REACHED = "reached"
+    #: The target is outside the joint limits; the arm was not moved.
+    OUT_OF_LIMITS = "out of limits"
+    #: An obstacle holds the arm off the target or is pressed at it, or the arm has stopped for no visible reason
+    #: (torque limit).
+    BLOCKED = "blocked"
+    #: One part of the arm holds another off the target, or presses it there.
+    COLLISION = "self-collision"
+    #: The arm is still moving long after it should have arrived.
+    TIMEOUT = "timeout"
+    #: The simulation became unstable; the arm was put back to where it stood before, at rest.
+    DIVERGED = "diverged"
+
+
+@dataclass(frozen=True, eq=False)
+class MoveResult:
+    """What became of a move.
+
+    Attributes:
+        status: How it ended.
+        reason: One phrase for people when the target was not attained, else empty.
+        duration: Simulated time [s].
+        q: Posture in which the arm ended [rad], shape (n,).
+        error: Largest distance of a joint from the target [rad].
+        touches: What is in contact in that posture, deepest first; where the target was reached, touches so slight that
+            they are none.
+    """
+
+    status: MoveStatus
+    reason: str
+    duration: float
+    q: Floats
+    error: float
+    touches: tuple[Touch, ...] = ()
+
+    @property
+    def reached(self) -> bool:
+        """Whether every joint came to rest within the tolerance of its target, and nothing is pressed there."""
+        return self.status is MoveStatus.REACHED
+
+
+#: Time between two setpoints [s].
+CONTROL_PERIOD = 0.008
+#: Setpoints between two looks whether an arm has arrived, and between two whether it is held up.
+ARRIVAL_LOOK, STALL_LOOK = 2, 10
+#: An arm in which no joint is faster than this has come to rest [rad/s]. The slowest servo still creeps by this times
+#: its time constant of 0.07 s, 4e-5 rad; at 0.002 rad/s the tip would be read up to 0.5 mm from where it will stay.
+REST_SPEED = 0.0005
+#: An arm in which no joint is faster than this [rad/s] at so many looks in a row (0.2 s), off its target, is blocked.
+STALL_SPEED = 0.02
+STALL_LOOKS = 3
+#: How long the arm may take to arrive after its setpoint has [s].
+PATIENCE = 2.0
+#: How following ended; that a simulation has diverged is found by who asked for the move.
+MOVING, ARRIVED, STALLED, LATE, DIVERGED = range(5)
+#: A time that does not come.
+NEVER = np.iinfo(np.intp).max // 2
+
+
+@dataclass(frozen=True, eq=False)
+class Following:
+    """How setpoints are followed.
+
+    Attributes:
+        qpos, dof, servos: Where the arm's joints are in MuJoCo's `qpos`, `qvel` and `ctrl`; slices or arrays of ints.
+        tolerance: How far from its target a joint may come to rest [rad].
+        timestep: Step of the simulation [s].
+    """
+
+    qpos: Any
+    dof: Any
+    servos: Any
+    tolerance: float
+    timestep: float
+
+    @property
+    def substeps(self) -> int:
+        """Timesteps between two setpoints."""
+        return max(1, round(CONTROL_PERIOD / self.timestep))
+
+    @property
+    def period(self) -> float:
+        """Time between two setpoints [s]."""
+        return self.substeps * self.timestep
+
+    def run(self, plant: Plant, ids: Ids, phases: Sequence[Plan]) -> NDArray[np.int8]:
+        """Move simulations through the phases of their plans, each until it stands or is found not to arrive.
+
+        A phase but the last is over as soon as the arm is within the tolerance. At the end of the last it has to come
+        to rest (or, leaning on something, hardly move any more).
+
+        Args:
+            plant: The simulations.
+            ids: Which of them to move, ascending, shape (k,).
+            phases: Plans for these k simulations.
+
+        Returns:
+            ARRIVED, STALLED or LATE for each, shape (k,).
+        """
+        return _Run(self, plant, ids, phases).finish()
+
+
+class _Run:
+    """The state of one `Following.run`. Times are counted in control periods from its start; arrays have k rows."""
+
+    def __init__(self, rule: Following, plant: Plant, ids: Ids, phases: Sequence[Plan]) -> None:
+        self.rule, self.plant, self.ids, self.phases = rule, plant, ids, phases
+        self.patience = round(PATIENCE / rule.period)
+        rows: Any = slice(None) if len(ids) == len(plant.ctrl) else ids
+        self.at_qpos, self.at_dof = rows_and_columns(rows, rule.qpos), rows_and_columns(rows, rule.dof)
+        longest = sum(len(plan.setpoints) for plan in phases) + self.patience * (len(phases) - 1)
+        self.line = np.empty((longest, len(ids), phases[0].target.shape[1]))
+        self.time = 0
+        self.phase = np.full(len(ids), -1)
+        self.goal = np.empty_like(phases[0].target)
+        self.arrival, self.deadline = np.empty(len(ids), dtype=np.intp), np.empty(len(ids), dtype=np.intp)
+        self.rest_speed = np.full(len(ids), np.inf)
+        self.calm, self.stalled = np.zeros(len(ids), dtype=np.intp), np.zeros(len(ids), dtype=np.bool_)
+        self.end = np.full(len(ids), MOVING, dtype=np.int8)
+        self.begin_phase(np.arange(len(ids)))
+
+    def begin_phase(self, rows: Ids) -> None:
+        """Lay the setpoints of the next phase on the line, from the present time on."""
+        self.phase[rows] += 1
+        for number in set(self.phase[rows].tolist()):
+            these, plan = rows[self.phase[rows] == number], self.phases[number]
+            switch = self.time + len(plan.setpoints)
+            self.line[self.time : switch, these] = plan.setpoints[:, these]
+            self.line[switch:, these] = plan.setpoints[-1, these]
+            self.goal[these] = plan.target[these]
+            self.arrival[these] = self.time + plan.arrival[these]
+            if number == len(self.phases) - 1:
+                self.rest_speed[these] = REST_SPEED
+        self.deadline[rows] = self.arrival[rows] + self.patience
+        self.calm[rows], self.stalled[rows] = 0, False
+
+    def end_moves(self, rows: Ids, end: int) -> None:
+        """Let these keep their last setpoint, with nothing left to decide."""
+        self.end[rows] = end
+        self.arrival[rows] = self.deadline[rows] = NEVER
+        self.calm[rows], self.stalled[rows] = -NEVER, False
+
+    def finish(self) -> NDArray[np.int8]:
+        """Run until the last has ended."""
+        rows = np.arange(len(self.ids))
+        while rows.size:
+            soonest, nothing_new = self.arrival.min(), True
+            while nothing_new:
+                until = self.next_look(soonest)
+                setpoints = self.line[self.time : until]
+                if len(setpoints) < until - self.time:  # the last remains
+                    setpoints = self.line[np.minimum(np.arange(self.time, until), len(self.line) - 1)]
+                setpoints = setpoints if rows.size == self.end.size else setpoints[:, rows]
+                self.plant.follow(self.ids[rows], self.rule.servos, setpoints, self.rule.substeps)
+                self.time = until
+                nothing_new = not self.look()
+            rows = np.flatnonzero(self.end == MOVING)
+        return self.end
+
+    def next_look(self, soonest: int) -> int:
+        """When something may have to be decided next; until then all setpoints are known."""
+        stall_look = self.time - self.time % STALL_LOOK + STALL_LOOK
+        after = max(self.time, soonest) + 1
+        return min(stall_look, after + -after % ARRIVAL_LOOK)
+
+    def look(self) -> bool:
+        """Decide what is to be decided; returns whether a phase or a move was over.
+
+        Before its setpoint has arrived an arm is judged at stall looks only: others may give occasion to a look between
+        them, and must not matter.
+        """
+        speed = np.maximum.reduce(np.abs(self.plant.qvel[self.at_dof]), axis=1)
+        if self.time % STALL_LOOK == 0:
+            self.calm = (self.calm + 1) * (speed < STALL_SPEED)
+            self.stalled = self.calm >= STALL_LOOKS
+        arrived, late = self.time > self.arrival, self.time >= self.deadline
+        stands = self.stalled | (arrived & (speed <= self.rest_speed))
+        if not (stands | late).any():
+            return False
+        off = np.maximum.reduce(np.abs(self.plant.qpos[self.at_qpos] - self.goal), axis=1)
+        near = off <= self.rule.tolerance
+        there = near & arrived & stands
+        held = self.stalled & ~near
+        late &= ~(there | held)
+        over = there | held | late
+        if not over.any():
+            return False
+        last = self.phase == len(self.phases) - 1
+        for rows, end in ((there & last, ARRIVED), (held, STALLED), (late, LATE)):
+            self.end_moves(rows.nonzero()[0], end)
+        self.begin_phase((there & ~last).nonzero()[0])
+        return True
+
+
+#: The thesis's tolerance: "the smallest value where the environment still gets the joint angles close" [rad].
+TOLERANCE = 0.01
+#: Bodies that are deeper than this inside each other at the end are pressed together [m]. Servos and contact share what
+#: a target is inside an obstacle, and this is the depth for some 0.03 mm of it, about as well as the tip is placed.
+PRESSED = 1e-5
+#: How far outside a joint limit a target may be, for rounding [rad].
+LIMIT_SLACK = 1e-9
+
+
+def as_index(addresses: Sequence[int]) -> slice | NDArray[np.intp]:
+    """Where the joints are in one of MuJoCo's arrays; a slice (a view, and faster) if they lie side by side."""
+    index = np.array(addresses, dtype=np.intp)
+    if (np.diff(index) == 1).all():
+        return slice(int(index[0]), int(index[-1]) + 1)
+    return index
+
+
+class JointController:
+    """Moves the arms in simulations of one scene.
+
+    The setpoint runs on a synchronous trapezoid and leads by the servo's own lag and by the arm's inertia, so that the
+    joints follow it without delay. Measured on 200 two-phase moves of the UR5 from home to a tool-down posture at a
+    goal: all reached, residual error 3e-5 rad in the median and 6e-5 rad at most (0.03 and 0.07 mm at the tip), 1.28 to
+    1.36 s of simulated time.
+
+    A verdict hangs on the target almost alone. Of 1700 targets up to 0.2 rad (sigma) from a tool-down posture, all 453
+    in collision were found impossible, and one of the others, whose way is blocked; of 600 random ones all 367 in
+    collision, and 30 of the others.
+
+    Args:
+        arm: The arm.
+        model: A scene of it, from `kinreach.sim.scene`.
+        tolerance: How far from its target a joint may come to rest [rad].
+
+    Attributes:
+        arm, model, tolerance: As given.
+        lower, upper: Joint limits [rad], shape (n,).
+        qpos, ctrl: Where the arm's joints are in MuJoCo's `qpos` and `ctrl`.
+        obstacles: Names of the bodies that are not links.
+    """
+
+    def __init__(self, arm: ArmDescription, model: Any, *, tolerance: float = TOLERANCE) -> None:
+        self.arm = arm
+        self.model = model
+        self.tolerance = check_number("tolerance", tolerance, above=0.0, most=np.pi)
+        joints = [model.joint(name) for name in arm.joints]
+        self.qpos = as_index([joint.qposadr[0] for joint in joints])
+        self.lower, self.upper = np.array([joint.range for joint in joints]).T
+        self.ctrl = as_index([model.actuator(name).id for name in arm.joints])
+        self.obstacles = frozenset(box.name for box in arm.workcell.obstacles)
+        dof = as_index([joint.dofadr[0] for joint in joints])
+        self._following = Following(self.qpos, dof, self.ctrl, tolerance, model.opt.timestep)
+        self._planner = SetpointPlanner(
+            arm, model, qpos=self.qpos, dof=dof, servos=self.ctrl, period=self._following.period
+        )
+        self._last = np.isin(arm.joints, arm.moves_last)
+        self._scratch = mujoco.MjData(model)
+
+    def outside_limits(self, q: Floats) -> NDArray[np.bool_]:
+        """Which joints are outside their limits, for one posture or many, shape (..., n)."""
+        outside: NDArray[np.bool_] = (q < self.lower - LIMIT_SLACK) | (q > self.upper + LIMIT_SLACK)
+        return outside
+
+    def joints_outside_limits(self, q: Floats) -> tuple[str, ...]:
+        """Names of the joints that are outside their limits."""
+        return tuple(name for name, out in zip(self.arm.joints, self.outside_limits(q), strict=True) if out)
+
+    def refuse_outside_limits(self, q: Floats) -> None:
+        """Raise an `InputError` about the first joint that is outside its limits, if there is one."""
+        for name in self.joints_outside_limits(q)[:1]:
+            joint = self.arm.joints.index(name)
+            low, high = self.lower[joint], self.upper[joint]
+            raise InputError(f"{name} = {q[joint]:.6g} rad is outside its limits [{low:.6g}, {high:.6g}]")
+
+    def move(self, plant: Plant, ids: Ids, targets: Floats, *, two_phase: bool = True) -> list[MoveResult]:
+        """Move arms until they stand at their targets or are found not to get there.
+
+        Args:
+            plant: The simulations; those that are moved are simulated forward.
+            ids: Which of them, ascending, shape (k,).
+            targets: Target postures [rad], shape (k, n).
+            two_phase: As in the thesis, the joints in `arm.moves_last` (shoulder_lift of the UR5: the gripper comes
+                from above) wait until all others have arrived. Otherwise all joints move at once, in a straight line
+                in joint space. An arm without such joints moves in one phase in any case.
+
+        Returns:
+            How each ended, and where, in the order of `ids`. An arm whose simulation diverged is put back to where its
+            move began.
+        """
+        began, before = plant.time[ids], plant.states(ids)
+        ends = np.full(len(ids), MOVING, dtype=np.int8)
+        inside = ~self.outside_limits(targets).any(axis=1)
+        if inside.any():
+            ends[inside] = self._follow(plant, ids[inside], targets[inside], two_phase=two_phase)
+        lost = plant.diverged(ids)
+        if lost.any():  # MuJoCo has started them afresh, and where they went from there is nobody's move
+            plant.put_back(ids[lost], before[lost])
+            ends[lost] = DIVERGED
+        durations = plant.time[ids] - began
+        return [
+            self._result(state, target, int(end), float(duration))
+            for state, target, end, duration in zip(plant.qpos[ids], targets, ends, durations, strict=True)
+        ]
+
+    def _follow(self, plant: Plant, ids: Ids, targets: Floats, *, two_phase: bool) -> NDArray[np.int8]:
+        state = plant.qpos[ids]
+        points = [state[:, self.qpos], targets]
+        if two_phase and self._last.any():
+            points.insert(1, np.where(self._last, points[0], targets))
+        return self._following.run(plant, ids, self._planner.plan(state, points))
+
+    def _result(self, state: Floats, target: Floats, end: int, duration: float) -> MoveResult:
+        q = state[self.qpos].copy()
+        error = np.abs(q - target)
+        found = self._touches(state)
+        if end == DIVERGED:
+            status, reason = MoveStatus.DIVERGED, "diverged: the simulation became unstable"
+        elif end == MOVING:
+            outside = ", ".join(self.joints_outside_limits(target))
+            status, reason = MoveStatus.OUT_OF_LIMITS, f"out of limits: {outside}"
+        elif end == ARRIVED and (not found or found[0].depth <= PRESSED):
+            status, reason = MoveStatus.REACHED, ""
+        elif found:
+            status = MoveStatus.COLLISION if found[0].with_itself else MoveStatus.BLOCKED
+            reason = str(found[0]) if found[0].with_itself else f"blocked: {found[0]}"
+        else:
+            status = MoveStatus.TIMEOUT if end == LATE else MoveStatus.BLOCKED
+            reason = f"{status.value}: {self.arm.joints[int(error.argmax())]} does not arrive, nothing touches"
+        return MoveResult(status, reason, duration, q, float(error.max()), found)
+
+    def _touches(self, state: Floats) -> tuple[Touch, ...]:
+        """What touches what in a posture of everything, `qpos`."""
+        self._scratch.qpos[:] = state
+        mujoco.mj_kinematics(self.model, self._scratch)
+        mujoco.mj_collision(self.model, self._scratch)
+        return touches(self.model, self._scratch, self.obstacles)

@@ -1,0 +1,1 @@
+"""Cameras, and the ball found in their pictures."""

@@ -1,0 +1,334 @@
+"""What the thesis's search for the ball does inside OpenCV, step by step, as pictures to look at (section 2.2).
+
+The search itself is `ball_finder_hough.grey_circles`, which does all of this in one call. The steps here use its
+settings; the votes are those of the thesis's formula, circles of one known radius drawn around every edge.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from types import MappingProxyType
+from typing import Any, NamedTuple
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from kinreach.checks import MOST_DISTANCE, Floats, as_array, as_floats, check_known, check_number, shown
+from kinreach.errors import InputError
+from kinreach.vision.cameras import Intrinsics
+
+#: Red minus the larger of green and blue, from which on a pixel is red [levels]. Rendered, the ball has 80 at least
+#: (in its own shadow) and everything else 19 at most: with noise of 6 levels the bound is 3.5 sigma from both.
+RED_LEVEL = 50
+#: Gaussian filter before the edges [pixels], the first step of Canny's, which OpenCV leaves to the caller; 1.5 and 2
+#: are no more accurate.
+SMOOTHING = 1.0
+#: Upper threshold of Canny's hysteresis; the lower is half of it (OpenCV's `param1`, its default).
+CANNY = 100.0
+#: Votes that make a centre (`param2`). From 10 to 14 every ball of 50 was found by both cameras at 1280x720, 640x360
+#: and 320x180, with noise and without; from 18 on the smallest ones, 6 pixels in radius, begin to be missed.
+VOTES = 12.0
+
+
+class Circle(NamedTuple):
+    """A circle in a picture: centre (u, v), whole numbers at the centres of pixels, and radius [pixels]."""
+
+    u: float
+    v: float
+    r: float
+
+
+def red_mask(rgb: NDArray[np.uint8]) -> NDArray[np.bool_]:
+    """Which pixels are red, single stray ones removed; shape (height, width)."""
+    red, green, blue = cv2.split(rgb)
+    redness = cv2.subtract(red, cv2.max(green, blue))
+    mask = (redness > RED_LEVEL).astype(np.uint8)
+    return cv2.medianBlur(mask, 3).astype(bool)
+
+
+def red_circles(mask: NDArray[np.bool_], radii: tuple[float, float]) -> list[Circle]:
+    """Circles around what is red, those with most votes first.
+
+    Args:
+        mask: From `red_mask`.
+        radii: Smallest and largest radius [pixels].
+    """
+    u, v, width, height = cv2.boundingRect(mask.astype(np.uint8))
+    if width == 0:
+        return []
+    # Only the part of the picture that holds red is searched, with room for the smoothed edge: at 1280x720 that is
+    # 4 ms instead of 26.
+    margin = 5
+    left, top = max(u - margin, 0), max(v - margin, 0)
+    part = mask[top : v + height + margin, left : u + width + margin].astype(np.uint8) * np.uint8(255)
+    return [Circle(c.u + left, c.v + top, c.r) for c in _circles(part, radii)]
+
+
+def grey_circles(rgb: NDArray[np.uint8], radii: tuple[float, float]) -> list[Circle]:
+    """Circles in the brightness of a picture, those with most votes first; `radii` as for `red_circles`."""
+    return _circles(cv2.cvtColor(rgb, cv2.COLOR_RGB2GRAY), radii)
+
+
+def _circles(grey: NDArray[Any], radii: tuple[float, float]) -> list[Circle]:
+    low, high = max(int(radii[0]), 2), int(np.ceil(radii[1]))
+    found = cv2.HoughCircles(
+        cv2.GaussianBlur(grey, (0, 0), SMOOTHING),
+        cv2.HOUGH_GRADIENT,
+        dp=1,
+        minDist=low,
+        param1=CANNY,
+        param2=VOTES,
+        minRadius=low,
+        maxRadius=high,
+    )
+    if found is None:
+        return []
+    return [Circle(float(u), float(v), float(r)) for u, v, r in found.reshape(-1, 3)]
+
+
+#: How near and how far the ball may be [m]: bounds the radius of the circle. The goals are 0.33 to 0.71 m away.
+NEAREST, FARTHEST = 0.25, 1.0
+#: Radius of a ball [m]: a smaller one is no pixel, and a larger one would reach the camera.
+LEAST_RADIUS, MOST_RADIUS = 1e-4, 0.2
+#: Largest ratio, either way, between the radius of the thesis's circle and the one that the depth asks for: OpenCV's
+#: radius is off by ratios from 0.69 to 1.31.
+RADIUS_TOLERANCE = 1.6
+#: The same for the area of the red pixels, which is off by 0.94 to 1.02. A ball cut by this much moves the centroid by
+#: 3 mm.
+AREA_TOLERANCE = 1.15
+#: Pixels count for the centroid up to this many radii from its last estimate: the outline of a ball reaches 1.1 at the
+#: picture's edge, the rest is for OpenCV's circle.
+REACH = 1.5
+#: Steps of the centroid; from a third of the radius off it arrives in two.
+STEPS = 3
+
+
+@dataclass(frozen=True, eq=False)
+class BallFix:
+    """A ball that was found.
+
+    Attributes:
+        circle: Where it is in the picture [pixels].
+        position: Its centre in the camera frame (x right, y down, z forward) [m], shape (3,).
+    """
+
+    circle: Circle
+    position: Floats
+
+
+def find_ball(
+    rgb: NDArray[np.uint8],
+    depth: NDArray[np.floating],
+    intrinsics: Intrinsics,
+    radius: float,
+    *,
+    pipeline: str = "hybrid",
+) -> BallFix | None:
+    """Find the red ball.
+
+    Args:
+        rgb: Colours, uint8, shape (height, width, 3).
+        depth: Distance along the optical axis [m], shape (height, width); not finite or 0 where there is none.
+        intrinsics: Of the camera that took both.
+        radius: Of the ball [m].
+        pipeline: `"hybrid"` or `"thesis"`, as the module describes.
+
+    Returns:
+        The ball, or None if there is none, never a guess. `hybrid` also refuses a ball that the picture's edge or
+        something else cuts. Of several that fit, the one whose outline has the most votes.
+
+    Raises:
+        UnknownNameError: There is no such pipeline.
+        InputError: Pictures of another type or size than the camera's, or a radius outside 0.1 mm … 0.2 m.
+    """
+    check_known("pipeline", pipeline, PIPELINES)
+    if not isinstance(intrinsics, Intrinsics):
+        raise InputError(f"intrinsics must be Intrinsics, got {shown(intrinsics)}")
+    radius = check_number("the ball's radius", radius, least=LEAST_RADIUS, most=MOST_RADIUS)
+    rgb, depth = as_array("rgb", rgb), as_array("depth", depth)
+    if depth.dtype.kind != "f":
+        depth = as_floats("depth", depth)
+    size = (intrinsics.height, intrinsics.width)
+    if rgb.dtype != np.uint8 or rgb.shape != (*size, 3) or depth.shape != size:
+        raise InputError(
+            f"the camera takes {size[1]}x{size[0]} pictures: rgb must be uint8 of shape {(*size, 3)} and depth of "
+            f"shape {size}, got {rgb.dtype} {rgb.shape} and {depth.shape}"
+        )
+    return PIPELINES[pipeline](np.ascontiguousarray(rgb), depth, intrinsics, radius)
+
+
+def _thesis(rgb: NDArray[np.uint8], depth: NDArray[np.floating], camera: Intrinsics, radius: float) -> BallFix | None:
+    mask = red_mask(rgb)
+    for circle in grey_circles(rgb, _radii(camera, radius)):
+        row, column = round(circle.v), round(circle.u)
+        if not (0 <= row < camera.height and 0 <= column < camera.width):
+            continue
+        if mask[_disk(circle, 0.5, mask.shape)].mean() < 0.5:  # the goal is known to be a red ball
+            continue
+        surface = camera.deproject(circle.u, circle.v, depth[row, column])
+        if not _measured(surface[2]):
+            continue
+        position = surface * (1 + radius / np.linalg.norm(surface))
+        ratio = circle.r / _outline_radius(camera, position, radius)
+        if 1 / RADIUS_TOLERANCE < ratio < RADIUS_TOLERANCE:
+            return BallFix(circle, position)
+    return None
+
+
+def _hybrid(rgb: NDArray[np.uint8], depth: NDArray[np.floating], camera: Intrinsics, radius: float) -> BallFix | None:
+    mask = red_mask(rgb)
+    for circle in red_circles(mask, _radii(camera, radius)):
+        fix = _around(circle, mask, depth, camera, radius)
+        if fix is not None:
+            return fix
+    return None
+
+
+def _around(
+    circle: Circle, mask: NDArray[np.bool_], depth: NDArray[np.floating], camera: Intrinsics, radius: float
+) -> BallFix | None:
+    """The ball that a circle announces, from the red pixels and their depths, or None."""
+    found = circle
+    for _ in range(STEPS):
+        rows, columns = _disk(found, REACH, mask.shape)
+        red = mask[rows, columns]
+        rows, columns = rows[red], columns[red]
+        if len(rows) == 0 or _touches_edge(rows, columns, mask.shape):
+            return None
+        found = Circle(float(columns.mean()), float(rows.mean()), math.sqrt(len(rows) / math.pi))
+    position = _centre(found, depth, camera, radius)
+    if position is None:
+        return None
+    ratio = (found.r / _outline_radius(camera, position, radius)) ** 2
+    return BallFix(found, position) if 1 / AREA_TOLERANCE < ratio < AREA_TOLERANCE else None
+
+
+def _centre(circle: Circle, depth: NDArray[np.floating], camera: Intrinsics, radius: float) -> Floats | None:
+    r"""The ball's centre [m] from its outline and the depths in the inner half of it, shape (3,).
+
+    A pixel whose ray makes the angle $\varphi$ with the ray to the ball's centre and that sees the ball at the
+    distance $s$ puts the centre at the distance $s \cos\varphi + \sqrt{r^2 - s^2 \sin^2\varphi}$; the median of these
+    is taken. The middle of the outline is not the image of the centre $(X, Y, Z)$ but $Z^2 / (Z^2 - r^2)$ times as
+    far from the optical axis: up to 2.8 pixels at 1280x720.
+    """
+    rows, columns = _disk(circle, 0.5, depth.shape)
+    z = depth[rows, columns].astype(np.float64)
+    seen = _measured(z)
+    if not seen.any():
+        return None
+    points = camera.deproject(columns[seen], rows[seen], z[seen])
+    middle = camera.deproject(circle.u, circle.v, 1.0)
+    nearest = float(np.median(points[:, 2])) + radius  # of the centre, good enough for the correction
+    middle[:2] *= 1 - (radius / nearest) ** 2
+    ray = middle / np.linalg.norm(middle)
+    along = points @ ray
+    across = (points**2).sum(axis=1) - along**2
+    distances = along + np.sqrt(np.maximum(radius**2 - across, 0.0))
+    return ray * float(np.median(distances))
+
+
+def _disk(circle: Circle, reach: float, shape: tuple[int, ...]) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
+    """Rows and columns of the pixels within `reach` radii of a circle's centre."""
+    r = max(circle.r * reach, 1.0)
+    top, left = max(math.ceil(circle.v - r), 0), max(math.ceil(circle.u - r), 0)
+    rows, columns = np.mgrid[
+        top : min(math.floor(circle.v + r) + 1, shape[0]), left : min(math.floor(circle.u + r) + 1, shape[1])
+    ]
+    inside = (rows - circle.v) ** 2 + (columns - circle.u) ** 2 <= r * r
+    return rows[inside], columns[inside]
+
+
+def _touches_edge(rows: NDArray[np.intp], columns: NDArray[np.intp], shape: tuple[int, ...]) -> bool:
+    return bool(rows.min() == 0 or columns.min() == 0 or rows.max() == shape[0] - 1 or columns.max() == shape[1] - 1)
+
+
+def _measured(depth: Floats) -> NDArray[np.bool_]:
+    return (depth > 0) & (depth < MOST_DISTANCE)
+
+
+def _radii(camera: Intrinsics, radius: float) -> tuple[float, float]:
+    """Smallest and largest radius of the ball's circle [pixels]."""
+    return camera.fx * radius / FARTHEST, camera.fx * radius / NEAREST
+
+
+def _outline_radius(camera: Intrinsics, position: Floats, radius: float) -> float:
+    r"""Radius [pixels] of the disk that is as large as the image of a ball at `position` in the camera frame [m].
+
+    The outline is an ellipse with the half axes $f r / \sqrt{Z^2 - r^2}$ and
+    $f r \sqrt{D^2 - r^2} / (Z^2 - r^2)$, $D$ the distance of the ball.
+    """
+    distance_2 = float(position @ position)
+    depth_2 = max(float(position[2]) ** 2 - radius**2, radius**2)
+    return camera.fx * radius * (distance_2 - radius**2) ** 0.25 / depth_2**0.75
+
+
+#: Name -> function of rgb, depth, intrinsics and the ball's radius.
+PIPELINES: Mapping[str, Callable[..., BallFix | None]] = MappingProxyType({"hybrid": _hybrid, "thesis": _thesis})
+
+
+#: Of circles that are drawn around every edge [pixels]; wider than any picture that is looked at.
+MOST_RADIUS_PIXELS = 1024.0
+
+
+class EdgeSteps(NamedTuple):
+    """Pictures of shape (height, width).
+
+    Attributes:
+        grey: Brightness after the Gaussian filter, 0 to 255.
+        sobel: Length of the brightness's gradient by the Sobel operator.
+        edges: Whether Canny's detector keeps the pixel as an edge.
+    """
+
+    grey: Floats
+    sobel: Floats
+    edges: NDArray[np.bool_]
+
+
+def edge_steps(rgb: NDArray[np.uint8]) -> EdgeSteps:
+    """Gaussian filter, Sobel operator and Canny's edges of a picture.
+
+    Args:
+        rgb: Colours, uint8, shape (height, width, 3).
+
+    Raises:
+        InputError: A picture of another type or shape, or without a pixel.
+    """
+    rgb = as_array("rgb", rgb)
+    if rgb.dtype != np.uint8 or rgb.ndim != 3 or rgb.shape[2] != 3 or not rgb.size:
+        raise InputError(f"rgb must be uint8 of shape (height, width, 3) with a pixel, got {rgb.dtype} {rgb.shape}")
+    grey = cv2.GaussianBlur(cv2.cvtColor(rgb, cv2.COLOR_RGB2GRAY), (0, 0), SMOOTHING)
+    dx, dy = (cv2.Sobel(grey, cv2.CV_64F, *order) for order in ((1, 0), (0, 1)))
+    edges = cv2.Canny(grey, CANNY / 2, CANNY) > 0
+    return EdgeSteps(grey.astype(np.float64), np.hypot(dx, dy), edges)
+
+
+def circle_votes(edges: NDArray[np.bool_], radius: float) -> NDArray[np.intp]:
+    """How many edge pixels have each pixel at a distance: the circles of that radius around them, drawn and added up.
+
+    Where most of them cross is the centre of a circle of that radius, r^2 = (x - a)^2 + (y - b)^2 (section 2.2.2).
+
+    Args:
+        edges: Shape (height, width).
+        radius: Of the circles [pixels].
+
+    Returns:
+        Shape (height, width).
+
+    Raises:
+        InputError: Edges of another type or shape, or a radius below half a pixel or above `MOST_RADIUS_PIXELS`.
+    """
+    edges, radius = as_array("edges", edges), check_number("radius", radius, least=0.5, most=MOST_RADIUS_PIXELS)
+    if edges.dtype != np.bool_ or edges.ndim != 2:
+        raise InputError(f"edges must be bool of shape (height, width), got {edges.dtype} {edges.shape}")
+    reach = int(np.ceil(radius + 0.5))
+    dv, du = np.mgrid[-reach : reach + 1, -reach : reach + 1]
+    on_circle = np.abs(np.hypot(dv, du) - radius) < 0.5
+    height, width = edges.shape
+    votes = np.zeros((height + 2 * reach, width + 2 * reach), dtype=np.intp)
+    rows, columns = np.nonzero(edges)
+    for v, u in zip(dv[on_circle], du[on_circle], strict=True):
+        votes[rows + v + reach, columns + u + reach] += 1  # no pixel twice: every edge is shifted alike
+    return votes[reach : height + reach, reach : width + reach]

@@ -1,0 +1,228 @@
+"""The goal as the cameras see it from the start pose: six of the 13 numbers of the thesis's observation (3.4.2).
+
+The six numbers are the goal's position in the frame of the front camera, then in that of the wrist camera [m]. Camera
+frames are optical: x to the picture's right, y down, z forward. The arm stands in its start pose, where the goal is
+measured once per episode; the cameras' poses are therefore constants of the arm.
+
+`geometric_goal_view` says what perfect cameras would: rigid transforms, no rendering. `CameraGoalView` renders both
+pictures and finds the ball in them. What was not found has three zeros, the place of the optical centre, where no ball
+can be: the thesis's "no goal for that episode" (6.1).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import lru_cache
+from types import TracebackType
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from kinreach.checks import MOST_DISTANCE, Floats, as_array, as_floats, as_vector, check_entries, check_known, shown
+from kinreach.errors import InputError, raise_unknown
+from kinreach.kinematics.arm import build_model, pin
+from kinreach.kinematics.straight_line import Entry, Program, Symbol
+from kinreach.robots import ArmDescription, as_arm
+from kinreach.sim.rendering import FrameRenderer
+from kinreach.sim.scene import camera_rotation
+from kinreach.sim.simulation import ArmSimulation
+from kinreach.vision.ball_finder import PIPELINES, BallFix, find_ball
+from kinreach.vision.cameras import OPTICAL_IN_GL, RGBDCamera, RGBDImage, SensorNoise
+
+#: The cameras that measure the goal, in the order of the observation.
+GOAL_CAMERAS = ("front", "wrist")
+
+
+@lru_cache(maxsize=16)
+def goal_camera_poses(arm: ArmDescription) -> Floats:
+    """Poses of the `GOAL_CAMERAS` in the world with the arm in its start pose, optical frames, shape (2, 4, 4).
+
+    Computed from the description by Pinocchio; shared by all who ask, and read-only.
+
+    Raises:
+        UnknownNameError: The arm has no such camera; the message lists those it has.
+    """
+    model = build_model(arm)
+    data = model.createData()
+    pin.framesForwardKinematics(model, data, np.array(arm.home))
+    mounts = {mount.name: mount for mount in arm.cameras}
+    poses = np.empty((len(GOAL_CAMERAS), 4, 4))
+    for T_world_camera, name in zip(poses, GOAL_CAMERAS, strict=True):
+        if name not in mounts:
+            raise_unknown(f"camera of {arm.name}", name, mounts)
+        mount = mounts[name]
+        T_link_camera = np.eye(4)
+        T_link_camera[:3, :3] = camera_rotation(mount) @ OPTICAL_IN_GL
+        T_link_camera[:3, 3] = mount.position
+        T_world_camera[:] = data.oMf[model.getFrameId(mount.link)].homogeneous @ T_link_camera
+    poses.flags.writeable = False
+    return poses
+
+
+def geometric_goal_view(arm: str | ArmDescription, goals_world: ArrayLike) -> Floats:
+    """What perfect cameras would say.
+
+    Args:
+        arm: Name of a registered arm, or a description.
+        goals_world: Centres of the ball in the world [m], shape (..., 3).
+
+    Returns:
+        The six numbers of each goal, shape (..., 6).
+
+    Raises:
+        UnknownNameError: There is no such arm, or it lacks one of the cameras.
+        InputError: Wrong shape, or a value that is not finite.
+    """
+    goals = as_floats("goals_world", goals_world)
+    if goals.ndim == 0 or goals.shape[-1] != 3:
+        raise InputError(f"goals_world must have shape (..., 3), got {goals.shape}")
+    check_entries("goals_world", goals, MOST_DISTANCE)
+    # not a matrix product, whose last bit depends on how many goals there are
+    formula = _world_to_cameras(as_arm(arm))
+    views = np.array(formula(np.ascontiguousarray(goals.reshape(-1, 3).T)))
+    return views.T.reshape(*goals.shape[:-1], len(views))
+
+
+def goal_in_world(arm: str | ArmDescription, values: ArrayLike, found: ArrayLike) -> Floats | None:
+    """The goal's position from the six numbers: the mean of what the cameras that found it say.
+
+    Args:
+        arm: Name of a registered arm, or a description.
+        values: The six numbers [m], shape (6,).
+        found: Which camera found the ball, bool, shape (2,).
+
+    Returns:
+        Position in the world [m], shape (3,); None if no camera found the ball.
+
+    Raises:
+        UnknownNameError: There is no such arm, or it lacks one of the cameras.
+        InputError: Wrong shape, or a value that is not finite.
+    """
+    points = as_vector("values", values, 6, most=2 * MOST_DISTANCE).reshape(2, 3)
+    seen = as_array("found", found)
+    if seen.shape != (2,) or seen.dtype != np.bool_:
+        raise InputError(f"found must be two truth values, got {shown(found)}")
+    if not seen.any():
+        return None
+    T = goal_camera_poses(as_arm(arm))
+    in_world = np.einsum("nij,nj->ni", T[:, :3, :3], points) + T[:, :3, 3]
+    return in_world[seen].mean(axis=0)
+
+
+@dataclass(frozen=True, eq=False)
+class GoalLook:
+    """What both cameras made of the ball.
+
+    Attributes:
+        values: The six numbers [m], shape (6,); zeros for a camera that did not find the ball.
+        found: Which camera found it, bool, shape (2,).
+        fixes: What each camera found, with its circle in the picture, or None.
+        images: What each camera saw.
+    """
+
+    values: Floats
+    found: NDArray[np.bool_]
+    fixes: tuple[BallFix | None, ...]
+    images: tuple[RGBDImage, ...]
+
+
+class CameraGoalView:
+    """Measures the goal as the thesis does, by rendering; to be closed, or used as a context manager.
+
+    Both cameras share one renderer, made with the first look and kept as long as the scene is the same.
+
+    Args:
+        arm: Name of a registered arm, or a description.
+        width, height: Size of the pictures [pixels]. At the default most of the error is the renderer's: it draws the
+            ball with facets. 1280x720, the thesis's size, gains 0.03 mm for three times the time; 320x180 is off by
+            1.6 times as much in 0.4 of the time. `docs/cameras.md` has the numbers.
+        pipeline: How the ball is found, see `kinreach.vision.ball_finder`.
+        noise: Of the cameras; none by default.
+
+    Raises:
+        UnknownNameError: There is no such arm or pipeline, or the arm lacks one of the cameras.
+    """
+
+    def __init__(
+        self,
+        arm: str | ArmDescription = "ur5",
+        *,
+        width: int = 640,
+        height: int = 360,
+        pipeline: str = "hybrid",
+        noise: SensorNoise | None = None,
+    ) -> None:
+        self.arm = as_arm(arm)
+        goal_camera_poses(self.arm)  # says now if a camera is missing
+        check_known("pipeline", pipeline, PIPELINES)
+        self.width, self.height = width, height
+        self.pipeline = pipeline
+        self.noise = noise
+        self._renderer: FrameRenderer | None = None
+
+    def look(self, simulation: ArmSimulation, rng: np.random.Generator | None = None) -> GoalLook:
+        """Take both pictures of the current state and find the ball.
+
+        Args:
+            simulation: Of the same arm, in its start pose: only there `goal_in_world` holds.
+            rng: Draws the noise; needed if there is any. The same generator state gives the same look.
+
+        Raises:
+            InputError: A simulation of another arm, noise without a generator, or pictures larger than the scene's
+                off-screen buffer.
+            InstallationError: There is no library to draw with; the message names the packages.
+        """
+        if simulation.arm is not self.arm:
+            raise InputError(f"this view is of {self.arm.name}, got a simulation of {simulation.arm.name}")
+        renderer = self._renderer_for(simulation)
+        values = np.zeros((len(GOAL_CAMERAS), 3))
+        fixes: list[BallFix | None] = []
+        images: list[RGBDImage] = []
+        for value, name in zip(values, GOAL_CAMERAS, strict=True):
+            camera = RGBDCamera(simulation, name, width=self.width, height=self.height, renderer=renderer)
+            image = camera.capture(noise=self.noise, rng=rng)
+            radius = self.arm.workcell.ball_radius
+            fix = find_ball(image.rgb, image.depth, camera.intrinsics, radius, pipeline=self.pipeline)
+            if fix is not None:
+                value[:] = fix.position
+            fixes.append(fix)
+            images.append(image)
+        found = np.array([fix is not None for fix in fixes])
+        return GoalLook(values.ravel(), found, tuple(fixes), tuple(images))
+
+    def _renderer_for(self, simulation: ArmSimulation) -> FrameRenderer:
+        if self._renderer is not None and self._renderer.model is not simulation.model:
+            self.close()
+        if self._renderer is None:
+            self._renderer = FrameRenderer(simulation.model, width=self.width, height=self.height, shadows=False)
+        return self._renderer
+
+    def close(self) -> None:
+        """Free the graphics memory; the next look would ask for it again."""
+        if self._renderer is not None:
+            self._renderer.close()
+            self._renderer = None
+
+    def __enter__(self) -> CameraGoalView:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self.close()
+
+
+@lru_cache(maxsize=16)
+def _world_to_cameras(arm: ArmDescription) -> Program:
+    """The six numbers of a goal as a formula of its three coordinates in the world."""
+    T = goal_camera_poses(arm)
+    R = np.swapaxes(T[:, :3, :3], 1, 2)
+    p = -(R @ T[:, :3, 3:])
+
+    def formula(goal: Sequence[Symbol]) -> list[Entry]:
+        x, y, z = goal
+        rows = zip(R.reshape(6, 3).tolist(), p.ravel().tolist(), strict=True)
+        return [a * x + b * y + c * z + offset for (a, b, c), offset in rows]
+
+    return Program(formula, inputs=3)

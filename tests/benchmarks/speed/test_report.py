@@ -1,0 +1,156 @@
+"""The report says all that was measured, and the page of the documentation is what the command would write."""
+
+import dataclasses
+import json
+import math
+from pathlib import Path
+
+import jsonschema
+import pytest
+
+from benchmarks.speed import registry
+from benchmarks.speed.figure import OURS, PEERS, draw
+from benchmarks.speed.report import FORMAT, markdown, sections_of, show, table
+from benchmarks.speed.suite import Chart, Section, Target
+
+DOCS = Path(__file__).parents[2] / "docs"
+SCHEMA = Path(registry.__file__).with_name("results.schema.json")
+
+
+@pytest.fixture
+def results(make_section) -> dict:
+    return {
+        "format": FORMAT,
+        "command": "kinreach bench",
+        "options": {"rounds": 7, "quick": False, "seed": 0},
+        "seconds": 1.5,
+        "machine": {"processor": "a processor", "cores": 2, "system": "Linux"},
+        "versions": {"numpy": "2.0", "mink": None},
+        "suites": {"one": [make_section("one").to_json()], "two": [make_section("two").to_json()]},
+    }
+
+
+def test_the_report_says_everything(results):
+    page = markdown(results, data="data.json", picture="picture.png")
+    for said in (
+        "Machine: a processor, 2 cores, Linux. Seed: 0. Versions: numpy 2.0. Not installed: mink.",
+        "## Targets: 2 of 4 met",
+        "| one, time | at most 1 x theirs | 0.5 x theirs | yes |",
+        "| one, rate | at least 10 steps/s | 8 steps/s | no |",
+        "* one, rate: MuJoCo's step is 90 % of it",
+        "![Times and rates of all contenders](picture.png)",
+        "## Section two",
+        "Measured with care.",
+        "| ours | 1.23 | 0.5 | 0.4 ... 0.6 |",
+        "| theirs\\|they | 12 300 |  |  |",
+        "* Missing: absent: not installed (no module absent)",
+        "Rounds: 2. Again: `python -m benchmarks.speed --suite two`",
+        "[data.json](data.json)",
+    ):
+        assert said in page, said
+    assert "--quick" not in page
+    assert "![" not in markdown(results, data="data.json", picture="")
+    results["options"]["quick"] = True
+    assert "Measured with `--quick`" in markdown(results, data="data.json", picture="")
+
+
+def test_sections_survive_json(results, make_section):
+    section = make_section("one")
+    assert Section.from_json(json.loads(json.dumps(section.to_json()))) == section
+    assert sections_of(results) == [section, make_section("two")]
+
+
+@pytest.mark.parametrize(
+    ("kind", "measured", "met"),
+    [("at most", 1.0, True), ("at most", 1.01, False), ("at least", 1.0, True), ("at least", 0.99, False)],
+)
+def test_targets(kind, measured, met):
+    assert Target("x", 1.0, kind, measured, "s").met is met
+    assert not Target("x", 1.0, kind, math.nan, "s").met
+
+
+@pytest.mark.parametrize(
+    ("cell", "text"),
+    [
+        (None, ""), ("word", "word"), (0.0, "0"), (1.0, "1"), (0.012345, "0.0123"), (999.0, "999"), (1234.5, "1 230"),
+        (3_214_567.0, "3 210 000"), (100_000, "100 000"), (7, "7"), (1e-11, "1e-11"), (math.nan, "nan"),
+        (math.inf, "inf"), (-12.0, "-12"),
+    ],
+)  # fmt: skip
+def test_cells(cell, text):
+    assert show(cell) == text
+
+
+def test_columns_of_numbers_are_aligned_to_the_right():
+    assert table(("a", "b", "c"), [["x", 1.0, None], ["y", None, "-"]]).splitlines()[1] == "| --- | ---: | --- |"
+
+
+def test_figure(results):
+    figure = draw(sections_of(results))
+    panels = figure.axes
+    assert [ax.get_title(loc="left") for ax in panels] == ["bars", "bars", "lines", "lines"]
+    bars = panels[0].patches
+    assert [bar.get_width() for bar in bars] == [1.0, 20.0]
+    assert len({bar.get_facecolor() for bar in bars}) == 2
+    assert OURS != PEERS
+    line = panels[2].lines[0]
+    assert [*zip(*line.get_data(), strict=True)] == [(1.0, 3.0), (10.0, 0.1)]
+    figure.canvas.draw()
+
+
+def test_rounds_are_those_of_the_section():
+    bare = Section("a", "b", ("c",), [["d"]], "e")
+    assert bare.rounds == 0
+    assert Section("a", "b", ("c",), [["d"]], "e", samples={"f": [1.0] * 5, "g": [2.0] * 5}).rounds == 5
+
+
+def test_a_section_that_timed_nothing_tells_no_rounds(results, make_section):
+    results["suites"] = {"one": [dataclasses.replace(make_section("one"), samples={}).to_json()]}
+    page = markdown(results, data="data.json", picture="")
+    assert "\nAgain: `python -m benchmarks.speed --suite one`" in page
+    assert "Rounds" not in page
+
+
+@pytest.mark.parametrize("values", [[0.0, 2.0, 5.0], [0.0, 0.0], [0.0], [3.0]])
+def test_a_bar_of_nothing_is_drawn_as_nothing(values):
+    bars = {f"bar {number}": value for number, value in enumerate(values)}
+    figure = draw([Section("a", "b", ("c",), [], "e", charts=[Chart("x", bars=bars)])])
+    figure.canvas.draw()
+    (axes,) = figure.axes
+    assert [bar.get_width() for bar in axes.patches] == values
+    low, high = axes.get_xlim()
+    assert 0 <= low < high
+    assert max(values) < high
+    assert [note.get_text().strip() for note in axes.texts] == [f"{value:g}" for value in values]
+
+
+def test_no_figure_without_charts():
+    bare = Section("a", "b", ("c",), [["d"]], "e")
+    assert draw([bare]) is None
+    assert len(draw([bare, Section("a", "b", ("c",), [], "e", charts=[Chart("x", bars={"y": 1.0})])]).axes) == 1
+
+
+@pytest.fixture(scope="module")
+def data() -> dict:
+    return json.loads((DOCS / "benchmarks.json").read_text(encoding="utf-8"))
+
+
+class TestPage:
+    """docs/benchmarks.md holds a run; `docs/benchmarks.json` has its numbers."""
+
+    def test_is_what_the_command_writes(self, data):
+        page = (DOCS / "benchmarks.md").read_text(encoding="utf-8")
+        assert page == markdown(data, data="benchmarks.json", picture="images/benchmarks.png")
+        assert (DOCS / "images" / "benchmarks.png").is_file()
+
+    def test_holds_all_suites(self, data):
+        jsonschema.validate(data, json.loads(SCHEMA.read_text(encoding="utf-8")))
+        assert list(data["suites"]) == list(registry.SUITES)
+        for section in sections_of(data):
+            assert section.text
+            assert all(len(row) == len(section.columns) for row in section.rows), section.title
+            assert section.rows or section.missing, section.title
+
+    def test_shortfalls_are_explained(self, data):
+        short = [target for section in sections_of(data) for target in section.targets if not target.met]
+        assert [target.what for target in short if not target.why] == []

@@ -1,0 +1,138 @@
+"""The tables of trained policies: which trainings count, what a row says, and that nothing is needed to say it."""
+
+import json
+import shutil
+from importlib import resources
+from unittest.mock import Mock
+
+import gymnasium as gym
+import numpy as np
+import pytest
+
+from benchmarks.studies import button_actuation, button_failures, button_policies, loitering, trained
+from benchmarks.studies.trainings import ONE_SEED, Trainings, finished, with_interval
+from kinreach.baselines.evaluation import Evaluation
+from kinreach.baselines.policies import load_policy
+from kinreach.envs.button import ACTUATIONS
+from kinreach.statistics import trainings_interval
+
+PRETRAINED = resources.files("kinreach.baselines") / "pretrained"
+
+
+class Still:
+    """A policy that asks for no motion."""
+
+    def act(self, observations):
+        return np.zeros((len(observations), 6))
+
+
+@pytest.fixture
+def runs(tmp_path):
+    """Two trainings of `ppo-multi-ending`, `single` and `button-report` each, of which one stands for the other."""
+    for recipe, policy in (("ppo-multi-ending", "ppo-multi"), ("single", "single"), ("button-report", "button-report")):
+        for seed in (2, 10):
+            folder = tmp_path / recipe / f"seed-{seed}"
+            folder.mkdir(parents=True)
+            shutil.copy(PRETRAINED / f"{policy}.safetensors", folder / "policy.safetensors")
+            (folder / "run.json").write_text(json.dumps({"cpu_seconds": 40.4 + seed}))
+    return tmp_path
+
+
+def table(text):
+    head, rule, *rows = [[cell.strip() for cell in line.strip("|").split("|")] for line in text.splitlines()]
+    assert len(rule) == len(head)
+    assert all(len(row) == len(head) for row in rows)
+    return head, rows
+
+
+def test_only_finished_trainings_count_in_the_order_of_their_seeds(runs):
+    assert [folder.name for folder in finished(runs, "single")] == ["seed-2", "seed-10"]
+    (runs / "single" / "seed-2" / "run.json").unlink()
+    assert [folder.name for folder in finished(runs, "single")] == ["seed-10"]
+    (runs / "single" / "seed-10" / "policy.safetensors").unlink()
+    assert finished(runs, "single") == finished(runs, "sac-single") == []
+
+
+def test_the_table_of_reach_policies(runs, capsys):
+    assert trained.main([str(runs), "--recipes", "single,sac-single", "--goals", "40"]) == 0
+    head, rows = table(capsys.readouterr().out)
+    assert [row[:2] for row in rows] == [["`single`", "2"]]
+    said = dict(zip(head, rows[0], strict=True))
+    assert said["reached, % [95 % CI over seeds]"] == "100.00 [91.24, 100.00]"  # Wilson's, 40 of 40, not 80 of 80
+    assert said["training, s of processor"] == "42–50"
+    assert said["worst seed: median, mm"] == said["median, mm [95 % CI over seeds]"].split(" ")[0]
+
+
+def test_the_table_of_button_policies_and_its_note(runs, capsys):
+    shutil.rmtree(runs / "button-report" / "seed-2")
+    assert button_policies.main([str(runs), "--goals", "20"]) == 0
+    text = capsys.readouterr().out
+    assert text.endswith(f"\n\n{ONE_SEED}\n")
+    _, rows = table(text.removesuffix(f"\n\n{ONE_SEED}\n"))
+    assert [row[:2] for row in rows] == [["`button-report`", "1"]]
+
+
+def test_a_row_has_the_interval_over_the_seeds():
+    rng = np.random.default_rng(0)
+    reached = rng.random((3, 50)) < np.array([[0.2], [0.5], [0.0]])
+    steps = np.where(reached, np.array([[20.0], [30.0], [0.0]]), 100.0)
+    wrong = rng.poisson(2.0, (3, 50)).astype(float)
+    found = [
+        Evaluation(reached[i], np.zeros(50, bool), {"steps": steps[i], "wrong_presses": wrong[i]}) for i in range(3)
+    ]
+    pressed, every, needed, presses, _ = button_policies.cells(Trainings("button", found, [1.0, 2.0, 3.0]))
+    low, high = trainings_interval(reached)
+    assert pressed == f"{100 * reached.mean():.1f} [{100 * low:.1f}, {100 * high:.1f}]"
+    assert every.count(", ") == 2
+    assert needed == "20, 30, -"
+    assert presses.startswith(f"{wrong.mean():.2f} [")
+
+
+@pytest.mark.parametrize(
+    ("value", "text"),
+    [(0.0, "0.00"), (0.1906, "0.191"), (8.904, "8.90"), (60.06, "60.1"), (568.6, "569"), (1190.4, "1190")],
+)
+def test_three_digits(value, text):
+    values = np.full((2, 5), value)
+    assert with_interval(values) == f"{text} [{text}, {text}]"
+
+
+def test_nobody_waits_beside_a_goal_that_is_never_near():
+    assert loitering.watch(Still(), goals=3) == (0.0, 0.0, 0.0, None)
+
+
+def test_loitering(runs, capsys, monkeypatch):
+    monkeypatch.setattr(loitering, "watch", lambda policy: (50.0, 60.0, 0.0, None))
+    assert loitering.main([str(runs)]) == 0
+    _, rows = table(capsys.readouterr().out)
+    assert rows == [[f"`ppo-multi-ending`, {seed}", "50.0", "60.0", "0.0", "-"] for seed in (2, 10)]
+
+
+def test_where_button_policies_end():
+    last, pressed = button_failures.last_observations(load_policy("button-report"), 5)
+    assert last.shape == (5, 19)
+    assert pressed.all()
+    assert (np.linalg.norm(last[:, 15:18], axis=1) < 0.05).all()
+
+
+def test_environments_are_closed(monkeypatch):
+    closings = []
+
+    def recorded(make):
+        def made(*args, **options):
+            env = make(*args, **options)
+            closings.append(Mock(wraps=env.close))
+            monkeypatch.setattr(env, "close", closings[-1])
+            return env
+
+        return made
+
+    monkeypatch.setattr(gym, "make", recorded(gym.make))
+    monkeypatch.setattr(gym, "make_vec", recorded(gym.make_vec))
+    tuned = ACTUATIONS["tuned"]
+    button_actuation.one_increment(tuned)
+    button_actuation.random_actions(tuned, 2, 0)
+    button_actuation.analytic(tuned, 2, 0)
+    loitering.watch(Still(), goals=2)
+    button_failures.last_observations(load_policy("button-report"), 2)
+    assert [close.call_count for close in closings] == [1] * 5
