@@ -1,4 +1,4 @@
-"""Results of inverse kinematics: one posture, all postures of a goal, many goals; limits, windings and the nearest to a seed."""
+"""Results of inverse kinematics: one posture, all of a goal, those of many goals; limits, windings, the nearest one."""
 
 from __future__ import annotations
 
