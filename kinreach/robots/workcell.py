@@ -136,9 +136,11 @@ class Workcell:
         touching: (obstacle, link) pairs that touch by construction.
         goals: Where the centre of the ball may be.
         ball_radius: Radius of the ball that marks the goal [m]; it has no contact with the arm.
+        reached_distance: How near to a goal the tip has to come [m].
     """
 
     obstacles: tuple[Box, ...]
     touching: tuple[tuple[str, str], ...]
     goals: GoalRegion
     ball_radius: float = 0.025
+    reached_distance: float = 0.01

@@ -9,7 +9,8 @@ from typing import Any
 import numpy as np
 
 from kinreach.checks import MOST_DISTANCE, Floats, as_vector, check_count, check_known
-from kinreach.envs.batch import RowStreams, option_rows
+from kinreach.envs.batch import RowStreams
+from kinreach.envs.options import option_rows
 from kinreach.envs.button.task import (
     ACTUATIONS,
     CONTROL_LIMIT,
