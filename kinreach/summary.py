@@ -90,6 +90,11 @@ class Column:
         """The 95 % interval of its summary from an entry of the results."""
         return _read(entry, _ci(self.key))
 
+    def measured(self, entry: Mapping[str, Any]) -> bool:
+        """Whether a trial of the entry had a value."""
+        found = self.read(entry)
+        return found is not None and (not isinstance(found, Mapping) or found["median"] is not None)
+
     def number(self, entry: Mapping[str, Any], part: str = "") -> float | None:
         """What a table sorts by: the rate in percent, the mean, or a part of the quantiles, the median by default."""
         found = self.read(entry)
@@ -100,7 +105,7 @@ class Column:
     def text(self, entry: Mapping[str, Any], show: str = "") -> str:
         """What a table shows of an entry of the results, `-` where nothing was measured."""
         show = show or self.show
-        if self.read(entry) is None:
+        if not self.measured(entry):
             return "-"
         if show == "interval":
             low, high = self.interval(entry)
@@ -149,7 +154,7 @@ def tables(columns: Sequence[Column], entries: Sequence[Mapping[str, Any]], *, t
     """
     found: dict[str, list[Column]] = {}
     for column in columns:
-        if column.show and any(column.read(entry) is not None for entry in entries):
+        if column.show and any(map(column.measured, entries)):
             found.setdefault(column.table, []).append(column)
     drawn = []
     for name, shown in found.items():

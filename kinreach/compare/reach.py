@@ -315,7 +315,7 @@ ARM3_TASK = register_task(
         variants={"single": SINGLE, "multi": MULTI},
         resets=_reachable_resets,
         methods=SOLVERS,
-        columns=COLUMNS,
+        columns=[column for column in COLUMNS if column.key != "posture_error"],
         figures=FIGURES,
         reached="d < 50 mm, the press radius",
         terms={

@@ -194,7 +194,7 @@ def _tables(columns: Sequence[Column], entries: Sequence[Mapping[str, Any]]) -> 
     """The columns with a heading as HTML tables, one a title; a column in which nothing was measured is left out."""
     found: dict[str, list[Column]] = {}
     for column in columns:
-        if column.heading and (column.show or "." not in column.key) and any(map(_measured(column), entries)):
+        if column.heading and (column.show or "." not in column.key) and any(map(column.measured, entries)):
             found.setdefault(column.table, []).append(column)
     for title, shown in found.items():
         head = "".join(map(_heading, ("method", *([] if title else ["kind"])), ("text", "text")))
@@ -205,14 +205,6 @@ def _tables(columns: Sequence[Column], entries: Sequence[Mapping[str, Any]]) -> 
             f'{caption}<div class="wide"><table class="sortable">\n<thead><tr>{head}</tr></thead>\n'
             f"<tbody>\n{rows}\n</tbody>\n</table></div>"
         )
-
-
-def _measured(column: Column) -> Any:
-    def measured(entry: Mapping[str, Any]) -> bool:
-        found = column.read(entry)
-        return found is not None and (not isinstance(found, Mapping) or found["median"] is not None)
-
-    return measured
 
 
 def _heading(text: str, kind: str) -> str:

@@ -231,34 +231,35 @@ def run_trials(
         environments = _Environments(task, stack)
         players = {name: (environments.of(method), environments.policy(method)) for name, method in methods.items()}
         first = environments.default
+        shared = task.options.get("observation") == CAMERA
         resets = task.resets(comparison.goals, comparison.seed, first)
         for reset in task.resets(WARM_UP_GOALS, WARM_UP_SEED, first):
-            _one_goal(players, list(players), reset)
+            for _ in _one_goal(players, list(players), reset, shared=shared):
+                pass
         names = list(players)
         count = len(finished)
         for index, reset in enumerate(resets):
             turns = np.random.default_rng(index).permutation(len(names))
             pending = [names[turn] for turn in turns if (index, names[turn]) not in finished]
-            for name, trial in _one_goal(players, pending, reset):
+            for name, trial in _one_goal(players, pending, reset, shared=shared):
                 count += 1
                 yield {"goal_index": index, "method": name, **trial}
                 progress(count, total)
 
 
 def _one_goal(
-    players: Mapping[str, tuple[gym.Env[Any, Any], Policy]], names: Sequence[str], reset: Mapping[str, Any]
+    players: Mapping[str, tuple[gym.Env[Any, Any], Policy]],
+    names: Sequence[str],
+    reset: Mapping[str, Any],
+    *,
+    shared: bool,
 ) -> Iterator[tuple[str, Trial]]:
-    """Methods on one goal; what the first one's cameras measured, the others are told."""
+    """Methods on one goal; with a shared look, what the first one's cameras measured, the others are told."""
+    views: list[Any] = []
     for name in names:
         env, policy = players[name]
-        views: list[Any] = []
-
-        def look(env: gym.Env[Any, Any], info: Mapping[str, Any], views: list[Any] = views) -> None:
-            if not views:
-                views.append(info.get("view"))
-
-        (trial,) = rollout(env, policy, [reset], watch=look)
-        if views[0] is not None:
+        (trial,) = rollout(env, policy, [reset], watch=lambda env, info: views.append(info.get("view")))
+        if shared:
             reset = {**reset, "options": {**reset.get("options", {}), "view": views[0]}}
         yield name, trial
 
@@ -329,8 +330,8 @@ def notes(comparison_task: Task, results: Mapping[str, Any]) -> list[str]:
     """What the numbers mean, line by line."""
     settings = results["settings"]
     return [
-        f"{settings['goals']} goals, seed {settings['seed']}. Reached: {settings['terms']['reached']}; its 95 % interval "
-        "is Wilson's.",
+        f"{settings['goals']} goals, seed {settings['seed']}. Reached: {settings['terms']['reached']}; its 95 % "
+        "interval is Wilson's.",
         *comparison_task.notes(results),
         *(f"Left out: {name}: {reason}" for name, reason in settings["left_out"].items()),
     ]

@@ -76,12 +76,22 @@ class ReachEnv(gym.Env[Any, Any], EzPickle):
         return self._task.home.copy()
 
     def accept(self, q: ArrayLike) -> bool:
-        """Whether a posture [rad], shape (n,), is free of collisions, by the exact checker.
+        """Whether a posture [rad], shape (n,), may be taken: free of collisions, and natural where that is rewarded.
+
+        Collisions are judged by the exact checker; natural is a posture error below the thesis's 0.15.
 
         Raises:
             InputError: Wrong shape, or not finite.
         """
-        return self._task.checker.free(q)
+        return self._task.natural(q) and self._task.checker.free(q)
+
+    def posture_for(self, action: ArrayLike) -> Floats:
+        """The posture [rad], shape (n,), that an action asks for from where the arm stands: inverse of `action_for`.
+
+        Raises:
+            InputError: Wrong shape, or not finite.
+        """
+        return self._task.targets(self._world.q, self._task.check_actions(action, None)[None])[0]
 
     def action_for(self, q: ArrayLike) -> Floats:
         """The action that takes the arm to a posture, or in several steps straight towards it.
@@ -118,7 +128,7 @@ class ReachEnv(gym.Env[Any, Any], EzPickle):
 
         Returns:
             The observation, and `info`: `goal` and `seen` (where the ball is, and where the cameras put it in the
-            world; NaN where none found it), `ball_found`, `q`, `tip`, `distance`, `posture_error`.
+            world; NaN where none found it), `view` (the goal block), `ball_found`, `q`, `tip`, `distance`, `posture_error`.
 
         Raises:
             InputError: A seed that is not an integer at least 0, an unknown option, or one that is malformed.

@@ -15,12 +15,13 @@ import numpy as np
 from gymnasium import spaces
 from numpy.typing import ArrayLike, NDArray
 
-from kinreach.checks import Floats, as_flags, as_floats, check_count, check_known, check_number
+from kinreach.checks import Floats, as_flags, as_floats, as_vector, check_count, check_known, check_number
 from kinreach.envs.options import option, option_rows
 from kinreach.envs.reach.rewards import scorer_of
 from kinreach.errors import InputError
-from kinreach.kinematics import ArmKinematics, AxisGoal, CollisionChecker, PositionGoal
+from kinreach.kinematics import AxisGoal, CollisionChecker, PositionGoal, kinematics_of
 from kinreach.robots import ArmDescription, as_arm
+from kinreach.thesis.reward import REACHED_POSTURE_ERROR
 from kinreach.vision.ball_finder import PIPELINES
 from kinreach.vision.cameras import SensorNoise
 from kinreach.vision.goal_view import geometric_goal_view, has_goal_cameras
@@ -80,7 +81,7 @@ class ReachOptions:
         if self.observation != "geometric" and not has_goal_cameras(arm):
             names = ", ".join(mount.name for mount in arm.cameras) or "none"
             raise InputError(
-                f'observation={self.observation!r} needs cameras named front and wrist, arm {arm.name!r} has {names}; '
+                f"observation={self.observation!r} needs cameras named front and wrist, arm {arm.name!r} has {names}; "
                 'use observation="geometric"'
             )
 
@@ -196,7 +197,7 @@ class ReachTask:
         self.options = options
         self.variant = variant
         self.arm = arm = as_arm(options.arm)
-        self.kinematics = ArmKinematics(arm, base="world")
+        self.kinematics = kinematics_of(arm, base="world")
         self.scorer = scorer_of(options.reward, arm)
         self.home = np.array(arm.home)
         self.lower, self.upper = (_snapped(limit) for limit in (self.kinematics.lower, self.kinematics.upper))
@@ -234,6 +235,11 @@ class ReachTask:
         """
         point = as_floats("position", position)
         return AxisGoal(point, TOOL_DOWN) if len(self.arm.joints) >= 6 else PositionGoal(point)  # type: ignore[arg-type]
+
+    def natural(self, q: ArrayLike) -> bool:
+        """Whether a posture [rad], shape (n,), has the posture error that reaching asks for."""
+        posture = as_vector("q", q, len(self.arm.joints))
+        return bool(self.scorer.posture_error(posture[None])[0] < REACHED_POSTURE_ERROR)
 
     @cached_property
     def checker(self) -> CollisionChecker:
@@ -277,7 +283,9 @@ class ReachTask:
                 where = "that the cameras see" if self.cameras else "in which goals are"
                 raise InputError(f"goal {start.goals[seen.argmax()]} m is outside the {bound:g} m {where}")
         if start.views is not None and (np.abs(start.views) > bound).any():
-            raise InputError(f"view must be within ±{bound:g} m, got {start.views.flat[np.abs(start.views).argmax()]:g}")
+            raise InputError(
+                f"view must be within ±{bound:g} m, got {start.views.flat[np.abs(start.views).argmax()]:g}"
+            )
         return start
 
     def goal_block(self, goals: Floats) -> Floats:

@@ -37,6 +37,8 @@ class UR5Kinematics(ClosedFormKinematics):
         InputError: The arm's geometry is not that of a UR.
     """
 
+    joints = 6
+
     def __init__(self, *, tip: str = "tool0", base: str = "base_link", arm: str | ArmDescription = "ur5") -> None:
         super().__init__(arm, tip=tip, base=base)
         flange = self.model.getFrameId(self.arm.tips["tool0"])
