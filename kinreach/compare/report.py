@@ -22,7 +22,7 @@ from PIL import Image
 
 from kinreach.compare.figures import DPI
 from kinreach.compare.task import Task
-from kinreach.errors import DrawingError, InstallationError
+from kinreach.errors import OutputError
 from kinreach.files import replacing, write_text
 from kinreach.summary import QUANTILES, SPREAD, Column, Trial, number
 
@@ -70,9 +70,12 @@ def write_report(
     Raises:
         OutputError: The file system refused.
     """
+    renderings: list[Rendering] | str
     try:
-        renderings: list[Rendering] | str = render_trials(task, trials, results)
-    except (InstallationError, DrawingError) as error:
+        renderings = render_trials(task, trials, results)
+    except OutputError:
+        raise
+    except Exception as error:  # whatever somebody else's environment raises that cannot start in a posture
         renderings = f"None: {' '.join(str(error).split())}"
     else:
         with replacing(path.with_name("scene.png")) as temporary:
@@ -116,24 +119,21 @@ def finding(results: Mapping[str, Any]) -> str:
     entries = results["methods"]
     most = max(entry["reached"] for entry in entries)
     best = [entry for entry in entries if entry["reached"] == most]
-    share = "every goal" if most == 1 else f"{100 * most:.1f} % of the goals" if most else "none of the goals"
-    who = "All methods reach" if len(best) == len(entries) > 1 else f"{_list([entry['name'] for entry in best])} reach"
-    said = [f"{who}{'es' if len(best) == 1 and who[:3] != 'All' else ''} {share}"]
     rest = [entry for entry in entries if entry["reached"] < most]
+    share = "every goal" if most == 1 else f"{100 * most:.1f} % of the goals" if most else "none of the goals"
+    if len(best) == 1:
+        said = [f"{best[0]['name']} reaches {share}"]
+    else:
+        said = [f"{len(best)} of {len(entries)} methods reach {share}" if rest else f"All methods reach {share}"]
+        if most:
+            near = min(best, key=lambda entry: entry["distance_mm"]["median"])
+            quick = min(best, key=lambda entry: entry["solve_ms"]["median"])
+            said.append(f"{near['name']} ends nearest, {number(near['distance_mm']['median'])} mm in the median")
+            said.append(f"{quick['name']} decides soonest, {number(quick['solve_ms']['median'])} ms")
     if rest:
-        said.append(", ".join(f"{entry['name']} {100 * entry['reached']:.1f} %" for entry in rest))
-    near = min(best, key=lambda entry: entry["distance_mm"]["median"])
-    quick = min(best, key=lambda entry: entry["solve_ms"]["median"])
-    if len(best) > 1:
-        said.append(
-            f"of those, {near['name']} ends nearest ({number(near['distance_mm']['median'])} mm in the median) and "
-            f"{quick['name']} decides soonest ({number(quick['solve_ms']['median'])} ms)"
-        )
+        shares = (f"{entry['name']} {100 * entry['reached']:.1f} %" for entry in rest)
+        said.append(f"the others: {', '.join(shares)}")
     return "; ".join(said) + "."
-
-
-def _list(names: Sequence[str]) -> str:
-    return names[0] if len(names) == 1 else f"{', '.join(names[:-1])} and {names[-1]}"
 
 
 def render_trials(task: Task, trials: Sequence[Trial], results: Mapping[str, Any]) -> list[Rendering]:

@@ -19,7 +19,7 @@ import gymnasium as gym
 import numpy as np
 
 from kinreach import provenance, statistics
-from kinreach.baselines.rollout import Policy, rollout
+from kinreach.baselines.rollout import Policy, as_policy, rollout
 from kinreach.checks import check_count, check_known, check_path, shown
 from kinreach.compare import figures, report
 from kinreach.compare.methods import colours, resolve_methods
@@ -282,7 +282,7 @@ class _Environments:
 
     def policy(self, method: Method) -> Policy:
         """A method's policy."""
-        return method.make(self.of(method))
+        return as_policy(method.make(self.of(method)))
 
     def _get(self, name: str) -> gym.Env[Any, Any]:
         if name not in self._made:

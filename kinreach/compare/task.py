@@ -12,7 +12,6 @@ from typing import Any
 import gymnasium as gym
 from matplotlib.figure import Figure
 
-from kinreach.baselines.rollout import Policy
 from kinreach.checks import check_known
 from kinreach.errors import InputError
 from kinreach.summary import MEAN, QUANTILES, RATE, Column, Trial, success_columns
@@ -44,14 +43,14 @@ class Method:
     """One way to do a task.
 
     Attributes:
-        make: From the environment that it will act in to its policy.
+        make: From the environment that it will act in to its policy, or to what `as_policy` makes one of.
         kind: A key of `GIVEN`, or another word or two.
         environment: Id of the environment it acts in; the task's own if empty.
         versions: What its answers depend on besides code and packages, by name: digests of files.
         colour: In figures; one is chosen if empty.
     """
 
-    make: Callable[[gym.Env[Any, Any]], Policy]
+    make: Callable[[gym.Env[Any, Any]], Any]
     kind: str = POLICY
     environment: str = ""
     versions: Mapping[str, str] = field(default_factory=dict)
