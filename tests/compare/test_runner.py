@@ -33,6 +33,10 @@ def numbers(results):
     return kept
 
 
+def rows_of(path):
+    return list(csv.DictReader(path.read_text().splitlines()))
+
+
 class Interrupted(Exception):
     pass
 
@@ -96,7 +100,7 @@ def test_an_interrupted_comparison_goes_on_and_ends_as_if_it_had_not_been(toy, t
     assert started[0] == (7, 15)
     assert numbers(resumed) == numbers(whole)
     assert not (tmp_path / "torn" / RECORDS).exists()
-    rows = [list(csv.DictReader((tmp_path / name / "results.csv").open())) for name in ("whole", "torn")]
+    rows = [rows_of(tmp_path / name / "results.csv") for name in ("whole", "torn")]
     assert plain(rows[0]) == plain(rows[1])
     assert len(rows[0]) == 15
 
@@ -142,7 +146,7 @@ def test_files_say_the_same(toy, tmp_path):
     assert sorted(path.name for path in tmp_path.iterdir()) == [
         "report.html", "results.csv", "results.json", "scene.png",
     ]  # fmt: skip
-    rows = list(csv.DictReader((tmp_path / "results.csv").open()))
+    rows = rows_of(tmp_path / "results.csv")
     assert [row["method"] for row in rows] == ["right", "near", "wild"] * 3
     assert np.mean([float(row["distance"]) for row in rows if row["method"] == "near"]) == pytest.approx(0.005)
 
