@@ -1,4 +1,4 @@
-"""Results of inverse kinematics: one posture, all postures of a goal, many goals; limits, windings and the nearest to a seed."""
+"""Results of inverse kinematics, for one posture, all postures of a goal, or many goals; and the nearest windings."""
 
 from __future__ import annotations
 
