@@ -1,11 +1,11 @@
-"""Analytic and numeric kinematics: FK, Jacobians, limits, closed-form IK, collisions, reward geometry."""
+"""Analytic and numeric kinematics: FK, Jacobians, limits, closed-form IK, collisions."""
 
 from kinreach.kinematics.arm import ArmKinematics
 from kinreach.kinematics.arm3 import Arm3Kinematics
 from kinreach.kinematics.collision import CollisionChecker
 from kinreach.kinematics.goals import AxisGoal, PoseGoal, PositionGoal
 from kinreach.kinematics.solutions import IKBatch, IKBatchNearest, IKResult, IKSolutions, Status
-from kinreach.kinematics.ur.kinematics import UR5Kinematics
+from kinreach.kinematics.ur.kinematics import UR5Kinematics, URKinematics
 
 __all__ = [
     "Arm3Kinematics",
@@ -20,4 +20,5 @@ __all__ = [
     "PositionGoal",
     "Status",
     "UR5Kinematics",
+    "URKinematics",
 ]
