@@ -1,4 +1,4 @@
-"""Analytic and numeric kinematics: FK, Jacobians, limits, closed-form IK, collisions, reward geometry."""
+"""Analytic and numeric kinematics: FK, Jacobians, limits, closed-form IK, collisions."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from kinreach.kinematics.arm3 import Arm3Kinematics
 from kinreach.kinematics.collision import CollisionChecker
 from kinreach.kinematics.goals import AxisGoal, PoseGoal, PositionGoal
 from kinreach.kinematics.solutions import IKBatch, IKBatchNearest, IKResult, IKSolutions, Status
-from kinreach.kinematics.ur.kinematics import UR5Kinematics
+from kinreach.kinematics.ur.kinematics import UR5Kinematics, URKinematics
 
 if TYPE_CHECKING:
     from kinreach.robots import ArmDescription
@@ -28,12 +28,13 @@ def kinematics_of(arm: str | ArmDescription, *, tip: str | None = None, base: st
         UnknownNameError: The arm, the tip or the base does not exist.
     """
     plain = ArmKinematics(arm, tip=tip, base=base)
-    for kind in (UR5Kinematics, Arm3Kinematics):
-        if plain.n == kind.joints:
-            try:
-                return kind(arm=plain.arm, tip=plain.tip, base=base)
-            except InputError:  # as many joints, another geometry
-                continue
+    try:
+        if plain.n == URKinematics.joints:
+            return URKinematics(plain.arm, tip=plain.tip, base=base)
+        if plain.n == Arm3Kinematics.joints:
+            return Arm3Kinematics(arm=plain.arm, tip=plain.tip, base=base)
+    except InputError:  # as many joints, another geometry
+        pass
     return plain
 
 
@@ -50,5 +51,6 @@ __all__ = [
     "PositionGoal",
     "Status",
     "UR5Kinematics",
+    "URKinematics",
     "kinematics_of",
 ]
