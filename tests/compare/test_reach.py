@@ -113,7 +113,7 @@ def test_a_solver_that_finds_nothing_is_impossible_and_says_why():
 
 def test_a_posture_that_cannot_be_taken_is_impossible():
     def into_the_table(observation):
-        return np.array([-0.5, 0.0, 0.0, 0.0, 0.0, 0.0])  # the arm stretched out, flat, through the table
+        return np.array([-0.5, 0.1, 0.0, 0.0, 0.0, 0.0])  # the arm stretched out, slanting into the table
 
     (found,) = compare("ur5", [into_the_table], goals=2)["methods"]
     assert found["impossible"] == 1.0
