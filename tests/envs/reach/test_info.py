@@ -32,7 +32,7 @@ def test_info_agrees_with_itself(name, backend):
             np.testing.assert_array_equal(info["q"], env.unwrapped.home)
             np.testing.assert_array_equal(info["seen"], info["goal"])
             moved = 0.0
-        observation, reward, terminated, truncated, info = env.step(rng.uniform(-1, 1, 6))
+        observation, _, terminated, truncated, info = env.step(rng.uniform(-1, 1, 6))
         over = terminated or truncated
         assert set(info) == STEP
         np.testing.assert_array_equal(observation[6:12], info["q"])
