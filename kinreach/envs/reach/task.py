@@ -1,4 +1,4 @@
-"""The two variants of the thesis's task: what an action means, and what is observed.
+"""The two variants of the thesis's task on any arm: options, meaning of actions, observations, reset options.
 
 Everything here works on stacks, so that one environment and thousands in a batch share it.
 """
@@ -7,30 +7,109 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass
-from typing import Any
+from dataclasses import dataclass, field
+from functools import cached_property, lru_cache
+from typing import Any, NamedTuple
 
 import numpy as np
 from gymnasium import spaces
 from numpy.typing import ArrayLike
 
-from kinreach.checks import Floats, as_floats
-from kinreach.envs.batch import option_rows
+from kinreach.checks import Floats, as_flags, as_floats, as_vector, check_count, check_known, check_number
+from kinreach.envs.options import about, option_rows
+from kinreach.envs.reach.rewards import RewardFunction, scorer_of
 from kinreach.errors import InputError
-from kinreach.vision.goal_view import geometric_goal_view
+from kinreach.kinematics import AxisGoal, CollisionChecker, PositionGoal, kinematics_of
+from kinreach.robots import ArmDescription, as_arm
+from kinreach.thesis.reward import REACHED_POSTURE_ERROR
+from kinreach.vision.ball_finder import PIPELINES
+from kinreach.vision.cameras import SensorNoise
+from kinreach.vision.goal_view import geometric_goal_view, has_goal_cameras
 
-JOINTS = 6
-#: What is observed: goal in the front camera (3), goal in the wrist camera (3), joint angles (6), gripper opening (1).
-OBSERVATIONS = 13
-GOAL, ANGLES, GRIPPER = slice(0, 6), slice(6, 12), 12
 #: How the tool points at a goal, in the world: straight down.
 TOOL_DOWN = (0.0, 0.0, -1.0)
 #: Largest change of a joint in one step of the multi-step task [rad].
 STEP_SIZE = math.radians(5.0)
 #: Cameras see no further than this; the bound of the goal's coordinates in the observation space [m].
 CAMERA_RANGE = 2.0
+#: The same for an arm without cameras, whose goals are given in the world [m].
+GOAL_RANGE = 10.0
 #: Joints come to rest within the controller's tolerance of their target, so they may stand a little past a limit [rad].
-JOINT_BOUND = math.pi + 0.02
+BEYOND_LIMIT = 0.02
+#: URDFs write pi with eleven digits; a limit this near to it is pi [rad].
+NEAR_PI = 1e-9
+
+OBSERVATION_KINDS = ("camera", "geometric", "pixels")
+BACKENDS = ("mujoco", "kinematic")
+RENDER_MODES = ("human", "rgb_array", "rgb_array_list", "depth_array")
+#: Images are no wider or higher; graphics libraries draw the line somewhere below [px].
+LARGEST_PICTURE = 16384
+
+
+@dataclass(frozen=True, kw_only=True)
+class ReachOptions:
+    """Options of the reach environments, single and in native batches.
+
+    Raises:
+        UnknownNameError: A name that is not one of those there are.
+        InputError: A size, a noise or a reward that cannot be, or cameras that the arm has not.
+    """
+
+    observation: str = field(default="geometric", metadata=about('`"camera"`, `"geometric"` or `"pixels"`'))
+    backend: str = field(default="mujoco", metadata=about('`"mujoco"` (dynamics) or `"kinematic"`'))
+    render_mode: str | None = field(
+        default=None,
+        metadata=about('`"human"`, `"rgb_array"`, `"rgb_array_list"` (frames of the motion) or `"depth_array"`'),
+    )
+    arm: str | ArmDescription = field(default="ur5", metadata=about("name of a registered arm, or an `ArmDescription`"))
+    reward: RewardFunction | None = field(
+        default=None, metadata=about("a function as `kinreach.envs.reach.rewards` describes; by default the arm's own")
+    )
+    pipeline: str = field(
+        default="hybrid", metadata=about('how the ball is found: `"hybrid"` or the thesis\'s own, `"thesis"`')
+    )
+    width: int = field(default=640, metadata=about("width of the cameras' images [px]"))
+    height: int = field(default=360, metadata=about("height of the cameras' images [px]"))
+    rgb_noise: float = field(default=0.0, metadata=about("standard deviation of the colours' noise [levels of 255]"))
+    depth_noise: float = field(default=0.0, metadata=about("standard deviation of the depth's noise [m]"))
+    end_on_reached: bool = field(
+        default=True, metadata=about("whether reaching the goal ends an episode of several steps")
+    )
+
+    def __post_init__(self) -> None:
+        check_known("observation", self.observation, OBSERVATION_KINDS)
+        check_known("backend", self.backend, BACKENDS)
+        if self.render_mode is not None:
+            check_known("render_mode", self.render_mode, RENDER_MODES)
+        check_cameras(self.pipeline, self.width, self.height, self.rgb_noise, self.depth_noise)
+        as_flags("end_on_reached", self.end_on_reached)
+        arm = as_arm(self.arm)
+        scorer_of(self.reward, arm)
+        if self.observation != "geometric" and not has_goal_cameras(arm):
+            names = ", ".join(mount.name for mount in arm.cameras) or "none"
+            raise InputError(
+                f"observation={self.observation!r} needs cameras named front and wrist, arm {arm.name!r} has {names}; "
+                'use observation="geometric"'
+            )
+
+    @property
+    def noise(self) -> SensorNoise:
+        """The cameras' noise."""
+        return SensorNoise(rgb_sigma=self.rgb_noise, depth_sigma=self.depth_noise)
+
+
+def check_cameras(pipeline: object, width: object, height: object, rgb_noise: object, depth_noise: object) -> None:
+    """Refuse cameras that cannot be; for the values see `ReachOptions`.
+
+    Raises:
+        UnknownNameError: There is no such pipeline.
+        InputError: A size or a noise that cannot be.
+    """
+    check_known("pipeline", pipeline, PIPELINES)
+    for name, size in (("width", width), ("height", height)):
+        check_count(f"{name} [px]", size, least=16, most=LARGEST_PICTURE)
+    check_number("rgb_noise", rgb_noise, least=0.0, most=255.0)
+    check_number("depth_noise", depth_noise, least=0.0, most=1.0)
 
 
 @dataclass(frozen=True)
@@ -40,8 +119,8 @@ class ReachVariant:
     Attributes:
         name: `"single"` or `"multi"`.
         relative: Whether an action changes the joint angles (else it sets them).
-        scale: What an action of 1 means [rad].
-        two_phase: Whether shoulder_lift waits for the other joints.
+        scale: What an action of 1 means [rad]; where it sets a joint, that of one with the limits ±pi.
+        two_phase: Whether the arm's `moves_last` (shoulder_lift of a UR) wait for the other joints.
         max_steps: Steps after which an episode is truncated.
     """
 
@@ -51,10 +130,6 @@ class ReachVariant:
     two_phase: bool
     max_steps: int
 
-    def targets(self, q: Floats, actions: Floats) -> Floats:
-        """Joint targets [rad] of checked actions in postures `q`, both of shape (n, 6)."""
-        return q + self.scale * actions if self.relative else self.scale * actions
-
 
 #: One action sets all joints, shoulder_lift last; the episode is over (thesis, section 3.4.5).
 SINGLE_STEP = ReachVariant("single", relative=False, scale=math.pi, two_phase=True, max_steps=1)
@@ -62,45 +137,84 @@ SINGLE_STEP = ReachVariant("single", relative=False, scale=math.pi, two_phase=Tr
 MULTI_STEP = ReachVariant("multi", relative=True, scale=STEP_SIZE, two_phase=False, max_steps=100)
 
 
-def action_space() -> spaces.Box:
-    """Actions of an agent, in [-1, 1]."""
-    return spaces.Box(-1.0, 1.0, (JOINTS,), np.float32)
+class Layout(NamedTuple):
+    """Where things are in an observation.
+
+    Attributes:
+        goal: The goal block: the goal in the front and in the wrist camera, or in the world [m].
+        q: Joint angles [rad].
+        gripper: Opening of the gripper [m].
+    """
+
+    goal: slice
+    q: slice
+    gripper: int
+
+    @classmethod
+    def of(cls, goal: int, joints: int) -> Layout:
+        """Goal blocks and postures of these sizes, one after the other."""
+        return cls(slice(0, goal), slice(goal, goal + joints), goal + joints)
+
+    @property
+    def size(self) -> int:
+        """How many numbers an observation has."""
+        return self.gripper + 1
 
 
-def observation_space() -> spaces.Box:
-    """The 13 numbers in metres and radians."""
-    high = np.array([CAMERA_RANGE] * 6 + [JOINT_BOUND] * JOINTS + [CAMERA_RANGE])
-    low = -high
-    low[-1] = 0.0
+#: The UR5's: goal in both cameras (6), joint angles (6), gripper opening (1), and the bound of the angles [rad].
+JOINTS = 6
+GOAL, ANGLES, GRIPPER = UR5_LAYOUT = Layout.of(goal=6, joints=JOINTS)
+OBSERVATIONS = UR5_LAYOUT.size
+JOINT_BOUND = math.pi + BEYOND_LIMIT
+
+
+def layout_of(arm: ArmDescription) -> Layout:
+    """Where things are in the observation of an arm with cameras that see the goal, or without."""
+    return Layout.of(6 if has_goal_cameras(arm) else 3, len(arm.joints))
+
+
+@lru_cache(maxsize=16)
+def joint_limits(arm: ArmDescription) -> tuple[Floats, Floats]:
+    """Lower and upper joint limits [rad], each of shape (n,); where a URDF has pi with eleven digits, pi."""
+    kinematics = ArmKinematics(arm)
+    low, high = (
+        np.where(np.abs(np.abs(limits) - math.pi) < NEAR_PI, np.copysign(math.pi, limits), limits)
+        for limits in (kinematics.lower, kinematics.upper)
+    )
+    return low, high
+
+
+def action_space(arm: str | ArmDescription = "ur5") -> spaces.Box:
+    """Actions of an agent, one in [-1, 1] for each joint."""
+    return spaces.Box(-1.0, 1.0, (len(as_arm(arm).joints),), np.float32)
+
+
+def observation_space(arm: str | ArmDescription = "ur5") -> spaces.Box:
+    """Goal block, joint angles and gripper opening in metres and radians."""
+    arm = as_arm(arm)
+    layout, (lower, upper) = layout_of(arm), joint_limits(arm)
+    low, high = np.empty(layout.size), np.empty(layout.size)
+    high[layout.goal] = CAMERA_RANGE if has_goal_cameras(arm) else GOAL_RANGE
+    low[layout.goal] = -high[layout.goal]
+    low[layout.q], high[layout.q] = lower - BEYOND_LIMIT, upper + BEYOND_LIMIT
+    low[layout.gripper], high[layout.gripper] = 0.0, CAMERA_RANGE
     return spaces.Box(low, high, dtype=np.float64)
 
 
-def reset_options(options: Mapping[str, Any] | None, count: int | None) -> tuple[Floats | None, Floats | None]:
-    """The goals [m] and the postures [rad] that `reset(options=)` asks for, one a row; None for what it leaves open.
-
-    Raises:
-        InputError: An unknown option, a wrong shape, a value that is not finite, a joint outside its limits, or a goal
-            that an observation cannot hold.
-    """
-    goals, q = option_rows(options, {"goal": 3, "q": JOINTS}, count)
-    if q is not None and (np.abs(q) > math.pi).any():
-        raise InputError(f"q must be within ±π, got {np.abs(q).max():g}")
-    if goals is not None:
-        seen = np.abs(geometric_goal_view("ur5", goals)).max(axis=1)
-        if (seen > CAMERA_RANGE).any():
-            raise InputError(f"goal {goals[seen.argmax()]} m is outside the {CAMERA_RANGE:g} m that the cameras see")
-    return goals, q
+def goal_block(arm: ArmDescription, goals: Floats) -> Floats:
+    """What perfect cameras would say of goals in the world [m], shape (k, 3), or without cameras the goals."""
+    return geometric_goal_view(arm, goals) if has_goal_cameras(arm) else goals.copy()
 
 
-def check_actions(actions: ArrayLike, count: int | None) -> Floats:
-    """Actions of shape (6,), or (count, 6) for a batch, clipped to [-1, 1].
+def check_actions(actions: ArrayLike, count: int | None, joints: int = JOINTS) -> Floats:
+    """Actions of shape (joints,), or (count, joints) for a batch, clipped to [-1, 1].
 
     In the result what belongs to one joint lies side by side, as the formulas want it.
 
     Raises:
         InputError: Wrong shape, or a value that is not finite.
     """
-    shape = (JOINTS,) if count is None else (count, JOINTS)
+    shape = (joints,) if count is None else (count, joints)
     values = as_floats("action", actions)
     if values.shape != shape:
         raise InputError(f"action must have shape {shape}, got {values.shape}")
@@ -109,3 +223,117 @@ def check_actions(actions: ArrayLike, count: int | None) -> Floats:
     if not np.isfinite(values).all():
         raise InputError("action must be finite")
     return np.clip(values.T, -1.0, 1.0, order="C").T
+
+
+class Start(NamedTuple):
+    """What `reset(options=)` asks for, one row an environment; None for what it leaves open.
+
+    Attributes:
+        goals: Where the balls are in the world [m], shape (count, 3).
+        q: Postures [rad], shape (count, n).
+        views: Goal blocks as somebody has measured them [m], shape (count, size of the block).
+    """
+
+    goals: Floats | None = None
+    q: Floats | None = None
+    views: Floats | None = None
+
+
+def reset_options(options: Mapping[str, Any] | None, count: int | None, arm: str | ArmDescription = "ur5") -> Start:
+    """What `reset(options=)` asks for.
+
+    Raises:
+        InputError: An unknown option, a wrong shape, a value that is not finite, a joint outside its limits, or a goal
+            or a view that an observation cannot hold.
+    """
+    arm = as_arm(arm)
+    sizes = {"goal": 3, "q": len(arm.joints), "view": layout_of(arm).goal.stop}
+    start = Start(*option_rows(options, sizes, count))
+    bound, where = (CAMERA_RANGE, "that the cameras see") if has_goal_cameras(arm) else (GOAL_RANGE, "of goals")
+    if start.q is not None:
+        _refuse_outside_limits(arm, start.q)
+    if start.goals is not None:
+        seen = np.abs(goal_block(arm, start.goals)).max(axis=1)
+        if (seen > bound).any():
+            raise InputError(f"goal {start.goals[seen.argmax()]} m is outside the {bound:g} m {where}")
+    if start.views is not None and (np.abs(start.views) > bound).any():
+        raise InputError(f"view must be within ±{bound:g} m, got {start.views.flat[np.abs(start.views).argmax()]:g}")
+    return start
+
+
+def _refuse_outside_limits(arm: ArmDescription, q: Floats) -> None:
+    lower, upper = joint_limits(arm)
+    beyond = np.maximum(lower - q, q - upper)
+    if beyond.max() > 0.0:
+        row, joint = np.unravel_index(beyond.argmax(), q.shape)
+        raise InputError(
+            f"q: {arm.joints[joint]} must be within {lower[joint]:g} … {upper[joint]:g} rad, got {q[row, joint]:g}"
+        )
+
+
+class ReachTask:
+    """One variant of the task on one arm.
+
+    Args:
+        options: Of the environment.
+        variant: Single- or multi-step.
+
+    Attributes:
+        options, variant: As given.
+        arm: The description of the arm.
+        home: Its start posture [rad], shape (n,).
+        kinematics: From the world to the arm's default tip.
+        scorer: Judges the steps.
+        layout: Where things are in an observation.
+        gripper_opening: In which the arm reaches [m]; 0 without a gripper.
+    """
+
+    def __init__(self, options: ReachOptions, variant: ReachVariant) -> None:
+        self.options = options
+        self.variant = variant
+        self.arm = arm = as_arm(options.arm)
+        self.kinematics = kinematics_of(arm, base="world")
+        self.scorer = scorer_of(options.reward, arm)
+        self.home = np.array(arm.home)
+        self.layout = layout_of(arm)
+        self.gripper_opening = 0.0 if arm.gripper is None else arm.gripper.opening
+        self._scale: Any = variant.scale
+        self._middle: Floats | None = None
+        if not variant.relative:
+            lower, upper = joint_limits(arm)
+            half, middle = (upper - lower) / 2, (upper + lower) / 2
+            self._scale = half if (half != variant.scale).any() else variant.scale
+            self._middle = middle if middle.any() else None
+
+    def targets(self, q: Floats, actions: Floats) -> Floats:
+        """Joint targets [rad] of checked actions in postures `q`, all of shape (k, n)."""
+        targets: Floats = self._scale * actions
+        if self.variant.relative:
+            return q + targets
+        return targets if self._middle is None else targets + self._middle
+
+    def action_for(self, q: Floats, target: Floats) -> Floats:
+        """The action that takes an arm from a posture `q` to a target [rad], or straight towards it; shape (n,)."""
+        if self.variant.relative:
+            way = (target - q) / self._scale
+            return np.asarray(way / max(1.0, float(np.abs(way).max())))
+        return np.asarray((target if self._middle is None else target - self._middle) / self._scale)
+
+    def ik_goal(self, position: ArrayLike) -> AxisGoal | PositionGoal:
+        """What a solver is asked for: the tip at a point of the world [m], the tool down where there are joints enough.
+
+        Raises:
+            InputError: No point.
+        """
+        point = as_floats("position", position)
+        return AxisGoal(point, TOOL_DOWN) if len(self.arm.joints) >= 6 else PositionGoal(point)  # type: ignore[arg-type]
+
+    def natural(self, q: ArrayLike) -> bool:
+        """Whether a posture [rad], shape (n,), has the posture error that reaching asks for."""
+        posture = as_vector("q", q, len(self.arm.joints))
+        return bool(self.scorer.posture_error(posture[None])[0] < REACHED_POSTURE_ERROR)
+
+    @cached_property
+    def checker(self) -> CollisionChecker:
+        """The exact verdict on collisions."""
+        return CollisionChecker(self.kinematics)
