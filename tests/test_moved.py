@@ -14,7 +14,8 @@ import pytest
 from kinreach import _moved
 
 #: What is deliberately not tried: speed is no part of the package any more, and of `kinreach.compare` only what
-#: `__all__` said was for its users (its modules were the inside of one command, and have become other ones).
+#: `__all__` said was for its users (its modules were the inside of one command, and have become other ones). The
+#: list also leaves out what held an imported engine, such as `pin`.
 EXCLUDED = ("kinreach.bench", "kinreach.compare.")
 
 #: Imports every name through its old path, in a fresh interpreter.
