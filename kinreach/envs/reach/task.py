@@ -19,7 +19,7 @@ from kinreach.checks import Floats, as_flags, as_floats, as_vector, check_count,
 from kinreach.envs.options import about, option_rows
 from kinreach.envs.reach.rewards import RewardFunction, scorer_of
 from kinreach.errors import InputError
-from kinreach.kinematics import AxisGoal, CollisionChecker, PositionGoal, kinematics_of
+from kinreach.kinematics import ArmKinematics, AxisGoal, CollisionChecker, PositionGoal, kinematics_of
 from kinreach.robots import ArmDescription, as_arm
 from kinreach.thesis.reward import REACHED_POSTURE_ERROR
 from kinreach.vision.ball_finder import PIPELINES
