@@ -80,10 +80,10 @@ MODULES = {
     "kinreach.baselines.learned": "kinreach.baselines.policies",
     "kinreach.baselines.scripted": "kinreach.baselines.rollout",
     "kinreach.baselines.evaluation_table": "kinreach.baselines.evaluation",
-    "kinreach.baselines.sb3_networks": "kinreach.baselines.algorithms",
+    "kinreach.baselines.sb3_networks": "kinreach.baselines.networks",
     "kinreach.baselines.adaptive_ppo": "kinreach.baselines.algorithms",
     "kinreach.baselines.ranked_ppo": "kinreach.baselines.algorithms",
-    "kinreach.baselines.export": "kinreach.baselines.algorithms",
+    "kinreach.baselines.export": "kinreach.baselines.networks",
     "kinreach.baselines.button_reward": "kinreach.baselines.rewards",
     "kinreach.baselines.training_reward": "kinreach.baselines.rewards",
     "kinreach.baselines.sb3_vec_env": "kinreach.baselines.vec_envs",
@@ -99,6 +99,9 @@ MODULES = {
 #: Name of 0.1.0 with its module -> the same now, where it was renamed or went elsewhere than its module.
 NAMES = {
     "kinreach.baselines.evaluation.TOLERANCES_MM": "kinreach.summary.TOLERANCES_MM",
+    "kinreach.baselines.export.network_of": "kinreach.baselines.networks.actor_network",
+    "kinreach.baselines.models.BUTTON_SCALE": "kinreach.baselines.algorithms.BUTTON_SCALE",
+    "kinreach.baselines.run_folder.remove": "kinreach.baselines.training._remove",
     "kinreach.baselines.scripted.AnalyticReachPolicy": "kinreach.baselines.solver_policy.AnalyticReachPolicy",
     "kinreach.envs.reach.UR5ReachVectorEnv": "kinreach.envs.reach.ReachVectorEnv",
     "kinreach.envs.reach.env.UR5ReachEnv": "kinreach.envs.reach.env.ReachEnv",
