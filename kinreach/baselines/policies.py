@@ -281,7 +281,7 @@ class LearnedPolicy:
         self._inputs = inputs
         self._walks = card.environment == MULTI
 
-    def reset(self, info: dict[str, Any]) -> None:
+    def reset(self, observation: Any, info: Any) -> None:
         """A trained policy remembers nothing."""
 
     def act(self, observation: Array) -> Any:

@@ -124,6 +124,7 @@ ARM = ArmDescription(
         obstacles=(Box("floor", (6.0, 6.0, 0.10), (0.0, 0.0, -0.05)),),
         touching=(("floor", "base_link"),),
         goals=QuadrantRegion(across=(0.2, 0.6), height=(0.1, 0.6)),
+        reached_distance=0.05,
     ),
     disabled_collisions=(("base_link", "link_1"), ("link_1", "link_2"), ("link_2", "link_3")),
     position_gains=(2500.0, 2500.0, 1200.0),

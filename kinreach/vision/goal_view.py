@@ -34,6 +34,11 @@ from kinreach.vision.cameras import OPTICAL_IN_GL, RGBDCamera, RGBDImage, Sensor
 GOAL_CAMERAS = ("front", "wrist")
 
 
+def has_goal_cameras(arm: ArmDescription) -> bool:
+    """Whether an arm has the cameras that measure the goal."""
+    return set(GOAL_CAMERAS) <= {mount.name for mount in arm.cameras}
+
+
 @lru_cache(maxsize=16)
 def goal_camera_poses(arm: ArmDescription) -> Floats:
     """Poses of the `GOAL_CAMERAS` in the world with the arm in its start pose, optical frames, shape (2, 4, 4).
@@ -99,15 +104,29 @@ def goal_in_world(arm: str | ArmDescription, values: ArrayLike, found: ArrayLike
         UnknownNameError: There is no such arm, or it lacks one of the cameras.
         InputError: Wrong shape, or a value that is not finite.
     """
-    points = as_vector("values", values, 6, most=2 * MOST_DISTANCE).reshape(2, 3)
+    view = as_vector("values", values, 6, most=2 * MOST_DISTANCE)
     seen = as_array("found", found)
     if seen.shape != (2,) or seen.dtype != np.bool_:
         raise InputError(f"found must be two truth values, got {shown(found)}")
-    if not seen.any():
-        return None
-    T = goal_camera_poses(as_arm(arm))
-    in_world = np.einsum("nij,nj->ni", T[:, :3, :3], points) + T[:, :3, 3]
-    return in_world[seen].mean(axis=0)
+    return goals_in_world(as_arm(arm), view[None], seen[None])[0] if seen.any() else None
+
+
+def goals_in_world(arm: ArmDescription, views: Floats, found: NDArray[np.bool_]) -> Floats:
+    """As `goal_in_world`, for many goals: NaN where no camera found the ball.
+
+    Args:
+        arm: The arm.
+        views: The six numbers of each [m], shape (k, 6).
+        found: Which camera found the ball, shape (k, 2).
+
+    Returns:
+        Positions in the world [m], shape (k, 3).
+    """
+    T = goal_camera_poses(arm)
+    points = np.einsum("nij,knj->kni", T[:, :3, :3], views.reshape(-1, 2, 3)) + T[:, :3, 3]
+    total = np.where(found[:, :, None], points, 0.0).sum(axis=1)
+    count = found.sum(axis=1)[:, None]
+    return np.divide(total, count, out=np.full_like(total, np.nan), where=count > 0)
 
 
 @dataclass(frozen=True, eq=False)

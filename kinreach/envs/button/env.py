@@ -12,10 +12,10 @@ from gymnasium.utils import EzPickle
 from numpy.typing import ArrayLike
 
 from kinreach.checks import Floats, check_known
-from kinreach.envs.batch import check_seed
 from kinreach.envs.button.episodes import ButtonEpisodes, ButtonOptions, Outcome
 from kinreach.envs.button.task import action_space, check_actions, observation_space
 from kinreach.envs.button.world import ButtonState, SingleTorqueWorld
+from kinreach.envs.options import check_seed
 from kinreach.sim.picture import ScenePicture
 
 ONE = np.zeros(1, dtype=np.intp)

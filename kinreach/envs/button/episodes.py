@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from kinreach.checks import MOST_DISTANCE, Floats, as_vector, check_count, check_known
-from kinreach.envs.batch import RowStreams, option_rows
+from kinreach.envs.batch import RowStreams
 from kinreach.envs.button.task import (
     ACTUATIONS,
     CONTROL_LIMIT,
@@ -24,6 +24,7 @@ from kinreach.envs.button.task import (
     observation,
 )
 from kinreach.envs.button.world import Ids, TorqueWorld
+from kinreach.envs.options import option_rows
 from kinreach.errors import InputError
 from kinreach.kinematics import Arm3Kinematics
 from kinreach.robots import ArmDescription, get_arm

@@ -1,6 +1,19 @@
 """The thesis's task as Gymnasium environments: single-step and multi-step, one at a time or in native batches."""
 
-from kinreach.envs.reach.env import UR5MultiStepEnv, UR5SingleStepEnv
-from kinreach.envs.reach.vector_env import UR5ReachVectorEnv
+from kinreach.envs.reach.env import ReachEnv, UR5MultiStepEnv, UR5SingleStepEnv
+from kinreach.envs.reach.rewards import DistanceReward, RewardFunction, ThesisReward
+from kinreach.envs.reach.vector_env import ReachVectorEnv
 
-__all__ = ["UR5MultiStepEnv", "UR5ReachVectorEnv", "UR5SingleStepEnv"]
+#: Name in version 0.1.
+UR5ReachVectorEnv = ReachVectorEnv
+
+__all__ = [
+    "DistanceReward",
+    "ReachEnv",
+    "ReachVectorEnv",
+    "RewardFunction",
+    "ThesisReward",
+    "UR5MultiStepEnv",
+    "UR5ReachVectorEnv",
+    "UR5SingleStepEnv",
+]

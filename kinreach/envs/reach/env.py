@@ -10,122 +10,158 @@ from gymnasium import spaces
 from gymnasium.utils import EzPickle
 from numpy.typing import ArrayLike
 
-from kinreach.checks import check_known
-from kinreach.envs.batch import check_seed
+from kinreach.checks import Floats, as_vector
+from kinreach.envs.batch import first_row
+from kinreach.envs.options import check_seed, options_from, takes
 from kinreach.envs.reach.episodes import Outcome, ReachEpisodes
-from kinreach.envs.reach.options import PixelObserver, ReachOptions
-from kinreach.envs.reach.task import (
-    MULTI_STEP,
-    SINGLE_STEP,
-    ReachVariant,
-    action_space,
-    check_actions,
-    observation_space,
-    reset_options,
-)
+from kinreach.envs.reach.observers import PixelObserver
+from kinreach.envs.reach.task import MULTI_STEP, RENDER_MODES, SINGLE_STEP, ReachOptions, ReachTask, ReachVariant
 from kinreach.envs.reach.worlds import KinematicWorld, ReachWorld, SingleDynamicWorld
+from kinreach.kinematics import ArmKinematics, AxisGoal, PositionGoal
+from kinreach.robots import ArmDescription
 from kinreach.sim.picture import ScenePicture
 from kinreach.sim.simulation import ArmSimulation
-from kinreach.thesis.reward import posture_error
 
 ONE = np.zeros(1, dtype=np.intp)
 
 
-class UR5ReachEnv(gym.Env[Any, Any], EzPickle):
-    """One UR5 that reaches for a ball; see the subclasses for the tasks."""
+class ReachEnv(gym.Env[Any, Any], EzPickle):
+    """One arm that reaches for a ball; the subclasses are the tasks, and describe them.
+
+    Attributes:
+        options: As given.
+        variant: Single- or multi-step.
+    """
 
     metadata = {  # noqa: RUF012 (declared by Gymnasium)
-        "render_modes": ["human", "rgb_array", "rgb_array_list", "depth_array"],
+        "render_modes": list(RENDER_MODES),
         "render_fps": 25,
     }
     variant: ClassVar[ReachVariant]
 
-    def __init__(
-        self,
-        *,
-        observation: str = "geometric",
-        backend: str = "mujoco",
-        render_mode: str | None = None,
-        pipeline: str = "hybrid",
-        width: int = 640,
-        height: int = 360,
-        rgb_noise: float = 0.0,
-        depth_noise: float = 0.0,
-        end_on_reached: bool = True,
-    ) -> None:
-        EzPickle.__init__(
-            self,
-            observation=observation,
-            backend=backend,
-            render_mode=render_mode,
-            pipeline=pipeline,
-            width=width,
-            height=height,
-            rgb_noise=rgb_noise,
-            depth_noise=depth_noise,
-            end_on_reached=end_on_reached,
+    def __init__(self, **options: Any) -> None:
+        EzPickle.__init__(self, **options)
+        self.options = options_from(ReachOptions, options)
+        self.render_mode = mode = self.options.render_mode
+        self._task = task = ReachTask(self.options, self.variant)
+        self._simulation = ArmSimulation(task.arm, visual=mode is not None)
+        self._world: ReachWorld = (
+            SingleDynamicWorld(self._simulation)
+            if self.options.backend == "mujoco"
+            else KinematicWorld(task, 1, explain=True)
         )
-        if render_mode is not None:
-            check_known("render_mode", render_mode, self.metadata["render_modes"])
-        self.options = ReachOptions(
-            observation, backend, pipeline, width, height, rgb_noise, depth_noise, end_on_reached
-        )
-        self.render_mode = render_mode
-        arm = self.options.arm
-        self._simulation = ArmSimulation(arm, visual=render_mode is not None)
-        world: ReachWorld = (
-            SingleDynamicWorld(self._simulation) if backend == "mujoco" else KinematicWorld(1, explain=True)
-        )
-        self._episodes = ReachEpisodes(arm, self.variant, world, self.options.observer(), end_on_reached=end_on_reached)
-        self._world = world
-        self._pixels = PixelObserver(self.options) if observation == "pixels" else None
+        self._episodes = ReachEpisodes(task, self._world)
+        self._pixels = PixelObserver(task) if self.options.observation == "pixels" else None
         fps = int(self.metadata["render_fps"])
-        self._picture = ScenePicture(self._simulation, mode=render_mode, fps=fps) if render_mode is not None else None
+        self._picture = None if mode is None else ScenePicture(self._simulation, mode=mode, fps=fps)
         self._seeded = False
-        self.action_space = action_space()
+        self.action_space = task.action_space
         self.observation_space: spaces.Space[Any] = (
-            observation_space() if self._pixels is None else self._pixels.space()
+            task.observation_space if self._pixels is None else self._pixels.space()
         )
+
+    @property
+    def arm(self) -> ArmDescription:
+        """The arm that reaches."""
+        return self._task.arm
+
+    @property
+    def kinematics(self) -> ArmKinematics:
+        """The arm's kinematics from the world to its default tip."""
+        return self._task.kinematics
+
+    @property
+    def home(self) -> Floats:
+        """The start posture [rad], shape (n,)."""
+        return self._task.home.copy()
+
+    def accept(self, q: ArrayLike) -> bool:
+        """Whether a posture [rad], shape (n,), may be taken: free of collisions, and natural where that is rewarded.
+
+        Collisions are judged by the exact checker; natural is a posture error below the thesis's 0.15.
+
+        Raises:
+            InputError: Wrong shape, or not finite.
+        """
+        return self._task.natural(q) and self._task.checker.free(q)
+
+    def posture_for(self, action: ArrayLike) -> Floats:
+        """The posture [rad], shape (n,), that an action asks for from where the arm stands: inverse of `action_for`.
+
+        Raises:
+            InputError: Wrong shape, or not finite.
+        """
+        return self._task.targets(self._world.q, self._task.check_actions(action, None)[None])[0]
+
+    def action_for(self, q: ArrayLike) -> Floats:
+        """The action that takes the arm to a posture, or in several steps straight towards it.
+
+        Args:
+            q: Posture [rad], shape (n,).
+
+        Returns:
+            In double precision, shape (n,); outside [-1, 1] where a single step would leave the joint limits.
+
+        Raises:
+            InputError: Wrong shape, or not finite.
+        """
+        return self._task.action_for(self._world.q[0], as_vector("q", q, len(self.arm.joints)))
+
+    def ik_goal(self, position: ArrayLike) -> AxisGoal | PositionGoal:
+        """What a solver is asked for to bring the tip to a point of the world [m], shape (3,).
+
+        The tool points down; with fewer than six joints its direction is free.
+
+        Raises:
+            InputError: Wrong shape, or not finite.
+        """
+        return self._task.ik_goal(position)
 
     def reset(self, *, seed: int | None = None, options: dict[str, Any] | None = None) -> tuple[Any, dict[str, Any]]:
         """Start an episode: the arm in its start pose, a new ball.
 
         Args:
             seed: Of the goals and of the cameras' noise.
-            options: `"goal"`, shape (3,), puts the ball there, in the world frame [m]; `"q"`, shape (6,), starts the
-                arm in this posture [rad].
+            options: `"goal"`, shape (3,), puts the ball there, in the world frame [m]; `"q"`, shape (n,), starts the
+                arm in this posture [rad]; `"view"` is the observation's goal block as somebody has already measured it
+                (zeros for a camera that did not find the ball): no look is taken.
+
+        Returns:
+            The observation, and `info`: `goal` and `seen` (where the ball is, and where the cameras put it in the
+            world; NaN where none found it), `view` (the goal block), `ball_found`, `q`, `tip`, `distance`, `posture_error`.
 
         Raises:
-            InputError: A seed that is none, an unknown option, or one that is malformed.
+            InputError: A seed that is not an integer at least 0, an unknown option, or one that is malformed.
         """
         super().reset(seed=check_seed(seed))
         if seed is not None or not self._seeded:
             self._episodes.seed(0, self.np_random)
             self._seeded = True
-        self._episodes.begin(ONE, *reset_options(options, None))
+        self._episodes.begin(ONE, self._task.check_start(options, None))
         self._show()
-        info = {
-            "goal": self._episodes.goals[0].copy(),
-            "ball_found": self._episodes.found[0].copy(),
-            "posture_error": float(posture_error(self._world.q[0])),
-        }
-        return self._observe(), info
+        return self._observe(), first_row(self._episodes.start_info())
 
     def step(self, action: ArrayLike) -> tuple[Any, float, bool, bool, dict[str, Any]]:
         """Act once.
 
         Args:
-            action: Six numbers in [-1, 1]; what is outside is clipped.
+            action: One number in [-1, 1] for each joint; what is outside is clipped.
 
         Raises:
             InputError: Wrong shape, or a value that is not finite.
         """
-        outcome = self._episodes.step(check_actions(action, None)[None])
-        self._show()
-        if self.render_mode == "human":
-            self.render()
-        reward = float(outcome.scored.reward[0])
-        return self._observe(), reward, bool(outcome.terminated[0]), bool(outcome.truncated[0]), self._info(outcome)
+        return self._said(self._episodes.step(self._task.check_actions(action, None)[None]))
+
+    def forfeit(self, reason: str) -> tuple[Any, float, bool, bool, dict[str, Any]]:
+        """End the episode of an agent that finds no action: impossible, and the arm stays where it is.
+
+        Args:
+            reason: Why, for `info["impossible_reason"]`.
+
+        Returns:
+            As `step`.
+        """
+        return self._said(self._episodes.forfeit(str(reason)))
 
     def render(self) -> Any:
         """A frame of the scene as `render_mode` says; with "human" the viewer is brought up to date.
@@ -143,6 +179,16 @@ class UR5ReachEnv(gym.Env[Any, Any], EzPickle):
             if part is not None:
                 part.close()
 
+    def _said(self, outcome: Outcome) -> tuple[Any, float, bool, bool, dict[str, Any]]:
+        """The answer to an action."""
+        self._show()
+        if self.render_mode == "human":
+            self.render()
+        info = first_row({**self._episodes.goal_info(), **outcome.info})
+        return (
+            self._observe(), float(outcome.reward[0]), bool(outcome.terminated[0]), bool(outcome.truncated[0]), info,
+        )  # fmt: skip
+
     def _observe(self) -> Any:
         if self._pixels is not None:
             return self._pixels.look(self._world.q[0], self._episodes.goals[0], self.np_random)
@@ -150,28 +196,14 @@ class UR5ReachEnv(gym.Env[Any, Any], EzPickle):
 
     def _show(self) -> None:
         """Let the scene that is drawn follow a world that has no scene of its own."""
-        if self._picture is not None and self.options.backend == "kinematic":
+        if self._picture is not None and not self._world.dynamic:
             limits = self._simulation.controller
             self._simulation.reset(np.clip(self._world.q[0], limits.lower, limits.upper))
             self._simulation.place_ball(self._episodes.goals[0])
 
-    def _info(self, outcome: Outcome) -> dict[str, Any]:
-        scored = outcome.scored
-        reasons = outcome.executed.reasons
-        return {
-            "goal": self._episodes.goals[0].copy(),
-            "ball_found": self._episodes.found[0].copy(),
-            "distance": float(outcome.distance[0]),
-            "posture_error": float(scored.posture_error[0]),
-            "reached": bool(scored.reached[0]),
-            "is_success": bool(scored.reached[0]),
-            "impossible": bool(outcome.executed.impossible[0]),
-            "impossible_reason": reasons[0] if reasons else "",
-            "reward_terms": {name: float(term[0]) for name, term in scored.terms._asdict().items()},
-        }
 
-
-class UR5SingleStepEnv(UR5ReachEnv):
+@takes(ReachOptions)
+class UR5SingleStepEnv(ReachEnv):
     """Single-step reaching with a UR5: one action is one posture.
 
     ## Description
@@ -234,17 +266,7 @@ class UR5SingleStepEnv(UR5ReachEnv):
 
     ## Arguments
 
-    | Parameter | Default | Description |
-    |-----------|---------|-------------|
-    | `observation` | `"geometric"` | `"camera"`, `"geometric"` or `"pixels"` |
-    | `backend` | `"mujoco"` | `"mujoco"` (dynamics) or `"kinematic"` |
-    | `render_mode` | `None` | `"human"`, `"rgb_array"`, `"rgb_array_list"` (frames of the motion) or `"depth_array"` |
-    | `pipeline` | `"hybrid"` | how the ball is found: `"hybrid"` or the thesis's own, `"thesis"` |
-    | `width` | `640` | width of the cameras' images [px] |
-    | `height` | `360` | height of the cameras' images [px] |
-    | `rgb_noise` | `0.0` | standard deviation of the colours' noise [levels of 255] |
-    | `depth_noise` | `0.0` | standard deviation of the depth's noise [m] |
-    | `end_on_reached` | `True` | means nothing here: there is one step |
+    <table of the options>
 
     ## Version History
     * v0: initial version
@@ -253,7 +275,8 @@ class UR5SingleStepEnv(UR5ReachEnv):
     variant = SINGLE_STEP
 
 
-class UR5MultiStepEnv(UR5ReachEnv):
+@takes(ReachOptions)
+class UR5MultiStepEnv(ReachEnv):
     """Multi-step reaching with a UR5: every action turns the joints by up to 5 degrees.
 
     ## Description
@@ -309,17 +332,7 @@ class UR5MultiStepEnv(UR5ReachEnv):
 
     ## Arguments
 
-    | Parameter | Default | Description |
-    |-----------|---------|-------------|
-    | `observation` | `"geometric"` | `"camera"`, `"geometric"` or `"pixels"` |
-    | `backend` | `"mujoco"` | `"mujoco"` (dynamics) or `"kinematic"` |
-    | `render_mode` | `None` | `"human"`, `"rgb_array"`, `"rgb_array_list"` (frames of the motion) or `"depth_array"` |
-    | `pipeline` | `"hybrid"` | how the ball is found: `"hybrid"` or the thesis's own, `"thesis"` |
-    | `width` | `640` | width of the cameras' images [px] |
-    | `height` | `360` | height of the cameras' images [px] |
-    | `rgb_noise` | `0.0` | standard deviation of the colours' noise [levels of 255] |
-    | `depth_noise` | `0.0` | standard deviation of the depth's noise [m] |
-    | `end_on_reached` | `True` | whether reaching the goal ends the episode |
+    <table of the options>
 
     ## Version History
     * v0: initial version

@@ -3,35 +3,31 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from kinreach.checks import Floats
 from kinreach.envs.batch import AHEAD, RowStreams
-from kinreach.envs.reach.observers import GoalObserver
-from kinreach.envs.reach.task import ANGLES, GOAL, GRIPPER, OBSERVATIONS, ReachVariant
-from kinreach.envs.reach.worlds import Executed, Ids, ReachWorld
-from kinreach.errors import InputError
-from kinreach.robots import ArmDescription
+from kinreach.envs.reach.observers import goal_observer, measured
+from kinreach.envs.reach.rewards import Score
+from kinreach.envs.reach.task import ReachTask, Start
+from kinreach.envs.reach.worlds import ENDINGS, Ending, Executed, Ids, ReachWorld
 from kinreach.robots.workcell import BoxRegion, GoalRegion
-from kinreach.thesis.reward import ReachReward, reach_reward
+
+Flags = NDArray[np.bool_]
 
 
-class GoalStreams(RowStreams):
+class BoxStreams(RowStreams):
     """What `BoxRegion.sample` draws for each of a number of environments, to the bit, in a third of the time.
 
     Args:
         region: Where goals are.
         count: Number of environments.
-
-    Raises:
-        InputError: The region is not a box.
     """
 
-    def __init__(self, region: GoalRegion, count: int) -> None:
-        if not isinstance(region, BoxRegion):
-            raise InputError(f"goals of the reach tasks are drawn in a box, not in {region}")
+    def __init__(self, region: BoxRegion, count: int) -> None:
         super().__init__(region, count)
         self._low, high = np.array([region.x, region.y, region.z]).T
         self._size = high - self._low
@@ -50,108 +46,171 @@ class GoalStreams(RowStreams):
         return places
 
 
-Flags = NDArray[np.bool_]
+def goal_streams(region: GoalRegion, count: int) -> RowStreams:
+    """The goals of a number of environments."""
+    return BoxStreams(region, count) if isinstance(region, BoxRegion) else RowStreams(region, count)
 
 
 @dataclass(frozen=True, eq=False)
 class Outcome:
-    """What one step of all arms led to; every array has the number of arms first."""
+    """What one step of all arms led to; every array has the number of arms first.
 
-    executed: Executed
-    distance: Floats
-    scored: ReachReward
+    Attributes:
+        reward, terminated, truncated: As Gymnasium has them, shape (count,).
+        info: All that is said of the step but for the goals.
+    """
+
+    reward: Floats
     terminated: Flags
     truncated: Flags
+    info: dict[str, Any]
 
 
 class ReachEpisodes:
     """The state of the episodes and their rules, for one arm or thousands.
 
     Args:
-        arm: Description of the arm.
-        variant: Single- or multi-step.
+        task: What is to be done.
         world: Executes the postures.
-        observer: Measures the goals.
-        end_on_reached: Whether reaching the goal ends an episode of several steps.
 
     Attributes:
         goals: Where the balls are in the world [m], shape (count, 3).
-        found: Which of the cameras found them, shape (count, 2). New episodes have new arrays, these stay as they are.
+        found: Which of the cameras found them, shape (count, 2).
+        seen: Where they seem to be in the world [m], shape (count, 3). New episodes have new arrays, these stay as
+            they are.
     """
 
-    def __init__(
-        self,
-        arm: ArmDescription,
-        variant: ReachVariant,
-        world: ReachWorld,
-        observer: GoalObserver,
-        *,
-        end_on_reached: bool,
-    ) -> None:
+    def __init__(self, task: ReachTask, world: ReachWorld) -> None:
         count = world.count
-        self.variant = variant
-        self.goals = np.zeros((count, 3))
+        self.goals = self.seen = np.zeros((count, 3))
         self.found = np.zeros((count, 2), dtype=np.bool_)
+        self._task = task
         self._world = world
-        self._observer = observer
-        self._end_on_reached = end_on_reached
-        self._streams = GoalStreams(arm.workcell.goals, count)
+        self._observer = goal_observer(task)
+        self._streams = goal_streams(task.arm.workcell.goals, count)
         self._sensors = [np.random.default_rng() for _ in range(count)]
-        self._observation = np.zeros((count, OBSERVATIONS))
-        self._observation[:, GRIPPER] = 0.0 if arm.gripper is None else arm.gripper.opening
+        self._observation = np.zeros((count, task.layout.size))
+        self._observation[:, task.layout.gripper] = task.gripper_opening
         self._steps = np.zeros(count, dtype=np.int64)
+        self._move_time = np.zeros(count)
 
     def seed(self, index: int, rng: np.random.Generator) -> None:
         """Give an arm its own generators, for goals and for sensor noise."""
         goal_rng, self._sensors[index] = rng.spawn(2)
         self._streams.seed(index, goal_rng)
 
-    def begin(self, ids: Ids, goals: Floats | None = None, q: Floats | None = None) -> None:
+    def begin(self, ids: Ids, start: Start = Start()) -> None:  # noqa: B008 (immutable)
         """Start new episodes: arm in the start pose, a new goal, measured once.
 
         Args:
             ids: Whose episodes, shape (k,).
-            goals: Goals to take instead of new ones [m], shape (k, 3).
-            q: Postures to start in instead [rad], shape (k, 6); goals are measured from the start pose all the same.
+            start: What is given instead, one row for each of them. Goals are measured from the start pose whatever
+                the posture.
         """
-        goals = self._streams.draw(ids) if goals is None else goals.copy()
-        self._world.reset(ids, goals, q)
-        views, found = self._observer.look(goals, ids, self._sensors)
+        goals = self._streams.draw(ids) if start.goals is None else start.goals.copy()
+        self._world.reset(ids, goals, start.q)
+        if start.views is None:
+            views, found, seen = self._observer.look(goals, ids, self._sensors)
+        else:
+            views, found, seen = measured(self._task, start.views)
         if len(ids) == self._world.count:
-            self.goals, self.found = goals, found
+            self.goals, self.found, self.seen = goals, found, seen
             rows: Ids | slice = slice(None)  # much faster than as many indices
         else:
-            rows, self.goals, self.found = ids, self.goals.copy(), self.found.copy()
-            self.goals[rows], self.found[rows] = goals, found
+            rows, self.goals, self.found, self.seen = ids, self.goals.copy(), self.found.copy(), self.seen.copy()
+            self.goals[rows], self.found[rows], self.seen[rows] = goals, found, seen
         self._steps[rows] = 0
-        self._observation[rows, GOAL] = views
+        self._move_time[rows] = 0.0
+        self._observation[rows, self._task.layout.goal] = views
 
     def observe(self) -> Floats:
-        """The 13 numbers of every arm, shape (count, 13)."""
-        self._observation[:, ANGLES] = self._world.q
+        """The observation of every arm, shape (count, size)."""
+        self._observation[:, self._task.layout.q] = self._world.q
         return self._observation.copy()
+
+    def goal_info(self) -> dict[str, Any]:
+        """What is said of the goals of the present episodes, as arrays."""
+        return {"goal": self.goals.copy(), "seen": self.seen.copy(), "ball_found": self.found.copy()}
+
+    def start_info(self) -> dict[str, Any]:
+        """What is said after a reset, as arrays."""
+        q, tip = self._world.q.copy(order="K"), self._world.tip.copy(order="K")
+        error = self._task.scorer.posture_error(q)
+        view = self._observation[:, self._task.layout.goal].copy()
+        return {
+            **self.goal_info(),
+            "view": view,
+            "q": q,
+            "tip": tip,
+            "distance": self._distance(tip),
+            "posture_error": error,
+        }
 
     def step(self, actions: Floats) -> Outcome:
         """Act with every arm.
 
         Args:
-            actions: In [-1, 1], shape (count, 6).
+            actions: In [-1, 1], shape (count, n).
         """
-        targets = self.variant.targets(self._world.q, actions)
-        executed = self._world.execute(targets, two_phase=self.variant.two_phase)
-        x, y, z = (executed.tip[:, axis] - self.goals[:, axis] for axis in range(3))
-        distance = np.sqrt(x * x + y * y + z * z)
-        scored = reach_reward(distance, executed.q, impossible=executed.impossible)
+        variant = self._task.variant
+        targets = self._task.targets(self._world.q, actions)
+        executed = self._world.execute(targets, two_phase=variant.two_phase)
+        if executed.durations is not None:
+            self._move_time += executed.durations
+        score, info = self._judge(targets, executed)
         self._steps += 1
-        over = self._steps >= self.variant.max_steps
-        if self.variant.max_steps == 1:
-            return Outcome(executed, distance, scored, over, np.zeros_like(over))
-        terminated = scored.reached & self._end_on_reached
-        if executed.diverged is not None:
-            over |= executed.diverged
-        return Outcome(executed, distance, scored, terminated, over & ~terminated)
+        over = self._steps >= variant.max_steps
+        if variant.max_steps == 1:
+            return Outcome(score.reward, over, np.zeros_like(over), info)
+        terminated = score.reached & self._task.options.end_on_reached
+        if self._world.dynamic:
+            over |= executed.ending == Ending.DIVERGED
+        return Outcome(score.reward, terminated, over & ~terminated, info)
+
+    def forfeit(self, reason: str) -> Outcome:
+        """The verdict on agents that find no action: impossible, the arms stay, the episodes end."""
+        count = self._world.count
+        everyone = np.ones(count, dtype=np.bool_)
+        ending = np.full(count, Ending.FORFEITED, dtype=np.uint8)
+        score, info = self._judge(self._world.q.copy(), Executed(everyone, ending, [reason] * count))
+        self._steps += 1
+        return Outcome(score.reward, everyone, ~everyone, info)
+
+    def _judge(self, targets: Floats, executed: Executed) -> tuple[Score, dict[str, Any]]:
+        """The score of what the arms did, and what is said of it."""
+        q, tip = self._world.q.copy(order="K"), self._world.tip.copy(order="K")
+        distance = self._distance(tip)
+        score = self._task.scorer.score(distance, q, executed.impossible)
+        status = ENDINGS[executed.ending]
+        reasons = executed.reasons
+        info = {
+            "q": q,
+            "tip": tip,
+            "distance": distance,
+            "posture_error": score.posture_error,
+            "reached": score.reached,
+            "is_success": score.reached,
+            "impossible": executed.impossible,
+            "impossible_code": executed.ending,
+            "impossible_reason": _PHRASES[executed.ending] if reasons is None else np.array(reasons, dtype=object),
+            "status": status,
+            "target": targets,
+            "move_s": self._move_time.copy(),
+            "reward_terms": score.terms,
+        }
+        info |= {f"reward_{name}": term for name, term in score.terms.items()}
+        if self._world.dynamic or reasons is not None:  # not in large kinematic batches, where it would take long
+            info["target_tip"] = self._task.kinematics.positions(targets)
+        return score, info
+
+    def _distance(self, tip: Floats) -> Floats:
+        x, y, z = (tip[:, axis] - self.goals[:, axis] for axis in range(3))
+        return np.sqrt(x * x + y * y + z * z)
 
     def close(self) -> None:
-        """Let go of the world and the cameras."""
-        self._world.close()
+        """Let go of the cameras."""
         self._observer.close()
+
+
+#: `impossible_reason` where the world does not explain.
+_PHRASES = np.where(ENDINGS == "completed", "", ENDINGS)

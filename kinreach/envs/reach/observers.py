@@ -3,34 +3,49 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Protocol
+from typing import Any, NamedTuple, Protocol
 
 import numpy as np
+from gymnasium import spaces
 from numpy.typing import NDArray
 
 from kinreach.checks import Floats
+from kinreach.envs.reach.task import CAMERA_RANGE, ReachTask
 from kinreach.envs.reach.worlds import Ids
-from kinreach.robots import ArmDescription
 from kinreach.sim.simulation import ArmSimulation
-from kinreach.vision.goal_view import CameraGoalView, geometric_goal_view
+from kinreach.vision.cameras import RGBDCamera
+from kinreach.vision.goal_view import GOAL_CAMERAS, CameraGoalView, goals_in_world
 
 Flags = NDArray[np.bool_]
+
+#: What is further away, the sky for example, has this depth [m]; the range of a RealSense D435.
+DEPTH_RANGE = 10.0
+
+
+class Looks(NamedTuple):
+    """What was made of k goals.
+
+    Attributes:
+        views: Goal blocks of the observations [m], shape (k, 6) with cameras, else (k, 3).
+        found: Which of the two cameras found the ball, shape (k, 2).
+        seen: Where the goals seem to be in the world [m], shape (k, 3); NaN where no camera found the ball.
+    """
+
+    views: Floats
+    found: Flags
+    seen: Floats
 
 
 class GoalObserver(Protocol):
     """Looks for balls, the arm being in its start pose."""
 
-    def look(self, goals: Floats, ids: Ids, rngs: Sequence[np.random.Generator]) -> tuple[Floats, Flags]:
+    def look(self, goals: Floats, ids: Ids, rngs: Sequence[np.random.Generator]) -> Looks:
         """Measure goals.
 
         Args:
             goals: Where the balls are in the world [m], shape (k, 3).
             ids: Whose goals they are, shape (k,).
             rngs: Everybody's generators for the sensors' noise.
-
-        Returns:
-            Position of each ball in the front and in the wrist camera [m], shape (k, 6), and which of the
-            two cameras found it, shape (k, 2).
         """
         ...
 
@@ -40,40 +55,96 @@ class GoalObserver(Protocol):
 
 
 class GeometricObserver:
-    """What perfect cameras would say; nothing is rendered."""
+    """What perfect cameras would say, or the goals themselves for an arm without cameras; nothing is rendered."""
 
-    def __init__(self, arm: ArmDescription) -> None:
-        self._arm = arm
+    def __init__(self, task: ReachTask) -> None:
+        self._task = task
 
-    def look(self, goals: Floats, ids: Ids, rngs: Sequence[np.random.Generator]) -> tuple[Floats, Flags]:
-        """The true positions; both cameras always find the ball."""
-        return geometric_goal_view(self._arm, goals), np.ones((len(goals), 2), dtype=np.bool_)
+    def look(self, goals: Floats, ids: Ids, rngs: Sequence[np.random.Generator]) -> Looks:
+        """The true positions; the ball is always found."""
+        return Looks(self._task.goal_block(goals), np.ones((len(goals), 2), dtype=np.bool_), goals)
 
     def close(self) -> None:
         """Nothing to let go of."""
 
 
 class CameraObserver:
-    """What is found in the rendered images of both cameras.
+    """What is found in the rendered images of both cameras."""
 
-    Args:
-        arm: The arm whose cameras look.
-        view: Renders and finds.
-    """
+    def __init__(self, task: ReachTask) -> None:
+        options = task.options
+        self._simulation = ArmSimulation(task.arm)
+        self._view = CameraGoalView(
+            task.arm, width=options.width, height=options.height, pipeline=options.pipeline, noise=options.noise
+        )
 
-    def __init__(self, arm: ArmDescription, view: CameraGoalView) -> None:
-        self._simulation = ArmSimulation(arm)
-        self._view = view
-
-    def look(self, goals: Floats, ids: Ids, rngs: Sequence[np.random.Generator]) -> tuple[Floats, Flags]:
+    def look(self, goals: Floats, ids: Ids, rngs: Sequence[np.random.Generator]) -> Looks:
         """Render both cameras for every goal; a ball that is not found has the documented value of `CameraGoalView`."""
         views, found = np.empty((len(goals), 6)), np.empty((len(goals), 2), dtype=np.bool_)
         for row, (goal, index) in enumerate(zip(goals, ids, strict=True)):
             self._simulation.place_ball(goal)
             seen = self._view.look(self._simulation, rngs[index])
             views[row], found[row] = seen.values, seen.found
-        return views, found
+        return Looks(views, found, goals_in_world(self._simulation.arm, views, found))
 
     def close(self) -> None:
         """Free the renderer."""
         self._view.close()
+
+
+def goal_observer(task: ReachTask) -> GoalObserver:
+    """What measures the goal; with pixels the agent has to find it, and the true geometry is kept for `info`."""
+    return CameraObserver(task) if task.options.observation == "camera" else GeometricObserver(task)
+
+
+def measured(task: ReachTask, views: Floats) -> Looks:
+    """Looks that somebody else has taken: goal blocks, with zeros for a camera that did not find the ball."""
+    if not task.cameras:
+        return Looks(views, np.ones((len(views), 2), dtype=np.bool_), views.copy())
+    found = views.reshape(-1, 2, 3).any(axis=2)
+    return Looks(views, found, goals_in_world(task.arm, views, found))
+
+
+class PixelObserver:
+    """RGB and depth of both cameras in the arm's present posture: the thesis's "ideal solution" (6.1).
+
+    With the joint angles and the gripper's opening.
+    """
+
+    def __init__(self, task: ReachTask) -> None:
+        self._task = task
+        self._simulation = ArmSimulation(task.arm)
+        self._cameras = {
+            name: RGBDCamera(self._simulation, name, width=task.options.width, height=task.options.height)
+            for name in GOAL_CAMERAS
+        }
+
+    def space(self) -> spaces.Dict:
+        """What `look` returns."""
+        height, width = self._task.options.height, self._task.options.width
+        images: dict[str, spaces.Space[Any]] = {}
+        for name in GOAL_CAMERAS:
+            images[f"{name}_rgb"] = spaces.Box(0, 255, (height, width, 3), np.uint8)
+            images[f"{name}_depth"] = spaces.Box(0.0, DEPTH_RANGE, (height, width, 1), np.float32)
+        whole, joints = self._task.observation_space, self._task.layout.q
+        images["joints"] = spaces.Box(whole.low[joints], whole.high[joints], dtype=np.float64)
+        images["gripper"] = spaces.Box(0.0, CAMERA_RANGE, (1,), np.float64)
+        return spaces.Dict(images)
+
+    def look(self, q: Floats, goal: Floats, rng: np.random.Generator) -> dict[str, Any]:
+        """Both cameras' images of the arm in posture `q` [rad] and the ball at `goal` [m]."""
+        self._simulation.reset(np.clip(q, self._simulation.controller.lower, self._simulation.controller.upper))
+        self._simulation.place_ball(goal)
+        seen: dict[str, Any] = {}
+        for name, camera in self._cameras.items():
+            frame = camera.capture(noise=self._task.options.noise, rng=rng)
+            seen[f"{name}_rgb"] = frame.rgb
+            seen[f"{name}_depth"] = np.minimum(frame.depth, np.float32(DEPTH_RANGE))[..., None]
+        seen["joints"] = np.array(q)
+        seen["gripper"] = np.array([self._task.gripper_opening])
+        return seen
+
+    def close(self) -> None:
+        """Free the renderers."""
+        for camera in self._cameras.values():
+            camera.close()

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -10,69 +11,50 @@ from numpy.typing import ArrayLike
 
 from kinreach.checks import Floats
 from kinreach.envs.batch import NativeVectorEnv
-from kinreach.envs.reach.episodes import Outcome, ReachEpisodes
-from kinreach.envs.reach.options import ReachOptions
-from kinreach.envs.reach.task import (
-    MULTI_STEP,
-    SINGLE_STEP,
-    ReachVariant,
-    action_space,
-    check_actions,
-    observation_space,
-    reset_options,
-)
+from kinreach.envs.options import options_from
+from kinreach.envs.reach.episodes import ReachEpisodes
+from kinreach.envs.reach.task import MULTI_STEP, SINGLE_STEP, ReachOptions, ReachTask, ReachVariant
 from kinreach.envs.reach.worlds import BatchDynamicWorld, KinematicWorld, ReachWorld
 
 
-class UR5ReachVectorEnv(NativeVectorEnv):
+class ReachVectorEnv(NativeVectorEnv):
     """As many independent environments, equal to as many single ones with the seeds `seed`, `seed + 1`, ...
 
     An episode that ends starts anew in the same step (`AutoresetMode.SAME_STEP`): the observation returned is the first
-    of the new episode, `info["final_obs"]`, shape (num_envs, 13), is the last of the old one where
+    of the new episode, `info["final_obs"]`, shape (num_envs, size), is the last of the old one where
     `info["_final_obs"]` is True, and `info["final_info"]` holds what the single environment's `info` would, as arrays.
     The other entries of `info` are those of the step that was just made, whether or not an episode ended with it;
-    only `goal` and `ball_found` are already the new episode's.
+    only `goal`, `seen` and `ball_found` are already the new episode's. What would take long is left out with
+    `backend="kinematic"`: `target_tip`, and in `impossible_reason` the names of what collides.
 
     Args:
         num_envs: Number of environments.
         variant: Which task.
         threads: Threads that step the dynamics (`backend="mujoco"`).
-        observation: `"geometric"` or `"camera"`; images of many environments are what Gymnasium's own vectorisation
-            of the single environment is for.
-        backend, pipeline, width, height, rgb_noise, depth_noise, end_on_reached: As in the single environments.
+        **options: As in the single environments (`ReachOptions`), but `observation="pixels"` and `render_mode`: images
+            of many environments are what Gymnasium's own vectorisation of the single environment is for.
 
     Raises:
         InputError: Options that cannot be.
     """
 
-    def __init__(
-        self,
-        num_envs: int = 1,
-        *,
-        variant: ReachVariant,
-        threads: int = 1,
-        observation: str = "geometric",
-        backend: str = "mujoco",
-        render_mode: str | None = None,
-        pipeline: str = "hybrid",
-        width: int = 640,
-        height: int = 360,
-        rgb_noise: float = 0.0,
-        depth_noise: float = 0.0,
-        end_on_reached: bool = True,
-    ) -> None:
-        options = ReachOptions(observation, backend, pipeline, width, height, rgb_noise, depth_noise, end_on_reached)
+    def __init__(self, num_envs: int = 1, *, variant: ReachVariant, threads: int = 1, **options: Any) -> None:
+        given = options_from(ReachOptions, options)
+        task = ReachTask(given, variant)
         super().__init__(
             num_envs,
             threads=threads,
-            draws=(observation == "pixels") or render_mode is not None,
-            action_space=action_space(),
-            observation_space=observation_space(),
+            draws=given.observation == "pixels" or given.render_mode is not None,
+            action_space=task.action_space,
+            observation_space=task.observation_space,
         )
         world: ReachWorld = (
-            BatchDynamicWorld(num_envs, threads=threads) if backend == "mujoco" else KinematicWorld(num_envs)
+            BatchDynamicWorld(task.arm, num_envs, threads=threads)
+            if given.backend == "mujoco"
+            else KinematicWorld(task, num_envs)
         )
-        self._episodes = ReachEpisodes(options.arm, variant, world, options.observer(), end_on_reached=end_on_reached)
+        self._task = task
+        self._episodes = ReachEpisodes(task, world)
 
     def reset(
         self, *, seed: int | Sequence[int | None] | None = None, options: dict[str, Any] | None = None
@@ -81,65 +63,42 @@ class UR5ReachVectorEnv(NativeVectorEnv):
 
         Args:
             seed: Of the first environment (the others count up), or one for each.
-            options: `"goal"`, shape (num_envs, 3), puts the balls there, in the world frame [m]; `"q"`, shape
-                (num_envs, 6), starts the arms in these postures [rad].
+            options: As those of the single environment, `"goal"`, `"q"` and `"view"`, one row for each environment.
 
         Raises:
             InputError: Unknown options, or as many seeds, goals or postures as there are not environments.
         """
-        goals, q = reset_options(options, self.num_envs)
+        start = self._task.check_start(options, self.num_envs)
         self._seed(seed, self._episodes.seed)
-        self._episodes.begin(self._everyone, goals, q)
-        return self._episodes.observe(), {
-            "goal": self._episodes.goals.copy(),
-            "ball_found": self._episodes.found.copy(),
-        }
+        self._episodes.begin(self._everyone, start)
+        return self._episodes.observe(), self._episodes.start_info()
 
     def step(self, actions: ArrayLike) -> tuple[Floats, Floats, Any, Any, dict[str, Any]]:
         """Act in all environments.
 
         Args:
-            actions: Shape (num_envs, 6), in [-1, 1]; what is outside is clipped.
+            actions: Shape (num_envs, n), in [-1, 1]; what is outside is clipped.
 
         Raises:
             InputError: Wrong shape, or a value that is not finite.
         """
-        outcome = self._episodes.step(check_actions(actions, self.num_envs))
-        info = self._info(outcome)
+        outcome = self._episodes.step(self._task.check_actions(actions, self.num_envs))
+        info = outcome.info
         over = outcome.terminated | outcome.truncated
         observation = self._episodes.observe()
         if over.any():
-            final_info = info | {"goal": self._episodes.goals, "ball_found": self._episodes.found}
+            final_info = {**info, **self._episodes.goal_info()}
             info |= {"final_obs": observation, "_final_obs": over, "final_info": final_info, "_final_info": over}
             self._episodes.begin(np.flatnonzero(over))
             observation = self._episodes.observe()
-        info |= {"goal": self._episodes.goals.copy(), "ball_found": self._episodes.found.copy()}
-        return observation, outcome.scored.reward, outcome.terminated, outcome.truncated, info
+        info |= self._episodes.goal_info()
+        return observation, outcome.reward, outcome.terminated, outcome.truncated, info
 
     def close_extras(self, **kwargs: Any) -> None:
         """Free the renderers."""
         self._episodes.close()
 
-    def _info(self, outcome: Outcome) -> dict[str, Any]:
-        scored = outcome.scored
-        info: dict[str, Any] = {
-            "distance": outcome.distance,
-            "posture_error": scored.posture_error,
-            "reached": scored.reached,
-            "is_success": scored.reached,
-            "impossible": outcome.executed.impossible,
-            "reward_terms": scored.terms._asdict(),
-        }
-        if outcome.executed.reasons is not None:
-            info["impossible_reason"] = np.array(outcome.executed.reasons, dtype=object)
-        return info
 
-
-def single_step(num_envs: int = 1, **options: Any) -> UR5ReachVectorEnv:
-    """A batch of `kinreach/UR5SingleStep-v0`."""
-    return UR5ReachVectorEnv(num_envs, variant=SINGLE_STEP, **options)
-
-
-def multi_step(num_envs: int = 1, **options: Any) -> UR5ReachVectorEnv:
-    """A batch of `kinreach/UR5MultiStep-v0`."""
-    return UR5ReachVectorEnv(num_envs, variant=MULTI_STEP, **options)
+#: Entry points of the native batches.
+single_step = partial(ReachVectorEnv, variant=SINGLE_STEP)
+multi_step = partial(ReachVectorEnv, variant=MULTI_STEP)

@@ -4,60 +4,141 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from enum import IntEnum
 from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
 from kinreach.checks import Floats
-from kinreach.kinematics import UR5Kinematics
+from kinreach.envs.reach.task import ReachTask
+from kinreach.errors import InputError
+from kinreach.kinematics import CollisionChecker
 from kinreach.kinematics.fast_collision import FastCollision
+from kinreach.robots import ArmDescription
 from kinreach.sim.controller import MoveResult, MoveStatus
 from kinreach.sim.simulation import ArmSimulation, BatchSimulation
 
 Ids = NDArray[np.intp]
+Flags = NDArray[np.bool_]
+
+
+class Ending(IntEnum):
+    """What became of an action, as a number; `ENDINGS` has the words."""
+
+    COMPLETED = 0
+    OUT_OF_LIMITS = 1
+    #: The target is in collision (`backend="kinematic"`).
+    COLLISION = 2
+    #: One part of the arm holds another off the target (as the next ones: `backend="mujoco"`).
+    SELF_COLLISION = 3
+    BLOCKED = 4
+    TIMEOUT = 5
+    DIVERGED = 6
+    #: The agent found no action.
+    FORFEITED = 7
+
+
+#: What `info["status"]` says of each `Ending`.
+ENDINGS = np.array(
+    ["completed", "out of limits", "collision", "self-collision", "blocked", "timeout", "diverged", "forfeited"],
+    dtype=object,
+)
+_OF_MOVE = {
+    MoveStatus.REACHED: Ending.COMPLETED,
+    MoveStatus.OUT_OF_LIMITS: Ending.OUT_OF_LIMITS,
+    MoveStatus.COLLISION: Ending.SELF_COLLISION,
+    MoveStatus.BLOCKED: Ending.BLOCKED,
+    MoveStatus.TIMEOUT: Ending.TIMEOUT,
+    MoveStatus.DIVERGED: Ending.DIVERGED,
+}
 
 
 @dataclass(frozen=True, eq=False)
 class Executed:
-    """Where the arms stand after a move; `q` and `tip` hold until the next move or reset.
+    """What became of the actions of all arms.
 
     Attributes:
-        q: Postures [rad], shape (count, 6).
-        tip: Positions of the tcp in the world [m], shape (count, 3).
         impossible: Whether the target could not be taken, shape (count,).
-        reasons: Why, one phrase per arm (empty where possible); None where the world does not say in a batch.
-        diverged: Whether it was for an unstable simulation, shape (count,); None where there is no simulation.
+        ending: How each ended, an `Ending`, shape (count,).
+        reasons: Why it was impossible, one phrase per arm (empty where possible); None where the world does not say.
+        durations: Simulated time [s], shape (count,); None where there is no simulation.
     """
 
-    q: Floats
-    tip: Floats
-    impossible: NDArray[np.bool_]
-    reasons: Sequence[str] | None
-    diverged: NDArray[np.bool_] | None = None
+    impossible: Flags
+    ending: NDArray[np.uint8]
+    reasons: Sequence[str] | None = None
+    durations: Floats | None = None
 
 
 class ReachWorld(Protocol):
-    """A number of equal arms, each with its own ball."""
+    """A number of equal arms, each with its own ball.
+
+    Attributes:
+        count: How many.
+        dynamic: Whether they are simulated.
+    """
 
     count: int
+    dynamic: bool
 
     def reset(self, ids: Ids, goals: Floats, q: Floats | None) -> None:
-        """Put arms into postures [rad], shape (k, 6), or the start pose, and their balls to goals [m], shape (k, 3)."""
+        """Put arms into postures [rad], shape (k, n), or the start pose, and their balls to goals [m], shape (k, 3)."""
         ...
 
     def execute(self, targets: Floats, *, two_phase: bool) -> Executed:
-        """Move all arms to joint targets [rad], shape (count, 6)."""
+        """Move all arms to joint targets [rad], shape (count, n)."""
         ...
 
     @property
     def q(self) -> Floats:
-        """Postures of all arms [rad], shape (count, 6), to be read only; they hold until the next move or reset."""
+        """Postures of all arms [rad], shape (count, n), to be read only; they hold until the next move or reset."""
         ...
 
-    def close(self) -> None:
-        """Let go of what the world holds."""
+    @property
+    def tip(self) -> Floats:
+        """Positions of the tips in the world [m], shape (count, 3); as `q`."""
         ...
+
+
+class PostureCheck(Protocol):
+    """Which postures are impossible: outside the joint limits, or in collision."""
+
+    def impossible(self, q: Floats) -> Flags:
+        """The verdict on postures [rad], shape (k, n)."""
+        ...
+
+    def reason(self, q: Floats) -> str:
+        """Why one posture is impossible."""
+        ...
+
+
+class ExactCheck:
+    """Limits and collisions by `CollisionChecker`, one posture after the other: for any arm, 20 µs each."""
+
+    def __init__(self, task: ReachTask) -> None:
+        self._kinematics = task.kinematics
+        self._checker = CollisionChecker(task.kinematics)
+
+    def impossible(self, q: Floats) -> Flags:
+        """The verdict on postures [rad], shape (k, n)."""
+        return np.array(
+            [not self._kinematics.within_limits(row) or self._checker.in_collision(row) for row in q], dtype=np.bool_
+        )
+
+    def reason(self, q: Floats) -> str:
+        """Why one posture is impossible."""
+        if outside := self._kinematics.joints_outside_limits(q):
+            return f"out of limits: {', '.join(outside)}"
+        return " - ".join(self._checker.distance(q).pair)
+
+
+def posture_check(task: ReachTask) -> PostureCheck:
+    """The fast check where there is one for the arm, else the exact one."""
+    try:
+        return FastCollision(task.arm)
+    except InputError:  # not an arm that can be judged fast
+        return ExactCheck(task)
 
 
 class KinematicWorld:
@@ -66,23 +147,26 @@ class KinematicWorld:
     An impossible target leaves the arm where it is. Collisions on the way are not judged.
 
     Args:
+        task: Whose arm.
         count: Number of arms.
         explain: Say for each impossible target why; costs time, meant for single environments.
     """
 
-    def __init__(self, count: int, *, explain: bool = False) -> None:
+    dynamic = False
+
+    def __init__(self, task: ReachTask, count: int, *, explain: bool = False) -> None:
         self.count = count
         self._explain = explain
-        self._kinematics = UR5Kinematics(tip="tcp", base="world")
-        self._check = FastCollision(self._kinematics.arm)
-        self._home = np.array(self._kinematics.arm.home)[:, None]
+        self._kinematics = task.kinematics
+        self._check = posture_check(task)
+        self._home = task.home[:, None]
         self._home_tip = self._kinematics.positions(self._home.T).T
         # one joint or coordinate after the other, as the formulas want them
         self._q = np.repeat(self._home, count, axis=1)
         self._tip = np.repeat(self._home_tip, count, axis=1)
 
     def reset(self, ids: Ids, goals: Floats, q: Floats | None) -> None:
-        """Put arms into postures [rad], shape (k, 6), or the start pose; balls need no place here."""
+        """Put arms into postures [rad], shape (k, n), or the start pose; balls need no place here."""
         rows = ids if len(ids) < self.count else slice(None)
         self._q[:, rows] = self._home if q is None else q.T
         self._tip[:, rows] = self._home_tip if q is None else self._kinematics.positions(q).T
@@ -95,31 +179,38 @@ class KinematicWorld:
         for array, values in ((self._q, q), (self._tip, self._kinematics.chain.positions(q.T).T)):
             for row, new in zip(array, values, strict=True):
                 row[moved] = new
-        reasons = None
-        if self._explain:
-            reasons = [
-                self._check.reason(target) if bad else "" for target, bad in zip(targets, impossible, strict=True)
-            ]
-        return Executed(self.q, self._tip.T, impossible, reasons)
+        ending = self._endings(targets, impossible)
+        if not self._explain:
+            return Executed(impossible, ending)
+        reasons = [self._check.reason(target) if bad else "" for target, bad in zip(targets, impossible, strict=True)]
+        return Executed(impossible, ending, reasons)
+
+    def _endings(self, targets: Floats, impossible: Flags) -> NDArray[np.uint8]:
+        ending = impossible * np.uint8(Ending.COLLISION)
+        rows = np.flatnonzero(impossible)
+        q = targets.T.take(rows, axis=1)
+        low, high = self._kinematics.lower[:, None], self._kinematics.upper[:, None]
+        if q.size and ((q < low) | (q > high)).any():
+            slack = 1e-9
+            ending[rows[((q < low - slack) | (q > high + slack)).any(axis=0)]] = Ending.OUT_OF_LIMITS
+        return ending
 
     @property
     def q(self) -> Floats:
-        """Postures [rad], shape (count, 6)."""
+        """Postures [rad], shape (count, n)."""
         return self._q.T
 
-    def close(self) -> None:
-        """Nothing to let go of."""
+    @property
+    def tip(self) -> Floats:
+        """Positions of the tips [m], shape (count, 3)."""
+        return self._tip.T
 
 
-def _executed(moves: Sequence[MoveResult], q: Floats, tip: Floats) -> Executed:
-    """What moves came to, with postures [rad], shape (count, 6), and tips [m], shape (count, 3)."""
-    return Executed(
-        q=q,
-        tip=tip,
-        impossible=np.array([not move.reached for move in moves]),
-        reasons=[move.reason for move in moves],
-        diverged=np.array([move.status is MoveStatus.DIVERGED for move in moves]),
-    )
+def _executed(moves: Sequence[MoveResult]) -> Executed:
+    """What moves came to."""
+    ending = np.array([_OF_MOVE[move.status] for move in moves], dtype=np.uint8)
+    durations = np.array([move.duration for move in moves])
+    return Executed(ending != Ending.COMPLETED, ending, [move.reason for move in moves], durations)
 
 
 class SingleDynamicWorld:
@@ -130,6 +221,7 @@ class SingleDynamicWorld:
     """
 
     count = 1
+    dynamic = True
 
     def __init__(self, simulation: ArmSimulation) -> None:
         self.simulation = simulation
@@ -141,29 +233,33 @@ class SingleDynamicWorld:
 
     def execute(self, targets: Floats, *, two_phase: bool) -> Executed:
         """Move by dynamics; a target that is not attained is impossible, and the arm stays where it got to."""
-        move = self.simulation.move(targets[0], two_phase=two_phase)
-        return _executed([move], self.simulation.q[None], self.simulation.tip_position[None])
+        return _executed([self.simulation.move(targets[0], two_phase=two_phase)])
 
     @property
     def q(self) -> Floats:
-        """Posture [rad], shape (1, 6)."""
+        """Posture [rad], shape (1, n)."""
         return self.simulation.q[None]
 
-    def close(self) -> None:
-        """Nothing to let go of."""
+    @property
+    def tip(self) -> Floats:
+        """Position of the tip [m], shape (1, 3)."""
+        return self.simulation.tip_position[None]
 
 
 class BatchDynamicWorld:
     """Many arms under MuJoCo's dynamics, bit for bit what as many `SingleDynamicWorld` would do.
 
     Args:
+        arm: Which.
         count: Number of arms.
         threads: Threads that step them.
     """
 
-    def __init__(self, count: int, *, threads: int = 1) -> None:
+    dynamic = True
+
+    def __init__(self, arm: ArmDescription, count: int, *, threads: int = 1) -> None:
         self.count = count
-        self._batch = BatchSimulation("ur5", count, threads=threads)
+        self._batch = BatchSimulation(arm, count, threads=threads)
 
     def reset(self, ids: Ids, goals: Floats, q: Floats | None) -> None:
         """Put simulations back, and their balls to goals [m], shape (k, 3)."""
@@ -171,14 +267,15 @@ class BatchDynamicWorld:
         self._batch.place_ball(ids, goals)
 
     def execute(self, targets: Floats, *, two_phase: bool) -> Executed:
-        """Move by dynamics; see `SingleDynamicWorld.execute`."""
-        moves = self._batch.move(np.arange(self.count), targets, two_phase=two_phase)
-        return _executed(moves, self._batch.q, self._batch.tip_positions)
+        """Move by dynamics, as `SingleDynamicWorld` does."""
+        return _executed(self._batch.move(np.arange(self.count), targets, two_phase=two_phase))
 
     @property
     def q(self) -> Floats:
-        """Postures [rad], shape (count, 6)."""
+        """Postures [rad], shape (count, n)."""
         return self._batch.q
 
-    def close(self) -> None:
-        """Nothing to let go of."""
+    @property
+    def tip(self) -> Floats:
+        """Positions of the tips [m], shape (count, 3)."""
+        return self._batch.tip_positions

@@ -1,0 +1,103 @@
+"""Options of environments, each spelled once in a dataclass, and what `reset` is given."""
+
+from __future__ import annotations
+
+import inspect
+from collections.abc import Callable, Mapping
+from dataclasses import MISSING, field, fields
+from typing import Any, TypeVar
+
+import numpy as np
+
+from kinreach.checks import MOST_DISTANCE, Floats, as_floats, check_count, check_entries, shown
+from kinreach.errors import InputError
+
+Options = TypeVar("Options")
+Environment = TypeVar("Environment", bound=type)
+
+#: Where the table of the options goes in a docstring.
+PLACE = "<table of the options>"
+
+
+def option(default: Any, description: str) -> Any:
+    """A field of a dataclass of options."""
+    return field(default=default, metadata={"description": description})
+
+
+def options_from(kind: type[Options], given: Mapping[str, Any]) -> Options:
+    """The options of an environment from the keywords that it was made with.
+
+    Raises:
+        InputError: A keyword that is no option, or a value that cannot be.
+    """
+    available = [entry.name for entry in fields(kind)]  # type: ignore[arg-type]
+    if unknown := [name for name in given if name not in available]:
+        raise InputError(f"unknown options {', '.join(unknown)}; available: {', '.join(available)}")
+    return kind(**given)
+
+
+def takes(kind: type[Any]) -> Callable[[Environment], Environment]:
+    """Class decorator of an environment: its signature and the table in its docstring are those of its options."""
+    rows = [
+        f"| `{entry.name}` | `{_quoted(entry.default)}` | {entry.metadata['description']} |"
+        for entry in fields(kind)
+        if entry.default is not MISSING
+    ]
+    table = "\n    ".join(["| Parameter | Default | Description |", "|-----------|---------|-------------|", *rows])
+
+    def decorate(environment: Environment) -> Environment:
+        environment.__signature__ = inspect.signature(kind)  # type: ignore[attr-defined]
+        if environment.__doc__ is not None:
+            environment.__doc__ = environment.__doc__.replace(PLACE, table)
+        return environment
+
+    return decorate
+
+
+def _quoted(value: object) -> str:
+    return f'"{value}"' if isinstance(value, str) else repr(value)
+
+
+def option_rows(
+    options: Mapping[str, Any] | None, sizes: Mapping[str, int], count: int | None
+) -> tuple[Floats | None, ...]:
+    """The options of `reset(options=...)` as arrays with a row for each environment.
+
+    Args:
+        options: As given by the user.
+        sizes: The options there are, each with the length of its rows.
+        count: Number of environments of a batch; None for a single one, whose options are plain rows.
+
+    Returns:
+        In the order of `sizes`, arrays of shape (count, size), or (1, size) for a single environment; None for what is
+        not given.
+
+    Raises:
+        InputError: An unknown option, a wrong shape, or a value that is not finite.
+    """
+    if options is not None and not isinstance(options, Mapping):
+        raise InputError(f"reset options must be a mapping of {', '.join(sizes)}, got {shown(options)}")
+    given = {name: value for name, value in (options or {}).items() if value is not None}
+    if unknown := [name for name in given if name not in sizes]:
+        raise InputError(f"unknown reset options {shown(unknown)}; available: {', '.join(sizes)}")
+    rows: list[Floats | None] = []
+    for name, size in sizes.items():
+        if name not in given:
+            rows.append(None)
+            continue
+        values = as_floats(name, given[name])
+        shape = (size,) if count is None else (count, size)
+        if values.shape != shape or not np.isfinite(values).all():
+            raise InputError(f"{name} must be finite and have shape {shape}, got {values.shape}")
+        check_entries(name, values, MOST_DISTANCE)
+        rows.append(values.reshape(-1, size))
+    return tuple(rows)
+
+
+def check_seed(seed: object) -> int | None:
+    """The seed of an environment, as Gymnasium takes it; NumPy's integers are taken too.
+
+    Raises:
+        InputError: It is no integer, or negative.
+    """
+    return None if seed is None else check_count("seed", seed, least=0)
