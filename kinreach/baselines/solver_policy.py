@@ -77,7 +77,7 @@ class SolverPolicy:
 
 
 class AnalyticReachPolicy(SolverPolicy):
-    """The closed form on the UR5's environments.
+    """The closed form on the UR5, for whichever environment of the variant it is asked in.
 
     Args:
         variant: `"single"` or `"multi"`: what an action means.
@@ -91,6 +91,13 @@ class AnalyticReachPolicy(SolverPolicy):
         check_known("variant", variant, ids)
         env: Any = gym.make(ids[variant], backend="kinematic", disable_env_checker=True)
         super().__init__(ClosedFormSolver(env.unwrapped.kinematics), env)
+
+    def act(self, observation: Any) -> Any:
+        """The action from the observed posture; None as in `SolverPolicy`."""
+        limits = self._env.kinematics
+        q = np.asarray(observation)[-1 - limits.n : -1]  # before the gripper's opening
+        self._env.reset(options={"q": np.clip(q, limits.lower, limits.upper)})  # which has an arm of its own
+        return super().act(observation)
 
 
 class _Acceptance:

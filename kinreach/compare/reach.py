@@ -89,8 +89,8 @@ def _part(name: str) -> Callable[[Trial], float | None]:
 
 
 def posture_error_mm(trial: Trial) -> float | None:
-    """What forward kinematics says the commanded posture misses of where the goal was seen [mm]."""
-    return _between(trial, "target_tip", "seen")
+    """What forward kinematics says the commanded posture misses of where the goal was seen [mm]; None without one."""
+    return None if trial["status"] == "forfeited" else _between(trial, "target_tip", "seen")
 
 
 def seen_error_mm(trial: Trial) -> float | None:
@@ -280,6 +280,7 @@ UR5_TASK = register_task(
         name="ur5",
         title="UR5: gripper on the ball, tool down, natural posture",
         environment=SINGLE,
+        arm="ur5",
         variants={"single": SINGLE, "multi": MULTI},
         observations=("geometric", "camera"),
         resets=_resets,
@@ -311,6 +312,7 @@ ARM3_TASK = register_task(
         name="arm3",
         title="3-DOF arm: end effector on the target",
         environment=SINGLE,
+        arm="arm3",
         options={"arm": "arm3"},
         variants={"single": SINGLE, "multi": MULTI},
         resets=_reachable_resets,

@@ -191,8 +191,10 @@ def prepare(
             chosen["observation"] = observation
     if arm is not None:
         description = as_arm(arm)
+        if not task.arm:
+            raise InputError(f"the task {task.name!r} takes no other arm, got {description.name!r}")
         chosen["arm"] = description if isinstance(arm, ArmDescription) else arm
-        if description.name != task.options.get("arm", "ur5"):
+        if description.name != task.arm:
             solvers = {name: method for name, method in task.methods.items() if method.kind == "solver"}
             task = replace(task, title=f"{description.title}: tip at the goal", methods=solvers)
     task = task.with_options(chosen)

@@ -70,6 +70,7 @@ class Task:
         columns: What is reported of each method, beside its name and kind and the causes of failure.
         figures: By name of the file.
         reached: The criterion in a few words.
+        arm: Name of the arm that does it, where its environments take others; empty where they do not.
         options: Of the environments; `compare` can override them.
         variants: Ids of the environments that policies from files may be for, by a short name; the first one is taken
             for a policy that does not say.
@@ -86,6 +87,7 @@ class Task:
     columns: Sequence[Column]
     figures: Mapping[str, Draw] = field(default_factory=dict)
     reached: str = "the environment's own criterion"
+    arm: str = ""
     options: Mapping[str, Any] = field(default_factory=dict)
     variants: Mapping[str, str] = field(default_factory=dict)
     observations: tuple[str, ...] = ()

@@ -19,7 +19,7 @@ from kinreach.cli import Parser
 from kinreach.demo.film import Film
 from kinreach.demo.tasks import POLICIES, TASKS, make_policy
 from kinreach.envs.button import ACTUATIONS
-from kinreach.envs.reach.options import BACKENDS, OBSERVATIONS
+from kinreach.envs.reach.task import BACKENDS, OBSERVATION_KINDS
 from kinreach.errors import InputError, raise_unknown
 
 PRINTABLE = ("action", "observation", "reward", "info")
@@ -143,7 +143,7 @@ def _parser(prog: str) -> Parser:
     parser.add_argument(
         "--observation",
         default="geometric",
-        help=f"of single and multi: {', '.join(OBSERVATIONS)} (default: %(default)s)",
+        help=f"of single and multi: {', '.join(OBSERVATION_KINDS)} (default: %(default)s)",
     )
     parser.add_argument(
         "--actuation", default="tuned", help=f"of button: {', '.join(ACTUATIONS)} (default: %(default)s)"

@@ -18,7 +18,7 @@ from kinreach.errors import InputError
 
 
 def first_row(info: Mapping[str, Any]) -> dict[str, Any]:
-    """The `info` of a single environment from that of a batch of one: Python's numbers, and arrays without the batch."""
+    """The `info` of a single environment from that of a batch of one."""
     return {
         name: first_row(value)
         if isinstance(value, Mapping)

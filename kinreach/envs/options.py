@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import inspect
 from collections.abc import Callable, Mapping
-from dataclasses import MISSING, field, fields
+from dataclasses import MISSING, fields
 from typing import Any, TypeVar
 
 import numpy as np
@@ -19,9 +19,9 @@ Environment = TypeVar("Environment", bound=type)
 PLACE = "<table of the options>"
 
 
-def option(default: Any, description: str) -> Any:
-    """A field of a dataclass of options."""
-    return field(default=default, metadata={"description": description})
+def about(description: str) -> dict[str, str]:
+    """Metadata of a field of a dataclass of options: what the table in the docstring says of it."""
+    return {"description": description}
 
 
 def options_from(kind: type[Options], given: Mapping[str, Any]) -> Options:

@@ -211,5 +211,5 @@ def test_policies_of_the_package_are_small_and_fit(tmp_path):
     assert {"single", "multi", "ppo-single", "ppo-multi", "thesis-single"} <= set(names)
     for name in names:
         policy = load_policy(name)
-        save_policy(tmp_path / name, policy.card, policy._network)
+        save_policy(tmp_path / name, policy.card, policy.network)
         assert (tmp_path / name).stat().st_size < 1_000_000

@@ -12,7 +12,7 @@ TOY = "tests/Toy-v0"
 class ToyEnv(gym.Env):
     """One action moves the point; it is reached within 10 mm, and an action beyond ±1 m is impossible."""
 
-    metadata = {"render_modes": ["rgb_array"]}
+    metadata = {"render_modes": ["rgb_array"]}  # noqa: RUF012 (declared by Gymnasium)
     action_space = gym.spaces.Box(-2.0, 2.0, (1,), np.float64)
     observation_space = gym.spaces.Box(-2.0, 2.0, (1,), np.float64)
 

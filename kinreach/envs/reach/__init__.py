@@ -4,9 +4,6 @@ from kinreach.envs.reach.env import ReachEnv, UR5MultiStepEnv, UR5SingleStepEnv
 from kinreach.envs.reach.rewards import DistanceReward, RewardFunction, ThesisReward
 from kinreach.envs.reach.vector_env import ReachVectorEnv
 
-#: Name in version 0.1.
-UR5ReachVectorEnv = ReachVectorEnv
-
 __all__ = [
     "DistanceReward",
     "ReachEnv",
@@ -14,6 +11,5 @@ __all__ = [
     "RewardFunction",
     "ThesisReward",
     "UR5MultiStepEnv",
-    "UR5ReachVectorEnv",
     "UR5SingleStepEnv",
 ]

@@ -15,7 +15,18 @@ from kinreach.envs.batch import first_row
 from kinreach.envs.options import check_seed, options_from, takes
 from kinreach.envs.reach.episodes import Outcome, ReachEpisodes
 from kinreach.envs.reach.observers import PixelObserver
-from kinreach.envs.reach.task import MULTI_STEP, RENDER_MODES, SINGLE_STEP, ReachOptions, ReachTask, ReachVariant
+from kinreach.envs.reach.task import (
+    MULTI_STEP,
+    RENDER_MODES,
+    SINGLE_STEP,
+    ReachOptions,
+    ReachTask,
+    ReachVariant,
+    action_space,
+    check_actions,
+    observation_space,
+    reset_options,
+)
 from kinreach.envs.reach.worlds import KinematicWorld, ReachWorld, SingleDynamicWorld
 from kinreach.kinematics import ArmKinematics, AxisGoal, PositionGoal
 from kinreach.robots import ArmDescription
@@ -55,9 +66,9 @@ class ReachEnv(gym.Env[Any, Any], EzPickle):
         fps = int(self.metadata["render_fps"])
         self._picture = None if mode is None else ScenePicture(self._simulation, mode=mode, fps=fps)
         self._seeded = False
-        self.action_space = task.action_space
+        self.action_space = action_space(task.arm)
         self.observation_space: spaces.Space[Any] = (
-            task.observation_space if self._pixels is None else self._pixels.space()
+            observation_space(task.arm) if self._pixels is None else self._pixels.space()
         )
 
     @property
@@ -91,7 +102,7 @@ class ReachEnv(gym.Env[Any, Any], EzPickle):
         Raises:
             InputError: Wrong shape, or not finite.
         """
-        return self._task.targets(self._world.q, self._task.check_actions(action, None)[None])[0]
+        return self._task.targets(self._world.q, check_actions(action, None, len(self.arm.joints))[None])[0]
 
     def action_for(self, q: ArrayLike) -> Floats:
         """The action that takes the arm to a posture, or in several steps straight towards it.
@@ -137,7 +148,7 @@ class ReachEnv(gym.Env[Any, Any], EzPickle):
         if seed is not None or not self._seeded:
             self._episodes.seed(0, self.np_random)
             self._seeded = True
-        self._episodes.begin(ONE, self._task.check_start(options, None))
+        self._episodes.begin(ONE, reset_options(options, None, self.arm))
         self._show()
         return self._observe(), first_row(self._episodes.start_info())
 
@@ -150,7 +161,7 @@ class ReachEnv(gym.Env[Any, Any], EzPickle):
         Raises:
             InputError: Wrong shape, or a value that is not finite.
         """
-        return self._said(self._episodes.step(self._task.check_actions(action, None)[None]))
+        return self._said(self._episodes.step(check_actions(action, None, len(self.arm.joints))[None]))
 
     def forfeit(self, reason: str) -> tuple[Any, float, bool, bool, dict[str, Any]]:
         """End the episode of an agent that finds no action: impossible, and the arm stays where it is.

@@ -19,7 +19,7 @@ from kinreach.robots.workcell import BoxRegion, GoalRegion
 Flags = NDArray[np.bool_]
 
 
-class BoxStreams(RowStreams):
+class GoalStreams(RowStreams):
     """What `BoxRegion.sample` draws for each of a number of environments, to the bit, in a third of the time.
 
     Args:
@@ -48,7 +48,7 @@ class BoxStreams(RowStreams):
 
 def goal_streams(region: GoalRegion, count: int) -> RowStreams:
     """The goals of a number of environments."""
-    return BoxStreams(region, count) if isinstance(region, BoxRegion) else RowStreams(region, count)
+    return GoalStreams(region, count) if isinstance(region, BoxRegion) else RowStreams(region, count)
 
 
 @dataclass(frozen=True, eq=False)

@@ -10,11 +10,11 @@ from gymnasium import spaces
 from numpy.typing import NDArray
 
 from kinreach.checks import Floats
-from kinreach.envs.reach.task import CAMERA_RANGE, ReachTask
+from kinreach.envs.reach.task import CAMERA_RANGE, ReachTask, goal_block, observation_space
 from kinreach.envs.reach.worlds import Ids
 from kinreach.sim.simulation import ArmSimulation
 from kinreach.vision.cameras import RGBDCamera
-from kinreach.vision.goal_view import GOAL_CAMERAS, CameraGoalView, goals_in_world
+from kinreach.vision.goal_view import GOAL_CAMERAS, CameraGoalView, goals_in_world, has_goal_cameras
 
 Flags = NDArray[np.bool_]
 
@@ -62,7 +62,7 @@ class GeometricObserver:
 
     def look(self, goals: Floats, ids: Ids, rngs: Sequence[np.random.Generator]) -> Looks:
         """The true positions; the ball is always found."""
-        return Looks(self._task.goal_block(goals), np.ones((len(goals), 2), dtype=np.bool_), goals)
+        return Looks(goal_block(self._task.arm, goals), np.ones((len(goals), 2), dtype=np.bool_), goals)
 
     def close(self) -> None:
         """Nothing to let go of."""
@@ -99,9 +99,9 @@ def goal_observer(task: ReachTask) -> GoalObserver:
 
 def measured(task: ReachTask, views: Floats) -> Looks:
     """Looks that somebody else has taken: goal blocks, with zeros for a camera that did not find the ball."""
-    if not task.cameras:
+    if not has_goal_cameras(task.arm):
         return Looks(views, np.ones((len(views), 2), dtype=np.bool_), views.copy())
-    found = views.reshape(-1, 2, 3).any(axis=2)
+    found: Flags = np.any(views.reshape(-1, 2, 3), axis=2)
     return Looks(views, found, goals_in_world(task.arm, views, found))
 
 
@@ -126,7 +126,7 @@ class PixelObserver:
         for name in GOAL_CAMERAS:
             images[f"{name}_rgb"] = spaces.Box(0, 255, (height, width, 3), np.uint8)
             images[f"{name}_depth"] = spaces.Box(0.0, DEPTH_RANGE, (height, width, 1), np.float32)
-        whole, joints = self._task.observation_space, self._task.layout.q
+        whole, joints = observation_space(self._task.arm), self._task.layout.q
         images["joints"] = spaces.Box(whole.low[joints], whole.high[joints], dtype=np.float64)
         images["gripper"] = spaces.Box(0.0, CAMERA_RANGE, (1,), np.float64)
         return spaces.Dict(images)

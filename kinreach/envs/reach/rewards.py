@@ -12,15 +12,16 @@ A reward of your own is any callable of stacks of k steps:
     q           postures in which the arms stand [rad], shape (k, n)
     impossible  whether the action could not be executed, bool, shape (k,)
 
-It returns the reward, shape (k,), and its terms by name, each of shape (k,), which add up to it. It is called with k = 1
-by a single environment and with k = num_envs by a native batch, so that it has to work on stacks. When a goal is reached
-is still what the arm's own reward says, unless the callable has a method `reached(distance, q, impossible)` that returns
+It returns the reward, shape (k,), and its terms by name, each of shape (k,), which add up to it. A single environment
+calls it with k = 1 and a native batch with k = num_envs, so that it has to work on stacks. When a goal is reached is
+still what the arm's own reward says, unless the callable has a method `reached(distance, q, impossible)` that returns
 truth values, shape (k,).
 """
 
 from __future__ import annotations
 
 from collections.abc import Mapping
+from sys import float_info
 from typing import NamedTuple, Protocol
 
 import numpy as np
@@ -133,7 +134,7 @@ class OwnReward:
             InputError: It returned something else than the module describes.
         """
         default = self._default.score(distance, q, impossible)
-        answer = self._function(distance, q, impossible)
+        answer: object = self._function(distance, q, impossible)
         if not (isinstance(answer, tuple) and len(answer) == 2 and isinstance(answer[1], Mapping)):
             raise InputError(f"reward must return the rewards and a mapping of their terms, got {shown(answer)}")
         terms = {str(name): _column(f"reward term {name!r}", term, len(distance)) for name, term in answer[1].items()}
@@ -180,5 +181,5 @@ def _column(name: str, value: object, count: int) -> Floats:
     column = as_floats(name, value)  # type: ignore[arg-type]
     if column.shape != (count,):
         raise InputError(f"{name} must have shape ({count},), got {column.shape}")
-    check_entries(name, column, np.finfo(np.float64).max)
+    check_entries(name, column, float_info.max)
     return column

@@ -7,19 +7,19 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass
-from functools import cached_property
+from dataclasses import dataclass, field
+from functools import cached_property, lru_cache
 from typing import Any, NamedTuple
 
 import numpy as np
 from gymnasium import spaces
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from kinreach.checks import Floats, as_flags, as_floats, as_vector, check_count, check_known, check_number
-from kinreach.envs.options import option, option_rows
-from kinreach.envs.reach.rewards import scorer_of
+from kinreach.envs.options import about, option_rows
+from kinreach.envs.reach.rewards import RewardFunction, scorer_of
 from kinreach.errors import InputError
-from kinreach.kinematics import AxisGoal, CollisionChecker, PositionGoal, kinematics_of
+from kinreach.kinematics import ArmKinematics, AxisGoal, CollisionChecker, PositionGoal, kinematics_of
 from kinreach.robots import ArmDescription, as_arm
 from kinreach.thesis.reward import REACHED_POSTURE_ERROR
 from kinreach.vision.ball_finder import PIPELINES
@@ -39,7 +39,7 @@ BEYOND_LIMIT = 0.02
 #: URDFs write pi with eleven digits; a limit this near to it is pi [rad].
 NEAR_PI = 1e-9
 
-OBSERVATIONS = ("camera", "geometric", "pixels")
+OBSERVATION_KINDS = ("camera", "geometric", "pixels")
 BACKENDS = ("mujoco", "kinematic")
 RENDER_MODES = ("human", "rgb_array", "rgb_array_list", "depth_array")
 #: Images are no wider or higher; graphics libraries draw the line somewhere below [px].
@@ -55,22 +55,29 @@ class ReachOptions:
         InputError: A size, a noise or a reward that cannot be, or cameras that the arm has not.
     """
 
-    observation: str = option("geometric", '`"camera"`, `"geometric"` or `"pixels"`')
-    backend: str = option("mujoco", '`"mujoco"` (dynamics) or `"kinematic"`')
-    render_mode: str | None = option(
-        None, '`"human"`, `"rgb_array"`, `"rgb_array_list"` (frames of the motion) or `"depth_array"`'
+    observation: str = field(default="geometric", metadata=about('`"camera"`, `"geometric"` or `"pixels"`'))
+    backend: str = field(default="mujoco", metadata=about('`"mujoco"` (dynamics) or `"kinematic"`'))
+    render_mode: str | None = field(
+        default=None,
+        metadata=about('`"human"`, `"rgb_array"`, `"rgb_array_list"` (frames of the motion) or `"depth_array"`'),
     )
-    arm: str | ArmDescription = option("ur5", "name of a registered arm, or an `ArmDescription`")
-    reward: Any = option(None, "a function as `kinreach.envs.reach.rewards` describes; by default the arm's own")
-    pipeline: str = option("hybrid", 'how the ball is found: `"hybrid"` or the thesis\'s own, `"thesis"`')
-    width: int = option(640, "width of the cameras' images [px]")
-    height: int = option(360, "height of the cameras' images [px]")
-    rgb_noise: float = option(0.0, "standard deviation of the colours' noise [levels of 255]")
-    depth_noise: float = option(0.0, "standard deviation of the depth's noise [m]")
-    end_on_reached: bool = option(True, "whether reaching the goal ends an episode of several steps")
+    arm: str | ArmDescription = field(default="ur5", metadata=about("name of a registered arm, or an `ArmDescription`"))
+    reward: RewardFunction | None = field(
+        default=None, metadata=about("a function as `kinreach.envs.reach.rewards` describes; by default the arm's own")
+    )
+    pipeline: str = field(
+        default="hybrid", metadata=about('how the ball is found: `"hybrid"` or the thesis\'s own, `"thesis"`')
+    )
+    width: int = field(default=640, metadata=about("width of the cameras' images [px]"))
+    height: int = field(default=360, metadata=about("height of the cameras' images [px]"))
+    rgb_noise: float = field(default=0.0, metadata=about("standard deviation of the colours' noise [levels of 255]"))
+    depth_noise: float = field(default=0.0, metadata=about("standard deviation of the depth's noise [m]"))
+    end_on_reached: bool = field(
+        default=True, metadata=about("whether reaching the goal ends an episode of several steps")
+    )
 
     def __post_init__(self) -> None:
-        check_known("observation", self.observation, OBSERVATIONS)
+        check_known("observation", self.observation, OBSERVATION_KINDS)
         check_known("backend", self.backend, BACKENDS)
         if self.render_mode is not None:
             check_known("render_mode", self.render_mode, RENDER_MODES)
@@ -154,9 +161,68 @@ class Layout(NamedTuple):
         return self.gripper + 1
 
 
-#: The layout of the UR5's observation: goal in both cameras (6), joint angles (6), gripper opening (1).
-UR5_LAYOUT = Layout.of(goal=6, joints=6)
-GOAL, ANGLES, GRIPPER = UR5_LAYOUT
+#: The UR5's: goal in both cameras (6), joint angles (6), gripper opening (1), and the bound of the angles [rad].
+JOINTS = 6
+GOAL, ANGLES, GRIPPER = UR5_LAYOUT = Layout.of(goal=6, joints=JOINTS)
+OBSERVATIONS = UR5_LAYOUT.size
+JOINT_BOUND = math.pi + BEYOND_LIMIT
+
+
+def layout_of(arm: ArmDescription) -> Layout:
+    """Where things are in the observation of an arm with cameras that see the goal, or without."""
+    return Layout.of(6 if has_goal_cameras(arm) else 3, len(arm.joints))
+
+
+@lru_cache(maxsize=16)
+def joint_limits(arm: ArmDescription) -> tuple[Floats, Floats]:
+    """Lower and upper joint limits [rad], each of shape (n,); where a URDF has pi with eleven digits, pi."""
+    kinematics = ArmKinematics(arm)
+    low, high = (
+        np.where(np.abs(np.abs(limits) - math.pi) < NEAR_PI, np.copysign(math.pi, limits), limits)
+        for limits in (kinematics.lower, kinematics.upper)
+    )
+    return low, high
+
+
+def action_space(arm: str | ArmDescription = "ur5") -> spaces.Box:
+    """Actions of an agent, one in [-1, 1] for each joint."""
+    return spaces.Box(-1.0, 1.0, (len(as_arm(arm).joints),), np.float32)
+
+
+def observation_space(arm: str | ArmDescription = "ur5") -> spaces.Box:
+    """Goal block, joint angles and gripper opening in metres and radians."""
+    arm = as_arm(arm)
+    layout, (lower, upper) = layout_of(arm), joint_limits(arm)
+    low, high = np.empty(layout.size), np.empty(layout.size)
+    high[layout.goal] = CAMERA_RANGE if has_goal_cameras(arm) else GOAL_RANGE
+    low[layout.goal] = -high[layout.goal]
+    low[layout.q], high[layout.q] = lower - BEYOND_LIMIT, upper + BEYOND_LIMIT
+    low[layout.gripper], high[layout.gripper] = 0.0, CAMERA_RANGE
+    return spaces.Box(low, high, dtype=np.float64)
+
+
+def goal_block(arm: ArmDescription, goals: Floats) -> Floats:
+    """What perfect cameras would say of goals in the world [m], shape (k, 3), or without cameras the goals."""
+    return geometric_goal_view(arm, goals) if has_goal_cameras(arm) else goals.copy()
+
+
+def check_actions(actions: ArrayLike, count: int | None, joints: int = JOINTS) -> Floats:
+    """Actions of shape (joints,), or (count, joints) for a batch, clipped to [-1, 1].
+
+    In the result what belongs to one joint lies side by side, as the formulas want it.
+
+    Raises:
+        InputError: Wrong shape, or a value that is not finite.
+    """
+    shape = (joints,) if count is None else (count, joints)
+    values = as_floats("action", actions)
+    if values.shape != shape:
+        raise InputError(f"action must have shape {shape}, got {values.shape}")
+    if values.min() >= -1.0 and values.max() <= 1.0:  # there is nothing to clip
+        return np.array(values.T, order="C").T
+    if not np.isfinite(values).all():
+        raise InputError("action must be finite")
+    return np.clip(values.T, -1.0, 1.0, order="C").T
 
 
 class Start(NamedTuple):
@@ -173,6 +239,38 @@ class Start(NamedTuple):
     views: Floats | None = None
 
 
+def reset_options(options: Mapping[str, Any] | None, count: int | None, arm: str | ArmDescription = "ur5") -> Start:
+    """What `reset(options=)` asks for.
+
+    Raises:
+        InputError: An unknown option, a wrong shape, a value that is not finite, a joint outside its limits, or a goal
+            or a view that an observation cannot hold.
+    """
+    arm = as_arm(arm)
+    sizes = {"goal": 3, "q": len(arm.joints), "view": layout_of(arm).goal.stop}
+    start = Start(*option_rows(options, sizes, count))
+    bound, where = (CAMERA_RANGE, "that the cameras see") if has_goal_cameras(arm) else (GOAL_RANGE, "of goals")
+    if start.q is not None:
+        _refuse_outside_limits(arm, start.q)
+    if start.goals is not None:
+        seen = np.abs(goal_block(arm, start.goals)).max(axis=1)
+        if (seen > bound).any():
+            raise InputError(f"goal {start.goals[seen.argmax()]} m is outside the {bound:g} m {where}")
+    if start.views is not None and (np.abs(start.views) > bound).any():
+        raise InputError(f"view must be within ±{bound:g} m, got {start.views.flat[np.abs(start.views).argmax()]:g}")
+    return start
+
+
+def _refuse_outside_limits(arm: ArmDescription, q: Floats) -> None:
+    lower, upper = joint_limits(arm)
+    beyond = np.maximum(lower - q, q - upper)
+    if beyond.max() > 0.0:
+        row, joint = np.unravel_index(beyond.argmax(), q.shape)
+        raise InputError(
+            f"q: {arm.joints[joint]} must be within {lower[joint]:g} … {upper[joint]:g} rad, got {q[row, joint]:g}"
+        )
+
+
 class ReachTask:
     """One variant of the task on one arm.
 
@@ -184,13 +282,10 @@ class ReachTask:
         options, variant: As given.
         arm: The description of the arm.
         home: Its start posture [rad], shape (n,).
-        lower, upper: Its joint limits [rad], shape (n,).
         kinematics: From the world to the arm's default tip.
         scorer: Judges the steps.
-        cameras: Whether the goal block is what two cameras see; else it is the goal in the world.
         layout: Where things are in an observation.
         gripper_opening: In which the arm reaches [m]; 0 without a gripper.
-        action_space, observation_space: Of one environment (pixels have a space of their own).
     """
 
     def __init__(self, options: ReachOptions, variant: ReachVariant) -> None:
@@ -200,16 +295,13 @@ class ReachTask:
         self.kinematics = kinematics_of(arm, base="world")
         self.scorer = scorer_of(options.reward, arm)
         self.home = np.array(arm.home)
-        self.lower, self.upper = (_snapped(limit) for limit in (self.kinematics.lower, self.kinematics.upper))
-        self.cameras = has_goal_cameras(arm)
-        self.layout = Layout.of(6 if self.cameras else 3, len(arm.joints))
+        self.layout = layout_of(arm)
         self.gripper_opening = 0.0 if arm.gripper is None else arm.gripper.opening
-        self.action_space = spaces.Box(-1.0, 1.0, (len(arm.joints),), np.float32)
-        self.observation_space = self._observation_space()
         self._scale: Any = variant.scale
         self._middle: Floats | None = None
         if not variant.relative:
-            half, middle = (self.upper - self.lower) / 2, (self.upper + self.lower) / 2
+            lower, upper = joint_limits(arm)
+            half, middle = (upper - lower) / 2, (upper + lower) / 2
             self._scale = half if (half != variant.scale).any() else variant.scale
             self._middle = middle if middle.any() else None
 
@@ -245,69 +337,3 @@ class ReachTask:
     def checker(self) -> CollisionChecker:
         """The exact verdict on collisions."""
         return CollisionChecker(self.kinematics)
-
-    def check_actions(self, actions: ArrayLike, count: int | None) -> Floats:
-        """Actions of shape (n,), or (count, n) for a batch, clipped to [-1, 1].
-
-        In the result what belongs to one joint lies side by side, as the formulas want it.
-
-        Raises:
-            InputError: Wrong shape, or a value that is not finite.
-        """
-        n = len(self.arm.joints)
-        shape = (n,) if count is None else (count, n)
-        values = as_floats("action", actions)
-        if values.shape != shape:
-            raise InputError(f"action must have shape {shape}, got {values.shape}")
-        if values.min() >= -1.0 and values.max() <= 1.0:  # there is nothing to clip
-            return np.array(values.T, order="C").T
-        if not np.isfinite(values).all():
-            raise InputError("action must be finite")
-        return np.clip(values.T, -1.0, 1.0, order="C").T
-
-    def check_start(self, options: Mapping[str, Any] | None, count: int | None) -> Start:
-        """What `reset(options=)` asks for.
-
-        Raises:
-            InputError: An unknown option, a wrong shape, a value that is not finite, a joint outside its limits, or a
-                goal or a view that an observation cannot hold.
-        """
-        sizes = {"goal": 3, "q": len(self.arm.joints), "view": self.layout.goal.stop}
-        start = Start(*option_rows(options, sizes, count))
-        if start.q is not None and ((start.q < self.lower) | (start.q > self.upper)).any():
-            self._refuse_posture(start.q)
-        bound = CAMERA_RANGE if self.cameras else GOAL_RANGE
-        if start.goals is not None:
-            seen = np.abs(self.goal_block(start.goals)).max(axis=1)
-            if (seen > bound).any():
-                where = "that the cameras see" if self.cameras else "in which goals are"
-                raise InputError(f"goal {start.goals[seen.argmax()]} m is outside the {bound:g} m {where}")
-        if start.views is not None and (np.abs(start.views) > bound).any():
-            raise InputError(
-                f"view must be within ±{bound:g} m, got {start.views.flat[np.abs(start.views).argmax()]:g}"
-            )
-        return start
-
-    def goal_block(self, goals: Floats) -> Floats:
-        """What perfect cameras would say of goals in the world [m], shape (k, 3), or without cameras the goals."""
-        return geometric_goal_view(self.arm, goals) if self.cameras else goals.copy()
-
-    def _refuse_posture(self, q: Floats) -> None:
-        beyond = np.maximum(self.lower - q, q - self.upper)
-        row, joint = np.unravel_index(beyond.argmax(), q.shape)
-        raise InputError(
-            f"q: {self.arm.joints[joint]} must be within {self.lower[joint]:g} … {self.upper[joint]:g} rad, "
-            f"got {q[row, joint]:g}"
-        )
-
-    def _observation_space(self) -> spaces.Box:
-        low, high = np.empty(self.layout.size), np.empty(self.layout.size)
-        high[self.layout.goal] = CAMERA_RANGE if self.cameras else GOAL_RANGE
-        low[self.layout.goal] = -high[self.layout.goal]
-        low[self.layout.q], high[self.layout.q] = self.lower - BEYOND_LIMIT, self.upper + BEYOND_LIMIT
-        low[self.layout.gripper], high[self.layout.gripper] = 0.0, CAMERA_RANGE
-        return spaces.Box(low, high, dtype=np.float64)
-
-
-def _snapped(limits: Floats) -> NDArray[np.float64]:
-    return np.where(np.abs(np.abs(limits) - math.pi) < NEAR_PI, np.copysign(math.pi, limits), limits)

@@ -13,7 +13,17 @@ from kinreach.checks import Floats
 from kinreach.envs.batch import NativeVectorEnv
 from kinreach.envs.options import options_from
 from kinreach.envs.reach.episodes import ReachEpisodes
-from kinreach.envs.reach.task import MULTI_STEP, SINGLE_STEP, ReachOptions, ReachTask, ReachVariant
+from kinreach.envs.reach.task import (
+    MULTI_STEP,
+    SINGLE_STEP,
+    ReachOptions,
+    ReachTask,
+    ReachVariant,
+    action_space,
+    check_actions,
+    observation_space,
+    reset_options,
+)
 from kinreach.envs.reach.worlds import BatchDynamicWorld, KinematicWorld, ReachWorld
 
 
@@ -45,8 +55,8 @@ class ReachVectorEnv(NativeVectorEnv):
             num_envs,
             threads=threads,
             draws=given.observation == "pixels" or given.render_mode is not None,
-            action_space=task.action_space,
-            observation_space=task.observation_space,
+            action_space=action_space(task.arm),
+            observation_space=observation_space(task.arm),
         )
         world: ReachWorld = (
             BatchDynamicWorld(task.arm, num_envs, threads=threads)
@@ -68,7 +78,7 @@ class ReachVectorEnv(NativeVectorEnv):
         Raises:
             InputError: Unknown options, or as many seeds, goals or postures as there are not environments.
         """
-        start = self._task.check_start(options, self.num_envs)
+        start = reset_options(options, self.num_envs, self._task.arm)
         self._seed(seed, self._episodes.seed)
         self._episodes.begin(self._everyone, start)
         return self._episodes.observe(), self._episodes.start_info()
@@ -82,7 +92,7 @@ class ReachVectorEnv(NativeVectorEnv):
         Raises:
             InputError: Wrong shape, or a value that is not finite.
         """
-        outcome = self._episodes.step(self._task.check_actions(actions, self.num_envs))
+        outcome = self._episodes.step(check_actions(actions, self.num_envs, len(self._task.arm.joints)))
         info = outcome.info
         over = outcome.terminated | outcome.truncated
         observation = self._episodes.observe()

@@ -3,8 +3,7 @@
 import numpy as np
 import pytest
 
-from kinreach.envs.reach.episodes import GoalStreams
-from kinreach.errors import InputError
+from kinreach.envs.reach.episodes import GoalStreams, goal_streams
 from kinreach.robots import get_arm
 
 REGION = get_arm("ur5").workcell.goals
@@ -38,6 +37,11 @@ def test_goals_that_were_drawn_stay_as_they_are():
     np.testing.assert_array_equal(first, kept)
 
 
-def test_other_regions_are_refused():
-    with pytest.raises(InputError, match="box"):
-        GoalStreams(get_arm("arm3").workcell.goals, 1)
+def test_regions_of_any_shape_are_drawn_from():
+    region = get_arm("arm3").workcell.goals
+    streams = goal_streams(region, 2)
+    for index in range(2):
+        streams.seed(index, np.random.default_rng(index))
+    drawn = np.array([streams.draw(np.arange(2)) for _ in range(200)])
+    for index in range(2):
+        np.testing.assert_array_equal(drawn[:, index], region.sample(np.random.default_rng(index), 256)[:200])
