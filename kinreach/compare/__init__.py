@@ -10,8 +10,7 @@ for that environment. `register_task` and `register_method` add either from outs
 and environment is `kinreach.baselines.rollout`.
 """
 
-from kinreach.compare import button, reach
-from kinreach.compare.reach import resets_to, solver_method
+from kinreach.compare.methods import policy_method, solver_method
 from kinreach.compare.runner import Settings, compare
 from kinreach.compare.task import Method, Task, common_columns, get_task, register_method, register_task, task_names
 from kinreach.summary import Column, Trial
@@ -22,14 +21,12 @@ __all__ = [
     "Settings",
     "Task",
     "Trial",
-    "button",
     "common_columns",
     "compare",
     "get_task",
-    "reach",
+    "policy_method",
     "register_method",
     "register_task",
-    "resets_to",
     "solver_method",
     "task_names",
 ]

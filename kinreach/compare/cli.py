@@ -142,17 +142,25 @@ def _again(prog: str, arguments: argparse.Namespace, said: dict[str, Any], out: 
     return " ".join([*words, *([] if out is None else ["--out", quote(str(out))])])
 
 
+class _Parser(Parser):
+    """Lists the methods of all tasks where help is asked for; only then are they all loaded."""
+
+    def format_help(self) -> str:
+        """The help with its list of methods."""
+        lines = [f"methods of {name}: {', '.join(get_task(name).methods)}" for name in task_names()]
+        lines.append(
+            "other methods: a policy's file (policy.safetensors, a stable-baselines3 model.zip, model.zip@multi), or "
+            "module:attribute of a solver, a policy or a function of your own"
+        )
+        # filled here: argparse would break names at their hyphens
+        self.epilog = "\n".join(fill(line, 79, subsequent_indent="  ", break_on_hyphens=False) for line in lines)
+        return super().format_help()
+
+
 def _parser(prog: str) -> Parser:
-    lines = [f"methods of {name}: {', '.join(get_task(name).methods)}" for name in task_names()]
-    lines.append(
-        "other methods: a policy's file (policy.safetensors, a stable-baselines3 model.zip, model.zip@multi), or "
-        "module:attribute of a solver, a policy or a function of your own"
-    )
-    parser = Parser(
+    parser = _Parser(
         prog=prog,
         description="Put all methods on the same goals and report how they do.",
-        # filled here: argparse would break names at their hyphens
-        epilog="\n".join(fill(line, 79, subsequent_indent="  ", break_on_hyphens=False) for line in lines),
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
     parser.add_argument(

@@ -15,9 +15,10 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.ticker import FuncFormatter, NullFormatter
 
-from kinreach import plots
 from kinreach.compare.task import Draw
 from kinreach.files import replacing
+from kinreach.plots.methods import Success
+from kinreach.plots.methods import draw_success as draw_tolerances
 from kinreach.plots.style import FAINT, INK, PALETTE, key, label_ends, name_label, new_figure, plain, verbatim
 from kinreach.statistics import median, p95
 from kinreach.summary import Trial, number
@@ -109,14 +110,14 @@ def draw_success(trials: Sequence[Trial], results: Mapping[str, Any]) -> Figure:
     methods = {method["name"]: method for method in results["methods"]}
     tolerances = list(next(iter(methods.values()))["success_at_mm"])
     shares = {
-        name: plots.Success(
+        name: Success(
             [method["success_at_mm"][mm] for mm in tolerances],
             [method["success_at_mm_ci"][mm] for mm in tolerances],
         )
         for name, method in methods.items()
     }
     colours = dict(zip(methods, colours_in(results), strict=True))
-    return plots.draw_success([float(mm) for mm in tolerances], shares, colours=colours, note=origin(results))
+    return draw_tolerances([float(mm) for mm in tolerances], shares, colours=colours, note=origin(results))
 
 
 def draw_budget(parts: Sequence[str], meaning: str) -> Draw:

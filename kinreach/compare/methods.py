@@ -52,6 +52,27 @@ def resolve_methods(task: Task, given: Iterable[Any] | Mapping[str, Any]) -> dic
     return dict(found)
 
 
+def solver_method(new: Callable[[Any], Solver], *, colour: str = "") -> Method:
+    """A solver of inverse kinematics as a method.
+
+    Args:
+        new: From a kinematics to a solver for it.
+        colour: In figures.
+    """
+    return Method(lambda env: SolverPolicy(new(env.unwrapped.kinematics), env), SOLVER, colour=colour)
+
+
+def policy_method(policy: str, environment: str, *, colour: str = "") -> Method:
+    """A trained policy that comes with the package, or a file, as a method.
+
+    Args:
+        policy: Name, or path of a file.
+        environment: Id of the environment that it acts in.
+        colour: In figures.
+    """
+    return Method(lambda env: load_policy(policy), POLICY, environment, policy_version(policy), colour)
+
+
 def colours(methods: Mapping[str, Method]) -> dict[str, str]:
     """A colour for each method, its own where it has one."""
     others = cycle(_COLOURS)

@@ -21,10 +21,9 @@ from kinreach.baselines.rollout import COMPLETED
 from kinreach.baselines.solver_policy import SolverPolicy
 from kinreach.checks import Floats
 from kinreach.compare import figures
+from kinreach.compare.methods import policy_method, solver_method
 from kinreach.compare.task import (
-    POLICY,
     SEEDED,
-    SOLVER,
     Method,
     Task,
     common_columns,
@@ -135,16 +134,6 @@ FIGURES = {
 }
 
 
-def solver_method(new: Callable[[Any], Solver], *, colour: str = "") -> Method:
-    """A solver of inverse kinematics as a method.
-
-    Args:
-        new: From a kinematics to a solver for it.
-        colour: In figures.
-    """
-    return Method(lambda env: SolverPolicy(new(_kinematics(env)), env), SOLVER, colour=colour)
-
-
 def _kinematics(env: gym.Env[Any, Any]) -> Any:
     return env.unwrapped.kinematics  # type: ignore[attr-defined]
 
@@ -163,17 +152,6 @@ def _closed_form(kinematics: Any) -> Solver:
     if not isinstance(kinematics, ClosedFormKinematics):
         raise InputError(f"the arm {kinematics.arm.name!r} has no closed form; its solvers are placo, lm and qp")
     return _solver("ClosedFormSolver")(kinematics)
-
-
-def policy_method(policy: str, environment: str, *, colour: str = "") -> Method:
-    """A trained policy that comes with the package, or a file, as a method.
-
-    Args:
-        policy: Name, or path of a file.
-        environment: Id of the environment that it acts in.
-        colour: In figures.
-    """
-    return Method(lambda env: load_policy(policy), POLICY, environment, policy_version(policy), colour)
 
 
 def _hybrid() -> Method:

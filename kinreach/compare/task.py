@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import hashlib
+import importlib
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from importlib import resources
@@ -101,6 +102,8 @@ class Task:
 
 #: Registered tasks by name.
 _TASKS: dict[str, Task] = {}
+#: Tasks of the package -> the module whose `TASKS` has them, loaded when one of them is first asked for.
+_OWN = {"ur5": "reach", "arm3": "reach", "button": "button"}
 
 
 def register_task(task: Task) -> Task:
@@ -109,7 +112,8 @@ def register_task(task: Task) -> Task:
     Raises:
         InputError: Another task has that name already.
     """
-    if _TASKS.get(task.name, task) is not task:
+    known = get_task(task.name) if task.name in task_names() else task
+    if known is not task:
         raise InputError(f"a task named {task.name!r} is registered already")
     _TASKS[task.name] = task
     return task
@@ -121,13 +125,15 @@ def get_task(name: str) -> Task:
     Raises:
         UnknownNameError: There is none of that name; the message lists those there are.
     """
-    check_known("task", name, _TASKS)
+    check_known("task", name, task_names())
+    if name not in _TASKS:
+        _TASKS.update({task.name: task for task in importlib.import_module(f"kinreach.compare.{_OWN[name]}").TASKS})
     return _TASKS[name]
 
 
 def task_names() -> list[str]:
-    """Names of the registered tasks, in the order of their registration."""
-    return list(_TASKS)
+    """Names of the registered tasks, the package's own first."""
+    return list(dict.fromkeys((*_OWN, *_TASKS)))
 
 
 def register_method(task: str, name: str, method: Method) -> None:
