@@ -4,6 +4,7 @@ The file is a method of the comparison as it is: `python -m kinreach.compare --m
 """
 
 import gymnasium as gym
+import torch
 from stable_baselines3 import PPO
 from stable_baselines3.common.evaluation import evaluate_policy
 from stable_baselines3.common.vec_env import VecMonitor
@@ -11,6 +12,7 @@ from stable_baselines3.common.vec_env import VecMonitor
 import kinreach  # noqa: F401  (registers the environments)
 from kinreach.baselines.vec_envs import SB3VecEnv
 
+torch.set_num_threads(1)  # a network this small is quickest on one
 batch = gym.make_vec(
     "kinreach/UR5SingleStep-v0", num_envs=256, vectorization_mode="vector_entry_point", backend="kinematic"
 )

@@ -12,6 +12,7 @@ from torch import nn
 import kinreach  # noqa: F401  (registers the environments)
 
 torch.manual_seed(0)
+torch.set_num_threads(1)  # a network this small is quickest on one
 envs = gym.make_vec(
     "kinreach/UR5SingleStep-v0", num_envs=4096, vectorization_mode="vector_entry_point", backend="kinematic"
 )

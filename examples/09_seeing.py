@@ -1,6 +1,6 @@
 """Both RGB-D cameras look for the ball at three places: `python examples/09_seeing.py` (needs EGL or OSMesa).
 
-Prints where each camera saw it and how far off that is, and keeps the last picture as `results/seeing.png`.
+Prints where each camera saw it and how far off that is, and keeps the last picture as `results/seeing.jpg`.
 """
 
 from pathlib import Path
@@ -9,7 +9,7 @@ import cv2
 import numpy as np
 
 from kinreach.sim.simulation import ArmSimulation
-from kinreach.vision import find_ball
+from kinreach.vision.ball_finder import find_ball
 from kinreach.vision.cameras import RGBDCamera, SensorNoise
 
 simulation = ArmSimulation("ur5")
@@ -35,4 +35,4 @@ picture = np.ascontiguousarray(image.rgb[..., ::-1])  # OpenCV's order of colour
 if ball is not None:
     cv2.circle(picture, (round(ball.circle.u), round(ball.circle.v)), round(ball.circle.r) + 3, (0, 255, 255), 2)
 Path("results").mkdir(exist_ok=True)
-cv2.imwrite("results/seeing.png", picture)
+cv2.imwrite("results/seeing.jpg", picture)

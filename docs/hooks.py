@@ -1,4 +1,4 @@
-"""A hook of mkdocs: the pages in `api/` list every public module of a package, so that none can be forgotten."""
+"""A hook of mkdocs: pages in `api/` list every public module of a package, and examples are shown as they are."""
 
 from __future__ import annotations
 
@@ -10,11 +10,14 @@ from typing import Any
 ROOT = Path(__file__).resolve().parents[1]
 #: What stands in a page for the modules of a package.
 PLACE = re.compile(r"^<!-- modules of ([\w.]+) -->$", re.MULTILINE)
+#: What stands in a page for the code of an example.
+CODE = re.compile(r"^<!-- code of (examples/\w+\.py) -->$", re.MULTILINE)
 
 
 def on_page_markdown(markdown: str, **_: Any) -> str:
-    """Put the modules in their place."""
-    return PLACE.sub(lambda match: "\n".join(_directives(match[1])), markdown)
+    """Put modules and code in their places."""
+    markdown = PLACE.sub(lambda match: "\n".join(_directives(match[1])), markdown)
+    return CODE.sub(lambda match: f"```python\n{(ROOT / match[1]).read_text(encoding='utf-8')}```", markdown)
 
 
 def modules(package: str) -> Iterator[str]:
