@@ -74,7 +74,7 @@ class KinematicWorld:
         self.count = count
         self._explain = explain
         self._kinematics = UR5Kinematics(tip="tcp", base="world")
-        self._check = FastCollision(self._kinematics.arm)
+        self._check = FastCollision(self._kinematics.arm, refine=False)
         self._home = np.array(self._kinematics.arm.home)[:, None]
         self._home_tip = self._kinematics.positions(self._home.T).T
         # one joint or coordinate after the other, as the formulas want them
