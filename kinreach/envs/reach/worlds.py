@@ -12,8 +12,6 @@ from numpy.typing import NDArray
 
 from kinreach.checks import Floats
 from kinreach.envs.reach.task import ReachTask
-from kinreach.errors import InputError
-from kinreach.kinematics import CollisionChecker
 from kinreach.kinematics.fast_collision import FastCollision
 from kinreach.robots import ArmDescription
 from kinreach.sim.controller import MoveResult, MoveStatus
@@ -101,46 +99,6 @@ class ReachWorld(Protocol):
         ...
 
 
-class PostureCheck(Protocol):
-    """Which postures are impossible: outside the joint limits, or in collision."""
-
-    def impossible(self, q: Floats) -> Flags:
-        """The verdict on postures [rad], shape (k, n)."""
-        ...
-
-    def reason(self, q: Floats) -> str:
-        """Why one posture is impossible."""
-        ...
-
-
-class ExactCheck:
-    """Limits and collisions by `CollisionChecker`, one posture after the other: for any arm, 20 µs each."""
-
-    def __init__(self, task: ReachTask) -> None:
-        self._kinematics = task.kinematics
-        self._checker = CollisionChecker(task.kinematics)
-
-    def impossible(self, q: Floats) -> Flags:
-        """The verdict on postures [rad], shape (k, n)."""
-        return np.array(
-            [not self._kinematics.within_limits(row) or self._checker.in_collision(row) for row in q], dtype=np.bool_
-        )
-
-    def reason(self, q: Floats) -> str:
-        """Why one posture is impossible."""
-        if outside := self._kinematics.joints_outside_limits(q):
-            return f"out of limits: {', '.join(outside)}"
-        return " - ".join(self._checker.distance(q).pair)
-
-
-def posture_check(task: ReachTask) -> PostureCheck:
-    """The fast check where there is one for the arm, else the exact one."""
-    try:
-        return FastCollision(task.arm)
-    except InputError:  # not an arm that can be judged fast
-        return ExactCheck(task)
-
-
 class KinematicWorld:
     """Arms that jump to their targets; joint limits and collisions of the target are still judged.
 
@@ -158,7 +116,7 @@ class KinematicWorld:
         self.count = count
         self._explain = explain
         self._kinematics = task.kinematics
-        self._check = posture_check(task)
+        self._check = FastCollision(task.arm, refine=False)
         self._home = task.home[:, None]
         self._home_tip = self._kinematics.positions(self._home.T).T
         # one joint or coordinate after the other, as the formulas want them
