@@ -12,12 +12,11 @@ from numpy.typing import ArrayLike
 
 from kinreach.checks import Floats, as_vector
 from kinreach.envs.batch import first_row
-from kinreach.envs.options import check_seed, options_from, takes
+from kinreach.envs.options import RENDER_MODES, check_seed, options_from, takes
 from kinreach.envs.reach.episodes import Outcome, ReachEpisodes
 from kinreach.envs.reach.observers import PixelObserver
 from kinreach.envs.reach.task import (
     MULTI_STEP,
-    RENDER_MODES,
     SINGLE_STEP,
     ReachOptions,
     ReachTask,
