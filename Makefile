@@ -6,14 +6,14 @@ ARGS ?=
 PYTEST_ARGS ?= -n auto --maxprocesses 8
 
 BIN := $(VENV)/bin
-PIP_INSTALL := $(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt
+PIP_INSTALL := $(BIN)/python -m pip install --disable-pip-version-check --root-user-action=ignore -c constraints.txt
 CORE := $(VENV)/.installed-core
 DEV := $(VENV)/.installed-dev
 DOCS := $(VENV)/.installed-docs
 BENCH := $(VENV)/.installed-bench
 
 .DEFAULT_GOAL := help
-.PHONY: help setup compare test test-all lint bench digest endurance notebooks docs clean
+.PHONY: help setup compare examples test test-all lint bench digest endurance notebooks docs clean
 
 help: ## List the targets
 	@grep -hE '^[a-z-]+:.*## ' $(MAKEFILE_LIST) | awk -F ':.*## ' '{printf "  make %-10s %s\n", $$1, $$2}'
@@ -23,6 +23,9 @@ setup: $(DEV) ## Make the virtual environment with everything that tests and lin
 
 compare: $(CORE) ## Put all methods on the same goals, for example ARGS="--task button --goals 50"
 	$(BIN)/python -m kinreach.compare $(ARGS)
+
+examples: $(DEV) ## Run all examples, one after the other; ARGS="examples/own_arm.py" for one
+	@for script in $(or $(ARGS),$(sort $(wildcard examples/*.py))); do echo "$$script"; $(BIN)/python $$script || exit 1; done
 
 test: $(DEV) ## Run the tests but the slow ones
 	$(BIN)/python -m pytest -m "not slow" $(PYTEST_ARGS)
@@ -63,9 +66,9 @@ $(CORE): pyproject.toml constraints.txt | $(BIN)/python
 	$(PIP_INSTALL) -e .
 	@touch $@
 
-$(DEV): $(CORE)
+$(DEV): pyproject.toml constraints.txt | $(BIN)/python
 	$(PIP_INSTALL) -e '.[dev]'
-	@touch $@
+	@touch $(CORE) $@
 
 $(BENCH): $(CORE)
 	$(PIP_INSTALL) -e '.[bench]'

@@ -1,7 +1,7 @@
 """The console script `kinreach`: one subcommand for each job, and one way for all of them to end.
 
 `kinreach compare ...`, `python -m kinreach compare ...` and `python -m kinreach.compare ...` are the same. A new job
-is a line in `COMMANDS` and a module with a function `main(argv, *, prog) -> int`; `run_command` does the rest.
+is a line in `COMMANDS` and a module with a function `main(argv, *, prog) -> int`; `run` does the rest.
 """
 
 from __future__ import annotations
@@ -9,16 +9,21 @@ from __future__ import annotations
 import argparse
 import errno
 import importlib
+import os
+import select
 import sys
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from contextlib import suppress
 from dataclasses import dataclass
-from typing import NoReturn
+from typing import IO, NoReturn
 
+import kinreach
 from kinreach.errors import KinreachError
 
-#: Exit codes: wrong input or installation, and Ctrl-C (as shells report it).
+#: Exit codes: wrong input or installation; Ctrl-C, as shells report it; output that nobody reads any more.
 EXIT_ERROR = 2
 EXIT_INTERRUPTED = 130
+EXIT_UNREAD = 1
 #: What a file system says that takes no more. Results are written through `kinreach.files`, which names the file; this
 #: is for the rest, such as the terminal's output in a file, and the logs of libraries.
 _NO_ROOM = (errno.ENOSPC, errno.EDQUOT, errno.EROFS, errno.EFBIG)
@@ -36,7 +41,6 @@ COMMANDS = {
     "compare": Command("kinreach.compare.cli", "put all methods on the same goals and report how they do"),
     "train": Command("kinreach.baselines.train_cli", "train a policy by a recipe"),
     "evaluate": Command("kinreach.baselines.evaluate_cli", "try policies on goals they were not trained on"),
-    "bench": Command("benchmarks.speed.cli", "measure speed beside other packages"),
     "demo": Command("kinreach.demo.cli", "watch an environment with a policy, or film it"),
 }
 
@@ -44,9 +48,14 @@ COMMANDS = {
 class Parser(argparse.ArgumentParser):
     """An argument parser that reports bad input in one line instead of a page of usage."""
 
+    def print_help(self, file: IO[str] | None = None) -> None:  # type: ignore[override]
+        """Print the help; argparse's own hides that it cannot be written."""
+        print(self.format_help(), end="", file=file)
+
     def error(self, message: str) -> NoReturn:
         """Print one line on stderr and leave with `EXIT_ERROR`."""
-        self.exit(EXIT_ERROR, f"{self.prog}: error: {_line(message)} (see {self.prog} --help)\n")
+        _complain(f"{self.prog}: error: {_line(message)} (see {self.prog} --help)")
+        raise SystemExit(EXIT_ERROR)
 
 
 def _line(text: object) -> str:
@@ -54,8 +63,81 @@ def _line(text: object) -> str:
     return "".join(sign if sign.isprintable() else ascii(sign)[1:-1] for sign in " ".join(str(text).split()))
 
 
+def run(module: str, argv: Sequence[str] | None = None, *, prog: str) -> int:
+    """Import a module and `finish` its `main(argv, *, prog)`.
+
+    Args:
+        module: Full name of the module.
+        argv: Its arguments; those of the process if None.
+        prog: How the user called it, for messages.
+
+    Returns:
+        The exit code of the process.
+    """
+    arguments = sys.argv[1:] if argv is None else list(argv)
+    return finish(lambda: int(importlib.import_module(module).main(arguments, prog=prog)), prog=prog)
+
+
+def finish(job: Callable[[], int], *, prog: str) -> int:
+    """Run a job and write out what it printed; errors raised on purpose and Ctrl-C end in one line on stderr.
+
+    Args:
+        job: What to do; returns an exit code.
+        prog: How the user called it, for messages.
+
+    Returns:
+        The exit code of the process.
+    """
+    try:
+        try:
+            return job()
+        except KinreachError as error:
+            _complain(f"{prog}: error: {_line(error)}")
+            return EXIT_ERROR
+        except KeyboardInterrupt as interrupt:
+            _complain(f"{prog}: {_line(interrupt) or 'interrupted'}")
+            return EXIT_INTERRUPTED
+        finally:
+            if sys.stdout is not None:  # here, where a failure can be told: that of the interpreter's end is code 120
+                sys.stdout.flush()
+    except BrokenPipeError:
+        if not _is_unread(sys.stdout):
+            raise
+        _discard(sys.stdout)
+        return EXIT_UNREAD
+    except OSError as error:
+        if error.errno not in _NO_ROOM:
+            raise
+        _discard(sys.stdout)
+        _complain(f"{prog}: error: cannot write: {error.strerror}")
+        return EXIT_ERROR
+
+
+def _complain(line: str) -> None:
+    """Print a line on stderr, if anything can be printed there."""
+    try:
+        print(line, file=sys.stderr, flush=True)
+    except OSError:
+        _discard(sys.stderr)
+
+
+def _is_unread(stream: IO[str]) -> bool:
+    """Whether a stream is a pipe that nobody reads any more."""
+    poll = select.poll()
+    poll.register(stream, 0)  # errors are always reported
+    return bool(poll.poll(0))
+
+
+def _discard(stream: IO[str]) -> None:
+    """Drop what a stream still holds, and what comes; else the interpreter would try again to write it when it ends."""
+    with suppress(OSError, ValueError):  # a stream without a file, such as a test's
+        descriptor = os.open(os.devnull, os.O_WRONLY)
+        os.dup2(descriptor, stream.fileno())
+        os.close(descriptor)
+
+
 def run_command(name: str, argv: Sequence[str] | None = None, *, prog: str) -> int:
-    """Run one subcommand; errors raised on purpose and Ctrl-C end in one line on stderr.
+    """Run a subcommand, as `run`.
 
     Args:
         name: Key of `COMMANDS`.
@@ -65,20 +147,7 @@ def run_command(name: str, argv: Sequence[str] | None = None, *, prog: str) -> i
     Returns:
         The exit code of the process.
     """
-    try:
-        main_function = importlib.import_module(COMMANDS[name].module).main
-        return int(main_function(sys.argv[1:] if argv is None else list(argv), prog=prog))
-    except KinreachError as error:
-        print(f"{prog}: error: {_line(error)}", file=sys.stderr)
-        return EXIT_ERROR
-    except OSError as error:
-        if error.errno not in _NO_ROOM:
-            raise
-        print(f"{prog}: error: cannot write: {error.strerror}", file=sys.stderr)
-        return EXIT_ERROR
-    except KeyboardInterrupt as interrupt:
-        print(f"{prog}: {_line(interrupt) or 'interrupted'}", file=sys.stderr)
-        return EXIT_INTERRUPTED
+    return run(COMMANDS[name].module, argv, prog=prog)
 
 
 def main(argv: Sequence[str] | None = None, *, prog: str = "kinreach") -> int:
@@ -94,9 +163,18 @@ def main(argv: Sequence[str] | None = None, *, prog: str = "kinreach") -> int:
     argv = sys.argv[1:] if argv is None else list(argv)
     if argv and argv[0] in COMMANDS:
         return run_command(argv[0], argv[1:], prog=f"{prog} {argv[0]}")
+    return finish(lambda: _general(argv, prog), prog=prog)
+
+
+def _general(argv: Sequence[str], prog: str) -> int:
+    """The version, the help, or an error that lists the subcommands."""
     parser = Parser(prog=prog, description="Analytic kinematics and learning, on the same reaching tasks.")
-    commands = parser.add_subparsers(metavar="COMMAND", required=True)
+    parser.add_argument("--version", action="store_true", help="show the version and exit")
+    commands = parser.add_subparsers(metavar="COMMAND")
     for name, command in COMMANDS.items():
         commands.add_parser(name, help=command.help)
-    parser.parse_args(argv)
-    return EXIT_ERROR
+    if parser.parse_args(argv).version:
+        print(f"kinreach {kinreach.__version__}")
+    else:
+        parser.print_help()
+    return 0

@@ -1,10 +1,14 @@
-"""Writing results: a file is either the old one or the new one, never half of one."""
+"""Writing results: a file is either the old one or the new one, never half of one.
+
+What is being written has a name that says so, with the number of its own inode in it: neither a user's file nor a copy
+of ours has such a name, and only what has it, and is not locked by who writes it, is ever cleaned up.
+"""
 
 from __future__ import annotations
 
 import fcntl
-import glob
 import os
+import re
 import secrets
 import stat
 import tempfile
@@ -14,8 +18,9 @@ from pathlib import Path
 
 from kinreach.errors import OutputError
 
-#: In the name of every file that is being written, between a dot with the stem and what makes it unique.
-UNFINISHED = "-unfinished-"
+#: In the name of every file that is being written, between a dot with the stem and the number of its inode.
+UNFINISHED = ".kinreach-unfinished-"
+_NAME = re.compile(r"\..*" + re.escape(UNFINISHED) + r"(?P<inode>[0-9a-f]+)-[0-9a-f]{16}(\..*)?", re.DOTALL)
 #: A disk without room for that many bytes is full from the start.
 _ROOM = 16_384
 #: Mode bits of an owner who reads and writes.
@@ -33,15 +38,16 @@ def replacing(path: Path) -> Iterator[Path]:
         OutputError: The file system refused.
     """
     try:
-        _sweep(path.parent, f".{glob.escape(path.stem)}{UNFINISHED}*")
+        _sweep(path.parent, f".{path.stem}{UNFINISHED}")
         handle, temporary, mode = _locked_temporary(path)
     except OSError as error:
         raise _refused(path, error) from error
     try:
         temporary.chmod(mode | _OWN)  # a mask may keep the owner out, who has yet to write
         yield temporary
+        temporary.chmod(mode | _OWN)  # the block may have put another file in its place
         _to_disk(temporary)
-        temporary.chmod(mode)  # of a file that `open` makes; the block may have put another in its place
+        temporary.chmod(mode)
         os.replace(temporary, path)
     except OSError as error:
         raise _refused(path, error) from error
@@ -68,7 +74,7 @@ def make_writable(directory: Path) -> None:
     """
     try:
         directory.mkdir(parents=True, exist_ok=True)
-        _sweep(directory, f".*{UNFINISHED}*")
+        _sweep(directory, ".")
         with tempfile.TemporaryFile(dir=directory) as file:
             file.write(bytes(_ROOM))
             file.flush()
@@ -77,14 +83,45 @@ def make_writable(directory: Path) -> None:
         raise _refused(directory, error) from error
 
 
-def _sweep(directory: Path, pattern: str) -> None:
+@contextmanager
+def locked(directory: Path, writer: str) -> Iterator[None]:
+    """Hold a directory for one writer; the lock ends with the process, whatever ends that.
+
+    On a file system without locks it holds nothing.
+
+    Args:
+        directory: That is there.
+        writer: Who writes, for the message.
+
+    Raises:
+        OutputError: Somebody else holds it.
+    """
+    handle = os.open(directory, os.O_RDONLY | os.O_DIRECTORY)
+    try:
+        try:
+            fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except BlockingIOError:
+            raise OutputError(f"{writer} is writing into {directory} already; wait for it, or use another") from None
+        except OSError:  # no locks there
+            pass
+        yield
+    finally:
+        os.close(handle)
+
+
+def _sweep(directory: Path, beginning: str) -> None:
     """Remove temporary files whose writers were killed; those that somebody is writing are locked, and stay."""
-    for left in directory.glob(pattern):
+    for left in directory.iterdir():
+        name = _NAME.fullmatch(left.name)
+        if name is None or not left.name.startswith(beginning):
+            continue
         with suppress(OSError):  # gone, somebody else's, or being written
-            handle = os.open(left, os.O_RDWR)
+            handle = os.open(left, os.O_RDWR | os.O_NOFOLLOW | os.O_NONBLOCK)
             try:
-                fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
-                left.unlink()
+                status = os.fstat(handle)
+                if stat.S_ISREG(status.st_mode) and status.st_ino == int(name["inode"], 16):
+                    fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
+                    left.unlink()
             finally:
                 os.close(handle)
 
@@ -92,23 +129,19 @@ def _sweep(directory: Path, pattern: str) -> None:
 def _locked_temporary(path: Path) -> tuple[int, Path, int]:
     """A new temporary file, the handle that holds its lock, and the mode that the system gives a new file here.
 
-    The lock ends with the process whatever ends that. The mode is that of the file itself: to ask for the process's
-    mask is to change it for a moment, for all threads.
+    It gets the name under which it may be swept up when it is locked. The lock ends with the process whatever ends
+    that. The mode is that of the file itself: to ask for the process's mask is to change it for a moment, for all
+    threads.
     """
-    while True:
-        temporary = path.parent / f".{path.stem}{UNFINISHED}{secrets.token_hex(4)}{path.suffix}"
-        try:
-            handle = os.open(temporary, os.O_RDWR | os.O_CREAT | os.O_EXCL, 0o666)
-        except FileExistsError:
-            continue
-        mode = stat.S_IMODE(os.fstat(handle).st_mode)
-        try:
-            fcntl.flock(handle, fcntl.LOCK_EX)
-            if os.fstat(handle).st_nlink:  # else somebody swept it up before it was locked
-                return handle, temporary, mode
-        except OSError:
-            return handle, temporary, mode  # a file system without locks: it cannot be swept either
-        os.close(handle)
+    token = secrets.token_hex(8)
+    new = path.parent / f".{path.stem}{UNFINISHED}{token}{path.suffix}"
+    handle = os.open(new, os.O_RDWR | os.O_CREAT | os.O_EXCL, 0o666)
+    with suppress(OSError):  # a file system without locks: it cannot be swept either
+        fcntl.flock(handle, fcntl.LOCK_EX)
+    status = os.fstat(handle)
+    temporary = path.parent / f".{path.stem}{UNFINISHED}{status.st_ino:x}-{token}{path.suffix}"
+    os.rename(new, temporary)
+    return handle, temporary, stat.S_IMODE(status.st_mode)
 
 
 def _to_disk(path: Path) -> None:

@@ -42,17 +42,18 @@ def needs_gl() -> None:
 
 @pytest.fixture
 def run_python(tmp_path: Path) -> PythonRunner:
-    """`run_python(*arguments, before=folder)`: a fresh interpreter in an empty folder.
+    """`run_python(*arguments, before=folder, input=text)`: a fresh interpreter in an empty folder.
 
     kinreach comes from this repository; modules and distributions in `before` hide the installed ones.
     """
 
-    def run(*arguments: str, before: Path | None = None) -> subprocess.CompletedProcess[str]:
+    def run(*arguments: str, before: Path | None = None, input: str | None = None) -> subprocess.CompletedProcess[str]:
         paths = [str(path) for path in (before, ROOT) if path is not None]
         return subprocess.run(
             [sys.executable, *arguments],
             cwd=tmp_path,
             env={**os.environ, "PYTHONPATH": os.pathsep.join(paths)},
+            input=input,
             capture_output=True,
             text=True,
             timeout=120,

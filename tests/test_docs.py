@@ -1,98 +1,206 @@
-"""The documentation agrees with the code: paths, names and commands in it exist, and no page or module is forgotten.
+"""The documentation agrees with the code: paths, names, links and commands in it exist, and its Python code runs.
 
 That the pages build without a warning is `make docs`.
 """
 
 from __future__ import annotations
 
-import importlib
 import importlib.util
 import re
+from functools import cache
 from pathlib import Path
 
 import pytest
 
-import kinreach
 from kinreach import plots
+from kinreach.cli import main
 
 ROOT = Path(__file__).parents[1]
 DOCS = ROOT / "docs"
 PAGES = sorted(DOCS.rglob("*.md"))
-PACKAGE = Path(kinreach.__file__).parent
+TOP = [ROOT / name for name in ("README.md", "CONTRIBUTING.md", "SECURITY.md")]
+SOURCE = "\n".join(path.read_text(encoding="utf-8") for path in (ROOT / "kinreach").rglob("*.py"))
+ENVIRONMENT = re.compile(r"kinreach/\w+-v\d")
+
+
+def read(path: Path) -> str:
+    return path.read_text(encoding="utf-8")
+
+
+def blocks(path: Path) -> str:
+    """The Python code of a page as one session, as a reader would type it."""
+    return "\n".join(re.findall(r"^```python\n(.*?)^```", read(path), re.DOTALL | re.MULTILINE))
 
 
 @pytest.fixture(scope="module")
 def text() -> str:
-    return "\n".join(page.read_text(encoding="utf-8") for page in PAGES)
+    return "\n".join(map(read, (*PAGES, *TOP)))
 
 
 def test_every_page_is_in_the_navigation():
-    listed = re.findall(r": ([\w/]+\.md)$", (ROOT / "mkdocs.yml").read_text(encoding="utf-8"), re.MULTILINE)
+    listed = re.findall(r": ([\w/]+\.md)$", read(ROOT / "mkdocs.yml"), re.MULTILINE)
     assert sorted(listed) == [page.relative_to(DOCS).as_posix() for page in PAGES]
-    assert len(listed) >= 10
+    assert len(listed) >= 20
 
 
 def test_nothing_is_fetched_to_show_a_page(text):
-    assert "font: false" in (ROOT / "mkdocs.yml").read_text(encoding="utf-8")
+    assert "font: false" in read(ROOT / "mkdocs.yml")
     assert not re.findall(r"<script|!\[[^\]]*\]\(http|src=\"http", text)
 
 
 def test_paths_exist(text):
-    paths = set(re.findall(r"`((?:kinreach|tests|notebooks|docs|benchmarks)/[\w/.-]*)`", text))
-    environments = {"kinreach/ButtonPress-v0", "kinreach/UR5SingleStep-v0", "kinreach/UR5MultiStep-v0"}
-    assert [path for path in sorted(paths - environments) if not (ROOT / path).exists()] == []
-    assert len(paths) >= 20
+    paths = set(re.findall(r"`((?:kinreach|tests|notebooks|docs|benchmarks|examples)/[\w/.-]*)`", text))
+    paths |= set(re.findall(r"(?:python|pytest) ((?:[\w./-]+\.py ?)+)", text.replace("`", " ")))
+    names = {name for path in paths for name in path.split() if not ENVIRONMENT.fullmatch(name)}
+    missing = [name for name in sorted(names) if not (ROOT / name).exists() and not (ROOT / f"{name}.py").exists()]
+    assert missing == []
+    assert len(names) >= 60
+
+
+def anchors(path: Path) -> set[str]:
+    """Anchors of a page's headings, as the site makes them."""
+    heads = re.findall(r"^#+ (.+)$", re.sub(r"^```.*?^```", "", read(path), flags=re.DOTALL | re.MULTILINE), re.MULTILINE)
+    return {re.sub(r"[\s-]+", "-", re.sub(r"[^\w\s-]", "", head).strip().lower()) for head in heads}
+
+
+def test_links_lead_somewhere():
+    checked, dead = 0, []
+    for page in (*PAGES, *TOP, ROOT / "CHANGELOG.md"):
+        for target in re.findall(r"\]\(([^)\s]+)\)", read(page)):
+            if target.startswith("https://"):
+                continue
+            name, _, anchor = target.partition("#")
+            file = (page.parent / name).resolve() if name else page
+            if not file.exists() or (anchor and anchor not in anchors(file)):
+                dead.append(f"{page.name}: {target}")
+            checked += 1
+    assert dead == []
+    assert checked >= 80
 
 
 def test_commands_exist(text):
     modules = set(re.findall(r"python -m ([\w.]+)", text))
     assert [name for name in sorted(modules) if importlib.util.find_spec(name) is None] == []
-    assert modules >= {"kinreach.compare", "kinreach.demo"}
-    targets = set(re.findall(r"^ *make (\w+)", text, re.MULTILINE))
-    assert targets <= set(re.findall(r"^([a-z-]+):", (ROOT / "Makefile").read_text(encoding="utf-8"), re.MULTILINE))
-    assert "notebooks" in targets
+    assert modules >= {"kinreach.compare", "kinreach.train", "kinreach.evaluate", "kinreach.demo", "benchmarks.speed"}
+    targets = set(re.findall(r"^ *make ([a-z-]+)|`make ([a-z-]+)", text, re.MULTILINE))
+    known = set(re.findall(r"^([a-z-]+):", read(ROOT / "Makefile"), re.MULTILINE))
+    assert {name for pair in targets for name in pair if name} <= known
+    assert len(targets) >= 5
+
+
+def test_options_exist(text, capsys):
+    """Every option that a page gives to one of the package's commands is in its help."""
+
+    @cache
+    def options(command: str) -> set[str]:
+        with pytest.raises(SystemExit):
+            main([command, "--help"])
+        return set(re.findall(r"--[a-z-]+", capsys.readouterr().out))
+
+    found = [
+        (command, option)
+        for command, rest in re.findall(r"python -m kinreach\.(\w+)([^`\n]*)", text)
+        for option in re.findall(r"(?<= )--[a-z-]+", rest.partition("  #")[0])
+    ]
+    assert [pair for pair in found if pair[1] not in options(pair[0])] == []
+    assert len(found) >= 20
 
 
 def test_figures_of_the_thesis_have_functions():
-    page = (DOCS / "thesis.md").read_text(encoding="utf-8")
-    names = set(re.findall(r"`(?:plots\.)?(draw_\w+)`", page))
+    names = set(re.findall(r"`(?:plots\.)?(draw_\w+)`", read(DOCS / "thesis.md")))
     assert [name for name in sorted(names) if not hasattr(plots, name)] == []
     assert len(names) >= 10
 
 
 def test_names_in_the_points_exist():
-    """What the column "where" names is defined somewhere in the package, or is a notebook."""
-    source = "\n".join(path.read_text(encoding="utf-8") for path in PACKAGE.rglob("*.py"))
-    files = {path.name for path in (*PACKAGE.rglob("*.py"), *(ROOT / "notebooks").iterdir())}
+    """What the column "where" names is defined somewhere in the package, or is a file of it or a notebook."""
+    files = {path.name for path in ((ROOT / "kinreach").rglob("*.py"))} | {p.stem for p in (ROOT / "notebooks").iterdir()}
     missing, checked = [], 0
     for page in ("thesis.md", "report.md"):
-        for row in re.findall(r"^\| .*\|$", (DOCS / page).read_text(encoding="utf-8"), re.MULTILINE):
+        for row in re.findall(r"^\| .*\|$", read(DOCS / page), re.MULTILINE):
             where = row.split(" | ")[1] if row.count(" | ") >= 2 else ""
             for name in re.findall(r"`(?!python )(?:plots\.|ARM\.)?(\w+(?:\.py)?)\b[^`/]*`", where):
                 defined = rf"^\s*(?:def|class) {name}\b|^\s*{name}\s*[:=]|[\"']?{name}[\"']?="
-                known = name in files or f"{name}.ipynb" in files or re.search(defined, source, re.MULTILINE)
+                known = name in files or re.search(defined, SOURCE, re.MULTILINE)
                 missing += [] if known else [f"{page}: {name}"]
                 checked += 1
     assert missing == []
     assert checked >= 40
 
 
-def test_the_reference_lists_every_module():
-    spec = importlib.util.spec_from_file_location("api_pages", DOCS / "api_pages.py")
+def test_the_reference_lists_every_module_of_its_packages():
+    spec = importlib.util.spec_from_file_location("hooks", DOCS / "hooks.py")
     hook = importlib.util.module_from_spec(spec)
     spec.loader.exec_module(hook)
-    layers = [page.stem for page in (DOCS / "api").glob("*.md")]
-    expected = {
-        ".".join(path.relative_to(PACKAGE.parent).with_suffix("").parts).removesuffix(".__init__")
-        for layer in layers
-        for path in (PACKAGE / layer).rglob("*.py")
-        if path.name == "__init__.py" or not path.name.startswith("_")
-    }
-    listed = set()
-    for layer in layers:
-        page = hook.on_page_markdown((DOCS / "api" / f"{layer}.md").read_text(encoding="utf-8"))
-        listed |= set(re.findall(r"^::: ([\w.]+)$", page, re.MULTILINE))
-    assert listed == expected
-    assert len(listed) >= 80
-    packages = {path.parent.name for path in PACKAGE.glob("*/__init__.py")} - {"demo"}
-    assert set(layers) == packages
+    checked = 0
+    for page in (DOCS / "api").glob("*.md"):
+        expected = {
+            ".".join(path.relative_to(ROOT).with_suffix("").parts).removesuffix(".__init__")
+            for path in (ROOT / "kinreach" / page.stem).rglob("*.py")
+            if path.name == "__init__.py" or not path.name.startswith("_")
+        }
+        assert set(re.findall(r"^::: ([\w.]+)$", hook.on_page_markdown(read(page)), re.MULTILINE)) == expected
+        checked += len(expected)
+    assert checked >= 60
+
+
+def test_examples_are_shown_as_they_are():
+    spec = importlib.util.spec_from_file_location("hooks", DOCS / "hooks.py")
+    hook = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(hook)
+    page = hook.on_page_markdown(read(DOCS / "examples.md"))
+    shown = re.findall(r"`python (examples/\w+\.py)`", read(DOCS / "examples.md"))
+    assert [name for name in shown if f"```python\n{read(ROOT / name)}```" not in page] == []
+    assert len(shown) >= 10
+
+
+@pytest.mark.parametrize("page", ["arms", "methods", "reach", "tasks"])
+def test_the_code_of_a_page_runs(page, capsys):
+    code = blocks(DOCS / f"{page}.md")
+    assert len(code.splitlines()) >= 4
+    exec(compile(code, page, "exec"), {"__name__": page})
+    assert capsys.readouterr().out
+
+
+@pytest.mark.slow
+def test_policies_off_the_table_do_what_the_page_says(capsys):
+    exec(compile(blocks(DOCS / "training.md"), "training", "exec"), {"__name__": "training"})
+    measured = dict(re.findall(r"^([\w-]+ 0\.0\d?) ([\d.]+)$", capsys.readouterr().out, re.MULTILINE))
+    checked = 0
+    for name, *said in re.findall(r"^\| `([\w-]+)` \| (\d+) % \| (\d+) % \| (\d+) % \|$", read(DOCS / "training.md"), re.MULTILINE):
+        for height, share in zip(("0.0", "0.01", "0.02"), said, strict=True):
+            assert 100 * float(measured[f"{name} {height}"]) == pytest.approx(float(share), abs=1)
+            checked += 1
+    assert checked == 6
+
+
+def test_what_contributing_promises_holds(run_python):
+    """An arm, a solver, a reward and a task from outside the package."""
+    code, _, _ = blocks(ROOT / "CONTRIBUTING.md").partition("from kinreach.baselines.algorithms")
+    checks = """
+by_name = {row["name"]: row for row in results["methods"]}
+assert set(by_name) == {"lm", "PseudoInverse"}, by_name
+assert all(row["reached"] == 1 for row in by_name.values()), by_name
+assert line["methods"][0]["reached"] == 1, line
+env.reset(seed=0)
+_, paid, _, _, info = env.step(env.action_space.sample())
+assert paid == sum(info["reward_terms"].values()) < 0, paid
+"""
+    done = run_python("-c", code + checks)
+    assert done.returncode == 0, done.stderr
+
+
+@pytest.mark.slow
+def test_an_algorithm_as_contributing_adds_it(run_python):
+    _, begin, code = blocks(ROOT / "CONTRIBUTING.md").partition("from kinreach.baselines.algorithms")
+    checks = """
+from kinreach.baselines.evaluation import evaluate
+from kinreach.baselines.policies import load_policy
+from kinreach.baselines.training import train
+train(recipe, "run", seed=0)
+policy = load_policy("run/policy.safetensors")
+assert [weight.shape[0] for weight, _ in policy.network.layers] == [32, 32, 6]
+assert len(evaluate(policy, goals=10).trials) == 10
+"""
+    done = run_python("-c", begin + code + checks)
+    assert done.returncode == 0, done.stderr

@@ -1,6 +1,6 @@
-"""`python -m benchmarks.speed`, the same as `kinreach bench`."""
+"""`python -m benchmarks.speed`."""
 
-from kinreach.cli import run_command
+from kinreach.cli import run
 
 if __name__ == "__main__":
-    raise SystemExit(run_command("bench", prog="python -m benchmarks.speed"))
+    raise SystemExit(run("benchmarks.speed.cli", prog="python -m benchmarks.speed"))

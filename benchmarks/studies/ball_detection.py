@@ -9,7 +9,6 @@ The balls are drawn from the UR5's goal area, its four corners first. Both pipel
 from __future__ import annotations
 
 import argparse
-import sys
 import time
 from collections import defaultdict
 from dataclasses import dataclass, field
@@ -17,6 +16,7 @@ from pathlib import Path
 
 import numpy as np
 
+from kinreach.cli import Parser, finish
 from kinreach.files import replacing, write_text
 from kinreach.robots import get_arm
 from kinreach.sim.rendering import FrameRenderer
@@ -25,6 +25,8 @@ from kinreach.statistics import p95
 from kinreach.vision.ball_finder import PIPELINES, find_ball
 from kinreach.vision.cameras import RGBDCamera, SensorNoise
 from kinreach.vision.goal_view import GOAL_CAMERAS, CameraGoalView, geometric_goal_view
+
+PROG = "python -m benchmarks.studies.ball_detection"
 
 RESOLUTIONS = ((1280, 720), (640, 360), (320, 180))
 NOISE = SensorNoise(rgb_sigma=6.0, depth_sigma=0.002)
@@ -173,7 +175,7 @@ def draw(path: Path) -> None:
 
 def main(argv: list[str] | None = None) -> int:
     """Print the tables and write them where asked, or draw the picture."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser = Parser(prog=PROG, description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--positions", type=int, default=200)
     parser.add_argument("--seed", type=int, default=0)
     parser.add_argument("--out", type=Path, help="write the tables with their explanation to this file")
@@ -195,4 +197,4 @@ def main(argv: list[str] | None = None) -> int:
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    raise SystemExit(finish(main, prog=PROG))

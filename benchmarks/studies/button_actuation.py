@@ -16,9 +16,12 @@ import numpy as np
 
 import kinreach
 from kinreach.baselines.button_controller import ButtonController
+from kinreach.cli import Parser, finish
 from kinreach.envs.button import ACTUATIONS, Actuation
 from kinreach.envs.button.task import PRESS_RADIUS
 from kinreach.registration import BUTTON
+
+PROG = "python -m benchmarks.studies.button_actuation"
 
 #: Simulated time of an episode of random actions [s].
 RANDOM_TIME = 4.0
@@ -103,7 +106,7 @@ def speeds(values: np.ndarray) -> str:
 
 def main(argv: list[str] | None = None) -> int:
     """Measure and print a Markdown table."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser = Parser(prog=PROG, description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--targets", type=int, default=1000, help="environments, each with a target of its own")
     parser.add_argument("--seed", type=int, default=1_000_000, help="of the first target; the others count up")
     args = parser.parse_args(argv)
@@ -117,4 +120,4 @@ def main(argv: list[str] | None = None) -> int:
 
 
 if __name__ == "__main__":
-    raise SystemExit(main())
+    raise SystemExit(finish(main, prog=PROG))

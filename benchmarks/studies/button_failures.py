@@ -16,8 +16,11 @@ import numpy as np
 import kinreach  # noqa: F401  registers the environments
 from kinreach.baselines.evaluation import HELD_OUT
 from kinreach.baselines.policies import LearnedPolicy, load_policy
+from kinreach.cli import Parser, finish
 from kinreach.kinematics import Arm3Kinematics
 from kinreach.registration import BUTTON
+
+PROG = "python -m benchmarks.studies.button_failures"
 
 HEADINGS = (
     "policy", "pressed, %: target at −x −y / −x +y / +x −y / +x +y", "not pressed: distance, mm, median",
@@ -50,7 +53,7 @@ def last_observations(policy: LearnedPolicy, episodes: int) -> tuple[np.ndarray,
 
 def main(argv: list[str] | None = None) -> int:
     """Print a Markdown table, a row for each policy."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser = Parser(prog=PROG, description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("policies", nargs="+", metavar="POLICY")
     parser.add_argument("--goals", type=int, default=1000)
     arguments = parser.parse_args(argv)
@@ -74,4 +77,4 @@ def main(argv: list[str] | None = None) -> int:
 
 
 if __name__ == "__main__":
-    raise SystemExit(main())
+    raise SystemExit(finish(main, prog=PROG))

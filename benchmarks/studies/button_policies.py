@@ -11,8 +11,11 @@ from pathlib import Path
 
 from benchmarks.studies.trainings import Trainings, finished, print_table, with_interval
 from kinreach.baselines.recipes import RECIPES
+from kinreach.cli import Parser, finish
 from kinreach.registration import BUTTON
 from kinreach.statistics import median
+
+PROG = "python -m benchmarks.studies.button_policies"
 
 HEADINGS = (
     "pressed, % [95 % CI over seeds]", "every seed, %", "steps, median of every seed",
@@ -23,15 +26,14 @@ HEADINGS = (
 def main(argv: list[str] | None = None) -> int:
     """Print a Markdown table, a row for each recipe that was trained."""
     button = [name for name, recipe in RECIPES.items() if recipe.environment == BUTTON]
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser = Parser(prog=PROG, description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("runs", type=Path, help="the folder that `kinreach train --out` wrote to")
     parser.add_argument("--recipes", metavar="A,B", default=",".join(button), help="default: all that were trained")
     parser.add_argument("--goals", type=int, default=1000, help="targets, the same for every seed")
     arguments = parser.parse_args(argv)
     rows = (
         Trainings.evaluated(recipe, folders, goals=arguments.goals, options=RECIPES[recipe].options)
-        for recipe in arguments.recipes.split(",")
-        if (folders := finished(arguments.runs, recipe))
+        for recipe, folders in finished(arguments.runs, arguments.recipes.split(",")).items()
     )
     print_table(HEADINGS, rows, cells)
     return 0
@@ -55,4 +57,4 @@ def cells(trainings: Trainings) -> tuple[str, ...]:
 
 
 if __name__ == "__main__":
-    raise SystemExit(main())
+    raise SystemExit(finish(main, prog=PROG))

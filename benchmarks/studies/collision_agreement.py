@@ -13,17 +13,19 @@ the target free was blocked on the way (a part of those that were judged free an
 from __future__ import annotations
 
 import argparse
-import sys
 import time
 from collections.abc import Callable
 
 import numpy as np
 
+from kinreach.cli import Parser, finish
 from kinreach.kinematics import UR5Kinematics
 from kinreach.kinematics.collision import CollisionChecker
 from kinreach.kinematics.fast_collision import FastCollision
 from kinreach.sim.simulation import ArmSimulation
 from kinreach.thesis.reward import posture_error
+
+PROG = "python -m benchmarks.studies.collision_agreement"
 
 NOISES = (0.02, 0.05, 0.1, 0.2)
 BATCH = 4096
@@ -119,7 +121,7 @@ def report_moves(groups: dict[str, np.ndarray], fast: FastCollision, count: int)
 
 def main(argv: list[str] | None = None) -> int:
     """Measure and print Markdown tables."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser = Parser(prog=PROG, description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--postures", type=int, default=2000, help="per class")
     parser.add_argument("--seed", type=int, default=0)
     parser.add_argument("--moves", type=int, default=300, help="simulated moves per class, at most --postures")
@@ -133,4 +135,4 @@ def main(argv: list[str] | None = None) -> int:
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    raise SystemExit(finish(main, prog=PROG))

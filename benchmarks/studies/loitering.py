@@ -12,25 +12,28 @@ from pathlib import Path
 import gymnasium as gym
 import numpy as np
 
-from benchmarks.studies.trainings import finished
+from benchmarks.studies.trainings import POLICY, finished
 from kinreach.baselines.evaluation import HELD_OUT
 from kinreach.baselines.policies import LearnedPolicy, load_policy
+from kinreach.cli import Parser, finish
 from kinreach.registration import MULTI
 from kinreach.thesis.reward import REACHED_DISTANCE
+
+PROG = "python -m benchmarks.studies.loitering"
 
 GOALS = 500
 
 
 def main(argv: list[str] | None = None) -> int:
     """Print a Markdown table, one row per seed of both recipes."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser = Parser(prog=PROG, description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("runs", type=Path, help="the folder that `kinreach train --out` wrote to")
-    runs = parser.parse_args(argv).runs
+    found = finished(parser.parse_args(argv).runs, ("ppo-multi-ending", "ppo-multi"))
     print("| recipe, seed | reached, % | came within 10 mm, % | steps waited there | r_e meanwhile, median |")
     print("|---|---|---|---|---|")
-    for recipe in ("ppo-multi-ending", "ppo-multi"):
-        for folder in finished(runs, recipe):
-            reached, near, waited, error = watch(load_policy(folder / "policy.safetensors", environment=MULTI))
+    for recipe, folders in found.items():
+        for folder in folders:
+            reached, near, waited, error = watch(load_policy(folder / POLICY, environment=MULTI))
             meanwhile = "-" if error is None else f"{error:.3f}"
             print(f"| `{recipe}`, {folder.name[5:]} | {reached:.1f} | {near:.1f} | {waited:.1f} | {meanwhile} |")
     return 0
@@ -56,4 +59,4 @@ def watch(policy: LearnedPolicy, goals: int = GOALS) -> tuple[float, float, floa
 
 
 if __name__ == "__main__":
-    raise SystemExit(main())
+    raise SystemExit(finish(main, prog=PROG))

@@ -1,7 +1,7 @@
 """Why the thesis's multi-step path planning does not reach: `thesis-multi-long`, changed in one thing at a time.
 
-`python -m benchmarks.studies.thesis_multi_step results/train` trains what is missing, twenty policies of some 100 s on one core
-each, then prints the table of docs/training.md. With `--train VARIANT --seed K` it only trains that one.
+`python -m benchmarks.studies.thesis_multi_step results/train` trains what is missing, twenty policies of some 100 s on
+one core each, then prints the table of docs/training.md. With `--train VARIANT --seed K` it only trains that one.
 With `--csv FILE` it also writes a row for each policy: notebook 04 reads such a file.
 """
 
@@ -23,10 +23,13 @@ from kinreach.baselines.logs import Trace, trace
 from kinreach.baselines.policies import LearnedPolicy, read_policy
 from kinreach.baselines.recipes import Recipe, get_recipe
 from kinreach.baselines.training import train
+from kinreach.cli import Parser, finish
 from kinreach.envs.reach.task import MULTI_STEP
 from kinreach.files import write_text
 from kinreach.kinematics import UR5Kinematics
 from kinreach.thesis.reward import IMPOSSIBLE_REWARD, REACHED_DISTANCE, REACHED_REWARD
+
+PROG = "python -m benchmarks.studies.thesis_multi_step"
 
 #: Held-out goals of each policy, and decimals of what is measured on them.
 GOALS, DIGITS = 1000, 3
@@ -158,7 +161,7 @@ def table(rows: Sequence[Mapping[str, float]]) -> str:
 
 def main(argv: list[str] | None = None) -> int:
     """Train, measure, print."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser = Parser(prog=PROG, description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("runs", type=Path, help="folder of the runs, <variant>/seed-<k>/")
     parser.add_argument("--seeds", type=int, default=5, help="how many of each variant, default %(default)s")
     parser.add_argument("--train", choices=VARIANTS, metavar="VARIANT", help="only train this one, with --seed")
@@ -180,4 +183,4 @@ def main(argv: list[str] | None = None) -> int:
 
 
 if __name__ == "__main__":
-    raise SystemExit(main())
+    raise SystemExit(finish(main, prog=PROG))

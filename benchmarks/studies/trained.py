@@ -15,8 +15,11 @@ import numpy as np
 
 from benchmarks.studies.trainings import Trainings, decimals_for, finished, print_table, with_interval
 from kinreach.baselines.recipes import RECIPES
+from kinreach.cli import Parser, finish
 from kinreach.registration import BUTTON
 from kinreach.statistics import median, p95
+
+PROG = "python -m benchmarks.studies.trained"
 
 HEADINGS = (
     "reached, % [95 % CI over seeds]", "worst seed, %", "median, mm [95 % CI over seeds]", "p95, mm", "within 1 mm, %",
@@ -26,7 +29,7 @@ HEADINGS = (
 
 def main(argv: list[str] | None = None) -> int:
     """Print a Markdown table, one row per recipe."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser = Parser(prog=PROG, description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("runs", type=Path, help="the folder that `kinreach train --out` wrote to")
     parser.add_argument("--recipes", metavar="A,B", help="default: all that were trained")
     parser.add_argument("--goals", type=int, default=1000, help="the same for every seed")
@@ -35,10 +38,10 @@ def main(argv: list[str] | None = None) -> int:
     arguments = parser.parse_args(argv)
     options = {"backend": arguments.backend, "observation": arguments.observation}
     reach = [name for name, recipe in RECIPES.items() if recipe.environment != BUTTON]
+    recipes = arguments.recipes.split(",") if arguments.recipes else reach
     rows = (
         Trainings.evaluated(recipe, folders, goals=arguments.goals, options=options)
-        for recipe in (arguments.recipes.split(",") if arguments.recipes else reach)
-        if (folders := finished(arguments.runs, recipe))
+        for recipe, folders in finished(arguments.runs, recipes).items()
     )
     print_table(HEADINGS, rows, cells)
     return 0
@@ -61,4 +64,4 @@ def cells(trainings: Trainings) -> tuple[str, ...]:
 
 
 if __name__ == "__main__":
-    raise SystemExit(main())
+    raise SystemExit(finish(main, prog=PROG))

@@ -13,21 +13,32 @@ import numpy as np
 
 from kinreach.baselines.evaluation import Evaluation, evaluate
 from kinreach.baselines.policies import load_policy
+from kinreach.errors import InputError
 from kinreach.statistics import Statistic, mean, trainings_interval
 
+POLICY = "policy.safetensors"
 RESAMPLES = 500
 #: Under a table in which an interval has one training to go by.
 ONE_SEED = "One seed: the interval is that of the goals, and says nothing about other trainings."
 
 
-def finished(runs: Path, recipe: str) -> list[Path]:
-    """Folders of the trainings that were finished, by seed."""
-    folders = [
-        folder
-        for folder in (runs / recipe).glob("seed-*")
-        if all((folder / name).exists() for name in ("run.json", "policy.safetensors"))
-    ]
-    return sorted(folders, key=lambda folder: (len(folder.name), folder.name))
+def finished(runs: Path, recipes: Iterable[str]) -> dict[str, list[Path]]:
+    """Folders of the trainings that were finished, by recipe, and by seed.
+
+    Raises:
+        InputError: There is none of any of the recipes.
+    """
+    found = {}
+    for recipe in recipes:
+        folders = [path.parent for path in (runs / recipe).glob("seed-*/run.json") if path.with_name(POLICY).exists()]
+        if folders:
+            found[recipe] = sorted(folders, key=lambda folder: (len(folder.name), folder.name))
+    if not found:
+        raise InputError(
+            f"no finished training of {', '.join(recipes)} in {runs}; "
+            f"`python -m kinreach.train RECIPE --seeds 5 --out {runs}` makes them"
+        )
+    return found
 
 
 @dataclass(frozen=True, eq=False)
@@ -50,7 +61,7 @@ class Trainings:
         found, seconds = [], []
         for folder in folders:
             seconds.append(json.loads((folder / "run.json").read_text(encoding="utf-8"))["cpu_seconds"])
-            found.append(evaluate(load_policy(folder / "policy.safetensors"), goals=goals, options=options))
+            found.append(evaluate(load_policy(folder / POLICY), goals=goals, options=options))
         return cls(recipe, found, seconds)
 
     @property

@@ -1,127 +1,45 @@
-"""Algorithms: PPO with schedules, ranked PPO, their networks, and how what they learned is exported.
+"""Algorithms: PPO with schedules, ranked PPO, and the registry of everything that a recipe can be trained with.
 
-Where the outcome of one action can be judged at once, as the reward of reaching can, a critic that predicts the mean
-outcome of a state is the largest source of error of PPO. Here K actions are tried from every state and compared with
-one another: the advantage of each is the normal score of its rank among the K. There is no critic, and no scale of the
-reward to tune. The rest is PPO: clipped ratios, several epochs, minibatches.
+Ranked PPO is for tasks where the outcome of one action can be judged at once, as the reward of reaching can: there, a
+critic that predicts the mean outcome of a state is the largest source of error of PPO. K actions are tried from every
+state and compared with one another: the advantage of each is the normal score of its rank among the K. There is no
+critic, and no scale of the reward to tune. The rest is PPO: clipped ratios, several epochs, minibatches. Group-relative
+advantages are those of GRPO (Shao et al. 2024, DeepSeekMath, section 4.1), with ranks instead of standardised rewards;
+rank-based shaping with normal scores is that of evolution strategies.
 
-Group-relative advantages are those of GRPO (Shao et al. 2024, DeepSeekMath, section 4.1), with ranks instead of
-standardised rewards; rank-based shaping with normal scores is that of evolution strategies.
+An algorithm from outside is one entry, for example of sb3-contrib:
+
+    register_algorithm(Algorithm("TQC", "sb3_contrib:TQC"))
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
 import torch
-from gymnasium import spaces
+from gymnasium.vector import VectorEnv
 from scipy.special import ndtri
 from stable_baselines3 import DQN, PPO, SAC, TD3
 from stable_baselines3.common.base_class import BaseAlgorithm
 from stable_baselines3.common.buffers import RolloutBuffer
-from stable_baselines3.common.distributions import DiagGaussianDistribution
-from stable_baselines3.common.policies import ActorCriticPolicy
-from stable_baselines3.common.torch_layers import BaseFeaturesExtractor
-from torch import Tensor, nn
+from stable_baselines3.common.noise import NormalActionNoise, VectorizedActionNoise
 from torch.optim import Optimizer
 
+from kinreach.baselines.batch import first_observations
+from kinreach.baselines.networks import ACTIVATIONS, ObservationFeatures, PosturePolicy, actor_network
 from kinreach.baselines.policies import Network
+from kinreach.baselines.recipes import Recipe
+from kinreach.baselines.rewards import TrainingReward
+from kinreach.baselines.vec_envs import SB3VecEnv, TriesVecEnv
+from kinreach.checks import check_known
+from kinreach.envs.reach.task import GOAL, SINGLE_STEP
 from kinreach.errors import InputError
-
-
-class ObservationFeatures(BaseFeaturesExtractor):
-    """The first of the observations, normalised by constants, and waves of them.
-
-    The features are z = (x - mean) / scale, and sin(w z), cos(w z) for every w. Observations beyond the length of
-    `mean` are not used.
-
-    Args:
-        space: Of the observations, shape (n,).
-        mean, scale: Constants of the normalisation, at most n numbers each.
-        waves: Angular frequencies w.
-    """
-
-    def __init__(
-        self,
-        space: spaces.Box,
-        *,
-        mean: Sequence[float],
-        scale: Sequence[float],
-        waves: Sequence[float] = (),
-    ) -> None:
-        super().__init__(space, len(mean) * (1 + 2 * len(waves)))
-        self.mean: Tensor
-        self.scale: Tensor
-        self.waves: Tensor
-        self.register_buffer("mean", torch.tensor(mean, dtype=torch.float32))
-        self.register_buffer("scale", torch.tensor(scale, dtype=torch.float32))
-        self.register_buffer("waves", torch.tensor(waves, dtype=torch.float32))
-
-    def forward(self, observations: Tensor) -> Tensor:
-        """Features, shape (n, features_dim)."""
-        z = (observations[:, : len(self.mean)] - self.mean) / self.scale
-        if not len(self.waves):
-            return z
-        angles = (z[:, :, None] * self.waves).flatten(1)
-        return torch.cat([z, angles.sin(), angles.cos()], dim=1)
-
-
-class PairedGaussian(DiagGaussianDistribution):
-    """A normal distribution whose samples come in antithetic pairs: rows 2i and 2i + 1 have opposite noise."""
-
-    def sample(self) -> Tensor:
-        """One sample a row; the number of rows must be even."""
-        mean = self.distribution.mean
-        noise = torch.randn(len(mean) // 2, mean.shape[1])
-        return mean + self.distribution.stddev * torch.stack([noise, -noise], dim=1).flatten(0, 1)
-
-
-class PostureHead(nn.Linear):
-    """The mean action from the last hidden layer h: shift + gain (W h + b), which begins at the shift.
-
-    Args:
-        hidden: Length of h.
-        gain: Action of one radian.
-        shift: Action that means the start pose.
-    """
-
-    def __init__(self, hidden: int, *, gain: float, shift: Sequence[float]) -> None:
-        super().__init__(hidden, len(shift))
-        self.gain = gain
-        self.shift: Tensor
-        self.register_buffer("shift", torch.tensor(shift, dtype=torch.float32))
-        nn.init.orthogonal_(self.weight, 0.01)
-        nn.init.zeros_(self.bias)
-
-    def forward(self, hidden: Tensor) -> Tensor:
-        """Mean actions, shape (n, outputs)."""
-        return self.shift + self.gain * super().forward(hidden)
-
-
-class PosturePolicy(ActorCriticPolicy):
-    """stable-baselines3's policy with a `PostureHead`.
-
-    Args:
-        head: Keyword arguments of the `PostureHead`.
-        paired: Whether samples come in antithetic pairs; batches must then be of even size.
-        **kwargs: Of `ActorCriticPolicy`.
-    """
-
-    def __init__(self, *args: Any, head: dict[str, Any], paired: bool = False, **kwargs: Any) -> None:
-        self._head, self._paired = head, paired
-        super().__init__(*args, **kwargs)
-
-    def _build(self, lr_schedule: Any) -> None:
-        super()._build(lr_schedule)
-        self.action_net = PostureHead(self.mlp_extractor.latent_dim_pi, **self._head)
-        if self._paired:
-            self.action_dist = PairedGaussian(len(self.action_net.shift))
-        new_optimizer: Any = self.optimizer_class
-        self.optimizer = new_optimizer(self.parameters(), lr=lr_schedule(1), **self.optimizer_kwargs)
+from kinreach.robots import get_arm
+from kinreach.robots.workcell import BoxRegion
 
 
 @dataclass(frozen=True)
@@ -279,45 +197,152 @@ class RankedPPO(AdaptivePPO):
         )
 
 
-_ACTIVATIONS = {nn.Tanh: "tanh", nn.SiLU: "silu", nn.ReLU: "relu"}
+#: Seed of the observations whose mean and spread scale the network's inputs.
+_SCALE_SEED = 1
+#: What the features `"button"` divide by: cosines and sines, two positions [m], joint velocities [rad/s], difference of
+#: the positions [m], push state.
+BUTTON_SCALE = (*(1.0,) * 6, *(2 / 3,) * 6, *(2.5,) * 3, *(0.5,) * 3, 1.0)
 
 
-def network_of(model: BaseAlgorithm) -> Network:
-    """The deterministic actor of a trained model; that of a DQN is its Q-network.
+def mlp_arguments(recipe: Recipe, env: SB3VecEnv, planned: int) -> dict[str, Any]:
+    """Keyword arguments of a model with `MlpPolicy`, from the settings and the networks of a recipe.
+
+    In the settings, `adam` are keyword arguments of the optimiser, `action_noise` is a standard deviation, and
+    `policy_kwargs` are added to what follows from the networks.
+
+    Args:
+        recipe: What to train.
+        env: What the model acts in.
+        planned: Actions of the whole training.
+    """
+    networks, settings = recipe.networks, dict(recipe.settings)
+    check_known("activation", networks.activation, ACTIVATIONS)
+    policy: dict[str, Any] = {"net_arch": list(networks.hidden), "activation_fn": ACTIVATIONS[networks.activation]}
+    if networks.features != "raw":
+        policy |= {"features_extractor_class": ObservationFeatures, "features_extractor_kwargs": _features(recipe)}
+    if "adam" in settings:
+        policy["optimizer_kwargs"] = dict(settings.pop("adam"))
+    if "action_noise" in settings:
+        size = env.action_space.shape or ()
+        noise = NormalActionNoise(np.zeros(size), np.full(size, settings["action_noise"]))
+        settings["action_noise"] = VectorizedActionNoise(noise, recipe.num_envs)
+    return {"policy": "MlpPolicy", **settings, "policy_kwargs": policy | settings.get("policy_kwargs", {})}
+
+
+def ppo_arguments(recipe: Recipe, env: SB3VecEnv, planned: int) -> dict[str, Any]:
+    """Those of PPO: `minibatches` of an update stand for a batch size, and the actor may have a `PostureHead`."""
+    arguments = mlp_arguments(recipe, env, planned)
+    networks, policy = recipe.networks, arguments["policy_kwargs"]
+    policy["net_arch"] = {"pi": list(networks.hidden), "vf": list(networks.hidden)}
+    if networks.std != 1.0:
+        policy["log_std_init"] = math.log(networks.std)
+    if networks.posture:
+        home = np.array(get_arm("ur5").home) / SINGLE_STEP.scale
+        arguments["policy"] = PosturePolicy
+        policy["head"] = {"gain": 1.0 / SINGLE_STEP.scale, "shift": home.tolist()}
+    if "minibatches" in arguments:
+        arguments["batch_size"] = recipe.num_envs * arguments["n_steps"] // arguments.pop("minibatches")
+    return arguments
+
+
+def adaptive_arguments(recipe: Recipe, env: SB3VecEnv, planned: int) -> dict[str, Any]:
+    """Those of PPO, with `Exploration` (in radians where the output is a posture) and `AdaptiveRate` from fields."""
+    arguments = ppo_arguments(recipe, env, planned) | {"planned_steps": planned}
+    arguments["adaptive"] = AdaptiveRate(**arguments["adaptive"])
+    if arguments["exploration"] is not None:
+        schedule = Exploration(**arguments["exploration"])
+        arguments["exploration"] = schedule.scaled(1.0 / SINGLE_STEP.scale) if recipe.networks.posture else schedule
+    return arguments
+
+
+def ranked_arguments(recipe: Recipe, env: SB3VecEnv, planned: int) -> dict[str, Any]:
+    """Those of adaptive PPO, without a critic, with samples in antithetic pairs."""
+    arguments = adaptive_arguments(recipe, env, planned)
+    policy = arguments["policy_kwargs"]
+    policy["net_arch"] = {"pi": list(recipe.networks.hidden), "vf": []}
+    if recipe.networks.posture:
+        policy["paired"] = True
+    return arguments
+
+
+def _features(recipe: Recipe) -> dict[str, Any]:
+    """Constants of the normalisation, and the waves.
+
+    Mean and spread of first observations; what does not vary among them is only shifted. Those of the button task all
+    begin upright and almost at rest: their spread says nothing, `BUTTON_SCALE` stands in for it.
+    """
+    kind = recipe.networks.features
+    check_known("features", kind, ("raw", "scaled", "goal waves", "button"))
+    if kind == "button":
+        return {"mean": [0.0] * len(BUTTON_SCALE), "scale": BUTTON_SCALE}
+    observations = first_observations(recipe.environment, recipe.options, seed=_SCALE_SEED)
+    if kind == "goal waves":
+        observations = observations[:, GOAL]
+    scale = observations.std(axis=0)
+    scale = np.where(scale < 1e-6, 1.0, scale)
+    waves = (0.5, 1.0, 2.0) if kind == "goal waves" else ()
+    return {"mean": observations.mean(axis=0).tolist(), "scale": scale.tolist(), "waves": waves}
+
+
+def step_by_step(batch: VectorEnv[Any, Any, Any], recipe: Recipe, reward: TrainingReward) -> SB3VecEnv:
+    """A batch in which the learner takes every step."""
+    return SB3VecEnv(batch, reward=reward)
+
+
+def in_tries(batch: VectorEnv[Any, Any, Any], recipe: Recipe, reward: TrainingReward) -> SB3VecEnv:
+    """A batch in which several postures are tried for each goal; goals are drawn on the table area and around it."""
+    draw = wider_goals(recipe.margin).sample
+    return TriesVecEnv(
+        batch, tries=recipe.settings["tries"], draw=draw, steps=recipe.walk, reward=reward, blur=recipe.blur
+    )
+
+
+def wider_goals(margin: float) -> BoxRegion:
+    """The UR5's table area with a margin [m] on every side."""
+    goals: Any = get_arm("ur5").workcell.goals
+    (x0, x1), (y0, y1) = goals.x, goals.y
+    return BoxRegion((x0 - margin, x1 + margin), (y0 - margin, y1 + margin), goals.z)
+
+
+@dataclass(frozen=True)
+class Algorithm:
+    """Everything that training needs to know of an algorithm.
+
+    Attributes:
+        name: As recipes say it.
+        model: A class with stable-baselines3's interface, or where to import it from, as `module:Class`.
+        exporter: The deterministic actor of such a model as a `Network`. It is tried before the training begins.
+        arguments: Keyword arguments of the class, from the recipe, the environments and the planned actions.
+        vec_env: What the model acts in, from a native batch, the recipe and the training reward.
+        defaults: Settings that hold unless the recipe says otherwise.
+    """
+
+    name: str
+    model: str | Callable[..., BaseAlgorithm]
+    exporter: Callable[[BaseAlgorithm], Network] = actor_network
+    arguments: Callable[[Recipe, SB3VecEnv, int], dict[str, Any]] = mlp_arguments
+    vec_env: Callable[[VectorEnv[Any, Any, Any], Recipe, TrainingReward], SB3VecEnv] = step_by_step
+    defaults: Mapping[str, Any] = field(default_factory=dict)
+
+
+#: Algorithms by name.
+ALGORITHMS: dict[str, Algorithm] = {}
+
+
+def register_algorithm(algorithm: Algorithm) -> Algorithm:
+    """Make an algorithm known to recipes.
 
     Raises:
-        InputError: An algorithm, or a layer, that is not known here.
+        InputError: Another one has its name.
     """
-    policy: Any = model.policy
-    output, gain, shift = "linear", None, None
-    if isinstance(model, PPO):
-        features, head = policy.pi_features_extractor, policy.action_net
-        modules = [*policy.mlp_extractor.policy_net, head]
-        if isinstance(head, PostureHead):
-            gain, shift = np.full(head.out_features, head.gain), head.shift.numpy()
-    elif isinstance(model, SAC):
-        features, output = policy.actor.features_extractor, "tanh"
-        modules = [*policy.actor.latent_pi, policy.actor.mu]
-    elif isinstance(model, TD3):
-        features, output = policy.actor.features_extractor, "tanh"
-        modules = list(policy.actor.mu)[:-1]
-    elif isinstance(model, DQN):
-        features, modules = policy.q_net.features_extractor, list(policy.q_net.q_net)
-    else:
-        raise InputError(f"{type(model).__name__} has no exporter")
-    linears = [module for module in modules if isinstance(module, nn.Linear)]
-    kinds = {type(module) for module in modules if not isinstance(module, nn.Linear)}
-    if len(kinds) != 1 or not kinds <= set(_ACTIVATIONS):
-        raise InputError(f"one of {', '.join(k.__name__ for k in _ACTIVATIONS)} can be exported, got {kinds}")
-    count, inputs = linears[-1].out_features, linears[0].in_features
-    known = isinstance(features, ObservationFeatures)
-    return Network(
-        mean=features.mean.numpy() if known else np.zeros(inputs),
-        scale=features.scale.numpy() if known else np.ones(inputs),
-        waves=features.waves.numpy() if known else np.zeros(0),
-        layers=[(m.weight.detach().numpy(), m.bias.detach().numpy()) for m in linears],
-        activation=_ACTIVATIONS[kinds.pop()],
-        output=output,
-        gain=np.ones(count) if gain is None else gain,
-        shift=np.zeros(count) if shift is None else shift,
-    )
+    if ALGORITHMS.setdefault(algorithm.name, algorithm) != algorithm:
+        raise InputError(f"there is an algorithm {algorithm.name!r} already")
+    return algorithm
+
+
+register_algorithm(Algorithm("PPO", PPO, arguments=ppo_arguments))
+register_algorithm(Algorithm("AdaptivePPO", AdaptivePPO, arguments=adaptive_arguments))
+register_algorithm(Algorithm("RankedPPO", RankedPPO, arguments=ranked_arguments, vec_env=in_tries))
+register_algorithm(Algorithm("SAC", SAC))
+register_algorithm(Algorithm("TD3", TD3))
+register_algorithm(Algorithm("DQN", DQN))

@@ -8,6 +8,7 @@ pressed when the model says that this very action brings the end effector to the
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
@@ -150,7 +151,7 @@ class AnalyticButtonPolicy:
     def __init__(self, actuation: str = "tuned") -> None:
         self._controller = ButtonController(actuation)
 
-    def reset(self, info: dict[str, Any]) -> None:
+    def reset(self, observation: Floats, info: Mapping[str, Any]) -> None:
         """Forget the last target; the next one is read off the first observation."""
         self._controller.restart()
 

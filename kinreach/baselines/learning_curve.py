@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 from gymnasium.vector import VectorEnv, VectorWrapper
 
+from kinreach.baselines.batch import last_value
 from kinreach.errors import InputError
 
 Array = np.ndarray[Any, Any]
@@ -24,7 +25,8 @@ COLUMNS = ("steps", "episodes", "reward", "return", "reached", "distance", "post
 #: Columns of a traced episode: steps so far, distance after the step [m], reward of the step.
 TRACE_COLUMNS = ("steps", "distance", "reward")
 
-_LAST = ("reached", "distance", "posture_error")
+#: What is averaged over the episodes that ended: column of the curve, and name in the info.
+_LAST = {"reached": "is_success", "distance": "distance", "posture_error": "posture_error"}
 
 
 class LearningCurve(VectorWrapper[Any, Any, Any]):
@@ -79,7 +81,8 @@ class LearningCurve(VectorWrapper[Any, Any, Any]):
         self.steps += self.num_envs
         self._counted += self.num_envs
         self._sums["reward"] += float(rewards.sum())
-        self._sums["impossible"] += float(np.sum(self._info["impossible"]))
+        if (impossible := last_value(self._info, "impossible")) is not None:
+            self._sums["impossible"] = self._sums.get("impossible", 0.0) + float(np.sum(impossible))
         self._returns += rewards
         if not self.traced:
             self._keep(float(rewards[0]), over=bool(terminated[0] or truncated[0]))
@@ -94,7 +97,7 @@ class LearningCurve(VectorWrapper[Any, Any, Any]):
         if not self._begun[0]:
             self.trace = []  # one that a reset cut short does not count
         if self.steps > self._trace_after and (self.trace or not self._begun[0]):
-            self.trace.append([self.steps, float(self._info["distance"][0]), reward])
+            self.trace.append([self.steps, float(last_value(self._info, "distance")[0]), reward])
             self.traced = over
 
     def _end(self, over: Array) -> None:
@@ -103,9 +106,9 @@ class LearningCurve(VectorWrapper[Any, Any, Any]):
         self.episodes += int(over.sum())
         self._ended += int(over.sum())
         self._sums["return"] += float(self._returns[over].sum())
-        for key in _LAST:
-            if key in self._info:
-                self._sums[key] = self._sums.get(key, 0.0) + float(self._info[key][over].sum())
+        for column, name in _LAST.items():
+            if (values := last_value(self._info, name)) is not None:
+                self._sums[column] = self._sums.get(column, 0.0) + float(values[over].sum())
         self._returns[over] = 0.0
         self._begun[over] = False
 
@@ -119,7 +122,7 @@ class LearningCurve(VectorWrapper[Any, Any, Any]):
         self._clear()
 
     def _clear(self) -> None:
-        self._sums = dict.fromkeys(("reward", "return", "impossible"), 0.0)
+        self._sums = dict.fromkeys(("reward", "return"), 0.0)
         self._counted = self._ended = 0
 
 

@@ -1,52 +1,28 @@
-"""From a recipe to environments and a model of stable-baselines3."""
+"""From a recipe to environments and a model, which is known to be exportable before it is trained."""
 
 from __future__ import annotations
 
-import math
-from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
-import gymnasium as gym
 import numpy as np
-import torch
-from stable_baselines3 import DQN, PPO, SAC, TD3
+from gymnasium import spaces
 from stable_baselines3.common.base_class import BaseAlgorithm
-from stable_baselines3.common.noise import NormalActionNoise, VectorizedActionNoise
 
-from kinreach.baselines.algorithms import (
-    AdaptivePPO,
-    AdaptiveRate,
-    Exploration,
-    ObservationFeatures,
-    PosturePolicy,
-    RankedPPO,
-)
+from kinreach.baselines.algorithms import ALGORITHMS, Algorithm
+from kinreach.baselines.batch import make_batch
 from kinreach.baselines.learning_curve import LearningCurve
+from kinreach.baselines.policies import Network
 from kinreach.baselines.recipes import Recipe
-from kinreach.baselines.rewards import REWARDS
-from kinreach.baselines.vec_envs import SB3VecEnv, TriesVecEnv
-from kinreach.envs.reach.task import SINGLE_STEP
-from kinreach.robots import get_arm
-from kinreach.robots.workcell import BoxRegion
+from kinreach.baselines.rewards import training_reward
+from kinreach.baselines.vec_envs import SB3VecEnv
+from kinreach.checks import check_known
+from kinreach.errors import InputError
+from kinreach.objects import load_object
 
-#: Algorithms by the name that recipes use.
-ALGORITHMS: Mapping[str, type[BaseAlgorithm]] = {
-    "PPO": PPO,
-    "AdaptivePPO": AdaptivePPO,
-    "RankedPPO": RankedPPO,
-    "SAC": SAC,
-    "TD3": TD3,
-    "DQN": DQN,
-}
-_ACTIVATIONS = {"tanh": torch.nn.Tanh, "silu": torch.nn.SiLU, "relu": torch.nn.ReLU}
-
-#: Seed of the observations whose mean and spread scale the network's inputs, and how many.
-_SCALE_SEED, _SCALE_SAMPLE = 1, 2048
-
-#: What the features `"button"` divide by: cosines and sines, two positions [m], joint velocities [rad/s], difference of
-#: the positions [m], push state.
-BUTTON_SCALE = (*(1.0,) * 6, *(2 / 3,) * 6, *(2.5,) * 3, *(0.5,) * 3, 1.0)
+#: How far an exported actor may be from the model's own, which computes in single precision.
+EXPORT_TOLERANCE = 1e-3
+_SAMPLES = 64
 
 
 @dataclass(frozen=True, eq=False)
@@ -57,11 +33,18 @@ class Trainee:
         model: Of stable-baselines3.
         env: What it acts in.
         curve: The batch beneath, which counts.
+        algorithm: What it is.
     """
 
     model: BaseAlgorithm
     env: SB3VecEnv
     curve: LearningCurve
+    algorithm: Algorithm
+
+    @property
+    def network(self) -> Network:
+        """Its deterministic actor."""
+        return self.algorithm.exporter(self.model)
 
 
 def build(recipe: Recipe, seed: int, *, steps: int) -> Trainee:
@@ -71,93 +54,67 @@ def build(recipe: Recipe, seed: int, *, steps: int) -> Trainee:
         recipe: What to train.
         seed: Of the networks.
         steps: Planned actions, to which schedules refer.
+
+    Raises:
+        InputError: An unknown algorithm, reward or environment, settings that they do not take, or a model that the
+            algorithm's exporter cannot export.
     """
-    tries = recipe.settings.get("tries", 1)
-    batch = gym.make_vec(
-        recipe.environment, num_envs=recipe.num_envs, vectorization_mode="vector_entry_point", **recipe.options
-    )
-    curve = LearningCurve(batch, window=recipe.window, trace_after=recipe.trace_after)
-    reward = REWARDS[recipe.reward]
-    if tries > 1:
-        goals = _wider_goals(recipe.margin)
-        env: SB3VecEnv = TriesVecEnv(
-            curve, tries=tries, draw=goals.sample, steps=recipe.walk, reward=reward, blur=recipe.blur
+    check_known("algorithm", recipe.algorithm, ALGORITHMS)
+    algorithm = ALGORITHMS[recipe.algorithm]
+    reward = training_reward(recipe.reward)
+    recipe = replace(recipe, settings={**algorithm.defaults, **recipe.settings})
+    make = load_object("algorithm", algorithm.model) if isinstance(algorithm.model, str) else algorithm.model
+    batch = make_batch(recipe.environment, recipe.num_envs, recipe.options)
+    try:
+        check_trainable(batch.single_observation_space, batch.single_action_space)
+        curve = LearningCurve(batch, window=recipe.window, trace_after=recipe.trace_after)
+        env = algorithm.vec_env(curve, recipe, reward)
+        arguments = algorithm.arguments(recipe, env, steps)
+        try:
+            model = make(env=env, seed=seed, device="cpu", verbose=0, **arguments)
+        except TypeError as error:
+            raise InputError(f"{recipe.algorithm} does not take the settings of {recipe.name}: {error}") from error
+        trainee = Trainee(model, env, curve, algorithm)
+        check_export(trainee)
+    except BaseException:
+        batch.close()
+        raise
+    return trainee
+
+
+def check_trainable(observations: spaces.Space[Any], actions: spaces.Space[Any]) -> None:
+    """Refuse spaces that policies cannot have.
+
+    Raises:
+        InputError: Observations are no vectors of numbers, or actions neither `Box` nor `Discrete` from 0.
+    """
+    if not isinstance(observations, spaces.Box) or len(observations.shape) != 1:
+        raise InputError(f"training needs observations that are vectors of numbers, got {observations}")
+    vector = isinstance(actions, spaces.Box) and len(actions.shape) == 1
+    if not vector and not (isinstance(actions, spaces.Discrete) and actions.start == 0):
+        raise InputError(f"training needs actions that are vectors or numbered from 0, got {actions}")
+
+
+def check_export(trainee: Trainee) -> None:
+    """Refuse a model whose exported actor does not answer as the model does.
+
+    Raises:
+        InputError: It cannot be exported, or answers otherwise.
+    """
+    model, network = trainee.model, trainee.network
+    space: Any = model.observation_space
+    draws = np.random.default_rng(0).normal(size=(_SAMPLES, *space.shape))
+    observations = np.clip(draws, space.low, space.high).astype(space.dtype)
+    expected = model.predict(observations, deterministic=True)[0]
+    found = network(observations.astype(np.float64))
+    if isinstance(model.action_space, spaces.Discrete):
+        best = found[np.arange(_SAMPLES), expected]
+        error = float((found.max(axis=1) - best).max())
+    else:
+        low, high = (-1.0, 1.0) if network.low is None else (network.low, network.high)
+        error = float(np.abs(np.clip(found, low, high) - expected).max())
+    if not error <= EXPORT_TOLERANCE:
+        raise InputError(
+            f"the exporter of {trainee.algorithm.name} gives a network that does not answer as the model does: it is "
+            f"off by {error:.2g}"
         )
-    else:
-        env = SB3VecEnv(curve, reward=reward)
-    settings = _settings(recipe, env)
-    if issubclass(ALGORITHMS[recipe.algorithm], AdaptivePPO):
-        settings["planned_steps"] = steps
-    policy = PosturePolicy if recipe.networks.posture else "MlpPolicy"
-    model = ALGORITHMS[recipe.algorithm](
-        policy, env, policy_kwargs=_policy(recipe), seed=seed, device="cpu", verbose=0, **settings
-    )
-    return Trainee(model, env, curve)
-
-
-def _wider_goals(margin: float) -> BoxRegion:
-    """The table area with a margin [m]."""
-    region: Any = get_arm("ur5").workcell.goals
-    (x0, x1), (y0, y1) = region.x, region.y
-    return BoxRegion((x0 - margin, x1 + margin), (y0 - margin, y1 + margin), region.z)
-
-
-def _settings(recipe: Recipe, env: SB3VecEnv) -> dict[str, Any]:
-    """Keyword arguments of the algorithm, with the parts that recipes write as plain values put together."""
-    settings = dict(recipe.settings)
-    settings.pop("adam", None)
-    if "minibatches" in settings:
-        settings["batch_size"] = recipe.num_envs * settings["n_steps"] // settings.pop("minibatches")
-    if "exploration" in settings and settings["exploration"] is not None:
-        schedule = Exploration(**settings["exploration"])
-        settings["exploration"] = schedule.scaled(1.0 / SINGLE_STEP.scale) if recipe.networks.posture else schedule
-    if "adaptive" in settings:
-        settings["adaptive"] = AdaptiveRate(**settings["adaptive"])
-    if "action_noise" in settings:
-        size = env.action_space.shape[0]  # type: ignore[index]
-        noise = NormalActionNoise(np.zeros(size), np.full(size, settings["action_noise"]))
-        settings["action_noise"] = VectorizedActionNoise(noise, recipe.num_envs)
-    return settings
-
-
-def _policy(recipe: Recipe) -> dict[str, Any]:
-    """Keyword arguments of the policy."""
-    networks = recipe.networks
-    actor = list(networks.hidden)
-    policy: dict[str, Any] = {"activation_fn": _ACTIVATIONS[networks.activation]}
-    if issubclass(ALGORITHMS[recipe.algorithm], PPO):
-        policy["net_arch"] = {"pi": actor, "vf": [] if recipe.algorithm == "RankedPPO" else actor}
-    else:
-        policy["net_arch"] = actor
-    if networks.std != 1.0:
-        policy["log_std_init"] = math.log(networks.std)
-    if networks.features != "raw":
-        policy |= {"features_extractor_class": ObservationFeatures, "features_extractor_kwargs": _features(recipe)}
-    if networks.posture:
-        home = np.array(get_arm("ur5").home) / SINGLE_STEP.scale
-        policy["head"] = {"gain": 1.0 / SINGLE_STEP.scale, "shift": home.tolist()}
-        policy["paired"] = recipe.algorithm == "RankedPPO"
-    if "adam" in recipe.settings:
-        policy["optimizer_kwargs"] = dict(recipe.settings["adam"])
-    return policy
-
-
-def _features(recipe: Recipe) -> dict[str, Any]:
-    """Constants of the normalisation, and the waves.
-
-    Mean and spread of first observations; what does not vary among them is only shifted. Those of the button task all
-    begin upright and almost at rest: their spread says nothing, `BUTTON_SCALE` stands in for it.
-    """
-    if recipe.networks.features == "button":
-        return {"mean": [0.0] * len(BUTTON_SCALE), "scale": BUTTON_SCALE}
-    batch = gym.make_vec(
-        recipe.environment, num_envs=_SCALE_SAMPLE, vectorization_mode="vector_entry_point", **recipe.options
-    )
-    observations = np.asarray(batch.reset(seed=_SCALE_SEED)[0])
-    batch.close()
-    if recipe.networks.features == "goal waves":
-        observations = observations[:, :6]
-    scale = observations.std(axis=0)
-    scale = np.where(scale < 1e-6, 1.0, scale)
-    waves = (0.5, 1.0, 2.0) if recipe.networks.features == "goal waves" else ()
-    return {"mean": observations.mean(axis=0).tolist(), "scale": scale.tolist(), "waves": waves}

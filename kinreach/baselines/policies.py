@@ -1,29 +1,31 @@
 """Policies: networks that run in numpy, the files that they come in, and how they are loaded.
 
-Neither can carry code. What is read is checked before it is used: sizes, names, shapes, finite numbers. The header's
-`kinreach` entry is a JSON object with the fields of `PolicyCard`; the tensors are `mean`, `scale`, `waves`, `gain`,
-`shift`, and `layer0.weight`, `layer0.bias`, `layer1.weight` ... in the order of the layers.
+A policy file is a safetensors file, and carries no code. Its header's `kinreach` entry is a JSON object with the fields
+of `PolicyCard`; its tensors are `mean`, `scale`, `waves`, `gain`, `shift`, then `layer0.weight`, `layer0.bias`,
+`layer1.weight` ... in the order of the layers, and `low` and `high` where actions are not in [-1, 1]. What is read is
+checked before it is used: sizes, names, shapes, finite numbers. A stable-baselines3 `model.zip` is read by
+`kinreach.baselines.sb3_zip`, without running what is in it either.
 """
 
 from __future__ import annotations
 
 import json
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import asdict, dataclass, field, fields
+from dataclasses import asdict, dataclass, field, fields, replace
 from importlib import resources
 from pathlib import Path
 from typing import Any, NoReturn
 
 import numpy as np
+from gymnasium import spaces
 from numpy.typing import ArrayLike, NDArray
 from safetensors import SafetensorError, safe_open
 from safetensors.numpy import save as to_bytes
 
-from kinreach.checks import as_floats, check_entries, check_known, check_path
+from kinreach.checks import as_floats, check_entries, check_path
 from kinreach.envs.reach.task import SINGLE_STEP, STEP_SIZE
-from kinreach.errors import InputError, UnknownNameError, raise_unknown
+from kinreach.errors import InputError, UnknownNameError
 from kinreach.files import replacing
-from kinreach.registration import BUTTON, MULTI, SINGLE
 
 Array = NDArray[Any]
 
@@ -38,6 +40,8 @@ ACTIVATIONS: Mapping[str, Callable[[Array], Array]] = {
     "tanh": np.tanh,
     "silu": _silu,
     "relu": lambda x: np.maximum(x, 0.0),
+    "elu": lambda x: np.where(x > 0.0, x, np.expm1(np.minimum(x, 0.0))),
+    "leaky_relu": lambda x: np.where(x > 0.0, x, 0.01 * x),
 }
 OUTPUTS: Mapping[str, Callable[[Array], Array]] = {"linear": lambda x: x, "tanh": np.tanh}
 
@@ -56,6 +60,7 @@ class Network:
         activation: Of the hidden layers, a key of `ACTIVATIONS`.
         output: Behind the last layer, a key of `OUTPUTS`.
         gain, shift: Shape (m,).
+        low, high: Bounds of an action, shape (m,); None for -1 and 1.
     """
 
     mean: Array
@@ -66,6 +71,8 @@ class Network:
     output: str
     gain: Array
     shift: Array
+    low: Array | None = None
+    high: Array | None = None
 
     def __call__(self, x: Array) -> Array:
         """Outputs, shape (..., m), for observations of shape (..., at least n)."""
@@ -129,6 +136,8 @@ def save_policy(path: str | Path, card: PolicyCard, network: Network) -> None:
         OutputError: The file system refused.
     """
     tensors = {name: getattr(network, name) for name in ("mean", "scale", "waves", "gain", "shift")}
+    if network.low is not None and network.high is not None:
+        tensors |= {"low": network.low, "high": network.high}
     for index, (weight, bias) in enumerate(network.layers):
         tensors |= {f"layer{index}.weight": weight, f"layer{index}.bias": bias}
     tensors = {name: np.ascontiguousarray(value) for name, value in tensors.items()}
@@ -196,7 +205,7 @@ def _card(header: Mapping[str, str]) -> PolicyCard:
 def _network(card: PolicyCard, tensors: Mapping[str, np.ndarray[Any, Any]]) -> Network:
     count = sum(name.endswith(".weight") for name in tensors)
     names = {f"layer{i}.{part}" for i in range(count) for part in ("weight", "bias")}
-    expected = {"mean", "scale", "waves", "gain", "shift"} | names
+    expected = {"mean", "scale", "waves", "gain", "shift"} | names | ({"low", "high"} & set(tensors))
     if count == 0 or set(tensors) != expected:
         raise InputError(f"its tensors must be {sorted(expected)}, got {sorted(tensors)}")
     for name, value in tensors.items():
@@ -210,15 +219,17 @@ def _network(card: PolicyCard, tensors: Mapping[str, np.ndarray[Any, Any]]) -> N
         if weight.ndim != 2 or weight.shape[1] != width or bias.shape != weight.shape[:1]:
             raise InputError(f"layer {index} must take {width} numbers, got weight {weight.shape}, bias {bias.shape}")
         width = len(bias)
-    shapes = {"mean": mean, "scale": scale, "waves": waves}, {"gain": gain, "shift": shift}
-    if any(value.ndim != 1 for group in shapes for value in group.values()) or mean.shape != scale.shape:
+    if any(value.ndim != 1 for value in (mean, scale, waves, gain, shift)) or mean.shape != scale.shape:
         raise InputError("mean, scale, waves, gain and shift must have one dimension, mean and scale the same length")
     if gain.shape != (width,) or shift.shape != (width,) or not (scale > 0).all():
         raise InputError(f"gain and shift must have {width} numbers, scale must be positive")
-    return Network(mean, scale, waves, layers, card.activation, card.output, gain, shift)
+    low, high = doubles.get("low"), doubles.get("high")
+    if (low is None) != (high is None):
+        raise InputError("low and high must both be there, or neither")
+    if low is not None and high is not None and not (low.shape == high.shape == (width,) and (low < high).all()):
+        raise InputError(f"low and high must have {width} numbers, low below high")
+    return Network(mean, scale, waves, layers, card.activation, card.output, gain, shift, low, high)
 
-
-Array = np.ndarray[Any, Any]
 
 #: Steps are not split for a remainder below this [steps].
 _SLACK = 1e-6
@@ -231,94 +242,110 @@ def paced(way: Array) -> Array:
     somewhere on the way, where the episode ends.
 
     Args:
-        way: Joint angles still to go [rad], shape (..., 6).
+        way: Joint angles still to go [rad], shape (..., n).
 
     Returns:
-        Action in [-1, 1], shape (..., 6).
+        Action in [-1, 1], shape (..., n).
     """
     steps = np.abs(way).max(axis=-1, keepdims=True) / STEP_SIZE
     return way / STEP_SIZE / np.maximum(1.0, np.ceil(steps - _SLACK))
 
 
-Array = np.ndarray[Any, Any]
-
 #: No environment observes larger numbers.
 MOST_OBSERVED = 1e6
 _SUFFIX = ".safetensors"
-#: Environment -> length of an observation, length of the network's output, what the output may mean.
-_FITS = {
-    SINGLE: (13, 6, ("action", "posture")),
-    MULTI: (13, 6, ("action", "posture")),
-    BUTTON: (19, 54, ("preferences",)),
-}
 
 
 class LearnedPolicy:
-    """A policy from a file. Threads may share an instance.
+    """A trained policy, for any environment whose spaces it fits. Threads may share an instance.
 
     Args:
         card, network: As `read_policy` returns them.
 
     Attributes:
         card: What is known of it.
-
-    Raises:
-        InputError: The network does not fit the environment that its card names.
+        network: Its numbers.
     """
 
     def __init__(self, card: PolicyCard, network: Network) -> None:
-        if card.environment not in _FITS:
-            raise_unknown("environment of a policy", card.environment, _FITS)
-        inputs, outputs, meanings = _FITS[card.environment]
-        if len(network.mean) > inputs or len(network.gain) != outputs or card.meaning not in meanings:
-            raise InputError(
-                f"a policy for {card.environment} takes at most {inputs} numbers, gives {outputs}, and means "
-                f"{' or '.join(meanings)}; this one takes {len(network.mean)}, gives {len(network.gain)}, and means "
-                f"{card.meaning}"
-            )
-        self.card = card
-        self._network = network
-        self._inputs = inputs
-        self._walks = card.environment == MULTI
+        self.card, self.network = card, network
+        self._low = -1.0 if network.low is None else network.low
+        self._high = 1.0 if network.high is None else network.high
+        self._stepwise = card.meaning == "posture" and "MultiStep" in card.environment
 
-    def reset(self, info: dict[str, Any]) -> None:
+    def reset(self, observation: Any = None, info: Any = None) -> None:
         """A trained policy remembers nothing."""
 
-    def act(self, observation: Array) -> Any:
+    def act(self, observation: ArrayLike) -> Any:
         """The deterministic action for an observation, shape (n,), or for a batch of them, shape (count, n).
 
         Returns:
-            Actions in [-1, 1], shape (..., 6), or the number of a discrete action, shape (...).
+            Actions, shape (..., m), or the number of a discrete action, shape (...).
 
         Raises:
             InputError: A wrong shape, values that are not finite, or so large that the network's output is not.
         """
+        output = self._output(observation)
         if self.card.meaning == "preferences":
-            return self._output(observation).argmax(axis=-1)
-        if self._walks and self.card.meaning == "posture":
-            return paced(self.posture(observation) - np.asarray(observation)[..., 6:12])
-        return np.clip(self._output(observation), -1.0, 1.0)
+            return output.argmax(axis=-1)
+        action = np.clip(output, self._low, self._high)
+        if not self._stepwise:
+            return action
+        joints = np.asarray(observation)[..., -1 - len(self.network.gain) : -1]  # before the gripper's opening
+        return paced(SINGLE_STEP.scale * action - joints)
 
-    def posture(self, observation: Array) -> Array:
-        """The posture that a reach policy aims at [rad], shape (..., 6).
+    def posture(self, observation: ArrayLike) -> Array:
+        """The posture that a reach policy aims at [rad], shape (..., m).
 
         Raises:
             InputError: The policy's output means something else, or as for `act`.
         """
         if self.card.meaning != "posture":
-            raise InputError(f"the output of {self.card.recipe.get('name')} means {self.card.meaning}, not a posture")
-        return SINGLE_STEP.scale * np.clip(self._output(observation), -1.0, 1.0)
+            raise InputError(f"the output of {self.name} means {self.card.meaning}, not a posture")
+        return SINGLE_STEP.scale * np.clip(self._output(observation), self._low, self._high)
+
+    @property
+    def name(self) -> str:
+        """Name of its recipe."""
+        return str(self.card.recipe.get("name") or "the policy")
+
+    def check_spaces(self, observations: spaces.Space[Any], actions: spaces.Space[Any]) -> None:
+        """Refuse an environment that the policy cannot act in.
+
+        Args:
+            observations: Space of one environment, not of a batch.
+            actions: Likewise.
+
+        Raises:
+            InputError: The observations are no vector, or too short, or the actions are of another kind or number.
+        """
+        least, outputs = self._inputs, len(self.network.gain)
+        if not isinstance(observations, spaces.Box) or len(observations.shape) != 1 or observations.shape[0] < least:
+            raise InputError(
+                f"{self.name} takes a vector of at least {least} numbers, not observations of {observations}"
+            )
+        if self.card.meaning == "preferences":
+            fits = isinstance(actions, spaces.Discrete) and actions.n == outputs
+            kind = f"one of {outputs} actions"
+        else:
+            fits, kind = isinstance(actions, spaces.Box) and actions.shape == (outputs,), f"{outputs} numbers"
+        if not fits:
+            raise InputError(f"{self.name} answers with {kind}, which is no action of {actions}")
+
+    @property
+    def _inputs(self) -> int:
+        return max(len(self.network.mean), len(self.network.gain) + 1 if self._stepwise else 0)
 
     def _output(self, observation: ArrayLike) -> Array:
         """What the network says of observations, once they and its answer are found to be numbers."""
         x = as_floats("observation", observation)
-        if x.ndim == 0 or x.shape[-1] != self._inputs:
-            raise InputError(f"observation must have shape (..., {self._inputs}), got {x.shape}")
+        if x.ndim == 0 or x.shape[-1] < self._inputs:
+            raise InputError(f"observation must have shape (..., {self._inputs}) or more, got {x.shape}")
         check_entries("observation", x, MOST_OBSERVED)
         with np.errstate(over="ignore", invalid="ignore", divide="ignore"):
-            output = self._network(x)
+            output = self.network(x)
         if not np.isfinite(output).all():
-            raise InputError(f"the network of {self.card.recipe.get('name')} answers with what is no number")
+            raise InputError(f"the network of {self.name} answers with what is no number")
         return output
 
 
@@ -332,22 +359,27 @@ def load_policy(policy: str | Path, *, environment: str | None = None) -> Learne
     """Load a policy.
 
     Args:
-        policy: Name of one that comes with the package, or path of a file.
+        policy: Name of one that comes with the package, or path of a policy file or of a stable-baselines3
+            `model.zip`. The zip does not say which environment it is for.
         environment: Id of the environment that it must be for.
 
     Raises:
         InputError: There is no such policy, the file is not a policy, or it is for another environment.
+        InstallationError: A `model.zip`, and torch is not installed.
     """
     names = pretrained_names()
     if str(policy) in names:
         with resources.as_file(resources.files("kinreach.baselines") / "pretrained" / f"{policy}{_SUFFIX}") as path:
-            loaded = LearnedPolicy(*read_policy(path))
-    elif check_path("policy", policy).suffix or Path(policy).exists():
-        loaded = LearnedPolicy(*read_policy(policy))
+            card, network = read_policy(path)
+    elif (path := check_path("policy", policy)).suffix == ".zip":
+        from kinreach.baselines.sb3_zip import read_zip
+
+        card, network = read_zip(path)
+        card = replace(card, environment=environment or "")
+    elif path.suffix or path.exists():
+        card, network = read_policy(path)
     else:
-        raise UnknownNameError(f"there is no policy {policy!r}; a file, or one of: {', '.join(names)}")
-    if environment is not None:
-        check_known("environment", environment, _FITS)
-    if environment not in (None, loaded.card.environment):
-        raise InputError(f"the policy {policy} is for {loaded.card.environment}, not for {environment}")
-    return loaded
+        raise UnknownNameError(f"there is no policy {str(policy)!r}; a file, or one of: {', '.join(names)}")
+    if environment is not None and environment != card.environment:
+        raise InputError(f"the policy {policy} is for {card.environment}, not for {environment}")
+    return LearnedPolicy(card, network)

@@ -8,9 +8,41 @@ from typing import Any
 
 import numpy as np
 
+from kinreach.checks import check_known
 from kinreach.kinematics import Arm3Kinematics
+from kinreach.objects import load_object
 
 Array = np.ndarray[Any, Any]
+
+#: The environment's rewards, and the step's info as arrays of a batch, to what the learner sees, shape (n,). Where the
+#: learner acts step by step, `info["observation"]` is what the step led to, also where a new episode has begun since.
+TrainingReward = Callable[[Array, Mapping[str, Any]], Array]
+
+#: The thesis's -100 and -25 dwarf all that is to be learned at first; below this there are no differences.
+FLOOR = -30.0
+#: Distance below which the dense reward has nothing left to gain [m], and its weight of the posture error.
+DENSE_DISTANCE, DENSE_POSTURE, DENSE_IMPOSSIBLE = 1e-5, 5.0, -200.0
+
+
+def own(rewards: Array, info: Mapping[str, Any]) -> Array:
+    """The environment's."""
+    return rewards
+
+
+def floored(rewards: Array, info: Mapping[str, Any]) -> Array:
+    """The environment's, not below `FLOOR`."""
+    return np.maximum(rewards, FLOOR)
+
+
+def dense(rewards: Array, info: Mapping[str, Any]) -> Array:
+    """-ln(d + 1e-5) - 5 r_e, and 200 less where the action was impossible.
+
+    The thesis's reward is flat within 1 cm of the goal, so that nothing finer can be learned from it; this one is steep
+    there. Among impossible actions it still says which was nearest.
+    """
+    near = -np.log(info["distance"] + DENSE_DISTANCE) - DENSE_POSTURE * info["posture_error"]
+    return near + np.where(info["impossible"], DENSE_IMPOSSIBLE, 0.0)
+
 
 #: A press pays 100; with this factor returns are of the order of 1, which suits the step sizes of a value network.
 SCALE = 0.05
@@ -64,38 +96,6 @@ def guided(rewards: Array, info: Mapping[str, Any]) -> Array:
     return SCALE * (rewards - wrong + penalty * wrong - POSTURE_WEIGHT * error)
 
 
-Array = np.ndarray[Any, Any]
-
-#: The environment's rewards, and the step's info as arrays of a batch, to what the learner sees, shape (n,). Where the
-#: learner acts step by step, `info["observation"]` is what the step led to, also where a new episode has begun since.
-TrainingReward = Callable[[Array, Mapping[str, Any]], Array]
-
-#: The thesis's -100 and -25 dwarf all that is to be learned at first; below this there are no differences.
-FLOOR = -30.0
-#: Distance below which the dense reward has nothing left to gain [m], and its weight of the posture error.
-DENSE_DISTANCE, DENSE_POSTURE, DENSE_IMPOSSIBLE = 1e-5, 5.0, -200.0
-
-
-def own(rewards: Array, info: Mapping[str, Any]) -> Array:
-    """The environment's."""
-    return rewards
-
-
-def floored(rewards: Array, info: Mapping[str, Any]) -> Array:
-    """The environment's, not below `FLOOR`."""
-    return np.maximum(rewards, FLOOR)
-
-
-def dense(rewards: Array, info: Mapping[str, Any]) -> Array:
-    """-ln(d + 1e-5) - 5 r_e, and 200 less where the action was impossible.
-
-    The thesis's reward is flat within 1 cm of the goal, so that nothing finer can be learned from it; this one is steep
-    there. Among impossible actions it still says which was nearest.
-    """
-    near = -np.log(info["distance"] + DENSE_DISTANCE) - DENSE_POSTURE * info["posture_error"]
-    return near + np.where(info["impossible"], DENSE_IMPOSSIBLE, 0.0)
-
-
 #: Training rewards by the name that recipes use.
 REWARDS: Mapping[str, TrainingReward] = {
     "own": own,
@@ -104,3 +104,15 @@ REWARDS: Mapping[str, TrainingReward] = {
     "scaled": scaled,
     "guided": guided,
 }
+
+
+def training_reward(name: str) -> TrainingReward:
+    """A training reward by name, or one of your own as `module:function`.
+
+    Raises:
+        InputError: There is none of that name; the message lists those that there are.
+    """
+    if ":" in name:
+        return load_object("training reward", name)
+    check_known("training reward", name, REWARDS)
+    return REWARDS[name]

@@ -1,99 +1,235 @@
-"""Policies that nobody trained: chance, and the closed form on what the cameras saw."""
+"""One loop: everything that decides is a policy, what it decides about is an environment, and `rollout` lies between.
+
+A solver of inverse kinematics, a trained network, a script and chance are all the same to the loop. A policy is any
+object with `reset(observation, info)` and `act(observation)`; `as_policy` makes one of a plain function, of a
+stable-baselines3 model, or of whatever else answers an observation with an action.
+"""
 
 from __future__ import annotations
 
+import time
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from typing import Any, Protocol
 
+import gymnasium as gym
 import numpy as np
 from gymnasium import spaces
+from gymnasium.vector import VectorEnv
+from numpy.typing import NDArray
 
-from kinreach.checks import Floats
-from kinreach.envs.reach.task import MULTI_STEP, SINGLE_STEP, STEP_SIZE, TOOL_DOWN
+from kinreach.checks import shown
 from kinreach.errors import InputError
-from kinreach.kinematics import CollisionChecker, UR5Kinematics
-from kinreach.thesis.reward import REACHED_POSTURE_ERROR, posture_error
-from kinreach.vision.goal_view import goal_in_world
+from kinreach.summary import Trial
+
+#: What an iterative policy may say of its last decision, in `diagnostics`; a trial has the sums over its decisions.
+EFFORTS = ("iterations", "restarts", "candidates", "accept_s")
+#: Status of a trial whose episode ended without the goal and without anything impossible.
+COMPLETED, MISSED = "completed", "missed"
+
+Watch = Callable[[gym.Env[Any, Any], Mapping[str, Any]], object]
 
 
 class Policy(Protocol):
-    """Anything that chooses an action from one observation."""
+    """Anything that chooses actions.
 
-    def reset(self, info: dict[str, Any]) -> None:
-        """A new episode begins; `info` is that of the environment's reset."""
+    It may also have `reason`, why its last action was None, and `diagnostics`, a mapping with some of `EFFORTS` about
+    its last decision.
+    """
+
+    def reset(self, observation: Any, info: Mapping[str, Any]) -> None:
+        """A new episode begins; both arguments are what the environment's reset returned."""
         ...
 
     def act(self, observation: Any) -> Any:
-        """The action for an observation."""
+        """The action for an observation; None where the policy finds none, which forfeits the episode."""
         ...
 
 
+class FunctionPolicy:
+    """A policy without memory.
+
+    Args:
+        function: From an observation to an action.
+    """
+
+    def __init__(self, function: Callable[[Any], Any]) -> None:
+        self._function = function
+
+    def reset(self, observation: Any, info: Mapping[str, Any]) -> None:
+        """Nothing is remembered."""
+
+    def act(self, observation: Any) -> Any:
+        """What the function returns."""
+        return self._function(observation)
+
+
 class RandomPolicy:
-    """Draws from the action space.
+    """Draws actions uniformly; what it draws in an episode depends on its seed and the first observation alone.
 
     Args:
         action_space: Of the environment.
         seed: Of the draws.
     """
 
-    def __init__(self, action_space: spaces.Space[Any], *, seed: int) -> None:
+    def __init__(self, action_space: spaces.Space[Any], *, seed: int = 0) -> None:
         self._space = action_space
+        self._seed = seed
         self._space.seed(seed)
 
-    def reset(self, info: dict[str, Any]) -> None:
-        """Chance does not care."""
+    def reset(self, observation: Any, info: Mapping[str, Any]) -> None:
+        """Start the draws of an episode."""
+        start = np.frombuffer(np.ascontiguousarray(observation).tobytes(), dtype=np.uint32)
+        entropy = np.random.SeedSequence([self._seed, *start.tolist()])
+        self._space.seed(int(entropy.generate_state(1)[0]))
 
     def act(self, observation: Any) -> Any:
         """Any action."""
         return self._space.sample()
 
 
-class AnalyticReachPolicy:
-    """Closed-form inverse kinematics on the observed goal: tool down, natural posture, free of collisions.
-
-    It uses what an agent is given, not the true goal: the six goal numbers of the observation and which cameras found
-    the ball.
+def as_policy(given: Any) -> Policy:
+    """A policy from what a user has.
 
     Args:
-        variant: `"single"` or `"multi"`: what an action means.
+        given: A policy; a model with stable-baselines3's `predict(observation, deterministic=True)`; or a callable from
+            an observation to an action.
 
     Raises:
-        InputError: An unknown variant.
+        InputError: It is none of these.
     """
+    if callable(getattr(given, "act", None)):
+        return given if callable(getattr(given, "reset", None)) else FunctionPolicy(given.act)
+    if callable(getattr(given, "predict", None)):
+        return FunctionPolicy(lambda observation: given.predict(observation, deterministic=True)[0])
+    if callable(given):
+        return FunctionPolicy(given)
+    raise InputError(f"a policy has act(observation), predict(observation) or is a function, got {shown(given)}")
 
-    def __init__(self, variant: str) -> None:
-        if variant not in (SINGLE_STEP.name, MULTI_STEP.name):
-            raise InputError(f"variant must be {SINGLE_STEP.name!r} or {MULTI_STEP.name!r}, got {variant!r}")
-        self._relative = variant == MULTI_STEP.name
-        self._kinematics = UR5Kinematics(tip="tcp", base="world")
-        self._checker = CollisionChecker(self._kinematics)
-        self._home = np.array(self._kinematics.arm.home)
-        self._found = np.ones(2, dtype=np.bool_)
-        self._target: Floats | None = None
 
-    def reset(self, info: dict[str, Any]) -> None:
-        """Forget the last goal."""
-        self._found = np.asarray(info["ball_found"])
-        self._target = None
+def rollout(
+    env: gym.Env[Any, Any], policy: Policy, resets: Iterable[Mapping[str, Any]], *, watch: Watch | None = None
+) -> Iterator[Trial]:
+    """Play one episode after another, each from its start to its end.
 
-    def act(self, observation: Floats) -> Floats:
-        """The action that takes the arm to the posture, or as far towards it as one action goes.
+    Args:
+        env: The environment.
+        policy: Acts.
+        resets: Keyword arguments of `env.reset`, one mapping an episode: `seed`, `options`.
+        watch: Called with the environment and its `info` after every reset and step, to draw it, say.
 
-        Where no camera found the ball, or no posture is left, the arm stays where it is.
-        """
-        q = np.asarray(observation[6:12])
-        if self._target is None:
-            self._target = self._posture(np.asarray(observation[:6]), q)
-        if not self._relative:
-            return self._target / SINGLE_STEP.scale
-        way = self._target - q
-        return way / max(STEP_SIZE, float(np.abs(way).max()))  # straight in joint space, all joints arrive together
+    Yields:
+        A trial an episode: the numbers, truth values, texts and vectors of the environment's last `info`, and
+        `steps`, `reward` (of the last step), `return` (sum of all), `solve_s` (wall time of the policy [s]), and the
+        sums of the policy's `diagnostics`.
+    """
+    for reset in resets:
+        yield _episode(env, policy, reset, watch)
 
-    def _posture(self, view: Floats, q: Floats) -> Floats:
-        goal = goal_in_world(self._kinematics.arm, view, self._found)
-        if goal is None:
-            return q
-        result = self._kinematics.axis_goal(goal, TOOL_DOWN, q, accept=self._accept)
-        return result.q if result.success else q
 
-    def _accept(self, q: Floats) -> bool:
-        return float(posture_error(q)) < REACHED_POSTURE_ERROR and self._checker.free(q)
+def _episode(env: gym.Env[Any, Any], policy: Policy, reset: Mapping[str, Any], watch: Watch | None) -> Trial:
+    observation, info = env.reset(**reset)
+    if watch is not None:
+        watch(env, info)
+    start = time.perf_counter()
+    policy.reset(observation, info)
+    solve_s = time.perf_counter() - start
+    steps, reward, returned, over = 0, 0.0, 0.0, False
+    efforts: dict[str, float] = {}
+    while not over:
+        start = time.perf_counter()
+        action = policy.act(observation)
+        solve_s += time.perf_counter() - start
+        for name, value in getattr(policy, "diagnostics", {"iterations": 1}).items():
+            efforts[name] = efforts.get(name, 0) + value
+        if action is None:
+            observation, reward, terminated, truncated, info = forfeit(env, getattr(policy, "reason", ""), info)
+        else:
+            observation, gained, terminated, truncated, info = env.step(action)
+            reward = float(gained)
+        steps += 1
+        returned += reward
+        over = terminated or truncated
+        if watch is not None:
+            watch(env, info)
+    return {**flat(info), "steps": steps, "reward": reward, "return": returned, "solve_s": solve_s, **efforts}
+
+
+def forfeit(env: gym.Env[Any, Any], reason: str, info: Mapping[str, Any]) -> tuple[Any, float, bool, bool, Any]:
+    """The end of an episode in which a policy found no action, as the environment's own `forfeit` says it.
+
+    An environment without one ends with the last `info`, nothing reached, and no reward.
+    """
+    judge = getattr(env.unwrapped, "forfeit", None)
+    if judge is not None:
+        return judge(reason)
+    verdict = {"reached": False, "is_success": False, "impossible": True, "status": "forfeited"}
+    return None, 0.0, True, False, {**info, **verdict, "impossible_reason": reason}
+
+
+def rollout_batch(env: VectorEnv[Any, Any, Any], policy: Policy, *, seed: int) -> list[Trial]:
+    """Play the first episode of every environment of a batch, all in step.
+
+    Args:
+        env: Any vector environment; episodes may start anew in the step in which they end.
+        policy: Acts on stacks of observations.
+        seed: Of the first environment; the others count up.
+
+    Returns:
+        A trial for each environment, as `rollout` yields them, without clocks.
+    """
+    count = env.num_envs
+    trials: list[Trial] = [{} for _ in range(count)]
+    steps, returned = np.zeros(count, dtype=np.int64), np.zeros(count)
+    pending = np.ones(count, dtype=np.bool_)
+    observations, info = env.reset(seed=seed)
+    policy.reset(observations, info)
+    while pending.any():
+        observations, rewards, terminated, truncated, info = env.step(policy.act(observations))
+        steps += pending
+        returned += np.where(pending, rewards, 0.0)
+        over = np.flatnonzero((terminated | truncated) & pending)
+        for index in over:
+            trials[index] = {
+                **flat(_row(info, index)),
+                "steps": int(steps[index]),
+                "reward": float(rewards[index]),
+                "return": float(returned[index]),
+            }
+        pending[over] = False
+    return trials
+
+
+def _row(info: Mapping[str, Any], index: int) -> dict[str, Any]:
+    """What a batch says of one environment's last step."""
+    last = info.get("final_info", info)
+    return {
+        name: values[index]
+        for name, values in last.items()
+        if isinstance(values, np.ndarray) and len(values) and not name.startswith(("_", "final_"))
+    }
+
+
+def flat(info: Mapping[str, Any]) -> Trial:
+    """Numbers, truth values, texts and vectors of an `info`, as Python's own types; not finite ones become None."""
+    found = {name: _plain(value) for name, value in info.items() if not isinstance(value, Mapping)}
+    found.setdefault("reached", bool(found.get("is_success", False)))
+    found.setdefault("impossible", False)
+    found.setdefault("status", COMPLETED if found["reached"] else MISSED)
+    return found
+
+
+def _plain(value: Any) -> Any:
+    if isinstance(value, np.ndarray):
+        return _vector(value) if value.ndim else _plain(value[()])
+    if isinstance(value, np.bool_ | bool):
+        return bool(value)
+    if isinstance(value, np.integer | int):
+        return int(value)
+    if isinstance(value, np.floating | float):
+        return float(value) if np.isfinite(value) else None
+    return value if isinstance(value, str) else None
+
+
+def _vector(values: NDArray[Any]) -> list[Any] | None:
+    finite = values.dtype.kind != "f" or bool(np.isfinite(values).all())
+    return values.ravel().tolist() if finite else None

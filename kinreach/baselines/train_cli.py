@@ -135,7 +135,9 @@ def _parser(prog: str) -> Parser:
         epilog="recipes:\n" + "\n".join(lines),
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
-    parser.add_argument("recipe", metavar="RECIPE", help="what to train, see below")
+    parser.add_argument(
+        "recipe", metavar="RECIPE", help="what to train: one of those below, or module:RECIPE of your own"
+    )
     parser.add_argument("--seed", type=int, default=0, metavar="S", help="the first seed (default: %(default)s)")
     parser.add_argument("--seeds", type=int, default=1, metavar="K", help="how many seeds (default: %(default)s)")
     parser.add_argument("--steps", type=int, metavar="N", help="actions to train for (default: the recipe's)")
@@ -146,7 +148,7 @@ def _parser(prog: str) -> Parser:
     parser.add_argument(
         "--export",
         action="store_true",
-        help="write stable-baselines3's own model.zip too; a run without it does not count as finished",
+        help="write stable-baselines3's own model.zip too",
     )
     parser.add_argument(
         "--split",
@@ -155,5 +157,11 @@ def _parser(prog: str) -> Parser:
         help="goals that the policies are tried on: validation, by which settings may be chosen, or held-out, "
         "for which nothing may be chosen (default: %(default)s)",
     )
-    parser.add_argument("--threads", type=int, default=1, metavar="T", help="of torch (default: %(default)s)")
+    parser.add_argument(
+        "--threads",
+        type=int,
+        default=1,
+        metavar="T",
+        help="of torch; part of what a policy follows from (default: %(default)s)",
+    )
     return parser

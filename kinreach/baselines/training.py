@@ -2,7 +2,8 @@
 
 A run is a sequence of segments. Each begins with fresh episodes and generators that follow from the seed and the
 number of the segment alone, so that a run that went on from the state after any segment gives the same policy as one
-that was never interrupted.
+that was never interrupted. What a run depends on is its identity: recipe, seed, threads and versions. A folder holds
+one run, is written by one training at a time, and says in `run.json`, which is written last, that the run is finished.
 """
 
 from __future__ import annotations
@@ -15,13 +16,14 @@ import random
 import time
 import warnings
 import zipfile
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import torch
+from gymnasium import spaces
 from stable_baselines3.common.base_class import BaseAlgorithm
 from stable_baselines3.common.callbacks import BaseCallback
 from stable_baselines3.common.logger import configure
@@ -29,7 +31,6 @@ from stable_baselines3.common.off_policy_algorithm import OffPolicyAlgorithm
 from stable_baselines3.common.on_policy_algorithm import OnPolicyAlgorithm
 
 from kinreach import provenance
-from kinreach.baselines.algorithms import network_of
 from kinreach.baselines.evaluation import HELD_OUT
 from kinreach.baselines.learning_curve import COLUMNS, TRACE_COLUMNS, LearningCurve, curve_csv
 from kinreach.baselines.models import Trainee, build
@@ -37,7 +38,7 @@ from kinreach.baselines.policies import LearnedPolicy, PolicyCard, load_policy, 
 from kinreach.baselines.recipes import Recipe
 from kinreach.checks import MOST_THREADS, check_count, check_path, shown
 from kinreach.errors import InputError, OutputError
-from kinreach.files import make_writable, replacing, write_text
+from kinreach.files import locked, make_writable, replacing, write_text
 
 CHECKPOINT, POLICY, CURVE, EPISODE, RUN, MODEL = (
     "checkpoint.pt",
@@ -47,6 +48,14 @@ CHECKPOINT, POLICY, CURVE, EPISODE, RUN, MODEL = (
     "run.json",
     "model.zip",
 )
+#: Of torch's and numpy's generators.
+MOST_SEED = 2**31 - 1
+#: Called with actions done, actions planned, and the last row of the learning curve by column.
+Progress = Callable[[int, int, dict[str, float | None]], None]
+#: Attributes of algorithms that change during training, as far as an algorithm has them.
+_COUNTERS = ("num_timesteps", "_n_updates", "_episode_num", "_n_calls", "exploration_rate", "rate")
+_CURVE = ("rows", "steps", "episodes", "trace", "traced", "_sums", "_counted", "_ended")
+_BUFFER = ("observations", "next_observations", "actions", "rewards", "dones", "timeouts")
 
 
 @dataclass(frozen=True)
@@ -68,28 +77,207 @@ class Run:
     cpu_seconds: float
 
 
-def finished_run(folder: Path, identity: dict[str, Any], *, export: bool = False) -> Run | None:
-    """The run in a folder, if it is this one and has come to its end.
+def _warn(text: str) -> None:
+    warnings.warn(text, stacklevel=4)
+
+
+def train(
+    recipe: Recipe,
+    folder: str | Path,
+    *,
+    seed: int = 0,
+    steps: int | None = None,
+    resume: bool = False,
+    threads: int = 1,
+    export: bool = False,
+    progress: Progress = lambda done, planned, row: None,
+    notice: Callable[[str], None] = _warn,
+) -> Run:
+    """Train a policy.
+
+    Writes into the folder: `policy.safetensors`, `curve.csv`, `run.json` (recipe, seed, threads, versions, digests of
+    the code that had a part in it, times), TensorBoard's logs, and, until it is done, `checkpoint.pt`. Without
+    `resume`, what an earlier run left there is removed when this one begins to train; its checkpoint, when this one
+    has its own.
+
+    Only one training at a time in a process: the generators of `random`, `numpy` and torch are seeded, as
+    stable-baselines3 does it, and stay where the training leaves them; torch's number of threads is as before.
+
+    Args:
+        recipe: What to train.
+        folder: Where to; created if need be.
+        seed: Of networks, exploration and training goals.
+        steps: Actions instead of the recipe's.
+        resume: Go on from the checkpoint in the folder, if there is one that can be read; keep the same run, if it is
+            finished; refuse to touch another one.
+        threads: Of torch. Another number gives another policy, from the same seed.
+        export: Write stable-baselines3's own `model.zip` too. Loading such a file with stable-baselines3 can run code:
+            do so only with your own.
+        progress: Told how far it is.
+        notice: Told that a checkpoint was made by other code of kinreach, or cannot be read; by default a
+            `UserWarning`.
+
+    Raises:
+        OutputError: The folder cannot be written, or another training is writing there.
+        InputError: An argument cannot be used, what the recipe trains cannot be exported, or `resume` finds another run
+            in the folder.
+    """
+    if not isinstance(recipe, Recipe):
+        raise InputError(f"recipe must be a Recipe, see `get_recipe`; got {shown(recipe)}")
+    seed = check_count("seed", seed, least=0, most=MOST_SEED)
+    threads = check_count("threads", threads, most=MOST_THREADS)
+    steps = None if steps is None else check_count("steps", steps)
+    folder = check_path("folder", folder)
+    recipe = recipe if steps is None else replace(recipe, steps=steps)
+    identity = run_identity(recipe, seed, threads)
+    make_writable(folder)
+    with locked(folder, "a training"):
+        if resume and (done := finished_run(folder, identity, export=export)) is not None:
+            return done
+        others = torch.get_num_threads()
+        torch.set_num_threads(threads)
+        try:
+            return _train(recipe, folder, identity, resume=resume, export=export, progress=progress, notice=notice)
+        finally:
+            torch.set_num_threads(others)
+
+
+def run_identity(recipe: Recipe, seed: int, threads: int) -> dict[str, Any]:
+    """What a run depends on, as JSON values.
+
+    Raises:
+        InputError: The recipe has settings or options that are no JSON values.
+    """
+    try:
+        written = json.dumps(
+            {"recipe": recipe.to_dict(), "seed": seed, "threads": threads, "versions": _versions()}, allow_nan=False
+        )
+    except (TypeError, ValueError) as error:
+        raise InputError(f"settings and options of the recipe {recipe.name} must be JSON values: {error}") from None
+    return json.loads(written)
+
+
+def finished_run(folder: Path, identity: Mapping[str, Any], *, export: bool = False) -> Run | None:
+    """The run in a folder, if it is finished.
 
     Args:
         folder: Of the run.
         identity: What `run.json` must say.
-        export: Whether a finished run has stable-baselines3's own file as well.
+        export: Whether it must have stable-baselines3's own file as well.
+
+    Raises:
+        InputError: It is another run, or lacks what it must have: it is not for us to remove.
     """
+    if not (folder / POLICY).exists() or (not (folder / RUN).exists() and (folder / CHECKPOINT).exists()):
+        return None
+    begin = "train without --resume to replace it, or into another folder"
     try:
         run = json.loads((folder / RUN).read_text(encoding="utf-8"))
-        same = {name: run[name] for name in identity} == identity
         seconds, cpu_seconds = float(run["seconds"]), float(run["cpu_seconds"])
     except (OSError, ValueError, KeyError, TypeError):
-        return None
-    wanted = (POLICY, MODEL) if export else (POLICY,)
-    if not same or (folder / CHECKPOINT).exists() or not all((folder / name).exists() for name in wanted):
-        return None
+        raise InputError(f"{folder} holds a policy, and no {RUN} that says of which run; {begin}") from None
+    if differences := _differences(run, identity):
+        raise InputError(f"{folder} holds a finished run with {differences}; {begin}")
+    if export and not (folder / MODEL).exists():
+        raise InputError(f"{folder} holds this run finished without {MODEL}; {begin}")
+    _remove(folder, (CHECKPOINT,))
     policy = load_policy(folder / POLICY)
     return Run(folder, policy.card, policy, seconds, cpu_seconds)
 
 
-def remove(folder: Path, names: Iterable[str]) -> None:
+def _differences(run: Mapping[str, Any], identity: Mapping[str, Any]) -> str:
+    """What another run has instead of what this one has, in words; empty where they are the same."""
+    said, wanted = dict(_flat(run)), dict(_flat(identity))
+    names = [*wanted, *(name for name in said if name not in wanted and name.partition(".")[0] in identity)]
+    found = [
+        f"{name} {shown(said.get(name))}, not {shown(wanted.get(name))}"
+        for name in names
+        if (name in said) != (name in wanted) or said.get(name) != wanted.get(name)
+    ]
+    return "; ".join([*found[:3], f"{len(found) - 3} more"] if len(found) > 3 else found)
+
+
+def _flat(values: Mapping[str, Any], prefix: str = "") -> Iterator[tuple[str, Any]]:
+    """Values of nested objects by their dotted names."""
+    for name, value in values.items():
+        if isinstance(value, dict) and value:
+            yield from _flat(value, f"{prefix}{name}.")
+        else:
+            yield f"{prefix}{name}", value
+
+
+def _train(
+    recipe: Recipe,
+    folder: Path,
+    identity: dict[str, Any],
+    *,
+    resume: bool,
+    export: bool,
+    progress: Progress,
+    notice: Callable[[str], None],
+) -> Run:
+    seed, source = identity["seed"], provenance.source_digest()
+    clock, cpu = time.perf_counter(), time.process_time()
+    first, sources, state = 0, [], None
+    if resume and (state := read_checkpoint(folder / CHECKPOINT, identity, notice)) is not None:
+        first, sources = state["segment"] + 1, list(state["identity"]["sources"])
+        if sources[-1] != source:
+            was = f"{folder / CHECKPOINT} was made by other code of kinreach ({sources[-1]}, now {source})"
+            notice(f"{was}: the policy may not be that of an uninterrupted run")
+    sources = sources if sources[-1:] == [source] else [*sources, source]
+    trainee = build(recipe, _entropy(seed, 0)[0], steps=recipe.steps)
+    model = trainee.model
+    model.set_logger(configure(str(folder / "tensorboard"), ["tensorboard"]))
+    try:
+        _remove(folder, (RUN, POLICY, MODEL) if first else (RUN, POLICY, MODEL, CURVE, EPISODE))
+        if state is not None:
+            restore(trainee, state)
+            _write_curves(folder, trainee.curve)  # the run may have been killed between its checkpoint and its curve
+        for segment, target in enumerate(_targets(recipe, model)):
+            if segment < first:
+                continue
+            _begin_segment(trainee, seed, segment)
+            model.learn(
+                target - model.num_timesteps,
+                callback=_Report(trainee, recipe.steps, progress),
+                reset_num_timesteps=False,
+                log_interval=None,  # type: ignore[arg-type]
+            )
+            _end_segment(trainee)
+            save_checkpoint(folder / CHECKPOINT, {**identity, "sources": sources}, segment, trainee)
+            _write_curves(folder, trainee.curve)
+    finally:
+        trainee.env.close()
+        model.logger.close()
+    seconds, cpu_seconds = time.perf_counter() - clock, time.process_time() - cpu
+    network = trainee.network
+    discrete = isinstance(model.action_space, spaces.Discrete)
+    card = PolicyCard(
+        environment=recipe.environment,
+        meaning="preferences" if discrete else "posture" if recipe.networks.posture else "action",
+        activation=network.activation,
+        output=network.output,
+        algorithm=recipe.algorithm,
+        recipe=identity["recipe"],
+        seed=seed,
+        steps=model.num_timesteps,
+        versions=identity["versions"],
+        goal_seeds=goal_seeds(seed, len(_targets(recipe, model))),
+    )
+    save_policy(folder / POLICY, card, network)
+    if export:
+        archive = io.BytesIO()
+        model.save(archive)
+        with replacing(folder / MODEL) as temporary:
+            temporary.write_bytes(archive.getbuffer())
+    run = {**identity, "sources": sources, "steps": model.num_timesteps, "seconds": seconds, "cpu_seconds": cpu_seconds,
+           "resumed": first > 0, "machine": provenance.machine()}  # fmt: skip
+    write_text(folder / RUN, json.dumps(run, indent=2) + "\n")
+    _remove(folder, (CHECKPOINT,))
+    return Run(folder, card, LearnedPolicy(card, network), seconds, cpu_seconds)
+
+
+def _remove(folder: Path, names: Iterable[str]) -> None:
     """Remove files, as far as they are there.
 
     Raises:
@@ -102,18 +290,12 @@ def remove(folder: Path, names: Iterable[str]) -> None:
             raise OutputError(f"cannot remove {folder / name}: {error.strerror or error}") from error
 
 
-#: Attributes of algorithms that change during training, as far as an algorithm has them.
-_COUNTERS = ("num_timesteps", "_n_updates", "_episode_num", "_n_calls", "exploration_rate", "rate")
-_CURVE = ("rows", "steps", "episodes", "trace", "traced", "_sums", "_counted", "_ended")
-_BUFFER = ("observations", "next_observations", "actions", "rewards", "dones", "timeouts")
-
-
 def save_checkpoint(path: Path, identity: dict[str, Any], segment: int, trainee: Trainee) -> None:
     """Write the state after a segment, whole or not at all.
 
     Args:
         path: Of the file.
-        identity: Recipe, seed and versions of the run; `sources`, digests of the code that had a part in the state.
+        identity: Of the run; `sources`, digests of the code that had a part in the state.
         segment: Its number.
         trainee: In that state.
 
@@ -140,197 +322,66 @@ def save_checkpoint(path: Path, identity: dict[str, Any], segment: int, trainee:
         temporary.write_bytes(content.getbuffer())
 
 
-def load_checkpoint(path: Path, identity: dict[str, Any], trainee: Trainee) -> tuple[int, list[str]]:
-    """Put a fresh trainee into the state after the last segment.
+def read_checkpoint(path: Path, identity: Mapping[str, Any], notice: Callable[[str], None]) -> dict[str, Any] | None:
+    """The state after the last segment, or None where there is none that can be read.
 
     Args:
         path: Of the file.
-        identity: What was given to `save_checkpoint`, but for `sources`: the code may have changed.
-        trainee: A fresh one.
-
-    Returns:
-        The number of the next segment, and `sources`: digests of the code that had a part in the state.
+        identity: Of the run.
+        notice: Told that a file cannot be read.
 
     Raises:
-        InputError: The file is not a checkpoint, or is one of another run.
+        InputError: It is the state of another run.
     """
     try:
         content = io.BytesIO(path.read_bytes())
         if not zipfile.is_zipfile(content):  # torch would try it as a plain pickle, and warn before it refuses
             raise ValueError("no archive")
         content.seek(0)
-        state = torch.load(content, weights_only=True)
-        said = dict(state["identity"])
-        sources = said.pop("sources", None)
-        if said != identity or not isinstance(sources, list):
-            raise InputError(
-                f"{path} belongs to a run with other settings or versions; train without --resume, or elsewhere"
-            )
-        model, curve = trainee.model, trainee.curve
-        model.set_parameters(state["parameters"], exact_match=True)
-        for name in _variables(model):
-            getattr(model, name).data.copy_(state["variables"][name])
-        for name in (name for name in _COUNTERS if hasattr(model, name)):
-            setattr(model, name, _number(state["counters"][name]))
-        for name in _CURVE:
-            setattr(curve, name, state["curve"][name])
-        if "buffer" in state:
-            buffer: Any = model.replay_buffer  # type: ignore[attr-defined]
-            for name in _BUFFER:
-                rows = state["buffer"]["arrays"][name]
-                getattr(buffer, name)[: len(rows)] = rows.numpy()
-            buffer.pos, buffer.full = state["buffer"]["pos"], state["buffer"]["full"]
-        return int(state["segment"]) + 1, [str(source) for source in sources]
-    except OSError as error:
-        raise InputError(f"cannot read {path}: {error.strerror or error}") from None
-    except (pickle.UnpicklingError, RuntimeError, KeyError, TypeError, AttributeError, EOFError, ValueError) as error:
-        if isinstance(error, InputError):
-            raise
-        raise InputError(f"{path} is no checkpoint, or a damaged one") from None
+        state: dict[str, Any] = torch.load(content, weights_only=True)
+        said = state["identity"]
+    except FileNotFoundError:
+        return None
+    except (
+        OSError,
+        pickle.UnpicklingError,
+        RuntimeError,
+        LookupError,
+        TypeError,
+        AttributeError,
+        EOFError,
+        ValueError,
+    ):
+        notice(f"{path} cannot be read: the training starts over")
+        return None
+    if differences := _differences(said, identity):
+        raise InputError(
+            f"{path} belongs to a run with {differences}; train without --resume to begin anew, or into another folder"
+        )
+    return state
 
 
-def _number(value: Any) -> Any:
-    if not isinstance(value, int | float):
-        raise TypeError(f"a counter must be a number, got {type(value).__name__}")
-    return value
+def restore(trainee: Trainee, state: Mapping[str, Any]) -> None:
+    """Put a fresh trainee into the state of a checkpoint of the same run."""
+    model, curve = trainee.model, trainee.curve
+    model.set_parameters(state["parameters"], exact_match=True)
+    for name in _variables(model):
+        getattr(model, name).data.copy_(state["variables"][name])
+    for name in (name for name in _COUNTERS if hasattr(model, name)):
+        setattr(model, name, state["counters"][name])
+    for name in _CURVE:
+        setattr(curve, name, state["curve"][name])
+    if "buffer" in state:
+        buffer: Any = model.replay_buffer  # type: ignore[attr-defined]
+        for name in _BUFFER:
+            rows = state["buffer"]["arrays"][name]
+            getattr(buffer, name)[: len(rows)] = rows.numpy()
+        buffer.pos, buffer.full = state["buffer"]["pos"], state["buffer"]["full"]
 
 
 def _variables(model: BaseAlgorithm) -> list[str]:
     """Names of tensors that are no parameters of a module, such as SAC's entropy coefficient."""
     return list(model._get_torch_save_params()[1])
-
-
-#: Of torch's and numpy's generators.
-MOST_SEED = 2**31 - 1
-#: Called with actions done, actions planned, and the last row of the learning curve by column.
-Progress = Callable[[int, int, dict[str, float | None]], None]
-
-
-def _warn(text: str) -> None:
-    warnings.warn(text, stacklevel=4)
-
-
-def train(
-    recipe: Recipe,
-    folder: str | Path,
-    *,
-    seed: int = 0,
-    steps: int | None = None,
-    resume: bool = False,
-    threads: int = 1,
-    export: bool = False,
-    progress: Progress = lambda done, planned, row: None,
-    notice: Callable[[str], None] = _warn,
-) -> Run:
-    """Train a policy.
-
-    Writes into the folder: `policy.safetensors`, `curve.csv`, `run.json` (recipe, seed, versions, digests of the code
-    that had a part in it, times), TensorBoard's logs, and, until it is done, `checkpoint.pt`. What an earlier run left
-    there is removed when this one begins to train; its checkpoint, when this one has its own.
-
-    Only one training at a time in a process: the generators of `random`, `numpy` and torch are seeded, as
-    stable-baselines3 does it, and stay where the training leaves them; torch's number of threads is as before.
-
-    Args:
-        recipe: What to train.
-        folder: Where to; created if need be.
-        seed: Of networks, exploration and training goals.
-        steps: Actions instead of the recipe's.
-        resume: Go on from the checkpoint in the folder, if there is one; the same run, if it is finished, is kept.
-        threads: Of torch.
-        export: Write stable-baselines3's own `model.zip` too. Loading such a file can run code: load only your own.
-            A run that was finished without it is trained again: there is more in it than in the policy.
-        progress: Told how far it is.
-        notice: Told that a checkpoint was made by other code of kinreach; a `UserWarning` by default.
-
-    Raises:
-        OutputError: The folder cannot be written.
-        InputError: An argument cannot be used, or the checkpoint is damaged, or of another run.
-    """
-    if not isinstance(recipe, Recipe):
-        raise InputError(f"recipe must be a Recipe, see `get_recipe`; got {shown(recipe)}")
-    seed = check_count("seed", seed, least=0, most=MOST_SEED)
-    threads = check_count("threads", threads, most=MOST_THREADS)
-    steps = None if steps is None else check_count("steps", steps)
-    folder = check_path("folder", folder)
-    make_writable(folder)
-    recipe = recipe if steps is None else replace(recipe, steps=steps)
-    identity = json.loads(json.dumps({"recipe": recipe.to_dict(), "seed": seed, "versions": _versions()}))
-    if resume and (done := finished_run(folder, identity, export=export)) is not None:
-        return done
-    others = torch.get_num_threads()
-    torch.set_num_threads(threads)
-    try:
-        return _train(recipe, folder, identity, resume=resume, export=export, progress=progress, notice=notice)
-    finally:
-        torch.set_num_threads(others)
-
-
-def _train(
-    recipe: Recipe,
-    folder: Path,
-    identity: dict[str, Any],
-    *,
-    resume: bool,
-    export: bool,
-    progress: Progress,
-    notice: Callable[[str], None],
-) -> Run:
-    seed, source = identity["seed"], provenance.source_digest()
-    clock, cpu = time.perf_counter(), time.process_time()
-    trainee = build(recipe, _entropy(seed, 0)[0], steps=recipe.steps)
-    model, checkpoint = trainee.model, folder / CHECKPOINT
-    model.set_logger(configure(str(folder / "tensorboard"), ["tensorboard"]))
-    try:
-        first, sources = load_checkpoint(checkpoint, identity, trainee) if resume and checkpoint.exists() else (0, [])
-        if sources and sources[-1] != source:
-            was = f"{checkpoint} was made by other code of kinreach ({sources[-1]}, now {source})"
-            notice(f"{was}: the policy may not be that of an uninterrupted run")
-        sources = sources if sources[-1:] == [source] else [*sources, source]
-        remove(folder, (RUN, POLICY, MODEL) if first else (RUN, POLICY, MODEL, CURVE, EPISODE))
-        if first:  # the run may have been killed between its checkpoint and its curve
-            _write_curves(folder, trainee.curve)
-        for segment, target in enumerate(_targets(recipe, model)):
-            if segment < first:
-                continue
-            _begin_segment(trainee, seed, segment)
-            model.learn(
-                target - model.num_timesteps,
-                callback=_Report(trainee, recipe.steps, progress),
-                reset_num_timesteps=False,
-                log_interval=None,  # type: ignore[arg-type]
-            )
-            _end_segment(trainee)
-            save_checkpoint(checkpoint, {**identity, "sources": sources}, segment, trainee)
-            _write_curves(folder, trainee.curve)
-    finally:
-        trainee.env.close()
-        model.logger.close()
-    seconds, cpu_seconds = time.perf_counter() - clock, time.process_time() - cpu
-    network = network_of(model)
-    card = PolicyCard(
-        environment=recipe.environment,
-        meaning=recipe.meaning,
-        activation=network.activation,
-        output=network.output,
-        algorithm=recipe.algorithm,
-        recipe=identity["recipe"],
-        seed=seed,
-        steps=model.num_timesteps,
-        versions=identity["versions"],
-        goal_seeds=goal_seeds(seed, len(_targets(recipe, model))),
-    )
-    save_policy(folder / POLICY, card, network)
-    run = {**identity, "sources": sources, "steps": model.num_timesteps, "seconds": seconds, "cpu_seconds": cpu_seconds,
-           "resumed": first > 0, "machine": provenance.machine()}  # fmt: skip
-    write_text(folder / RUN, json.dumps(run, indent=2) + "\n")
-    if export:
-        archive = io.BytesIO()
-        model.save(archive)
-        with replacing(folder / MODEL) as temporary:
-            temporary.write_bytes(archive.getbuffer())
-    remove(folder, (CHECKPOINT,))
-    return Run(folder, card, LearnedPolicy(card, network), seconds, cpu_seconds)
 
 
 def _write_curves(folder: Path, curve: LearningCurve) -> None:

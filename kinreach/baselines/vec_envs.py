@@ -12,8 +12,10 @@ from stable_baselines3.common.vec_env.base_vec_env import VecEnvIndices, VecEnvO
 
 from kinreach.baselines.policies import paced
 from kinreach.baselines.rewards import TrainingReward, own
-from kinreach.envs.reach.task import SINGLE_STEP
+from kinreach.envs.reach.task import ANGLES, GOAL, SINGLE_STEP
 from kinreach.errors import InputError
+
+Array = np.ndarray[Any, Any]
 
 #: What stable-baselines3's loggers read from an environment's `info`, as far as it is there.
 INFO_KEYS = ("is_success", "distance", "posture_error", "impossible", "wrong_presses", "energy")
@@ -54,7 +56,9 @@ class SB3VecEnv(VecEnv):
         """Step, with the last observation of an ended episode in its info."""
         observations, rewards, terminated, truncated, info = self._env.step(self._actions)
         done = terminated | truncated
-        last_seen = np.where(done[:, None], info["final_obs"], observations) if done.any() else np.asarray(observations)
+        last_seen = np.array(observations)
+        if done.any():
+            last_seen[done] = np.stack(list(info["final_obs"][done]))
         rewards = self._reward(np.asarray(rewards), {**info, "observation": last_seen})
         infos: list[dict[str, Any]] = [{} for _ in range(self.num_envs)]
         if done.any():
@@ -96,9 +100,6 @@ class SB3VecEnv(VecEnv):
     def env_is_wrapped(self, wrapper_class: Any, indices: VecEnvIndices = None) -> list[bool]:
         """No environment of a batch is wrapped."""
         return [False] * len(list(self._get_indices(indices)))
-
-
-Array = np.ndarray[Any, Any]
 
 
 class TriesVecEnv(SB3VecEnv):
@@ -151,15 +152,15 @@ class TriesVecEnv(SB3VecEnv):
         return self._begin(), seen, self._over, self._infos
 
     def _walk(self, postures: Array) -> tuple[Any, Any]:
-        q = self._first[:, 6:12]
+        q = self._first[:, ANGLES]
         for _ in range(self._steps):
             observations, rewards, _, _, info = self._env.step(paced(postures - q))
-            q = observations[:, 6:12]
+            q = observations[:, ANGLES]
         return rewards, info
 
     def _begin(self) -> Array:
         groups = self.num_envs // self._tries
         goals = self._draw(self._rng, groups)
         self._first = np.array(self._env.reset(options={"goal": np.repeat(goals, self._tries, axis=0)})[0])
-        self._first[:, :6] += np.repeat(self._rng.normal(0.0, self._blur, (groups, 6)), self._tries, axis=0)
+        self._first[:, GOAL] += np.repeat(self._rng.normal(0.0, self._blur, (groups, 6)), self._tries, axis=0)
         return self._first

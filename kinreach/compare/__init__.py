@@ -2,16 +2,31 @@
 
 `python -m kinreach.compare` is the command; from Python:
 
-    from kinreach.compare import Settings, compare
-    results = compare(Settings(task="ur5", methods=("closed-form", "placo"), goals=50), out="results/mine")
+    from kinreach.compare import compare
+    results = compare("ur5", methods=["closed-form", "placo", MySolver()], goals=50, out="results/mine")
 
-Solvers give one posture, trained policies act as in their environments; `deciding.GIVEN` says what each kind is given.
-For the button task, methods play whole episodes (`kinreach.compare.button`). Where to add things: a method is a line in
-`methods.py`, a task a module named in `tasks/__init__.py`; how its methods are tried and reported is a `Contest`.
+A task is data (`Task`): an environment, goals, methods, columns and figures; a method is anything that becomes a policy
+for that environment. `register_task` and `register_method` add either from outside the package. The loop between policy
+and environment is `kinreach.baselines.rollout`.
 """
 
-from kinreach.compare.comparison import compare
-from kinreach.compare.settings import Settings
-from kinreach.compare.trials import Trial
+from kinreach.compare.methods import policy_method, solver_method
+from kinreach.compare.runner import Settings, compare
+from kinreach.compare.task import Method, Task, common_columns, get_task, register_method, register_task, task_names
+from kinreach.summary import Column, Trial
 
-__all__ = ["Settings", "Trial", "compare"]
+__all__ = [
+    "Column",
+    "Method",
+    "Settings",
+    "Task",
+    "Trial",
+    "common_columns",
+    "compare",
+    "get_task",
+    "policy_method",
+    "register_method",
+    "register_task",
+    "solver_method",
+    "task_names",
+]

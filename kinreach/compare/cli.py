@@ -14,25 +14,29 @@ from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, T
 
 from kinreach.checks import check_path
 from kinreach.cli import Parser
-from kinreach.compare.comparison import compare
-from kinreach.compare.contests import CONTESTS
-from kinreach.compare.methods import METHODS
-from kinreach.compare.observation import GEOMETRIC, CameraSettings
-from kinreach.compare.scene_picture import write_scene
-from kinreach.compare.settings import DEFAULT_GOALS, Settings
-from kinreach.compare.tables import TABLE_WIDTH, ending
-from kinreach.compare.tasks import TASKS
-from kinreach.compare.tasks.button import EpisodeSettings
-from kinreach.envs.button import ACTUATIONS
-from kinreach.vision.ball_finder import PIPELINES
+from kinreach.compare.methods import imported
+from kinreach.compare.runner import CAMERA, DEFAULT_GOALS, GEOMETRIC, compare, notes
+from kinreach.compare.task import Task, get_task, register_task, task_names
+from kinreach.errors import InputError
+from kinreach.summary import tables
 
-_METHODS = [f"methods of {task}: {', '.join(methods)}" for task, methods in METHODS.items()]
-#: Filled here: argparse would break names at their hyphens.
-_EPILOG = "\n".join(fill(line, 79, subsequent_indent="  ", break_on_hyphens=False) for line in _METHODS)
+#: Width that the tables for people fit into [characters].
+TABLE_WIDTH = 100
+#: Options of the environments that have an argument of their own: name -> how it is said, and what it is.
+OPTIONS: dict[str, dict[str, Any]] = {
+    "pipeline": {"help": "how cameras find the ball: hybrid or thesis (default: hybrid)"},
+    "resolution": {"metavar": "WxH", "help": "of the cameras' pictures (default: 640x360; the thesis's: 1280x720)"},
+    "rgb_noise": {"type": float, "metavar": "L", "help": "standard deviation, levels of 255 (default: 0)"},
+    "depth_noise": {"type": float, "metavar": "M", "help": "standard deviation, metres (default: 0)"},
+    "max_steps": {"type": int, "metavar": "N", "help": "of an episode of the button task (default: 100)"},
+    "actuation": {"help": "of the button task: tuned or report (default: tuned)"},
+}
+#: Those that say how cameras look.
+CAMERA_OPTIONS = ("pipeline", "resolution", "rgb_noise", "depth_noise")
 
 
 def main(argv: Sequence[str], *, prog: str) -> int:
-    """Run a comparison and show its table.
+    """Run a comparison and show its tables.
 
     Args:
         argv: Arguments without the program's name.
@@ -46,43 +50,57 @@ def main(argv: Sequence[str], *, prog: str) -> int:
         KeyboardInterrupt: With a message that says what was kept.
     """
     arguments = _parser(prog).parse_args(argv)
-    names = tuple(name.strip() for name in arguments.methods.split(",")) if arguments.methods is not None else ()
-    settings = Settings(
-        task=arguments.task,
-        methods=names,
+    task = _task(arguments.task)
+    methods = [name.strip() for name in arguments.methods.split(",")] if arguments.methods is not None else []
+    said = {name: getattr(arguments, name) for name in OPTIONS if getattr(arguments, name) is not None}
+    suffix = "-camera" if arguments.observation == CAMERA else ""
+    suffix = f"-{arguments.arm}{suffix}" if arguments.arm else suffix
+    default = Path("results") / f"compare-{task.name}{suffix}"
+    out = default if arguments.out is None else check_path("--out", arguments.out)
+    results = _measure(
+        task,
+        methods,
+        out,
         goals=arguments.goals,
         seed=arguments.seed,
+        arm=arguments.arm,
         observation=arguments.observation,
-        camera=_camera(arguments),
-        episode=_episode(arguments),
+        options=_options(said, arguments),
+        fresh=arguments.fresh,
+        command=_again(prog, arguments, said, out if arguments.out is not None else None),
     )
-    suffix = "" if settings.camera is None else f"-{settings.observation}"
-    default = Path("results") / f"compare-{settings.task}{suffix}"
-    out = default if arguments.out is None else check_path("--out", arguments.out)
-    everything = settings.methods == tuple(METHODS[settings.task])
-    chosen = "" if everything else f" --methods {quote(','.join(settings.methods))}"
-    command = (
-        f"{prog} --task {settings.task}{chosen} --goals {settings.goals} --seed {settings.seed}"
-        f"{_camera_arguments(settings)}{_episode_arguments(settings)}"
-    )
-    results = _measure(settings, out, fresh=arguments.fresh, command=command)
-    scene_note = write_scene(settings, out / "scene.png")
-
-    contest = CONTESTS[settings.task]
     console = Console(width=TABLE_WIDTH, highlight=False, markup=False, emoji=False)
-    for table in contest.tables(results, title=TASKS[settings.task].title):
+    for table in tables(task.columns, results["methods"], title=results["settings"]["title"], width=TABLE_WIDTH):
         console.print(table)
         console.print()
-    for note in [*contest.notes(results), *ending(results, out, list(contest.figures)), scene_note]:
-        console.print(note, style="dim", soft_wrap=True)
+    files = ["results.json", "results.csv", "report.html", f"{{{','.join(task.figures)}}}.png"]
+    scene = out / "scene.png"
+    lines = [
+        *notes(task, results),
+        f"Again: {results['settings']['command']}",
+        f"In {out}: {', '.join(files)}",
+        f"Scene: {scene}" if scene.is_file() else "No picture of the scene: report.html says why.",
+    ]
+    for line in lines:
+        console.print(line, style="dim", soft_wrap=True)
     return 0
 
 
-def _measure(settings: Settings, out: Path, *, fresh: bool, command: str) -> dict[str, Any]:
+def _task(name: str) -> Task:
+    """A registered task, or one of a module of the user's: `"module:attribute"`."""
+    if ":" not in name:
+        return get_task(name)
+    task = imported(name)
+    if not isinstance(task, Task):
+        raise InputError(f"{name} is no Task")
+    return register_task(task) if task.name not in task_names() else get_task(task.name)
+
+
+def _measure(task: Task, methods: Sequence[str], out: Path, **arguments: Any) -> dict[str, Any]:
     """Compare under a progress bar; Ctrl-C becomes a line that says what was kept."""
     columns = (TextColumn("comparing"), BarColumn(), MofNCompleteColumn(), TimeElapsedColumn(), TimeRemainingColumn())
     errors = Console(stderr=True)
-    # Drawn between trials, not by a thread of its own that would run into the solves that are timed.
+    # Drawn between trials, not by a thread of its own that would run into the decisions that are timed.
     hidden = not errors.is_terminal
     with Progress(*columns, console=errors, transient=True, auto_refresh=False, disable=hidden) as bar:
         shown = bar.add_task("comparing", total=None)
@@ -93,25 +111,63 @@ def _measure(settings: Settings, out: Path, *, fresh: bool, command: str) -> dic
             bar.update(shown, completed=done, total=total, refresh=True)
 
         try:
-            return compare(settings, out, fresh=fresh, command=command, progress=show)
+            return compare(task, methods, out=out, progress=show, **arguments)
         except KeyboardInterrupt:
             kept = f"{bar.tasks[shown].completed:.0f} finished trials are kept in {out}"
             raise KeyboardInterrupt(f"interrupted; {kept}; the same command goes on from there") from None
 
 
+def _options(said: dict[str, Any], arguments: argparse.Namespace) -> dict[str, Any]:
+    """Options of the environments, from those that were said."""
+    if arguments.observation != CAMERA and any(name in said for name in CAMERA_OPTIONS):
+        raise InputError(
+            f"pipeline, resolution and noise need observation '{CAMERA}', got observation '{arguments.observation}'"
+        )
+    options = dict(said)
+    if "resolution" in options:
+        options["width"], options["height"] = _resolution(options.pop("resolution"))
+    return options
+
+
+def _again(prog: str, arguments: argparse.Namespace, said: dict[str, Any], out: Path | None) -> str:
+    """The command that gives the same again; defaults are left out."""
+    words = [prog, "--task", arguments.task]
+    for name in ("arm", "methods"):
+        value = getattr(arguments, name)
+        words += [] if value is None else [f"--{name}", quote(value)]
+    words += ["--goals", str(arguments.goals), "--seed", str(arguments.seed)]
+    words += [] if arguments.observation == GEOMETRIC else ["--observation", arguments.observation]
+    for name, value in said.items():
+        words += [f"--{name.replace('_', '-')}", quote(str(value))]
+    return " ".join([*words, *([] if out is None else ["--out", quote(str(out))])])
+
+
+class _Parser(Parser):
+    """Lists the methods of all tasks where help is asked for; only then are they all loaded."""
+
+    def format_help(self) -> str:
+        """The help with its list of methods."""
+        lines = [f"methods of {name}: {', '.join(get_task(name).methods)}" for name in task_names()]
+        lines.append(
+            "other methods: a policy's file (policy.safetensors, a stable-baselines3 model.zip, model.zip@multi), or "
+            "module:attribute of a solver, a policy or a function of your own"
+        )
+        # filled here: argparse would break names at their hyphens
+        self.epilog = "\n".join(fill(line, 79, subsequent_indent="  ", break_on_hyphens=False) for line in lines)
+        return super().format_help()
+
+
 def _parser(prog: str) -> Parser:
-    parser = Parser(
+    parser = _Parser(
         prog=prog,
         description="Put all methods on the same goals and report how they do.",
-        epilog=_EPILOG,
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
-    parser.add_argument("--task", default=Settings.task, help=f"one of: {', '.join(TASKS)} (default: %(default)s)")
     parser.add_argument(
-        "--methods",
-        metavar="A,B",
-        help="methods to compare, or files of policies (default: all of the task's)",
+        "--task", default="ur5", help=f"one of: {', '.join(task_names())}; or module:attribute (default: %(default)s)"
     )
+    parser.add_argument("--arm", metavar="NAME", help="another arm for the task ur5: solvers only (default: ur5)")
+    parser.add_argument("--methods", metavar="A,B", help="methods to compare, see below (default: all of the task's)")
     parser.add_argument("--goals", type=int, default=DEFAULT_GOALS, metavar="N", help="default: %(default)s")
     parser.add_argument("--seed", type=int, default=0, metavar="S", help="of the goals (default: %(default)s)")
     parser.add_argument(
@@ -120,80 +176,19 @@ def _parser(prog: str) -> Parser:
         help="what methods are told: the true goal (geometric), or what the cameras saw (camera: --task ur5, needs "
         "OpenGL) (default: %(default)s)",
     )
-    parser.add_argument("--out", metavar="DIR", help="where results go (default: results/compare-TASK[-camera])")
-    parser.add_argument("--fresh", action="store_true", help="do not go on from an interrupted comparison in DIR")
-    cameras = parser.add_argument_group("with --observation camera")
-    cameras.add_argument("--pipeline", help=f"one of: {', '.join(PIPELINES)} (default: {CameraSettings.pipeline})")
-    cameras.add_argument(
-        "--resolution",
-        type=_resolution,
-        metavar="WxH",
-        help=f"of the pictures (default: {CameraSettings.width}x{CameraSettings.height}; the thesis's: 1280x720)",
+    parser.add_argument("--out", metavar="DIR", help="where results go (default: results/compare-TASK[-ARM][-camera])")
+    parser.add_argument(
+        "--fresh",
+        action="store_true",
+        help="do not go on from an interrupted comparison in DIR, and write over another one's results",
     )
-    cameras.add_argument("--rgb-noise", type=float, metavar="L", help="standard deviation, levels of 255 (default: 0)")
-    cameras.add_argument("--depth-noise", type=float, metavar="M", help="standard deviation, metres (default: 0)")
-    episodes = parser.add_argument_group("with --task button")
-    default = EpisodeSettings()
-    episodes.add_argument(
-        "--max-steps",
-        type=int,
-        metavar="N",
-        help=f"after which an episode is over, for all methods (default: {default.max_steps}; the environment's: 1000)",
-    )
-    episodes.add_argument("--actuation", help=f"one of: {', '.join(ACTUATIONS)} (default: {default.actuation})")
+    for name, settings in OPTIONS.items():
+        parser.add_argument(f"--{name.replace('_', '-')}", **settings)
     return parser
 
 
 def _resolution(text: str) -> tuple[int, int]:
     width, _, height = text.partition("x")
     if not (width.isdecimal() and height.isdecimal()):
-        raise argparse.ArgumentTypeError(f"expected WIDTHxHEIGHT in pixels, such as 640x360, got {text!r}")
+        raise InputError(f"--resolution is WIDTHxHEIGHT in pixels, such as 640x360, got {text!r}")
     return int(width), int(height)
-
-
-def _camera(arguments: argparse.Namespace) -> CameraSettings | None:
-    """How the cameras look, if anything was said about it."""
-    width, height = arguments.resolution or (None, None)
-    said = _said(
-        pipeline=arguments.pipeline, width=width, height=height, rgb_noise=arguments.rgb_noise,
-        depth_noise=arguments.depth_noise,
-    )  # fmt: skip
-    return CameraSettings(**said) if said else None
-
-
-def _episode(arguments: argparse.Namespace) -> EpisodeSettings | None:
-    """How episodes are played, if anything was said about it."""
-    said = _said(max_steps=arguments.max_steps, actuation=arguments.actuation)
-    return EpisodeSettings(**said) if said else None
-
-
-def _said(**options: Any) -> dict[str, Any]:
-    """The options that were given."""
-    return {name: value for name, value in options.items() if value is not None}
-
-
-def _camera_arguments(settings: Settings) -> str:
-    """The options that ask for this observation again; defaults are left out."""
-    camera, default = settings.camera, CameraSettings()
-    if camera is None:
-        return ""
-    options = [
-        ("pipeline", camera.pipeline, default.pipeline),
-        ("resolution", f"{camera.width}x{camera.height}", f"{default.width}x{default.height}"),
-        ("rgb-noise", f"{camera.rgb_noise!r}", f"{default.rgb_noise!r}"),
-        ("depth-noise", f"{camera.depth_noise!r}", f"{default.depth_noise!r}"),
-    ]
-    said = "".join(f" --{name} {value}" for name, value, usual in options if value != usual)
-    return f" --observation {settings.observation}{said}"
-
-
-def _episode_arguments(settings: Settings) -> str:
-    """The options that ask for these episodes again; defaults are left out."""
-    episode, default = settings.episode, EpisodeSettings()
-    if episode is None:
-        return ""
-    options = [
-        ("max-steps", episode.max_steps, default.max_steps),
-        ("actuation", episode.actuation, default.actuation),
-    ]
-    return "".join(f" --{name} {value}" for name, value, usual in options if value != usual)

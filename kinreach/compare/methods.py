@@ -1,116 +1,179 @@
-"""The methods that can be compared. To add one, add a line to `METHODS` under the tasks that it can do.
-
-A factory gets the task. Where a posture is to be decided on, it returns a `kinreach.compare.deciding.Method`:
-`SolverMethod` around a `kinreach.kinematics.solvers.base.Solver`, `PolicyMethod` around a trained policy, or another.
-Where episodes are to be played, it returns a `kinreach.compare.button.players.Player`. Every method gets its own
-kinematics object, and factories import what they need themselves, so that one missing package does not disable the
-other methods.
-"""
+"""From what a user names or hands over to methods: names, files of policies, classes, objects, functions."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+import hashlib
+import importlib
+import inspect
+import sys
+from collections import Counter
+from collections.abc import Callable, Iterable, Mapping
+from itertools import cycle
 from pathlib import Path
-from typing import Any, overload
+from typing import Any
 
-from kinreach.compare.button import players
-from kinreach.compare.button.players import Player
-from kinreach.compare.deciding import Method
-from kinreach.compare.policies import PolicyMethod, is_policy_file
-from kinreach.compare.solving import SeededMethod, SolverMethod
-from kinreach.compare.tasks import ButtonTask, ReachTask, UR5Task
+import gymnasium as gym
 
-Factory = Callable[[ReachTask], Method]
+from kinreach.baselines.policies import load_policy
+from kinreach.baselines.rollout import Policy, as_policy
+from kinreach.baselines.solver_policy import SolverPolicy
+from kinreach.checks import check_known, shown
+from kinreach.compare.task import POLICY, SOLVER, Method, Task, policy_version
+from kinreach.errors import InputError, raise_unknown
+from kinreach.kinematics.solvers import Solver
 
-
-def _closed_form(task: ReachTask) -> Method:
-    from kinreach.kinematics.solvers.base import ClosedFormSolver
-
-    return SolverMethod(task, ClosedFormSolver(task.new_kinematics()))
-
-
-def _placo(task: ReachTask) -> Method:
-    from kinreach.kinematics.solvers.placo_solver import PlacoSolver
-
-    return SolverMethod(task, PlacoSolver(task.new_kinematics()))
+#: How names of policies' files end: kinreach's own, and a model of stable-baselines3 as it was saved.
+SAFETENSORS, ZIP = ".safetensors", ".zip"
+#: Of methods that do not name a colour.
+_COLOURS = ("#8C6D31", "#6A3D9A", "#B8A100", "#A6761D", "#666666")
 
 
-def _levenberg_marquardt(task: ReachTask) -> Method:
-    from kinreach.kinematics.solvers.levenberg_marquardt import LevenbergMarquardtSolver
+def resolve_methods(task: Task, given: Iterable[Any] | Mapping[str, Any]) -> dict[str, Method]:
+    """Methods by the names that results call them, in the given order; all of the task's own if nothing is given.
 
-    return SolverMethod(task, LevenbergMarquardtSolver(task.new_kinematics()))
-
-
-def _qp(task: ReachTask) -> Method:
-    from kinreach.kinematics.solvers.qp_solver import QPSolver
-
-    return SolverMethod(task, QPSolver(task.new_kinematics()))
-
-
-def _policy(name: str) -> Factory:
-    return lambda task: PolicyMethod(task.arm, name)
-
-
-def _hybrid(task: ReachTask) -> Method:
-    return SeededMethod(PolicyMethod(task.arm, "single"), _levenberg_marquardt(task))
-
-
-_INVERSE_KINEMATICS: Mapping[str, Factory] = {
-    "closed-form": _closed_form,
-    "placo": _placo,
-    "lm": _levenberg_marquardt,
-    "qp": _qp,
-}
-
-#: Methods by task and name, in the order in which reports show them.
-METHODS: Mapping[str, Mapping[str, Callable[[Any], Any]]] = {
-    "ur5": {
-        **_INVERSE_KINEMATICS,
-        "ppo-single": _policy("ppo-single"),
-        "ppo-multi": _policy("ppo-multi"),
-        "ranked-single": _policy("single"),
-        "ranked-multi": _policy("multi"),
-        "thesis-ppo-single": _policy("thesis-single"),
-        "hybrid": _hybrid,
-    },
-    "arm3": {**_INVERSE_KINEMATICS},
-    "button": {
-        "analytic": players.analytic,
-        "ppo": players.learned(players.PRETRAINED),
-        "random": players.chance,
-    },
-}
-#: Of tasks that policies can be trained for: what makes a method of a policy's file.
-_FILES: Mapping[str, Callable[[str], Callable[[Any], Any]]] = {
-    UR5Task.name: _policy,
-    ButtonTask.name: players.learned,
-}
-
-
-def known(task: str, name: str) -> bool:
-    """Whether a task has a method of this name: one of `METHODS`, or a file with a policy where there are any."""
-    return name in METHODS[task] or (task in _FILES and is_policy_file(name))
-
-
-def short_name(name: str) -> str:
-    """What results call a method: its name; of a policy's file without folder and ending."""
-    return Path(name).stem if is_policy_file(name) else name
-
-
-@overload
-def new_method(task: ReachTask, name: str) -> Method: ...
-
-
-@overload
-def new_method(task: ButtonTask, name: str) -> Player: ...
-
-
-def new_method(task: ReachTask | ButtonTask, name: str) -> Any:
-    """Make a method that is `known`.
+    Args:
+        task: What they will do.
+        given: Each is a name of the task's, the path of a policy's file (`policy.safetensors`, or `model.zip` of
+            stable-baselines3; `model.zip@multi` for another of the task's environments), `"module:attribute"`, a
+            `Method`, a solver or policy, a class of one, a stable-baselines3 model, or a function from observation to
+            action. A mapping gives names; else an object has that of its `name`, its function or its class.
 
     Raises:
-        InstallationError: Its packages are missing.
-        InputError: A policy that the package does not have, a file that is no policy, or one for another task.
+        InputError: A name occurs twice, or something is none of these.
+        UnknownNameError: There is no method of that name.
     """
-    factory = METHODS[task.name].get(name) or _FILES[task.name](name)
-    return factory(task)
+    if isinstance(given, Mapping):
+        found = [(_label(name), _method(task, value)) for name, value in given.items()]
+    else:
+        chosen = [given] if isinstance(given, str) else list(given)
+        found = [(_name(value), _method(task, value)) for value in chosen or task.methods]
+    for name, count in Counter(name for name, _ in found).items():
+        if count > 1:
+            raise InputError(f"method {name!r} is named twice")
+    return dict(found)
+
+
+def solver_method(new: Callable[[Any], Solver], *, colour: str = "") -> Method:
+    """A solver of inverse kinematics as a method.
+
+    Args:
+        new: From a kinematics to a solver for it.
+        colour: In figures.
+    """
+    return Method(lambda env: SolverPolicy(new(_kinematics(env)), env), SOLVER, colour=colour)
+
+
+def policy_method(policy: str, environment: str, *, colour: str = "") -> Method:
+    """A trained policy that comes with the package, or a file, as a method.
+
+    Args:
+        policy: Name, or path of a file.
+        environment: Id of the environment that it acts in.
+        colour: In figures.
+    """
+    return Method(lambda env: load_policy(policy), POLICY, environment, policy_version(policy), colour)
+
+
+def _kinematics(env: gym.Env[Any, Any]) -> Any:
+    return env.unwrapped.kinematics  # type: ignore[attr-defined]
+
+
+def colours(methods: Mapping[str, Method]) -> dict[str, str]:
+    """A colour for each method, its own where it has one."""
+    others = cycle(_COLOURS)
+    return {name: method.colour or next(others) for name, method in methods.items()}
+
+
+def _label(name: object) -> str:
+    """A name; what is printed, drawn and written to files must be text that can be."""
+    if not isinstance(name, str) or not name or not name.isprintable():
+        raise InputError(f"methods must be named in printable text, got {shown(name)}")
+    return name
+
+
+def _name(given: Any) -> str:
+    if isinstance(given, str):
+        path, _, _ = _label(given).partition("@")
+        if path.endswith((SAFETENSORS, ZIP)):
+            return Path(path).stem
+        return given.rpartition(":")[2]
+    own = getattr(given, "name", None) or getattr(given, "__name__", None) or type(given).__name__
+    return _label(own)
+
+
+def _method(task: Task, given: Any) -> Method:
+    if isinstance(given, Method):
+        return given
+    if isinstance(given, str):
+        if given in task.methods:
+            return task.methods[given]
+        path, _, variant = given.partition("@")
+        if path.endswith((SAFETENSORS, ZIP)) and task.variants:
+            return _from_file(task, path, variant)
+        if ":" not in given:
+            raise_unknown(f"{task.name} method", given, task.methods)
+        return _method(task, imported(given))
+    if isinstance(given, type):
+        made = SOLVER if hasattr(given, "solve") else POLICY
+        return Method(lambda env: _policy(_construct(given, env), env), made, task.environment, _source(given))
+    if not (hasattr(given, "solve") or hasattr(given, "act") or hasattr(given, "predict") or callable(given)):
+        raise InputError(f"a method is a name, a solver, a policy or a function, got {shown(given)}")
+    kind = SOLVER if hasattr(given, "solve") else POLICY
+    return Method(lambda env: _policy(given, env), kind, task.environment, _source(given))
+
+
+def _from_file(task: Task, path: str, variant: str) -> Method:
+    """A policy's file. Whose task it is, its card says; of a file without a card, the user."""
+    policy = load_policy(path)
+    if variant:
+        check_known(f"{task.name} environment", variant, task.variants)
+    said = task.variants[variant] if variant else ""
+    environment = policy.card.environment or said or next(iter(task.variants.values()))
+    if environment not in task.variants.values() or (said and said != environment):
+        raise InputError(f"the policy {path} is for {environment}, not for one of: {', '.join(task.variants.values())}")
+    return Method(lambda env: policy, POLICY, environment, policy_version(path))
+
+
+def imported(name: str) -> Any:
+    """What `"module:attribute"` names; modules of the working directory are found.
+
+    Raises:
+        InputError: There is no such module or attribute, or it cannot be imported.
+    """
+    module, _, attribute = name.partition(":")
+    if "" not in sys.path:
+        sys.path.insert(0, "")
+    try:
+        found = importlib.import_module(module)
+    except Exception as error:  # whatever somebody else's module raises
+        raise InputError(f"cannot import {module!r}: {type(error).__name__}: {error}") from error
+    if not hasattr(found, attribute):
+        raise InputError(f"the module {module!r} has no {attribute!r}")
+    return getattr(found, attribute)
+
+
+def _construct(cls: Callable[..., Any], env: gym.Env[Any, Any]) -> Any:
+    """An object of a user's class; one that takes an argument gets the kinematics (solvers) or the environment."""
+    needed = [
+        parameter
+        for parameter in inspect.signature(cls).parameters.values()
+        if parameter.default is parameter.empty
+        and parameter.kind in (parameter.POSITIONAL_ONLY, parameter.POSITIONAL_OR_KEYWORD)
+    ]
+    if not needed:
+        return cls()
+    return cls(_kinematics(env) if hasattr(cls, "solve") else env)
+
+
+def _policy(given: Any, env: gym.Env[Any, Any]) -> Policy:
+    return SolverPolicy(given, env) if hasattr(given, "solve") else as_policy(given)
+
+
+def _source(given: Any) -> dict[str, str]:
+    """Which code a user's object is: its class and a digest of the file that defines it, as far as there is one."""
+    cls = given if isinstance(given, type) or inspect.isroutine(given) else type(given)
+    try:
+        text = Path(inspect.getfile(cls)).read_bytes()
+    except (TypeError, OSError):
+        text = b""
+    return {f"{cls.__module__}:{cls.__qualname__}": hashlib.sha256(text).hexdigest()[:12]}

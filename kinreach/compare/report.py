@@ -8,72 +8,104 @@ from __future__ import annotations
 import base64
 import hashlib
 from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
 from html import escape
 from importlib import resources
+from io import BytesIO
 from pathlib import Path
 from string import Template
 from typing import Any
 
+import gymnasium as gym
+import numpy as np
 from PIL import Image
 
-from kinreach.compare import figures
-from kinreach.compare.contests import CONTESTS
-from kinreach.compare.report_pictures import Rendering, render_trials
-from kinreach.compare.report_table import headings_and_rows
-from kinreach.compare.tasks import TASKS
-from kinreach.compare.trials import Trial
-from kinreach.errors import DrawingError, InstallationError
-from kinreach.files import write_text
+from kinreach.compare.figures import DPI
+from kinreach.compare.task import Task
+from kinreach.errors import OutputError
+from kinreach.files import replacing, write_text
+from kinreach.summary import QUANTILES, SPREAD, Column, Trial, number
 
 #: Dots per inch that a browser counts with.
 PAGE_DPI = 96
+#: Quality of the pictures' JPEG.
+QUALITY = 85
 
 
-def write_report(path: Path, trials: Sequence[Trial], results: Mapping[str, Any], charts: Mapping[str, Path]) -> None:
-    """Write the report.
+@dataclass(frozen=True)
+class Rendering:
+    """A picture of how a trial ended.
+
+    Attributes:
+        method: Whose trial.
+        caption: What there is to see.
+        image: uint8, shape (height, width, 3).
+    """
+
+    method: str
+    caption: str
+    image: Any
+
+
+def write_report(
+    path: Path,
+    task: Task,
+    trials: Sequence[Trial],
+    results: Mapping[str, Any],
+    charts: Mapping[str, Path],
+    notes: Sequence[str],
+) -> None:
+    """Write the report, and `scene.png` beside it: how the first method's ordinary success looks.
 
     Pictures of the arm are drawn where there is OpenGL; elsewhere a sentence says that there is none.
 
     Args:
         path: The HTML file.
+        task: What was compared.
         trials: All of them.
         results: Contents of `results.json`.
         charts: PNG files of figures by their titles.
+        notes: What the numbers mean, line by line.
 
     Raises:
         OutputError: The file system refused.
     """
+    renderings: list[Rendering] | str
     try:
-        renderings: list[Rendering] | str = render_trials(trials, results)
-    except (InstallationError, DrawingError) as error:
+        renderings = render_trials(task, trials, results)
+    except OutputError:
+        raise
+    except Exception as error:  # whatever somebody else's environment raises that cannot start in a posture
         renderings = f"None: {' '.join(str(error).split())}"
-    write_text(path, report_html(results, charts, renderings))
+    else:
+        with replacing(path.with_name("scene.png")) as temporary:
+            Image.fromarray(renderings[0].image).save(temporary, "PNG")
+    write_text(path, report_html(task, results, charts, renderings, notes))
 
 
-def report_html(results: Mapping[str, Any], charts: Mapping[str, Path], renderings: Sequence[Rendering] | str) -> str:
-    """The page.
-
-    Args:
-        results: Contents of `results.json`.
-        charts: PNG files of figures by their titles.
-        renderings: Of trials, or in a sentence why there are none.
-    """
+def report_html(
+    task: Task,
+    results: Mapping[str, Any],
+    charts: Mapping[str, Path],
+    renderings: Sequence[Rendering] | str,
+    notes: Sequence[str],
+) -> str:
+    """The page; arguments as in `write_report`, and renderings of trials, or in a sentence why there are none."""
     settings = results["settings"]
     folder = resources.files("kinreach.compare")
     script = folder.joinpath("report_sort.js").read_text(encoding="utf-8")
     digest = base64.b64encode(hashlib.sha256(script.encode()).digest()).decode()
-    headings, rows = headings_and_rows(results["methods"])
     return Template(folder.joinpath("report_template.html").read_text(encoding="utf-8")).substitute(
         policy=f"default-src 'none'; img-src data:; style-src 'unsafe-inline'; script-src 'sha256-{digest}'",
-        title=escape(TASKS[settings["task"]].title),
+        title=escape(settings["title"]),
+        finding=escape(finding(results)),
         summary=escape(
             f"{len(results['methods'])} methods on the same {settings['goals']} goals, seed {settings['seed']}. "
             f"Reached: {settings['terms']['reached']}."
         ),
         command=escape(settings["command"]),
-        headings=headings,
-        rows=rows,
-        notes="<br>\n".join(map(escape, _notes(results))),
+        tables="\n".join(_tables(task.columns, results["methods"])),
+        notes="<br>\n".join(map(escape, [*notes, f"Intervals: {settings['intervals']}."])),
         figures="\n".join(_chart(file, title) for title, file in charts.items()),
         renderings=_renderings(renderings),
         settings=_terms(_flat(settings)),
@@ -82,9 +114,116 @@ def report_html(results: Mapping[str, Any], charts: Mapping[str, Path], renderin
     )
 
 
-def _notes(results: Mapping[str, Any]) -> Iterable[str]:
-    yield from CONTESTS[results["settings"]["task"]].notes(results)
-    yield f"Intervals: {results['settings']['intervals']}."
+def finding(results: Mapping[str, Any]) -> str:
+    """What was found, in a sentence: who reaches how many goals, who comes nearest, who decides soonest."""
+    entries = results["methods"]
+    most = max(entry["reached"] for entry in entries)
+    best = [entry for entry in entries if entry["reached"] == most]
+    rest = [entry for entry in entries if entry["reached"] < most]
+    share = "every goal" if most == 1 else f"{100 * most:.1f} % of the goals" if most else "none of the goals"
+    if len(best) == 1:
+        said = [f"{best[0]['name']} reaches {share}"]
+    else:
+        said = [f"{len(best)} of {len(entries)} methods reach {share}" if rest else f"All methods reach {share}"]
+        if most:
+            near = min(best, key=lambda entry: entry["distance_mm"]["median"])
+            quick = min(best, key=lambda entry: entry["solve_ms"]["median"])
+            said.append(f"{near['name']} ends nearest, {number(near['distance_mm']['median'])} mm in the median")
+            said.append(f"{quick['name']} decides soonest, {number(quick['solve_ms']['median'])} ms")
+    if rest:
+        shares = (f"{entry['name']} {100 * entry['reached']:.1f} %" for entry in rest)
+        said.append(f"the others: {', '.join(shares)}")
+    return "; ".join(said) + "."
+
+
+def render_trials(task: Task, trials: Sequence[Trial], results: Mapping[str, Any]) -> list[Rendering]:
+    """Draw the trials that `chosen` picks, method by method, in the task's own environment.
+
+    Raises:
+        InstallationError: There is no library to draw with; the message names the packages.
+    """
+    drawn = {name: value for name, value in task.options.items() if name != "observation"}
+    env = gym.make(task.environment, disable_env_checker=True, render_mode="rgb_array", **drawn)
+    found = []
+    try:
+        for method in results["methods"]:
+            own = [trial for trial in trials if trial["method"] == method["name"]]
+            for what, trial in chosen(own).items():
+                options = {"goal": np.array(trial["goal"]), "q": np.array(trial["q"])}
+                env.reset(seed=0, options=options)
+                found.append(Rendering(trial["method"], _caption(what, trial), env.render()))
+    finally:
+        env.close()
+    return found
+
+
+def chosen(trials: Sequence[Trial]) -> dict[str, Trial]:
+    """A method's ordinary success and its worst trial, by what to call them.
+
+    The ordinary success has the median distance of all goals that were reached. The worst trial is the failure that
+    left the tip farthest from the goal, impossible ones first; without a failure it is the success with the largest
+    distance.
+
+    Args:
+        trials: Of one method, at least one.
+    """
+    reached = sorted((trial for trial in trials if trial["reached"]), key=lambda trial: trial["distance"])
+    failed = [trial for trial in trials if not trial["reached"]]
+    found = {}
+    if reached:
+        found["success"] = reached[(len(reached) - 1) // 2]
+    if failed:
+        found["worst failure"] = max(failed, key=lambda trial: (trial["impossible"], trial["distance"]))
+    else:
+        found["largest distance, reached all the same"] = reached[-1]
+    return found
+
+
+def _caption(what: str, trial: Trial) -> str:
+    said = [f"{what[0].upper()}{what[1:]}", f"goal {trial['goal_index']}", f"{number(1e3 * trial['distance'])} mm"]
+    if trial.get("posture_error") is not None:
+        said.append(f"posture error {number(trial['posture_error'])} rad")
+    if trial["steps"] > 1:
+        said.append(f"{trial['steps']} steps")
+    if trial["impossible"]:
+        said.append(trial.get("impossible_reason") or trial["status"])
+    return " · ".join(said)
+
+
+def _tables(columns: Sequence[Column], entries: Sequence[Mapping[str, Any]]) -> Iterable[str]:
+    """The columns with a heading as HTML tables, one a title; a column in which nothing was measured is left out."""
+    found: dict[str, list[Column]] = {}
+    for column in columns:
+        if column.heading and (column.show or "." not in column.key) and any(map(column.measured, entries)):
+            found.setdefault(column.table, []).append(column)
+    for title, shown in found.items():
+        head = "".join(map(_heading, ("method", *([] if title else ["kind"])), ("text", "text")))
+        head += "".join(_heading(column.heading, "number") for column in shown)
+        rows = "\n".join(_row(entry, shown, kind=not title) for entry in entries)
+        caption = f"<h3>{escape(title)}</h3>" if title else ""
+        yield (
+            f'{caption}<div class="wide"><table class="sortable">\n<thead><tr>{head}</tr></thead>\n'
+            f"<tbody>\n{rows}\n</tbody>\n</table></div>"
+        )
+
+
+def _heading(text: str, kind: str) -> str:
+    return f'<th scope="col" data-kind="{kind}"><button type="button">{escape(text)}</button></th>'
+
+
+def _row(entry: Mapping[str, Any], columns: Sequence[Column], *, kind: bool) -> str:
+    name = escape(entry["name"])
+    cells = [f'<th scope="row" data-value="{name}">{name}</th>']
+    if kind:
+        cells.append(f'<td data-value="{escape(entry["kind"])}">{escape(entry["kind"])}</td>')
+    for column in columns:
+        show = column.show or {QUANTILES: "quantiles", SPREAD: "quantiles", "rate": "interval"}.get(
+            column.summary, "mean"
+        )
+        value = column.number(entry, show if show == "mean" else "")
+        by = "" if value is None else escape(str(value))
+        cells.append(f'<td data-value="{by}">{escape(column.text(entry, show))}</td>')
+    return f"<tr>{''.join(cells)}</tr>"
 
 
 def _renderings(found: Sequence[Rendering] | str) -> str:
@@ -101,15 +240,16 @@ def _renderings(found: Sequence[Rendering] | str) -> str:
 def _chart(file: Path, title: str) -> str:
     """A figure, which says in itself what it shows, with its text as large as the page's."""
     with Image.open(file) as picture:
-        width = round(PAGE_DPI / figures.DPI * picture.width)
+        width = round(PAGE_DPI / DPI * picture.width)
     uri = _data_uri("image/png", file.read_bytes())
     return f'<figure class="chart"><img src="{uri}" alt="{escape(title)}" width="{width}"></figure>'
 
 
 def _picture(rendering: Rendering) -> str:
-    said = escape(rendering.caption)
-    uri = _data_uri("image/jpeg", rendering.jpeg)
-    return f'<figure><img src="{uri}" alt=""><figcaption>{said}</figcaption></figure>'
+    content = BytesIO()
+    Image.fromarray(rendering.image).save(content, "JPEG", quality=QUALITY)
+    uri = _data_uri("image/jpeg", content.getvalue())
+    return f'<figure><img src="{uri}" alt=""><figcaption>{escape(rendering.caption)}</figcaption></figure>'
 
 
 def _data_uri(kind: str, content: bytes) -> str:

@@ -1,18 +1,18 @@
 "use strict";
-const table = document.getElementById("methods");
-const body = table.tBodies[0];
-const headings = [...table.tHead.rows[0].cells];
-
 // Numbers by value, words by alphabet; what was not measured comes last in both directions.
-function compare(first, second, column, sign) {
+function compare(first, second, column, kind, sign) {
   const [a, b] = [first, second].map((row) => row.cells[column].dataset.value);
   if (a === "" || b === "") return (a === "") - (b === "");
-  return sign * (headings[column].dataset.kind === "number" ? a - b : a.localeCompare(b));
+  return sign * (kind === "number" ? a - b : a.localeCompare(b));
 }
 
-headings.forEach((heading, column) => heading.querySelector("button").addEventListener("click", () => {
-  const ascending = heading.getAttribute("aria-sort") !== "ascending";
-  headings.forEach((other) => other.removeAttribute("aria-sort"));
-  heading.setAttribute("aria-sort", ascending ? "ascending" : "descending");
-  body.append(...[...body.rows].sort((a, b) => compare(a, b, column, ascending ? 1 : -1)));
-}));
+for (const table of document.querySelectorAll("table.sortable")) {
+  const body = table.tBodies[0];
+  const headings = [...table.tHead.rows[0].cells];
+  headings.forEach((heading, column) => heading.querySelector("button").addEventListener("click", () => {
+    const ascending = heading.getAttribute("aria-sort") !== "ascending";
+    headings.forEach((other) => other.removeAttribute("aria-sort"));
+    heading.setAttribute("aria-sort", ascending ? "ascending" : "descending");
+    body.append(...[...body.rows].sort((a, b) => compare(a, b, column, heading.dataset.kind, ascending ? 1 : -1)));
+  }));
+}

@@ -1,137 +1,469 @@
-"""Every method on every goal: look, decide, then move in the simulation, and measure.
+"""A whole comparison: every method on every goal, results on disk, resumable trial by trial.
 
-A goal is looked at once, and all methods are told of that look. All methods decide on one goal before any of them
-moves, each time in another random order: load from other programs meets all methods alike, and so does what the one
-before has left in the processor's caches, which can double the time of a short decision. What a method that makes
-several moves decides after its first one is timed between its moves. Every attempt starts from the same state.
+All methods meet one goal before the next, each time in another random order: load from other programs meets all of
+them alike. A goal is looked at once: what the first method's cameras measured, the others are told.
 """
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterator, Mapping
+import json
+import os
+from collections import Counter
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import ExitStack, suppress
+from dataclasses import dataclass, field, replace
+from pathlib import Path
 from typing import Any
 
+import gymnasium as gym
 import numpy as np
 
-from kinreach.checks import Floats
-from kinreach.compare.attempts import Attempt, Ending, execute
-from kinreach.compare.budget import budget
-from kinreach.compare.deciding import Method
-from kinreach.compare.observation import WARM_UP_SEED, Look, Sight, true_position
-from kinreach.compare.tasks import ReachTask
-from kinreach.compare.trials import ReachTrial
-from kinreach.sim.simulation import ArmSimulation
+from kinreach import provenance, statistics
+from kinreach.baselines.rollout import Policy, as_policy, rollout
+from kinreach.checks import check_count, check_known, check_path, shown
+from kinreach.compare import figures, report
+from kinreach.compare.methods import colours, resolve_methods
+from kinreach.compare.task import GIVEN, Method, Task, get_task
+from kinreach.errors import InputError, InstallationError, OutputError
+from kinreach.files import make_writable, write_text
+from kinreach.robots import ArmDescription, as_arm
+from kinreach.summary import Trial, summarise, trials_csv
 
-#: Goals on which every method decides untimed first.
-WARM_UP_GOALS = 3
+#: Called with the number of finished trials and the number of all trials.
+Progress = Callable[[int, int], None]
+
+DEFAULT_GOALS = 200
+#: More are refused before anything is measured: a comparison of so many would take a month, and its results gigabytes.
+MOST_GOALS = 10**7
+MOST_SEED = 2**63 - 1
+#: Seed of the goals on which every method acts untimed first: the first look loads the graphics library, and first
+#: decisions fill caches. It is above all seeds of comparisons, so that none of these goals is ever compared.
+WARM_UP_SEED, WARM_UP_GOALS = 2**63, 2
+#: What observations there are where a task has the option; the second needs a library to draw with.
+GEOMETRIC, CAMERA = "geometric", "camera"
+#: The trials of an unfinished comparison, and the results of a finished one.
+RECORDS, RESULTS = "records.jsonl", "results.json"
+
+
+@dataclass(frozen=True)
+class Settings:
+    """A comparison as data: the same settings give the same numbers, times aside.
+
+    Attributes:
+        task: Name of a registered task.
+        methods: As in `compare`, by name; all of the task's own if empty.
+        goals: Number of goals.
+        seed: Of the goals and of the cameras' noise. The first N goals of a seed, and what is seen of them, are the
+            same for every number of goals.
+        observation: What the methods are told: `"geometric"`, the true goal, or `"camera"`, what the cameras saw.
+        options: Of the task's environments, such as `pipeline` or `max_steps`.
+
+    Raises:
+        UnknownNameError: A task, method or observation does not exist; the message lists those that do.
+        InputError: A number is out of range, or a method is named twice.
+    """
+
+    task: str = "ur5"
+    methods: tuple[str, ...] = ()
+    goals: int = DEFAULT_GOALS
+    seed: int = 0
+    observation: str = GEOMETRIC
+    options: Mapping[str, Any] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        task = get_task(self.task)
+        names = resolve_methods(task, self.methods)
+        object.__setattr__(self, "methods", tuple(self.methods) or tuple(names))
+        _check_numbers(self.goals, self.seed)
+        _check_observation(task, self.observation)
+
+
+@dataclass(frozen=True)
+class Comparison:
+    """What is compared, checked and complete.
+
+    Attributes:
+        task: With the options of its environments.
+        methods: By name.
+        goals, seed: As in `compare`.
+        command: How to get the same again.
+        left_out: Methods of the task that this installation or arm cannot do, with the reason.
+    """
+
+    task: Task
+    methods: Mapping[str, Method]
+    goals: int
+    seed: int
+    command: str
+    left_out: Mapping[str, str]
+
+    def settings(self) -> dict[str, Any]:
+        """As JSON types."""
+        options = {name: _as_json(value) for name, value in self.task.options.items()}
+        return {
+            "task": self.task.name,
+            "methods": list(self.methods),
+            "goals": self.goals,
+            "seed": self.seed,
+            "observation": options.get("observation", GEOMETRIC),
+            "options": options,
+        }
+
+
+def compare(
+    task: str | Task | Settings = "ur5",
+    methods: Sequence[Any] | Mapping[str, Any] | str | Path = (),
+    *,
+    goals: int = DEFAULT_GOALS,
+    seed: int = 0,
+    arm: str | ArmDescription | None = None,
+    observation: str | None = None,
+    options: Mapping[str, Any] | None = None,
+    out: str | Path | None = None,
+    fresh: bool = False,
+    command: str = "kinreach.compare.compare(...)",
+    progress: Progress = lambda done, total: None,
+) -> dict[str, Any]:
+    """Put methods on the same goals and measure them.
+
+    With `out`, an interrupted comparison leaves its finished trials in `out/records.jsonl`; called again with the same
+    settings (and the same code, versions and machine) it goes on from there.
+
+    Args:
+        task: Name of a registered task, or a task. `Settings` stand for all arguments up to `options`; the second
+            argument is then `out`.
+        methods: Names of the task's methods, files of policies, solvers, policies, classes or functions, see
+            `kinreach.compare.methods.resolve_methods`; all of the task's own if empty.
+        goals: Number of goals.
+        seed: Of the goals.
+        arm: Name of a registered arm, or a description, for tasks whose environments take one.
+        observation: `"geometric"` (the true goal) or `"camera"` (what the cameras saw), for tasks that have both.
+        options: Of the task's environments.
+        out: Directory for `results.json`, `results.csv`, `report.html` and the figures; created if need be. None:
+            nothing is written.
+        fresh: Measure everything, even if an interrupted comparison could go on, or another one stands in `out`.
+        command: How to get the same again, written into the results.
+        progress: Told how far it is.
+
+    Returns:
+        The contents of `results.json`.
+
+    Raises:
+        OutputError: `out` cannot be written.
+        InstallationError: The packages of a method are missing, or cameras are to look and nothing can be drawn.
+        InputError: A number is out of range, an option does not exist, a policy cannot be used, or `out` holds the
+            results of another comparison.
+        UnknownNameError: There is no such task, method, arm or observation.
+    """
+    if isinstance(task, Settings):
+        given, out = task, methods if isinstance(methods, str | Path) else out
+        task, methods, goals, seed = given.task, given.methods, given.goals, given.seed
+        observation, options = given.observation, given.options
+    comparison = prepare(
+        task, methods, goals=goals, seed=seed, arm=arm, observation=observation, options=options, command=command
+    )
+    if out is None:
+        trials = list(run_trials(comparison, progress=progress))
+        return results_of(comparison, trials)
+    return _compare_on_disk(comparison, check_path("out", out), fresh=fresh, progress=progress)
+
+
+def prepare(
+    task: str | Task,
+    methods: Any,
+    *,
+    goals: int,
+    seed: int,
+    arm: str | ArmDescription | None,
+    observation: str | None,
+    options: Mapping[str, Any] | None,
+    command: str,
+) -> Comparison:
+    """Check what a comparison is asked to do, before anything is measured; arguments and errors as in `compare`."""
+    task = get_task(task) if isinstance(task, str) else task
+    if not isinstance(task, Task):
+        raise InputError(f"a task is a name or a Task, got {shown(task)}")
+    _check_numbers(goals, seed)
+    chosen = dict(options or {})
+    if observation is not None:
+        _check_observation(task, observation)
+        if task.observations:
+            chosen["observation"] = observation
+    if arm is not None:
+        description = as_arm(arm)
+        if not task.arm:
+            raise InputError(f"the task {task.name!r} takes no other arm, got {description.name!r}")
+        chosen["arm"] = description if isinstance(arm, ArmDescription) else arm
+        if description.name != task.arm:
+            solvers = {name: method for name, method in task.methods.items() if method.kind == "solver"}
+            task = replace(task, title=f"{description.title}: tip at the goal", methods=solvers)
+    task = task.with_options(chosen)
+    resolved = resolve_methods(task, methods)
+    left_out: dict[str, str] = {}
+    with ExitStack() as stack:
+        environments = _Environments(task, stack)
+        for name, method in list(resolved.items()):
+            try:
+                environments.policy(method)
+            except (InstallationError, InputError) as error:
+                if methods:
+                    raise
+                left_out[name] = str(error)
+                del resolved[name]
+    if not resolved:
+        raise InputError(f"no method of {task.name!r} can be used: {next(iter(left_out.values()))}")
+    return Comparison(task, resolved, int(goals), int(seed), command, left_out)
 
 
 def run_trials(
-    task: ReachTask,
-    methods: Mapping[str, Method],
-    goals: Floats,
-    simulation: ArmSimulation,
-    *,
-    look: Look = true_position,
-    done: Collection[ReachTrial] = (),
-) -> Iterator[ReachTrial]:
+    comparison: Comparison, *, done: Sequence[Trial] = (), progress: Progress = lambda done, total: None
+) -> Iterator[Trial]:
     """Yield a trial per goal and method as it is finished.
 
     Args:
-        task: Sets the question, the acceptance test and the verdict.
-        methods: By name.
-        goals: Positions in the world [m], shape (n, 3).
-        simulation: Executes the postures.
-        look: Says where a goal is; the verdict is about where it truly is.
-        done: Trials to leave out; the methods that are left are told what those were told.
+        comparison: What is compared.
+        done: Trials to leave out.
+        progress: Told how far it is.
     """
-    for position in task.goals(WARM_UP_GOALS, WARM_UP_SEED):
-        for method in methods.values():
-            Attempt(method, position, None).decide(task.home)
-    names = list(methods)
-    finished = {(trial.goal, trial.method) for trial in done}
-    sights = {trial.goal: _sight_of(trial) for trial in done if trial.look_s is not None}
-    for index, position in enumerate(goals):
-        turns = np.random.default_rng(index).permutation(len(names))
-        pending = [names[turn] for turn in turns if (index, names[turn]) not in finished]
-        if not pending:
-            continue
-        sight = sights[index] if index in sights else look(index, position)
-        attempts = {name: _begin(task, methods[name], sight) for name in pending}
-        for name, attempt in attempts.items():
-            ending = execute(task, simulation, position, attempt)
-            yield _trial(task, index, name, position, sight, attempt, ending)
+    task, methods = comparison.task, comparison.methods
+    finished = {(trial["goal_index"], trial["method"]) for trial in done}
+    total = comparison.goals * len(methods)
+    progress(len(finished), total)
+    with ExitStack() as stack:
+        environments = _Environments(task, stack)
+        players = {name: (environments.of(method), environments.policy(method)) for name, method in methods.items()}
+        first = environments.default
+        shared = task.options.get("observation") == CAMERA
+        resets = task.resets(comparison.goals, comparison.seed, first)
+        for reset in task.resets(WARM_UP_GOALS, WARM_UP_SEED, first):
+            for _ in _one_goal(players, list(players), reset, shared=shared):
+                pass
+        names = list(players)
+        count = len(finished)
+        for index, reset in enumerate(resets):
+            turns = np.random.default_rng(index).permutation(len(names))
+            pending = [names[turn] for turn in turns if (index, names[turn]) not in finished]
+            for name, trial in _one_goal(players, pending, reset, shared=shared):
+                count += 1
+                yield {"goal_index": index, "method": name, **trial}
+                progress(count, total)
 
 
-def _begin(task: ReachTask, method: Method, sight: Sight) -> Attempt | None:
-    """The method's first decision; None if there is nothing to tell it."""
-    if sight.position is None:
-        return None
-    attempt = Attempt(method, sight.position, sight.view)
-    attempt.decide(task.home)
-    return attempt
+def _one_goal(
+    players: Mapping[str, tuple[gym.Env[Any, Any], Policy]],
+    names: Sequence[str],
+    reset: Mapping[str, Any],
+    *,
+    shared: bool,
+) -> Iterator[tuple[str, Trial]]:
+    """Methods on one goal; with a shared look, what the first one's cameras measured, the others are told."""
+    views: list[Any] = []
+    for name in names:
+        env, policy = players[name]
+        (trial,) = rollout(env, policy, [reset], watch=lambda env, info: views.append(info.get("view")))
+        if shared:
+            reset = {**reset, "options": {**reset.get("options", {}), "view": views[0]}}
+        yield name, trial
 
 
-def _trial(
-    task: ReachTask, index: int, name: str, goal: Floats, sight: Sight, attempt: Attempt | None, ending: Ending
-) -> ReachTrial:
-    x, y, z = map(float, goal)
-    return ReachTrial(
-        goal=index,
-        method=name,
-        x=x,
-        y=y,
-        z=z,
-        reached=ending.verdict.reached,
-        impossible=ending.impossible,
-        status=ending.status,
-        reason=ending.reason,
-        distance=ending.distance,
-        posture_error=ending.verdict.posture_error,
-        reward=ending.verdict.reward,
-        move_s=None if ending.impossible else ending.move_s,
-        q=None if ending.q is None else tuple(map(float, ending.q)),
-        **_effort(attempt),
-        **_errors(task, goal, sight, ending),
-        **_seen(sight, goal),
-    )
+class _Environments:
+    """The environments of a comparison, one for each id, closed with the stack."""
+
+    def __init__(self, task: Task, stack: ExitStack) -> None:
+        self._task, self._stack = task, stack
+        self._made: dict[str, gym.Env[Any, Any]] = {}
+
+    @property
+    def default(self) -> gym.Env[Any, Any]:
+        """The task's own."""
+        return self._get(self._task.environment)
+
+    def of(self, method: Method) -> gym.Env[Any, Any]:
+        """The one that a method acts in."""
+        return self._get(method.environment or self._task.environment)
+
+    def policy(self, method: Method) -> Policy:
+        """A method's policy."""
+        return as_policy(method.make(self.of(method)))
+
+    def _get(self, name: str) -> gym.Env[Any, Any]:
+        if name not in self._made:
+            env = gym.make(name, disable_env_checker=True, **self._task.options)
+            self._stack.callback(env.close)
+            self._made[name] = env
+        return self._made[name]
 
 
-def _effort(attempt: Attempt | None) -> dict[str, Any]:
-    """The values of a trial that say what the decisions took; None where the method was not asked."""
+def results_of(comparison: Comparison, trials: Sequence[Trial]) -> dict[str, Any]:
+    """The contents of `results.json`."""
+    task, painted = comparison.task, colours(comparison.methods)
+    entries = []
+    for name, method in comparison.methods.items():
+        own = [trial for trial in trials if trial["method"] == name]
+        entries.append(
+            {
+                "name": name,
+                "kind": method.kind,
+                "goals": len(own),
+                **summarise(task.columns, own),
+                "outcomes": dict(Counter(trial["status"] for trial in own)),
+                "colour": painted[name],
+            }
+        )
+    kinds = {method.kind for method in comparison.methods.values()}
+    given = {f"given to a {kind}": words for kind, words in GIVEN.items() if kind in kinds}
     return {
-        name: None if attempt is None else getattr(attempt, name)
-        for name in ("iterations", "restarts", "candidates", "solve_s", "accept_s")
+        "methods": entries,
+        "settings": {
+            **comparison.settings(),
+            "command": comparison.command,
+            "title": task.title,
+            "terms": {**task.terms, "reached": task.reached, **given},
+            "left_out": dict(comparison.left_out),
+            "confidence": statistics.CONFIDENCE,
+            "intervals": f"Wilson for rates; percentile bootstrap with {statistics.RESAMPLES} resamples for the rest",
+            "machine": provenance.machine(),
+        },
+        "versions": _versions(comparison),
     }
 
 
-def _errors(task: ReachTask, goal: Floats, sight: Sight, ending: Ending) -> dict[str, Any]:
-    """The values of a trial that say where its distance comes from."""
-    if sight.position is None or ending.q is None:
-        return {"ik_error": None}
-    meant = task.kinematics.fk(ending.q)[:3, 3]
-    errors = {"ik_error": float(np.linalg.norm(meant - sight.position))}
-    if not ending.impossible:
-        errors["move_error"] = float(np.linalg.norm(ending.tip - meant))
-        errors |= budget(goal, sight.position, meant, ending.tip)._asdict()
-    return errors
+def notes(comparison_task: Task, results: Mapping[str, Any]) -> list[str]:
+    """What the numbers mean, line by line."""
+    settings = results["settings"]
+    return [
+        f"{settings['goals']} goals, seed {settings['seed']}. Reached: {settings['terms']['reached']}; its 95 % "
+        "interval is Wilson's.",
+        *comparison_task.notes(results),
+        *(f"Left out: {name}: {reason}" for name, reason in settings["left_out"].items()),
+    ]
 
 
-def _seen(sight: Sight, goal: Floats) -> dict[str, Any]:
-    """The values of a trial that say what was seen; none where nobody looked."""
-    if sight.look_s is None:
-        return {}
-    seen: dict[str, Any] = {"look_s": sight.look_s}
-    if sight.view is not None:
-        seen["view"] = tuple(map(float, sight.view))
-    if sight.position is not None:
-        x, y, z = map(float, sight.position)
-        error = float(np.linalg.norm(sight.position - goal))
-        seen |= {"seen_x": x, "seen_y": y, "seen_z": z, "seen_error": error}
-    return seen
+def _compare_on_disk(comparison: Comparison, out: Path, *, fresh: bool, progress: Progress) -> dict[str, Any]:
+    make_writable(out)
+    if not fresh:
+        _refuse_other_results(out, comparison)
+    identity = {
+        "settings": comparison.settings(),
+        "versions": _versions(comparison),
+        "machine": provenance.machine(),
+    }
+    records = Records(out / RECORDS, identity, comparison, fresh=fresh)
+    for trial in run_trials(comparison, done=tuple(records.trials), progress=progress):
+        records.add(trial)
+    order = list(comparison.methods)
+    trials = sorted(records.trials, key=lambda trial: (trial["goal_index"], order.index(trial["method"])))
+    results = results_of(comparison, trials)
+    write_text(out / "results.csv", trials_csv(trials))
+    drawn = figures.write_figures(comparison.task.figures, out, trials, results)
+    report.write_report(out / "report.html", comparison.task, trials, results, drawn, notes(comparison.task, results))
+    write_text(out / RESULTS, json.dumps(results, indent=2, allow_nan=False) + "\n")
+    records.remove()
+    return results
 
 
-def _sight_of(trial: ReachTrial) -> Sight:
-    """What a trial's method was told: the inverse of `_seen`."""
-    position = None if trial.seen_x is None else np.array((trial.seen_x, trial.seen_y, trial.seen_z), dtype=np.float64)
-    return Sight(position, trial.look_s, None if trial.view is None else np.array(trial.view))
+class Records:
+    """The finished trials of one comparison, one line of JSON each, appended as they come.
+
+    The first line is the identity of the comparison: settings, versions, code and machine. Trials of another identity
+    are not mixed in: the comparison starts over, as it does where the file cannot be read.
+
+    Args:
+        path: The file.
+        identity: What must be equal for old trials to count, as JSON types.
+        comparison: Whose methods and goals count.
+        fresh: Drop old trials in any case.
+
+    Attributes:
+        trials: Everything finished so far.
+
+    Raises:
+        OutputError: The file cannot be written.
+    """
+
+    def __init__(self, path: Path, identity: Mapping[str, Any], comparison: Comparison, *, fresh: bool) -> None:
+        self.path = path
+        self.trials: list[Trial] = [] if fresh else list(_kept(path, identity, comparison))
+        # Written anew, not appended to: a line that a crash cut short must go before the next one is added.
+        write_text(path, "".join(json.dumps(line) + "\n" for line in (identity, *self.trials)))
+
+    def add(self, trial: Trial) -> None:
+        """Keep a finished trial, in memory and on disk.
+
+        Raises:
+            OutputError: The file system refused; what was there before is there still.
+        """
+        line, end = json.dumps(trial, allow_nan=False) + "\n", None
+        try:
+            with self.path.open("a", encoding="utf-8") as file:
+                end = file.tell()
+                file.write(line)
+        except OSError as error:
+            if end is not None:
+                with suppress(OSError):  # what comes next must not be added to half a line
+                    os.truncate(self.path, end)
+            raise OutputError(f"cannot write {self.path}: {error.strerror or error}") from error
+        self.trials.append(trial)
+
+    def remove(self) -> None:
+        """Delete the file: the comparison is complete and its results are written."""
+        self.path.unlink(missing_ok=True)
+
+
+def _kept(path: Path, identity: Mapping[str, Any], comparison: Comparison) -> Iterator[Trial]:
+    """Trials of this identity, each once, up to the first line that is not whole or not one of them."""
+    seen = set()
+    with suppress(OSError, ValueError, KeyError, TypeError, RecursionError), path.open(encoding="utf-8") as file:
+        if json.loads(file.readline()) != json.loads(json.dumps(identity)):
+            return
+        for line in file:
+            trial = json.loads(line)
+            which = trial["goal_index"], trial["method"]
+            if which in seen or which[1] not in comparison.methods or not 0 <= which[0] < comparison.goals:
+                return
+            comparison.task.columns[0].of(trial)
+            seen.add(which)
+            yield trial
+
+
+def _refuse_other_results(out: Path, comparison: Comparison) -> None:
+    """Do not write over the finished results of another comparison without a word."""
+    try:
+        found = json.loads((out / RESULTS).read_text(encoding="utf-8"))["settings"]
+        other = {name: found[name] for name in comparison.settings()}
+    except (OSError, ValueError, KeyError, TypeError):
+        return
+    wanted = json.loads(json.dumps(comparison.settings()))
+    differ = [name for name, value in wanted.items() if other[name] != value]
+    if differ:
+        raise InputError(
+            f"{out} holds the results of another comparison ({', '.join(differ)} differ); "
+            "choose another directory, or overwrite it with --fresh (fresh=True)"
+        )
+
+
+def _versions(comparison: Comparison) -> dict[str, Any]:
+    found: dict[str, Any] = provenance.versions()
+    for method in comparison.methods.values():
+        found |= method.versions
+    return found
+
+
+def _check_numbers(goals: object, seed: object) -> None:
+    check_count("the number of goals", goals, most=MOST_GOALS)
+    check_count("the seed", seed, least=0, most=MOST_SEED)
+
+
+def _check_observation(task: Task, observation: str) -> None:
+    check_known(f"{task.name} observation", observation, task.observations or (GEOMETRIC,))
+
+
+def _as_json(value: Any) -> Any:
+    """An option as JSON has it; an arm by its name, an object by its class or function."""
+    if isinstance(value, ArmDescription):
+        return value.name
+    if value is None or isinstance(value, bool | int | float | str):
+        return value
+    if isinstance(value, Sequence | np.ndarray):
+        return [_as_json(entry) for entry in value]
+    return getattr(value, "__qualname__", type(value).__qualname__)

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from functools import cached_property
-from typing import Any
+from pathlib import Path
+from typing import Any, Self
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -15,6 +17,9 @@ from kinreach.kinematics.chain import SerialChain
 from kinreach.robots import ArmDescription, as_arm
 
 pin: Any = load("pinocchio")
+
+#: Axes of Pinocchio's types of revolute joints; others carry their axis.
+PLAIN_AXES = {"JointModelRX": (1.0, 0.0, 0.0), "JointModelRY": (0.0, 1.0, 0.0), "JointModelRZ": (0.0, 0.0, 1.0)}
 
 
 class ArmKinematics:
@@ -40,6 +45,8 @@ class ArmKinematics:
         InstallationError: Pinocchio cannot be loaded.
     """
 
+    joints: int  # of arms that a closed form is for
+
     def __init__(self, arm: str | ArmDescription, *, tip: str | None = None, base: str = "base_link") -> None:
         self.arm = as_arm(arm)
         self.tip = tip if tip is not None else self.arm.default_tip
@@ -56,6 +63,30 @@ class ArmKinematics:
         T_world_arm = self.model.frames[self.model.getFrameId(self.arm.base)].placement.homogeneous
         self.T_world_base: Floats = T_world_arm if base == "base_link" else np.eye(4)
         self.T_base_world: Floats = np.linalg.inv(self.T_world_base)
+
+    @classmethod
+    def from_urdf(
+        cls,
+        file: str | Path,
+        *,
+        tip: str | None = None,
+        joints: Sequence[str] | None = None,
+        base: str = "base_link",
+        **facts: Any,
+    ) -> Self:
+        """Kinematics of the arm in a URDF file.
+
+        Args:
+            file: Path of the URDF.
+            tip: Link that is the tip; default is the one farthest from the root, counted in joints.
+            joints: Names of the joints of `q`; default are those that move between root and tip.
+            base: `"base_link"` (the URDF's root) or `"world"`.
+            facts: Further arguments of `ArmDescription.from_urdf`, such as `home=` and `workcell=`.
+
+        Raises:
+            InputError: The file is no URDF of an arm of this kind.
+        """
+        return cls(ArmDescription.from_urdf(file, tip=tip, joints=joints, **facts), tip=tip, base=base)
 
     def __repr__(self) -> str:
         return f"{type(self).__name__}(arm={self.arm.name!r}, tip={self.tip!r}, base={self.base!r})"
@@ -147,7 +178,14 @@ def build_model(arm: ArmDescription) -> Any:
         locked.append(joint)
     model = pin.buildReducedModel(full, locked, reference) if locked else full
     if tuple(model.names)[1:] != arm.joints:
-        raise InputError(f"arm {arm.name!r}: URDF joints {tuple(model.names)[1:]}, described {arm.joints}")
+        raise InputError(
+            f"arm {arm.name!r}: URDF joints {tuple(model.names)[1:]}, described {arm.joints}; "
+            "ArmDescription.from_urdf holds joints that are no part of the arm"
+        )
+    for index, name in enumerate(arm.joints, start=1):
+        kind = model.joints[index].shortname()
+        if model.joints[index].nq != 1 or not ("Revolute" in kind or kind in PLAIN_AXES):
+            raise InputError(f"arm {arm.name!r}: joint {name!r} ({kind}) is not a revolute joint with limits")
     for frame in (arm.base, *arm.tips.values()):
         if not model.existFrame(frame):
             raise InputError(f"arm {arm.name!r}: the URDF has no link {frame!r}")
@@ -156,9 +194,4 @@ def build_model(arm: ArmDescription) -> Any:
 
 def _axis(shortname: str, joint: Any) -> tuple[float, float, float]:
     """Axis of a revolute joint in its own frame, from Pinocchio's joint type."""
-    fixed = {"JointModelRX": (1.0, 0.0, 0.0), "JointModelRY": (0.0, 1.0, 0.0), "JointModelRZ": (0.0, 0.0, 1.0)}
-    if shortname in fixed:
-        return fixed[shortname]
-    if "Revolute" in shortname:
-        return tuple(joint.extract().axis)
-    raise InputError(f"joint type {shortname} is not revolute")
+    return PLAIN_AXES[shortname] if shortname in PLAIN_AXES else tuple(joint.extract().axis)

@@ -227,6 +227,8 @@ class Arm3Kinematics(ClosedFormKinematics):
         InputError: The arm is not of this kind.
     """
 
+    joints = 3
+
     def __init__(
         self, *, tip: str = "end_effector", base: str = "base_link", arm: str | ArmDescription = "arm3"
     ) -> None:

@@ -7,19 +7,20 @@ pairs in 10 000 of 10 000 random postures of either arm). Boxes and cylinders ar
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import xml.etree.ElementTree as ET
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
-from functools import partial
+from functools import lru_cache, partial
 from itertools import combinations
 from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from kinreach.checks import MOST_DISTANCE, check_number
+from kinreach.checks import MOST_DISTANCE, Floats, check_number
 from kinreach.engines import load
 from kinreach.errors import InputError
-from kinreach.kinematics.arm import ArmKinematics
+from kinreach.kinematics.arm import ArmKinematics, build_model
 from kinreach.robots import ArmDescription, Box
 from kinreach.robots.workcell import as_boxes
 
@@ -31,6 +32,8 @@ WORLD = 0
 
 #: At coal's own 1e-6 the search for a separating plane misses one overlap, up to 10 mm deep, in some 50 000 postures.
 GJK_TOLERANCE = 1e-8
+#: Random postures that tell which links always touch.
+SAMPLES = 300
 
 #: Two links or obstacles by name, in alphabetical order.
 Pair = tuple[str, str]
@@ -53,7 +56,7 @@ class CollisionChecker:
     """Collision checks of one arm on Pinocchio and coal. Threads must not share an instance: one per thread.
 
     Every pair of links is checked but those that no joint can move apart or together (a finger and its palm) and
-    `arm.disabled_collisions`; and every obstacle against every link but `arm.workcell.touching`.
+    `disabled_pairs(arm)`; and every obstacle against every link but `arm.workcell.touching`.
 
     Args:
         arm: Kinematics, description or name of the arm. Only the arm matters: a posture collides whatever the tip.
@@ -83,7 +86,8 @@ class CollisionChecker:
         self._obstacles, self._margin = boxes, margin
         self.model, self._data = self._kin.model, self._kin.model.createData()
         self.geometry = _shapes(description, self.model, boxes)
-        self._names = _pair_up(self.geometry, description, self.model)
+        skipped = (*disabled_pairs(description), *description.workcell.touching)
+        self._names = _pair_up(self.geometry, self.model, skipped)
         self.pairs: tuple[Pair, ...] = tuple(sorted(set(self._names)))
         self._results = _search_data(self.geometry, margin)
         # The naive manager tests every pair's bounding boxes: with some ten shapes no tree is faster.
@@ -137,6 +141,55 @@ class CollisionChecker:
         return Clearance(float(self._results.distanceResults[nearest].min_distance), self._names[nearest])
 
 
+@lru_cache(maxsize=16)
+def disabled_pairs(arm: ArmDescription) -> tuple[tuple[str, str], ...]:
+    """The pairs of links whose contact is no collision: `arm.disabled_collisions`, or if that is None, what is found.
+
+    Found are neighbours, the links on either side of a joint; pairs that touch in the arm's home posture; and pairs
+    that touch in every one of `SAMPLES` random postures.
+
+    Raises:
+        InputError: The collision shapes cannot be read.
+    """
+    if arm.disabled_collisions is not None:
+        return arm.disabled_collisions
+    model = build_model(arm)
+    geometry = _shapes(arm, model, ())
+    neighbours = _neighbours(arm, {_name(shape, model) for shape in geometry.geometryObjects})
+    names = _pair_up(geometry, model, neighbours)
+    results, data = _search_data(geometry, 0.0), model.createData()
+
+    def touching(q: Floats) -> set[Pair]:
+        pin.computeCollisions(model, data, geometry, results, q, False)
+        return {name for name, result in zip(names, results.collisionResults, strict=True) if result.isCollision()}
+
+    at_home = touching(np.array(arm.home, dtype=np.float64))
+    rng, always = np.random.default_rng(0), set(names)
+    for _ in range(SAMPLES):
+        always &= touching(rng.uniform(model.lowerPositionLimit, model.upperPositionLimit))
+    return (*neighbours, *sorted(at_home | always))
+
+
+def _neighbours(arm: ArmDescription, shaped: set[str]) -> list[Pair]:
+    """Links with shapes on either side of a joint that moves; links without shapes between them do not count."""
+    robot = ET.fromstring(arm.urdf)
+    joints = {_link(joint, "child"): joint for joint in robot.findall("joint")}
+    pairs = []
+    for child in sorted(shaped & set(joints)):
+        link, moves = child, False
+        while link in joints and (link == child or link not in shaped):
+            moves |= joints[link].get("type") != "fixed"
+            link = _link(joints[link], "parent")
+        if moves and link in shaped:
+            pairs.append((min(link, child), max(link, child)))
+    return pairs
+
+
+def _link(joint: ET.Element, end: str) -> str:
+    element = joint.find(end)
+    return "" if element is None else element.get("link", "")
+
+
 def _search_data(geometry: Any, margin: float) -> Any:
     """What is asked of each pair, and where the answers go.
 
@@ -174,14 +227,14 @@ def _shapes(arm: ArmDescription, model: Any, obstacles: Sequence[Box]) -> Any:
     return geometry
 
 
-def _pair_up(geometry: Any, arm: ArmDescription, model: Any) -> list[Pair]:
-    """Register the pairs to check; returns their names in the same order."""
-    skipped = {frozenset(pair) for pair in (*arm.disabled_collisions, *arm.workcell.touching)}
+def _pair_up(geometry: Any, model: Any, skipped: Iterable[tuple[str, str]]) -> list[Pair]:
+    """Register the pairs to check, all but the skipped ones; returns their names in the same order."""
+    left_out = {frozenset(pair) for pair in skipped}
     names: list[Pair] = []
     for (i, one), (j, other) in combinations(enumerate(geometry.geometryObjects), 2):
         a, b = _name(one, model), _name(other, model)
         rigid = one.parentJoint == other.parentJoint and (one.parentFrame == WORLD) == (other.parentFrame == WORLD)
-        if rigid or frozenset((a, b)) in skipped:
+        if rigid or frozenset((a, b)) in left_out:
             continue
         geometry.addCollisionPair(pin.CollisionPair(i, j))
         names.append((min(a, b), max(a, b)))

@@ -1,4 +1,4 @@
-"""Results of inverse kinematics: one posture, all postures of a goal, many goals; limits, windings and the nearest to a seed."""
+"""Results of inverse kinematics, for one posture, all postures of a goal, or many goals; and the nearest windings."""
 
 from __future__ import annotations
 
@@ -8,13 +8,17 @@ from enum import Enum
 from functools import cached_property
 from itertools import chain
 from math import ceil, pi
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from kinreach.checks import Floats, shown
 from kinreach.errors import InputError
+from kinreach.kinematics.goals import Goal, goal_error
+
+if TYPE_CHECKING:
+    from kinreach.kinematics.arm import ArmKinematics
 
 
 class Status(Enum):
@@ -42,6 +46,14 @@ def check_accept(accept: object) -> None:
 
 
 @dataclass(frozen=True)
+class Tolerance:
+    """When a goal counts as reached: position [m] and orientation [rad]."""
+
+    position: float = 1e-4
+    orientation: float = 1e-3
+
+
+@dataclass(frozen=True)
 class IKResult:
     """One posture, or the reason why there is none.
 
@@ -64,6 +76,49 @@ class IKResult:
     branch: int = -1
     iterations: int = 0
     restarts: int = 0
+
+    @classmethod
+    def of(
+        cls,
+        kinematics: ArmKinematics,
+        goal: Goal,
+        q: ArrayLike,
+        *,
+        tolerance: Tolerance | None = None,
+        accept: Accept | None = None,
+        reason: str = "",
+        branch: int = -1,
+        iterations: int = 0,
+        restarts: int = 0,
+    ) -> IKResult:
+        """Judge a posture: errors by forward kinematics, joint limits, and the caller's `accept`, in this order.
+
+        Args:
+            kinematics: The arm; the goal is in its base frame and for its tip.
+            goal: What was to be reached.
+            q: The posture found [rad], shape (n,).
+            tolerance: How near is reached; by default 1e-4 m and 1e-3 rad.
+            accept: Test that the posture must also pass.
+            reason: What to say if the goal is not reached; by default how far it is.
+            branch, iterations, restarts: As the attributes.
+
+        Raises:
+            InputError: `q` is malformed.
+        """
+        tolerance = tolerance or Tolerance()
+        check_accept(accept)
+        q = kinematics.as_posture("q", q).copy()
+        position, orientation = goal_error(goal, kinematics.fk(q))
+        if position > tolerance.position or orientation > tolerance.orientation:
+            status, said = Status.NOT_CONVERGED, f"{position:.3g} m and {orientation:.3g} rad from the goal"
+        elif outside := kinematics.joints_outside_limits(q):
+            status, said = Status.OUT_OF_LIMITS, f"outside the joint limits ({', '.join(outside)})"
+        elif accept is not None and not accept(q.copy()):
+            status, said = Status.REJECTED, "accept refused the posture"
+        else:
+            status, said = Status.OK, ""
+        said = reason if reason and status is Status.NOT_CONVERGED else said
+        return cls(q, status, position, orientation, said, branch, iterations, restarts)
 
     @property
     def success(self) -> bool:

@@ -3,13 +3,16 @@
 Data only: nothing here imports a robotics engine. Every arm is one URDF that feeds Pinocchio, placo and MuJoCo.
 """
 
-from kinreach.robots.description import ArmDescription, Gripper
+from kinreach.robots.description import ArmDescription
+from kinreach.robots.grippers import PARALLEL_GRIPPER, Gripper, with_parallel_gripper
 from kinreach.robots.registry import arm_names, as_arm, get_arm, register_arm
-from kinreach.robots.workcell import Box, CameraMount, Workcell
+from kinreach.robots.workcell import Box, BoxRegion, CameraMount, Workcell
 
 __all__ = [
+    "PARALLEL_GRIPPER",
     "ArmDescription",
     "Box",
+    "BoxRegion",
     "CameraMount",
     "Gripper",
     "Workcell",
@@ -17,4 +20,5 @@ __all__ = [
     "as_arm",
     "get_arm",
     "register_arm",
+    "with_parallel_gripper",
 ]

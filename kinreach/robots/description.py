@@ -2,31 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
 from functools import cached_property
+from pathlib import Path
 
-from kinreach.robots.urdf import check_urdf
+from kinreach.errors import InputError
+from kinreach.robots.grippers import Gripper
+from kinreach.robots.urdf import check_urdf, parse_urdf
+from kinreach.robots.urdf_arm import UrdfArm
+from kinreach.robots.urdf_file import read_urdf
 from kinreach.robots.workcell import CameraMount, Workcell
-
-
-@dataclass(frozen=True)
-class Gripper:
-    """A parallel gripper driven by one prismatic joint; the other finger mimics it.
-
-    Attributes:
-        joint: Name of the driven prismatic joint; its position is half the opening [m].
-        mimic_joint: Name of the joint that follows with ratio 1.
-        stroke: Largest opening between the fingers [m].
-        opening: Opening in which the arm reaches [m].
-        force: Largest force of the drive [N].
-    """
-
-    joint: str
-    mimic_joint: str
-    stroke: float
-    opening: float
-    force: float
 
 
 def no_package() -> None:
@@ -37,47 +23,143 @@ def no_package() -> None:
 class ArmDescription:
     """One robot arm, described once for Pinocchio, placo and MuJoCo. Compared and hashed by identity.
 
+    Only `name`, `title` and `build_urdf` must be given. What is left empty is read from the URDF, as each line says.
+
     Attributes:
         name: Key in the registry, as in `get_arm("ur5")`.
         title: Name for people.
-        build_urdf: Returns the URDF text, root link `world`, meshes as `package://` addresses.
-        joints: Names of the actuated joints in the order of `q`.
-        home: Start posture [rad], shape `(n,)`.
-        base: Link that carries the arm's own coordinate system.
-        tips: Frames that may be asked for as the tip, by short name: `{"tcp": "tcp", ...}`.
-        default_tip: Key of `tips` that tasks use.
-        workcell: Obstacles around the arm and where its goals are.
-        disabled_collisions: Link pairs that touch by construction (SRDF `disable_collisions`).
+        build_urdf: Returns the URDF text, meshes as `package://` addresses within `package_root`.
+        joints: Names of the actuated joints in the order of `q`; default are the joints that move between the root and
+            the tip. All other joints must be fixed, or be the gripper's.
+        home: Start posture [rad], shape `(n,)`; default is the middle of each joint's range.
+        base: Link that carries the arm's own coordinate system; default is the URDF's first link but `world`.
+        tips: Frames that may be asked for as the tip, by short name: `{"tcp": "tcp", ...}`; default are the links that
+            the last joint carries rigidly.
+        default_tip: Key of `tips` that tasks use; default is the first, and without `tips` the link
+            with the most joints between it and the root.
+        workcell: Obstacles around the arm and where its goals are; default is an empty one.
+        disabled_collisions: Link pairs that touch by construction (SRDF `disable_collisions`). None: neighbours, and
+            the pairs that collide at home or in every posture, see `kinreach.kinematics.collision.disabled_pairs`.
         package_root: Returns the folder that `package://` stands for, or None if the URDF names no mesh.
-        position_gains: Stiffness of the position servo of each joint [N m/rad].
-        speed_limit: Joint speed the controller commands [rad/s].
-        acceleration_limit: Joint acceleration the controller commands [rad/s^2].
+        position_gains: Stiffness of the position servo of each joint [N m/rad]; default makes each servo answer in
+            1/30 s, by an estimate of the inertia that the joint carries.
+        speed_limit: Joint speed the controller commands [rad/s]; default is the slowest joint's limit, at most 3.
+        acceleration_limit: Joint acceleration the controller commands [rad/s^2]; default is what half of the joints'
+            torque can give, at most 10.
         armature: Rotor inertia seen at each joint [kg m^2].
-        joint_damping: Viscous friction of each joint [N m s/rad].
+        joint_damping: Viscous friction of each joint [N m s/rad]; default is that of the URDF.
         gripper: The gripper, or None.
-        moves_last: Joints that a two-phase move holds still until all others have arrived.
-        cameras: Cameras on the arm and around it; `overview` is the viewpoint of pictures.
+        moves_last: Joints that a two-phase move holds still until all others have arrived; default none.
+        cameras: Cameras on the arm and around it; `overview` is the viewpoint of pictures. Default is an `overview`
+            from which the whole arm is seen.
+
+    Raises:
+        InputError: What has to be read from the URDF is not in it; the message names it.
     """
 
     name: str
     title: str
     build_urdf: Callable[[], str]
-    joints: tuple[str, ...]
-    home: tuple[float, ...]
-    base: str
-    tips: Mapping[str, str]
-    default_tip: str
-    workcell: Workcell
-    disabled_collisions: tuple[tuple[str, str], ...] = ()
+    joints: tuple[str, ...] = ()
+    home: tuple[float, ...] = ()
+    base: str = ""
+    tips: Mapping[str, str] = field(default_factory=dict)
+    default_tip: str = ""
+    workcell: Workcell = field(default_factory=Workcell)
+    disabled_collisions: tuple[tuple[str, str], ...] | None = None
     package_root: Callable[[], str | None] = no_package
     position_gains: tuple[float, ...] = ()
-    speed_limit: float = 3.0
-    acceleration_limit: float = 10.0
+    speed_limit: float = 0.0
+    acceleration_limit: float = 0.0
     armature: float = 0.1
     joint_damping: tuple[float, ...] = ()
     gripper: Gripper | None = None
     moves_last: tuple[str, ...] = ()
     cameras: tuple[CameraMount, ...] = ()
+
+    def __post_init__(self) -> None:
+        defaults: Mapping[str, Callable[[UrdfArm], object]] = {
+            "default_tip": lambda urdf: urdf.tip,
+            "tips": lambda urdf: urdf.tips,
+            "joints": lambda urdf: urdf.joints,
+            "home": lambda urdf: urdf.home,
+            "base": lambda urdf: urdf.base,
+            "position_gains": lambda urdf: urdf.position_gains(self.armature),
+            "speed_limit": lambda urdf: urdf.speed_limit,
+            "acceleration_limit": lambda urdf: urdf.acceleration_limit(self.armature),
+            "joint_damping": lambda urdf: urdf.damping,
+            "cameras": lambda urdf: (urdf.overview,),
+        }
+        if self.tips and not self.default_tip:
+            object.__setattr__(self, "default_tip", next(iter(self.tips)))
+        missing = [name for name in defaults if not getattr(self, name)]
+        if missing:
+            tip = self.tips.get(self.default_tip, self.default_tip) if self.default_tip else None
+            gripper = () if self.gripper is None else (self.gripper.joint, self.gripper.mimic_joint)
+            urdf = UrdfArm(self.name, parse_urdf(self.urdf), tip=tip, joints=self.joints, held=gripper)
+            for name in missing:
+                object.__setattr__(self, name, defaults[name](urdf))
+        count = len(self.joints)
+        for name in ("home", "position_gains", "joint_damping"):
+            values = getattr(self, name)
+            if len(values) != count:
+                raise InputError(f"arm {self.name!r}: {name} must have {count} numbers, one a joint, got {values}")
+
+    @classmethod
+    def from_urdf(
+        cls,
+        file: str | Path,
+        *,
+        name: str | None = None,
+        tip: str | None = None,
+        base: str | None = None,
+        joints: Sequence[str] | None = None,
+        home: Sequence[float] | None = None,
+        held: Mapping[str, float] | None = None,
+        workcell: Workcell | None = None,
+        package_dirs: Sequence[str | Path] | None = None,
+        gripper_on: str | None = None,
+        **facts: object,
+    ) -> ArmDescription:
+        """Describe an arm by its URDF file.
+
+        Joints that are not part of the arm, such as a gripper's fingers, are held still: they become fixed joints.
+
+        Args:
+            file: Path of the URDF. Meshes may be named relative to it or as `package://PACKAGE/...`.
+            name: Key in the registry; default is the name in the URDF.
+            tip: Link that is the tip; default is the one farthest from the root, counted in joints.
+            base: Link that carries the arm's own coordinate system; default is the root.
+            joints: Names of the joints of `q`; default are those that move between root and tip.
+            home: Start posture [rad]; default is the middle of each joint's range.
+            held: Where joints that are not part of the arm are held [rad, m]; default is 0, or their nearest limit.
+            workcell: Obstacles and goals; default is an empty work cell.
+            package_dirs: Folders in which `package://PACKAGE` is looked for; default are those around the file.
+            gripper_on: Link that the parallel gripper of `kinreach.robots.grippers` is mounted on; its `tcp` is then
+                the default tip. Default is no gripper.
+            facts: Any other attribute of `ArmDescription`, such as `position_gains=`.
+
+        Raises:
+            InputError: The file cannot be read, is no URDF of an arm, or names a mesh that is not there or is outside
+                the folders it may be in; a joint or a link is not in it.
+        """
+        source = read_urdf(
+            file, tip=tip, joints=joints, held=held or {}, package_dirs=package_dirs, gripper_on=gripper_on
+        )
+        return cls(
+            name=name or source.name,
+            title=name or source.name,
+            build_urdf=source.build,
+            package_root=source.package_root,
+            joints=source.joints,
+            home=tuple(home or ()),
+            base=base or "",
+            tips=source.tips,
+            default_tip=source.tip,
+            workcell=workcell or Workcell(),
+            gripper=source.gripper,
+            **facts,  # type: ignore[arg-type]
+        )
 
     @cached_property
     def urdf(self) -> str:

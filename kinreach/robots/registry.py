@@ -1,4 +1,4 @@
-"""Arms by name. Modules in `kinreach.robots.arms` are found by themselves; others join with `register_arm`."""
+"""Arms by name: those of kinreach, and those that join with `register_arm`."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from kinreach.robots.description import ArmDescription
 
 @cache
 def _arms() -> dict[str, ArmDescription]:
-    return {arm.name: arm for arm in (ur.ARM, arm3.ARM)}
+    return {arm.name: arm for arm in (*ur.ARMS, arm3.ARM)}
 
 
 def register_arm(arm: ArmDescription) -> None:

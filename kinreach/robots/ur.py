@@ -1,8 +1,8 @@
-"""Universal Robots UR5 with a parallel gripper.
+"""Universal Robots arms with a parallel gripper: UR3, UR5 and UR10, each in a work cell of its size.
 
-The arm is `ur5_limited` of example-robot-data (all joints within ±pi). kinreach mounts it with a yaw of +90
-degrees, so that the front is world +x (base_link -y), and adds a gripper with the proportions of an OnRobot RG6:
-160 mm stroke, made of boxes, with `tcp` between the finger tips, 0.20 m along z from `tool0`.
+The arms are the joint-limited ones of example-robot-data (all joints within ±pi). kinreach mounts them with a yaw of
++90 degrees, so that the front is world +x (base_link -y), and adds the gripper of `grippers`, with `tcp` between the
+finger tips, 0.20 m along z from `tool0`.
 """
 
 from __future__ import annotations
@@ -10,21 +10,84 @@ from __future__ import annotations
 import importlib.util
 import math
 import xml.etree.ElementTree as ET
+from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 
 from kinreach.errors import InstallationError
-from kinreach.robots.description import ArmDescription, Gripper
-from kinreach.robots.urdf import Solid, add_joint, add_link, prune, set_origin
+from kinreach.robots.description import ArmDescription
+from kinreach.robots.grippers import PARALLEL_GRIPPER, PARALLEL_GRIPPER_PAIRS, add_parallel_gripper
+from kinreach.robots.urdf import prune, set_origin
 from kinreach.robots.workcell import Box, BoxRegion, CameraMount, Workcell
 
 MOUNT_YAW = math.pi / 2
-TCP_OFFSET = 0.20  # tool0 -> tcp along z [m]
-STROKE = 0.16
-TABLE_TOP = -0.20  # world z [m]; at -0.30 the natural postures would push wrist_1 across +-pi
 FLOOR = -0.75
 PLATE = 0.02  # thickness of the plate under the arm [m]
 BALL_RADIUS = 0.025
-URDF_FILE = "example-robot-data/robots/ur_description/urdf/ur5_joint_limited_robot.urdf"
+URDF_FILE = "example-robot-data/robots/ur_description/urdf/{}_joint_limited_robot.urdf"
+JOINTS = (
+    "shoulder_pan_joint",
+    "shoulder_lift_joint",
+    "elbow_joint",
+    "wrist_1_joint",
+    "wrist_2_joint",
+    "wrist_3_joint",
+)
+HOME = (-math.pi / 2, -math.pi / 2, math.pi / 2, -math.pi / 2, -math.pi / 2, 0.0)
+
+
+@dataclass(frozen=True)
+class _Model:
+    """One row of the table: what differs between the arms of the family. Lengths [m], in the world.
+
+    Attributes:
+        name: `NAME_joint_limited_robot.urdf` is its file.
+        table_top: Height of the table. Lower, and the natural postures would push wrist_1 across ±pi.
+        table, table_x: Edges of the table top, and where its centre is in front of the arm.
+        goals_x, goals_y: Where goals are on the table; both natural postures reach them with the tool down.
+        plate, plate_x: Edges of the plate under the arm, and its centre.
+        front_target, wrist_target: Where the cameras look: a point in the world, and one in the frame of tool0.
+        overview, overview_target: Viewpoint of pictures.
+        position_gains: Stiffness of the position servos [N m/rad].
+        speed_limit: Of the joints [rad/s].
+    """
+
+    name: str
+    table_top: float
+    table: tuple[float, float]
+    table_x: float
+    goals_x: tuple[float, float]
+    goals_y: tuple[float, float]
+    plate: tuple[float, float]
+    plate_x: float
+    front_target: tuple[float, float, float]
+    wrist_target: tuple[float, float, float]
+    overview: tuple[float, float, float]
+    overview_target: tuple[float, float, float]
+    position_gains: tuple[float, ...]
+    speed_limit: float
+
+
+_MODELS = (
+    _Model(
+        name="ur3", table_top=-0.12, table=(0.50, 0.90), table_x=0.41, goals_x=(0.26, 0.42), goals_y=(-0.20, 0.20),
+        plate=(0.24, 0.16), plate_x=-0.04, front_target=(0.34, 0.0, -0.14), wrist_target=(0.112, -0.041, 0.409),
+        overview=(1.25, -0.95, 0.55), overview_target=(0.15, 0.0, 0.0),
+        position_gains=(1200.0, 1200.0, 800.0, 300.0, 250.0, 200.0), speed_limit=2.16,
+    ),
+    _Model(
+        name="ur5", table_top=-0.20, table=(0.70, 1.20), table_x=0.53, goals_x=(0.30, 0.65), goals_y=(-0.30, 0.30),
+        plate=(0.30, 0.18), plate_x=-0.06, front_target=(0.45, 0.0, -0.23), wrist_target=(0.109, 0.012, 0.607),
+        overview=(1.75, -1.30, 0.70), overview_target=(0.25, 0.0, 0.0),
+        position_gains=(4000.0, 4000.0, 2500.0, 800.0, 600.0, 400.0), speed_limit=math.pi,
+    ),
+    _Model(
+        name="ur10", table_top=-0.18, table=(0.90, 1.50), table_x=0.72, goals_x=(0.42, 0.90), goals_y=(-0.40, 0.40),
+        plate=(0.36, 0.22), plate_x=-0.07, front_target=(0.62, 0.0, -0.23), wrist_target=(0.164, 0.028, 0.802),
+        overview=(2.40, -1.80, 1.00), overview_target=(0.35, 0.0, 0.05),
+        position_gains=(12000.0, 12000.0, 6000.0, 500.0, 400.0, 250.0), speed_limit=2.16,
+    ),
+)  # fmt: skip
 
 
 def _package_root() -> str:
@@ -32,44 +95,21 @@ def _package_root() -> str:
     spec = importlib.util.find_spec("example_robot_data")
     if spec is not None and spec.origin is not None:
         for parent in Path(spec.origin).resolve().parents:
-            if (parent / "share" / URDF_FILE).is_file():
+            if (parent / "share" / URDF_FILE.format("ur5")).is_file():
                 return str(parent / "share")
     raise InstallationError(
-        "the UR5's description is missing; install it with: "
+        "the descriptions of the UR arms are missing; install them with: "
         "pip install example-robot-data==4.4.0 example-robot-data-loaders==4.4.0"
     )
 
 
-def _build_urdf() -> str:
-    robot = ET.parse(Path(_package_root()) / URDF_FILE).getroot()
+def _build_urdf(name: str) -> str:
+    robot = ET.parse(Path(_package_root()) / URDF_FILE.format(name)).getroot()
     prune(robot, tags=("gazebo", "transmission"), links=("ee_link", "base"))
     set_origin(robot, "world_joint", (0, 0, 0), (0, 0, MOUNT_YAW))
-    _add_gripper(robot)
+    add_parallel_gripper(robot, "tool0")
     ET.indent(robot)
     return ET.tostring(robot, encoding="unicode")
-
-
-def _add_gripper(robot: ET.Element) -> None:
-    """Palm and rail on tool0, two fingers that slide along ±y of tool0."""
-    palm = Solid((0.07, 0.10, 0.085), (0, 0, 0.0425))
-    rail = Solid((0.03, 0.20, 0.02), (0, 0, 0.095))
-    add_link(robot, "gripper_palm", mass=0.9, solids=(palm, rail), rgba="0.62 0.64 0.67 1")
-    add_joint(robot, "gripper_joint", "tool0", "gripper_palm")
-    for side, sign in (("left", 1.0), ("right", -1.0)):
-        finger = Solid((0.022, 0.012, 0.105), (0, sign * 0.006, 0.1575))
-        add_link(robot, f"finger_{side}", mass=0.1, solids=(finger,), rgba="0.20 0.21 0.23 1")
-        add_joint(
-            robot,
-            f"finger_{side}_joint",
-            "gripper_palm",
-            f"finger_{side}",
-            kind="prismatic",
-            axis=(0, sign, 0),
-            limit=(0.0, STROKE / 2, 120.0, 0.2),
-            mimic="finger_left_joint" if side == "right" else None,
-        )
-    add_link(robot, "tcp")
-    add_joint(robot, "tcp_joint", "tool0", "tcp", xyz=(0, 0, TCP_OFFSET))
 
 
 _SRDF_PAIRS = (
@@ -84,60 +124,63 @@ _SRDF_PAIRS = (
     ("wrist_1_link", "wrist_3_link"),
     ("wrist_2_link", "wrist_3_link"),
 )
-_GRIPPER_PAIRS = (
-    ("wrist_3_link", "gripper_palm"),
-    ("wrist_2_link", "gripper_palm"),
-    ("gripper_palm", "finger_left"),
-    ("gripper_palm", "finger_right"),
-    ("finger_left", "finger_right"),
-)
+_GRIPPER_PAIRS = (("wrist_3_link", "gripper_palm"), ("wrist_2_link", "gripper_palm"), *PARALLEL_GRIPPER_PAIRS)
 
-_CAMERAS = (
-    # Under the plate and 3 cm behind the arm's axis: further forward the nearest corners of the goal area, 45 degrees
-    # to the side, would leave the picture.
-    CameraMount("front", "world", (-0.03, 0.0, -0.05), (0.45, 0.0, -0.23), holder=(-0.05, 0.0, -PLATE)),
-    # Beside the fingers and far enough from them that they hide no goal; up in the picture is forward at home.
-    CameraMount("wrist", "tool0", (0.10, 0.0, 0.09), (0.109, 0.012, 0.607), up=(0, -1, 0), holder=(0.035, 0.0, 0.06)),
-    CameraMount("overview", "world", (1.75, -1.30, 0.70), (0.25, 0.0, 0.0), fovy=37.0),
-)
 
-ARM = ArmDescription(
-    name="ur5",
-    title="UR5 with parallel gripper",
-    build_urdf=_build_urdf,
-    joints=(
-        "shoulder_pan_joint",
-        "shoulder_lift_joint",
-        "elbow_joint",
-        "wrist_1_joint",
-        "wrist_2_joint",
-        "wrist_3_joint",
-    ),
-    home=(-math.pi / 2, -math.pi / 2, math.pi / 2, -math.pi / 2, -math.pi / 2, 0.0),
-    base="base_link",
-    tips={"tool0": "tool0", "tcp": "tcp"},
-    default_tip="tcp",
-    workcell=Workcell(
+def _workcell(model: _Model) -> Workcell:
+    top, (length, width) = model.table_top, model.plate
+    back = model.plate_x - length / 2
+    pedestal = length * 0.4
+    return Workcell(
         obstacles=(
-            Box("table", (0.70, 1.20, 0.04), (0.53, 0.0, TABLE_TOP - 0.02), legs=TABLE_TOP - 0.04 - FLOOR),
-            Box("mount", (0.30, 0.18, PLATE), (-0.06, 0.0, -PLATE / 2)),
-            Box("pedestal", (0.12, 0.18, -PLATE - FLOOR), (-0.15, 0.0, (FLOOR - PLATE) / 2)),
+            Box("table", (*model.table, 0.04), (model.table_x, 0.0, top - 0.02), legs=top - 0.04 - FLOOR),
+            Box("mount", (length, width, PLATE), (model.plate_x, 0.0, -PLATE / 2)),
+            Box(
+                "pedestal",
+                (pedestal, width, -PLATE - FLOOR),
+                (round(back + pedestal / 2, 3), 0.0, (FLOOR - PLATE) / 2),
+            ),
             Box("floor", (6.0, 6.0, 0.10), (0.0, 0.0, FLOOR - 0.05)),
         ),
         touching=(("mount", "base_link"),),
-        goals=BoxRegion(x=(0.30, 0.65), y=(-0.30, 0.30), z=(TABLE_TOP + BALL_RADIUS,) * 2),
+        goals=BoxRegion(x=model.goals_x, y=model.goals_y, z=(top + BALL_RADIUS,) * 2),
         ball_radius=BALL_RADIUS,
-    ),
-    disabled_collisions=_SRDF_PAIRS + _GRIPPER_PAIRS,
-    package_root=_package_root,
-    position_gains=(4000.0, 4000.0, 2500.0, 800.0, 600.0, 400.0),
-    speed_limit=math.pi,
-    acceleration_limit=10.0,
-    armature=0.1,
-    joint_damping=(0.0,) * 6,
-    gripper=Gripper(
-        joint="finger_left_joint", mimic_joint="finger_right_joint", stroke=STROKE, opening=0.10, force=120.0
-    ),
-    moves_last=("shoulder_lift_joint",),
-    cameras=_CAMERAS,
-)
+    )
+
+
+def _cameras(model: _Model) -> tuple[CameraMount, ...]:
+    return (
+        # Under the plate and 3 cm behind the arm's axis: further forward the nearest corners of the goal area, 45
+        # degrees to the side, would leave the picture.
+        CameraMount("front", "world", (-0.03, 0.0, -0.05), model.front_target, holder=(-0.05, 0.0, -PLATE)),
+        # Beside the fingers and far enough from them that they hide no goal; up in the picture is forward at home.
+        CameraMount("wrist", "tool0", (0.10, 0.0, 0.09), model.wrist_target, up=(0, -1, 0), holder=(0.035, 0.0, 0.06)),
+        CameraMount("overview", "world", model.overview, model.overview_target, fovy=37.0),
+    )
+
+
+def _describe(model: _Model) -> ArmDescription:
+    return ArmDescription(
+        name=model.name,
+        title=f"{model.name.upper()} with parallel gripper",
+        build_urdf=partial(_build_urdf, model.name),
+        joints=JOINTS,
+        home=HOME,
+        base="base_link",
+        tips={"tool0": "tool0", "tcp": "tcp"},
+        default_tip="tcp",
+        workcell=_workcell(model),
+        disabled_collisions=_SRDF_PAIRS + _GRIPPER_PAIRS,
+        package_root=_package_root,
+        position_gains=model.position_gains,
+        speed_limit=model.speed_limit,
+        acceleration_limit=10.0,
+        armature=0.1,
+        joint_damping=(0.0,) * 6,
+        gripper=PARALLEL_GRIPPER,
+        moves_last=("shoulder_lift_joint",),
+        cameras=_cameras(model),
+    )
+
+
+ARMS = tuple(map(_describe, _MODELS))

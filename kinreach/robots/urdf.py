@@ -137,16 +137,11 @@ _POSITIVE = ("size", "radius", "length", "scale")
 _NOT_NEGATIVE = ("value", "effort", "velocity", "damping", "friction")
 
 
-def check_urdf(text: object, package_root: str | None) -> None:
-    """Refuse what is no URDF of one arm, and what would make a reader open other files or take much memory.
-
-    Args:
-        text: The URDF.
-        package_root: Folder that `package://` stands for; None if there is none.
+def parse_urdf(text: object) -> ET.Element:
+    """The `<robot>` element of a URDF text.
 
     Raises:
-        InputError: It is too long or no XML; it declares entities; links and joints are no tree; a number is not
-            finite, too large or of the wrong sign; a lower limit is above the upper one; a mesh is outside the package.
+        InputError: It is too long, no XML or no URDF, or it has a document type.
     """
     if not isinstance(text, str) or len(text) > MOST_CHARACTERS:
         raise InputError(f"a URDF must be text of at most {MOST_CHARACTERS} characters, got {shown(text)}")
@@ -161,6 +156,21 @@ def check_urdf(text: object, package_root: str | None) -> None:
         raise InputError(f"the URDF is no XML: {error}") from None
     if robot.tag != "robot":
         raise InputError(f"the URDF must begin with <robot>, got <{shown(robot.tag)}>")
+    return robot
+
+
+def check_urdf(text: object, package_root: str | None) -> None:
+    """Refuse what is no URDF of one arm, and what would make a reader open other files or take much memory.
+
+    Args:
+        text: The URDF.
+        package_root: Folder that `package://` stands for; None if there is none.
+
+    Raises:
+        InputError: It is too long or no XML; it declares entities; links and joints are no tree; a number is not
+            finite, too large or of the wrong sign; a lower limit is above the upper one; a mesh is outside the package.
+    """
+    robot = parse_urdf(text)
     _check_tree(robot)
     for element in robot.iter():
         for name, count in _NUMBERS.get(element.tag, {}).items():

@@ -129,18 +129,28 @@ class QuadrantRegion:
 
 @dataclass(frozen=True)
 class Workcell:
-    """Obstacles and goals of one arm.
+    """Obstacles and goals of one arm; by default there is nothing around it.
 
     Attributes:
         obstacles: What the arm must not touch.
         touching: (obstacle, link) pairs that touch by construction.
-        goals: Where the centre of the ball may be.
+        goals: Where the centre of the ball may be; None if no goals are drawn in this cell.
         ball_radius: Radius of the ball that marks the goal [m]; it has no contact with the arm.
         reached_distance: How near to a goal the tip has to come [m].
     """
 
-    obstacles: tuple[Box, ...]
-    touching: tuple[tuple[str, str], ...]
-    goals: GoalRegion
+    obstacles: tuple[Box, ...] = ()
+    touching: tuple[tuple[str, str], ...] = ()
+    goals: GoalRegion | None = None
     ball_radius: float = 0.025
     reached_distance: float = 0.01
+
+    def draw_goals(self, rng: np.random.Generator, count: int) -> NDArray[np.float64]:
+        """Draw `count` goal positions in the world frame [m], shape (count, 3).
+
+        Raises:
+            InputError: This cell has no goals.
+        """
+        if self.goals is None:
+            raise InputError("this work cell has no goals; give the arm a Workcell with goals=BoxRegion(x, y, z)")
+        return self.goals.sample(rng, count)

@@ -18,6 +18,7 @@ import numpy as np
 
 from kinreach.checks import Floats, check_number
 from kinreach.errors import InputError, InstallationError
+from kinreach.kinematics.collision import disabled_pairs
 from kinreach.robots import ArmDescription, Box, CameraMount
 from kinreach.sim.engine import mujoco
 
@@ -321,6 +322,7 @@ def _import_urdf(arm: ArmDescription) -> Any:
     root = arm.package_root()
     spec = mujoco.MjSpec.from_string(arm.urdf if root is None else arm.urdf.replace("package://", f"{root}/"))
     spec.compiler.fusestatic = False  # otherwise tool0, tcp and base_link are no bodies
+    spec.compiler.balanceinertia = True  # some files have inertias that no body has
     spec.compiler.discardvisual = False  # otherwise shapes without contact, such as the ball, are dropped
     for body in spec.bodies[1:]:
         body.gravcomp = 1.0
@@ -366,10 +368,10 @@ def _add_workcell(spec: Any, arm: ArmDescription) -> None:
         # With a second shape in the body, MuJoCo compares oriented bounding boxes before it searches for the contact
         # itself, and so drops almost all pairs; between bodies of one shape it compares bounding spheres only.
         body.add_geom(type=mujoco.mjtGeom.mjGEOM_SPHERE, size=[min(box.size) / 4, 0, 0], **NEITHER_SEEN_NOR_FELT)
-    for one, other in (*arm.disabled_collisions, *cell.touching):
+    for one, other in (*disabled_pairs(arm), *cell.touching):
         spec.add_exclude(bodyname1=one, bodyname2=other)
     # Any goal will do until the first `place_ball`.
-    place = cell.goals.sample(np.random.default_rng(0), 1)[0]
+    place = np.zeros(3) if cell.goals is None else cell.goals.sample(np.random.default_rng(0), 1)[0]
     ball = spec.worldbody.add_body(name=BALL, mocap=True, pos=place)
     ball.add_geom(
         name=BALL,

@@ -27,7 +27,7 @@ def small(name):
 
 def weights(path):
     policy = load_policy(path)
-    return np.concatenate([part.ravel() for layer in policy._network.layers for part in layer])
+    return np.concatenate([part.ravel() for layer in policy.network.layers for part in layer])
 
 
 def interrupted(recipe, folder, kept):

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from kinreach.baselines import training
-from kinreach.baselines.algorithms import network_of
+from kinreach.baselines.networks import actor_network
 from kinreach.baselines.evaluation import evaluate
 from kinreach.baselines.learning_curve import LearningCurve
 from kinreach.baselines.models import build
@@ -126,7 +126,7 @@ def test_recipes_train_go_on_and_export_what_they_trained(name, tmp_path):
     run = train(recipe, tmp_path / "a", seed=1)
     again = train(recipe, tmp_path / "b", seed=1)
     for (weight, bias), (other_weight, other_bias) in zip(
-        run.policy._network.layers, again.policy._network.layers, strict=True
+        run.policy.network.layers, again.policy.network.layers, strict=True
     ):
         np.testing.assert_array_equal(weight, other_weight)
         np.testing.assert_array_equal(bias, other_bias)
@@ -136,7 +136,7 @@ def test_recipes_train_go_on_and_export_what_they_trained(name, tmp_path):
     trainee.model.learn(320)
     observations = np.concatenate([trainee.env.reset() for _ in range(4)])
     expected, _ = trainee.model.predict(observations, deterministic=True)
-    found = network_of(trainee.model)(observations.astype(float)).argmax(axis=1)
+    found = actor_network(trainee.model)(observations.astype(float)).argmax(axis=1)
     assert len(observations) == 64
     assert (found == expected).mean() >= 0.98  # ties, in single precision
     json.dumps(recipe.to_dict())

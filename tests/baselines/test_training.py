@@ -7,7 +7,7 @@ import pytest
 import torch
 from stable_baselines3 import PPO
 
-from kinreach.baselines.algorithms import network_of
+from kinreach.baselines.networks import actor_network
 from kinreach.baselines.evaluation import evaluate
 from kinreach.baselines.learning_curve import read_curve
 from kinreach.baselines.models import build
@@ -24,7 +24,7 @@ from tests.baselines.small_runs import SMALL, small
 def test_the_exported_network_is_the_trained_one(name, tmp_path):
     trainee = build(small(name), 3, steps=1000)
     observations = trainee.env.reset()
-    network = network_of(trainee.model)
+    network = actor_network(trainee.model)
     expected, _ = trainee.model.predict(observations, deterministic=True)
     np.testing.assert_allclose(np.clip(network(observations.astype(float)), -1, 1), expected, atol=2e-6)
     assert len(observations) >= 8
@@ -42,7 +42,7 @@ def test_networks_that_cannot_be_exported_are_refused():
     trainee = build(small("ppo-multi"), 0, steps=1)
     odd = PPO("MlpPolicy", trainee.env, policy_kwargs={"activation_fn": torch.nn.ELU}, device="cpu")
     with pytest.raises(InputError, match="ELU"):
-        network_of(odd)
+        actor_network(odd)
 
 
 def test_runs_leave_what_they_promise(tmp_path):

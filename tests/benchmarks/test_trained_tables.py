@@ -14,6 +14,7 @@ from benchmarks.studies.trainings import ONE_SEED, Trainings, finished, with_int
 from kinreach.baselines.evaluation import Evaluation
 from kinreach.baselines.policies import load_policy
 from kinreach.envs.button import ACTUATIONS
+from kinreach.errors import InputError
 from kinreach.statistics import trainings_interval
 
 PRETRAINED = resources.files("kinreach.baselines") / "pretrained"
@@ -46,11 +47,23 @@ def table(text):
 
 
 def test_only_finished_trainings_count_in_the_order_of_their_seeds(runs):
-    assert [folder.name for folder in finished(runs, "single")] == ["seed-2", "seed-10"]
+    def seeds():
+        return {name: [path.name for path in found] for name, found in finished(runs, ("single", "sac-single")).items()}
+
+    assert seeds() == {"single": ["seed-2", "seed-10"]}
     (runs / "single" / "seed-2" / "run.json").unlink()
-    assert [folder.name for folder in finished(runs, "single")] == ["seed-10"]
+    assert seeds() == {"single": ["seed-10"]}
     (runs / "single" / "seed-10" / "policy.safetensors").unlink()
-    assert finished(runs, "single") == finished(runs, "sac-single") == []
+    with pytest.raises(InputError, match=r"^no finished training of single, sac-single in "):
+        seeds()
+
+
+@pytest.mark.parametrize("study", ["trained", "button_policies", "loitering"])
+def test_where_nothing_is_trained_the_command_says_so(study, run_python):
+    done = run_python("-m", f"benchmarks.studies.{study}", "results/train")
+    assert (done.returncode, done.stdout) == (2, "")
+    assert done.stderr.startswith(f"python -m benchmarks.studies.{study}: error: no finished training of ")
+    assert done.stderr.count("\n") == 1
 
 
 def test_the_table_of_reach_policies(runs, capsys):

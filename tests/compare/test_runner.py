@@ -1,180 +1,186 @@
-"""Every method is asked the same, in turns, and failures are told apart."""
+"""Trials: every method on every goal, the same goals for all, resumable, and written whole or not at all."""
 
-from dataclasses import replace
-from typing import Any
+import csv
+import json
 
 import numpy as np
 import pytest
 
-from kinreach.checks import Floats
-from kinreach.compare.observation import WARM_UP_SEED, Sight
-from kinreach.compare.runner import WARM_UP_GOALS, run_trials
-from kinreach.compare.settings import MOST_SEED, Settings
-from kinreach.compare.solving import SolverMethod
-from kinreach.compare.tasks import UR5Task
-from kinreach.errors import InputError
-from kinreach.kinematics.goals import AxisGoal
-from kinreach.kinematics.solutions import IKResult, Status
-from kinreach.sim.simulation import ArmSimulation
+from kinreach.compare import compare
+from kinreach.compare.runner import MOST_SEED, RECORDS, WARM_UP_SEED, prepare, run_trials
+from kinreach.errors import InputError, UnknownNameError
+
+#: Not the same in two runs: clocks.
+CLOCKS = {"solve_s", "accept_s"}
 
 
-class Recorder:
-    """Writes down what it is asked, asks the acceptance test twice, and answers as told."""
-
-    def __init__(self, name: str, log: list[tuple[str, Any]], answer: IKResult) -> None:
-        self.name, self.log, self.answer = name, log, answer
-
-    def solve(self, goal: Any, seed: Any, *, accept: Any = None) -> IKResult:
-        """The answer it was made with."""
-        self.log.append((self.name, (goal, np.array(seed))))
-        accept(self.answer.q)
-        accept(self.answer.q)
-        return self.answer
+def plain(trials):
+    return [{name: value for name, value in trial.items() if name not in CLOCKS} for trial in trials]
 
 
-def _answer(q: Floats, status: Status = Status.OK, reason: str = "") -> IKResult:
-    return IKResult(q, status, position_error=0.0, orientation_error=0.0, reason=reason, iterations=3, restarts=1)
+def prepared(task, methods=(), goals=6, seed=0):
+    return prepare(
+        task, methods, goals=goals, seed=seed, arm=None, observation=None, options=None, command="again"
+    )  # fmt: skip
 
 
-def _methods(task: UR5Task, names: str, log: list[tuple[str, Any]], answer: IKResult) -> dict[str, SolverMethod]:
-    return {name: SolverMethod(task, Recorder(name, log, answer)) for name in names}
+def numbers(results):
+    """Results without their times."""
+    kept = json.loads(json.dumps(results))
+    for entry in kept["methods"]:
+        for name in ("solve_ms", "solve_ms_ci", "accept_ms", "accept_ms_ci"):
+            entry.pop(name, None)
+    return kept
 
 
-def test_all_methods_are_asked_the_same_in_turns(task: UR5Task, simulation: ArmSimulation) -> None:
-    log: list[tuple[str, Any]] = []
-    goals = task.goals(8, 0)
-    trials = list(run_trials(task, _methods(task, "abc", log, _answer(task.home)), goals, simulation))
-    assert len(trials) == 24
-    measured = log[3 * WARM_UP_GOALS :]
-    orders = ["".join(name for name, _ in measured[start : start + 3]) for start in range(0, 24, 3)]
-    assert {"".join(sorted(order)) for order in orders} == {"abc"}
-    assert {order[0] for order in orders} == {"a", "b", "c"}
-    assert len(set(orders)) > 3
-    for index, (_, (goal, seed)) in enumerate(measured):
-        assert isinstance(goal, AxisGoal)
-        assert np.array_equal(goal.position, goals[index // 3])
-        assert np.array_equal(seed, task.home)
-    warm_up = [goal.position for _, (goal, _) in log[: 3 * WARM_UP_GOALS]]
-    assert not any(np.array_equal(w, g) for w in warm_up for g in goals)
-    assert {trial.candidates for trial in trials} == {2}
-    assert all(0 < trial.accept_s < trial.solve_s for trial in trials)
+def rows_of(path):
+    return list(csv.DictReader(path.read_text().splitlines()))
 
 
-@pytest.mark.parametrize("seed", [0, 2**32 - 1, MOST_SEED])
-def test_no_seed_of_a_comparison_draws_the_goals_of_the_warm_up(
-    task: UR5Task, simulation: ArmSimulation, seed: int
-) -> None:
-    assert Settings(seed=seed).seed == seed
-    with pytest.raises(InputError, match="the seed must be at most"):
-        Settings(seed=WARM_UP_SEED)
-    log: list[tuple[str, Any]] = []
-    goals = task.goals(WARM_UP_GOALS, seed)
-    list(run_trials(task, _methods(task, "a", log, _answer(task.home)), goals[:1], simulation))
-    warm_up = [goal.position for _, (goal, _) in log[:WARM_UP_GOALS]]
-    assert len(log) == WARM_UP_GOALS + 1
-    assert not any(np.array_equal(w, g) for w in warm_up for g in goals)
+class Interrupted(Exception):
+    pass
 
 
-def test_trials_that_are_done_are_left_out(task: UR5Task, simulation: ArmSimulation) -> None:
-    methods = _methods(task, "ab", [], _answer(task.home))
-    trials = list(run_trials(task, methods, task.goals(2, 0), simulation))
-    done = [trial for trial in trials if (trial.goal, trial.method) in {(0, "a"), (1, "b")}]
-    left = run_trials(task, methods, task.goals(2, 0), simulation, done=done)
-    assert [(trial.goal, trial.method) for trial in left] == [(0, "b"), (1, "a")]
+def interrupt_after(count):
+    def progress(done, total):
+        if done == count:
+            raise Interrupted
+
+    return progress
 
 
-def test_methods_are_told_what_was_seen_and_judged_by_what_is_true(task: UR5Task, simulation: ArmSimulation) -> None:
-    log: list[tuple[str, Any]] = []
-    methods = _methods(task, "ab", log, _answer(task.home + 0.1))
-    goals, off = task.goals(2, 0), np.array([0.03, 0.0, 0.04])
-    looked: list[int] = []
-
-    def look(index: int, position: Floats) -> Sight:
-        looked.append(index)
-        return Sight(position + off, 0.07)
-
-    trials = list(run_trials(task, methods, goals, simulation, look=look))
-    assert looked == [0, 1]  # once per goal
-    asked = [goal.position for _, (goal, _) in log[2 * WARM_UP_GOALS :]]
-    assert np.array_equal(asked, (goals + off)[[0, 0, 1, 1]])
-    for trial in trials:
-        goal = goals[trial.goal]
-        assert (trial.x, trial.y, trial.z) == tuple(goal)
-        assert (trial.seen_x, trial.seen_y, trial.seen_z) == tuple(goal + off)
-        assert trial.seen_error == pytest.approx(0.05)
-        assert trial.look_s == 0.07
-        tip = task.kinematics.fk(task.home + 0.1)[:3, 3]
-        assert trial.distance == pytest.approx(np.linalg.norm(tip - goal), abs=0.012)
-        assert abs(trial.distance - np.linalg.norm(tip - goal - off)) > 0.012
+def test_every_method_meets_every_goal_once(toy):
+    trials = list(run_trials(prepared(toy, goals=7)))
+    assert sorted((trial["goal_index"], trial["method"]) for trial in trials) == [
+        (goal, method) for goal in range(7) for method in ("near", "right", "wild")
+    ]
+    for goal in range(7):
+        goals = {tuple(trial["goal"]) for trial in trials if trial["goal_index"] == goal}
+        assert len(goals) == 1  # the same for all
 
 
-def test_nobody_looks_at_a_finished_goal_and_the_rest_is_told_the_same(
-    task: UR5Task, simulation: ArmSimulation
-) -> None:
-    view = np.array([1.0, 2.0, 3.0, 0.0, 0.0, 0.0])
-    sights = {
-        0: Sight(None, 0.1, np.zeros(6)),
-        1: Sight(np.array([0.4, 0.1, -0.2]), 0.2, view),
-        2: Sight(np.array([0.5, 0.0, -0.1]), 0.3, view),
-    }
-    methods = _methods(task, "ab", [], _answer(task.home))
-    goals = task.goals(3, 0)
-    trials = list(run_trials(task, methods, goals, simulation, look=lambda index, position: sights[index]))
-    assert [trial.status for trial in trials] == ["no ball found"] * 2 + ["completed"] * 4
-
-    def never(index: int, position: Floats) -> Sight:
-        pytest.fail(f"goal {index} was looked at again")
-
-    again = list(run_trials(task, methods, goals, simulation, look=never, done=[trials[0], trials[3], *trials[4:]]))
-    untimed = {"solve_s": 0.0, "accept_s": 0.0}
-    assert [replace(trial, **untimed) for trial in again] == [replace(trials[k], **untimed) for k in (1, 2)]
-    assert trials[2].view == (1.0, 2.0, 3.0, 0.0, 0.0, 0.0)
+def test_a_goal_is_done_before_the_next_and_methods_take_turns(toy):
+    order = [(trial["goal_index"], trial["method"]) for trial in run_trials(prepared(toy, goals=20))]
+    assert [goal for goal, _ in order] == sorted(goal for goal, _ in order)
+    assert {method for _, method in order[::3]} == {"right", "near", "wild"}  # who goes first changes
 
 
-def test_a_ball_that_no_camera_found_is_asked_of_nobody(task: UR5Task, simulation: ArmSimulation) -> None:
-    log: list[tuple[str, Any]] = []
-    methods = _methods(task, "a", log, _answer(task.home))
-    goals = task.goals(1, 0)
-    (trial,) = run_trials(task, methods, goals, simulation, look=lambda index, position: Sight(None, 0.1))
-    assert len(log) == WARM_UP_GOALS
-    assert (trial.impossible, trial.reached, trial.reward) == (True, False, -100.0)
-    assert (trial.status, trial.reason) == ("no ball found", "no camera found the ball")
-    assert {trial.q, trial.move_s, trial.solve_s, trial.ik_error, trial.candidates} == {None}
-    assert {trial.seen_x, trial.move_error, trial.moving} == {None}
-    start = task.kinematics.fk(task.home)[:3, 3]
-    assert trial.distance == pytest.approx(np.linalg.norm(start - task.goals(1, 0)[0]), abs=1e-6)
+def test_the_first_goals_do_not_depend_on_how_many_there_are(toy):
+    few, many = (list(run_trials(prepared(toy, ["right"], goals=n, seed=4))) for n in (3, 9))
+    assert plain(few) == plain(many[:3])
 
 
-def test_no_posture_is_impossible_and_the_arm_stays(task: UR5Task, simulation: ArmSimulation) -> None:
-    answer = _answer(task.home + 0.3, Status.REJECTED, "every posture collides")
-    (trial,) = run_trials(task, _methods(task, "a", [], answer), task.goals(1, 0), simulation)
-    assert (trial.impossible, trial.reached) == (True, False)
-    assert (trial.status, trial.reason) == ("rejected", "every posture collides")
-    assert (trial.reward, trial.move_s, trial.q) == (-100.0, None, None)
-    assert {trial.ik_error, trial.move_error, trial.seeing, trial.deciding, trial.moving} == {None}
-    start = task.kinematics.fk(task.home)[:3, 3]
-    assert trial.distance == pytest.approx(np.linalg.norm(start - task.goals(1, 0)[0]), abs=1e-6)
+def test_the_warm_up_is_never_compared():
+    assert WARM_UP_SEED > MOST_SEED
 
 
-def test_a_posture_that_cannot_be_executed_is_impossible_and_says_why(task: UR5Task, simulation: ArmSimulation) -> None:
-    into_the_table = task.home + np.array([0.0, 1.0, 0.0, 0.0, 0.0, 0.0])
-    assert task.kinematics.fk(into_the_table)[2, 3] < -0.22
-    (trial,) = run_trials(task, _methods(task, "a", [], _answer(into_the_table)), task.goals(1, 0), simulation)
-    assert (trial.impossible, trial.reached, trial.move_s, trial.reward) == (True, False, None, -100.0)
-    assert "table" in trial.reason
-    assert trial.q == tuple(into_the_table)
+def test_what_is_measured(toy):
+    results = compare(toy, goals=20, seed=1)
+    right, near, wild = results["methods"]
+    assert (right["reached"], near["reached"], wild["reached"]) == (1.0, 1.0, 0.0)
+    assert right["distance_mm"]["median"] == 0.0
+    assert near["distance_mm"]["median"] == pytest.approx(5.0)
+    assert near["success_at_mm"]["5"] in (0.0, 1.0) or 0 < near["success_at_mm"]["5"] < 1  # rounding decides at 5 mm
+    assert (near["success_at_mm"]["10"], near["success_at_mm"]["2"]) == (1.0, 0.0)
+    assert wild["impossible"] == 1.0
+    assert set(wild["success_at_mm"].values()) == {0.0}  # what was impossible succeeded nowhere, however near it was
+    assert wild["outcomes"] == {"beyond": 20}
+    assert wild["move_s"] == {"median": None, "p95": None}
+    assert all(entry["goals"] == 20 for entry in results["methods"])
 
 
-def test_a_completed_move_is_measured_in_the_simulation(task: UR5Task, simulation: ArmSimulation) -> None:
-    (trial,) = run_trials(task, _methods(task, "a", [], _answer(task.home + 0.1)), task.goals(1, 0), simulation)
-    assert (trial.impossible, trial.status, trial.reason) == (False, "completed", "")
-    assert (trial.iterations, trial.restarts) == (3, 1)
-    assert trial.move_s is not None
-    assert 0.05 < trial.move_s < 3
-    expected = np.linalg.norm(task.kinematics.fk(task.home + 0.1)[:3, 3] - task.goals(1, 0)[0])
-    assert trial.distance == pytest.approx(expected, abs=0.012)
-    assert trial.ik_error == pytest.approx(expected, abs=1e-12)
-    assert trial.move_error is not None
-    assert 0 < trial.move_error < 0.012
-    assert (trial.seeing, trial.view) == (0.0, None)
-    assert trial.deciding + trial.moving == pytest.approx(trial.distance, abs=1e-15)
+def test_an_interrupted_comparison_goes_on_and_ends_as_if_it_had_not_been(toy, tmp_path):
+    whole = compare(toy, goals=5, out=tmp_path / "whole")
+    with pytest.raises(Interrupted):
+        compare(toy, goals=5, out=tmp_path / "torn", progress=interrupt_after(7))
+    kept = (tmp_path / "torn" / RECORDS).read_text().splitlines()
+    assert len(kept) == 1 + 7
+    started = []
+    resumed = compare(toy, goals=5, out=tmp_path / "torn", progress=lambda done, total: started.append((done, total)))
+    assert started[0] == (7, 15)
+    assert numbers(resumed) == numbers(whole)
+    assert not (tmp_path / "torn" / RECORDS).exists()
+    rows = [rows_of(tmp_path / name / "results.csv") for name in ("whole", "torn")]
+    assert plain(rows[0]) == plain(rows[1])
+    assert len(rows[0]) == 15
+
+
+@pytest.mark.parametrize("spoil", [
+    lambda text: text[:-20],  # the last line was cut short
+    lambda text: text.replace('"near"', '"nobody"', 1),
+    lambda text: text + "garbage\n",
+    lambda text: "{}\n" + text,
+    lambda text: "",
+    lambda text: text + text.splitlines()[-1] + "\n",  # a trial twice
+], ids=["cut", "unknown method", "garbage", "another identity", "empty", "twice"])  # fmt: skip
+def test_damaged_records_are_measured_again(toy, tmp_path, spoil):
+    whole = compare(toy, goals=4, out=tmp_path / "whole")
+    with pytest.raises(Interrupted):
+        compare(toy, goals=4, out=tmp_path / "torn", progress=interrupt_after(6))
+    records = tmp_path / "torn" / RECORDS
+    records.write_text(spoil(records.read_text()))
+    assert numbers(compare(toy, goals=4, out=tmp_path / "torn")) == numbers(whole)
+
+
+def test_other_settings_do_not_go_on(toy, tmp_path):
+    with pytest.raises(Interrupted):
+        compare(toy, goals=4, out=tmp_path, progress=interrupt_after(6))
+    started = []
+    compare(toy, goals=4, seed=1, out=tmp_path, progress=lambda done, total: started.append(done))
+    assert started[0] == 0
+
+
+def test_finished_results_of_another_comparison_are_not_overwritten(toy, tmp_path):
+    compare(toy, goals=3, out=tmp_path)
+    before = (tmp_path / "results.json").read_text()
+    with pytest.raises(InputError, match=r"another comparison \(goals, seed differ\).*fresh"):
+        compare(toy, goals=4, seed=2, out=tmp_path)
+    assert (tmp_path / "results.json").read_text() == before
+    assert compare(toy, goals=3, out=tmp_path)["settings"]["goals"] == 3  # the same again is welcome
+    assert compare(toy, goals=4, seed=2, out=tmp_path, fresh=True)["settings"]["goals"] == 4
+
+
+def test_files_say_the_same(toy, tmp_path):
+    results = compare(toy, goals=3, out=tmp_path)
+    assert json.loads((tmp_path / "results.json").read_text()) == json.loads(json.dumps(results))
+    assert sorted(path.name for path in tmp_path.iterdir()) == [
+        "report.html", "results.csv", "results.json", "scene.png",
+    ]  # fmt: skip
+    rows = rows_of(tmp_path / "results.csv")
+    assert [row["method"] for row in rows] == ["right", "near", "wild"] * 3
+    assert np.mean([float(row["distance"]) for row in rows if row["method"] == "near"]) == pytest.approx(0.005)
+
+
+def test_a_method_does_the_same_whoever_else_is_compared(toy):
+    alone = list(run_trials(prepared(toy, ["near"])))
+    among = [trial for trial in run_trials(prepared(toy)) if trial["method"] == "near"]
+    assert plain(alone) == plain(among)
+
+
+def test_options_reach_the_environment(toy):
+    assert compare(toy, ["right"], goals=3, options={"offset": 0.02})["methods"][0]["reached"] == 0.0
+
+
+@pytest.mark.parametrize(("arguments", "said"), [
+    ({"goals": 0}, "goals must be at least 1"),
+    ({"goals": 2.5}, "goals must be an integer"),
+    ({"seed": -1}, "seed must be at least 0"),
+    ({"seed": 2**63}, "seed must be at most"),
+    ({"methods": ["right", "right"]}, "named twice"),
+    ({"methods": [3]}, "a method is a name, a solver"),
+    ({"observation": "camera"}, "available: geometric"),
+    ({"arm": "ur6"}, "unknown arm"),
+])  # fmt: skip
+def test_unusable_arguments_are_refused_before_anything_is_written(toy, tmp_path, arguments, said):
+    with pytest.raises(InputError, match=said):
+        compare(toy, **{"out": tmp_path / "out", **arguments})
+    assert not (tmp_path / "out").exists()
+
+
+def test_unknown_names_list_those_there_are(toy):
+    with pytest.raises(UnknownNameError, match="available: near, right, wild"):
+        compare(toy, ["left"])
+    with pytest.raises(UnknownNameError, match=r"available: arm3, button, .*ur5"):
+        compare("ur7")
+    with pytest.raises(InputError, match="a task is a name or a Task"):
+        compare(7)

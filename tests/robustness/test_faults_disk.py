@@ -116,14 +116,53 @@ def test_other_errors_of_the_system_are_not_hidden(monkeypatch):
         cli.run_command("compare", [], prog="kinreach compare")
 
 
-def test_output_to_a_full_device(root, tmp_path):
-    command = [sys.executable, "-m", "kinreach.evaluate", "single", "--goals", "5", "--backend", "kinematic"]
-    with open("/dev/full", "w") as full:
-        done = subprocess.run(
-            command, cwd=tmp_path, env={**os.environ, "PYTHONPATH": str(root)}, stdout=full, stderr=subprocess.PIPE,
-            text=True, timeout=120, check=False,
-        )  # fmt: skip
-    assert done.returncode == cli.EXIT_ERROR
-    assert done.stderr.strip().splitlines() == [
-        "python -m kinreach.evaluate: error: cannot write: No space left on device"
-    ]
+EVALUATE = ("evaluate", "single", "--goals", "5", "--backend", "kinematic")
+
+
+@pytest.mark.parametrize("unbuffered", ["", "1"])
+class TestOutputThatCannotBeWritten:
+    """With the interpreter's buffer the failure comes when all is over, without it at the first line."""
+
+    @staticmethod
+    def start(root, arguments, unbuffered, stdout) -> subprocess.Popen:
+        environment = {**os.environ, "PYTHONPATH": str(root), "PYTHONUNBUFFERED": unbuffered}
+        command = [sys.executable, "-m", "kinreach", *arguments]
+        return subprocess.Popen(command, env=environment, stdout=stdout, stderr=subprocess.PIPE, text=True)
+
+    @pytest.mark.parametrize(
+        "arguments", [(), ("--version",), *((name, "--help") for name in cli.COMMANDS), EVALUATE], ids=" ".join
+    )
+    def test_full_device(self, root, arguments, unbuffered):
+        with open("/dev/full", "w") as full, self.start(root, arguments, unbuffered, full) as process:
+            said = process.communicate(timeout=120)[1].splitlines()
+        assert process.returncode == cli.EXIT_ERROR
+        called = " ".join(["python -m kinreach", *(name for name in arguments[:1] if name in cli.COMMANDS)])
+        assert said == [f"{called}: error: cannot write: No space left on device"]
+
+    @pytest.mark.parametrize("arguments", [("--help",), ("compare", "--help"), EVALUATE], ids=" ".join)
+    def test_reader_who_has_left(self, root, arguments, unbuffered):
+        reading, writing = os.pipe()
+        os.close(reading)
+        with self.start(root, arguments, unbuffered, writing) as process:
+            os.close(writing)
+            assert process.communicate(timeout=120)[1] == ""
+        assert process.returncode == cli.EXIT_UNREAD
+
+
+def test_complaint_that_cannot_be_written(root, tmp_path):
+    for argument in ("nonsense", "--nonsense"):
+        with open("/dev/full", "w") as full:
+            command = [sys.executable, "-m", "kinreach.evaluate", argument]
+            done = subprocess.run(command, cwd=tmp_path, env={**os.environ, "PYTHONPATH": str(root)}, stderr=full)
+        assert done.returncode == cli.EXIT_ERROR
+
+
+def test_a_broken_pipe_to_somebody_else_is_not_hidden(monkeypatch):
+    def main(argv, *, prog):
+        raise BrokenPipeError(errno.EPIPE, "a worker has died")
+
+    monkeypatch.setattr("kinreach.compare.cli.main", main)
+    with open(os.devnull, "w") as stdout:
+        monkeypatch.setattr("sys.stdout", stdout)
+        with pytest.raises(BrokenPipeError):
+            cli.run_command("compare", [], prog="kinreach compare")

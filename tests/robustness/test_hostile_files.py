@@ -26,7 +26,7 @@ def whole(tmp_path_factory):
     """A policy's header and bytes, taken apart."""
     path = tmp_path_factory.mktemp("policy") / "p.safetensors"
     policy = load_policy("single")
-    save_policy(path, policy.card, policy._network)
+    save_policy(path, policy.card, policy.network)
     data = path.read_bytes()
     size = struct.unpack("<Q", data[:8])[0]
     return json.loads(data[8 : 8 + size]), data[8 + size :]
@@ -122,7 +122,7 @@ def test_policies(whole, fuzzed, tmp_path, monkeypatch):
             action = policy.act(np.full(13, 0.3))
             assert action.shape == (6,)
             assert (np.abs(action) <= 1).all()
-            save_policy(tmp_path / "again.safetensors", policy.card, policy._network)
+            save_policy(tmp_path / "again.safetensors", policy.card, policy.network)
             (tmp_path / "again.safetensors").unlink()
         finally:
             assert [path.name for path in tmp_path.iterdir()] == ["p.safetensors"]

@@ -51,7 +51,7 @@ def files(folder):
     policy = load_policy("single")
     for name in NAMES:
         path = folder / f"{name}.safetensors"
-        save_policy(path, policy.card, policy._network)
+        save_policy(path, policy.card, policy.network)
         yield path
 
 
@@ -86,7 +86,7 @@ def test_commands_print_names_and_give_a_line_that_can_be_copied(name, tmp_path,
     policy = load_policy("single")
     safe = name.replace("/", "")
     file = f"{safe}.safetensors"
-    save_policy(file, policy.card, policy._network)
+    save_policy(file, policy.card, policy.network)
     assert main(["compare", "--methods", file, "--goals", "1", "--out", "[" + "out"]) == 0
     said = capsys.readouterr().out
     again = next(line for line in said.splitlines() if line.startswith("Again: "))
@@ -104,7 +104,7 @@ def test_two_policies_of_one_name_are_both_reported(tmp_path, capsys):
     paths = [tmp_path / folder / "p.safetensors" for folder in ("a", "b")]
     for path in paths:
         path.parent.mkdir()
-        save_policy(path, policy.card, policy._network)
+        save_policy(path, policy.card, policy.network)
     out = tmp_path / "found.json"
     arguments = ["evaluate", *map(str, paths), "--goals", "2", "--backend", "kinematic", "--out", str(out)]
     assert main(arguments) == 0

@@ -1,29 +1,52 @@
 """What is trained, with what, for how long: one recipe a name. Nothing else decides how a policy comes about.
 
-To add a recipe, add it to the module of its task; to add an algorithm, add it to `ALGORITHMS` of
-`kinreach.baselines.models`.
+A recipe of your own is one `register_recipe(Recipe(...))`, or a `Recipe` in a module of your own, by the name
+`module:attribute`. To add one to the package, add it to the module of its task.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
 
 from kinreach.baselines.recipes.base import Networks, Recipe
 from kinreach.baselines.recipes.button import BUTTON_RECIPES
 from kinreach.baselines.recipes.reach import REACH_RECIPES
-from kinreach.checks import check_known
+from kinreach.checks import check_known, shown
+from kinreach.errors import InputError
+from kinreach.objects import load_object
 
-__all__ = ["RECIPES", "Networks", "Recipe", "get_recipe"]
+__all__ = ["RECIPES", "Networks", "Recipe", "get_recipe", "register_recipe"]
 
 #: Recipes by name.
-RECIPES: Mapping[str, Recipe] = {recipe.name: recipe for recipe in (*REACH_RECIPES, *BUTTON_RECIPES)}
+RECIPES: dict[str, Recipe] = {recipe.name: recipe for recipe in (*REACH_RECIPES, *BUTTON_RECIPES)}
+
+
+def register_recipe(recipe: Recipe) -> Recipe:
+    """Make a recipe known by its name.
+
+    Raises:
+        InputError: It is no recipe, or there is another one of its name.
+    """
+    given: Any = recipe
+    if not isinstance(given, Recipe):
+        raise InputError(f"a recipe must be a Recipe, got {shown(given)}")
+    if not isinstance(given.name, str) or not given.name or recipe.name != Path(recipe.name).name:
+        raise InputError(f"the name of a recipe is that of a folder, got {shown(recipe.name)}")
+    if RECIPES.setdefault(recipe.name, recipe) != recipe:
+        raise InputError(f"there is a recipe {recipe.name!r} already")
+    return recipe
 
 
 def get_recipe(name: str) -> Recipe:
-    """A recipe by name.
+    """A recipe by name, or one of your own as `module:attribute`, which it is imported from and registered.
 
     Raises:
         UnknownNameError: There is none of that name; the message lists those that there are.
+        InputError: There is no such module or attribute, or it is no recipe.
     """
+    given: Any = name
+    if isinstance(given, str) and ":" in given:
+        return register_recipe(load_object("recipe", name))
     check_known("recipe", name, RECIPES)
     return RECIPES[name]

@@ -6,8 +6,6 @@ from collections.abc import Mapping
 from dataclasses import asdict, dataclass, field
 from typing import Any
 
-from kinreach.registration import BUTTON
-
 
 @dataclass(frozen=True)
 class Networks:
@@ -15,7 +13,7 @@ class Networks:
 
     Attributes:
         hidden: Sizes of the hidden layers.
-        activation: `"tanh"`, `"silu"` or `"relu"`.
+        activation: `"tanh"`, `"silu"`, `"relu"`, `"elu"` or `"leaky_relu"`.
         features: `"raw"`: the observation as it is; `"scaled"`: shifted and scaled by constants; `"goal waves"`: the
             goal alone, scaled, and waves of it; `"button"`: scaled by the constants of the button task.
         posture: Whether the actor's output is a change of the start pose [rad], small at first.
@@ -36,21 +34,20 @@ class Recipe:
     Attributes:
         name: As on the command line.
         summary: What it is, in a sentence.
-        environment: Id.
-        options: Of the environment.
-        algorithm: Key of `kinreach.baselines.models.ALGORITHMS`.
+        environment: Id of any registered environment whose observations are vectors; `module:id` imports the module.
+        options: Of the environment, as JSON values.
+        algorithm: Name of one that is registered, see `kinreach.baselines.algorithms.register_algorithm`.
         steps: Actions that the learner takes.
         num_envs: Environments in step.
-        reward: What the learner sees, key of `kinreach.baselines.rewards.REWARDS`; evaluation always uses the
-            environment's own.
+        reward: What the learner sees, key of `kinreach.baselines.rewards.REWARDS` or `module:function`; evaluation
+            always uses the environment's own.
         blur: Standard deviation of the noise on observed goals in training [m]; of ranked PPO only.
         margin: How far beyond the table area goals are drawn in training, on every side [m]; of ranked PPO only. The
             border is then learned as well as the middle.
         walk: Steps of the environment in which a posture is walked to in training; of ranked PPO only.
         networks: Actor and critic.
-        settings: Keyword arguments of the algorithm, with `minibatches` of an update instead of a batch size,
-            `exploration` of an `Exploration` (in radians where the output is a posture), `adaptive` of an
-            `AdaptiveRate`, `adam` of the optimiser, `action_noise` as a standard deviation.
+        settings: Keyword arguments of the algorithm, as JSON values; what its entry in the registry makes of them is
+            said there (`mlp_arguments`, `ppo_arguments`, ...).
         segments: Parts of the training, after each of which its state is kept.
         window: Environment steps of a row of the learning curve.
         trace_after: Environment steps after which one episode is kept step by step; None for none.
@@ -72,11 +69,6 @@ class Recipe:
     segments: int = 10
     window: int = 1000
     trace_after: int | None = None
-
-    @property
-    def meaning(self) -> str:
-        """What the output of the policy means, as its card says it."""
-        return "preferences" if self.environment == BUTTON else "posture" if self.networks.posture else "action"
 
     def to_dict(self) -> dict[str, Any]:
         """As JSON types."""

@@ -86,12 +86,22 @@ class ReachEnv(gym.Env[Any, Any], EzPickle):
         return self._task.home.copy()
 
     def accept(self, q: ArrayLike) -> bool:
-        """Whether a posture [rad], shape (n,), is free of collisions, by the exact checker.
+        """Whether a posture [rad], shape (n,), may be taken: free of collisions, and natural where that is rewarded.
+
+        Collisions are judged by the exact checker; natural is a posture error below the thesis's 0.15.
 
         Raises:
             InputError: Wrong shape, or not finite.
         """
-        return self._task.checker.free(q)
+        return self._task.natural(q) and self._task.checker.free(q)
+
+    def posture_for(self, action: ArrayLike) -> Floats:
+        """The posture [rad], shape (n,), that an action asks for from where the arm stands: inverse of `action_for`.
+
+        Raises:
+            InputError: Wrong shape, or not finite.
+        """
+        return self._task.targets(self._world.q, check_actions(action, None, len(self.arm.joints))[None])[0]
 
     def action_for(self, q: ArrayLike) -> Floats:
         """The action that takes the arm to a posture, or in several steps straight towards it.
@@ -127,8 +137,7 @@ class ReachEnv(gym.Env[Any, Any], EzPickle):
                 (zeros for a camera that did not find the ball): no look is taken.
 
         Returns:
-            The observation, and `info`: `goal` and `seen` (where the ball is, and where the cameras put it in the
-            world; NaN where none found it), `ball_found`, `q`, `tip`, `distance`, `posture_error`.
+            The observation, and `info` as the class describes it.
 
         Raises:
             InputError: A seed that is not an integer at least 0, an unknown option, or one that is malformed.
@@ -268,7 +277,7 @@ class UR5SingleStepEnv(ReachEnv):
 
     ## Info
     After a reset: `goal` (where the ball is in the world [m]), `seen` (where the cameras put it; NaN where none found
-    it), `ball_found` (by the front and the wrist camera), `q` [rad], `tip` (the tcp in the world [m]), `distance` [m],
+    it), `view` (the goal block of the observation), `ball_found` (by the front and the wrist camera), `q` [rad], `tip` (the tcp in the world [m]), `distance` [m],
     `posture_error` (r_e). After a step also `reached` and `is_success`, `impossible`, `impossible_reason` (empty where
     possible), `status` and `impossible_code` (how it ended in a word and as a number, `kinreach.envs.reach.worlds`),
     `target` and `target_tip` (the posture that the action meant, and the tcp there), `move_s` (simulated time of all

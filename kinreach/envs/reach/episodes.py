@@ -136,7 +136,15 @@ class ReachEpisodes:
         """What is said after a reset, as arrays."""
         q, tip = self._world.q.copy(order="K"), self._world.tip.copy(order="K")
         error = self._task.scorer.posture_error(q)
-        return {**self.goal_info(), "q": q, "tip": tip, "distance": self._distance(tip), "posture_error": error}
+        view = self._observation[:, self._task.layout.goal].copy()
+        return {
+            **self.goal_info(),
+            "view": view,
+            "q": q,
+            "tip": tip,
+            "distance": self._distance(tip),
+            "posture_error": error,
+        }
 
     def step(self, actions: Floats) -> Outcome:
         """Act with every arm.

@@ -15,12 +15,13 @@ import numpy as np
 from gymnasium import spaces
 from numpy.typing import ArrayLike
 
-from kinreach.checks import Floats, as_flags, as_floats, check_count, check_known, check_number
+from kinreach.checks import Floats, as_flags, as_floats, as_vector, check_count, check_known, check_number
 from kinreach.envs.options import RENDER_MODES, RENDER_MODES_TEXT, about, option_rows
 from kinreach.envs.reach.rewards import RewardFunction, scorer_of
 from kinreach.errors import InputError
-from kinreach.kinematics import ArmKinematics, AxisGoal, CollisionChecker, PositionGoal
+from kinreach.kinematics import ArmKinematics, AxisGoal, CollisionChecker, PositionGoal, kinematics_of
 from kinreach.robots import ArmDescription, as_arm
+from kinreach.thesis.reward import REACHED_POSTURE_ERROR
 from kinreach.vision.ball_finder import PIPELINES
 from kinreach.vision.cameras import SensorNoise
 from kinreach.vision.goal_view import geometric_goal_view, has_goal_cameras
@@ -287,7 +288,7 @@ class ReachTask:
         self.options = options
         self.variant = variant
         self.arm = arm = as_arm(options.arm)
-        self.kinematics = ArmKinematics(arm, base="world")
+        self.kinematics = kinematics_of(arm, base="world")
         self.scorer = scorer_of(options.reward, arm)
         self.home = np.array(arm.home)
         self.layout = layout_of(arm)
@@ -322,6 +323,11 @@ class ReachTask:
         """
         point = as_floats("position", position)
         return AxisGoal(point, TOOL_DOWN) if len(self.arm.joints) >= 6 else PositionGoal(point)  # type: ignore[arg-type]
+
+    def natural(self, q: ArrayLike) -> bool:
+        """Whether a posture [rad], shape (n,), has the posture error that reaching asks for."""
+        posture = as_vector("q", q, len(self.arm.joints))
+        return bool(self.scorer.posture_error(posture[None])[0] < REACHED_POSTURE_ERROR)
 
     @cached_property
     def checker(self) -> CollisionChecker:

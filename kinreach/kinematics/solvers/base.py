@@ -2,21 +2,31 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import Protocol
 
 from numpy.typing import ArrayLike
 
 from kinreach.kinematics.closed_form import ClosedFormKinematics
 from kinreach.kinematics.goals import Goal
-from kinreach.kinematics.solutions import Accept, IKResult
+from kinreach.kinematics.solutions import Accept, IKResult, Tolerance
+
+__all__ = ["ClosedFormSolver", "Solver", "Tolerance"]
 
 
 class Solver(Protocol):
-    """Turns a goal and a seed posture into a posture.
+    """Turns a goal and a seed posture into a posture. Any object with this `name` and this `solve` is one:
 
-    Solvers have work space: threads must not share one, nor two solvers on the same kinematics. One per thread, made
-    there, gives what a single thread gives. A pickled solver is one of its own, too.
+        class MySolver:
+            name = "mine"
+
+            def __init__(self, kin):
+                self.kin = kin
+
+            def solve(self, goal, seed, *, accept=None):
+                q = ...  # anything that starts from `seed`
+                return IKResult.of(self.kin, goal, q, accept=accept)
+
+    `IKResult.of` computes the errors, checks limits and `accept`, and says whether `q` reaches the goal.
     """
 
     @property
@@ -39,14 +49,6 @@ class Solver(Protocol):
             InputError: The goal or the seed is malformed, or the arm cannot serve this kind of goal.
         """
         ...
-
-
-@dataclass(frozen=True)
-class Tolerance:
-    """When an iterative solver may stop: position [m] and orientation [rad]."""
-
-    position: float = 1e-4
-    orientation: float = 1e-3
 
 
 class ClosedFormSolver:

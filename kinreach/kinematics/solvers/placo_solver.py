@@ -23,8 +23,6 @@ from kinreach.kinematics.solvers.iterative import (
     goal_frame,
 )
 
-placo: Any = load("placo")
-
 #: Limit [rad] for joints that turn full circle: no search gets there.
 NO_LIMIT = 100.0
 
@@ -65,6 +63,7 @@ class PlacoSolver(IterativeSolver):
             kin, tolerance=tolerance, max_iterations=max_iterations, max_restarts=max_restarts, rng_seed=rng_seed
         )
         self.dt = check_number("dt", dt, above=0.0, most=LONGEST_STEP)
+        placo: Any = load("placo")  # here, and not above: without placo the other solvers still work
         self._robot = placo.RobotWrapper("", int(placo.Flags.ignore_collisions), _skeleton(kin.arm.urdf))
         for name, position in kin.arm.locked_joints.items():
             self._robot.set_joint(name, position)
@@ -83,7 +82,7 @@ class PlacoSolver(IterativeSolver):
         return partial(PlacoSolver, **options), (self.kin,)  # placo's own objects cannot be pickled
 
     def _make_problem(self, kind: type[Goal]) -> _Problem:
-        solver = placo.KinematicsSolver(self._robot)
+        solver = load("placo").KinematicsSolver(self._robot)
         solver.mask_fbase(True)
         for name in self.kin.arm.locked_joints:
             solver.mask_dof(name)

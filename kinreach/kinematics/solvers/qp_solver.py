@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from typing import ClassVar
+from typing import Any, ClassVar
 
 import numpy as np
-import qpsolvers
 
 from kinreach.checks import Floats, check_number
+from kinreach.errors import InstallationError
 from kinreach.kinematics.arm import ArmKinematics
 from kinreach.kinematics.goals import Goal
 from kinreach.kinematics.solvers.base import Tolerance
@@ -50,6 +50,7 @@ class QPSolver(IterativeSolver):
 
     Raises:
         InputError: A count, a tolerance or `dt` cannot be used.
+        InstallationError: qpsolvers cannot be loaded.
     """
 
     name: ClassVar[str] = "qp"
@@ -68,12 +69,14 @@ class QPSolver(IterativeSolver):
             kin, tolerance=tolerance, max_iterations=max_iterations, max_restarts=max_restarts, rng_seed=rng_seed
         )
         self.dt = check_number("dt", dt, above=0.0, most=LONGEST_STEP)
+        self._solve_qp = _import_solve_qp()
 
     def _descender(self, goal: Goal) -> Descend:
         task = GoalTask(self.kin, goal, self.tolerance)
         lower, upper = self.joint_space.search_lower, self.joint_space.search_upper
         largest_step = self.dt * self.kin.velocity_limit
         identity = np.eye(self.kin.n)
+        solve_qp = self._solve_qp
 
         def descend(q: Floats) -> Descent:
             for step in range(self.max_iterations):
@@ -83,7 +86,7 @@ class QPSolver(IterativeSolver):
                 H = J.T.dot(J) + (DAMPING * e.dot(e) + DAMPING_BIAS) * identity
                 lb = np.maximum(lower - q, -largest_step)
                 ub = np.minimum(upper - q, largest_step)
-                dq = qpsolvers.solve_qp(H, -J.T.dot(e), lb=lb, ub=ub, solver="daqp")
+                dq = solve_qp(H, -J.T.dot(e), lb=lb, ub=ub, solver="daqp")
                 if dq is None:
                     return Descent(q, step)
                 q = q + dq
@@ -92,3 +95,12 @@ class QPSolver(IterativeSolver):
             return Descent(q, self.max_iterations)
 
         return descend
+
+
+def _import_solve_qp() -> Any:
+    """qpsolvers, which only this solver needs: without it the others still work."""
+    try:
+        from qpsolvers import solve_qp
+    except ImportError as error:
+        raise InstallationError(f"{error}; the QP solver needs: pip install 'qpsolvers[daqp]'") from error
+    return solve_qp

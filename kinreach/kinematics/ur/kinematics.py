@@ -1,11 +1,11 @@
-"""Kinematics of the UR5 and its siblings: closed-form inverse for poses and tool directions, one or many."""
+"""Kinematics of the UR family: closed-form inverse for poses and tool directions, one or many."""
 
 from __future__ import annotations
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from kinreach.checks import MOST_DISTANCE, Floats, as_floats, as_pose, check_poses, check_tolerance, shown
+from kinreach.checks import MOST_DISTANCE, Floats, as_floats, as_pose, check_known, check_poses, check_tolerance, shown
 from kinreach.errors import InputError
 from kinreach.kinematics.closed_form import ClosedFormKinematics
 from kinreach.kinematics.goals import AxisGoal, Goal, PoseGoal, PositionGoal, nearest_rotations, pose_error
@@ -18,15 +18,17 @@ from kinreach.robots import ArmDescription
 #: base_link of the URDF is the DH base frame turned by pi about z.
 FLIP = np.diag([-1.0, -1.0, 1.0, 1.0])
 FIT_TOLERANCE = 1e-8
+#: The tip at which the closed form ends.
+FLANGE = "tool0"
 
 
-class UR5Kinematics(ClosedFormKinematics):
-    """Kinematics of a UR-type arm, by default the UR5 within +-pi. One per thread.
+class URKinematics(ClosedFormKinematics):
+    """Kinematics of a UR-type arm.
 
     Link lengths are read from the URDF, so a calibrated description brings its own.
 
     Args:
-        arm: Name or description of a UR-type arm with a frame `tool0`.
+        model: Name or description of a UR-type arm that has a tip `tool0`: "ur3", "ur5", "ur10", or one of your own.
         tip: `"tool0"` (the flange) or `"tcp"` (between the finger tips, 0.20 m in front of it).
         base: `"base_link"` or `"world"`.
 
@@ -34,12 +36,18 @@ class UR5Kinematics(ClosedFormKinematics):
         geometry: Denavit-Hartenberg lengths [m].
 
     Raises:
+        UnknownNameError: There is no such arm, tip or base.
         InputError: The arm's geometry is not that of a UR.
     """
 
-    def __init__(self, *, tip: str = "tool0", base: str = "base_link", arm: str | ArmDescription = "ur5") -> None:
-        super().__init__(arm, tip=tip, base=base)
-        flange = self.model.getFrameId(self.arm.tips["tool0"])
+    joints = 6
+
+    def __init__(
+        self, model: str | ArmDescription = "ur5", *, tip: str | None = FLANGE, base: str = "base_link"
+    ) -> None:
+        super().__init__(model, tip=tip, base=base)
+        check_known(f"tip of arm {self.arm.name!r}", FLANGE, self.arm.tips)
+        flange = self.model.getFrameId(self.arm.tips[FLANGE])
         self.geometry = URGeometry.from_model(self.model, flange)
         T_flange_tip = self.model.frames[flange].placement.inverse() * self.model.frames[self.tip_frame].placement
         T_world_arm = self.model.frames[self.model.getFrameId(self.arm.base)].placement.homogeneous
@@ -183,6 +191,19 @@ class UR5Kinematics(ClosedFormKinematics):
             expected = (self._T_dh_base @ self.fk(q) @ self._T_tip_flange)[:3]
             if np.abs(rows - expected).max() > FIT_TOLERANCE:
                 raise InputError(f"arm {self.arm.name!r} does not have the geometry of a UR-type arm")
+
+
+class UR5Kinematics(URKinematics):
+    """`URKinematics` of the UR5.
+
+    Args:
+        tip: `"tool0"` or `"tcp"`.
+        base: `"base_link"` or `"world"`.
+        arm: Another arm of the UR kind, by name or description.
+    """
+
+    def __init__(self, *, tip: str = FLANGE, base: str = "base_link", arm: str | ArmDescription = "ur5") -> None:
+        super().__init__(arm, tip=tip, base=base)
 
 
 def _reach_along_tool(T_flange_tip: Floats) -> float | None:

@@ -1,0 +1,38 @@
+"""Both RGB-D cameras look for the ball at three places: `python examples/09_seeing.py` (needs EGL or OSMesa).
+
+Prints where each camera saw it and how far off that is, and keeps the last picture as `results/seeing.jpg`.
+"""
+
+from pathlib import Path
+
+import cv2
+import numpy as np
+
+from kinreach.sim.simulation import ArmSimulation
+from kinreach.vision.ball_finder import find_ball
+from kinreach.vision.cameras import RGBDCamera, SensorNoise
+
+simulation = ArmSimulation("ur5")
+radius = simulation.arm.workcell.ball_radius
+noise, rng = SensorNoise(rgb_sigma=6.0, depth_sigma=0.002), np.random.default_rng(0)
+
+with RGBDCamera(simulation, "front") as front, RGBDCamera(simulation, "wrist") as wrist:
+    for goal in ([0.35, -0.25, -0.175], [0.45, 0.10, -0.175], [0.60, 0.28, -0.175]):
+        simulation.place_ball(goal)
+        for camera in (front, wrist):
+            image = camera.capture(noise=noise, rng=rng)
+            ball = find_ball(image.rgb, image.depth, camera.intrinsics, radius)
+            if ball is None:
+                print(f"{camera.name}: no ball in the picture")
+                continue
+            position = camera.T_world_camera @ [*ball.position, 1.0]  # from the camera's frame to the world
+            error = 1000 * np.linalg.norm(position[:3] - goal)
+            distance = np.linalg.norm(ball.position)
+            x, y, z = position[:3]
+            print(f"{camera.name}: ball {distance:.3f} m away at ({x:.4f}, {y:.4f}, {z:.4f}), {error:.2f} mm off")
+
+picture = np.ascontiguousarray(image.rgb[..., ::-1])  # OpenCV's order of colours
+if ball is not None:
+    cv2.circle(picture, (round(ball.circle.u), round(ball.circle.v)), round(ball.circle.r) + 3, (0, 255, 255), 2)
+Path("results").mkdir(exist_ok=True)
+cv2.imwrite("results/seeing.jpg", picture)

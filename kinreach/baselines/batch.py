@@ -1,0 +1,70 @@
+"""Batches of environments for training: the native one where there is one, else Gymnasium's own."""
+
+from __future__ import annotations
+
+import importlib
+from collections.abc import Mapping
+from typing import Any
+
+import gymnasium as gym
+import numpy as np
+from gymnasium.vector import AutoresetMode, VectorEnv
+
+from kinreach.errors import InputError
+
+#: Observations that scale a network's inputs, and how many environments they come from where there is no native batch.
+SAMPLE, _SAMPLE_ENVS = 2048, 16
+
+
+def make_batch(environment: str, num_envs: int, options: Mapping[str, Any]) -> VectorEnv[Any, Any, Any]:
+    """Environments in step that reset in the same step as they end.
+
+    Args:
+        environment: Id; `module:id` imports the module that registers it.
+        num_envs: How many.
+        options: Of each environment.
+
+    Raises:
+        InputError: There is no such environment, or it does not take the options.
+    """
+    try:
+        if is_native(environment):
+            batch = gym.make_vec(environment, num_envs, vectorization_mode="vector_entry_point", **options)
+            if batch.metadata.get("autoreset_mode") is AutoresetMode.SAME_STEP:
+                return batch
+            batch.close()
+        same_step = {"autoreset_mode": AutoresetMode.SAME_STEP}
+        return gym.make_vec(environment, num_envs, vectorization_mode="sync", vector_kwargs=same_step, **options)
+    except (gym.error.Error, ImportError, TypeError) as error:
+        raise InputError(f"cannot make the environment {environment}: {error}") from error
+
+
+def is_native(environment: str) -> bool:
+    """Whether an environment has a batch of its own."""
+    module, _, name = environment.rpartition(":")
+    if module:
+        importlib.import_module(module)
+    return gym.spec(name).vector_entry_point is not None
+
+
+def first_observations(environment: str, options: Mapping[str, Any], *, seed: int) -> np.ndarray[Any, Any]:
+    """Observations at the beginning of `SAMPLE` episodes, shape (SAMPLE, n)."""
+    count = SAMPLE if is_native(environment) else _SAMPLE_ENVS
+    batch = make_batch(environment, count, options)
+    try:
+        return np.concatenate([batch.reset(seed=None if i else seed)[0] for i in range(SAMPLE // count)])
+    finally:
+        batch.close()
+
+
+def last_value(info: Mapping[str, Any], name: str) -> Any:
+    """What the last step of each environment said by that name, shape (n,); None where it said nothing.
+
+    After a reset in the same step, Gymnasium's own batches keep what the step said in `final_info`.
+    """
+    final = info.get("final_info", {})
+    if name not in final:
+        return info.get(name)
+    if name not in info:
+        return final[name]
+    return np.where(info["_final_info"], final[name], info[name])

@@ -1,0 +1,116 @@
+"""Inverse kinematics as a policy: the goal that the cameras saw is solved once, then the arm goes there."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Mapping
+from typing import Any
+
+import gymnasium as gym
+import numpy as np
+
+from kinreach.baselines.rollout import Policy
+from kinreach.checks import Floats, check_known
+from kinreach.kinematics.solvers import ClosedFormSolver, Solver
+from kinreach.registration import MULTI, SINGLE
+
+
+class SolverPolicy:
+    """Asks a solver for a posture and returns the action that takes the arm there, or as far as one action goes.
+
+    It is told what an agent is told: where the cameras saw the goal (`info["seen"]`), not where it is. A posture must
+    pass the environment's acceptance test; one that is refused sends the solver on to another branch or a restart.
+
+    Args:
+        solver: For the arm of the environment, in the world frame.
+        env: A reach environment: says what the goal asks of the tool, which postures are acceptable, and what an
+            action means.
+        proposer: A policy for the same environment whose first action says which posture the solver starts from; by
+            default it starts from where the arm stands.
+
+    Attributes:
+        diagnostics: Iterations, restarts, candidates (postures put to the acceptance test) and its time [s].
+        reason: Why the last action was None, else empty.
+    """
+
+    def __init__(self, solver: Solver, env: gym.Env[Any, Any], *, proposer: Policy | None = None) -> None:
+        self._solver = solver
+        self._env: Any = env.unwrapped
+        self._proposer = proposer
+        self.diagnostics: Mapping[str, float] = {}
+        self.reason = ""
+        self._seed: Floats = np.empty(0)
+        self._seen: Floats = np.empty(0)
+        self._target: Floats | None = None
+
+    def reset(self, observation: Any, info: Mapping[str, Any]) -> None:
+        """A new goal."""
+        self._seed, self._seen = np.asarray(info["q"]), np.asarray(info["seen"])
+        self._target = None
+        if self._proposer is not None:
+            self._proposer.reset(observation, info)
+
+    def act(self, observation: Any) -> Any:
+        """The action; None where no camera found the goal or the solver finds no posture."""
+        self.diagnostics = {"iterations": 0}
+        if self._target is None:
+            self._target = self._solve(observation)
+        return None if self._target is None else self._env.action_for(self._target)
+
+    def _solve(self, observation: Any) -> Floats | None:
+        if not np.isfinite(self._seen).all():
+            self.reason = "no camera found the ball"
+            return None
+        seed = self._seed
+        if self._proposer is not None:
+            seed = self._env.posture_for(self._proposer.act(observation))
+        test = _Acceptance(self._env)
+        result = self._solver.solve(self._env.ik_goal(self._seen), seed, accept=test)
+        self.diagnostics = {
+            "iterations": result.iterations,
+            "restarts": result.restarts,
+            "candidates": test.calls,
+            "accept_s": test.seconds,
+        }
+        self.reason = result.reason
+        return result.q if result.success else None
+
+
+class AnalyticReachPolicy(SolverPolicy):
+    """The closed form on the UR5, for whichever environment of the variant it is asked in.
+
+    Args:
+        variant: `"single"` or `"multi"`: what an action means.
+
+    Raises:
+        UnknownNameError: An unknown variant.
+    """
+
+    def __init__(self, variant: str) -> None:
+        ids = {"single": SINGLE, "multi": MULTI}
+        check_known("variant", variant, ids)
+        env: Any = gym.make(ids[variant], backend="kinematic", disable_env_checker=True)
+        super().__init__(ClosedFormSolver(env.unwrapped.kinematics), env)
+
+    def act(self, observation: Any) -> Any:
+        """The action from the observed posture; None as in `SolverPolicy`."""
+        limits = self._env.kinematics
+        q = np.asarray(observation)[-1 - limits.n : -1]  # before the gripper's opening
+        self._env.reset(options={"q": np.clip(q, limits.lower, limits.upper)})  # which has an arm of its own
+        return super().act(observation)
+
+
+class _Acceptance:
+    """An environment's acceptance test with a clock."""
+
+    def __init__(self, env: Any) -> None:
+        self._env = env
+        self.seconds = 0.0
+        self.calls = 0
+
+    def __call__(self, q: Floats) -> bool:
+        start = time.perf_counter()
+        accepted = bool(self._env.accept(q))
+        self.seconds += time.perf_counter() - start
+        self.calls += 1
+        return accepted

@@ -1,0 +1,131 @@
+"""The button task: whole episodes of the environment, from the start to the press."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import gymnasium as gym
+
+from kinreach.baselines.button_controller import AnalyticButtonPolicy
+from kinreach.baselines.evaluation import HELD_OUT
+from kinreach.baselines.policies import load_policy
+from kinreach.baselines.rollout import RandomPolicy
+from kinreach.compare import figures
+from kinreach.compare.task import (
+    CHANCE,
+    CONTROLLER,
+    POLICY,
+    Method,
+    Task,
+    common_columns,
+    policy_version,
+    thousandfold,
+)
+from kinreach.envs.button.task import PRESS_RADIUS
+from kinreach.registration import BUTTON
+from kinreach.summary import QUANTILES, RATE, SPREAD, Column, Trial
+
+#: Between the environment's seeds of the first goals of two seeds of comparisons: none has as many goals.
+SPACING = 2**32
+
+
+def _analytic(env: gym.Env[Any, Any]) -> AnalyticButtonPolicy:
+    return AnalyticButtonPolicy(env.unwrapped.options.actuation_name)  # type: ignore[attr-defined]
+
+
+def _resets(count: int, seed: int, env: gym.Env[Any, Any]) -> Sequence[Mapping[str, Any]]:
+    return [{"seed": HELD_OUT + SPACING * seed + index} for index in range(count)]
+
+
+def _pressed(trial: Trial) -> bool:
+    return bool(trial["reached"])
+
+
+def decision_ms(trial: Trial) -> float:
+    """Wall time of a decision, mean over the episode [ms]."""
+    return 1e3 * float(trial["solve_s"]) / int(trial["steps"])
+
+
+def _reward(column: Column) -> Column:
+    """The reward of a trial is the sum over its episode."""
+    return Column(column.key, "return", column.summary, column.heading, column.show)
+
+
+def _column(column: Column) -> Column:
+    """Of what all tasks report, what says something here stays in the table."""
+    if column.key == "reward_mean":
+        return _reward(column)
+    shown = {
+        "reached": "",
+        "distance_mm": "",
+        "success_at_mm.1": "",
+        "impossible": "",
+        "solve_ms": "",
+        "move_s": "median",
+    }
+    return Column(column.key, column.value, column.summary, column.heading, shown.get(column.key, column.show))
+
+
+def _notes(results: Mapping[str, Any]) -> list[str]:
+    """What the table's numbers mean."""
+    diverged = {m["name"]: m["outcomes"]["diverged"] for m in results["methods"] if "diverged" in m["outcomes"]}
+    options = results["settings"]["options"]
+    return [
+        *(f"The simulation diverged for {name}: {count} episodes." for name, count in diverged.items()),
+        f"At most {options['max_steps']} steps for all methods, actuation {options['actuation']}.",
+        f"A press counts at d < {1e3 * PRESS_RADIUS:g} mm; the 95 % interval of the share pressed is Wilson's.",
+        "Steps, wrong presses, energy (sum of torque² dt), reward: of whole episodes, pressed or not.",
+        "Time: simulated in MuJoCo, of pressed episodes. Decision: wall time of one, on one thread.",
+    ]
+
+
+BUTTON_TASK = Task(
+    name="button",
+    title="3-DOF arm under torque: press the button",
+    environment=BUTTON,
+    # 100 steps of the tuned actuation are 4 s, nearly twice what the analytic controller ever needed
+    options={"max_steps": 100, "actuation": "tuned"},
+    variants={"button": BUTTON},
+    resets=_resets,
+    methods={
+        "analytic": Method(_analytic, CONTROLLER, colour="#003F66"),
+        "ppo": Method(lambda env: load_policy("button"), POLICY, versions=policy_version("button"), colour="#D55E00"),
+        "random": Method(lambda env: RandomPolicy(env.action_space), CHANCE, colour="#7A7A7A"),
+    },
+    columns=(
+        Column("pressed", "reached", RATE, "pressed % [95 % CI]", "interval"),
+        Column("steps", "steps", SPREAD, "steps\nmedian / p95", "quantiles", digits=3),
+        *map(_column, common_columns(_pressed)),
+        Column("wrong_presses", "wrong_presses", SPREAD, "wrong\npresses\nmean", "mean"),
+        Column("energy", "energy", SPREAD, "energy\nN²m²s\nmedian", "median"),
+        Column("decision_ms", decision_ms, QUANTILES, "decision ms\nmedian / p95", "quantiles"),
+    ),
+    figures={
+        "pressed": figures.draw_pressed,
+        "episodes": figures.draw_strip_grid(
+            "How episodes end, and what they take",
+            {
+                "distance at the end of the episode [mm]": (thousandfold("distance"), False),
+                "wrong presses in an episode": (lambda trial: trial["wrong_presses"], True),
+                "energy, sum of torque² dt [N²m²s]": (lambda trial: trial["energy"], False),
+                "wall time per decision, one thread [ms]": (decision_ms, False),
+            },
+            marks={"distance at the end of the episode [mm]": 1e3 * PRESS_RADIUS},
+            legend="dot: one goal · bar: median · dashed: within this a press counts",
+        ),
+    },
+    reached="pressed at d < 50 mm within the episode",
+    terms={
+        "goal": "target and start of an episode of kinreach/ButtonPress-v0: the target uniform in the four "
+        "quadrants, kept if some posture reaches it; joints within 0.1 rad of upright and 0.1 rad/s of rest; the "
+        f"environment's seeds are {HELD_OUT} + {SPACING} seed + index, which no training draws",
+        "distance": "end effector to the target after the last step, in the simulation",
+        "reward": "the environment's, summed over the episode",
+        "timing": "methods take turns in random order on every goal after an untimed episode; one process, one "
+        "thread, one environment; the time of a step is that of choosing the action",
+    },
+    notes=_notes,
+)
+
+TASKS = (BUTTON_TASK,)

@@ -1,0 +1,306 @@
+"""Reaching: solvers and policies bring an arm's tip to a goal; where the distance that is left comes from.
+
+From the goal to the tip it is three steps: to where the goal was seen, from there to where forward kinematics puts the
+tip in the commanded posture, and from there to where the tip is in the simulation. Lengths of vectors do not add up,
+but their components along one direction do: each step's component along the line from the goal to the tip is its part
+of the distance. The three parts sum to the distance, goal by goal and therefore also in the mean; a part is negative
+where its step takes the tip back towards the goal.
+"""
+
+from __future__ import annotations
+
+import importlib
+from collections.abc import Callable, Mapping, Sequence
+from typing import Any, NamedTuple
+
+import gymnasium as gym
+import numpy as np
+
+from kinreach.baselines.policies import load_policy
+from kinreach.baselines.rollout import COMPLETED
+from kinreach.baselines.solver_policy import SolverPolicy
+from kinreach.checks import Floats
+from kinreach.compare import figures
+from kinreach.compare.methods import policy_method, solver_method
+from kinreach.compare.task import (
+    SEEDED,
+    Method,
+    Task,
+    common_columns,
+    policy_version,
+    thousandfold,
+)
+from kinreach.errors import InputError
+from kinreach.kinematics.closed_form import ClosedFormKinematics
+from kinreach.kinematics.solvers import Solver, Tolerance
+from kinreach.registration import MULTI, SINGLE
+from kinreach.sim.controller import TOLERANCE
+from kinreach.summary import MEAN, QUANTILES, Column, Trial, number
+
+#: The second table.
+BUDGET_TABLE = "Where the distance comes from"
+#: What the numbers of a budget mean, for people.
+BUDGET_MEANING = "component of each error along the line from the goal to the tip, mean over completed moves"
+
+
+class Budget(NamedTuple):
+    """Parts of one distance [m]; their sum is the distance."""
+
+    seeing: float
+    deciding: float
+    moving: float
+
+
+def budget(goal: Floats, seen: Floats, meant: Floats, tip: Floats) -> Budget:
+    """The parts of the distance from the goal to the tip, all in the world [m], shape (3,).
+
+    Args:
+        goal: Where the goal is.
+        seen: Where the method was told that it is.
+        meant: Where the tip would be in the commanded posture.
+        tip: Where the tip is.
+    """
+    whole = tip - goal
+    distance = float(np.linalg.norm(whole))
+    if distance == 0.0:
+        return Budget(0.0, 0.0, 0.0)
+    direction = whole / distance
+    return Budget(*(float(step @ direction) for step in (seen - goal, meant - seen, tip - meant)))
+
+
+def _between(trial: Trial, start: str, end: str) -> float | None:
+    """Distance of two points of a trial [mm]; None where one is missing."""
+    a, b = trial.get(start), trial.get(end)
+    return None if a is None or b is None else 1e3 * float(np.linalg.norm(np.subtract(a, b)))
+
+
+def _part(name: str) -> Callable[[Trial], float | None]:
+    """A part of a completed trial's distance [mm]."""
+
+    def value(trial: Trial) -> float | None:
+        points = [trial.get(point) for point in ("goal", "seen", "target_tip", "tip")]
+        if trial["impossible"] or any(point is None for point in points):
+            return None
+        return 1e3 * getattr(budget(*map(np.array, points)), name)
+
+    return value
+
+
+def posture_error_mm(trial: Trial) -> float | None:
+    """What forward kinematics says the commanded posture misses of where the goal was seen [mm]; None without one."""
+    return None if trial["status"] == "forfeited" else _between(trial, "target_tip", "seen")
+
+
+def seen_error_mm(trial: Trial) -> float | None:
+    """How far from the goal the cameras saw it [mm]; None where nobody looked, or none found it."""
+    return _between(trial, "seen", "goal") or None
+
+
+def _completed(trial: Trial) -> bool:
+    return not trial["impossible"]
+
+
+def _moved(trial: Trial) -> float | None:
+    return _between(trial, "tip", "target_tip") if _completed(trial) else None
+
+
+def _distance(trial: Trial) -> float | None:
+    return None if _part("seeing")(trial) is None else 1e3 * trial["distance"]
+
+
+_COMMON = common_columns(_completed)
+COLUMNS = (
+    _COMMON[0],
+    Column("observed_error_mm", seen_error_mm, QUANTILES, "seen\nmm", "median"),
+    *_COMMON[1:],
+    Column("posture_error", "posture_error", QUANTILES, "posture\nerror, rad"),
+    Column("ik_error_mm", posture_error_mm, QUANTILES, "posture's own\nerror, mm", table=BUDGET_TABLE),
+    Column("move_error_mm", _moved, QUANTILES, "controller's\nerror, mm", table=BUDGET_TABLE),
+    Column("budget_mm.seeing", _part("seeing"), MEAN, "seeing\nmm", "mean", BUDGET_TABLE),
+    Column("budget_mm.deciding", _part("deciding"), MEAN, "+ deciding\nmm", "mean", BUDGET_TABLE),
+    Column("budget_mm.moving", _part("moving"), MEAN, "+ moving\nmm", "mean", BUDGET_TABLE),
+    Column("budget_mm.distance", _distance, MEAN, "= distance\nmean mm", "mean", BUDGET_TABLE),
+    Column("iterations", "iterations", QUANTILES, "iterations\nmedian / p95", "quantiles", BUDGET_TABLE, digits=3),
+    Column("restarts", "restarts", QUANTILES, "restarts\nmedian / p95", "quantiles", BUDGET_TABLE, digits=3),
+    Column("candidates", "candidates", QUANTILES, "postures\ntested", table=BUDGET_TABLE, digits=3),
+    Column("accept_ms", thousandfold("accept_s"), QUANTILES, "acceptance\ntests, ms", table=BUDGET_TABLE),
+)
+FIGURES = {
+    "errors": figures.draw_errors(posture_error_mm, seen_error_mm),
+    "success": figures.draw_success,
+    "times": figures.draw_times,
+    "budget": figures.draw_budget(Budget._fields, BUDGET_MEANING),
+}
+
+
+def _kinematics(env: gym.Env[Any, Any]) -> Any:
+    return env.unwrapped.kinematics  # type: ignore[attr-defined]
+
+
+def _solver(name: str) -> Callable[[Any], Solver]:
+    """A solver of the package by its class, imported when it is needed: one missing package disables its own only."""
+
+    def new(kinematics: Any) -> Solver:
+        solver: Solver = getattr(importlib.import_module("kinreach.kinematics.solvers"), name)(kinematics)
+        return solver
+
+    return new
+
+
+def _closed_form(kinematics: Any) -> Solver:
+    if not isinstance(kinematics, ClosedFormKinematics):
+        raise InputError(f"the arm {kinematics.arm.name!r} has no closed form; its solvers are placo, lm and qp")
+    return _solver("ClosedFormSolver")(kinematics)
+
+
+def _hybrid() -> Method:
+    def make(env: gym.Env[Any, Any]) -> SolverPolicy:
+        return SolverPolicy(_solver("LevenbergMarquardtSolver")(_kinematics(env)), env, proposer=load_policy("single"))
+
+    return Method(make, SEEDED, SINGLE, policy_version("single"), "#CC79A7")
+
+
+SOLVERS: Mapping[str, Method] = {
+    "closed-form": solver_method(_closed_form, colour="#003F66"),
+    "placo": solver_method(_solver("PlacoSolver"), colour="#0072B2"),
+    "lm": solver_method(_solver("LevenbergMarquardtSolver"), colour="#56B4E9"),
+    "qp": solver_method(_solver("QPSolver"), colour="#8CCBEB"),
+}
+
+
+def goals_of(env: gym.Env[Any, Any], count: int, seed: int, *, reachable: bool = False) -> Floats:
+    """Goals in the arm's own region, in the world [m], shape (count, 3); the first ones do not depend on `count`.
+
+    Args:
+        env: A reach environment.
+        count: How many.
+        seed: Of the draws.
+        reachable: Keep only those for which the closed form, which knows all postures, finds an acceptable one.
+    """
+    world: Any = env.unwrapped
+    region = world.arm.workcell.goals
+    if region is None:
+        raise InputError(
+            f"the work cell of arm {world.arm.name!r} says nothing of goals; give it `goals=BoxRegion(...)`"
+        )
+    solver = _closed_form(world.kinematics) if reachable else None
+    rng = np.random.default_rng(seed)
+    kept: list[Floats] = []
+    while len(kept) < count:
+        position = region.sample(rng, 1)[0]
+        if solver is None or solver.solve(world.ik_goal(position), world.home, accept=world.accept).success:
+            kept.append(position)
+    return np.array(kept)
+
+
+def resets_to(goals: Floats, seed: int) -> list[dict[str, Any]]:
+    """Resets of a reach environment that put the goals there, each with its own seed of the cameras' noise."""
+    return [
+        {
+            "seed": int(np.random.SeedSequence(seed, spawn_key=(index,)).generate_state(1)[0]),
+            "options": {"goal": goal},
+        }
+        for index, goal in enumerate(goals)
+    ]
+
+
+def _resets(count: int, seed: int, env: gym.Env[Any, Any]) -> Sequence[Mapping[str, Any]]:
+    return resets_to(goals_of(env, count, seed), seed)
+
+
+def _reachable_resets(count: int, seed: int, env: gym.Env[Any, Any]) -> Sequence[Mapping[str, Any]]:
+    return resets_to(goals_of(env, count, seed, reachable=True), seed)
+
+
+def _notes(results: Mapping[str, Any]) -> list[str]:
+    """What the tables' numbers mean."""
+    entries, settings = results["methods"], results["settings"]
+    causes = {
+        entry["name"]: [f"{count} {status}" for status, count in entry["outcomes"].items() if status != COMPLETED]
+        for entry in entries
+        if entry["impossible"]
+    }
+    seen = [entry["observed_error_mm"] for entry in entries if entry["observed_error_mm"]["median"] is not None]
+    return [
+        *(f"Impossible for {name}: {', '.join(found)}." for name, found in causes.items()),
+        *(
+            f"Seen: the cameras' median error; p95 {number(error['p95'])} mm. One look per goal, alike for all; judged "
+            "against the true ball."
+            for error in seen[:1]
+        ),
+        "Distance, move: simulated in MuJoCo. Solve: wall time on one thread, acceptance tests included.",
+        "Iterations: a solver's steps, a policy's decisions. Seeing, deciding and moving sum to the distance:",
+        "the component of each error along the line from the goal to the tip, mean over completed moves.",
+        *(
+            ["A ball that no camera finds leaves solvers without a goal."]
+            if settings["observation"] == "camera"
+            else []
+        ),
+    ]
+
+
+_TERMS = {
+    "tolerance": f"numeric solvers stop within {Tolerance().position:g} m and {Tolerance().orientation:g} rad",
+    "execution": "from the start posture, in MuJoCo: one move, two-phase; a policy of several steps moves all joints "
+    f"at once and decides after each move; a move is done when every joint rests within {TOLERANCE:g} rad",
+    "timing": "methods take turns in random order on every goal after untimed warm-up episodes; one process, one "
+    "thread, one goal at a time; the clock runs while a method is told of the goal and decides, summed over its "
+    "decisions",
+    "error_budget": f"seeing, deciding and moving: {BUDGET_MEANING}; the parts sum to the distance",
+    "seed_posture": "the start posture of the arm, the same for every goal",
+    "distance": "tip to the goal after the last move, in the simulation",
+    "success_at_mm": "share of all goals, reached or not, whose move was completed and ended within the tolerance",
+}
+
+UR5_TASK = Task(
+    name="ur5",
+    title="UR5: gripper on the ball, tool down, natural posture",
+    environment=SINGLE,
+    arm="ur5",
+    variants={"single": SINGLE, "multi": MULTI},
+    observations=("geometric", "camera"),
+    resets=_resets,
+    methods={
+        **SOLVERS,
+        "ppo-single": policy_method("ppo-single", SINGLE, colour="#D55E00"),
+        "ppo-multi": policy_method("ppo-multi", MULTI, colour="#F2A35E"),
+        "ranked-single": policy_method("single", SINGLE, colour="#00674C"),
+        "ranked-multi": policy_method("multi", MULTI, colour="#2FBF94"),
+        "thesis-ppo-single": policy_method("thesis-single", SINGLE, colour="#000000"),
+        "hybrid": _hybrid(),
+    },
+    columns=COLUMNS,
+    figures=FIGURES,
+    reached="d < 10 mm and r_e < 0.15",
+    terms={
+        "goal": "ball's centre in the world, uniform on the table area, one height; tcp there, z axis down, free "
+        "about it",
+        "accept": "solvers' postures: no collision (self, table, mount, pedestal, floor) and r_e < 0.15",
+        "reward": "the thesis's, of the last move; impossible -100",
+        **_TERMS,
+    },
+    notes=_notes,
+)
+
+ARM3_TASK = Task(
+    name="arm3",
+    title="3-DOF arm: end effector on the target",
+    environment=SINGLE,
+    arm="arm3",
+    options={"arm": "arm3"},
+    variants={"single": SINGLE, "multi": MULTI},
+    resets=_reachable_resets,
+    methods=SOLVERS,
+    columns=[column for column in COLUMNS if column.key != "posture_error"],
+    figures=FIGURES,
+    reached="d < 50 mm, the press radius",
+    terms={
+        "goal": "point in the world, uniform in the button task's four quadrants, kept if some posture reaches it",
+        "accept": "no collision (self, floor)",
+        "reward": "-distance [m], also where the move was impossible",
+        **_TERMS,
+    },
+    notes=_notes,
+)
+
+TASKS = (UR5_TASK, ARM3_TASK)

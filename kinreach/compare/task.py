@@ -1,0 +1,189 @@
+"""What a comparison is made of: a task is data, and so is a method."""
+
+from __future__ import annotations
+
+import hashlib
+import importlib
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from importlib import resources
+from pathlib import Path
+from typing import Any
+
+import gymnasium as gym
+from matplotlib.figure import Figure
+
+from kinreach.checks import check_known
+from kinreach.errors import InputError
+from kinreach.summary import MEAN, QUANTILES, RATE, Column, Trial, success_columns
+
+#: What a figure is drawn from: all trials, and the contents of `results.json`.
+Draw = Callable[[Sequence[Trial], Mapping[str, Any]], Figure]
+#: Keyword arguments of an environment's reset for each goal, from how many there are and a seed. Those of a smaller
+#: number are the first of a larger one.
+Resets = Callable[[int, int, gym.Env[Any, Any]], Sequence[Mapping[str, Any]]]
+
+#: What kinds of methods there are, and what each is given, in words, for the record beside the results.
+SOLVER, POLICY, SEEDED, CONTROLLER, CHANCE = "solver", "policy", "seeded solver", "controller", "chance"
+GIVEN: Mapping[str, str] = {
+    SOLVER: "where the environment saw the goal, in the world (the true position, or the cameras' mean), the start "
+    "posture as the seed, and the acceptance test: a posture that it refuses sends the solver on to another branch or "
+    "a random restart",
+    POLICY: "what the environment's agent observes and nothing else; no acceptance test, no collision model, no "
+    "second try, and the branch that training has settled on",
+    SEEDED: "the policy's observation for the seed, then what a solver is given, with that seed instead of the start "
+    "posture",
+    CONTROLLER: "what the environment's agent observes, and a model of the arm: closed-form inverse kinematics, and "
+    "the masses, friction, gears and period of the simulation; it adds up the controls that it asked for",
+    CHANCE: "nothing: uniform among the actions, seeded by the episode",
+}
+
+
+@dataclass(frozen=True)
+class Method:
+    """One way to do a task.
+
+    Attributes:
+        make: From the environment that it will act in to its policy, or to what `as_policy` makes one of.
+        kind: A key of `GIVEN`, or another word or two.
+        environment: Id of the environment it acts in; the task's own if empty.
+        versions: What its answers depend on besides code and packages, by name: digests of files.
+        colour: In figures; one is chosen if empty.
+    """
+
+    make: Callable[[gym.Env[Any, Any]], Any]
+    kind: str = POLICY
+    environment: str = ""
+    versions: Mapping[str, str] = field(default_factory=dict)
+    colour: str = ""
+
+
+@dataclass(frozen=True)
+class Task:
+    """What is compared: goals in an environment, methods, and what is measured of a trial.
+
+    Attributes:
+        name: As on the command line.
+        title: For headings.
+        environment: Id of the environment in which methods act that do not name another.
+        resets: Its goals.
+        methods: By name, in the order in which reports show them.
+        columns: What is reported of each method, beside its name and kind and the causes of failure.
+        figures: By name of the file.
+        reached: The criterion in a few words.
+        arm: Name of the arm that does it, where its environments take others; empty where they do not.
+        options: Of the environments; `compare` can override them.
+        variants: Ids of the environments that policies from files may be for, by a short name; the first one is taken
+            for a policy that does not say.
+        observations: Values of the environments' option `observation` that make sense; empty if there is none.
+        terms: What every method is given alike, in words, by a short name.
+        notes: From the contents of `results.json` to lines under the tables, more than the criterion.
+    """
+
+    name: str
+    title: str
+    environment: str
+    resets: Resets
+    methods: Mapping[str, Method]
+    columns: Sequence[Column]
+    figures: Mapping[str, Draw] = field(default_factory=dict)
+    reached: str = "the environment's own criterion"
+    arm: str = ""
+    options: Mapping[str, Any] = field(default_factory=dict)
+    variants: Mapping[str, str] = field(default_factory=dict)
+    observations: tuple[str, ...] = ()
+    terms: Mapping[str, str] = field(default_factory=dict)
+    notes: Callable[[Mapping[str, Any]], list[str]] = lambda results: []
+
+    def with_options(self, options: Mapping[str, Any]) -> Task:
+        """The same task with some options of its environments set otherwise."""
+        return replace(self, options={**self.options, **options})
+
+
+#: Registered tasks by name.
+_TASKS: dict[str, Task] = {}
+#: Tasks of the package -> the module whose `TASKS` has them, loaded when one of them is first asked for.
+_OWN = {"ur5": "reach", "arm3": "reach", "button": "button"}
+
+
+def register_task(task: Task) -> Task:
+    """Make a task known by its name, to `compare` and to the command line.
+
+    Raises:
+        InputError: Another task has that name already.
+    """
+    known = get_task(task.name) if task.name in task_names() else task
+    if known is not task:
+        raise InputError(f"a task named {task.name!r} is registered already")
+    _TASKS[task.name] = task
+    return task
+
+
+def get_task(name: str) -> Task:
+    """A registered task.
+
+    Raises:
+        UnknownNameError: There is none of that name; the message lists those there are.
+    """
+    check_known("task", name, task_names())
+    if name not in _TASKS:
+        _TASKS.update({task.name: task for task in importlib.import_module(f"kinreach.compare.{_OWN[name]}").TASKS})
+    return _TASKS[name]
+
+
+def task_names() -> list[str]:
+    """Names of the registered tasks, the package's own first."""
+    return list(dict.fromkeys((*_OWN, *_TASKS)))
+
+
+def register_method(task: str, name: str, method: Method) -> None:
+    """Add a method to a registered task; later comparisons of all its methods include it.
+
+    Raises:
+        UnknownNameError: There is no such task.
+        InputError: The task has a method of that name already.
+    """
+    found = get_task(task)
+    if name in found.methods:
+        raise InputError(f"the task {task!r} has a method {name!r} already")
+    _TASKS[task] = replace(found, methods={**found.methods, name: method})
+
+
+def common_columns(completed: Callable[[Trial], bool]) -> tuple[Column, ...]:
+    """What every task reports of a method: rates over all goals, distances [mm], reward, times.
+
+    An impossible goal counts with the distance at which the arm stood. Times of moves are of completed trials.
+
+    Args:
+        completed: Whether a trial's arm did what the task asks for, however near the goal it ended.
+    """
+    return (
+        Column("reached", "reached", RATE, "reached % [95 % CI]", "interval"),
+        Column("distance_mm", thousandfold("distance"), QUANTILES, "distance mm\nmedian / p95", "quantiles"),
+        *success_columns(completed),
+        Column("impossible", "impossible", RATE, "impos-\nsible %", "share"),
+        Column("reward_mean", "reward", MEAN, "reward\nmean", "mean"),
+        Column("solve_ms", thousandfold("solve_s"), QUANTILES, "solve ms\nmedian / p95", "quantiles"),
+        Column("move_s", lambda t: t.get("move_s") if completed(t) else None, QUANTILES, "move s\nmedian", "median"),
+    )
+
+
+def thousandfold(name: str) -> Callable[[Trial], float | None]:
+    """A trial's entry in millimetres or milliseconds, from metres or seconds."""
+
+    def value(trial: Trial) -> float | None:
+        found = trial.get(name)
+        return None if found is None else 1e3 * found
+
+    return value
+
+
+def policy_version(policy: str) -> dict[str, str]:
+    """What a policy's file is: the first 12 hex digits of its SHA-256, by name.
+
+    Args:
+        policy: Name of one that comes with the package, or path of a file.
+    """
+    shipped = resources.files("kinreach.baselines") / "pretrained" / f"{policy}.safetensors"
+    content = shipped.read_bytes() if shipped.is_file() else Path(policy).read_bytes()
+    return {f"policy {policy}": hashlib.sha256(content).hexdigest()[:12]}

@@ -1,0 +1,34 @@
+"""Objects of the user's own modules by the name `module:attribute`, as command lines take them."""
+
+from __future__ import annotations
+
+import importlib
+import os
+import sys
+from typing import Any
+
+from kinreach.errors import InputError
+
+
+def load_object(kind: str, path: str) -> Any:
+    """Import `module:attribute`; modules in the current folder are found too.
+
+    Args:
+        kind: What it should be, for messages.
+        path: Its name; importing runs the module.
+
+    Raises:
+        InputError: There is no such module or attribute, or the module fails.
+    """
+    module, _, attribute = path.partition(":")
+    if not module or not attribute:
+        raise InputError(f"a {kind} of your own is named module:attribute, got {path!r}")
+    if os.getcwd() not in sys.path and "" not in sys.path:
+        sys.path.append(os.getcwd())
+    try:
+        found = importlib.import_module(module)
+        for name in attribute.split("."):
+            found = getattr(found, name)
+    except Exception as error:  # whatever the user's module raises
+        raise InputError(f"cannot import the {kind} {path}: {type(error).__name__}: {error}") from error
+    return found

@@ -1,0 +1,90 @@
+"""Grippers: the data of one, and a parallel gripper that any URDF can be given."""
+
+from __future__ import annotations
+
+import xml.etree.ElementTree as ET
+from dataclasses import dataclass
+
+from kinreach.errors import InputError
+from kinreach.robots.urdf import Solid, add_joint, add_link, parse_urdf
+
+#: Distance from the flange to the point between the finger tips, along the flange's z axis [m].
+TCP_OFFSET = 0.20
+#: Largest opening between the fingers of the parallel gripper [m].
+STROKE = 0.16
+
+
+@dataclass(frozen=True)
+class Gripper:
+    """A parallel gripper driven by one prismatic joint; the other finger mimics it.
+
+    Attributes:
+        joint: Name of the driven prismatic joint; its position is half the opening [m].
+        mimic_joint: Name of the joint that follows with ratio 1.
+        stroke: Largest opening between the fingers [m].
+        opening: Opening in which the arm reaches [m].
+        force: Largest force of the drive [N].
+    """
+
+    joint: str
+    mimic_joint: str
+    stroke: float
+    opening: float
+    force: float
+
+
+#: The gripper that `add_parallel_gripper` adds.
+PARALLEL_GRIPPER = Gripper("finger_left_joint", "finger_right_joint", stroke=STROKE, opening=0.10, force=120.0)
+#: Its parts that touch by construction.
+PARALLEL_GRIPPER_PAIRS = (
+    ("gripper_palm", "finger_left"),
+    ("gripper_palm", "finger_right"),
+    ("finger_left", "finger_right"),
+)
+
+
+def with_parallel_gripper(urdf: str, flange: str) -> str:
+    """A URDF with the parallel gripper on one of its links.
+
+    The gripper has the proportions of an OnRobot RG6, made of boxes: palm and rail, and two fingers that slide along
+    the flange's y axis. The link `tcp` lies between the finger tips, 0.20 m along z from the flange.
+
+    Args:
+        urdf: Text of a URDF.
+        flange: Name of the link that carries the gripper; the fingers point along its z axis.
+
+    Returns:
+        Text of the new URDF. `PARALLEL_GRIPPER` describes the gripper in it.
+
+    Raises:
+        InputError: `urdf` is no URDF, or it has no link of that name.
+    """
+    robot = parse_urdf(urdf)
+    if robot.find(f"link[@name='{flange}']") is None:
+        raise InputError(f"the URDF has no link {flange!r} for the gripper")
+    add_parallel_gripper(robot, flange)
+    ET.indent(robot)
+    return ET.tostring(robot, encoding="unicode")
+
+
+def add_parallel_gripper(robot: ET.Element, flange: str) -> None:
+    """As `with_parallel_gripper`, in place on a parsed URDF."""
+    palm = Solid((0.07, 0.10, 0.085), (0, 0, 0.0425))
+    rail = Solid((0.03, 0.20, 0.02), (0, 0, 0.095))
+    add_link(robot, "gripper_palm", mass=0.9, solids=(palm, rail), rgba="0.62 0.64 0.67 1")
+    add_joint(robot, "gripper_joint", flange, "gripper_palm")
+    for side, sign in (("left", 1.0), ("right", -1.0)):
+        finger = Solid((0.022, 0.012, 0.105), (0, sign * 0.006, 0.1575))
+        add_link(robot, f"finger_{side}", mass=0.1, solids=(finger,), rgba="0.20 0.21 0.23 1")
+        add_joint(
+            robot,
+            f"finger_{side}_joint",
+            "gripper_palm",
+            f"finger_{side}",
+            kind="prismatic",
+            axis=(0, sign, 0),
+            limit=(0.0, STROKE / 2, 120.0, 0.2),
+            mimic="finger_left_joint" if side == "right" else None,
+        )
+    add_link(robot, "tcp")
+    add_joint(robot, "tcp_joint", flange, "tcp", xyz=(0, 0, TCP_OFFSET))

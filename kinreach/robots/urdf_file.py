@@ -1,0 +1,228 @@
+"""A URDF file made ready for the engines: meshes found, joints that are no part of the arm held still."""
+
+from __future__ import annotations
+
+import math
+import os
+import xml.etree.ElementTree as ET
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from functools import partial
+from pathlib import Path, PurePosixPath
+from typing import Any
+
+import numpy as np
+
+from kinreach.checks import Floats, check_number, check_path, shown
+from kinreach.errors import InputError, raise_unknown
+from kinreach.robots.grippers import PARALLEL_GRIPPER, Gripper, add_parallel_gripper
+from kinreach.robots.urdf import MOST_CHARACTERS, PACKAGE, add_joint, check_urdf, numbers, parse_urdf
+from kinreach.robots.urdf_arm import UrdfArm
+
+#: Files that a URDF may name.
+MESHES = (".stl", ".obj", ".dae")
+#: Folders above a URDF in which packages are looked for.
+LEVELS_UP = 4
+WORLD = "world"
+
+
+@dataclass(frozen=True)
+class UrdfSource:
+    """An arm read from a file.
+
+    Attributes:
+        name: The robot's name in the URDF.
+        build: Returns the URDF for the engines.
+        package_root: Returns the folder that `package://` stands for in it.
+        joints: Names of the joints of `q`.
+        tip: Link at the end.
+        tips: Frames that may be asked for as the tip.
+        gripper: The gripper that was added, or None.
+    """
+
+    name: str
+    build: Callable[[], str]
+    package_root: Callable[[], str | None]
+    joints: tuple[str, ...]
+    tip: str
+    tips: Mapping[str, str]
+    gripper: Gripper | None
+
+
+def read_urdf(
+    file: str | Path,
+    *,
+    tip: str | None,
+    joints: Sequence[str] | None,
+    held: Mapping[str, float],
+    package_dirs: Sequence[str | Path] | None,
+    gripper_on: str | None,
+) -> UrdfSource:
+    """Read an arm from a URDF file; see `ArmDescription.from_urdf`."""
+    path = check_path("file", file)
+    try:
+        with path.open(encoding="utf-8") as source:
+            robot = parse_urdf(source.read(MOST_CHARACTERS + 1))
+    except (OSError, UnicodeDecodeError) as error:
+        raise InputError(f"the URDF {shown(str(path))} cannot be read: {error}") from None
+    name = robot.get("name") or path.stem
+    for tag in ("gazebo", "transmission"):
+        for element in robot.findall(tag):
+            robot.remove(element)
+    root = _find_meshes(robot, path.resolve(), package_dirs)
+    check_urdf(ET.tostring(robot, encoding="unicode"), root)
+    for joint in held:
+        if robot.find(f"joint[@name='{joint}']") is None:
+            raise_unknown(f"joint of arm {name!r}", joint, [each.get("name", "") for each in robot.findall("joint")])
+    arm = UrdfArm(name, robot, tip=tip, joints=joints, held=held)
+    _hold(robot, arm.joints, held)
+    for endless in robot.findall("joint[@type='continuous']"):
+        _limit_to_a_turn(endless)
+    if robot.find(f"link[@name='{WORLD}']") is None:
+        root_link = UrdfArm(name, robot, tip=arm.tip).base
+        robot.append(ET.Element("link", name=WORLD))
+        add_joint(robot, f"{WORLD}_joint", WORLD, root_link)
+    tip, tips = arm.tip, dict(UrdfArm(name, robot, tip=arm.tip, joints=arm.joints).tips)
+    if gripper_on is not None:
+        if gripper_on not in tips:
+            raise_unknown(f"link of arm {name!r} that can carry a gripper", gripper_on, tips)
+        add_parallel_gripper(robot, gripper_on)
+        tip, tips = "tcp", {"tcp": "tcp", **tips}
+    text = ET.tostring(robot, encoding="unicode")
+    gripper = None if gripper_on is None else PARALLEL_GRIPPER
+    return UrdfSource(name, partial(_given, text), partial(_given, root), arm.joints, tip, tips, gripper)
+
+
+def _given(value: Any) -> Any:
+    """What a description asks for, when it is known already; a named function, so that it can be pickled."""
+    return value
+
+
+def _find_meshes(robot: ET.Element, file: Path, package_dirs: Sequence[str | Path] | None) -> str | None:
+    """Rewrite the addresses of all meshes as `package://` within one folder, which is returned; None without meshes."""
+    folders = [file.parent, *file.parents[1 : LEVELS_UP + 1]]
+    if package_dirs is not None:
+        folders = [check_path("package_dirs", folder).resolve() for folder in package_dirs]
+    meshes = list(robot.iter("mesh"))
+    for material in robot.iter("material"):
+        for texture in material.findall("texture"):  # a picture of the surface, which no engine here draws
+            material.remove(texture)
+    found = [_find(mesh.get("filename", ""), file, folders) for mesh in meshes]
+    if not found:
+        return None
+    root = Path(os.path.commonpath([mesh.parent for mesh in found]))
+    for mesh, place in zip(meshes, found, strict=True):
+        mesh.set("filename", PACKAGE + place.relative_to(root).as_posix())
+    return str(root)
+
+
+def _find(address: str, file: Path, folders: Sequence[Path]) -> Path:
+    """The file that the address of a mesh means.
+
+    Raises:
+        InputError: There is none, it is no mesh, or it is outside the folders in which meshes may be.
+    """
+    allowed = (*folders, file.parent, file.parent.parent)
+    for place in _candidates(address, file, folders):
+        mesh = Path(os.path.normpath(place))
+        if mesh.suffix.lower() in MESHES and any(mesh.is_relative_to(folder) for folder in allowed) and mesh.is_file():
+            return mesh
+    raise InputError(
+        f"the URDF {shown(str(file))} names the mesh {shown(address)}, which is not there: meshes must be "
+        f"{', '.join(MESHES)} files beside the URDF, in the folder above it, or in a package within package_dirs"
+    )
+
+
+def _candidates(address: str, file: Path, folders: Sequence[Path]) -> Iterator[Path]:
+    if not address.isprintable() or "\0" in address:
+        return
+    if address.startswith(PACKAGE):
+        parts = PurePosixPath(address.removeprefix(PACKAGE)).parts
+        if len(parts) < 2 or ".." in parts or parts[0] == "/":
+            return
+        for folder in folders:
+            yield folder.joinpath(*parts)
+            if folder.name == parts[0]:
+                yield folder.joinpath(*parts[1:])
+    elif "://" not in address and not PurePosixPath(address).is_absolute():
+        yield file.parent / address
+
+
+def _hold(robot: ET.Element, joints: Sequence[str], held: Mapping[str, float]) -> None:
+    """Make every joint that is not one of `joints` a fixed one."""
+    moving = [joint for joint in robot.findall("joint") if joint.get("type") != "fixed"]
+    places = {joint.get("name", ""): _place(joint, held) for joint in moving}
+    for joint in moving:
+        mimic = joint.find("mimic")
+        if joint.get("name") in joints:
+            continue
+        place = places[joint.get("name", "")]
+        if mimic is not None and joint.get("name") not in held:
+            leader = mimic.get("joint", "")
+            if leader in joints:
+                raise InputError(
+                    f"joint {joint.get('name')!r} mimics {leader!r}, which moves the tip: give held= a place for it"
+                )
+            place = float(mimic.get("multiplier", "1")) * places.get(leader, 0.0) + float(mimic.get("offset", "0"))
+        _fix(joint, place)
+
+
+def _place(joint: ET.Element, held: Mapping[str, float]) -> float:
+    name, limit = joint.get("name", ""), joint.find("limit")
+    if name in held:
+        return check_number(f"the place of joint {name!r}", held[name])
+    if limit is None or joint.get("type") == "continuous":
+        return 0.0
+    return min(max(0.0, float(limit.get("lower", "0"))), float(limit.get("upper", "0")))
+
+
+def _fix(joint: ET.Element, place: float) -> None:
+    """Turn a joint into a fixed one at a place [rad, m]."""
+    axis, origin = joint.find("axis"), joint.find("origin")
+    if origin is None:
+        origin = ET.SubElement(joint, "origin")
+    if place != 0.0:
+        direction = np.array([float(v) for v in ("1 0 0" if axis is None else axis.get("xyz", "1 0 0")).split()])
+        direction /= np.linalg.norm(direction)
+        xyz = np.array([float(v) for v in origin.get("xyz", "0 0 0").split()])
+        R = _rotation([float(v) for v in origin.get("rpy", "0 0 0").split()])
+        if joint.get("type") == "prismatic":
+            origin.set("xyz", numbers(xyz + place * R @ direction))
+        else:
+            origin.set("rpy", numbers(_rpy(R @ _turn(direction, place))))
+    joint.set("type", "fixed")
+    for element in list(joint):
+        if element.tag not in ("origin", "parent", "child"):
+            joint.remove(element)
+
+
+def _limit_to_a_turn(joint: ET.Element) -> None:
+    """A joint without end turns once here, from -pi to pi, so that a posture is a plain vector."""
+    joint.set("type", "revolute")
+    limit = joint.find("limit")
+    if limit is None:
+        limit = ET.SubElement(joint, "limit", effort="0", velocity="0")
+    limit.set("lower", repr(-math.pi))
+    limit.set("upper", repr(math.pi))
+
+
+def _rotation(rpy: Sequence[float]) -> Floats:
+    """Rz(yaw) Ry(pitch) Rx(roll)."""
+    x, y, z = (_turn(axis, angle) for axis, angle in zip(np.eye(3), rpy, strict=True))
+    return z @ y @ x
+
+
+def _turn(axis: Floats, angle: float) -> Floats:
+    """Rodrigues' formula: the rotation about a unit axis."""
+    x, y, z = axis
+    K = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
+    return np.eye(3) + math.sin(angle) * K + (1.0 - math.cos(angle)) * K @ K
+
+
+def _rpy(R: Floats) -> tuple[float, float, float]:
+    """Roll, pitch and yaw of a rotation; yaw is 0 where the pitch is a right angle."""
+    across = math.hypot(R[0, 0], R[1, 0])
+    pitch = math.atan2(-R[2, 0], across)
+    if across < 1e-9:
+        return math.atan2(-R[1, 2], R[1, 1]), pitch, 0.0
+    return math.atan2(R[2, 1], R[2, 2]), pitch, math.atan2(R[1, 0], R[0, 0])

@@ -1,0 +1,50 @@
+"""The button task: whole episodes with a controller, a policy and chance."""
+
+import pytest
+
+from kinreach.compare import compare
+from kinreach.compare.button import SPACING
+from kinreach.compare.runner import MOST_GOALS, MOST_SEED
+
+
+@pytest.fixture(scope="module")
+def results():
+    return compare("button", goals=8)
+
+
+def test_who_presses(results):
+    analytic, ppo, random = results["methods"]
+    assert (analytic["name"], ppo["name"], random["name"]) == ("analytic", "ppo", "random")
+    assert analytic["pressed"] == analytic["reached"] == 1.0
+    assert ppo["pressed"] >= 0.9
+    assert random["pressed"] < 0.5
+
+
+def test_episodes_are_measured(results):
+    analytic, _, random = results["methods"]
+    assert 10 < analytic["steps"]["median"] < 50
+    assert random["steps"]["p95"] == 100
+    assert analytic["move_s"]["median"] == pytest.approx(0.04 * analytic["steps"]["median"])
+    assert random["wrong_presses"]["mean"] > analytic["wrong_presses"]["mean"]
+    assert analytic["energy"]["median"] > 0
+    assert analytic["reward_mean"] > 50
+    assert analytic["success_at_mm"]["50"] == 1.0
+
+
+def test_chance_is_the_same_whoever_is_compared(results):
+    alone = compare("button", ["random"], goals=8)["methods"][0]
+    among = results["methods"][2]
+    for key in ("reward_mean", "steps", "wrong_presses", "energy"):
+        assert alone[key] == among[key]
+
+
+def test_the_environments_options_are_the_tasks():
+    (found,) = compare("button", ["random"], goals=2, options={"max_steps": 7})["methods"]
+    assert found["steps"]["p95"] <= 7
+    (report,) = compare("button", ["analytic"], goals=2, options={"actuation": "report", "max_steps": 500})["methods"]
+    assert report["pressed"] == 1.0
+
+
+def test_no_two_goals_of_two_seeds_share_an_episode():
+    assert MOST_GOALS < SPACING
+    assert MOST_SEED * SPACING < 2**127  # what numpy's generators take

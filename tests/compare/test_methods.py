@@ -1,0 +1,154 @@
+"""Methods as users have them: objects, classes, functions, modules, files."""
+
+import textwrap
+
+import numpy as np
+import pytest
+
+from kinreach.baselines.policies import pretrained_names
+from kinreach.compare import compare, get_task, register_method, register_task
+from kinreach.compare.methods import resolve_methods
+from kinreach.compare.task import POLICY, SOLVER, Method
+from kinreach.errors import InputError
+
+
+def act(observation):
+    return observation + 0.001
+
+
+class Steady:
+    """A policy that is given the environment, and remembers the episode."""
+
+    name = "steady"
+
+    def __init__(self, env):
+        self.space = env.action_space
+
+    def reset(self, observation, info):
+        self.goal = info["goal"]
+
+    def act(self, observation):
+        return self.goal[:1]
+
+
+class Predicting:
+    """What stable-baselines3's models look like."""
+
+    def predict(self, observation, deterministic=False):
+        return (observation if deterministic else observation + 1.0), None
+
+
+class Silent:
+    """Finds no action."""
+
+    reason = "nothing found"
+
+    def act(self, observation):
+        return None
+
+
+def test_objects_classes_and_functions_are_methods(toy):
+    results = compare(toy, [act, Steady, Predicting(), Silent(), "right"], goals=4)
+    names = [entry["name"] for entry in results["methods"]]
+    assert names == ["act", "steady", "Predicting", "Silent", "right"]
+    assert [entry["reached"] for entry in results["methods"]] == [1.0, 1.0, 1.0, 0.0, 1.0]
+    silent = results["methods"][3]
+    assert (silent["impossible"], silent["outcomes"]) == (1.0, {"forfeited": 4})
+    assert results["methods"][0]["distance_mm"]["median"] == pytest.approx(1.0)
+
+
+def test_a_mapping_gives_names(toy):
+    results = compare(toy, {"mine": act, "theirs": "right"}, goals=2)
+    assert [entry["name"] for entry in results["methods"]] == ["mine", "theirs"]
+
+
+def test_a_module_of_the_working_directory(toy, tmp_path, monkeypatch):
+    (tmp_path / "my_methods.py").write_text(
+        textwrap.dedent("""
+        def exact(observation):
+            return observation
+        """)
+    )
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.syspath_prepend(str(tmp_path))
+    results = compare(toy, ["my_methods:exact"], goals=2)
+    assert [entry["name"] for entry in results["methods"]] == ["exact"]
+    assert any(name.startswith("my_methods:") for name in results["versions"])
+    with pytest.raises(InputError, match="has no 'other'"):
+        compare(toy, ["my_methods:other"])
+    with pytest.raises(InputError, match="cannot import 'no_such_module'"):
+        compare(toy, ["no_such_module:thing"])
+
+
+def test_colours_are_a_methods_own_or_chosen(toy):
+    entries = compare(toy, {"a": Method(lambda env: act, colour="#123456"), "b": act, "c": act}, goals=1)["methods"]
+    assert entries[0]["colour"] == "#123456"
+    assert len({entry["colour"] for entry in entries}) == 3
+
+
+@pytest.mark.parametrize("name", ["", "a\nb", "\x1b[2J", "\udcff"])
+def test_names_must_be_printable(toy, name):
+    with pytest.raises(InputError, match="printable text"):
+        compare(toy, {name: act})
+
+
+def test_a_policys_file_acts_where_its_card_says(tmp_path):
+    from importlib.resources import files
+
+    task = get_task("ur5")
+    for name in ("single", "multi"):
+        content = (files("kinreach.baselines") / "pretrained" / f"{name}.safetensors").read_bytes()
+        (tmp_path / f"mine-{name}.safetensors").write_bytes(content)
+        (method,) = resolve_methods(task, [str(tmp_path / f"mine-{name}.safetensors")]).values()
+        assert method.environment == task.variants[name]
+        assert method.kind == POLICY
+        assert len(method.versions) == 1
+    with pytest.raises(InputError, match="is for kinreach/UR5MultiStep-v0"):
+        resolve_methods(task, [f"{tmp_path / 'mine-multi.safetensors'}@single"])
+    with pytest.raises(InputError, match="is for kinreach/UR5SingleStep-v0"):
+        resolve_methods(get_task("button"), [str(tmp_path / "mine-single.safetensors")])
+
+
+def test_shipped_policies_are_methods():
+    assert {"single", "multi", "ppo-single", "ppo-multi", "thesis-single", "button"} <= set(pretrained_names())
+
+
+def test_a_task_and_a_method_from_outside_are_known_by_name(toy):
+    register_task(toy)
+    register_task(toy)  # the same again
+    register_method("toy", "mine", Method(lambda env: act))
+    try:
+        names = [entry["name"] for entry in compare("toy", goals=1)["methods"]]
+        assert names == ["right", "near", "wild", "mine"]
+        with pytest.raises(InputError, match="has a method 'mine' already"):
+            register_method("toy", "mine", Method(lambda env: act))
+        with pytest.raises(InputError, match="registered already"):
+            register_task(toy)
+    finally:
+        from kinreach.compare import task as registry
+
+        registry._TASKS.pop("toy")
+
+
+def test_what_cannot_be_made_is_left_out_of_all_but_not_of_some(toy):
+    from dataclasses import replace
+
+    from kinreach.errors import InstallationError
+
+    def broken(env):
+        raise InstallationError("placo is missing")
+
+    task = replace(toy, methods={**toy.methods, "broken": Method(broken, SOLVER)})
+    results = compare(task, goals=1)
+    assert [entry["name"] for entry in results["methods"]] == ["right", "near", "wild"]
+    assert results["settings"]["left_out"] == {"broken": "placo is missing"}
+    with pytest.raises(InstallationError, match="placo is missing"):
+        compare(task, ["broken"], goals=1)
+
+
+def test_a_policy_of_other_shape_is_refused(toy):
+    def wrong(observation):
+        return np.zeros(5)
+
+    with pytest.raises(InputError, match="shape"):
+        compare("ur5", [wrong], goals=1)

@@ -1,0 +1,150 @@
+"""The reach tasks: solvers and policies in the environments, and where the distance that is left comes from."""
+
+import numpy as np
+import pytest
+
+from kinreach.compare import compare
+from kinreach.compare.reach import Budget, budget
+from kinreach.kinematics import UR5Kinematics
+
+SOLVERS = ["closed-form", "lm", "qp"]
+#: A pose 8 m away.
+FAR = np.eye(4)
+FAR[:3, 3] = 5.0
+
+
+@pytest.fixture(scope="module")
+def results():
+    return compare(
+        "ur5", ["closed-form", "lm", "ranked-single", "ranked-multi", "thesis-ppo-single", "hybrid"], goals=12
+    )
+
+
+def entry(results, name):
+    return next(entry for entry in results["methods"] if entry["name"] == name)
+
+
+def test_the_parts_of_a_distance_sum_to_it():
+    rng = np.random.default_rng(0)
+    for _ in range(500):
+        goal, seen, meant, tip = rng.normal(size=(4, 3))
+        parts = budget(goal, seen, meant, tip)
+        assert sum(parts) == pytest.approx(np.linalg.norm(tip - goal))
+        turned = np.linalg.qr(rng.normal(size=(3, 3)))[0]
+        assert budget(*(turned @ point + 1.0 for point in (goal, seen, meant, tip))) == pytest.approx(parts)
+    assert budget(goal, seen, meant, goal) == Budget(0.0, 0.0, 0.0)
+    assert budget(goal, goal, goal, tip) == pytest.approx((0.0, 0.0, np.linalg.norm(tip - goal)))
+
+
+def test_who_reaches(results):
+    shares = {found["name"]: found["reached"] for found in results["methods"]}
+    assert shares.pop("thesis-ppo-single") == 0.0
+    assert set(shares.values()) == {1.0}
+
+
+def test_the_closed_form_is_exact_and_the_controller_is_what_is_left(results):
+    closed = entry(results, "closed-form")
+    assert closed["ik_error_mm"]["p95"] < 1e-7
+    assert closed["distance_mm"]["p95"] < 0.1
+    assert closed["budget_mm"]["seeing"] == 0.0
+    assert abs(closed["budget_mm"]["deciding"]) < 1e-7
+    for found in results["methods"]:
+        parts = found["budget_mm"]
+        assert parts["seeing"] + parts["deciding"] + parts["moving"] == pytest.approx(parts["distance"], abs=1e-9)
+
+
+def test_effort_is_counted(results):
+    assert entry(results, "closed-form")["iterations"]["median"] == 0
+    assert entry(results, "lm")["iterations"]["median"] >= 2
+    assert entry(results, "hybrid")["iterations"]["median"] < entry(results, "lm")["iterations"]["median"]
+    assert entry(results, "ranked-single")["iterations"]["median"] == 1
+    assert entry(results, "ranked-multi")["iterations"]["median"] > 5
+    assert entry(results, "ranked-single")["restarts"]["median"] is None  # policies have none
+    assert entry(results, "closed-form")["candidates"]["median"] >= 1
+
+
+def test_kinds_and_what_they_are_given(results):
+    kinds = {found["name"]: found["kind"] for found in results["methods"]}
+    assert (kinds["closed-form"], kinds["ranked-multi"], kinds["hybrid"]) == ("solver", "policy", "seeded solver")
+    assert {f"given to a {kind}" for kind in kinds.values()} <= set(results["settings"]["terms"])
+
+
+def test_the_same_seed_gives_the_same_numbers(results):
+    again = compare("ur5", ["ranked-multi", "closed-form"], goals=12)
+    for name in ("closed-form", "ranked-multi"):
+        for key in ("distance_mm", "reward_mean", "move_s", "budget_mm"):
+            assert entry(again, name)[key] == entry(results, name)[key]
+
+
+def test_cameras_tell_all_methods_the_same(needs_gl):
+    results = compare("ur5", ["closed-form", "ranked-single"], goals=5, observation="camera")
+    closed, ranked = results["methods"]
+    assert closed["observed_error_mm"] == ranked["observed_error_mm"]
+    assert 0.01 < closed["observed_error_mm"]["median"] < 1.0
+    assert closed["ik_error_mm"]["p95"] < 1e-7  # it goes where it was told
+    assert closed["distance_mm"]["median"] > 0.05
+    assert closed["reached"] == 1.0
+
+
+def test_noise_is_that_of_seed_and_goal_whoever_is_compared(needs_gl):
+    noisy = {"observation": "camera", "options": {"rgb_noise": 6.0, "depth_noise": 0.002}}
+    alone = compare("ur5", ["closed-form"], goals=4, seed=3, **noisy)
+    among = compare("ur5", ["ranked-single", "closed-form"], goals=4, seed=3, **noisy)
+    assert entry(among, "closed-form")["observed_error_mm"] == entry(alone, "closed-form")["observed_error_mm"]
+    other = compare("ur5", ["closed-form"], goals=4, seed=4, **noisy)
+    assert entry(other, "closed-form")["observed_error_mm"] != entry(alone, "closed-form")["observed_error_mm"]
+
+
+class Nowhere:
+    """A solver that finds nothing."""
+
+    def solve(self, goal, seed, *, accept=None):
+        kin = UR5Kinematics(tip="tcp", base="world")
+        return kin.nearest(FAR, seed)
+
+
+def test_a_solver_that_finds_nothing_is_impossible_and_says_why():
+    (found,) = compare("ur5", [Nowhere], goals=3)["methods"]
+    assert (found["kind"], found["impossible"], found["reached"]) == ("solver", 1.0, 0.0)
+    assert found["outcomes"] == {"forfeited": 3}
+    assert found["reward_mean"] == -100.0
+    assert found["ik_error_mm"]["median"] is None
+
+
+def test_a_posture_that_cannot_be_taken_is_impossible():
+    def into_the_table(observation):
+        return np.array([-0.5, 0.1, 0.0, 0.0, 0.0, 0.0])  # the arm stretched out, slanting into the table
+
+    (found,) = compare("ur5", [into_the_table], goals=2)["methods"]
+    assert found["impossible"] == 1.0
+    assert found["success_at_mm"]["50"] == 0.0
+
+
+def test_the_arm3_task_keeps_what_some_posture_reaches():
+    results = compare("arm3", SOLVERS, goals=6)
+    assert [found["reached"] for found in results["methods"]] == [1.0, 1.0, 1.0]
+    assert entry(results, "closed-form")["distance_mm"]["p95"] < 0.1
+    assert "posture_error" not in results["methods"][0]
+
+
+def test_one_missing_package_disables_its_own_method_only(run_python):
+    code = """
+import sys
+sys.modules["placo"] = None
+from kinreach.compare import compare
+from kinreach.errors import InstallationError
+results = compare("ur5", goals=1)
+print([entry["name"] for entry in results["methods"]])
+print(results["settings"]["left_out"])
+try:
+    compare("ur5", ["placo"], goals=1)
+except InstallationError as error:
+    print("refused:", error)
+"""
+    done = run_python("-c", code)
+    assert done.returncode == 0, done.stderr
+    names, left_out, refused = done.stdout.splitlines()
+    assert "'lm'" in names
+    assert "'placo'" not in names
+    assert "placo" in left_out
+    assert refused.startswith("refused: cannot import placo")

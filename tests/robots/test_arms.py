@@ -1,0 +1,130 @@
+"""The UR family from one table, and what an arm description fills in by itself."""
+
+from __future__ import annotations
+
+import hashlib
+import pickle
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from kinreach.errors import InputError
+from kinreach.kinematics import ArmKinematics, CollisionChecker, UR5Kinematics
+from kinreach.robots import ArmDescription, Workcell, get_arm
+from kinreach.thesis.reward import posture_error
+from kinreach.vision.goal_view import goal_camera_poses
+
+FAMILY = ("ur3", "ur5", "ur10")
+HALF_PICTURE = np.tan(np.deg2rad(29.0))
+
+
+def test_the_ur5_has_not_changed():
+    digest = hashlib.sha256(get_arm("ur5").urdf.encode()).hexdigest()
+    assert digest == "13f75dba03fdc3ef60409b8afd6982947b1791f0c872c0a3031e4a66a7b480fa"
+
+
+def tool_down(position, turn):
+    c, s = np.cos(turn), np.sin(turn)
+    T = np.array([[c, s, 0, 0], [s, -c, 0, 0], [0, 0, -1, 0], [0, 0, 0, 1.0]])
+    T[:3, 3] = position
+    return T
+
+
+@pytest.mark.parametrize("name", FAMILY)
+def test_both_natural_postures_reach_every_goal_without_a_collision(name):
+    kin, checker = UR5Kinematics(arm=name, tip="tcp", base="world"), CollisionChecker(name)
+    region = kin.arm.workcell.goals
+    corners = [(x, y, region.z[0]) for x in region.x for y in region.y]
+    goals = [*corners, *kin.arm.workcell.draw_goals(np.random.default_rng(0), 60)]
+    assert checker.free(kin.arm.home)
+    covered = 0
+    for goal in goals:
+        for turn in np.linspace(-3.0, 3.0, 5):
+            natural = [q for q in kin.all_solutions(tool_down(goal, turn)).q if posture_error(q) < 1e-6]
+            assert {q[0] < 0 for q in natural} == {True, False}
+            assert all(checker.free(q) for q in natural)
+            covered += len(natural)
+    assert covered == 2 * 5 * len(goals)
+
+
+@pytest.mark.parametrize("name", FAMILY)
+def test_both_cameras_see_every_goal_from_home(name):
+    arm = get_arm(name)
+    goals = arm.workcell.draw_goals(np.random.default_rng(1), 500)
+    for T in goal_camera_poses(arm):
+        x, y, z = ((goals - T[:3, 3]) @ T[:3, :3]).T
+        assert (z > 0.1).all()
+        assert (np.abs(y / z) < 0.9 * HALF_PICTURE).all()
+        assert (np.abs(x / z) < 0.9 * HALF_PICTURE * 16 / 9).all()
+
+
+def bare(name="arm3", **facts):
+    """An arm of which only the URDF is known."""
+    known = get_arm(name)
+    return ArmDescription("bare", "a bare arm", known.build_urdf, package_root=known.package_root, **facts)
+
+
+def test_a_description_reads_what_is_left_empty_from_the_urdf():
+    arm, known = bare(), get_arm("arm3")
+    assert (arm.joints, arm.base, dict(arm.tips)) == (
+        known.joints,
+        "base_link",
+        {"end_effector": "end_effector", "link_3": "link_3"},
+    )
+    assert arm.default_tip == "end_effector"
+    assert arm.home == (0.0, 0.0, 0.0)
+    assert arm.workcell == Workcell()
+    assert [camera.name for camera in arm.cameras] == ["overview"]
+    assert 0 < arm.speed_limit <= 3.0
+    assert 0 < arm.acceleration_limit <= 10.0
+    assert len(arm.joint_damping) == 3
+    ratio = np.array(arm.position_gains) / known.position_gains
+    assert (ratio > 0.3).all()
+    assert (ratio < 3.0).all()
+
+
+def test_gripper_joints_are_no_part_of_the_posture():
+    arm = bare("ur5", gripper=get_arm("ur5").gripper)
+    assert arm.joints == get_arm("ur5").joints
+    assert arm.default_tip == "tcp"
+    q = np.random.default_rng(0).uniform(-3, 3, (20, 6))
+    np.testing.assert_allclose(
+        ArmKinematics(arm, tip="tool0").fk(q), ArmKinematics("ur5", tip="tool0").fk(q), atol=1e-12
+    )
+
+
+def test_derived_pairs_leave_the_home_posture_free_and_keep_real_collisions():
+    folded = [0.0, -np.pi / 2, 3.0, -np.pi / 2, -np.pi / 2, 0.0]
+    arm = bare("ur5", gripper=get_arm("ur5").gripper, home=get_arm("ur5").home)
+    checker = CollisionChecker(arm)
+    assert checker.free(arm.home)
+    assert checker.in_collision(folded)
+
+
+def test_descriptions_can_be_pickled():
+    for name in ("arm3", *FAMILY):
+        again = pickle.loads(pickle.dumps(get_arm(name)))
+        assert again.urdf == get_arm(name).urdf
+
+
+@pytest.mark.parametrize(
+    ("facts", "said"),
+    [
+        ({"joints": ("elbow",)}, "unknown joint"),
+        ({"joints": ("link_2_joint", "link_1_joint")}, "in this order"),
+        ({"tips": {"tip": "nowhere"}}, "unknown link"),
+        ({"tips": {"base": "base_link"}}, "no joint moves the tip"),
+        ({"home": (0.0, 0.0)}, "home must have 3 numbers"),
+        ({"position_gains": (1.0,)}, "position_gains must have 3"),
+    ],
+)
+def test_what_cannot_be_read_is_named(facts, said):
+    with pytest.raises(InputError, match=said):
+        bare(**facts)
+
+
+def test_a_cell_without_goals_says_so():
+    with pytest.raises(InputError, match="no goals"):
+        bare().workcell.draw_goals(np.random.default_rng(0), 1)
+    assert replace(get_arm("ur5"), name="other").home == get_arm("ur5").home

@@ -1,0 +1,215 @@
+"""Arms from URDF files: the Panda of example-robot-data from FK to simulation, and files written for the purpose."""
+
+from __future__ import annotations
+
+import shutil
+from pathlib import Path
+
+import numpy as np
+import pinocchio as pin
+import pytest
+
+from kinreach.errors import InputError
+from kinreach.kinematics import ArmKinematics, CollisionChecker, PoseGoal
+from kinreach.kinematics.solvers import LevenbergMarquardtSolver, PlacoSolver, QPSolver
+from kinreach.robots import ArmDescription, BoxRegion, Workcell, get_arm
+from kinreach.sim.simulation import ArmSimulation
+
+SHARE = Path(str(get_arm("ur5").package_root()))
+PANDA = SHARE / "example-robot-data/robots/panda_description/urdf/panda.urdf"
+FINGERS = ("panda_finger_joint1", "panda_finger_joint2")
+
+
+@pytest.fixture(scope="module")
+def panda():
+    return ArmDescription.from_urdf(PANDA)
+
+
+@pytest.fixture(scope="module")
+def kin(panda):
+    return ArmKinematics(panda, base="world")
+
+
+@pytest.fixture(scope="module")
+def postures(kin):
+    return np.random.default_rng(0).uniform(kin.lower, kin.upper, (200, 7))
+
+
+def test_what_the_panda_is(panda):
+    assert panda.name == "panda"
+    assert panda.joints == tuple(f"panda_joint{i}" for i in range(1, 8))
+    assert panda.default_tip == "panda_hand_tcp"
+    assert panda.base == "panda_link0"
+    np.testing.assert_allclose(panda.home, (0, 0, 0, -1.5708, 0, 1.8675, 0))
+    assert not panda.locked_joints
+
+
+@pytest.mark.parametrize("tip", ["panda_hand_tcp", "panda_link8", "panda_leftfinger"])
+def test_forward_kinematics_is_pinocchios_on_the_file(tip, postures):
+    kin = ArmKinematics.from_urdf(PANDA, tip=tip, held={"panda_finger_joint1": 0.03})
+    model = pin.buildModelFromUrdf(str(PANDA))
+    data, frame = model.createData(), model.getFrameId(tip)
+    poses = kin.fk(postures)
+    for q, T in zip(postures, poses, strict=True):
+        pin.framesForwardKinematics(model, data, np.array([*q, 0.03, 0.03]))
+        np.testing.assert_allclose(T, data.oMf[frame].homogeneous, atol=1e-12)
+        np.testing.assert_allclose(kin.fk(q), T, atol=1e-12)
+
+
+def test_jacobian_by_finite_differences(kin, postures):
+    step = 1e-6
+    for q in postures[:50]:
+        J, T = kin.jacobian(q), kin.fk(q)
+        for joint in range(7):
+            moved = [kin.fk(q + sign * step * np.eye(7)[joint]) for sign in (1, -1)]
+            np.testing.assert_allclose((moved[0] - moved[1])[:3, 3] / (2 * step), J[:3, joint], atol=1e-8)
+            W = (moved[0] - moved[1])[:3, :3] / (2 * step) @ T[:3, :3].T
+            np.testing.assert_allclose((W[2, 1], W[0, 2], W[1, 0]), J[3:, joint], atol=1e-8)
+
+
+@pytest.mark.parametrize("solver", [LevenbergMarquardtSolver, QPSolver, PlacoSolver])
+def test_solvers_reach_poses(solver, kin, panda, postures):
+    solver = solver(kin)
+    for q in postures[:40]:
+        result = solver.solve(PoseGoal(kin.fk(q)), panda.home)
+        assert result.success
+        assert kin.within_limits(result.q)
+
+
+def test_collisions(panda, kin, postures):
+    checker = CollisionChecker(panda)
+    assert checker.free(panda.home)
+    colliding = [checker.in_collision(q) for q in postures]
+    assert 0.05 < np.mean(colliding) < 0.3
+    assert ("panda_link6", "panda_link7") not in checker.pairs
+    assert ("panda_hand", "panda_link5") in checker.pairs
+
+
+def test_simulation(panda, kin, postures):
+    checker, simulation = CollisionChecker(panda), ArmSimulation(panda)
+    free = [q for q in postures if checker.free(q)][:15]
+    for q in free:
+        simulation.reset()
+        assert simulation.move(q).reached
+        np.testing.assert_allclose(simulation.tip_position, kin.fk(q)[:3, 3], atol=0.01)
+    assert len(free) == 15
+
+
+def test_a_gripper_and_a_work_cell_can_be_added():
+    cell = Workcell(goals=BoxRegion((0.3, 0.6), (-0.2, 0.2), (0.1, 0.1)))
+    arm = ArmDescription.from_urdf(PANDA, tip="panda_link8", gripper_on="panda_link8", workcell=cell, name="mine")
+    assert (arm.name, arm.default_tip, len(arm.joints)) == ("mine", "tcp", 7)
+    kin, link = ArmKinematics(arm), ArmKinematics(arm, tip="panda_link8")
+    q = np.array(arm.home)
+    np.testing.assert_allclose(kin.fk(q)[:3, 3], link.fk(q) @ (0, 0, 0.2, 1) @ np.eye(4, 3), atol=1e-12)
+    simulation = ArmSimulation(arm)
+    assert simulation.move(q + 0.1).reached
+
+
+def test_meshes_named_relative_to_the_file_and_in_packages(tmp_path, panda):
+    meshes = PANDA.parents[1] / "meshes/collision"
+    text = PANDA.read_text()
+    address = "package://example-robot-data/robots/panda_description/meshes/"
+    robot = tmp_path / "elsewhere/robot/urdf/panda.urdf"
+    robot.parent.mkdir(parents=True)
+    shutil.copytree(meshes, tmp_path / "elsewhere/robot/meshes/collision")
+    q = np.array(panda.home) + 0.3
+    for told, options in (
+        ("../meshes/", {}),
+        ("package://robot/meshes/", {}),
+        ("package://robot/meshes/", {"package_dirs": [tmp_path / "elsewhere"]}),
+    ):
+        plain = text.replace(address + "collision/", told + "collision/")
+        plain = "".join(line for line in plain.splitlines(True) if "meshes/visual" not in line)
+        robot.write_text(
+            plain.replace("<geometry>\n            </geometry>", '<geometry><sphere radius="0.01"/></geometry>')
+        )
+        arm = ArmDescription.from_urdf(robot, **options)
+        distance = CollisionChecker(arm).distance(q)
+        assert distance.distance == pytest.approx(CollisionChecker(panda).distance(q).distance, abs=1e-6)
+
+
+ARM = """<robot name="two">
+  <link name="base"/> <link name="one"/> <link name="two"/> <link name="side"/> <link name="end"/>
+  <joint name="a" type="{a}"><parent link="base"/><child link="one"/><axis xyz="0 0 1"/>{limit}</joint>
+  <joint name="b" type="revolute"><parent link="one"/><child link="two"/><origin xyz="0.3 0 0"/><axis xyz="0 1 0"/>
+    <limit lower="0.5" upper="1.5" effort="1" velocity="2"/></joint>
+  <joint name="c" type="prismatic"><parent link="two"/><child link="side"/><axis xyz="0 0 2"/>
+    <origin xyz="0.1 0 0" rpy="0 1.57079632679489656 0"/>
+    <limit lower="0.02" upper="0.4" effort="1" velocity="1"/>{mimic}</joint>
+  <joint name="d" type="fixed"><parent link="two"/><child link="end"/><origin xyz="0.2 0 0"/></joint>
+</robot>"""
+LIMIT = '<limit lower="-1" upper="1" effort="1" velocity="1"/>'
+
+
+def write(tmp_path, a="revolute", limit=LIMIT, mimic=""):
+    file = tmp_path / "two.urdf"
+    file.write_text(ARM.format(a=a, limit=limit, mimic=mimic))
+    return file
+
+
+def test_a_joint_without_end_turns_once(tmp_path):
+    kin = ArmKinematics.from_urdf(write(tmp_path, a="continuous", limit=""))
+    assert kin.arm.joints == ("a", "b")
+    np.testing.assert_allclose((kin.lower[0], kin.upper[0]), (-np.pi, np.pi))
+    np.testing.assert_allclose(kin.fk([0.4, 1.0])[:3, 3], kin.fk([0.4 - 2 * np.pi, 1.0])[:3, 3], atol=1e-12)
+
+
+@pytest.mark.parametrize(("options", "slid"), [({}, 0.02), ({"held": {"c": 0.3}}, 0.3), ({"joints": ["b"]}, 0.02)])
+def test_joints_beside_the_arm_are_held(tmp_path, options, slid):
+    kin = ArmKinematics.from_urdf(write(tmp_path), tip="side", **({"joints": ["a", "b"]} | options))
+    q = np.zeros(kin.n)
+    np.testing.assert_allclose(kin.fk(q)[:3, 3], (0.4 + slid, 0, 0), atol=1e-12)
+
+
+def test_a_joint_that_follows_a_held_one(tmp_path):
+    file = write(tmp_path, mimic='<mimic joint="a" multiplier="2" offset="0.1"/>')
+    kin = ArmKinematics.from_urdf(file, tip="side", joints=["b"], held={"a": 0.1})
+    T = kin.fk([0.0])
+    np.testing.assert_allclose(np.linalg.norm(T[:2, 3]), 0.4 + 0.3, atol=1e-12)
+    with pytest.raises(InputError, match="mimics 'a'"):
+        ArmDescription.from_urdf(file, tip="end")
+
+
+@pytest.mark.parametrize(
+    ("options", "said"),
+    [
+        ({"tip": "nowhere"}, "unknown link.*nowhere"),
+        ({"joints": ["nowhere"]}, "unknown joint.*nowhere"),
+        ({"joints": ["b", "a"]}, "in this order"),
+        ({"tip": "side"}, "'c' slides"),
+        ({"tip": "base"}, "no joint moves"),
+        ({"held": {"x": 0.0}}, "unknown joint"),
+        ({"held": {"c": np.nan}}, "finite"),
+        ({"gripper_on": "base"}, "unknown link.*gripper"),
+        ({"home": [0.0]}, "home must have 2"),
+    ],
+)
+def test_what_is_wrong_is_named(tmp_path, options, said):
+    with pytest.raises(InputError, match=said):
+        ArmDescription.from_urdf(write(tmp_path), **options)
+
+
+@pytest.mark.parametrize(
+    "address",
+    ["/etc/passwd", "../../../../../etc/passwd", "package://a/../../../x.stl", "file:///etc/x.stl", "http://a/x.stl",
+     "package:///x.stl", "no.stl", "", "a\u202e.stl", "two.urdf", "package://../two.urdf"],
+)  # fmt: skip
+def test_meshes_elsewhere_are_refused(tmp_path, address):
+    file = write(tmp_path)
+    shape = f'<link name="end"><collision><geometry><mesh filename="{address}"/></geometry></collision></link>'
+    file.write_text(file.read_text().replace('<link name="end"/>', shape))
+    with pytest.raises(InputError, match="which is not there"):
+        ArmDescription.from_urdf(file)
+
+
+@pytest.mark.parametrize("content", [b"", b"\xff\xfe\x00", b"<robot", b"<!DOCTYPE r><robot name='a'/>"])
+def test_files_that_are_no_urdf(tmp_path, content):
+    file = tmp_path / "no.urdf"
+    file.write_bytes(content)
+    with pytest.raises(InputError):
+        ArmDescription.from_urdf(file)
+    with pytest.raises(InputError, match="cannot be read"):
+        ArmDescription.from_urdf(tmp_path)
+    with pytest.raises(InputError, match="cannot be read"):
+        ArmDescription.from_urdf(tmp_path / "none.urdf")

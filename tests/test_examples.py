@@ -1,0 +1,132 @@
+"""Every example runs as a user would run it, and what it prints says what it claims."""
+
+from __future__ import annotations
+
+import os
+import re
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+EXAMPLES = Path(__file__).parents[1] / "examples"
+
+
+@pytest.fixture
+def run(tmp_path):
+    """`run(name)`: what an example prints, run in an empty folder."""
+
+    def run_example(name: str) -> str:
+        done = subprocess.run(
+            [sys.executable, str(EXAMPLES / f"{name}.py")],
+            cwd=tmp_path,
+            env={**os.environ, "PYTHONPATH": str(EXAMPLES.parent)},
+            capture_output=True,
+            text=True,
+            timeout=300,
+            check=False,
+        )
+        assert done.returncode == 0, done.stderr
+        return done.stdout
+
+    return run_example
+
+
+def reached(text: str) -> dict[str, float]:
+    """Share of goals in percent by method, from lines such as `lm: 100 % reached, ...`."""
+    return {name: float(share) for name, share in re.findall(r"^(\S+): ([\d.]+) % reached", text, re.MULTILINE)}
+
+
+def numbers(pattern: str, text: str) -> list[float]:
+    return [float(found) for found in re.findall(pattern, text)]
+
+
+def test_own_arm(run):
+    text = run("01_own_arm")
+    assert "Jacobian: (6, 7)" in text
+    errors = numbers(r": ok, ([\d.]+) mm off", text)
+    assert len(errors) == 3
+    assert max(errors) < 0.1  # the solvers' tolerance
+    touching = re.search(r"deeper touches: \[(.*)\]", text).group(1)
+    assert "'table'" in touching
+    assert "'panda_hand'" in touching
+    assert "simulated move: reached" in text
+    assert numbers(r"tip ([\d.]+) mm from the goal", text)[0] < 1.0
+    assert "compare, lm: 100 % reached" in text
+
+
+def test_own_solver(run):
+    text = run("02_own_solver")
+    assert reached(text) == {"closed-form": 100, "scipy": 100}
+    assert max(numbers(r"reached, ([\d.]+) mm", text)) < 0.2
+
+
+@pytest.mark.slow
+def test_own_policy(run):
+    text = run("03_own_policy")
+    shares = reached(text)
+    assert list(shares) == ["closed-form", "memory", "model"]
+    assert shares["closed-form"] == 100
+    assert shares["memory"] > 80
+    assert shares["model"] == 0
+
+
+def test_own_reward(run):
+    text = run("04_own_reward")
+    ways = numbers(r"([\d.]+) rad from home", text)
+    thesis, own = numbers(r"thesis pays (-?[\d.]+)", text), numbers(r"this reward (-?[\d.]+)", text)
+    assert len(ways) == len(thesis) == len(own) >= 4
+    possible = [i for i, value in enumerate(thesis) if value > -100]
+    assert len(possible) >= 2
+    for i in possible:  # minus a tenth of the way, and the distance, which is next to nothing
+        assert own[i] == pytest.approx(-0.1 * ways[i], abs=0.02)
+    assert max(range(len(own)), key=own.__getitem__) == min(possible, key=ways.__getitem__)
+    mean, best = numbers(r"(-[\d.]+) (?:in the mean|for the best)", text)
+    assert mean < best < 0
+
+
+def test_own_task(run):
+    assert reached(run("05_own_task")) == {"closed-form": 100, "lm": 100, "ranked-single": 0, "random": 0}
+
+
+@pytest.mark.slow
+def test_own_algorithm(run):
+    pytest.importorskip("sb3_contrib")
+    text = run("06_own_algorithm")
+    assert {"curve.csv", "policy.safetensors", "run.json"} <= set(text.splitlines()[0].split())
+    assert "trained: TQC" in text
+    assert "[64, 64, 32, 6] silu" in text
+    assert "on 200 held-out goals" in text
+
+
+@pytest.mark.slow
+def test_stable_baselines3(run, tmp_path):
+    before, after = numbers(r"(?:before|after): (-?[\d.]+)", run("07_stable_baselines3"))
+    assert after > before + 10
+    assert after > -5
+    assert (tmp_path / "results" / "reach.zip").stat().st_size > 10_000
+
+
+@pytest.mark.slow
+def test_pytorch_loop(run):
+    distances = numbers(r"distance +(\d+) mm", run("08_pytorch_loop"))
+    assert len(distances) == 7
+    assert distances[-1] < distances[0] / 3
+
+
+@pytest.mark.usefixtures("needs_gl")
+def test_seeing(run, tmp_path):
+    text = run("09_seeing")
+    errors = numbers(r"([\d.]+) mm off", text)
+    assert len(errors) == 6
+    assert max(errors) < 1.0
+    assert (tmp_path / "results" / "seeing.jpg").stat().st_size > 10_000
+
+
+@pytest.mark.slow
+def test_million(run):
+    text = run("10_million_fk_ik")
+    assert numbers(r"(\d+) of 1000000 solved", text) == [1e6, 1e6]
+    assert max(numbers(r"([\de.-]+) mm off", text)) < 1e-4  # the closed form's tolerance of 1e-7 m
+    assert len(re.findall(r"a pose takes fk [\d.]+ us, batch [\d.]+ us, nearest_batch [\d.]+ us", text)) == 2
