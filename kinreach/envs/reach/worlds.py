@@ -26,10 +26,11 @@ class Ending(IntEnum):
 
     COMPLETED = 0
     OUT_OF_LIMITS = 1
-    #: The target is in collision (`backend="kinematic"`).
+    #: In the target the arm would be in an obstacle (`backend="kinematic"`).
     COLLISION = 2
-    #: One part of the arm holds another off the target (as the next ones: `backend="mujoco"`).
+    #: Two parts of the arm would be in one another, or hold each other off the target.
     SELF_COLLISION = 3
+    #: Something holds the arm off the target (this and the next two: `backend="mujoco"`).
     BLOCKED = 4
     TIMEOUT = 5
     DIVERGED = 6
@@ -42,6 +43,8 @@ ENDINGS = np.array(
     ["completed", "out of limits", "collision", "self-collision", "blocked", "timeout", "diverged", "forfeited"],
     dtype=object,
 )
+#: The ending of a target that `FastCollision` judges by each `Cause`.
+_OF_CAUSE = np.array([Ending.COMPLETED, Ending.OUT_OF_LIMITS, Ending.SELF_COLLISION, Ending.COLLISION], dtype=np.uint8)
 _OF_MOVE = {
     MoveStatus.REACHED: Ending.COMPLETED,
     MoveStatus.OUT_OF_LIMITS: Ending.OUT_OF_LIMITS,
@@ -131,27 +134,17 @@ class KinematicWorld:
 
     def execute(self, targets: Floats, *, two_phase: bool) -> Executed:
         """Take the targets that can be taken."""
-        impossible = self._check.impossible(targets)
+        ending = _OF_CAUSE[self._check.causes(targets)]
+        impossible = ending != Ending.COMPLETED
         moved = np.flatnonzero(~impossible)
         q = targets.T.take(moved, axis=1)
         for array, values in ((self._q, q), (self._tip, self._kinematics.chain.positions(q.T).T)):
             for row, new in zip(array, values, strict=True):
                 row[moved] = new
-        ending = self._endings(targets, impossible)
         if not self._explain:
             return Executed(impossible, ending)
         reasons = [self._check.reason(target) if bad else "" for target, bad in zip(targets, impossible, strict=True)]
         return Executed(impossible, ending, reasons)
-
-    def _endings(self, targets: Floats, impossible: Flags) -> NDArray[np.uint8]:
-        ending = impossible * np.uint8(Ending.COLLISION)
-        rows = np.flatnonzero(impossible)
-        q = targets.T.take(rows, axis=1)
-        low, high = self._kinematics.lower[:, None], self._kinematics.upper[:, None]
-        if q.size and ((q < low) | (q > high)).any():
-            slack = 1e-9
-            ending[rows[((q < low - slack) | (q > high + slack)).any(axis=0)]] = Ending.OUT_OF_LIMITS
-        return ending
 
     @property
     def q(self) -> Floats:
