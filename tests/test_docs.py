@@ -119,8 +119,8 @@ def test_names_in_the_points_exist():
     for page in ("thesis.md", "report.md"):
         for row in re.findall(r"^\| .*\|$", read(DOCS / page), re.MULTILINE):
             where = row.split(" | ")[1] if row.count(" | ") >= 2 else ""
-            for name in re.findall(r"`(?!python )(?:plots\.|ARM\.)?(\w+(?:\.py)?)\b[^`/]*`", where):
-                defined = rf"^\s*(?:def|class) {name}\b|^\s*{name}\s*[:=]|[\"']?{name}[\"']?="
+            for name in re.findall(r"`(?!python )(?:plots\.|ARM\.)?([\w-]+(?:\.py)?)\b[^`/]*`", where):
+                defined = rf"^\s*(?:def|class) {name}\b|^\s*{name}\s*[:=]|[\"']?{name}[\"']?=|[\"']{name}[\"']"
                 known = name in files or re.search(defined, SOURCE, re.MULTILINE)
                 missing += [] if known else [f"{page}: {name}"]
                 checked += 1
