@@ -59,7 +59,7 @@ MODULES = {
     "kinreach.envs.ball_finder": "kinreach.vision.ball_finder",
     "kinreach.envs.ball_finder_steps": "kinreach.vision.ball_finder",
     "kinreach.envs.goal_view": "kinreach.vision.goal_view",
-    "kinreach.envs.resets": "kinreach.envs.batch",
+    "kinreach.envs.resets": "kinreach.envs.options",
     "kinreach.envs.streams": "kinreach.envs.batch",
     "kinreach.envs.native_batch": "kinreach.envs.batch",
     "kinreach.envs.reach.world": "kinreach.envs.reach.worlds",
@@ -68,7 +68,8 @@ MODULES = {
     "kinreach.envs.reach.goals": "kinreach.envs.reach.episodes",
     "kinreach.envs.reach.single_step": "kinreach.envs.reach.env",
     "kinreach.envs.reach.multi_step": "kinreach.envs.reach.env",
-    "kinreach.envs.reach.pixels": "kinreach.envs.reach.options",
+    "kinreach.envs.reach.options": "kinreach.envs.reach.task",
+    "kinreach.envs.reach.pixels": "kinreach.envs.reach.observers",
     "kinreach.envs.button.actuation": "kinreach.envs.button.task",
     "kinreach.envs.button.scene": "kinreach.envs.button.world",
     "kinreach.envs.button.options": "kinreach.envs.button.episodes",
@@ -79,10 +80,10 @@ MODULES = {
     "kinreach.baselines.learned": "kinreach.baselines.policies",
     "kinreach.baselines.scripted": "kinreach.baselines.rollout",
     "kinreach.baselines.evaluation_table": "kinreach.baselines.evaluation",
-    "kinreach.baselines.sb3_networks": "kinreach.baselines.algorithms",
+    "kinreach.baselines.sb3_networks": "kinreach.baselines.networks",
     "kinreach.baselines.adaptive_ppo": "kinreach.baselines.algorithms",
     "kinreach.baselines.ranked_ppo": "kinreach.baselines.algorithms",
-    "kinreach.baselines.export": "kinreach.baselines.algorithms",
+    "kinreach.baselines.export": "kinreach.baselines.networks",
     "kinreach.baselines.button_reward": "kinreach.baselines.rewards",
     "kinreach.baselines.training_reward": "kinreach.baselines.rewards",
     "kinreach.baselines.sb3_vec_env": "kinreach.baselines.vec_envs",
@@ -93,9 +94,27 @@ MODULES = {
     "kinreach.plots.checks": "kinreach.plots.style",
     "kinreach.plots.paths": "kinreach.plots.maps",
     "kinreach.plots.optimum": "kinreach.plots.methods",
+    "kinreach.demo.tasks": "kinreach.demo.cli",
 }
 #: Name of 0.1.0 with its module -> the same now, where it was renamed or went elsewhere than its module.
-NAMES: dict[str, str] = {}
+NAMES = {
+    "kinreach.baselines.evaluation.TOLERANCES_MM": "kinreach.summary.TOLERANCES_MM",
+    "kinreach.baselines.export.network_of": "kinreach.baselines.networks.actor_network",
+    "kinreach.baselines.models.BUTTON_SCALE": "kinreach.baselines.algorithms.BUTTON_SCALE",
+    "kinreach.baselines.run_folder.remove": "kinreach.baselines.training._remove",
+    "kinreach.baselines.scripted.AnalyticReachPolicy": "kinreach.baselines.solver_policy.AnalyticReachPolicy",
+    "kinreach.envs.reach.UR5ReachVectorEnv": "kinreach.envs.reach.ReachVectorEnv",
+    "kinreach.envs.reach.env.UR5ReachEnv": "kinreach.envs.reach.env.ReachEnv",
+    "kinreach.envs.reach.options.OBSERVATIONS": "kinreach.envs.reach.task.OBSERVATION_KINDS",
+    "kinreach.envs.reach.vector_env.UR5ReachVectorEnv": "kinreach.envs.reach.vector_env.ReachVectorEnv",
+    "kinreach.robots.arms.ur5.STROKE": "kinreach.robots.grippers.STROKE",
+    "kinreach.robots.arms.ur5.TCP_OFFSET": "kinreach.robots.grippers.TCP_OFFSET",
+}
+#: Name of 0.1.0 with its module -> what it was, where that has no name any more.
+VALUES: dict[str, Callable[[], Any]] = {
+    "kinreach.robots.arms.ur5.ARM": lambda: importlib.import_module("kinreach.robots").get_arm("ur5"),
+    "kinreach.robots.arms.ur5.TABLE_TOP": lambda: -0.20,
+}
 #: Packages that are gone, and had no names but their modules.
 PACKAGES = frozenset({"kinreach.robots.arms"})
 #: What was not kept, and what there is instead.
@@ -114,9 +133,12 @@ def _find(module: str, name: str) -> tuple[str, Any]:
     Raises:
         AttributeError: There is no such name.
     """
-    where = NAMES.get(f"{module}.{name}", f"{MODULES.get(module, module)}.{name}")
+    old = f"{module}.{name}"
+    if old in VALUES:
+        return MODULES[module], VALUES[old]()
+    where = NAMES.get(old, f"{MODULES[module]}.{name}" if module in MODULES else "")
     place, _, new_name = where.rpartition(".")
-    if place != module and not (name.startswith("__") and name.endswith("__")):
+    if place and not (name.startswith("__") and name.endswith("__")):
         found = vars(importlib.import_module(place))
         if new_name in found:
             return where, found[new_name]

@@ -99,7 +99,7 @@ class Column:
         """What a table sorts by: the rate in percent, the mean, or a part of the quantiles, the median by default."""
         found = self.read(entry)
         if found is None or self.summary == MEAN:
-            return found  # type: ignore[no-any-return]
+            return found
         return 100 * found if self.summary == RATE else found[part or "median"]
 
     def text(self, entry: Mapping[str, Any], show: str = "") -> str:

@@ -14,7 +14,9 @@ import pytest
 from kinreach import _moved
 
 #: What is deliberately not tried: speed is no part of the package any more, and of `kinreach.compare` only what
-#: `__all__` said was for its users (its modules were the inside of one command, and have become other ones).
+#: `__all__` said was for its users (its modules were the inside of one command, and have become other ones). The
+#: list also leaves out what held an imported engine, such as `pin`, and `load_checkpoint` of
+#: `kinreach.baselines.checkpoint`, of which `train(..., resume=True)` is what remains.
 EXCLUDED = ("kinreach.bench", "kinreach.compare.")
 
 #: Imports every name through its old path, in a fresh interpreter.
@@ -77,7 +79,7 @@ def test_every_public_name_of_0_1_imports_from_its_old_place(run_python, old_nam
     assert done.returncode == 0, done.stderr
     failed, tried, warned = json.loads(done.stdout)
     assert failed == []
-    assert tried > 750
+    assert tried > 700
     assert all(warned[module] for module in _moved.MODULES if module in warned)
     gone = [module for module in warned if importlib.util.find_spec(module).loader is _moved_finder()]
     assert len(gone) > 50

@@ -7,16 +7,17 @@ import contextlib
 import os
 import sys
 from collections.abc import Iterator, Sequence
+from functools import partial
 from pathlib import Path
 
 from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
 from rich.table import Table
 
-from benchmarks.speed.registry import SUITES, chosen
 from benchmarks.speed.report import TARGET_COLUMNS, picture_of, sections_of, show, target_cells, write_page
 from benchmarks.speed.run import run_suites
-from benchmarks.speed.suite import Options, Section, Target
+from benchmarks.speed.sections import Options, Section, Target
+from benchmarks.speed.suites import SUITES, chosen
 from kinreach.checks import check_count, check_path
 from kinreach.cli import Parser
 from kinreach.errors import InputError
@@ -26,7 +27,7 @@ ROUNDS, QUICK_ROUNDS = 7, 3
 OUT = Path("results") / "bench"
 #: Narrowest that tables are set [characters].
 WIDTH = 120
-_EPILOG = "suites:\n" + "\n".join(f"  {name:14s} {entry.summary}" for name, entry in SUITES.items())
+_EPILOG = "suites:\n" + "\n".join(f"  {name:14s} {summary}" for name, summary in SUITES.items())
 
 
 def main(argv: Sequence[str], *, prog: str) -> int:
@@ -116,7 +117,11 @@ def _measure(suites: Sequence[str], options: Options, out: Path, *, fresh: bool,
             bar.start()
 
         try:
-            return run_suites(suites, options, out, command=command, fresh=fresh, progress=progress, on_suite=on_suite)
+            return run_suites(
+                suites, options, out,
+                command=command, fresh=fresh, progress=progress, on_suite=on_suite,
+                say=partial(errors.print, soft_wrap=True),
+            )  # fmt: skip
         except KeyboardInterrupt:
             kept = f"{len(finished)} of {len(suites)} suites are kept in {out}"
             raise KeyboardInterrupt(f"interrupted; {kept}; the same command goes on from there") from None

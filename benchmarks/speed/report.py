@@ -8,7 +8,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from benchmarks.speed.suite import Cell, Section, Target
+from benchmarks.speed.sections import Cell, Section, Target
 from kinreach.files import make_writable, replacing, write_text
 from kinreach.provenance import DISTRIBUTIONS
 

@@ -291,12 +291,17 @@ def step_by_step(batch: VectorEnv[Any, Any, Any], recipe: Recipe, reward: Traini
 
 def in_tries(batch: VectorEnv[Any, Any, Any], recipe: Recipe, reward: TrainingReward) -> SB3VecEnv:
     """A batch in which several postures are tried for each goal; goals are drawn on the table area and around it."""
-    goals: Any = get_arm("ur5").workcell.goals
-    (x0, x1), (y0, y1), margin = goals.x, goals.y, recipe.margin
-    wider = BoxRegion((x0 - margin, x1 + margin), (y0 - margin, y1 + margin), goals.z)
+    draw = wider_goals(recipe.margin).sample
     return TriesVecEnv(
-        batch, tries=recipe.settings["tries"], draw=wider.sample, steps=recipe.walk, reward=reward, blur=recipe.blur
+        batch, tries=recipe.settings["tries"], draw=draw, steps=recipe.walk, reward=reward, blur=recipe.blur
     )
+
+
+def wider_goals(margin: float) -> BoxRegion:
+    """The UR5's table area with a margin [m] on every side."""
+    goals: Any = get_arm("ur5").workcell.goals
+    (x0, x1), (y0, y1) = goals.x, goals.y
+    return BoxRegion((x0 - margin, x1 + margin), (y0 - margin, y1 + margin), goals.z)
 
 
 @dataclass(frozen=True)

@@ -98,7 +98,7 @@ def as_policy(given: Any) -> Policy:
         InputError: It is none of these.
     """
     if callable(getattr(given, "act", None)):
-        return given if callable(getattr(given, "reset", None)) else FunctionPolicy(given.act)  # type: ignore[no-any-return]
+        return given if callable(getattr(given, "reset", None)) else FunctionPolicy(given.act)
     if callable(getattr(given, "predict", None)):
         return FunctionPolicy(lambda observation: given.predict(observation, deterministic=True)[0])
     if callable(given):
@@ -144,13 +144,14 @@ def _episode(env: gym.Env[Any, Any], policy: Policy, reset: Mapping[str, Any], w
         if action is None:
             observation, reward, terminated, truncated, info = forfeit(env, getattr(policy, "reason", ""), info)
         else:
-            observation, reward, terminated, truncated, info = env.step(action)
+            observation, gained, terminated, truncated, info = env.step(action)
+            reward = float(gained)
         steps += 1
-        returned += float(reward)
+        returned += reward
         over = terminated or truncated
         if watch is not None:
             watch(env, info)
-    return {**flat(info), "steps": steps, "reward": float(reward), "return": returned, "solve_s": solve_s, **efforts}
+    return {**flat(info), "steps": steps, "reward": reward, "return": returned, "solve_s": solve_s, **efforts}
 
 
 def forfeit(env: gym.Env[Any, Any], reason: str, info: Mapping[str, Any]) -> tuple[Any, float, bool, bool, Any]:
@@ -160,7 +161,7 @@ def forfeit(env: gym.Env[Any, Any], reason: str, info: Mapping[str, Any]) -> tup
     """
     judge = getattr(env.unwrapped, "forfeit", None)
     if judge is not None:
-        return judge(reason)  # type: ignore[no-any-return]
+        return judge(reason)
     verdict = {"reached": False, "is_success": False, "impossible": True, "status": "forfeited"}
     return None, 0.0, True, False, {**info, **verdict, "impossible_reason": reason}
 

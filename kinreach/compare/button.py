@@ -20,7 +20,6 @@ from kinreach.compare.task import (
     Task,
     common_columns,
     policy_version,
-    register_task,
     thousandfold,
 )
 from kinreach.envs.button.task import PRESS_RADIUS
@@ -81,54 +80,52 @@ def _notes(results: Mapping[str, Any]) -> list[str]:
     ]
 
 
-BUTTON_TASK = register_task(
-    Task(
-        name="button",
-        title="3-DOF arm under torque: press the button",
-        environment=BUTTON,
-        # 100 steps of the tuned actuation are 4 s, nearly twice what the analytic controller ever needed
-        options={"max_steps": 100, "actuation": "tuned"},
-        variants={"button": BUTTON},
-        resets=_resets,
-        methods={
-            "analytic": Method(_analytic, CONTROLLER, colour="#003F66"),
-            "ppo": Method(
-                lambda env: load_policy("button"), POLICY, versions=policy_version("button"), colour="#D55E00"
-            ),
-            "random": Method(lambda env: RandomPolicy(env.action_space), CHANCE, colour="#7A7A7A"),
-        },
-        columns=(
-            Column("pressed", "reached", RATE, "pressed % [95 % CI]", "interval"),
-            Column("steps", "steps", SPREAD, "steps\nmedian / p95", "quantiles", digits=3),
-            *map(_column, common_columns(_pressed)),
-            Column("wrong_presses", "wrong_presses", SPREAD, "wrong\npresses\nmean", "mean"),
-            Column("energy", "energy", SPREAD, "energy\nN²m²s\nmedian", "median"),
-            Column("decision_ms", decision_ms, QUANTILES, "decision ms\nmedian / p95", "quantiles"),
+BUTTON_TASK = Task(
+    name="button",
+    title="3-DOF arm under torque: press the button",
+    environment=BUTTON,
+    # 100 steps of the tuned actuation are 4 s, nearly twice what the analytic controller ever needed
+    options={"max_steps": 100, "actuation": "tuned"},
+    variants={"button": BUTTON},
+    resets=_resets,
+    methods={
+        "analytic": Method(_analytic, CONTROLLER, colour="#003F66"),
+        "ppo": Method(lambda env: load_policy("button"), POLICY, versions=policy_version("button"), colour="#D55E00"),
+        "random": Method(lambda env: RandomPolicy(env.action_space), CHANCE, colour="#7A7A7A"),
+    },
+    columns=(
+        Column("pressed", "reached", RATE, "pressed % [95 % CI]", "interval"),
+        Column("steps", "steps", SPREAD, "steps\nmedian / p95", "quantiles", digits=3),
+        *map(_column, common_columns(_pressed)),
+        Column("wrong_presses", "wrong_presses", SPREAD, "wrong\npresses\nmean", "mean"),
+        Column("energy", "energy", SPREAD, "energy\nN²m²s\nmedian", "median"),
+        Column("decision_ms", decision_ms, QUANTILES, "decision ms\nmedian / p95", "quantiles"),
+    ),
+    figures={
+        "pressed": figures.draw_pressed,
+        "episodes": figures.draw_strip_grid(
+            "How episodes end, and what they take",
+            {
+                "distance at the end of the episode [mm]": (thousandfold("distance"), False),
+                "wrong presses in an episode": (lambda trial: trial["wrong_presses"], True),
+                "energy, sum of torque² dt [N²m²s]": (lambda trial: trial["energy"], False),
+                "wall time per decision, one thread [ms]": (decision_ms, False),
+            },
+            marks={"distance at the end of the episode [mm]": 1e3 * PRESS_RADIUS},
+            legend="dot: one goal · bar: median · dashed: within this a press counts",
         ),
-        figures={
-            "pressed": figures.draw_pressed,
-            "episodes": figures.draw_strip_grid(
-                "How episodes end, and what they take",
-                {
-                    "distance at the end of the episode [mm]": (thousandfold("distance"), False),
-                    "wrong presses in an episode": (lambda trial: trial["wrong_presses"], True),
-                    "energy, sum of torque² dt [N²m²s]": (lambda trial: trial["energy"], False),
-                    "wall time per decision, one thread [ms]": (decision_ms, False),
-                },
-                marks={"distance at the end of the episode [mm]": 1e3 * PRESS_RADIUS},
-                legend="dot: one goal · bar: median · dashed: within this a press counts",
-            ),
-        },
-        reached="pressed at d < 50 mm within the episode",
-        terms={
-            "goal": "target and start of an episode of kinreach/ButtonPress-v0: the target uniform in the four "
-            "quadrants, kept if some posture reaches it; joints within 0.1 rad of upright and 0.1 rad/s of rest; the "
-            f"environment's seeds are {HELD_OUT} + {SPACING} seed + index, which no training draws",
-            "distance": "end effector to the target after the last step, in the simulation",
-            "reward": "the environment's, summed over the episode",
-            "timing": "methods take turns in random order on every goal after an untimed episode; one process, one "
-            "thread, one environment; the time of a step is that of choosing the action",
-        },
-        notes=_notes,
-    )
+    },
+    reached="pressed at d < 50 mm within the episode",
+    terms={
+        "goal": "target and start of an episode of kinreach/ButtonPress-v0: the target uniform in the four "
+        "quadrants, kept if some posture reaches it; joints within 0.1 rad of upright and 0.1 rad/s of rest; the "
+        f"environment's seeds are {HELD_OUT} + {SPACING} seed + index, which no training draws",
+        "distance": "end effector to the target after the last step, in the simulation",
+        "reward": "the environment's, summed over the episode",
+        "timing": "methods take turns in random order on every goal after an untimed episode; one process, one "
+        "thread, one environment; the time of a step is that of choosing the action",
+    },
+    notes=_notes,
 )
+
+TASKS = (BUTTON_TASK,)

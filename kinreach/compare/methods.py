@@ -20,6 +20,7 @@ from kinreach.baselines.solver_policy import SolverPolicy
 from kinreach.checks import check_known, shown
 from kinreach.compare.task import POLICY, SOLVER, Method, Task, policy_version
 from kinreach.errors import InputError, raise_unknown
+from kinreach.kinematics.solvers import Solver
 
 #: How names of policies' files end: kinreach's own, and a model of stable-baselines3 as it was saved.
 SAFETENSORS, ZIP = ".safetensors", ".zip"
@@ -59,7 +60,7 @@ def solver_method(new: Callable[[Any], Solver], *, colour: str = "") -> Method:
         new: From a kinematics to a solver for it.
         colour: In figures.
     """
-    return Method(lambda env: SolverPolicy(new(env.unwrapped.kinematics), env), SOLVER, colour=colour)
+    return Method(lambda env: SolverPolicy(new(_kinematics(env)), env), SOLVER, colour=colour)
 
 
 def policy_method(policy: str, environment: str, *, colour: str = "") -> Method:
@@ -71,6 +72,10 @@ def policy_method(policy: str, environment: str, *, colour: str = "") -> Method:
         colour: In figures.
     """
     return Method(lambda env: load_policy(policy), POLICY, environment, policy_version(policy), colour)
+
+
+def _kinematics(env: gym.Env[Any, Any]) -> Any:
+    return env.unwrapped.kinematics  # type: ignore[attr-defined]
 
 
 def colours(methods: Mapping[str, Method]) -> dict[str, str]:
@@ -157,7 +162,7 @@ def _construct(cls: Callable[..., Any], env: gym.Env[Any, Any]) -> Any:
     ]
     if not needed:
         return cls()
-    return cls(env.unwrapped.kinematics if hasattr(cls, "solve") else env)  # type: ignore[attr-defined]
+    return cls(_kinematics(env) if hasattr(cls, "solve") else env)
 
 
 def _policy(given: Any, env: gym.Env[Any, Any]) -> Policy:

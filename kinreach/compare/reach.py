@@ -28,7 +28,6 @@ from kinreach.compare.task import (
     Task,
     common_columns,
     policy_version,
-    register_task,
     thousandfold,
 )
 from kinreach.errors import InputError
@@ -253,57 +252,55 @@ _TERMS = {
     "success_at_mm": "share of all goals, reached or not, whose move was completed and ended within the tolerance",
 }
 
-UR5_TASK = register_task(
-    Task(
-        name="ur5",
-        title="UR5: gripper on the ball, tool down, natural posture",
-        environment=SINGLE,
-        arm="ur5",
-        variants={"single": SINGLE, "multi": MULTI},
-        observations=("geometric", "camera"),
-        resets=_resets,
-        methods={
-            **SOLVERS,
-            "ppo-single": policy_method("ppo-single", SINGLE, colour="#D55E00"),
-            "ppo-multi": policy_method("ppo-multi", MULTI, colour="#F2A35E"),
-            "ranked-single": policy_method("single", SINGLE, colour="#00674C"),
-            "ranked-multi": policy_method("multi", MULTI, colour="#2FBF94"),
-            "thesis-ppo-single": policy_method("thesis-single", SINGLE, colour="#000000"),
-            "hybrid": _hybrid(),
-        },
-        columns=COLUMNS,
-        figures=FIGURES,
-        reached="d < 10 mm and r_e < 0.15",
-        terms={
-            "goal": "ball's centre in the world, uniform on the table area, one height; tcp there, z axis down, free "
-            "about it",
-            "accept": "solvers' postures: no collision (self, table, mount, pedestal, floor) and r_e < 0.15",
-            "reward": "the thesis's, of the last move; impossible -100",
-            **_TERMS,
-        },
-        notes=_notes,
-    )
+UR5_TASK = Task(
+    name="ur5",
+    title="UR5: gripper on the ball, tool down, natural posture",
+    environment=SINGLE,
+    arm="ur5",
+    variants={"single": SINGLE, "multi": MULTI},
+    observations=("geometric", "camera"),
+    resets=_resets,
+    methods={
+        **SOLVERS,
+        "ppo-single": policy_method("ppo-single", SINGLE, colour="#D55E00"),
+        "ppo-multi": policy_method("ppo-multi", MULTI, colour="#F2A35E"),
+        "ranked-single": policy_method("single", SINGLE, colour="#00674C"),
+        "ranked-multi": policy_method("multi", MULTI, colour="#2FBF94"),
+        "thesis-ppo-single": policy_method("thesis-single", SINGLE, colour="#000000"),
+        "hybrid": _hybrid(),
+    },
+    columns=COLUMNS,
+    figures=FIGURES,
+    reached="d < 10 mm and r_e < 0.15",
+    terms={
+        "goal": "ball's centre in the world, uniform on the table area, one height; tcp there, z axis down, free "
+        "about it",
+        "accept": "solvers' postures: no collision (self, table, mount, pedestal, floor) and r_e < 0.15",
+        "reward": "the thesis's, of the last move; impossible -100",
+        **_TERMS,
+    },
+    notes=_notes,
 )
 
-ARM3_TASK = register_task(
-    Task(
-        name="arm3",
-        title="3-DOF arm: end effector on the target",
-        environment=SINGLE,
-        arm="arm3",
-        options={"arm": "arm3"},
-        variants={"single": SINGLE, "multi": MULTI},
-        resets=_reachable_resets,
-        methods=SOLVERS,
-        columns=[column for column in COLUMNS if column.key != "posture_error"],
-        figures=FIGURES,
-        reached="d < 50 mm, the press radius",
-        terms={
-            "goal": "point in the world, uniform in the button task's four quadrants, kept if some posture reaches it",
-            "accept": "no collision (self, floor)",
-            "reward": "-distance [m], also where the move was impossible",
-            **_TERMS,
-        },
-        notes=_notes,
-    )
+ARM3_TASK = Task(
+    name="arm3",
+    title="3-DOF arm: end effector on the target",
+    environment=SINGLE,
+    arm="arm3",
+    options={"arm": "arm3"},
+    variants={"single": SINGLE, "multi": MULTI},
+    resets=_reachable_resets,
+    methods=SOLVERS,
+    columns=[column for column in COLUMNS if column.key != "posture_error"],
+    figures=FIGURES,
+    reached="d < 50 mm, the press radius",
+    terms={
+        "goal": "point in the world, uniform in the button task's four quadrants, kept if some posture reaches it",
+        "accept": "no collision (self, floor)",
+        "reward": "-distance [m], also where the move was impossible",
+        **_TERMS,
+    },
+    notes=_notes,
 )
+
+TASKS = (UR5_TASK, ARM3_TASK)

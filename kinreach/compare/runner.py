@@ -161,7 +161,7 @@ def compare(
         observation, options = given.observation, given.options
     comparison = prepare(
         task, methods, goals=goals, seed=seed, arm=arm, observation=observation, options=options, command=command
-    )  # type: ignore[arg-type]
+    )
     if out is None:
         trials = list(run_trials(comparison, progress=progress))
         return results_of(comparison, trials)
@@ -170,7 +170,7 @@ def compare(
 
 def prepare(
     task: str | Task,
-    methods: Sequence[Any] | Mapping[str, Any],
+    methods: Any,
     *,
     goals: int,
     seed: int,

@@ -1,13 +1,20 @@
-"""The arms in MuJoCo: scene, joint controller, simulation and pictures. Knows no learning.
+"""Gymnasium environments: `reach` is the thesis's task on any arm, `button` the course report's.
 
-`ArmSimulation` is one arm in its work cell; it resets, moves by dynamics, and says where everything is.
-`BatchSimulation` is any number of them, stepped together.
+`import kinreach` registers them. The simulation that they run on is `kinreach.sim`, whose names can be imported from
+here too, as in version 0.1.
 """
 
-from kinreach.sim.controller import JointController, MoveResult, MoveStatus
-from kinreach.sim.rendering import FrameRenderer, render
-from kinreach.sim.scene import build_scene, scene_model
-from kinreach.sim.simulation import ArmSimulation, BatchSimulation
+from kinreach.sim import (
+    ArmSimulation,
+    BatchSimulation,
+    FrameRenderer,
+    JointController,
+    MoveResult,
+    MoveStatus,
+    build_scene,
+    render,
+    scene_model,
+)
 
 __all__ = [
     "ArmSimulation",

@@ -1,1 +1,18 @@
-"""Cameras, and the ball found in their pictures."""
+"""Cameras, and the ball found in their pictures: pinhole model, RGB-D sensors, ball finder, the goal in the world."""
+
+from kinreach.vision.ball_finder import BallFix, find_ball
+from kinreach.vision.cameras import Intrinsics, RGBDCamera, RGBDImage, SensorNoise
+from kinreach.vision.goal_view import CameraGoalView, GoalLook, geometric_goal_view, goal_in_world
+
+__all__ = [
+    "BallFix",
+    "CameraGoalView",
+    "GoalLook",
+    "Intrinsics",
+    "RGBDCamera",
+    "RGBDImage",
+    "SensorNoise",
+    "find_ball",
+    "geometric_goal_view",
+    "goal_in_world",
+]

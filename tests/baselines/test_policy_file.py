@@ -8,6 +8,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from gymnasium import spaces
 from safetensors.numpy import save_file
 
 from kinreach.baselines.policies import (
@@ -132,6 +133,8 @@ def test_files_of_other_kinds_are_refused_and_nothing_runs(tmp_path, capsys):
         ({"layer1.weight": np.ones((8, 9))}, "layer 1 must take 8"),
         ({"layer9.weight": np.ones((8, 8))}, "tensors must be"),
         ({"mean": np.zeros((2, 3))}, "one dimension"),
+        ({"low": np.zeros(6)}, "both be there"),
+        ({"low": np.zeros(6), "high": np.zeros(6)}, "low below high"),
     ],
 )
 def test_tensors_that_do_not_fit_are_refused(tmp_path, change, message):
@@ -183,18 +186,39 @@ def test_headers_that_are_no_card_are_refused(tmp_path, text):
         read_policy(tmp_path / "p.safetensors")
 
 
-def test_policies_for_something_else_are_refused(file):
+def test_a_policy_for_another_environment_is_refused(file):
     with pytest.raises(InputError, match="is for kinreach/UR5SingleStep-v0, not for kinreach/UR5MultiStep-v0"):
         load_policy(file, environment="kinreach/UR5MultiStep-v0")
-    with pytest.raises(UnknownNameError, match="CartPole"):
-        LearnedPolicy(replace(CARD, environment="CartPole-v1"), network())
-    for wrong in (network(inputs=14), network(outputs=5)):
-        with pytest.raises(InputError, match="takes at most 13 numbers, gives 6"):
-            LearnedPolicy(CARD, wrong)
-    with pytest.raises(InputError, match="action or posture"):
-        LearnedPolicy(replace(CARD, meaning="preferences"), network())
     with pytest.raises(UnknownNameError, match="single"):
         load_policy("no-such-policy")
+
+
+def test_the_spaces_of_an_environment_decide_what_fits():
+    vector, six = spaces.Box(-1, 1, (13,)), spaces.Box(-1, 1, (6,))
+    policy = LearnedPolicy(CARD, network(inputs=13))
+    policy.check_spaces(vector, six)
+    chooser = LearnedPolicy(replace(CARD, meaning="preferences", environment="CartPole-v1"), network(inputs=4))
+    chooser.check_spaces(spaces.Box(-1, 1, (4,)), spaces.Discrete(6))
+    wrong = [
+        (policy, spaces.Box(-1, 1, (12,)), six, "at least 13"),
+        (policy, spaces.Dict({"a": vector}), six, "at least 13"),
+        (policy, vector, spaces.Box(-1, 1, (5,)), "6 numbers"),
+        (policy, vector, spaces.Discrete(6), "6 numbers"),
+        (chooser, vector, six, "one of 6"),
+        (chooser, vector, spaces.Discrete(7), "one of 6"),
+    ]
+    for given, observations, actions, message in wrong:
+        with pytest.raises(InputError, match=message):
+            given.check_spaces(observations, actions)
+
+
+def test_actions_are_clipped_to_the_bounds_in_the_file(tmp_path):
+    made = replace(network(), low=np.full(6, -2.0), high=np.full(6, 0.5))
+    save_policy(tmp_path / "p.safetensors", replace(CARD, meaning="action"), made)
+    policy = load_policy(tmp_path / "p.safetensors")
+    x = np.random.default_rng(0).normal(size=(500, 13))
+    np.testing.assert_array_equal(policy.act(x), np.clip(made(x), -2.0, 0.5))
+    assert policy.act(x).min() == -2.0 < policy.act(x).max() == 0.5
 
 
 def test_a_policy_is_written_whole_or_not_at_all(file, monkeypatch):

@@ -7,9 +7,9 @@ import numpy as np
 import pytest
 from scipy.stats import norm, rankdata
 
-from kinreach.baselines.algorithms import AdaptiveRate, Exploration, normal_scores
+from kinreach.baselines.algorithms import AdaptiveRate, Exploration, normal_scores, wider_goals
 from kinreach.baselines.learning_curve import COLUMNS, LearningCurve, curve_csv, read_curve
-from kinreach.baselines.models import _wider_goals, build
+from kinreach.baselines.models import build
 from kinreach.baselines.policies import paced
 from kinreach.baselines.recipes import get_recipe
 from kinreach.baselines.rewards import REWARDS
@@ -76,6 +76,17 @@ def test_pacing_arrives_in_equal_steps_as_few_as_can_be():
     np.testing.assert_array_equal(paced(np.zeros(6)), 0)
 
 
+def test_a_way_of_whole_steps_takes_no_step_more_for_a_rounding_error():
+    """What is left after some steps of a way is whole steps but for rounding, on both sides."""
+    checked = 0
+    for steps in range(1, 33):
+        for error in (-1e-9, 0.0, 1e-9):
+            way = STEP_SIZE * (steps + error) * np.array([1.0, -0.5, 0.25, 0.0, 0.0, -1.0])
+            assert np.abs(paced(way)).max() == pytest.approx(1.0, abs=1e-8)
+            checked += 1
+    assert checked == 96
+
+
 def test_training_rewards():
     rewards = np.array([-100.0, -40.0, 3.0])
     info = {
@@ -95,7 +106,7 @@ def test_groups_share_goals_and_are_rewarded_for_where_they_end(name, steps):
     env = TriesVecEnv(
         batch(name, 64, **options),
         tries=8,
-        draw=_wider_goals(0.02).sample,
+        draw=wider_goals(0.02).sample,
         steps=steps,
         reward=REWARDS["dense"],
         blur=0.0,
@@ -138,7 +149,7 @@ def test_walking_ends_where_one_step_ends():
     for name, steps, options in ((SINGLE, 1, {}), (MULTI, 16, {"end_on_reached": False})):
         env = TriesVecEnv(
             batch(name, 64, **options),
-            tries=8, draw=_wider_goals(0.02).sample, steps=steps, reward=REWARDS["dense"], blur=0.0,
+            tries=8, draw=wider_goals(0.02).sample, steps=steps, reward=REWARDS["dense"], blur=0.0,
         )  # fmt: skip
         env.seed(5)
         env.reset()

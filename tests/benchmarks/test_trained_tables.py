@@ -54,7 +54,7 @@ def test_only_finished_trainings_count_in_the_order_of_their_seeds(runs):
     (runs / "single" / "seed-2" / "run.json").unlink()
     assert seeds() == {"single": ["seed-10"]}
     (runs / "single" / "seed-10" / "policy.safetensors").unlink()
-    with pytest.raises(InputError, match="no finished training of single, sac-single in .*python -m kinreach.train"):
+    with pytest.raises(InputError, match=r"^no finished training of single, sac-single in "):
         seeds()
 
 

@@ -5,7 +5,7 @@ import pytest
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
-from kinreach.envs import ArmSimulation
+from kinreach.sim import ArmSimulation
 from kinreach.errors import InputError
 from kinreach.sim.controller import MoveStatus
 from kinreach.sim.simulation import BatchSimulation

@@ -9,7 +9,7 @@ import kinreach  # noqa: F401 (registers the environments)
 from kinreach.compare.comparison import compare
 from kinreach.compare.scene_picture import write_scene
 from kinreach.compare.settings import Settings
-from kinreach.envs import ArmSimulation, FrameRenderer, render
+from kinreach.sim import ArmSimulation, FrameRenderer, render
 from kinreach.errors import DrawingError, KinreachError
 
 pytestmark = pytest.mark.usefixtures("needs_gl")

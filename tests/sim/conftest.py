@@ -3,9 +3,9 @@ import re
 import numpy as np
 import pytest
 
-from kinreach.envs import ArmSimulation
 from kinreach.envs.reach.task import TOOL_DOWN
 from kinreach.kinematics import UR5Kinematics
+from kinreach.sim import ArmSimulation
 
 HEADED = 2  # lines of a table before its first row
 

@@ -2,8 +2,8 @@ import mujoco
 import numpy as np
 import pytest
 
-from kinreach.envs import ArmSimulation, BatchSimulation, MoveStatus
 from kinreach.errors import InputError, UnknownNameError
+from kinreach.sim import ArmSimulation, BatchSimulation, MoveStatus
 
 COUNT = 66
 

@@ -4,9 +4,9 @@ import mujoco
 import numpy as np
 import pytest
 
-from kinreach.envs import ArmSimulation, BatchSimulation, JointController, MoveStatus
 from kinreach.errors import InputError
 from kinreach.kinematics.collision import CollisionChecker
+from kinreach.sim import ArmSimulation, BatchSimulation, JointController, MoveStatus
 from kinreach.sim.plants import SinglePlant
 from kinreach.sim.scene import TIMESTEP
 

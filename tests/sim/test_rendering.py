@@ -8,10 +8,9 @@ import mujoco
 import numpy as np
 import pytest
 
-from kinreach.envs import ArmSimulation, FrameRenderer, render
 from kinreach.errors import InputError, InstallationError, UnknownNameError
 from kinreach.robots import get_arm
-from kinreach.sim import rendering
+from kinreach.sim import ArmSimulation, FrameRenderer, render, rendering
 from kinreach.sim.scene import BALL_GROUP, camera_rotation
 
 WIDTH, HEIGHT = 320, 180
@@ -116,7 +115,7 @@ def test_without_a_library_one_error_names_the_packages(monkeypatch):
 
 PHYSICS_ONLY = """
 import sys
-from kinreach.envs import ArmSimulation
+from kinreach.sim import ArmSimulation
 assert ArmSimulation("arm3").move([0.1, 0.1, 0.1]).reached
 assert not any(name.startswith("OpenGL") for name in sys.modules), "a graphics library was loaded"
 print("moved")
@@ -138,7 +137,7 @@ def fail(self, name, *a, **k):
         raise OSError(f"{name}: cannot open shared object file")
     load(self, name, *a, **k)
 ctypes.CDLL.__init__ = fail
-from kinreach.envs import ArmSimulation, render
+from kinreach.sim import ArmSimulation, render
 from kinreach.errors import InstallationError
 simulation = ArmSimulation("arm3")
 assert simulation.move([0.1, 0.1, 0.1]).reached
@@ -161,7 +160,7 @@ def test_a_missing_library_stops_pictures_and_not_physics(library, packages):
 
 OSMESA = """
 import numpy as np
-from kinreach.envs import ArmSimulation, render
+from kinreach.sim import ArmSimulation, render
 
 simulation = ArmSimulation("ur5")
 simulation.place_ball((0.45, 0.05, -0.175))

@@ -3,10 +3,10 @@ import numpy as np
 import pinocchio as pin
 import pytest
 
-from kinreach.envs import ArmSimulation, build_scene, scene_model
 from kinreach.kinematics import ArmKinematics
 from kinreach.kinematics.collision import CollisionChecker
 from kinreach.robots import arm_names, get_arm
+from kinreach.sim import ArmSimulation, build_scene, scene_model
 from kinreach.sim.scene import TIMESTEP
 
 ARMS = arm_names()

@@ -5,8 +5,8 @@ import mujoco
 import numpy as np
 import pytest
 
-from kinreach.envs import ArmSimulation
 from kinreach.errors import InputError, UnknownNameError
+from kinreach.sim import ArmSimulation
 
 
 def full_state(simulation):

@@ -3,9 +3,9 @@ import numpy as np
 import pytest
 
 from benchmarks.studies import ball_detection
-from kinreach.envs import ArmSimulation
 from kinreach.errors import InputError, UnknownNameError
 from kinreach.robots import get_arm
+from kinreach.sim import ArmSimulation
 from kinreach.vision.ball_finder import find_ball
 from kinreach.vision.cameras import Intrinsics, SensorNoise
 from kinreach.vision.goal_view import (

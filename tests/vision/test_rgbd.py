@@ -1,8 +1,8 @@
 import numpy as np
 import pytest
 
-from kinreach.envs import ArmSimulation
 from kinreach.errors import InputError, InstallationError, UnknownNameError
+from kinreach.sim import ArmSimulation
 from kinreach.sim.rendering import FrameRenderer
 from kinreach.vision import cameras as rgbd
 from kinreach.vision.cameras import Intrinsics, RGBDCamera, RGBDImage, SensorNoise

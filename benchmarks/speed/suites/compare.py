@@ -7,7 +7,7 @@ import tempfile
 from pathlib import Path
 
 from benchmarks.speed.child import run_child
-from benchmarks.speed.suite import Cell, Chart, Options, Progress, Section, Target
+from benchmarks.speed.sections import Cell, Chart, Options, Progress, Section, Target
 from benchmarks.speed.suites import PROFILED
 from kinreach.compare.settings import DEFAULT_GOALS
 
@@ -30,7 +30,7 @@ UNJUDGED = "\n\nThe target is for {goals} goals: without `--quick`."
 
 
 def run(options: Options, progress: Progress) -> list[Section]:
-    """Measure; see `benchmarks.speed.suite.Suite`."""
+    """Measure (`benchmarks.speed.suites.Run`)."""
     goals = QUICK_GOALS if options.quick else DEFAULT_GOALS
     progress(f"the comparison on {goals} goals", 0, 1)
     with tempfile.TemporaryDirectory() as folder:

@@ -16,10 +16,9 @@ from gymnasium.vector import VectorEnv
 from benchmarks.speed.measure import Contender, Timings, interleaved
 from benchmarks.speed.peers.gym_child import play, random_actions
 from benchmarks.speed.peers.gym_peer import PANDA, REACHER, gym_peers
-from benchmarks.speed.rates import median_rates, rate_row, short_of_cores, time_row
-from benchmarks.speed.suite import Chart, Options, Progress, Section, Target
+from benchmarks.speed.sections import Chart, Options, Progress, Section, Target
 from benchmarks.speed.suites import PROFILED, episodes
-from benchmarks.speed.times import median_ratio, samples
+from benchmarks.speed.tables import median_rates, median_ratio, rate_row, samples, short_of_cores, time_row
 from kinreach.errors import DrawingError, InstallationError
 from kinreach.registration import BUTTON, MULTI, SINGLE
 
@@ -71,7 +70,7 @@ the ball."""
 
 
 def run(options: Options, progress: Progress) -> list[Section]:
-    """Measure; see `benchmarks.speed.suite.Suite`."""
+    """Measure (`benchmarks.speed.suites.Run`)."""
     return [_steps(options, progress), episodes.section(options, progress, AGAIN), _resets(options, progress)]
 
 

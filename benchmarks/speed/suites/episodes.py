@@ -11,10 +11,9 @@ import gymnasium as gym
 import numpy as np
 
 from benchmarks.speed.measure import Contender, interleaved
-from benchmarks.speed.rates import rate_row, short_of_cores
-from benchmarks.speed.suite import Options, Progress, Section, Target
+from benchmarks.speed.sections import Options, Progress, Section, Target
 from benchmarks.speed.suites import PROFILED
-from benchmarks.speed.times import samples
+from benchmarks.speed.tables import rate_row, samples, short_of_cores
 from kinreach.checks import Floats
 from kinreach.envs import ArmSimulation, BatchSimulation
 from kinreach.envs.reach.task import TOOL_DOWN

@@ -8,11 +8,11 @@ from typing import Any
 import numpy as np
 
 from benchmarks.speed.measure import LAP, Contender, interleaved
-from benchmarks.speed.peers import rtb
 from benchmarks.speed.peers.base import installed
-from benchmarks.speed.suite import Chart, Options, Progress, Section
+from benchmarks.speed.peers.numeric import elementary_transforms
+from benchmarks.speed.sections import Chart, Options, Progress, Section
 from benchmarks.speed.suites import PROFILED
-from benchmarks.speed.times import batch_rows, calls, median_ratio, medians, samples, times_as_fast
+from benchmarks.speed.tables import batch_rows, calls, median_ratio, medians, samples, times_as_fast
 from kinreach.checks import Floats
 from kinreach.engines import load
 from kinreach.errors import KinreachError
@@ -47,12 +47,12 @@ Python side."""
 
 
 def run(options: Options, progress: Progress) -> list[Section]:
-    """Measure; see `benchmarks.speed.suite.Suite`."""
+    """Measure (`benchmarks.speed.suites.Run`)."""
     count, looped = (4096, 500) if options.quick else (100_000, 10_000)
     q = np.random.default_rng(options.seed).uniform(-np.pi, np.pi, (count, 6))
     some = q[:looped]
     kin = ArmKinematics("ur5", tip="tool0", base="world")
-    peers, missing = installed({ROBOTICS: lambda: rtb.sequence(kin)})
+    peers, missing = installed({ROBOTICS: lambda: elementary_transforms(kin)})
     contenders = [
         Contender(OURS, partial(kin.fk, q), count, "fk(q)"),
         Contender(POSITIONS, partial(kin.positions, q), count, "positions(q)"),

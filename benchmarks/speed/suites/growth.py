@@ -11,13 +11,12 @@ import numpy as np
 
 from benchmarks.speed.child import peak_memory
 from benchmarks.speed.measure import LAP, Contender, Timings, interleaved
-from benchmarks.speed.peers import eaik
+from benchmarks.speed.peers.analytic import make_eaik
 from benchmarks.speed.peers.base import installed
-from benchmarks.speed.suite import Cell, Chart, Options, Progress, Section
+from benchmarks.speed.sections import Cell, Chart, Options, Progress, Section
 from benchmarks.speed.suites import PROFILED
-from benchmarks.speed.suites import growth_texts as texts
 from benchmarks.speed.suites.episodes import batched, goals_and_targets
-from benchmarks.speed.times import median_ratio, samples
+from benchmarks.speed.tables import median_ratio, samples
 from kinreach.envs import BatchSimulation
 from kinreach.kinematics import UR5Kinematics
 from kinreach.registration import SINGLE
@@ -58,16 +57,59 @@ from kinreach.envs import BatchSimulation
 batched(BatchSimulation("ur5", {n}), goals_and_targets({n}, 0)[1])
 """
 
+POSES_TEXT = """\
+Batches of random poses, all eight branches (`UR5Kinematics.batch`), EAIK's `IK_batched` on one thread beside it (the
+suite `ik-batch` also calls EAIK in a loop), and forward kinematics of as many postures. Memory is the most that a fresh
+process held that did it once, its inputs included.{blank}
+
+Of these sizes, inverse kinematics is cheapest a pose in batches of {ik}, forward kinematics in batches of {fk}. Both
+run over blocks of 4096, whose numbers stay in the second-level cache; the eight branches of six angles of a pose are
+384 bytes that are written once, a posture's pose is 128.
+
+{profiled}, by `perf record`: a batch of one was 54 % numpy's machinery for calls on arrays of one element and 34 % the
+interpreter; single poses have a path of their own, `all_solutions`. At 10 000 poses arithmetic was what remains: three
+quarters of the samples were numpy's loops, of which atan2 was the largest single one (18 % of all). At a million 42 %
+of the samples were the kernel clearing the pages of the result: inverse kinematics was then bound by memory, not by
+arithmetic. Forward kinematics was from 10 000 on (a third of the samples were the kernel's)."""
+BLANK_TEXT = (
+    " EAIK is timed with up to {most} poses: at what it took for one of those, a single call with {largest} would take "
+    "{seconds:.2g} s, so its cells are empty beyond."
+)
+
+ENVIRONMENTS_TEXT = """\
+Steps of `kinreach/UR5SingleStep-v0` with the kinematic backend; each is a whole episode, its reset included. Memory is
+that of a fresh process after a reset and a step.
+
+Of these sizes, a step is cheapest in a batch of {cheapest}. Seeding is not part of the step: the first reset, which
+seeds the generators, took {seeding:.3g} us for each of {most} environments, once.{memory}
+
+{profiled}, by `perf record` and `cProfile`: one environment was the interpreter (42 %) and numpy's machinery for calls
+(37 %), which a batch shares out; with 4096 environments numpy's loops counted most (45 %). Beyond 16 384 the arrays of
+a step were so large that they came fresh from the kernel each time (a fifth of the samples cleared pages and served
+faults). Of the memory of an environment two thirds were goals that are drawn ahead, 256 of them, and most of the rest
+its two generators (`tracemalloc`)."""
+MEMORY_TEXT = " Each of them takes {kilobytes:.2g} kB of memory."
+
+DYNAMICS_TEXT = f"""\
+Episodes under full dynamics, as in the suite `env`, in batches on one thread and on two.
+
+What a batch costs besides MuJoCo's step, the Python that plans the moves and looks whether joints have arrived, hardly
+grows with the number; MuJoCo steps each by itself. Two threads share out the simulations, and not the rest. One
+simulation cannot be shared: its row says what noise, and the handing over to threads, do to a ratio that should be 1,
+and rows of a few are to be read with that in mind. `cores that two had` says how much of two cores there was.
+
+{PROFILED}: with 256 simulations the step was 90 % of the time (`cProfile`, random actions)."""
+
 
 def run(options: Options, progress: Progress) -> list[Section]:
-    """Measure; see `benchmarks.speed.suite.Suite`."""
+    """Measure (`benchmarks.speed.suites.Run`)."""
     return [part(options, progress) for part in (_poses, _environments, _dynamics)]
 
 
 def _poses(options: Options, progress: Progress) -> Section:
     kinematics = UR5Kinematics()
     rng = np.random.default_rng(options.seed)
-    peers, missing = installed({"EAIK": eaik.make})
+    peers, missing = installed({"EAIK": make_eaik})
     contenders = []
     sizes = _sizes(POSES, options)
     for n in sizes:
@@ -86,7 +128,7 @@ def _poses(options: Options, progress: Progress) -> Section:
         rows.append([n, *times, ratio, *(peak_memory(code.format(n=n)) for code in (IK_CODE, FK_CODE))])
     return Section(
         title="Growth: poses",
-        text=texts.POSES.format(
+        text=POSES_TEXT.format(
             ik=_cheapest(timings, sizes, "IK"),
             fk=_cheapest(timings, sizes, "FK"),
             blank=_blank(timings, sizes),
@@ -136,7 +178,7 @@ def _environments(options: Options, progress: Progress) -> Section:
         rows.append([n, us, None if us is None else 1e6 / us, peak_memory(ENV_CODE.format(n=n, id=SINGLE))])
     return Section(
         title="Growth: kinematic environments",
-        text=texts.ENVIRONMENTS.format(
+        text=ENVIRONMENTS_TEXT.format(
             cheapest=_cheapest(timings, sizes, "step"),
             seeding=1e6 * seeding / sizes[-1],
             most=sizes[-1],
@@ -177,7 +219,7 @@ def _dynamics(options: Options, progress: Progress) -> Section:
         rows.append([n, *per_second, faster, round(timings.cores[two], 2), peak_memory(DYNAMICS_CODE.format(n=n))])
     return Section(
         title="Growth: simulations with dynamics",
-        text=texts.DYNAMICS,
+        text=DYNAMICS_TEXT,
         columns=(
             "simulations",
             "episodes/s, one thread",
@@ -229,7 +271,7 @@ def _blank(timings: Timings, sizes: tuple[int, ...]) -> str:
     if not timed or timed[-1] == sizes[-1]:
         return ""
     seconds = 1e-6 * (_us(timings, f"EAIK {timed[-1]}") or 0.0)
-    return texts.BLANK.format(most=timed[-1], seconds=seconds * sizes[-1], largest=sizes[-1])
+    return BLANK_TEXT.format(most=timed[-1], seconds=seconds * sizes[-1], largest=sizes[-1])
 
 
 def _memory(sizes: tuple[int, ...], megabytes: list[Cell]) -> str:
@@ -237,7 +279,7 @@ def _memory(sizes: tuple[int, ...], megabytes: list[Cell]) -> str:
     one, most = megabytes[0], megabytes[-1]
     if not isinstance(one, float) or not isinstance(most, float):
         return ""
-    return texts.MEMORY.format(kilobytes=1e3 * (most - one) / (sizes[-1] - sizes[0]))
+    return MEMORY_TEXT.format(kilobytes=1e3 * (most - one) / (sizes[-1] - sizes[0]))
 
 
 def _lines(timings: Timings, sizes: tuple[int, ...], names: tuple[str, ...]) -> dict[str, list[tuple[float, float]]]:

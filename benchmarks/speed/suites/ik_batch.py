@@ -12,10 +12,9 @@ from benchmarks.speed.measure import LAP, Contender, Timings, interleaved
 from benchmarks.speed.peers.analytic import ANALYTIC
 from benchmarks.speed.peers.base import installed, silent
 from benchmarks.speed.poses import FLANGE, random_poses
-from benchmarks.speed.rates import short_of_cores
-from benchmarks.speed.suite import Chart, Options, Progress, Section, Target
+from benchmarks.speed.sections import Chart, Options, Progress, Section, Target
 from benchmarks.speed.suites import PROFILED
-from benchmarks.speed.times import batch_rows, calls, median_ratio, medians, samples, times_as_fast
+from benchmarks.speed.tables import batch_rows, calls, median_ratio, medians, samples, short_of_cores, times_as_fast
 from kinreach.checks import Floats
 
 AGAIN = "python -m benchmarks.speed --suite ik-batch"
@@ -45,7 +44,7 @@ AVX-512), 17 % was fresh memory for the answer, and the rest was moving poses an
 
 
 def run(options: Options, progress: Progress) -> list[Section]:
-    """Measure; see `benchmarks.speed.suite.Suite`."""
+    """Measure (`benchmarks.speed.suites.Run`)."""
     count, looped = (4096, 100) if options.quick else (100_000, 5000)
     rng = np.random.default_rng(options.seed)
     T = random_poses(rng, count)

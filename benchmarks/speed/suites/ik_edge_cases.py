@@ -10,7 +10,7 @@ import numpy as np
 from benchmarks.speed.peers.analytic import WITH_APPROXIMATE
 from benchmarks.speed.peers.base import installed, silent
 from benchmarks.speed.poses import CASES, FLANGE
-from benchmarks.speed.suite import Cell, Options, Progress, Section, Target
+from benchmarks.speed.sections import Cell, Options, Progress, Section, Target
 from kinreach.checks import Floats
 from kinreach.kinematics.goals import pose_error
 
@@ -27,7 +27,8 @@ A solution is valid when Pinocchio's forward kinematics puts tool0 within 1e-6 m
 a case, each of which a posture within +-pi reaches to 1e-8.
 
 kinreach clamps what leaves its domain by rounding, chooses the free wrist angle so that the elbow can still reach, and
-checks by forward kinematics every solution in which something was clamped or moved (`kinreach/kinematics/ur/closed_form.py`)."""
+checks by forward kinematics every solution in which something was clamped or moved
+(`kinreach/kinematics/ur/closed_form.py`)."""
 
 
 @dataclass(frozen=True)
@@ -61,7 +62,7 @@ def judge(solve: Solve, poses: Floats) -> Tally:
 
 
 def run(options: Options, progress: Progress) -> list[Section]:
-    """Measure; see `benchmarks.speed.suite.Suite`."""
+    """Measure (`benchmarks.speed.suites.Run`)."""
     peers, missing = installed(WITH_APPROXIMATE)
     methods: dict[str, Solve] = {OURS: lambda T: FLANGE.all_solutions(T).q}
     methods |= {name: peer.solve for name, peer in peers.items()}

@@ -2,31 +2,43 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable, Sequence
+from functools import partial
+from typing import Any
+
 import numpy as np
 
 from benchmarks.speed.measure import EachContender, Timings, clock_seconds, interleaved_each, ratios
 from benchmarks.speed.peers.analytic import ANALYTIC
-from benchmarks.speed.peers.base import installed, silent
+from benchmarks.speed.peers.base import IKPeer, installed, silent
+from benchmarks.speed.peers.numeric import SEARCHES, TIMEOUT, MinkSolver, PinkSolver, make_roboticstoolbox, make_trac_ik
 from benchmarks.speed.poses import FLANGE, random_poses
-from benchmarks.speed.suite import Cell, Chart, Options, Progress, Section, Target
-from benchmarks.speed.suites import PROFILED, ik_seeded
-from benchmarks.speed.times import calls, median_ratio, medians, samples, time_cells
+from benchmarks.speed.sections import Cell, Chart, Options, Progress, Section, Target
+from benchmarks.speed.suites import PROFILED
+from benchmarks.speed.tables import calls, median_ratio, medians, samples, time_cells
+from kinreach.checks import Floats
+from kinreach.kinematics import PoseGoal, UR5Kinematics
+from kinreach.kinematics.goals import pose_error
+from kinreach.kinematics.solvers import LevenbergMarquardtSolver, Solver, Tolerance
+from kinreach.kinematics.solvers.placo_solver import PlacoSolver
+from kinreach.kinematics.solvers.qp_solver import QPSolver
 from kinreach.kinematics.ur.closed_form import solve_pose
 
 AGAIN = "python -m benchmarks.speed --suite ik-single"
 REFERENCE = "EAIK"
 FORMULAS, PUBLIC, ARRAY = "kinreach, formulas", "kinreach, public call", "kinreach, public call and array"
 BOUND = 1.0
-COLUMNS = ("all branches", "solutions", "median [us]", "p95 [us]", "x EAIK", "of the rounds")
+BRANCHES_COLUMNS = ("all branches", "solutions", "median [us]", "p95 [us]", "x EAIK", "of the rounds")
 
-TEXT = """\
+BRANCHES_TEXT = """\
 {poses} poses of tool0, drawn from postures within +-pi; each call returns every branch. Each call is timed on its own
 (reading the clock takes {clock:.2g} us of it). A pose is turned into the peer's own frames before the clock runs.
 
-The formulas, with 20 arctangents and 7 square roots, run in pure Python on floats (`kinreach.kinematics.ur.closed_form`); the
-peers are C++. What bounds the formulas is the interpreter. The public call also checks that the pose is a finite rigid
-motion, and applies joint limits; it takes {public:.3g} times as long as the formulas. The array of the postures is made
-when it is asked for, which takes {array:.2g} times as long as the formulas once more.
+The formulas, with 20 arctangents and 7 square roots, run in pure Python on floats
+(`kinreach.kinematics.ur.closed_form`); the peers are C++. What bounds the formulas is the interpreter. The public call
+also checks that the pose is a finite rigid motion, and applies joint limits; it takes {public:.3g} times as long as the
+formulas. The array of the postures is made when it is asked for, which takes {array:.2g} times as long as the formulas
+once more.
 
 {profiled}: of the time that the public call adds to the formulas two fifths go into reading and checking the pose, a
 quarter into the object that it returns, the rest into calls and defaults."""
@@ -37,8 +49,8 @@ WHY = (
 
 
 def run(options: Options, progress: Progress) -> list[Section]:
-    """Measure; see `benchmarks.speed.suite.Suite`."""
-    return [_all_branches(options, progress), ik_seeded.section(options, progress, AGAIN)]
+    """Measure (`benchmarks.speed.suites.Run`)."""
+    return [_all_branches(options, progress), _near_a_seed(options, progress)]
 
 
 def _all_branches(options: Options, progress: Progress) -> Section:
@@ -79,7 +91,7 @@ def _all_branches(options: Options, progress: Progress) -> Section:
     return Section(
         title="One pose of the UR5, all branches",
         text=_text(timings, len(poses)) + "\n\n" + calls(contenders),
-        columns=COLUMNS,
+        columns=BRANCHES_COLUMNS,
         rows=rows,
         again=AGAIN,
         targets=targets,
@@ -91,10 +103,131 @@ def _all_branches(options: Options, progress: Progress) -> Section:
 
 def _text(timings: Timings, poses: int) -> str:
     public, array = (ratios(timings, name, FORMULAS) for name in (PUBLIC, ARRAY))
-    return TEXT.format(
+    return BRANCHES_TEXT.format(
         poses=poses,
         clock=1e6 * clock_seconds(),
         public=np.median(public),
         array=np.median(array - public),
         profiled=PROFILED,
     )
+
+
+TOLERANCE = Tolerance()
+#: A solver stops within the tolerance, as it computes it; ours is computed anew.
+ROUNDING = 1.0 + 1e-6
+LIMIT_SLACK = 1e-6
+NEAREST = "kinreach, nearest"
+SEED_COLUMNS = (
+    "one posture near a seed", "solved [%]", "from the seed alone [%]", "median [us]", "p95 [us]",
+    "x kinreach", "of the rounds",
+)  # fmt: skip
+
+SEED_TEXT = """\
+{poses} poses of tool0, drawn from postures within +-pi; all start from the same home posture. A posture counts when
+Pinocchio's forward kinematics puts it within {position:g} m and {orientation:g} rad of the pose and all joints are
+within +-pi. The closed form gives the posture nearest to the seed over all branches and windings; the others give some
+posture. Times are of all calls, failures included.
+
+placo, pink, mink and kinreach's own two solvers run the same loop until the tolerance is met: at most {steps} steps
+an attempt, and up to {restarts} restarts from random postures. Steps of placo, pink, mink and QP last 0.2 s under
+the URDF's speed limits, and joints that turn full circle are folded into their limits at the end. roboticstoolbox may
+search as often; TRAC-IK restarts by itself until {timeout:g} ms are over, and runs two threads.
+
+{profiled}: the loops took 9 steps on half of the poses. In a step of pink, 60 % of the time built the quadratic
+program in Python, 16 % was qpsolvers with daqp; in one of mink, half and a third. The closed form's nearest posture was
+a sixth the formulas, a quarter limits, windings and sorting, a quarter the forward kinematics that tells its error; the
+rest was checks of the input and the objects that are returned."""
+
+
+def _near_a_seed(options: Options, progress: Progress) -> Section:
+    """Measure."""
+    T = random_poses(np.random.default_rng(options.seed), 20 if options.quick else 200)
+    seed: Floats = np.array(FLANGE.arm.home)
+    peers, missing = installed(_makers(seed))
+    contenders = [EachContender(NEAREST, lambda pose: FLANGE.nearest(pose, seed), list(T), "nearest(T, seed)")]
+    contenders += [
+        EachContender(name, peer.call, [peer.prepare(pose) for pose in T], peer.note, peer=name not in _OWN)
+        for name, peer in peers.items()
+    ]
+    timings = interleaved_each(
+        contenders, options.rounds, on_round=lambda done, of: progress("one pose, near a seed", done, of)
+    )
+    rows: list[list[Cell]] = [[NEAREST, _solved(lambda pose: FLANGE.nearest(pose, seed).q[None], T), None]]
+    for name, peer in peers.items():
+        if name in timings:
+            once = partial(_postures, peer, peer.once) if peer.once else None
+            rows.append([name, _solved(peer.solve, T), _solved(once, T) if once else None])
+    for row in rows:
+        row += time_cells(timings, str(row[0]), NEAREST)
+    return Section(
+        title="One pose of the UR5, one posture near a seed",
+        text=SEED_TEXT.format(
+            poses=len(T),
+            position=TOLERANCE.position,
+            orientation=TOLERANCE.orientation,
+            steps=30,
+            restarts=SEARCHES - 1,
+            timeout=1e3 * TIMEOUT,
+            profiled=PROFILED,
+        )
+        + "\n\n"
+        + calls(contenders),
+        columns=SEED_COLUMNS,
+        rows=rows,
+        again=AGAIN,
+        missing=missing | timings.failed,
+        charts=[
+            Chart(
+                "one posture near a seed",
+                bars=medians(timings),
+                x="us",
+                peers=[name for name in peers if name not in _OWN],
+            )
+        ],
+        samples=samples(timings),
+    )
+
+
+_SOLVERS: dict[str, type[Any]] = {
+    "placo": PlacoSolver,
+    "kinreach, LM": LevenbergMarquardtSolver,
+    "kinreach, QP": QPSolver,
+    "pink": PinkSolver,
+    "mink": MinkSolver,
+}
+_OWN = ("kinreach, LM", "kinreach, QP")
+
+
+def _makers(seed: Floats) -> dict[str, Callable[[], IKPeer]]:
+    makers: dict[str, Callable[[], IKPeer]] = {name: partial(_loop, kind, seed) for name, kind in _SOLVERS.items()}
+    makers["roboticstoolbox"] = partial(make_roboticstoolbox, seed, TOLERANCE)
+    makers["TRAC-IK"] = partial(make_trac_ik, seed, TOLERANCE)
+    return makers
+
+
+def _loop(kind: type[Any], seed: Floats) -> IKPeer:
+    """A solver that is iterated and restarted."""
+    solver: Solver = kind(UR5Kinematics(), tolerance=TOLERANCE)
+    once: Solver = kind(UR5Kinematics(), tolerance=TOLERANCE, max_restarts=0)
+
+    def postures(result: Any) -> Floats:
+        return result.q[None] if result.success else np.empty((0, 6))
+
+    loop = "solve_ik(configuration, [task], dt, ...), in a loop"
+    note = loop if kind in (PinkSolver, MinkSolver) else f"{kind.__name__}(kin).solve(goal, seed)"
+    return IKPeer(note, PoseGoal, lambda goal: solver.solve(goal, seed), postures, lambda goal: once.solve(goal, seed))
+
+
+def _postures(peer: IKPeer, call: Callable[[Any], Any], pose: Floats) -> Floats:
+    return peer.postures(call(peer.prepare(pose)))
+
+
+def _solved(solve: Callable[[Floats], Floats], poses: Sequence[Floats] | Floats) -> float:
+    """Share of poses [%] for which a posture comes back that is near enough and within the limits."""
+    return 100.0 * float(np.mean([any(map(partial(_good, pose), solve(pose))) for pose in poses]))
+
+
+def _good(pose: Floats, q: Floats) -> bool:
+    position, orientation = pose_error(pose, FLANGE.fk(q))
+    near = position <= ROUNDING * TOLERANCE.position and orientation <= ROUNDING * TOLERANCE.orientation
+    return near and FLANGE.within_limits(q, tolerance=LIMIT_SLACK)

@@ -9,9 +9,8 @@ import numpy as np
 
 from benchmarks.speed.child import ChildRun, peak_memory, run_child
 from benchmarks.speed.measure import LAP, Contender, EachContender, Timings, interleaved, interleaved_each
-from benchmarks.speed.rates import short_of_cores, time_row
-from benchmarks.speed.suite import Cell, Options, Progress, Section, Target
-from benchmarks.speed.times import samples, slow
+from benchmarks.speed.sections import Cell, Options, Progress, Section, Target
+from benchmarks.speed.tables import samples, short_of_cores, slow, time_row
 from kinreach.baselines.policies import load_policy
 
 AGAIN = "python -m benchmarks.speed --suite startup"
@@ -50,7 +49,7 @@ what a single one takes beyond it is the overhead of the interpreter and of some
 
 
 def run(options: Options, progress: Progress) -> list[Section]:
-    """Measure; see `benchmarks.speed.suite.Suite`."""
+    """Measure (`benchmarks.speed.suites.Run`)."""
     return [_imports(options, progress), _decisions(options, progress)]
 
 

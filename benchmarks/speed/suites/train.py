@@ -11,7 +11,7 @@ import numpy as np
 
 from benchmarks.speed.peers.gym_child import learning_seconds, ppo_seconds
 from benchmarks.speed.peers.gym_peer import PANDA, gym_peers
-from benchmarks.speed.suite import Cell, Options, Progress, Section
+from benchmarks.speed.sections import Cell, Options, Progress, Section
 from benchmarks.speed.suites import PROFILED
 from kinreach.baselines.recipes import get_recipe
 from kinreach.errors import InstallationError
@@ -46,7 +46,7 @@ generators at the start, which a longer run does not notice and `--quick` notice
 
 
 def run(options: Options, progress: Progress) -> list[Section]:
-    """Measure; see `benchmarks.speed.suite.Suite`."""
+    """Measure (`benchmarks.speed.suites.Run`)."""
     missing: dict[str, str] = {}
     columns = ("", "actions", "actions/s, median", "actions/s, worst round", f"x {PANDA.name}",
                *(f"{part} [%]" for part in PARTS), "rest [%]", "wall [s]", "processor [s]")  # fmt: skip
@@ -66,7 +66,7 @@ def run(options: Options, progress: Progress) -> list[Section]:
 def _ours(options: Options) -> dict[str, Run]:
     import torch  # noqa: F401 (whoever lacks it is told so)
 
-    from kinreach.baselines import sb3_vec_env  # noqa: F401
+    from kinreach.baselines import vec_envs  # noqa: F401
 
     actions = QUICK_ACTIONS if options.quick else ACTIONS
     return {RECIPE: partial(_recipe, actions, options.seed), BATCH: partial(_batch, actions, options.seed)}

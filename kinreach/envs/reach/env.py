@@ -267,6 +267,8 @@ class UR5SingleStepEnv(ReachEnv):
     says what). `info["reward_terms"]` has the terms `natural_arm`, `gripper_angle`, `distance` and `special`; their sum
     is the reward.
 
+    `reward=` takes the place of all that with a function of yours (`kinreach.envs.reach.rewards`).
+
     ## Starting State
     The arm stands in [-pi/2, -pi/2, pi/2, -pi/2, -pi/2, 0] rad. The ball lies on the table, uniformly in
     0.30 <= x <= 0.65 m and -0.30 <= y <= 0.30 m of the world frame; `reset(options={"goal": (x, y, z)})` puts it
@@ -274,6 +276,20 @@ class UR5SingleStepEnv(ReachEnv):
 
     ## Episode End
     Every episode terminates after its only action.
+
+    ## Info
+    After a reset: `goal` (where the ball is in the world [m]), `seen` (where the cameras put it; NaN where none found
+    it), `ball_found` (by the front and the wrist camera), `q` [rad], `tip` (the tcp in the world [m]), `distance` [m],
+    `posture_error` (r_e). After a step also `reached` and `is_success`, `impossible`, `impossible_reason` (empty where
+    possible), `status` and `impossible_code` (how it ended in a word and as a number, `kinreach.envs.reach.worlds`),
+    `target` and `target_tip` (the posture that the action meant, and the tcp there), `move_s` (simulated time of all
+    moves of the episode [s]), `reward_terms`, and each of the terms as `reward_natural_arm` and so on.
+
+    ## Other Arms
+    `arm=` takes any registered arm or an `ArmDescription`. An action has one number for each joint, mapped linearly
+    onto its limits. An arm without cameras named front and wrist observes the goal in the world (3 numbers) in place of
+    the six. The reward of arms with other joints than a UR's is minus the distance, and the goal is reached within
+    `arm.workcell.reached_distance`.
 
     ## Arguments
 
@@ -340,6 +356,12 @@ class UR5MultiStepEnv(ReachEnv):
     100 steps, or when the simulation diverges (`info["impossible_reason"]` begins with "diverged"). The thesis says
     both that an episode has 100 actions (section 3.4.5) and that it may end when the goal is reached (section 5.3);
     the default is the latter.
+
+    ## Info
+    As in `kinreach/UR5SingleStep-v0`.
+
+    ## Other Arms
+    As in `kinreach/UR5SingleStep-v0`; a joint turns by up to 5 degrees a step.
 
     ## Arguments
 

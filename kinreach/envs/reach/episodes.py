@@ -200,8 +200,17 @@ class ReachEpisodes:
         }
         info |= {f"reward_{name}": term for name, term in score.terms.items()}
         if self._world.dynamic or reasons is not None:  # not in large kinematic batches, where it would take long
-            info["target_tip"] = self._task.kinematics.positions(targets)
+            info["target_tip"] = self._target_tips(targets, tip, executed.impossible)
         return score, info
+
+    def _target_tips(self, targets: Floats, tip: Floats, impossible: Flags) -> Floats:
+        """Where the tips would be in the targets [m], shape (count, 3)."""
+        if self._world.dynamic:
+            return self._task.kinematics.positions(targets)
+        tips = tip.copy()  # what a kinematic world takes it takes exactly
+        if impossible.any():
+            tips[impossible] = self._task.kinematics.positions(targets[impossible])
+        return tips
 
     def _distance(self, tip: Floats) -> Floats:
         x, y, z = (tip[:, axis] - self.goals[:, axis] for axis in range(3))

@@ -97,7 +97,8 @@ class ReachVectorEnv(NativeVectorEnv):
         over = outcome.terminated | outcome.truncated
         observation = self._episodes.observe()
         if over.any():
-            final_info = {**info, **self._episodes.goal_info()}
+            episodes = self._episodes
+            final_info = {**info, "goal": episodes.goals, "seen": episodes.seen, "ball_found": episodes.found}
             info |= {"final_obs": observation, "_final_obs": over, "final_info": final_info, "_final_info": over}
             self._episodes.begin(np.flatnonzero(over))
             observation = self._episodes.observe()

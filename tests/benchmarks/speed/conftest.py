@@ -10,8 +10,8 @@ from typing import Any
 
 import pytest
 
-from benchmarks.speed import registry
-from benchmarks.speed.suite import Chart, Section, Target
+from benchmarks.speed.sections import Chart, Section, Target
+from benchmarks.speed.suites import SUITES
 
 CHARTS = [
     Chart("bars", bars={"ours": 1.0, "theirs": 20.0}, x="us", peers=["theirs"]),
@@ -53,17 +53,17 @@ def suites(monkeypatch: pytest.MonkeyPatch) -> Iterator[dict[str, Any]]:
 
         return run
 
-    real = dict(registry.SUITES)
-    registry.SUITES.clear()  # the dictionary itself, which other modules have imported
+    real = dict(SUITES)
+    SUITES.clear()  # the dictionary itself, which other modules have imported
     for name in ("one", "two", "three"):
         fake["runs"][name] = make(name)
-        module = ModuleType(f"benchmarks.speed.suites.fake_{name}")
+        module = ModuleType(f"benchmarks.speed.suites.{name}")
         module.run = lambda options, progress, name=name: fake["runs"][name](options, progress)
         monkeypatch.setitem(sys.modules, module.__name__, module)
-        registry.SUITES[name] = registry.Entry(f"fake_{name}", f"suite {name}")
+        SUITES[name] = f"suite {name}"
     yield fake
-    registry.SUITES.clear()
-    registry.SUITES.update(real)
+    SUITES.clear()
+    SUITES.update(real)
 
 
 def _section(title: str, *, seed: int = 0, charts: bool = True) -> Section:

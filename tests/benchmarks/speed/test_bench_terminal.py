@@ -1,4 +1,4 @@
-"""`kinreach bench` on a terminal: its bar is seen while what compiled code prints is not."""
+"""`python -m benchmarks.speed` on a terminal: its bar is seen while what compiled code prints is not."""
 
 from __future__ import annotations
 
@@ -14,9 +14,9 @@ PROGRAM = """
 import os, sys
 from types import ModuleType
 from kinreach import cli
-from benchmarks.speed import registry
 from benchmarks.speed.peers.base import silent
-from benchmarks.speed.suite import Section
+from benchmarks.speed.sections import Section
+from benchmarks.speed.suites import SUITES
 
 def run(options, progress):
     with silent():
@@ -26,13 +26,13 @@ def run(options, progress):
             progress("in silence", done + 1, 3)
     return [Section("The table", "", ("a name", "seconds"), [["a contender", 1.0]], "again")]
 
-registry.SUITES.clear()
+SUITES.clear()
 for name in ("one", "two"):
     module = ModuleType("benchmarks.speed.suites." + name)
     module.run = run
     sys.modules[module.__name__] = module
-    registry.SUITES[name] = registry.Entry(name, "")
-sys.exit(cli.main(["bench", "--out", sys.argv[1]]))
+    SUITES[name] = ""
+sys.exit(cli.run("benchmarks.speed.cli", ["--out", sys.argv[1]], prog="speed"))
 """
 
 

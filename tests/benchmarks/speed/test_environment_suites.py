@@ -13,9 +13,9 @@ import pytest
 from benchmarks.speed.measure import Timings
 from benchmarks.speed.peers.gym_child import learning_seconds
 from benchmarks.speed.peers.gym_peer import PANDA, REACHER
-from benchmarks.speed.rates import median_rates, rate_row, short_of_cores, time_row
-from benchmarks.speed.suite import Options
+from benchmarks.speed.sections import Options
 from benchmarks.speed.suites import env, episodes, train
+from benchmarks.speed.tables import median_rates, rate_row, short_of_cores, time_row
 from kinreach.errors import DrawingError, KinreachError
 
 TINY = Options(rounds=1, quick=True, seed=3)

@@ -16,7 +16,7 @@ from benchmarks.speed.measure import (
     interleaved_each,
     ratios,
 )
-from benchmarks.speed.times import calls, medians, samples, slow, time_cells, times_as_fast
+from benchmarks.speed.tables import calls, medians, samples, slow, time_cells, times_as_fast
 from kinreach.errors import InputError
 
 

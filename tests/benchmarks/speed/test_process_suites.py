@@ -12,7 +12,7 @@ import pytest
 
 from benchmarks.speed.child import ChildRun
 from benchmarks.speed.measure import Timings
-from benchmarks.speed.suite import Options
+from benchmarks.speed.sections import Options
 from benchmarks.speed.suites import compare, growth, startup
 
 TINY = Options(rounds=1, quick=True, seed=3)

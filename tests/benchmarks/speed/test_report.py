@@ -8,20 +8,21 @@ from pathlib import Path
 import jsonschema
 import pytest
 
-from benchmarks.speed import registry
+import benchmarks.speed
 from benchmarks.speed.figure import OURS, PEERS, draw
 from benchmarks.speed.report import FORMAT, markdown, sections_of, show, table
-from benchmarks.speed.suite import Chart, Section, Target
+from benchmarks.speed.sections import Chart, Section, Target
+from benchmarks.speed.suites import SUITES
 
-DOCS = Path(__file__).parents[2] / "docs"
-SCHEMA = Path(registry.__file__).with_name("results.schema.json")
+DOCS = Path(__file__).parents[3] / "docs"
+SCHEMA = Path(benchmarks.speed.__file__).with_name("results.schema.json")
 
 
 @pytest.fixture
 def results(make_section) -> dict:
     return {
         "format": FORMAT,
-        "command": "kinreach bench",
+        "command": "python -m benchmarks.speed",
         "options": {"rounds": 7, "quick": False, "seed": 0},
         "seconds": 1.5,
         "machine": {"processor": "a processor", "cores": 2, "system": "Linux"},
@@ -98,6 +99,16 @@ def test_figure(results):
     figure.canvas.draw()
 
 
+def test_what_a_peer_says_is_no_markup(results, make_section):
+    said = {"title": "<script>x</script>", "text": "<!-- <img src=x> 1 < 2", "missing": {"a": "<b>\n| x"}}
+    results["suites"] = {"one": [dataclasses.replace(make_section("one"), **said).to_json()]}
+    page = markdown(results, data="data.json", picture="")
+    for tag in ("<script", "</script", "<img", "<b>", "<!-- <"):
+        assert tag not in page
+    assert "&lt;script>x&lt;/script>" in page
+    assert "1 < 2" in page
+
+
 def test_rounds_are_those_of_the_section():
     bare = Section("a", "b", ("c",), [["d"]], "e")
     assert bare.rounds == 0
@@ -145,7 +156,7 @@ class TestPage:
 
     def test_holds_all_suites(self, data):
         jsonschema.validate(data, json.loads(SCHEMA.read_text(encoding="utf-8")))
-        assert list(data["suites"]) == list(registry.SUITES)
+        assert list(data["suites"]) == list(SUITES)
         for section in sections_of(data):
             assert section.text
             assert all(len(row) == len(section.columns) for row in section.rows), section.title

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import asdict, dataclass, field
-from typing import Any, Literal, Protocol
+from typing import Any, Literal
 
 #: Cell of a table. Floats are shown with three significant digits; None is an empty cell.
 Cell = str | int | float | None
@@ -124,21 +124,3 @@ class Section:
 
 #: Called with what is being measured, and how much of it is done: progress("batch of 100000", 3, 7).
 Progress = Callable[[str, int, int], None]
-
-
-class Suite(Protocol):
-    """A set of measurements: a module of `benchmarks.speed.suites` with this function; `registry` has its name."""
-
-    def run(self, options: Options, progress: Progress) -> list[Section]:
-        """Measure.
-
-        Args:
-            options: Rounds, sizes, seed.
-            progress: Called now and then with what is being measured.
-
-        Returns:
-            The sections of the report.
-
-        Raises:
-            KinreachError: Something that every row needs is missing. A missing peer is no error: it is named.
-        """

@@ -1,0 +1,177 @@
+"""Algorithms, recipes, rewards and environments from outside the package are trained, exported and evaluated."""
+
+from dataclasses import replace
+
+import gymnasium as gym
+import numpy as np
+import pytest
+import torch
+
+from kinreach.baselines import algorithms
+from kinreach.baselines.algorithms import Algorithm, register_algorithm
+from kinreach.baselines.models import build
+from kinreach.baselines.policies import load_policy
+from kinreach.baselines.recipes import RECIPES, Networks, Recipe, get_recipe, register_recipe
+from kinreach.baselines.training import train
+from kinreach.errors import InputError, UnknownNameError
+
+#: As a user would write it.
+MINE = """
+import gymnasium as gym
+import numpy as np
+
+from kinreach.baselines.algorithms import Algorithm, register_algorithm
+from kinreach.baselines.recipes import Networks, Recipe
+
+register_algorithm(Algorithm("TQC", "sb3_contrib:TQC", defaults={"learning_starts": 32, "batch_size": 16}))
+RECIPE = Recipe(
+    name="tqc-single",
+    summary="TQC with a net of its own.",
+    environment="kinreach/UR5SingleStep-v0",
+    options={"backend": "kinematic"},
+    algorithm="TQC",
+    steps=160,
+    num_envs=8,
+    reward="mine:halved",
+    networks=Networks(hidden=(256, 256), activation="relu", features="scaled"),
+    settings={"gamma": 0.0, "policy_kwargs": {"n_critics": 1}},
+    segments=2,
+    window=32,
+)
+
+
+def halved(rewards, info):
+    return rewards / 2
+"""
+
+
+@pytest.fixture
+def registries(monkeypatch):
+    """Copies that a test may add to."""
+    monkeypatch.setattr(algorithms, "ALGORITHMS", algorithms.ALGORITHMS)
+    before = dict(algorithms.ALGORITHMS), dict(RECIPES)
+    yield
+    for registry, kept in zip((algorithms.ALGORITHMS, RECIPES), before, strict=True):
+        registry.clear()
+        registry.update(kept)
+
+
+def test_a_recipe_and_an_algorithm_of_a_users_module_on_the_command_line(run_python, tmp_path):
+    pytest.importorskip("sb3_contrib")
+    (tmp_path / "mine.py").write_text(MINE)
+    done = run_python("-c", "import sys; sys.path.remove(''); from kinreach.cli import main; "
+                      "sys.exit(main(['train', 'mine:RECIPE', '--out', 'out']))")  # fmt: skip
+    assert done.returncode == 0, done.stderr
+    policy = load_policy(tmp_path / "out/tqc-single/seed-0/policy.safetensors")
+    assert (policy.card.algorithm, policy.card.meaning) == ("TQC", "action")
+    assert [weight.shape for weight, _ in policy.network.layers] == [(256, 13), (256, 256), (6, 256)]
+    done = run_python("-m", "kinreach.evaluate", "out/tqc-single/seed-0/policy.safetensors", "--goals", "3",
+                      "--backend", "kinematic")  # fmt: skip
+    assert done.returncode == 0, done.stderr
+    assert "tqc-single/seed-0" in done.stdout
+
+
+RECIPE = Recipe(
+    "mine", "Mine.", "Pendulum-v1", "SAC", steps=240, num_envs=4, networks=Networks(hidden=(8,), activation="relu"),
+    settings={"learning_starts": 40, "batch_size": 16}, segments=2, window=80,
+)  # fmt: skip
+
+
+@pytest.mark.parametrize(
+    ("environment", "algorithm", "settings"),
+    [
+        ("Pendulum-v1", "SAC", {"learning_starts": 40, "batch_size": 16}),
+        ("Pendulum-v1", "PPO", {"n_steps": 20, "batch_size": 40}),
+        ("CartPole-v1", "DQN", {"learning_starts": 40, "batch_size": 16}),  # whose own batch resets a step later
+        ("CartPole-v1", "PPO", {"n_steps": 20, "minibatches": 4}),
+    ],
+)
+@pytest.mark.parametrize("features", ["raw", "scaled"])
+def test_environments_of_gymnasium(environment, algorithm, settings, features, tmp_path):
+    recipe = replace(
+        RECIPE, environment=environment, algorithm=algorithm, settings=settings,
+        networks=replace(RECIPE.networks, features=features),
+    )  # fmt: skip
+    run = train(recipe, tmp_path, seed=1)
+    env = gym.make(environment)
+    policy = load_policy(tmp_path / "policy.safetensors", environment=environment)
+    policy.check_spaces(env.observation_space, env.action_space)
+    observation, _ = env.reset(seed=0)
+    for _ in range(9):
+        action = policy.act(observation)
+        assert env.action_space.contains(np.asarray(action, dtype=env.action_space.dtype))
+        observation, *_ = env.step(action)
+    trainee = build(recipe, 3, steps=240)
+    observations = np.random.default_rng(0).normal(size=(50, len(observation))).astype(np.float32)
+    expected = trainee.model.predict(observations, deterministic=True)[0]
+    policy = type(policy)(run.card, trainee.network)
+    np.testing.assert_allclose(policy.act(observations), expected, atol=1e-5)
+
+
+def test_the_curve_counts_what_ends_where_gymnasium_resets(tmp_path):
+    """CartPole ends after some ten steps of chance; every episode and its return are counted."""
+    recipe = replace(RECIPE, environment="CartPole-v1", algorithm="PPO", settings={"n_steps": 100, "n_epochs": 1})
+    trainee = build(recipe, 0, steps=400)
+    trainee.model.learn(400)
+    (row,) = trainee.curve.rows[-1:]
+    steps, episodes, reward, episode_return, reached, distance, posture_error, impossible = row
+    assert (steps, reward) == (400, 1.0)
+    assert 8 < episode_return < 60
+    assert 400 / 60 < episodes < 400 / 8
+    assert (reached, distance, posture_error, impossible) == (None,) * 4
+    trainee.env.close()
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        ({"algorithm": "TRPO"}, "unknown algorithm 'TRPO'; available: AdaptivePPO"),
+        ({"reward": "gold"}, "unknown training reward 'gold'"),
+        ({"reward": "no_such_module:f"}, "cannot import the training reward no_such_module:f"),
+        ({"environment": "Nowhere-v0"}, "cannot make the environment Nowhere-v0"),
+        ({"options": {"speed": 3}}, "cannot make the environment Pendulum-v1.*speed"),
+        ({"settings": {"speed": 3}}, "SAC does not take the settings of mine.*speed"),
+        ({"settings": {"policy_kwargs": {"activation_fn": torch.nn.Softplus}}}, "must be JSON values"),
+        ({"networks": Networks(activation="cube")}, "unknown activation 'cube'"),
+        ({"networks": Networks(features="cubes")}, "unknown features 'cubes'"),
+        ({"environment": "Blackjack-v1"}, "vectors of numbers"),
+    ],
+)
+def test_what_cannot_be_trained_is_said_before_the_training(change, message, tmp_path):
+    with pytest.raises(InputError, match=message):
+        train(replace(RECIPE, **change), tmp_path, progress=lambda *_: pytest.fail("it trains"))
+
+
+def test_what_cannot_be_exported_is_said_before_the_training(registries, tmp_path):
+    from stable_baselines3 import SAC
+
+    def wrong(model):
+        network = algorithms.actor_network(model)
+        return replace(network, shift=network.shift + 0.1)
+
+    def soft(recipe, env, planned):
+        arguments = algorithms.mlp_arguments(recipe, env, planned)
+        return arguments | {"policy_kwargs": {"activation_fn": torch.nn.Softplus}}
+
+    register_algorithm(Algorithm("Wrong", SAC, exporter=wrong))
+    register_algorithm(Algorithm("Soft", SAC, arguments=soft))
+    for name, message in (("Wrong", "does not answer as the model does"), ("Soft", "Softplus cannot be exported")):
+        with pytest.raises(InputError, match=message):
+            train(replace(RECIPE, algorithm=name), tmp_path, progress=lambda *_: pytest.fail("it trains"))
+
+
+def test_names_are_given_once(registries):
+    register_recipe(RECIPE)
+    assert get_recipe("mine") is register_recipe(RECIPE)
+    with pytest.raises(InputError, match="already"):
+        register_recipe(replace(RECIPE, steps=1))
+    with pytest.raises(InputError, match="already"):
+        register_algorithm(Algorithm("PPO", "sb3_contrib:TQC"))
+    for name in ("../up", "", 3):
+        with pytest.raises(InputError, match="name of a recipe"):
+            register_recipe(replace(RECIPE, name=name))
+    with pytest.raises(UnknownNameError, match="mine"):
+        get_recipe("thine")
+    for path in ("os:path", "nothing:RECIPE", "os:nothing", ":x", "x:"):
+        with pytest.raises(InputError):
+            get_recipe(path)

@@ -1,0 +1,124 @@
+"""The reach tasks with other arms than the UR5: spaces, meaning of actions, what solvers are given."""
+
+import gymnasium as gym
+import numpy as np
+import pytest
+from gymnasium.utils.env_checker import check_env
+
+from kinreach.envs.reach.task import layout_of
+from kinreach.errors import InputError, UnknownNameError
+from kinreach.kinematics import Arm3Kinematics, AxisGoal, PositionGoal
+from kinreach.robots import get_arm
+
+SINGLE, MULTI = "kinreach/UR5SingleStep-v0", "kinreach/UR5MultiStep-v0"
+BACKENDS = ["kinematic", "mujoco"]
+
+
+@pytest.mark.parametrize("backend", BACKENDS)
+@pytest.mark.parametrize("name", [SINGLE, MULTI])
+@pytest.mark.parametrize("arm", ["arm3", get_arm("arm3")])
+def test_an_arm_without_cameras_observes_the_goal_in_the_world(name, backend, arm):
+    env = gym.make(name, backend=backend, arm=arm)
+    check_env(env.unwrapped, skip_render_check=True)
+    observation, info = env.reset(seed=3)
+    layout = layout_of(env.unwrapped.arm)
+    assert observation.shape == (3 + 3 + 1,)
+    np.testing.assert_array_equal(observation[layout.goal], info["goal"])
+    np.testing.assert_array_equal(observation[layout.q], env.unwrapped.home)
+    assert observation[layout.gripper] == 0.0
+    assert info["ball_found"].all()
+
+
+def test_single_step_actions_map_linearly_onto_the_joint_limits():
+    env = gym.make(SINGLE, backend="kinematic", arm="arm3").unwrapped
+    lower, upper = env.kinematics.lower, env.kinematics.upper
+    rng = np.random.default_rng(0)
+    taken = 0
+    for q in rng.uniform(lower, upper, (60, 3)):
+        env.reset(seed=1)
+        action = env.action_for(q)
+        np.testing.assert_allclose(lower + (action + 1) / 2 * (upper - lower), q, atol=1e-12)
+        info = env.step(action)[4]
+        np.testing.assert_allclose(info["target"], q, atol=1e-12)
+        assert info["impossible"] != env.accept(q)
+        taken += not info["impossible"]
+    assert 20 < taken < 60
+
+
+@pytest.mark.parametrize("arm", ["ur5", "arm3"])
+def test_action_for_leads_straight_to_a_posture_in_several_steps(arm):
+    env = gym.make(MULTI, backend="kinematic", arm=arm).unwrapped
+    env.reset(seed=0)
+    target = env.home + np.linspace(0.05, 0.3, len(env.home))
+    ways = []
+    for _ in range(10):
+        action = env.action_for(target)
+        assert np.abs(action).max() <= 1.0
+        info = env.step(action)[4]
+        ways.append(target - info["q"])
+        if np.abs(ways[-1]).max() < 1e-12:
+            break
+    assert len(ways) == np.ceil(0.3 / np.radians(5))
+    for way in ways[:-1]:  # all joints arrive together
+        np.testing.assert_allclose(way / way[-1], np.linspace(0.05, 0.3, len(env.home)) / 0.3, rtol=1e-9)
+
+
+@pytest.mark.parametrize("backend", BACKENDS)
+def test_the_closed_form_of_arm3_reaches_its_goals(backend):
+    env = gym.make(SINGLE, backend=backend, arm="arm3").unwrapped
+    kinematics = Arm3Kinematics(base="world")
+    reached = 0
+    for seed in range(20):
+        _, info = env.reset(seed=seed)
+        goal = env.ik_goal(info["goal"])
+        assert isinstance(goal, PositionGoal)
+        solution = kinematics.solve(goal, env.home, accept=env.accept)
+        if not solution.success:
+            continue
+        _, reward, terminated, _, info = env.step(env.action_for(solution.q))
+        assert terminated
+        assert reward == -info["distance"]
+        assert info["reached"] == (info["distance"] < 0.05 and not info["impossible"])
+        reached += info["reached"]
+    assert reached >= 18
+
+
+@pytest.mark.parametrize("name", [SINGLE, MULTI])
+@pytest.mark.parametrize("backend", BACKENDS)
+def test_batches_of_other_arms_are_as_many_single_ones(name, backend):
+    count = 3
+    batch = gym.make_vec(name, num_envs=count, vectorization_mode="vector_entry_point", backend=backend, arm="arm3")
+    singles = [gym.make(name, backend=backend, arm="arm3") for _ in range(count)]
+    observations, _ = batch.reset(seed=5)
+    for i, env in enumerate(singles):
+        np.testing.assert_array_equal(observations[i], env.reset(seed=5 + i)[0])
+    rng = np.random.default_rng(1)
+    for _ in range(4):
+        actions = rng.uniform(-1, 1, (count, 3))
+        _, rewards, _, _, info = batch.step(actions)
+        for i, env in enumerate(singles):
+            _, reward, over, _, single_info = env.step(actions[i])
+            assert rewards[i] == pytest.approx(reward, abs=1e-12)
+            np.testing.assert_allclose(info["tip"][i], single_info["tip"], atol=1e-12)
+            if over:
+                env.reset()
+
+
+@pytest.mark.parametrize("observation", ["camera", "pixels"])
+def test_cameras_that_an_arm_has_not_are_refused(observation):
+    with pytest.raises(InputError, match="front and wrist, arm 'arm3' has overview"):
+        gym.make(SINGLE, arm="arm3", observation=observation)
+
+
+def test_unknown_arms_and_options_are_refused():
+    with pytest.raises(UnknownNameError, match="arm3"):
+        gym.make(SINGLE, arm="nobody")
+    with pytest.raises(InputError, match=r"unknown options colour; available: observation, backend, .*reward"):
+        gym.make(SINGLE, colour="red")
+
+
+def test_six_joints_are_asked_to_point_the_tool_down():
+    env = gym.make(SINGLE, backend="kinematic").unwrapped
+    goal = env.ik_goal([0.4, 0.1, -0.1])
+    assert isinstance(goal, AxisGoal)
+    np.testing.assert_array_equal(goal.axis, [0, 0, -1])

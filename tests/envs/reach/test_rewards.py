@@ -1,0 +1,91 @@
+"""Rewards: the arm's own by default, a function of the user's in their place, checked at every call."""
+
+import gymnasium as gym
+import numpy as np
+import pytest
+
+from kinreach.envs.reach import DistanceReward, ThesisReward
+from kinreach.errors import InputError
+
+SINGLE, MULTI = "kinreach/UR5SingleStep-v0", "kinreach/UR5MultiStep-v0"
+
+
+def own(distance, q, impossible):
+    terms = {"distance": -distance, "effort": -0.01 * np.abs(q).sum(axis=1), "impossible": -1.0 * impossible}
+    return sum(terms.values()), terms
+
+
+class OwnVerdict:
+    """A reward that also says what is reached."""
+
+    def __call__(self, distance, q, impossible):
+        return -distance, {"distance": -distance}
+
+    def reached(self, distance, q, impossible):
+        return distance < 0.6
+
+
+@pytest.mark.parametrize("backend", ["kinematic", "mujoco"])
+@pytest.mark.parametrize("count", [None, 4])
+def test_an_own_reward_is_paid_and_says_its_terms(backend, count):
+    options = {"backend": backend, "reward": own}
+    if count is None:
+        env = gym.make(MULTI, **options)
+    else:
+        env = gym.make_vec(MULTI, num_envs=count, vectorization_mode="vector_entry_point", **options)
+    env.reset(seed=0)
+    rng = np.random.default_rng(0)
+    for _ in range(6):
+        _, reward, *_, info = env.step(rng.uniform(-1, 1, env.action_space.shape))
+        np.testing.assert_allclose(sum(info["reward_terms"].values()), reward, rtol=0, atol=1e-15)
+        np.testing.assert_array_equal(info["reward_distance"], -np.asarray(info["distance"]))
+        np.testing.assert_array_equal(info["reward_impossible"], -1.0 * np.asarray(info["impossible"]))
+        assert "special" not in info["reward_terms"]
+        assert np.shape(info["reached"]) == (() if count is None else (count,))
+        assert np.all(np.asarray(info["posture_error"]) > 0)  # still the thesis's
+
+
+def test_what_is_reached_is_the_rewards_own_business_if_it_says_so():
+    plain, own_verdict = (
+        gym.make(MULTI, backend="kinematic", reward=reward) for reward in (DistanceReward(0.01), OwnVerdict())
+    )
+    goal = np.array([0.45, 0.1, -0.175])
+    for env in (plain, own_verdict):
+        env.reset(options={"goal": goal})
+    assert not plain.step(np.zeros(6))[2]
+    _, _, terminated, _, info = own_verdict.step(np.zeros(6))
+    assert 0.01 < info["distance"] < 0.6
+    assert terminated
+    assert info["reached"]
+
+
+def test_the_thesiss_reward_can_be_named():
+    rewards = []
+    for reward in (None, ThesisReward()):
+        env = gym.make(SINGLE, backend="kinematic", reward=reward)
+        env.reset(seed=0)
+        rewards.append(env.step(env.unwrapped.action_for(env.unwrapped.home))[1])
+    assert rewards[0] == rewards[1]
+
+
+@pytest.mark.parametrize(
+    ("answer", "message"),
+    [
+        (lambda d, q, i: -d, "must return the rewards and a mapping"),
+        (lambda d, q, i: (-d, {"distance": d}), "do not add up"),
+        (lambda d, q, i: (-d[0], {"distance": -d}), r"reward must have shape \(1,\)"),
+        (lambda d, q, i: (-d, {"distance": 1.0}), r"'distance' must have shape \(1,\)"),
+        (lambda d, q, i: (-d, {"distance": -d * np.nan}), "finite"),
+        (lambda d, q, i: ("much", {}), "array of numbers"),
+    ],
+)
+def test_what_is_no_reward_is_refused(answer, message):
+    env = gym.make(SINGLE, backend="kinematic", reward=answer).unwrapped
+    env.reset(seed=0)
+    with pytest.raises(InputError, match=message):
+        env.step(np.zeros(6))
+
+
+def test_what_cannot_be_called_is_refused():
+    with pytest.raises(InputError, match="reward must be a callable"):
+        gym.make(SINGLE, reward="much")
