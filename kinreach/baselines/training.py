@@ -220,7 +220,8 @@ def _train(
     clock, cpu = time.perf_counter(), time.process_time()
     state = read_checkpoint(folder / CHECKPOINT, identity, notice) if resume else None
     trainee = build(recipe, _entropy(seed, 0)[0], steps=recipe.steps)
-    first, sources = 0, []
+    first = 0
+    sources: list[str] = []
     if state is not None:
         try:
             first, sources = restore(trainee, state)

@@ -181,7 +181,8 @@ PROBE = """<!doctype html><link rel="icon" href="data:,"><iframe src="report.htm
 addEventListener("load", () => {
   const inside = document.querySelector("iframe").contentDocument;
   const heads = [...inside.querySelectorAll("table.sortable thead th")];
-  const names = () => [...inside.querySelectorAll("table.sortable tbody tr")].map((row) => row.cells[0].textContent.length);
+  const rows = () => [...inside.querySelectorAll("table.sortable tbody tr")];
+  const names = () => rows().map((row) => row.cells[0].textContent.length);
   const seen = [names()];
   for (const column of [0, 0, heads.findIndex((head) => head.textContent.startsWith("distance"))]) {
     heads[column].querySelector("button").click();
