@@ -15,6 +15,8 @@ from kinreach.errors import InputError
 Options = TypeVar("Options")
 Environment = TypeVar("Environment", bound=type)
 
+RENDER_MODES = ("human", "rgb_array", "rgb_array_list", "depth_array")
+RENDER_MODES_TEXT = '`"human"`, `"rgb_array"`, `"rgb_array_list"` (frames of the motion) or `"depth_array"`'
 #: Where the table of the options goes in a docstring.
 PLACE = "<table of the options>"
 

@@ -7,15 +7,21 @@ table of its ends is nearly as good as the meshes it was measured on, for the pr
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from itertools import pairwise, product
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from kinreach.checks import Floats
-from kinreach.kinematics.straight_line import Entry, apply
+from kinreach.engines import load
+from kinreach.kinematics.collision import GJK_TOLERANCE, CollisionChecker, Shape
 
+pin: Any = load("pinocchio")
+
+Flags = NDArray[np.bool_]
+Single = NDArray[np.float32]
 #: Whether a posture collides.
 Collides = Callable[[Floats], bool]
 
@@ -26,6 +32,9 @@ SCAN = 24
 HALVINGS = 8
 #: Finest step of a table: positions of a joint that the look-up tells apart.
 FINE = {1: 2048, 2: 128}
+#: Around the arc the table is in doubt, for as much as the arc differs at the next points of the grid, and by this
+#: for what lies between them [rad].
+DOUBT = 0.02
 
 
 class Arcs(NamedTuple):
@@ -51,37 +60,80 @@ class BlockedArcs:
         arcs: Which joint, over which.
         collides: Whether a posture collides, by the links in question.
         joints: Number of joints of the arm.
+
+    Attributes:
+        arcs: As given.
+        any: Whether an arc was found at all.
     """
 
     def __init__(self, arcs: Arcs, collides: Collides, joints: int) -> None:
         self.arcs = arcs
-        middle, half = _measure(arcs, collides, joints)
+        ends = _measure(arcs, collides, joints)
+        self.any = bool((ends[..., 0] != ends[..., 1]).any())
+        middle, half, outer = _arcs_of(ends)
         fine = FINE[len(arcs.over)]
         for axis in range(len(arcs.over)):
-            middle, half = _refined(middle, axis, fine), _refined(half, axis, fine)
+            middle, half, outer = (_refined(table, axis, fine) for table in (middle, half, outer))
         self._size = fine + 1
         self._middle = np.angle(middle).astype(np.float32).ravel()
         self._open = np.where(half > 0.0, np.pi - half, TURN).astype(np.float32).ravel()
+        self._outer_open = np.where(outer > 0.0, np.pi - outer, TURN).astype(np.float32).ravel()
 
-    def blocked(self, q: Sequence[Entry]) -> Entry:
-        """Whether the joint stands in its blocked arc: a formula of the angles `q` within ±pi [rad]."""
-        index: Entry = 0.0
-        for joint in self.arcs.over:
-            step = (self._size - 1) / TURN
-            index = self._size * index + apply(np.rint, step * q[joint] + 0.5 * (self._size - 1))
-        row = apply(_as_index, index)
-        from_middle = apply(np.absolute, q[self.arcs.joint] - apply(self._middle.take, row))
+    def blocked(self, q: Single) -> Flags:
+        """Whether the joint stands in its blocked arc, shape (m,), for angles `q` within ±pi [rad], shape (n, m)."""
+        row, opposite = self._look_up(q)
+        blocked: Flags = opposite > self._open.take(row)
+        return blocked
+
+    def doubtful(self, q: Single) -> Flags:
+        """Whether the joint stands in or so near its blocked arc that the table may be wrong, likewise."""
+        row, opposite = self._look_up(q)
+        doubtful: Flags = opposite > self._outer_open.take(row)
+        return doubtful
+
+    def _look_up(self, q: Single) -> tuple[NDArray[np.intp], Single]:
+        """The row of the table, and how far the joint is from the point opposite the arc's middle [rad]."""
+        step, half = (self._size - 1) / TURN, 0.5 * (self._size - 1)
+        index = np.rint(step * q[self.arcs.over[0]] + half)
+        for joint in self.arcs.over[1:]:
+            index = self._size * index + np.rint(step * q[joint] + half)
+        row = index.astype(np.intp)
         # pi minus the distance on the circle, without asking on which side of the cut at pi the two stand
-        return apply(np.greater, apply(np.absolute, from_middle - np.pi), apply(self._open.take, row))
+        opposite: Single = np.abs(np.abs(q[self.arcs.joint] - self._middle.take(row)) - np.pi)
+        return row, opposite
 
 
-def _as_index(values: Floats) -> np.ndarray[tuple[int, ...], np.dtype[np.intp]]:
-    return values.astype(np.intp)
+def collision_test(checker: CollisionChecker, choose: Callable[[Shape, Shape], bool]) -> Collides:
+    """A test whether a posture makes any of some pairs of shapes touch.
+
+    Args:
+        checker: Where shapes and pairs are from.
+        choose: Whether a pair counts; is asked for all that the checker checks, the shape nearer to the base first.
+    """
+    shapes, geometry = checker.shapes, pin.GeometryModel()
+    place: dict[int, int] = {}
+    for pair in checker.geometry.collisionPairs:
+        first, second = sorted((pair.first, pair.second), key=lambda index: shapes[index].joint)
+        if choose(shapes[first], shapes[second]):
+            for index in (first, second):
+                if index not in place:
+                    place[index] = geometry.addGeometryObject(checker.geometry.geometryObjects[index])
+            geometry.addCollisionPair(pin.CollisionPair(place[first], place[second]))
+    results, data = geometry.createData(), checker.model.createData()
+    for request in results.collisionRequests:
+        request.gjk_tolerance = GJK_TOLERANCE
+    manager = pin.BroadPhaseManager_NaiveCollisionManager(checker.model, geometry, results)
+
+    def touches(q: Floats, *, _kept: object = (geometry, results)) -> bool:  # the manager does not keep them alive
+        return bool(pin.computeCollisions(checker.model, data, manager, q, True))
+
+    return touches
 
 
-def _measure(arcs: Arcs, collides: Collides, joints: int) -> tuple[np.ndarray, Floats]:
-    """Middle (as a unit complex number) and half width [rad] of the arc on the grid; half is 0 where there is none."""
-    middle, half = np.zeros(arcs.grid, dtype=np.complex128), np.zeros(arcs.grid)
+def _measure(arcs: Arcs, collides: Collides, joints: int) -> Floats:
+    """Ends of the arc [rad] on the grid, shape (*grid, averaged positions, 2); equal where there is none."""
+    positions = (0.0,) if arcs.averaged is None else (0.0, np.pi / 2)
+    ends = np.empty((*arcs.grid, len(positions), 2))
     q = np.zeros(joints)
 
     def hit(angle: float) -> bool:
@@ -90,18 +142,34 @@ def _measure(arcs: Arcs, collides: Collides, joints: int) -> tuple[np.ndarray, F
 
     for cell in product(*map(range, arcs.grid)):
         q[list(arcs.over)] = [TURN * k / size - np.pi for k, size in zip(cell, arcs.grid, strict=True)]
-        for position in (0.0,) if arcs.averaged is None else (0.0, np.pi / 2):
+        for k, position in enumerate(positions):
             if arcs.averaged is not None:
                 q[arcs.averaged] = position
-            low, high = _blocked_arc(hit)
-            middle[cell] += np.exp(0.5j * (low + high)) * (high > low)
-            half[cell] += 0.5 * (high - low) * (1.0 if arcs.averaged is None else 0.5)
-    while (middle == 0).any() and (
-        middle != 0
-    ).any():  # where there is no arc, the neighbours' middle is as good as any
+            ends[(*cell, k)] = _blocked_arc(hit)
+    return ends
+
+
+def _arcs_of(ends: Floats) -> tuple[NDArray[np.complex128], Floats, Floats]:
+    """Tables on the grid from what was measured.
+
+    Returns:
+        Middle of the arc, as a unit complex number; its half width [rad], 0 where there is none; and the half width
+        of what holds the arcs of all positions here and at the next points of the grid [rad].
+    """
+    low, high = ends[..., 0], ends[..., 1]
+    middle = (np.exp(0.5j * (low + high)) * (high > low)).sum(axis=-1)
+    half = (0.5 * (high - low)).mean(axis=-1)
+    while (middle == 0).any() and (middle != 0).any():  # without an arc, the neighbours' middle is as good as any
         spread = sum(np.roll(middle, shift, axis) for shift in (-1, 1) for axis in range(middle.ndim))
         middle = np.where(middle == 0, spread, middle)
-    return middle / np.maximum(np.abs(middle), 1e-300), half
+    middle = middle / np.maximum(np.abs(middle), 1e-300)
+    outer = np.zeros_like(half)
+    for shift in product((-1, 0, 1), repeat=half.ndim):
+        near = np.roll(ends, shift, axis=tuple(range(half.ndim)))
+        width = 0.5 * (near[..., 1] - near[..., 0])
+        away = np.abs(np.angle(np.exp(0.5j * near.sum(axis=-1)) * np.conj(middle)[..., None]))
+        outer = np.maximum(outer, np.where(width > 0.0, away + width + DOUBT, 0.0).max(axis=-1))
+    return middle, half, np.minimum(outer, np.pi)
 
 
 def _blocked_arc(hit: Callable[[float], bool]) -> tuple[float, float]:

@@ -1,20 +1,20 @@
 """Forward kinematics of many postures at once, for any serial arm, in numpy.
 
 The chain is brought to a form in which every joint turns about its own z axis, so that a joint only mixes two axes of
-the running frame, and neighbours with parallel axes turn by the sum of their angles. It is a formula, which
-`straight_line` brings to as few numpy calls as possible; they run on blocks that stay in the cache.
+the running frame, and neighbours with parallel axes turn by the sum of their angles. Frames are kept as coordinates,
+one array for all postures each; a coordinate that is the same number for all stays a float, and sums and products with
+0, 1 and -1 are left out: half of a UR5's are. The arrays are blocks that stay in the cache.
 """
 
 from __future__ import annotations
 
+from collections import deque
 from collections.abc import Iterator, Sequence
-from functools import cached_property
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from kinreach.checks import Floats
-from kinreach.kinematics.straight_line import Entry, Program, Symbol, apply
 
 BLOCK = 4096
 
@@ -22,7 +22,37 @@ BLOCK = 4096
 #: meant. The tip of an arm of one metre is off by 1e-11 m.
 SNAP = 1e-11
 
+#: One number for each posture, an array of shape (m,), or one number for all, a float.
+Entry = Any
 Vector = Sequence[Entry]
+
+
+def times(a: Entry, b: Entry) -> Entry:
+    """The product; nothing is computed where a factor is 0, 1 or -1 for all postures."""
+    if isinstance(b, float):
+        a, b = b, a
+    if isinstance(a, float):
+        if a == 0.0:
+            return 0.0
+        if a == 1.0:
+            return b
+        if a == -1.0:
+            return -b
+    return a * b
+
+
+def plus(a: Entry, b: Entry) -> Entry:
+    """The sum; nothing is computed where a summand is 0 for all postures."""
+    if isinstance(a, float) and a == 0.0:
+        return b
+    return a if isinstance(b, float) and b == 0.0 else a + b
+
+
+def minus(a: Entry, b: Entry) -> Entry:
+    """The difference, likewise."""
+    if isinstance(a, float) and a == 0.0:
+        return -b
+    return a if isinstance(b, float) and b == 0.0 else a - b
 
 
 class Frame(NamedTuple):
@@ -33,14 +63,16 @@ class Frame(NamedTuple):
     z: Vector
     p: Vector
 
-    def direction(self, weights: Vector) -> Vector:
+    def direction(self, weights: Sequence[float]) -> Vector:
         """A vector that is given in this frame, in the base frame."""
         u, v, w = weights
-        return [u * x + v * y + w * z for x, y, z in zip(self.x, self.y, self.z, strict=True)]
+        return [
+            plus(plus(times(u, x), times(v, y)), times(w, z)) for x, y, z in zip(self.x, self.y, self.z, strict=True)
+        ]
 
-    def point(self, offset: Vector) -> Vector:
+    def point(self, offset: Sequence[float]) -> Vector:
         """A point that is given in this frame [m], in the base frame."""
-        return [p + along for p, along in zip(self.p, self.direction(offset), strict=True)]
+        return [plus(p, along) for p, along in zip(self.p, self.direction(offset), strict=True)]
 
     def moved(self, T: Floats) -> Frame:
         """The frame whose pose in this one is `T`, shape (4, 4)."""
@@ -50,7 +82,9 @@ class Frame(NamedTuple):
     def turned(self, c: Entry, s: Entry) -> Frame:
         """The frame after a turn about z by the angle with this cosine and sine."""
         pairs = list(zip(self.x, self.y, strict=True))
-        return Frame([c * x + s * y for x, y in pairs], [c * y + -s * x for x, y in pairs], self.z, self.p)
+        x = [plus(times(c, x), times(s, y)) for x, y in pairs]
+        y = [minus(times(c, y), times(s, x)) for x, y in pairs]
+        return Frame(x, y, self.z, self.p)
 
 
 class SerialChain:
@@ -82,9 +116,10 @@ class SerialChain:
         """Poses of the tip in the base frame, shape (m, 4, 4), for postures `q` [rad], shape (m, n)."""
         T = np.empty((len(q), 4, 4))
         for block in blocks(len(q)):
-            entries = self._pose(np.ascontiguousarray(q[block].T))
-            for index, value in enumerate(entries):
-                T[block, index % 3, index // 3] = value
+            frame = self._last(q[block]).moved(self._tip)
+            for column, coordinates in enumerate(frame):
+                for row, value in enumerate(coordinates):
+                    T[block, row, column] = value
         T[:, 3] = (0.0, 0.0, 0.0, 1.0)
         return T
 
@@ -95,46 +130,39 @@ class SerialChain:
         """
         p = np.empty((3, len(q)))
         for block in blocks(len(q)):
-            for i, value in enumerate(self._position(np.ascontiguousarray(q[block].T))):
-                p[i, block] = value
+            for row, value in enumerate(self._last(q[block]).point(self._tip[:3, 3].tolist())):
+                p[row, block] = value
         return p.T
 
-    def frames(self, q: Vector, *, single: bool = False) -> list[Frame]:
-        """The joints' own frames in the base frame, as a formula of the angles `q` [rad], n symbols.
+    def frames(self, q: Vector, joints: Sequence[int], *, single: bool = False) -> list[Frame]:
+        """The own frames of some joints in the base frame.
 
         Args:
-            q: The angles.
-            single: The inputs will be single precision, for which numpy has a fast sine.
+            q: Angle of each joint [rad], n arrays of shape (m,) or floats.
+            joints: Indices of the joints that are asked for, from 0.
+            single: The angles are in single precision, for which numpy has a fast sine.
         """
-        return [frame.moved(joint) for frame, joint in zip(self._turned(q, single), self._joints, strict=True)]
+        frames = enumerate(self._turned(q, single))
+        return [frame.moved(self._joints[joint]) for joint, frame in frames if joint in joints]
 
-    @cached_property
-    def _pose(self) -> Program:
-        def formula(q: Sequence[Symbol]) -> Vector:
-            x, y, z, p = self._turned(q)[-1].moved(self._tip)
-            return [*x, *y, *z, *p]
+    def _last(self, q: Floats) -> Frame:
+        """The frame of the last joint, for postures (m, n)."""
+        # each frame is made from the one before, which is then let go: few arrays stay in the cache
+        return deque(self._turned([*np.ascontiguousarray(q.T)]), maxlen=1)[0]
 
-        return Program(formula, self.joints)
-
-    @cached_property
-    def _position(self) -> Program:
-        return Program(lambda q: self._turned(q)[-1].moved(self._tip).p, self.joints)
-
-    def _turned(self, q: Vector, single: bool = False) -> list[Frame]:
+    def _turned(self, q: Vector, single: bool = False) -> Iterator[Frame]:
         """The frames in which the joints turn about z, each after its turn."""
         frame = Frame((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0), (0.0, 0.0, 0.0))
         root, total = frame, q[0]
-        frames = []
         for index, (angle, constant) in enumerate(zip(q, self._constants, strict=True)):
             if index > 0 and constant[2, 2] == 1.0:  # parallel to the joint before: the same axes turn further
-                total = total + angle + float(np.arctan2(constant[1, 0], constant[0, 0]))
+                total = plus(plus(total, angle), float(np.arctan2(constant[1, 0], constant[0, 0])))
                 root = root._replace(p=frame.point(constant[:3, 3].tolist()))
             else:
                 root, total = frame.moved(constant), angle
-            c, s = (apply(np.cos, total), apply(np.sin, total)) if single else _cos_sin(total)
+            c, s = _cos_sin(total, single)
             frame = root.turned(c, s)
-            frames.append(frame)
-        return frames
+            yield frame
 
 
 def blocks(count: int) -> Iterator[slice]:
@@ -142,13 +170,17 @@ def blocks(count: int) -> Iterator[slice]:
     return (slice(start, start + BLOCK) for start in range(0, count, BLOCK))
 
 
-def _cos_sin(angle: Entry) -> tuple[Entry, Entry]:
-    """Cosine and sine of an angle [rad] in double precision.
+def _cos_sin(angle: Entry, single: bool) -> tuple[Entry, Entry]:
+    """Cosine and sine of an angle [rad].
 
     numpy has a fast tangent in double precision (where the processor has AVX-512), but no fast sine: both from the
     tangent of half the angle, to 3e-16, take a third of the time.
     """
-    t = apply(np.tan, 0.5 * angle)
+    if isinstance(angle, float):
+        return float(np.cos(angle)), float(np.sin(angle))
+    if single:
+        return np.cos(angle), np.sin(angle)
+    t = np.tan(0.5 * angle)
     t2 = t * t
     scale = 1.0 / (1.0 + t2)
     return (1.0 - t2) * scale, (t + t) * scale

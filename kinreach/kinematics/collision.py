@@ -52,6 +52,21 @@ class Clearance:
     pair: Pair
 
 
+@dataclass(frozen=True)
+class Shape:
+    """One collision shape.
+
+    Attributes:
+        name: Link or obstacle.
+        joint: Index of the joint that moves it, from 0; -1 if it stands still.
+        obstacle: Whether it belongs to the work cell.
+    """
+
+    name: str
+    joint: int
+    obstacle: bool
+
+
 class CollisionChecker:
     """Collision checks of one arm on Pinocchio and coal. Threads must not share an instance: one per thread.
 
@@ -64,7 +79,10 @@ class CollisionChecker:
         margin: Pairs nearer than this [m] count as colliding, at least 0.
 
     Attributes:
+        kinematics: Of the arm.
         pairs: The pairs that are checked.
+        shapes: The shapes in `geometry.geometryObjects`, links first.
+        model, geometry: Pinocchio's models of the arm and of its shapes.
 
     Raises:
         InputError: `margin` cannot be used, or a mesh has no convex hull.
@@ -80,21 +98,26 @@ class CollisionChecker:
         margin: float = 0.0,
     ) -> None:
         margin = check_number("margin", margin, least=0.0, most=MOST_DISTANCE)
-        self._kin = arm if isinstance(arm, ArmKinematics) else ArmKinematics(arm)
-        description = self._kin.arm
+        self.kinematics = arm if isinstance(arm, ArmKinematics) else ArmKinematics(arm)
+        description = self.kinematics.arm
         boxes = description.workcell.obstacles if obstacles is None else as_boxes(obstacles)
         self._obstacles, self._margin = boxes, margin
-        self.model, self._data = self._kin.model, self._kin.model.createData()
+        self.model, self._data = self.kinematics.model, self.kinematics.model.createData()
         self.geometry = _shapes(description, self.model, boxes)
         skipped = (*disabled_pairs(description), *description.workcell.touching)
         self._names = _pair_up(self.geometry, self.model, skipped)
         self.pairs: tuple[Pair, ...] = tuple(sorted(set(self._names)))
         self._results = _search_data(self.geometry, margin)
+        names = {box.name for box in boxes}
+        self.shapes = tuple(
+            Shape(name := _name(shape, self.model), shape.parentJoint - 1, shape.parentFrame == WORLD and name in names)
+            for shape in self.geometry.geometryObjects
+        )
         # The naive manager tests every pair's bounding boxes: with some ten shapes no tree is faster.
         self._broad_phase = pin.BroadPhaseManager_NaiveCollisionManager(self.model, self.geometry, self._results)
 
     def __reduce__(self) -> tuple[Any, ...]:
-        return partial(CollisionChecker, obstacles=self._obstacles, margin=self._margin), (self._kin,)
+        return partial(CollisionChecker, obstacles=self._obstacles, margin=self._margin), (self.kinematics,)
 
     def in_collision(self, q: ArrayLike) -> bool:
         """Whether any pair touches or is nearer than the margin; stops at the first.
@@ -105,7 +128,7 @@ class CollisionChecker:
         Raises:
             InputError: `q` is malformed.
         """
-        q = self._kin.as_posture("q", q)
+        q = self.kinematics.as_posture("q", q)
         return bool(pin.computeCollisions(self.model, self._data, self._broad_phase, q, True))
 
     def free(self, q: ArrayLike) -> bool:
@@ -121,7 +144,7 @@ class CollisionChecker:
         Raises:
             InputError: `q` is malformed.
         """
-        q = self._kin.as_posture("q", q)
+        q = self.kinematics.as_posture("q", q)
         pin.computeCollisions(self.model, self._data, self.geometry, self._results, q, False)
         results = self._results.collisionResults
         touching = {name for name, result in zip(self._names, results, strict=True) if result.isCollision()}
@@ -136,7 +159,7 @@ class CollisionChecker:
         Raises:
             InputError: `q` is malformed.
         """
-        q = self._kin.as_posture("q", q)
+        q = self.kinematics.as_posture("q", q)
         nearest = pin.computeDistances(self.model, self._data, self.geometry, self._results, q)
         return Clearance(float(self._results.distanceResults[nearest].min_distance), self._names[nearest])
 

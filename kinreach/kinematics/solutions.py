@@ -100,7 +100,9 @@ class IKResult:
             tolerance: How near is reached; by default 1e-4 m and 1e-3 rad.
             accept: Test that the posture must also pass.
             reason: What to say if the goal is not reached; by default how far it is.
-            branch, iterations, restarts: As the attributes.
+            branch: Closed-form branch index.
+            iterations: Steps taken.
+            restarts: Fresh seeds tried after the first.
 
         Raises:
             InputError: `q` is malformed.

@@ -9,19 +9,20 @@ Everything is first computed where q0 is 0, for the first joint only turns the a
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Collection, Sequence
 from functools import reduce
 
 import numpy as np
 from numpy.typing import NDArray
 
-from kinreach.kinematics.box_overlap import overlap
-from kinreach.kinematics.chain import Frame, SerialChain
-from kinreach.kinematics.rounded_boxes import RoundedBox, enclosing
-from kinreach.kinematics.straight_line import Entry, Program, Symbol, all_of, any_of, apply
+from kinreach.kinematics.bodies import RoundedBox, Single, enclosing, fitted, overlap
+from kinreach.kinematics.chain import Entry, Frame, SerialChain, minus, plus, times
+from kinreach.kinematics.collision import CollisionChecker, Shape
 
 Flags = NDArray[np.bool_]
-Single = NDArray[np.float32]
+
+#: The joint from which on links are judged here: wrist_2.
+FIRST_JOINT = 4
 
 
 class WristClearance:
@@ -29,34 +30,35 @@ class WristClearance:
 
     Args:
         chain: The arm, in the world frame; its first axis is the world's z axis.
-        bodies: Bodies of wrist and gripper; the fingers, equal and side by side, are the last two.
-        table: What is in front of the arm; everything else is below its top or is part of the foot.
-        foot: Obstacles under and around the base.
-        ground: Obstacles that are lower than the table.
-        base: Bodies of the base.
-        shoulder: Bodies of the first link.
+        checker: Where the shapes are from. Those of the fingers, equal and side by side, are the last of the arm's.
+        table: Name of the obstacle in front of the arm; all others are below its top or are part of the foot.
+        foot: Names of the obstacles under and around the base.
     """
 
-    def __init__(
-        self,
-        chain: SerialChain,
-        bodies: Sequence[RoundedBox],
-        *,
-        table: RoundedBox,
-        ground: Sequence[RoundedBox],
-        foot: Sequence[RoundedBox],
-        base: Sequence[RoundedBox],
-        shoulder: Sequence[RoundedBox],
-    ) -> None:
+    def __init__(self, chain: SerialChain, checker: CollisionChecker, *, table: str, foot: Collection[str]) -> None:
+        def bodies_of(choose: Callable[[Shape], bool]) -> list[RoundedBox]:
+            shapes = zip(checker.shapes, checker.geometry.geometryObjects, strict=True)
+            return [body for shape, solid in shapes if choose(shape) for body in fitted(shape.name, shape.joint, solid)]
+
+        bodies = bodies_of(lambda shape: shape.joint >= FIRST_JOINT)
+        (table_top,) = bodies_of(lambda shape: shape.name == table)
+        ground = bodies_of(lambda shape: shape.obstacle and shape.name not in (*foot, table))
+        below = bodies_of(lambda shape: shape.name in foot)
+        base = bodies_of(lambda shape: shape.joint == -1 and not shape.obstacle)
+        shoulder = bodies_of(lambda shape: shape.joint == 0)
         self._chain, self._bodies = chain, bodies
-        self._table = table
+        self._table = table_top
         turning = [_where_q0_is_0(chain, body) for body in shoulder]
-        self._foot = enclosing([*foot, *base, *map(_swept, turning)])
+        self._foot = enclosing([*below, *base, *map(_swept, turning)])
         self._floor = max(box.top for box in ground)
         self._joints = sorted({body.joint for body in bodies})
         self._level = np.array([self._joints.index(body.joint) for body in bodies])
         self._centre = np.array([body.centre for body in bodies], dtype=np.float32)
-        boxes = [table, *ground, *foot, *base, *turning]
+        self._balls = [_ball([body for body in bodies if body.joint == joint]) for joint in self._joints]
+        hand = [body for body in bodies if body.joint == self._joints[-1]]
+        self._palm, self._fingers = enclosing(hand[:-2]), enclosing(hand[-2:])
+        self._finger_ends = _end(self._fingers)
+        boxes = [table_top, *ground, *below, *base, *turning]
         self._fixed, self._obstacles = len(boxes) - len(turning), len(boxes) - len(turning) - len(base)
         self._turns = (np.arange(len(boxes)) >= self._fixed).astype(np.intp)
         self._box_centre = np.array([box.centre for box in boxes], dtype=np.float32)[:, None, :, None]
@@ -70,8 +72,6 @@ class WristClearance:
             for body in bodies
         ]
         self._pairs = np.array(pairs, dtype=np.float32).T.copy()
-        self._screen = Program(self._screened, chain.joints)
-        self._poses = Program(self._posed, chain.joints)
 
     def touches(self, q: Single) -> tuple[Flags, Flags]:
         """Which postures touch the work cell, and which the base or the shoulder.
@@ -79,64 +79,55 @@ class WristClearance:
         Args:
             q: Postures [rad], shape (6, m).
         """
-        on_table, unclear = self._screen(q)
+        on_table, unclear = self._screened(q)
         on_arm = np.zeros(q.shape[1], dtype=np.bool_)
         rows = np.flatnonzero(unclear)
         if len(rows):
             on_table[rows], on_arm[rows] = self._examined(q.take(rows, axis=1))
         return on_table, on_arm
 
-    def _screened(self, q: Sequence[Symbol]) -> list[Entry]:
+    def _screened(self, q: Single) -> tuple[Flags, Flags]:
         """Whether the gripper is in the table for certain; whether that, or something else, has to be looked at."""
-        frames = self._chain.frames([0.0, *q[1:]], single=True)
-        c, s = apply(np.cos, q[0]), apply(np.sin, q[0])
-        table = self._table
-        hand = [body for body in self._bodies if body.joint == self._joints[-1]]
-        frame, tips = frames[self._joints[-1]], enclosing(hand[-2:])
-        low: list[Entry] = []
-        near = []
-        for joint in self._joints:
-            centre, radius = _ball([body for body in self._bodies if body.joint == joint])
-            x, y, z = frames[joint].point(centre)
-            x, y = c * x + -s * y, s * x + c * y
-            if joint == hand[0].joint:
-                low.append(apply(np.minimum, _bottom(frame, tips), _bottom(frame, enclosing(hand[:-2]))))
+        c, s = np.cos(q[0]), np.sin(q[0])
+        table, end = self._table, self._finger_ends
+        low, near = [], []
+        frames = self._chain.frames([0.0, *q[1:]], self._joints, single=True)
+        for frame, (centre, radius) in zip(frames, self._balls, strict=True):
+            x, y, z = frame.point(centre)
+            x, y = _turned(x, y, c, s)
+            if frame is frames[-1]:
+                low.append(np.minimum(_bottom(frame, self._fingers), _bottom(frame, self._palm)))
             else:
                 low.append(z - radius)
-            boxes = (self._foot, table)
-            near += [all_of([apply(np.less, low[-1], box.top), *_above(box, x, y, radius)]) for box in boxes]
-        near.append(apply(np.less, reduce(lambda a, b: apply(np.minimum, a, b), low), self._floor))
+            near += [(low[-1] < box.top) & _above(box, x, y, radius) for box in (self._foot, table)]
+        near.append(reduce(np.minimum, low) < self._floor)
         # x, y, z: the centre of the hand. From there to the ends of the fingers it is in one piece.
-        end = _end(tips)
-        below = apply(np.less, _bottom(frame, end), table.top)
-        inside = [below, apply(np.greater, z, table.bottom), *_above(table, x, y, -end.reach)]
-        x, y, z = frame.point(end.centre.tolist())
-        inside += _above(table, c * x + -s * y, s * x + c * y, -end.reach)
-        on_table = all_of(inside)
-        return [on_table, apply(np.greater, any_of(near), on_table)]
-
-    def _posed(self, q: Sequence[Symbol]) -> list[Entry]:
-        frames = self._chain.frames([0.0, *q[1:]], single=True)
-        return [entry for joint in self._joints for vector in frames[joint] for entry in vector]
+        hand = frames[-1]
+        on_table = (_bottom(hand, end) < table.top) & (z > table.bottom) & _above(table, x, y, -end.reach)
+        x, y, _ = hand.point(end.centre.tolist())
+        on_table &= _above(table, *_turned(x, y, c, s), -end.reach)
+        return on_table, reduce(np.logical_or, near) & ~on_table
 
     def _examined(self, q: Single) -> tuple[Flags, Flags]:
         """The same as `touches`, by separating axes."""
         count = q.shape[1]
         # where q0 is 0: joint; three axes and the origin; coordinate; posture
         frames = np.empty((len(self._joints), 4, 3, count), dtype=np.float32)
-        for place, entry in zip(frames.reshape(-1, count), self._poses(q), strict=True):
-            place[:] = entry
-        pair, row = np.divmod(np.flatnonzero(self._near(frames, q[0])), count)
+        for place, frame in zip(frames, self._chain.frames([0.0, *q[1:]], self._joints, single=True), strict=True):
+            for vector, coordinates in zip(place, frame, strict=True):
+                for row, coordinate in zip(vector, coordinates, strict=True):
+                    row[:] = coordinate
+        pair, posture = np.divmod(np.flatnonzero(self._near(frames, q[0])), count)
         box, body = np.divmod(pair, len(self._bodies))
-        entries = 12 * count * self._level[body] + row + count * np.arange(12)[:, None]
-        frame = frames.ravel().take(entries).reshape(4, 3, -1)
-        _turn(frame, np.where(box < self._fixed, q[0].take(row), np.float32(0.0)))
+        entries = 12 * count * self._level[body] + posture + count * np.arange(12)[:, None]
+        own = frames.ravel().take(entries).reshape(4, 3, -1)
+        _turn(own, np.where(box < self._fixed, q[0].take(posture), np.float32(0.0)))
         half, radius, centre, box_half, box_centre = np.split(self._pairs.take(pair, axis=1), (3, 4, 7, 10))
-        axes, origin = frame[:3], frame[3]
+        axes, origin = own[:3], own[3]
         offset = origin + (axes * centre[:, None]).sum(axis=0) - box_centre
         met = np.flatnonzero(overlap(axes, half, radius[0], offset, box_half))
         found = np.zeros((2, count), dtype=np.bool_)
-        found[(box[met] >= self._obstacles).astype(np.intp), row[met]] = True
+        found[(box[met] >= self._obstacles).astype(np.intp), posture[met]] = True
         return found[0], found[1]
 
     def _near(self, frames: Single, q0: Single) -> Flags:
@@ -166,7 +157,7 @@ def _turn(vectors: Single, angle: Single) -> None:
 
 def _where_q0_is_0(chain: SerialChain, body: RoundedBox) -> RoundedBox:
     """A body of the first link, in the world."""
-    frame = chain.frames([0.0] * chain.joints)[0]
+    (frame,) = chain.frames([0.0] * chain.joints, [0])
     R, centre = np.array(frame[:3], dtype=np.float64).T, np.array(frame.point(body.centre.tolist()), dtype=np.float64)
     return RoundedBox(body.name, -1, centre, np.abs(R) @ body.half, body.radius)
 
@@ -198,13 +189,18 @@ def _bottom(frame: Frame, box: RoundedBox) -> Entry:
     """Height of the lowest point of a box with sharp edges [m]."""
     z = frame.point(box.centre.tolist())[2]
     for axis, half in zip(frame[:3], box.half.tolist(), strict=True):
-        z = z - apply(np.absolute, axis[2]) * half
+        z = minus(z, times(abs(axis[2]), half))
     return z
 
 
-def _above(box: RoundedBox, x: Entry, y: Entry, slack: float) -> list[Entry]:
+def _turned(x: Entry, y: Entry, c: Single, s: Single) -> tuple[Entry, Entry]:
+    """A point turned about the vertical by the angles with these cosines and sines."""
+    return minus(times(c, x), times(s, y)), plus(times(s, x), times(c, y))
+
+
+def _above(box: RoundedBox, x: Entry, y: Entry, slack: float) -> Flags:
     """Whether a point is over a box that is wider by `slack` [m]."""
-    return [
-        apply(np.less, apply(np.absolute, value - float(box.centre[axis])), float(box.half[axis] + slack))
-        for axis, value in enumerate((x, y))
+    inside = [
+        abs(minus(value, float(box.centre[axis]))) < float(box.half[axis] + slack) for axis, value in enumerate((x, y))
     ]
+    return inside[0] & inside[1]

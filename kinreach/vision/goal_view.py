@@ -11,7 +11,6 @@ can be: the thesis's "no goal for that episode" (6.1).
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import lru_cache
 from types import TracebackType
@@ -22,7 +21,6 @@ from numpy.typing import ArrayLike, NDArray
 from kinreach.checks import MOST_DISTANCE, Floats, as_array, as_floats, as_vector, check_entries, check_known, shown
 from kinreach.errors import InputError, raise_unknown
 from kinreach.kinematics.arm import build_model, pin
-from kinreach.kinematics.straight_line import Entry, Program, Symbol
 from kinreach.robots import ArmDescription, as_arm
 from kinreach.sim.rendering import FrameRenderer
 from kinreach.sim.scene import camera_rotation
@@ -84,8 +82,9 @@ def geometric_goal_view(arm: str | ArmDescription, goals_world: ArrayLike) -> Fl
         raise InputError(f"goals_world must have shape (..., 3), got {goals.shape}")
     check_entries("goals_world", goals, MOST_DISTANCE)
     # not a matrix product, whose last bit depends on how many goals there are
-    formula = _world_to_cameras(as_arm(arm))
-    views = np.array(formula(np.ascontiguousarray(goals.reshape(-1, 3).T)))
+    x, y, z = np.ascontiguousarray(goals.reshape(-1, 3).T)
+    rows = _world_to_cameras(as_arm(arm))
+    views = np.array([a * x + b * y + c * z + offset for a, b, c, offset in rows])
     return views.T.reshape(*goals.shape[:-1], len(views))
 
 
@@ -233,15 +232,9 @@ class CameraGoalView:
 
 
 @lru_cache(maxsize=16)
-def _world_to_cameras(arm: ArmDescription) -> Program:
-    """The six numbers of a goal as a formula of its three coordinates in the world."""
+def _world_to_cameras(arm: ArmDescription) -> list[list[float]]:
+    """The upper rows of both transforms from the world to a camera: six rows of four numbers."""
     T = goal_camera_poses(arm)
     R = np.swapaxes(T[:, :3, :3], 1, 2)
-    p = -(R @ T[:, :3, 3:])
-
-    def formula(goal: Sequence[Symbol]) -> list[Entry]:
-        x, y, z = goal
-        rows = zip(R.reshape(6, 3).tolist(), p.ravel().tolist(), strict=True)
-        return [a * x + b * y + c * z + offset for (a, b, c), offset in rows]
-
-    return Program(formula, inputs=3)
+    rows: list[list[float]] = np.concatenate([R, -(R @ T[:, :3, 3:])], axis=2).reshape(6, 4).tolist()
+    return rows

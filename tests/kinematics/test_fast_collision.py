@@ -2,17 +2,19 @@
 
 from __future__ import annotations
 
+import pickle
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from benchmarks.studies.collision_agreement import classes, exact, near_solutions
 from kinreach.errors import InputError, UnknownNameError
-from kinreach.kinematics import UR5Kinematics
+from kinreach.kinematics import ArmKinematics, UR5Kinematics
 from kinreach.kinematics.blocked_arcs import Arcs, BlockedArcs
 from kinreach.kinematics.collision import CollisionChecker
 from kinreach.kinematics.fast_collision import Cause, FastCollision
-from kinreach.kinematics.straight_line import Program
-from kinreach.robots import get_arm
+from kinreach.robots import Workcell, get_arm
 
 COUNT = 1500
 FOLDED = np.array([0.0, -np.pi / 2, 3.0, -np.pi / 2, -np.pi / 2, 0.0])
@@ -163,9 +165,45 @@ def test_malformed_postures(fast, q):
             judge(q)
 
 
-def test_arms_of_another_kind_are_refused():
-    with pytest.raises(InputError, match="CollisionChecker"):
-        FastCollision("arm3")
+@pytest.mark.parametrize("name", ["ur3", "ur5", "ur10"])
+def test_no_collision_deeper_than_5_mm_is_missed(name):
+    fast, checker, kin = FastCollision(name), CollisionChecker(name), ArmKinematics(name)
+    q = np.random.default_rng(42).uniform(kin.lower, kin.upper, (5000, 6))
+    truth, verdict = exact(checker, kin, q), fast.impossible(q)
+    assert truth.mean() > 0.5
+    assert (truth == verdict).mean() >= 0.985
+    missed = q[truth & ~verdict]
+    assert len(missed) <= 2
+    assert all(checker.distance(row).distance > -0.005 for row in missed)
+
+
+def test_without_refining_the_verdict_is_that_of_the_tables(groups):
+    q = groups["random"]
+    tables, refined = FastCollision("ur5", refine=False), FastCollision("ur5")
+    changed = tables.causes(q) != refined.causes(q)
+    assert 0 < changed.sum() < 20
+    assert not tables.impossible(q[changed]).any()
+    for each in (tables, refined):
+        again = pickle.loads(pickle.dumps(each))
+        assert again.refine == each.refine
+        np.testing.assert_array_equal(again.causes(q), each.causes(q))
+
+
+@pytest.mark.parametrize("arm", ["arm3", replace(get_arm("ur5"), workcell=Workcell())])
+def test_any_other_arm_is_judged_by_the_exact_checker(arm):
+    fast, checker, kin = FastCollision(arm), CollisionChecker(arm), ArmKinematics(arm)
+    q = np.random.default_rng(1).uniform(1.1 * kin.lower, 1.1 * kin.upper, (400, kin.n))
+    truth, causes = exact(checker, kin, q), fast.causes(q)
+    np.testing.assert_array_equal(causes != Cause.NONE, truth)
+    assert {Cause.NONE, Cause.LIMITS} < set(causes)
+    for row, cause in zip(q, causes, strict=True):
+        assert fast.reason(row).startswith("out of limits") == (cause == Cause.LIMITS)
+        assert bool(fast.reason(row)) == (cause != Cause.NONE)
+    with pytest.raises(InputError, match="q must be finite"):
+        fast.causes(np.full((1, kin.n), np.nan))
+
+
+def test_unknown_arms():
     with pytest.raises(UnknownNameError, match="ur5"):
         FastCollision("ur6")
 
@@ -184,14 +222,14 @@ def test_blocked_arcs_of_a_known_shape(grid):
         return abs((q[0] - middle + np.pi) % (2 * np.pi) - np.pi) < half
 
     table = BlockedArcs(Arcs(0, tuple(range(1, joints)), grid), collides, joints)
-    blocked = Program(lambda q: [table.blocked(q)], joints)
     q = np.random.default_rng(0).uniform(-np.pi, np.pi, (joints, 4000))
-    (verdict,) = blocked(q.astype(np.float32))
+    verdict = table.blocked(q.astype(np.float32))
     middle, half = boundary(q)
     margin = half - np.abs((q[0] - middle + np.pi) % (2 * np.pi) - np.pi)
     clear = np.abs(margin) > 0.08  # the grid's step times the slope of 2.5, and its curvature
     assert clear.mean() > 0.9
     np.testing.assert_array_equal(verdict[clear], margin[clear] > 0)
+    assert table.doubtful(q.astype(np.float32))[margin > 0].all()
     assert len(asked) < 41 * np.prod(grid)
 
 
@@ -199,5 +237,5 @@ def test_blocked_arcs_of_a_known_shape(grid):
 def test_arcs_that_are_all_or_nothing(answer):
     table = BlockedArcs(Arcs(1, (0,), (16,)), lambda q: answer, 2)
     q = np.random.default_rng(0).uniform(-np.pi, np.pi, (2, 500)).astype(np.float32)
-    (verdict,) = Program(lambda q: [table.blocked(q)], 2)(q)
-    assert (verdict == answer).all()
+    assert (table.blocked(q) == answer).all()
+    assert (table.doubtful(q) == answer).all()

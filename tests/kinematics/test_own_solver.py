@@ -67,7 +67,7 @@ def test_results_are_judged_anew():
     assert (far.status, far.success) == (Status.NOT_CONVERGED, False)
     assert "from the goal" in far.reason
     assert IKResult.of(kin, goal, home + 0.1, reason="gave up").reason == "gave up"
-    turned = IKResult.of(kin, goal, home + (0, 0, 0, 0, 0, 2 * np.pi))
+    turned = IKResult.of(kin, goal, [*home[:5], home[5] + 2 * np.pi])
     assert turned.status is Status.OUT_OF_LIMITS
     assert "wrist_3_joint" in turned.reason
     refused = IKResult.of(kin, goal, home, accept=lambda q: False)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from typing import Any
 
 import gymnasium as gym
@@ -11,11 +10,12 @@ from gymnasium import spaces
 from gymnasium.utils import EzPickle
 from numpy.typing import ArrayLike
 
-from kinreach.checks import Floats, check_known
-from kinreach.envs.button.episodes import ButtonEpisodes, ButtonOptions, Outcome
+from kinreach.checks import Floats
+from kinreach.envs.batch import first_row
+from kinreach.envs.button.episodes import ButtonEpisodes, ButtonOptions
 from kinreach.envs.button.task import action_space, check_actions, observation_space
 from kinreach.envs.button.world import ButtonState, SingleTorqueWorld
-from kinreach.envs.options import check_seed
+from kinreach.envs.options import RENDER_MODES, check_seed, options_from, takes
 from kinreach.sim.picture import ScenePicture
 
 ONE = np.zeros(1, dtype=np.intp)
@@ -23,6 +23,7 @@ ONE = np.zeros(1, dtype=np.intp)
 FPS = 25
 
 
+@takes(ButtonOptions)
 class ButtonPressEnv(gym.Env[Floats, Any], EzPickle):
     """A 3-DOF arm under torque that has to press a button.
 
@@ -110,49 +111,36 @@ class ButtonPressEnv(gym.Env[Floats, Any], EzPickle):
     diverges (a joint faster than 10000 rad/s: `info["impossible"]`, False otherwise; the last good state is observed).
 
     ## Info
-    `goal` (target in the world [m], from the reset too), `distance` [m], `reached`, `is_success` and `pressed` (all
-    three: pressed at the target), `wrong_press`, `wrong_presses` and `steps` (numbers in this episode), `impossible`,
-    `impossible_reason` (why, else empty), `energy` (sum over joints and time of torque^2 dt in this episode
-    [N^2 m^2 s]), `reward_terms`.
+    After a reset: `goal` (target in the world [m]), `distance` [m], `q` (joint angles [rad]), `tip` (end effector in
+    the world [m]). After a step also `reached`, `is_success` and `pressed` (all three: pressed at the target),
+    `wrong_press`, `wrong_presses` and `steps` (numbers in this episode), `impossible`, `impossible_reason` (why, else
+    empty), `energy` (sum over joints and time of torque^2 dt in this episode [N^2 m^2 s]), `move_s` (simulated time in
+    this episode [s]), `reward_terms`, and each of them as `reward_distance`, `reward_near`, `reward_wrong_press` and
+    `reward_press`.
 
     ## Arguments
 
-    | Parameter | Default | Description |
-    |-----------|---------|-------------|
-    | `actuation` | `"tuned"` | `"tuned"` or `"report"` |
-    | `fixed_target` | `False` | keep the first target (`True`), or the target itself, (x, y, z) in the world [m] |
-    | `max_steps` | `1000` | steps after which an episode is truncated |
-    | `render_mode` | `None` | `"human"`, `"rgb_array"`, `"rgb_array_list"` (frames of the motion) or `"depth_array"` |
+    <table of the options>
 
     ## Version History
     * v0: initial version
     """
 
     metadata = {  # noqa: RUF012 (declared by Gymnasium)
-        "render_modes": ["human", "rgb_array", "rgb_array_list", "depth_array"],
+        "render_modes": list(RENDER_MODES),
         "render_fps": FPS,
     }
 
-    def __init__(
-        self,
-        *,
-        actuation: str = "tuned",
-        fixed_target: bool | Sequence[float] = False,
-        max_steps: int = 1000,
-        render_mode: str | None = None,
-    ) -> None:
-        EzPickle.__init__(
-            self, actuation=actuation, fixed_target=fixed_target, max_steps=max_steps, render_mode=render_mode
-        )
-        if render_mode is not None:
-            check_known("render_mode", render_mode, self.metadata["render_modes"])
-        self.options = ButtonOptions(actuation, fixed_target, max_steps)
-        self.render_mode = render_mode
+    def __init__(self, **options: Any) -> None:
+        EzPickle.__init__(self, **options)
+        self.options = options_from(ButtonOptions, options)
+        self.render_mode = mode = self.options.render_mode
+        motors = self.options.motors
         # What `render` gives after every step is a film at one frame per step.
-        self.metadata = {**self.metadata, "render_fps": round(1 / self.options.actuation.period)}
-        self._world = SingleTorqueWorld(self.options.arm, self.options.actuation, visual=render_mode is not None)
+        self.metadata = {**self.metadata, "render_fps": round(1 / motors.period)}
+        self._world = SingleTorqueWorld(self.options.arm, motors, visual=mode is not None)
         self._episodes = ButtonEpisodes(self.options, self._world)
-        self._picture = ScenePicture(self._world, mode=render_mode, fps=FPS) if render_mode is not None else None
+        self._picture = None if mode is None else ScenePicture(self._world, mode=mode, fps=FPS)
         self._seeded = False
         self.action_space = action_space()
         self.observation_space: spaces.Space[Any] = observation_space()
@@ -166,7 +154,7 @@ class ButtonPressEnv(gym.Env[Floats, Any], EzPickle):
                 in this posture [rad], at rest.
 
         Raises:
-            InputError: An unknown option, one that is malformed, or a target out of reach.
+            InputError: A seed that is not an integer at least 0, an unknown or malformed option, a target out of reach.
         """
         super().reset(seed=check_seed(seed))
         goals, q = self._episodes.options(options, None)
@@ -176,10 +164,7 @@ class ButtonPressEnv(gym.Env[Floats, Any], EzPickle):
         self._episodes.begin(ONE, goals, q)
         if self.render_mode == "human":
             self.render()
-        return self._episodes.observe()[0], {
-            "goal": self._episodes.goals[0].copy(),
-            "distance": float(self._episodes.distance[0]),
-        }
+        return self._episodes.observe()[0], first_row(self._episodes.start_info())
 
     def step(self, action: ArrayLike) -> tuple[Floats, float, bool, bool, dict[str, Any]]:
         """Act once.
@@ -191,7 +176,7 @@ class ButtonPressEnv(gym.Env[Floats, Any], EzPickle):
             InputError: No such action.
         """
         outcome = self._episodes.step(check_actions(action, None))
-        info = _single(outcome)
+        info = first_row(outcome.info)
         state = ButtonState.PRESSED if info["pressed"] else ButtonState(int(info["wrong_press"]))
         self._world.show(state)
         if self.render_mode == "human" and outcome.terminated[0]:
@@ -212,12 +197,3 @@ class ButtonPressEnv(gym.Env[Floats, Any], EzPickle):
         """Close the viewer and free the renderers; further calls do nothing."""
         if self._picture is not None:
             self._picture.close()
-
-
-def _single(outcome: Outcome) -> dict[str, Any]:
-    """The `info` of a batch of one, without the batch."""
-    info: dict[str, Any] = {
-        name: value[0].copy() if value.ndim > 1 else value.tolist()[0] for name, value in outcome.info.items()
-    }
-    info["reward_terms"] = {name: float(term[0]) for name, term in outcome.terms._asdict().items()}
-    return info

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
@@ -18,39 +18,39 @@ from kinreach.envs.button.task import (
     Actions,
     Actuation,
     Flags,
-    RewardTerms,
     button_reward,
     meaning,
     observation,
 )
 from kinreach.envs.button.world import Ids, TorqueWorld
-from kinreach.envs.options import option_rows
+from kinreach.envs.options import RENDER_MODES, RENDER_MODES_TEXT, about, option_rows
 from kinreach.errors import InputError
 from kinreach.kinematics import Arm3Kinematics
 from kinreach.robots import ArmDescription, get_arm
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class ButtonOptions:
-    """Options of an environment.
-
-    Attributes:
-        actuation_name: `"tuned"` or `"report"`.
-        fixed_target: Whether episodes keep the target of the first one, or the target of all of them in the world [m].
-        max_steps: Steps after which an episode is truncated.
+    """Options of the button environments, single and in native batches.
 
     Raises:
-        UnknownNameError: There is no such actuation.
+        UnknownNameError: A name that is not one of those there are.
         InputError: A target that is not three finite numbers, or no steps.
     """
 
-    actuation_name: str
-    fixed_target: bool | Sequence[float]
-    max_steps: int
+    actuation: str = field(default="tuned", metadata=about('`"tuned"` or `"report"`'))
+    fixed_target: bool | Sequence[float] = field(
+        default=False,
+        metadata=about("keep the first target (`True`), or the target itself, (x, y, z) in the world [m]"),
+    )
+    max_steps: int = field(default=1000, metadata=about("steps after which an episode is truncated"))
+    render_mode: str | None = field(default=None, metadata=about(RENDER_MODES_TEXT))
 
     def __post_init__(self) -> None:
-        check_known("actuation", self.actuation_name, ACTUATIONS)
+        check_known("actuation", self.actuation, ACTUATIONS)
         check_count("max_steps", self.max_steps)
+        if self.render_mode is not None:
+            check_known("render_mode", self.render_mode, RENDER_MODES)
         _ = self.target
 
     @property
@@ -59,9 +59,9 @@ class ButtonOptions:
         return get_arm("arm3")
 
     @property
-    def actuation(self) -> Actuation:
+    def motors(self) -> Actuation:
         """Motors, friction and time."""
-        return ACTUATIONS[self.actuation_name]
+        return ACTUATIONS[self.actuation]
 
     @property
     def keep_target(self) -> bool:
@@ -71,11 +71,9 @@ class ButtonOptions:
     @property
     def target(self) -> Floats | None:
         """The target of all episodes in the world [m], shape (3,), if one was given."""
-        return (
-            None
-            if isinstance(self.fixed_target, bool)
-            else as_vector("fixed_target", self.fixed_target, 3, most=MOST_DISTANCE)
-        )
+        if isinstance(self.fixed_target, bool):
+            return None
+        return as_vector("fixed_target", self.fixed_target, 3, most=MOST_DISTANCE)
 
 
 #: Joint angles [rad] and velocities [rad/s] start within +- this of rest in the home posture.
@@ -122,13 +120,17 @@ REASON = f"diverged: a joint became faster than {SPEED_BOUND:g} rad/s"
 
 @dataclass(frozen=True, eq=False)
 class Outcome:
-    """What one step of all arms led to; every array has the number of arms first."""
+    """What one step of all arms led to; every array has the number of arms first.
+
+    Attributes:
+        reward, terminated, truncated: As Gymnasium has them, shape (count,).
+        info: All that is said of the step.
+    """
 
     reward: Floats
-    terms: RewardTerms
     terminated: Flags
     truncated: Flags
-    info: Mapping[str, Any]
+    info: dict[str, Any]
 
 
 class ButtonEpisodes:
@@ -152,8 +154,8 @@ class ButtonEpisodes:
         self._starts = ButtonStarts()
         self._streams = RowStreams(self._starts, count, size=SIZE)
         self._max_steps = options.max_steps
-        self._period = options.actuation.period
-        self._gears = np.array(options.actuation.gears)
+        self._period = options.motors.period
+        self._gears = np.array(options.motors.gears)
         self._keep = options.keep_target
         self._has_target = np.zeros(count, dtype=np.bool_)
         self._state = np.zeros((3, count, JOINTS))  # joint angles, velocities, end effectors
@@ -226,16 +228,13 @@ class ButtonEpisodes:
         change, self._pushed = meaning(actions)
         self._control = np.clip(self._control + change, -CONTROL_LIMIT, CONTROL_LIMIT)
         diverged = self._simulate()
-        distance = self.distance
-        reward, terms = button_reward(distance, self._pushed)
+        reward, terms = button_reward(self.distance, self._pushed)
         pressed, wrong = terms.press > 0, terms.wrong_press < 0
         self._steps += 1
         self._wrong_presses += wrong
         self._energy += ((self._control * self._gears) ** 2).sum(axis=1) * self._period
         truncated = (diverged | (self._steps >= self._max_steps)) & ~pressed
-        info = {
-            "goal": self.goals.copy(),
-            "distance": distance,
+        info = self.start_info() | {
             "reached": pressed,
             "is_success": pressed,
             "pressed": pressed,
@@ -245,8 +244,16 @@ class ButtonEpisodes:
             "impossible_reason": np.where(diverged, REASON, "").astype(object),
             "energy": self._energy.copy(),
             "steps": self._steps.copy(),
+            "move_s": self._steps * self._period,
+            "reward_terms": terms._asdict(),
         }
-        return Outcome(reward, terms, pressed, truncated, info)
+        info |= {f"reward_{name}": term for name, term in terms._asdict().items()}
+        return Outcome(reward, pressed, truncated, info)
+
+    def start_info(self) -> dict[str, Any]:
+        """What is said after a reset, as arrays."""
+        q, _, tip = self._state
+        return {"goal": self.goals.copy(), "distance": self.distance, "q": q.copy(), "tip": tip.copy()}
 
     def _simulate(self) -> Flags:
         """Step the world; which arms have diverged. Their last good state stays."""

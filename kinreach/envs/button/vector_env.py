@@ -13,6 +13,7 @@ from kinreach.envs.batch import NativeVectorEnv
 from kinreach.envs.button.episodes import ButtonEpisodes, ButtonOptions
 from kinreach.envs.button.task import action_space, check_actions, observation_space
 from kinreach.envs.button.world import BatchTorqueWorld
+from kinreach.envs.options import options_from
 
 
 class ButtonPressVectorEnv(NativeVectorEnv):
@@ -27,33 +28,23 @@ class ButtonPressVectorEnv(NativeVectorEnv):
     Args:
         num_envs: Number of environments.
         threads: Threads that step the dynamics.
-        actuation, fixed_target, max_steps: As in the single environment.
-        render_mode: None; a batch draws nothing.
+        **options: As in the single environment (`ButtonOptions`), but `render_mode`: a batch draws nothing.
 
     Raises:
         InputError: Options that cannot be.
     """
 
-    def __init__(
-        self,
-        num_envs: int = 1,
-        *,
-        threads: int = 1,
-        actuation: str = "tuned",
-        fixed_target: bool | Sequence[float] = False,
-        max_steps: int = 1000,
-        render_mode: str | None = None,
-    ) -> None:
+    def __init__(self, num_envs: int = 1, *, threads: int = 1, **options: Any) -> None:
+        given = options_from(ButtonOptions, options)
         super().__init__(
             num_envs,
             threads=threads,
-            draws=render_mode is not None,
+            draws=given.render_mode is not None,
             action_space=action_space(),
             observation_space=observation_space(),
         )
-        options = ButtonOptions(actuation, fixed_target, max_steps)
-        world = BatchTorqueWorld(options.arm, options.actuation, num_envs, threads=threads)
-        self._episodes = ButtonEpisodes(options, world)
+        world = BatchTorqueWorld(given.arm, given.motors, num_envs, threads=threads)
+        self._episodes = ButtonEpisodes(given, world)
 
     def reset(
         self, *, seed: int | Sequence[int | None] | None = None, options: dict[str, Any] | None = None
@@ -72,7 +63,7 @@ class ButtonPressVectorEnv(NativeVectorEnv):
         goals, q = self._episodes.options(options, self.num_envs)
         self._seed(seed, self._episodes.seed)
         self._episodes.begin(self._everyone, goals, q)
-        return self._episodes.observe(), {"goal": self._episodes.goals.copy(), "distance": self._episodes.distance}
+        return self._episodes.observe(), self._episodes.start_info()
 
     def step(self, actions: ArrayLike) -> tuple[Floats, Floats, Any, Any, dict[str, Any]]:
         """Act in all environments.
@@ -84,7 +75,7 @@ class ButtonPressVectorEnv(NativeVectorEnv):
             InputError: Wrong shape, or no such actions.
         """
         outcome = self._episodes.step(check_actions(actions, self.num_envs))
-        info = {**outcome.info, "reward_terms": outcome.terms._asdict()}
+        info = outcome.info
         over = outcome.terminated | outcome.truncated
         observation = self._episodes.observe()
         if over.any():

@@ -12,12 +12,11 @@ from numpy.typing import ArrayLike
 
 from kinreach.checks import Floats, as_vector
 from kinreach.envs.batch import first_row
-from kinreach.envs.options import check_seed, options_from, takes
+from kinreach.envs.options import RENDER_MODES, check_seed, options_from, takes
 from kinreach.envs.reach.episodes import Outcome, ReachEpisodes
 from kinreach.envs.reach.observers import PixelObserver
 from kinreach.envs.reach.task import (
     MULTI_STEP,
-    RENDER_MODES,
     SINGLE_STEP,
     ReachOptions,
     ReachTask,
@@ -138,8 +137,7 @@ class ReachEnv(gym.Env[Any, Any], EzPickle):
                 (zeros for a camera that did not find the ball): no look is taken.
 
         Returns:
-            The observation, and `info`: `goal` and `seen` (where the ball is, and where the cameras put it in the
-            world; NaN where none found it), `view` (the goal block), `ball_found`, `q`, `tip`, `distance`, `posture_error`.
+            The observation, and `info` as the class describes it.
 
         Raises:
             InputError: A seed that is not an integer at least 0, an unknown option, or one that is malformed.
@@ -279,11 +277,12 @@ class UR5SingleStepEnv(ReachEnv):
 
     ## Info
     After a reset: `goal` (where the ball is in the world [m]), `seen` (where the cameras put it; NaN where none found
-    it), `ball_found` (by the front and the wrist camera), `q` [rad], `tip` (the tcp in the world [m]), `distance` [m],
-    `posture_error` (r_e). After a step also `reached` and `is_success`, `impossible`, `impossible_reason` (empty where
-    possible), `status` and `impossible_code` (how it ended in a word and as a number, `kinreach.envs.reach.worlds`),
-    `target` and `target_tip` (the posture that the action meant, and the tcp there), `move_s` (simulated time of all
-    moves of the episode [s]), `reward_terms`, and each of the terms as `reward_natural_arm` and so on.
+    it), `view` (the goal block of the observation), `ball_found` (by the front and the wrist camera), `q` [rad], `tip`
+    (the tcp in the world [m]), `distance` [m], `posture_error` (r_e). After a step all of these but `view`, and
+    `reached` and `is_success`, `impossible`, `impossible_reason` (empty where possible), `status` and
+    `impossible_code` (how it ended in a word and as a number, `kinreach.envs.reach.worlds`), `target` and `target_tip`
+    (the posture that the action meant, and the tcp there), `move_s` (simulated time of all moves of the episode [s]),
+    `reward_terms`, and each of the terms as `reward_natural_arm` and so on.
 
     ## Other Arms
     `arm=` takes any registered arm or an `ArmDescription`. An action has one number for each joint, mapped linearly

@@ -14,7 +14,7 @@ from kinreach.envs.reach.observers import goal_observer, measured
 from kinreach.envs.reach.rewards import Score
 from kinreach.envs.reach.task import ReachTask, Start
 from kinreach.envs.reach.worlds import ENDINGS, Ending, Executed, Ids, ReachWorld
-from kinreach.robots.workcell import BoxRegion, GoalRegion
+from kinreach.robots.workcell import BoxRegion, Workcell
 
 Flags = NDArray[np.bool_]
 
@@ -46,9 +46,24 @@ class GoalStreams(RowStreams):
         return places
 
 
-def goal_streams(region: GoalRegion, count: int) -> RowStreams:
+class CellGoals:
+    """Draws from any work cell; says so if it has no goals.
+
+    Args:
+        cell: The work cell.
+    """
+
+    def __init__(self, cell: Workcell) -> None:
+        self._cell = cell
+
+    def sample(self, rng: np.random.Generator, count: int) -> Floats:
+        """Draw `count` goals in the world [m], shape (count, 3)."""
+        return self._cell.draw_goals(rng, count)
+
+
+def goal_streams(cell: Workcell, count: int) -> RowStreams:
     """The goals of a number of environments."""
-    return GoalStreams(region, count) if isinstance(region, BoxRegion) else RowStreams(region, count)
+    return GoalStreams(cell.goals, count) if isinstance(cell.goals, BoxRegion) else RowStreams(CellGoals(cell), count)
 
 
 @dataclass(frozen=True, eq=False)
@@ -87,7 +102,7 @@ class ReachEpisodes:
         self._task = task
         self._world = world
         self._observer = goal_observer(task)
-        self._streams = goal_streams(task.arm.workcell.goals, count)
+        self._streams = goal_streams(task.arm.workcell, count)
         self._sensors = [np.random.default_rng() for _ in range(count)]
         self._observation = np.zeros((count, task.layout.size))
         self._observation[:, task.layout.gripper] = task.gripper_opening

@@ -16,7 +16,7 @@ from gymnasium import spaces
 from numpy.typing import ArrayLike
 
 from kinreach.checks import Floats, as_flags, as_floats, as_vector, check_count, check_known, check_number
-from kinreach.envs.options import about, option_rows
+from kinreach.envs.options import RENDER_MODES, RENDER_MODES_TEXT, about, option_rows
 from kinreach.envs.reach.rewards import RewardFunction, scorer_of
 from kinreach.errors import InputError
 from kinreach.kinematics import ArmKinematics, AxisGoal, CollisionChecker, PositionGoal, kinematics_of
@@ -41,7 +41,6 @@ NEAR_PI = 1e-9
 
 OBSERVATION_KINDS = ("camera", "geometric", "pixels")
 BACKENDS = ("mujoco", "kinematic")
-RENDER_MODES = ("human", "rgb_array", "rgb_array_list", "depth_array")
 #: Images are no wider or higher; graphics libraries draw the line somewhere below [px].
 LARGEST_PICTURE = 16384
 
@@ -57,10 +56,7 @@ class ReachOptions:
 
     observation: str = field(default="geometric", metadata=about('`"camera"`, `"geometric"` or `"pixels"`'))
     backend: str = field(default="mujoco", metadata=about('`"mujoco"` (dynamics) or `"kinematic"`'))
-    render_mode: str | None = field(
-        default=None,
-        metadata=about('`"human"`, `"rgb_array"`, `"rgb_array_list"` (frames of the motion) or `"depth_array"`'),
-    )
+    render_mode: str | None = field(default=None, metadata=about(RENDER_MODES_TEXT))
     arm: str | ArmDescription = field(default="ur5", metadata=about("name of a registered arm, or an `ArmDescription`"))
     reward: RewardFunction | None = field(
         default=None, metadata=about("a function as `kinreach.envs.reach.rewards` describes; by default the arm's own")

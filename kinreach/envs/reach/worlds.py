@@ -12,8 +12,6 @@ from numpy.typing import NDArray
 
 from kinreach.checks import Floats
 from kinreach.envs.reach.task import ReachTask
-from kinreach.errors import InputError
-from kinreach.kinematics import CollisionChecker
 from kinreach.kinematics.fast_collision import FastCollision
 from kinreach.robots import ArmDescription
 from kinreach.sim.controller import MoveResult, MoveStatus
@@ -28,10 +26,11 @@ class Ending(IntEnum):
 
     COMPLETED = 0
     OUT_OF_LIMITS = 1
-    #: The target is in collision (`backend="kinematic"`).
+    #: In the target the arm would be in an obstacle (`backend="kinematic"`).
     COLLISION = 2
-    #: One part of the arm holds another off the target (as the next ones: `backend="mujoco"`).
+    #: Two parts of the arm would be in one another, or hold each other off the target.
     SELF_COLLISION = 3
+    #: Something holds the arm off the target (this and the next two: `backend="mujoco"`).
     BLOCKED = 4
     TIMEOUT = 5
     DIVERGED = 6
@@ -44,6 +43,8 @@ ENDINGS = np.array(
     ["completed", "out of limits", "collision", "self-collision", "blocked", "timeout", "diverged", "forfeited"],
     dtype=object,
 )
+#: The ending of a target that `FastCollision` judges by each `Cause`.
+_OF_CAUSE = np.array([Ending.COMPLETED, Ending.OUT_OF_LIMITS, Ending.SELF_COLLISION, Ending.COLLISION], dtype=np.uint8)
 _OF_MOVE = {
     MoveStatus.REACHED: Ending.COMPLETED,
     MoveStatus.OUT_OF_LIMITS: Ending.OUT_OF_LIMITS,
@@ -101,46 +102,6 @@ class ReachWorld(Protocol):
         ...
 
 
-class PostureCheck(Protocol):
-    """Which postures are impossible: outside the joint limits, or in collision."""
-
-    def impossible(self, q: Floats) -> Flags:
-        """The verdict on postures [rad], shape (k, n)."""
-        ...
-
-    def reason(self, q: Floats) -> str:
-        """Why one posture is impossible."""
-        ...
-
-
-class ExactCheck:
-    """Limits and collisions by `CollisionChecker`, one posture after the other: for any arm, 20 µs each."""
-
-    def __init__(self, task: ReachTask) -> None:
-        self._kinematics = task.kinematics
-        self._checker = CollisionChecker(task.kinematics)
-
-    def impossible(self, q: Floats) -> Flags:
-        """The verdict on postures [rad], shape (k, n)."""
-        return np.array(
-            [not self._kinematics.within_limits(row) or self._checker.in_collision(row) for row in q], dtype=np.bool_
-        )
-
-    def reason(self, q: Floats) -> str:
-        """Why one posture is impossible."""
-        if outside := self._kinematics.joints_outside_limits(q):
-            return f"out of limits: {', '.join(outside)}"
-        return " - ".join(self._checker.distance(q).pair)
-
-
-def posture_check(task: ReachTask) -> PostureCheck:
-    """The fast check where there is one for the arm, else the exact one."""
-    try:
-        return FastCollision(task.arm)
-    except InputError:  # not an arm that can be judged fast
-        return ExactCheck(task)
-
-
 class KinematicWorld:
     """Arms that jump to their targets; joint limits and collisions of the target are still judged.
 
@@ -158,7 +119,7 @@ class KinematicWorld:
         self.count = count
         self._explain = explain
         self._kinematics = task.kinematics
-        self._check = posture_check(task)
+        self._check = FastCollision(task.arm, refine=False)
         self._home = task.home[:, None]
         self._home_tip = self._kinematics.positions(self._home.T).T
         # one joint or coordinate after the other, as the formulas want them
@@ -173,27 +134,17 @@ class KinematicWorld:
 
     def execute(self, targets: Floats, *, two_phase: bool) -> Executed:
         """Take the targets that can be taken."""
-        impossible = self._check.impossible(targets)
+        ending = _OF_CAUSE[self._check.causes(targets)]
+        impossible = ending != Ending.COMPLETED
         moved = np.flatnonzero(~impossible)
         q = targets.T.take(moved, axis=1)
         for array, values in ((self._q, q), (self._tip, self._kinematics.chain.positions(q.T).T)):
             for row, new in zip(array, values, strict=True):
                 row[moved] = new
-        ending = self._endings(targets, impossible)
         if not self._explain:
             return Executed(impossible, ending)
         reasons = [self._check.reason(target) if bad else "" for target, bad in zip(targets, impossible, strict=True)]
         return Executed(impossible, ending, reasons)
-
-    def _endings(self, targets: Floats, impossible: Flags) -> NDArray[np.uint8]:
-        ending = impossible * np.uint8(Ending.COLLISION)
-        rows = np.flatnonzero(impossible)
-        q = targets.T.take(rows, axis=1)
-        low, high = self._kinematics.lower[:, None], self._kinematics.upper[:, None]
-        if q.size and ((q < low) | (q > high)).any():
-            slack = 1e-9
-            ending[rows[((q < low - slack) | (q > high + slack)).any(axis=0)]] = Ending.OUT_OF_LIMITS
-        return ending
 
     @property
     def q(self) -> Floats:

@@ -14,7 +14,9 @@ __all__ = ["ClosedFormSolver", "Solver", "Tolerance"]
 
 
 class Solver(Protocol):
-    """Turns a goal and a seed posture into a posture. Any object with this `name` and this `solve` is one:
+    """Turns a goal and a seed posture into a posture.
+
+    Any object with this `name` and this `solve` is one:
 
         class MySolver:
             name = "mine"

@@ -4,7 +4,8 @@ import numpy as np
 import pytest
 
 from kinreach.envs.reach.episodes import GoalStreams, goal_streams
-from kinreach.robots import get_arm
+from kinreach.errors import InputError
+from kinreach.robots import Workcell, get_arm
 
 REGION = get_arm("ur5").workcell.goals
 
@@ -38,10 +39,16 @@ def test_goals_that_were_drawn_stay_as_they_are():
 
 
 def test_regions_of_any_shape_are_drawn_from():
-    region = get_arm("arm3").workcell.goals
-    streams = goal_streams(region, 2)
+    cell = get_arm("arm3").workcell
+    streams = goal_streams(cell, 2)
     for index in range(2):
         streams.seed(index, np.random.default_rng(index))
     drawn = np.array([streams.draw(np.arange(2)) for _ in range(200)])
     for index in range(2):
-        np.testing.assert_array_equal(drawn[:, index], region.sample(np.random.default_rng(index), 256)[:200])
+        np.testing.assert_array_equal(drawn[:, index], cell.goals.sample(np.random.default_rng(index), 256)[:200])
+
+
+def test_a_cell_without_goals_says_so_when_one_is_drawn():
+    streams = goal_streams(Workcell(), 1)
+    with pytest.raises(InputError, match="no goals"):
+        streams.draw(np.arange(1))

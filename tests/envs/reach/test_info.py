@@ -10,8 +10,9 @@ from kinreach.vision.goal_view import geometric_goal_view
 
 SINGLE, MULTI = "kinreach/UR5SingleStep-v0", "kinreach/UR5MultiStep-v0"
 BACKENDS = ["kinematic", "mujoco"]
-START = {"goal", "seen", "ball_found", "q", "tip", "distance", "posture_error"}
-STEP = START | {
+COMMON = {"goal", "seen", "ball_found", "q", "tip", "distance", "posture_error"}
+START = COMMON | {"view"}
+STEP = COMMON | {
     "reached", "is_success", "impossible", "impossible_code", "impossible_reason", "status", "target", "target_tip",
     "move_s", "reward_terms", "reward_natural_arm", "reward_gripper_angle", "reward_distance", "reward_special",
 }  # fmt: skip
@@ -27,10 +28,11 @@ def test_info_agrees_with_itself(name, backend):
     over, moved = True, 0.0
     for _ in range(40):
         if over:
-            _, info = env.reset()
+            observation, info = env.reset()
             assert set(info) == START
             np.testing.assert_array_equal(info["q"], env.unwrapped.home)
             np.testing.assert_array_equal(info["seen"], info["goal"])
+            np.testing.assert_array_equal(info["view"], observation[:6])
             moved = 0.0
         observation, _, terminated, truncated, info = env.step(rng.uniform(-1, 1, 6))
         over = terminated or truncated

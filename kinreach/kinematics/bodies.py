@@ -1,4 +1,8 @@
-"""Simple convex bodies for the links' collision shapes: boxes with rounded edges, fitted to the meshes' hulls."""
+"""Simple convex bodies for the links' collision shapes, boxes with rounded edges; and whether they overlap.
+
+A body is fitted to the hull of a mesh, and is exact for a box. Overlap is by separating axes (Gottschalk, Lin and
+Manocha, OBBTree, 1996), for many pairs at once.
+"""
 
 from __future__ import annotations
 
@@ -7,6 +11,7 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from kinreach.checks import Floats
 from kinreach.engines import load
@@ -14,12 +19,20 @@ from kinreach.errors import InputError
 
 coal: Any = load("coal")
 
+Single = NDArray[np.float32]
+
 #: Longer hulls than this many times their width are cut into pieces along their length.
 SLENDER = 2.5
 #: Directions in which a fit is judged.
 DIRECTIONS = 500
 #: A radius below this [m] is that of a box.
 ROUNDING = 1e-6
+
+#: x, y, z and once more x, y: so the next and the last but one axis are slices.
+WRAPPED = [0, 1, 2, 0, 1]
+THIS, NEXT, LAST = slice(0, 3), slice(1, 4), slice(2, 5)
+#: Two edges that are parallel separate nothing; this keeps rounding from saying they do [m].
+PARALLEL = 1e-6
 
 
 @dataclass(frozen=True, eq=False)
@@ -133,3 +146,38 @@ def _sphere(count: int) -> Floats:
     z, turn = 1.0 - 2.0 * k / count, np.pi * (1.0 + np.sqrt(5.0)) * k
     across = np.sqrt(1.0 - z * z)
     return np.column_stack([across * np.cos(turn), across * np.sin(turn), z])
+
+
+def overlap(axes: Single, half: Single, radius: Single, offset: Single, box_half: Single) -> NDArray[np.bool_]:
+    """Which rounded boxes overlap a box that lies along the coordinate axes.
+
+    Exact where the radius is 0.
+
+    Args:
+        axes: Axes of the rounded boxes, shape (3, 3, m): axis, coordinate, box.
+        half: Their half edges along them, without the rounding [m], shape (3, m).
+        radius: Their rounding [m], shape (m,).
+        offset: Their centres from the centre of the other box [m], shape (3, m).
+        box_half: Half edges of the other boxes [m], shape (3, m).
+    """
+    size = np.abs(axes)
+    met: NDArray[np.bool_] = (np.abs(offset) <= box_half + radius + (half[:, None] * size).sum(axis=0)).all(axis=0)
+    met &= (np.abs((axes * offset).sum(axis=1)) <= half + radius + (size * box_half).sum(axis=1)).all(axis=0)
+    close = np.flatnonzero(met)  # no face separates these
+    met[close] = _edges_meet(*(array.take(close, axis=-1) for array in (axes, half, radius, offset, box_half)))
+    return met
+
+
+def _edges_meet(axes: Single, half: Single, radius: Single, offset: Single, box_half: Single) -> NDArray[np.bool_]:
+    """Whether no cross product of one's own axes with the coordinate axes separates the boxes."""
+    size = np.abs(axes)
+    spread = radius * np.sqrt(np.maximum(1.0 - axes * axes, 0.0))
+    axes, size = axes[:, WRAPPED], size[WRAPPED][:, WRAPPED]
+    half, offset, box_half = half[WRAPPED, None], offset[WRAPPED], box_half[WRAPPED]
+    spread += box_half[NEXT] * size[THIS, LAST]
+    spread += box_half[LAST] * size[THIS, NEXT]
+    spread += half[NEXT] * size[LAST, THIS]
+    spread += half[LAST] * size[NEXT, THIS]
+    apart = np.abs(offset[LAST] * axes[:, NEXT] - offset[NEXT] * axes[:, LAST]) > spread + PARALLEL
+    met: NDArray[np.bool_] = ~apart.any(axis=(0, 1))
+    return met

@@ -7,9 +7,8 @@ import pytest
 
 from kinreach.engines import load
 from kinreach.errors import InputError
-from kinreach.kinematics.box_overlap import overlap
+from kinreach.kinematics.bodies import fitted, overlap
 from kinreach.kinematics.collision import CollisionChecker
-from kinreach.kinematics.rounded_boxes import fitted
 
 pin, coal = load("pinocchio"), load("coal")
 
