@@ -8,7 +8,7 @@ from enum import Enum
 from functools import cached_property
 from itertools import chain
 from math import ceil, pi
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -143,14 +143,14 @@ class IKSolutions:
     Arrays are made when they are first asked for.
 
     Attributes:
-        found: One tuple per solution: branch index + 8 * singularity flags, then the joint angles [rad].
+        found: One tuple per solution: branch index, singularity flags, and the joint angles [rad].
         status: `OK` if there is at least one.
         reason: Why there is none, else empty.
         error_of: Forward-kinematics check of a posture against the goal.
         n: Number of joints.
     """
 
-    found: Sequence[tuple[Any, ...]]
+    found: Sequence[tuple[int, int, Sequence[float]]]
     status: Status
     reason: str
     error_of: ErrorOf
@@ -167,19 +167,18 @@ class IKSolutions:
     @cached_property
     def q(self) -> Floats:
         """Postures [rad], shape (k, n)."""
-        columns = self.n + 1
-        rows = np.fromiter(chain.from_iterable(self.found), np.float64, columns * len(self.found))
-        return rows.reshape(-1, columns)[:, 1:]
+        angles = chain.from_iterable(q for _, _, q in self.found)
+        return np.fromiter(angles, np.float64, self.n * len(self.found)).reshape(-1, self.n)
 
     @cached_property
     def branch(self) -> NDArray[np.int64]:
         """Branch index of each solution, shape (k,)."""
-        return np.array([row[0] & 7 for row in self.found], dtype=np.int64)
+        return np.array([branch for branch, _, _ in self.found], dtype=np.int64)
 
     @cached_property
     def singularity(self) -> NDArray[np.int64]:
         """Flags of what was clamped, free or moved in each solution, shape (k,); 0 is regular."""
-        return np.array([row[0] >> 3 for row in self.found], dtype=np.int64)
+        return np.array([flags for _, flags, _ in self.found], dtype=np.int64)
 
     @cached_property
     def residual(self) -> Floats:
