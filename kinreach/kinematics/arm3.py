@@ -30,12 +30,10 @@ from kinreach.checks import (
 from kinreach.errors import InputError
 from kinreach.kinematics.closed_form import ClosedFormKinematics
 from kinreach.kinematics.goals import Goal, PositionGoal
-from kinreach.kinematics.solutions import Accept, IKResult, IKSolutions
+from kinreach.kinematics.solutions import Accept, IKResult, IKSolutions, Row
 from kinreach.robots import ArmDescription
 
 TURN = 2 * pi
-#: One solution: branch index, `Singularity` flags, and the three joint angles [rad] in [-pi, pi].
-Solution = tuple[int, int, tuple[float, ...]]
 
 
 class Singularity(IntFlag):
@@ -111,7 +109,7 @@ class YawPlanarGeometry:
         )
 
 
-def solve_position(p: Sequence[float], g: YawPlanarGeometry, *, tol: float = 1e-7) -> tuple[list[Solution], int]:
+def solve_position(p: Sequence[float], g: YawPlanarGeometry, *, tol: float = 1e-7) -> tuple[list[Row], int]:
     """All postures that put the tip at a point.
 
     Args:
@@ -132,7 +130,7 @@ def solve_position(p: Sequence[float], g: YawPlanarGeometry, *, tol: float = 1e-
         sides: tuple[tuple[int, int, float], ...] = ((0, 0, m), (2, 0, -m))
     else:
         sides = ((0, int(Singularity.BASE), 0.0),)
-    found: list[Solution] = []
+    found: list[Row] = []
     miss = 0
     for branch, flags, radial in sides:
         u = radial - g.shoulder[0]
@@ -153,7 +151,7 @@ def solve_position(p: Sequence[float], g: YawPlanarGeometry, *, tol: float = 1e-
         for elbow, sine in bends:
             q2 = wrap(phi - atan2(b * sine, a + b * cosine))
             q3 = wrap(atan2(sine, cosine) - (angle_b - angle_a))
-            found.append((branch + elbow, flags, (q1, q2, q3)))
+            found.append((branch + elbow, flags, q1, q2, q3))
     return found, int(miss)
 
 

@@ -15,6 +15,9 @@ from kinreach.kinematics.arm import ArmKinematics
 from kinreach.kinematics.chain import blocks
 from kinreach.kinematics.goals import Goal, goal_error
 from kinreach.kinematics.solutions import (
+    ANGLES,
+    BRANCH,
+    FLAGS,
     SLACK,
     TURN,
     Accept,
@@ -23,6 +26,7 @@ from kinreach.kinematics.solutions import (
     IKBatchNearest,
     IKResult,
     IKSolutions,
+    Row,
     Status,
     check_accept,
     nearest_winding,
@@ -128,7 +132,7 @@ class ClosedFormKinematics(ArmKinematics, ABC):
 
     def _solutions(
         self,
-        found: Sequence[tuple[int, int, Sequence[float]]],
+        found: Sequence[Row],
         unreached: str,
         error_of: ErrorOf,
         seed: Floats | None,
@@ -142,34 +146,35 @@ class ClosedFormKinematics(ArmKinematics, ABC):
         wanted = [0.0] * self.n if seed is None else seed.tolist()
         low, high = (self._low, self._high) if limits else ([-np.inf] * self.n, [np.inf] * self.n)
         single = limits and self._one_turn
-        kept: list[tuple[int, int, Sequence[float]]] = []
-        for branch, flags, angles in found:
-            q = angles if single and _inside_turn(angles) else nearest_winding(angles, wanted, low, high)
-            if q is not None:
-                kept.append((branch, flags, q))
+        kept: list[Row] = []
+        for row in found:
+            if single and _inside_turn(row[ANGLES]):
+                kept.append(row)
+            elif (q := nearest_winding(row[ANGLES], wanted, low, high)) is not None:
+                kept.append((row[BRANCH], row[FLAGS], *q))
         if not kept:
             reason = f"all {len(found)} postures are outside the joint limits ({self._limiting_joints(found)})"
             return IKSolutions((), Status.OUT_OF_LIMITS, reason, error_of, self.n)
         if seed is not None:
-            kept.sort(key=lambda solution: dist(solution[2], wanted))
+            kept.sort(key=lambda row: dist(row[ANGLES], wanted))
         return IKSolutions(kept, Status.OK, "", error_of, self.n)
 
-    def _limiting_joints(self, found: Sequence[tuple[int, int, Sequence[float]]]) -> str:
+    def _limiting_joints(self, found: Sequence[Row]) -> str:
         def blocked(j: int) -> bool:
             low, high = self._low[j : j + 1], self._high[j : j + 1]
-            return any(nearest_winding(q[j : j + 1], [0.0], low, high) is None for _, _, q in found)
+            return any(nearest_winding([row[ANGLES][j]], [0.0], low, high) is None for row in found)
 
         return ", ".join(name for j, name in enumerate(self.arm.joints) if blocked(j))
 
     def _choose(self, solutions: IKSolutions, seed: Floats, accept: Accept | None) -> IKResult:
         """The first of the sorted solutions that the caller accepts."""
         check_accept(accept)
-        for branch, _, angles in solutions.found:
-            q = np.array(angles)
+        for row in solutions.found:
+            q = np.array(row[ANGLES])
             if accept is None or accept(q.copy()):
-                return IKResult(q, Status.OK, *solutions.error_of(q), branch=branch)
+                return IKResult(q, Status.OK, *solutions.error_of(q), branch=row[BRANCH])
         if solutions.success:
-            q = np.array(solutions.found[0][2])
+            q = np.array(solutions.found[0][ANGLES])
             reason = f"accept refused all {len(solutions)} postures"
             return IKResult(q, Status.REJECTED, *solutions.error_of(q), reason)
         return IKResult(seed.copy(), solutions.status, *solutions.error_of(seed), solutions.reason)

@@ -35,7 +35,7 @@ def solve_poses(
 
     Returns:
         q [rad], shape (6, 8, count), NaN where not valid; valid, shape (8, count), in the order of the branch index;
-        the rows that need `closed_form.solve_pose`, shape (count,); and those whose rotation block is not one, (count,).
+        the rows that need `closed_form.solve_pose`, shape (count,); and those whose rotation is none, shape (count,).
     """
     count = len(T)
     q = np.empty((6, BRANCHES, count))

@@ -25,6 +25,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from math import acos, atan2, copysign, cos, hypot, pi, sin, sqrt
 
+from kinreach.kinematics.solutions import ANGLES, FLAGS, Row
 from kinreach.kinematics.ur.geometry import Miss, Rows, Singularity, URGeometry, ur_fk
 
 TURN = 2 * pi
@@ -33,14 +34,12 @@ TURN = 2 * pi
 #: Shoulder and wrist values where neither is singular.
 REGULAR_WRISTS = 4
 SHOULDER, WRIST, ELBOW, MOVED = map(int, Singularity)
-#: One solution: branch index, `Singularity` flags, and the six joint angles [rad] in [-pi, pi].
-Solution = tuple[int, int, tuple[float, ...]]
 #: Shoulder and wrist of a branch: branch index, flags, q1, q5, q6, q234, and the vector (u, v) from wrist_1's
 #: origin to the shoulder in the arm's plane [m].
 Wrist = tuple[int, int, float, float, float, float, float, float]
 
 
-def solve_pose(rows: Rows, g: URGeometry, *, tol: float = 1e-7, q6: float = 0.0) -> tuple[list[Solution], int]:
+def solve_pose(rows: Rows, g: URGeometry, *, tol: float = 1e-7, q6: float = 0.0) -> tuple[list[Row], int]:
     """All postures that put the flange at a pose.
 
     Args:
@@ -50,7 +49,7 @@ def solve_pose(rows: Rows, g: URGeometry, *, tol: float = 1e-7, q6: float = 0.0)
         q6: Value wrist_3 keeps, as far as it can, where it is free [rad].
 
     Returns:
-        The solutions in the order of their branch index, and the `Miss` flags of the branches that have none.
+        The solutions, angles in [-pi, pi], in the order of their branch index, and the `Miss` flags of the branches that have none.
     """
     (nx, ox, ax, px), (ny, oy, ay, py), (nz, _oz, az, pz) = rows
     d1, _, _, d5, d6, _, _, _ = g.packed
@@ -92,7 +91,7 @@ def solve_axis(
     tol: float = 1e-7,
     pitch: float = 0.0,
     q6: float = 0.0,
-) -> tuple[list[Solution], int]:
+) -> tuple[list[Row], int]:
     """All postures that put a point of the tool axis somewhere and point the tool along a direction.
 
     Rotation about the tool is free and belongs to wrist_3 alone, so q6 keeps the given value and
@@ -146,13 +145,13 @@ def _shoulders(x: float, y: float, d4: float, tol: float) -> Sequence[tuple[int,
     return ((0, SHOULDER, x / r, -y / r),) if r >= d4 - tol else ()
 
 
-def _elbows(wrists: list[Wrist], g: URGeometry, tol: float) -> tuple[list[Solution], int, bool]:
+def _elbows(wrists: list[Wrist], g: URGeometry, tol: float) -> tuple[list[Row], int, bool]:
     """Both elbow solutions of every shoulder and wrist, from -u = a2 c2 + a3 c23 and -v = a2 s2 + a3 s23.
 
     Returns the solutions, the `Miss` flags, and whether an elbow was clamped.
     """
     _, upper, fore, _, _, _, lengths, twice = g.packed
-    found: list[Solution] = []
+    found: list[Row] = []
     miss, clamped = 0, False
     for branch, flags, q1, q5, q6, q234, u, v in wrists:
         c3 = (u * u + v * v - lengths) / twice
@@ -174,7 +173,7 @@ def _elbows(wrists: list[Wrist], g: URGeometry, tol: float) -> tuple[list[Soluti
             q4 -= TURN
         while q4 < -pi:
             q4 += TURN
-        found.append((branch, flags, (q1, q2, q3, q4, q5, q6)))
+        found.append((branch, flags, q1, q2, q3, q4, q5, q6))
         if s3 > 0.0:
             q2, q4 = phi + psi, rest - bend
             if q2 > pi:
@@ -183,7 +182,7 @@ def _elbows(wrists: list[Wrist], g: URGeometry, tol: float) -> tuple[list[Soluti
                 q4 -= TURN
             if q4 < -pi:
                 q4 += TURN
-            found.append((branch + 1, flags, (q1, q2, -q3, q4, q5, q6)))
+            found.append((branch + 1, flags, q1, q2, -q3, q4, q5, q6))
     return found, miss, clamped
 
 
@@ -227,11 +226,9 @@ def wrap(angle: float) -> float:
     return angle - TURN * round(angle / TURN) if not -pi <= angle <= pi else angle
 
 
-def _verified(
-    found: list[Solution], miss: int, reaches: Callable[[Sequence[float]], bool]
-) -> tuple[list[Solution], int]:
+def _verified(found: list[Row], miss: int, reaches: Callable[[Sequence[float]], bool]) -> tuple[list[Row], int]:
     """Drop the solutions in which something was clamped or moved and that do not reach."""
-    kept = [solution for solution in found if not solution[1] or reaches(solution[2])]
+    kept = [solution for solution in found if not solution[FLAGS] or reaches(solution[ANGLES])]
     if len(kept) < len(found):
         miss |= Miss.RESIDUAL
     return kept, int(miss if found or miss else Miss.SHOULDER_CYLINDER)

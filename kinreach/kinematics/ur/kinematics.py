@@ -151,7 +151,7 @@ class URKinematics(ClosedFormKinematics):
             found, _ = solve_pose((left @ T[row] @ right)[:3].tolist(), g, tol=tol, q6=q6)
             q[:, :, row] = np.nan
             valid[:, row] = False
-            for branch, _, angles in found:
+            for branch, _, *angles in found:
                 q[:, branch, row] = angles
                 valid[branch, row] = True
         return q, valid
