@@ -1,7 +1,7 @@
 """Closed-form inverse kinematics of UR-type arms for many poses at once, in numpy.
 
-The same formulas as `ur_ik`, on structure-of-arrays blocks that stay in the cache. Rows that come near a singularity
-are marked and left to `ur_ik`, which knows how to treat them.
+The same formulas as `closed_form`, on structure-of-arrays blocks that stay in the cache. Rows near a singularity
+are marked and left to `closed_form`, which knows how to treat them.
 """
 
 from __future__ import annotations
@@ -18,6 +18,7 @@ from kinreach.kinematics.ur.geometry import URGeometry
 TURN = 2 * pi
 ROUNDING = 1e-12
 BRANCHES = 8
+SHOULDER_PAN, SHOULDER_LIFT, _ELBOW, WRIST_1, WRIST_2, WRIST_3 = range(6)
 
 
 def solve_poses(
@@ -30,11 +31,11 @@ def solve_poses(
         left: Transform from the tip pose's base to the DH base frame (4, 4).
         right: Transform from the tip to the flange (4, 4).
         g: Link lengths [m].
-        tol: As for `ur_ik.solve_pose`.
+        tol: As for `closed_form.solve_pose`.
 
     Returns:
         q [rad], shape (6, 8, count), NaN where not valid; valid, shape (8, count), in the order of the branch index;
-        the rows that need `ur_ik.solve_pose`, shape (count,); and the rows whose rotation block is not one, (count,).
+        the rows that need `closed_form.solve_pose`, shape (count,); and those whose rotation is none, shape (count,).
     """
     count = len(T)
     q = np.empty((6, BRANCHES, count))
@@ -69,8 +70,8 @@ def _not_a_rotation(m: Floats) -> NDArray[np.bool_]:
     off += np.abs(ny * oz - nz * oy - ax)
     off += np.abs(nz * ox - nx * oz - ay)
     off += np.abs(nx * oy - ny * ox - az)
-    off += ~(np.abs(px) + np.abs(py) + np.abs(pz) < MOST_DISTANCE)
-    return ~(off < ROUNDING)
+    near = np.abs(px) + np.abs(py) + np.abs(pz) < MOST_DISTANCE
+    return ~(near & (off < ROUNDING))
 
 
 def _solve_block(m: Floats, g: URGeometry, tol: float, q: Floats, valid: NDArray[np.bool_]) -> NDArray[np.bool_]:
@@ -94,10 +95,10 @@ def _solve_block(m: Floats, g: URGeometry, tol: float, q: Floats, valid: NDArray
         q5, q6, q234 = np.arctan2(s5, ax * s1 - ay * c1), np.arctan2(s6, c6), np.arctan2(-s, -c)
         for wrist, u, v in ((first, minus_u - s, c - z), (first + 2, minus_u + s, -z - c)):
             both = slice(wrist, wrist + 2)
-            nothing = _solve_elbow(u, v, q234, g, tol, q[1:4, both], valid[both], singular)
-            np.add(q1, nothing, out=q[0, both])
-            np.add(q5, nothing, out=q[4, both])
-            np.add(q6, nothing, out=q[5, both])
+            reached = _solve_elbow(u, v, q234, g, tol, q[SHOULDER_LIFT : WRIST_1 + 1, both], singular)
+            valid[both] = reached
+            for joint, value in ((SHOULDER_PAN, q1), (WRIST_2, q5), (WRIST_3, q6)):
+                q[joint, both] = np.where(reached, value, np.nan)
             np.negative(q5, out=q5)
             q6 -= np.copysign(pi, q6)
             q234 -= np.copysign(pi, q234)
@@ -112,12 +113,11 @@ def _solve_elbow(
     g: URGeometry,
     tol: float,
     q: Floats,
-    valid: NDArray[np.bool_],
     singular: NDArray[np.bool_],
-) -> Floats:
+) -> NDArray[np.bool_]:
     """Fill in q2, q3, q4 of both elbows, q of shape (3, 2, count); adds to `singular`.
 
-    (u, v) points from wrist_1 to the shoulder, in the arm's plane. Returns zeros, but NaN where nothing is reached.
+    (u, v) points from wrist_1 to the shoulder, in the arm's plane. Returns what is reached; the rest of q is NaN.
     """
     c3 = u * u
     c3 += v * v
@@ -126,8 +126,7 @@ def _solve_elbow(
     c3 *= 1.0 / (2 * g.a2 * g.a3)
     s3 = c3 * c3
     np.subtract(1.0, s3, out=s3)
-    reached = s3 > 0.0
-    valid[:] = reached
+    reached: NDArray[np.bool_] = s3 > 0.0
     singular |= ~reached & (rho2 <= (g.stretched + tol) ** 2) & (rho2 >= (g.folded - tol) ** 2)
     np.sqrt(s3, out=s3)
     np.arctan2(s3, c3, out=q[1, 0])
@@ -142,5 +141,4 @@ def _solve_elbow(
     np.rint(turns, out=turns)
     turns *= TURN
     q[::2] -= turns
-    s3 *= 0.0
-    return s3
+    return reached

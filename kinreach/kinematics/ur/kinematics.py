@@ -153,9 +153,9 @@ class URKinematics(ClosedFormKinematics):
             found, _ = solve_pose((left @ T[row] @ right)[:3].tolist(), g, tol=tol, q6=q6)
             q[:, :, row] = np.nan
             valid[:, row] = False
-            for code, *angles in found:
-                q[:, code & 7, row] = angles
-                valid[code & 7, row] = True
+            for branch, _, *angles in found:
+                q[:, branch, row] = angles
+                valid[branch, row] = True
         return q, valid
 
     def _flange_rows(self, T: ArrayLike) -> Rows:
