@@ -8,10 +8,10 @@ import numpy as np
 import pytest
 
 from kinreach.baselines import training
-from kinreach.baselines.networks import actor_network
 from kinreach.baselines.evaluation import evaluate
 from kinreach.baselines.learning_curve import LearningCurve
 from kinreach.baselines.models import build
+from kinreach.baselines.networks import actor_network
 from kinreach.baselines.policies import load_policy
 from kinreach.baselines.recipes import RECIPES, get_recipe
 from kinreach.baselines.rewards import BRANCH_ORDER, POSTURE_WEIGHT, REWARDS, SCALE, goal_postures

@@ -132,7 +132,7 @@ def test_a_second_training_in_a_folder_is_refused_and_the_first_is_safe(uninterr
 
     def begin_another(done, planned, row):
         for resume in (False, True):
-            with pytest.raises(OutputError, match="a training is writing into .* already"):
+            with pytest.raises(OutputError, match=r"a training is writing into .* already"):
                 train(replace(recipe, steps=64), tmp_path, seed=4, resume=resume)
             refused.append(done)
 
