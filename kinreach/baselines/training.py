@@ -218,18 +218,21 @@ def _train(
 ) -> Run:
     seed, source = identity["seed"], provenance.source_digest()
     clock, cpu = time.perf_counter(), time.process_time()
-    state = read_checkpoint(folder / CHECKPOINT, identity, notice) if resume else None
+    checkpoint = folder / CHECKPOINT
+    going_on = resume and checkpoint.exists()
+    state = read_checkpoint(checkpoint, identity) if going_on else None
     trainee = build(recipe, _entropy(seed, 0)[0], steps=recipe.steps)
-    first, sources = 0, []
+    first, sources = 0, list[str]()
     if state is not None:
         try:
             first, sources = restore(trainee, state)
         except (LookupError, TypeError, AttributeError, RuntimeError, ValueError):
-            notice(f"{folder / CHECKPOINT} cannot be used: the training starts over")
             trainee.env.close()
             trainee = build(recipe, _entropy(seed, 0)[0], steps=recipe.steps)
+    if going_on and not first:
+        notice(f"{checkpoint} cannot be read: the training starts over")
     if sources and sources[-1] != source:
-        was = f"{folder / CHECKPOINT} was made by other code of kinreach ({sources[-1]}, now {source})"
+        was = f"{checkpoint} was made by other code of kinreach ({sources[-1]}, now {source})"
         notice(f"{was}: the policy may not be that of an uninterrupted run")
     sources = sources if sources[-1:] == [source] else [*sources, source]
     model = trainee.model
@@ -249,7 +252,7 @@ def _train(
                 log_interval=None,  # type: ignore[arg-type]
             )
             _end_segment(trainee)
-            save_checkpoint(folder / CHECKPOINT, {**identity, "sources": sources}, segment, trainee)
+            save_checkpoint(checkpoint, {**identity, "sources": sources}, segment, trainee)
             _write_curves(folder, trainee.curve)
     finally:
         trainee.env.close()
@@ -327,13 +330,12 @@ def save_checkpoint(path: Path, identity: dict[str, Any], segment: int, trainee:
         temporary.write_bytes(content.getbuffer())
 
 
-def read_checkpoint(path: Path, identity: Mapping[str, Any], notice: Callable[[str], None]) -> dict[str, Any] | None:
-    """The state after the last segment, or None where there is none that can be read.
+def read_checkpoint(path: Path, identity: Mapping[str, Any]) -> dict[str, Any] | None:
+    """The state after the last segment, or None where it cannot be read.
 
     Args:
         path: Of the file.
         identity: Of the run.
-        notice: Told that a file cannot be read.
 
     Raises:
         InputError: It is the state of another run.
@@ -341,23 +343,11 @@ def read_checkpoint(path: Path, identity: Mapping[str, Any], notice: Callable[[s
     try:
         content = io.BytesIO(path.read_bytes())
         if not zipfile.is_zipfile(content):  # torch would try it as a plain pickle, and warn before it refuses
-            raise ValueError("no archive")
+            return None
         content.seek(0)
         state: dict[str, Any] = torch.load(content, weights_only=True)
-        said = state["identity"]
-    except FileNotFoundError:
-        return None
-    except (
-        OSError,
-        pickle.UnpicklingError,
-        RuntimeError,
-        LookupError,
-        TypeError,
-        AttributeError,
-        EOFError,
-        ValueError,
-    ):
-        notice(f"{path} cannot be read: the training starts over")
+        said = dict(state["identity"])
+    except (OSError, pickle.UnpicklingError, RuntimeError, LookupError, TypeError, EOFError, ValueError):
         return None
     if differences := _differences(said, identity):
         raise InputError(

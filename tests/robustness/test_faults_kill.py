@@ -117,7 +117,8 @@ def test_what_somebody_is_writing_is_left_alone(writer):
 def test_names_that_look_like_patterns_and_files_of_others_survive(tmp_path):
     others = [
         ".notes-unfinished.txt", "results-unfinished-1.json", ".results.json", ".thesis-unfinished-chapter3.tex",
-        ".results-unfinished-0123abcd.json", f".results{UNFINISHED}notes.json", f".results{UNFINISHED}1-{16 * 'a'}.json",
+        ".results-unfinished-0123abcd.json", f".results{UNFINISHED}notes.json",
+        f".results{UNFINISHED}1-{16 * 'a'}.json",
     ]  # fmt: skip
     for name in others:
         (tmp_path / name).write_text("mine")
