@@ -73,7 +73,7 @@ def main(argv: Sequence[str], *, prog: str) -> int:
     for table in tables(task.columns, results["methods"], title=results["settings"]["title"], width=TABLE_WIDTH):
         console.print(table)
         console.print()
-    files = ["results.json", "results.csv", "report.html", f"{{{','.join(task.figures)}}}.png"]
+    files = ["results.json", "results.csv", "report.html", *(f"{name}.png" for name in task.figures)]
     scene = out / "scene.png"
     lines = [
         *notes(task, results),
