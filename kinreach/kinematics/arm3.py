@@ -268,7 +268,7 @@ class Arm3Kinematics(ClosedFormKinematics):
             raise InputError(f"a three-joint arm cannot choose its orientation; give a PositionGoal, not {shown(goal)}")
         return self.nearest(goal.position, seed, accept=accept)
 
-    def _batch(self, T: Floats, seeds: Floats | None, tol: float) -> tuple[Floats, NDArray[np.bool_]]:
+    def _batch(self, T: Floats, seeds: Floats | None, tol: float, *, limits: bool) -> tuple[Floats, NDArray[np.bool_]]:
         if T.ndim == 3 and T.shape[1:] == (4, 4):
             check_poses("T", T)
             T = T[:, :3, 3]
