@@ -210,8 +210,8 @@ def _solve(p: Floats, g: YawPlanarGeometry, tol: float) -> tuple[Floats, NDArray
 class Arm3Kinematics(ClosedFormKinematics):
     """Kinematics of a turning base with a planar two-link arm, by default that of the button task.
 
-    One per thread. Three joints place the tip but cannot choose its orientation: goals are positions. Where a pose is
-    given, its translation is the goal.
+    Three joints place the tip but cannot choose its orientation: goals are positions. Where a pose is given, its
+    translation is the goal. Threads may share an instance.
 
     Args:
         arm: Name or description of an arm with joints about z, y, y.

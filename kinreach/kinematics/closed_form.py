@@ -121,7 +121,16 @@ class ClosedFormKinematics(ArmKinematics, ABC):
 
     @abstractmethod
     def solve(self, goal: Goal, seed: ArrayLike, *, accept: Accept | None = None) -> IKResult:
-        """The posture for a goal that is nearest to a seed; see `Solver.solve`."""
+        """The posture for a goal that is nearest to a seed.
+
+        Args:
+            goal: In the base frame, for the tip.
+            seed: Posture [rad], shape (n,).
+            accept: Called with candidates in the order of their distance until it returns True.
+
+        Raises:
+            InputError: Malformed input, or a kind of goal for which the arm has no closed form.
+        """
 
     @abstractmethod
     def _batch(self, T: Floats, seeds: Floats | None, tol: float, *, limits: bool) -> tuple[Floats, NDArray[np.bool_]]:

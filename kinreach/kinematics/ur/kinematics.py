@@ -24,7 +24,7 @@ FLANGE = "tool0"
 
 
 class URKinematics(ClosedFormKinematics):
-    """Kinematics of a UR-type arm.
+    """Kinematics of a UR-type arm. Threads may share an instance.
 
     Link lengths are read from the URDF, so a calibrated description brings its own.
 
@@ -122,7 +122,17 @@ class URKinematics(ClosedFormKinematics):
     def axis_goal(
         self, position: ArrayLike, axis: ArrayLike, seed: ArrayLike, *, accept: Accept | None = None
     ) -> IKResult:
-        """The posture nearest to a seed among `axis_solutions`; see `nearest` for `accept`."""
+        """The posture nearest to a seed among `axis_solutions`.
+
+        Args:
+            position: In the base frame [m], shape (3,).
+            axis: Direction of the tip's z axis in the base frame, shape (3,).
+            seed: Posture [rad], shape (6,).
+            accept: Called with candidates in the order of their distance until it returns True.
+
+        Raises:
+            InputError: As `axis_solutions`.
+        """
         start = self.as_posture("seed", seed)
         return self._choose(self.axis_solutions(position, axis, seed=start), start, accept)
 
@@ -130,7 +140,7 @@ class URKinematics(ClosedFormKinematics):
         """Any goal this arm has a closed form for: `PoseGoal` or `AxisGoal`.
 
         Raises:
-            InputError: A `PositionGoal`, which leaves three of six joints free, or what is no goal.
+            InputError: A `PositionGoal`, which leaves three of six joints free, or an object of another kind.
         """
         if isinstance(goal, PositionGoal):
             raise InputError("a six-joint arm has no closed form for a bare position; give an AxisGoal or a PoseGoal")
@@ -212,7 +222,7 @@ class URKinematics(ClosedFormKinematics):
 
 
 class UR5Kinematics(URKinematics):
-    """`URKinematics` of the UR5.
+    """`URKinematics` of the UR5. Threads may share an instance.
 
     Args:
         tip: `"tool0"` or `"tcp"`.
