@@ -5,8 +5,8 @@ import pytest
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
-from kinreach.sim import ArmSimulation
 from kinreach.errors import InputError
+from kinreach.sim import ArmSimulation
 from kinreach.sim.controller import MoveStatus
 from kinreach.sim.simulation import BatchSimulation
 from tests.robustness.fuzzing import NUMBERS, bad_arrays, things

@@ -4,13 +4,13 @@ import gymnasium as gym
 import mujoco
 import numpy as np
 import pytest
-
-import kinreach  # noqa: F401 (registers the environments)
 from kinreach.compare.comparison import compare
 from kinreach.compare.scene_picture import write_scene
 from kinreach.compare.settings import Settings
-from kinreach.sim import ArmSimulation, FrameRenderer, render
+
+import kinreach  # noqa: F401 (registers the environments)
 from kinreach.errors import DrawingError, KinreachError
+from kinreach.sim import ArmSimulation, FrameRenderer, render
 
 pytestmark = pytest.mark.usefixtures("needs_gl")
 DRAWN = mujoco.Renderer.render
