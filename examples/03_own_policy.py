@@ -17,7 +17,7 @@ from kinreach.kinematics import UR5Kinematics
 from kinreach.vision.goal_view import geometric_goal_view
 
 kin = UR5Kinematics(tip="tcp", base="world")
-goals = kin.arm.workcell.goals.sample(np.random.default_rng(0), 5000)
+goals = kin.arm.workcell.goals.sample(np.random.default_rng(1), 5000)  # not those of the comparison
 postures = np.array([kin.axis_goal(goal, [0, 0, -1], seed=kin.arm.home).q for goal in goals])
 tree = cKDTree(geometric_goal_view("ur5", goals))  # the first six numbers of an observation
 

@@ -30,7 +30,10 @@ for q in kin.axis_solutions(info["goal"], [0, 0, -1], seed=home).q:
         _, value, _, _, info = env.step((q / np.pi).astype(np.float32))
         paid.append(value)
     terms = ", ".join(f"{name} {value:.2f}" for name, value in info["reward_terms"].items())
-    print(f"{np.linalg.norm(q - home):.2f} rad from home: the thesis pays {paid[0]:.2f}, this reward {paid[1]:.2f} ({terms})")
+    print(
+        f"{np.linalg.norm(q - home):.2f} rad from home: the thesis pays {paid[0]:.2f}, this reward {paid[1]:.2f} "
+        f"({terms})"
+    )
 
 batch = gym.make_vec(
     "kinreach/UR5SingleStep-v0",

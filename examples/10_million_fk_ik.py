@@ -34,5 +34,7 @@ for kin in (UR5Kinematics(tip="tcp", base="world"), Arm3Kinematics(base="world")
         error = np.linalg.norm(kin.positions(nearest.q[nearest.success]) - T[nearest.success, :3, 3], axis=1)
         worst = max(worst, float(error.max()))
     times = ", ".join(f"{name} {1e6 * s / COUNT:.2f} us" for name, s in seconds.items())
-    print(f"{kin.arm.name}: {solved} of {COUNT} solved, {solutions / COUNT:.2f} postures each, {1000 * worst:.0e} mm off")
+    print(
+        f"{kin.arm.name}: {solved} of {COUNT} solved, {solutions / COUNT:.2f} postures each, {1000 * worst:.0e} mm off"
+    )
     print(f"{kin.arm.name}: a pose takes {times}")

@@ -59,7 +59,9 @@ def test_paths_exist(text):
 
 def anchors(path: Path) -> set[str]:
     """Anchors of a page's headings, as the site makes them."""
-    heads = re.findall(r"^#+ (.+)$", re.sub(r"^```.*?^```", "", read(path), flags=re.DOTALL | re.MULTILINE), re.MULTILINE)
+    heads = re.findall(
+        r"^#+ (.+)$", re.sub(r"^```.*?^```", "", read(path), flags=re.DOTALL | re.MULTILINE), re.MULTILINE
+    )
     return {re.sub(r"[\s-]+", "-", re.sub(r"[^\w\s-]", "", head).strip().lower()) for head in heads}
 
 
@@ -114,13 +116,15 @@ def test_figures_of_the_thesis_have_functions():
 
 def test_names_in_the_points_exist():
     """What the column "where" names is defined somewhere in the package, or is a file of it or a notebook."""
-    files = {path.name for path in ((ROOT / "kinreach").rglob("*.py"))} | {p.stem for p in (ROOT / "notebooks").iterdir()}
+    files = {path.name for path in ((ROOT / "kinreach").rglob("*.py"))} | {
+        p.stem for p in (ROOT / "notebooks").iterdir()
+    }
     missing, checked = [], 0
     for page in ("thesis.md", "report.md"):
         for row in re.findall(r"^\| .*\|$", read(DOCS / page), re.MULTILINE):
             where = row.split(" | ")[1] if row.count(" | ") >= 2 else ""
-            for name in re.findall(r"`(?!python )(?:plots\.|ARM\.)?(\w+(?:\.py)?)\b[^`/]*`", where):
-                defined = rf"^\s*(?:def|class) {name}\b|^\s*{name}\s*[:=]|[\"']?{name}[\"']?="
+            for name in re.findall(r"`(?!python )(?:plots\.|ARM\.)?([\w-]+(?:\.py)?)\b[^`/]*`", where):
+                defined = rf"^\s*(?:def|class) {name}\b|^\s*{name}\s*[:=]|[\"']?{name}[\"']?=|[\"']{name}[\"']"
                 known = name in files or re.search(defined, SOURCE, re.MULTILINE)
                 missing += [] if known else [f"{page}: {name}"]
                 checked += 1
@@ -167,7 +171,9 @@ def test_policies_off_the_table_do_what_the_page_says(capsys):
     exec(compile(blocks(DOCS / "training.md"), "training", "exec"), {"__name__": "training"})
     measured = dict(re.findall(r"^([\w-]+ 0\.0\d?) ([\d.]+)$", capsys.readouterr().out, re.MULTILINE))
     checked = 0
-    for name, *said in re.findall(r"^\| `([\w-]+)` \| (\d+) % \| (\d+) % \| (\d+) % \|$", read(DOCS / "training.md"), re.MULTILINE):
+    for name, *said in re.findall(
+        r"^\| `([\w-]+)` \| (\d+) % \| (\d+) % \| (\d+) % \|$", read(DOCS / "training.md"), re.MULTILINE
+    ):
         for height, share in zip(("0.0", "0.01", "0.02"), said, strict=True):
             assert 100 * float(measured[f"{name} {height}"]) == pytest.approx(float(share), abs=1)
             checked += 1

@@ -6,8 +6,8 @@ from pathlib import Path
 
 import pytest
 
-from kinreach.compare.cli import main as compare
 from kinreach.compare import get_task
+from kinreach.compare.cli import main as compare
 
 README = Path(__file__).parents[1] / "README.md"
 

@@ -27,34 +27,44 @@ def make_batch(environment: str, num_envs: int, options: Mapping[str, Any]) -> V
     Raises:
         InputError: There is no such environment, or it does not take the options.
     """
-    try:
-        if is_native(environment):
-            batch = gym.make_vec(environment, num_envs, vectorization_mode="vector_entry_point", **options)
-            if batch.metadata.get("autoreset_mode") is AutoresetMode.SAME_STEP:
-                return batch
-            batch.close()
+    batch = _native(environment, num_envs, options)
+    if batch is None:
         same_step = {"autoreset_mode": AutoresetMode.SAME_STEP}
-        return gym.make_vec(environment, num_envs, vectorization_mode="sync", vector_kwargs=same_step, **options)
-    except (gym.error.Error, ImportError, TypeError) as error:
-        raise InputError(f"cannot make the environment {environment}: {error}") from error
-
-
-def is_native(environment: str) -> bool:
-    """Whether an environment has a batch of its own."""
-    module, _, name = environment.rpartition(":")
-    if module:
-        importlib.import_module(module)
-    return gym.spec(name).vector_entry_point is not None
+        batch = _make(environment, num_envs, options, vectorization_mode="sync", vector_kwargs=same_step)
+    return batch
 
 
 def first_observations(environment: str, options: Mapping[str, Any], *, seed: int) -> np.ndarray[Any, Any]:
     """Observations at the beginning of `SAMPLE` episodes, shape (SAMPLE, n)."""
-    count = SAMPLE if is_native(environment) else _SAMPLE_ENVS
-    batch = make_batch(environment, count, options)
+    batch = _native(environment, SAMPLE, options) or make_batch(environment, _SAMPLE_ENVS, options)
     try:
-        return np.concatenate([batch.reset(seed=None if i else seed)[0] for i in range(SAMPLE // count)])
+        return np.concatenate([batch.reset(seed=None if i else seed)[0] for i in range(SAMPLE // batch.num_envs)])
     finally:
         batch.close()
+
+
+def _native(environment: str, num_envs: int, options: Mapping[str, Any]) -> VectorEnv[Any, Any, Any] | None:
+    """The environment's own batch, if it has one that resets in the same step."""
+    module, _, name = environment.rpartition(":")
+    try:
+        if module:
+            importlib.import_module(module)
+        if gym.spec(name).vector_entry_point is None:
+            return None
+    except (gym.error.Error, ImportError) as error:
+        raise InputError(f"cannot make the environment {environment}: {error}") from error
+    batch = _make(environment, num_envs, options, vectorization_mode="vector_entry_point")
+    if batch.metadata.get("autoreset_mode") is AutoresetMode.SAME_STEP:
+        return batch
+    batch.close()
+    return None
+
+
+def _make(environment: str, num_envs: int, options: Mapping[str, Any], **how: Any) -> VectorEnv[Any, Any, Any]:
+    try:
+        return gym.make_vec(environment, num_envs, **how, **options)
+    except (gym.error.Error, TypeError) as error:
+        raise InputError(f"cannot make the environment {environment}: {error}") from error
 
 
 def last_value(info: Mapping[str, Any], name: str) -> Any:

@@ -9,6 +9,7 @@ from pathlib import Path
 from shlex import join
 from typing import Any
 
+import gymnasium as gym
 from rich.console import Console
 from rich.markup import escape
 from rich.progress import Progress
@@ -51,7 +52,7 @@ def main(argv: Sequence[str], *, prog: str) -> int:
     summaries = {
         names[name]: _evaluate(policy, names[name], arguments, options[name]) for name, policy in policies.items()
     }
-    said = {name: getattr(arguments, name) for name in ("backend", "observation", "max_steps")}
+    said = {name: getattr(arguments, name) for name in ("env", "backend", "observation", "max_steps")}
     given = "".join(f" --{name.replace('_', '-')} {value}" for name, value in said.items() if value is not None)
     split = "" if arguments.split == SPLIT else f" --split {arguments.split}"
     command = f"{prog} {join(arguments.policies)} --goals {arguments.goals}{split}{given}"
@@ -88,6 +89,16 @@ def _check_outputs(arguments: Any) -> None:
         make_writable(Path(path).parent)
 
 
+def _environment(policy: LearnedPolicy, name: str, arguments: Any) -> str:
+    """Id of the environment: what the command line says, else the policy's card."""
+    environment = arguments.env or policy.card.environment
+    if environment not in gym.registry:
+        known = [known for known in gym.registry if known.startswith("kinreach/")]
+        said = repr(environment) if environment else "none"
+        raise InputError(f"{name} is for the environment {said}; name it with --env, such as {', '.join(known)}")
+    return environment
+
+
 def _options(policy: LearnedPolicy, arguments: Any) -> dict[str, Any]:
     """Options of the policy's environment: what the command line says, else the environment's defaults.
 
@@ -96,7 +107,7 @@ def _options(policy: LearnedPolicy, arguments: Any) -> dict[str, Any]:
     """
     said = {"backend": arguments.backend, "observation": arguments.observation}
     trained: dict[str, Any] = {}
-    if policy.card.environment == BUTTON:
+    if (arguments.env or policy.card.environment) == BUTTON:
         if any(value is not None for value in said.values()):
             raise InputError("--backend and --observation are for reach policies")
         card = policy.card.recipe.get("options")
@@ -112,7 +123,12 @@ def _evaluate(policy: LearnedPolicy, name: str, arguments: Any, options: dict[st
     with Progress(console=console, transient=True, disable=not console.is_terminal) as bar:
         shown = bar.add_task(escape(name), total=goals)
         evaluation = evaluate(
-            policy, goals=goals, seed=seed, options=options, progress=lambda done: bar.update(shown, completed=done)
+            policy,
+            goals=goals,
+            seed=seed,
+            environment=_environment(policy, name, arguments),
+            options=options,
+            progress=lambda done: bar.update(shown, completed=done),
         )
     return evaluation.summary()
 
@@ -141,6 +157,9 @@ def _parser(prog: str) -> Parser:
     )
     parser.add_argument(
         "policies", nargs="+", metavar="POLICY", help=f"files, or of the package: {', '.join(pretrained_names())}"
+    )
+    parser.add_argument(
+        "--env", metavar="ID", help="environment of policies that do not say theirs, as stable-baselines3's model.zip"
     )
     parser.add_argument("--goals", type=int, default=1000, metavar="N", help="default: %(default)s")
     parser.add_argument(

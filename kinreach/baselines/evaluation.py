@@ -7,10 +7,10 @@ from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
 
-import gymnasium as gym
 import numpy as np
 from rich.table import Table
 
+from kinreach.baselines.batch import make_batch
 from kinreach.baselines.policies import LearnedPolicy
 from kinreach.baselines.rollout import rollout_batch
 from kinreach.checks import check_count
@@ -107,22 +107,13 @@ def evaluate(
     environment = policy.card.environment if environment is None else environment
     trials: list[Trial] = []
     for first in range(0, goals, BATCH):
-        env = new_batch(environment, min(BATCH, goals - first), dict(options or {}))
+        env = make_batch(environment, min(BATCH, goals - first), options or {})
         try:
             trials += rollout_batch(env, policy, seed=seed + first)
         finally:
             env.close()
         progress(len(trials))
     return Evaluation(trials)
-
-
-def new_batch(environment: str, count: int, options: Mapping[str, Any]) -> Any:
-    """Environments in step: a native batch where there is one, else Gymnasium's own, one after the other."""
-    native = gym.spec(environment).vector_entry_point is not None
-    if native:
-        return gym.make_vec(environment, count, vectorization_mode="vector_entry_point", **options)
-    same = {"autoreset_mode": gym.vector.AutoresetMode.SAME_STEP}
-    return gym.make_vec(environment, count, vectorization_mode="sync", vector_kwargs=same, **options)
 
 
 def evaluation_table(summaries: Mapping[str, Mapping[str, Any]], *, title: str) -> Table:

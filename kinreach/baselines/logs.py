@@ -1,7 +1,8 @@
-"""What a policy for a reach environment does on given goals, step by step."""
+"""Learning curves that come with the package or were trained, and what a policy does step by step."""
 
 from __future__ import annotations
 
+import json
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from importlib import resources
@@ -14,7 +15,6 @@ from numpy.typing import ArrayLike
 
 from kinreach.baselines.learning_curve import COLUMNS, read_curve
 from kinreach.baselines.policies import LearnedPolicy, load_policy
-from kinreach.baselines.recipes import get_recipe
 from kinreach.checks import Floats, as_floats, check_count, check_known, check_path, shown
 from kinreach.envs.reach.task import ANGLES
 from kinreach.errors import InputError, raise_unknown
@@ -23,6 +23,7 @@ from kinreach.plots.series import discounted_returns
 from kinreach.registration import MULTI, SINGLE
 
 Array = np.ndarray[Any, Any]
+
 #: Columns by name.
 Log = dict[str, Array]
 
@@ -193,7 +194,8 @@ def _of_runs(runs: Path, what: str) -> Iterator[tuple[int, Log]]:
             continue
         log = read_curve(file)
         if what == REWARDS:
-            log = sampled_returns(log, get_recipe(runs.name).settings["gamma"])
+            run = json.loads((folder / "run.json").read_text(encoding="utf-8"))
+            log = sampled_returns(log, run["recipe"]["settings"]["gamma"])
         yield int(seed), thinned(log) if what == CURVE else log
 
 

@@ -218,21 +218,27 @@ def _train(
 ) -> Run:
     seed, source = identity["seed"], provenance.source_digest()
     clock, cpu = time.perf_counter(), time.process_time()
-    first, sources, state = 0, [], None
-    if resume and (state := read_checkpoint(folder / CHECKPOINT, identity, notice)) is not None:
-        first, sources = state["segment"] + 1, list(state["identity"]["sources"])
-        if sources[-1] != source:
-            was = f"{folder / CHECKPOINT} was made by other code of kinreach ({sources[-1]}, now {source})"
-            notice(f"{was}: the policy may not be that of an uninterrupted run")
-    sources = sources if sources[-1:] == [source] else [*sources, source]
+    state = read_checkpoint(folder / CHECKPOINT, identity, notice) if resume else None
     trainee = build(recipe, _entropy(seed, 0)[0], steps=recipe.steps)
+    first = 0
+    sources: list[str] = []
+    if state is not None:
+        try:
+            first, sources = restore(trainee, state)
+        except (LookupError, TypeError, AttributeError, RuntimeError, ValueError):
+            notice(f"{folder / CHECKPOINT} cannot be used: the training starts over")
+            trainee.env.close()
+            trainee = build(recipe, _entropy(seed, 0)[0], steps=recipe.steps)
+    if sources and sources[-1] != source:
+        was = f"{folder / CHECKPOINT} was made by other code of kinreach ({sources[-1]}, now {source})"
+        notice(f"{was}: the policy may not be that of an uninterrupted run")
+    sources = sources if sources[-1:] == [source] else [*sources, source]
     model = trainee.model
     model.set_logger(configure(str(folder / "tensorboard"), ["tensorboard"]))
     try:
         _remove(folder, (RUN, POLICY, MODEL) if first else (RUN, POLICY, MODEL, CURVE, EPISODE))
-        if state is not None:
-            restore(trainee, state)
-            _write_curves(folder, trainee.curve)  # the run may have been killed between its checkpoint and its curve
+        if first:  # the run may have been killed between its checkpoint and its curve
+            _write_curves(folder, trainee.curve)
         for segment, target in enumerate(_targets(recipe, model)):
             if segment < first:
                 continue
@@ -361,8 +367,12 @@ def read_checkpoint(path: Path, identity: Mapping[str, Any], notice: Callable[[s
     return state
 
 
-def restore(trainee: Trainee, state: Mapping[str, Any]) -> None:
-    """Put a fresh trainee into the state of a checkpoint of the same run."""
+def restore(trainee: Trainee, state: Mapping[str, Any]) -> tuple[int, list[str]]:
+    """Put a fresh trainee into the state of a checkpoint of the same run.
+
+    Returns:
+        The number of the next segment, and `sources`: digests of the code that had a part in the state.
+    """
     model, curve = trainee.model, trainee.curve
     model.set_parameters(state["parameters"], exact_match=True)
     for name in _variables(model):
@@ -377,6 +387,7 @@ def restore(trainee: Trainee, state: Mapping[str, Any]) -> None:
             rows = state["buffer"]["arrays"][name]
             getattr(buffer, name)[: len(rows)] = rows.numpy()
         buffer.pos, buffer.full = state["buffer"]["pos"], state["buffer"]["full"]
+    return int(state["segment"]) + 1, [str(source) for source in state["identity"]["sources"]]
 
 
 def _variables(model: BaseAlgorithm) -> list[str]:

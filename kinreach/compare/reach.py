@@ -178,16 +178,11 @@ def goals_of(env: gym.Env[Any, Any], count: int, seed: int, *, reachable: bool =
         reachable: Keep only those for which the closed form, which knows all postures, finds an acceptable one.
     """
     world: Any = env.unwrapped
-    region = world.arm.workcell.goals
-    if region is None:
-        raise InputError(
-            f"the work cell of arm {world.arm.name!r} says nothing of goals; give it `goals=BoxRegion(...)`"
-        )
     solver = _closed_form(world.kinematics) if reachable else None
     rng = np.random.default_rng(seed)
     kept: list[Floats] = []
     while len(kept) < count:
-        position = region.sample(rng, 1)[0]
+        position = world.arm.workcell.draw_goals(rng, 1)[0]
         if solver is None or solver.solve(world.ik_goal(position), world.home, accept=world.accept).success:
             kept.append(position)
     return np.array(kept)

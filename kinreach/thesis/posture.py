@@ -19,7 +19,7 @@ Where the thesis leaves something open:
 from __future__ import annotations
 
 import math
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -53,11 +53,7 @@ class PentagonAngles(NamedTuple):
 
 
 class _Joints(NamedTuple):
-    """j0 ... j4 of the thesis; j5 turns the gripper about its own axis and changes nothing.
-
-    Columns of a stack, each of shape (...). For one posture they are plain floats, with which the same formulas take
-    less than half the time: hence factors of 0 and 1 below where a column would be masked.
-    """
+    """j0 ... j4 of the thesis, each of shape (...); j5 turns the gripper about its own axis and changes nothing."""
 
     j0: Floats
     j1: Floats
@@ -105,12 +101,10 @@ def pentagon_angles(q: ArrayLike) -> PentagonAngles:
         InputError: Wrong shape, or an angle that is not finite.
     """
     _, j1, j2, j3, _ = joints = _joints(q)
-    quarter = _quarter(joints)
-    branch = quarter / _HALF_PI
-    offset = _HALF_PI - quarter  # 0 or pi
-    alpha = offset - branch * j1
-    beta = branch * j2
-    gamma = offset - branch * j3
+    on_b = _on_branch_b(joints)
+    alpha = np.where(on_b, math.pi + j1, -j1)[()]
+    beta = np.where(on_b, -j2, j2)[()]
+    gamma = np.where(on_b, math.pi + j3, -j3)[()]
     return PentagonAngles(alpha, beta, gamma, 2.0 * math.pi - gamma - (math.pi - beta) - alpha)
 
 
@@ -135,9 +129,9 @@ def gripper_angle_error(q: ArrayLike) -> Floats:
 def posture_errors(q: ArrayLike) -> tuple[Floats, Floats]:
     """Natural-arm error and gripper-angle error in one pass, as `natural_arm_error` and `gripper_angle_error` say."""
     j0, _, j2, _, _ = joints = _joints(q)
-    wrist, angle = _side_errors(joints, _quarter(joints))
+    wrist, angle = _errors_on(_on_branch_b(joints), joints)
     natural = ((j0 <= 0.0) & (j2 >= 0.0)) | ((j0 >= 0.0) & (j2 <= 0.0))
-    return natural * wrist + (1.0 - natural) * UNNATURAL_ERROR, angle
+    return np.where(natural, wrist, UNNATURAL_ERROR)[()], angle
 
 
 def posture_error(q: ArrayLike) -> Floats:
@@ -160,32 +154,24 @@ def _joints(q: ArrayLike) -> _Joints:
     q = as_floats("q", q)
     if q.ndim == 0 or q.shape[-1] != _DOF:
         raise InputError(f"q must have shape (..., {_DOF}), got {q.shape}")
-    if q.ndim > 1 or not all(-MOST_ANGLE <= angle <= MOST_ANGLE for angle in q.tolist()):
-        check_entries("q", q, MOST_ANGLE)
-    return _Joints(*(q.tolist()[:-1] if q.ndim == 1 else (q[..., joint] for joint in range(_DOF - 1))))
+    check_entries("q", q, MOST_ANGLE)
+    return _Joints(*(q[..., joint] for joint in range(_DOF - 1)))
 
 
-def _quarter(joints: _Joints) -> Floats | float:
-    """Where j4 has to be, times -1: pi/2 on branch A, -pi/2 on branch B."""
+def _on_branch_b(joints: _Joints) -> Flags:
+    """Whether branch B counts: the elbow decides, with a straight elbow the base, and with both at 0 the errors."""
     j0, _, j2, _, _ = joints
-    on_b: Any = j2 < 0.0  # a column, or one truth value
-    straight: Flags | bool = j2 == 0.0
-    if some(straight):
-        error_a, error_b = (sum(_side_errors(joints, quarter)) for quarter in (_HALF_PI, -_HALF_PI))
-        on_b = on_b | (straight & ((j0 > 0.0) | ((j0 == 0.0) & (error_b < error_a))))
-    quarter: Floats | float = _HALF_PI - math.pi * on_b
-    return quarter
+    straight = j2 == 0.0
+    on_b = (j2 < 0.0) | (straight & (j0 > 0.0))
+    if straight.any():
+        error_a, error_b = (sum(_errors_on(np.full(np.shape(j0), branch), joints)) for branch in (False, True))
+        on_b = np.where(straight & (j0 == 0.0), error_b < error_a, on_b)
+    return on_b
 
 
-def _side_errors(joints: _Joints, quarter: Floats | float) -> tuple[Floats, Floats]:
-    """Errors of wrist_2 and of the gripper's angle on the branch with this `_quarter`.
-
-    The second is |pi/2 - delta| with the pentagon's angles put in.
-    """
+def _errors_on(on_b: Flags, joints: _Joints) -> tuple[Floats, Floats]:
+    """Errors of wrist_2 and of the gripper's angle, |pi/2 - delta| with the pentagon's angles put in, on a branch."""
     _, j1, j2, j3, j4 = joints
-    return abs(j4 + quarter), abs(j1 + j2 + j3 + (math.pi - quarter))
-
-
-def some(flags: Flags | bool) -> bool:
-    """Whether one is set: of a column, or the only one there is."""
-    return flags if isinstance(flags, bool) else bool(flags.any())
+    wrist_2 = np.where(on_b, -_HALF_PI, _HALF_PI)
+    gripper = np.where(on_b, 3.0 * _HALF_PI, _HALF_PI)
+    return np.abs(j4 + wrist_2), np.abs(j1 + j2 + j3 + gripper)

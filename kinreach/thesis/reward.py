@@ -2,7 +2,7 @@
 
 `d` is the distance from the tcp to the goal [m], `q` a posture of the UR5 in the base_link convention [rad] or a stack
 of them, shape (..., 6). Results have the broadcast leading dimensions; for one posture they are numbers. The
-posture's part is in `posture_geometry`, whose functions are exported here too.
+posture's part is in `posture`, whose functions are exported here too.
 
 Where the thesis leaves something open:
 
@@ -32,7 +32,6 @@ from kinreach.thesis.posture import (
     pentagon_angles,
     posture_error,
     posture_errors,
-    some,
 )
 
 __all__ = [
@@ -152,13 +151,13 @@ def reach_reward(d: ArrayLike, q: ArrayLike, *, impossible: ArrayLike = False) -
     r_e = natural + angle
     near = (d < REACHED_DISTANCE) & ~failed
     reached = near & (r_e < REACHED_POSTURE_ERROR)
-    posture_counts = 1.0 - (reached | failed)
-    distance_counts = 1.0 - (near | failed)
+    without_posture, without_distance = reached | failed, near | failed
+    at_goal = np.where(reached, REACHED_REWARD, np.where(near, NEAR_REWARD, 0.0))
     terms = RewardTerms(
-        natural_arm=0.0 - posture_counts * natural,
-        gripper_angle=0.0 - posture_counts * angle,
-        distance=distance_counts * _distance_reward(np.maximum(d, REACHED_DISTANCE)),
-        special=IMPOSSIBLE_REWARD * failed + NEAR_REWARD * near + (REACHED_REWARD - NEAR_REWARD) * reached,
+        natural_arm=np.where(without_posture, 0.0, 0.0 - natural)[()],
+        gripper_angle=np.where(without_posture, 0.0, 0.0 - angle)[()],
+        distance=np.where(without_distance, 0.0, _distance_reward(np.maximum(d, REACHED_DISTANCE)))[()],
+        special=np.where(failed, IMPOSSIBLE_REWARD, at_goal)[()],
     )
     reward = terms.natural_arm + terms.gripper_angle + terms.distance + terms.special
     return ReachReward(reward, terms, r_e, reached)
@@ -173,5 +172,4 @@ def _distances(d: ArrayLike) -> Floats:
 
 
 def _distance_reward(d: Floats) -> Floats:
-    reward, far = 0.5 - 0.5 * np.log2(d), d >= 2.0
-    return far * (1.0 - d / 2.0) + (1.0 - far) * reward if some(far) else reward
+    return np.where(d >= 2.0, 1.0 - d / 2.0, 0.5 - 0.5 * np.log2(d))[()]

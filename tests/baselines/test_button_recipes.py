@@ -8,10 +8,10 @@ import numpy as np
 import pytest
 
 from kinreach.baselines import training
-from kinreach.baselines.networks import actor_network
 from kinreach.baselines.evaluation import evaluate
 from kinreach.baselines.learning_curve import LearningCurve
 from kinreach.baselines.models import build
+from kinreach.baselines.networks import actor_network
 from kinreach.baselines.policies import load_policy
 from kinreach.baselines.recipes import RECIPES, get_recipe
 from kinreach.baselines.rewards import BRANCH_ORDER, POSTURE_WEIGHT, REWARDS, SCALE, goal_postures
@@ -192,8 +192,12 @@ def test_n_step_returns_end_where_a_segment_ends(tmp_path, monkeypatch):
     assert checked == 30 * 64
 
 
-def test_a_dqn_that_was_interrupted_gives_what_no_interruption_gives(tmp_path):
+@pytest.mark.parametrize("exploration", [0.1, 0.9])
+def test_a_dqn_that_was_interrupted_gives_what_no_interruption_gives(exploration, tmp_path):
+    """Also where the first action after an interruption is most likely one of chance."""
     recipe = small("button-dqn")
+    rates = dict.fromkeys(("exploration_initial_eps", "exploration_final_eps"), exploration)
+    recipe = replace(recipe, settings={**recipe.settings, **rates})
 
     def stop(done, planned, row):
         if done > 320:

@@ -100,7 +100,9 @@ def test_environments_of_gymnasium(environment, algorithm, settings, features, t
     for _ in range(9):
         action = policy.act(observation)
         assert env.action_space.contains(np.asarray(action, dtype=env.action_space.dtype))
-        observation, *_ = env.step(action)
+        observation, _, terminated, _, _ = env.step(action)
+        if terminated:
+            break
     trainee = build(recipe, 3, steps=240)
     observations = np.random.default_rng(0).normal(size=(50, len(observation))).astype(np.float32)
     expected = trainee.model.predict(observations, deterministic=True)[0]
@@ -110,7 +112,7 @@ def test_environments_of_gymnasium(environment, algorithm, settings, features, t
 
 def test_the_curve_counts_what_ends_where_gymnasium_resets(tmp_path):
     """CartPole ends after some ten steps of chance; every episode and its return are counted."""
-    recipe = replace(RECIPE, environment="CartPole-v1", algorithm="PPO", settings={"n_steps": 100, "n_epochs": 1})
+    recipe = replace(RECIPE, environment="CartPole-v1", algorithm="PPO", settings={"n_steps": 100, "minibatches": 4})
     trainee = build(recipe, 0, steps=400)
     trainee.model.learn(400)
     (row,) = trainee.curve.rows[-1:]

@@ -1,8 +1,10 @@
 """Runs that repeat themselves, go on where they were interrupted, and are kept when they are finished."""
 
+import io
 import json
 import os
 import pickle
+import re
 import shutil
 from dataclasses import replace
 from pathlib import Path
@@ -13,7 +15,7 @@ import torch
 
 from kinreach import provenance
 from kinreach.baselines import training
-from kinreach.baselines.training import finished_run, train
+from kinreach.baselines.training import train
 from kinreach.errors import InputError, OutputError
 from kinreach.provenance import source_digest
 from tests.baselines.small_runs import SMALL, interrupted, small, weights
@@ -49,34 +51,104 @@ def test_going_on_gives_what_no_interruption_gives(name, kept, uninterrupted, tm
     assert not (tmp_path / "checkpoint.pt").exists()
 
 
+def contents(folder):
+    return {path.name: path.read_bytes() for path in folder.iterdir() if path.is_file()}
+
+
 def test_a_finished_run_is_kept(uninterrupted, tmp_path, monkeypatch):
     finished = uninterrupted["single"]
-    before = {path.name: path.read_bytes() for path in finished.folder.iterdir() if path.is_file()}
+    before = contents(finished.folder)
     with monkeypatch.context() as patch:
         patch.setattr(training, "build", lambda *a, **k: pytest.fail("it trains again"))
         again = train(small("single"), finished.folder, seed=4, resume=True)
-    assert {path.name: path.read_bytes() for path in finished.folder.iterdir() if path.is_file()} == before
+    assert contents(finished.folder) == before
     assert (again.card.seed, again.cpu_seconds) == (4, finished.cpu_seconds)
     np.testing.assert_allclose(again.policy.act(np.ones((3, 13))), finished.policy.act(np.ones((3, 13))), atol=1e-6)
-    for other in ({"seed": 5}, {"seed": 4, "steps": 400}):  # another run is trained, and so is one without a policy
-        assert finished_run(finished.folder, {"recipe": {}, "versions": {}, **other}) is None
     shutil.copytree(finished.folder, tmp_path / "run")
-    (tmp_path / "run/policy.safetensors").unlink()
+    (tmp_path / "run/policy.safetensors").unlink()  # one without a policy is not finished
     train(small("single"), tmp_path / "run", seed=4, resume=True)
     np.testing.assert_array_equal(
         weights(tmp_path / "run/policy.safetensors"), weights(finished.folder / "policy.safetensors")
     )
 
 
-def test_a_finished_export_is_kept_and_one_without_it_is_trained_again(tmp_path, monkeypatch):
-    recipe = small("single")
-    train(recipe, tmp_path, seed=4)
-    train(recipe, tmp_path, seed=4, resume=True, export=True)
-    before = (tmp_path / "model.zip").read_bytes()
+def with_other_numpy(folder):
+    run = json.loads((folder / "run.json").read_text())
+    (folder / "run.json").write_text(json.dumps({**run, "versions": {**run["versions"], "numpy": "2.3.4"}}))
+
+
+def with_damage(folder):
+    (folder / "run.json").write_text("{")
+
+
+@pytest.mark.parametrize(
+    ("change", "options", "message"),
+    [
+        (None, {"steps": 400}, "recipe.steps 768, not 400"),
+        (None, {"seed": 5}, "seed 4, not 5"),
+        (None, {"threads": 2}, "threads 1, not 2"),
+        (None, {"export": True}, "without model.zip"),
+        (with_other_numpy, {}, f"versions.numpy '2.3.4', not '{np.__version__}'"),
+        (with_damage, {}, "no run.json that says of which run"),
+    ],
+)
+def test_resume_refuses_to_touch_another_finished_run(change, options, message, uninterrupted, tmp_path, monkeypatch):
+    folder = tmp_path / "run"
+    shutil.copytree(uninterrupted["single"].folder, folder)
+    if change:
+        change(folder)
+    before = contents(folder)
     monkeypatch.setattr(training, "build", lambda *a, **k: pytest.fail("it trains again"))
-    train(recipe, tmp_path, seed=4, resume=True, export=True)
-    train(recipe, tmp_path, seed=4, resume=True)
-    assert (tmp_path / "model.zip").read_bytes() == before
+    with pytest.raises(InputError, match=re.escape(message)) as refused:
+        train(small("single"), folder, resume=True, **{"seed": 4, **options})
+    assert "train without --resume to replace it" in str(refused.value)
+    assert contents(folder) == before
+
+
+def test_without_resume_a_finished_run_is_replaced_by_one_with_more(uninterrupted, tmp_path):
+    folder = tmp_path / "run"
+    shutil.copytree(uninterrupted["single"].folder, folder)
+    train(small("single"), folder, seed=4, export=True)
+    before = contents(folder)
+    assert "model.zip" in before
+    for export in (True, False):
+        train(small("single"), folder, seed=4, export=export, resume=True)
+        assert contents(folder) == before
+
+
+def test_a_run_that_died_before_it_removed_its_checkpoint_is_finished(uninterrupted, tmp_path, monkeypatch):
+    folder = tmp_path / "run"
+    interrupted(small("single"), folder, 2)
+    for path in uninterrupted["single"].folder.iterdir():
+        if path.is_file():
+            shutil.copy(path, folder)
+    monkeypatch.setattr(training, "build", lambda *a, **k: pytest.fail("it trains again"))
+    train(small("single"), folder, seed=4, resume=True)
+    assert not (folder / "checkpoint.pt").exists()
+
+
+def test_a_second_training_in_a_folder_is_refused_and_the_first_is_safe(uninterrupted, tmp_path):
+    recipe, refused = small("single"), []
+
+    def begin_another(done, planned, row):
+        for resume in (False, True):
+            with pytest.raises(OutputError, match=r"a training is writing into .* already"):
+                train(replace(recipe, steps=64), tmp_path, seed=4, resume=resume)
+            refused.append(done)
+
+    train(recipe, tmp_path, seed=4, progress=begin_another)
+    assert len(refused) >= 6
+    for name in ("policy.safetensors", "curve.csv"):
+        assert (tmp_path / name).read_bytes() == (uninterrupted["single"].folder / name).read_bytes()
+    train(recipe, tmp_path, seed=4, resume=True)  # the folder is free again
+
+
+def test_threads_are_part_of_what_a_run_is(tmp_path):
+    interrupted(small("single"), tmp_path, 1)
+    with pytest.raises(InputError, match="threads 1, not 2"):
+        train(small("single"), tmp_path, seed=4, threads=2, resume=True)
+    train(small("single"), tmp_path, seed=4, resume=True)
+    assert json.loads((tmp_path / "run.json").read_text())["threads"] == 1
 
 
 def test_a_new_run_in_an_old_folder_begins_without_the_old_results(tmp_path):
@@ -85,9 +157,6 @@ def test_a_new_run_in_an_old_folder_begins_without_the_old_results(tmp_path):
     train(recipe, tmp_path, seed=4, export=True)
     assert {"run.json", "policy.safetensors", "model.zip", "curve.csv", "episode.csv"} < set(os.listdir(tmp_path))
     interrupted(small("single"), tmp_path, 1)
-    assert set(os.listdir(tmp_path)) == {"checkpoint.pt", "curve.csv", "tensorboard"}
-    with pytest.raises(InputError, match="other settings"):
-        train(small("single"), tmp_path, seed=5, resume=True)
     assert set(os.listdir(tmp_path)) == {"checkpoint.pt", "curve.csv", "tensorboard"}
     (tmp_path / "run.json").mkdir()
     with pytest.raises(OutputError, match=r"run\.json"):
@@ -143,42 +212,42 @@ def test_a_checkpoint_is_written_whole_or_not_at_all(tmp_path, monkeypatch):
     assert not [name for name in os.listdir(tmp_path) if name.startswith(".")]
 
 
-def test_checkpoints_of_other_runs_and_damaged_ones_are_refused(tmp_path):
+def test_checkpoints_of_other_runs_are_refused(tmp_path):
     recipe = small("single")
     interrupted(recipe, tmp_path, 1)
-    path = tmp_path / "checkpoint.pt"
-    whole = path.read_bytes()
+    before = contents(tmp_path)
     for other, seed in ((recipe, 5), (replace(recipe, steps=recipe.steps + 64), 4)):
-        with pytest.raises(InputError, match="other settings"):
+        with pytest.raises(InputError, match=r"belongs to a run with (seed 4, not 5|recipe.steps 768, not 832); train"):
             train(other, tmp_path, seed=seed, resume=True)
+    assert contents(tmp_path) == before
+
+
+def damaged(path):
+    whole = path.read_bytes()
     for content in (b"", whole[: len(whole) // 2], pickle.dumps(Bomb()), b"\0" * 100):
-        path.write_bytes(content)
-        with pytest.raises(InputError, match="no checkpoint"):
-            train(recipe, tmp_path, seed=4, resume=True)
-    torch.save({"identity": Bomb()}, path)
-    with pytest.raises(InputError, match="no checkpoint"):
-        train(recipe, tmp_path, seed=4, resume=True)
-    assert not Bomb.executed
-
-
-def test_what_is_no_archive_is_not_given_to_torch(tmp_path, monkeypatch):
-    """It would warn of a plain pickle, and silencing warnings is not for one thread alone."""
-    (tmp_path / "checkpoint.pt").write_bytes(pickle.dumps(Bomb()))
-    monkeypatch.setattr(torch, "load", lambda *a, **k: pytest.fail("torch reads it"))
-    with pytest.raises(InputError, match="no checkpoint"):
-        train(small("single"), tmp_path, seed=4, resume=True)
-
-
-def test_a_checkpoint_sets_only_what_a_checkpoint_has(tmp_path):
-    interrupted(small("single"), tmp_path, 1)
-    path = tmp_path / "checkpoint.pt"
+        yield content
     state = torch.load(path, weights_only=True)
-    torch.save({**state, "counters": {**state["counters"], "train": 1}, "curve": {**state["curve"], "step": 1}}, path)
-    train(small("single"), tmp_path, seed=4, resume=True)  # neither of the functions is replaced
-    interrupted(small("single"), tmp_path, 1)
-    torch.save({**state, "counters": {**state["counters"], "num_timesteps": "many"}}, path)
-    with pytest.raises(InputError, match="no checkpoint"):
-        train(small("single"), tmp_path, seed=4, resume=True)
+    for value in ({"identity": Bomb()}, [], {**state, "curve": {}}, {**state, "parameters": {}}):
+        content = io.BytesIO()
+        torch.save(value, content)
+        yield content.getvalue()
+
+
+def test_with_a_checkpoint_that_cannot_be_read_the_training_starts_over(uninterrupted, tmp_path):
+    recipe, checked = small("single"), 0
+    interrupted(recipe, tmp_path, 1)
+    for content in list(damaged(tmp_path / "checkpoint.pt")):
+        (tmp_path / "checkpoint.pt").write_bytes(content)
+        said = []
+        train(recipe, tmp_path, seed=4, resume=True, notice=said.append)
+        assert len(said) == 1
+        assert said[0].endswith("the training starts over")
+        for name in ("policy.safetensors", "curve.csv"):
+            assert (tmp_path / name).read_bytes() == (uninterrupted["single"].folder / name).read_bytes()
+        (tmp_path / "policy.safetensors").unlink()
+        checked += 1
+    assert checked == 8
+    assert not Bomb.executed
 
 
 class Bomb:

@@ -155,12 +155,12 @@ def test_hostile_and_damaged_files_are_refused_and_nothing_runs(saved, tmp_path)
         {"policy": compressed.getvalue()},
     ]
     for entries in cases:
-        with pytest.raises(InputError, match="model.zip"):
+        with pytest.raises(InputError, match=r"model\.zip"):
             load_policy(changed(saved, path, **entries))
     whole = saved.read_bytes()
     for cut in np.linspace(0, len(whole) - 1, 40).astype(int):
         path.write_bytes(whole[:cut])
-        with pytest.raises(InputError, match="model.zip"):
+        with pytest.raises(InputError, match=r"model\.zip"):
             load_policy(path)
     for text in ("policy_class", "observation_space"):  # pickled parts are not even looked at
         data[text][":serialized:"] = "not base64"

@@ -7,10 +7,10 @@ import pytest
 import torch
 from stable_baselines3 import PPO
 
-from kinreach.baselines.networks import actor_network
 from kinreach.baselines.evaluation import evaluate
 from kinreach.baselines.learning_curve import read_curve
 from kinreach.baselines.models import build
+from kinreach.baselines.networks import actor_network
 from kinreach.baselines.policies import load_policy
 from kinreach.baselines.recipes import get_recipe
 from kinreach.baselines.training import train

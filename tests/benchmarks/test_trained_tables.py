@@ -91,7 +91,10 @@ def test_a_row_has_the_interval_over_the_seeds():
     steps = np.where(reached, np.array([[20.0], [30.0], [0.0]]), 100.0)
     wrong = rng.poisson(2.0, (3, 50)).astype(float)
     found = [
-        Evaluation(reached[i], np.zeros(50, bool), {"steps": steps[i], "wrong_presses": wrong[i]}) for i in range(3)
+        Evaluation(
+            [{"reached": hit, "steps": step, "wrong_presses": count} for hit, step, count in zip(*rows, strict=True)]
+        )
+        for rows in zip(reached, steps.tolist(), wrong.tolist(), strict=True)
     ]
     pressed, every, needed, presses, _ = button_policies.cells(Trainings("button", found, [1.0, 2.0, 3.0]))
     low, high = trainings_interval(reached)

@@ -5,6 +5,8 @@ import numpy as np
 import pytest
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
+from kinreach.compare.observation import CameraSettings
+from kinreach.compare.tasks.button import EpisodeSettings
 
 from kinreach.baselines import training
 from kinreach.baselines.evaluation import evaluate
@@ -13,8 +15,6 @@ from kinreach.baselines.logs import load_logs, log_names, logged_policies, sampl
 from kinreach.baselines.policies import load_policy, pretrained_names
 from kinreach.baselines.recipes import get_recipe
 from kinreach.compare import Settings
-from kinreach.compare.observation import CameraSettings
-from kinreach.compare.tasks.button import EpisodeSettings
 from kinreach.errors import InputError
 from kinreach.statistics import bootstrap_intervals, median, wilson_interval
 from tests.robustness.fuzzing import NUMBERS, bad_arrays, things

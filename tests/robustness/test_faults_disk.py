@@ -24,8 +24,7 @@ from kinreach.baselines.training import save_checkpoint
 from kinreach.baselines.models import build
 from kinreach.baselines.policies import read_policy, save_policy
 from kinreach.baselines.recipes import get_recipe
-from kinreach.compare.checkpoint import Checkpoint
-from kinreach.compare.trials import EpisodeTrial
+from kinreach.compare.runner import Records, prepare
 from kinreach.errors import OutputError
 from kinreach.files import write_text
 
@@ -33,17 +32,17 @@ out = Path.cwd()
 trainee = build(replace(get_recipe("single"), num_envs=16), 0, steps=64)
 shipped = Path(str(files("kinreach.baselines"))) / "pretrained" / "single.safetensors"
 card, network = read_policy(shipped)
-trial = EpisodeTrial(
-    goal=0, method="analytic", x=0.4, y=-0.3, z=0.2, reached=True, impossible=False, status="pressed", reason="",
-    distance=0.04, reward=85.0, solve_s=0.004, move_s=1.0, q=(0.1, 1.2, -0.3), steps=25, wrong_presses=0, energy=900.0,
+comparison = prepare(
+    "ur5", ("lm",), goals=1000, seed=0, arm=None, observation=None, options={"backend": "kinematic"}, command=""
 )
-kept = Checkpoint(out / "records.jsonl", {}, EpisodeTrial)
+trial = {"goal_index": 0, "method": "lm", "reached": True, "reason": "x" * 200}
+kept = Records(out / "records.jsonl", {}, comparison, fresh=False)
 kept.add(trial)
 jobs = {
     "text.json": lambda: write_text(out / "text.json", "x" * 100_000),
     "checkpoint.pt": lambda: save_checkpoint(out / "checkpoint.pt", {}, 1, trainee),
     "policy.safetensors": lambda: save_policy(out / "policy.safetensors", card, network),
-    "records.jsonl": lambda: [kept.add(replace(trial, goal=len(kept.trials))) for _ in range(100)],
+    "records.jsonl": lambda: [kept.add(trial | {"goal_index": len(kept.trials)}) for _ in range(100)],
 }
 for name in jobs:
     if name != "records.jsonl":
@@ -57,8 +56,8 @@ for limit in (0, 100, 4096, 20_000):
         except OutputError as error:
             said[f"{limit} {name}"] = str(error)
 resource.setrlimit(resource.RLIMIT_FSIZE, (resource.getrlimit(resource.RLIMIT_FSIZE)[1],) * 2)
-kept.add(replace(trial, goal=len(kept.trials)))
-print(json.dumps([said, len(kept.trials), len(Checkpoint(out / "records.jsonl", {}, EpisodeTrial).trials)]))
+kept.add(trial | {"goal_index": len(kept.trials)})
+print(json.dumps([said, len(kept.trials), len(Records(out / "records.jsonl", {}, comparison, fresh=False).trials)]))
 """
 
 

@@ -13,11 +13,9 @@ from hypothesis import strategies as st
 
 from kinreach.baselines.policies import LearnedPolicy, load_policy, read_policy, save_policy
 from kinreach.cli import main
-from kinreach.compare.checkpoint import Checkpoint
-from kinreach.compare.trials import EpisodeTrial, ReachTrial
+from kinreach.compare.runner import Records, prepare
 from kinreach.errors import InputError, KinreachError
 
-IDENTITY = {"settings": {"task": "ur5"}}
 DTYPES = ["F64", "F32", "F16", "BF16", "I64", "U8", "BOOL", "F8_E4M3", "F4", "C64", "", "X", None, 7]
 
 
@@ -143,64 +141,45 @@ class Bomb:
 def test_pickles_under_any_name_are_not_executed(tmp_path, capsys):
     mark = tmp_path / "executed"
     content = pickle.dumps(Bomb(mark))
-    for name in ("p.safetensors", "checkpoint.pt", "records.jsonl", "curve.csv", "p.pkl"):
+    for name in ("p.safetensors", "checkpoint.pt", "curve.csv", "p.pkl"):
         (tmp_path / name).write_bytes(content)
     torch = pytest.importorskip("torch")
     torch.save({"identity": Bomb(mark), "segment": 0}, tmp_path / "zipped.pt")
     from kinreach.baselines.learning_curve import read_curve
-    from kinreach.baselines.training import load_checkpoint
+    from kinreach.baselines.training import read_checkpoint
 
     with pytest.raises(InputError):
         load_policy(tmp_path / "p.safetensors")
     for name in ("checkpoint.pt", "zipped.pt"):
-        with pytest.raises(InputError):
-            load_checkpoint(tmp_path / name, {}, None)
+        said = []
+        assert read_checkpoint(tmp_path / name, {}, said.append) is None
+        assert len(said) == 1
     with pytest.raises(InputError):
         read_curve(tmp_path / "curve.csv")
-    assert Checkpoint(tmp_path / "records.jsonl", IDENTITY, ReachTrial).trials == []
     assert main(["evaluate", str(tmp_path / "p.pkl"), "--goals", "1"]) == 2
     assert main(["demo", "--policy", str(tmp_path / "p.pkl"), "--steps", "1"]) == 2
     assert "Traceback" not in capsys.readouterr().err
     assert not mark.exists()
 
 
-TRIAL = {
-    "goal": 0, "method": "lm", "x": 0.1, "y": 0.2, "z": 0.3, "reached": True, "impossible": False, "reason": "",
-    "status": "completed", "distance": 0.001, "reward": 20.0, "solve_s": 0.1, "move_s": 1.0, "q": [0.0] * 6,
-}  # fmt: skip
-VALUES = st.recursive(
-    st.none() | st.booleans() | st.integers(-(2**70), 2**70) | st.floats() | st.text(max_size=5),
-    lambda inner: st.lists(inner, max_size=3) | st.dictionaries(st.text(max_size=3), inner, max_size=2),
-    max_leaves=4,
-)
-
-
-@pytest.mark.parametrize("kind", [ReachTrial, EpisodeTrial])
-def test_interrupted_comparisons(kind, fuzzed, tmp_path):
-    """Of a file of trials that others wrote, what is whole and of the right types counts, and nothing else."""
-    path = tmp_path / "records.jsonl"
-    fields = list(kind.__dataclass_fields__)
-    whole = dict.fromkeys(fields) | {"posture_error": 0.1, "steps": 3, "wrong_presses": 0, "energy": 1.0} | TRIAL
-    whole = {name: whole[name] for name in fields}
-
-    def run(case):
-        lines, first = case
-        path.write_bytes(b"\n".join([first, *lines]))
-        kept = Checkpoint(path, IDENTITY, kind, belongs=lambda trial: trial.goal in range(3)).trials
-        assert len({(trial.goal, trial.method) for trial in kept}) == len(kept)
-        for trial in kept:
-            assert kind.from_dict(json.loads(trial.to_json())) == trial
-            assert np.isfinite([trial.x, trial.distance, trial.reward]).all()
-        if first != json.dumps(IDENTITY).encode():
-            assert kept == []
-
-    changed = st.dictionaries(st.sampled_from([*fields, "more"]), VALUES, max_size=2)
-    line = changed.map(lambda change: json.dumps(whole | change).encode())
-    odd = st.sampled_from(
-        [b"", b"[" * 100_000, b'{"goal":' * 50_000, b"1" * 5000, b"\xff\xfe", b"null", b"x" * 2_000_000]
+@pytest.mark.parametrize(
+    "line",
+    [b"", b"[" * 100_000, b'{"goal_index":' * 50_000, b"1" * 5000, b"\x00", b"null", b"x" * 2_000_000, b"[]", b"{}",
+     b'{"goal_index": 9, "method": "lm", "reached": true}', b'{"goal_index": 1, "method": "chess", "reached": true}',
+     b'{"goal_index": 0, "method": "lm", "reached": true}', b'{"goal_index": [0], "method": "lm", "reached": true}'],
+)  # fmt: skip
+def test_trials_of_an_interrupted_comparison_count_up_to_the_first_odd_line(line, tmp_path):
+    path, identity = tmp_path / "records.jsonl", {"settings": {"goals": 3}}
+    comparison = prepare(
+        "ur5", ("lm",), goals=3, seed=0, arm=None, observation=None, options={"backend": "kinematic"}, command=""
     )
-    firsts = st.just(json.dumps(IDENTITY).encode()) | odd
-    fuzzed(st.tuples(st.lists(line | odd | st.binary(max_size=9), max_size=3), firsts), run, both=False)
+    known = json.dumps(identity).encode()
+    trials = [b'{"goal_index": %d, "method": "lm", "reached": true}' % goal for goal in range(3)]
+    path.write_bytes(b"\n".join([known, trials[0], line, trials[1]]))
+    assert [trial["goal_index"] for trial in Records(path, identity, comparison, fresh=False).trials] == [0]
+    assert len(path.read_text().splitlines()) == 2  # what is added now begins on a line of its own
+    path.write_bytes(b"\n".join([line, *trials]))
+    assert Records(path, identity, comparison, fresh=False).trials == []
 
 
 @pytest.mark.parametrize("content", ["directory", "fifo", "endless"])
@@ -214,8 +193,6 @@ def test_what_is_no_file_is_not_waited_for(content, tmp_path):
         path.symlink_to("/dev/zero")
     with pytest.raises(KinreachError):
         load_policy(path)
-    if content == "endless":
-        assert Checkpoint(tmp_path / "none", IDENTITY, ReachTrial).trials == []
 
 
 def test_files_that_promise_too_much_take_neither_memory_nor_time(tmp_path, whole, root):

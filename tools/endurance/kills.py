@@ -21,8 +21,7 @@ from kinreach import provenance
 from kinreach.baselines.policies import load_policy
 from kinreach.baselines.recipes import get_recipe
 from kinreach.baselines.training import train
-from kinreach.compare.comparison import compare
-from kinreach.compare.settings import Settings
+from kinreach.compare import Settings, compare
 from tools.endurance.outcome import Outcome, demand
 
 #: One that has everything imported already, and forks.

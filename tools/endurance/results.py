@@ -17,7 +17,7 @@ TESTS = ROOT / "tests" / "robustness"
 FUZZED = (
     "geometry", "policies", "solvers", "simulation", "kinematics", "environments", "vision", "commands", "plots",
 )  # fmt: skip
-HOSTILE = ("files", "benchmarks", "urdfs")
+HOSTILE = ("files", "urdfs")
 MODULES = (*(f"test_bad_input_{name}.py" for name in FUZZED), *(f"test_hostile_{name}.py" for name in HOSTILE))
 #: Cases of one test, about: of the shortest module there are several times as many.
 LEAST = 260

@@ -31,7 +31,8 @@ def register_recipe(recipe: Recipe) -> Recipe:
     given: Any = recipe
     if not isinstance(given, Recipe):
         raise InputError(f"a recipe must be a Recipe, got {shown(given)}")
-    if not isinstance(given.name, str) or not given.name or recipe.name != Path(recipe.name).name:
+    name: Any = given.name
+    if not isinstance(name, str) or not name or name != Path(name).name:
         raise InputError(f"the name of a recipe is that of a folder, got {shown(recipe.name)}")
     if RECIPES.setdefault(recipe.name, recipe) != recipe:
         raise InputError(f"there is a recipe {recipe.name!r} already")

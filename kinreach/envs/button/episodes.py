@@ -108,10 +108,10 @@ class ButtonStarts:
         return np.concatenate([targets, q, rng.uniform(-SPREAD, SPREAD, (count, JOINTS))], axis=1)
 
     def _targets(self, rng: np.random.Generator, count: int) -> Floats:
-        cell = self._kinematics.arm.workcell
-        targets: Floats = cell.draw_goals(rng, count)
+        draw = self._kinematics.arm.workcell.draw_goals
+        targets: Floats = draw(rng, count)
         while not (kept := self.reachable(targets)).all():
-            targets[~kept] = cell.draw_goals(rng, int((~kept).sum()))
+            targets[~kept] = draw(rng, int((~kept).sum()))
         return targets
 
 

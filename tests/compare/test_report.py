@@ -1,0 +1,260 @@
+"""The report: whole, self-contained, safe to open, and its tables sort in a browser."""
+
+import os
+import re
+import shutil
+import subprocess
+import threading
+from contextlib import contextmanager
+from dataclasses import replace
+from functools import partial
+from html.parser import HTMLParser
+from http.server import SimpleHTTPRequestHandler, ThreadingHTTPServer
+
+import numpy as np
+import pytest
+from PIL import Image
+
+from kinreach.compare.report import Rendering, chosen, finding, render_trials, report_html, write_report
+from kinreach.compare.runner import prepare, results_of
+from kinreach.errors import InstallationError
+
+HOSTILE = "<script>alert('x')</script>\"><img src=x onerror=alert(1)> & ${title} \N{BULLET}"
+BROWSERS = ("chromium", "chromium-browser", "google-chrome")
+
+
+def made_up(method, count, **values):
+    good = {
+        "goal": [0.1, 0.0, 0.0], "q": [0.1], "distance": 0.0015, "reached": True, "is_success": True,
+        "impossible": False, "status": "completed", "impossible_reason": "", "move_s": 1.25, "steps": 1,
+        "reward": -0.0015, "return": -0.0015, "solve_s": 2e-4, "method": method,
+    }  # fmt: skip
+    return [{**good, "goal_index": index, **values} for index in range(count)]
+
+
+@pytest.fixture
+def trials():
+    """Of three methods, the last of which has a name, a status and a reason that somebody wants to run."""
+    bad = {"impossible": True, "reached": False, "status": HOSTILE, "impossible_reason": HOSTILE, "goal_index": 4}
+    return [
+        *made_up("lm", 5, distance=0.004),
+        *made_up("closed-form", 5),
+        *made_up(HOSTILE, 4, distance=0.02, reached=False),
+        *made_up(HOSTILE, 1, **bad),
+    ]
+
+
+@pytest.fixture
+def task(toy):
+    return replace(toy, title=HOSTILE, reached=HOSTILE)
+
+
+@pytest.fixture
+def results(trials, task):
+    methods = dict.fromkeys(("lm", "closed-form", HOSTILE), task.methods["right"])
+    comparison = prepare(
+        task, methods, goals=5, seed=3, arm=None, observation=None, options=None, command=f"run '{HOSTILE}'"
+    )  # fmt: skip
+    return results_of(comparison, trials)
+
+
+@pytest.fixture
+def page(results, task, tmp_path):
+    charts = {HOSTILE: tmp_path / "errors.png", "times": tmp_path / "times.png"}
+    for path in charts.values():
+        Image.new("RGB", (160, 80), "red").save(path)
+    picture = Rendering(HOSTILE, f"caption {HOSTILE}", np.zeros((9, 16, 3), dtype=np.uint8))
+    return report_html(task, results, charts, [picture], [f"a note {HOSTILE}"])
+
+
+class Reader(HTMLParser):
+    """Elements with their attributes, texts by the element they are in, and what was left open."""
+
+    VOID = frozenset({"meta", "link", "img", "br"})
+
+    def __init__(self, page: str) -> None:
+        super().__init__()
+        self.elements: list[tuple[str, dict[str, str | None]]] = []
+        self.texts: list[tuple[str, str]] = []
+        self.open: list[str] = []
+        self.feed(page)
+        self.close()
+
+    def handle_starttag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
+        self.elements.append((tag, dict(attrs)))
+        if tag not in self.VOID:
+            self.open.append(tag)
+
+    def handle_endtag(self, tag: str) -> None:
+        assert self.open.pop() == tag
+
+    def handle_data(self, data: str) -> None:
+        self.texts.append((self.open[-1] if self.open else "", data.strip()))
+
+    def all(self, tag: str) -> list[dict[str, str | None]]:
+        return [attributes for name, attributes in self.elements if name == tag]
+
+    def text(self, tag: str) -> list[str]:
+        return [text for name, text in self.texts if name == tag and text]
+
+
+def test_everything_is_in_it(page, results):
+    reader = Reader(page)
+    assert reader.open == []
+    assert reader.text("h2") == ["Methods", "Figures", "Renderings", "Settings", "Versions"]
+    assert results["settings"]["command"] in reader.text("code")
+    cells = reader.text("td") + reader.text("th")
+    for said in ("lm", "closed-form", "100.0 [56.6, 100.0]", "0.95", "Wilson", "processor"):
+        assert any(said in cell for cell in cells), said
+    images = [(image["src"].partition(";")[0], image["alt"], image.get("width")) for image in reader.all("img")]
+    assert images == [
+        ("data:image/png", HOSTILE, "96"), ("data:image/png", "times", "96"), ("data:image/jpeg", "", None),
+    ]  # fmt: skip
+
+
+def test_nothing_is_fetched(page):
+    reader = Reader(page)
+    for _, attributes in reader.elements:
+        for name in ("src", "href", "action", "srcset", "data", "poster"):
+            assert (attributes.get(name) or "data:").startswith("data:")
+    without_pictures = re.sub(r"base64,[A-Za-z0-9+/=]+", "", page)
+    assert not re.search(r"https?:|//[a-z]|url\(|@import", without_pictures.replace("// Numbers by", ""))
+    (policy,) = [meta["content"] for meta in reader.all("meta") if meta.get("http-equiv")]
+    assert policy.startswith("default-src 'none';")
+
+
+def test_texts_stay_texts(page):
+    """Wherever a name, a title, a status or a note ends up, it is read back as it was and makes no element."""
+    reader = Reader(page)
+    assert len(reader.all("script")) == 1
+    assert not [image for image in reader.all("img") if image["src"] == "x"]
+    assert not [name for _, attributes in reader.elements for name in attributes if name.startswith("on")]
+    assert sum(HOSTILE in text for _, text in reader.texts) >= 6
+    assert HOSTILE in [cell.get("data-value") for cell in reader.all("th")]
+
+
+def test_the_first_sentence_says_what_was_found(results):
+    said = finding({"methods": results["methods"][:2]})
+    assert said.startswith("All methods reach every goal; closed-form ends nearest, 1.50 mm in the median;")
+    assert "the others: " in finding(results)
+    assert "0.0 %" in finding(results)
+    assert finding({"methods": results["methods"][:1]}) == "lm reaches every goal."
+
+
+def test_an_ordinary_success_and_the_worst_end_are_chosen(trials):
+    distances = [trial | {"distance": 0.001 * n} for n, trial in enumerate(made_up("a", 5))]
+    assert {what: trial["goal_index"] for what, trial in chosen(distances).items()} == {
+        "success": 2, "largest distance, reached all the same": 4,
+    }  # fmt: skip
+    hostile = [trial for trial in trials if trial["method"] == HOSTILE]
+    assert [(what, trial["goal_index"]) for what, trial in chosen(hostile).items()] == [("worst failure", 4)]
+
+
+def test_trials_are_drawn_as_they_ended(needs_gl):
+    from kinreach.compare import get_task
+    from kinreach.compare.runner import run_trials
+
+    comparison = prepare(
+        "ur5", ["closed-form"], goals=2, seed=0, arm=None, observation=None, options=None, command=""
+    )  # fmt: skip
+    trials = list(run_trials(comparison))
+    drawn = render_trials(get_task("ur5"), trials, results_of(comparison, trials))
+    assert len(drawn) == 2
+    assert all(picture.image.std() > 10 for picture in drawn)
+    assert not np.array_equal(drawn[0].image, drawn[1].image)
+    assert all("posture error" in picture.caption for picture in drawn)
+
+
+@pytest.mark.parametrize("error", [InstallationError("no library"), RuntimeError("no such option")])
+def test_without_pictures_a_sentence_says_why(error, task, trials, results, tmp_path, monkeypatch):
+    def fails(*_):
+        raise error
+
+    monkeypatch.setattr("kinreach.compare.report.render_trials", fails)
+    write_report(tmp_path / "report.html", task, trials, results, {}, [])
+    assert f"None: {error}" in (tmp_path / "report.html").read_text()
+    assert not (tmp_path / "scene.png").exists()
+
+
+PROBE = """<!doctype html><link rel="icon" href="data:,"><iframe src="report.html"></iframe><pre id="seen"></pre>
+<script>
+addEventListener("load", () => {
+  const inside = document.querySelector("iframe").contentDocument;
+  const heads = [...inside.querySelectorAll("table.sortable thead th")];
+  const rows = () => [...inside.querySelectorAll("table.sortable tbody tr")];
+  const names = () => rows().map((row) => row.cells[0].textContent.length);
+  const seen = [names()];
+  for (const column of [0, 0, heads.findIndex((head) => head.textContent.startsWith("distance"))]) {
+    heads[column].querySelector("button").click();
+    seen.push([...names(), heads[column].getAttribute("aria-sort")]);
+  }
+  const move = heads.findIndex((head) => head.textContent.startsWith("move"));
+  for (const _ of [0, 1]) { heads[move].querySelector("button").click(); seen.push(names()); }
+  seen.push(inside.querySelectorAll("[aria-sort]").length, inside.images.length);
+  document.getElementById("seen").textContent = JSON.stringify(seen);
+  console.warn("the probe is done");
+});
+</script>"""
+
+
+@contextmanager
+def served(folder):
+    """A server of the loopback interface for a folder: its address, and the paths that were asked for."""
+    asked = []
+
+    class Handler(SimpleHTTPRequestHandler):
+        def log_message(self, *_):
+            asked.append(self.path)
+
+    server = ThreadingHTTPServer(("127.0.0.1", 0), partial(Handler, directory=str(folder)))
+    thread = threading.Thread(target=server.serve_forever)
+    thread.start()
+    try:
+        yield f"http://127.0.0.1:{server.server_port}", asked
+    finally:
+        server.shutdown()
+        thread.join()
+        server.server_close()
+
+
+@pytest.fixture
+def browser():
+    """One that starts; Ubuntu's `chromium-browser` may be a script that only says what to install.
+
+    Skip where there is none; fail instead where `KINREACH_REQUIRE_BROWSER` is set, as in CI.
+    """
+    for path in filter(None, map(shutil.which, BROWSERS)):
+        if subprocess.run([path, "--version"], capture_output=True, timeout=60, check=False).returncode == 0:
+            return path
+    missing = f"none of {', '.join(BROWSERS)} is installed"
+    if os.environ.get("KINREACH_REQUIRE_BROWSER"):
+        pytest.fail(f"KINREACH_REQUIRE_BROWSER is set, and {missing}")
+    pytest.skip(missing)
+
+
+@pytest.mark.slow
+def test_in_a_browser(page, browser, tmp_path):
+    """It opens without a message on the console or a request, and clicks on headings sort the table."""
+    folder = tmp_path / "page"
+    folder.mkdir()
+    (folder / "report.html").write_text(page, encoding="utf-8")
+    (folder / "probe.html").write_text(PROBE, encoding="utf-8")
+    with served(folder) as (address, asked):
+        command = [
+            browser, "--headless", "--no-sandbox", "--disable-gpu", f"--user-data-dir={tmp_path / 'profile'}",
+            "--enable-logging=stderr", "--virtual-time-budget=10000", "--dump-dom", f"{address}/probe.html",
+        ]  # fmt: skip
+        done = subprocess.run(command, capture_output=True, text=True, timeout=120, check=False)
+    assert done.returncode == 0, done.stderr
+    messages = [line for line in done.stderr.splitlines() if "CONSOLE" in line]
+    assert len(messages) == 1, messages
+    assert "the probe is done" in messages[0]
+    assert sorted(asked) == ["/probe.html", "/report.html"]
+    lm, closed, hostile = map(len, ("lm", "closed-form", HOSTILE))
+    (said,) = re.findall(r'<pre id="seen">(.*?)</pre>', done.stdout)
+    assert said == (
+        f"[[{lm},{closed},{hostile}],"  # as measured
+        f'[{hostile},{closed},{lm},"ascending"],[{lm},{closed},{hostile},"descending"],'  # by name
+        f'[{closed},{lm},{hostile},"ascending"],'  # by distance
+        f"[{closed},{lm},{hostile}],[{closed},{lm},{hostile}],1,3]"  # by time: all equal, the order stays
+    )
