@@ -10,8 +10,7 @@ from pathlib import Path
 from kinreach.errors import InputError
 from kinreach.robots.grippers import Gripper
 from kinreach.robots.urdf import check_urdf, parse_urdf
-from kinreach.robots.urdf_arm import UrdfArm
-from kinreach.robots.urdf_file import read_urdf
+from kinreach.robots.urdf_file import UrdfArm, read_urdf
 from kinreach.robots.workcell import CameraMount, Workcell
 
 
