@@ -1,4 +1,4 @@
-"""An arm from a URDF file: which joints lead to its tip, meshes found, other joints held still, defaults for the rest."""
+"""An arm from a URDF file: which joints lead to its tip, meshes, other joints held still, defaults for the rest."""
 
 from __future__ import annotations
 
