@@ -16,6 +16,14 @@ from kinreach.checks import MOST_THREADS, Floats, check_count
 from kinreach.envs.options import check_seed
 from kinreach.errors import InputError
 
+#: Rows drawn at a time. Part of what a seed means: changing it may change the goals that follow from a seed.
+AHEAD = 256
+#: Environments for which they are drawn before they are put in place: as many as stay in the cache. An array of that
+#: size has a use when it is freed, too: from then on glibc keeps the memory that every step takes and gives back.
+TOGETHER = 256
+#: More environments in one batch are refused before memory is asked for.
+MOST_ENVIRONMENTS = 2**17
+
 
 def first_row(info: Mapping[str, Any]) -> dict[str, Any]:
     """The `info` of a single environment from that of a batch of one."""
@@ -27,13 +35,6 @@ def first_row(info: Mapping[str, Any]) -> dict[str, Any]:
         else value.tolist()[0]
         for name, value in info.items()
     }
-
-
-#: Rows drawn at a time. Part of what a seed means: changing it may change the goals that follow from a seed.
-AHEAD = 256
-#: Environments for which they are drawn before they are put in place: as many as stay in the cache. An array of that
-#: size has a use when it is freed, too: from then on glibc keeps the memory that every step takes and gives back.
-TOGETHER = 256
 
 
 class Sampler(Protocol):
@@ -87,10 +88,6 @@ class RowStreams:
     def _drawn(self, ids: np.ndarray) -> Floats:
         """The next AHEAD rows of some environments, shape (len(ids), AHEAD, size)."""
         return np.array([self._sampler.sample(self._rngs[index], AHEAD) for index in ids])
-
-
-#: More environments in one batch are refused before memory is asked for.
-MOST_ENVIRONMENTS = 2**17
 
 
 class NativeVectorEnv(VectorEnv[Floats, ArrayLike, Floats]):

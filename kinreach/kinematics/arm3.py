@@ -210,8 +210,8 @@ def _solve(p: Floats, g: YawPlanarGeometry, tol: float) -> tuple[Floats, NDArray
 class Arm3Kinematics(ClosedFormKinematics):
     """Kinematics of a turning base with a planar two-link arm, by default that of the button task.
 
-    One per thread. Three joints place the tip but cannot choose its orientation: goals are positions. Where a pose is
-    given, its translation is the goal.
+    Three joints place the tip but cannot choose its orientation: goals are positions. Where a pose is given, its
+    translation is the goal. Threads may share an instance.
 
     Args:
         arm: Name or description of an arm with joints about z, y, y.
@@ -270,7 +270,7 @@ class Arm3Kinematics(ClosedFormKinematics):
             raise InputError(f"a three-joint arm cannot choose its orientation; give a PositionGoal, not {shown(goal)}")
         return self.nearest(goal.position, seed, accept=accept)
 
-    def _batch(self, T: Floats, seeds: Floats | None, tol: float) -> tuple[Floats, NDArray[np.bool_]]:
+    def _batch(self, T: Floats, seeds: Floats | None, tol: float, *, limits: bool) -> tuple[Floats, NDArray[np.bool_]]:
         if T.ndim == 3 and T.shape[1:] == (4, 4):
             check_poses("T", T)
             T = T[:, :3, 3]

@@ -78,7 +78,7 @@ class ClosedFormKinematics(ArmKinematics, ABC):
         Raises:
             InputError: A pose is not a finite rigid motion; the message says which.
         """
-        q, valid = self._batch(as_floats("T", T), None, check_tolerance(tol))
+        q, valid = self._batch(as_floats("T", T), None, check_tolerance(tol), limits=limits)
         if limits and not self._full_turn:
             q, within = nearest_windings(q, np.zeros(()), self.lower, self.upper)
             valid &= within
@@ -103,7 +103,7 @@ class ClosedFormKinematics(ArmKinematics, ABC):
             raise InputError(f"seeds must have shape ({count}, {self.n}) or ({self.n},), got {start.shape}")
         check_entries("seeds", start, MOST_ANGLE)
         start = np.broadcast_to(start, (count, self.n))
-        q, valid = self._batch(T, start, check_tolerance(tol))
+        q, valid = self._batch(T, start, check_tolerance(tol), limits=True)
         chosen, branch = np.empty((count, self.n)), np.empty(count, dtype=np.int64)
         for rows in blocks(count):
             chosen[rows], branch[rows] = self._nearest(q[..., rows], valid[..., rows], start[rows].T[:, None])
@@ -121,11 +121,23 @@ class ClosedFormKinematics(ArmKinematics, ABC):
 
     @abstractmethod
     def solve(self, goal: Goal, seed: ArrayLike, *, accept: Accept | None = None) -> IKResult:
-        """The posture for a goal that is nearest to a seed; see `Solver.solve`."""
+        """The posture for a goal that is nearest to a seed.
+
+        Args:
+            goal: In the base frame, for the tip.
+            seed: Posture [rad], shape (n,).
+            accept: Called with candidates in the order of their distance until it returns True.
+
+        Raises:
+            InputError: Malformed input, or a kind of goal for which the arm has no closed form.
+        """
 
     @abstractmethod
-    def _batch(self, T: Floats, seeds: Floats | None, tol: float) -> tuple[Floats, NDArray[np.bool_]]:
-        """Postures (n, branches, count), NaN where not valid, and validity (branches, count), before limits."""
+    def _batch(self, T: Floats, seeds: Floats | None, tol: float, *, limits: bool) -> tuple[Floats, NDArray[np.bool_]]:
+        """Postures (n, branches, count), NaN where not valid, and validity (branches, count), before limits.
+
+        With `limits`, what the goal leaves free is chosen so that the posture is within them.
+        """
 
     def _error_of(self, goal: Goal) -> ErrorOf:
         return lambda q: goal_error(goal, self.fk(q))

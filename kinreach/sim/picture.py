@@ -16,6 +16,9 @@ from kinreach.errors import InstallationError
 from kinreach.sim.engine import mujoco
 from kinreach.sim.rendering import FrameRenderer
 
+#: Size of a frame [pixels], and the camera that a person looks through.
+WIDTH, HEIGHT = 640, 360
+CAMERA = "overview"
 #: How long a window may take to close [s].
 CLOSING = 5.0
 
@@ -84,10 +87,6 @@ def _check_screen() -> None:
         f'cannot open a window: {reason}. Without a screen use render_mode="rgb_array", or a virtual screen: '
         "apt install xvfb, then xvfb-run python ..."
     )
-
-
-WIDTH, HEIGHT = 640, 360
-CAMERA = "overview"
 
 
 class Scene(Protocol):

@@ -27,6 +27,9 @@ from kinreach.sim.engine import mujoco
 from kinreach.sim.plants import BatchPlant, Ids, SinglePlant, rows_and_columns
 from kinreach.sim.scene import BALL, TIMESTEP, check_timestep, scene_model
 
+#: More simulations than this are refused before memory is asked for; each takes some hundred kB.
+MOST_COUNT = 2**17
+
 
 class ArmSimulation:
     """An arm, its obstacles and the ball, under MuJoCo's dynamics. One per thread.
@@ -109,7 +112,7 @@ class ArmSimulation:
 
     @property
     def watch(self) -> Callable[[], object] | None:
-        """Called after every control period of a move (0.01 s), to draw it, say; it must not change the state."""
+        """Called after every control period of a move (0.008 s), to draw it, say; it must not change the state."""
         return self._plant.watch
 
     @watch.setter
@@ -154,10 +157,6 @@ class ArmSimulation:
         """What touches what in the current posture, deepest first; nothing is moved."""
         mujoco.mj_fwdPosition(self.model, self.data)
         return touches(self.model, self.data, self.controller.obstacles)
-
-
-#: More simulations than this are refused before memory is asked for; each takes some hundred kB.
-MOST_COUNT = 2**17
 
 
 class BatchSimulation:

@@ -1,11 +1,9 @@
 """Cameras: the pinhole model, and RGB-D pictures of a simulation.
 
 Camera frame (the optical convention of OpenCV and ROS): origin in the optical centre, x to the picture's right, y
-down, z forward along the optical axis; metres. Pixel coordinates (u, v) are column and row, whole numbers at the
-*centres* of pixels: the upper left pixel covers u and v from -0.5 to 0.5.
-
-The camera frame is the optical one of `kinreach.vision.cameras`: x right, y down, z forward. MuJoCo's own camera frame
-(x right, y up, z backward) is turned by half a turn about x.
+down, z forward along the optical axis; metres. MuJoCo's own camera frame (x right, y up, z backward) is turned from it
+by half a turn about x. Pixel coordinates (u, v) are column and row, whole numbers at the *centres* of pixels: the upper
+left pixel covers u and v from -0.5 to 0.5.
 """
 
 from __future__ import annotations
@@ -31,6 +29,10 @@ LEAST_FOCAL_LENGTH, MOST_LENGTH = 1e-6, 1e9
 MOST_FOVY = 179.9
 #: Nearest point that is projected [m].
 LEAST_DEPTH = 1e-6
+#: From the optical frame to the frame that MuJoCo and OpenGL give a camera.
+OPTICAL_IN_GL: Floats = np.diag([1.0, -1.0, -1.0])
+#: Largest standard deviation of a sensor's noise, in the unit of either picture: far more than leaves a picture.
+MOST_SIGMA = 1e3
 
 
 @dataclass(frozen=True)
@@ -120,12 +122,6 @@ class Intrinsics:
         check_entries("v", rows, MOST_LENGTH)
         with np.errstate(over="ignore", invalid="ignore"):
             return np.stack([(columns - self.cx) / self.fx * z, (rows - self.cy) / self.fy * z, z], axis=-1)
-
-
-#: From the optical frame to the frame that MuJoCo and OpenGL give a camera.
-OPTICAL_IN_GL: Floats = np.diag([1.0, -1.0, -1.0])
-#: Largest standard deviation of a sensor's noise, in the unit of either picture: far more than leaves a picture.
-MOST_SIGMA = 1e3
 
 
 @dataclass(frozen=True, eq=False)

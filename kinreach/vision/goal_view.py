@@ -22,8 +22,8 @@ from kinreach.checks import MOST_DISTANCE, Floats, as_array, as_floats, as_vecto
 from kinreach.errors import InputError, raise_unknown
 from kinreach.kinematics.arm import build_model, pin
 from kinreach.robots import ArmDescription, as_arm
+from kinreach.sim.looks import camera_rotation
 from kinreach.sim.rendering import FrameRenderer
-from kinreach.sim.scene import camera_rotation
 from kinreach.sim.simulation import ArmSimulation
 from kinreach.vision.ball_finder import PIPELINES, BallFix, find_ball
 from kinreach.vision.cameras import OPTICAL_IN_GL, RGBDCamera, RGBDImage, SensorNoise

@@ -9,8 +9,9 @@ from hypothesis.extra.numpy import arrays
 
 from kinreach.sim.rendering import FrameRenderer
 from kinreach.sim.simulation import ArmSimulation
-from kinreach.vision.ball_finder import PIPELINES, BallFix, circle_votes, edge_steps, find_ball
+from kinreach.vision.ball_finder import PIPELINES, BallFix, find_ball
 from kinreach.vision.cameras import Intrinsics, RGBDCamera, RGBDImage, SensorNoise
+from kinreach.vision.circles import circle_votes, edge_steps
 from tests.robustness.fuzzing import NUMBERS, THINGS, bad_arrays, dressed, things
 
 WIDTH, HEIGHT, RADIUS = 96, 64, 0.025

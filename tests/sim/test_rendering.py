@@ -11,7 +11,8 @@ import pytest
 from kinreach.errors import InputError, InstallationError, UnknownNameError
 from kinreach.robots import get_arm
 from kinreach.sim import ArmSimulation, FrameRenderer, render, rendering
-from kinreach.sim.scene import BALL_GROUP, camera_rotation
+from kinreach.sim.looks import camera_rotation
+from kinreach.sim.scene import BALL_GROUP
 
 WIDTH, HEIGHT = 320, 180
 

@@ -28,6 +28,13 @@ from kinreach.errors import InputError
 from kinreach.kinematics import Arm3Kinematics
 from kinreach.robots import ArmDescription, get_arm
 
+#: Joint angles [rad] and velocities [rad/s] start within +- this of rest in the home posture.
+SPREAD = 0.1
+#: Numbers of a start: target (3), joint angles (3), joint velocities (3).
+SIZE = 3 + 2 * JOINTS
+#: Why a step was impossible.
+REASON = f"diverged: a joint became faster than {SPEED_BOUND:g} rad/s"
+
 
 @dataclass(frozen=True, kw_only=True)
 class ButtonOptions:
@@ -76,12 +83,6 @@ class ButtonOptions:
         return as_vector("fixed_target", self.fixed_target, 3, most=MOST_DISTANCE)
 
 
-#: Joint angles [rad] and velocities [rad/s] start within +- this of rest in the home posture.
-SPREAD = 0.1
-#: Numbers of a start: target (3), joint angles (3), joint velocities (3).
-SIZE = 3 + 2 * JOINTS
-
-
 class ButtonStarts:
     """Draws starts; targets are uniform in what the arm reaches, within its limits, of the work cell's region."""
 
@@ -107,15 +108,11 @@ class ButtonStarts:
         return np.concatenate([targets, q, rng.uniform(-SPREAD, SPREAD, (count, JOINTS))], axis=1)
 
     def _targets(self, rng: np.random.Generator, count: int) -> Floats:
-        cell = self._kinematics.arm.workcell
-        targets: Floats = cell.draw_goals(rng, count)
+        draw = self._kinematics.arm.workcell.draw_goals
+        targets: Floats = draw(rng, count)
         while not (kept := self.reachable(targets)).all():
-            targets[~kept] = cell.draw_goals(rng, int((~kept).sum()))
+            targets[~kept] = draw(rng, int((~kept).sum()))
         return targets
-
-
-#: Why a step was impossible.
-REASON = f"diverged: a joint became faster than {SPEED_BOUND:g} rad/s"
 
 
 @dataclass(frozen=True, eq=False)

@@ -17,6 +17,33 @@ from kinreach.checks import Floats, as_array
 from kinreach.errors import InputError
 from kinreach.robots import get_arm
 
+JOINTS = 3
+#: What each of the 27 torque actions adds to the controls of the three joints; the first joint changes slowest.
+INCREMENTS: Floats = np.array(list(product((-1.0, 0.0, 1.0), repeat=JOINTS)))
+#: Torque actions without a press, then the same with one.
+ACTIONS = 2 * len(INCREMENTS)
+#: Controls accumulate and are kept within +- this.
+CONTROL_LIMIT = 10.0
+#: Cosines (3) and sines (3) of the joint angles, target (3), end effector (3), joint velocities (3), end effector
+#: minus target (3), push state (1).
+OBSERVATIONS = 19
+#: Bounds of positions, and of their differences, in the observation space [m]; the arm reaches 1.2 m.
+POSITION_BOUND, DIFFERENCE_BOUND = 2.0, 4.0
+#: A simulation in which a joint is faster than this [rad/s] has diverged; under random actions the report's gears
+#: gave up to 700.
+SPEED_BOUND = 10_000.0
+
+#: A press counts when the end effector is nearer to the target than this [m].
+PRESS_RADIUS = 0.05
+#: The report names 100; the other values are ours. Near the target a step pays less than 0.1, so that waiting there for
+#: a whole episode of 1000 steps pays less than pressing at once.
+PRESS_REWARD = 100.0
+NEAR_REWARD = 0.1
+WRONG_PRESS_REWARD = -1.0
+
+Actions = NDArray[np.intp]
+Flags = NDArray[np.bool_]
+
 _ARM = get_arm("arm3")
 
 
@@ -70,34 +97,6 @@ TUNED = Actuation(
     effort_limits=True,
 )
 ACTUATIONS = {actuation.name: actuation for actuation in (TUNED, REPORT)}
-
-
-JOINTS = 3
-#: What each of the 27 torque actions adds to the controls of the three joints; the first joint changes slowest.
-INCREMENTS: Floats = np.array(list(product((-1.0, 0.0, 1.0), repeat=JOINTS)))
-#: Torque actions without a press, then the same with one.
-ACTIONS = 2 * len(INCREMENTS)
-#: Controls accumulate and are kept within +- this.
-CONTROL_LIMIT = 10.0
-#: Cosines (3) and sines (3) of the joint angles, target (3), end effector (3), joint velocities (3), end effector
-#: minus target (3), push state (1).
-OBSERVATIONS = 19
-#: Bounds of positions, and of their differences, in the observation space [m]; the arm reaches 1.2 m.
-POSITION_BOUND, DIFFERENCE_BOUND = 2.0, 4.0
-#: A simulation in which a joint is faster than this [rad/s] has diverged; under random actions the report's gears
-#: gave up to 700.
-SPEED_BOUND = 10_000.0
-
-#: A press counts when the end effector is nearer to the target than this [m].
-PRESS_RADIUS = 0.05
-#: The report names 100; the other values are ours. Near the target a step pays less than 0.1, so that waiting there for
-#: a whole episode of 1000 steps pays less than pressing at once.
-PRESS_REWARD = 100.0
-NEAR_REWARD = 0.1
-WRONG_PRESS_REWARD = -1.0
-
-Actions = NDArray[np.intp]
-Flags = NDArray[np.bool_]
 
 
 def action_space() -> spaces.Discrete:

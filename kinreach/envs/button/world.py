@@ -15,8 +15,11 @@ from kinreach.checks import Floats
 from kinreach.envs.button.task import CONTROL_LIMIT, Actuation
 from kinreach.robots import ArmDescription, CameraMount
 from kinreach.sim.engine import mujoco
+from kinreach.sim.looks import DRAWN_ONLY, add_camera
 from kinreach.sim.picture import CAMERA
-from kinreach.sim.scene import BALL, DRAWN_ONLY, add_camera, build_scene
+from kinreach.sim.scene import BALL, build_scene
+
+Ids = NDArray[np.intp]
 
 #: Targets are in the four diagonal directions; the arm's own overview has two of them behind the arm.
 OVERVIEW = CameraMount(CAMERA, "world", (2.35, -0.35, 1.35), (0.0, 0.0, 0.46), fovy=37.0)
@@ -157,9 +160,6 @@ def _draw_button(spec: Any) -> None:
 
 def _cap_name(state: ButtonState) -> str:
     return f"{STAND}_{state.name.lower()}"
-
-
-Ids = NDArray[np.intp]
 
 
 class TorqueWorld(Protocol):

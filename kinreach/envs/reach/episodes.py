@@ -18,6 +18,9 @@ from kinreach.robots.workcell import BoxRegion, Workcell
 
 Flags = NDArray[np.bool_]
 
+#: `impossible_reason` where the world does not explain.
+_PHRASES = np.where(ENDINGS == "completed", "", ENDINGS)
+
 
 class GoalStreams(RowStreams):
     """What `BoxRegion.sample` draws for each of a number of environments, to the bit, in a third of the time.
@@ -234,7 +237,3 @@ class ReachEpisodes:
     def close(self) -> None:
         """Let go of the cameras."""
         self._observer.close()
-
-
-#: `impossible_reason` where the world does not explain.
-_PHRASES = np.where(ENDINGS == "completed", "", ENDINGS)

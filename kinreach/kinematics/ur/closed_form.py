@@ -22,13 +22,15 @@ Every solution in which something was clamped or moved is checked by forward kin
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from math import acos, atan2, copysign, cos, hypot, pi, sin, sqrt
 
 from kinreach.kinematics.solutions import ANGLES, FLAGS, Row
 from kinreach.kinematics.ur.geometry import Miss, Rows, Singularity, URGeometry, ur_fk
 
 TURN = 2 * pi
+#: Below this sin q5 rounding in the pose, 1e-13 say, is magnified to more than the smallest tolerance.
+NEAR_WRIST = 1e-3
 
 
 #: Shoulder and wrist values where neither is singular.
@@ -49,18 +51,18 @@ def solve_pose(rows: Rows, g: URGeometry, *, tol: float = 1e-7, q6: float = 0.0)
         q6: Value wrist_3 keeps, as far as it can, where it is free [rad].
 
     Returns:
-        The solutions, angles in [-pi, pi], in the order of their branch index, and the `Miss` flags of the branches that have none.
+        The solutions in the order of their branch index, angles in [-pi, pi], and the `Miss` flags of those missing.
     """
-    (nx, ox, ax, px), (ny, oy, ay, py), (nz, _oz, az, pz) = rows
+    (nx, ox, ax, px), (ny, oy, ay, py), (nz, oz, az, pz) = rows
     d1, _, _, d5, d6, _, _, _ = g.packed
     x, y, z = px - d6 * ax, py - d6 * ay, pz - d6 * az - d1
     wrists: list[Wrist] = []
-    turns = _shoulders(x, y, g.d4, tol)
-    for branch, flags, s1, c1 in turns:
+    regular = True
+    for branch, flags, s1, c1 in shoulders(x, y, g.d4, tol):
         q1, u = atan2(s1, c1), -x * c1 - y * s1
         c6, s6, c5 = nx * s1 - ny * c1, oy * c1 - ox * s1, ax * s1 - ay * c1
         s5 = sqrt(c6 * c6 + s6 * s6)
-        if s5 > tol:
+        if s5 > NEAR_WRIST and s5 > tol:
             k = d5 / s5
             s, c = k * az, k * (ax * c1 + ay * s1)
             q5, q6_, q234 = atan2(s5, c5), atan2(s6, c6), atan2(-s, -c)
@@ -69,6 +71,11 @@ def solve_pose(rows: Rows, g: URGeometry, *, tol: float = 1e-7, q6: float = 0.0)
             q6_ += pi if q6_ <= 0.0 else -pi
             q234 += pi if q234 <= 0.0 else -pi
             wrists.append((branch + 2, flags, q1, -q5, q6_, q234, u + s, -c - z))
+        elif s5 > tol:
+            regular = False
+            n_u, o_u = nx * c1 + ny * s1, ox * c1 + oy * s1
+            total = atan2(nz - o_u, n_u + oz) if c5 > 0.0 else atan2(-nz - o_u, oz - n_u)
+            wrists += _near_wrists((branch, flags, q1, atan2(s5, c5), atan2(s6, c6)), total, -u, z, g, tol / s5)
         else:
             # n lies in the arm's plane, at the angle q234 + q6 (q5 = 0) or q234 - q6 + pi (q5 = pi)
             angle = atan2(nz, nx * c1 + ny * s1)
@@ -77,9 +84,9 @@ def solve_pose(rows: Rows, g: URGeometry, *, tol: float = 1e-7, q6: float = 0.0)
             q6_ = wrap(angle - q234 if c5 > 0.0 else q234 - angle + pi)
             wrists.append((branch, flags, q1, q5, q6_, q234, u, v))
     found, miss, clamped = _elbows(wrists, g, tol)
-    if len(wrists) == REGULAR_WRISTS and not clamped:
+    if len(wrists) == REGULAR_WRISTS and regular and not clamped:
         return found, miss
-    return _verified(found, miss, lambda q: _pose_missed_by(ur_fk(q, g), rows) <= tol)
+    return _verified(found, miss, lambda q: reaches_pose(q, g, rows, tol))
 
 
 def solve_axis(
@@ -113,7 +120,7 @@ def solve_axis(
     length = g.d6 + reach
     x, y, z = position[0] - length * ax, position[1] - length * ay, position[2] - length * az - g.d1
     wrists: list[Wrist] = []
-    turns = _shoulders(x, y, g.d4, tol)
+    turns = shoulders(x, y, g.d4, tol)
     for branch, flags, s1, c1 in turns:
         q1, u = atan2(s1, c1), -x * c1 - y * s1
         a_u, c5 = ax * c1 + ay * s1, ax * s1 - ay * c1
@@ -133,7 +140,7 @@ def solve_axis(
     return _verified(found, miss, lambda q: _axis_missed_by(ur_fk(q, g), position, axis, reach) <= tol)
 
 
-def _shoulders(x: float, y: float, d4: float, tol: float) -> Sequence[tuple[int, int, float, float]]:
+def shoulders(x: float, y: float, d4: float, tol: float) -> Sequence[tuple[int, int, float, float]]:
     """(branch index, flags, sin q1, cos q1) of the shoulder values from x sin q1 - y cos q1 = d4."""
     r2 = x * x + y * y
     m2 = r2 - d4 * d4
@@ -203,6 +210,28 @@ def _free_wrist(
     return flags, 0.0 if c5 > 0.0 else pi, q234, s - u, -c - v
 
 
+def _near_wrists(
+    wrist: tuple[int, int, float, float, float], total: float, u: float, v: float, g: URGeometry, slack: float
+) -> Iterator[Wrist]:
+    """Both wrists where sin q5 is so small that q6 and q234, each by itself, are inexact.
+
+    Exact is their sum `total`, where q5 is near pi the difference q234 - q6. If the elbow reaches only from a little
+    beside that q234, no further than `slack` [rad], q234 is moved there, and q6 with it.
+    """
+    branch, flags, q1, q5, q6 = wrist
+    for side, q5_ in ((0, q5), (2, -q5)):
+        wanted = wrap(total - q6 if q5 < 0.5 * pi else total + q6)
+        q234, moved = reachable_pitch(wanted, u, v, g), 0
+        if abs(q234 - wanted) > slack:
+            q234 = wanted
+        elif q234 != wanted:
+            moved = WRIST | MOVED
+            q6 = total - q234 if q5 < 0.5 * pi else q234 - total
+        s, c = g.d5 * sin(q234), g.d5 * cos(q234)
+        yield branch + side, flags | moved, q1, q5_, wrap(q6), wrap(q234), s - u, -c - v
+        q6 += pi if q6 <= 0.0 else -pi
+
+
 def reachable_pitch(wanted: float, u: float, v: float, g: URGeometry) -> float:
     """The pitch q234 nearest to `wanted` [rad] from which the elbow reaches, P5 being at (u, v) [m].
 
@@ -234,10 +263,11 @@ def _verified(found: list[Row], miss: int, reaches: Callable[[Sequence[float]], 
     return kept, int(miss if found or miss else Miss.SHOULDER_CYLINDER)
 
 
-def _pose_missed_by(got: Rows, wanted: Rows) -> float:
-    """Larger of position [m] and orientation error, the latter as the largest difference of a rotation entry."""
+def reaches_pose(q: Sequence[float], g: URGeometry, wanted: Rows, tol: float) -> bool:
+    """Whether position [m] and orientation, by the largest difference of a rotation entry, are within `tol`."""
+    got = ur_fk(q, g)
     position = hypot(*(g[3] - w[3] for g, w in zip(got, wanted, strict=True)))
-    return max(position, *(abs(g[j] - w[j]) for g, w in zip(got, wanted, strict=True) for j in range(3)))
+    return max(position, *(abs(g[j] - w[j]) for g, w in zip(got, wanted, strict=True) for j in range(3))) <= tol
 
 
 def _axis_missed_by(got: Rows, position: Sequence[float], axis: Sequence[float], reach: float) -> float:
