@@ -140,8 +140,8 @@ class ArmDescription:
             facts: Any other attribute of `ArmDescription`, such as `position_gains=`.
 
         Raises:
-            InputError: The file cannot be read, is not a URDF of an arm, or names a mesh that is not there or is outside
-                the folders it may be in; a joint or a link is not in it.
+            InputError: The file cannot be read, is not a URDF of an arm, or names a mesh that is missing or outside of
+                the folders it may be in; or a joint or link is not in it.
         """
         source = read_urdf(
             file, tip=tip, joints=joints, held=held or {}, package_dirs=package_dirs, gripper_on=gripper_on
