@@ -237,7 +237,7 @@ def read_urdf(
     package_dirs: Sequence[str | Path] | None,
     gripper_on: str | None,
 ) -> UrdfSource:
-    """Read an arm from a URDF file; see `ArmDescription.from_urdf`."""
+    """Read an arm from a URDF file; the arguments are those of `ArmDescription.from_urdf`."""
     path = check_path("file", file)
     try:
         with path.open(encoding="utf-8") as source:
@@ -299,7 +299,7 @@ def _find(address: str, file: Path, folders: Sequence[Path]) -> Path:
     """The file that the address of a mesh means.
 
     Raises:
-        InputError: There is none, it is no mesh, or it is outside the folders in which meshes may be.
+        InputError: There is none, it is not a mesh, or it is outside the folders in which meshes may be.
     """
     allowed = (*folders, file.parent, file.parent.parent)
     for place in _candidates(address, file, folders):
