@@ -13,8 +13,7 @@ import numpy as np
 
 from kinreach.baselines.policies import load_policy
 from kinreach.baselines.rollout import RandomPolicy
-from kinreach.compare import Method, Task, common_columns, compare, register_task, solver_method
-from kinreach.compare.reach import resets_to
+from kinreach.compare import Method, Task, common_columns, compare, register_task, resets_to, solver_method
 from kinreach.kinematics.solvers import ClosedFormSolver, LevenbergMarquardtSolver
 
 

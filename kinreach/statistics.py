@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from kinreach.checks import check_count, shown
+from kinreach.checks import check_count, check_number, shown
 from kinreach.errors import InputError
 
 Floats = NDArray[np.float64]
@@ -29,6 +29,7 @@ CONFIDENCE = 0.95
 #: Sums of larger values could overflow.
 LARGEST = 1e150
 RESAMPLES = 2000
+MOST_RESAMPLES = 10**7
 
 #: Resampled values held in memory at a time.
 _BLOCK = 2_000_000
@@ -65,7 +66,7 @@ def wilson_interval(successes: int, total: int, *, confidence: float = CONFIDENC
         Low and high bound of the rate.
 
     Raises:
-        InputError: `total` is not positive, or `successes` is not in 0 … `total`.
+        InputError: `total` is not positive, `successes` is not in 0 … `total`, or `confidence` not in 0 … 1.
     """
     total, successes = (
         check_count(name, value, least=-(2**63), most=2**63)
@@ -73,6 +74,7 @@ def wilson_interval(successes: int, total: int, *, confidence: float = CONFIDENC
     )
     if total < 1 or not 0 <= successes <= total:
         raise InputError(f"a rate needs 0 <= successes <= total and total >= 1, got {successes} of {total}")
+    _check_confidence(confidence)
     z = NormalDist().inv_cdf(0.5 + confidence / 2)
     rate = successes / total
     centre = rate + z * z / (2 * total)
@@ -104,8 +106,10 @@ def bootstrap_intervals(
         Low and high bound of each statistic.
 
     Raises:
-        InputError: `values` is empty, not one-dimensional or not finite.
+        InputError: `values` is empty, not one-dimensional or not finite; `resamples` or `seed` is not a count, or
+            `confidence` not in 0 … 1.
     """
+    _check_options(resamples, seed, confidence)
     sample = _finite("the bootstrap", values, dimensions=1)
     return _resampled(sample[None], statistics, resamples=resamples, seed=seed, confidence=confidence)
 
@@ -131,8 +135,9 @@ def trainings_interval(
     squares, on each side by itself (Zou and Donner 2008, Stat. Med. 27), so neither part is wider than the result.
 
     One training gives the second part only, and says nothing about other trainings. Equal trainings have no spread:
-    five of them that all succeed do not exclude that one in ten fails. A few that differ as much as they can, as shares
-    of 0 % and 100 %, are not normal, and their interval is rough.
+    five of them that all succeed do not exclude that one in ten fails. Where one training in five fails altogether, a
+    third of all groups of five have none that does, and the interval holds the true mean in 66 % of the groups, not in
+    95 %: give the results of the single trainings beside it.
 
     Args:
         values: What each training did on each goal, shape (trainings, goals), finite; the mean
@@ -148,8 +153,15 @@ def trainings_interval(
         Low and high bound of the mean over all possible trainings, on all possible goals.
 
     Raises:
-        InputError: `values` are empty, not two-dimensional, not finite, or not between `least` and `most`.
+        InputError: `values` are empty, not two-dimensional, not finite, or not between `least` and `most`; one of the
+            options is not of its kind.
     """
+    _check_options(resamples, seed, confidence)
+    for name, bound in (("least", least), ("most", most)):
+        if bound not in (-math.inf, math.inf):
+            check_number(name, bound)
+    if least > most:
+        raise InputError(f"least must not be above most, got {least:g} and {most:g}")
     from scipy.special import stdtrit  # takes longer to import than the rest of this module
 
     sample = _finite("the interval of trainings", values, dimensions=2)
@@ -171,6 +183,18 @@ def trainings_interval(
         spread = stdtrit(trainings - 1, 0.5 + confidence / 2) * float(each.std(ddof=1)) / math.sqrt(trainings)
     below, above = math.hypot(spread, max(0.0, middle - low)), math.hypot(spread, max(0.0, high - middle))
     return max(least, middle - below), min(most, middle + above)
+
+
+def _check_options(resamples: object, seed: object, confidence: object) -> None:
+    check_count("resamples", resamples, most=MOST_RESAMPLES)
+    check_count("seed", seed, least=0)
+    _check_confidence(confidence)
+
+
+def _check_confidence(confidence: object) -> None:
+    """Refuse what is not a share above 0 and below 1."""
+    if check_number("confidence", confidence, above=0.0, most=1.0) == 1.0:
+        raise InputError("confidence must be below 1: only an interval without bounds holds always")
 
 
 def _finite(what: str, values: ArrayLike, *, dimensions: int) -> Floats:

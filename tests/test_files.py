@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from kinreach.errors import OutputError
-from kinreach.files import make_writable, replacing, write_text
+from kinreach.files import locked, make_writable, replacing, write_text
 
 
 def test_a_failed_write_leaves_the_old_file_and_no_litter(tmp_path: Path) -> None:
@@ -75,8 +75,8 @@ def test_written_files_have_the_usual_permissions(tmp_path: Path, mask: int) -> 
 
     def create_again(path: Path) -> None:
         path.unlink()
-        path.touch(0o600)
-        path.write_text("x")
+        with path.open("x") as file:  # which its own mask may keep from opening it again
+            file.write("x")
 
     for write in (add, narrow, replace, create_again):
         with replacing(tmp_path / "ours") as temporary:
@@ -132,3 +132,14 @@ def test_a_directory_that_cannot_be_made(tmp_path: Path) -> None:
 def test_a_directory_is_made_with_its_parents(tmp_path: Path) -> None:
     make_writable(tmp_path / "a" / "b")
     assert os.listdir(tmp_path / "a" / "b") == []
+
+
+def test_a_directory_is_locked_for_one_writer(tmp_path: Path) -> None:
+    with locked(tmp_path, "a training"):
+        with pytest.raises(OutputError, match="a training is writing into"), locked(tmp_path, "a training"):
+            pass
+        (tmp_path / "a").mkdir()
+        with locked(tmp_path / "a", "a training"):
+            write_text(tmp_path / "x", "free to write")
+    with locked(tmp_path, "a training"):
+        assert sorted(os.listdir(tmp_path)) == ["a", "x"]

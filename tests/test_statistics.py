@@ -5,7 +5,7 @@ import pytest
 from scipy import stats
 
 from kinreach.errors import InputError
-from kinreach.statistics import bootstrap_intervals, mean, median, p95, wilson_interval
+from kinreach.statistics import bootstrap_intervals, mean, median, p95, trainings_interval, wilson_interval
 
 
 def test_wilson_by_hand() -> None:
@@ -89,3 +89,25 @@ def test_bootstrap_refuses_what_it_cannot_resample(values: list[float]) -> None:
 def test_reducers() -> None:
     values = np.arange(101.0)
     assert (median(values), mean(values), p95(values)) == (50.0, 50.0, 95.0)
+
+
+RATE = ("wilson", lambda **options: wilson_interval(3, 10, **options))
+BOOTSTRAP = ("bootstrap", lambda **options: bootstrap_intervals(np.arange(10.0), (median,), **options))
+TRAININGS = ("trainings", lambda **options: trainings_interval(np.arange(10.0).reshape(2, 5), **options))
+SHARES = ("shares", lambda **options: trainings_interval(np.eye(2, 5, dtype=bool), **options))
+CONFIDENCES = [{"confidence": value} for value in (float("nan"), 0.0, 1.0, 1.5, -1, "x", None, True)]
+COUNTS = [{"resamples": value} for value in (0, -3, 1.5, "a", 10**9)] + [{"seed": value} for value in (-1, "a", 1.5)]
+BOUNDS = [{"least": 5.0, "most": 3.0}, {"least": float("nan")}, {"most": float("nan")}, {"most": "a"}, {"least": None}]
+
+
+@pytest.mark.parametrize(
+    ("interval", "options"),
+    [(each, options) for each in (RATE, BOOTSTRAP, TRAININGS, SHARES) for options in CONFIDENCES]
+    + [(each, options) for each in (BOOTSTRAP, TRAININGS, SHARES) for options in COUNTS]
+    + [(each, options) for each in (TRAININGS, SHARES) for options in BOUNDS],
+    ids=lambda given: given[0] if isinstance(given, tuple) else str(given),
+)
+def test_options_that_cannot_be_are_refused(interval, options) -> None:
+    with pytest.raises(InputError, match=next(iter(options))):
+        interval[1](**options)
+    interval[1]()

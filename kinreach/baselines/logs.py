@@ -194,9 +194,16 @@ def _of_runs(runs: Path, what: str) -> Iterator[tuple[int, Log]]:
             continue
         log = read_curve(file)
         if what == REWARDS:
-            run = json.loads((folder / "run.json").read_text(encoding="utf-8"))
-            log = sampled_returns(log, run["recipe"]["settings"]["gamma"])
+            log = sampled_returns(log, _discount(folder / "run.json"))
         yield int(seed), thinned(log) if what == CURVE else log
+
+
+def _discount(run: Path) -> float:
+    """The discount factor that a run was trained with."""
+    try:
+        return float(json.loads(run.read_text(encoding="utf-8"))["recipe"]["settings"]["gamma"])
+    except (OSError, ValueError, LookupError, TypeError) as error:
+        raise InputError(f"{run} does not say the discount factor: {error}") from None
 
 
 @dataclass(frozen=True, eq=False)

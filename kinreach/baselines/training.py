@@ -218,7 +218,9 @@ def _train(
 ) -> Run:
     seed, source = identity["seed"], provenance.source_digest()
     clock, cpu = time.perf_counter(), time.process_time()
-    state = read_checkpoint(folder / CHECKPOINT, identity, notice) if resume else None
+    checkpoint = folder / CHECKPOINT
+    going_on = resume and checkpoint.exists()
+    state = read_checkpoint(checkpoint, identity) if going_on else None
     trainee = build(recipe, _entropy(seed, 0)[0], steps=recipe.steps)
     first = 0
     sources: list[str] = []
@@ -226,11 +228,12 @@ def _train(
         try:
             first, sources = restore(trainee, state)
         except (LookupError, TypeError, AttributeError, RuntimeError, ValueError):
-            notice(f"{folder / CHECKPOINT} cannot be used: the training starts over")
             trainee.env.close()
             trainee = build(recipe, _entropy(seed, 0)[0], steps=recipe.steps)
+    if going_on and not first:
+        notice(f"{checkpoint} cannot be read: the training starts over")
     if sources and sources[-1] != source:
-        was = f"{folder / CHECKPOINT} was made by other code of kinreach ({sources[-1]}, now {source})"
+        was = f"{checkpoint} was made by other code of kinreach ({sources[-1]}, now {source})"
         notice(f"{was}: the policy may not be that of an uninterrupted run")
     sources = sources if sources[-1:] == [source] else [*sources, source]
     model = trainee.model
@@ -250,7 +253,7 @@ def _train(
                 log_interval=None,  # type: ignore[arg-type]
             )
             _end_segment(trainee)
-            save_checkpoint(folder / CHECKPOINT, {**identity, "sources": sources}, segment, trainee)
+            save_checkpoint(checkpoint, {**identity, "sources": sources}, segment, trainee)
             _write_curves(folder, trainee.curve)
     finally:
         trainee.env.close()
@@ -328,13 +331,12 @@ def save_checkpoint(path: Path, identity: dict[str, Any], segment: int, trainee:
         temporary.write_bytes(content.getbuffer())
 
 
-def read_checkpoint(path: Path, identity: Mapping[str, Any], notice: Callable[[str], None]) -> dict[str, Any] | None:
-    """The state after the last segment, or None where there is none that can be read.
+def read_checkpoint(path: Path, identity: Mapping[str, Any]) -> dict[str, Any] | None:
+    """The state after the last segment, or None where it cannot be read.
 
     Args:
         path: Of the file.
         identity: Of the run.
-        notice: Told that a file cannot be read.
 
     Raises:
         InputError: It is the state of another run.
@@ -342,23 +344,11 @@ def read_checkpoint(path: Path, identity: Mapping[str, Any], notice: Callable[[s
     try:
         content = io.BytesIO(path.read_bytes())
         if not zipfile.is_zipfile(content):  # torch would try it as a plain pickle, and warn before it refuses
-            raise ValueError("no archive")
+            return None
         content.seek(0)
         state: dict[str, Any] = torch.load(content, weights_only=True)
-        said = state["identity"]
-    except FileNotFoundError:
-        return None
-    except (
-        OSError,
-        pickle.UnpicklingError,
-        RuntimeError,
-        LookupError,
-        TypeError,
-        AttributeError,
-        EOFError,
-        ValueError,
-    ):
-        notice(f"{path} cannot be read: the training starts over")
+        said = dict(state["identity"])
+    except (OSError, pickle.UnpicklingError, RuntimeError, LookupError, TypeError, EOFError, ValueError):
         return None
     if differences := _differences(said, identity):
         raise InputError(

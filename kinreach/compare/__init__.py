@@ -12,7 +12,16 @@ and environment is `kinreach.baselines.rollout`.
 
 from kinreach.compare.methods import policy_method, solver_method
 from kinreach.compare.runner import Settings, compare
-from kinreach.compare.task import Method, Task, common_columns, get_task, register_method, register_task, task_names
+from kinreach.compare.task import (
+    Method,
+    Task,
+    common_columns,
+    get_task,
+    register_method,
+    register_task,
+    resets_to,
+    task_names,
+)
 from kinreach.summary import Column, Trial
 
 __all__ = [
@@ -27,6 +36,7 @@ __all__ = [
     "policy_method",
     "register_method",
     "register_task",
+    "resets_to",
     "solver_method",
     "task_names",
 ]

@@ -31,7 +31,7 @@ SPACING = 2**32
 
 
 def _analytic(env: gym.Env[Any, Any]) -> AnalyticButtonPolicy:
-    return AnalyticButtonPolicy(env.unwrapped.options.actuation_name)  # type: ignore[attr-defined]
+    return AnalyticButtonPolicy(env.unwrapped.options.actuation)  # type: ignore[attr-defined]
 
 
 def _resets(count: int, seed: int, env: gym.Env[Any, Any]) -> Sequence[Mapping[str, Any]]:

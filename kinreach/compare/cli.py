@@ -14,10 +14,10 @@ from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, T
 
 from kinreach.checks import check_path
 from kinreach.cli import Parser
-from kinreach.compare.methods import imported
 from kinreach.compare.runner import CAMERA, DEFAULT_GOALS, GEOMETRIC, compare, notes
 from kinreach.compare.task import Task, get_task, register_task, task_names
 from kinreach.errors import InputError
+from kinreach.objects import load_object
 from kinreach.summary import tables
 
 #: Width that the tables for people fit into [characters].
@@ -73,7 +73,7 @@ def main(argv: Sequence[str], *, prog: str) -> int:
     for table in tables(task.columns, results["methods"], title=results["settings"]["title"], width=TABLE_WIDTH):
         console.print(table)
         console.print()
-    files = ["results.json", "results.csv", "report.html", f"{{{','.join(task.figures)}}}.png"]
+    files = ["results.json", "results.csv", "report.html", *(f"{name}.png" for name in task.figures)]
     scene = out / "scene.png"
     lines = [
         *notes(task, results),
@@ -90,7 +90,7 @@ def _task(name: str) -> Task:
     """A registered task, or one of a module of the user's: `"module:attribute"`."""
     if ":" not in name:
         return get_task(name)
-    task = imported(name)
+    task = load_object("task", name)
     if not isinstance(task, Task):
         raise InputError(f"{name} is no Task")
     return register_task(task) if task.name not in task_names() else get_task(task.name)

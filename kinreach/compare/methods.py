@@ -3,9 +3,7 @@
 from __future__ import annotations
 
 import hashlib
-import importlib
 import inspect
-import sys
 from collections import Counter
 from collections.abc import Callable, Iterable, Mapping
 from itertools import cycle
@@ -21,6 +19,7 @@ from kinreach.checks import check_known, shown
 from kinreach.compare.task import POLICY, SOLVER, Method, Task, policy_version
 from kinreach.errors import InputError, raise_unknown
 from kinreach.kinematics.solvers import Solver
+from kinreach.objects import load_object
 
 #: How names of policies' files end: kinreach's own, and a model of stable-baselines3 as it was saved.
 SAFETENSORS, ZIP = ".safetensors", ".zip"
@@ -112,7 +111,7 @@ def _method(task: Task, given: Any) -> Method:
             return _from_file(task, path, variant)
         if ":" not in given:
             raise_unknown(f"{task.name} method", given, task.methods)
-        return _method(task, imported(given))
+        return _method(task, load_object("method", given))
     if isinstance(given, type):
         made = SOLVER if hasattr(given, "solve") else POLICY
         return Method(lambda env: _policy(_construct(given, env), env), made, task.environment, _source(given))
@@ -132,24 +131,6 @@ def _from_file(task: Task, path: str, variant: str) -> Method:
     if environment not in task.variants.values() or (said and said != environment):
         raise InputError(f"the policy {path} is for {environment}, not for one of: {', '.join(task.variants.values())}")
     return Method(lambda env: policy, POLICY, environment, policy_version(path))
-
-
-def imported(name: str) -> Any:
-    """What `"module:attribute"` names; modules of the working directory are found.
-
-    Raises:
-        InputError: There is no such module or attribute, or it cannot be imported.
-    """
-    module, _, attribute = name.partition(":")
-    if "" not in sys.path:
-        sys.path.insert(0, "")
-    try:
-        found = importlib.import_module(module)
-    except Exception as error:  # whatever somebody else's module raises
-        raise InputError(f"cannot import {module!r}: {type(error).__name__}: {error}") from error
-    if not hasattr(found, attribute):
-        raise InputError(f"the module {module!r} has no {attribute!r}")
-    return getattr(found, attribute)
 
 
 def _construct(cls: Callable[..., Any], env: gym.Env[Any, Any]) -> Any:

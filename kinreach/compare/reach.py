@@ -28,6 +28,7 @@ from kinreach.compare.task import (
     Task,
     common_columns,
     policy_version,
+    resets_to,
     thousandfold,
 )
 from kinreach.errors import InputError
@@ -186,17 +187,6 @@ def goals_of(env: gym.Env[Any, Any], count: int, seed: int, *, reachable: bool =
         if solver is None or solver.solve(world.ik_goal(position), world.home, accept=world.accept).success:
             kept.append(position)
     return np.array(kept)
-
-
-def resets_to(goals: Floats, seed: int) -> list[dict[str, Any]]:
-    """Resets of a reach environment that put the goals there, each with its own seed of the cameras' noise."""
-    return [
-        {
-            "seed": int(np.random.SeedSequence(seed, spawn_key=(index,)).generate_state(1)[0]),
-            "options": {"goal": goal},
-        }
-        for index, goal in enumerate(goals)
-    ]
 
 
 def _resets(count: int, seed: int, env: gym.Env[Any, Any]) -> Sequence[Mapping[str, Any]]:

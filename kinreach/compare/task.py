@@ -11,9 +11,10 @@ from pathlib import Path
 from typing import Any
 
 import gymnasium as gym
+import numpy as np
 from matplotlib.figure import Figure
 
-from kinreach.checks import check_known
+from kinreach.checks import Floats, check_known
 from kinreach.errors import InputError
 from kinreach.summary import MEAN, QUANTILES, RATE, Column, Trial, success_columns
 
@@ -176,6 +177,17 @@ def thousandfold(name: str) -> Callable[[Trial], float | None]:
         return None if found is None else 1e3 * found
 
     return value
+
+
+def resets_to(goals: Floats, seed: int) -> list[dict[str, Any]]:
+    """Resets of a reach environment that put the goals there, each with its own seed of the cameras' noise."""
+    return [
+        {
+            "seed": int(np.random.SeedSequence(seed, spawn_key=(index,)).generate_state(1)[0]),
+            "options": {"goal": goal},
+        }
+        for index, goal in enumerate(goals)
+    ]
 
 
 def policy_version(policy: str) -> dict[str, str]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import threading
 from collections.abc import Sequence
 from functools import cached_property
 from pathlib import Path
@@ -22,10 +23,18 @@ pin: Any = load("pinocchio")
 PLAIN_AXES = {"JointModelRX": (1.0, 0.0, 0.0), "JointModelRY": (0.0, 1.0, 0.0), "JointModelRZ": (0.0, 0.0, 1.0)}
 
 
-class ArmKinematics:
-    """Kinematics of one arm between a base frame and a tip frame.
+class _WorkSpace(threading.local):
+    """Pinocchio's work space, one for each thread; a copy or a pickled one starts anew."""
 
-    Pinocchio's work space is part of it: threads must not share an instance, one per thread.
+    def __init__(self, model: Any) -> None:
+        self.model, self.data = model, model.createData()
+
+    def __reduce__(self) -> tuple[type[_WorkSpace], tuple[Any]]:
+        return _WorkSpace, (self.model,)
+
+
+class ArmKinematics:
+    """Kinematics of one arm between a base frame and a tip frame. Threads may share an instance.
 
     Args:
         arm: Name of a registered arm, or a description.
@@ -54,7 +63,7 @@ class ArmKinematics:
         check_known("tip", self.tip, self.arm.tips)
         check_known("base", base, ("base_link", "world"))
         self.model = build_model(self.arm)
-        self.data = self.model.createData()
+        self._work = _WorkSpace(self.model)
         self.n: int = self.model.nq
         self.lower: Floats = self.model.lowerPositionLimit.copy()
         self.upper: Floats = self.model.upperPositionLimit.copy()
@@ -63,6 +72,11 @@ class ArmKinematics:
         T_world_arm = self.model.frames[self.model.getFrameId(self.arm.base)].placement.homogeneous
         self.T_world_base: Floats = T_world_arm if base == "base_link" else np.eye(4)
         self.T_base_world: Floats = np.linalg.inv(self.T_world_base)
+
+    @property
+    def data(self) -> Any:
+        """Pinocchio's work space of the calling thread."""
+        return self._work.data
 
     @classmethod
     def from_urdf(
@@ -110,8 +124,9 @@ class ArmKinematics:
         """
         q = as_floats("q", q)
         if q.ndim == 1:
-            pin.forwardKinematics(self.model, self.data, self.as_posture("q", q))
-            T_world_tip = pin.updateFramePlacement(self.model, self.data, self.tip_frame).homogeneous
+            data = self._work.data
+            pin.forwardKinematics(self.model, data, self.as_posture("q", q))
+            T_world_tip = pin.updateFramePlacement(self.model, data, self.tip_frame).homogeneous
             return T_world_tip if self.base == "world" else self.T_base_world @ T_world_tip
         self._check_stack(q)
         return self.chain.fk(q.reshape(-1, self.n)).reshape(*q.shape[:-1], 4, 4)

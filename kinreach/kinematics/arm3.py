@@ -30,12 +30,10 @@ from kinreach.checks import (
 from kinreach.errors import InputError
 from kinreach.kinematics.closed_form import ClosedFormKinematics
 from kinreach.kinematics.goals import Goal, PositionGoal
-from kinreach.kinematics.solutions import Accept, IKResult, IKSolutions
+from kinreach.kinematics.solutions import Accept, IKResult, IKSolutions, Row
 from kinreach.robots import ArmDescription
 
 TURN = 2 * pi
-#: One solution: code (branch index + 8 * `Singularity` flags), and the three joint angles [rad] in [-pi, pi].
-Branch = tuple[int, float, float, float]
 
 
 class Singularity(IntFlag):
@@ -111,7 +109,7 @@ class YawPlanarGeometry:
         )
 
 
-def solve_position(p: Sequence[float], g: YawPlanarGeometry, *, tol: float = 1e-7) -> tuple[list[Branch], int]:
+def solve_position(p: Sequence[float], g: YawPlanarGeometry, *, tol: float = 1e-7) -> tuple[list[Row], int]:
     """All postures that put the tip at a point.
 
     Args:
@@ -129,12 +127,12 @@ def solve_position(p: Sequence[float], g: YawPlanarGeometry, *, tol: float = 1e-
         return [], int(Miss.BASE_CYLINDER)
     if r > abs(g.offset):
         m = sqrt((r - g.offset) * (r + g.offset))
-        sides: tuple[tuple[int, float], ...] = ((0, m), (2, -m))
+        sides: tuple[tuple[int, int, float], ...] = ((0, 0, m), (2, 0, -m))
     else:
-        sides = ((8 * int(Singularity.BASE), 0.0),)
-    found: list[Branch] = []
+        sides = ((0, int(Singularity.BASE), 0.0),)
+    found: list[Row] = []
     miss = 0
-    for code, radial in sides:
+    for branch, flags, radial in sides:
         u = radial - g.shoulder[0]
         rho = hypot(u, v)
         if rho > a + b + tol:
@@ -149,11 +147,11 @@ def solve_position(p: Sequence[float], g: YawPlanarGeometry, *, tol: float = 1e-
             sine = sqrt(1.0 - cosine * cosine)
             bends: tuple[tuple[int, float], ...] = ((0, sine), (1, -sine))
         else:
-            cosine, bends = copysign(1.0, cosine), ((8 * int(Singularity.ELBOW), 0.0),)
+            cosine, bends, flags = copysign(1.0, cosine), ((0, 0.0),), flags | int(Singularity.ELBOW)
         for elbow, sine in bends:
             q2 = wrap(phi - atan2(b * sine, a + b * cosine))
             q3 = wrap(atan2(sine, cosine) - (angle_b - angle_a))
-            found.append((code + elbow, q1, q2, q3))
+            found.append((branch + elbow, flags, q1, q2, q3))
     return found, int(miss)
 
 
@@ -166,7 +164,7 @@ BRANCHES = 4
 
 
 def solve_positions(p: Floats, g: YawPlanarGeometry, *, tol: float = 1e-7) -> tuple[Floats, NDArray[np.bool_]]:
-    """All postures that put the tip at each of many points; the formulas are those of `arm3_ik.solve_position`.
+    """All postures that put the tip at each of many points; the formulas are those of `solve_position`.
 
     Args:
         p: Points in the frame of the base [m], shape (3, count).
@@ -212,8 +210,8 @@ def _solve(p: Floats, g: YawPlanarGeometry, tol: float) -> tuple[Floats, NDArray
 class Arm3Kinematics(ClosedFormKinematics):
     """Kinematics of a turning base with a planar two-link arm, by default that of the button task.
 
-    One per thread. Three joints place the tip but cannot choose its orientation: goals are positions. Where a pose is
-    given, its translation is the goal.
+    Three joints place the tip but cannot choose its orientation: goals are positions. Where a pose is given, its
+    translation is the goal. Threads may share an instance.
 
     Args:
         arm: Name or description of an arm with joints about z, y, y.
@@ -272,7 +270,7 @@ class Arm3Kinematics(ClosedFormKinematics):
             raise InputError(f"a three-joint arm cannot choose its orientation; give a PositionGoal, not {shown(goal)}")
         return self.nearest(goal.position, seed, accept=accept)
 
-    def _batch(self, T: Floats, seeds: Floats | None, tol: float) -> tuple[Floats, NDArray[np.bool_]]:
+    def _batch(self, T: Floats, seeds: Floats | None, tol: float, *, limits: bool) -> tuple[Floats, NDArray[np.bool_]]:
         if T.ndim == 3 and T.shape[1:] == (4, 4):
             check_poses("T", T)
             T = T[:, :3, 3]

@@ -5,7 +5,6 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from collections.abc import Sequence
 from math import dist, pi
-from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -16,6 +15,9 @@ from kinreach.kinematics.arm import ArmKinematics
 from kinreach.kinematics.chain import blocks
 from kinreach.kinematics.goals import Goal, goal_error
 from kinreach.kinematics.solutions import (
+    ANGLES,
+    BRANCH,
+    FLAGS,
     SLACK,
     TURN,
     Accept,
@@ -24,6 +26,7 @@ from kinreach.kinematics.solutions import (
     IKBatchNearest,
     IKResult,
     IKSolutions,
+    Row,
     Status,
     check_accept,
     nearest_winding,
@@ -75,7 +78,7 @@ class ClosedFormKinematics(ArmKinematics, ABC):
         Raises:
             InputError: A pose is not a finite rigid motion; the message says which.
         """
-        q, valid = self._batch(as_floats("T", T), None, check_tolerance(tol))
+        q, valid = self._batch(as_floats("T", T), None, check_tolerance(tol), limits=limits)
         if limits and not self._full_turn:
             q, within = nearest_windings(q, np.zeros(()), self.lower, self.upper)
             valid &= within
@@ -100,7 +103,7 @@ class ClosedFormKinematics(ArmKinematics, ABC):
             raise InputError(f"seeds must have shape ({count}, {self.n}) or ({self.n},), got {start.shape}")
         check_entries("seeds", start, MOST_ANGLE)
         start = np.broadcast_to(start, (count, self.n))
-        q, valid = self._batch(T, start, check_tolerance(tol))
+        q, valid = self._batch(T, start, check_tolerance(tol), limits=True)
         chosen, branch = np.empty((count, self.n)), np.empty(count, dtype=np.int64)
         for rows in blocks(count):
             chosen[rows], branch[rows] = self._nearest(q[..., rows], valid[..., rows], start[rows].T[:, None])
@@ -118,18 +121,30 @@ class ClosedFormKinematics(ArmKinematics, ABC):
 
     @abstractmethod
     def solve(self, goal: Goal, seed: ArrayLike, *, accept: Accept | None = None) -> IKResult:
-        """The posture for a goal that is nearest to a seed; see `Solver.solve`."""
+        """The posture for a goal that is nearest to a seed.
+
+        Args:
+            goal: In the base frame, for the tip.
+            seed: Posture [rad], shape (n,).
+            accept: Called with candidates in the order of their distance until it returns True.
+
+        Raises:
+            InputError: Malformed input, or a kind of goal for which the arm has no closed form.
+        """
 
     @abstractmethod
-    def _batch(self, T: Floats, seeds: Floats | None, tol: float) -> tuple[Floats, NDArray[np.bool_]]:
-        """Postures (n, branches, count), NaN where not valid, and validity (branches, count), before limits."""
+    def _batch(self, T: Floats, seeds: Floats | None, tol: float, *, limits: bool) -> tuple[Floats, NDArray[np.bool_]]:
+        """Postures (n, branches, count), NaN where not valid, and validity (branches, count), before limits.
+
+        With `limits`, what the goal leaves free is chosen so that the posture is within them.
+        """
 
     def _error_of(self, goal: Goal) -> ErrorOf:
         return lambda q: goal_error(goal, self.fk(q))
 
     def _solutions(
         self,
-        found: Sequence[tuple[Any, ...]],
+        found: Sequence[Row],
         unreached: str,
         error_of: ErrorOf,
         seed: Floats | None,
@@ -143,22 +158,23 @@ class ClosedFormKinematics(ArmKinematics, ABC):
         wanted = [0.0] * self.n if seed is None else seed.tolist()
         low, high = (self._low, self._high) if limits else ([-np.inf] * self.n, [np.inf] * self.n)
         single = limits and self._one_turn
-        shifted = (
-            row if single and _inside_turn(row) else _shift(row, nearest_winding(row[1:], wanted, low, high))
-            for row in found
-        )
-        kept = [row for row in shifted if row is not None]
+        kept: list[Row] = []
+        for row in found:
+            if single and _inside_turn(row[ANGLES]):
+                kept.append(row)
+            elif (q := nearest_winding(row[ANGLES], wanted, low, high)) is not None:
+                kept.append((row[BRANCH], row[FLAGS], *q))
         if not kept:
             reason = f"all {len(found)} postures are outside the joint limits ({self._limiting_joints(found)})"
             return IKSolutions((), Status.OUT_OF_LIMITS, reason, error_of, self.n)
         if seed is not None:
-            kept.sort(key=lambda row: dist(row[1:], wanted))
+            kept.sort(key=lambda row: dist(row[ANGLES], wanted))
         return IKSolutions(kept, Status.OK, "", error_of, self.n)
 
-    def _limiting_joints(self, found: Sequence[tuple[Any, ...]]) -> str:
+    def _limiting_joints(self, found: Sequence[Row]) -> str:
         def blocked(j: int) -> bool:
             low, high = self._low[j : j + 1], self._high[j : j + 1]
-            return any(nearest_winding(row[1 + j : 2 + j], [0.0], low, high) is None for row in found)
+            return any(nearest_winding([row[ANGLES][j]], [0.0], low, high) is None for row in found)
 
         return ", ".join(name for j, name in enumerate(self.arm.joints) if blocked(j))
 
@@ -166,11 +182,11 @@ class ClosedFormKinematics(ArmKinematics, ABC):
         """The first of the sorted solutions that the caller accepts."""
         check_accept(accept)
         for row in solutions.found:
-            q = np.array(row[1:])
+            q = np.array(row[ANGLES])
             if accept is None or accept(q.copy()):
-                return IKResult(q, Status.OK, *solutions.error_of(q), branch=row[0] & 7)
+                return IKResult(q, Status.OK, *solutions.error_of(q), branch=row[BRANCH])
         if solutions.success:
-            q = np.array(solutions.found[0][1:])
+            q = np.array(solutions.found[0][ANGLES])
             reason = f"accept refused all {len(solutions)} postures"
             return IKResult(q, Status.REJECTED, *solutions.error_of(q), reason)
         return IKResult(seed.copy(), solutions.status, *solutions.error_of(seed), solutions.reason)
@@ -179,11 +195,6 @@ class ClosedFormKinematics(ArmKinematics, ABC):
         return None if seed is None else self.as_posture("seed", seed)
 
 
-def _shift(row: tuple[Any, ...], q: list[float] | None) -> tuple[Any, ...] | None:
-    return None if q is None else (row[0], *q)
-
-
-def _inside_turn(row: Sequence[Any]) -> bool:
-    """Whether no joint of (code, q...) is at an end of (-pi, pi)."""
-    q = row[1:]
+def _inside_turn(q: Sequence[float]) -> bool:
+    """Whether no joint is at an end of (-pi, pi)."""
     return max(q) < pi - SLACK and min(q) > SLACK - pi

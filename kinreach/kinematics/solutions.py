@@ -132,6 +132,11 @@ TURN = 2 * pi
 #: How far a joint may be past its limit by rounding [rad].
 SLACK = 1e-9
 
+#: One solution as the closed forms give it, plain and flat because it is made eight times in some microseconds: branch
+#: index, singularity flags, joint angles [rad].
+Row = tuple[Any, ...]
+BRANCH, FLAGS, ANGLES = 0, 1, slice(2, None)
+
 #: Position error [m] and orientation error [rad] of a posture.
 ErrorOf = Callable[[Floats], tuple[float, float]]
 
@@ -143,14 +148,14 @@ class IKSolutions:
     Arrays are made when they are first asked for.
 
     Attributes:
-        found: One tuple per solution: branch index + 8 * singularity flags, then the joint angles [rad].
+        found: One `Row` per solution.
         status: `OK` if there is at least one.
         reason: Why there is none, else empty.
         error_of: Forward-kinematics check of a posture against the goal.
         n: Number of joints.
     """
 
-    found: Sequence[tuple[Any, ...]]
+    found: Sequence[Row]
     status: Status
     reason: str
     error_of: ErrorOf
@@ -167,19 +172,19 @@ class IKSolutions:
     @cached_property
     def q(self) -> Floats:
         """Postures [rad], shape (k, n)."""
-        columns = self.n + 1
+        columns = ANGLES.start + self.n
         rows = np.fromiter(chain.from_iterable(self.found), np.float64, columns * len(self.found))
-        return rows.reshape(-1, columns)[:, 1:]
+        return rows.reshape(-1, columns)[:, ANGLES]
 
     @cached_property
     def branch(self) -> NDArray[np.int64]:
         """Branch index of each solution, shape (k,)."""
-        return np.array([row[0] & 7 for row in self.found], dtype=np.int64)
+        return np.array([row[BRANCH] for row in self.found], dtype=np.int64)
 
     @cached_property
     def singularity(self) -> NDArray[np.int64]:
         """Flags of what was clamped, free or moved in each solution, shape (k,); 0 is regular."""
-        return np.array([row[0] >> 3 for row in self.found], dtype=np.int64)
+        return np.array([row[FLAGS] for row in self.found], dtype=np.int64)
 
     @cached_property
     def residual(self) -> Floats:

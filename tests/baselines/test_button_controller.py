@@ -46,7 +46,7 @@ def test_one_at_a_time_it_does_what_it_does_for_many(actuation):
     assert together["pressed"] == 1
     for index in range(count):
         observation, info = env.reset(seed=5 + index)
-        policy.reset(info)
+        policy.reset(observation, info)
         taken = 0
         over = False
         while not over:
@@ -64,7 +64,7 @@ def test_episodes_after_the_first_start_with_a_clean_slate():
     pressed = 0
     for episode in range(12):
         observation, info = env.reset(seed=3 if episode == 0 else None)
-        policy.reset(info)
+        policy.reset(observation, info)
         for _ in range(LONGEST["tuned"]):
             observation, _, over, _, _ = env.step(policy.act(observation))
             if over:
@@ -82,7 +82,7 @@ def test_it_starts_from_any_posture():
     for episode in range(40):
         q = [np.pi - 0.02 if episode % 2 else 0.02 - np.pi, *rng.uniform(-0.8, 0.8, 2)]
         observation, info = env.reset(seed=episode, options={"q": q})
-        policy.reset(info)
+        policy.reset(observation, info)
         over = truncated = False
         while not (over or truncated):
             observation, _, over, truncated, _ = env.step(policy.act(observation))

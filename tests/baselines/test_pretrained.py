@@ -61,7 +61,7 @@ def test_what_a_card_says_was_measured_is_measured_again(name, command, request,
     goals = int(words[words.index("--goals") + 1])
     assert found["goals"] == said["goals"] == goals
     said, found = flat(said), flat(found)
-    assert set(found) == set(said)
+    assert set(said) <= set(found)
     assert len(said) >= 31
     exact = "camera" not in command and "button" not in name  # drivers draw differently; presses are a matter of limits
     for place, value in said.items():

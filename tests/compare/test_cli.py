@@ -34,7 +34,7 @@ def test_a_comparison_prints_its_tables_and_the_command_that_gives_it_again(tmp_
 @pytest.mark.parametrize(("argv", "said"), [
     (["--task", "ur6"], "unknown task 'ur6'"),
     (["--methods", "closed"], "unknown ur5 method 'closed'"),
-    (["--methods", "nowhere:Thing"], "cannot import 'nowhere'"),
+    (["--methods", "nowhere:Thing"], "cannot import the method nowhere:Thing"),
     (["--methods", "missing.safetensors"], "missing.safetensors"),
     (["--methods", "missing.zip"], "missing.zip"),
     (["--goals", "0"], "goals must be at least 1"),

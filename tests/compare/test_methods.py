@@ -74,9 +74,9 @@ def test_a_module_of_the_working_directory(toy, tmp_path, monkeypatch):
     results = compare(toy, ["my_methods:exact"], goals=2)
     assert [entry["name"] for entry in results["methods"]] == ["exact"]
     assert any(name.startswith("my_methods:") for name in results["versions"])
-    with pytest.raises(InputError, match="has no 'other'"):
+    with pytest.raises(InputError, match="cannot import the method my_methods:other"):
         compare(toy, ["my_methods:other"])
-    with pytest.raises(InputError, match="cannot import 'no_such_module'"):
+    with pytest.raises(InputError, match="cannot import the method no_such_module"):
         compare(toy, ["no_such_module:thing"])
 
 

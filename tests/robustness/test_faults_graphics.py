@@ -102,7 +102,7 @@ def test_a_closed_renderer_says_so():
 
 def test_a_comparison_keeps_what_it_has_seen_and_goes_on(failing_frame, no_source_changes, tmp_path):
     settings = Settings(task="ur5", methods=("closed-form",), goals=4, seed=1, observation="camera")
-    failing_frame(10)  # in the third look: each has four frames, and the first is not of a goal
+    failing_frame(14)  # in the fourth look: each has four frames, and the first two are of the warm-up
     with pytest.raises(DrawingError):
         compare(settings, tmp_path / "broken")
     assert len((tmp_path / "broken" / "records.jsonl").read_text().splitlines()) == 1 + 1

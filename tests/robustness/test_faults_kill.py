@@ -3,6 +3,7 @@
 import fcntl
 import multiprocessing
 import os
+import shutil
 import signal
 import time
 from dataclasses import replace
@@ -114,7 +115,11 @@ def test_what_somebody_is_writing_is_left_alone(writer):
 
 
 def test_names_that_look_like_patterns_and_files_of_others_survive(tmp_path):
-    others = [".notes-unfinished.txt", "results-unfinished-1.json", ".results.json"]
+    others = [
+        ".notes-unfinished.txt", "results-unfinished-1.json", ".results.json", ".thesis-unfinished-chapter3.tex",
+        ".results-unfinished-0123abcd.json", f".results{UNFINISHED}notes.json",
+        f".results{UNFINISHED}1-{16 * 'a'}.json",
+    ]  # fmt: skip
     for name in others:
         (tmp_path / name).write_text("mine")
     for path in (tmp_path / "[a-z].json", tmp_path / "results.json", tmp_path / "*.csv"):
@@ -124,21 +129,33 @@ def test_names_that_look_like_patterns_and_files_of_others_survive(tmp_path):
     assert {name for name in others if (tmp_path / name).exists()} == set(others)
 
 
-def test_a_temporary_swept_before_it_was_locked_is_replaced(tmp_path, monkeypatch):
-    """Between its making and its lock a temporary file can be taken for one that was left behind."""
-    swept = []
+def test_a_copy_of_what_a_killed_writer_left_is_somebody_elses(writer):
+    process, path = writer
+    os.kill(process.pid, signal.SIGKILL)
+    process.join(60)
+    (left,) = unfinished(path)
+    shutil.copy(path.parent / left, path.parent / f"{left}.kept")
+    (path.parent / left).rename(path.parent / "moved")
+    shutil.copy(path.parent / "moved", path.parent / left)
+    (path.parent / f".link{UNFINISHED}1-{16 * 'b'}").symlink_to("moved")
+    make_writable(path.parent)
+    assert len(unfinished(path)) == 3
+
+
+def test_no_sweep_takes_a_file_that_is_about_to_be_locked(tmp_path, monkeypatch):
+    found = []
     lock = fcntl.flock
 
     def sweep_first(handle, operation):
-        if not swept:
-            swept.extend(unfinished(tmp_path / "a"))
-            (tmp_path / swept[0]).unlink()
+        if not found:
+            found.extend(unfinished(tmp_path / "a"))
+            make_writable(tmp_path)
         lock(handle, operation)
 
     monkeypatch.setattr(fcntl, "flock", sweep_first)
     write_text(tmp_path / "a.txt", "whole")
     assert (tmp_path / "a.txt").read_text() == "whole"
-    assert len(swept) == 1
+    assert len(found) == 1
     assert os.listdir(tmp_path) == ["a.txt"]
 
 

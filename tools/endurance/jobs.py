@@ -139,6 +139,16 @@ JOBS: dict[str, Job] = {
     "ButtonPress, batch": (_batch("ButtonPress"), _play),
 }
 #: What threads may share; of everything else each has its own.
-SHARED = ("FastCollision", "LearnedPolicy")
+SHARED = (
+    "UR5Kinematics, forward",
+    "UR5Kinematics, inverse",
+    "Arm3Kinematics",
+    "closed form",
+    "lm",
+    "qp",
+    "lm, 3-DOF arm",
+    "FastCollision",
+    "LearnedPolicy",
+)
 #: What holds threads of MuJoCo's, and is made anew by every process.
 UNPICKLED = ("BatchSimulation", "UR5MultiStep, batch", "ButtonPress, batch")

@@ -29,6 +29,8 @@ class Solver(Protocol):
                 return IKResult.of(self.kin, goal, q, accept=accept)
 
     `IKResult.of` computes the errors, checks limits and `accept`, and says whether `q` reaches the goal.
+
+    Threads may share the solvers of kinreach, except `PlacoSolver`: of that, make one per thread.
     """
 
     @property
@@ -54,7 +56,7 @@ class Solver(Protocol):
 
 
 class ClosedFormSolver:
-    """Takes the nearest of all exact postures; see `kinreach.kinematics.solvers.base.Solver`. One per thread."""
+    """Takes the nearest of all exact postures. Threads may share an instance."""
 
     name = "closed-form"
 

@@ -197,7 +197,7 @@ class IterativeSolver(ABC):
 
     Every attempt ends with the posture folded into the limits and judged anew by forward kinematics, so that success
     is a property of the posture that is returned. The random postures are drawn from a generator that each call to
-    `solve` seeds afresh: equal inputs give equal results whatever was asked before. One per thread (see `Solver`).
+    `solve` seeds afresh: equal inputs give equal results whatever was asked before.
 
     Args:
         kin: The arm, its tip and the base frame that goals are in.
@@ -242,7 +242,7 @@ class IterativeSolver(ABC):
         """Prepare the descent for one goal."""
 
     def solve(self, goal: Goal, seed: ArrayLike, *, accept: Accept | None = None) -> IKResult:
-        """Find a posture for `goal`; see `Solver.solve`.
+        """Find a posture for `goal`.
 
         Args:
             goal: In the base frame of `kin`, for its tip. A goal with more conditions than the arm has joints (a full

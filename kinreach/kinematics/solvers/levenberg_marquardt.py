@@ -27,7 +27,7 @@ class LevenbergMarquardtSolver(IterativeSolver):
     is held, and the others take the step without it (see `JointSpace` for joints that turn full circle). `goal_task`
     has the equations of e and J.
 
-    The arguments are those of `IterativeSolver`. One per thread, as all solvers.
+    The arguments are those of `IterativeSolver`. Threads may share an instance.
     """
 
     name: ClassVar[str] = "lm"

@@ -32,7 +32,7 @@ class PlacoSolver(IterativeSolver):
 
     Used as it works best: with speed limits, which keep each step where the linearisation holds, and iterated to
     convergence. Joints that turn full circle have no position limit on the way (see `JointSpace`). placo's objects
-    are made once per kind of goal; a call only moves their targets. One per thread, as all solvers.
+    are made once per kind of goal; a call only moves their targets. Threads must not share an instance: one per thread.
 
     Args:
         kin: The arm, its tip and the base frame that goals are in.

@@ -1,7 +1,7 @@
 """Closed-form inverse kinematics of UR-type arms for many poses at once, in numpy.
 
-The same formulas as `ur_ik`, on structure-of-arrays blocks that stay in the cache. Rows that come near a singularity
-are marked and left to `ur_ik`, which knows how to treat them.
+The same formulas as `closed_form`, on structure-of-arrays blocks that stay in the cache. Rows near a singularity
+are marked and left to `closed_form`, which knows how to treat them.
 """
 
 from __future__ import annotations
@@ -13,11 +13,15 @@ from numpy.typing import NDArray
 
 from kinreach.checks import MOST_DISTANCE, Floats
 from kinreach.kinematics.chain import blocks
+from kinreach.kinematics.ur.closed_form import NEAR_WRIST
 from kinreach.kinematics.ur.geometry import URGeometry
 
 TURN = 2 * pi
 ROUNDING = 1e-12
 BRANCHES = 8
+#: A square of a sine that is less than this is left to `closed_form`: its root is not exact to 1e-11.
+NEAR_ROOT = 1e-9
+SHOULDER_PAN, SHOULDER_LIFT, _ELBOW, WRIST_1, WRIST_2, WRIST_3 = range(6)
 
 
 def solve_poses(
@@ -30,11 +34,11 @@ def solve_poses(
         left: Transform from the tip pose's base to the DH base frame (4, 4).
         right: Transform from the tip to the flange (4, 4).
         g: Link lengths [m].
-        tol: As for `ur_ik.solve_pose`.
+        tol: As for `closed_form.solve_pose`.
 
     Returns:
         q [rad], shape (6, 8, count), NaN where not valid; valid, shape (8, count), in the order of the branch index;
-        the rows that need `ur_ik.solve_pose`, shape (count,); and the rows whose rotation block is not one, (count,).
+        the rows that need `closed_form.solve_pose`, shape (count,); and those whose rotation is none, shape (count,).
     """
     count = len(T)
     q = np.empty((6, BRANCHES, count))
@@ -69,8 +73,8 @@ def _not_a_rotation(m: Floats) -> NDArray[np.bool_]:
     off += np.abs(ny * oz - nz * oy - ax)
     off += np.abs(nz * ox - nx * oz - ay)
     off += np.abs(nx * oy - ny * ox - az)
-    off += ~(np.abs(px) + np.abs(py) + np.abs(pz) < MOST_DISTANCE)
-    return ~(off < ROUNDING)
+    near = np.abs(px) + np.abs(py) + np.abs(pz) < MOST_DISTANCE
+    return ~(near & (off < ROUNDING))
 
 
 def _solve_block(m: Floats, g: URGeometry, tol: float, q: Floats, valid: NDArray[np.bool_]) -> NDArray[np.bool_]:
@@ -79,7 +83,7 @@ def _solve_block(m: Floats, g: URGeometry, tol: float, q: Floats, valid: NDArray
     r2 = x * x + y * y
     m2 = r2 - g.d4 * g.d4
     inside = m2 <= 0.0
-    singular = inside & (r2 >= (g.d4 - tol) ** 2)
+    singular = (m2 < NEAR_ROOT * r2) & (r2 >= (g.d4 - tol) ** 2)
     d, side = g.d4 / r2, np.sqrt(m2) / r2
     xd, yd, xm, ym = x * d, y * d, x * side, y * side
     for first, s1, c1 in ((0, xd + ym, xm - yd), (4, xd - ym, -yd - xm)):
@@ -88,16 +92,17 @@ def _solve_block(m: Floats, g: URGeometry, tol: float, q: Floats, valid: NDArray
         np.negative(minus_u, out=minus_u)
         c6, s6 = nx * s1 - ny * c1, oy * c1 - ox * s1
         s5 = np.sqrt(c6 * c6 + s6 * s6)
-        singular |= s5 <= tol
+        singular |= s5 <= max(tol, NEAR_WRIST)
         k = g.d5 / s5
         s, c = k * az, k * (ax * c1 + ay * s1)
         q5, q6, q234 = np.arctan2(s5, ax * s1 - ay * c1), np.arctan2(s6, c6), np.arctan2(-s, -c)
         for wrist, u, v in ((first, minus_u - s, c - z), (first + 2, minus_u + s, -z - c)):
             both = slice(wrist, wrist + 2)
-            nothing = _solve_elbow(u, v, q234, g, tol, q[1:4, both], valid[both], singular)
-            np.add(q1, nothing, out=q[0, both])
-            np.add(q5, nothing, out=q[4, both])
-            np.add(q6, nothing, out=q[5, both])
+            reached, borderline = solve_elbow(u, v, q234, g, tol, q[SHOULDER_LIFT : WRIST_1 + 1, both])
+            valid[both] = reached
+            singular |= borderline
+            for joint, value in ((SHOULDER_PAN, q1), (WRIST_2, q5), (WRIST_3, q6)):
+                q[joint, both] = np.where(reached, value, np.nan)
             np.negative(q5, out=q5)
             q6 -= np.copysign(pi, q6)
             q234 -= np.copysign(pi, q234)
@@ -105,19 +110,18 @@ def _solve_block(m: Floats, g: URGeometry, tol: float, q: Floats, valid: NDArray
     return singular
 
 
-def _solve_elbow(
+def solve_elbow(
     u: Floats,
     v: Floats,
     q234: Floats,
     g: URGeometry,
     tol: float,
     q: Floats,
-    valid: NDArray[np.bool_],
-    singular: NDArray[np.bool_],
-) -> Floats:
-    """Fill in q2, q3, q4 of both elbows, q of shape (3, 2, count); adds to `singular`.
+) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
+    """Fill in q2, q3, q4 of both elbows, q of shape (3, 2, count).
 
-    (u, v) points from wrist_1 to the shoulder, in the arm's plane. Returns zeros, but NaN where nothing is reached.
+    (u, v) points from wrist_1 to the shoulder, in the arm's plane. Returns what is reached, the rest of q being NaN,
+    and what is stretched or folded so far that `closed_form` has to decide.
     """
     c3 = u * u
     c3 += v * v
@@ -126,9 +130,8 @@ def _solve_elbow(
     c3 *= 1.0 / (2 * g.a2 * g.a3)
     s3 = c3 * c3
     np.subtract(1.0, s3, out=s3)
-    reached = s3 > 0.0
-    valid[:] = reached
-    singular |= ~reached & (rho2 <= (g.stretched + tol) ** 2) & (rho2 >= (g.folded - tol) ** 2)
+    reached: NDArray[np.bool_] = s3 > 0.0
+    borderline = (s3 < NEAR_ROOT) & (rho2 <= (g.stretched + tol) ** 2) & (rho2 >= (g.folded - tol) ** 2)
     np.sqrt(s3, out=s3)
     np.arctan2(s3, c3, out=q[1, 0])
     np.negative(q[1, 0], out=q[1, 1])
@@ -142,5 +145,4 @@ def _solve_elbow(
     np.rint(turns, out=turns)
     turns *= TURN
     q[::2] -= turns
-    s3 *= 0.0
-    return s3
+    return reached, borderline

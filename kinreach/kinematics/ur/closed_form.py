@@ -22,25 +22,26 @@ Every solution in which something was clamped or moved is checked by forward kin
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from math import acos, atan2, copysign, cos, hypot, pi, sin, sqrt
 
+from kinreach.kinematics.solutions import ANGLES, FLAGS, Row
 from kinreach.kinematics.ur.geometry import Miss, Rows, Singularity, URGeometry, ur_fk
 
 TURN = 2 * pi
+#: Below this sin q5 rounding in the pose, 1e-13 say, is magnified to more than the smallest tolerance.
+NEAR_WRIST = 1e-3
 
 
 #: Shoulder and wrist values where neither is singular.
 REGULAR_WRISTS = 4
-SHOULDER, WRIST, ELBOW, MOVED = (8 * flag for flag in Singularity)
-#: One solution: code (branch index + 8 * `Singularity` flags), and the six joint angles [rad] in [-pi, pi].
-Branch = tuple[int, float, float, float, float, float, float]
-#: Shoulder and wrist of a branch: code, q1, q5, q6, q234, and the vector (u, v) from wrist_1's
+SHOULDER, WRIST, ELBOW, MOVED = map(int, Singularity)
+#: Shoulder and wrist of a branch: branch index, flags, q1, q5, q6, q234, and the vector (u, v) from wrist_1's
 #: origin to the shoulder in the arm's plane [m].
-Wrist = tuple[int, float, float, float, float, float, float]
+Wrist = tuple[int, int, float, float, float, float, float, float]
 
 
-def solve_pose(rows: Rows, g: URGeometry, *, tol: float = 1e-7, q6: float = 0.0) -> tuple[list[Branch], int]:
+def solve_pose(rows: Rows, g: URGeometry, *, tol: float = 1e-7, q6: float = 0.0) -> tuple[list[Row], int]:
     """All postures that put the flange at a pose.
 
     Args:
@@ -50,36 +51,42 @@ def solve_pose(rows: Rows, g: URGeometry, *, tol: float = 1e-7, q6: float = 0.0)
         q6: Value wrist_3 keeps, as far as it can, where it is free [rad].
 
     Returns:
-        The solutions in the order of their branch index, and the `Miss` flags of the branches that have none.
+        The solutions in the order of their branch index, angles in [-pi, pi], and the `Miss` flags of those missing.
     """
-    (nx, ox, ax, px), (ny, oy, ay, py), (nz, _oz, az, pz) = rows
+    (nx, ox, ax, px), (ny, oy, ay, py), (nz, oz, az, pz) = rows
     d1, _, _, d5, d6, _, _, _ = g.packed
     x, y, z = px - d6 * ax, py - d6 * ay, pz - d6 * az - d1
     wrists: list[Wrist] = []
-    turns = _shoulders(x, y, g.d4, tol)
-    for code, s1, c1 in turns:
+    regular = True
+    for branch, flags, s1, c1 in shoulders(x, y, g.d4, tol):
         q1, u = atan2(s1, c1), -x * c1 - y * s1
         c6, s6, c5 = nx * s1 - ny * c1, oy * c1 - ox * s1, ax * s1 - ay * c1
         s5 = sqrt(c6 * c6 + s6 * s6)
-        if s5 > tol:
+        if s5 > NEAR_WRIST and s5 > tol:
             k = d5 / s5
             s, c = k * az, k * (ax * c1 + ay * s1)
             q5, q6_, q234 = atan2(s5, c5), atan2(s6, c6), atan2(-s, -c)
-            wrists.append((code, q1, q5, q6_, q234, u - s, c - z))
+            wrists.append((branch, flags, q1, q5, q6_, q234, u - s, c - z))
             # the flipped wrist is -q5, q6 + pi, q234 + pi
             q6_ += pi if q6_ <= 0.0 else -pi
             q234 += pi if q234 <= 0.0 else -pi
-            wrists.append((code + 2, q1, -q5, q6_, q234, u + s, -c - z))
+            wrists.append((branch + 2, flags, q1, -q5, q6_, q234, u + s, -c - z))
+        elif s5 > tol:
+            regular = False
+            n_u, o_u = nx * c1 + ny * s1, ox * c1 + oy * s1
+            total = atan2(nz - o_u, n_u + oz) if c5 > 0.0 else atan2(-nz - o_u, oz - n_u)
+            wrists += _near_wrists((branch, flags, q1, atan2(s5, c5), atan2(s6, c6)), total, -u, z, g, tol / s5)
         else:
             # n lies in the arm's plane, at the angle q234 + q6 (q5 = 0) or q234 - q6 + pi (q5 = pi)
             angle = atan2(nz, nx * c1 + ny * s1)
             wanted = angle - q6 if c5 > 0.0 else angle + q6 - pi
-            wrist = _free_wrist(code, q1, c5, wanted, -u, z, g)
-            wrists.append((*wrist[:3], wrap(angle - wrist[4] if c5 > 0.0 else wrist[4] - angle + pi), *wrist[4:]))
+            flags, q5, q234, u, v = _free_wrist(flags, c5, wanted, -u, z, g)
+            q6_ = wrap(angle - q234 if c5 > 0.0 else q234 - angle + pi)
+            wrists.append((branch, flags, q1, q5, q6_, q234, u, v))
     found, miss, clamped = _elbows(wrists, g, tol)
-    if len(wrists) == REGULAR_WRISTS and not clamped:
+    if len(wrists) == REGULAR_WRISTS and regular and not clamped:
         return found, miss
-    return _verified(found, miss, lambda q: _pose_missed_by(ur_fk(q, g), rows) <= tol)
+    return _verified(found, miss, lambda q: reaches_pose(q, g, rows, tol))
 
 
 def solve_axis(
@@ -91,7 +98,7 @@ def solve_axis(
     tol: float = 1e-7,
     pitch: float = 0.0,
     q6: float = 0.0,
-) -> tuple[list[Branch], int]:
+) -> tuple[list[Row], int]:
     """All postures that put a point of the tool axis somewhere and point the tool along a direction.
 
     Rotation about the tool is free and belongs to wrist_3 alone, so q6 keeps the given value and
@@ -113,47 +120,47 @@ def solve_axis(
     length = g.d6 + reach
     x, y, z = position[0] - length * ax, position[1] - length * ay, position[2] - length * az - g.d1
     wrists: list[Wrist] = []
-    turns = _shoulders(x, y, g.d4, tol)
-    for code, s1, c1 in turns:
+    turns = shoulders(x, y, g.d4, tol)
+    for branch, flags, s1, c1 in turns:
         q1, u = atan2(s1, c1), -x * c1 - y * s1
         a_u, c5 = ax * c1 + ay * s1, ax * s1 - ay * c1
         s5 = hypot(a_u, az)
         if s5 > tol:
             s, c = az * g.d5 / s5, a_u * g.d5 / s5
             q5, q234 = atan2(s5, c5), atan2(-s, -c)
-            wrists.append((code, q1, q5, q6, q234, u - s, c - z))
+            wrists.append((branch, flags, q1, q5, q6, q234, u - s, c - z))
             q234 += pi if q234 <= 0.0 else -pi
-            wrists.append((code + 2, q1, -q5, q6, q234, u + s, -c - z))
+            wrists.append((branch + 2, flags, q1, -q5, q6, q234, u + s, -c - z))
         else:
-            wrist = _free_wrist(code, q1, c5, pitch, -u, z, g)
-            wrists.append((*wrist[:3], q6, *wrist[4:]))
+            flags, q5, q234, u, v = _free_wrist(flags, c5, pitch, -u, z, g)
+            wrists.append((branch, flags, q1, q5, q6, q234, u, v))
     found, miss, clamped = _elbows(wrists, g, tol)
     if len(wrists) == REGULAR_WRISTS and not clamped:
         return found, miss
     return _verified(found, miss, lambda q: _axis_missed_by(ur_fk(q, g), position, axis, reach) <= tol)
 
 
-def _shoulders(x: float, y: float, d4: float, tol: float) -> Sequence[tuple[int, float, float]]:
-    """(code, sin q1, cos q1) of the shoulder values from x sin q1 - y cos q1 = d4."""
+def shoulders(x: float, y: float, d4: float, tol: float) -> Sequence[tuple[int, int, float, float]]:
+    """(branch index, flags, sin q1, cos q1) of the shoulder values from x sin q1 - y cos q1 = d4."""
     r2 = x * x + y * y
     m2 = r2 - d4 * d4
     if m2 > 0.0:
         d, m = d4 / r2, sqrt(m2) / r2
         xd, yd, xm, ym = x * d, y * d, x * m, y * m
-        return (0, xd + ym, xm - yd), (4, xd - ym, -yd - xm)
+        return (0, 0, xd + ym, xm - yd), (4, 0, xd - ym, -yd - xm)
     r = sqrt(r2)
-    return ((SHOULDER, x / r, -y / r),) if r >= d4 - tol else ()
+    return ((0, SHOULDER, x / r, -y / r),) if r >= d4 - tol else ()
 
 
-def _elbows(wrists: list[Wrist], g: URGeometry, tol: float) -> tuple[list[Branch], int, bool]:
+def _elbows(wrists: list[Wrist], g: URGeometry, tol: float) -> tuple[list[Row], int, bool]:
     """Both elbow solutions of every shoulder and wrist, from -u = a2 c2 + a3 c23 and -v = a2 s2 + a3 s23.
 
     Returns the solutions, the `Miss` flags, and whether an elbow was clamped.
     """
     _, upper, fore, _, _, _, lengths, twice = g.packed
-    found: list[Branch] = []
+    found: list[Row] = []
     miss, clamped = 0, False
-    for code, q1, q5, q6, q234, u, v in wrists:
+    for branch, flags, q1, q5, q6, q234, u, v in wrists:
         c3 = (u * u + v * v - lengths) / twice
         if -1.0 < c3 < 1.0:
             s3 = sqrt(1.0 - c3 * c3)
@@ -162,7 +169,7 @@ def _elbows(wrists: list[Wrist], g: URGeometry, tol: float) -> tuple[list[Branch
             if reason:
                 miss |= reason
                 continue
-            c3, s3, code, clamped = copysign(1.0, c3), 0.0, code | ELBOW, True
+            c3, s3, flags, clamped = copysign(1.0, c3), 0.0, flags | ELBOW, True
         # wrist_1 -> shoulder points along phi, and is turned by psi >= 0 against the upper arm (a2 and a3 are negative)
         q3, phi, psi = atan2(s3, c3), atan2(v, u), atan2(fore * s3, upper + fore * c3)
         rest, bend = q234 - phi, psi - q3
@@ -173,7 +180,7 @@ def _elbows(wrists: list[Wrist], g: URGeometry, tol: float) -> tuple[list[Branch
             q4 -= TURN
         while q4 < -pi:
             q4 += TURN
-        found.append((code, q1, q2, q3, q4, q5, q6))
+        found.append((branch, flags, q1, q2, q3, q4, q5, q6))
         if s3 > 0.0:
             q2, q4 = phi + psi, rest - bend
             if q2 > pi:
@@ -182,7 +189,7 @@ def _elbows(wrists: list[Wrist], g: URGeometry, tol: float) -> tuple[list[Branch
                 q4 -= TURN
             if q4 < -pi:
                 q4 += TURN
-            found.append((code + 1, q1, q2, -q3, q4, q5, q6))
+            found.append((branch + 1, flags, q1, q2, -q3, q4, q5, q6))
     return found, miss, clamped
 
 
@@ -193,12 +200,36 @@ def _elbow_miss(rho: float, g: URGeometry, tol: float) -> int:
     return int(Miss.ELBOW_IN) if rho < g.folded - tol else 0
 
 
-def _free_wrist(code: int, q1: float, c5: float, wanted: float, u: float, v: float, g: URGeometry) -> Wrist:
-    """The wrist at sin q5 = 0 with q234 as near to `wanted` as the elbow allows; q6 is left to the caller."""
+def _free_wrist(
+    flags: int, c5: float, wanted: float, u: float, v: float, g: URGeometry
+) -> tuple[int, float, float, float, float]:
+    """Flags, q5, q234, u and v of the wrist at sin q5 = 0, with q234 as near to `wanted` as the elbow allows."""
     q234 = reachable_pitch(wanted, u, v, g)
-    code |= WRIST if q234 == wanted else WRIST | MOVED
+    flags |= WRIST if q234 == wanted else WRIST | MOVED
     s, c = g.d5 * sin(q234), g.d5 * cos(q234)
-    return code, q1, 0.0 if c5 > 0.0 else pi, 0.0, q234, s - u, -c - v
+    return flags, 0.0 if c5 > 0.0 else pi, q234, s - u, -c - v
+
+
+def _near_wrists(
+    wrist: tuple[int, int, float, float, float], total: float, u: float, v: float, g: URGeometry, slack: float
+) -> Iterator[Wrist]:
+    """Both wrists where sin q5 is so small that q6 and q234, each by itself, are inexact.
+
+    Exact is their sum `total`, where q5 is near pi the difference q234 - q6. If the elbow reaches only from a little
+    beside that q234, no further than `slack` [rad], q234 is moved there, and q6 with it.
+    """
+    branch, flags, q1, q5, q6 = wrist
+    for side, q5_ in ((0, q5), (2, -q5)):
+        wanted = wrap(total - q6 if q5 < 0.5 * pi else total + q6)
+        q234, moved = reachable_pitch(wanted, u, v, g), 0
+        if abs(q234 - wanted) > slack:
+            q234 = wanted
+        elif q234 != wanted:
+            moved = WRIST | MOVED
+            q6 = total - q234 if q5 < 0.5 * pi else q234 - total
+        s, c = g.d5 * sin(q234), g.d5 * cos(q234)
+        yield branch + side, flags | moved, q1, q5_, wrap(q6), wrap(q234), s - u, -c - v
+        q6 += pi if q6 <= 0.0 else -pi
 
 
 def reachable_pitch(wanted: float, u: float, v: float, g: URGeometry) -> float:
@@ -224,18 +255,19 @@ def wrap(angle: float) -> float:
     return angle - TURN * round(angle / TURN) if not -pi <= angle <= pi else angle
 
 
-def _verified(found: list[Branch], miss: int, reaches: Callable[[Sequence[float]], bool]) -> tuple[list[Branch], int]:
+def _verified(found: list[Row], miss: int, reaches: Callable[[Sequence[float]], bool]) -> tuple[list[Row], int]:
     """Drop the solutions in which something was clamped or moved and that do not reach."""
-    kept = [branch for branch in found if branch[0] < 8 or reaches(branch[1:])]
+    kept = [solution for solution in found if not solution[FLAGS] or reaches(solution[ANGLES])]
     if len(kept) < len(found):
         miss |= Miss.RESIDUAL
     return kept, int(miss if found or miss else Miss.SHOULDER_CYLINDER)
 
 
-def _pose_missed_by(got: Rows, wanted: Rows) -> float:
-    """Larger of position [m] and orientation error, the latter as the largest difference of a rotation entry."""
+def reaches_pose(q: Sequence[float], g: URGeometry, wanted: Rows, tol: float) -> bool:
+    """Whether position [m] and orientation, by the largest difference of a rotation entry, are within `tol`."""
+    got = ur_fk(q, g)
     position = hypot(*(g[3] - w[3] for g, w in zip(got, wanted, strict=True)))
-    return max(position, *(abs(g[j] - w[j]) for g, w in zip(got, wanted, strict=True) for j in range(3)))
+    return max(position, *(abs(g[j] - w[j]) for g, w in zip(got, wanted, strict=True) for j in range(3))) <= tol
 
 
 def _axis_missed_by(got: Rows, position: Sequence[float], axis: Sequence[float], reach: float) -> float:

@@ -9,9 +9,10 @@ from kinreach.checks import MOST_DISTANCE, Floats, as_floats, as_pose, check_kno
 from kinreach.errors import InputError
 from kinreach.kinematics.closed_form import ClosedFormKinematics
 from kinreach.kinematics.goals import AxisGoal, Goal, PoseGoal, PositionGoal, nearest_rotations, pose_error
-from kinreach.kinematics.solutions import Accept, IKResult, IKSolutions
-from kinreach.kinematics.ur.batch import ROUNDING, solve_poses
-from kinreach.kinematics.ur.closed_form import solve_axis, solve_pose
+from kinreach.kinematics.solutions import ANGLES, BRANCH, FLAGS, Accept, IKResult, IKSolutions, Row, nearest_winding
+from kinreach.kinematics.ur.batch import ROUNDING, SHOULDER_LIFT, WRIST_1, WRIST_3, solve_poses
+from kinreach.kinematics.ur.closed_form import WRIST, solve_axis, solve_pose
+from kinreach.kinematics.ur.free_wrist import free_wrist_within
 from kinreach.kinematics.ur.geometry import Rows, URGeometry, miss_text, ur_fk
 from kinreach.robots import ArmDescription
 
@@ -23,7 +24,7 @@ FLANGE = "tool0"
 
 
 class URKinematics(ClosedFormKinematics):
-    """Kinematics of a UR-type arm.
+    """Kinematics of a UR-type arm. Threads may share an instance.
 
     Link lengths are read from the URDF, so a calibrated description brings its own.
 
@@ -80,7 +81,7 @@ class URKinematics(ClosedFormKinematics):
         start = self._posture_or_none(seed)
         rows = self._flange_rows(T)
         tol = check_tolerance(tol)
-        found, miss = solve_pose(rows, self.geometry, tol=tol, q6=0.0 if start is None else float(start[5]))
+        found, miss = self._solve_pose(rows, start, limits=limits, tol=tol)
         unreached = "" if found else miss_text(miss)
         return self._solutions(found, unreached, lambda q: pose_error(as_floats("T", T), self.fk(q)), start, limits)
 
@@ -98,7 +99,7 @@ class URKinematics(ClosedFormKinematics):
         Args:
             position: In the base frame [m], shape (3,).
             axis: Direction of the tip's z axis in the base frame, shape (3,); need not be normalised.
-            seed: As in `all_solutions`; wrist_3 takes its value (0 without a seed).
+            seed: As in `all_solutions`; wrist_3 takes its value (0 without a seed), or the limit nearest to that.
             limits: As in `all_solutions`.
             tol: As in `all_solutions`.
 
@@ -112,14 +113,28 @@ class URKinematics(ClosedFormKinematics):
             raise InputError(f"tip {self.tip!r} is not on the axis of the last joint, which an axis goal needs")
         p = self._T_dh_base[:3, :3] @ goal.position + self._T_dh_base[:3, 3]
         a = self._T_dh_base[:3, :3] @ goal.axis
-        pitch, q6 = (0.0, 0.0) if start is None else (float(start[1:4].sum()), float(start[5]))
+        pitch, q6 = (
+            (0.0, 0.0) if start is None else (float(start[SHOULDER_LIFT : WRIST_1 + 1].sum()), float(start[WRIST_3]))
+        )
+        if limits:  # wrist_3 is free, so what the limits ask of it costs no solution
+            q6 = min(max(q6, self._low[WRIST_3]), self._high[WRIST_3])
         found, miss = solve_axis(p.tolist(), a.tolist(), self.geometry, reach=self._reach, tol=tol, pitch=pitch, q6=q6)
         return self._solutions(found, "" if found else miss_text(miss), self._error_of(goal), start, limits)
 
     def axis_goal(
         self, position: ArrayLike, axis: ArrayLike, seed: ArrayLike, *, accept: Accept | None = None
     ) -> IKResult:
-        """The posture nearest to a seed among `axis_solutions`; see `nearest` for `accept`."""
+        """The posture nearest to a seed among `axis_solutions`.
+
+        Args:
+            position: In the base frame [m], shape (3,).
+            axis: Direction of the tip's z axis in the base frame, shape (3,).
+            seed: Posture [rad], shape (6,).
+            accept: Called with candidates in the order of their distance until it returns True.
+
+        Raises:
+            InputError: As `axis_solutions`.
+        """
         start = self.as_posture("seed", seed)
         return self._choose(self.axis_solutions(position, axis, seed=start), start, accept)
 
@@ -127,7 +142,7 @@ class URKinematics(ClosedFormKinematics):
         """Any goal this arm has a closed form for: `PoseGoal` or `AxisGoal`.
 
         Raises:
-            InputError: A `PositionGoal`, which leaves three of six joints free, or what is no goal.
+            InputError: A `PositionGoal`, which leaves three of six joints free, or an object of another kind.
         """
         if isinstance(goal, PositionGoal):
             raise InputError("a six-joint arm has no closed form for a bare position; give an AxisGoal or a PoseGoal")
@@ -137,7 +152,22 @@ class URKinematics(ClosedFormKinematics):
             raise InputError(f"goal must be a PoseGoal or an AxisGoal, got {shown(goal)}")
         return self.nearest(goal.T, seed, accept=accept)
 
-    def _batch(self, T: Floats, seeds: Floats | None, tol: float) -> tuple[Floats, NDArray[np.bool_]]:
+    def _solve_pose(self, rows: Rows, start: Floats | None, *, limits: bool, tol: float) -> tuple[list[Row], int]:
+        """As `solve_pose`; where wrist_3 is free, it takes a value with which the posture is within the limits."""
+        seed = np.zeros(self.n) if start is None else start
+        found, miss = solve_pose(rows, self.geometry, tol=tol, q6=float(seed[WRIST_3]))
+        if limits and not self._full_turn and not all(self._allows(row, seed) for row in found if row[FLAGS] & WRIST):
+            fitting = free_wrist_within(rows, self.geometry, self.lower, self.upper, seed=seed, tol=tol)
+            kept = [row for row in found if not row[FLAGS] & WRIST or self._allows(row, seed)]
+            chosen = {row[BRANCH]: row for row in (*found, *fitting, *kept)}
+            found = [chosen[branch] for branch in sorted(chosen)]
+        return found, miss
+
+    def _allows(self, row: Row, seed: Floats) -> bool:
+        """Whether a solution has a winding within the limits."""
+        return nearest_winding(row[ANGLES], seed.tolist(), self._low, self._high) is not None
+
+    def _batch(self, T: Floats, seeds: Floats | None, tol: float, *, limits: bool) -> tuple[Floats, NDArray[np.bool_]]:
         """Postures (6, 8, count) and their validity (8, count), before limits."""
         if T.ndim != 3 or T.shape[1:] != (4, 4):
             raise InputError(f"T must have shape (count, 4, 4), got {T.shape}")
@@ -149,13 +179,13 @@ class URKinematics(ClosedFormKinematics):
             T[:, :3, :3] = nearest_rotations(T[:, :3, :3])
             q, valid, singular, _ = solve_poses(T, left, right, g, tol=tol)
         for row in np.flatnonzero(singular):
-            q6 = 0.0 if seeds is None else float(seeds[row, 5])
-            found, _ = solve_pose((left @ T[row] @ right)[:3].tolist(), g, tol=tol, q6=q6)
+            start = None if seeds is None else seeds[row]
+            found, _ = self._solve_pose(self._flange_rows(T[row]), start, limits=limits, tol=tol)
             q[:, :, row] = np.nan
             valid[:, row] = False
-            for code, *angles in found:
-                q[:, code & 7, row] = angles
-                valid[code & 7, row] = True
+            for branch, _, *angles in found:
+                q[:, branch, row] = angles
+                valid[branch, row] = True
         return q, valid
 
     def _flange_rows(self, T: ArrayLike) -> Rows:
@@ -194,7 +224,7 @@ class URKinematics(ClosedFormKinematics):
 
 
 class UR5Kinematics(URKinematics):
-    """`URKinematics` of the UR5.
+    """`URKinematics` of the UR5. Threads may share an instance.
 
     Args:
         tip: `"tool0"` or `"tcp"`.

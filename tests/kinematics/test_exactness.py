@@ -1,0 +1,285 @@
+"""Where rounding, limits and singularities meet: what is promised there, held against forward kinematics."""
+
+from __future__ import annotations
+
+import sys
+import threading
+import xml.etree.ElementTree as ET
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from kinreach.kinematics import ArmKinematics, PoseGoal, Status, UR5Kinematics, URKinematics
+from kinreach.kinematics.fast_collision import Cause, FastCollision
+from kinreach.kinematics.solutions import nearest_winding, nearest_windings
+from kinreach.kinematics.solvers import LevenbergMarquardtSolver, QPSolver
+from kinreach.kinematics.ur.geometry import Singularity
+from kinreach.robots import get_arm
+
+FLANGE = UR5Kinematics()
+TCP = UR5Kinematics(tip="tcp", base="world")
+DOWN = (0.0, 0.0, -1.0)
+PLACE = (0.45, 0.1, -0.175)
+
+
+def narrow(name="narrow", **limits):
+    """The UR5 with other limits of some joints."""
+    base = get_arm("ur5")
+
+    def urdf():
+        robot = ET.fromstring(base.urdf)
+        for joint, (lower, upper) in limits.items():
+            limit = robot.find(f"joint[@name='{joint}_joint']/limit")
+            limit.set("lower", repr(lower))
+            limit.set("upper", repr(upper))
+        return ET.tostring(robot, encoding="unicode")
+
+    return replace(base, name=name, build_urdf=urdf)
+
+
+# tool directions: wrist_3 is free, so limits and windings never cost a turn of it
+
+
+def test_a_seed_a_hair_past_the_limit_of_wrist_3_costs_a_hair():
+    seed = TCP.axis_goal(PLACE, DOWN, TCP.arm.home).q
+    for past in (np.pi + 1e-3, -np.pi - 1e-3, np.pi + 3.0):
+        seed[5] = past
+        result = TCP.axis_goal(PLACE, DOWN, seed)
+        assert result.success
+        assert TCP.within_limits(result.q)
+        assert np.abs(result.q - seed).max() == pytest.approx(abs(past) - np.pi, abs=1e-12)
+
+
+@pytest.mark.parametrize("wrist_3", [1.5, -3.0, 0.4])
+def test_a_narrow_wrist_3_refuses_no_tool_direction(wrist_3):
+    kin = URKinematics(narrow(wrist_3=(-1.0, 1.0)), tip="tcp", base="world")
+    seed = np.array([*kin.arm.home[:5], wrist_3])
+    result = kin.axis_goal(PLACE, DOWN, seed)
+    assert result.success
+    assert result.q[5] == np.clip(wrist_3, -1.0, 1.0)
+    assert len(kin.axis_solutions(PLACE, DOWN)) == 8
+    away = URKinematics(narrow(wrist_3=(0.5, 1.0)), tip="tcp", base="world")
+    assert (away.axis_solutions(PLACE, DOWN).q[:, 5] == 0.5).all()
+
+
+# sin q5 = 0
+
+
+@pytest.mark.parametrize(
+    "limits",
+    [
+        {"wrist_3": (-1.0, 1.0)},
+        {"wrist_3": (0.5, 1.5)},
+        {"wrist_1": (-1.0, 1.0), "wrist_3": (-1.0, 1.0)},
+        {"shoulder_lift": (-2.0, -0.5), "elbow": (0.2, 2.0), "wrist_1": (-1.5, 0.5)},
+        {"wrist_1": (0.2, 1.2), "wrist_3": (-6.0, 6.0)},
+    ],
+)
+def test_a_posture_within_narrow_limits_is_found_at_a_free_wrist(limits):
+    kin = URKinematics(narrow(**limits))
+    rng, covered = np.random.default_rng(0), 0
+    for _ in range(250):
+        q = rng.uniform(kin.lower, kin.upper)
+        q[4] = 0.0 if rng.random() < 0.5 else np.pi * rng.choice([-1.0, 1.0])
+        T = kin.fk(q)
+        solutions = kin.all_solutions(T)
+        assert solutions.status is Status.OK
+        assert solutions.residual.max() < 1e-7
+        assert all(kin.within_limits(each) for each in solutions.q)
+        np.testing.assert_allclose(kin.nearest(T, q).q[:4], q[:4], atol=1e-6)
+        batch = kin.batch(T[None])
+        np.testing.assert_array_equal(np.flatnonzero(batch.valid[0]), solutions.branch)
+        np.testing.assert_allclose(batch.q[0, solutions.branch], solutions.q, atol=1e-9)
+        assert kin.nearest_batch(T[None], q).success.all()
+        covered += 1
+    assert covered == 250
+
+
+@pytest.mark.parametrize("q5", [0.0, np.pi, -np.pi])
+@pytest.mark.parametrize("q6", [0.7, -0.7, 2.5])
+def test_a_free_wrist_3_keeps_the_seeds_value(q5, q6):
+    q = np.array([0.3, -1.0, 1.2, 0.4, q5, q6])
+    T = FLANGE.fk(q)
+    for seed in (q, np.array([*q[:5], q6 + 0.2])):
+        solutions = FLANGE.all_solutions(T, seed=seed)
+        assert solutions.residual.max() < 1e-9
+        kept = solutions.singularity & (Singularity.WRIST | Singularity.MOVED) == Singularity.WRIST
+        assert kept.any()
+        np.testing.assert_allclose(solutions.q[kept, 5], seed[5], atol=1e-12)
+        (row,) = FLANGE.nearest_batch(T[None], seed).q
+        np.testing.assert_allclose(row, FLANGE.nearest(T, seed).q, atol=1e-9)
+        assert row[5] == pytest.approx(seed[5], abs=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("tol", "nearest_s5", "digits"), [(1e-7, -6.95, 13), (1e-9, -8.95, None), (1e-7, -4.5, 13), (1e-9, -3.0, None)]
+)
+def test_no_residual_beyond_the_tolerance_near_a_free_wrist(tol, nearest_s5, digits):
+    rng, covered = np.random.default_rng(0), 0
+    poses = []
+    for _ in range(1500):
+        q = rng.uniform(-np.pi, np.pi, 6)
+        q[4] = rng.choice([0.0, np.pi]) + rng.choice([-1.0, 1.0]) * 10 ** rng.uniform(nearest_s5, nearest_s5 + 1.0)
+        T = FLANGE.fk(q)
+        poses.append(T if digits is None else np.round(T, digits))
+        solutions = FLANGE.all_solutions(poses[-1], tol=tol)
+        assert len(solutions) >= 1
+        assert solutions.residual.max() <= tol
+        covered += len(solutions)
+    assert covered > 4000
+    batch = FLANGE.batch(np.array(poses), tol=tol)
+    i, branch = np.nonzero(batch.valid)
+    assert np.abs(FLANGE.fk(batch.q[i, branch]) - np.array(poses)[i]).max() <= 2 * tol
+
+
+# batch and single
+
+
+@pytest.mark.parametrize("joint", ["elbow folded", "elbow stretched", "wrist", "shoulder", "anywhere"])
+def test_a_batch_gives_what_single_poses_give(joint):
+    rng = np.random.default_rng(1)
+    q = rng.uniform(-3.1, 3.1, (600, 6))
+    away = rng.choice([-1.0, 1.0], 600) * 10 ** rng.uniform(-9, -1, 600)
+    if joint == "elbow folded":
+        q[:, 2] = np.pi - np.abs(away)
+    elif joint == "elbow stretched":
+        q[:, 2] = away
+    elif joint == "wrist":
+        q[:, 4] = away
+    T = FLANGE.fk(q)
+    if joint == "shoulder":
+        g = FLANGE.geometry
+        p5 = T[:, :3, 3] - g.d6 * T[:, :3, 2]
+        T[:, :2, 3] += p5[:, :2] * (g.d4 * (1 + np.abs(away)) / np.linalg.norm(p5[:, :2], axis=1) - 1)[:, None]
+    batch = FLANGE.batch(T)
+    seeds = rng.uniform(-3.1, 3.1, (600, 6))
+    nearest = FLANGE.nearest_batch(T, seeds)
+    compared = 0
+    for i, pose in enumerate(T):
+        solutions = FLANGE.all_solutions(pose)
+        np.testing.assert_array_equal(np.flatnonzero(batch.valid[i]), solutions.branch)
+        np.testing.assert_allclose(batch.q[i, solutions.branch], solutions.q, atol=1e-9)
+        alone = FLANGE.nearest(pose, seeds[i])
+        assert alone.success == nearest.success[i]
+        if alone.success:
+            np.testing.assert_allclose(nearest.q[i], alone.q, atol=1e-9)
+        compared += len(solutions)
+    assert compared > 900
+
+
+@pytest.mark.parametrize(("beyond", "solved"), [(4e-8, True), (4e-7, False)])
+@pytest.mark.parametrize("kind", ["stretch", "fold", "shoulder"])
+def test_the_tolerance_holds_in_a_batch(kind, beyond, solved):
+    g, rng = FLANGE.geometry, np.random.default_rng(2)
+    poses = []
+    for _ in range(60):
+        q = rng.uniform(-3.0, 3.0, 6)
+        q[2] = {"stretch": 0.0, "fold": np.pi}.get(kind, q[2])
+        T = FLANGE.fk(q)
+        if kind == "shoulder":
+            p5 = T[:3, 3] - g.d6 * T[:3, 2]
+            T[:2, 3] += p5[:2] * ((g.d4 - beyond) / np.linalg.norm(p5[:2]) - 1)
+        else:  # along the line from wrist_1 to the shoulder
+            first = FLANGE.chain.frames([*q], [1, 3])
+            shoulder, wrist_1 = (np.array(frame.p, dtype=np.float64) for frame in first)
+            along = wrist_1 - shoulder
+            along -= (along @ np.array(first[0].y)) * np.array(first[0].y)
+            T[:3, 3] += (1 if kind == "stretch" else -1) * beyond * along / np.linalg.norm(along)
+        poses.append(T)
+    batch = FLANGE.batch(np.array(poses))
+    for T, q, valid in zip(poses, batch.q, batch.valid, strict=True):
+        solutions = FLANGE.all_solutions(T)
+        near = solutions.singularity & (Singularity.SHOULDER if kind == "shoulder" else Singularity.ELBOW) != 0
+        if kind == "shoulder" and not solved:
+            assert not valid.any()
+        elif kind == "shoulder":
+            assert (near.all(), valid.any()) == (True, len(solutions) > 0)
+        else:
+            assert near.any() == solved
+        np.testing.assert_array_equal(np.flatnonzero(valid), solutions.branch)
+        np.testing.assert_allclose(q[valid], solutions.q, atol=1e-9)
+
+
+# limits and windings
+
+
+def test_the_slack_at_both_limits_is_the_same_for_one_and_for_many():
+    lower, upper = np.array([-1.0, -np.pi]), np.array([1.0, np.pi])
+    cases = 0
+    for end, sign in ((lower, -1.0), (upper, 1.0)):
+        for past, inside in ((5e-10, True), (5e-9, False), (-5e-9, True)):
+            q = np.array([end[0] + sign * past, 0.3])
+            one = nearest_winding(q.tolist(), [0.0, 0.0], lower.tolist(), upper.tolist())
+            many, within = nearest_windings(q[:, None], np.zeros((2, 1)), lower, upper)
+            assert (one is not None) == inside
+            assert within.tolist() == [inside]
+            if inside:
+                np.testing.assert_array_equal(one, many[:, 0])
+                np.testing.assert_array_equal(one, q)
+            cases += 1
+    assert cases == 6
+
+
+@pytest.mark.parametrize("joint", range(6))
+@pytest.mark.parametrize("sign", [-1.0, 1.0])
+def test_of_two_ends_of_a_turn_the_seeds_is_taken(joint, sign):
+    q = np.array([0.4, -1.1, 0.9, 0.3, 1.2, -0.5])
+    q[joint] = sign * np.pi
+    T = FLANGE.fk(q)
+    seed = q + 0.01 * np.arange(-3, 3)
+    seed[joint] = sign * (np.pi - 0.01)
+    for found in (FLANGE.nearest(T, seed).q, FLANGE.nearest_batch(T[None], seed).q[0]):
+        assert found[joint] == pytest.approx(q[joint], abs=1e-7)
+        if joint != 4:  # there wrist_3 is free and keeps the seed's value
+            np.testing.assert_allclose(found, q, atol=1e-7)
+
+
+@pytest.mark.parametrize("joint", range(6))
+@pytest.mark.parametrize("sign", [-1.0, 1.0])
+def test_a_millionth_of_a_radian_outside_is_outside(joint, sign):
+    kin, fast = ArmKinematics("ur5"), FastCollision("ur5", refine=False)
+    q = np.tile(kin.arm.home, (6, 1))
+    q[:, joint] = sign * (kin.upper[joint] + np.array([-1e-6, 5e-10, 2e-9, 1e-8, 1e-7, 9e-7]))
+    outside = [False, False, True, True, True, True]
+    assert (fast.causes(q) == Cause.LIMITS).tolist() == outside
+    assert [not kin.within_limits(row) for row in q] == outside
+    assert [kin.arm.joints[joint] in kin.joints_outside_limits(row) for row in q] == outside
+
+
+# threads
+
+
+@pytest.mark.parametrize("make", [lambda kin: kin, LevenbergMarquardtSolver, QPSolver])
+def test_threads_may_share_kinematics(make):
+
+    before = sys.getswitchinterval()
+    kin = UR5Kinematics(tip="tcp", base="world")
+    solver = make(kin)
+    q = np.random.default_rng(0).uniform(-3, 3, (400, 6))
+    home = np.array(kin.arm.home)
+
+    def answers(posture):
+        T = kin.fk(posture)
+        found = solver.solve(PoseGoal(T), home)
+        return [T, kin.jacobian(posture), found.q, np.array([found.position_error])]
+
+    expected = [answers(posture) for posture in q[:150]]
+    wrong = []
+
+    def work(start):
+        for i in range(start, 150, 8):
+            wrong.extend(not np.array_equal(a, b) for a, b in zip(answers(q[i]), expected[i], strict=True))
+
+    sys.setswitchinterval(1e-6)
+    try:
+        for _ in range(3):
+            threads = [threading.Thread(target=work, args=(k,)) for k in range(8)]
+            for thread in threads:
+                thread.start()
+            for thread in threads:
+                thread.join()
+    finally:
+        sys.setswitchinterval(before)
+    assert len(wrong) == 3 * 150 * 4
+    assert not any(wrong)
