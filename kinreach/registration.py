@@ -1,4 +1,8 @@
-"""Makes the environments known to Gymnasium; importing this loads no engine."""
+"""Makes the environments known to Gymnasium; importing this loads no engine.
+
+Gymnasium 1.x reads no plugin entry points: `import kinreach` before `gym.make`, or have Gymnasium do it, in worker
+processes too, by naming the module in the id, `gym.make("kinreach:kinreach/UR5SingleStep-v0")`.
+"""
 
 from __future__ import annotations
 
@@ -7,16 +11,24 @@ from gymnasium.envs.registration import register, registry
 _REACH, _BUTTON = "kinreach.envs.reach", "kinreach.envs.button"
 #: Ids of the environments.
 SINGLE, MULTI, BUTTON = "kinreach/UR5SingleStep-v0", "kinreach/UR5MultiStep-v0", "kinreach/ButtonPress-v0"
+#: Those of the reach tasks without dynamics, for clients that cannot pass `backend="kinematic"` on.
+SINGLE_KINEMATIC, MULTI_KINEMATIC = "kinreach/UR5SingleStepKinematic-v0", "kinreach/UR5MultiStepKinematic-v0"
+
+_SINGLE = (f"{_REACH}.env:UR5SingleStepEnv", f"{_REACH}.vector_env:single_step")
+_MULTI = (f"{_REACH}.env:UR5MultiStepEnv", f"{_REACH}.vector_env:multi_step")
 #: Environment id -> entry points of the single environment and of its native batch. Steps are limited inside.
 ENVIRONMENTS = {
-    SINGLE: (f"{_REACH}.env:UR5SingleStepEnv", f"{_REACH}.vector_env:single_step"),
-    MULTI: (f"{_REACH}.env:UR5MultiStepEnv", f"{_REACH}.vector_env:multi_step"),
+    SINGLE: _SINGLE,
+    MULTI: _MULTI,
     BUTTON: (f"{_BUTTON}.env:ButtonPressEnv", f"{_BUTTON}.vector_env:ButtonPressVectorEnv"),
 }
+#: Environment id -> the same, with `backend="kinematic"`.
+KINEMATIC_ENVIRONMENTS = {SINGLE_KINEMATIC: _SINGLE, MULTI_KINEMATIC: _MULTI}
 
 
 def register_environments() -> None:
     """Register every environment that is not registered yet."""
-    for name, (entry_point, vector_entry_point) in ENVIRONMENTS.items():
-        if name not in registry:
-            register(name, entry_point=entry_point, vector_entry_point=vector_entry_point)
+    for environments, options in ((ENVIRONMENTS, {}), (KINEMATIC_ENVIRONMENTS, {"backend": "kinematic"})):
+        for name, (entry_point, vector_entry_point) in environments.items():
+            if name not in registry:
+                register(name, entry_point=entry_point, vector_entry_point=vector_entry_point, kwargs=options)

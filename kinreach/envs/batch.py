@@ -3,17 +3,19 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from typing import Any, Protocol
+from copy import deepcopy
+from dataclasses import dataclass
+from typing import Any, Protocol, Self
 
 import numpy as np
 from gymnasium import spaces
 from gymnasium.utils import seeding
 from gymnasium.vector import AutoresetMode, VectorEnv
 from gymnasium.vector.utils import batch_space
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
-from kinreach.checks import MOST_THREADS, Floats, check_count
-from kinreach.envs.options import check_seed
+from kinreach.checks import MOST_THREADS, Floats, as_flags, check_count, check_known, shown
+from kinreach.envs.options import check_seed, check_started
 from kinreach.errors import InputError
 
 #: Rows drawn at a time. Part of what a seed means: changing it may change the goals that follow from a seed.
@@ -23,6 +25,11 @@ AHEAD = 256
 TOGETHER = 256
 #: More environments in one batch are refused before memory is asked for.
 MOST_ENVIRONMENTS = 2**17
+#: More environments than this are not drawn.
+MOST_DRAWN = 64
+
+Ids = NDArray[np.intp]
+Flags = NDArray[np.bool_]
 
 
 def first_row(info: Mapping[str, Any]) -> dict[str, Any]:
@@ -67,6 +74,10 @@ class RowStreams:
         self._rngs[index] = rng
         self._next[index] = AHEAD
 
+    def copy_from(self, other: RowStreams) -> None:
+        """Go on as another object with as many sequences will."""
+        self._rngs, self._ahead, self._next = deepcopy((other._rngs, other._ahead, other._next))
+
     def draw(self, ids: np.ndarray) -> Floats:
         """The next row of each of the given environments, shape (len(ids), size)."""
         return self._taken(ids).copy()
@@ -90,68 +101,265 @@ class RowStreams:
         return np.array([self._sampler.sample(self._rngs[index], AHEAD) for index in ids])
 
 
+class Picture(Protocol):
+    """Draws the environments of a batch."""
+
+    def frame(self, index: int) -> Any:
+        """A frame of one environment, uint8, shape (height, width, 3)."""
+        ...
+
+    def close(self) -> None:
+        """Free the renderer."""
+        ...
+
+
+class Episodes(Protocol):
+    """The episodes of a number of environments: a task but for Gymnasium's interface."""
+
+    def seed(self, index: int, rng: np.random.Generator) -> None:
+        """Give an environment its own generator."""
+        ...
+
+    def copy_from(self, other: Any) -> None:
+        """Go on as another object of the same kind and size will."""
+        ...
+
+    def begin(self, ids: Ids, start: Any = ...) -> None:
+        """Start new episodes of some environments, with what `reset(options=)` asks for, one row for each of them."""
+        ...
+
+    def step(self, actions: Any, acting: Flags | None = None) -> Outcome:
+        """Act in all environments, or in those that are said to."""
+        ...
+
+    def observe(self) -> Floats:
+        """The observations of all environments."""
+        ...
+
+    def start_info(self) -> dict[str, Any]:
+        """What is said after a reset, as arrays."""
+        ...
+
+    def goal_info(self) -> dict[str, Any]:
+        """What is said of the goals of the present episodes, as arrays."""
+        ...
+
+    def close(self) -> None:
+        """Let go of what the episodes hold."""
+        ...
+
+
+@dataclass(frozen=True, eq=False)
+class Outcome:
+    """What one step of all environments led to; every array has the number of environments first.
+
+    Attributes:
+        reward, terminated, truncated: As Gymnasium has them, shape (count,).
+        info: All that is said of the step.
+    """
+
+    reward: Floats
+    terminated: Flags
+    truncated: Flags
+    info: dict[str, Any]
+
+    def of(self, acting: Flags) -> Outcome:
+        """The same, with nothing earned and nothing ended where an environment did not act."""
+        still = ~acting
+        terms = {name: np.where(still, 0.0, term) for name, term in self.info["reward_terms"].items()}
+        info = self.info | {"reward_terms": terms} | {f"reward_{name}": term for name, term in terms.items()}
+        for name in ("reached", "is_success"):
+            info[name] = info[name] & acting
+        return Outcome(np.where(still, 0.0, self.reward), self.terminated & acting, self.truncated & acting, info)
+
+
 class NativeVectorEnv(VectorEnv[Floats, ArrayLike, Floats]):
-    """Spaces and seeds of a batch whose episodes start anew in the step in which they end.
+    """A batch of equal environments, each what a single one with its seed would be.
+
+    With `AutoresetMode.SAME_STEP`, the default, an episode that ends starts anew in the same step: the observation
+    returned is the first of the new episode, `info["final_obs"]` is the last of the old one where `info["_final_obs"]`
+    is True, and `info["final_info"]` holds what the single environment's `info` would, as arrays. The other entries of
+    `info` are those of the step that was just made, whether or not an episode ended with it; only those about the goal
+    are already the new episode's. With `NEXT_STEP` the step after an end starts the next episode, whatever the action:
+    the reward is 0. With `DISABLED` nothing starts by itself: `reset(options={"reset_mask": mask})`, bool, shape
+    (num_envs,), restarts some.
 
     Args:
+        episodes: The task.
         num_envs: Number of environments.
-        threads: Threads that step the dynamics.
-        draws: Whether images were asked for, which a batch does not make.
         action_space, observation_space: Of one environment.
+        check_actions: Turns what the user hands to `step` into what `episodes` takes.
+        check_start: Turns the options of `reset` but the mask into what `episodes` takes: a tuple of arrays or None.
+        autoreset_mode: Gymnasium's, or its value.
+        picture: Draws one environment, for `render_mode="rgb_array"`.
+        made_with: Keywords that make another one like this, for `copy.deepcopy`: it copies the whole state.
 
     Raises:
-        InputError: No environments, no threads, or images.
+        InputError: There is no such mode.
     """
 
     metadata = {  # noqa: RUF012 (declared by Gymnasium)
-        "render_modes": [],
+        "render_modes": ["rgb_array"],
+        "render_fps": 25,
         "autoreset_mode": AutoresetMode.SAME_STEP,
     }
 
     def __init__(
         self,
+        episodes: Episodes,
         num_envs: int,
         *,
-        threads: int,
-        draws: bool,
         action_space: spaces.Space[Any],
         observation_space: spaces.Space[Any],
+        check_actions: Callable[[ArrayLike], Any],
+        check_start: Callable[[Mapping[str, Any] | None], Any],
+        autoreset_mode: AutoresetMode | str = AutoresetMode.SAME_STEP,
+        picture: Picture | None = None,
+        made_with: Mapping[str, Any],
     ) -> None:
-        num_envs = check_count("num_envs", num_envs, most=MOST_ENVIRONMENTS)
-        check_count("threads", threads, most=MOST_THREADS)
-        if draws:
-            raise InputError('a native batch draws no images; use vectorization_mode="sync" or "async" for them')
+        try:
+            mode = AutoresetMode(autoreset_mode)
+        except ValueError:
+            names = ", ".join(mode.value for mode in AutoresetMode)
+            raise InputError(f"autoreset_mode must be one of {names}, got {shown(autoreset_mode)}") from None
+        self.metadata = {**self.metadata, "autoreset_mode": mode}
         self.num_envs = num_envs
-        self.render_mode = None
+        self.render_mode = None if picture is None else "rgb_array"
         self.single_action_space = action_space
         self.single_observation_space = observation_space
         self.action_space = batch_space(action_space, num_envs)
         self.observation_space = batch_space(observation_space, num_envs)
+        self._episodes = episodes
+        self._check_actions, self._check_start = check_actions, check_start
+        self._mode, self._picture, self._made_with = mode, picture, made_with
         self._everyone = np.arange(num_envs)
-        self._seeded = False
+        self._seeded = self._started = False
+        self._ended = np.zeros(num_envs, dtype=np.bool_)
 
-    def _seed(
-        self, seed: int | Sequence[int | None] | None, give: Callable[[int, np.random.Generator], object]
-    ) -> None:
-        """Give each environment the generator of its seed; without seeds only if they have none yet.
+    def __deepcopy__(self, memo: dict[int, Any]) -> Self:
+        twin = type(self)(**self._made_with)
+        memo[id(self)] = twin
+        for name in ("single_action_space", "single_observation_space", "action_space", "observation_space", "spec"):
+            setattr(twin, name, deepcopy(getattr(self, name)))
+        twin._seeded, twin._started, twin._ended = self._seeded, self._started, self._ended.copy()
+        twin._episodes.copy_from(self._episodes)
+        return twin
+
+    def reset(
+        self, *, seed: int | Sequence[int | None] | None = None, options: dict[str, Any] | None = None
+    ) -> tuple[Floats, dict[str, Any]]:
+        """Start the episodes of all environments, or of some.
 
         Args:
-            seed: Of the first environment (the others count up), one for each, or None.
-            give: Called with the index of an environment and its generator.
+            seed: Of the first environment (the others count up), or one for each.
+            options: As those of the single environment, one row for each environment; and `"reset_mask"`, bool, shape
+                (num_envs,): which environments start anew (all by default).
 
         Raises:
-            InputError: A seed that is none, or as many seeds as there are not environments.
+            InputError: Unknown or malformed options, as many seeds as there are not environments, or a mask before all
+                have started.
         """
+        mask, others = self._reset_mask(options)
+        start = self._check_start(others)
+        seeds = self._checked_seeds(seed)
+        ids = self._everyone if mask is None else np.flatnonzero(mask)
+        for index in ids:
+            if seeds[index] is not None or not self._seeded:
+                self._episodes.seed(int(index), seeding.np_random(seeds[index])[0])
+        rows = [value if value is None or mask is None else value[ids] for value in start]
+        self._episodes.begin(ids, type(start)(*rows))
+        self._seeded = self._started = True
+        self._ended[ids] = False
+        return self._episodes.observe(), self._episodes.start_info()
+
+    def step(self, actions: ArrayLike) -> tuple[Floats, Floats, Any, Any, dict[str, Any]]:
+        """Act in all environments.
+
+        Args:
+            actions: One for each environment, shape (num_envs, ...).
+
+        Raises:
+            InputError: Malformed actions, a step before the first reset, or with `AutoresetMode.DISABLED` one of an
+                environment whose episode has ended.
+        """
+        check_started(self._started)
+        checked = self._check_actions(actions)
+        if self._mode is AutoresetMode.SAME_STEP:
+            return self._step_and_restart(checked)
+        acting: Flags | None = None
+        if self._ended.any():
+            if self._mode is AutoresetMode.DISABLED:
+                raise InputError(
+                    f"the episodes of environments {shown(np.flatnonzero(self._ended).tolist())} have ended; "
+                    'reset(options={"reset_mask": mask}) starts new ones'
+                )
+            self._episodes.begin(np.flatnonzero(self._ended))
+            acting = ~self._ended
+        outcome = self._episodes.step(checked, acting)
+        self._ended = outcome.terminated | outcome.truncated
+        info = outcome.info | self._episodes.goal_info()
+        return self._episodes.observe(), outcome.reward, outcome.terminated, outcome.truncated, info
+
+    def render(self) -> tuple[Any, ...] | None:
+        """With `render_mode="rgb_array"` a frame of each environment, uint8, shape (height, width, 3); else None."""
+        if self._picture is None:
+            return None
+        return tuple(self._picture.frame(index) for index in range(self.num_envs))
+
+    def close_extras(self, **kwargs: Any) -> None:
+        """Free the renderers."""
+        self._episodes.close()
+        if self._picture is not None:
+            self._picture.close()
+
+    def _step_and_restart(self, actions: Any) -> tuple[Floats, Floats, Any, Any, dict[str, Any]]:
+        outcome = self._episodes.step(actions)
+        info = outcome.info
+        over = outcome.terminated | outcome.truncated
+        observation = self._episodes.observe()
+        if over.any():
+            final_info = info | self._episodes.goal_info()
+            info |= {"final_obs": observation, "_final_obs": over, "final_info": final_info, "_final_info": over}
+            self._episodes.begin(np.flatnonzero(over))
+            observation = self._episodes.observe()
+        info |= self._episodes.goal_info()
+        return observation, outcome.reward, outcome.terminated, outcome.truncated, info
+
+    def _checked_seeds(self, seed: int | Sequence[int | None] | None) -> list[int | None]:
+        """The seed of each environment, or None."""
         if seed is None:
-            seeds: list[int | None] = [None] * self.num_envs
-        elif isinstance(seed, Sequence | np.ndarray) and not isinstance(seed, str | bytes):
+            return [None] * self.num_envs
+        if isinstance(seed, Sequence | np.ndarray) and not isinstance(seed, str | bytes):
             seeds = [check_seed(value) for value in seed]
         else:
             first = check_count("seed", seed, least=0)
             seeds = list(range(first, first + self.num_envs))
         if len(seeds) != self.num_envs:
             raise InputError(f"there are {self.num_envs} environments and {len(seeds)} seeds")
-        for index, value in enumerate(seeds):
-            if value is not None or not self._seeded:
-                give(index, seeding.np_random(value)[0])
-        self._seeded = True
+        return seeds
+
+    def _reset_mask(self, options: Mapping[str, Any] | None) -> tuple[Flags | None, Mapping[str, Any] | None]:
+        """Which environments a reset is for (None: all), and its other options."""
+        if not isinstance(options, Mapping) or options.get("reset_mask") is None:
+            return None, options
+        mask = as_flags("reset_mask", options["reset_mask"])
+        if mask.shape != (self.num_envs,) or not mask.any():
+            raise InputError(f"reset_mask must have shape ({self.num_envs},) and a True value, got shape {mask.shape}")
+        if not self._started:
+            raise InputError("reset all environments before some of them")
+        return mask, {name: value for name, value in options.items() if name != "reset_mask"}
+
+
+def check_batch(num_envs: int, threads: int, render_mode: object) -> int:
+    """The number of environments of a batch.
+
+    Raises:
+        InputError: No environments, more than fit, or more than are drawn; no threads; a mode that no batch has.
+    """
+    num_envs = check_count("num_envs", num_envs, most=MOST_ENVIRONMENTS)
+    check_count("threads", threads, most=MOST_THREADS)
+    if render_mode is not None:
+        check_known("render_mode of a native batch", render_mode, NativeVectorEnv.metadata["render_modes"])
+        if num_envs > MOST_DRAWN:
+            raise InputError(f"a native batch draws at most {MOST_DRAWN} environments, got {num_envs}")
+    return num_envs

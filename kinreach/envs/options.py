@@ -103,3 +103,9 @@ def check_seed(seed: object) -> int | None:
         InputError: It is no integer, or negative.
     """
     return None if seed is None else check_count("seed", seed, least=0)
+
+
+def check_started(started: bool) -> None:
+    """Refuse a step before the first reset."""
+    if not started:
+        raise InputError("reset the environment before its first step")

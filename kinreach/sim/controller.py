@@ -23,7 +23,7 @@ from kinreach.checks import Floats, check_number
 from kinreach.errors import InputError
 from kinreach.robots import ArmDescription
 from kinreach.sim.engine import mujoco
-from kinreach.sim.plants import Ids, Plant
+from kinreach.sim.plants import Ids, Plant, rows_and_columns
 from kinreach.sim.setpoints import ARRIVED, DIVERGED, LATE, MOVING, Following, SetpointPlanner
 
 #: The thesis's tolerance: "the smallest value where the environment still gets the joint angles close" [rad].
@@ -33,6 +33,9 @@ TOLERANCE = 0.01
 PRESSED = 1e-5
 #: How far outside a joint limit a target may be, for rounding [rad].
 LIMIT_SLACK = 1e-9
+#: A simulation in which a joint ends further than this past its limit [rad] has diverged. Limits are springs in MuJoCo:
+#: links that start inside one another pushed joints of the UR5 up to 0.29 rad past theirs.
+BEYOND_LIMIT = 0.5
 
 
 class MoveStatus(Enum):
@@ -48,7 +51,8 @@ class MoveStatus(Enum):
     COLLISION = "self-collision"
     #: The arm is still moving long after it should have arrived.
     TIMEOUT = "timeout"
-    #: The simulation became unstable; the arm was put back to where it stood before, at rest.
+    #: The simulation became unstable, or pushed a joint far past its limit; the arm was put back to where it stood
+    #: before, at rest.
     DIVERGED = "diverged"
 
 
@@ -201,7 +205,8 @@ class JointController:
         inside = ~self.outside_limits(targets).any(axis=1)
         if inside.any():
             ends[inside] = self._follow(plant, ids[inside], targets[inside], two_phase=two_phase)
-        lost = plant.diverged(ids)
+        q = plant.qpos[rows_and_columns(ids, self.qpos)]
+        lost = plant.diverged(ids) | ((q < self.lower - BEYOND_LIMIT) | (q > self.upper + BEYOND_LIMIT)).any(axis=1)
         if lost.any():  # MuJoCo has started them afresh, and where they went from there is nobody's move
             plant.put_back(ids[lost], before[lost])
             ends[lost] = DIVERGED

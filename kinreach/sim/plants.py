@@ -49,8 +49,12 @@ class Plant(Protocol):
         """All that determines how some go on, to be kept for `put_back`, shape (k, size)."""
         ...
 
+    def put(self, ids: Ids, states: Floats) -> None:
+        """Put some, ascending, shape (k,), into states that they or others were in, and take them for sound."""
+        ...
+
     def put_back(self, ids: Ids, states: Floats) -> None:
-        """Put some, ascending, shape (k,), back into states that they were in, but at rest and taken for sound."""
+        """As `put`, but at rest."""
         ...
 
     def diverged(self, ids: Ids) -> NDArray[np.bool_]:
@@ -98,10 +102,14 @@ class SinglePlant:
         mujoco.mj_getState(self.model, self.data, state, _STATE)
         return state[None]
 
-    def put_back(self, ids: Ids, states: Floats) -> None:
-        """Put the simulation back; see `Plant.put_back`."""
+    def put(self, ids: Ids, states: Floats) -> None:
+        """Put the simulation into a state; see `Plant.put`."""
         mujoco.mj_resetData(self.model, self.data)
         mujoco.mj_setState(self.model, self.data, states[0], _STATE)
+
+    def put_back(self, ids: Ids, states: Floats) -> None:
+        """Put the simulation back; see `Plant.put_back`."""
+        self.put(ids, states)
         self.data.qvel[:] = self.data.qacc_warmstart[:] = 0.0
 
     def diverged(self, ids: Ids) -> NDArray[np.bool_]:
@@ -143,10 +151,14 @@ class BatchPlant:
         states: Floats = self.batch.state[ids]
         return states
 
-    def put_back(self, ids: Ids, states: Floats) -> None:
-        """Put simulations back; see `Plant.put_back`."""
+    def put(self, ids: Ids, states: Floats) -> None:
+        """Put simulations into states; see `Plant.put`."""
         self.batch.reset(ids=ids, stage=mujoco.mjtStage.mjSTAGE_NONE)
         self.batch.state[ids] = states
+
+    def put_back(self, ids: Ids, states: Floats) -> None:
+        """Put simulations back; see `Plant.put_back`."""
+        self.put(ids, states)
         self.qvel[ids] = self._warmstart[ids] = 0.0
 
     def diverged(self, ids: Ids) -> NDArray[np.bool_]:

@@ -1,8 +1,9 @@
 """Pictures of a scene, with or without a screen.
 
 Which library draws is decided when the first frame is asked for, never at import: on Linux EGL, then OSMesa (or just
-the one that `MUJOCO_GL` names); elsewhere MuJoCo's own choice. Do not fork after the first frame: an OpenGL context
-does not survive it, start worker processes with `spawn` or `forkserver`.
+the one that `MUJOCO_GL` names); elsewhere MuJoCo's own choice. An OpenGL library does not survive a fork: a child that
+is forked after the first frame gets an error when it draws, instead of waiting for ever. Start worker processes with
+`spawn` or `forkserver`.
 """
 
 from __future__ import annotations
@@ -55,7 +56,7 @@ class FrameRenderer:
 
     Raises:
         InputError: A size is no positive integer, or larger than the scene's off-screen buffer.
-        DrawingError: The library refused.
+        DrawingError: The library refused, or this process was forked from one that had drawn.
         InstallationError: There is no library to draw with; the message names the packages.
     """
 
@@ -63,6 +64,7 @@ class FrameRenderer:
         most = model.vis.global_
         width = check_count("width", width, most=most.offwidth)
         height = check_count("height", height, most=most.offheight)
+        _refuse_after_fork()
         _choose_library()
         self.model = model
         self.width, self.height = width, height
@@ -95,6 +97,7 @@ class FrameRenderer:
         return self._draw(data, camera)
 
     def _draw(self, data: Any, camera: str) -> Any:
+        _refuse_after_fork()
         view = mujoco.MjvCamera()
         view.type = mujoco.mjtCamera.mjCAMERA_FIXED
         view.fixedcamid = camera_id(self.model, camera)
@@ -123,6 +126,21 @@ class FrameRenderer:
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
         self.close()
+
+
+#: The process that has used the graphics library; a child that is forked from it must not.
+_drawing_process: int | None = None
+
+
+def _refuse_after_fork() -> None:
+    global _drawing_process
+    if _drawing_process is None:
+        _drawing_process = os.getpid()
+    if _drawing_process != os.getpid():
+        raise DrawingError(
+            "this process was forked from one that had drawn already, and an OpenGL library does not survive that; "
+            'start workers another way, such as gym.make_vec(..., vector_kwargs={"context": "spawn"})'
+        )
 
 
 def render(

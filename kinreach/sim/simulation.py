@@ -110,6 +110,10 @@ class ArmSimulation:
         target = as_vector("q_target", q_target, len(self.arm.joints))
         return self.controller.move(self._plant, self._only, target[None], two_phase=two_phase)[0]
 
+    def copy_state(self, other: ArmSimulation) -> None:
+        """Take over the whole state of another simulation of the same arm: both go on alike, to the bit."""
+        self._plant.put(self._only, other._plant.states(other._only))
+
     @property
     def watch(self) -> Callable[[], object] | None:
         """Called after every control period of a move (0.008 s), to draw it, say; it must not change the state."""
@@ -265,6 +269,11 @@ class BatchSimulation:
         ids = self._as_ids(ids)
         targets = self._as_rows("targets", targets, len(ids), len(self.arm.joints))
         return self.controller.move(self._plant, ids, targets, two_phase=two_phase)
+
+    def copy_states(self, other: BatchSimulation) -> None:
+        """Take over the whole states of another batch of the same arm and size: both go on alike, to the bit."""
+        everyone = np.arange(self.count)
+        self._plant.put(everyone, other._plant.states(everyone))
 
     @property
     def q(self) -> Floats:

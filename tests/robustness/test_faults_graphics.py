@@ -132,3 +132,33 @@ def _without_times(path):
     header, *rows = (line.split(",") for line in path.read_text(encoding="utf-8").splitlines())
     kept = [index for index, name in enumerate(header) if name not in ("solve_s", "accept_s", "look_s")]
     return [[row[index] for index in kept] for row in [header, *rows]]
+
+
+FORKED = """
+import gymnasium as gym
+import kinreach
+from kinreach.errors import DrawingError
+from kinreach.sim import ArmSimulation, render
+
+options = {"observation": "camera", "backend": "kinematic", "width": 64, "height": 48}
+if __name__ == "__main__":
+    render(ArmSimulation("ur5"), width=64, height=48)
+    for context in ("fork", "spawn"):
+        env = gym.make_vec(
+            "kinreach:kinreach/UR5SingleStep-v0", num_envs=2, vectorization_mode="async",
+            vector_kwargs={"context": context}, **options,
+        )
+        try:
+            print(context, env.reset(seed=0)[0].shape)
+        except DrawingError as error:
+            print(context, str(error)[:40])
+        finally:
+            env.close(terminate=True)
+"""
+
+
+def test_a_child_that_was_forked_after_drawing_says_so_and_does_not_hang(run_python, tmp_path, needs_gl):
+    (tmp_path / "forked.py").write_text(FORKED, encoding="utf-8")
+    done = run_python("forked.py")
+    assert done.returncode == 0, done.stderr
+    assert done.stdout.splitlines() == ["fork this process was forked from one that ha", "spawn (2, 13)"]

@@ -132,6 +132,15 @@ def test_noise_repeats_with_its_seed_and_has_the_asked_size(camera_of):
     assert (one.rgb.dtype, one.depth.dtype) == (np.uint8, np.float32)
 
 
+def test_noise_makes_a_picture_neither_darker_nor_brighter():
+    """Levels are rounded: cut off, every picture would be half a level darker."""
+    grey = RGBDImage(np.full((200, 300, 3), 128, np.uint8), np.ones((200, 300), np.float32))
+    for sigma in (0.4, 3.0, 9.0):
+        noisy = SensorNoise(rgb_sigma=sigma).apply(grey, np.random.default_rng(0)).rgb.astype(np.float64)
+        assert abs(noisy.mean() - 128) < 5 * sigma / np.sqrt(noisy.size) + 0.01
+        assert noisy.std() == pytest.approx(np.hypot(sigma, 1 / np.sqrt(12)), rel=0.15)
+
+
 def test_noise_stays_in_range_and_no_noise_changes_nothing():
     image = RGBDImage(np.full((20, 30, 3), 254, np.uint8), np.full((20, 30), 0.001, np.float32))
     noisy = SensorNoise(50.0, 0.1).apply(image, np.random.default_rng(0))

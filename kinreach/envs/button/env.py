@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from typing import Any
 
-import gymnasium as gym
 import numpy as np
 from gymnasium import spaces
 from gymnasium.utils import EzPickle
@@ -15,7 +14,8 @@ from kinreach.envs.batch import first_row
 from kinreach.envs.button.episodes import ButtonEpisodes, ButtonOptions
 from kinreach.envs.button.task import action_space, check_actions, observation_space
 from kinreach.envs.button.world import ButtonState, SingleTorqueWorld
-from kinreach.envs.options import RENDER_MODES, check_seed, options_from, takes
+from kinreach.envs.copies import CopyableEnv
+from kinreach.envs.options import RENDER_MODES, check_seed, check_started, options_from, takes
 from kinreach.sim.picture import ScenePicture
 
 ONE = np.zeros(1, dtype=np.intp)
@@ -24,7 +24,7 @@ FPS = 25
 
 
 @takes(ButtonOptions)
-class ButtonPressEnv(gym.Env[Floats, Any], EzPickle):
+class ButtonPressEnv(CopyableEnv):
     """A 3-DOF arm under torque that has to press a button.
 
     ## Description
@@ -141,7 +141,7 @@ class ButtonPressEnv(gym.Env[Floats, Any], EzPickle):
         self._world = SingleTorqueWorld(self.options.arm, motors, visual=mode is not None)
         self._episodes = ButtonEpisodes(self.options, self._world)
         self._picture = None if mode is None else ScenePicture(self._world, mode=mode, fps=FPS)
-        self._seeded = False
+        self._started = False
         self.action_space = action_space()
         self.observation_space: spaces.Space[Any] = observation_space()
 
@@ -156,12 +156,12 @@ class ButtonPressEnv(gym.Env[Floats, Any], EzPickle):
         Raises:
             InputError: A seed that is not an integer at least 0, an unknown or malformed option, a target out of reach.
         """
-        super().reset(seed=check_seed(seed))
-        goals, q = self._episodes.options(options, None)
-        if seed is not None or not self._seeded:
+        seed, start = check_seed(seed), self._episodes.check_start(options, None)
+        super().reset(seed=seed)
+        if seed is not None or not self._started:
             self._episodes.seed(0, self.np_random)
-            self._seeded = True
-        self._episodes.begin(ONE, goals, q)
+        self._episodes.begin(ONE, start)
+        self._started = True
         if self.render_mode == "human":
             self.render()
         return self._episodes.observe()[0], first_row(self._episodes.start_info())
@@ -173,8 +173,9 @@ class ButtonPressEnv(gym.Env[Floats, Any], EzPickle):
             action: An integer from 0 to 53.
 
         Raises:
-            InputError: No such action.
+            InputError: No such action, or a step before the first reset.
         """
+        check_started(self._started)
         outcome = self._episodes.step(check_actions(action, None))
         info = first_row(outcome.info)
         state = ButtonState.PRESSED if info["pressed"] else ButtonState(int(info["wrong_press"]))

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from kinreach.checks import MOST_DISTANCE, Floats, as_vector, check_count, check_known
-from kinreach.envs.batch import RowStreams
+from kinreach.envs.batch import Outcome, RowStreams
 from kinreach.envs.button.task import (
     ACTUATIONS,
     CONTROL_LIMIT,
@@ -115,19 +115,16 @@ class ButtonStarts:
         return targets
 
 
-@dataclass(frozen=True, eq=False)
-class Outcome:
-    """What one step of all arms led to; every array has the number of arms first.
+class Start(NamedTuple):
+    """What `reset(options=)` asks for, one row an environment; None for what it leaves open.
 
     Attributes:
-        reward, terminated, truncated: As Gymnasium has them, shape (count,).
-        info: All that is said of the step.
+        goals: Targets in the world [m], shape (count, 3).
+        q: Postures to start in, at rest [rad], shape (count, 3).
     """
 
-    reward: Floats
-    terminated: Flags
-    truncated: Flags
-    info: dict[str, Any]
+    goals: Floats | None = None
+    q: Floats | None = None
 
 
 class ButtonEpisodes:
@@ -138,6 +135,7 @@ class ButtonEpisodes:
         world: Simulates the arms.
 
     Attributes:
+        world: As given.
         goals: Targets in the world [m], shape (count, 3).
 
     Raises:
@@ -147,7 +145,7 @@ class ButtonEpisodes:
     def __init__(self, options: ButtonOptions, world: TorqueWorld) -> None:
         count = world.count
         self.goals = np.zeros((count, 3))
-        self._world = world
+        self.world = world
         self._starts = ButtonStarts()
         self._streams = RowStreams(self._starts, count, size=SIZE)
         self._max_steps = options.max_steps
@@ -170,8 +168,17 @@ class ButtonEpisodes:
         self._streams.seed(index, rng)
         self._has_target[index] = False
 
-    def options(self, options: Mapping[str, Any] | None, count: int | None) -> tuple[Floats | None, Floats | None]:
-        """Targets [m] and postures [rad] that `reset(options=)` asks for; None for what it leaves open.
+    def copy_from(self, other: ButtonEpisodes) -> None:
+        """Take over the state of as many other arms with the same options, in the middle of their episodes."""
+        self.world.copy_from(other.world)
+        self._streams.copy_from(other._streams)
+        for name in (
+            "goals", "_has_target", "_state", "_control", "_pushed", "_steps", "_wrong_presses", "_energy",
+        ):  # fmt: skip
+            setattr(self, name, getattr(other, name).copy())
+
+    def check_start(self, options: Mapping[str, Any] | None, count: int | None) -> Start:
+        """What `reset(options=)` asks for.
 
         Raises:
             InputError: An unknown option, a malformed one, a target out of reach, a joint outside its limits.
@@ -181,30 +188,30 @@ class ButtonEpisodes:
             self._refuse_unreachable("goal", goals)
         if q is not None and not self._starts.within_limits(q).all():
             raise InputError(f"q is outside the joint limits: {q[~self._starts.within_limits(q)][0]}")
-        return goals, q
+        return Start(goals, q)
 
-    def begin(self, ids: Ids, goals: Floats | None = None, q: Floats | None = None) -> None:
+    def begin(self, ids: Ids, start: Start = Start()) -> None:  # noqa: B008 (immutable)
         """Start new episodes.
 
         Args:
             ids: Which, shape (k,).
-            goals: Targets [m], shape (k, 3); drawn, or kept, by default.
-            q: Postures to start in [rad], at rest, shape (k, 3); drawn, with velocities, by default.
+            start: What is given, one row for each of them. By default targets are drawn, or kept; postures are drawn,
+                with velocities.
         """
         targets, postures, speeds = np.split(self._streams.draw(ids), 3, axis=1)
-        if goals is not None:
-            targets = goals
+        if start.goals is not None:
+            targets = start.goals
         elif self._fixed is not None:
             targets = np.broadcast_to(self._fixed, targets.shape)
         elif self._keep:
             targets = np.where(self._has_target[ids, None], self.goals[ids], targets)
-        if q is not None:
-            postures, speeds = q, np.zeros_like(q)
+        if start.q is not None:
+            postures, speeds = start.q, np.zeros_like(start.q)
         self.goals[ids], self._has_target[ids] = targets, True
         for counter in (self._control, self._pushed, self._steps, self._wrong_presses, self._energy):
             counter[ids] = 0
-        self._world.reset(ids, targets, postures, speeds)
-        self._state[:, ids] = self._world.q[ids], self._world.qd[ids], self._world.tip[ids]
+        self.world.reset(ids, targets, postures, speeds)
+        self._state[:, ids] = self.world.q[ids], self.world.qd[ids], self.world.tip[ids]
 
     def observe(self) -> Floats:
         """The 19 numbers of every arm, shape (count, 19)."""
@@ -216,18 +223,21 @@ class ButtonEpisodes:
         """From the end effectors to the targets [m], shape (count,)."""
         return np.sqrt(((self._state[2] - self.goals) ** 2).sum(axis=1))
 
-    def step(self, actions: Actions) -> Outcome:
-        """Act with every arm.
+    def step(self, actions: Actions, acting: Flags | None = None) -> Outcome:
+        """Act with every arm, or with those that are said to.
 
         Args:
             actions: Checked, shape (count,).
+            acting: Which arms act, shape (count,); all by default.
         """
-        change, self._pushed = meaning(actions)
-        self._control = np.clip(self._control + change, -CONTROL_LIMIT, CONTROL_LIMIT)
-        diverged = self._simulate()
+        change, pushed = meaning(actions)
+        self._pushed = pushed if acting is None else pushed & acting
+        control = np.clip(self._control + change, -CONTROL_LIMIT, CONTROL_LIMIT)
+        self._control = control if acting is None else np.where(acting[:, None], control, self._control)
+        diverged = self._simulate(acting)
         reward, terms = button_reward(self.distance, self._pushed)
         pressed, wrong = terms.press > 0, terms.wrong_press < 0
-        self._steps += 1
+        self._steps += 1 if acting is None else acting
         self._wrong_presses += wrong
         self._energy += ((self._control * self._gears) ** 2).sum(axis=1) * self._period
         truncated = (diverged | (self._steps >= self._max_steps)) & ~pressed
@@ -238,6 +248,7 @@ class ButtonEpisodes:
             "wrong_press": wrong,
             "wrong_presses": self._wrong_presses.copy(),
             "impossible": diverged,
+            "impossible_code": diverged.astype(np.uint8),
             "impossible_reason": np.where(diverged, REASON, "").astype(object),
             "energy": self._energy.copy(),
             "steps": self._steps.copy(),
@@ -245,21 +256,29 @@ class ButtonEpisodes:
             "reward_terms": terms._asdict(),
         }
         info |= {f"reward_{name}": term for name, term in terms._asdict().items()}
-        return Outcome(reward, pressed, truncated, info)
+        outcome = Outcome(reward, pressed, truncated, info)
+        return outcome if acting is None else outcome.of(acting)
 
     def start_info(self) -> dict[str, Any]:
         """What is said after a reset, as arrays."""
         q, _, tip = self._state
-        return {"goal": self.goals.copy(), "distance": self.distance, "q": q.copy(), "tip": tip.copy()}
+        return self.goal_info() | {"distance": self.distance, "q": q.copy(), "tip": tip.copy()}
 
-    def _simulate(self) -> Flags:
+    def goal_info(self) -> dict[str, Any]:
+        """What is said of the targets, as arrays."""
+        return {"goal": self.goals.copy()}
+
+    def close(self) -> None:
+        """Nothing to let go of."""
+
+    def _simulate(self, acting: Flags | None) -> Flags:
         """Step the world; which arms have diverged. Their last good state stays."""
-        self._world.step(self._control)
-        good = np.all(np.abs(self._world.qd) <= SPEED_BOUND, axis=1)
+        self.world.step(self._control, acting)
+        good = np.all(np.abs(self.world.qd) <= SPEED_BOUND, axis=1)
         if good.all():
-            self._state[:] = self._world.q, self._world.qd, self._world.tip
+            self._state[:] = self.world.q, self.world.qd, self.world.tip
         else:
-            now = np.stack([self._world.q, self._world.qd, self._world.tip])
+            now = np.stack([self.world.q, self.world.qd, self.world.tip])
             np.copyto(self._state, now, where=good[:, None])
         return ~good
 

@@ -2,85 +2,75 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from functools import partial
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike
+from gymnasium.vector import AutoresetMode
 
-from kinreach.checks import Floats
-from kinreach.envs.batch import NativeVectorEnv
+from kinreach.envs.batch import NativeVectorEnv, check_batch
 from kinreach.envs.button.episodes import ButtonEpisodes, ButtonOptions
 from kinreach.envs.button.task import action_space, check_actions, observation_space
-from kinreach.envs.button.world import BatchTorqueWorld
+from kinreach.envs.button.world import BatchTorqueWorld, SingleTorqueWorld
 from kinreach.envs.options import options_from
+from kinreach.sim.picture import ScenePicture
 
 
 class ButtonPressVectorEnv(NativeVectorEnv):
     """A batch of `kinreach/ButtonPress-v0`, equal to as many single ones with the seeds `seed`, `seed + 1`, ...
 
-    An episode that ends starts anew in the same step (`AutoresetMode.SAME_STEP`): the observation returned is the first
-    of the new episode, `info["final_obs"]`, shape (num_envs, 19), is the last of the old one where
-    `info["_final_obs"]` is True, and `info["final_info"]` holds what the single environment's `info` would, as arrays.
-    The other entries of `info` are those of the step that was just made, whether or not an episode ended with it;
-    only `goal` is already the new episode's.
+    Episodes start anew as `NativeVectorEnv` describes.
 
     Args:
         num_envs: Number of environments.
         threads: Threads that step the dynamics.
-        **options: As in the single environment (`ButtonOptions`), but `render_mode`: a batch draws nothing.
+        autoreset_mode: `AutoresetMode.SAME_STEP`, `NEXT_STEP` or `DISABLED`.
+        **options: As in the single environment (`ButtonOptions`). `render_mode` is None or `"rgb_array"`, for up to 64
+            environments.
 
     Raises:
         InputError: Options that cannot be.
     """
 
-    def __init__(self, num_envs: int = 1, *, threads: int = 1, **options: Any) -> None:
+    def __init__(
+        self,
+        num_envs: int = 1,
+        *,
+        threads: int = 1,
+        autoreset_mode: AutoresetMode | str = AutoresetMode.SAME_STEP,
+        **options: Any,
+    ) -> None:
         given = options_from(ButtonOptions, options)
+        num_envs = check_batch(num_envs, threads, given.render_mode)
+        episodes = ButtonEpisodes(given, BatchTorqueWorld(given.arm, given.motors, num_envs, threads=threads))
         super().__init__(
+            episodes,
             num_envs,
-            threads=threads,
-            draws=given.render_mode is not None,
             action_space=action_space(),
             observation_space=observation_space(),
+            check_actions=partial(check_actions, count=num_envs),
+            check_start=partial(episodes.check_start, count=num_envs),
+            autoreset_mode=autoreset_mode,
+            picture=None if given.render_mode is None else ButtonPicture(given, episodes),
+            made_with=dict(options, num_envs=num_envs, threads=threads, autoreset_mode=autoreset_mode),
         )
-        world = BatchTorqueWorld(given.arm, given.motors, num_envs, threads=threads)
-        self._episodes = ButtonEpisodes(given, world)
+        self.metadata = {**self.metadata, "render_fps": round(1 / given.motors.period)}
 
-    def reset(
-        self, *, seed: int | Sequence[int | None] | None = None, options: dict[str, Any] | None = None
-    ) -> tuple[Floats, dict[str, Any]]:
-        """Start all episodes.
 
-        Args:
-            seed: Of the first environment (the others count up), or one for each.
-            options: `"goal"`, shape (num_envs, 3), sets the targets, in the world frame [m]; `"q"`, shape
-                (num_envs, 3), starts the arms in these postures [rad], at rest.
+class ButtonPicture:
+    """Draws the environments of a batch, one after the other, with one scene."""
 
-        Raises:
-            InputError: Unknown or malformed options, targets out of reach, or as many seeds as there are not
-                environments.
-        """
-        goals, q = self._episodes.options(options, self.num_envs)
-        self._seed(seed, self._episodes.seed)
-        self._episodes.begin(self._everyone, goals, q)
-        return self._episodes.observe(), self._episodes.start_info()
+    def __init__(self, options: ButtonOptions, episodes: ButtonEpisodes) -> None:
+        self._episodes = episodes
+        self._scene = SingleTorqueWorld(options.arm, options.motors, visual=True)
+        self._picture = ScenePicture(self._scene, mode="rgb_array", fps=NativeVectorEnv.metadata["render_fps"])
 
-    def step(self, actions: ArrayLike) -> tuple[Floats, Floats, Any, Any, dict[str, Any]]:
-        """Act in all environments.
+    def frame(self, index: int) -> Any:
+        """A frame of one environment, uint8, shape (height, width, 3)."""
+        q = self._episodes.world.q[[index]]
+        self._scene.reset(np.zeros(1, dtype=np.intp), self._episodes.goals[[index]], q, np.zeros_like(q))
+        return self._picture.frame()
 
-        Args:
-            actions: Integers from 0 to 53, shape (num_envs,).
-
-        Raises:
-            InputError: Wrong shape, or no such actions.
-        """
-        outcome = self._episodes.step(check_actions(actions, self.num_envs))
-        info = outcome.info
-        over = outcome.terminated | outcome.truncated
-        observation = self._episodes.observe()
-        if over.any():
-            info |= {"final_obs": observation, "_final_obs": over, "final_info": dict(info), "_final_info": over}
-            self._episodes.begin(np.flatnonzero(over))
-            observation = self._episodes.observe()
-            info["goal"] = self._episodes.goals.copy()
-        return observation, outcome.reward, outcome.terminated, outcome.truncated, info
+    def close(self) -> None:
+        """Free the renderer."""
+        self._picture.close()

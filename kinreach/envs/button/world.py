@@ -20,7 +20,9 @@ from kinreach.sim.picture import CAMERA
 from kinreach.sim.scene import BALL, build_scene
 
 Ids = NDArray[np.intp]
+Flags = NDArray[np.bool_]
 
+_STATE = mujoco.mjtState.mjSTATE_INTEGRATION
 #: Targets are in the four diagonal directions; the arm's own overview has two of them behind the arm.
 OVERVIEW = CameraMount(CAMERA, "world", (2.35, -0.35, 1.35), (0.0, 0.0, 0.46), fovy=37.0)
 FLOOR = "floor"
@@ -179,8 +181,12 @@ class TorqueWorld(Protocol):
         """Put whole states back: arms without torque, in given states, all of shape (k, 3)."""
         ...
 
-    def step(self, control: Floats) -> None:
-        """Simulate one step of the environment under controls, shape (count, 3)."""
+    def step(self, control: Floats, acting: Flags | None = None) -> None:
+        """Simulate one step of the environment under controls, shape (count, 3), of all arms or of those that act."""
+        ...
+
+    def copy_from(self, other: Any) -> None:
+        """Take over the state of another world of the same kind and size."""
         ...
 
     def show(self, state: ButtonState) -> None:
@@ -223,11 +229,20 @@ class SingleTorqueWorld:
         self._drawing.show(self.data.mocap_pos, self._target, ButtonState.IDLE)
         mujoco.mj_fwdPosition(self.model, self.data)
 
-    def step(self, control: Floats) -> None:
+    def step(self, control: Floats, acting: Flags | None = None) -> None:
         """Simulate one step of the environment."""
         self.data.ctrl[:] = control[0]
         mujoco.mj_step(self.model, self.data, self._frame_skip)
         mujoco.mj_kinematics(self.model, self.data)  # after a step the poses are those before its last substep
+
+    def copy_from(self, other: SingleTorqueWorld) -> None:
+        """Take over the state of another arm, and what its button shows."""
+        state = np.empty(mujoco.mj_stateSize(self.model, _STATE))
+        mujoco.mj_getState(other.model, other.data, state, _STATE)
+        mujoco.mj_resetData(self.model, self.data)
+        mujoco.mj_setState(self.model, self.data, state, _STATE)
+        mujoco.mj_fwdPosition(self.model, self.data)
+        self._target = other._target.copy()
 
     def show(self, state: ButtonState) -> None:
         """Let the button show a state, and whoever watches see it."""
@@ -268,10 +283,17 @@ class BatchTorqueWorld:
             self._drawing.show(self._mocap[index], target, ButtonState.IDLE)
         self._batch.forward(ids=ids, stage=stages.mjSTAGE_POS)
 
-    def step(self, control: Floats) -> None:
+    def step(self, control: Floats, acting: Flags | None = None) -> None:
         """Simulate one step of the environment."""
         self._ctrl[:] = control
-        self._batch.step(nstep=self._frame_skip, stage=mujoco.mjtStage.mjSTAGE_POS)
+        ids = None if acting is None else np.flatnonzero(acting)
+        self._batch.step(ids=ids, nstep=self._frame_skip, stage=mujoco.mjtStage.mjSTAGE_POS)
+
+    def copy_from(self, other: BatchTorqueWorld) -> None:
+        """Take over the states of as many other arms."""
+        self._batch.reset(stage=mujoco.mjtStage.mjSTAGE_NONE)
+        self._batch.state[:] = other._batch.state
+        self._batch.forward(stage=mujoco.mjtStage.mjSTAGE_POS)
 
     def show(self, state: ButtonState) -> None:
         """Nothing is drawn of a batch."""

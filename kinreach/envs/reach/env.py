@@ -2,18 +2,18 @@
 
 from __future__ import annotations
 
-from typing import Any, ClassVar
+from typing import Any, ClassVar, Self
 
-import gymnasium as gym
 import numpy as np
 from gymnasium import spaces
 from gymnasium.utils import EzPickle
 from numpy.typing import ArrayLike
 
 from kinreach.checks import Floats, as_vector
-from kinreach.envs.batch import first_row
-from kinreach.envs.options import RENDER_MODES, check_seed, options_from, takes
-from kinreach.envs.reach.episodes import Outcome, ReachEpisodes
+from kinreach.envs.batch import Outcome, first_row
+from kinreach.envs.copies import CopyableEnv
+from kinreach.envs.options import RENDER_MODES, check_seed, check_started, options_from, takes
+from kinreach.envs.reach.episodes import ReachEpisodes
 from kinreach.envs.reach.observers import PixelObserver
 from kinreach.envs.reach.task import (
     MULTI_STEP,
@@ -35,7 +35,7 @@ from kinreach.sim.simulation import ArmSimulation
 ONE = np.zeros(1, dtype=np.intp)
 
 
-class ReachEnv(gym.Env[Any, Any], EzPickle):
+class ReachEnv(CopyableEnv):
     """One arm that reaches for a ball; the subclasses are the tasks, and describe them.
 
     Attributes:
@@ -64,11 +64,16 @@ class ReachEnv(gym.Env[Any, Any], EzPickle):
         self._pixels = PixelObserver(task) if self.options.observation == "pixels" else None
         fps = int(self.metadata["render_fps"])
         self._picture = None if mode is None else ScenePicture(self._simulation, mode=mode, fps=fps)
-        self._seeded = False
+        self._started = False
         self.action_space = action_space(task.arm)
         self.observation_space: spaces.Space[Any] = (
             observation_space(task.arm) if self._pixels is None else self._pixels.space()
         )
+
+    def __deepcopy__(self, memo: dict[int, Any]) -> Self:
+        twin = super().__deepcopy__(memo)
+        twin._show()
+        return twin
 
     @property
     def arm(self) -> ArmDescription:
@@ -142,11 +147,12 @@ class ReachEnv(gym.Env[Any, Any], EzPickle):
         Raises:
             InputError: A seed that is not an integer at least 0, an unknown option, or one that is malformed.
         """
-        super().reset(seed=check_seed(seed))
-        if seed is not None or not self._seeded:
+        seed, start = check_seed(seed), reset_options(options, None, self.arm)
+        super().reset(seed=seed)
+        if seed is not None or not self._started:
             self._episodes.seed(0, self.np_random)
-            self._seeded = True
-        self._episodes.begin(ONE, reset_options(options, None, self.arm))
+        self._episodes.begin(ONE, start)
+        self._started = True
         self._show()
         return self._observe(), first_row(self._episodes.start_info())
 
@@ -157,8 +163,9 @@ class ReachEnv(gym.Env[Any, Any], EzPickle):
             action: One number in [-1, 1] for each joint; what is outside is clipped.
 
         Raises:
-            InputError: Wrong shape, or a value that is not finite.
+            InputError: Wrong shape, a value that is not finite, or a step before the first reset.
         """
+        check_started(self._started)
         return self._said(self._episodes.step(check_actions(action, None, len(self.arm.joints))[None]))
 
     def forfeit(self, reason: str) -> tuple[Any, float, bool, bool, dict[str, Any]]:
@@ -170,6 +177,7 @@ class ReachEnv(gym.Env[Any, Any], EzPickle):
         Returns:
             As `step`.
         """
+        check_started(self._started)
         return self._said(self._episodes.forfeit(str(reason)))
 
     def render(self) -> Any:
@@ -249,12 +257,12 @@ class UR5SingleStepEnv(ReachEnv):
     | 3 | goal in the wrist camera, x | -2 | 2 | m |
     | 4 | goal in the wrist camera, y | -2 | 2 | m |
     | 5 | goal in the wrist camera, z | -2 | 2 | m |
-    | 6 | angle of shoulder_pan_joint | -3.161593 | 3.161593 | rad |
-    | 7 | angle of shoulder_lift_joint | -3.161593 | 3.161593 | rad |
-    | 8 | angle of elbow_joint | -3.161593 | 3.161593 | rad |
-    | 9 | angle of wrist_1_joint | -3.161593 | 3.161593 | rad |
-    | 10 | angle of wrist_2_joint | -3.161593 | 3.161593 | rad |
-    | 11 | angle of wrist_3_joint | -3.161593 | 3.161593 | rad |
+    | 6 | angle of shoulder_pan_joint | -3.641593 | 3.641593 | rad |
+    | 7 | angle of shoulder_lift_joint | -3.641593 | 3.641593 | rad |
+    | 8 | angle of elbow_joint | -3.641593 | 3.641593 | rad |
+    | 9 | angle of wrist_1_joint | -3.641593 | 3.641593 | rad |
+    | 10 | angle of wrist_2_joint | -3.641593 | 3.641593 | rad |
+    | 11 | angle of wrist_3_joint | -3.641593 | 3.641593 | rad |
     | 12 | opening of the gripper | 0 | 2 | m |
 
     ## Rewards
@@ -335,12 +343,12 @@ class UR5MultiStepEnv(ReachEnv):
     | 3 | goal in the wrist camera, x | -2 | 2 | m |
     | 4 | goal in the wrist camera, y | -2 | 2 | m |
     | 5 | goal in the wrist camera, z | -2 | 2 | m |
-    | 6 | angle of shoulder_pan_joint | -3.161593 | 3.161593 | rad |
-    | 7 | angle of shoulder_lift_joint | -3.161593 | 3.161593 | rad |
-    | 8 | angle of elbow_joint | -3.161593 | 3.161593 | rad |
-    | 9 | angle of wrist_1_joint | -3.161593 | 3.161593 | rad |
-    | 10 | angle of wrist_2_joint | -3.161593 | 3.161593 | rad |
-    | 11 | angle of wrist_3_joint | -3.161593 | 3.161593 | rad |
+    | 6 | angle of shoulder_pan_joint | -3.641593 | 3.641593 | rad |
+    | 7 | angle of shoulder_lift_joint | -3.641593 | 3.641593 | rad |
+    | 8 | angle of elbow_joint | -3.641593 | 3.641593 | rad |
+    | 9 | angle of wrist_1_joint | -3.641593 | 3.641593 | rad |
+    | 10 | angle of wrist_2_joint | -3.641593 | 3.641593 | rad |
+    | 11 | angle of wrist_3_joint | -3.641593 | 3.641593 | rad |
     | 12 | opening of the gripper | 0 | 2 | m |
 
     ## Rewards

@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from copy import deepcopy
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from kinreach.checks import Floats
-from kinreach.envs.batch import AHEAD, RowStreams
+from kinreach.envs.batch import AHEAD, Outcome, RowStreams
 from kinreach.envs.reach.observers import goal_observer, measured
 from kinreach.envs.reach.rewards import Score
 from kinreach.envs.reach.task import ReachTask, Start
@@ -69,21 +69,6 @@ def goal_streams(cell: Workcell, count: int) -> RowStreams:
     return GoalStreams(cell.goals, count) if isinstance(cell.goals, BoxRegion) else RowStreams(CellGoals(cell), count)
 
 
-@dataclass(frozen=True, eq=False)
-class Outcome:
-    """What one step of all arms led to; every array has the number of arms first.
-
-    Attributes:
-        reward, terminated, truncated: As Gymnasium has them, shape (count,).
-        info: All that is said of the step but for the goals.
-    """
-
-    reward: Floats
-    terminated: Flags
-    truncated: Flags
-    info: dict[str, Any]
-
-
 class ReachEpisodes:
     """The state of the episodes and their rules, for one arm or thousands.
 
@@ -92,6 +77,7 @@ class ReachEpisodes:
         world: Executes the postures.
 
     Attributes:
+        task, world: As given.
         goals: Where the balls are in the world [m], shape (count, 3).
         found: Which of the cameras found them, shape (count, 2).
         seen: Where they seem to be in the world [m], shape (count, 3). New episodes have new arrays, these stay as
@@ -102,8 +88,8 @@ class ReachEpisodes:
         count = world.count
         self.goals = self.seen = np.zeros((count, 3))
         self.found = np.zeros((count, 2), dtype=np.bool_)
-        self._task = task
-        self._world = world
+        self.task = task
+        self.world = world
         self._observer = goal_observer(task)
         self._streams = goal_streams(task.arm.workcell, count)
         self._sensors = [np.random.default_rng() for _ in range(count)]
@@ -117,6 +103,19 @@ class ReachEpisodes:
         goal_rng, self._sensors[index] = rng.spawn(2)
         self._streams.seed(index, goal_rng)
 
+    def copy_from(self, other: ReachEpisodes) -> None:
+        """Take over the state of as many other arms with the same task, in the middle of their episodes."""
+        self.world.copy_from(other.world)
+        self._streams.copy_from(other._streams)
+        self.goals, self.found, self.seen = other.goals.copy(), other.found.copy(), other.seen.copy()
+        self._sensors = deepcopy(other._sensors)
+        for mine, theirs in (
+            (self._observation, other._observation),
+            (self._steps, other._steps),
+            (self._move_time, other._move_time),
+        ):
+            mine[:] = theirs
+
     def begin(self, ids: Ids, start: Start = Start()) -> None:  # noqa: B008 (immutable)
         """Start new episodes: arm in the start pose, a new goal, measured once.
 
@@ -126,12 +125,12 @@ class ReachEpisodes:
                 the posture.
         """
         goals = self._streams.draw(ids) if start.goals is None else start.goals.copy()
-        self._world.reset(ids, goals, start.q)
+        self.world.reset(ids, goals, start.q)
         if start.views is None:
             views, found, seen = self._observer.look(goals, ids, self._sensors)
         else:
-            views, found, seen = measured(self._task, start.views)
-        if len(ids) == self._world.count:
+            views, found, seen = measured(self.task, start.views)
+        if len(ids) == self.world.count:
             self.goals, self.found, self.seen = goals, found, seen
             rows: Ids | slice = slice(None)  # much faster than as many indices
         else:
@@ -139,11 +138,11 @@ class ReachEpisodes:
             self.goals[rows], self.found[rows], self.seen[rows] = goals, found, seen
         self._steps[rows] = 0
         self._move_time[rows] = 0.0
-        self._observation[rows, self._task.layout.goal] = views
+        self._observation[rows, self.task.layout.goal] = views
 
     def observe(self) -> Floats:
         """The observation of every arm, shape (count, size)."""
-        self._observation[:, self._task.layout.q] = self._world.q
+        self._observation[:, self.task.layout.q] = self.world.q
         return self._observation.copy()
 
     def goal_info(self) -> dict[str, Any]:
@@ -152,9 +151,9 @@ class ReachEpisodes:
 
     def start_info(self) -> dict[str, Any]:
         """What is said after a reset, as arrays."""
-        q, tip = self._world.q.copy(order="K"), self._world.tip.copy(order="K")
-        error = self._task.scorer.posture_error(q)
-        view = self._observation[:, self._task.layout.goal].copy()
+        q, tip = self.world.q.copy(order="K"), self.world.tip.copy(order="K")
+        error = self.task.scorer.posture_error(q)
+        view = self._observation[:, self.task.layout.goal].copy()
         return {
             **self.goal_info(),
             "view": view,
@@ -164,41 +163,46 @@ class ReachEpisodes:
             "posture_error": error,
         }
 
-    def step(self, actions: Floats) -> Outcome:
-        """Act with every arm.
+    def step(self, actions: Floats, acting: Flags | None = None) -> Outcome:
+        """Act with every arm, or with those that are said to.
 
         Args:
             actions: In [-1, 1], shape (count, n).
+            acting: Which arms act, shape (count,); all by default.
         """
-        variant = self._task.variant
-        targets = self._task.targets(self._world.q, actions)
-        executed = self._world.execute(targets, two_phase=variant.two_phase)
+        variant = self.task.variant
+        targets = self.task.targets(self.world.q, actions)
+        if acting is not None:
+            targets = np.where(acting[:, None], targets, self.world.q)
+        executed = self.world.execute(targets, two_phase=variant.two_phase, acting=acting)
         if executed.durations is not None:
             self._move_time += executed.durations
         score, info = self._judge(targets, executed)
-        self._steps += 1
+        self._steps += 1 if acting is None else acting
         over = self._steps >= variant.max_steps
         if variant.max_steps == 1:
-            return Outcome(score.reward, over, np.zeros_like(over), info)
-        terminated = score.reached & self._task.options.end_on_reached
-        if self._world.dynamic:
-            over |= executed.ending == Ending.DIVERGED
-        return Outcome(score.reward, terminated, over & ~terminated, info)
+            outcome = Outcome(score.reward, over, np.zeros_like(over), info)
+        else:
+            terminated = score.reached & self.task.options.end_on_reached
+            if self.world.dynamic:
+                over |= executed.ending == Ending.DIVERGED
+            outcome = Outcome(score.reward, terminated, over & ~terminated, info)
+        return outcome if acting is None else outcome.of(acting)
 
     def forfeit(self, reason: str) -> Outcome:
         """The verdict on agents that find no action: impossible, the arms stay, the episodes end."""
-        count = self._world.count
+        count = self.world.count
         everyone = np.ones(count, dtype=np.bool_)
         ending = np.full(count, Ending.FORFEITED, dtype=np.uint8)
-        score, info = self._judge(self._world.q.copy(), Executed(everyone, ending, [reason] * count))
+        score, info = self._judge(self.world.q.copy(), Executed(everyone, ending, [reason] * count))
         self._steps += 1
         return Outcome(score.reward, everyone, ~everyone, info)
 
     def _judge(self, targets: Floats, executed: Executed) -> tuple[Score, dict[str, Any]]:
         """The score of what the arms did, and what is said of it."""
-        q, tip = self._world.q.copy(order="K"), self._world.tip.copy(order="K")
+        q, tip = self.world.q.copy(order="K"), self.world.tip.copy(order="K")
         distance = self._distance(tip)
-        score = self._task.scorer.score(distance, q, executed.impossible)
+        score = self.task.scorer.score(distance, q, executed.impossible)
         status = ENDINGS[executed.ending]
         reasons = executed.reasons
         info = {
@@ -217,17 +221,17 @@ class ReachEpisodes:
             "reward_terms": score.terms,
         }
         info |= {f"reward_{name}": term for name, term in score.terms.items()}
-        if self._world.dynamic or reasons is not None:  # not in large kinematic batches, where it would take long
+        if self.world.dynamic or reasons is not None:  # not in large kinematic batches, where it would take long
             info["target_tip"] = self._target_tips(targets, tip, executed.impossible)
         return score, info
 
     def _target_tips(self, targets: Floats, tip: Floats, impossible: Flags) -> Floats:
         """Where the tips would be in the targets [m], shape (count, 3)."""
-        if self._world.dynamic:
-            return self._task.kinematics.positions(targets)
+        if self.world.dynamic:
+            return self.task.kinematics.positions(targets)
         tips = tip.copy()  # what a kinematic world takes it takes exactly
         if impossible.any():
-            tips[impossible] = self._task.kinematics.positions(targets[impossible])
+            tips[impossible] = self.task.kinematics.positions(targets[impossible])
         return tips
 
     def _distance(self, tip: Floats) -> Floats:

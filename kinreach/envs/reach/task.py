@@ -21,6 +21,7 @@ from kinreach.envs.reach.rewards import RewardFunction, scorer_of
 from kinreach.errors import InputError
 from kinreach.kinematics import ArmKinematics, AxisGoal, CollisionChecker, PositionGoal, kinematics_of
 from kinreach.robots import ArmDescription, as_arm
+from kinreach.sim.controller import BEYOND_LIMIT
 from kinreach.thesis.reward import REACHED_POSTURE_ERROR
 from kinreach.vision.ball_finder import PIPELINES
 from kinreach.vision.cameras import SensorNoise
@@ -34,8 +35,6 @@ STEP_SIZE = math.radians(5.0)
 CAMERA_RANGE = 2.0
 #: The same for an arm without cameras, whose goals are given in the world [m].
 GOAL_RANGE = 10.0
-#: Joints come to rest within the controller's tolerance of their target, so they may stand a little past a limit [rad].
-BEYOND_LIMIT = 0.02
 #: URDFs write pi with eleven digits; a limit this near to it is pi [rad].
 NEAR_PI = 1e-9
 

@@ -2,15 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from functools import partial
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike
+from gymnasium.vector import AutoresetMode
 
-from kinreach.checks import Floats
-from kinreach.envs.batch import NativeVectorEnv
+from kinreach.envs.batch import NativeVectorEnv, check_batch
 from kinreach.envs.options import options_from
 from kinreach.envs.reach.episodes import ReachEpisodes
 from kinreach.envs.reach.task import (
@@ -25,89 +23,88 @@ from kinreach.envs.reach.task import (
     reset_options,
 )
 from kinreach.envs.reach.worlds import BatchDynamicWorld, KinematicWorld, ReachWorld
+from kinreach.errors import InputError
+from kinreach.sim.picture import ScenePicture
+from kinreach.sim.simulation import ArmSimulation
 
 
 class ReachVectorEnv(NativeVectorEnv):
     """As many independent environments, equal to as many single ones with the seeds `seed`, `seed + 1`, ...
 
-    An episode that ends starts anew in the same step (`AutoresetMode.SAME_STEP`): the observation returned is the first
-    of the new episode, `info["final_obs"]`, shape (num_envs, size), is the last of the old one where
-    `info["_final_obs"]` is True, and `info["final_info"]` holds what the single environment's `info` would, as arrays.
-    The other entries of `info` are those of the step that was just made, whether or not an episode ended with it;
-    only `goal`, `seen` and `ball_found` are already the new episode's. What would take long is left out with
+    Episodes start anew as `NativeVectorEnv` describes. What would take long is left out of `info` with
     `backend="kinematic"`: `target_tip`, and in `impossible_reason` the names of what collides.
 
     Args:
         num_envs: Number of environments.
         variant: Which task.
         threads: Threads that step the dynamics (`backend="mujoco"`).
-        **options: As in the single environments (`ReachOptions`), but `observation="pixels"` and `render_mode`: images
-            of many environments are what Gymnasium's own vectorisation of the single environment is for.
+        autoreset_mode: `AutoresetMode.SAME_STEP`, `NEXT_STEP` or `DISABLED`.
+        **options: As in the single environments (`ReachOptions`), but `observation="pixels"`: images of many
+            environments are what Gymnasium's own vectorisation of the single environment is for. `render_mode` is
+            None or `"rgb_array"`, for up to 64 environments.
 
     Raises:
         InputError: Options that cannot be.
     """
 
-    def __init__(self, num_envs: int = 1, *, variant: ReachVariant, threads: int = 1, **options: Any) -> None:
+    def __init__(
+        self,
+        num_envs: int = 1,
+        *,
+        variant: ReachVariant,
+        threads: int = 1,
+        autoreset_mode: AutoresetMode | str = AutoresetMode.SAME_STEP,
+        **options: Any,
+    ) -> None:
         given = options_from(ReachOptions, options)
+        num_envs = check_batch(num_envs, threads, given.render_mode)
+        if given.observation == "pixels":
+            raise InputError('a native batch observes no images; use vectorization_mode="sync" or "async" for them')
         task = ReachTask(given, variant)
-        super().__init__(
-            num_envs,
-            threads=threads,
-            draws=given.observation == "pixels" or given.render_mode is not None,
-            action_space=action_space(task.arm),
-            observation_space=observation_space(task.arm),
-        )
+        arm = task.arm
         world: ReachWorld = (
-            BatchDynamicWorld(task.arm, num_envs, threads=threads)
+            BatchDynamicWorld(arm, num_envs, threads=threads)
             if given.backend == "mujoco"
             else KinematicWorld(task, num_envs)
         )
-        self._task = task
-        self._episodes = ReachEpisodes(task, world)
+        episodes = ReachEpisodes(task, world)
+        super().__init__(
+            episodes,
+            num_envs,
+            action_space=action_space(arm),
+            observation_space=observation_space(arm),
+            check_actions=partial(check_actions, count=num_envs, joints=len(arm.joints)),
+            check_start=partial(reset_options, count=num_envs, arm=arm),
+            autoreset_mode=autoreset_mode,
+            picture=None if given.render_mode is None else ReachPicture(episodes),
+            made_with={
+                "num_envs": num_envs,
+                "variant": variant,
+                "threads": threads,
+                "autoreset_mode": autoreset_mode,
+                **options,
+            },
+        )
 
-    def reset(
-        self, *, seed: int | Sequence[int | None] | None = None, options: dict[str, Any] | None = None
-    ) -> tuple[Floats, dict[str, Any]]:
-        """Start all episodes.
 
-        Args:
-            seed: Of the first environment (the others count up), or one for each.
-            options: As those of the single environment, `"goal"`, `"q"` and `"view"`, one row for each environment.
+class ReachPicture:
+    """Draws the environments of a batch, one after the other, with one scene."""
 
-        Raises:
-            InputError: Unknown options, or as many seeds, goals or postures as there are not environments.
-        """
-        start = reset_options(options, self.num_envs, self._task.arm)
-        self._seed(seed, self._episodes.seed)
-        self._episodes.begin(self._everyone, start)
-        return self._episodes.observe(), self._episodes.start_info()
+    def __init__(self, episodes: ReachEpisodes) -> None:
+        self._episodes = episodes
+        self._scene = ArmSimulation(episodes.task.arm, visual=True)
+        self._picture = ScenePicture(self._scene, mode="rgb_array", fps=NativeVectorEnv.metadata["render_fps"])
 
-    def step(self, actions: ArrayLike) -> tuple[Floats, Floats, Any, Any, dict[str, Any]]:
-        """Act in all environments.
+    def frame(self, index: int) -> Any:
+        """A frame of one environment, uint8, shape (height, width, 3)."""
+        limits = self._scene.controller
+        self._scene.reset(np.clip(self._episodes.world.q[index], limits.lower, limits.upper))
+        self._scene.place_ball(self._episodes.goals[index])
+        return self._picture.frame()
 
-        Args:
-            actions: Shape (num_envs, n), in [-1, 1]; what is outside is clipped.
-
-        Raises:
-            InputError: Wrong shape, or a value that is not finite.
-        """
-        outcome = self._episodes.step(check_actions(actions, self.num_envs, len(self._task.arm.joints)))
-        info = outcome.info
-        over = outcome.terminated | outcome.truncated
-        observation = self._episodes.observe()
-        if over.any():
-            episodes = self._episodes
-            final_info = {**info, "goal": episodes.goals, "seen": episodes.seen, "ball_found": episodes.found}
-            info |= {"final_obs": observation, "_final_obs": over, "final_info": final_info, "_final_info": over}
-            self._episodes.begin(np.flatnonzero(over))
-            observation = self._episodes.observe()
-        info |= self._episodes.goal_info()
-        return observation, outcome.reward, outcome.terminated, outcome.truncated, info
-
-    def close_extras(self, **kwargs: Any) -> None:
-        """Free the renderers."""
-        self._episodes.close()
+    def close(self) -> None:
+        """Free the renderer."""
+        self._picture.close()
 
 
 #: Entry points of the native batches.

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from enum import IntEnum
-from typing import Protocol
+from typing import Any, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -87,8 +87,15 @@ class ReachWorld(Protocol):
         """Put arms into postures [rad], shape (k, n), or the start pose, and their balls to goals [m], shape (k, 3)."""
         ...
 
-    def execute(self, targets: Floats, *, two_phase: bool) -> Executed:
-        """Move all arms to joint targets [rad], shape (count, n)."""
+    def execute(self, targets: Floats, *, two_phase: bool, acting: Flags | None = None) -> Executed:
+        """Move arms to joint targets [rad], shape (count, n): all of them, or where `acting` is True, shape (count,).
+
+        The others complete their action at once, and nothing of them changes.
+        """
+        ...
+
+    def copy_from(self, other: Any) -> None:
+        """Take over the state of another world of the same kind and size."""
         ...
 
     @property
@@ -132,9 +139,11 @@ class KinematicWorld:
         self._q[:, rows] = self._home if q is None else q.T
         self._tip[:, rows] = self._home_tip if q is None else self._kinematics.positions(q).T
 
-    def execute(self, targets: Floats, *, two_phase: bool) -> Executed:
+    def execute(self, targets: Floats, *, two_phase: bool, acting: Flags | None = None) -> Executed:
         """Take the targets that can be taken."""
         ending = _OF_CAUSE[self._check.causes(targets)]
+        if acting is not None:
+            ending[~acting] = Ending.COMPLETED
         impossible = ending != Ending.COMPLETED
         moved = np.flatnonzero(~impossible)
         q = targets.T.take(moved, axis=1)
@@ -145,6 +154,10 @@ class KinematicWorld:
             return Executed(impossible, ending)
         reasons = [self._check.reason(target) if bad else "" for target, bad in zip(targets, impossible, strict=True)]
         return Executed(impossible, ending, reasons)
+
+    def copy_from(self, other: KinematicWorld) -> None:
+        """Take over the postures of another world."""
+        self._q[:], self._tip[:] = other._q, other._tip
 
     @property
     def q(self) -> Floats:
@@ -182,9 +195,13 @@ class SingleDynamicWorld:
         self.simulation.reset(None if q is None else q[0])
         self.simulation.place_ball(goals[0])
 
-    def execute(self, targets: Floats, *, two_phase: bool) -> Executed:
+    def execute(self, targets: Floats, *, two_phase: bool, acting: Flags | None = None) -> Executed:
         """Move by dynamics; a target that is not attained is impossible, and the arm stays where it got to."""
         return _executed([self.simulation.move(targets[0], two_phase=two_phase)])
+
+    def copy_from(self, other: SingleDynamicWorld) -> None:
+        """Take over the state of another simulation."""
+        self.simulation.copy_state(other.simulation)
 
     @property
     def q(self) -> Floats:
@@ -217,9 +234,22 @@ class BatchDynamicWorld:
         self._batch.reset(ids, q)
         self._batch.place_ball(ids, goals)
 
-    def execute(self, targets: Floats, *, two_phase: bool) -> Executed:
+    def execute(self, targets: Floats, *, two_phase: bool, acting: Flags | None = None) -> Executed:
         """Move by dynamics, as `SingleDynamicWorld` does."""
-        return _executed(self._batch.move(np.arange(self.count), targets, two_phase=two_phase))
+        ids = np.arange(self.count) if acting is None else np.flatnonzero(acting)
+        moved = _executed(self._batch.move(ids, targets[ids], two_phase=two_phase))
+        if acting is None or moved.reasons is None or moved.durations is None:
+            return moved
+        ending, durations = np.zeros(self.count, dtype=np.uint8), np.zeros(self.count)
+        ending[ids], durations[ids] = moved.ending, moved.durations
+        reasons = [""] * self.count
+        for index, reason in zip(ids, moved.reasons, strict=True):
+            reasons[index] = reason
+        return Executed(ending != Ending.COMPLETED, ending, reasons, durations)
+
+    def copy_from(self, other: BatchDynamicWorld) -> None:
+        """Take over the states of as many other simulations."""
+        self._batch.copy_states(other._batch)
 
     @property
     def q(self) -> Floats:

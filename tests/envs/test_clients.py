@@ -1,0 +1,84 @@
+"""What other people's programs do with the environments: ids, worker processes, films."""
+
+import gymnasium as gym
+import numpy as np
+import pytest
+from gymnasium.wrappers import RecordVideo
+
+import kinreach  # noqa: F401 (registers the environments)
+from kinreach.envs.video import RecordMotion
+from kinreach.errors import InputError
+from kinreach.registration import MULTI, MULTI_KINEMATIC, SINGLE, SINGLE_KINEMATIC
+
+PAIRS = {SINGLE_KINEMATIC: SINGLE, MULTI_KINEMATIC: MULTI}
+
+
+@pytest.mark.parametrize(("name", "plain"), PAIRS.items())
+def test_ids_of_the_kinematic_backend(name, plain):
+    for make in (gym.make, lambda id, **options: gym.make_vec(id, num_envs=2, **options)):
+        one, other = make(name), make(plain, backend="kinematic")
+        np.testing.assert_array_equal(one.reset(seed=1)[0], other.reset(seed=1)[0])
+        action = one.action_space.sample()
+        np.testing.assert_array_equal(one.step(action)[0], other.step(action)[0])
+    assert gym.make(name).unwrapped.options.backend == "kinematic"
+
+
+def test_gymnasium_imports_kinreach_by_the_id(run_python):
+    text = "import gymnasium as gym; print(gym.make('kinreach:kinreach/UR5SingleStep-v0').reset(seed=0)[0].shape)"
+    done = run_python("-c", text)
+    assert done.returncode == 0, done.stderr
+    assert done.stdout.strip() == "(13,)"
+
+
+def test_worker_processes_of_stable_baselines3(run_python, tmp_path):
+    """Spawned workers have imported nothing: the id has to say where it is registered."""
+    pytest.importorskip("stable_baselines3")
+    text = """
+from stable_baselines3.common.env_util import make_vec_env
+from stable_baselines3.common.vec_env import SubprocVecEnv
+
+if __name__ == "__main__":
+    env = make_vec_env("kinreach:kinreach/UR5SingleStepKinematic-v0", 2, seed=0, vec_env_cls=SubprocVecEnv,
+                       vec_env_kwargs={"start_method": "spawn"})
+    print(env.reset().shape)
+    env.close()
+"""
+    (tmp_path / "workers.py").write_text(text, encoding="utf-8")
+    done = run_python("workers.py")
+    assert done.returncode == 0, done.stderr
+    assert done.stdout.strip() == "(2, 13)"
+
+
+@pytest.mark.parametrize("name", [SINGLE, MULTI])
+def test_info_is_flat_numbers_beside_texts_and_the_terms(name):
+    """So that clients that take only numbers can leave the rest by its type."""
+    env = gym.make(name, backend="kinematic")
+    env.reset(seed=0)
+    for _ in range(5):
+        info = env.step(env.action_space.sample())[4]
+        rest = {key for key, value in info.items() if not isinstance(value, int | float | bool | np.ndarray)}
+        assert rest == {"reward_terms", "status", "impossible_reason"}
+        assert all(value.dtype.kind in "fb" for value in info.values() if isinstance(value, np.ndarray))
+        assert bool(info["impossible_reason"]) == (info["impossible_code"] > 0) == info["impossible"]
+        env.reset()
+
+
+def test_a_film_of_a_single_step_shows_the_motion(films, tmp_path, needs_gl):
+    lengths = {}
+    for record, mode in ((RecordVideo, "rgb_array"), (RecordMotion, "rgb_array_list")):
+        env = record(gym.make(SINGLE, render_mode=mode), str(tmp_path / mode))
+        _, info = env.reset(seed=0)
+        unwrapped = env.unwrapped
+        _, _, terminated, _, info = env.step(unwrapped.action_for(unwrapped.home + 0.3))
+        assert terminated
+        env.close()
+        lengths[mode] = len(films[-1])
+    assert lengths["rgb_array"] == 2
+    frames = films[-1]
+    assert 0 <= lengths["rgb_array_list"] - info["move_s"] * 25 <= 4  # before and after the motion, too
+    assert all((a != b).any() for a, b in zip(frames[1:-3], frames[2:-2], strict=True))
+
+
+def test_frames_of_the_motion_need_a_list_of_them(tmp_path):
+    with pytest.raises(InputError, match="rgb_array_list"):
+        RecordMotion(gym.make(SINGLE), str(tmp_path))

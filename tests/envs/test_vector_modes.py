@@ -1,0 +1,241 @@
+"""Native batches as Gymnasium's users have them: when episodes start anew, Gymnasium's wrappers, copies, pictures."""
+
+import copy
+
+import gymnasium as gym
+import numpy as np
+import pytest
+from gymnasium.vector import AutoresetMode, SyncVectorEnv
+from gymnasium.wrappers import vector as wrappers
+
+import kinreach  # noqa: F401 (registers the environments)
+from kinreach.errors import InputError
+
+SINGLE, MULTI, BUTTON = "kinreach/UR5SingleStep-v0", "kinreach/UR5MultiStep-v0", "kinreach/ButtonPress-v0"
+TASKS = {
+    "single": (SINGLE, {"backend": "kinematic"}),
+    "multi": (MULTI, {"backend": "kinematic"}),
+    "single, dynamics": (SINGLE, {}),
+    "multi, dynamics": (MULTI, {}),
+    "button": (BUTTON, {"max_steps": 7}),
+}
+COUNT = 3
+
+
+def batch(task, count=COUNT, **options):
+    name, own = TASKS[task]
+    return gym.make_vec(name, num_envs=count, vectorization_mode="vector_entry_point", **own, **options)
+
+
+def singles(task, mode):
+    name, own = TASKS[task]
+    return SyncVectorEnv([lambda: gym.make(name, **own)] * COUNT, autoreset_mode=mode)
+
+
+def actions(task, env, steps):
+    """Random actions; in the multi-step task environment 0 starts at its goal, and reaches it by standing still."""
+    env.action_space.seed(0)
+    for _ in range(steps):
+        drawn = env.action_space.sample()
+        yield 0.0 * drawn if task.startswith("multi") else drawn
+
+
+def near_goals(task):
+    """Options of a reset with which the episode of environment 0 of the multi-step task ends with the first step."""
+    if not task.startswith("multi"):
+        return None
+    kinematics = gym.make(MULTI, backend="kinematic").unwrapped.kinematics
+    q = np.tile([-1.8, -1.0, 1.9, -2.47, -np.pi / 2, 0.0], (COUNT, 1))
+    return {"q": q, "goal": kinematics.positions(q) + [[0, 0, 0], [0.1, 0, 0], [0, 0.1, 0]]}
+
+
+@pytest.mark.parametrize("task", TASKS)
+def test_next_step_is_what_gymnasium_does_with_single_environments(task):
+    native, sync = batch(task, autoreset_mode="NextStep"), singles(task, AutoresetMode.NEXT_STEP)
+    assert native.metadata["autoreset_mode"] is AutoresetMode.NEXT_STEP
+    options = near_goals(task)
+    np.testing.assert_array_equal(native.reset(seed=3)[0], sync.reset(seed=3)[0])
+    if options is not None:
+        native.reset(options=options)
+        for index, env in enumerate(sync.envs):
+            env.reset(options={name: rows[index] for name, rows in options.items()})
+    restarts = 0
+    ended = np.zeros(COUNT, dtype=bool)
+    for action in actions(task, native, 20 if task == "button" else 5):
+        ours, theirs = native.step(action), sync.step(action)
+        for one, other in zip(ours[:4], theirs[:4], strict=True):
+            np.testing.assert_allclose(one, other, rtol=0, atol=1e-12)
+        np.testing.assert_array_equal(ours[4]["goal"], theirs[4]["goal"])
+        np.testing.assert_allclose(sum(ours[4]["reward_terms"].values()), ours[1], rtol=0, atol=1e-12)
+        assert not ours[4]["reached"][ended].any()
+        assert (ours[1][ended] == 0.0).all()
+        restarts += ended.sum()
+        ended = ours[2] | ours[3]
+    assert restarts >= 1
+
+
+@pytest.mark.parametrize("task", TASKS)
+def test_disabled_restarts_those_that_the_mask_names(task):
+    native = batch(task, autoreset_mode=AutoresetMode.DISABLED)
+    options = near_goals(task)
+    native.reset(seed=3)
+    native.reset(options=options)
+    for action in actions(task, native, 20):
+        observation, _, terminated, truncated, info = native.step(action)
+        ended = terminated | truncated
+        if ended.any():
+            break
+    assert ended.any()
+    with pytest.raises(InputError, match="have ended"):
+        native.step(native.action_space.sample())
+    before, goals = observation, info["goal"]
+    observation, info = native.reset(options={"reset_mask": ended})
+    np.testing.assert_array_equal(observation[~ended], before[~ended])
+    np.testing.assert_array_equal(info["goal"][~ended], goals[~ended])
+    assert (info["goal"][ended] != goals[ended]).any(axis=1).all()
+    native.step(native.action_space.sample())
+
+
+def test_a_masked_reset_takes_seeds_and_options_of_the_environments_that_it_restarts():
+    native = batch("single", autoreset_mode=AutoresetMode.DISABLED)
+    expected = batch("single").reset(seed=11)[1]["goal"]
+    first = native.reset(seed=3)[1]["goal"]
+    mask = np.array([False, True, False])
+    goals = native.reset(seed=11, options={"reset_mask": mask})[1]["goal"]
+    np.testing.assert_array_equal(goals, np.where(mask[:, None], expected, first))
+    asked = np.tile([0.4, 0.1, -0.175], (COUNT, 1))
+    goals = native.reset(options={"reset_mask": mask, "goal": asked})[1]["goal"]
+    np.testing.assert_array_equal(goals, np.where(mask[:, None], asked, first))
+
+
+@pytest.mark.parametrize("mask", [np.zeros(COUNT, dtype=bool), np.ones(2, dtype=bool), "all", [0.5, 0, 1]])
+def test_masks_that_mean_nothing_are_refused(mask):
+    native = batch("single")
+    native.reset(seed=0)
+    with pytest.raises(InputError, match="reset_mask"):
+        native.reset(options={"reset_mask": mask})
+
+
+def test_a_mode_that_there_is_not_is_refused():
+    with pytest.raises(InputError, match="autoreset_mode must be one of NextStep, SameStep, Disabled, got 'never'"):
+        batch("single", autoreset_mode="never")
+
+
+@pytest.mark.parametrize("task", TASKS)
+def test_a_step_before_the_first_reset_is_refused(task):
+    native = batch(task)
+    with pytest.raises(InputError, match="reset the environment"):
+        native.step(native.action_space.sample())
+    with pytest.raises(InputError, match="reset all environments"):
+        native.reset(options={"reset_mask": np.ones(COUNT, dtype=bool)})
+    name, own = TASKS[task]
+    single = gym.make(name, **own).unwrapped
+    with pytest.raises(InputError, match="reset the environment"):
+        single.step(single.action_space.sample())
+
+
+@pytest.mark.parametrize("task", TASKS)
+def test_a_refused_reset_changes_nothing(task):
+    name, own = TASKS[task]
+    goals = []
+    for refused in (False, True):
+        env, native = gym.make(name, **own).unwrapped, batch(task)
+        for one in (env, native):
+            one.reset(seed=0)
+            if refused:
+                with pytest.raises(InputError):
+                    one.reset(seed=1, options={"gaol": [0.4, 0, -0.175]})
+        goals.append(np.vstack([env.reset()[1]["goal"], native.reset()[1]["goal"]]))
+    np.testing.assert_array_equal(*goals)
+
+
+@pytest.mark.parametrize("task", TASKS)
+@pytest.mark.parametrize("kind", ["single", "wrapped", "batch"])
+def test_a_copy_goes_on_as_the_original_does(task, kind):
+    """Action for action, through the ends of episodes: states, goals and generators."""
+    name, own = TASKS[task]
+    env = batch(task) if kind == "batch" else gym.make(name, **own)
+    env = env.unwrapped if kind == "single" else env
+    env.reset(seed=5)
+    env.action_space.seed(1)
+    if not task.startswith("single"):
+        for _ in range(3):
+            env.step(env.action_space.sample())
+    twin = copy.deepcopy(env)
+    compared = 0
+    for _ in range(4):
+        action = env.action_space.sample()
+        np.testing.assert_array_equal(action, twin.action_space.sample())
+        one, other = env.step(action), twin.step(action)
+        for first, second in zip(one[:4], other[:4], strict=True):
+            np.testing.assert_array_equal(first, second)
+        np.testing.assert_array_equal(one[4]["goal"], other[4]["goal"])
+        compared += 1
+        if kind != "batch" and (one[2] or one[3]):
+            np.testing.assert_array_equal(env.reset()[0], twin.reset()[0])
+    assert compared == 4
+    env.step(env.action_space.sample())  # what becomes of one is nothing to the other
+    np.testing.assert_array_equal(twin.reset(seed=9)[0], env.reset(seed=9)[0])
+
+
+@pytest.mark.parametrize("task", ["single", "multi", "button"])
+def test_gymnasiums_vector_wrappers(task):
+    native = wrappers.NormalizeObservation(batch(task, autoreset_mode=AutoresetMode.NEXT_STEP))
+    native = wrappers.FlattenObservation(native)
+    native = wrappers.RecordEpisodeStatistics(native)
+    native.reset(seed=0)
+    lengths = []
+    for _ in range(210 if task == "multi" else 20):
+        observation, *_, info = native.step(native.action_space.sample())
+        assert np.isfinite(observation).all()
+        if "episode" in info:
+            lengths += info["episode"]["l"][info["_episode"]].tolist()
+    assert len(lengths) >= COUNT
+    assert set(lengths) <= {"single": {1}, "multi": {100}, "button": {7}}[task]
+    native.close()
+
+
+@pytest.mark.filterwarnings("ignore:.*autoreset mode is same-step")
+@pytest.mark.parametrize("mode", [AutoresetMode.SAME_STEP, AutoresetMode.NEXT_STEP])
+@pytest.mark.parametrize("task", ["single", "multi, dynamics", "button"])
+def test_batches_can_be_filmed(task, mode, tmp_path, films, needs_gl):
+    native = wrappers.RecordVideo(
+        batch(task, render_mode="rgb_array", autoreset_mode=mode), str(tmp_path / "films"), video_length=5
+    )
+    native.reset(seed=0)
+    for _ in range(6):
+        native.step(native.action_space.sample())
+    native.close()
+    frames = films[0]
+    assert len(frames) >= (1 if (task, mode) == ("single", AutoresetMode.SAME_STEP) else 2)  # without the last of each
+    height, width = 360, 640
+    assert {frame.shape[0] * frame.shape[1] for frame in frames} == {COUNT * height * width}
+    parts = [frame.reshape(-1, height, width, 3) for frame in frames if frame.shape[1] == width]
+    assert all((a[0] != a[1]).any() for a in parts)  # each environment has its own ball
+
+
+def test_pictures_of_a_batch_are_those_of_single_environments(needs_gl):
+    native = batch("single", render_mode="rgb_array")
+    native.reset(seed=4)
+    frames = native.render()
+    assert len(frames) == COUNT
+    for index, frame in enumerate(frames):
+        env = gym.make(SINGLE, backend="kinematic", render_mode="rgb_array")
+        env.reset(seed=4 + index)
+        np.testing.assert_array_equal(env.render(), frame)
+        env.close()
+    native.close()
+    native.close()
+    assert batch("single").render() is None
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        ({"render_mode": "human"}, "render_mode of a native batch"),
+        ({"render_mode": "rgb_array", "count": 65}, "draws at most 64 environments, got 65"),
+    ],
+)
+def test_pictures_that_a_batch_does_not_make(options, message):
+    with pytest.raises(InputError, match=message):
+        batch("single", **options)
