@@ -33,7 +33,8 @@ class Policy(Protocol):
     """Anything that chooses actions.
 
     It may also have `reason`, why its last action was None; `diagnostics`, a mapping with some of `EFFORTS` about its
-    last decision; and `check_spaces(observation_space, action_space)`, which raises an `InputError` where it cannot act.
+    last decision; and `check_spaces(observation_space, action_space)`, which raises an `InputError` where it cannot
+    act.
     """
 
     def reset(self, observation: Any, info: Mapping[str, Any]) -> None:
