@@ -15,7 +15,6 @@ from kinreach.robots.urdf_arm import UrdfArm
 from kinreach.robots.urdf_file import read_urdf
 from kinreach.robots.workcell import CameraMount, Workcell
 
-
 #: Attributes with one number for each joint.
 PER_JOINT = ("home", "position_gains", "joint_damping")
 
