@@ -239,8 +239,9 @@ class NativeVectorEnv(VectorEnv[Floats, ArrayLike, Floats]):
     def __deepcopy__(self, memo: dict[int, Any]) -> Self:
         twin = type(self)(**self._made_with)
         memo[id(self)] = twin
-        for name in ("single_action_space", "single_observation_space", "action_space", "observation_space", "spec"):
+        for name in ("single_action_space", "single_observation_space", "action_space", "observation_space"):
             setattr(twin, name, deepcopy(getattr(self, name)))
+        twin.spec = self.spec
         twin._started, twin._ended = self._started, self._ended.copy()
         twin._episodes.copy_from(self._episodes)
         return twin
