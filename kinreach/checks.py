@@ -18,7 +18,7 @@ from kinreach.errors import InputError, raise_unknown
 
 Floats = NDArray[np.float64]
 
-#: More threads than any machine has that this is for.
+#: Upper bound of a number of threads.
 MOST_THREADS = 1024
 
 _SHORT = Repr()
@@ -37,7 +37,7 @@ def check_count(name: str, value: object, *, least: int = 1, most: int | None = 
     """An integer within bounds.
 
     Raises:
-        InputError: It is no integer (a float is none, nor is a truth value), or it is outside the bounds.
+        InputError: Not an integer (floats and truth values are refused), or outside the bounds.
     """
     try:
         count = operator.index(value)  # type: ignore[arg-type]
@@ -56,7 +56,7 @@ def check_number(name: str, value: object, *, least: float = -inf, most: float =
     """A finite number within bounds, of which `above` is excluded.
 
     Raises:
-        InputError: It is no number (a truth value is none), not finite, or outside the bounds.
+        InputError: Not a number (truth values are refused), not finite, or outside the bounds.
     """
     try:
         number = None if isinstance(value, bool) or not isinstance(value, Real) else float(value)
@@ -76,20 +76,20 @@ def check_number(name: str, value: object, *, least: float = -inf, most: float =
 
 
 def check_known(kind: str, value: object, available: Collection[str]) -> None:
-    """Refuse what is not one of the names there are.
+    """Refuse a value that is not one of the available names.
 
     Raises:
-        UnknownNameError: The message lists those there are.
+        UnknownNameError: The message lists the available names.
     """
     if not isinstance(value, str) or value not in available:
         raise_unknown(kind, value if isinstance(value, str) else shown(value), available)
 
 
 def check_path(name: str, value: Any) -> Path:
-    """A path that can be, and can be looked at.
+    """A path whose file system can be asked about it.
 
     Raises:
-        InputError: It is no path, is too long, has characters that are no text, or leads through a closed folder.
+        InputError: Not a path, too long, not encodable as text, or through a folder that may not be entered.
     """
     try:
         path = Path(value)
@@ -149,7 +149,7 @@ def as_pose(name: str, value: ArrayLike) -> Floats:
 
 
 def check_poses(name: str, T: Floats) -> None:
-    """Refuse a stack of transforms, shape (n, 4, 4), in which one is no rigid motion or goes beyond `MOST_DISTANCE`."""
+    """Refuse a stack of transforms, shape (n, 4, 4), if one is not a rigid motion or goes beyond `MOST_DISTANCE`."""
     if not np.isfinite(T).all():
         raise InputError(f"{name} must be finite; {_where(~np.isfinite(T).all(axis=(1, 2)))} is not")
     check_entries(f"every entry of {name}", T, MOST_DISTANCE)
@@ -168,7 +168,7 @@ def check_poses(name: str, T: Floats) -> None:
 
 
 def as_floats(name: str, value: ArrayLike) -> Floats:
-    """An array of doubles, or an `InputError` that says what is wrong: text, complex numbers, dates, None are none."""
+    """An array of doubles, or an `InputError`: text, complex numbers, dates and None are refused."""
     array = as_array(name, value)
     if array.dtype == np.float64:
         return array
@@ -200,7 +200,7 @@ def as_flags(name: str, value: ArrayLike) -> NDArray[np.bool_]:
 
 
 def check_tolerance(tol: float) -> float:
-    """A tolerance that means something: below the bound rounding decides, and above it there is no arm so large."""
+    """A tolerance within bounds: below them rounding decides, and above them lies the size of any arm."""
     inside = type(tol) is float and LEAST_TOLERANCE <= tol <= MOST_TOLERANCE
     return tol if inside else check_number("tol", tol, least=LEAST_TOLERANCE, most=MOST_TOLERANCE)
 

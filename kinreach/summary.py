@@ -132,10 +132,13 @@ def summarise(columns: Sequence[Column], trials: Sequence[Trial], *, resamples: 
 
 
 def success_columns(completed: Callable[[Trial], bool]) -> tuple[Column, ...]:
-    """Shares of goals within each of `TOLERANCES_MM`: trials that were completed and ended that near."""
+    """Shares of goals within each of `TOLERANCES_MM`: trials that were completed and ended that near.
 
-    def within(tolerance: float) -> Callable[[Trial], bool]:
-        return lambda trial: completed(trial) and 1e3 * trial["distance"] <= tolerance
+    Where an environment knows no distance, nothing is measured.
+    """
+
+    def within(tolerance: float) -> Callable[[Trial], bool | None]:
+        return lambda trial: completed(trial) and 1e3 * trial["distance"] <= tolerance if "distance" in trial else None
 
     return tuple(
         Column(f"success_at_mm.{mm:g}", within(mm), RATE, f"< {mm:g} mm\n%", "share" if mm == 1 else "")

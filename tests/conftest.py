@@ -3,16 +3,22 @@
 from __future__ import annotations
 
 import os
+import re
 import subprocess
 import sys
 from collections.abc import Callable
 from pathlib import Path
 
+import numpy as np
 import pytest
 from hypothesis import settings
 
 from kinreach.envs import ArmSimulation, render
+from kinreach.envs.reach.task import TOOL_DOWN
 from kinreach.errors import InstallationError
+from kinreach.kinematics import UR5Kinematics
+
+HEADED = 2  # lines of a table before its first row
 
 # The same examples every time, on machines of any speed: what fails, a change has broken.
 settings.register_profile("kinreach", derandomize=True, deadline=None)
@@ -61,3 +67,43 @@ def run_python(tmp_path: Path) -> PythonRunner:
         )
 
     return run
+
+
+@pytest.fixture
+def ur5():
+    return ArmSimulation("ur5")
+
+
+@pytest.fixture(scope="session")
+def tool_down():
+    """Posture of the UR5 with the tcp at a point of the world [m], pointing down."""
+    kinematics = UR5Kinematics(tip="tcp", base="world")
+
+    def posture(position):
+        result = kinematics.axis_goal(position, TOOL_DOWN, np.array(kinematics.arm.home))
+        assert result.success, result.reason
+        return result.q
+
+    return posture
+
+
+@pytest.fixture(scope="session")
+def goals():
+    """Goals of the UR5 [m]: the corners of the area first, then drawn ones."""
+    region = ArmSimulation("ur5").arm.workcell.goals
+    corners = [(x, y, region.z[0]) for x in region.x for y in region.y]
+    return np.array([*corners, *region.sample(np.random.default_rng(7), 60)])
+
+
+@pytest.fixture(scope="session")
+def doc_tables():
+    """`doc_tables(docstring, heading)`: the tables of a docstring's section, each a list of rows of cells."""
+
+    def tables(docstring, heading):
+        section = docstring.split(f"## {heading}")[1].split("\n    ## ")[0]
+        found = [block.splitlines() for block in re.findall(r"(?:^    \|.*\n?)+", section, re.MULTILINE)]
+        return [
+            [[cell.strip() for cell in row.strip().strip("|").split("|")] for row in rows[HEADED:]] for rows in found
+        ]
+
+    return tables

@@ -261,14 +261,16 @@ class LearnedPolicy:
 
     Args:
         card, network: As `read_policy` returns them.
+        exact: Whether an observation has just as many numbers as the network takes; else it may have more.
 
     Attributes:
         card: What is known of it.
         network: Its numbers.
     """
 
-    def __init__(self, card: PolicyCard, network: Network) -> None:
+    def __init__(self, card: PolicyCard, network: Network, *, exact: bool = False) -> None:
         self.card, self.network = card, network
+        self._exact = exact
         self._low = -1.0 if network.low is None else network.low
         self._high = 1.0 if network.high is None else network.high
         self._stepwise = card.meaning == "posture" and "MultiStep" in card.environment
@@ -319,10 +321,11 @@ class LearnedPolicy:
         Raises:
             InputError: The observations are no vector, or too short, or the actions are of another kind or number.
         """
-        least, outputs = self._inputs, len(self.network.gain)
-        if not isinstance(observations, spaces.Box) or len(observations.shape) != 1 or observations.shape[0] < least:
+        outputs = len(self.network.gain)
+        vector = isinstance(observations, spaces.Box) and len(observations.shape) == 1
+        if not vector or not self._takes(observations.shape[0]):  # type: ignore[index]
             raise InputError(
-                f"{self.name} takes a vector of at least {least} numbers, not observations of {observations}"
+                f"{self.name} takes a vector of {self._wanted} numbers, not observations of {observations}"
             )
         if self.card.meaning == "preferences":
             fits = isinstance(actions, spaces.Discrete) and actions.n == outputs
@@ -336,11 +339,18 @@ class LearnedPolicy:
     def _inputs(self) -> int:
         return max(len(self.network.mean), len(self.network.gain) + 1 if self._stepwise else 0)
 
+    @property
+    def _wanted(self) -> str:
+        return f"{'' if self._exact else 'at least '}{self._inputs}"
+
+    def _takes(self, count: int) -> bool:
+        return count == self._inputs if self._exact else count >= self._inputs
+
     def _output(self, observation: ArrayLike) -> Array:
         """What the network says of observations, once they and its answer are found to be numbers."""
         x = as_floats("observation", observation)
-        if x.ndim == 0 or x.shape[-1] < self._inputs:
-            raise InputError(f"observation must have shape (..., {self._inputs}) or more, got {x.shape}")
+        if x.ndim == 0 or not self._takes(x.shape[-1]):
+            raise InputError(f"an observation must have {self._wanted} numbers, got shape {x.shape}")
         check_entries("observation", x, MOST_OBSERVED)
         with np.errstate(over="ignore", invalid="ignore", divide="ignore"):
             output = self.network(x)
@@ -375,7 +385,7 @@ def load_policy(policy: str | Path, *, environment: str | None = None) -> Learne
         from kinreach.baselines.sb3_zip import read_zip
 
         card, network = read_zip(path)
-        card = replace(card, environment=environment or "")
+        return LearnedPolicy(replace(card, environment=environment or ""), network, exact=True)
     elif path.suffix or path.exists():
         card, network = read_policy(path)
     else:

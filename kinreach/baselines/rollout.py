@@ -32,8 +32,9 @@ Watch = Callable[[gym.Env[Any, Any], Mapping[str, Any]], object]
 class Policy(Protocol):
     """Anything that chooses actions.
 
-    It may also have `reason`, why its last action was None, and `diagnostics`, a mapping with some of `EFFORTS` about
-    its last decision.
+    It may also have `reason`, why its last action was None; `diagnostics`, a mapping with some of `EFFORTS` about its
+    last decision; and `check_spaces(observation_space, action_space)`, which raises an `InputError` where it cannot
+    act.
     """
 
     def reset(self, observation: Any, info: Mapping[str, Any]) -> None:
@@ -122,8 +123,16 @@ def rollout(
         `steps`, `reward` (of the last step), `return` (sum of all), `solve_s` (wall time of the policy [s]), and the
         sums of the policy's `diagnostics`.
     """
+    _check_spaces(policy, env.observation_space, env.action_space)
     for reset in resets:
         yield _episode(env, policy, reset, watch)
+
+
+def _check_spaces(policy: Policy, observations: spaces.Space[Any], actions: spaces.Space[Any]) -> None:
+    """Have a policy that can say so refuse an environment that it cannot act in."""
+    check = getattr(policy, "check_spaces", None)
+    if check is not None:
+        check(observations, actions)
 
 
 def _episode(env: gym.Env[Any, Any], policy: Policy, reset: Mapping[str, Any], watch: Watch | None) -> Trial:
@@ -177,6 +186,7 @@ def rollout_batch(env: VectorEnv[Any, Any, Any], policy: Policy, *, seed: int) -
     Returns:
         A trial for each environment, as `rollout` yields them, without clocks.
     """
+    _check_spaces(policy, env.single_observation_space, env.single_action_space)
     count = env.num_envs
     trials: list[Trial] = [{} for _ in range(count)]
     steps, returned = np.zeros(count, dtype=np.int64), np.zeros(count)

@@ -44,6 +44,8 @@ def resolve_methods(task: Task, given: Iterable[Any] | Mapping[str, Any]) -> dic
     if isinstance(given, Mapping):
         found = [(_label(name), _method(task, value)) for name, value in given.items()]
     else:
+        if not isinstance(given, Iterable):
+            raise InputError(f"methods must be a list of names and objects, got {shown(given)}")
         chosen = [given] if isinstance(given, str) else list(given)
         found = [(_name(value), _method(task, value)) for value in chosen or task.methods]
     for name, count in Counter(name for name, _ in found).items():

@@ -73,7 +73,9 @@ class Settings:
     def __post_init__(self) -> None:
         task = get_task(self.task)
         names = resolve_methods(task, self.methods)
-        object.__setattr__(self, "methods", tuple(self.methods) or tuple(names))
+        said: Any = self.methods
+        given = (said,) if isinstance(said, str) else tuple(said)
+        object.__setattr__(self, "methods", given or tuple(names))
         _check_numbers(self.goals, self.seed)
         _check_observation(task, self.observation)
 

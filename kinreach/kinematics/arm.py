@@ -98,7 +98,7 @@ class ArmKinematics:
             facts: Further arguments of `ArmDescription.from_urdf`, such as `home=` and `workcell=`.
 
         Raises:
-            InputError: The file is no URDF of an arm of this kind.
+            InputError: The file is not a URDF of an arm of this kind.
         """
         return cls(ArmDescription.from_urdf(file, tip=tip, joints=joints, **facts), tip=tip, base=base)
 

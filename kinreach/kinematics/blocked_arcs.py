@@ -7,7 +7,8 @@ table of its ends is nearly as good as the meshes it was measured on, for the pr
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
+from functools import reduce
 from itertools import pairwise, product
 from typing import Any, NamedTuple
 
@@ -74,33 +75,37 @@ class BlockedArcs:
         fine = FINE[len(arcs.over)]
         for axis in range(len(arcs.over)):
             middle, half, outer = (_refined(table, axis, fine) for table in (middle, half, outer))
-        self._size = fine + 1
         self._middle = np.angle(middle).astype(np.float32).ravel()
         self._open = np.where(half > 0.0, np.pi - half, TURN).astype(np.float32).ravel()
         self._outer_open = np.where(outer > 0.0, np.pi - outer, TURN).astype(np.float32).ravel()
 
-    def blocked(self, q: Single) -> Flags:
-        """Whether the joint stands in its blocked arc, shape (m,), for angles `q` within ±pi [rad], shape (n, m)."""
-        row, opposite = self._look_up(q)
-        blocked: Flags = opposite > self._open.take(row)
+    def blocked(self, q: Single, rows: NDArray[np.intp]) -> Flags:
+        """Whether the joint stands in its blocked arc, shape (m,).
+
+        Args:
+            q: Angles within ±pi [rad], shape (n, m).
+            rows: `rows_of(q, arcs.over)`, which several tables may share.
+        """
+        blocked: Flags = self._from_opposite(q, rows) > self._open.take(rows)
         return blocked
 
-    def doubtful(self, q: Single) -> Flags:
-        """Whether the joint stands in or so near its blocked arc that the table may be wrong, likewise."""
-        row, opposite = self._look_up(q)
-        doubtful: Flags = opposite > self._outer_open.take(row)
+    def doubtful(self, q: Single, rows: NDArray[np.intp]) -> Flags:
+        """Whether the joint stands in or so near its blocked arc that the table may be wrong, as `blocked`."""
+        doubtful: Flags = self._from_opposite(q, rows) > self._outer_open.take(rows)
         return doubtful
 
-    def _look_up(self, q: Single) -> tuple[NDArray[np.intp], Single]:
-        """The row of the table, and how far the joint is from the point opposite the arc's middle [rad]."""
-        step, half = (self._size - 1) / TURN, 0.5 * (self._size - 1)
-        index = np.rint(step * q[self.arcs.over[0]] + half)
-        for joint in self.arcs.over[1:]:
-            index = self._size * index + np.rint(step * q[joint] + half)
-        row = index.astype(np.intp)
-        # pi minus the distance on the circle, without asking on which side of the cut at pi the two stand
-        opposite: Single = np.abs(np.abs(q[self.arcs.joint] - self._middle.take(row)) - np.pi)
-        return row, opposite
+    def _from_opposite(self, q: Single, rows: NDArray[np.intp]) -> Single:
+        """How far the joint is from the point opposite the arc's middle [rad]: pi minus its distance on the circle."""
+        opposite: Single = np.abs(np.abs(q[self.arcs.joint] - self._middle.take(rows)) - np.pi)
+        return opposite
+
+
+def rows_of(q: Single, over: Sequence[int]) -> NDArray[np.intp]:
+    """Rows of the tables over these joints, shape (m,), for angles within ±pi [rad], shape (n, m)."""
+    fine = FINE[len(over)]
+    places = [np.rint(fine / TURN * q[joint] + 0.5 * fine) for joint in over]
+    row = reduce(lambda before, place: (fine + 1) * before + place, places)
+    return row.astype(np.intp)
 
 
 def collision_test(checker: CollisionChecker, choose: Callable[[Shape, Shape], bool]) -> Collides:

@@ -74,6 +74,11 @@ class Frame(NamedTuple):
         """A point that is given in this frame [m], in the base frame."""
         return [plus(p, along) for p, along in zip(self.p, self.direction(offset), strict=True)]
 
+    def height(self, offset: Sequence[float]) -> Entry:
+        """The z coordinate of `point(offset)` [m]."""
+        u, v, w = offset
+        return plus(self.p[2], plus(plus(times(u, self.x[2]), times(v, self.y[2])), times(w, self.z[2])))
+
     def moved(self, T: Floats) -> Frame:
         """The frame whose pose in this one is `T`, shape (4, 4)."""
         x, y, z, p = T[:3].T.tolist()
@@ -116,7 +121,7 @@ class SerialChain:
         """Poses of the tip in the base frame, shape (m, 4, 4), for postures `q` [rad], shape (m, n)."""
         T = np.empty((len(q), 4, 4))
         for block in blocks(len(q)):
-            frame = self._last(q[block]).moved(self._tip)
+            frame = self._last([*np.ascontiguousarray(q[block].T)]).moved(self._tip)
             for column, coordinates in enumerate(frame):
                 for row, value in enumerate(coordinates):
                     T[block, row, column] = value
@@ -130,7 +135,10 @@ class SerialChain:
         """
         p = np.empty((3, len(q)))
         for block in blocks(len(q)):
-            for row, value in enumerate(self._last(q[block]).point(self._tip[:3, 3].tolist())):
+            angles: list[Entry] = [*np.ascontiguousarray(q[block].T)]
+            if not self._tip[:2, 3].any():  # the last joint does not move a tip on its axis
+                angles[-1] = 0.0
+            for row, value in enumerate(self._last(angles).point(self._tip[:3, 3].tolist())):
                 p[row, block] = value
         return p.T
 
@@ -145,10 +153,10 @@ class SerialChain:
         frames = enumerate(self._turned(q, single))
         return [frame.moved(self._joints[joint]) for joint, frame in frames if joint in joints]
 
-    def _last(self, q: Floats) -> Frame:
-        """The frame of the last joint, for postures (m, n)."""
+    def _last(self, q: Vector) -> Frame:
+        """The frame of the last joint."""
         # each frame is made from the one before, which is then let go: few arrays stay in the cache
-        return deque(self._turned([*np.ascontiguousarray(q.T)]), maxlen=1)[0]
+        return deque(self._turned(q), maxlen=1)[0]
 
     def _turned(self, q: Vector, single: bool = False) -> Iterator[Frame]:
         """The frames in which the joints turn about z, each after its turn."""

@@ -166,7 +166,7 @@ class CollisionChecker:
 
 @lru_cache(maxsize=16)
 def disabled_pairs(arm: ArmDescription) -> tuple[tuple[str, str], ...]:
-    """The pairs of links whose contact is no collision: `arm.disabled_collisions`, or if that is None, what is found.
+    """The pairs of links that are not checked: `arm.disabled_collisions`, or if that is None, what is found.
 
     Found are neighbours, the links on either side of a joint; pairs that touch in the arm's home posture; and pairs
     that touch in every one of `SAMPLES` random postures.

@@ -27,7 +27,7 @@ from numpy.typing import ArrayLike, NDArray
 from kinreach.checks import Floats, as_floats, check_entries
 from kinreach.errors import InputError
 from kinreach.kinematics.arm import ArmKinematics
-from kinreach.kinematics.blocked_arcs import Arcs, BlockedArcs, Flags, Single, collision_test
+from kinreach.kinematics.blocked_arcs import Arcs, BlockedArcs, Flags, Single, collision_test, rows_of
 from kinreach.kinematics.chain import blocks
 from kinreach.kinematics.collision import CollisionChecker, Shape
 from kinreach.kinematics.wrist_clearance import WristClearance
@@ -187,6 +187,7 @@ class _Tabled(_Exact):
         self._certain = float(min(self.upper.min(), -self.lower.max())) - 1e-6
         foot = _foot(kinematics.arm)
         self._cell, self._links = _tables(checker, table, foot)
+        self._over = {table.arcs.over for table in (*self._cell, *self._links)}
         self._wrist = WristClearance(kinematics.chain, checker, table=table, foot=foot)
 
     def judge(self, q: Floats, *, refine: bool) -> Codes:
@@ -209,13 +210,15 @@ class _Tabled(_Exact):
 
     def _collisions(self, single: Single, q: Floats, refine: bool) -> Codes:
         """Causes for postures within the limits, in single and in double precision."""
-        on_cell = _any([table.blocked(single) for table in self._cell])
-        on_link = _any([table.blocked(single) for table in self._links])
+        rows_over = {over: rows_of(single, over) for over in self._over}
+        on_cell = _any([table.blocked(single, rows_over[table.arcs.over]) for table in self._cell])
+        on_link = _any([table.blocked(single, rows_over[table.arcs.over]) for table in self._links])
         causes = _causes(on_cell, on_link)
         rows = np.flatnonzero(causes == Cause.NONE)
         causes[rows] = _causes(*self._wrist.touches(single.take(rows, axis=1)))
         if refine:
-            in_doubt = _any([table.doubtful(single) for table in (*self._cell, *self._links)])
+            tables = (*self._cell, *self._links)
+            in_doubt = _any([table.doubtful(single, rows_over[table.arcs.over]) for table in tables])
             rows = np.flatnonzero(in_doubt & (causes == Cause.NONE))
             causes[rows] = self.collisions(q[rows])
         return causes

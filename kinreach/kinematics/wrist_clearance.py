@@ -96,14 +96,15 @@ class WristClearance:
             x, y, z = frame.point(centre)
             x, y = _turned(x, y, c, s)
             if frame is frames[-1]:
-                low.append(np.minimum(_bottom(frame, self._fingers), _bottom(frame, self._palm)))
+                upright = [abs(axis[2]) for axis in frame[:3]]
+                low.append(np.minimum(_bottom(frame, upright, self._fingers), _bottom(frame, upright, self._palm)))
             else:
                 low.append(z - radius)
             near += [(low[-1] < box.top) & _above(box, x, y, radius) for box in (self._foot, table)]
         near.append(reduce(np.minimum, low) < self._floor)
         # x, y, z: the centre of the hand. From there to the ends of the fingers it is in one piece.
         hand = frames[-1]
-        on_table = (_bottom(hand, end) < table.top) & (z > table.bottom) & _above(table, x, y, -end.reach)
+        on_table = (_bottom(hand, upright, end) < table.top) & (z > table.bottom) & _above(table, x, y, -end.reach)
         x, y, _ = hand.point(end.centre.tolist())
         on_table &= _above(table, *_turned(x, y, c, s), -end.reach)
         return on_table, reduce(np.logical_or, near) & ~on_table
@@ -185,11 +186,11 @@ def _end(box: RoundedBox) -> RoundedBox:
     return RoundedBox(box.name, box.joint, face, half, 0.0)
 
 
-def _bottom(frame: Frame, box: RoundedBox) -> Entry:
-    """Height of the lowest point of a box with sharp edges [m]."""
-    z = frame.point(box.centre.tolist())[2]
-    for axis, half in zip(frame[:3], box.half.tolist(), strict=True):
-        z = minus(z, times(abs(axis[2]), half))
+def _bottom(frame: Frame, upright: Sequence[Entry], box: RoundedBox) -> Entry:
+    """Height of the lowest point of a box with sharp edges [m]; `upright` says how steep the frame's axes are."""
+    z = frame.height(box.centre.tolist())
+    for steepness, half in zip(upright, box.half.tolist(), strict=True):
+        z = minus(z, times(steepness, half))
     return z
 
 

@@ -10,8 +10,7 @@ from pathlib import Path
 from kinreach.errors import InputError
 from kinreach.robots.grippers import Gripper
 from kinreach.robots.urdf import check_urdf, parse_urdf
-from kinreach.robots.urdf_arm import UrdfArm
-from kinreach.robots.urdf_file import read_urdf
+from kinreach.robots.urdf_file import UrdfArm, read_urdf
 from kinreach.robots.workcell import CameraMount, Workcell
 
 
@@ -39,7 +38,7 @@ class ArmDescription:
             with the most joints between it and the root.
         workcell: Obstacles around the arm and where its goals are; default is an empty one.
         disabled_collisions: Link pairs that touch by construction (SRDF `disable_collisions`). None: neighbours, and
-            the pairs that collide at home or in every posture, see `kinreach.kinematics.collision.disabled_pairs`.
+            pairs that collide at home, and pairs that always collide, found by `kinreach.kinematics.collision`.
         package_root: Returns the folder that `package://` stands for, or None if the URDF names no mesh.
         position_gains: Stiffness of the position servo of each joint [N m/rad]; default makes each servo answer in
             1/30 s, by an estimate of the inertia that the joint carries.
@@ -140,8 +139,8 @@ class ArmDescription:
             facts: Any other attribute of `ArmDescription`, such as `position_gains=`.
 
         Raises:
-            InputError: The file cannot be read, is no URDF of an arm, or names a mesh that is not there or is outside
-                the folders it may be in; a joint or a link is not in it.
+            InputError: The file cannot be read, is not a URDF of an arm, or names a mesh that is missing or outside of
+                the folders it may be in; or a joint or link is not in it.
         """
         source = read_urdf(
             file, tip=tip, joints=joints, held=held or {}, package_dirs=package_dirs, gripper_on=gripper_on
@@ -166,7 +165,7 @@ class ArmDescription:
         """The URDF text, built and checked on first use.
 
         Raises:
-            InputError: It is no URDF, or not one that an engine should be given: see `check_urdf`.
+            InputError: Not a URDF, or one that `check_urdf` refuses.
         """
         text = self.build_urdf()
         check_urdf(text, self.package_root())

@@ -57,7 +57,7 @@ def with_parallel_gripper(urdf: str, flange: str) -> str:
         Text of the new URDF. `PARALLEL_GRIPPER` describes the gripper in it.
 
     Raises:
-        InputError: `urdf` is no URDF, or it has no link of that name.
+        InputError: `urdf` is not a URDF, or has no link of that name.
     """
     robot = parse_urdf(urdf)
     if robot.find(f"link[@name='{flange}']") is None:

@@ -30,7 +30,7 @@ def get_arm(name: str) -> ArmDescription:
     """The arm with this name.
 
     Raises:
-        UnknownNameError: There is none; the message lists those there are.
+        UnknownNameError: There is none; the message lists the available names.
     """
     check_known("arm", name, _arms())
     return _arms()[name]

@@ -57,7 +57,7 @@ def as_boxes(obstacles: Sequence[Box]) -> tuple[Box, ...]:
     """Obstacles with names of their own.
 
     Raises:
-        InputError: One is no `Box`, or two have the same name.
+        InputError: One is not a `Box`, or two have the same name.
     """
     boxes: Any = obstacles
     if not isinstance(boxes, Sequence) or not all(isinstance(box, Box) for box in boxes):

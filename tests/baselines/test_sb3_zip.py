@@ -57,6 +57,8 @@ def test_it_answers_as_the_model_does(name, environment, settings, tmp_path):
     np.testing.assert_allclose(found, expected, atol=1e-6)
     np.testing.assert_allclose(policy.act(observations[0]), expected[0], atol=1e-6)
     policy.check_spaces(made.observation_space, made.action_space)
+    with pytest.raises(InputError, match=f"must have {observations.shape[1]} numbers"):
+        policy.act(np.zeros((2, 1 + observations.shape[1])))
     assert policy.card.environment == environment
     assert np.unique(expected).size > 1
 

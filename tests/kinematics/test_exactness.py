@@ -79,7 +79,7 @@ def test_a_narrow_wrist_3_refuses_no_tool_direction(wrist_3):
 def test_a_posture_within_narrow_limits_is_found_at_a_free_wrist(limits):
     kin = URKinematics(narrow(**limits))
     rng, covered = np.random.default_rng(0), 0
-    for _ in range(250):
+    for _ in range(100):
         q = rng.uniform(kin.lower, kin.upper)
         q[4] = 0.0 if rng.random() < 0.5 else np.pi * rng.choice([-1.0, 1.0])
         T = kin.fk(q)
@@ -93,7 +93,7 @@ def test_a_posture_within_narrow_limits_is_found_at_a_free_wrist(limits):
         np.testing.assert_allclose(batch.q[0, solutions.branch], solutions.q, atol=1e-9)
         assert kin.nearest_batch(T[None], q).success.all()
         covered += 1
-    assert covered == 250
+    assert covered == 100
 
 
 @pytest.mark.parametrize("q5", [0.0, np.pi, -np.pi])

@@ -11,7 +11,7 @@ import pytest
 from benchmarks.studies.collision_agreement import classes, exact, near_solutions
 from kinreach.errors import InputError, UnknownNameError
 from kinreach.kinematics import ArmKinematics, UR5Kinematics
-from kinreach.kinematics.blocked_arcs import Arcs, BlockedArcs
+from kinreach.kinematics.blocked_arcs import Arcs, BlockedArcs, rows_of
 from kinreach.kinematics.collision import CollisionChecker
 from kinreach.kinematics.fast_collision import Cause, FastCollision
 from kinreach.robots import Workcell, get_arm
@@ -223,13 +223,15 @@ def test_blocked_arcs_of_a_known_shape(grid):
 
     table = BlockedArcs(Arcs(0, tuple(range(1, joints)), grid), collides, joints)
     q = np.random.default_rng(0).uniform(-np.pi, np.pi, (joints, 4000))
-    verdict = table.blocked(q.astype(np.float32))
+    single = q.astype(np.float32)
+    rows = rows_of(single, table.arcs.over)
+    verdict = table.blocked(single, rows)
     middle, half = boundary(q)
     margin = half - np.abs((q[0] - middle + np.pi) % (2 * np.pi) - np.pi)
     clear = np.abs(margin) > 0.08  # the grid's step times the slope of 2.5, and its curvature
     assert clear.mean() > 0.9
     np.testing.assert_array_equal(verdict[clear], margin[clear] > 0)
-    assert table.doubtful(q.astype(np.float32))[margin > 0].all()
+    assert table.doubtful(single, rows)[margin > 0].all()
     assert len(asked) < 41 * np.prod(grid)
 
 
@@ -237,5 +239,5 @@ def test_blocked_arcs_of_a_known_shape(grid):
 def test_arcs_that_are_all_or_nothing(answer):
     table = BlockedArcs(Arcs(1, (0,), (16,)), lambda q: answer, 2)
     q = np.random.default_rng(0).uniform(-np.pi, np.pi, (2, 500)).astype(np.float32)
-    assert (table.blocked(q) == answer).all()
-    assert (table.doubtful(q) == answer).all()
+    assert (table.blocked(q, rows_of(q, (0,))) == answer).all()
+    assert (table.doubtful(q, rows_of(q, (0,))) == answer).all()
