@@ -233,15 +233,16 @@ class NativeVectorEnv(VectorEnv[Floats, ArrayLike, Floats]):
         self._check_actions, self._check_start = check_actions, check_start
         self._mode, self._picture, self._made_with = mode, picture, made_with
         self._everyone = np.arange(num_envs)
-        self._seeded = self._started = False
+        self._started = False
         self._ended = np.zeros(num_envs, dtype=np.bool_)
 
     def __deepcopy__(self, memo: dict[int, Any]) -> Self:
         twin = type(self)(**self._made_with)
         memo[id(self)] = twin
-        for name in ("single_action_space", "single_observation_space", "action_space", "observation_space", "spec"):
+        for name in ("single_action_space", "single_observation_space", "action_space", "observation_space"):
             setattr(twin, name, deepcopy(getattr(self, name)))
-        twin._seeded, twin._started, twin._ended = self._seeded, self._started, self._ended.copy()
+        twin.spec = self.spec
+        twin._started, twin._ended = self._started, self._ended.copy()
         twin._episodes.copy_from(self._episodes)
         return twin
 
@@ -264,11 +265,11 @@ class NativeVectorEnv(VectorEnv[Floats, ArrayLike, Floats]):
         seeds = self._checked_seeds(seed)
         ids = self._everyone if mask is None else np.flatnonzero(mask)
         for index in ids:
-            if seeds[index] is not None or not self._seeded:
+            if seeds[index] is not None or not self._started:
                 self._episodes.seed(int(index), seeding.np_random(seeds[index])[0])
         rows = [value if value is None or mask is None else value[ids] for value in start]
         self._episodes.begin(ids, type(start)(*rows))
-        self._seeded = self._started = True
+        self._started = True
         self._ended[ids] = False
         return self._episodes.observe(), self._episodes.start_info()
 

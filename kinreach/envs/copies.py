@@ -24,7 +24,7 @@ class CopyableEnv(gym.Env[Any, Any], EzPickle):
         memo[id(self)] = twin
         twin._np_random, twin._np_random_seed = deepcopy((self._np_random, self._np_random_seed))
         twin.action_space, twin.observation_space = deepcopy((self.action_space, self.observation_space))
-        twin.spec = deepcopy(self.spec)
+        twin.spec = self.spec
         twin._started = self._started
         twin._episodes.copy_from(self._episodes)
         return twin

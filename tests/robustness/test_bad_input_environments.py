@@ -1,6 +1,7 @@
 """The environments under fuzz: observations stay in their space, rewards are numbers, and bad input is refused."""
 
 import warnings
+from dataclasses import fields
 
 import gymnasium as gym
 import numpy as np
@@ -9,6 +10,8 @@ from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
 import kinreach  # noqa: F401 (registers the environments)
+from kinreach.envs.button.episodes import ButtonOptions
+from kinreach.envs.reach.task import ReachOptions
 from tests.robustness.fuzzing import NUMBERS, bad_arrays, things
 
 REACH, BUTTON = ("kinreach/UR5SingleStep-v0", "kinreach/UR5MultiStep-v0"), "kinreach/ButtonPress-v0"
@@ -54,7 +57,12 @@ def test_reset_and_step(name, options, n, count, fuzzed):
     near = [arrays(np.float64, (*rows, size), elements=st.floats(-0.5, 0.5)) for size in (3, n)]
     goal = near[0] | bad_arrays((*rows, 3)) | arrays(np.float64, (*rows, 3), elements=st.floats(-1e7, 1e7))
     start = near[1] | bad_arrays((*rows, n))
-    asked = st.fixed_dictionaries({}, optional={"goal": goal, "q": start}) | things()
+    optional = {"goal": goal, "q": start}
+    if name != BUTTON:
+        optional["view"] = arrays(np.float64, (*rows, 6), elements=st.floats(-3, 3)) | bad_arrays((*rows, 6))
+    if count is not None:
+        optional["reset_mask"] = arrays(np.bool_, rows) | bad_arrays(rows) | things()
+    asked = st.fixed_dictionaries({}, optional=optional) | things()
     seeds = st.none() | st.integers(0, 2**32) | st.integers(-5, 2**70) | things() | NUMBERS
     seeds = st.none() | st.none() | seeds | st.lists(st.none() | st.integers(-1, 99), max_size=4)
     if name == BUTTON:
@@ -72,11 +80,11 @@ def test_reset_and_step(name, options, n, count, fuzzed):
 
 @pytest.mark.parametrize("name", [REACH[0], BUTTON])
 def test_what_environments_are_made_of(name, fuzzed):
-    own = ["actuation", "fixed_target", "max_steps"]
-    if name != BUTTON:
-        own = ["observation", "backend", "pipeline", "width", "height", "rgb_noise", "depth_noise", "end_on_reached"]
+    kind = ButtonOptions if name == BUTTON else ReachOptions
+    own = [entry.name for entry in fields(kind) if entry.name != "render_mode"]  # which Gymnasium looks at first
     values = NUMBERS | things() | st.integers(-3, 60) | st.booleans() | st.tuples(*[st.floats(-0.6, 0.6)] * 3)
-    words = st.sampled_from(["kinematic", "geometric", "tuned", "report", "thesis", "mujoco"])
+    named = ["kinematic", "geometric", "tuned", "report", "thesis", "mujoco", "ur5", "arm3", "NextStep", "Disabled"]
+    words = st.sampled_from(named)
 
     def run(case):
         option, value, count = case
@@ -89,7 +97,7 @@ def test_what_environments_are_made_of(name, fuzzed):
         env.close()
 
     batches = st.none() | st.integers(1, 3)
-    fuzzed(st.tuples(st.sampled_from(own), values | words, batches), run, share=0.6)
+    fuzzed(st.tuples(st.sampled_from([*own, "autoreset_mode", "nothing"]), values | words, batches), run, share=0.6)
 
 
 @pytest.mark.parametrize("name", [*REACH, BUTTON])

@@ -114,9 +114,9 @@ class ButtonPressEnv(CopyableEnv):
     After a reset: `goal` (target in the world [m]), `distance` [m], `q` (joint angles [rad]), `tip` (end effector in
     the world [m]). After a step also `reached`, `is_success` and `pressed` (all three: pressed at the target),
     `wrong_press`, `wrong_presses` and `steps` (numbers in this episode), `impossible`, `impossible_reason` (why, else
-    empty), `energy` (sum over joints and time of torque^2 dt in this episode [N^2 m^2 s]), `move_s` (simulated time in
-    this episode [s]), `reward_terms`, and each of them as `reward_distance`, `reward_near`, `reward_wrong_press` and
-    `reward_press`.
+    empty) and `impossible_code` (1 where impossible, else 0), `energy` (sum over joints and time of torque^2 dt in this
+    episode [N^2 m^2 s]), `move_s` (simulated time in this episode [s]), `reward_terms`, and each of them as
+    `reward_distance`, `reward_near`, `reward_wrong_press` and `reward_press`.
 
     ## Arguments
 

@@ -103,7 +103,7 @@ def test_one_diverged_simulation_leaves_the_others_alone(tmp_path, monkeypatch):
     batch, untouched = make_vec(4), make_vec(4)
     for env in (batch, untouched):
         env.reset(seed=0)
-    batch.unwrapped._episodes._world.qd[2, 0] = np.nan
+    batch.unwrapped._episodes.world.qd[2, 0] = np.nan
     observations, _, terminated, truncated, info = batch.step(np.full(4, 13))
     assert truncated.tolist() == info["impossible"].tolist() == [False, False, True, False]
     assert not terminated.any()
@@ -122,7 +122,7 @@ def test_gymnasiums_own_vectorisation_works(mode):
 
 
 def test_malformed_input_is_refused():
-    for options in ({"render_mode": "rgb_array"}, {"threads": 0}, {"actuation": "none"}, {"max_steps": 0}):
+    for options in ({"render_mode": "human"}, {"threads": 0}, {"actuation": "none"}, {"max_steps": 0}):
         with pytest.raises(InputError):
             make_vec(2, **options)
     batch = make_vec(3)

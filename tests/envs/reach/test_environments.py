@@ -67,25 +67,6 @@ def test_checks_with_cameras(name, observation, needs_gl):
     env.close()
 
 
-@pytest.mark.parametrize("backend", BACKENDS)
-@pytest.mark.parametrize("name", IDS)
-def test_two_environments_with_one_seed_are_equal(name, backend):
-    first, second = make(name, backend=backend), make(name, backend=backend)
-    rng = np.random.default_rng(0)
-    steps = 0
-    for episode in range(3):
-        starts = [env.reset(seed=7 if episode == 0 else None) for env in (first, second)]
-        assert data_equivalence(*starts)
-        for _ in range(5):
-            action = rng.uniform(-1, 1, 6).astype(np.float32)
-            results = [env.step(action) for env in (first, second)]
-            assert data_equivalence(*results)
-            steps += 1
-            if results[0][2] or results[0][3]:
-                break
-    assert steps >= 3
-
-
 @pytest.mark.parametrize("name", IDS)
 def test_a_seeded_reset_restores_the_whole_state(name):
     env = make(name, backend="mujoco")
