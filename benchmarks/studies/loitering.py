@@ -6,15 +6,18 @@
 from __future__ import annotations
 
 import argparse
+from collections.abc import Mapping
 from contextlib import closing
 from pathlib import Path
+from typing import Any
 
-import gymnasium as gym
 import numpy as np
 
 from benchmarks.studies.trainings import POLICY, finished
+from kinreach.baselines.batch import make_batch
 from kinreach.baselines.evaluation import HELD_OUT
 from kinreach.baselines.policies import LearnedPolicy, load_policy
+from kinreach.baselines.rollout import rollout_batch
 from kinreach.cli import Parser, finish
 from kinreach.registration import MULTI
 from kinreach.thesis.reward import REACHED_DISTANCE
@@ -41,21 +44,20 @@ def main(argv: list[str] | None = None) -> int:
 
 def watch(policy: LearnedPolicy, goals: int = GOALS) -> tuple[float, float, float, float | None]:
     """Shares [%] of goals reached and come near to, mean steps near but not reached, median r_e in those if any."""
-    env = gym.make_vec(MULTI, num_envs=goals, vectorization_mode="vector_entry_point", backend="kinematic")
-    live, reached, near = np.ones(goals, bool), np.zeros(goals, bool), np.zeros(goals, bool)
+    near = np.zeros(goals, bool)
     errors = []
-    with closing(env):
-        observations, _ = env.reset(seed=HELD_OUT)
-        while live.any():
-            observations, _, terminated, truncated, info = env.step(policy.act(observations))
-            beside = live & (info["distance"] < REACHED_DISTANCE)
-            errors.append(info["posture_error"][beside & ~info["reached"]])
-            near |= beside
-            reached |= live & info["reached"]
-            live &= ~(terminated | truncated)
+
+    def look(observations: Any, rewards: Any, info: Mapping[str, Any], pending: Any) -> None:
+        beside = pending & (info["distance"] < REACHED_DISTANCE)
+        errors.append(info["posture_error"][beside & ~info["reached"]])
+        near[beside] = True
+
+    with closing(make_batch(MULTI, goals, {"backend": "kinematic"})) as env:
+        trials = rollout_batch(env, policy, seed=HELD_OUT, watch=look)
     waits = np.concatenate(errors)
     middle = float(np.median(waits)) if len(waits) else None
-    return 100 * reached.mean(), 100 * near.mean(), len(waits) / goals, middle
+    reached = np.mean([trial["reached"] for trial in trials])
+    return 100 * float(reached), 100 * near.mean(), len(waits) / goals, middle
 
 
 if __name__ == "__main__":

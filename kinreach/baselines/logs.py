@@ -257,32 +257,25 @@ def trace(policy: LearnedPolicy, goals: ArrayLike, *, options: Mapping[str, Any]
 
 
 def _play(env: Any, policy: LearnedPolicy, goals: Floats) -> Trace:
-    observations, _ = env.reset(seed=0, options={"goal": goals})
-    start = observations[:, ANGLES]
-    first = np.linalg.norm(UR5Kinematics(tip="tcp", base="world").positions(start) - goals, axis=1)
+    kinematics = UR5Kinematics(tip="tcp", base="world")
+    start = np.tile(np.array(kinematics.arm.home), (len(goals), 1))
+    first = np.linalg.norm(kinematics.positions(start) - goals, axis=1)
     q, distance = [start], [first]
     posture_error: list[Floats] = []
     reward: list[Floats] = []
-    reached, impossible = (np.zeros(len(goals), dtype=np.bool_) for _ in range(2))
-    pending = np.ones(len(goals), dtype=np.bool_)
-    while pending.any():
-        observations, rewards, terminated, truncated, info = env.step(policy.act(observations))
-        over = terminated | truncated
-        now = observations[:, ANGLES].copy()
-        if over.any():  # the observation is that of the next episode
-            now[over] = info["final_obs"][over][:, ANGLES]
-        q.append(np.where(pending[:, None], now, q[-1]))
+
+    def keep(observations: Any, rewards: Any, info: Mapping[str, Any], pending: Any) -> None:
+        q.append(np.where(pending[:, None], observations[:, ANGLES], q[-1]))
         distance.append(np.where(pending, info["distance"], distance[-1]))
         posture_error.append(np.where(pending, info["posture_error"], posture_error[-1] if posture_error else np.nan))
         reward.append(np.where(pending, rewards, np.nan))
-        reached[pending & over] = info["reached"][pending & over]
-        impossible[pending & over] = info["impossible"][pending & over]
-        pending &= ~over
+
+    trials = rollout_batch(env, policy, seed=0, options={"goal": goals}, watch=keep)
     return Trace(
         distance=np.array(distance),
         q=np.array(q),
         posture_error=np.array(posture_error),
         reward=np.array(reward),
-        reached=reached,
-        impossible=impossible,
+        reached=np.array([trial["reached"] for trial in trials]),
+        impossible=np.array([trial["impossible"] for trial in trials]),
     )

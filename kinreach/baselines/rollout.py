@@ -27,6 +27,8 @@ EFFORTS = ("iterations", "restarts", "candidates", "accept_s")
 COMPLETED, MISSED = "completed", "missed"
 
 Watch = Callable[[gym.Env[Any, Any], Mapping[str, Any]], object]
+#: Takes the observations and rewards of a batch's step, its `info`, and which environments are in their first episode.
+WatchBatch = Callable[[NDArray[Any], NDArray[Any], Mapping[str, Any], NDArray[np.bool_]], object]
 
 
 class Policy(Protocol):
@@ -175,13 +177,22 @@ def forfeit(env: gym.Env[Any, Any], reason: str, info: Mapping[str, Any]) -> tup
     return None, 0.0, True, False, {**info, **verdict, "impossible_reason": reason}
 
 
-def rollout_batch(env: VectorEnv[Any, Any, Any], policy: Policy, *, seed: int) -> list[Trial]:
+def rollout_batch(
+    env: VectorEnv[Any, Any, Any],
+    policy: Policy,
+    *,
+    seed: int,
+    options: Mapping[str, Any] | None = None,
+    watch: WatchBatch | None = None,
+) -> list[Trial]:
     """Play the first episode of every environment of a batch, all in step.
 
     Args:
         env: Any vector environment; episodes may start anew in the step in which they end.
         policy: Acts on stacks of observations.
         seed: Of the first environment; the others count up.
+        options: Of the reset.
+        watch: Called after every step.
 
     Returns:
         A trial for each environment, as `rollout` yields them, without clocks.
@@ -191,12 +202,16 @@ def rollout_batch(env: VectorEnv[Any, Any, Any], policy: Policy, *, seed: int) -
     trials: list[Trial] = [{} for _ in range(count)]
     steps, returned = np.zeros(count, dtype=np.int64), np.zeros(count)
     pending = np.ones(count, dtype=np.bool_)
-    observations, info = env.reset(seed=seed)
+    observations, info = env.reset(seed=seed, options=None if options is None else dict(options))
     policy.reset(observations, info)
     while pending.any():
         observations, rewards, terminated, truncated, info = env.step(policy.act(observations))
         steps += pending
         returned += np.where(pending, rewards, 0.0)
+        if watch is not None:
+            ended = terminated | truncated
+            seen = np.where(ended[:, None], np.stack(info["final_obs"]), observations) if ended.any() else observations
+            watch(seen, rewards, info.get("final_info", info), pending.copy())
         over = np.flatnonzero((terminated | truncated) & pending)
         for index in over:
             trials[index] = {
