@@ -96,7 +96,7 @@ def evaluate(
         goals: How many; those of a smaller number are the first of a larger one.
         seed: Of the first goal; goal i is that of the environment's seed `seed + i`.
         environment: Id; that of the policy's card if None.
-        options: Of the environment.
+        options: Of the environment; the arm is that which the policy was trained on, unless they name one.
         progress: Told how many goals are done.
 
     Raises:
@@ -105,15 +105,22 @@ def evaluate(
     goals = check_count("the number of goals", goals, most=10**7)
     seed = check_count("seed", seed, least=0)
     environment = policy.card.environment if environment is None else environment
+    options = {**trained_arm(policy), **(options or {})}
     trials: list[Trial] = []
     for first in range(0, goals, BATCH):
-        env = make_batch(environment, min(BATCH, goals - first), options or {})
+        env = make_batch(environment, min(BATCH, goals - first), options)
         try:
             trials += rollout_batch(env, policy, seed=seed + first)
         finally:
             env.close()
         progress(len(trials))
     return Evaluation(trials)
+
+
+def trained_arm(policy: LearnedPolicy) -> dict[str, Any]:
+    """The option `arm` of the environment that a policy was trained in, as far as its card names one."""
+    options = policy.card.recipe.get("options")
+    return {"arm": options["arm"]} if isinstance(options, Mapping) and isinstance(options.get("arm"), str) else {}
 
 
 def evaluation_table(summaries: Mapping[str, Mapping[str, Any]], *, title: str) -> Table:

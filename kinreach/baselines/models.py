@@ -72,7 +72,7 @@ def build(recipe: Recipe, seed: int, *, steps: int) -> Trainee:
         arguments = algorithm.arguments(recipe, env, steps)
         try:
             model = make(env=env, seed=seed, device="cpu", verbose=0, **arguments)
-        except TypeError as error:
+        except Exception as error:  # whatever the algorithm raises that cannot use its settings or the spaces
             raise InputError(f"{recipe.algorithm} does not take the settings of {recipe.name}: {error}") from error
         trainee = Trainee(model, env, curve, algorithm)
         check_export(trainee)

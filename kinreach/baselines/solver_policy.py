@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import inspect
 import time
 from collections.abc import Mapping
 from typing import Any
@@ -10,7 +11,9 @@ import gymnasium as gym
 import numpy as np
 
 from kinreach.baselines.rollout import Policy
-from kinreach.checks import Floats, check_known
+from kinreach.checks import Floats, check_known, shown
+from kinreach.errors import InputError
+from kinreach.kinematics import ArmKinematics, IKResult
 from kinreach.kinematics.solvers import ClosedFormSolver, Solver
 from kinreach.registration import MULTI, SINGLE
 
@@ -36,6 +39,7 @@ class SolverPolicy:
     def __init__(self, solver: Solver, env: gym.Env[Any, Any], *, proposer: Policy | None = None) -> None:
         self._solver = solver
         self._env: Any = env.unwrapped
+        _check_solver(solver, self._env.kinematics)
         self._proposer = proposer
         self.diagnostics: Mapping[str, float] = {}
         self.reason = ""
@@ -65,7 +69,9 @@ class SolverPolicy:
         if self._proposer is not None:
             seed = self._env.posture_for(self._proposer.act(observation))
         test = _Acceptance(self._env)
-        result = self._solver.solve(self._env.ik_goal(self._seen), seed, accept=test)
+        result: Any = self._solver.solve(self._env.ik_goal(self._seen), seed, accept=test)
+        if not isinstance(result, IKResult):
+            raise InputError(f"solve() must return an IKResult, see IKResult.of; got {shown(result)}")
         self.diagnostics = {
             "iterations": result.iterations,
             "restarts": result.restarts,
@@ -98,6 +104,19 @@ class AnalyticReachPolicy(SolverPolicy):
         q = np.asarray(observation)[-1 - limits.n : -1]  # before the gripper's opening
         self._env.reset(options={"q": np.clip(q, limits.lower, limits.upper)})  # which has an arm of its own
         return super().act(observation)
+
+
+def _check_solver(solver: Any, wanted: ArmKinematics) -> None:
+    """Refuse a solver that takes no acceptance test, or whose kinematics ends elsewhere than the environment's."""
+    parameters = inspect.signature(solver.solve).parameters.values()
+    if not any(one.name == "accept" or one.kind is one.VAR_KEYWORD for one in parameters):
+        raise InputError(f"{type(solver).__name__}.solve() must take accept=, the test that postures have to pass")
+    for found in vars(solver).values() if hasattr(solver, "__dict__") else ():
+        if isinstance(found, ArmKinematics) and (found.base, found.tip) != (wanted.base, wanted.tip):
+            raise InputError(
+                f"{type(solver).__name__} solves for the tip {found.tip!r} in {found.base!r}, the task asks for "
+                f"{wanted.tip!r} in {wanted.base!r}; hand over the class, which is then given the task's kinematics"
+            )
 
 
 class _Acceptance:

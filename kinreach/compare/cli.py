@@ -18,6 +18,7 @@ from kinreach.compare.runner import CAMERA, DEFAULT_GOALS, GEOMETRIC, compare, n
 from kinreach.compare.task import Task, get_task, register_task, task_names
 from kinreach.errors import InputError
 from kinreach.objects import load_object
+from kinreach.robots import ArmDescription, as_arm
 from kinreach.summary import tables
 
 #: Width that the tables for people fit into [characters].
@@ -54,7 +55,8 @@ def main(argv: Sequence[str], *, prog: str) -> int:
     methods = [name.strip() for name in arguments.methods.split(",")] if arguments.methods is not None else []
     said = {name: getattr(arguments, name) for name in OPTIONS if getattr(arguments, name) is not None}
     suffix = "-camera" if arguments.observation == CAMERA else ""
-    suffix = f"-{arguments.arm}{suffix}" if arguments.arm else suffix
+    arm = None if arguments.arm is None else _arm(arguments.arm)
+    suffix = f"-{as_arm(arm).name}{suffix}" if arm is not None else suffix
     default = Path("results") / f"compare-{task.name}{suffix}"
     out = default if arguments.out is None else check_path("--out", arguments.out)
     results = _measure(
@@ -63,7 +65,7 @@ def main(argv: Sequence[str], *, prog: str) -> int:
         out,
         goals=arguments.goals,
         seed=arguments.seed,
-        arm=arguments.arm,
+        arm=arm,
         observation=arguments.observation,
         options=_options(said, arguments),
         fresh=arguments.fresh,
@@ -94,6 +96,16 @@ def _task(name: str) -> Task:
     if not isinstance(task, Task):
         raise InputError(f"{name} is no Task")
     return register_task(task) if task.name not in task_names() else get_task(task.name)
+
+
+def _arm(name: str) -> str | ArmDescription:
+    """A registered arm's name, or an arm of a module of the user's: `"module:attribute"`."""
+    if ":" not in name:
+        return name
+    arm = load_object("arm", name)
+    if not isinstance(arm, ArmDescription):
+        raise InputError(f"{name} is no ArmDescription")
+    return arm
 
 
 def _measure(task: Task, methods: Sequence[str], out: Path, **arguments: Any) -> dict[str, Any]:
@@ -166,7 +178,11 @@ def _parser(prog: str) -> Parser:
     parser.add_argument(
         "--task", default="ur5", help=f"one of: {', '.join(task_names())}; or module:attribute (default: %(default)s)"
     )
-    parser.add_argument("--arm", metavar="NAME", help="another arm for the task ur5: solvers only (default: ur5)")
+    parser.add_argument(
+        "--arm",
+        metavar="NAME",
+        help="another arm for the tasks ur5 and arm3, or module:attribute; by default with solvers only",
+    )
     parser.add_argument("--methods", metavar="A,B", help="methods to compare, see below (default: all of the task's)")
     parser.add_argument("--goals", type=int, default=DEFAULT_GOALS, metavar="N", help="default: %(default)s")
     parser.add_argument("--seed", type=int, default=0, metavar="S", help="of the goals (default: %(default)s)")

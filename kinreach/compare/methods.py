@@ -12,6 +12,7 @@ from typing import Any
 
 import gymnasium as gym
 
+from kinreach.baselines.evaluation import trained_arm
 from kinreach.baselines.policies import load_policy
 from kinreach.baselines.rollout import Policy, as_policy
 from kinreach.baselines.solver_policy import SolverPolicy
@@ -20,6 +21,7 @@ from kinreach.compare.task import POLICY, SOLVER, Method, Task, policy_version
 from kinreach.errors import InputError, raise_unknown
 from kinreach.kinematics.solvers import Solver
 from kinreach.objects import load_object
+from kinreach.robots import ArmDescription
 
 #: How names of policies' files end: kinreach's own, and a model of stable-baselines3 as it was saved.
 SAFETENSORS, ZIP = ".safetensors", ".zip"
@@ -132,6 +134,10 @@ def _from_file(task: Task, path: str, variant: str) -> Method:
     environment = policy.card.environment or said or next(iter(task.variants.values()))
     if environment not in task.variants.values() or (said and said != environment):
         raise InputError(f"the policy {path} is for {environment}, not for one of: {', '.join(task.variants.values())}")
+    trained, asked = trained_arm(policy).get("arm", "ur5"), task.options.get("arm", task.arm)
+    name = asked.name if isinstance(asked, ArmDescription) else asked
+    if task.arm and policy.card.environment and name != trained:
+        raise InputError(f"the policy {path} was trained on the arm {trained!r}, not on {name!r}")
     return Method(lambda env: policy, POLICY, environment, policy_version(path))
 
 

@@ -236,8 +236,8 @@ def run_trials(
         players = {name: (environments.of(method), environments.policy(method)) for name, method in methods.items()}
         first = environments.default
         shared = task.options.get("observation") == CAMERA
-        resets = task.resets(comparison.goals, comparison.seed, first)
-        for reset in task.resets(WARM_UP_GOALS, WARM_UP_SEED, first):
+        resets = _resets(task, comparison.goals, comparison.seed, first)
+        for reset in _resets(task, WARM_UP_GOALS, WARM_UP_SEED, first):
             for _ in _one_goal(players, list(players), reset, shared=shared):
                 pass
         names = list(players)
@@ -249,6 +249,15 @@ def run_trials(
                 count += 1
                 yield {"goal_index": index, "method": name, **trial}
                 progress(count, total)
+
+
+def _resets(task: Task, count: int, seed: int, env: gym.Env[Any, Any]) -> Sequence[Mapping[str, Any]]:
+    """The task's resets, as many as there are goals."""
+    resets: Any = task.resets(count, seed, env)
+    if not isinstance(resets, Sequence) or len(resets) != count:
+        got = f"{len(resets)} of them" if isinstance(resets, Sequence) else shown(resets)
+        raise InputError(f"resets of the task {task.name!r} must return {count} keyword arguments, got {got}")
+    return resets
 
 
 def _one_goal(
@@ -290,7 +299,10 @@ class _Environments:
 
     def _get(self, name: str) -> gym.Env[Any, Any]:
         if name not in self._made:
-            env = gym.make(name, disable_env_checker=True, **self._task.options)
+            try:
+                env = gym.make(name, disable_env_checker=True, **self._task.options)
+            except gym.error.Error as error:
+                raise InputError(f"the task {self._task.name!r} has no environment: {error}") from error
             self._stack.callback(env.close)
             self._made[name] = env
         return self._made[name]

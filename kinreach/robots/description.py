@@ -7,11 +7,15 @@ from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
 
+from kinreach.checks import as_floats, check_known
 from kinreach.errors import InputError
 from kinreach.robots.grippers import Gripper
 from kinreach.robots.urdf import check_urdf, parse_urdf
 from kinreach.robots.urdf_file import UrdfArm, read_urdf
 from kinreach.robots.workcell import CameraMount, Workcell
+
+#: Attributes with one number for each joint.
+PER_JOINT = ("home", "position_gains", "joint_damping")
 
 
 def no_package() -> None:
@@ -89,6 +93,8 @@ class ArmDescription:
             "joint_damping": lambda urdf: urdf.damping,
             "cameras": lambda urdf: (urdf.overview,),
         }
+        for name in PER_JOINT:
+            object.__setattr__(self, name, tuple(as_floats(name, getattr(self, name)).ravel().tolist()))
         if self.tips and not self.default_tip:
             object.__setattr__(self, "default_tip", next(iter(self.tips)))
         missing = [name for name in defaults if not getattr(self, name)]
@@ -99,10 +105,12 @@ class ArmDescription:
             for name in missing:
                 object.__setattr__(self, name, defaults[name](urdf))
         count = len(self.joints)
-        for name in ("home", "position_gains", "joint_damping"):
+        for name in PER_JOINT:
             values = getattr(self, name)
             if len(values) != count:
                 raise InputError(f"arm {self.name!r}: {name} must have {count} numbers, one a joint, got {values}")
+        for joint in self.moves_last:
+            check_known(f"joint of arm {self.name!r} in moves_last", joint, self.joints)
 
     @classmethod
     def from_urdf(
@@ -151,7 +159,7 @@ class ArmDescription:
             build_urdf=source.build,
             package_root=source.package_root,
             joints=source.joints,
-            home=tuple(home or ()),
+            home=() if home is None else tuple(home),
             base=base or "",
             tips=source.tips,
             default_tip=source.tip,

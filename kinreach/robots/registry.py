@@ -15,8 +15,8 @@ def _arms() -> dict[str, ArmDescription]:
     return {arm.name: arm for arm in (*ur.ARMS, arm3.ARM)}
 
 
-def register_arm(arm: ArmDescription) -> None:
-    """Make an arm that lives outside kinreach available by its name.
+def register_arm(arm: ArmDescription) -> ArmDescription:
+    """Make an arm that lives outside kinreach available by its name; it is returned.
 
     Raises:
         InputError: Another arm has that name already.
@@ -24,6 +24,7 @@ def register_arm(arm: ArmDescription) -> None:
     if _arms().get(arm.name, arm) is not arm:
         raise InputError(f"an arm named {arm.name!r} is registered already")
     _arms()[arm.name] = arm
+    return arm
 
 
 def get_arm(name: str) -> ArmDescription:

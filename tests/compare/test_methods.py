@@ -10,6 +10,7 @@ from kinreach.compare import compare, get_task, register_method, register_task
 from kinreach.compare.methods import resolve_methods
 from kinreach.compare.task import POLICY, SOLVER, Method
 from kinreach.errors import InputError
+from kinreach.kinematics import UR5Kinematics
 
 
 def act(observation):
@@ -152,3 +153,55 @@ def test_a_policy_of_other_shape_is_refused(toy):
 
     with pytest.raises(InputError, match="shape"):
         compare("ur5", [wrong], goals=1)
+
+
+class WithoutAccept:
+    def solve(self, goal, seed):
+        return None
+
+
+class Arrays:
+    def solve(self, goal, seed, *, accept=None):
+        return np.zeros(6)
+
+
+class Elsewhere:
+    def __init__(self):
+        self.kin = UR5Kinematics()
+
+    def solve(self, goal, seed, *, accept=None):
+        raise AssertionError("never asked")
+
+
+@pytest.mark.parametrize(("solver", "said"), [
+    (WithoutAccept(), "must take accept="),
+    (Arrays(), "must return an IKResult"),
+    (Elsewhere(), "solves for the tip 'tool0' in 'base_link', the task asks for 'tcp' in 'world'"),
+])  # fmt: skip
+def test_solvers_that_cannot_be_used_say_why(solver, said):
+    with pytest.raises(InputError, match=said):
+        compare("ur5", [solver], goals=1)
+
+
+def test_a_task_must_give_as_many_goals_as_asked_for(toy):
+    from dataclasses import replace
+
+    for resets in (lambda count, seed, env: [{}], lambda count, seed, env: None):
+        with pytest.raises(InputError, match="must return"):
+            compare(replace(toy, resets=resets), goals=4)
+    with pytest.raises(InputError, match="has no environment"):
+        compare(replace(toy, environment="kinreach/Nope-v0"), goals=1)
+
+
+def test_a_policy_of_another_arm_is_refused(tmp_path):
+    from dataclasses import replace
+    from importlib.resources import files
+
+    from kinreach.baselines.policies import read_policy, save_policy
+
+    card, network = read_policy(files("kinreach.baselines") / "pretrained" / "single.safetensors")
+    recipe = {**card.recipe, "options": {"backend": "kinematic", "arm": "ur3"}}
+    save_policy(tmp_path / "mine.safetensors", replace(card, recipe=recipe), network)
+    with pytest.raises(InputError, match="was trained on the arm 'ur3', not on 'ur5'"):
+        compare("ur5", [str(tmp_path / "mine.safetensors")], goals=1)
+    assert compare("ur5", [str(tmp_path / "mine.safetensors")], arm="ur3", goals=1)["methods"][0]["goals"] == 1

@@ -96,6 +96,16 @@ def test_a_posture_within_narrow_limits_is_found_at_a_free_wrist(limits):
     assert covered == 100
 
 
+@pytest.mark.parametrize("wanted", [1.5, -1.5, 0.3])
+def test_a_free_wrist_3_stops_at_its_limit_on_the_seeds_side(wanted):
+    kin = URKinematics(narrow(wrist_3=(-1.0, 1.0)))
+    seed = np.array([0.3, -1.0, 1.2, 0.4, 0.0, wanted])
+    T = kin.fk(np.array([*seed[:5], 0.2]))
+    for q in (kin.nearest(T, seed).q, kin.nearest_batch(T[None], seed).q[0]):
+        assert q[5] == pytest.approx(np.clip(wanted, -1.0, 1.0), abs=1e-6)
+        np.testing.assert_allclose(kin.fk(q), T, atol=1e-9)
+
+
 @pytest.mark.parametrize("q5", [0.0, np.pi, -np.pi])
 @pytest.mark.parametrize("q6", [0.7, -0.7, 2.5])
 def test_a_free_wrist_3_keeps_the_seeds_value(q5, q6):

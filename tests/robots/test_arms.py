@@ -102,6 +102,11 @@ def test_derived_pairs_leave_the_home_posture_free_and_keep_real_collisions():
     assert checker.in_collision(folded)
 
 
+def test_numbers_may_be_arrays():
+    arm = bare(home=np.zeros(3), position_gains=np.full(3, 100.0))
+    assert (arm.home, arm.position_gains) == ((0.0, 0.0, 0.0), (100.0, 100.0, 100.0))
+
+
 def test_descriptions_can_be_pickled():
     for name in ("arm3", *FAMILY):
         again = pickle.loads(pickle.dumps(get_arm(name)))
@@ -116,6 +121,8 @@ def test_descriptions_can_be_pickled():
         ({"tips": {"tip": "nowhere"}}, "unknown link"),
         ({"tips": {"base": "base_link"}}, "no joint moves the tip"),
         ({"home": (0.0, 0.0)}, "home must have 3 numbers"),
+        ({"home": "abc"}, "home must be an array of numbers"),
+        ({"moves_last": ("elbow",)}, "unknown joint.*moves_last"),
         ({"position_gains": (1.0,)}, "position_gains must have 3"),
     ],
 )

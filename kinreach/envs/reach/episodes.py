@@ -13,13 +13,13 @@ from kinreach.envs.batch import AHEAD, Outcome, RowStreams
 from kinreach.envs.reach.observers import goal_observer, measured
 from kinreach.envs.reach.rewards import Score
 from kinreach.envs.reach.task import ReachTask, Start
-from kinreach.envs.reach.worlds import ENDINGS, Ending, Executed, Ids, ReachWorld
+from kinreach.envs.reach.worlds import STATUSES, Executed, Ids, ReachWorld, Status
 from kinreach.robots.workcell import BoxRegion, Workcell
 
 Flags = NDArray[np.bool_]
 
 #: `impossible_reason` where the world does not explain.
-_PHRASES = np.where(ENDINGS == "completed", "", ENDINGS)
+_PHRASES = np.where(STATUSES == "completed", "", STATUSES)
 
 
 class GoalStreams(RowStreams):
@@ -185,7 +185,7 @@ class ReachEpisodes:
         else:
             terminated = score.reached & self.task.options.end_on_reached
             if self.world.dynamic:
-                over |= executed.ending == Ending.DIVERGED
+                over |= executed.status == Status.DIVERGED
             outcome = Outcome(score.reward, terminated, over & ~terminated, info)
         return outcome if acting is None else outcome.of(acting)
 
@@ -193,8 +193,8 @@ class ReachEpisodes:
         """The verdict on agents that find no action: impossible, the arms stay, the episodes end."""
         count = self.world.count
         everyone = np.ones(count, dtype=np.bool_)
-        ending = np.full(count, Ending.FORFEITED, dtype=np.uint8)
-        score, info = self._judge(self.world.q.copy(), Executed(everyone, ending, [reason] * count))
+        statuses = np.full(count, Status.FORFEITED, dtype=np.uint8)
+        score, info = self._judge(self.world.q.copy(), Executed(everyone, statuses, [reason] * count))
         self._steps += 1
         return Outcome(score.reward, everyone, ~everyone, info)
 
@@ -203,7 +203,7 @@ class ReachEpisodes:
         q, tip = self.world.q.copy(order="K"), self.world.tip.copy(order="K")
         distance = self._distance(tip)
         score = self.task.scorer.score(distance, q, executed.impossible)
-        status = ENDINGS[executed.ending]
+        status = STATUSES[executed.status]
         reasons = executed.reasons
         info = {
             "q": q,
@@ -213,8 +213,8 @@ class ReachEpisodes:
             "reached": score.reached,
             "is_success": score.reached,
             "impossible": executed.impossible,
-            "impossible_code": executed.ending,
-            "impossible_reason": _PHRASES[executed.ending] if reasons is None else np.array(reasons, dtype=object),
+            "impossible_code": executed.status,
+            "impossible_reason": _PHRASES[executed.status] if reasons is None else np.array(reasons, dtype=object),
             "status": status,
             "target": targets,
             "move_s": self._move_time.copy(),

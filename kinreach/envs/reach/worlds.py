@@ -21,8 +21,8 @@ Ids = NDArray[np.intp]
 Flags = NDArray[np.bool_]
 
 
-class Ending(IntEnum):
-    """What became of an action, as a number; `ENDINGS` has the words."""
+class Status(IntEnum):
+    """What became of an action, as a number; `STATUSES` has the words."""
 
     COMPLETED = 0
     OUT_OF_LIMITS = 1
@@ -38,20 +38,20 @@ class Ending(IntEnum):
     FORFEITED = 7
 
 
-#: What `info["status"]` says of each `Ending`.
-ENDINGS = np.array(
+#: What `info["status"]` says of each `Status`.
+STATUSES = np.array(
     ["completed", "out of limits", "collision", "self-collision", "blocked", "timeout", "diverged", "forfeited"],
     dtype=object,
 )
-#: The ending of a target that `FastCollision` judges by each `Cause`.
-_OF_CAUSE = np.array([Ending.COMPLETED, Ending.OUT_OF_LIMITS, Ending.SELF_COLLISION, Ending.COLLISION], dtype=np.uint8)
+#: The status of a target that `FastCollision` judges by each `Cause`.
+_OF_CAUSE = np.array([Status.COMPLETED, Status.OUT_OF_LIMITS, Status.SELF_COLLISION, Status.COLLISION], dtype=np.uint8)
 _OF_MOVE = {
-    MoveStatus.REACHED: Ending.COMPLETED,
-    MoveStatus.OUT_OF_LIMITS: Ending.OUT_OF_LIMITS,
-    MoveStatus.COLLISION: Ending.SELF_COLLISION,
-    MoveStatus.BLOCKED: Ending.BLOCKED,
-    MoveStatus.TIMEOUT: Ending.TIMEOUT,
-    MoveStatus.DIVERGED: Ending.DIVERGED,
+    MoveStatus.REACHED: Status.COMPLETED,
+    MoveStatus.OUT_OF_LIMITS: Status.OUT_OF_LIMITS,
+    MoveStatus.COLLISION: Status.SELF_COLLISION,
+    MoveStatus.BLOCKED: Status.BLOCKED,
+    MoveStatus.TIMEOUT: Status.TIMEOUT,
+    MoveStatus.DIVERGED: Status.DIVERGED,
 }
 
 
@@ -61,13 +61,13 @@ class Executed:
 
     Attributes:
         impossible: Whether the target could not be taken, shape (count,).
-        ending: How each ended, an `Ending`, shape (count,).
+        status: How each ended, a `Status`, shape (count,).
         reasons: Why it was impossible, one phrase per arm (empty where possible); None where the world does not say.
         durations: Simulated time [s], shape (count,); None where there is no simulation.
     """
 
     impossible: Flags
-    ending: NDArray[np.uint8]
+    status: NDArray[np.uint8]
     reasons: Sequence[str] | None = None
     durations: Floats | None = None
 
@@ -141,19 +141,19 @@ class KinematicWorld:
 
     def execute(self, targets: Floats, *, two_phase: bool, acting: Flags | None = None) -> Executed:
         """Take the targets that can be taken."""
-        ending = _OF_CAUSE[self._check.causes(targets)]
+        status = _OF_CAUSE[self._check.causes(targets)]
         if acting is not None:
-            ending[~acting] = Ending.COMPLETED
-        impossible = ending != Ending.COMPLETED
+            status[~acting] = Status.COMPLETED
+        impossible = status != Status.COMPLETED
         moved = np.flatnonzero(~impossible)
         q = targets.T.take(moved, axis=1)
         for array, values in ((self._q, q), (self._tip, self._kinematics.chain.positions(q.T).T)):
             for row, new in zip(array, values, strict=True):
                 row[moved] = new
         if not self._explain:
-            return Executed(impossible, ending)
+            return Executed(impossible, status)
         reasons = [self._check.reason(target) if bad else "" for target, bad in zip(targets, impossible, strict=True)]
-        return Executed(impossible, ending, reasons)
+        return Executed(impossible, status, reasons)
 
     def copy_from(self, other: KinematicWorld) -> None:
         """Take over the postures of another world."""
@@ -172,9 +172,9 @@ class KinematicWorld:
 
 def _executed(moves: Sequence[MoveResult]) -> Executed:
     """What moves came to."""
-    ending = np.array([_OF_MOVE[move.status] for move in moves], dtype=np.uint8)
+    status = np.array([_OF_MOVE[move.status] for move in moves], dtype=np.uint8)
     durations = np.array([move.duration for move in moves])
-    return Executed(ending != Ending.COMPLETED, ending, [move.reason for move in moves], durations)
+    return Executed(status != Status.COMPLETED, status, [move.reason for move in moves], durations)
 
 
 class SingleDynamicWorld:
@@ -240,12 +240,12 @@ class BatchDynamicWorld:
         moved = _executed(self._batch.move(ids, targets[ids], two_phase=two_phase))
         if acting is None or moved.reasons is None or moved.durations is None:
             return moved
-        ending, durations = np.zeros(self.count, dtype=np.uint8), np.zeros(self.count)
-        ending[ids], durations[ids] = moved.ending, moved.durations
+        status, durations = np.zeros(self.count, dtype=np.uint8), np.zeros(self.count)
+        status[ids], durations[ids] = moved.status, moved.durations
         reasons = [""] * self.count
         for index, reason in zip(ids, moved.reasons, strict=True):
             reasons[index] = reason
-        return Executed(ending != Ending.COMPLETED, ending, reasons, durations)
+        return Executed(status != Status.COMPLETED, status, reasons, durations)
 
     def copy_from(self, other: BatchDynamicWorld) -> None:
         """Take over the states of as many other simulations."""

@@ -78,7 +78,7 @@ def test_the_text_of_single_poses_says_what_was_timed():
     timings = Timings()
     for name, us in ((ik_single.FORMULAS, 4.0), (ik_single.PUBLIC, 9.0), (ik_single.ARRAY, 15.0)):
         timings[name] = np.full((3, 5), 1e-6 * us) * [[1], [10], [1]]
-    text = ik_single._text(timings, 5)
+    text = " ".join(ik_single._text(timings, 5).split())
     assert "5 poses of tool0" in text
     assert "it takes 2.25 times as long as the formulas" in text
     assert "takes 1.5 times as long as the formulas once more" in text

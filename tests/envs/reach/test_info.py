@@ -4,7 +4,7 @@ import gymnasium as gym
 import numpy as np
 import pytest
 
-from kinreach.envs.reach.worlds import ENDINGS
+from kinreach.envs.reach.worlds import STATUSES
 from kinreach.errors import InputError
 from kinreach.vision.goal_view import geometric_goal_view
 
@@ -24,7 +24,7 @@ def test_info_agrees_with_itself(name, backend):
     env = gym.make(name, backend=backend, end_on_reached=False)
     fk = env.unwrapped.kinematics.positions
     rng = np.random.default_rng(4)
-    seen = dict.fromkeys(ENDINGS, 0)
+    seen = dict.fromkeys(STATUSES, 0)
     over, moved = True, 0.0
     for _ in range(40):
         if over:
@@ -42,7 +42,7 @@ def test_info_agrees_with_itself(name, backend):
         np.testing.assert_allclose(fk(info["target"]), info["target_tip"], atol=1e-12)
         np.testing.assert_allclose(np.linalg.norm(info["tip"] - info["goal"]), info["distance"], atol=1e-12)
         assert {name: info[f"reward_{name}"] for name in info["reward_terms"]} == info["reward_terms"]
-        assert ENDINGS[info["impossible_code"]] == info["status"]
+        assert STATUSES[info["impossible_code"]] == info["status"]
         assert (info["status"] == "completed") != info["impossible"] == bool(info["impossible_reason"])
         assert info["move_s"] > moved if backend == "mujoco" and info["status"] != "out of limits" else True
         assert backend == "mujoco" or info["move_s"] == 0.0
