@@ -1,9 +1,10 @@
 """Gymnasium environments: `reach` is the thesis's task on any arm, `button` the course report's.
 
-`import kinreach` registers them. The simulation that they run on is `kinreach.sim`, whose names can be imported from
-here too, as in version 0.1.
+`import kinreach` registers them. `RecordMotion` films an episode with the motion of every step. The simulation that the
+environments run on is `kinreach.sim`, whose names can be imported from here too, as in version 0.1.
 """
 
+from kinreach.envs.video import RecordMotion
 from kinreach.sim import (
     ArmSimulation,
     BatchSimulation,
@@ -23,6 +24,7 @@ __all__ = [
     "JointController",
     "MoveResult",
     "MoveStatus",
+    "RecordMotion",
     "build_scene",
     "render",
     "scene_model",

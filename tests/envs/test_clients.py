@@ -8,7 +8,7 @@ import pytest
 from gymnasium.wrappers import RecordVideo
 
 import kinreach  # noqa: F401 (registers the environments)
-from kinreach.envs.video import RecordMotion
+from kinreach.envs import RecordMotion
 from kinreach.errors import InputError
 from kinreach.registration import MULTI, MULTI_KINEMATIC, SINGLE, SINGLE_KINEMATIC
 
