@@ -15,6 +15,7 @@ from numpy.typing import ArrayLike
 
 from kinreach.baselines.learning_curve import COLUMNS, read_curve
 from kinreach.baselines.policies import LearnedPolicy, load_policy
+from kinreach.baselines.rollout import rollout_batch
 from kinreach.checks import Floats, as_floats, check_count, check_known, check_path, shown
 from kinreach.envs.reach.task import ANGLES
 from kinreach.errors import InputError, raise_unknown
