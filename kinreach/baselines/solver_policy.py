@@ -38,8 +38,9 @@ class SolverPolicy:
 
     def __init__(self, solver: Solver, env: gym.Env[Any, Any], *, proposer: Policy | None = None) -> None:
         self._solver = solver
-        self._env: Any = env.unwrapped
-        _check_solver(solver, self._env.kinematics)
+        reach: Any = env.unwrapped
+        _check_solver(solver, reach.kinematics)
+        self._env = reach
         self._proposer = proposer
         self.diagnostics: Mapping[str, float] = {}
         self.reason = ""
