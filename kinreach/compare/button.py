@@ -122,7 +122,7 @@ BUTTON_TASK = Task(
         f"environment's seeds are {HELD_OUT} + {SPACING} seed + index, which no training draws",
         "distance": "end effector to the target after the last step, in the simulation",
         "reward": "the environment's, summed over the episode",
-        "timing": "methods take turns in random order on every goal after an untimed episode; one process, one "
+        "timing": "methods take turns in random order on every goal, each after one untimed decision; one process, one "
         "thread, one environment; the time of a step is that of choosing the action",
     },
     notes=_notes,
