@@ -228,8 +228,8 @@ _TERMS = {
     "tolerance": f"numeric solvers stop within {Tolerance().position:g} m and {Tolerance().orientation:g} rad",
     "execution": "from the start posture, in MuJoCo: one move, two-phase; a policy of several steps moves all joints "
     f"at once and decides after each move; a move is done when every joint rests within {TOLERANCE:g} rad",
-    "timing": "methods take turns in random order on every goal, each after one untimed decision on it; one process, one "
-    "thread, one goal at a time; the clock runs while a method is told of the goal and decides, summed over its "
+    "timing": "methods take turns in random order on every goal, each after one untimed decision on it; one process, "
+    "one thread, one goal at a time; the clock runs while a method is told of the goal and decides, summed over its "
     "decisions",
     "error_budget": f"seeing, deciding and moving: {BUDGET_MEANING}; the parts sum to the distance",
     "seed_posture": "the start posture of the arm, the same for every goal",
