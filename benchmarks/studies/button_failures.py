@@ -45,7 +45,8 @@ def main(argv: list[str] | None = None) -> int:
         pressed = np.array([trial["reached"] for trial in trials])
         goals = np.array([trial["goal"] for trial in trials])
         quadrants = 2 * (goals[:, 0] > 0) + (goals[:, 1] > 0)
-        shares = " / ".join(f"{100 * pressed[quadrants == number].mean():.0f}" for number in range(4))
+        found = [pressed[quadrants == number] for number in range(4)]
+        shares = " / ".join(f"{100 * there.mean():.0f}" if there.size else "-" for there in found)
         missed = [trial for trial in trials if not trial["reached"]]
         distance = limits = "-"
         if missed:

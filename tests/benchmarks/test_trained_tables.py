@@ -12,7 +12,6 @@ import pytest
 from benchmarks.studies import button_actuation, button_failures, button_policies, loitering, trained
 from benchmarks.studies.trainings import ONE_SEED, Trainings, finished, with_interval
 from kinreach.baselines.evaluation import Evaluation
-from kinreach.baselines.policies import load_policy
 from kinreach.envs.button import ACTUATIONS
 from kinreach.errors import InputError
 from kinreach.statistics import trainings_interval
@@ -22,6 +21,9 @@ PRETRAINED = resources.files("kinreach.baselines") / "pretrained"
 
 class Still:
     """A policy that asks for no motion."""
+
+    def reset(self, observation, info):
+        pass
 
     def act(self, observations):
         return np.zeros((len(observations), 6))
@@ -124,11 +126,12 @@ def test_loitering(runs, capsys, monkeypatch):
     assert rows == [[f"`ppo-multi-ending`, {seed}", "50.0", "60.0", "0.0", "-"] for seed in (2, 10)]
 
 
-def test_where_button_policies_end():
-    last, pressed = button_failures.last_observations(load_policy("button-report"), 5)
-    assert last.shape == (5, 19)
-    assert pressed.all()
-    assert (np.linalg.norm(last[:, 15:18], axis=1) < 0.05).all()
+def test_where_button_policies_end(capsys):
+    assert button_failures.main(["button-report", "--goals", "40"]) == 0
+    _, ((name, shares, *missed),) = table(capsys.readouterr().out)
+    assert name.startswith("`button-report`, seed")
+    assert [float(share) for share in shares.split(" / ")] == [100.0] * 4
+    assert missed == ["-", "-"]
 
 
 def test_environments_are_closed(monkeypatch):
@@ -150,5 +153,5 @@ def test_environments_are_closed(monkeypatch):
     button_actuation.random_actions(tuned, 2, 0)
     button_actuation.analytic(tuned, 2, 0)
     loitering.watch(Still(), goals=2)
-    button_failures.last_observations(load_policy("button-report"), 2)
+    button_failures.main(["button-report", "--goals", "2"])
     assert [close.call_count for close in closings] == [1] * 5
