@@ -11,7 +11,7 @@ import numpy as np
 from rich.table import Table
 
 from kinreach.baselines.batch import make_batch
-from kinreach.baselines.policies import LearnedPolicy
+from kinreach.baselines.policies import LearnedPolicy, trained_arm
 from kinreach.baselines.rollout import rollout_batch
 from kinreach.checks import check_count
 from kinreach.summary import RATE, SPREAD, Column, Trial, success_columns, summarise, tables
@@ -115,12 +115,6 @@ def evaluate(
             env.close()
         progress(len(trials))
     return Evaluation(trials)
-
-
-def trained_arm(policy: LearnedPolicy) -> dict[str, Any]:
-    """The option `arm` of the environment that a policy was trained in, as far as its card names one."""
-    options = policy.card.recipe.get("options")
-    return {"arm": options["arm"]} if isinstance(options, Mapping) and isinstance(options.get("arm"), str) else {}
 
 
 def evaluation_table(summaries: Mapping[str, Mapping[str, Any]], *, title: str) -> Table:

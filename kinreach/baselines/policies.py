@@ -365,6 +365,12 @@ def pretrained_names() -> list[str]:
     return sorted(file.name.removesuffix(_SUFFIX) for file in folder.iterdir() if file.name.endswith(_SUFFIX))
 
 
+def trained_arm(policy: LearnedPolicy) -> dict[str, Any]:
+    """The option `arm` of the environment that a policy was trained in, as far as its card names one."""
+    options = policy.card.recipe.get("options")
+    return {"arm": options["arm"]} if isinstance(options, Mapping) and isinstance(options.get("arm"), str) else {}
+
+
 def load_policy(policy: str | Path, *, environment: str | None = None) -> LearnedPolicy:
     """Load a policy.
 

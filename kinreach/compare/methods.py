@@ -12,8 +12,7 @@ from typing import Any
 
 import gymnasium as gym
 
-from kinreach.baselines.evaluation import trained_arm
-from kinreach.baselines.policies import load_policy
+from kinreach.baselines.policies import load_policy, trained_arm
 from kinreach.baselines.rollout import Policy, as_policy
 from kinreach.baselines.solver_policy import SolverPolicy
 from kinreach.checks import check_known, shown

@@ -4,7 +4,7 @@
 environments run on is `kinreach.sim`, whose names can be imported from here too, as in version 0.1.
 """
 
-from kinreach.envs.video import RecordMotion
+from kinreach.envs.single import RecordMotion
 from kinreach.sim import (
     ArmSimulation,
     BatchSimulation,

@@ -198,3 +198,28 @@ class ClosedFormKinematics(ArmKinematics, ABC):
 def _inside_turn(q: Sequence[float]) -> bool:
     """Whether no joint is at an end of (-pi, pi)."""
     return max(q) < pi - SLACK and min(q) > SLACK - pi
+
+
+def kinematics_of(arm: str | ArmDescription, *, tip: str | None = None, base: str = "base_link") -> ArmKinematics:
+    """Kinematics of an arm, with its closed form where it has one: that of a UR, or of a turning base with two links.
+
+    Args:
+        arm: Name of a registered arm, or a description.
+        tip: Short name of the tip frame; the arm's own tool centre point by default.
+        base: `"base_link"` or `"world"`.
+
+    Raises:
+        UnknownNameError: The arm, the tip or the base does not exist.
+    """
+    from kinreach.kinematics.arm3 import Arm3Kinematics  # which are made of what is above
+    from kinreach.kinematics.ur.kinematics import URKinematics
+
+    plain = ArmKinematics(arm, tip=tip, base=base)
+    try:
+        if plain.n == URKinematics.joints:
+            return URKinematics(plain.arm, tip=plain.tip, base=base)
+        if plain.n == Arm3Kinematics.joints:
+            return Arm3Kinematics(arm=plain.arm, tip=plain.tip, base=base)
+    except InputError:  # as many joints, another geometry
+        pass
+    return plain

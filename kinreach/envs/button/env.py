@@ -14,8 +14,8 @@ from kinreach.envs.batch import first_row
 from kinreach.envs.button.episodes import ButtonEpisodes, ButtonOptions
 from kinreach.envs.button.task import action_space, check_actions, observation_space
 from kinreach.envs.button.world import ButtonState, SingleTorqueWorld
-from kinreach.envs.copies import CopyableEnv
 from kinreach.envs.options import RENDER_MODES, check_seed, check_started, options_from, takes
+from kinreach.envs.single import CopyableEnv
 from kinreach.sim.picture import ScenePicture
 
 ONE = np.zeros(1, dtype=np.intp)

@@ -11,7 +11,6 @@ from numpy.typing import ArrayLike
 
 from kinreach.checks import Floats, as_vector
 from kinreach.envs.batch import Outcome, first_row
-from kinreach.envs.copies import CopyableEnv
 from kinreach.envs.options import RENDER_MODES, check_seed, check_started, options_from, takes
 from kinreach.envs.reach.episodes import ReachEpisodes
 from kinreach.envs.reach.observers import PixelObserver
@@ -27,6 +26,7 @@ from kinreach.envs.reach.task import (
     reset_options,
 )
 from kinreach.envs.reach.worlds import KinematicWorld, ReachWorld, SingleDynamicWorld
+from kinreach.envs.single import CopyableEnv
 from kinreach.kinematics import ArmKinematics, AxisGoal, PositionGoal
 from kinreach.robots import ArmDescription
 from kinreach.sim.picture import ScenePicture
