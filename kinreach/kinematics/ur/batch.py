@@ -101,8 +101,9 @@ def _solve_block(m: Floats, g: URGeometry, tol: float, q: Floats, valid: NDArray
             reached, borderline = solve_elbow(u, v, q234, g, tol, q[SHOULDER_LIFT : WRIST_1 + 1, both])
             valid[both] = reached
             singular |= borderline
+            blank = np.where(reached, 0.0, np.nan)
             for joint, value in ((SHOULDER_PAN, q1), (WRIST_2, q5), (WRIST_3, q6)):
-                q[joint, both] = np.where(reached, value, np.nan)
+                np.add(value, blank, out=q[joint, both])
             np.negative(q5, out=q5)
             q6 -= np.copysign(pi, q6)
             q234 -= np.copysign(pi, q234)
