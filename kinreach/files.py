@@ -18,9 +18,11 @@ from pathlib import Path
 
 from kinreach.errors import OutputError
 
-#: In the name of every file that is being written, between a dot with the stem and the number of its inode.
+#: In the name of every file that is being written, between a dot with the beginning of the stem and the number of its inode.
 UNFINISHED = ".kinreach-unfinished-"
 _NAME = re.compile(r"\..*" + re.escape(UNFINISHED) + r"(?P<inode>[0-9a-f]+)-[0-9a-f]{16}(\..*)?", re.DOTALL)
+#: More of a file's name does not go into the names of its temporaries [characters, of up to 4 bytes].
+LONGEST_STEM = 40
 #: A disk without room for that many bytes is full from the start.
 _ROOM = 16_384
 #: Mode bits of an owner who reads and writes.
@@ -38,7 +40,7 @@ def replacing(path: Path) -> Iterator[Path]:
         OutputError: The file system refused.
     """
     try:
-        _sweep(path.parent, f".{path.stem}{UNFINISHED}")
+        _sweep(path.parent, _prefix(path))
         handle, temporary, mode = _locked_temporary(path)
     except OSError as error:
         raise _refused(path, error) from error
@@ -126,6 +128,11 @@ def _sweep(directory: Path, beginning: str) -> None:
                 os.close(handle)
 
 
+def _prefix(path: Path) -> str:
+    """What the names of a file's temporaries begin with; of a long name the beginning, for theirs would be too long."""
+    return f".{path.stem[:LONGEST_STEM]}{UNFINISHED}"
+
+
 def _locked_temporary(path: Path) -> tuple[int, Path, int]:
     """A new temporary file, the handle that holds its lock, and the mode that the system gives a new file here.
 
@@ -134,12 +141,13 @@ def _locked_temporary(path: Path) -> tuple[int, Path, int]:
     threads.
     """
     token = secrets.token_hex(8)
-    new = path.parent / f".{path.stem}{UNFINISHED}{token}{path.suffix}"
+    prefix = _prefix(path)
+    new = path.parent / f"{prefix}{token}{path.suffix}"
     handle = os.open(new, os.O_RDWR | os.O_CREAT | os.O_EXCL, 0o666)
     with suppress(OSError):  # a file system without locks: it cannot be swept either
         fcntl.flock(handle, fcntl.LOCK_EX)
     status = os.fstat(handle)
-    temporary = path.parent / f".{path.stem}{UNFINISHED}{status.st_ino:x}-{token}{path.suffix}"
+    temporary = path.parent / f"{prefix}{status.st_ino:x}-{token}{path.suffix}"
     os.rename(new, temporary)
     return handle, temporary, stat.S_IMODE(status.st_mode)
 

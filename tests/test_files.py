@@ -143,3 +143,11 @@ def test_a_directory_is_locked_for_one_writer(tmp_path: Path) -> None:
             write_text(tmp_path / "x", "free to write")
     with locked(tmp_path, "a training"):
         assert sorted(os.listdir(tmp_path)) == ["a", "x"]
+
+
+@pytest.mark.parametrize("name", ["x" * 240 + ".txt", "\N{SNOWMAN}" * 80 + ".txt"])
+def test_a_name_as_long_as_the_system_takes_can_be_written(name: str, tmp_path: Path) -> None:
+    for text in ("first", "second"):
+        write_text(tmp_path / name, text)
+    assert (tmp_path / name).read_text() == "second"
+    assert os.listdir(tmp_path) == [name]
