@@ -18,7 +18,7 @@ from pathlib import Path
 
 from kinreach.errors import OutputError
 
-#: In the name of every file that is being written, between a dot with the beginning of the stem and the number of its inode.
+#: In the name of every file that is being written, between a dot with the beginning of the stem and the inode's number.
 UNFINISHED = ".kinreach-unfinished-"
 _NAME = re.compile(r"\..*" + re.escape(UNFINISHED) + r"(?P<inode>[0-9a-f]+)-[0-9a-f]{16}(\..*)?", re.DOTALL)
 #: More of a file's name does not go into the names of its temporaries [characters, of up to 4 bytes].
