@@ -131,6 +131,16 @@ def summarise(columns: Sequence[Column], trials: Sequence[Trial], *, resamples: 
     return entry
 
 
+def thousandfold(name: str) -> Callable[[Trial], float | None]:
+    """A trial's entry in millimetres or milliseconds, from metres or seconds."""
+
+    def value(trial: Trial) -> float | None:
+        found = trial.get(name)
+        return None if found is None else 1e3 * found
+
+    return value
+
+
 def success_columns(completed: Callable[[Trial], bool]) -> tuple[Column, ...]:
     """Shares of goals within each of `TOLERANCES_MM`: trials that were completed and ended that near.
 

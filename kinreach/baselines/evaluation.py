@@ -14,7 +14,7 @@ from kinreach.baselines.batch import make_batch
 from kinreach.baselines.policies import LearnedPolicy, trained_arm
 from kinreach.baselines.rollout import rollout_batch
 from kinreach.checks import check_count
-from kinreach.summary import RATE, SPREAD, Column, Trial, success_columns, summarise, tables
+from kinreach.summary import RATE, SPREAD, Column, Trial, success_columns, summarise, tables, thousandfold
 
 Array = np.ndarray[Any, Any]
 
@@ -28,9 +28,7 @@ BATCH, RESAMPLES = 500, 500
 #: Width that the table fits into [characters].
 TABLE_WIDTH = 110
 
-_DISTANCE = Column(
-    "distance_mm", lambda trial: _scaled(trial, "distance"), SPREAD, "distance mm\nmedian / p95", "quantiles", digits=3
-)
+_DISTANCE = Column("distance_mm", thousandfold("distance"), SPREAD, "distance mm\nmedian / p95", "quantiles", digits=3)
 #: What is reported of an episode, as far as the environment says it.
 COLUMNS: Sequence[Column] = (
     Column("reached", "reached", RATE, "reached % [95 % CI]", "interval"),
@@ -92,7 +90,7 @@ def evaluate(
     """Play one episode for each goal.
 
     Args:
-        policy: Acts on stacks of observations; what `load_policy` returns, or any `Policy` that does.
+        policy: As `load_policy` returns it.
         goals: How many; those of a smaller number are the first of a larger one.
         seed: Of the first goal; goal i is that of the environment's seed `seed + i`.
         environment: Id; that of the policy's card if None.
@@ -126,9 +124,3 @@ def evaluation_table(summaries: Mapping[str, Mapping[str, Any]], *, title: str) 
     """
     entries = [{**summary, "name": name} for name, summary in summaries.items()]
     return tables(COLUMNS, entries, title=title, width=TABLE_WIDTH)[0]
-
-
-def _scaled(trial: Trial, name: str) -> float | None:
-    """Metres in millimetres."""
-    value = trial.get(name)
-    return None if value is None else 1e3 * value

@@ -21,8 +21,6 @@ from kinreach.checks import shown
 from kinreach.errors import InputError
 from kinreach.summary import Trial
 
-#: What an iterative policy may say of its last decision, in `diagnostics`; a trial has the sums over its decisions.
-EFFORTS = ("iterations", "restarts", "candidates", "accept_s")
 #: Status of a trial whose episode ended without the goal and without anything impossible.
 COMPLETED, MISSED = "completed", "missed"
 
@@ -34,9 +32,9 @@ WatchBatch = Callable[[NDArray[Any], NDArray[Any], Mapping[str, Any], NDArray[np
 class Policy(Protocol):
     """Anything that chooses actions.
 
-    It may also have `reason`, why its last action was None; `diagnostics`, a mapping with some of `EFFORTS` about its
-    last decision; and `check_spaces(observation_space, action_space)`, which raises an `InputError` where it cannot
-    act.
+    It may also have `reason`, why its last action was None; `diagnostics`, numbers about its last decision by name,
+    such as `iterations`, of which a trial has the sums; and `check_spaces(observation_space, action_space)`, which
+    raises an `InputError` where it cannot act.
     """
 
     def reset(self, observation: Any, info: Mapping[str, Any]) -> None:

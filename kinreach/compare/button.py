@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from typing import Any
 
 import gymnasium as gym
@@ -20,11 +21,10 @@ from kinreach.compare.task import (
     Task,
     common_columns,
     policy_version,
-    thousandfold,
 )
 from kinreach.envs.button.task import PRESS_RADIUS
 from kinreach.registration import BUTTON
-from kinreach.summary import QUANTILES, RATE, SPREAD, Column, Trial
+from kinreach.summary import QUANTILES, RATE, SPREAD, Column, Trial, thousandfold
 
 #: Between the environment's seeds of the first goals of two seeds of comparisons: none has as many goals.
 SPACING = 2**32
@@ -47,24 +47,14 @@ def decision_ms(trial: Trial) -> float:
     return 1e3 * float(trial["solve_s"]) / int(trial["steps"])
 
 
-def _reward(column: Column) -> Column:
-    """The reward of a trial is the sum over its episode."""
-    return Column(column.key, "return", column.summary, column.heading, column.show)
+#: Of what all tasks report, what this one shows otherwise.
+_SHOWN = {"reached": "", "distance_mm": "", "success_at_mm.1": "", "impossible": "", "solve_ms": ""}
 
 
 def _column(column: Column) -> Column:
-    """Of what all tasks report, what says something here stays in the table."""
-    if column.key == "reward_mean":
-        return _reward(column)
-    shown = {
-        "reached": "",
-        "distance_mm": "",
-        "success_at_mm.1": "",
-        "impossible": "",
-        "solve_ms": "",
-        "move_s": "median",
-    }
-    return Column(column.key, column.value, column.summary, column.heading, shown.get(column.key, column.show))
+    """A column of all tasks as this one has it; the reward of a trial is the sum over its episode."""
+    value = "return" if column.key == "reward_mean" else column.value
+    return replace(column, value=value, show=_SHOWN.get(column.key, column.show))
 
 
 def _notes(results: Mapping[str, Any]) -> list[str]:

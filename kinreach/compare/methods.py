@@ -115,13 +115,13 @@ def _method(task: Task, given: Any) -> Method:
         if ":" not in given:
             raise_unknown(f"{task.name} method", given, task.methods)
         return _method(task, load_object("method", given))
-    if isinstance(given, type):
-        made = SOLVER if hasattr(given, "solve") else POLICY
-        return Method(lambda env: _policy(_construct(given, env), env), made, task.environment, _source(given))
     if not (hasattr(given, "solve") or hasattr(given, "act") or hasattr(given, "predict") or callable(given)):
         raise InputError(f"a method is a name, a solver, a policy or a function, got {shown(given)}")
-    kind = SOLVER if hasattr(given, "solve") else POLICY
-    return Method(lambda env: _policy(given, env), kind, task.environment, _source(given))
+
+    def make(env: gym.Env[Any, Any]) -> Policy:
+        return _policy(_construct(given, env) if isinstance(given, type) else given, env)
+
+    return Method(make, SOLVER if hasattr(given, "solve") else POLICY, task.environment, _source(given))
 
 
 def _from_file(task: Task, path: str, variant: str) -> Method:

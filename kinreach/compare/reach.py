@@ -29,14 +29,13 @@ from kinreach.compare.task import (
     common_columns,
     policy_version,
     resets_to,
-    thousandfold,
 )
 from kinreach.errors import InputError
 from kinreach.kinematics.closed_form import ClosedFormKinematics
 from kinreach.kinematics.solvers import Solver, Tolerance
 from kinreach.registration import MULTI, SINGLE
 from kinreach.sim.controller import TOLERANCE
-from kinreach.summary import MEAN, QUANTILES, Column, Trial, number
+from kinreach.summary import MEAN, QUANTILES, Column, Trial, number, thousandfold
 
 #: The second table.
 BUDGET_TABLE = "Where the distance comes from"

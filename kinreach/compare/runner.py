@@ -23,7 +23,7 @@ from kinreach.baselines.rollout import Policy, as_policy, rollout
 from kinreach.checks import check_count, check_known, check_path, shown
 from kinreach.compare import figures, report
 from kinreach.compare.methods import colours, resolve_methods
-from kinreach.compare.task import GIVEN, Method, Task, get_task
+from kinreach.compare.task import GIVEN, SOLVER, Method, Task, get_task
 from kinreach.errors import InputError, InstallationError, OutputError
 from kinreach.files import make_writable, write_text
 from kinreach.robots import ArmDescription, as_arm
@@ -197,7 +197,7 @@ def prepare(
             raise InputError(f"the task {task.name!r} takes no other arm, got {description.name!r}")
         chosen["arm"] = description if isinstance(arm, ArmDescription) else arm
         if description.name != task.arm:
-            solvers = {name: method for name, method in task.methods.items() if method.kind == "solver"}
+            solvers = {name: method for name, method in task.methods.items() if method.kind == SOLVER}
             task = replace(task, title=f"{description.title}: tip at the goal", methods=solvers)
     task = task.with_options(chosen)
     resolved = resolve_methods(task, methods)

@@ -16,7 +16,7 @@ from matplotlib.figure import Figure
 
 from kinreach.checks import Floats, check_known
 from kinreach.errors import InputError
-from kinreach.summary import MEAN, QUANTILES, RATE, Column, Trial, success_columns
+from kinreach.summary import MEAN, QUANTILES, RATE, Column, Trial, success_columns, thousandfold
 
 #: What a figure is drawn from: all trials, and the contents of `results.json`.
 Draw = Callable[[Sequence[Trial], Mapping[str, Any]], Figure]
@@ -167,16 +167,6 @@ def common_columns(completed: Callable[[Trial], bool]) -> tuple[Column, ...]:
         Column("solve_ms", thousandfold("solve_s"), QUANTILES, "solve ms\nmedian / p95", "quantiles"),
         Column("move_s", lambda t: t.get("move_s") if completed(t) else None, QUANTILES, "move s\nmedian", "median"),
     )
-
-
-def thousandfold(name: str) -> Callable[[Trial], float | None]:
-    """A trial's entry in millimetres or milliseconds, from metres or seconds."""
-
-    def value(trial: Trial) -> float | None:
-        found = trial.get(name)
-        return None if found is None else 1e3 * found
-
-    return value
 
 
 def resets_to(goals: Floats, seed: int) -> list[dict[str, Any]]:
