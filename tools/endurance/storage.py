@@ -26,7 +26,7 @@ _SCRIPT = """
 mount -t tmpfs -o size="$2"k,mode=755 tmpfs "$1" || exit 99
 cp -a "$3"/. "$1" && mkdir -p "$1/full" || exit 98
 free=$(df --output=avail -k "$1" | tail -1)
-if [ "$4" = ro ]; then mount -o remount,ro "$1" || exit 99
+if [ "$4" = ro ]; then mount -o remount,bind,ro "$1" || exit 99
 elif [ "$free" -gt "$4" ]; then head -c $(( (free - $4) * 1024 )) /dev/zero > "$1/ballast" || exit 98
 fi
 shift 4; out="$1"; shift
