@@ -15,8 +15,6 @@ ROOT = Path(__file__).parents[1]
 FOLDER = ROOT / "notebooks"
 NOTEBOOKS = sorted(FOLDER.glob("*.ipynb"))
 LARGEST = 1_500_000
-#: All of them are to run in five minutes: what each may take of these, processor time [s].
-SECONDS = {"01": 35, "02": 55, "03": 25, "04": 35, "05": 75, "06": 50, "07": 25}
 #: Figures of the thesis that a notebook shows, by the beginning of its name; none where the thesis has none.
 FIGURES: dict[str, tuple[str, ...]] = {
     "01": ("2.4", "2.5", "3.2", "3.3", "3.4", "3.5", "3.6", "3.7", "3.8"),
@@ -123,16 +121,9 @@ def test_links_lead_somewhere(notebook):
     assert [target for target in targets if not (FOLDER / target).exists()] == []
 
 
-def test_five_minutes_for_all():
-    assert set(SECONDS) == set(FIGURES)
-    assert sum(SECONDS.values()) <= 300
-
-
 @pytest.mark.slow
 def test_they_run(path, tmp_path):
-    """In a kernel of their own, by the script that made them; none takes more than its part of five minutes."""
+    """In a kernel of their own, by the script that made them."""
     command = [sys.executable, str(FOLDER / "execute.py"), "--check", str(path)]
     done = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, timeout=300, check=False)
     assert done.returncode == 0, done.stderr
-    (used,) = re.findall(rf"^{re.escape(path.name)}: \d+ s, (\d+) s of processor time", done.stdout, re.MULTILINE)
-    assert 1 <= int(used) <= SECONDS[path.name[:2]]
