@@ -13,7 +13,7 @@ from typing import Any, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from kinreach.checks import check_number, shown
+from kinreach.checks import as_vector, check_number, shown
 from kinreach.errors import InputError
 
 #: Edges and coordinates of obstacles are no larger [m]: the collision engines lose touches between shapes whose sizes
@@ -102,11 +102,23 @@ class GoalRegion(Protocol):
 
 @dataclass(frozen=True)
 class BoxRegion:
-    """Uniform in an axis-aligned box, given by the range of each coordinate [m]."""
+    """Uniform in an axis-aligned box, given by the range of each coordinate [m].
+
+    Raises:
+        InputError: A range is not two finite numbers, the smaller one first.
+    """
 
     x: tuple[float, float]
     y: tuple[float, float]
     z: tuple[float, float]
+
+    def __post_init__(self) -> None:
+        for name in "xyz":
+            low, high = as_vector(name, getattr(self, name), 2, most=WIDEST)
+            if low > high:
+                raise InputError(
+                    f"the range {name} of a box of goals ends below its beginning: {low} to {high}"
+                )
 
     def sample(self, rng: np.random.Generator, count: int) -> NDArray[np.float64]:
         """Draw `count` goal positions in the world frame [m], shape (count, 3)."""
