@@ -19,23 +19,30 @@ from kinreach.baselines.recipes import RECIPES
 from kinreach.baselines.training import goal_seeds
 from kinreach.errors import InputError
 from kinreach.registration import BUTTON
+from kinreach.statistics import wilson_interval
 
 CARDS = {name: load_policy(name).card for name in pretrained_names()}
 #: Those that the documentation's tables are about.
 PUBLISHED = ("single", "multi", "ppo-single", "ppo-multi", "thesis-single", "button", "button-report")
 #: What single-step policies do without dynamics takes a second; episodes, dynamics and cameras take longer.
 QUICK = ("single", "ppo-single")
+#: Of what takes longer so many goals are measured again.
+SAMPLE = 50
 #: Shares of goals: on another processor one or two goals may fall on the other side of a limit.
 SHARES = ("reached", "impossible", "success_at_mm")
+
+
+def quick(name, command):
+    return name in QUICK and command.endswith("--backend kinematic")
 
 
 def measured():
     """Policy and command of everything that the cards say."""
     for name, card in CARDS.items():
         for command in card.results:
-            quick = name in QUICK and command.endswith("--backend kinematic")
             kind = command.split(" --", 1)[1].replace("--", "")
-            yield pytest.param(name, command, id=f"{name}, {kind}", marks=[] if quick else pytest.mark.slow)
+            marks = [] if quick(name, command) else pytest.mark.slow
+            yield pytest.param(name, command, id=f"{name}, {kind}", marks=marks)
 
 
 def flat(value, path=()):
@@ -48,25 +55,33 @@ def flat(value, path=()):
 
 @pytest.mark.parametrize(("name", "command"), list(measured()))
 def test_what_a_card_says_was_measured_is_measured_again(name, command, request, tmp_path):
-    """Every figure: on the same machine they are the same to the last digit."""
+    """Every figure where that is quick: on the same machine they are the same to the last digit. Else a sample."""
     if "camera" in command:
         request.getfixturevalue("needs_gl")
     words = shlex.split(command)
     assert words[:3] == ["python", "-m", "kinreach.evaluate"]
     policies = [word for word in words[3:] if word.endswith(".safetensors")]
     assert f"kinreach/baselines/pretrained/{name}.safetensors" in policies
+    options, place = words[3 + len(policies) :], words.index("--goals") + 1
+    goals = int(words[place])
+    sample = goals if quick(name, command) else SAMPLE
+    options[options.index("--goals") + 1] = str(sample)
     out = tmp_path / "found.json"
-    assert main([name, *words[3 + len(policies) :], "--out", str(out)], prog="evaluate") == 0
+    assert main([name, *options, "--out", str(out)], prog="evaluate") == 0
     said, found = CARDS[name].results[command], json.loads(out.read_text())["policies"][name]
-    goals = int(words[words.index("--goals") + 1])
-    assert found["goals"] == said["goals"] == goals
+    assert (said["goals"], found["goals"]) == (goals, sample)
     said, found = flat(said), flat(found)
     assert set(said) <= set(found)
     assert len(said) >= 31
-    exact = "camera" not in command and "button" not in name  # drivers draw differently; presses are a matter of limits
     for place, value in said.items():
-        slack = {"abs": 2 / goals, "rel": 0} if place[0].startswith(SHARES) else {"rel": 1e-3 if exact else 0.02}
-        assert found[place] == pytest.approx(value, **slack), place
+        if sample == goals:
+            slack = {"abs": 2 / goals, "rel": 0} if place[0].startswith(SHARES) else {"rel": 1e-3}
+            assert found[place] == pytest.approx(value, **slack), place
+        elif place[0] in SHARES:
+            low, high = wilson_interval(round(found[place] * sample), sample, confidence=0.9999)
+            assert low <= value <= high, place
+        elif place == ("distance_mm", "median"):
+            assert found[place] == pytest.approx(value, rel=0.5)
 
 
 def test_every_policy_says_what_it_does():
