@@ -36,7 +36,7 @@ RECIPE = register_recipe(
 
 if __name__ == "__main__":
     folder = Path("results/train/tqc-single/seed-0")
-    train(RECIPE, folder, seed=0)
+    train(RECIPE, folder, seed=0, fresh=True)
     print("files:", *sorted(path.name for path in folder.iterdir()))
     print("trained:", json.loads((folder / "run.json").read_text())["recipe"]["algorithm"])
 

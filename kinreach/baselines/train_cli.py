@@ -48,6 +48,8 @@ def main(argv: Sequence[str], *, prog: str) -> int:
     check_count("--seed", arguments.seed + arguments.seeds, most=2**31)
     check_count("--threads", arguments.threads, most=MOST_THREADS)
     check_known("split", arguments.split, SPLITS)
+    if arguments.resume and arguments.fresh:
+        raise InputError("--resume goes on with a run, --fresh replaces it: one of them")
     if not arguments.out:
         raise InputError("--out must name a folder, got ''")
     out = check_path("--out", arguments.out)
@@ -95,6 +97,7 @@ def _train(recipe: Recipe, folder: Path, seed: int, arguments: argparse.Namespac
                 seed=seed,
                 steps=arguments.steps,
                 resume=arguments.resume,
+                fresh=arguments.fresh,
                 threads=arguments.threads,
                 export=arguments.export,
                 progress=show,
@@ -145,6 +148,7 @@ def _parser(prog: str) -> Parser:
         "--out", metavar="DIR", default="results/train", help="runs go into DIR/RECIPE/seed-S (default: %(default)s)"
     )
     parser.add_argument("--resume", action="store_true", help="go on from the last checkpoint; keep what is finished")
+    parser.add_argument("--fresh", action="store_true", help="replace another run that is finished in the folder")
     parser.add_argument(
         "--export",
         action="store_true",

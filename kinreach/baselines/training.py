@@ -88,6 +88,7 @@ def train(
     seed: int = 0,
     steps: int | None = None,
     resume: bool = False,
+    fresh: bool = False,
     threads: int = 1,
     export: bool = False,
     progress: Progress = lambda done, planned, row: None,
@@ -97,8 +98,8 @@ def train(
 
     Writes into the folder: `policy.safetensors`, `curve.csv`, `run.json` (recipe, seed, threads, versions, digests of
     the code that had a part in it, times), TensorBoard's logs, and, until it is done, `checkpoint.pt`. Without
-    `resume`, what an earlier run left there is removed when this one begins to train; its checkpoint, when this one
-    has its own.
+    `resume` the training begins anew, and what is left there of the same run, or of one that was interrupted, is
+    replaced. Another finished run stays, unless `fresh` is set.
 
     Only one training at a time in a process: the generators of `random`, `numpy` and torch are seeded, as
     stable-baselines3 does it, and stay where the training leaves them; torch's number of threads is as before.
@@ -110,6 +111,7 @@ def train(
         steps: Actions instead of the recipe's.
         resume: Go on from the checkpoint in the folder, if there is one that can be read; keep the same run, if it is
             finished; refuse to touch another one.
+        fresh: Replace whatever run is in the folder, another one that is finished, too.
         threads: Of torch. Another number gives another policy, from the same seed.
         export: Write stable-baselines3's own `model.zip` too. Loading such a file with stable-baselines3 can run code:
             do so only with your own.
@@ -119,8 +121,8 @@ def train(
 
     Raises:
         OutputError: The folder cannot be written, or another training is writing there.
-        InputError: An argument cannot be used, what the recipe trains cannot be exported, or `resume` finds another run
-            in the folder.
+        InputError: An argument cannot be used, what the recipe trains cannot be exported, or another run stands in the
+            folder.
     """
     if not isinstance(recipe, Recipe):
         raise InputError(f"recipe must be a Recipe, see `get_recipe`; got {shown(recipe)}")
@@ -128,12 +130,16 @@ def train(
     threads = check_count("threads", threads, most=MOST_THREADS)
     steps = None if steps is None else check_count("steps", steps)
     folder = check_path("folder", folder)
+    if resume and fresh:
+        raise InputError("resume goes on with a run, fresh replaces it: one of them")
     recipe = recipe if steps is None else replace(recipe, steps=steps)
     identity = run_identity(recipe, seed, threads)
     make_writable(folder)
     with locked(folder, "a training"):
         if resume and (done := finished_run(folder, identity, export=export)) is not None:
             return done
+        if not fresh:
+            _kept_run(folder, identity)
         others = torch.get_num_threads()
         torch.set_num_threads(threads)
         try:
@@ -168,21 +174,33 @@ def finished_run(folder: Path, identity: Mapping[str, Any], *, export: bool = Fa
     Raises:
         InputError: It is another run, or lacks what it must have: it is not for us to remove.
     """
-    if not (folder / POLICY).exists() or (not (folder / RUN).exists() and (folder / CHECKPOINT).exists()):
+    times = _kept_run(folder, identity)
+    if times is None:
         return None
-    begin = "train without --resume to replace it, or into another folder"
-    try:
-        run = json.loads((folder / RUN).read_text(encoding="utf-8"))
-        seconds, cpu_seconds = float(run["seconds"]), float(run["cpu_seconds"])
-    except (OSError, ValueError, KeyError, TypeError):
-        raise InputError(f"{folder} holds a policy, and no {RUN} that says of which run; {begin}") from None
-    if differences := _differences(run, identity):
-        raise InputError(f"{folder} holds a finished run with {differences}; {begin}")
     if export and not (folder / MODEL).exists():
-        raise InputError(f"{folder} holds this run finished without {MODEL}; {begin}")
+        raise InputError(f"{folder} holds this run finished without {MODEL}; train it again without --resume")
     _remove(folder, (CHECKPOINT,))
     policy = load_policy(folder / POLICY)
-    return Run(folder, policy.card, policy, seconds, cpu_seconds)
+    return Run(folder, policy.card, policy, *times)
+
+
+def _kept_run(folder: Path, identity: Mapping[str, Any]) -> tuple[float, float] | None:
+    """Wall and CPU time [s] of the finished run in a folder, if there is one.
+
+    Raises:
+        InputError: It is another run: it is not for us to remove.
+    """
+    if not (folder / POLICY).exists() or (not (folder / RUN).exists() and (folder / CHECKPOINT).exists()):
+        return None
+    otherwise = "train into another folder, or replace it with --fresh (fresh=True)"
+    try:
+        run = json.loads((folder / RUN).read_text(encoding="utf-8"))
+        times = float(run["seconds"]), float(run["cpu_seconds"])
+    except (OSError, ValueError, KeyError, TypeError):
+        raise InputError(f"{folder} holds a policy, and no {RUN} that says of which run; {otherwise}") from None
+    if differences := _differences(run, identity):
+        raise InputError(f"{folder} holds a finished run with {differences}; {otherwise}")
+    return times
 
 
 def _differences(run: Mapping[str, Any], identity: Mapping[str, Any]) -> str:

@@ -448,13 +448,14 @@ def _kept(path: Path, identity: Mapping[str, Any], comparison: Comparison) -> It
 
 def _refuse_other_results(out: Path, comparison: Comparison) -> None:
     """Do not write over the finished results of another comparison without a word."""
-    try:
-        found = json.loads((out / RESULTS).read_text(encoding="utf-8"))["settings"]
-        other = {name: found[name] for name in comparison.settings()}
-    except (OSError, ValueError, KeyError, TypeError):
+    path, wanted = out / RESULTS, json.loads(json.dumps(comparison.settings()))
+    if not path.exists():
         return
-    wanted = json.loads(json.dumps(comparison.settings()))
-    differ = [name for name, value in wanted.items() if other[name] != value]
+    try:
+        found = json.loads(path.read_text(encoding="utf-8"))["settings"]
+        differ = [name for name, value in wanted.items() if name not in found or found[name] != value]
+    except (OSError, ValueError, KeyError, TypeError):
+        differ = ["all that a comparison writes down"]
     if differ:
         raise InputError(
             f"{out} holds the results of another comparison ({', '.join(differ)} differ); "

@@ -30,7 +30,7 @@ def weights(path):
     return np.concatenate([part.ravel() for layer in policy.network.layers for part in layer])
 
 
-def interrupted(recipe, folder, kept):
+def interrupted(recipe, folder, kept, **options):
     """Ctrl-C in the segment after `kept` whole ones."""
     saved = 0
 
@@ -46,6 +46,6 @@ def interrupted(recipe, folder, kept):
     save, training.save_checkpoint = training.save_checkpoint, count
     try:
         with pytest.raises(KeyboardInterrupt):
-            train(recipe, folder, seed=4, progress=stop)
+            train(recipe, folder, seed=4, progress=stop, **options)
     finally:
         training.save_checkpoint = save

@@ -62,6 +62,7 @@ def test_training_prints_a_table_and_evaluation_reads_the_runs(trained, capsys, 
             "--record is for what was measured on held-out",
         ),
         (["train", "single", "--split", "test"], "unknown split 'test'; available: held-out, validation"),
+        (["train", "single", "--resume", "--fresh"], "--resume goes on with a run, --fresh replaces it"),
         (["train", "single", "--out", ""], "--out must name a folder, got ''"),
     ],
 )

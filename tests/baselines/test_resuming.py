@@ -92,17 +92,26 @@ def with_damage(folder):
         (with_damage, {}, "no run.json that says of which run"),
     ],
 )
-def test_resume_refuses_to_touch_another_finished_run(change, options, message, uninterrupted, tmp_path, monkeypatch):
+def test_another_finished_run_is_not_touched(change, options, message, uninterrupted, tmp_path, monkeypatch):
     folder = tmp_path / "run"
     shutil.copytree(uninterrupted["single"].folder, folder)
     if change:
         change(folder)
     before = contents(folder)
     monkeypatch.setattr(training, "build", lambda *a, **k: pytest.fail("it trains again"))
-    with pytest.raises(InputError, match=re.escape(message)) as refused:
-        train(small("single"), folder, resume=True, **{"seed": 4, **options})
-    assert "train without --resume to replace it" in str(refused.value)
-    assert contents(folder) == before
+    for resume in (True,) if "export" in options else (True, False):
+        with pytest.raises(InputError, match=re.escape(message)) as refused:
+            train(small("single"), folder, resume=resume, **{"seed": 4, **options})
+        assert ("without --resume" if "export" in options else "--fresh (fresh=True)") in str(refused.value)
+        assert contents(folder) == before
+
+
+def test_another_finished_run_is_replaced_if_asked(uninterrupted, tmp_path):
+    folder = tmp_path / "run"
+    shutil.copytree(uninterrupted["single"].folder, folder)
+    assert train(small("single"), folder, seed=5, steps=64, fresh=True).card.seed == 5
+    with pytest.raises(InputError, match="one of them"):
+        train(small("single"), folder, seed=5, resume=True, fresh=True)
 
 
 def test_without_resume_a_finished_run_is_replaced_by_one_with_more(uninterrupted, tmp_path):
@@ -156,7 +165,7 @@ def test_a_new_run_in_an_old_folder_begins_without_the_old_results(tmp_path):
     recipe = replace(small("single"), trace_after=64)
     train(recipe, tmp_path, seed=4, export=True)
     assert {"run.json", "policy.safetensors", "model.zip", "curve.csv", "episode.csv"} < set(os.listdir(tmp_path))
-    interrupted(small("single"), tmp_path, 1)
+    interrupted(small("single"), tmp_path, 1, fresh=True)
     assert set(os.listdir(tmp_path)) == {"checkpoint.pt", "curve.csv", "tensorboard"}
     (tmp_path / "run.json").mkdir()
     with pytest.raises(OutputError, match=r"run\.json"):

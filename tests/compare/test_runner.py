@@ -137,6 +137,11 @@ def test_finished_results_of_another_comparison_are_not_overwritten(toy, tmp_pat
         compare(toy, goals=4, seed=2, out=tmp_path)
     assert (tmp_path / "results.json").read_text() == before
     assert compare(toy, goals=3, out=tmp_path)["settings"]["goals"] == 3  # the same again is welcome
+    for unknown, said in (("mine", "all that a comparison"), ('{"settings": {"goals": 3}}', "seed")):
+        (tmp_path / "results.json").write_text(unknown)
+        with pytest.raises(InputError, match=said):
+            compare(toy, goals=3, out=tmp_path)
+        assert (tmp_path / "results.json").read_text() == unknown
     assert compare(toy, goals=4, seed=2, out=tmp_path, fresh=True)["settings"]["goals"] == 4
 
 
