@@ -16,6 +16,7 @@ from kinreach.engines import load
 from kinreach.errors import InputError
 from kinreach.kinematics.chain import SerialChain
 from kinreach.robots import ArmDescription, as_arm
+from kinreach.robots.urdf_file import check_home
 
 pin: Any = load("pinocchio")
 
@@ -51,6 +52,7 @@ class ArmKinematics:
 
     Raises:
         UnknownNameError: The arm, the tip or the base does not exist.
+        InputError: The description does not fit its URDF, or its start posture is outside of the limits.
         InstallationError: Pinocchio cannot be loaded.
     """
 
@@ -204,6 +206,7 @@ def build_model(arm: ArmDescription) -> Any:
     for frame in (arm.base, *arm.tips.values()):
         if not model.existFrame(frame):
             raise InputError(f"arm {arm.name!r}: the URDF has no link {frame!r}")
+    check_home(arm.name, arm.joints, arm.home, model.lowerPositionLimit, model.upperPositionLimit)
     return model
 
 

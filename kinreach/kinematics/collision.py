@@ -21,7 +21,7 @@ from kinreach.checks import MOST_DISTANCE, Floats, check_number
 from kinreach.engines import load
 from kinreach.errors import InputError
 from kinreach.kinematics.arm import ArmKinematics, build_model
-from kinreach.robots import ArmDescription, Box
+from kinreach.robots import ArmDescription, Box, arm_names, get_arm
 from kinreach.robots.workcell import as_boxes
 
 pin: Any = load("pinocchio")
@@ -85,7 +85,7 @@ class CollisionChecker:
         model, geometry: Pinocchio's models of the arm and of its shapes.
 
     Raises:
-        InputError: `margin` cannot be used, or a mesh has no convex hull.
+        InputError: `margin` cannot be used, the arm has no shapes, or a mesh has no convex hull.
         UnknownNameError: There is no arm of that name.
         InstallationError: Pinocchio or coal cannot be loaded.
     """
@@ -236,6 +236,12 @@ def _shapes(arm: ArmDescription, model: Any, obstacles: Sequence[Box]) -> Any:
         geometry = pin.buildGeomFromUrdfString(model, arm.urdf, pin.COLLISION, package_dirs=[root] if root else [])
     except (RuntimeError, ValueError) as error:
         raise InputError(f"the collision shapes of arm {arm.name!r} cannot be read: {error}") from None
+    if not len(geometry.geometryObjects):
+        shaped = [name for name in arm_names() if "<collision" in get_arm(name).urdf]
+        raise InputError(
+            f"arm {arm.name!r} has no collision shapes, which collision checks and the simulation need; its kinematics "
+            f"works without. Arms with shapes: {', '.join(shaped)}, and from a URDF with <collision> any other"
+        )
     for shape in geometry.geometryObjects:
         if isinstance(shape.geometry, coal.BVHModelBase):
             # buildConvexRepresentation would take the mesh for convex as it stands, and miss most contacts.

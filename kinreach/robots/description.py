@@ -2,15 +2,16 @@
 
 from __future__ import annotations
 
+import xml.etree.ElementTree as ET
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field
-from functools import cached_property
+from dataclasses import dataclass, field, replace
+from functools import cached_property, partial
 from pathlib import Path
 
-from kinreach.checks import as_floats, check_known
+from kinreach.checks import MOST_ANGLE, as_floats, as_vector, check_known, check_number
 from kinreach.errors import InputError
 from kinreach.robots.grippers import Gripper
-from kinreach.robots.urdf import check_urdf, parse_urdf
+from kinreach.robots.urdf import check_urdf, parse_urdf, set_limits
 from kinreach.robots.urdf_file import UrdfArm, read_urdf
 from kinreach.robots.workcell import CameraMount, Workcell
 
@@ -34,7 +35,7 @@ class ArmDescription:
         build_urdf: Returns the URDF text, meshes as `package://` addresses within `package_root`.
         joints: Names of the actuated joints in the order of `q`; default are the joints that move between the root and
             the tip. All other joints must be fixed, or be the gripper's.
-        home: Start posture [rad], shape `(n,)`; default is the middle of each joint's range.
+        home: Start posture [rad], shape `(n,)`, within the limits; default is the middle of each joint's range.
         base: Link that carries the arm's own coordinate system; default is the URDF's first link but `world`.
         tips: Frames that may be asked for as the tip, by short name: `{"tcp": "tcp", ...}`; default are the links that
             the last joint carries rigidly.
@@ -109,6 +110,8 @@ class ArmDescription:
             values = getattr(self, name)
             if len(values) != count:
                 raise InputError(f"arm {self.name!r}: {name} must have {count} numbers, one a joint, got {values}")
+        if missing:
+            urdf.check_home(self.home)
         for joint in self.moves_last:
             check_known(f"joint of arm {self.name!r} in moves_last", joint, self.joints)
 
@@ -138,7 +141,7 @@ class ArmDescription:
             tip: Link that is the tip; default is the one farthest from the root, counted in joints.
             base: Link that carries the arm's own coordinate system; default is the root.
             joints: Names of the joints of `q`; default are those that move between root and tip.
-            home: Start posture [rad]; default is the middle of each joint's range.
+            home: Start posture [rad], within the limits; default is the middle of each joint's range.
             held: Where joints that are not part of the arm are held [rad, m]; default is 0, or their nearest limit.
             workcell: Obstacles and goals; default is an empty work cell.
             package_dirs: Folders in which `package://PACKAGE` is looked for; default are those around the file.
@@ -148,7 +151,8 @@ class ArmDescription:
 
         Raises:
             InputError: The file cannot be read, is not a URDF of an arm, or names a mesh that is missing or outside of
-                the folders it may be in; or a joint or link is not in it.
+                the folders it may be in; or a joint or link is not in it; or a joint has no range, or `home` is
+                outside of one.
         """
         source = read_urdf(
             file, tip=tip, joints=joints, held=held or {}, package_dirs=package_dirs, gripper_on=gripper_on
@@ -167,6 +171,29 @@ class ArmDescription:
             gripper=source.gripper,
             **facts,  # type: ignore[arg-type]
         )
+
+    def with_limits(self, limits: float | Mapping[str, tuple[float, float]]) -> ArmDescription:
+        """The same arm with other joint limits, such as those that are set on its pendant.
+
+        Args:
+            limits: Lower and upper limit [rad] by the name of the joint; others stay. A number is ± that for all.
+
+        Raises:
+            UnknownNameError: The arm has no joint of that name.
+            InputError: A limit is no finite number, a lower one is above its upper one, or the start posture is
+                outside of them.
+        """
+        if not isinstance(limits, Mapping):
+            bound = check_number("limits", limits, above=0.0, most=MOST_ANGLE)
+            limits = dict.fromkeys(self.joints, (-bound, bound))
+        robot = parse_urdf(self.urdf)
+        for name, pair in limits.items():
+            check_known(f"joint of arm {self.name!r}", name, self.joints)
+            lower, upper = as_vector(f"the limits of joint {name!r}", pair, 2, most=MOST_ANGLE).tolist()
+            set_limits(robot, name, lower, upper)
+        arm = replace(self, build_urdf=partial(str, ET.tostring(robot, encoding="unicode")))
+        UrdfArm(arm.name, parse_urdf(arm.urdf), tip=arm.tips[arm.default_tip], joints=arm.joints).check_home(arm.home)
+        return arm
 
     @cached_property
     def urdf(self) -> str:

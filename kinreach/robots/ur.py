@@ -1,8 +1,9 @@
-"""Universal Robots arms with a parallel gripper: UR3, UR5 and UR10, each in a work cell of its size.
+"""Universal Robots arms: the lengths of all models; UR3, UR5 and UR10 with a parallel gripper in a work cell.
 
-The arms are the joint-limited ones of example-robot-data (all joints within ±pi). kinreach mounts them with a yaw of
+Those three are the joint-limited ones of example-robot-data (all joints within ±pi). kinreach mounts them with a yaw of
 +90 degrees, so that the front is world +x (base_link -y), and adds the gripper of `grippers`, with `tcp` between the
-finger tips, 0.20 m along z from `tool0`.
+finger tips, 0.20 m along z from `tool0`. The other models have kinematics only: the same frames and no shapes, made
+from their lengths, with the ±2 pi of the data sheets.
 """
 
 from __future__ import annotations
@@ -10,14 +11,16 @@ from __future__ import annotations
 import importlib.util
 import math
 import xml.etree.ElementTree as ET
+from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
+from typing import NamedTuple
 
 from kinreach.errors import InstallationError
 from kinreach.robots.description import ArmDescription
-from kinreach.robots.grippers import PARALLEL_GRIPPER, PARALLEL_GRIPPER_PAIRS, add_parallel_gripper
-from kinreach.robots.urdf import prune, set_origin
+from kinreach.robots.grippers import PARALLEL_GRIPPER, PARALLEL_GRIPPER_PAIRS, TCP_OFFSET, add_parallel_gripper
+from kinreach.robots.urdf import add_joint, add_link, prune, set_origin
 from kinreach.robots.workcell import Box, BoxRegion, CameraMount, Workcell
 
 MOUNT_YAW = math.pi / 2
@@ -36,12 +39,43 @@ JOINTS = (
 HOME = (-math.pi / 2, -math.pi / 2, math.pi / 2, -math.pi / 2, -math.pi / 2, 0.0)
 
 
+class Lengths(NamedTuple):
+    """Denavit-Hartenberg lengths of a UR [m]; the angles alpha are pi/2, 0, 0, pi/2, -pi/2, 0 for all models."""
+
+    d1: float
+    a2: float
+    a3: float
+    d4: float
+    d5: float
+    d6: float
+
+
+#: The lengths of every model, as Universal Robots publishes them (DH parameters for calculations of kinematics and
+#: dynamics). UR7e and UR12e are the UR5e and the UR10e under new names.
+LENGTHS: Mapping[str, Lengths] = {
+    "ur3": Lengths(0.1519, -0.24365, -0.21325, 0.11235, 0.08535, 0.0819),
+    "ur3e": Lengths(0.15185, -0.24355, -0.2132, 0.13105, 0.08535, 0.0921),
+    "ur5": Lengths(0.089159, -0.425, -0.39225, 0.10915, 0.09465, 0.0823),
+    "ur5e": Lengths(0.1625, -0.425, -0.3922, 0.1333, 0.0997, 0.0996),
+    "ur7e": Lengths(0.1625, -0.425, -0.3922, 0.1333, 0.0997, 0.0996),
+    "ur8long": Lengths(0.2186, -0.8989, -0.7149, 0.1824, 0.1361, 0.1434),
+    "ur10": Lengths(0.1273, -0.612, -0.5723, 0.163941, 0.1157, 0.0922),
+    "ur10e": Lengths(0.1807, -0.6127, -0.57155, 0.17415, 0.11985, 0.11655),
+    "ur12e": Lengths(0.1807, -0.6127, -0.57155, 0.17415, 0.11985, 0.11655),
+    "ur15": Lengths(0.2186, -0.6475, -0.5164, 0.1824, 0.1361, 0.1434),
+    "ur16e": Lengths(0.1807, -0.4784, -0.36, 0.17415, 0.11985, 0.11655),
+    "ur18": Lengths(0.2186, -0.475, -0.3389, 0.1824, 0.1361, 0.1434),
+    "ur20": Lengths(0.2363, -0.862, -0.7287, 0.201, 0.1593, 0.1543),
+    "ur30": Lengths(0.2363, -0.637, -0.5037, 0.201, 0.1593, 0.1543),
+}
+
+
 @dataclass(frozen=True)
-class _Model:
-    """One row of the table: what differs between the arms of the family. Lengths [m], in the world.
+class _Cell:
+    """The work cell of an arm with meshes, and what its simulation needs. Lengths [m], in the world.
 
     Attributes:
-        name: `NAME_joint_limited_robot.urdf` is its file.
+        name: The model; `NAME_joint_limited_robot.urdf` is its file.
         table_top: Height of the table. Lower, and the natural postures would push wrist_1 across ±pi.
         table, table_x: Edges of the table top, and where its centre is in front of the arm.
         goals_x, goals_y: Where goals are on the table; both natural postures reach them with the tool down.
@@ -68,20 +102,20 @@ class _Model:
     speed_limit: float
 
 
-_MODELS = (
-    _Model(
+_CELLS = (
+    _Cell(
         name="ur3", table_top=-0.12, table=(0.50, 0.90), table_x=0.41, goals_x=(0.26, 0.42), goals_y=(-0.20, 0.20),
         plate=(0.24, 0.16), plate_x=-0.04, front_target=(0.34, 0.0, -0.14), wrist_target=(0.112, -0.041, 0.409),
         overview=(1.25, -0.95, 0.55), overview_target=(0.15, 0.0, 0.0),
         position_gains=(1200.0, 1200.0, 800.0, 300.0, 250.0, 200.0), speed_limit=2.16,
     ),
-    _Model(
+    _Cell(
         name="ur5", table_top=-0.20, table=(0.70, 1.20), table_x=0.53, goals_x=(0.30, 0.65), goals_y=(-0.30, 0.30),
         plate=(0.30, 0.18), plate_x=-0.06, front_target=(0.45, 0.0, -0.23), wrist_target=(0.109, 0.012, 0.607),
         overview=(1.75, -1.30, 0.70), overview_target=(0.25, 0.0, 0.0),
         position_gains=(4000.0, 4000.0, 2500.0, 800.0, 600.0, 400.0), speed_limit=math.pi,
     ),
-    _Model(
+    _Cell(
         name="ur10", table_top=-0.18, table=(0.90, 1.50), table_x=0.72, goals_x=(0.42, 0.90), goals_y=(-0.40, 0.40),
         plate=(0.36, 0.22), plate_x=-0.07, front_target=(0.62, 0.0, -0.23), wrist_target=(0.164, 0.028, 0.802),
         overview=(2.40, -1.80, 1.00), overview_target=(0.35, 0.0, 0.05),
@@ -127,14 +161,14 @@ _SRDF_PAIRS = (
 _GRIPPER_PAIRS = (("wrist_3_link", "gripper_palm"), ("wrist_2_link", "gripper_palm"), *PARALLEL_GRIPPER_PAIRS)
 
 
-def _workcell(model: _Model) -> Workcell:
-    top, (length, width) = model.table_top, model.plate
-    back = model.plate_x - length / 2
+def _workcell(cell: _Cell) -> Workcell:
+    top, (length, width) = cell.table_top, cell.plate
+    back = cell.plate_x - length / 2
     pedestal = length * 0.4
     return Workcell(
         obstacles=(
-            Box("table", (*model.table, 0.04), (model.table_x, 0.0, top - 0.02), legs=top - 0.04 - FLOOR),
-            Box("mount", (length, width, PLATE), (model.plate_x, 0.0, -PLATE / 2)),
+            Box("table", (*cell.table, 0.04), (cell.table_x, 0.0, top - 0.02), legs=top - 0.04 - FLOOR),
+            Box("mount", (length, width, PLATE), (cell.plate_x, 0.0, -PLATE / 2)),
             Box(
                 "pedestal",
                 (pedestal, width, -PLATE - FLOOR),
@@ -143,44 +177,94 @@ def _workcell(model: _Model) -> Workcell:
             Box("floor", (6.0, 6.0, 0.10), (0.0, 0.0, FLOOR - 0.05)),
         ),
         touching=(("mount", "base_link"),),
-        goals=BoxRegion(x=model.goals_x, y=model.goals_y, z=(top + BALL_RADIUS,) * 2),
+        goals=BoxRegion(x=cell.goals_x, y=cell.goals_y, z=(top + BALL_RADIUS,) * 2),
         ball_radius=BALL_RADIUS,
     )
 
 
-def _cameras(model: _Model) -> tuple[CameraMount, ...]:
+def _cameras(cell: _Cell) -> tuple[CameraMount, ...]:
     return (
         # Under the plate and 3 cm behind the arm's axis: further forward the nearest corners of the goal area, 45
         # degrees to the side, would leave the picture.
-        CameraMount("front", "world", (-0.03, 0.0, -0.05), model.front_target, holder=(-0.05, 0.0, -PLATE)),
+        CameraMount("front", "world", (-0.03, 0.0, -0.05), cell.front_target, holder=(-0.05, 0.0, -PLATE)),
         # Beside the fingers and far enough from them that they hide no goal; up in the picture is forward at home.
-        CameraMount("wrist", "tool0", (0.10, 0.0, 0.09), model.wrist_target, up=(0, -1, 0), holder=(0.035, 0.0, 0.06)),
-        CameraMount("overview", "world", model.overview, model.overview_target, fovy=37.0),
+        CameraMount("wrist", "tool0", (0.10, 0.0, 0.09), cell.wrist_target, up=(0, -1, 0), holder=(0.035, 0.0, 0.06)),
+        CameraMount("overview", "world", cell.overview, cell.overview_target, fovy=37.0),
     )
 
 
-def _describe(model: _Model) -> ArmDescription:
+def _describe(cell: _Cell) -> ArmDescription:
     return ArmDescription(
-        name=model.name,
-        title=f"{model.name.upper()} with parallel gripper",
-        build_urdf=partial(_build_urdf, model.name),
+        name=cell.name,
+        title=f"{cell.name.upper()} with parallel gripper",
+        build_urdf=partial(_build_urdf, cell.name),
         joints=JOINTS,
         home=HOME,
         base="base_link",
         tips={"tool0": "tool0", "tcp": "tcp"},
         default_tip="tcp",
-        workcell=_workcell(model),
+        workcell=_workcell(cell),
         disabled_collisions=_SRDF_PAIRS + _GRIPPER_PAIRS,
         package_root=_package_root,
-        position_gains=model.position_gains,
-        speed_limit=model.speed_limit,
+        position_gains=cell.position_gains,
+        speed_limit=cell.speed_limit,
         acceleration_limit=10.0,
         armature=0.1,
         joint_damping=(0.0,) * 6,
         gripper=PARALLEL_GRIPPER,
         moves_last=("shoulder_lift_joint",),
-        cameras=_cameras(model),
+        cameras=_cameras(cell),
     )
 
 
-ARMS = tuple(map(_describe, _MODELS))
+#: Speed that the URDFs of arms without meshes name for every joint [rad/s]: an upper bound of a numeric solver's steps.
+_NOMINAL_SPEED = math.pi
+
+
+def nominal_urdf(name: str) -> str:
+    """URDF of a model by its lengths, without shapes and masses; its links are those of example-robot-data's URDFs.
+
+    Args:
+        name: Key of `LENGTHS`.
+    """
+    d1, a2, a3, d4, d5, d6 = LENGTHS[name]
+    y, z, quarter, turn = (0, 1, 0), (0, 0, 1), (0, math.pi / 2, 0), 2 * math.pi
+    steps = (
+        ("shoulder_link", (0, 0, d1), (0, 0, 0), z),
+        ("upper_arm_link", (0, d4, 0), quarter, y),
+        ("forearm_link", (0, 0, -a2), (0, 0, 0), y),
+        ("wrist_1_link", (0, 0, -a3), quarter, y),
+        ("wrist_2_link", (0, 0, 0), (0, 0, 0), z),
+        ("wrist_3_link", (0, 0, d5), (0, 0, 0), y),
+    )
+    robot = ET.Element("robot", name=name)
+    for link in ("world", "base_link", *(step[0] for step in steps), "tool0", "tcp"):
+        add_link(robot, link)
+    add_joint(robot, "world_joint", "world", "base_link", rpy=(0, 0, MOUNT_YAW))
+    parent = "base_link"
+    for joint, (link, xyz, rpy, axis) in zip(JOINTS, steps, strict=True):
+        limit = (-turn, turn, 0.0, _NOMINAL_SPEED)
+        add_joint(robot, joint, parent, link, kind="revolute", xyz=xyz, rpy=rpy, axis=axis, limit=limit)
+        parent = link
+    add_joint(robot, "tool0_joint", parent, "tool0", xyz=(0, d6, 0), rpy=(-math.pi / 2, 0, 0))
+    add_joint(robot, "tcp_joint", "tool0", "tcp", xyz=(0, 0, TCP_OFFSET))
+    ET.indent(robot)
+    return ET.tostring(robot, encoding="unicode")
+
+
+def _describe_nominal(name: str) -> ArmDescription:
+    """A model without meshes."""
+    return ArmDescription(
+        name=name,
+        title=f"{name.upper()}, kinematics only",
+        build_urdf=partial(nominal_urdf, name),
+        joints=JOINTS,
+        home=HOME,
+        base="base_link",
+        tips={"tool0": "tool0", "tcp": "tcp"},
+        default_tip="tcp",
+    )
+
+
+_WITH_MESHES = {cell.name: _describe(cell) for cell in _CELLS}
+ARMS = tuple(_WITH_MESHES.get(name) or _describe_nominal(name) for name in LENGTHS)

@@ -50,6 +50,15 @@ def set_origin(robot: ET.Element, joint: str, xyz: Sequence[float], rpy: Sequenc
     origin.set("rpy", numbers(rpy))
 
 
+def set_limits(robot: ET.Element, joint: str, lower: float, upper: float) -> None:
+    """Set the lower and the upper limit of a joint [rad], which must be there and have limits."""
+    limit = robot.find(f"joint[@name='{joint}']/limit")
+    if limit is None:
+        raise KeyError(joint)
+    limit.set("lower", repr(lower))
+    limit.set("upper", repr(upper))
+
+
 def add_link(robot: ET.Element, name: str, *, mass: float = 0.0, solids: Sequence[Solid] = (), rgba: str = "") -> None:
     """Add a link; its inertia is that of the first solid with the given mass [kg], spread evenly."""
     link = ET.SubElement(robot, "link", name=name)

@@ -30,6 +30,25 @@ _TURNING = ("revolute", "continuous")
 _MOVING = (*_TURNING, "prismatic")
 
 
+#: How far a start posture may be beyond a limit [rad]: URDFs write pi with few digits.
+LIMIT_DIGITS = 1e-5
+
+
+def check_home(
+    name: str, joints: Sequence[str], home: Sequence[float], lower: Sequence[float], upper: Sequence[float]
+) -> None:
+    """Refuse a start posture outside of an arm's limits [rad].
+
+    Raises:
+        InputError: The message names the joint, its angle and its limits.
+    """
+    for joint, angle, low, high in zip(joints, home, lower, upper, strict=True):
+        if not low - LIMIT_DIGITS <= angle <= high + LIMIT_DIGITS:
+            raise InputError(
+                f"arm {name!r}: home has joint {joint!r} at {angle:g} rad, outside its limits {low:g} to {high:g}"
+            )
+
+
 class UrdfArm:
     """The serial chain from the root of a URDF to a tip.
 
@@ -44,9 +63,11 @@ class UrdfArm:
     Attributes:
         tip: Link at the end of the arm.
         joints: Names of the joints of `q`, from the root to the tip.
+        limits: Lower and upper limit of each [rad].
 
     Raises:
-        InputError: There is no such link or joint, a joint is not between root and tip, or none moves there.
+        InputError: There is no such link or joint, a joint is not between root and tip, or none moves there; or a joint
+            has no range.
     """
 
     def __init__(
@@ -81,6 +102,13 @@ class UrdfArm:
         for joint in self.joints:
             if self._kind(joint) == "prismatic" or self._joints[joint].find("mimic") is not None:
                 raise InputError(f"arm {name!r}: joint {joint!r} slides or mimics another; leave it out of joints=")
+        self.limits = [self._limits(joint) for joint in self.joints]
+        for joint, (lower, upper) in zip(self.joints, self.limits, strict=True):
+            if lower == upper:
+                raise InputError(
+                    f"arm {name!r}: joint {joint!r} cannot move, its limits are {lower:g} and {upper:g} rad; a URDF "
+                    "that leaves lower or upper out means 0. Give it limits, or hold it with held="
+                )
 
     @property
     def base(self) -> str:
@@ -98,8 +126,11 @@ class UrdfArm:
     @property
     def home(self) -> tuple[float, ...]:
         """The middle of each joint's range [rad]; 0 for a joint without limits."""
-        limits = [self._limits(joint) for joint in self.joints]
-        return tuple(0.5 * (low + high) for low, high in limits)
+        return tuple(0.5 * (low + high) for low, high in self.limits)
+
+    def check_home(self, home: Sequence[float]) -> None:
+        """Refuse a start posture [rad] outside of the limits."""
+        check_home(self.name, self.joints, home, *zip(*self.limits, strict=True))
 
     @property
     def damping(self) -> tuple[float, ...]:

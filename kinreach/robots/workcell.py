@@ -116,9 +116,7 @@ class BoxRegion:
         for name in "xyz":
             low, high = as_vector(name, getattr(self, name), 2, most=WIDEST)
             if low > high:
-                raise InputError(
-                    f"the range {name} of a box of goals ends below its beginning: {low} to {high}"
-                )
+                raise InputError(f"the range {name} of a box of goals ends below its beginning: {low} to {high}")
 
     def sample(self, rng: np.random.Generator, count: int) -> NDArray[np.float64]:
         """Draw `count` goal positions in the world frame [m], shape (count, 3)."""

@@ -2,29 +2,40 @@
 
 from __future__ import annotations
 
+from functools import partial
+from itertools import product
 from pathlib import Path
 
+import gymnasium as gym
 import numpy as np
+import pinocchio as pin
 import pytest
 
+import kinreach  # noqa: F401  registers the environments
+from benchmarks.speed.poses import CASES
+from benchmarks.speed.suites.ik_edge_cases import judge
+from benchmarks.studies import ur_family
 from kinreach.errors import InputError, UnknownNameError
-from kinreach.kinematics import UR5Kinematics, URKinematics
-from kinreach.robots import ArmDescription, get_arm
+from kinreach.kinematics import CollisionChecker, UR5Kinematics, URKinematics
+from kinreach.kinematics.ur.geometry import URGeometry
+from kinreach.kinematics.ur.kinematics import FLIP
+from kinreach.robots import ArmDescription, arm_names, get_arm
+from kinreach.robots.ur import LENGTHS, nominal_urdf
+from kinreach.sim.simulation import ArmSimulation
 
-#: |a2| and |a3| of the data sheets [m].
-LENGTHS = {"ur3": (0.24365, 0.21325), "ur5": (0.425, 0.39225), "ur10": (0.612, 0.5723)}
+WITH_MESHES = ("ur3", "ur5", "ur10")
 UR_FILES = Path(str(get_arm("ur5").package_root())) / "example-robot-data/robots/ur_description/urdf"
 
 
-def of(name, tmp_path):
+def of(name):
     if name.endswith(".urdf"):
         return URKinematics(ArmDescription.from_urdf(UR_FILES / name, tip="tool0"))
     return URKinematics(name, tip="tcp", base="world")
 
 
 @pytest.mark.parametrize("name", [*LENGTHS, "ur10_robot.urdf", "ur3_robot.urdf"])
-def test_every_posture_is_found_again(name, tmp_path):
-    kin = of(name, tmp_path)
+def test_every_posture_is_found_again(name):
+    kin = of(name)
     rng = np.random.default_rng(0)
     q = rng.uniform(np.maximum(kin.lower, -np.pi), np.minimum(kin.upper, np.pi), (200, 6))
     T = kin.fk(q)
@@ -39,10 +50,86 @@ def test_every_posture_is_found_again(name, tmp_path):
     np.testing.assert_allclose(nearest.q, q, atol=1e-8)
 
 
+def test_the_oracle_knows_the_same_models():
+    theirs = pytest.importorskip("ur_analytic_ik")
+    assert {name for name in dir(theirs) if name.startswith("ur")} == set(LENGTHS)
+    assert len(LENGTHS) == 14
+
+
 @pytest.mark.parametrize("name", LENGTHS)
-def test_lengths_are_the_data_sheets(name):
-    geometry = URKinematics(name).geometry
-    np.testing.assert_allclose((-geometry.a2, -geometry.a3), LENGTHS[name], atol=1e-9)
+def test_forward_kinematics_is_the_oracles(name):
+    oracle = getattr(pytest.importorskip("ur_analytic_ik"), name)
+    kin, rng = URKinematics(name), np.random.default_rng(1)
+    q = rng.uniform(kin.lower, kin.upper, (200, 6))
+    expected = np.array([FLIP @ oracle.forward_kinematics(*posture) for posture in q])
+    np.testing.assert_allclose(kin.fk(q), expected, atol=1e-10)
+    np.testing.assert_allclose([kin.fk(posture) for posture in q], expected, atol=1e-10)
+    assert kin.geometry == URGeometry(*LENGTHS[name])
+
+
+@pytest.mark.parametrize("name", WITH_MESHES)
+def test_forward_kinematics_is_that_of_the_urdfs(name):
+    model = pin.buildModelFromUrdf(str(UR_FILES / f"{name}_robot.urdf"))
+    data, frame = model.createData(), model.getFrameId("tool0")
+    kin = URKinematics(ArmDescription(name, name, partial(nominal_urdf, name)))
+    q = np.random.default_rng(2).uniform(-6, 6, (100, 6))
+    for posture, T in zip(q, kin.fk(q), strict=True):
+        pin.framesForwardKinematics(model, data, posture)
+        np.testing.assert_allclose(T, data.oMf[frame].homogeneous, atol=1e-10)
+
+
+@pytest.mark.parametrize("name", LENGTHS)
+def test_no_singular_pose_comes_back_empty_or_wrong(name):
+    kin = URKinematics(name)
+    assert len(CASES) == 9
+    for case, make in CASES.items():
+        poses = make(np.random.default_rng(4), 50, kin)
+        tally = judge(lambda T: kin.all_solutions(T).q, poses, kin)
+        assert (len(poses), tally.empty, tally.spurious) == (50, 0, 0), case
+        batch = kin.batch(poses)
+        assert batch.valid.any(axis=1).all(), case
+
+
+def test_the_table_of_the_docs_is_what_its_command_prints(capsys):
+    """But for the largest errors, which grow with the number of poses."""
+    assert ur_family.main(["--poses", "5"]) == 0
+    printed = [line.rpartition(" | ")[0] for line in capsys.readouterr().out.splitlines()]
+    page = [
+        line.rpartition(" | ")[0]
+        for line in (Path(__file__).parents[2] / "docs/arms.md").read_text(encoding="utf-8").splitlines()
+    ]
+    assert len(printed) == 16
+    assert set(printed) <= set(page)
+
+
+@pytest.mark.parametrize("name", ["ur3e", "ur20", "ur5"])
+def test_the_nearest_of_all_windings(name):
+    """Against all of them: every branch with every joint a turn further up and down, within ±2 pi."""
+    kin = URKinematics(get_arm(name).with_limits(2 * np.pi))
+    np.testing.assert_allclose((kin.lower, kin.upper), [[-2 * np.pi] * 6, [2 * np.pi] * 6])
+    turns = 2 * np.pi * np.array(list(product((-1, 0, 1), repeat=6)))
+    rng, beyond = np.random.default_rng(3), 0
+    poses = kin.fk(rng.uniform(kin.lower, kin.upper, (40, 6)))
+    seeds = rng.uniform(kin.lower, kin.upper, (40, 6))
+    many = kin.nearest_batch(poses, seeds)
+    for T, seed, in_batch in zip(poses, seeds, many.q, strict=True):
+        every = (kin.all_solutions(T).q[:, None] + turns).reshape(-1, 6)
+        every = every[(np.abs(every) <= kin.upper + 1e-9).all(axis=1)]
+        best = every[np.linalg.norm(every - seed, axis=1).argmin()]
+        np.testing.assert_allclose(kin.nearest(T, seed).q, best, atol=1e-9)
+        np.testing.assert_allclose(in_batch, best, atol=1e-9)
+        beyond += (np.abs(best) > np.pi).any()
+    assert beyond > 30
+
+
+def test_arms_without_meshes_say_so():
+    assert set(LENGTHS) <= set(arm_names())
+    without = [name for name in LENGTHS if name not in WITH_MESHES]
+    assert len(without) == 11
+    for name in without:
+        for use in (CollisionChecker, ArmSimulation, lambda arm: gym.make("kinreach/UR5SingleStep-v0", arm=arm)):
+            with pytest.raises(InputError, match=f"'{name}' has no collision shapes.*arm3, ur10, ur3, ur5"):
+                use(name)
 
 
 def test_the_ur5_by_its_old_name():
@@ -57,7 +144,7 @@ def test_the_ur5_by_its_old_name():
 def test_arms_of_another_kind():
     with pytest.raises(UnknownNameError, match="tool0"):
         URKinematics("arm3", tip="end_effector")
-    with pytest.raises(UnknownNameError, match="ur10, ur3, ur5"):
+    with pytest.raises(UnknownNameError, match=r"ur10, ur10e, ur12e, ur15, ur16e.*ur3, ur30, ur3e, ur5, ur5e, ur7e"):
         URKinematics("ur16")
     panda = UR_FILES.parents[1] / "panda_description/urdf/panda.urdf"
     arm = ArmDescription.from_urdf(panda, joints=[f"panda_joint{i}" for i in range(1, 7)], tip="panda_link6")

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import pickle
 import shutil
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -213,3 +215,42 @@ def test_files_that_are_no_urdf(tmp_path, content):
         ArmDescription.from_urdf(tmp_path)
     with pytest.raises(InputError, match="cannot be read"):
         ArmDescription.from_urdf(tmp_path / "none.urdf")
+
+
+def test_a_home_outside_the_limits_is_refused(tmp_path):
+    file = write(tmp_path)
+    assert ArmDescription.from_urdf(file, home=(1.0, 0.5)).home == (1.0, 0.5)
+    for home, said in (((0.0, 0.0), "'b' at 0 rad, outside its limits 0.5 to 1.5"), ((-1.1, 1.0), "'a' at -1.1 rad")):
+        with pytest.raises(InputError, match=said):
+            ArmDescription.from_urdf(file, home=home)
+        with pytest.raises(InputError, match=said):
+            ArmKinematics.from_urdf(file, home=home)
+    with pytest.raises(InputError, match="'elbow_joint' at 9 rad"):
+        ArmKinematics(replace(get_arm("ur5"), home=(0.0, 0.0, 9.0, 0.0, 0.0, 0.0)))
+
+
+def test_a_joint_whose_limits_are_left_out_is_named(tmp_path):
+    for limit in ('<limit effort="1" velocity="1"/>', '<limit lower="0" upper="0" effort="1" velocity="1"/>'):
+        file = write(tmp_path, limit=limit)
+        with pytest.raises(InputError, match="joint 'a' cannot move, its limits are 0 and 0 rad"):
+            ArmDescription.from_urdf(file)
+        assert ArmDescription.from_urdf(file, held={"a": 0.0}).joints == ("b",)
+
+
+def test_other_limits():
+    arm = get_arm("ur5").with_limits({"elbow_joint": (0.1, 2.0), "wrist_3_joint": (-6.0, 6.0)})
+    kin = ArmKinematics(arm)
+    assert (kin.lower[2], kin.upper[2], kin.lower[5], kin.upper[5]) == (0.1, 2.0, -6.0, 6.0)
+    assert kin.upper[0] == ArmKinematics("ur5").upper[0]
+    assert pickle.loads(pickle.dumps(arm)).urdf == arm.urdf
+    for limits, said in (
+        ({"elbow": (0.0, 1.0)}, "unknown joint.*elbow_joint"),
+        ({"elbow_joint": (2.0, 1.9)}, "lower limit above the upper one"),
+        ({"elbow_joint": (np.nan, 1.0)}, "finite"),
+        ({"elbow_joint": 1.0}, "shape"),
+        ({"elbow_joint": (-1.0, 0.0)}, "home has joint 'elbow_joint' at 1.57"),
+        (-1.0, "limits must be"),
+        ("wide", "limits must be a number"),
+    ):
+        with pytest.raises(InputError, match=said):
+            get_arm("ur5").with_limits(limits)

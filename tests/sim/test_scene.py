@@ -5,11 +5,11 @@ import pytest
 
 from kinreach.kinematics import ArmKinematics
 from kinreach.kinematics.collision import CollisionChecker
-from kinreach.robots import arm_names, get_arm
+from kinreach.robots import get_arm
 from kinreach.sim import ArmSimulation, build_scene, scene_model
 from kinreach.sim.scene import TIMESTEP
 
-ARMS = arm_names()
+ARMS = ("arm3", "ur10", "ur3", "ur5")
 
 
 def postures(kinematics, count, seed=0):

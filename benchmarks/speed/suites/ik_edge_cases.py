@@ -12,6 +12,7 @@ from benchmarks.speed.peers.base import installed, silent
 from benchmarks.speed.poses import CASES, FLANGE
 from benchmarks.speed.sections import Cell, Options, Progress, Section, Target
 from kinreach.checks import Floats
+from kinreach.kinematics.arm import ArmKinematics
 from kinreach.kinematics.goals import pose_error
 
 AGAIN = "python -m benchmarks.speed --suite ik-edge-cases"
@@ -40,8 +41,8 @@ class Tally:
     worst: float
 
 
-def judge(solve: Solve, poses: Floats) -> Tally:
-    """Run a method over poses, shape (count, 4, 4), and check all it returns by forward kinematics.
+def judge(solve: Solve, poses: Floats, arm: ArmKinematics = FLANGE) -> Tally:
+    """Run a method over poses, shape (count, 4, 4), and check all it returns by forward kinematics of the arm.
 
     A method that raises on a pose has come back empty.
     """
@@ -52,7 +53,7 @@ def judge(solve: Solve, poses: Floats) -> Tally:
             solutions = solve(T)
         except Exception:  # of somebody else's code
             solutions = np.empty((0, 6))
-        errors = np.array([max(pose_error(T, FLANGE.fk(q))) for q in solutions])
+        errors = np.array([max(pose_error(T, arm.fk(q))) for q in solutions])
         valid = errors[errors <= TOLERANCE]
         returned += len(errors)
         spurious += len(errors) - len(valid)

@@ -26,10 +26,11 @@ FLANGE = "tool0"
 class URKinematics(ClosedFormKinematics):
     """Kinematics of a UR-type arm. Threads may share an instance.
 
-    Link lengths are read from the URDF, so a calibrated description brings its own.
+    Link lengths are read from the URDF.
 
     Args:
-        model: Name or description of a UR-type arm that has a tip `tool0`: "ur3", "ur5", "ur10", or one of your own.
+        model: Name of a UR, one of `kinreach.robots.ur.LENGTHS` from "ur3" to "ur30", or the description of a UR-type
+            arm that has a tip `tool0`.
         tip: `"tool0"` (the flange) or `"tcp"` (between the finger tips, 0.20 m in front of it).
         base: `"base_link"` or `"world"`.
 
