@@ -16,7 +16,6 @@ from kinreach.engines import load
 from kinreach.errors import InputError
 from kinreach.kinematics.chain import SerialChain
 from kinreach.robots import ArmDescription, as_arm
-from kinreach.robots.urdf_file import check_home
 
 pin: Any = load("pinocchio")
 
@@ -52,7 +51,7 @@ class ArmKinematics:
 
     Raises:
         UnknownNameError: The arm, the tip or the base does not exist.
-        InputError: The description does not fit its URDF, or its start posture is outside of the limits.
+        InputError: The description does not fit its URDF.
         InstallationError: Pinocchio cannot be loaded.
     """
 
@@ -206,7 +205,6 @@ def build_model(arm: ArmDescription) -> Any:
     for frame in (arm.base, *arm.tips.values()):
         if not model.existFrame(frame):
             raise InputError(f"arm {arm.name!r}: the URDF has no link {frame!r}")
-    check_home(arm.name, arm.joints, arm.home, model.lowerPositionLimit, model.upperPositionLimit)
     return model
 
 

@@ -8,6 +8,8 @@ from dataclasses import dataclass, field, replace
 from functools import cached_property, partial
 from pathlib import Path
 
+import numpy as np
+
 from kinreach.checks import MOST_ANGLE, as_floats, as_vector, check_known, check_number
 from kinreach.errors import InputError
 from kinreach.robots.grippers import Gripper
@@ -175,13 +177,14 @@ class ArmDescription:
     def with_limits(self, limits: float | Mapping[str, tuple[float, float]]) -> ArmDescription:
         """The same arm with other joint limits, such as those that are set on its pendant.
 
+        Where the start posture is beyond them, it moves to the limit.
+
         Args:
             limits: Lower and upper limit [rad] by the name of the joint; others stay. A number is ± that for all.
 
         Raises:
             UnknownNameError: The arm has no joint of that name.
-            InputError: A limit is no finite number, a lower one is above its upper one, or the start posture is
-                outside of them.
+            InputError: A limit is no finite number, or a lower one is not below its upper one.
         """
         if not isinstance(limits, Mapping):
             bound = check_number("limits", limits, above=0.0, most=MOST_ANGLE)
@@ -192,8 +195,11 @@ class ArmDescription:
             lower, upper = as_vector(f"the limits of joint {name!r}", pair, 2, most=MOST_ANGLE).tolist()
             set_limits(robot, name, lower, upper)
         arm = replace(self, build_urdf=partial(str, ET.tostring(robot, encoding="unicode")))
-        UrdfArm(arm.name, parse_urdf(arm.urdf), tip=arm.tips[arm.default_tip], joints=arm.joints).check_home(arm.home)
-        return arm
+        lower, upper = zip(
+            *UrdfArm(arm.name, parse_urdf(arm.urdf), tip=arm.tips[arm.default_tip], joints=arm.joints).limits,
+            strict=True,
+        )
+        return replace(arm, home=tuple(np.clip(arm.home, lower, upper).tolist()))
 
     @cached_property
     def urdf(self) -> str:

@@ -34,21 +34,6 @@ _MOVING = (*_TURNING, "prismatic")
 LIMIT_DIGITS = 1e-5
 
 
-def check_home(
-    name: str, joints: Sequence[str], home: Sequence[float], lower: Sequence[float], upper: Sequence[float]
-) -> None:
-    """Refuse a start posture outside of an arm's limits [rad].
-
-    Raises:
-        InputError: The message names the joint, its angle and its limits.
-    """
-    for joint, angle, low, high in zip(joints, home, lower, upper, strict=True):
-        if not low - LIMIT_DIGITS <= angle <= high + LIMIT_DIGITS:
-            raise InputError(
-                f"arm {name!r}: home has joint {joint!r} at {angle:g} rad, outside its limits {low:g} to {high:g}"
-            )
-
-
 class UrdfArm:
     """The serial chain from the root of a URDF to a tip.
 
@@ -129,8 +114,17 @@ class UrdfArm:
         return tuple(0.5 * (low + high) for low, high in self.limits)
 
     def check_home(self, home: Sequence[float]) -> None:
-        """Refuse a start posture [rad] outside of the limits."""
-        check_home(self.name, self.joints, home, *zip(*self.limits, strict=True))
+        """Refuse a start posture [rad] outside of the limits.
+
+        Raises:
+            InputError: The message names the joint, its angle and its limits.
+        """
+        for joint, angle, (low, high) in zip(self.joints, home, self.limits, strict=True):
+            if not low - LIMIT_DIGITS <= angle <= high + LIMIT_DIGITS:
+                raise InputError(
+                    f"arm {self.name!r}: home has joint {joint!r} at {angle:g} rad, outside its limits {low:g} to "
+                    f"{high:g}"
+                )
 
     @property
     def damping(self) -> tuple[float, ...]:
