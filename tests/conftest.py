@@ -62,7 +62,7 @@ def run_python(tmp_path: Path) -> PythonRunner:
             input=input,
             capture_output=True,
             text=True,
-            timeout=120,
+            timeout=600,
             check=False,
         )
 

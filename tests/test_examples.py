@@ -24,7 +24,7 @@ def run(tmp_path):
             env={**os.environ, "PYTHONPATH": str(EXAMPLES.parent)},
             capture_output=True,
             text=True,
-            timeout=300,
+            timeout=1200,
             check=False,
         )
         assert done.returncode == 0, done.stderr

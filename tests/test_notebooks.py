@@ -125,5 +125,5 @@ def test_links_lead_somewhere(notebook):
 def test_they_run(path, tmp_path):
     """In a kernel of their own, by the script that made them."""
     command = [sys.executable, str(FOLDER / "execute.py"), "--check", str(path)]
-    done = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, timeout=300, check=False)
+    done = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, timeout=1500, check=False)
     assert done.returncode == 0, done.stderr

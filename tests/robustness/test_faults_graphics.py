@@ -33,7 +33,7 @@ def failing_frame(monkeypatch):
     return fail
 
 
-@pytest.mark.parametrize("number", [1, 2, 3, 5])
+@pytest.mark.parametrize("number", [1, 5])
 def test_an_environment_says_which_frame_failed_and_goes_on(number, failing_frame):
     env = gym.make("kinreach/UR5SingleStep-v0", backend="kinematic", observation="camera").unwrapped
     failing_frame(number)

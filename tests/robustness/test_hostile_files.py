@@ -227,7 +227,7 @@ def test_files_that_promise_too_much_take_neither_memory_nor_time(tmp_path, whol
     )
     paths = sorted(map(str, tmp_path.iterdir()))
     done = subprocess.run(
-        [sys.executable, "-c", code, *paths], capture_output=True, text=True, timeout=60, check=False,
+        [sys.executable, "-c", code, *paths], capture_output=True, text=True, timeout=300, check=False,
         env={**os.environ, "PYTHONPATH": str(root)},
     )  # fmt: skip
     assert done.returncode == 0, done.stderr

@@ -67,7 +67,7 @@ def test_eight_threads_simulate_what_one_simulates():
 def test_processes_find_what_the_first_one_finds(method):
     """In a fresh interpreter: where a convex hull has failed before, qhull sorts the next ones in another way."""
     code = f"from tools.endurance import workers; print(workers.in_processes([{method!r}]).count)"
-    done = subprocess.run([sys.executable, "-c", code], cwd=ROOT, capture_output=True, text=True, timeout=300)
+    done = subprocess.run([sys.executable, "-c", code], cwd=ROOT, capture_output=True, text=True, timeout=1200)
     assert done.stdout.strip() == str(3 * len(JOBS) - 2 * len(UNPICKLED)), done.stderr
 
 

@@ -101,7 +101,7 @@ def _command(job: str, out: Path) -> list[str]:
 def _in_namespace(script: str, *arguments: str, **variables: str) -> subprocess.CompletedProcess[str]:
     command = ["unshare", "--map-root-user", "--mount", "sh", "-c", script, "sh", *arguments]
     environment = {**os.environ, **variables}
-    return subprocess.run(command, env=environment, capture_output=True, text=True, check=False, timeout=300)
+    return subprocess.run(command, env=environment, capture_output=True, text=True, check=False, timeout=1200)
 
 
 def _contents(folder: Path) -> dict[str, str]:
