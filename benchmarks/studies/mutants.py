@@ -1,0 +1,230 @@
+"""Whether the tests notice: meaningful mistakes, made one at a time in a copy of this checkout.
+
+    python -m benchmarks.studies.mutants [--only kinematics,sim-rest] [--full] [--out build/mutants.json] [--fresh]
+
+`mutants.toml` is the list: each mutant replaces a text that occurs once in a module by another, and names fast tests
+that cover it. Those run first, up to the first failure; with `--full` what survives them meets the whole fast suite
+(`-m "not slow"`). That the covering tests pass without a mutant is checked before. Mutants that were killed are kept
+from one call to the next in the file of results, survivors run again.
+
+The exit code is 0 if as many as `GOAL` says were killed, of those that were asked for, else 1.
+"""
+
+from __future__ import annotations
+
+import argparse
+import hashlib
+import json
+import os
+import re
+import shutil
+import subprocess
+import sys
+import tempfile
+import time
+import tomllib
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from kinreach.cli import Parser, finish
+from kinreach.errors import InputError
+from kinreach.files import make_writable, write_text
+
+PROG = "python -m benchmarks.studies.mutants"
+
+ROOT = Path(__file__).resolve().parents[2]
+TABLE = Path(__file__).with_name("mutants.toml")
+#: Share of the mutants that the fast suite is to kill.
+GOAL = 0.95
+#: What notices a mutant of any kind, by reading the sources: it does not count.
+READERS = ("tests/benchmarks/test_mutants.py",)
+#: Longest time for the covering tests of a mutant [s]; one that makes them take longer is noticed.
+PATIENCE = 600
+PYTEST = (sys.executable, "-m", "pytest", "-q", "-m", "not slow", "--tb=no", "-p", "no:cacheprovider")
+_FAILED = re.compile(r"^(?:FAILED|ERROR) (.+?)(?: - .*)?$", re.MULTILINE)
+
+
+@dataclass(frozen=True)
+class Mutant:
+    """A mistake.
+
+    Attributes:
+        id: Its name; begins with the area.
+        area: Part of the package that it is in, or "named" for those that others found to survive.
+        file: Module, from the root of the checkout.
+        old, new: What is replaced, and by what.
+        breaks: What goes wrong, for people.
+        tests: Files or node ids of pytest that cover it.
+    """
+
+    id: str
+    area: str
+    file: str
+    old: str
+    new: str
+    breaks: str
+    tests: tuple[str, ...]
+
+    @property
+    def digest(self) -> str:
+        """What it does, in 12 hex digits."""
+        return hashlib.sha256("\0".join((self.file, self.old, self.new)).encode()).hexdigest()[:12]
+
+    def applied(self, text: str) -> str:
+        """The text of the module with the mistake in it.
+
+        Raises:
+            InputError: `old` is not there just once, or nothing would change.
+        """
+        if text.count(self.old) != 1 or self.old == self.new:
+            raise InputError(f"mutant {self.id}: its old text occurs {text.count(self.old)} times in {self.file}")
+        return text.replace(self.old, self.new)
+
+
+def read_mutants(path: Path = TABLE) -> list[Mutant]:
+    """The list, in its order.
+
+    Raises:
+        InputError: Two mutants of one name.
+    """
+    areas = tomllib.loads(path.read_text(encoding="utf-8"))
+    found = [
+        Mutant(area=area, **{**entry, "id": f"{area}-{entry['id']}", "tests": tuple(entry["tests"])})
+        for area, entries in areas.items()
+        for entry in entries
+    ]
+    if len({mutant.id for mutant in found}) < len(found):
+        raise InputError(f"{path}: two mutants of one name")
+    return found
+
+
+def main(argv: list[str] | None = None) -> int:
+    """Run the mutants, print what became of each, and a summary by area."""
+    parser = Parser(prog=PROG, description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--only", metavar="A,B", default="", help="mutants whose names begin so; all by default")
+    parser.add_argument("--full", action="store_true", help="run the whole fast suite on what covering tests let live")
+    parser.add_argument("--out", type=Path, default=ROOT / "build/mutants.json", help="results, kept between calls")
+    parser.add_argument("--fresh", action="store_true", help="forget earlier results")
+    arguments = parser.parse_args(argv)
+    chosen = [mutant for mutant in read_mutants() if mutant.id.startswith(tuple(arguments.only.split(",")))]
+    if not chosen:
+        raise InputError(f"there is no mutant {arguments.only}")
+    make_writable(arguments.out.parent)
+    results = {} if arguments.fresh else _read(arguments.out)
+    with tempfile.TemporaryDirectory(prefix="mutants-") as folder:
+        copy = copied(Path(folder))
+        pending = [mutant for mutant in chosen if not _killed(results.get(mutant.id), mutant)]
+        check_passing(copy, {test: None for mutant in pending for test in mutant.tests})
+        for mutant in pending:
+            which = {"id": mutant.id, "area": mutant.area, "mutant": mutant.digest}
+            results[mutant.id] = which | verdict(copy, mutant, full=arguments.full)
+            write_text(arguments.out, json.dumps(results, indent=1) + "\n")
+            print(_line(results[mutant.id]), flush=True)
+    rows = [results[mutant.id] for mutant in chosen]
+    print("\n".join(["", *summary(rows)]))
+    return 0 if sum(row["killed_by"] is not None for row in rows) >= GOAL * len(rows) else 1
+
+
+def copied(folder: Path) -> Path:
+    """A copy of the checkout with what git knows of, or would know of, changes included."""
+    listed = subprocess.run(
+        ["git", "ls-files", "-z", "-co", "--exclude-standard"], cwd=ROOT, capture_output=True, text=True, check=True
+    )
+    for name in filter(None, listed.stdout.split("\0")):
+        if (ROOT / name).is_file():  # not what was deleted since
+            (folder / name).parent.mkdir(parents=True, exist_ok=True)
+            shutil.copy2(ROOT / name, folder / name)
+    return folder
+
+
+def check_passing(copy: Path, tests: Iterable[str]) -> None:
+    """Have the covering tests pass where nothing is mutated.
+
+    Raises:
+        InputError: One fails, or there is none.
+    """
+    chosen = list(tests)
+    if chosen and (code := _run(copy, chosen, keep_bytecode=True)).returncode:
+        raise InputError(f"without a mutant the covering tests fail: {code.stdout.splitlines()[-5:]}")
+
+
+def verdict(copy: Path, mutant: Mutant, *, full: bool) -> dict[str, Any]:
+    """Which test kills a mutant, what was run for it, and how long it took [s]."""
+    path = copy / mutant.file
+    times = path.stat().st_atime_ns, path.stat().st_mtime_ns
+    text = path.read_text(encoding="utf-8")
+    start = time.perf_counter()
+    path.write_text(mutant.applied(text), encoding="utf-8")
+    try:
+        scope, killed_by = "covering", _killer(copy, ["-x", *mutant.tests])
+        if killed_by is None and full:
+            scope, killed_by = "suite", _killer(copy, ["-x", *(f"--ignore={name}" for name in READERS), "tests"])
+    finally:
+        path.write_text(text, encoding="utf-8")
+        os.utime(path, ns=times)  # compiled modules are told apart by it
+    return {"killed_by": killed_by, "scope": scope, "seconds": round(time.perf_counter() - start, 1)}
+
+
+def _killer(copy: Path, arguments: Sequence[str]) -> str | None:
+    """The first test that fails, None if none does.
+
+    Raises:
+        InputError: pytest could not run them.
+    """
+    try:
+        done = _run(copy, arguments)
+    except subprocess.TimeoutExpired:
+        return f"more than {PATIENCE} s"
+    if done.returncode == 0:
+        return None
+    failed = _FAILED.search(done.stdout)
+    if failed is not None:
+        return failed[1]
+    if done.returncode < 0:
+        return f"signal {-done.returncode}"
+    raise InputError(f"pytest {' '.join(arguments)} cannot run: {(done.stdout + done.stderr)[-500:]}")
+
+
+def _run(copy: Path, arguments: Sequence[str], *, keep_bytecode: bool = False) -> subprocess.CompletedProcess[str]:
+    environment = {**os.environ, "PYTHONPATH": str(copy), "OMP_NUM_THREADS": "1", "PYTEST_DISABLE_PLUGIN_AUTOLOAD": "1"}
+    if not keep_bytecode:
+        environment["PYTHONDONTWRITEBYTECODE"] = "1"
+    timeout = None if keep_bytecode or "tests" in arguments else PATIENCE
+    return subprocess.run(
+        [*PYTEST, *arguments], cwd=copy, env=environment, capture_output=True, text=True, check=False, timeout=timeout
+    )
+
+
+def _read(path: Path) -> dict[str, Any]:
+    """Earlier results by name; none where they cannot be read."""
+    try:
+        found = json.loads(path.read_text(encoding="utf-8"))
+    except (OSError, ValueError):
+        return {}
+    return found if isinstance(found, dict) else {}
+
+
+def _killed(result: Any, mutant: Mutant) -> bool:
+    """Whether a result is of this very mutant, and says that it was killed."""
+    return isinstance(result, dict) and result.get("mutant") == mutant.digest and result["killed_by"] is not None
+
+
+def _line(row: dict[str, Any]) -> str:
+    said = row["killed_by"] or f"SURVIVES the {'covering tests' if row['scope'] == 'covering' else 'fast suite'}"
+    return f"{row['id']:<42} {said}"
+
+
+def summary(rows: Sequence[dict[str, Any]]) -> list[str]:
+    """A Markdown table of how many were killed, by area, and the survivors."""
+    lines = ["| area | mutants | killed | survivors |", "|---|---|---|---|"]
+    for area in [*dict.fromkeys(row["area"] for row in rows), "all"]:
+        own = [row for row in rows if area in (row["area"], "all")]
+        alive = [f"`{row['id']}`" for row in own if row["killed_by"] is None]
+        lines.append(f"| {area} | {len(own)} | {len(own) - len(alive)} | {', '.join(alive) or '-'} |")
+    return lines
+
+
+if __name__ == "__main__":
+    raise SystemExit(finish(main, prog=PROG))
