@@ -32,6 +32,7 @@ from torch.optim import Optimizer
 from kinreach.baselines.batch import first_observations
 from kinreach.baselines.networks import ACTIVATIONS, ObservationFeatures, PosturePolicy, actor_network
 from kinreach.baselines.policies import Network
+from kinreach.baselines.ppo2 import PPO2
 from kinreach.baselines.recipes import Recipe
 from kinreach.baselines.rewards import TrainingReward
 from kinreach.baselines.vec_envs import SB3VecEnv, TriesVecEnv
@@ -245,6 +246,14 @@ def ppo_arguments(recipe: Recipe, env: SB3VecEnv, planned: int) -> dict[str, Any
     return arguments
 
 
+def ppo2_arguments(recipe: Recipe, env: SB3VecEnv, planned: int) -> dict[str, Any]:
+    """Those of PPO; `gain` is what the actor's unit is as an action: 1/π for radians where an action of 1 is π."""
+    arguments = ppo_arguments(recipe, env, planned)
+    head = {"gain": arguments.pop("gain"), "shift": [0.0] * (env.action_space.shape or (0,))[0]}
+    arguments["policy_kwargs"]["head"] = head
+    return {**arguments, "policy": PosturePolicy}
+
+
 def adaptive_arguments(recipe: Recipe, env: SB3VecEnv, planned: int) -> dict[str, Any]:
     """Those of PPO, with `Exploration` (in radians where the output is a posture) and `AdaptiveRate` from fields."""
     arguments = ppo_arguments(recipe, env, planned) | {"planned_steps": planned}
@@ -287,6 +296,11 @@ def _features(recipe: Recipe) -> dict[str, Any]:
 def step_by_step(batch: VectorEnv[Any, Any, Any], recipe: Recipe, reward: TrainingReward) -> SB3VecEnv:
     """A batch in which the learner takes every step."""
     return SB3VecEnv(batch, reward=reward)
+
+
+def step_by_step_to_the_end(batch: VectorEnv[Any, Any, Any], recipe: Recipe, reward: TrainingReward) -> SB3VecEnv:
+    """The same, with a step limit that ends an episode like anything else: all that PPO2 knows is `done`."""
+    return SB3VecEnv(batch, reward=reward, bootstrap=False)
 
 
 def in_tries(batch: VectorEnv[Any, Any, Any], recipe: Recipe, reward: TrainingReward) -> SB3VecEnv:
@@ -341,6 +355,7 @@ def register_algorithm(algorithm: Algorithm) -> Algorithm:
 
 
 register_algorithm(Algorithm("PPO", PPO, arguments=ppo_arguments))
+register_algorithm(Algorithm("PPO2", PPO2, arguments=ppo2_arguments, vec_env=step_by_step_to_the_end))
 register_algorithm(Algorithm("AdaptivePPO", AdaptivePPO, arguments=adaptive_arguments))
 register_algorithm(Algorithm("RankedPPO", RankedPPO, arguments=ranked_arguments, vec_env=in_tries))
 register_algorithm(Algorithm("SAC", SAC))

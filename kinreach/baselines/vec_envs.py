@@ -28,16 +28,17 @@ class SB3VecEnv(VecEnv):
         env: For example `gym.make_vec("kinreach/UR5SingleStep-v0", num_envs=1024,
             vectorization_mode="vector_entry_point")`.
         reward: What the learner sees instead of the environment's reward.
+        bootstrap: Whether learners are told that an episode was cut off; else it ended.
 
     Raises:
         InputError: The environment resets in another way.
     """
 
-    def __init__(self, env: VectorEnv[Any, Any, Any], *, reward: TrainingReward = own) -> None:
+    def __init__(self, env: VectorEnv[Any, Any, Any], *, reward: TrainingReward = own, bootstrap: bool = True) -> None:
         if env.metadata.get("autoreset_mode") is not AutoresetMode.SAME_STEP:
             raise InputError("stable-baselines3 needs a vector environment with AutoresetMode.SAME_STEP")
         self._env = env  # the base class asks for its attributes
-        self._reward = reward
+        self._reward, self._bootstrap = reward, bootstrap
         self._actions: Any = None
         super().__init__(env.num_envs, env.single_observation_space, env.single_action_space)
 
@@ -64,7 +65,7 @@ class SB3VecEnv(VecEnv):
         if done.any():
             last = info["final_info"]
             columns = {key: last[key].tolist() for key in INFO_KEYS if key in last}
-            cut = (truncated & ~terminated).tolist()
+            cut = (truncated & ~terminated & self._bootstrap).tolist()
             for index in np.flatnonzero(done).tolist():
                 infos[index] = {key: values[index] for key, values in columns.items()}
                 infos[index]["terminal_observation"] = info["final_obs"][index]

@@ -42,6 +42,19 @@ def test_ends_of_episodes_are_reported(name, steps):
     env.close()
 
 
+def test_a_step_limit_may_be_an_end():
+    """To PPO2 it is one; learners that are told of truncation add the value of what is cut off."""
+    native = gym.make_vec("kinreach/UR5MultiStep-v0", 4, vectorization_mode="vector_entry_point", backend="kinematic")
+    env = SB3VecEnv(native, bootstrap=False)
+    env.reset()
+    for _ in range(100):
+        *_, done, infos = env.step(np.zeros((4, 6), dtype=np.float32))
+    assert done.all()
+    assert [info["TimeLimit.truncated"] for info in infos] == [False] * 4
+    assert all(info["terminal_observation"].shape == (13,) for info in infos)
+    env.close()
+
+
 def test_ppo_trains_on_it():
     env = batch("UR5SingleStep", 64)
     model = PPO("MlpPolicy", env, n_steps=4, batch_size=64, n_epochs=1, gamma=0.0, seed=0, device="cpu")

@@ -1,0 +1,308 @@
+"""Which PPO2 the thesis had, and what follows from that: all readings side by side, the tables of docs/multi_step.md.
+
+python -m benchmarks.studies.ppo2 results/ppo2 --plan single multi multi-long ...    (trains what is missing)
+python -m benchmarks.studies.ppo2 results/ppo2 --csv FOLDER                          (writes the tables' files)
+
+A file for each cell and seed: `results/ppo2/PLAN/CELL/seed-K.json`, and the policy beside it.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import math
+import time
+from collections.abc import Mapping, Sequence
+from contextlib import closing
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import torch
+
+from benchmarks.studies.reward_parts import PARTS
+from benchmarks.studies.side_by_side import Networks, Stack, Trained, train_stack
+from kinreach.baselines.batch import make_batch
+from kinreach.baselines.evaluation import HELD_OUT, VALIDATION
+from kinreach.baselines.policies import save_policy
+from kinreach.baselines.rewards import own
+from kinreach.baselines.rollout import rollout_batch
+from kinreach.cli import Parser, finish
+from kinreach.files import make_writable, write_text
+from kinreach.registration import MULTI, SINGLE
+from kinreach.robots import get_arm
+from kinreach.thesis.reward import REACHED_DISTANCE
+
+PROG = "python -m benchmarks.studies.ppo2"
+
+#: Held-out goals of each policy, goals of the looks while it is trained, and decimals of what is measured.
+GOALS, LOOK_GOALS, DIGITS = 1000, 100, 3
+#: What an action of 1 is in the units in which the thesis gives actions: π radians, 5 degrees.
+UNITS: Mapping[str, float] = {SINGLE: math.pi, MULTI: 5.0}
+
+
+@dataclass(frozen=True)
+class Cell:
+    """One reading of the thesis's PPO2.
+
+    Attributes:
+        terminal: Whether the 100th step ends an episode, as `done` does in PPO2; else its value is added.
+        raw: Whether actions are radians and degrees throughout; else only the first standard deviation is.
+        value_clip: Whether the value function is clipped.
+        openai: Whether the defaults are OpenAI Baselines', not Stable Baselines'.
+        ends: Whether reaching ends the episode in training.
+        reward: Which parts of the reward are paid.
+        shrinks: Whether the standard deviation falls to a quarter by a schedule; else it is learned.
+    """
+
+    terminal: bool = True
+    raw: bool = True
+    value_clip: bool = True
+    openai: bool = False
+    ends: bool = True
+    reward: str = "all"
+    shrinks: bool = False
+
+    @property
+    def name(self) -> str:
+        """Of its folder."""
+        words = (
+            "terminal" if self.terminal else "bootstrapped",
+            "raw" if self.raw else "scaled",
+            "clip" if self.value_clip else "free",
+            "openai" if self.openai else "stable",
+            *(() if self.ends else ("going-on",)),
+            *(("shrinking",) if self.shrinks else ()),
+            *(() if self.reward == "all" else (self.reward.replace(" ", "-"),)),
+        )
+        return "-".join(words)
+
+    def trained(self, environment: str, seed: int) -> Trained:
+        """Its settings: 4.2 where the thesis says them, else the library's defaults."""
+        unit = UNITS[environment]
+        default = 3e-4 if self.openai else 2.5e-4
+        return Trained(
+            seed=seed,
+            terminal=self.terminal,
+            gain=1 / unit if self.raw else 1.0,
+            std=1 / unit,
+            value_clip=self.value_clip,
+            rate=4 * default if environment == SINGLE else default,
+            entropy=0.0 if self.openai else 0.01,
+            reward=own if self.reward == "all" else PARTS[self.reward],
+            std_last=1 / unit / 4 if self.shrinks else None,
+        )
+
+
+#: The most faithful reading.
+FAITHFUL = Cell()
+_READINGS = [
+    Cell(terminal, raw, value_clip, openai)
+    for openai in (False, True)
+    for terminal in (True, False)
+    for raw in (True, False)
+    for value_clip in (True, False)
+]
+#: Cells of single-step episodes, which end by themselves.
+_SINGLE = [cell for cell in _READINGS if cell.terminal]
+_ABLATED = [replace(FAITHFUL, reward=reward) for reward in PARTS if reward != "all"]
+#: The step limit and the end on reaching, in the most faithful reading else; and with less and less exploration.
+_RULES = [replace(FAITHFUL, terminal=terminal, ends=ends) for ends in (True, False) for terminal in (True, False)]
+_SHRINKING = [replace(FAITHFUL, ends=ends, shrinks=True) for ends in (True, False)]
+
+
+@dataclass(frozen=True)
+class Plan:
+    """Trainings of one length.
+
+    Attributes:
+        stack: What they have in common; `shared` and `ends` follow from the cells.
+        cells: What is trained.
+        seeds: How many of each.
+    """
+
+    stack: Stack
+    cells: Sequence[Cell]
+    seeds: int
+
+
+_THESIS_SINGLE = Stack(SINGLE, 150_000, 128, 1, 0.0, shared=False, windows=150, looks=5)
+_THESIS_MULTI = Stack(MULTI, 150_000, 4, 1024, 0.99, shared=False, looks=4)
+_LONG = Stack(MULTI, 5_000_000, 128, 32, 0.99, shared=False, windows=100)
+PLANS: Mapping[str, Plan] = {
+    "single": Plan(_THESIS_SINGLE, [*_SINGLE, *_ABLATED], 5),
+    "multi": Plan(_THESIS_MULTI, [*_READINGS, *_ABLATED], 5),
+    "single-long": Plan(replace(_THESIS_SINGLE, steps=600_000), [*_SINGLE[:4], *_ABLATED], 5),
+    "multi-readings": Plan(replace(_LONG, steps=2_000_000), _READINGS, 1),
+    "multi-long": Plan(_LONG, _RULES, 5),
+    "multi-shrinking": Plan(_LONG, _SHRINKING, 5),
+    "multi-longest": Plan(replace(_LONG, steps=20_000_000), _RULES, 1),
+}
+
+
+class Together:
+    """All policies of a stack on the same goals, for `rollout_batch`.
+
+    Args:
+        networks: Of the stack.
+        explore: Whether actions are drawn as in training.
+    """
+
+    def __init__(self, networks: Networks, *, explore: bool) -> None:
+        self._networks, self._explore = networks, explore
+
+    def reset(self, observation: Any, info: Any) -> None:
+        """Exploration is the same in every rollout."""
+        torch.manual_seed(0)
+
+    def act(self, observation: Any) -> np.ndarray:
+        """Actions, shape (trainings goals, 6)."""
+        return self._networks.act(observation, explore=self._explore)
+
+
+@dataclass(frozen=True, eq=False)
+class Played:
+    """Episodes of the policies of a stack; arrays of shape (trainings, goals).
+
+    Attributes:
+        distance, above, sideways: Of the tip from the goal in the end [m]: in all, upwards, and in the plane.
+        posture_error: In the end [rad].
+        reached, impossible: Whether the goal was reached, and whether the last action was impossible.
+        near: Whether the tip came within 10 mm.
+        waited: Steps within 10 mm in which the goal was not reached.
+        failed: Share of impossible steps.
+    """
+
+    distance: Any
+    above: Any
+    sideways: Any
+    posture_error: Any
+    reached: Any
+    impossible: Any
+    near: Any
+    waited: Any
+    failed: Any
+
+
+def play(networks: Networks, count: int, environment: str, places: np.ndarray, *, explore: bool = False) -> Played:
+    """One episode of each of `count` policies for each goal in the world [m], shape (goals, 3)."""
+    size = count * len(places)
+    near, waited, failed, steps = (np.zeros(size) for _ in range(4))
+    tips, errors = np.zeros((size, 3)), np.zeros(size)
+
+    def watch(observations: Any, rewards: Any, info: Mapping[str, Any], pending: Any) -> None:
+        beside = pending & (info["distance"] < REACHED_DISTANCE)
+        near[beside] = 1.0
+        waited[beside & ~info["reached"]] += 1.0
+        failed[pending & info["impossible"]] += 1.0
+        steps[pending] += 1.0
+        tips[pending], errors[pending] = info["tip"][pending], info["posture_error"][pending]
+
+    with closing(make_batch(environment, size, {"backend": "kinematic"})) as env:
+        options = {"goal": np.tile(places, (count, 1))}
+        trials = rollout_batch(env, Together(networks, explore=explore), seed=0, options=options, watch=watch)
+    off = tips - np.tile(places, (count, 1))
+    verdicts = (np.array([trial[name] for trial in trials]) for name in ("reached", "impossible"))
+    arrays = (
+        np.linalg.norm(off, axis=1), off[:, 2], np.hypot(off[:, 0], off[:, 1]), errors, *verdicts, near, waited,
+        failed / steps,
+    )  # fmt: skip
+    return Played(*(values.reshape(count, -1) for values in arrays))
+
+
+def goals(seed: int, count: int) -> np.ndarray:
+    """Goals of the table area in the world [m], shape (count, 3)."""
+    return get_arm("ur5").workcell.draw_goals(np.random.default_rng(seed), count)
+
+
+def measure(networks: Networks, count: int, environment: str) -> list[dict[str, float]]:
+    """What each policy does on held-out goals, with exploration and without.
+
+    Distances in mm, shares in percent, posture error in rad, standard deviations in the thesis's units.
+    """
+    held_out = goals(HELD_OUT, GOALS)
+    found, sampled = (play(networks, count, environment, held_out, explore=explore) for explore in (False, True))
+    units = UNITS[environment] * networks.weights["log_std"].detach().exp().numpy()[:, 0].astype(float)
+    columns = {
+        "distance": 1e3 * np.median(found.distance, axis=1),
+        "above": 1e3 * np.median(found.above, axis=1),
+        "sideways": 1e3 * np.median(found.sideways, axis=1),
+        "posture_error": np.median(found.posture_error, axis=1),
+        "reached": 100 * found.reached.mean(axis=1),
+        "near": 100 * found.near.mean(axis=1),
+        "waited": found.waited.mean(axis=1),
+        "impossible": 100 * found.impossible.mean(axis=1),
+        "sampled_reached": 100 * sampled.reached.mean(axis=1),
+        "sampled_distance": 1e3 * np.median(sampled.distance, axis=1),
+        "sampled_impossible": 100 * sampled.failed.mean(axis=1),
+        "std": units.mean(axis=1),
+        **{f"std_j{joint}": units[:, joint] for joint in range(units.shape[1])},
+    }
+    return [{name: round(float(values[i]), DIGITS) for name, values in columns.items()} for i in range(count)]
+
+
+def train_missing(runs: Path, name: str, seeds: Sequence[int], only: str | None = None) -> None:
+    """Train what a plan lacks, cells of one architecture and one rule side by side."""
+    plan = PLANS[name]
+    for openai, ends in sorted(
+        {(cell.openai, cell.ends) for cell in plan.cells}, key=lambda kind: (kind[0], not kind[1])
+    ):
+        jobs = [
+            (cell, seed)
+            for seed in seeds
+            for cell in plan.cells
+            if (cell.openai, cell.ends) == (openai, ends) and (only is None or only == cell.name)
+            if not (runs / name / cell.name / f"seed-{seed}.json").exists()
+        ]
+        if jobs:
+            _train(runs / name, replace(plan.stack, shared=openai, ends=ends), jobs)
+
+
+def _train(folder: Path, stack: Stack, jobs: Sequence[tuple[Cell, int]]) -> None:
+    environment = stack.environment
+    start = time.process_time()
+    looks: list[tuple[int, list[float]]] = []
+    validation = goals(VALIDATION, LOOK_GOALS)
+
+    def look(steps: int, networks: Networks) -> None:
+        distances = play(networks, len(jobs), environment, validation).distance
+        looks.append((steps, np.round(1e3 * np.median(distances, axis=1), 2).tolist()))
+        print(f"{folder.name}: {steps} steps, {time.process_time() - start:.0f} s, {looks[-1][1]}", flush=True)
+
+    networks, curves = train_stack(stack, [cell.trained(environment, seed) for cell, seed in jobs], look=look)
+    seconds = time.process_time() - start
+    measured = measure(networks, len(jobs), environment)
+    for index, (cell, seed) in enumerate(jobs):
+        policy = networks.policy(index, environment)
+        written = {
+            "cell": cell.__dict__,
+            "seed": seed,
+            "stack": stack.__dict__,
+            "stacked": len(jobs),
+            "seconds": round(seconds / len(jobs), 1),
+            "curve": curves.columns(index),
+            "looks": [[steps, found[index]] for steps, found in looks],
+            "measured": measured[index],
+        }
+        make_writable(folder / cell.name)
+        save_policy(folder / cell.name / f"seed-{seed}.safetensors", policy.card, policy.network)
+        write_text(folder / cell.name / f"seed-{seed}.json", json.dumps(written) + "\n")
+
+
+def main(argv: list[str] | None = None) -> int:
+    """Train, measure, print."""
+    parser = Parser(prog=PROG, description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("runs", type=Path, help="folder of the results")
+    parser.add_argument("--plan", nargs="+", choices=PLANS, default=[], help="train what these lack")
+    parser.add_argument("--cell", help="only this one")
+    parser.add_argument("--seeds", type=int, nargs="+", help="only these")
+    arguments = parser.parse_args(argv)
+    torch.set_num_threads(1)
+    for name in arguments.plan:
+        train_missing(arguments.runs, name, arguments.seeds or range(PLANS[name].seeds), arguments.cell)
+    return 0
+
+
+if __name__ == "__main__":
+    raise SystemExit(finish(main, prog=PROG))
