@@ -36,11 +36,10 @@ from kinreach.baselines.ppo2 import PPO2
 from kinreach.baselines.recipes import Recipe
 from kinreach.baselines.rewards import TrainingReward
 from kinreach.baselines.vec_envs import SB3VecEnv, TriesVecEnv
-from kinreach.checks import check_known
-from kinreach.envs.reach.task import GOAL, SINGLE_STEP
+from kinreach.checks import Floats, check_known, shown
+from kinreach.envs.reach.task import joint_limits, layout_of
 from kinreach.errors import InputError
-from kinreach.robots import get_arm
-from kinreach.robots.workcell import BoxRegion
+from kinreach.robots import ArmDescription, BoxRegion, as_arm
 
 
 @dataclass(frozen=True)
@@ -238,9 +237,10 @@ def ppo_arguments(recipe: Recipe, env: SB3VecEnv, planned: int) -> dict[str, Any
     if networks.std != 1.0:
         policy["log_std_init"] = math.log(networks.std)
     if networks.posture:
-        home = np.array(get_arm("ur5").home) / SINGLE_STEP.scale
+        arm = _arm(recipe)
+        half, middle = _half_ranges(arm), sum(joint_limits(arm)) / 2
         arguments["policy"] = PosturePolicy
-        policy["head"] = {"gain": 1.0 / SINGLE_STEP.scale, "shift": home.tolist()}
+        policy["head"] = {"gain": (1.0 / half).tolist(), "shift": ((np.array(arm.home) - middle) / half).tolist()}
     if "minibatches" in arguments:
         arguments["batch_size"] = recipe.num_envs * arguments["n_steps"] // arguments.pop("minibatches")
     return arguments
@@ -260,7 +260,8 @@ def adaptive_arguments(recipe: Recipe, env: SB3VecEnv, planned: int) -> dict[str
     arguments["adaptive"] = AdaptiveRate(**arguments["adaptive"])
     if arguments["exploration"] is not None:
         schedule = Exploration(**arguments["exploration"])
-        arguments["exploration"] = schedule.scaled(1.0 / SINGLE_STEP.scale) if recipe.networks.posture else schedule
+        posture = recipe.networks.posture
+        arguments["exploration"] = schedule.scaled(1.0 / _half_ranges(_arm(recipe)).max()) if posture else schedule
     return arguments
 
 
@@ -286,7 +287,7 @@ def _features(recipe: Recipe) -> dict[str, Any]:
         return {"mean": [0.0] * len(BUTTON_SCALE), "scale": BUTTON_SCALE}
     observations = first_observations(recipe.environment, recipe.options, seed=_SCALE_SEED)
     if kind == "goal waves":
-        observations = observations[:, GOAL]
+        observations = observations[:, layout_of(_arm(recipe)).goal]
     scale = observations.std(axis=0)
     scale = np.where(scale < 1e-6, 1.0, scale)
     waves = (0.5, 1.0, 2.0) if kind == "goal waves" else ()
@@ -305,17 +306,41 @@ def step_by_step_to_the_end(batch: VectorEnv[Any, Any, Any], recipe: Recipe, rew
 
 def in_tries(batch: VectorEnv[Any, Any, Any], recipe: Recipe, reward: TrainingReward) -> SB3VecEnv:
     """A batch in which several postures are tried for each goal; goals are drawn on the table area and around it."""
-    draw = wider_goals(recipe.margin).sample
+    arm = _arm(recipe)
+    draw = wider_goals(recipe.margin, arm).sample
     return TriesVecEnv(
-        batch, tries=recipe.settings["tries"], draw=draw, steps=recipe.walk, reward=reward, blur=recipe.blur
+        batch,
+        tries=recipe.settings["tries"],
+        draw=draw,
+        steps=recipe.walk,
+        reward=reward,
+        blur=recipe.blur,
+        layout=layout_of(arm),
     )
 
 
-def wider_goals(margin: float) -> BoxRegion:
-    """The UR5's table area with a margin [m] on every side."""
-    goals: Any = get_arm("ur5").workcell.goals
+def wider_goals(margin: float, arm: str | ArmDescription = "ur5") -> BoxRegion:
+    """The area of an arm's goals with a margin [m] on every side.
+
+    Raises:
+        InputError: The arm's goals are not in a box.
+    """
+    goals = as_arm(arm).workcell.goals
+    if not isinstance(goals, BoxRegion):
+        raise InputError(f"ranked PPO draws goals from a BoxRegion, arm {as_arm(arm).name!r} has {shown(goals)}")
     (x0, x1), (y0, y1) = goals.x, goals.y
     return BoxRegion((x0 - margin, x1 + margin), (y0 - margin, y1 + margin), goals.z)
+
+
+def _arm(recipe: Recipe) -> ArmDescription:
+    """The arm that a recipe for reaching is for."""
+    return as_arm(recipe.options.get("arm", "ur5"))
+
+
+def _half_ranges(arm: ArmDescription) -> Floats:
+    """What an action of 1 means for each joint, from the middle of its range [rad]."""
+    low, high = joint_limits(arm)
+    return (high - low) / 2
 
 
 @dataclass(frozen=True)

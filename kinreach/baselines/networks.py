@@ -6,7 +6,6 @@ from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from typing import Any
 
-import numpy as np
 import torch
 from gymnasium import spaces
 from stable_baselines3.common.base_class import BaseAlgorithm
@@ -77,14 +76,15 @@ class PostureHead(nn.Linear):
 
     Args:
         hidden: Length of h.
-        gain: Action of one radian.
+        gain: Action of one radian, for each joint.
         shift: Action that means the start pose.
     """
 
-    def __init__(self, hidden: int, *, gain: float, shift: Sequence[float]) -> None:
+    def __init__(self, hidden: int, *, gain: Sequence[float], shift: Sequence[float]) -> None:
         super().__init__(hidden, len(shift))
-        self.gain = gain
+        self.gain: Tensor
         self.shift: Tensor
+        self.register_buffer("gain", torch.tensor(gain, dtype=torch.float32), persistent=False)
         self.register_buffer("shift", torch.tensor(shift, dtype=torch.float32))
         nn.init.orthogonal_(self.weight, 0.01)
         nn.init.zeros_(self.bias)
@@ -143,5 +143,5 @@ def actor_network(model: BaseAlgorithm) -> Network:
     elif type(features) is not FlattenExtractor:
         raise InputError(f"the features extractor {type(features).__name__} cannot be exported")
     if isinstance(owner, PostureHead):
-        network = replace(network, gain=np.full(owner.out_features, owner.gain), shift=owner.shift.numpy())
+        network = replace(network, gain=owner.gain.numpy(), shift=owner.shift.numpy())
     return network

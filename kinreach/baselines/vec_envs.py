@@ -12,7 +12,7 @@ from stable_baselines3.common.vec_env.base_vec_env import VecEnvIndices, VecEnvO
 
 from kinreach.baselines.policies import paced
 from kinreach.baselines.rewards import TrainingReward, own
-from kinreach.envs.reach.task import ANGLES, GOAL, SINGLE_STEP
+from kinreach.envs.reach.task import SINGLE_STEP, UR5_LAYOUT, Layout
 from kinreach.errors import InputError
 
 Array = np.ndarray[Any, Any]
@@ -115,8 +115,9 @@ class TriesVecEnv(SB3VecEnv):
         draw: Draws goals [m], shape (n, 3), from a generator.
         steps: Of an episode; 1 where actions are postures.
         reward: What the learner sees.
-        blur: Standard deviation of noise on the six numbers that say where the goal is [m]: without, a network is free
-            in how it answers two cameras that do not quite agree, as real ones do.
+        blur: Standard deviation of noise on the numbers that say where the goal is [m]: without, a network is free in
+            how it answers two cameras that do not quite agree, as real ones do.
+        layout: Where goal and joint angles are in the observation.
     """
 
     def __init__(
@@ -128,9 +129,11 @@ class TriesVecEnv(SB3VecEnv):
         steps: int,
         reward: TrainingReward,
         blur: float,
+        layout: Layout = UR5_LAYOUT,
     ) -> None:
         super().__init__(env, reward=reward)
         self._tries, self._draw, self._steps, self._blur = tries, draw, steps, blur
+        self._layout = layout
         self._rng = np.random.default_rng()
         self._infos: list[dict[str, Any]] = [{} for _ in range(env.num_envs)]
         self._over = np.ones(env.num_envs, dtype=np.bool_)
@@ -153,15 +156,16 @@ class TriesVecEnv(SB3VecEnv):
         return self._begin(), seen, self._over, self._infos
 
     def _walk(self, postures: Array) -> tuple[Any, Any]:
-        q = self._first[:, ANGLES]
+        q = self._first[:, self._layout.q]
         for _ in range(self._steps):
             observations, rewards, _, _, info = self._env.step(paced(postures - q))
-            q = observations[:, ANGLES]
+            q = observations[:, self._layout.q]
         return rewards, info
 
     def _begin(self) -> Array:
         groups = self.num_envs // self._tries
         goals = self._draw(self._rng, groups)
         self._first = np.array(self._env.reset(options={"goal": np.repeat(goals, self._tries, axis=0)})[0])
-        self._first[:, GOAL] += np.repeat(self._rng.normal(0.0, self._blur, (groups, 6)), self._tries, axis=0)
+        noise = self._rng.normal(0.0, self._blur, (groups, self._layout.goal.stop))
+        self._first[:, self._layout.goal] += np.repeat(noise, self._tries, axis=0)
         return self._first

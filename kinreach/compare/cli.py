@@ -21,6 +21,8 @@ from kinreach.objects import load_object
 from kinreach.robots import ArmDescription, as_arm
 from kinreach.summary import tables
 
+#: How the names of files that describe an arm end.
+URDF = ".urdf"
 #: Width that the tables for people fit into [characters].
 TABLE_WIDTH = 100
 #: Options of the environments that have an argument of their own: name -> how it is said, and what it is.
@@ -99,7 +101,9 @@ def _task(name: str) -> Task:
 
 
 def _arm(name: str) -> str | ArmDescription:
-    """A registered arm's name, or an arm of a module of the user's: `"module:attribute"`."""
+    """A registered arm's name, a URDF file, or an arm of a module of the user's: `"module:attribute"`."""
+    if name.lower().endswith(URDF):
+        return ArmDescription.from_urdf(name)
     if ":" not in name:
         return name
     arm = load_object("arm", name)
@@ -181,7 +185,8 @@ def _parser(prog: str) -> Parser:
     parser.add_argument(
         "--arm",
         metavar="NAME",
-        help="another arm for the tasks ur5 and arm3, or module:attribute; by default with solvers only",
+        help="another arm for the tasks ur5 and arm3: its name, a URDF file, or module:attribute; by default with "
+        "solvers, and the policies that were trained for it",
     )
     parser.add_argument("--methods", metavar="A,B", help="methods to compare, see below (default: all of the task's)")
     parser.add_argument("--goals", type=int, default=DEFAULT_GOALS, metavar="N", help="default: %(default)s")

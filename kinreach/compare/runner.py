@@ -24,6 +24,8 @@ from kinreach.checks import check_count, check_known, check_path, shown
 from kinreach.compare import figures, report
 from kinreach.compare.methods import colours, resolve_methods
 from kinreach.compare.task import GIVEN, SOLVER, Method, Task, get_task
+from kinreach.envs.reach.goals import with_goals
+from kinreach.envs.reach.task import layout_of
 from kinreach.errors import InputError, InstallationError, OutputError
 from kinreach.files import make_writable, write_text
 from kinreach.robots import ArmDescription, as_arm
@@ -138,7 +140,8 @@ def compare(
             `kinreach.compare.methods.resolve_methods`; all of the task's own if empty.
         goals: Number of goals.
         seed: Of the goals.
-        arm: Name of a registered arm, or a description, for tasks whose environments take one.
+        arm: Name of a registered arm, or a description, for tasks whose environments take one. Where its work cell has
+            no goals, they are `ReachableGoals`, scaled to the arm.
         observation: `"geometric"` (the true goal) or `"camera"` (what the cameras saw), for tasks that have both.
         options: Of the task's environments.
         out: Directory for `results.json`, `results.csv`, `report.html` and the figures; created if need be. None:
@@ -192,13 +195,14 @@ def prepare(
         if task.observations:
             chosen["observation"] = observation
     if arm is not None:
-        description = as_arm(arm)
+        description = with_goals(as_arm(arm))
         if not task.arm:
             raise InputError(f"the task {task.name!r} takes no other arm, got {description.name!r}")
         chosen["arm"] = description if isinstance(arm, ArmDescription) else arm
-        if description.name != task.arm:
+        if description.name != task.arm or layout_of(description) != layout_of(as_arm(task.arm)):
             solvers = {name: method for name, method in task.methods.items() if method.kind == SOLVER}
-            task = replace(task, title=f"{description.title}: tip at the goal", methods=solvers)
+            own = task.arm_methods.get(description.name, {})
+            task = replace(task, title=f"{description.title}: tip at the goal", methods={**solvers, **own})
     task = task.with_options(chosen)
     resolved = resolve_methods(task, methods)
     left_out: dict[str, str] = {}

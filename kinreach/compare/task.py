@@ -73,6 +73,7 @@ class Task:
         figures: By name of the file.
         reached: The criterion in a few words.
         arm: Name of the arm that does it, where its environments take others; empty where they do not.
+        arm_methods: What other arms have beside the task's solvers: methods by the name of the arm.
         options: Of the environments; `compare` can override them.
         variants: Ids of the environments that policies from files may be for, by a short name; the first one is taken
             for a policy that does not say.
@@ -90,6 +91,7 @@ class Task:
     figures: Mapping[str, Draw] = field(default_factory=dict)
     reached: str = "the environment's own criterion"
     arm: str = ""
+    arm_methods: Mapping[str, Mapping[str, Method]] = field(default_factory=dict)
     options: Mapping[str, Any] = field(default_factory=dict)
     variants: Mapping[str, str] = field(default_factory=dict)
     observations: tuple[str, ...] = ()

@@ -69,8 +69,8 @@ class ArmKinematics:
         self.lower: Floats = self.model.lowerPositionLimit.copy()
         self.upper: Floats = self.model.upperPositionLimit.copy()
         self.velocity_limit: Floats = self.model.velocityLimit.copy()
-        self.tip_frame: int = self.model.getFrameId(self.arm.tips[self.tip])
-        T_world_arm = self.model.frames[self.model.getFrameId(self.arm.base)].placement.homogeneous
+        self.tip_frame: int = link_frame(self.model, self.arm.tips[self.tip])
+        T_world_arm = self.model.frames[link_frame(self.model, self.arm.base)].placement.homogeneous
         self.T_world_base: Floats = T_world_arm if base == "base_link" else np.eye(4)
         self.T_base_world: Floats = np.linalg.inv(self.T_world_base)
 
@@ -177,6 +177,11 @@ class ArmKinematics:
         return SerialChain(placements, axes, self.model.frames[self.tip_frame].placement.homogeneous)
 
 
+def link_frame(model: Any, link: str) -> int:
+    """Index of a link's frame in a Pinocchio model; a joint may have the same name."""
+    return int(model.getFrameId(link, pin.BODY))
+
+
 def build_model(arm: ArmDescription) -> Any:
     """Pinocchio model of an arm with the joints that are not part of `q` held in place."""
     urdf = arm.urdf
@@ -203,7 +208,7 @@ def build_model(arm: ArmDescription) -> Any:
         if model.joints[index].nq != 1 or not ("Revolute" in kind or kind in PLAIN_AXES):
             raise InputError(f"arm {arm.name!r}: joint {name!r} ({kind}) is not a revolute joint with limits")
     for frame in (arm.base, *arm.tips.values()):
-        if not model.existFrame(frame):
+        if not model.existFrame(frame, pin.BODY):
             raise InputError(f"arm {arm.name!r}: the URDF has no link {frame!r}")
     return model
 

@@ -28,6 +28,7 @@ from kinreach.checks import (
     shown,
 )
 from kinreach.errors import InputError
+from kinreach.kinematics.arm import link_frame
 from kinreach.kinematics.closed_form import ClosedFormKinematics
 from kinreach.kinematics.goals import Goal, PositionGoal
 from kinreach.kinematics.solutions import Accept, IKResult, IKSolutions, Row
@@ -232,7 +233,7 @@ class Arm3Kinematics(ClosedFormKinematics):
     ) -> None:
         super().__init__(arm, tip=tip, base=base)
         self.geometry = YawPlanarGeometry.from_model(self.model, self.tip_frame)
-        T_world_arm = self.model.frames[self.model.getFrameId(self.arm.base)].placement.homogeneous
+        T_world_arm = self.model.frames[link_frame(self.model, self.arm.base)].placement.homogeneous
         self._T_arm_base: Floats = np.linalg.inv(T_world_arm) @ self.T_world_base
 
     def all_solutions(

@@ -2,12 +2,16 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from functools import cache
 
 from kinreach.checks import check_known
 from kinreach.errors import InputError
-from kinreach.robots import arm3, ur
+from kinreach.robots import arm3, panda, ur
 from kinreach.robots.description import ArmDescription
+
+#: Arms that are read from a file when they are first asked for.
+_FROM_FILES: dict[str, Callable[[], ArmDescription]] = {"panda": panda.describe}
 
 
 @cache
@@ -21,7 +25,7 @@ def register_arm(arm: ArmDescription) -> ArmDescription:
     Raises:
         InputError: Another arm has that name already.
     """
-    if _arms().get(arm.name, arm) is not arm:
+    if arm.name in _FROM_FILES or _arms().get(arm.name, arm) is not arm:
         raise InputError(f"an arm named {arm.name!r} is registered already")
     _arms()[arm.name] = arm
     return arm
@@ -32,8 +36,11 @@ def get_arm(name: str) -> ArmDescription:
 
     Raises:
         UnknownNameError: There is none; the message lists the available names.
+        InstallationError: The package with its URDF is not installed.
     """
-    check_known("arm", name, _arms())
+    check_known("arm", name, arm_names())
+    if name not in _arms():
+        _arms()[name] = _FROM_FILES[name]()
     return _arms()[name]
 
 
@@ -48,4 +55,4 @@ def as_arm(arm: str | ArmDescription) -> ArmDescription:
 
 def arm_names() -> tuple[str, ...]:
     """Names of all registered arms, sorted."""
-    return tuple(sorted(_arms()))
+    return tuple(sorted({*_arms(), *_FROM_FILES}))

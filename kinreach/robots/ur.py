@@ -124,7 +124,7 @@ _CELLS = (
 )  # fmt: skip
 
 
-def _package_root() -> str:
+def example_robot_data() -> str:
     """The `share` folder of example-robot-data, found without importing an engine."""
     spec = importlib.util.find_spec("example_robot_data")
     if spec is not None and spec.origin is not None:
@@ -132,13 +132,13 @@ def _package_root() -> str:
             if (parent / "share" / URDF_FILE.format("ur5")).is_file():
                 return str(parent / "share")
     raise InstallationError(
-        "the descriptions of the UR arms are missing; install them with: "
+        "the descriptions of the arms are missing; install them with: "
         "pip install example-robot-data==4.4.0 example-robot-data-loaders==4.4.0"
     )
 
 
 def _build_urdf(name: str) -> str:
-    robot = ET.parse(Path(_package_root()) / URDF_FILE.format(name)).getroot()
+    robot = ET.parse(Path(example_robot_data()) / URDF_FILE.format(name)).getroot()
     prune(robot, tags=("gazebo", "transmission"), links=("ee_link", "base"))
     set_origin(robot, "world_joint", (0, 0, 0), (0, 0, MOUNT_YAW))
     add_parallel_gripper(robot, "tool0")
@@ -205,7 +205,7 @@ def _describe(cell: _Cell) -> ArmDescription:
         default_tip="tcp",
         workcell=_workcell(cell),
         disabled_collisions=_SRDF_PAIRS + _GRIPPER_PAIRS,
-        package_root=_package_root,
+        package_root=example_robot_data,
         position_gains=cell.position_gains,
         speed_limit=cell.speed_limit,
         acceleration_limit=10.0,

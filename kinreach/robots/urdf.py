@@ -201,10 +201,11 @@ def _check_tree(robot: ET.Element) -> None:
     joints = robot.findall("joint")
     if not 1 <= len(links) <= MOST_LINKS:
         raise InputError(f"the URDF must have 1 to {MOST_LINKS} links, got {len(links)}")
-    names = Counter([*links, *(joint.get("name", "") for joint in joints)])
-    for name, count in names.items():
-        if not name.isprintable() or not name or (count > 1 and (name in links)):
+    for name, count in Counter(links).items():
+        if not name.isprintable() or not name or count > 1:
             raise InputError(f"the URDF names {shown(name)} {count} times" if name else "the URDF has a nameless part")
+    if not all(name and name.isprintable() for name in (joint.get("name", "") for joint in joints)):
+        raise InputError("the URDF has a joint without a name that can be printed")
     if len({joint.get("name") for joint in joints}) < len(joints):
         raise InputError("the URDF has two joints of one name")
     held: set[str] = set()

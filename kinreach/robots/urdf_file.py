@@ -282,6 +282,9 @@ def read_urdf(
     _hold(robot, arm.joints, held)
     for endless in robot.findall("joint[@type='continuous']"):
         _limit_to_a_turn(endless)
+    for limit in robot.findall("joint/limit"):
+        if float(limit.get("velocity", "0")) == 0.0:  # not given: it would hold the joint still in a solver's steps
+            limit.set("velocity", repr(MOST_SPEED))
     if robot.find(f"link[@name='{WORLD}']") is None:
         root_link = UrdfArm(name, robot, tip=arm.tip).base
         robot.append(ET.Element("link", name=WORLD))

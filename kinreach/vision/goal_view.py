@@ -20,7 +20,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from kinreach.checks import MOST_DISTANCE, Floats, as_array, as_floats, as_vector, check_entries, check_known, shown
 from kinreach.errors import InputError, raise_unknown
-from kinreach.kinematics.arm import build_model, pin
+from kinreach.kinematics.arm import build_model, link_frame, pin
 from kinreach.robots import ArmDescription, as_arm
 from kinreach.sim.looks import camera_rotation
 from kinreach.sim.rendering import FrameRenderer
@@ -58,7 +58,7 @@ def goal_camera_poses(arm: ArmDescription) -> Floats:
         T_link_camera = np.eye(4)
         T_link_camera[:3, :3] = camera_rotation(mount) @ OPTICAL_IN_GL
         T_link_camera[:3, 3] = mount.position
-        T_world_camera[:] = data.oMf[model.getFrameId(mount.link)].homogeneous @ T_link_camera
+        T_world_camera[:] = data.oMf[link_frame(model, mount.link)].homogeneous @ T_link_camera
     poses.flags.writeable = False
     return poses
 

@@ -1,11 +1,15 @@
 """The reach tasks: solvers and policies in the environments, and where the distance that is left comes from."""
 
+import json
+
 import numpy as np
 import pytest
 
 from kinreach.compare import compare
+from kinreach.compare.cli import main
 from kinreach.compare.reach import Budget, budget
 from kinreach.kinematics import UR5Kinematics
+from kinreach.robots import get_arm
 
 SOLVERS = ["closed-form", "lm", "qp"]
 #: A pose 8 m away.
@@ -148,3 +152,13 @@ except InstallationError as error:
     assert "'placo'" not in names
     assert "placo" in left_out
     assert refused.startswith("refused: cannot import placo")
+
+
+def test_an_arm_from_its_urdf_file_on_the_command_line(tmp_path, capsys):
+    file = f"{get_arm('ur5').package_root()}/example-robot-data/robots/ur_description/urdf/ur5_robot.urdf"
+    arguments = ["--arm", file, "--goals", "3", "--out", str(tmp_path)]
+    assert main(arguments, prog="compare") == 0
+    found = json.loads((tmp_path / "results.json").read_text())
+    assert [entry["name"] for entry in found["methods"]] == ["closed-form", "placo", "lm", "qp"]
+    assert {entry["reached"] for entry in found["methods"]} == {1.0}
+    assert file in capsys.readouterr().out

@@ -128,7 +128,7 @@ def test_arms_without_meshes_say_so():
     assert len(without) == 11
     for name in without:
         for use in (CollisionChecker, ArmSimulation, lambda arm: gym.make("kinreach/UR5SingleStep-v0", arm=arm)):
-            with pytest.raises(InputError, match=f"'{name}' has no collision shapes.*arm3, ur10, ur3, ur5"):
+            with pytest.raises(InputError, match=f"'{name}' has no collision shapes.*arm3, panda, ur10, ur3, ur5"):
                 use(name)
 
 

@@ -11,9 +11,9 @@ import pinocchio as pin
 import pytest
 
 from kinreach.errors import InputError
-from kinreach.kinematics import ArmKinematics, CollisionChecker, PoseGoal
+from kinreach.kinematics import ArmKinematics, CollisionChecker, PoseGoal, PositionGoal
 from kinreach.kinematics.solvers import LevenbergMarquardtSolver, PlacoSolver, QPSolver
-from kinreach.robots import ArmDescription, BoxRegion, Workcell, get_arm
+from kinreach.robots import ArmDescription, BoxRegion, Workcell, arm_names, get_arm, register_arm
 from kinreach.sim.simulation import ArmSimulation
 
 SHARE = Path(str(get_arm("ur5").package_root()))
@@ -253,3 +253,35 @@ def test_other_limits():
     ):
         with pytest.raises(InputError, match=said):
             get_arm("ur5").with_limits(limits)
+
+
+def test_a_speed_that_is_not_given_holds_no_joint_still(tmp_path):
+    """Continuous joints often have no speed, or 0, and solvers with speed limits left them where they were."""
+    for limit in ("", '<limit effort="0" velocity="0"/>'):
+        arm = ArmDescription.from_urdf(write(tmp_path, a="continuous", limit=limit))
+        kin = ArmKinematics(arm)
+        assert kin.velocity_limit.tolist() == [3.0, 2.0]
+        goal = PositionGoal(kin.fk([1.2, 1.1])[:3, 3])
+        for solver in (PlacoSolver(kin), QPSolver(kin)):
+            found = solver.solve(goal, [-0.8, 0.7])
+            assert found.success
+            np.testing.assert_allclose(found.q, [1.2, 1.1], atol=1e-2)
+
+
+def test_a_link_and_a_joint_may_have_one_name(tmp_path):
+    file = tmp_path / "same.urdf"
+    file.write_text(ARM.format(a="revolute", limit=LIMIT, mimic="").replace('joint name="d"', 'joint name="end"'))
+    kin, other = ArmKinematics.from_urdf(file, tip="end"), ArmKinematics.from_urdf(write(tmp_path), tip="end")
+    q = np.random.default_rng(0).uniform(kin.lower, kin.upper, (20, 2))
+    np.testing.assert_array_equal([kin.fk(row) for row in q], [other.fk(row) for row in q])
+    np.testing.assert_allclose(kin.fk(q), other.fk(q), atol=1e-14)
+
+
+def test_the_panda_by_its_name():
+    panda, kin = get_arm("panda"), ArmKinematics("panda", base="world")
+    assert panda is get_arm("panda")
+    assert "panda" in arm_names()
+    np.testing.assert_allclose(kin.fk(panda.home)[:3, 2], (0, 0, -1), atol=1e-9)
+    assert CollisionChecker("panda").free(panda.home)
+    with pytest.raises(InputError, match="registered already"):
+        register_arm(ArmDescription.from_urdf(PANDA))

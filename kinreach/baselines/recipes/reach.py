@@ -1,4 +1,4 @@
-"""Recipes for the UR5: the thesis's, and those that reach."""
+"""Recipes for reaching: the thesis's, those that reach, and one for the Panda."""
 
 from __future__ import annotations
 
@@ -186,6 +186,20 @@ REACH_RECIPES = (
         settings=_RANKED,
         window=20_480,
         options={"backend": "kinematic"},
+    ),
+    Recipe(
+        name="panda-single",
+        summary="As single, for the Panda: no camera, no posture that is asked for, only the distance and collisions.",
+        environment=SINGLE,
+        algorithm="RankedPPO",
+        steps=1_500_000,
+        num_envs=2048,
+        reward="dense",
+        margin=0.02,
+        networks=_GOAL_WAVES,
+        settings=_RANKED,
+        window=20_480,
+        options={"backend": "kinematic", "arm": "panda"},
     ),
     Recipe(
         name="multi",

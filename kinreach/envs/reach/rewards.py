@@ -31,6 +31,7 @@ from kinreach.checks import Floats, as_flags, as_floats, check_entries, shown
 from kinreach.errors import InputError
 from kinreach.robots import ArmDescription, get_arm
 from kinreach.thesis.reward import posture_error, reach_reward
+from kinreach.vision.goal_view import has_goal_cameras
 
 Flags = NDArray[np.bool_]
 Terms = Mapping[str, Floats]
@@ -154,8 +155,11 @@ class OwnReward:
 
 
 def default_reward(arm: ArmDescription) -> ThesisReward | DistanceReward:
-    """The thesis's reward for an arm with the joints of the UR5, for others minus the distance."""
-    if arm.joints == get_arm("ur5").joints:
+    """The thesis's reward for a UR in a work cell with the thesis's cameras, for others minus the distance.
+
+    What is a natural posture depends on how the arm is mounted; a UR from a file may stand anywhere.
+    """
+    if arm.joints == get_arm("ur5").joints and has_goal_cameras(arm):
         return ThesisReward()
     return DistanceReward(arm.workcell.reached_distance)
 

@@ -201,6 +201,16 @@ def goal_block(arm: ArmDescription, goals: Floats) -> Floats:
     return geometric_goal_view(arm, goals) if has_goal_cameras(arm) else goals.copy()
 
 
+def tool_goal(arm: ArmDescription, position: ArrayLike) -> AxisGoal | PositionGoal:
+    """What a solver is asked for: the tip at a point of the world [m], the tool down where there are joints enough.
+
+    Raises:
+        InputError: No point.
+    """
+    point = as_floats("position", position)
+    return AxisGoal(point, TOOL_DOWN) if len(arm.joints) >= JOINTS else PositionGoal(point)  # type: ignore[arg-type]
+
+
 def check_actions(actions: ArrayLike, count: int | None, joints: int = JOINTS) -> Floats:
     """Actions of shape (joints,), or (count, joints) for a batch, clipped to [-1, 1].
 
@@ -315,13 +325,8 @@ class ReachTask:
         return np.asarray((target if self._middle is None else target - self._middle) / self._scale)
 
     def ik_goal(self, position: ArrayLike) -> AxisGoal | PositionGoal:
-        """What a solver is asked for: the tip at a point of the world [m], the tool down where there are joints enough.
-
-        Raises:
-            InputError: No point.
-        """
-        point = as_floats("position", position)
-        return AxisGoal(point, TOOL_DOWN) if len(self.arm.joints) >= 6 else PositionGoal(point)  # type: ignore[arg-type]
+        """`tool_goal` of this arm."""
+        return tool_goal(self.arm, position)
 
     def natural(self, q: ArrayLike) -> bool:
         """Whether a posture [rad], shape (n,), has the posture error that reaching asks for."""

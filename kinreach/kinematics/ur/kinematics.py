@@ -7,6 +7,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from kinreach.checks import MOST_DISTANCE, Floats, as_floats, as_pose, check_known, check_poses, check_tolerance, shown
 from kinreach.errors import InputError
+from kinreach.kinematics.arm import link_frame
 from kinreach.kinematics.closed_form import ClosedFormKinematics
 from kinreach.kinematics.goals import AxisGoal, Goal, PoseGoal, PositionGoal, nearest_rotations, pose_error
 from kinreach.kinematics.solutions import ANGLES, BRANCH, FLAGS, Accept, IKResult, IKSolutions, Row, nearest_winding
@@ -49,10 +50,10 @@ class URKinematics(ClosedFormKinematics):
     ) -> None:
         super().__init__(model, tip=tip, base=base)
         check_known(f"tip of arm {self.arm.name!r}", FLANGE, self.arm.tips)
-        flange = self.model.getFrameId(self.arm.tips[FLANGE])
+        flange = link_frame(self.model, self.arm.tips[FLANGE])
         self.geometry = URGeometry.from_model(self.model, flange)
         T_flange_tip = self.model.frames[flange].placement.inverse() * self.model.frames[self.tip_frame].placement
-        T_world_arm = self.model.frames[self.model.getFrameId(self.arm.base)].placement.homogeneous
+        T_world_arm = self.model.frames[link_frame(self.model, self.arm.base)].placement.homogeneous
         self._T_dh_base: Floats = FLIP @ np.linalg.inv(T_world_arm) @ self.T_world_base
         self._T_tip_flange: Floats = T_flange_tip.inverse().homogeneous
         # with tool0 in base_link only two rows change their sign

@@ -1,11 +1,16 @@
 """Goals drawn ahead for many environments are those that each would draw alone."""
 
+from pathlib import Path
+
 import numpy as np
 import pytest
 
 from kinreach.envs.reach.episodes import GoalStreams, goal_streams
+from kinreach.envs.reach.goals import with_goals
 from kinreach.errors import InputError
-from kinreach.robots import Workcell, get_arm
+from kinreach.kinematics import ArmKinematics, AxisGoal, CollisionChecker
+from kinreach.kinematics.solvers import QPSolver
+from kinreach.robots import ArmDescription, Workcell, get_arm
 
 REGION = get_arm("ur5").workcell.goals
 
@@ -52,3 +57,34 @@ def test_a_cell_without_goals_says_so_when_one_is_drawn():
     streams = goal_streams(Workcell(), 1)
     with pytest.raises(InputError, match="no goals"):
         streams.draw(np.arange(1))
+
+
+ROBOTS = Path(str(get_arm("ur5").package_root())) / "example-robot-data/robots"
+
+
+@pytest.mark.parametrize("file", ["xarm_description/urdf/xarm7.urdf", "ur_description/urdf/ur10_robot.urdf"])
+def test_an_arm_without_goals_is_given_some_of_its_size(file):
+    bare = ArmDescription.from_urdf(ROBOTS / file)
+    arm = with_goals(bare)
+    assert with_goals(arm) is arm
+    goals = arm.workcell.draw_goals(np.random.default_rng(0), 8)
+    np.testing.assert_array_equal(goals, with_goals(bare).workcell.draw_goals(np.random.default_rng(0), 8))
+    kin, checker = ArmKinematics(arm, base="world"), CollisionChecker(arm)
+    q = np.random.default_rng(9).uniform(kin.lower, kin.upper, (5000, kin.n))
+    reach = np.hypot(*kin.positions(q)[:, :2].T).max()
+    away = np.hypot(*goals[:, :2].T) / reach
+    assert ((away > 0.33) & (away < 0.77)).all()
+    solver = QPSolver(kin)  # another one than the goals were tried with
+    for goal in goals:
+        result = solver.solve(AxisGoal(goal, (0.0, 0.0, -1.0)), arm.home, accept=checker.free)
+        assert result.success
+        np.testing.assert_allclose(kin.fk(result.q)[:3, 3], goal, atol=2e-4)
+    assert len(goals) == 8
+
+
+def test_goals_that_nothing_reaches(monkeypatch):
+    monkeypatch.setattr("kinreach.envs.reach.goals.MOST_TRIES", 3)
+    monkeypatch.setattr("kinreach.envs.reach.goals.FARTHEST", 0.0)
+    arm = with_goals(ArmDescription.from_urdf(ROBOTS / "xarm_description/urdf/xarm7.urdf"))
+    with pytest.raises(InputError, match="no goal that arm 'UF_ROBOT' reaches"):
+        arm.workcell.draw_goals(np.random.default_rng(0), 1)
