@@ -11,6 +11,7 @@ from gymnasium.envs.registration import register, registry
 _REACH, _BUTTON = "kinreach.envs.reach", "kinreach.envs.button"
 #: Ids of the environments.
 SINGLE, MULTI, BUTTON = "kinreach/UR5SingleStep-v0", "kinreach/UR5MultiStep-v0", "kinreach/ButtonPress-v0"
+SPACE = "kinreach/Reach-v0"
 #: Those of the reach tasks without dynamics, for clients that cannot pass `backend="kinematic"` on.
 SINGLE_KINEMATIC, MULTI_KINEMATIC = "kinreach/UR5SingleStepKinematic-v0", "kinreach/UR5MultiStepKinematic-v0"
 
@@ -20,6 +21,7 @@ _MULTI = (f"{_REACH}.env:UR5MultiStepEnv", f"{_REACH}.vector_env:multi_step")
 ENVIRONMENTS = {
     SINGLE: _SINGLE,
     MULTI: _MULTI,
+    SPACE: (f"{_REACH}.env:SpaceReachEnv", f"{_REACH}.vector_env:in_space"),
     BUTTON: (f"{_BUTTON}.env:ButtonPressEnv", f"{_BUTTON}.vector_env:ButtonPressVectorEnv"),
 }
 #: Environment id -> the same, with `backend="kinematic"`.

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import Any, ClassVar, Self
 
 import numpy as np
@@ -14,6 +15,7 @@ from kinreach.envs.batch import Outcome, first_row
 from kinreach.envs.options import RENDER_MODES, check_seed, check_started, options_from, takes
 from kinreach.envs.reach.episodes import ReachEpisodes
 from kinreach.envs.reach.observers import PixelObserver
+from kinreach.envs.reach.space import SpaceOptions, SpaceTask
 from kinreach.envs.reach.task import (
     MULTI_STEP,
     SINGLE_STEP,
@@ -22,8 +24,6 @@ from kinreach.envs.reach.task import (
     ReachVariant,
     action_space,
     check_actions,
-    observation_space,
-    reset_options,
 )
 from kinreach.envs.reach.worlds import KinematicWorld, ReachWorld, SingleDynamicWorld
 from kinreach.envs.single import CopyableEnv
@@ -51,9 +51,9 @@ class ReachEnv(CopyableEnv):
 
     def __init__(self, **options: Any) -> None:
         EzPickle.__init__(self, **options)
-        self.options = options_from(ReachOptions, options)
+        self._task = task = self._new_task(options)
+        self.options = task.options
         self.render_mode = mode = self.options.render_mode
-        self._task = task = ReachTask(self.options, self.variant)
         self._simulation = ArmSimulation(task.arm, visual=mode is not None)
         self._world: ReachWorld = (
             SingleDynamicWorld(self._simulation)
@@ -67,8 +67,13 @@ class ReachEnv(CopyableEnv):
         self._started = False
         self.action_space = action_space(task.arm)
         self.observation_space: spaces.Space[Any] = (
-            observation_space(task.arm) if self._pixels is None else self._pixels.space()
+            task.observation_space if self._pixels is None else self._pixels.space()
         )
+
+    @classmethod
+    def _new_task(cls, options: Mapping[str, Any]) -> ReachTask:
+        """The task with the options that the environment was made with."""
+        return ReachTask(options_from(ReachOptions, options), cls.variant)
 
     def __deepcopy__(self, memo: dict[int, Any]) -> Self:
         twin = super().__deepcopy__(memo)
@@ -98,7 +103,7 @@ class ReachEnv(CopyableEnv):
         Raises:
             InputError: Wrong shape, or not finite.
         """
-        return self._task.natural(q) and self._task.checker.free(q)
+        return self._task.natural(q, self._episodes.directions[0]) and self._task.checker.free(q)
 
     def posture_for(self, action: ArrayLike) -> Floats:
         """The posture [rad], shape (n,), that an action asks for from where the arm stands: inverse of `action_for`.
@@ -130,7 +135,7 @@ class ReachEnv(CopyableEnv):
         Raises:
             InputError: Wrong shape, or not finite.
         """
-        return self._task.ik_goal(position)
+        return self._task.ik_goal(position, self._episodes.directions[0])
 
     def reset(self, *, seed: int | None = None, options: dict[str, Any] | None = None) -> tuple[Any, dict[str, Any]]:
         """Start an episode: the arm in its start pose, a new ball.
@@ -147,7 +152,7 @@ class ReachEnv(CopyableEnv):
         Raises:
             InputError: A seed that is not an integer at least 0, an unknown option, or one that is malformed.
         """
-        seed, start = check_seed(seed), reset_options(options, None, self.arm)
+        seed, start = check_seed(seed), self._task.reset_options(options, None)
         super().reset(seed=seed)
         if seed is not None or not self._started:
             self._episodes.seed(0, self.np_random)
@@ -379,3 +384,68 @@ class UR5MultiStepEnv(ReachEnv):
     """
 
     variant = MULTI_STEP
+
+
+@takes(SpaceOptions)
+class SpaceReachEnv(ReachEnv):
+    """Reaching in space: a ball in the air, a tool direction, a start from anywhere near the start pose.
+
+    ## Description
+    The thesis's tasks are one plane of goals, one direction of the tool and one start. Here the ball is in a volume
+    above the table, the tool is to point along a given direction, and the arm may start elsewhere; all else is as in
+    `kinreach/UR5SingleStep-v0` (`steps="single"`) and `kinreach/UR5MultiStep-v0` (`steps="multi"`), for any arm with
+    six joints or more.
+
+    ## Action Space
+    `Box(-1, 1, (n,), float32)` for an arm of n joints: joint targets, -1 and 1 being the limits of each, or changes in
+    units of 5 degrees.
+
+    ## Observation Space
+    `Box(6 + 3 + n + 1,), float64` with the two goal cameras (the UR5: 16 numbers), `Box(3 + 3 + n + 1,)` without. The
+    goal is measured once per episode from the start pose, whatever the posture in which the arm then starts.
+
+    | Num | Observation | Unit |
+    |-----|-------------|------|
+    | 0 to 2 | goal in the front camera (without cameras: in the world) | m |
+    | 3 to 5 | goal in the wrist camera (not without cameras) | m |
+    | next 3 | direction in which the tool's z axis is to point, a unit vector in the world | 1 |
+    | next n | joint angles | rad |
+    | last | opening of the gripper | m |
+
+    ## Rewards
+    With d the distance from the tip to the ball's centre and a the angle between the tool and its direction: r_d - a
+    with r_d as in the thesis; 10 - a for d < 0.01 m; 20 for d < 0.01 m and a < 0.15 rad (reached); -100 where the
+    action is impossible. `info["reward_terms"]` has the terms `direction`, `distance` and `special`. No branch of the
+    arm is preferred.
+
+    `reward=` takes the place of that with a function of yours, which is given the angle as well
+    (`kinreach.envs.reach.rewards`).
+
+    ## Starting State
+    Goals are uniform in the arm's own region (the UR5: 0.30 <= x <= 0.65 m, -0.30 <= y <= 0.30 m), from the height of a
+    ball that lies on the table to `goal_height` above. The direction is uniform on the sphere's cap within `tilt` of
+    straight down. Joints are uniform within `start_spread` of the start pose, among the postures that collide with
+    nothing. `reset(options={"goal": (x, y, z), "direction": (x, y, z), "q": q})` sets any of them.
+
+    ## Episode End
+    As in the thesis's two tasks.
+
+    ## Info
+    As in `kinreach/UR5SingleStep-v0`; `posture_error` is the angle a, and `direction` the wanted direction.
+
+    ## Arguments
+
+    <table of the options>
+
+    ## Version History
+    * v0: initial version
+    """
+
+    @property
+    def variant(self) -> ReachVariant:  # type: ignore[override]
+        """Single- or multi-step, as the option `steps` says."""
+        return self._task.variant
+
+    @classmethod
+    def _new_task(cls, options: Mapping[str, Any]) -> SpaceTask:
+        return SpaceTask.of(options)

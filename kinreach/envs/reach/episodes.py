@@ -9,64 +9,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from kinreach.checks import Floats
-from kinreach.envs.batch import AHEAD, Outcome, RowStreams
+from kinreach.envs.batch import Outcome
 from kinreach.envs.reach.observers import goal_observer, measured
 from kinreach.envs.reach.rewards import Score
-from kinreach.envs.reach.task import ReachTask, Start
+from kinreach.envs.reach.task import TOOL_DOWN, ReachTask, Start
 from kinreach.envs.reach.worlds import STATUSES, Executed, Ids, ReachWorld, Status
-from kinreach.robots.workcell import BoxRegion, Workcell
 
 Flags = NDArray[np.bool_]
 
 #: `impossible_reason` where the world does not explain.
 _PHRASES = np.where(STATUSES == "completed", "", STATUSES)
-
-
-class GoalStreams(RowStreams):
-    """What `BoxRegion.sample` draws for each of a number of environments, to the bit, in a third of the time.
-
-    Args:
-        region: Where goals are.
-        count: Number of environments.
-    """
-
-    def __init__(self, region: BoxRegion, count: int) -> None:
-        super().__init__(region, count)
-        self._low, high = np.array([region.x, region.y, region.z]).T
-        self._size = high - self._low
-
-    def draw(self, ids: np.ndarray) -> Floats:
-        """The next goal of each of the given environments, in the world frame [m], shape (len(ids), 3)."""
-        goals = self._size * self._taken(ids)
-        goals += self._low
-        return goals
-
-    def _drawn(self, ids: np.ndarray) -> Floats:
-        """Places in a box from 0 to 1; they are brought into the region when their turn comes."""
-        places = np.empty((len(ids), AHEAD, 3))
-        for index, place in zip(ids, places, strict=True):
-            self._rngs[index].random(out=place)
-        return places
-
-
-class CellGoals:
-    """Draws from any work cell; says so if it has no goals.
-
-    Args:
-        cell: The work cell.
-    """
-
-    def __init__(self, cell: Workcell) -> None:
-        self._cell = cell
-
-    def sample(self, rng: np.random.Generator, count: int) -> Floats:
-        """Draw `count` goals in the world [m], shape (count, 3)."""
-        return self._cell.draw_goals(rng, count)
-
-
-def goal_streams(cell: Workcell, count: int) -> RowStreams:
-    """The goals of a number of environments."""
-    return GoalStreams(cell.goals, count) if isinstance(cell.goals, BoxRegion) else RowStreams(CellGoals(cell), count)
 
 
 class ReachEpisodes:
@@ -82,16 +34,18 @@ class ReachEpisodes:
         found: Which of the cameras found them, shape (count, 2).
         seen: Where they seem to be in the world [m], shape (count, 3). New episodes have new arrays, these stay as
             they are.
+        directions: Where the tools are to point, unit vectors in the world, shape (count, 3).
     """
 
     def __init__(self, task: ReachTask, world: ReachWorld) -> None:
         count = world.count
         self.goals = self.seen = np.zeros((count, 3))
         self.found = np.zeros((count, 2), dtype=np.bool_)
+        self.directions = np.tile(TOOL_DOWN, (count, 1))
         self.task = task
         self.world = world
         self._observer = goal_observer(task)
-        self._streams = goal_streams(task.arm.workcell, count)
+        self._streams = task.streams(count)
         self._sensors = [np.random.default_rng() for _ in range(count)]
         self._observation = np.zeros((count, task.layout.size))
         self._observation[:, task.layout.gripper] = task.gripper_opening
@@ -110,6 +64,7 @@ class ReachEpisodes:
         self.goals, self.found, self.seen = other.goals.copy(), other.found.copy(), other.seen.copy()
         self._sensors = deepcopy(other._sensors)
         for mine, theirs in (
+            (self.directions, other.directions),
             (self._observation, other._observation),
             (self._steps, other._steps),
             (self._move_time, other._move_time),
@@ -124,7 +79,7 @@ class ReachEpisodes:
             start: What is given instead, one row for each of them. Goals are measured from the start pose whatever
                 the posture.
         """
-        goals = self._streams.draw(ids) if start.goals is None else start.goals.copy()
+        goals, start = self.task.completed(start, self._streams, ids)
         self.world.reset(ids, goals, start.q)
         if start.views is None:
             views, found, seen = self._observer.look(goals, ids, self._sensors)
@@ -139,6 +94,9 @@ class ReachEpisodes:
         self._steps[rows] = 0
         self._move_time[rows] = 0.0
         self._observation[rows, self.task.layout.goal] = views
+        if start.directions is not None:
+            self.directions[rows] = start.directions
+            self._observation[rows, self.task.layout.direction] = start.directions
 
     def observe(self) -> Floats:
         """The observation of every arm, shape (count, size)."""
@@ -147,12 +105,13 @@ class ReachEpisodes:
 
     def goal_info(self) -> dict[str, Any]:
         """What is said of the goals of the present episodes, as arrays."""
-        return {"goal": self.goals.copy(), "seen": self.seen.copy(), "ball_found": self.found.copy()}
+        info = {"goal": self.goals.copy(), "seen": self.seen.copy(), "ball_found": self.found.copy()}
+        return info | {"direction": self.directions.copy()} if self.task.directed else info
 
     def start_info(self) -> dict[str, Any]:
         """What is said after a reset, as arrays."""
         q, tip = self.world.q.copy(order="K"), self.world.tip.copy(order="K")
-        error = self.task.scorer.posture_error(q)
+        error = self.task.posture_error(q, self.directions)
         view = self._observation[:, self.task.layout.goal].copy()
         return {
             **self.goal_info(),
@@ -202,7 +161,7 @@ class ReachEpisodes:
         """The score of what the arms did, and what is said of it."""
         q, tip = self.world.q.copy(order="K"), self.world.tip.copy(order="K")
         distance = self._distance(tip)
-        score = self.task.scorer.score(distance, q, executed.impossible)
+        score = self.task.score(distance, q, executed.impossible, self.directions)
         status = STATUSES[executed.status]
         reasons = executed.reasons
         info = {

@@ -16,6 +16,9 @@ It returns the reward, shape (k,), and its terms by name, each of shape (k,), wh
 calls it with k = 1 and a native batch with k = num_envs, so that it has to work on stacks. When a goal is reached is
 still what the arm's own reward says, unless the callable has a method `reached(distance, q, impossible)` that returns
 truth values, shape (k,).
+
+In `kinreach/Reach-v0` both get a fourth argument, the angle between the tool and its wanted direction [rad], shape
+(k,).
 """
 
 from __future__ import annotations
@@ -30,7 +33,15 @@ from numpy.typing import NDArray
 from kinreach.checks import Floats, as_flags, as_floats, check_entries, shown
 from kinreach.errors import InputError
 from kinreach.robots import ArmDescription, get_arm
-from kinreach.thesis.reward import posture_error, reach_reward
+from kinreach.thesis.reward import (
+    IMPOSSIBLE_REWARD,
+    NEAR_REWARD,
+    REACHED_POSTURE_ERROR,
+    REACHED_REWARD,
+    distance_reward,
+    posture_error,
+    reach_reward,
+)
 from kinreach.vision.goal_view import has_goal_cameras
 
 Flags = NDArray[np.bool_]
@@ -40,7 +51,7 @@ Terms = Mapping[str, Floats]
 class RewardFunction(Protocol):
     """What `reward=` takes; the module describes it."""
 
-    def __call__(self, distance: Floats, q: Floats, impossible: Flags) -> tuple[Floats, Terms]:
+    def __call__(self, distance: Floats, q: Floats, impossible: Flags, *angle: Floats) -> tuple[Floats, Terms]:
         """The reward of k steps, shape (k,), and the terms that add up to it."""
         ...
 
@@ -64,8 +75,8 @@ class Score(NamedTuple):
 class Scorer(Protocol):
     """A reward with everything that the environments say of a step."""
 
-    def score(self, distance: Floats, q: Floats, impossible: Flags) -> Score:
-        """Judge k steps; shapes as in `RewardFunction`."""
+    def score(self, distance: Floats, q: Floats, impossible: Flags, *angle: Floats) -> Score:
+        """Judge k steps; shapes, and what `angle` is, as the module describes."""
         ...
 
     def posture_error(self, q: Floats) -> Floats:
@@ -81,7 +92,7 @@ class ThesisReward:
         score = self.score(distance, q, impossible)
         return score.reward, score.terms
 
-    def score(self, distance: Floats, q: Floats, impossible: Flags) -> Score:
+    def score(self, distance: Floats, q: Floats, impossible: Flags, *angle: Floats) -> Score:
         """Reached: possible, nearer than 0.01 m, posture error below 0.15."""
         result = reach_reward(distance, q, impossible=impossible)
         return Score(result.reward, result.terms._asdict(), result.posture_error, result.reached)
@@ -105,13 +116,46 @@ class DistanceReward:
         """The reward of k steps and its only term."""
         return -distance, {"distance": -distance}
 
-    def score(self, distance: Floats, q: Floats, impossible: Flags) -> Score:
+    def score(self, distance: Floats, q: Floats, impossible: Flags, *angle: Floats) -> Score:
         """Reached: possible, and nearer than the radius."""
         reward, terms = self(distance, q, impossible)
         return Score(reward, terms, self.posture_error(q), (distance < self.radius) & ~impossible)
 
     def posture_error(self, q: Floats) -> Floats:
         """Zeros, shape (k,)."""
+        return np.zeros(len(q))
+
+
+class DirectedReward:
+    """The thesis's reward with the angle between the tool and its wanted direction in place of the posture error.
+
+    Args:
+        radius: Distance below which the tip is at the goal [m].
+    """
+
+    def __init__(self, radius: float) -> None:
+        self.radius = radius
+
+    def __call__(self, distance: Floats, q: Floats, impossible: Flags, *angle: Floats) -> tuple[Floats, Terms]:
+        """The reward of k steps and its terms."""
+        score = self.score(distance, q, impossible, *angle)
+        return score.reward, score.terms
+
+    def score(self, distance: Floats, q: Floats, impossible: Flags, *angle: Floats) -> Score:
+        """Reached: possible, nearer than the radius, angle below 0.15 rad."""
+        (error,) = angle
+        near = distance < self.radius
+        reached = near & (error < REACHED_POSTURE_ERROR) & ~impossible
+        at_goal = np.where(reached, REACHED_REWARD, np.where(near, NEAR_REWARD, 0.0))
+        terms = {
+            "direction": np.where(reached | impossible, 0.0, -error),
+            "distance": np.where(near | impossible, 0.0, distance_reward(distance)),
+            "special": np.where(impossible, IMPOSSIBLE_REWARD, at_goal),
+        }
+        return Score(sum(terms.values(), np.zeros(len(distance))), terms, error, reached)
+
+    def posture_error(self, q: Floats) -> Floats:
+        """Zeros, shape (k,): without a direction nothing is asked of a posture."""
         return np.zeros(len(q))
 
 
@@ -128,14 +172,14 @@ class OwnReward:
         self._default = default
         self._reached = getattr(function, "reached", None)
 
-    def score(self, distance: Floats, q: Floats, impossible: Flags) -> Score:
+    def score(self, distance: Floats, q: Floats, impossible: Flags, *angle: Floats) -> Score:
         """What the function says.
 
         Raises:
             InputError: It returned something else than the module describes.
         """
-        default = self._default.score(distance, q, impossible)
-        answer: object = self._function(distance, q, impossible)
+        default = self._default.score(distance, q, impossible, *angle)
+        answer: object = self._function(distance, q, impossible, *angle)
         if not (isinstance(answer, tuple) and len(answer) == 2 and isinstance(answer[1], Mapping)):
             raise InputError(f"reward must return the rewards and a mapping of their terms, got {shown(answer)}")
         terms = {str(name): _column(f"reward term {name!r}", term, len(distance)) for name, term in answer[1].items()}
@@ -144,7 +188,7 @@ class OwnReward:
             raise InputError(f"the reward's terms {', '.join(terms)} do not add up to the reward")
         reached = default.reached
         if self._reached is not None:
-            reached = as_flags("reached", self._reached(distance, q, impossible))
+            reached = as_flags("reached", self._reached(distance, q, impossible, *angle))
             if reached.shape != distance.shape:
                 raise InputError(f"reached must have shape {distance.shape}, got {reached.shape}")
         return default._replace(reward=reward, terms=terms, reached=reached)
@@ -164,16 +208,19 @@ def default_reward(arm: ArmDescription) -> ThesisReward | DistanceReward:
     return DistanceReward(arm.workcell.reached_distance)
 
 
-def scorer_of(reward: RewardFunction | Scorer | None, arm: ArmDescription) -> Scorer:
+def scorer_of(reward: RewardFunction | Scorer | None, default: Scorer) -> Scorer:
     """What judges the steps of an environment whose option `reward` this is.
+
+    Args:
+        reward: The option.
+        default: Judges where nothing is given, and says what a function does not.
 
     Raises:
         InputError: It cannot be called.
     """
-    default = default_reward(arm)
     if reward is None:
         return default
-    if isinstance(reward, ThesisReward | DistanceReward):
+    if isinstance(reward, ThesisReward | DistanceReward | DirectedReward):
         return reward
     if not callable(reward):
         raise InputError(f"reward must be a callable of distance, q and impossible, got {shown(reward)}")

@@ -13,11 +13,13 @@ from typing import Any, NamedTuple
 
 import numpy as np
 from gymnasium import spaces
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
 from kinreach.checks import Floats, as_flags, as_floats, as_vector, check_count, check_known, check_number
+from kinreach.envs.batch import RowStreams
 from kinreach.envs.options import RENDER_MODES, RENDER_MODES_TEXT, about, option_rows
-from kinreach.envs.reach.rewards import RewardFunction, scorer_of
+from kinreach.envs.reach.goal_streams import goal_streams
+from kinreach.envs.reach.rewards import RewardFunction, Score, Scorer, default_reward, scorer_of
 from kinreach.errors import InputError
 from kinreach.kinematics import ArmKinematics, AxisGoal, CollisionChecker, PositionGoal, kinematics_of
 from kinreach.robots import ArmDescription, as_arm
@@ -35,6 +37,8 @@ STEP_SIZE = math.radians(5.0)
 CAMERA_RANGE = 2.0
 #: The same for an arm without cameras, whose goals are given in the world [m].
 GOAL_RANGE = 10.0
+#: A direction that somebody gives is not shorter.
+SHORTEST_DIRECTION = 1e-9
 #: URDFs write pi with eleven digits; a limit this near to it is pi [rad].
 NEAR_PI = 1e-9
 
@@ -79,7 +83,7 @@ class ReachOptions:
         check_cameras(self.pipeline, self.width, self.height, self.rgb_noise, self.depth_noise)
         as_flags("end_on_reached", self.end_on_reached)
         arm = as_arm(self.arm)
-        scorer_of(self.reward, arm)
+        scorer_of(self.reward, default_reward(arm))
         if self.observation != "geometric" and not has_goal_cameras(arm):
             names = ", ".join(mount.name for mount in arm.cameras) or "none"
             raise InputError(
@@ -137,18 +141,21 @@ class Layout(NamedTuple):
 
     Attributes:
         goal: The goal block: the goal in the front and in the wrist camera, or in the world [m].
+        direction: Where the tool is to point, a unit vector in the world; empty where it always points down.
         q: Joint angles [rad].
         gripper: Opening of the gripper [m].
     """
 
     goal: slice
+    direction: slice
     q: slice
     gripper: int
 
     @classmethod
-    def of(cls, goal: int, joints: int) -> Layout:
-        """Goal blocks and postures of these sizes, one after the other."""
-        return cls(slice(0, goal), slice(goal, goal + joints), goal + joints)
+    def of(cls, goal: int, joints: int, *, direction: int = 0) -> Layout:
+        """Goal blocks, directions and postures of these sizes, one after the other."""
+        first = goal + direction
+        return cls(slice(0, goal), slice(goal, first), slice(first, first + joints), first + joints)
 
     @property
     def size(self) -> int:
@@ -158,14 +165,19 @@ class Layout(NamedTuple):
 
 #: The UR5's: goal in both cameras (6), joint angles (6), gripper opening (1), and the bound of the angles [rad].
 JOINTS = 6
-GOAL, ANGLES, GRIPPER = UR5_LAYOUT = Layout.of(goal=6, joints=JOINTS)
+GOAL, _, ANGLES, GRIPPER = UR5_LAYOUT = Layout.of(goal=6, joints=JOINTS)
 OBSERVATIONS = UR5_LAYOUT.size
 JOINT_BOUND = math.pi + BEYOND_LIMIT
 
 
-def layout_of(arm: ArmDescription) -> Layout:
-    """Where things are in the observation of an arm with cameras that see the goal, or without."""
-    return Layout.of(6 if has_goal_cameras(arm) else 3, len(arm.joints))
+def layout_of(arm: ArmDescription, *, directed: bool = False) -> Layout:
+    """Where things are in the observation of an arm with cameras that see the goal, or without.
+
+    Args:
+        arm: Which.
+        directed: Whether goals say where the tool is to point.
+    """
+    return Layout.of(6 if has_goal_cameras(arm) else 3, len(arm.joints), direction=3 if directed else 0)
 
 
 @lru_cache(maxsize=16)
@@ -184,13 +196,14 @@ def action_space(arm: str | ArmDescription = "ur5") -> spaces.Box:
     return spaces.Box(-1.0, 1.0, (len(as_arm(arm).joints),), np.float32)
 
 
-def observation_space(arm: str | ArmDescription = "ur5") -> spaces.Box:
-    """Goal block, joint angles and gripper opening in metres and radians."""
+def observation_space(arm: str | ArmDescription = "ur5", *, directed: bool = False) -> spaces.Box:
+    """Goal block, direction of the tool if goals have one, joint angles and gripper opening in metres and radians."""
     arm = as_arm(arm)
-    layout, (lower, upper) = layout_of(arm), joint_limits(arm)
+    layout, (lower, upper) = layout_of(arm, directed=directed), joint_limits(arm)
     low, high = np.empty(layout.size), np.empty(layout.size)
     high[layout.goal] = CAMERA_RANGE if has_goal_cameras(arm) else GOAL_RANGE
     low[layout.goal] = -high[layout.goal]
+    low[layout.direction], high[layout.direction] = -1.0, 1.0
     low[layout.q], high[layout.q] = lower - BEYOND_LIMIT, upper + BEYOND_LIMIT
     low[layout.gripper], high[layout.gripper] = 0.0, CAMERA_RANGE
     return spaces.Box(low, high, dtype=np.float64)
@@ -201,14 +214,16 @@ def goal_block(arm: ArmDescription, goals: Floats) -> Floats:
     return geometric_goal_view(arm, goals) if has_goal_cameras(arm) else goals.copy()
 
 
-def tool_goal(arm: ArmDescription, position: ArrayLike) -> AxisGoal | PositionGoal:
-    """What a solver is asked for: the tip at a point of the world [m], the tool down where there are joints enough.
+def tool_goal(arm: ArmDescription, position: ArrayLike, direction: ArrayLike = TOOL_DOWN) -> AxisGoal | PositionGoal:
+    """What a solver is asked for: the tip at a point of the world [m], the tool in a direction of the world.
+
+    With fewer than six joints the direction is left open.
 
     Raises:
         InputError: No point.
     """
     point = as_floats("position", position)
-    return AxisGoal(point, TOOL_DOWN) if len(arm.joints) >= JOINTS else PositionGoal(point)  # type: ignore[arg-type]
+    return AxisGoal(point, direction) if len(arm.joints) >= JOINTS else PositionGoal(point)  # type: ignore[arg-type]
 
 
 def check_actions(actions: ArrayLike, count: int | None, joints: int = JOINTS) -> Floats:
@@ -237,23 +252,31 @@ class Start(NamedTuple):
         goals: Where the balls are in the world [m], shape (count, 3).
         q: Postures [rad], shape (count, n).
         views: Goal blocks as somebody has measured them [m], shape (count, size of the block).
+        directions: Where the tools are to point, unit vectors in the world, shape (count, 3).
     """
 
     goals: Floats | None = None
     q: Floats | None = None
     views: Floats | None = None
+    directions: Floats | None = None
 
 
-def reset_options(options: Mapping[str, Any] | None, count: int | None, arm: str | ArmDescription = "ur5") -> Start:
+def reset_options(
+    options: Mapping[str, Any] | None,
+    count: int | None,
+    arm: str | ArmDescription = "ur5",
+    *,
+    directed: bool = False,
+) -> Start:
     """What `reset(options=)` asks for.
 
     Raises:
-        InputError: An unknown option, a wrong shape, a value that is not finite, a joint outside its limits, or a goal
-            or a view that an observation cannot hold.
+        InputError: An unknown option, a wrong shape, a value that is not finite, a joint outside its limits, a
+            direction without length, or a goal or a view that an observation cannot hold.
     """
     arm = as_arm(arm)
     sizes = {"goal": 3, "q": len(arm.joints), "view": layout_of(arm).goal.stop}
-    start = Start(*option_rows(options, sizes, count))
+    start = Start(*option_rows(options, sizes | ({"direction": 3} if directed else {}), count))
     bound, where = (CAMERA_RANGE, "that the cameras see") if has_goal_cameras(arm) else (GOAL_RANGE, "of goals")
     if start.q is not None:
         _refuse_outside_limits(arm, start.q)
@@ -261,6 +284,11 @@ def reset_options(options: Mapping[str, Any] | None, count: int | None, arm: str
         seen = np.abs(goal_block(arm, start.goals)).max(axis=1)
         if (seen > bound).any():
             raise InputError(f"goal {start.goals[seen.argmax()]} m is outside the {bound:g} m {where}")
+    if start.directions is not None:
+        length = np.linalg.norm(start.directions, axis=1, keepdims=True)
+        if (length < SHORTEST_DIRECTION).any():
+            raise InputError(f"direction must not be zero, got {start.directions[length.argmin()]}")
+        start = start._replace(directions=start.directions / length)
     if start.views is not None and (np.abs(start.views) > bound).any():
         raise InputError(f"view must be within ±{bound:g} m, got {start.views.flat[np.abs(start.views).argmax()]:g}")
     return start
@@ -277,7 +305,7 @@ def _refuse_outside_limits(arm: ArmDescription, q: Floats) -> None:
 
 
 class ReachTask:
-    """One variant of the task on one arm.
+    """One variant of the task on one arm; here the tool always points down.
 
     Args:
         options: Of the environment.
@@ -291,16 +319,19 @@ class ReachTask:
         scorer: Judges the steps.
         layout: Where things are in an observation.
         gripper_opening: In which the arm reaches [m]; 0 without a gripper.
+        directed: Whether goals say where the tool is to point.
     """
+
+    directed = False
 
     def __init__(self, options: ReachOptions, variant: ReachVariant) -> None:
         self.options = options
         self.variant = variant
         self.arm = arm = as_arm(options.arm)
         self.kinematics = kinematics_of(arm, base="world")
-        self.scorer = scorer_of(options.reward, arm)
+        self.scorer = scorer_of(options.reward, self.default_reward())
         self.home = np.array(arm.home)
-        self.layout = layout_of(arm)
+        self.layout = layout_of(arm, directed=self.directed)
         self.gripper_opening = 0.0 if arm.gripper is None else arm.gripper.opening
         self._scale: Any = variant.scale
         self._middle: Floats | None = None
@@ -309,6 +340,42 @@ class ReachTask:
             half, middle = (upper - lower) / 2, (upper + lower) / 2
             self._scale = half if (half != variant.scale).any() else variant.scale
             self._middle = middle if middle.any() else None
+
+    def default_reward(self) -> Scorer:
+        """What judges steps unless the options say otherwise."""
+        return default_reward(self.arm)
+
+    @property
+    def observation_space(self) -> spaces.Box:
+        """What the environments observe, but for pictures."""
+        return observation_space(self.arm, directed=self.directed)
+
+    def reset_options(self, options: Mapping[str, Any] | None, count: int | None) -> Start:
+        """What `reset(options=)` asks for, as the function of this name says."""
+        return reset_options(options, count, self.arm, directed=self.directed)
+
+    def streams(self, count: int) -> RowStreams:
+        """What the episodes of a number of environments start with."""
+        return goal_streams(self.arm.workcell, count)
+
+    def completed(self, start: Start, streams: RowStreams, ids: NDArray[np.intp]) -> tuple[Floats, Start]:
+        """Goals, and a start with what it leaves open drawn from the streams of the given environments."""
+        return streams.draw(ids) if start.goals is None else start.goals.copy(), start
+
+    def score(self, distance: Floats, q: Floats, impossible: NDArray[np.bool_], directions: Floats) -> Score:
+        """Judge k steps.
+
+        Args:
+            distance: From the tips to the goals [m], shape (k,).
+            q: Postures [rad], shape (k, n).
+            impossible: Whether the actions could not be executed, shape (k,).
+            directions: Where the tools are to point, unit vectors in the world, shape (k, 3).
+        """
+        return self.scorer.score(distance, q, impossible)
+
+    def posture_error(self, q: Floats, directions: Floats) -> Floats:
+        """How far postures [rad], shape (k, n), are from what the task asks of them, shape (k,)."""
+        return self.scorer.posture_error(q)
 
     def targets(self, q: Floats, actions: Floats) -> Floats:
         """Joint targets [rad] of checked actions in postures `q`, all of shape (k, n)."""
@@ -324,14 +391,14 @@ class ReachTask:
             return np.asarray(way / max(1.0, float(np.abs(way).max())))
         return np.asarray((target if self._middle is None else target - self._middle) / self._scale)
 
-    def ik_goal(self, position: ArrayLike) -> AxisGoal | PositionGoal:
+    def ik_goal(self, position: ArrayLike, direction: Floats) -> AxisGoal | PositionGoal:
         """`tool_goal` of this arm."""
-        return tool_goal(self.arm, position)
+        return tool_goal(self.arm, position, direction)
 
-    def natural(self, q: ArrayLike) -> bool:
+    def natural(self, q: ArrayLike, direction: Floats) -> bool:
         """Whether a posture [rad], shape (n,), has the posture error that reaching asks for."""
         posture = as_vector("q", q, len(self.arm.joints))
-        return bool(self.scorer.posture_error(posture[None])[0] < REACHED_POSTURE_ERROR)
+        return bool(self.posture_error(posture[None], direction[None])[0] < REACHED_POSTURE_ERROR)
 
     @cached_property
     def checker(self) -> CollisionChecker:

@@ -11,6 +11,7 @@ from gymnasium.vector import AutoresetMode
 from kinreach.envs.batch import NativeVectorEnv, check_batch
 from kinreach.envs.options import options_from
 from kinreach.envs.reach.episodes import ReachEpisodes
+from kinreach.envs.reach.space import SpaceTask
 from kinreach.envs.reach.task import (
     MULTI_STEP,
     SINGLE_STEP,
@@ -19,8 +20,6 @@ from kinreach.envs.reach.task import (
     ReachVariant,
     action_space,
     check_actions,
-    observation_space,
-    reset_options,
 )
 from kinreach.envs.reach.worlds import BatchDynamicWorld, KinematicWorld, ReachWorld
 from kinreach.errors import InputError
@@ -36,11 +35,11 @@ class ReachVectorEnv(NativeVectorEnv):
 
     Args:
         num_envs: Number of environments.
-        variant: Which task.
+        variant: Which of the thesis's tasks; None for reaching in space, whose variant is an option.
         threads: Threads that step the dynamics (`backend="mujoco"`).
         autoreset_mode: `AutoresetMode.SAME_STEP`, `NEXT_STEP` or `DISABLED`.
-        **options: As in the single environments (`ReachOptions`), but `observation="pixels"`: images of many
-            environments are what Gymnasium's own vectorisation of the single environment is for. `render_mode` is
+        **options: As in the single environments (`ReachOptions`, `SpaceOptions`), but `observation="pixels"`: images of
+            many environments are what Gymnasium's own vectorisation of the single environment is for. `render_mode` is
             None or `"rgb_array"`, for up to 64 environments.
 
     Raises:
@@ -51,16 +50,16 @@ class ReachVectorEnv(NativeVectorEnv):
         self,
         num_envs: int = 1,
         *,
-        variant: ReachVariant,
+        variant: ReachVariant | None = None,
         threads: int = 1,
         autoreset_mode: AutoresetMode | str = AutoresetMode.SAME_STEP,
         **options: Any,
     ) -> None:
-        given = options_from(ReachOptions, options)
+        task = SpaceTask.of(options) if variant is None else ReachTask(options_from(ReachOptions, options), variant)
+        given = task.options
         num_envs = check_batch(num_envs, threads, given.render_mode)
         if given.observation == "pixels":
             raise InputError('a native batch observes no images; use vectorization_mode="sync" or "async" for them')
-        task = ReachTask(given, variant)
         arm = task.arm
         world: ReachWorld = (
             BatchDynamicWorld(arm, num_envs, threads=threads)
@@ -72,9 +71,9 @@ class ReachVectorEnv(NativeVectorEnv):
             episodes,
             num_envs,
             action_space=action_space(arm),
-            observation_space=observation_space(arm),
+            observation_space=task.observation_space,
             check_actions=partial(check_actions, count=num_envs, joints=len(arm.joints)),
-            check_start=partial(reset_options, count=num_envs, arm=arm),
+            check_start=partial(task.reset_options, count=num_envs),
             autoreset_mode=autoreset_mode,
             picture=None if given.render_mode is None else ReachPicture(episodes),
             made_with={
@@ -110,3 +109,4 @@ class ReachPicture:
 #: Entry points of the native batches.
 single_step = partial(ReachVectorEnv, variant=SINGLE_STEP)
 multi_step = partial(ReachVectorEnv, variant=MULTI_STEP)
+in_space = partial(ReachVectorEnv, variant=None)

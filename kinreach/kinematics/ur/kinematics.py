@@ -10,7 +10,17 @@ from kinreach.errors import InputError
 from kinreach.kinematics.arm import link_frame
 from kinreach.kinematics.closed_form import ClosedFormKinematics
 from kinreach.kinematics.goals import AxisGoal, Goal, PoseGoal, PositionGoal, nearest_rotations, pose_error
-from kinreach.kinematics.solutions import ANGLES, BRANCH, FLAGS, Accept, IKResult, IKSolutions, Row, nearest_winding
+from kinreach.kinematics.solutions import (
+    ANGLES,
+    BRANCH,
+    FLAGS,
+    Accept,
+    IKResult,
+    IKSolutions,
+    Row,
+    Status,
+    nearest_winding,
+)
 from kinreach.kinematics.ur.batch import ROUNDING, SHOULDER_LIFT, WRIST_1, WRIST_3, solve_poses
 from kinreach.kinematics.ur.closed_form import WRIST, solve_axis, solve_pose
 from kinreach.kinematics.ur.free_wrist import free_wrist_within
@@ -20,6 +30,8 @@ from kinreach.robots import ArmDescription
 #: base_link of the URDF is the DH base frame turned by pi about z.
 FLIP = np.diag([-1.0, -1.0, 1.0, 1.0])
 FIT_TOLERANCE = 1e-8
+#: Turns about the tool that are tried where all postures with the seed's are refused [rad], the smallest first.
+TURNS = np.radians([45, -45, 90, -90, 135, -135, 180])
 #: The tip at which the closed form ends.
 FLANGE = "tool0"
 
@@ -132,13 +144,23 @@ class URKinematics(ClosedFormKinematics):
             position: In the base frame [m], shape (3,).
             axis: Direction of the tip's z axis in the base frame, shape (3,).
             seed: Posture [rad], shape (6,).
-            accept: Called with candidates in the order of their distance until it returns True.
+            accept: Called with candidates in the order of their distance until it returns True. If it refuses them all
+                they are turned about the tip's z axis, which wrist_3 does alone: by 45 degrees, and so on.
 
         Raises:
             InputError: As `axis_solutions`.
         """
         start = self.as_posture("seed", seed)
-        return self._choose(self.axis_solutions(position, axis, seed=start), start, accept)
+        result = self._choose(self.axis_solutions(position, axis, seed=start), start, accept)
+        if result.status is not Status.REJECTED:
+            return result
+        for turn in TURNS:
+            turned = start.copy()
+            turned[WRIST_3] = (start[WRIST_3] + turn + np.pi) % (2 * np.pi) - np.pi
+            other = self._choose(self.axis_solutions(position, axis, seed=turned), start, accept)
+            if other.success:
+                return other
+        return result
 
     def solve(self, goal: Goal, seed: ArrayLike, *, accept: Accept | None = None) -> IKResult:
         """Any goal this arm has a closed form for: `PoseGoal` or `AxisGoal`.

@@ -5,7 +5,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from kinreach.envs.reach.episodes import GoalStreams, goal_streams
+from kinreach.envs.reach.goal_streams import GoalStreams, goal_streams
 from kinreach.envs.reach.goals import with_goals
 from kinreach.errors import InputError
 from kinreach.kinematics import ArmKinematics, AxisGoal, CollisionChecker
