@@ -1,0 +1,218 @@
+"""Reaching in space: goals in a volume, tool directions, starts, on several arms."""
+
+import copy
+
+import gymnasium as gym
+import numpy as np
+import pinocchio as pin
+import pytest
+from gymnasium.utils.env_checker import check_env
+
+import kinreach  # noqa: F401 (registers the environments)
+from kinreach.baselines.rollout import rollout
+from kinreach.baselines.solver_policy import SolverPolicy
+from kinreach.envs.reach.rewards import DirectedReward, ThesisReward
+from kinreach.envs.reach.space import SpaceOptions, SpaceStarts, volume
+from kinreach.errors import InputError, UnknownNameError
+from kinreach.kinematics import CollisionChecker, UR5Kinematics
+from kinreach.kinematics.solvers import ClosedFormSolver, LevenbergMarquardtSolver
+from kinreach.registration import SPACE
+from kinreach.robots import get_arm
+
+WIDE = {"tilt": 30.0, "start_spread": 0.3}
+ARMS = {"ur3": 13 + 3, "ur5": 13 + 3, "ur10": 13 + 3, "panda": 3 + 3 + 7 + 1}
+
+
+def make(**options):
+    return gym.make(SPACE, **options)
+
+
+def make_vec(count, **options):
+    return gym.make_vec(SPACE, num_envs=count, vectorization_mode="vector_entry_point", **options)
+
+
+def angle_of(kinematics, q, direction):
+    """By Pinocchio, from the rotation that takes one direction to the other."""
+    turn = pin.Quaternion.FromTwoVectors(kinematics.fk(q)[:3, 2], np.array(direction))
+    return float(pin.AngleAxis(turn).angle)
+
+
+@pytest.mark.parametrize("options", [{}, {"steps": "multi", "backend": "kinematic", **WIDE}])
+def test_gymnasium_and_stable_baselines3_take_it(options):
+    env = make(**options)
+    check_env(env.unwrapped, skip_render_check=True)
+    sb3 = pytest.importorskip("stable_baselines3.common.env_checker")
+    sb3.check_env(env)
+
+
+@pytest.mark.parametrize("arm", ARMS)
+def test_every_arm(arm):
+    batch = make_vec(64, arm=arm, backend="kinematic", **WIDE)
+    observations, info = batch.reset(seed=3)
+    assert observations.shape == (64, ARMS[arm])
+    assert batch.single_observation_space.contains(observations[0])
+    assert (info["posture_error"] < np.pi).all()
+    after = batch.step(batch.action_space.sample())[4]["final_info"]
+    assert {"direction", "distance", "special"} == set(after["reward_terms"])
+
+
+def test_what_episodes_start_with():
+    arm = get_arm("ur5")
+    rows = SpaceStarts(SpaceOptions(**WIDE)).sample(np.random.default_rng(0), 2000)
+    goals, directions, q = rows[:, :3], rows[:, 3:6], rows[:, 6:]
+    box = volume(arm, 0.25)
+    for axis, (low, high) in enumerate((box.x, box.y, box.z)):
+        assert low <= goals[:, axis].min() < low + 0.01
+        assert high - 0.01 < goals[:, axis].max() <= high
+    assert box.z == (arm.workcell.goals.z[0], arm.workcell.goals.z[1] + 0.25)
+    np.testing.assert_allclose(np.linalg.norm(directions, axis=1), 1.0, atol=1e-12)
+    tilt = np.degrees(np.arccos(-directions[:, 2]))
+    assert 29.5 < tilt.max() <= 30.0
+    # uniform on the cap: its inner half has (1 - cos 15) / (1 - cos 30) of the area
+    share = (1 - np.cos(np.radians(15))) / (1 - np.cos(np.radians(30)))
+    assert abs((tilt < 15).mean() - share) < 0.04
+    assert 0.29 < np.abs(q - arm.home).max() <= 0.3
+    checker = CollisionChecker(arm)
+    assert sum(checker.free(posture) for posture in q[:300]) == 300
+    still = SpaceStarts(SpaceOptions()).sample(np.random.default_rng(0), 50)
+    assert (still[:, 3:] == [0.0, 0.0, -1.0, *arm.home]).all()
+
+
+@pytest.mark.parametrize(("backend", "count", "steps"), [("kinematic", 12, 3), ("mujoco", 4, 2)])
+@pytest.mark.parametrize("variant", ["single", "multi"])
+def test_a_batch_equals_single_environments(variant, backend, count, steps):
+    options = {"steps": variant, "backend": backend, **WIDE}
+    batch, singles = make_vec(count, **options), [make(**options) for _ in range(count)]
+    observations, info = batch.reset(seed=5)
+    for i, env in enumerate(singles):
+        observation, said = env.reset(seed=5 + i)
+        np.testing.assert_allclose(observations[i], observation, rtol=0, atol=1e-12)
+        np.testing.assert_array_equal(info["direction"][i], said["direction"])
+    rng, compared = np.random.default_rng(1), 0
+    for _ in range(steps):
+        home = np.array(get_arm("ur5").home) / np.pi if variant == "single" else 0.0
+        actions = np.clip(home + rng.normal(0.0, 0.1, (count, 6)), -1, 1)
+        observations, rewards, terminated, truncated, info = batch.step(actions)
+        for i, env in enumerate(singles):
+            observation, reward, over, cut, said = env.step(actions[i])
+            assert (terminated[i], truncated[i]) == (over, cut)
+            np.testing.assert_allclose(rewards[i], reward, rtol=0, atol=1e-12)
+            if over or cut:
+                observation, _ = env.reset()
+            np.testing.assert_allclose(observations[i], observation, rtol=0, atol=1e-12)
+            compared += 1
+    assert compared == count * steps
+
+
+@pytest.mark.parametrize("backend", ["kinematic", "mujoco"])
+def test_the_closed_form_reaches_everything(backend):
+    """Also low over the table with the tool tilted, where a finger has to be turned away from it."""
+    env = make(backend=backend, **WIDE)
+    policy = SolverPolicy(ClosedFormSolver(env.unwrapped.kinematics), env)
+    count = 150 if backend == "kinematic" else 25
+    trials = list(rollout(env, policy, [{"seed": seed} for seed in range(count)]))
+    assert sum(trial["reached"] for trial in trials) == count
+    assert max(trial["posture_error"] for trial in trials) < 1e-3
+    assert np.median([trial["distance"] for trial in trials]) < 1e-4
+
+
+def test_refused_postures_are_turned_about_the_tool():
+    kin = UR5Kinematics(tip="tcp", base="world")
+    rng, turned = np.random.default_rng(0), 0
+    for _ in range(60):
+        goal = get_arm("ur5").workcell.draw_goals(rng, 1)[0]
+        wanted = kin.axis_goal(goal, (0, 0, -1), kin.arm.home).q
+        far = lambda q, start=wanted: abs(q[5] - start[5]) > 0.5  # noqa: E731
+        result = kin.axis_goal(goal, (0, 0, -1), kin.arm.home, accept=far)
+        assert result.success
+        assert result.position_error < 1e-9
+        assert kin.within_limits(result.q)
+        turned += 1
+    assert turned == 60
+    never = kin.axis_goal(goal, (0, 0, -1), kin.arm.home, accept=lambda q: False)
+    assert never.status.name == "REJECTED"
+
+
+def test_a_numeric_solver_reaches_with_seven_joints():
+    env = make(arm="panda", backend="kinematic", **WIDE)
+    policy = SolverPolicy(LevenbergMarquardtSolver(env.unwrapped.kinematics), env)
+    trials = list(rollout(env, policy, [{"seed": seed} for seed in range(20)]))
+    assert sum(trial["reached"] for trial in trials) >= 19
+
+
+def test_the_angle_is_pinocchios_and_the_reward_what_is_documented():
+    env = make(backend="kinematic", steps="multi", **WIDE)
+    rng, near = np.random.default_rng(2), 0
+    kin = env.unwrapped.kinematics
+    for seed in range(40):
+        _, info = env.reset(seed=seed)
+        q = info["q"] + rng.normal(0.0, 0.2, 6)
+        goal = kin.fk(info["q"])[:3, 3] if seed % 2 else info["goal"]
+        env.reset(seed=seed, options={"goal": goal, "direction": 3 * info["direction"]})
+        _, reward, _, _, said = env.step(env.unwrapped.action_for(info["q"] if seed % 2 else q))
+        np.testing.assert_allclose(said["direction"], info["direction"], atol=1e-12)
+        angle = angle_of(kin, said["q"], said["direction"])
+        np.testing.assert_allclose(said["posture_error"], angle, atol=1e-7)
+        d = np.linalg.norm(kin.fk(said["q"])[:3, 3] - said["goal"])
+        expected = 0.5 - 0.5 * np.log2(d) - angle if d >= 0.01 else 20.0 if angle < 0.15 else 10 - angle
+        np.testing.assert_allclose(reward, -100.0 if said["impossible"] else expected, atol=1e-6)
+        near += d < 0.01
+    assert near == 20
+
+
+def test_rewards_of_a_users_own_are_given_the_angle():
+    seen = []
+
+    def reward(distance, q, impossible, angle):
+        seen.append(angle)
+        return -angle, {"angle": -angle}
+
+    env = make(backend="kinematic", reward=reward, **WIDE)
+    env.reset(seed=0)
+    _, paid, _, _, info = env.step(env.action_space.sample())
+    assert paid == -info["posture_error"] == -seen[-1][0]
+    assert info["reward_angle"] == paid
+    for given, terms in ((ThesisReward(), "natural_arm"), (DirectedReward(0.05), "direction")):
+        env = make(backend="kinematic", reward=given)
+        env.reset(seed=0)
+        assert terms in env.step(env.action_space.sample())[4]["reward_terms"]
+
+
+def test_copies_go_on_with_the_same_direction():
+    for env in (make(backend="kinematic", **WIDE), make_vec(3, backend="kinematic", **WIDE)):
+        env.reset(seed=1)
+        twin = copy.deepcopy(env)
+        action = env.action_space.sample()
+        for _ in range(2):
+            one, other = env.step(action), twin.step(action)
+            np.testing.assert_array_equal(one[0], other[0])
+            np.testing.assert_array_equal(one[4]["direction"], other[4]["direction"])
+            if not hasattr(env, "num_envs"):
+                env.reset(), twin.reset()
+
+
+@pytest.mark.parametrize(
+    ("options", "error", "message"),
+    [
+        ({"steps": "many"}, UnknownNameError, "steps"),
+        ({"goal_height": -0.1}, InputError, "goal_height"),
+        ({"goal_height": np.nan}, InputError, "goal_height"),
+        ({"tilt": 91.0}, InputError, "tilt"),
+        ({"start_spread": 4.0}, InputError, "start_spread"),
+        ({"arm": "arm3"}, InputError, "six joints"),
+        ({"speed": 1.0}, InputError, "unknown options speed"),
+    ],
+)
+def test_options_that_cannot_be(options, error, message):
+    for new in (make, lambda **given: make_vec(2, **given)):
+        with pytest.raises(error, match=message):
+            new(**options)
+
+
+def test_directions_that_cannot_be():
+    env = make(backend="kinematic")
+    for direction in ([0, 0, 0], [0, 0], [0, 0, np.inf]):
+        with pytest.raises(InputError, match="direction"):
+            env.reset(options={"direction": direction})
+    with pytest.raises(InputError, match="unknown reset options"):
+        gym.make("kinreach/UR5SingleStep-v0", backend="kinematic").reset(options={"direction": [0, 0, -1]})
