@@ -1,0 +1,373 @@
+"""All postures of any arm with six revolute joints, by elimination and an eigenvalue problem.
+
+The method is that of Raghavan and Roth (Inverse kinematics of the general 6R manipulator and related linkages, Journal
+of Mechanical Design 115, 1993), with the eigenvalues of Manocha and Canny (Efficient inverse kinematics for general 6R
+manipulators, IEEE Transactions on Robotics and Automation 10, 1994). The line of one axis is written twice, once from
+each side of the closed chain, so that its own angle appears nowhere; with the direction l and the point p of a line,
+fourteen functions (p, l, p.p, p.l, p x l, l (p.p) - 2 p (p.l)) are linear in the cosine and sine of every angle. Here it
+is the axis of the fifth joint: joints 1 and 6 are eliminated linearly, which leaves six equations in the sines and
+cosines of joints 2, 3 and 4. Multiplied by cos(q/2) and sin(q/2) of one of the three they are twelve, linear in twelve
+products, with coefficients that are linear in the cosine and sine of another: a quadratic eigenvalue problem in the
+tangent of half that angle. Its real eigenvalues hold every posture, of which there are at most sixteen.
+
+Which axis is written twice decides how well the numbers behave. With the fifth the problem stays regular for arms whose
+second to fourth axes are parallel, or almost: the other choices are singular for a UR by its data sheet, and nearly so
+for a real one. It is singular where the first axis and the last are parallel; the pose is then tilted by `TILT`, which
+moves the eigenvalues by about as much and makes the problem regular (Hochstenbach, Mehl and Plestenjak, Solving
+singular generalized eigenvalue problems by a rank-completing perturbation, SIAM Journal on Matrix Analysis and
+Applications 40, 2019).
+
+What comes out are starting points for Newton's method on the arm itself; only what reaches the pose is returned.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from kinreach.checks import Floats
+
+#: A posture is a solution if it misses by less [m, rad].
+EXACT = 1e-10
+#: A pose whose last axis is nearer to the first one's direction is tilted by as much [rad].
+TILT = 1e-5
+#: Imaginary parts of eigenvalues: real; surely complex; and up to where they are starting points, because two postures
+#: merge there, or have just vanished.
+REAL, COMPLEX, NEARLY_REAL = 1e-11, 1e-4, 3e-2
+#: Eigenvalues whose angles differ by less may be equal ones [rad].
+CLUSTER = 0.05
+#: Two postures nearer than this in every joint are one [rad]; up to `ONE_VALLEY` if what lies between them reaches, too.
+ONE, ONE_VALLEY = 1e-6, 2e-2
+#: Steps of Newton's method from a good start, and from a bad one; the longest step of a joint [rad].
+FEW, MANY, LONGEST = 6, 40, 0.3
+POSES = 512  # at once
+AROUND = 256  # starting points around known solutions
+_JOINTS = 6
+_SAMPLES = 2 * np.pi / 3 * np.arange(3)
+#: Coefficients of 1, cos and sin of a function that is linear in them, from its values at `_SAMPLES`.
+_COEFFICIENTS = np.array([np.full(3, 1 / 3), 2 / 3 * np.cos(_SAMPLES), 2 / 3 * np.sin(_SAMPLES)])
+#: (cos q/2, sin q/2) times (1, cos q, sin q) in (cos 3q/2, sin 3q/2, cos q/2, sin q/2).
+_HALF = np.array([
+    [[0, 0, 1, 0], [0.5, 0, 0.5, 0], [0, 0.5, 0, 0.5]],
+    [[0, 0, 0, 1], [0, 0.5, 0, -0.5], [-0.5, 0, 0.5, 0]],
+])  # fmt: skip
+
+
+class Chain:
+    """Six joints that each turn about their frame's z axis, `T = A0 Rz(q1) A1 Rz(q2) ... Rz(q6) A6`.
+
+    Args:
+        placements: A0 to A6, shape (7, 4, 4).
+    """
+
+    def __init__(self, placements: Floats) -> None:
+        self.placements = placements
+
+    def fk(self, q: Floats) -> Floats:
+        """Upper rows of the tip's poses, shape (m, 3, 4), for postures (m, 6)."""
+        frame = np.empty((len(q), 3, 4))
+        frame[:] = self.placements[0, :3]
+        turns = np.exp(-1j * q)
+        for joint in range(_JOINTS):  # x + i y of a frame turns by exp(-i q)
+            frame.view(np.complex128)[:, :, 0] *= turns[:, joint, None]
+            frame = (frame.reshape(-1, 4) @ self.placements[joint + 1]).reshape(-1, 3, 4)
+        return frame
+
+    def jacobian(self, q: Floats) -> tuple[Floats, Floats]:
+        """As `fk`, and the geometric Jacobian along the base's axes, shape (m, 6, 6)."""
+        frame = np.empty((len(q), 3, 4))
+        frame[:] = self.placements[0, :3]
+        turns = np.exp(-1j * q)
+        axes = np.empty((len(q), 3, 2, _JOINTS))
+        for joint in range(_JOINTS):
+            axes[..., joint] = frame[:, :, 2:]
+            frame.view(np.complex128)[:, :, 0] *= turns[:, joint, None]
+            frame = (frame.reshape(-1, 4) @ self.placements[joint + 1]).reshape(-1, 3, 4)
+        z, arm = axes[:, :, 0], frame[:, :, 3:] - axes[:, :, 1]
+        J = np.empty((len(q), 6, _JOINTS))
+        for row, (a, b) in enumerate(((1, 2), (2, 0), (0, 1))):
+            J[:, row] = z[:, a] * arm[:, b] - z[:, b] * arm[:, a]
+        J[:, 3:] = z
+        return frame, J
+
+
+def miss(reached: Floats, T: Floats) -> Floats:
+    """Vectors (m, 6) from poses to the wanted ones: position [m], and sine of the angle times its axis [rad].
+
+    Where the angle is more than a right one, its part is longer than 1.
+    """
+    E = T[:, :3, :3] @ reached[:, :, :3].transpose(0, 2, 1)
+    error = np.empty((len(E), 6))
+    np.subtract(T[:, :3, 3], reached[:, :, 3], out=error[:, :3])
+    error[:, 3] = E[:, 2, 1] - E[:, 1, 2]
+    error[:, 4] = E[:, 0, 2] - E[:, 2, 0]
+    error[:, 5] = E[:, 1, 0] - E[:, 0, 1]
+    error[:, 3:] *= 0.5
+    turned = E[:, 0, 0] + E[:, 1, 1] + E[:, 2, 2] < 1.0
+    if turned.any():
+        error[turned, 3:] += np.copysign(1.0, error[turned, 3:])
+    return error
+
+
+def missed_by(error: Floats) -> Floats:
+    """The larger of position [m] and orientation [rad] error, shape (m,)."""
+    return np.sqrt(np.maximum((error[:, :3] ** 2).sum(axis=1), (error[:, 3:] ** 2).sum(axis=1)))
+
+
+def newton(chain: Chain, q: Floats, T: Floats, *, steps: int = FEW) -> tuple[Floats, Floats]:
+    """Newton's method from postures (m, 6) to poses (m, 4, 4); the results, and how far they miss (m,)."""
+    q = q.copy()
+    reached, J = chain.jacobian(q)
+    error = miss(reached, T)
+    off = missed_by(error)
+    for _ in range(steps):
+        if (off < 1e-13).all():
+            break
+        step = np.linalg.solve(J + 1e-14 * np.eye(6), error[:, :, None])[:, :, 0]
+        step *= np.minimum(1.0, LONGEST / np.maximum(np.abs(step).max(axis=1), LONGEST))[:, None]
+        trial = q + step
+        reached, J = chain.jacobian(trial)
+        error = miss(reached, T)
+        q, off = trial, missed_by(error)
+    return q, off
+
+
+def nearest_by_newton(chain: Chain, q: Floats, T: Floats) -> tuple[Floats, Floats]:
+    """As `newton`, for bad starts and singular arms: by singular values, the best posture on each way."""
+    q, best = q.copy(), q.copy()
+    best_off = np.full(len(q), np.inf)
+    for _ in range(MANY):
+        reached, J = chain.jacobian(q)
+        error = miss(reached, T)
+        off = missed_by(error)
+        better = off < best_off
+        best[better], best_off[better] = q[better], off[better]
+        if (best_off < 1e-13).all():
+            break
+        U, s, V = np.linalg.svd(J)
+        step = (((error[:, None] @ U)[:, 0] / np.maximum(s, 1e-11))[:, None] @ V)[:, 0]
+        step *= np.minimum(1.0, LONGEST / np.maximum(np.abs(step).max(axis=1), LONGEST))[:, None]
+        q += step
+    return best, best_off
+
+
+def wrapped(q: Floats) -> Floats:
+    """Angles in [-pi, pi]."""
+    return q - 2 * np.pi * np.rint(q / (2 * np.pi))
+
+
+class General6R:
+    """Every posture of a six-joint arm for a pose.
+
+    Args:
+        chain: The arm.
+    """
+
+    #: Where an eigenvalue would be infinite: pi further [rad]. Angles of no meaning.
+    PHASES = (0.7123, 2.0451)
+    #: Which of the joints 2, 3, 4 (counted from 0) is the eigenvalue, and by which the equations are multiplied.
+    CHOICES = ((0, 1), (1, 0), (2, 1))
+
+    def __init__(self, chain: Chain) -> None:
+        self.chain = chain
+        A = chain.placements
+        turns = np.zeros((3, 4, 4))
+        turns[:, 2, 2] = turns[:, 3, 3] = 1.0
+        turns[:, 0, 0] = turns[:, 1, 1] = np.cos(_SAMPLES)
+        turns[:, 1, 0], turns[:, 0, 1] = np.sin(_SAMPLES), -np.sin(_SAMPLES)
+        self._size = float(np.abs(A[1:, :3, 3]).max())
+        # axis 5 in the frame before joint 2, reached over joints 2, 3 and 4
+        near = turns[:, None, None] @ A[2] @ turns[:, None] @ A[3] @ turns @ A[4]
+        values = self._functions(near[..., :3, 2], near[..., :3, 3])
+        self._near = np.einsum("ai,bj,ck,ijkm->mabc", _COEFFICIENTS, _COEFFICIENTS, _COEFFICIENTS, values).reshape(
+            14, 27
+        )
+        # and over joints 1 and 6: (A0 R1 A1)^-1 T A6^-1 R6^-1 A5^-1
+        self._left = np.linalg.inv(A[0] @ turns @ A[1])
+        self._right = np.linalg.inv(A[5] @ turns @ A[6])[:, :, 2:]
+        self._both = np.kron(_COEFFICIENTS, _COEFFICIENTS)
+        # the point of axis 6 nearest to axis 5, from either side
+        z, p = A[5][:3, 2], A[5][:3, 3]
+        along = -(p[:2] @ z[:2]) / (z[:2] @ z[:2])
+        self._centre = np.linalg.inv(A[6]) @ (0.0, 0.0, along, 1.0)
+        self._height = float(p[2] + along * z[2])
+
+    def solve(self, T: Floats, *, tol: float = EXACT) -> list[Floats]:
+        """All postures for each of many poses.
+
+        Args:
+            T: Poses of the tip, shape (count, 4, 4).
+            tol: Where nothing reaches a pose exactly, postures that miss it by no more than this [m, rad].
+
+        Returns:
+            For each pose postures [rad], shape (k, 6), angles in [-pi, pi].
+        """
+        found: list[Floats] = []
+        for start in range(0, len(T), POSES):
+            found += self._solve_some(T[start : start + POSES], tol)
+        return found
+
+    def _solve_some(self, T: Floats, tol: float) -> list[Floats]:
+        pose, start, imaginary = self._candidates(self._regular(T), *self.CHOICES[0], self.PHASES[0])
+        q, off = newton(self.chain, start, T[pose])
+        q = wrapped(q)
+        ends = np.searchsorted(pose, np.arange(len(T) + 1))
+        found = []
+        for row, (begin, end) in enumerate(zip(ends, ends[1:], strict=False)):
+            kept = self._distinct(q[begin:end][off[begin:end] < EXACT], T[row])
+            if _in_doubt(len(kept), start[begin:end, 1], imaginary[begin:end]):
+                kept = self._thoroughly(T[row], kept, tol)
+            found.append(kept)
+        return found
+
+    def _thoroughly(self, T: Floats, known: Floats, tol: float) -> Floats:
+        """All postures of one pose where some merge: all problems' eigenvalues, and Newton's method from around."""
+        regular = self._regular(T[None])
+        starts = [self._candidates(regular, *choice, phase)[1] for choice in self.CHOICES for phase in self.PHASES]
+        seeds = np.vstack(starts)
+        poses = np.broadcast_to(T, (len(seeds), 4, 4))
+        best, off = nearest_by_newton(self.chain, seeds, poses)
+        found = self._distinct(np.vstack([known, wrapped(best[off < EXACT])]), T)
+        if len(found):  # around each, as solutions that merge are near each other
+            rng = np.random.default_rng(0)
+            away = rng.normal(size=(AROUND, 6)) * 10.0 ** rng.uniform(-4.0, -1.5, (AROUND, 1))
+            around = found[rng.integers(len(found), size=AROUND)] + away
+            q, miss_around = newton(self.chain, around, np.broadcast_to(T, (AROUND, 4, 4)), steps=MANY)
+            found = self._distinct(np.vstack([found, wrapped(q[miss_around < EXACT])]), T)
+        if not len(found) and (off <= tol).any():
+            order = np.argsort(off)
+            nearest = wrapped(best[order][off[order] <= tol])
+            found = nearest[_first_of_each(nearest, ONE_VALLEY)]
+        return found
+
+    def _distinct(self, q: Floats, T: Floats) -> Floats:
+        """Postures (m, 6) without repetition: two are one if they are close, or if all between them reaches, too."""
+        q = q[_first_of_each(q, ONE)]
+        if len(q) < 2:
+            return q
+        away = wrapped(q[:, None] - q)
+        near = (np.abs(away).max(axis=2) < ONE_VALLEY) & np.tri(len(q), k=-1, dtype=np.bool_)
+        if not near.any():
+            return q
+        later, earlier = np.nonzero(near)
+        middle = q[later] - 0.5 * away[later, earlier]
+        error = miss(self.chain.fk(middle), np.broadcast_to(T, (len(middle), 4, 4)))
+        return np.delete(q, later[missed_by(error) < 1e-13], axis=0)
+
+    def _regular(self, T: Floats) -> Floats:
+        """The poses, tilted where the last axis is parallel to the first."""
+        A = self.chain.placements
+        first = A[0][:3, 2]
+        last = T[:, :3, :3] @ np.linalg.inv(A[6])[:3, 2]
+        parallel = np.abs(np.cross(first, last)).max(axis=1) < TILT
+        if not parallel.any():
+            return T
+        T = T.copy()
+        c, s = np.cos(TILT), np.sin(TILT)
+        across = A[0][:3, :3] @ ((1, 0, 0), (0, c, -s), (0, s, c)) @ A[0][:3, :3].T
+        T[parallel, :3, :3] = across @ T[parallel, :3, :3]
+        return T
+
+    def _functions(self, direction: Floats, point: Floats) -> Floats:
+        """The fourteen functions of lines (..., 3), shape (..., 14)."""
+        p = point / self._size
+        pp, pl = (p * p).sum(axis=-1, keepdims=True), (p * direction).sum(axis=-1, keepdims=True)
+        return np.concatenate([p, direction, pp, pl, np.cross(p, direction), direction * pp - 2.0 * p * pl], axis=-1)
+
+    def _candidates(
+        self, T: Floats, unknown: int, factor: int, phase: float
+    ) -> tuple[NDArray[np.int64], Floats, Floats]:
+        """Poses in order, a starting point (m, 6) for each, and the imaginary part of its eigenvalue (m,)."""
+        B, C, S = np.moveaxis(self._problem(T, unknown, factor), 1, 0)
+        c, s = np.cos(phase), np.sin(phase)
+        C, S = c * C + s * S, c * S - s * C
+        companion = np.zeros((len(T), 24, 24))
+        companion[:, :12, 12:] = np.eye(12)
+        companion[:, 12:] = -np.linalg.solve(B - C, np.concatenate([B + C, 2.0 * S], axis=2))
+        values, vectors = np.linalg.eig(companion)
+        size = 1.0 + np.abs(values) ** 2
+        near = (np.abs(values.imag) < NEARLY_REAL * size) & (values.imag >= 0.0)
+        pose, which = np.nonzero(near)
+        value = values[pose, which]
+        products = vectors[pose, :12, which].reshape(-1, 4, 3)
+        # products are one vector times another; the largest entries are the most exact
+        row = np.abs(products).sum(axis=2).argmax(axis=1)
+        column = np.abs(products).sum(axis=1).argmax(axis=1)
+        every = np.arange(len(pose))
+        halves, whole = products[every, :, column], products[every, row]
+        large = 2 + np.abs(halves[:, 2:]).argmax(axis=1)
+        halves = (halves / halves[every, large, None]).real
+        ones = whole[:, 0]
+        whole = (whole / np.where(ones == 0.0, 1.0, ones)[:, None]).real
+        q = np.zeros((len(pose), 6))
+        q[:, 1 + unknown] = phase + 2.0 * np.arctan(value.real)
+        q[:, 1 + factor] = 2.0 * np.arctan2(halves[:, 3], halves[:, 2])
+        q[:, 1 + 3 - unknown - factor] = np.arctan2(whole[:, 2], whole[:, 1])
+        return pose, self._closed(q, T[pose]), np.abs(value.imag) / size[pose, which]
+
+    def _problem(self, T: Floats, unknown: int, factor: int) -> Floats:
+        """Coefficients of 1, cosine and sine of the unknown joint, shape (count, 3, 12, 12)."""
+        lines = np.einsum("aij,nbjk->nabik", self._left, T[:, None] @ self._right)[..., :3, :]
+        values = self._functions(lines[..., 0], lines[..., 1]).reshape(-1, 9, 14)
+        far = (self._both @ values).transpose(0, 2, 1)  # (count, 14, 9), a column for each product of joints 1 and 6
+        free = np.linalg.qr(far[:, :, 1:], mode="complete")[0][:, :, 8:].transpose(0, 2, 1)  # (count, 6, 14)
+        equations = free @ self._near
+        equations[:, :, 0] -= (free @ far[:, :, :1])[:, :, 0]
+        third = 3 - unknown - factor
+        ordered = equations.reshape(-1, 6, 3, 3, 3).transpose(0, 2 + unknown, 1, 2 + third, 2 + factor)
+        products = ordered @ _HALF.transpose(1, 0, 2).reshape(3, 8)  # (count, unknown, equation, third, half x product)
+        count = len(T)
+        return products.reshape(count, 3, 6, 3, 2, 4).transpose(0, 1, 4, 2, 5, 3).reshape(count, 3, 12, 12)
+
+    def _closed(self, q: Floats, T: Floats) -> Floats:
+        """Fill in joints 1, 5 and 6 of postures (m, 6), as if the axes 5 and 6 met."""
+        A = self.chain.placements
+        frame = np.broadcast_to(A[1], (len(q), 4, 4))
+        for joint in (1, 2, 3):
+            frame = frame @ _turn(q[:, joint]) @ A[joint + 1]
+        wanted = np.linalg.inv(A[0]) @ T
+        centre = wanted @ self._centre
+        here = frame[:, :3, 3] + self._height * frame[:, :3, 2]
+        q[:, 0] = np.arctan2(centre[:, 1], centre[:, 0]) - np.arctan2(here[:, 1], here[:, 0])
+        rest = (_turn(q[:, 0]) @ frame)[:, :3, :3].transpose(0, 2, 1) @ (wanted @ np.linalg.inv(A[6]))[:, :3, :3]
+        q[:, 4] = np.arctan2(rest[:, 1, 2], rest[:, 0, 2]) - np.arctan2(A[5][1, 2], A[5][0, 2])
+        last = A[5][:3, :3].T @ _turn(-q[:, 4])[:, :3, :3] @ rest
+        q[:, 5] = np.arctan2(last[:, 1, 0], last[:, 0, 0])
+        return q
+
+
+def _in_doubt(found: int, angles: Floats, imaginary: Floats) -> bool:
+    """Whether there may be another number of postures than were found.
+
+    They come and go in pairs, and each has a real eigenvalue of its own. An eigenvalue that is one of k equal ones is
+    exact to the k-th root of the rounding only: it may belong to a posture although it is not real, if it is almost
+    real or among others.
+
+    Args:
+        found: Number of postures.
+        angles: Of the eigenvalues [rad].
+        imaginary: Their imaginary parts.
+    """
+    if found % 2 or found != np.count_nonzero(imaginary <= REAL):
+        return True
+    maybe = imaginary > REAL
+    if not maybe.any():
+        return False
+    together = np.abs(wrapped(angles[maybe, None] - angles)) < CLUSTER
+    return bool((imaginary[maybe] < COMPLEX).any() or (np.count_nonzero(together, axis=1) > 2).any())
+
+
+def _turn(angle: Floats) -> Floats:
+    """Rotations about z, shape (m, 4, 4)."""
+    T = np.zeros((len(angle), 4, 4))
+    T[:, 0, 0] = T[:, 1, 1] = np.cos(angle)
+    T[:, 1, 0] = np.sin(angle)
+    T[:, 0, 1] = -T[:, 1, 0]
+    T[:, 2, 2] = T[:, 3, 3] = 1.0
+    return T
+
+
+def _first_of_each(q: Floats, distance: float) -> NDArray[np.bool_]:
+    """Which of the postures (m, 6) are not near an earlier one."""
+    same = np.abs(wrapped(q[:, None] - q)).max(axis=2, initial=0.0) < distance
+    return ~(same & np.tri(len(q), k=-1, dtype=np.bool_)).any(axis=1)
