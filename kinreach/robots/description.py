@@ -201,6 +201,33 @@ class ArmDescription:
         )
         return replace(arm, home=tuple(np.clip(arm.home, lower, upper).tolist()))
 
+    def calibrated(self, file: str | Path, *, model: str | None = None, repair: bool = False) -> ArmDescription:
+        """The same arm as it left the factory: its joints are where its calibration has them.
+
+        Simulation, collision checker and environments take it as any other arm; a method that is given the arm
+        without its calibration believes in the data sheet.
+
+        Args:
+            file: The ROS driver's `kinematics.yaml`, the controller's `calibration.conf`, or a calibrated URDF.
+            model: Which UR it is, "ur3" to "ur30"; default is this arm's name.
+            repair: Put right what an old exporter folded (`kinreach.robots.calibration.read_calibration`).
+
+        Raises:
+            UnknownNameError: There is no such model.
+            InputError: The file is none of these, is folded, or does not fit the model.
+        """
+        from kinreach.robots.calibration import calibrated_urdf, read_calibration  # which knows the models, made of this
+
+        calibration = read_calibration(file, self.name if model is None else model, repair=repair)
+        check_known(f"tip of arm {self.name!r}", "tool0", self.tips)
+        urdf = calibrated_urdf(self.urdf, calibration, base=self.base, tip=self.tips["tool0"])
+        return replace(
+            self,
+            name=f"{self.name}_calibrated",
+            title=f"{self.title}, calibrated by {calibration.file.name}",
+            build_urdf=partial(str, urdf),
+        )
+
     @cached_property
     def urdf(self) -> str:
         """The URDF text, built and checked on first use.

@@ -16,6 +16,7 @@ import numpy as np
 from kinreach.checks import Floats, check_number, check_path, shown
 from kinreach.errors import InputError, raise_unknown
 from kinreach.robots.grippers import PARALLEL_GRIPPER, Gripper, add_parallel_gripper
+from kinreach.robots.rotations import rotation, rpy, turn
 from kinreach.robots.urdf import MOST_CHARACTERS, PACKAGE, add_joint, check_urdf, numbers, parse_urdf
 from kinreach.robots.workcell import CameraMount
 
@@ -392,11 +393,11 @@ def _fix(joint: ET.Element, place: float) -> None:
         direction = np.array([float(v) for v in ("1 0 0" if axis is None else axis.get("xyz", "1 0 0")).split()])
         direction /= np.linalg.norm(direction)
         xyz = np.array([float(v) for v in origin.get("xyz", "0 0 0").split()])
-        R = _rotation([float(v) for v in origin.get("rpy", "0 0 0").split()])
+        R = rotation([float(v) for v in origin.get("rpy", "0 0 0").split()])
         if joint.get("type") == "prismatic":
             origin.set("xyz", numbers(xyz + place * R @ direction))
         else:
-            origin.set("rpy", numbers(_rpy(R @ _turn(direction, place))))
+            origin.set("rpy", numbers(rpy(R @ turn(direction, place))))
     joint.set("type", "fixed")
     for element in list(joint):
         if element.tag not in ("origin", "parent", "child"):
@@ -411,25 +412,3 @@ def _limit_to_a_turn(joint: ET.Element) -> None:
         limit = ET.SubElement(joint, "limit", effort="0", velocity="0")
     limit.set("lower", repr(-math.pi))
     limit.set("upper", repr(math.pi))
-
-
-def _rotation(rpy: Sequence[float]) -> Floats:
-    """Rz(yaw) Ry(pitch) Rx(roll)."""
-    x, y, z = (_turn(axis, angle) for axis, angle in zip(np.eye(3), rpy, strict=True))
-    return z @ y @ x
-
-
-def _turn(axis: Floats, angle: float) -> Floats:
-    """Rodrigues' formula: the rotation about a unit axis."""
-    x, y, z = axis
-    K = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
-    return np.eye(3) + math.sin(angle) * K + (1.0 - math.cos(angle)) * K @ K
-
-
-def _rpy(R: Floats) -> tuple[float, float, float]:
-    """Roll, pitch and yaw of a rotation; yaw is 0 where the pitch is a right angle."""
-    across = math.hypot(R[0, 0], R[1, 0])
-    pitch = math.atan2(-R[2, 0], across)
-    if across < 1e-9:
-        return math.atan2(-R[1, 2], R[1, 1]), pitch, 0.0
-    return math.atan2(R[2, 1], R[2, 2]), pitch, math.atan2(R[1, 0], R[0, 0])
