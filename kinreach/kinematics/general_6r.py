@@ -57,38 +57,47 @@ class Chain:
     """Six joints that each turn about their frame's z axis, `T = A0 Rz(q1) A1 Rz(q2) ... Rz(q6) A6`.
 
     Args:
-        placements: A0 to A6, shape (7, 4, 4).
+        placements: A0 to A6, shape (7, 4, 4); what is computed has their precision.
     """
 
     def __init__(self, placements: Floats) -> None:
         self.placements = placements
+        self._complex = np.complex64 if placements.dtype == np.float32 else np.complex128
 
     def fk(self, q: Floats) -> Floats:
         """Upper rows of the tip's poses, shape (m, 3, 4), for postures (m, 6)."""
-        frame = np.empty((len(q), 3, 4))
-        frame[:] = self.placements[0, :3]
-        turns = np.exp(-1j * q)
-        for joint in range(_JOINTS):  # x + i y of a frame turns by exp(-i q)
-            frame.view(np.complex128)[:, :, 0] *= turns[:, joint, None]
-            frame = (frame.reshape(-1, 4) @ self.placements[joint + 1]).reshape(-1, 3, 4)
+        frame, turns = self._start(q)
+        for joint in range(_JOINTS):
+            frame = self._turned(frame, turns, joint)
         return frame
 
     def jacobian(self, q: Floats) -> tuple[Floats, Floats]:
         """As `fk`, and the geometric Jacobian along the base's axes, shape (m, 6, 6)."""
-        frame = np.empty((len(q), 3, 4))
-        frame[:] = self.placements[0, :3]
-        turns = np.exp(-1j * q)
-        axes = np.empty((len(q), 3, 2, _JOINTS))
+        frame, turns = self._start(q)
+        axes = np.empty((_JOINTS, len(q), 3, 2), self.placements.dtype)
         for joint in range(_JOINTS):
-            axes[..., joint] = frame[:, :, 2:]
-            frame.view(np.complex128)[:, :, 0] *= turns[:, joint, None]
-            frame = (frame.reshape(-1, 4) @ self.placements[joint + 1]).reshape(-1, 3, 4)
-        z, arm = axes[:, :, 0], frame[:, :, 3:] - axes[:, :, 1]
-        J = np.empty((len(q), 6, _JOINTS))
+            axes[joint] = frame[:, :, 2:]
+            frame = self._turned(frame, turns, joint)
+        z, arm = axes[..., 0], frame[:, :, 3] - axes[..., 1]
+        J = np.empty((len(q), 6, _JOINTS), self.placements.dtype)
         for row, (a, b) in enumerate(((1, 2), (2, 0), (0, 1))):
-            J[:, row] = z[:, a] * arm[:, b] - z[:, b] * arm[:, a]
-        J[:, 3:] = z
+            J[:, row] = (z[..., a] * arm[..., b] - z[..., b] * arm[..., a]).T
+        J[:, 3:] = z.transpose(1, 2, 0)
         return frame, J
+
+    def _start(self, q: Floats) -> tuple[Floats, NDArray[np.complexfloating]]:
+        """The first frames (m, 3, 4), and exp(-i q)."""
+        frame = np.empty((len(q), 3, 4), self.placements.dtype)
+        frame[:] = self.placements[0, :3]
+        turns = np.empty(q.shape, self._complex)
+        turns.real, turns.imag = np.cos(q), -np.sin(q)
+        return frame, turns
+
+    def _turned(self, frame: Floats, turns: NDArray[np.complexfloating], joint: int) -> Floats:
+        """The next joint's frames: x + i y of a frame turns by exp(-i q)."""
+        frame.view(self._complex)[:, :, 0] *= turns[:, joint, None]
+        turned: Floats = (frame.reshape(-1, 4) @ self.placements[joint + 1]).reshape(-1, 3, 4)
+        return turned
 
 
 def miss(reached: Floats, T: Floats) -> Floats:
@@ -97,7 +106,7 @@ def miss(reached: Floats, T: Floats) -> Floats:
     Where the angle is more than a right one, its part is longer than 1.
     """
     E = T[:, :3, :3] @ reached[:, :, :3].transpose(0, 2, 1)
-    error = np.empty((len(E), 6))
+    error = np.empty((len(E), 6), E.dtype)
     np.subtract(T[:, :3, 3], reached[:, :, 3], out=error[:, :3])
     error[:, 3] = E[:, 2, 1] - E[:, 1, 2]
     error[:, 4] = E[:, 0, 2] - E[:, 2, 0]
