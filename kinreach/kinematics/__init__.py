@@ -6,12 +6,13 @@ from kinreach.kinematics.closed_form import kinematics_of
 from kinreach.kinematics.collision import CollisionChecker
 from kinreach.kinematics.goals import AxisGoal, PoseGoal, PositionGoal
 from kinreach.kinematics.solutions import IKBatch, IKBatchNearest, IKResult, IKSolutions, Status
-from kinreach.kinematics.ur.kinematics import UR5Kinematics, URKinematics
+from kinreach.kinematics.ur.kinematics import CalibratedURKinematics, UR5Kinematics, URKinematics
 
 __all__ = [
     "Arm3Kinematics",
     "ArmKinematics",
     "AxisGoal",
+    "CalibratedURKinematics",
     "CollisionChecker",
     "IKBatch",
     "IKBatchNearest",

@@ -171,10 +171,15 @@ class ArmKinematics:
     @cached_property
     def chain(self) -> SerialChain:
         """The arm from the base frame to the tip, for many postures at once."""
-        placements = [self.model.jointPlacements[i].homogeneous for i in range(1, self.n + 1)]
+        placements, axes = self._joint_frames()
         placements[0] = self.T_base_world @ placements[0]
-        axes = [np.array(_axis(self.model.joints[i].shortname(), self.model.joints[i])) for i in range(1, self.n + 1)]
         return SerialChain(placements, axes, self.model.frames[self.tip_frame].placement.homogeneous)
+
+    def _joint_frames(self) -> tuple[list[Floats], list[Floats]]:
+        """Pose of each joint's frame in that of the joint before (the world for the first), and its axis in its own."""
+        joints = range(1, self.n + 1)
+        axes = [np.array(_axis(self.model.joints[i].shortname(), self.model.joints[i])) for i in joints]
+        return [self.model.jointPlacements[i].homogeneous for i in joints], axes
 
 
 def link_frame(model: Any, link: str) -> int:

@@ -110,7 +110,7 @@ class SerialChain:
         before = np.eye(4)
         for placement, axis in zip(placements, axes, strict=True):
             align = np.eye(4)
-            align[:3, :3] = _rotation_to(axis)
+            align[:3, :3] = rotation_to(axis)
             self._constants.append(_snapped(before @ placement @ align))
             before = align.T
             self._joints.append(before)
@@ -199,7 +199,7 @@ def _snapped(T: Floats) -> Floats:
     return np.where(np.abs(T - whole) < SNAP, whole, T)
 
 
-def _rotation_to(axis: Floats) -> Floats:
+def rotation_to(axis: Floats) -> Floats:
     """A rotation whose third column is the given unit axis."""
     helper = np.eye(3)[int(np.argmin(np.abs(axis)))]
     x = np.cross(helper, axis)

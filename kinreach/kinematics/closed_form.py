@@ -201,7 +201,7 @@ def _inside_turn(q: Sequence[float]) -> bool:
 
 
 def kinematics_of(arm: str | ArmDescription, *, tip: str | None = None, base: str = "base_link") -> ArmKinematics:
-    """Kinematics of an arm, with its closed form where it has one: that of a UR, or of a turning base with two links.
+    """Kinematics of an arm, with all postures of a pose where it is a UR, calibrated or not, or has three joints.
 
     Args:
         arm: Name of a registered arm, or a description.
@@ -212,14 +212,17 @@ def kinematics_of(arm: str | ArmDescription, *, tip: str | None = None, base: st
         UnknownNameError: The arm, the tip or the base does not exist.
     """
     from kinreach.kinematics.arm3 import Arm3Kinematics  # which are made of what is above
-    from kinreach.kinematics.ur.kinematics import URKinematics
+    from kinreach.kinematics.ur.kinematics import CalibratedURKinematics, URKinematics
 
     plain = ArmKinematics(arm, tip=tip, base=base)
-    try:
-        if plain.n == URKinematics.joints:
-            return URKinematics(plain.arm, tip=plain.tip, base=base)
-        if plain.n == Arm3Kinematics.joints:
+    if plain.n == Arm3Kinematics.joints:
+        try:
             return Arm3Kinematics(arm=plain.arm, tip=plain.tip, base=base)
-    except InputError:  # as many joints, another geometry
-        pass
+        except InputError:  # as many joints, another geometry
+            return plain
+    for kind in (URKinematics, CalibratedURKinematics) if plain.n == URKinematics.joints else ():
+        try:
+            return kind(plain.arm, tip=plain.tip, base=base)
+        except InputError:
+            continue
     return plain

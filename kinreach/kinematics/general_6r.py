@@ -4,8 +4,8 @@ The method is that of Raghavan and Roth (Inverse kinematics of the general 6R ma
 of Mechanical Design 115, 1993), with the eigenvalues of Manocha and Canny (Efficient inverse kinematics for general 6R
 manipulators, IEEE Transactions on Robotics and Automation 10, 1994). The line of one axis is written twice, once from
 each side of the closed chain, so that its own angle appears nowhere; with the direction l and the point p of a line,
-fourteen functions (p, l, p.p, p.l, p x l, l (p.p) - 2 p (p.l)) are linear in the cosine and sine of every angle. Here it
-is the axis of the fifth joint: joints 1 and 6 are eliminated linearly, which leaves six equations in the sines and
+fourteen functions (p, l, p.p, p.l, p x l, l (p.p) - 2 p (p.l)) are linear in the cosine and sine of every angle. Here
+it is the axis of the fifth joint: joints 1 and 6 are eliminated linearly, which leaves six equations in the sines and
 cosines of joints 2, 3 and 4. Multiplied by cos(q/2) and sin(q/2) of one of the three they are twelve, linear in twelve
 products, with coefficients that are linear in the cosine and sine of another: a quadratic eigenvalue problem in the
 tangent of half that angle. Its real eigenvalues hold every posture, of which there are at most sixteen.
@@ -22,11 +22,16 @@ What comes out are starting points for Newton's method on the arm itself; only w
 
 from __future__ import annotations
 
+from itertools import pairwise
+from typing import Any
+
 import numpy as np
 from numpy.typing import NDArray
 
 from kinreach.checks import Floats
 
+#: Arrays of single or double precision.
+Reals = NDArray[Any]
 #: A posture is a solution if it misses by less [m, rad].
 EXACT = 1e-10
 #: A pose whose last axis is nearer to the first one's direction is tilted by as much [rad].
@@ -36,10 +41,12 @@ TILT = 1e-5
 REAL, COMPLEX, NEARLY_REAL = 1e-11, 1e-4, 3e-2
 #: Eigenvalues whose angles differ by less may be equal ones [rad].
 CLUSTER = 0.05
-#: Two postures nearer than this in every joint are one [rad]; up to `ONE_VALLEY` if what lies between them reaches, too.
+#: Two postures nearer than this in every joint are one [rad]; up to `ONE_VALLEY` if what is between them reaches, too.
 ONE, ONE_VALLEY = 1e-6, 2e-2
 #: Steps of Newton's method from a good start, and from a bad one; the longest step of a joint [rad].
 FEW, MANY, LONGEST = 6, 40, 0.3
+#: Most postures that a six-joint arm has for a pose.
+MOST = 16
 POSES = 512  # at once
 AROUND = 256  # starting points around known solutions
 _JOINTS = 6
@@ -60,18 +67,18 @@ class Chain:
         placements: A0 to A6, shape (7, 4, 4); what is computed has their precision.
     """
 
-    def __init__(self, placements: Floats) -> None:
+    def __init__(self, placements: Reals) -> None:
         self.placements = placements
         self._complex = np.complex64 if placements.dtype == np.float32 else np.complex128
 
-    def fk(self, q: Floats) -> Floats:
+    def fk(self, q: Reals) -> Reals:
         """Upper rows of the tip's poses, shape (m, 3, 4), for postures (m, 6)."""
         frame, turns = self._start(q)
         for joint in range(_JOINTS):
             frame = self._turned(frame, turns, joint)
         return frame
 
-    def jacobian(self, q: Floats) -> tuple[Floats, Floats]:
+    def jacobian(self, q: Reals) -> tuple[Reals, Reals]:
         """As `fk`, and the geometric Jacobian along the base's axes, shape (m, 6, 6)."""
         frame, turns = self._start(q)
         axes = np.empty((_JOINTS, len(q), 3, 2), self.placements.dtype)
@@ -85,7 +92,7 @@ class Chain:
         J[:, 3:] = z.transpose(1, 2, 0)
         return frame, J
 
-    def _start(self, q: Floats) -> tuple[Floats, NDArray[np.complexfloating]]:
+    def _start(self, q: Reals) -> tuple[Reals, NDArray[Any]]:
         """The first frames (m, 3, 4), and exp(-i q)."""
         frame = np.empty((len(q), 3, 4), self.placements.dtype)
         frame[:] = self.placements[0, :3]
@@ -93,14 +100,15 @@ class Chain:
         turns.real, turns.imag = np.cos(q), -np.sin(q)
         return frame, turns
 
-    def _turned(self, frame: Floats, turns: NDArray[np.complexfloating], joint: int) -> Floats:
+    def _turned(self, frame: Reals, turns: NDArray[Any], joint: int) -> Reals:
         """The next joint's frames: x + i y of a frame turns by exp(-i q)."""
-        frame.view(self._complex)[:, :, 0] *= turns[:, joint, None]
-        turned: Floats = (frame.reshape(-1, 4) @ self.placements[joint + 1]).reshape(-1, 3, 4)
+        plane = frame.view(self._complex)[:, :, 0]
+        np.multiply(plane, turns[:, joint, None], out=plane)
+        turned: Reals = (frame.reshape(-1, 4) @ self.placements[joint + 1]).reshape(-1, 3, 4)
         return turned
 
 
-def miss(reached: Floats, T: Floats) -> Floats:
+def miss(reached: Reals, T: Reals) -> Reals:
     """Vectors (m, 6) from poses to the wanted ones: position [m], and sine of the angle times its axis [rad].
 
     Where the angle is more than a right one, its part is longer than 1.
@@ -118,7 +126,7 @@ def miss(reached: Floats, T: Floats) -> Floats:
     return error
 
 
-def missed_by(error: Floats) -> Floats:
+def missed_by(error: Reals) -> Reals:
     """The larger of position [m] and orientation [rad] error, shape (m,)."""
     return np.sqrt(np.maximum((error[:, :3] ** 2).sum(axis=1), (error[:, 3:] ** 2).sum(axis=1)))
 
@@ -222,9 +230,9 @@ class General6R:
         q = wrapped(q)
         ends = np.searchsorted(pose, np.arange(len(T) + 1))
         found = []
-        for row, (begin, end) in enumerate(zip(ends, ends[1:], strict=False)):
+        for row, (begin, end) in enumerate(pairwise(ends.tolist())):
             kept = self._distinct(q[begin:end][off[begin:end] < EXACT], T[row])
-            if _in_doubt(len(kept), start[begin:end, 1], imaginary[begin:end]):
+            if (not len(kept) and end > begin) or _in_doubt(len(kept), start[begin:end, 1], imaginary[begin:end]):
                 kept = self._thoroughly(T[row], kept, tol)
             found.append(kept)
         return found
@@ -242,7 +250,7 @@ class General6R:
             away = rng.normal(size=(AROUND, 6)) * 10.0 ** rng.uniform(-4.0, -1.5, (AROUND, 1))
             around = found[rng.integers(len(found), size=AROUND)] + away
             q, miss_around = newton(self.chain, around, np.broadcast_to(T, (AROUND, 4, 4)), steps=MANY)
-            found = self._distinct(np.vstack([found, wrapped(q[miss_around < EXACT])]), T)
+            found = self._distinct(np.vstack([found, wrapped(q[miss_around < EXACT])]), T)[:MOST]
         if not len(found) and (off <= tol).any():
             order = np.argsort(off)
             nearest = wrapped(best[order][off[order] <= tol])
@@ -260,8 +268,10 @@ class General6R:
             return q
         later, earlier = np.nonzero(near)
         middle = q[later] - 0.5 * away[later, earlier]
-        error = miss(self.chain.fk(middle), np.broadcast_to(T, (len(middle), 4, 4)))
-        return np.delete(q, later[missed_by(error) < 1e-13], axis=0)
+        tested = np.vstack([q, middle])
+        off = missed_by(miss(self.chain.fk(tested), np.broadcast_to(T, (len(tested), 4, 4))))
+        ends = np.maximum(off[later], off[earlier])
+        return np.delete(q, later[off[len(q) :] < 4.0 * ends + 1e-13], axis=0)
 
     def _regular(self, T: Floats) -> Floats:
         """The poses, tilted where the last axis is parallel to the first."""

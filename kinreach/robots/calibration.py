@@ -107,8 +107,8 @@ def read_calibration(file: str | Path, model: str, *, repair: bool = False) -> C
             raise InputError(f"{wrong}{_better_model(placed, model)}")
         if not repair:
             raise InputError(
-                f"the calibration is folded at {link}: {wrong}; with x and y of {link} negated it fits {model}, as after "
-                "a known fault of old exporters. repair=True does that; better is to export it again"
+                f"the calibration is folded at {link}: {wrong}; with x and y of {link} negated it fits {model}, as "
+                "after a known fault of old exporters. repair=True does that; better is to export it again"
             )
         placements, repaired = unfolded, link
     return Calibration(model, placements, path, repaired)
@@ -216,7 +216,9 @@ def _from_controller(text: str, model: str) -> _Placed:
     for key in _DELTAS:
         words = lists.get(key, "").replace(",", " ").split()
         if len(words) != 6:
-            raise InputError(f"the calibration must have six numbers {key} = [...], one for each joint, got {len(words)}")
+            raise InputError(
+                f"the calibration must have six numbers {key} = [...], one for each joint, got {len(words)}"
+            )
         bound, unit = (MOST_FILE_ANGLE, "rad") if key in ("delta_theta", "delta_alpha") else (MOST_SLIDE, "m")
         values.append([_number(f"{key} of {joint}", w, bound, unit) for w, joint in zip(words, JOINTS, strict=True)])
     d1, a2, a3, d4, d5, d6 = LENGTHS[model]
@@ -243,7 +245,9 @@ def _from_urdf(text: str) -> _Placed:
     for name in JOINTS:
         named = [joint for joint in robot.findall("joint") if joint.get("name", "").endswith(name)]
         if len(named) != 1:
-            raise InputError(f"a calibrated URDF must have one joint {name}, with or without a prefix, got {len(named)}")
+            raise InputError(
+                f"a calibrated URDF must have one joint {name}, with or without a prefix, got {len(named)}"
+            )
         joints.append(named[0])
     last = _link(joints[-1], "child")
     tips = [link for link in frames if link.endswith("tool0")]
@@ -294,13 +298,13 @@ def _what_is_wrong(placements: Floats, model: str) -> str:
     for what, tilt, offset in zip((*JOINTS, "tool0"), tilts, offsets, strict=True):
         if not tilt <= MOST_TILT:
             return (
-                f"the axis of {what} is tilted by {math.degrees(tilt):.3g} degrees against that of a {model}, more than "
-                f"the {math.degrees(MOST_TILT):g} of any calibration"
+                f"the axis of {what} is tilted by {math.degrees(tilt):.3g} degrees against that of a {model}, more "
+                f"than the {math.degrees(MOST_TILT):g} of any calibration"
             )
         if not offset <= MOST_OFFSET:
             return (
-                f"{what} is {1000 * offset:.4g} mm from where a {model} has it, more than the {1000 * MOST_OFFSET:g} mm "
-                "of any calibration"
+                f"{what} is {1000 * offset:.4g} mm from where a {model} has it, more than the {1000 * MOST_OFFSET:g} "
+                "mm of any calibration"
             )
     return ""
 

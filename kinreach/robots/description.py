@@ -216,7 +216,10 @@ class ArmDescription:
             UnknownNameError: There is no such model.
             InputError: The file is none of these, is folded, or does not fit the model.
         """
-        from kinreach.robots.calibration import calibrated_urdf, read_calibration  # which knows the models, made of this
+        from kinreach.robots.calibration import (
+            calibrated_urdf,
+            read_calibration,
+        )  # which knows the models, made of this
 
         calibration = read_calibration(file, self.name if model is None else model, repair=repair)
         check_known(f"tip of arm {self.name!r}", "tool0", self.tips)

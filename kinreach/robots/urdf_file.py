@@ -13,7 +13,7 @@ from typing import Any
 
 import numpy as np
 
-from kinreach.checks import Floats, check_number, check_path, shown
+from kinreach.checks import check_number, check_path, shown
 from kinreach.errors import InputError, raise_unknown
 from kinreach.robots.grippers import PARALLEL_GRIPPER, Gripper, add_parallel_gripper
 from kinreach.robots.rotations import rotation, rpy, turn

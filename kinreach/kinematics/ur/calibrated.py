@@ -31,12 +31,11 @@ from numpy.typing import NDArray
 from kinreach.checks import Floats
 from kinreach.errors import InputError
 from kinreach.kinematics.chain import blocks
-from kinreach.kinematics.general_6r import EXACT, Chain, General6R, miss, missed_by, newton, wrapped
+from kinreach.kinematics.general_6r import EXACT, MOST, Chain, General6R, miss, missed_by, newton, wrapped
 from kinreach.kinematics.ur.batch import flange_entries, solve_poses
-from kinreach.kinematics.ur.geometry import URGeometry
+from kinreach.kinematics.ur.closed_form import solve_pose
+from kinreach.kinematics.ur.geometry import Miss, URGeometry
 
-#: Most postures a six-joint arm has for a pose.
-MOST = 16
 BRANCHES = 8
 #: Postures at which the fitted arm is compared with the real one, and steps of the fit.
 SAMPLES, FITS = 400, 5
@@ -90,7 +89,8 @@ def fit(chain: Chain, start: URGeometry) -> Fit:
     q = np.random.default_rng(0).uniform(-np.pi, np.pi, (SAMPLES, 6))
     T = _poses(chain.fk(q))
     x = np.array([start.d1, start.a2, start.a3, start.d4, start.d5, start.d6])
-    zeros, before, after = np.zeros(6), np.eye(4), np.eye(4)
+    zeros: Floats = np.zeros(6)
+    before, after = np.eye(4), np.eye(4)
     for _ in range(FITS):
         error = miss(_chain(x, before, after).fk(q + zeros), T).ravel()
         columns = []
@@ -100,7 +100,7 @@ def fit(chain: Chain, start: URGeometry) -> Fit:
             trial = _chain(x + nudge[:6], _small(nudge[12:18]) @ before, after @ _small(nudge[18:]))
             moved = miss(trial.fk(q + zeros + nudge[6:12]), T)
             columns.append((error - moved.ravel()) / 1e-6)
-        step = np.linalg.lstsq(np.column_stack(columns), error, rcond=1e-9)[0]
+        step: Floats = np.linalg.lstsq(np.column_stack(columns), error, rcond=1e-9)[0]
         x, zeros = x + step[:6], zeros + step[6:12]
         before, after = _small(step[12:18]) @ before, after @ _small(step[18:])
     error = miss(_chain(x, before, after).fk(q + zeros), T)
@@ -127,7 +127,8 @@ class CalibratedSolver:
         self.chain = Chain(placements)
         self._rough = Chain(placements.astype(np.float32))
         self.fit = fit(self.chain, start)
-        self._left, self._right = np.linalg.inv(self.fit.before), np.linalg.inv(self.fit.after)
+        self._left: Floats = np.asarray(np.linalg.inv(self.fit.before), dtype=np.float64)
+        self._right: Floats = np.asarray(np.linalg.inv(self.fit.after), dtype=np.float64)
         # how far the wrist centre may be from the fitted arm's
         self._centre = self.fit.position + abs(self.fit.geometry.d6) * self.fit.orientation
         self._wrist, self._elbow = self._changes()
@@ -160,6 +161,12 @@ class CalibratedSolver:
                 q[:, branch, row], valid[branch, row] = posture, True
         return q, valid
 
+    def why_empty(self, T: Floats) -> int:
+        """`Miss` flags of the fitted arm for a pose (4, 4) that the calibrated one does not reach."""
+        rows = (self._left @ T @ self._right)[:3].tolist()
+        found, flags = solve_pose(rows, self.fit.geometry)
+        return int(Miss.CALIBRATION) if found else flags
+
     def branches(self, q: Floats) -> list[int]:
         """The index of each posture (k, 6) of one pose, all different."""
         index, margin = self._index(q)
@@ -167,7 +174,7 @@ class CalibratedSolver:
         for which in np.argsort(-margin):
             taken.setdefault(int(index[which]), int(which))
         mine = {which: branch for branch, which in taken.items()}
-        spare = iter(range(BRANCHES, MOST + BRANCHES))
+        spare = iter([*range(BRANCHES, MOST), *(set(range(BRANCHES)) - set(taken))])
         return [mine[which] if which in mine else next(spare) for which in range(len(q))]
 
     def _index(self, q: Floats) -> tuple[NDArray[np.int64], Floats]:
@@ -236,7 +243,7 @@ class CalibratedSolver:
         return (near | (sheet.r <= g.d4)) & (sheet.r >= g.d4 - self._centre)
 
     def _may_be_reached(self, T: Floats, branch: int) -> NDArray[np.bool_]:
-        """Whether the elbow of a shoulder and wrist may reach poses (count, 4, 4) that are out of the fitted arm's reach.
+        """Whether the elbow of a shoulder and wrist may reach poses (count, 4, 4) that the fitted arm's does not.
 
         The poses are corrected by how the two arms differ with the elbow stretched or folded. What is left of the
         difference grows in proportion to the elbow's angle, and the reach shrinks with its square.
@@ -322,9 +329,9 @@ class _Sheet:
         return np.column_stack([np.arctan2(self._s1, self._c1), q2, q3, q4, q5, q6])
 
 
-def _chain(lengths: Sequence[float], before: Floats, after: Floats) -> Chain:
+def _chain(lengths: Floats, before: Floats, after: Floats) -> Chain:
     """The arm with a closed form, `before ur_fk(q) after` with `kinreach.kinematics.ur.geometry.ur_fk`."""
-    d1, a2, a3, d4, d5, d6 = lengths
+    d1, a2, a3, d4, d5, d6 = lengths.tolist()
     right = np.pi / 2
     steps = ((right, 0.0, d1), (0.0, a2, 0.0), (0.0, a3, 0.0), (right, 0.0, d4), (-right, 0.0, d5), (0.0, 0.0, d6))
     placements = [before]

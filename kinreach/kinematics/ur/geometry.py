@@ -117,12 +117,14 @@ class Miss(IntFlag):
     ELBOW_OUT = 2
     ELBOW_IN = 4
     RESIDUAL = 8
+    CALIBRATION = 16
 
 
 _MISS_TEXT = {
     Miss.SHOULDER_CYLINDER: "wrist centre inside the shoulder cylinder (closer to the first axis than d4)",
     Miss.ELBOW_OUT: "too far away for the stretched elbow",
     Miss.ELBOW_IN: "too close for the folded elbow",
+    Miss.CALIBRATION: "at the border of what this calibrated arm reaches, and beyond it",
     Miss.RESIDUAL: "a clamped solution misses the target by more than the tolerance",
 }
 

@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from kinreach.checks import MOST_DISTANCE, Floats, as_floats, as_pose, check_known, check_poses, check_tolerance, shown
 from kinreach.errors import InputError
 from kinreach.kinematics.arm import link_frame
+from kinreach.kinematics.chain import rotation_to
 from kinreach.kinematics.closed_form import ClosedFormKinematics
 from kinreach.kinematics.goals import AxisGoal, Goal, PoseGoal, PositionGoal, nearest_rotations, pose_error
 from kinreach.kinematics.solutions import (
@@ -22,10 +25,11 @@ from kinreach.kinematics.solutions import (
     nearest_winding,
 )
 from kinreach.kinematics.ur.batch import ROUNDING, SHOULDER_LIFT, WRIST_1, WRIST_3, solve_poses
+from kinreach.kinematics.ur.calibrated import CalibratedSolver
 from kinreach.kinematics.ur.closed_form import WRIST, solve_axis, solve_pose
 from kinreach.kinematics.ur.free_wrist import free_wrist_within
 from kinreach.kinematics.ur.geometry import Rows, URGeometry, miss_text, ur_fk
-from kinreach.robots import ArmDescription
+from kinreach.robots import ArmDescription, as_arm
 
 #: base_link of the URDF is the DH base frame turned by pi about z.
 FLIP = np.diag([-1.0, -1.0, 1.0, 1.0])
@@ -34,6 +38,12 @@ FIT_TOLERANCE = 1e-8
 TURNS = np.radians([45, -45, 90, -90, 135, -135, 180])
 #: The tip at which the closed form ends.
 FLANGE = "tool0"
+#: How far the flange may be from the last joint's axis for wrist_3 to turn about it [m, and sine of an angle].
+AXIS_TOLERANCE = 1e-9
+
+
+class NotOfThisKind(InputError):
+    """The arm has another geometry than a closed form is for."""
 
 
 class URKinematics(ClosedFormKinematics):
@@ -72,6 +82,38 @@ class URKinematics(ClosedFormKinematics):
         self._plain = bool((self._T_dh_base == FLIP).all() and (self._T_tip_flange == np.eye(4)).all())
         self._reach = _reach_along_tool(T_flange_tip.homogeneous)
         self._check_fit()
+
+    @classmethod
+    def from_calibration(
+        cls,
+        file: str | Path,
+        *,
+        model: str | ArmDescription = "ur5",
+        tip: str | None = FLANGE,
+        base: str = "base_link",
+        repair: bool = False,
+    ) -> URKinematics:
+        """Kinematics of a real arm, from what its factory calibration says.
+
+        Args:
+            file: The ROS driver's `kinematics.yaml`, the controller's `calibration.conf`, or a calibrated URDF.
+            model: Which UR it is, "ur3" to "ur30", or a description of one.
+            tip: As for `URKinematics`.
+            base: As for `URKinematics`.
+            repair: Put right what an old exporter folded (`kinreach.robots.calibration.read_calibration`).
+
+        Returns:
+            A `CalibratedURKinematics`; a `URKinematics` if the file only says what the data sheet says.
+
+        Raises:
+            UnknownNameError: There is no such model, tip or base.
+            InputError: The file is no calibration of this model.
+        """
+        arm = as_arm(model).calibrated(file, repair=repair)
+        try:
+            return URKinematics(arm, tip=tip, base=base)
+        except NotOfThisKind:
+            return CalibratedURKinematics(arm, tip=tip, base=base)
 
     def all_solutions(
         self, T: ArrayLike, *, seed: ArrayLike | None = None, limits: bool = True, tol: float = 1e-7
@@ -244,7 +286,10 @@ class URKinematics(ClosedFormKinematics):
             rows: Floats = np.array(ur_fk(q.tolist(), self.geometry), dtype=np.float64)
             expected = (self._T_dh_base @ self.fk(q) @ self._T_tip_flange)[:3]
             if np.abs(rows - expected).max() > FIT_TOLERANCE:
-                raise InputError(f"arm {self.arm.name!r} does not have the geometry of a UR-type arm")
+                raise NotOfThisKind(
+                    f"arm {self.arm.name!r} does not have the geometry of a UR-type arm; CalibratedURKinematics is for "
+                    "those that are a little off"
+                )
 
 
 class UR5Kinematics(URKinematics):
@@ -258,6 +303,90 @@ class UR5Kinematics(URKinematics):
 
     def __init__(self, *, tip: str = FLANGE, base: str = "base_link", arm: str | ArmDescription = "ur5") -> None:
         super().__init__(arm, tip=tip, base=base)
+
+
+class CalibratedURKinematics(URKinematics):
+    """Kinematics of a UR with its factory calibration: every posture, exactly. Threads may share an instance.
+
+    The methods are those of `URKinematics`, and so are the branches, as far as they can be: there may be up to sixteen
+    postures, and near a singularity some have an index of 8 or more (`kinreach.kinematics.ur.calibrated`). A free
+    wrist_3 is rare here, as tilted axes are never parallel. Postures miss the pose by less than 1e-10 m and rad; only
+    where none does that, as for a pose on the border that was rounded, those that miss it by up to `tol` are returned.
+
+    Args:
+        model: Description of the arm, such as `get_arm("ur5").calibrated(FILE)`.
+        tip: `"tool0"` (the flange) or `"tcp"` (between the finger tips, 0.20 m in front of it).
+        base: `"base_link"` or `"world"`.
+
+    Attributes:
+        geometry: Lengths of the nearest arm that has a closed form [m].
+
+    Raises:
+        UnknownNameError: There is no such arm, tip or base.
+        InputError: The arm is no UR, not even one out of adjustment.
+    """
+
+    def axis_solutions(
+        self,
+        position: ArrayLike,
+        axis: ArrayLike,
+        *,
+        seed: ArrayLike | None = None,
+        limits: bool = True,
+        tol: float = 1e-7,
+    ) -> IKSolutions:
+        """As `URKinematics.axis_solutions`.
+
+        What turns about the tool's axis is wrist_3 alone: joints 1 to 5 are those of any pose with this point and
+        direction.
+        """
+        start = self._posture_or_none(seed)
+        goal = AxisGoal(position, axis)  # type: ignore[arg-type]
+        tol = check_tolerance(tol)
+        last = self._solver.chain.placements[6]
+        if self._reach is None or np.abs(last[:2, 2:]).max() > AXIS_TOLERANCE:
+            raise InputError(f"tip {self.tip!r} is not on the axis of the last joint, which an axis goal needs")
+        T = np.eye(4)
+        T[:3, :3], T[:3, 3] = rotation_to(goal.axis), goal.position
+        q6 = 0.0 if start is None else float(start[WRIST_3])
+        if limits:
+            q6 = min(max(q6, self._low[WRIST_3]), self._high[WRIST_3])
+        found, miss = self._solve_pose(self._flange_rows(T), None, limits=False, tol=tol)
+        turned = [(*row[:-1], q6) for row in found]
+        return self._solutions(turned, "" if found else miss_text(miss), self._error_of(goal), start, limits)
+
+    def _solve_pose(self, rows: Rows, start: Floats | None, *, limits: bool, tol: float) -> tuple[list[Row], int]:
+        T = np.array([[*rows, (0.0, 0.0, 0.0, 1.0)]])
+        q, valid = self._solver.solve(T, tol=tol)
+        branches = np.flatnonzero(valid[:, 0])
+        found = [
+            (branch, 0, *angles) for branch, angles in zip(branches.tolist(), q[:, branches, 0].T.tolist(), strict=True)
+        ]
+        return found, 0 if found else self._solver.why_empty(T[0])
+
+    def _batch(self, T: Floats, seeds: Floats | None, tol: float, *, limits: bool) -> tuple[Floats, NDArray[np.bool_]]:
+        if T.ndim != 3 or T.shape[1:] != (4, 4):
+            raise InputError(f"T must have shape (count, 4, 4), got {T.shape}")
+        check_poses("T", T)
+        T = T.copy()
+        T[:, :3, :3] = nearest_rotations(T[:, :3, :3])
+        T[:, 3] = (0.0, 0.0, 0.0, 1.0)
+        return self._solver.solve(self._T_dh_base @ T @ self._T_tip_flange, tol=tol)
+
+    def _check_fit(self) -> None:
+        """Fit the nearest arm with a closed form."""
+        placements, axes = self._joint_frames()
+        world = self.model.frames[self.model.getFrameId(self.arm.base)].placement.homogeneous
+        frames: list[Floats] = []
+        frame = world @ FLIP
+        for placement, axis in zip(placements, axes, strict=True):
+            turned = np.eye(4)
+            turned[:3, :3] = rotation_to(axis)
+            frames.append((np.linalg.inv(frame) if not frames else frame) @ placement @ turned)
+            frame = turned.T
+        flange = self.model.frames[self.model.getFrameId(self.arm.tips[FLANGE])].placement.homogeneous
+        self._solver = CalibratedSolver(np.array([*frames, frame @ flange]), self.geometry)
+        self.geometry = self._solver.fit.geometry
 
 
 def _reach_along_tool(T_flange_tip: Floats) -> float | None:

@@ -1,0 +1,206 @@
+"""Every posture of calibrated UR arms: against Pinocchio, against ssik, and in the cases where branches merge."""
+
+import xml.etree.ElementTree as ET
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from kinreach.errors import InputError
+from kinreach.kinematics import CalibratedURKinematics, Status, URKinematics, kinematics_of
+from kinreach.kinematics.goals import pose_error
+from kinreach.robots import get_arm
+from kinreach.robots.urdf import parse_urdf, set_origin
+
+DATA = Path(__file__).parents[1] / "data"
+FILES = DATA / "calibrations"
+#: Branches that ssik's general_6r found; benchmarks/studies/calibrated_arms.py --oracle made it.
+ORACLE = np.load(DATA / "calibrated_branches.npz")
+ROBOTS = sorted({name.split()[0] for name in ORACLE})
+CASES = ("random", "elbow", "elbow0", "wrist", "wrist0", "shoulder", "zero", "upright")
+
+
+def of(robot, **options):
+    return URKinematics.from_calibration(FILES / f"{robot}.yaml", model=robot.split("_")[0], **options)
+
+
+def wrapped(q):
+    return (q + np.pi) % (2 * np.pi) - np.pi
+
+
+def distance(q, others):
+    return np.abs(wrapped(others - q)).max(axis=1).min(initial=np.inf)
+
+
+@pytest.fixture(scope="module", params=ROBOTS)
+def robot(request):
+    return request.param
+
+
+@pytest.fixture(scope="module")
+def kin(robot):
+    return of(robot, tip="tool0")
+
+
+def test_random_poses_keep_their_posture(kin):
+    """All solutions reach to 1e-9 by Pinocchio, none twice, the generating posture among them, batch as alone."""
+    q = np.random.default_rng(1).uniform(-np.pi, np.pi, (60, 6))
+    T = np.array([kin.fk(posture) for posture in q])
+    batch = kin.batch(T)
+    assert batch.q.shape == (60, 16, 6)
+    count = 0
+    for posture, pose, row, valid in zip(q, T, batch.q, batch.valid, strict=True):
+        solutions = kin.all_solutions(pose, limits=False)
+        assert solutions.residual.max() < 1e-9
+        assert distance(posture, solutions.q) < 1e-6
+        for i in range(1, len(solutions)):
+            assert distance(solutions.q[i], solutions.q[:i]) > 1e-6
+        assert len(set(solutions.branch.tolist())) == len(solutions)
+        np.testing.assert_array_equal(np.flatnonzero(valid), solutions.branch)
+        np.testing.assert_allclose(row[valid], solutions.q, atol=1e-7)
+        count += len(solutions)
+    assert count > 380
+
+
+def test_the_branches_that_ssik_finds(robot, kin):
+    """ssik's general_6r, after minutes of preparation, on random poses and next to the singularities."""
+    compared = found = 0
+    for case in CASES:
+        postures, counts, theirs = (ORACLE[f"{robot} {case} {part}"] for part in ("postures", "counts", "branches"))
+        T = np.array([kin.fk(q) for q in postures])
+        # an answer of theirs that is no solution does not count; the stored numbers are in single precision
+        batch = kin.batch(T, limits=False)
+        for row, valid, mine in zip(batch.q, batch.valid, np.split(theirs, np.cumsum(counts)[:-1]), strict=True):
+            ours = row[valid]
+            assert len(ours) % 2 == 0 or case == "upright"
+            compared += len(mine)
+            found += sum(distance(q, ours) < 1e-3 for q in mine)
+    assert compared > 350
+    assert found >= 0.999 * compared
+
+
+def singular_postures(kin, case, rng, count):
+    """Postures at which the calibrated arm itself is singular: det J = 0, by bisection along one joint."""
+    joint = {"elbow": 2, "wrist": 4, "shoulder": 3}[case]
+    q = rng.uniform(-np.pi, np.pi, (8 * count, 6))
+    if case == "shoulder":
+        g = kin.geometry
+        ratio = -(g.a2 * np.cos(q[:, 1]) + g.a3 * np.cos(q[:, 1] + q[:, 2])) / g.d5
+        q, ratio = q[np.abs(ratio) < 0.9], ratio[np.abs(ratio) < 0.9]
+        q[:, 3] = np.arcsin(ratio) - q[:, 1] - q[:, 2]
+    else:
+        q[:, joint] = rng.choice((0.0, np.pi), len(q)) if case == "wrist" else 0.0
+
+    def determinant(posture, angle):
+        posture = posture.copy()
+        posture[joint] += angle
+        return np.linalg.det(kin.jacobian(posture))
+
+    singular = []
+    for posture in q:
+        low, high = -0.1, 0.1
+        if determinant(posture, low) * determinant(posture, high) > 0:
+            continue
+        for _ in range(50):
+            middle = 0.5 * (low + high)
+            low, high = (
+                (low, middle) if determinant(posture, low) * determinant(posture, middle) <= 0 else (middle, high)
+            )
+        posture[joint] += low
+        singular.append(posture)
+        if len(singular) == count:
+            break
+    return np.array(singular)
+
+
+@pytest.mark.parametrize("case", ["elbow", "wrist", "shoulder"])
+def test_the_arms_own_singularities(robot, kin, case):
+    """Two postures are one there; it is found, nothing is empty and nothing wrong, also when the pose is rounded."""
+    q = singular_postures(kin, case, np.random.default_rng(3), 6)
+    assert len(q) == 6
+    for rounded in (False, True):
+        T = np.array([kin.fk(posture) for posture in q])
+        if rounded:
+            T = T.astype(np.float32).astype(np.float64)
+        batch = kin.batch(T, limits=False, tol=5e-7 if rounded else 1e-7)
+        assert batch.valid.any(axis=1).all()
+        for posture, pose, row, valid in zip(q, T, batch.q, batch.valid, strict=True):
+            assert max(max(pose_error(pose, kin.fk(found))) for found in row[valid]) < (5e-7 if rounded else 1e-9)
+            if not rounded:
+                assert distance(posture, row[valid]) < 1e-4
+
+
+def test_with_the_tool_straight_down():
+    """The first axis and the last are parallel, exactly: the elimination would be singular."""
+    kin = of("ur5e_a")
+    rng = np.random.default_rng(4)
+    down = np.diag([1.0, -1.0, -1.0, 1.0])
+    T = np.tile(down, (60, 1, 1))
+    T[:, :3, 3] = rng.uniform((-0.7, -0.7, 0.0), (0.7, 0.7, 0.4), (60, 3))
+    postures = kin._solver.general.solve(kin._T_dh_base @ T)
+    batch = kin.batch(T, limits=False)
+    reached = [len(found) for found in postures]
+    assert reached == batch.valid.sum(axis=1).tolist()
+    assert sum(reached) > 250
+
+
+def test_branches_are_those_of_the_data_sheet():
+    """Along a path without singularity a posture keeps its index, and it is the nominal arm's there."""
+    kin, nominal = of("ur5_a"), URKinematics("ur5")
+    start, end = np.array([0.3, -1.9, 1.4, -1.0, 1.2, 0.2]), np.array([1.3, -1.2, 0.6, -0.4, 0.7, -0.9])
+    seen = set()
+    for part in np.linspace(0.0, 1.0, 25):
+        q = start + part * (end - start)
+        seen.add(kin.nearest(kin.fk(q), q).branch)
+        seen.add(nominal.nearest(nominal.fk(q), q).branch)
+    assert len(seen) == 1
+
+
+def test_goals_seeds_limits_and_reasons():
+    kin = of("ur5_b", tip="tcp", base="world")
+    assert isinstance(kin, CalibratedURKinematics)
+    q = np.array([-1.6, -1.5, 1.6, -1.7, -1.5, 0.3])
+    result = kin.nearest(kin.fk(q), q)
+    assert result.success
+    np.testing.assert_allclose(result.q, q, atol=1e-8)
+    T = kin.fk(q)
+    down = kin.axis_goal(T[:3, 3], T[:3, 2], q)
+    np.testing.assert_allclose(down.q, q, atol=1e-8)
+    every = kin.axis_solutions(T[:3, 3], T[:3, 2], seed=q, limits=False)
+    assert len(every) >= 4
+    assert (np.abs(every.q[:, 5] - q[5]) < 1e-12).all()
+    assert every.residual.max() < 1e-9
+    nearest = kin.nearest_batch(np.array([T, T]), np.array([q, q + 0.1]))
+    np.testing.assert_allclose(nearest.q, [q, q], atol=1e-8)
+    assert kin.nearest(T, q, accept=lambda _: False).status is Status.REJECTED
+    far = np.eye(4)
+    far[0, 3] = 2.0
+    assert kin.all_solutions(far).status is Status.OUT_OF_REACH
+    assert "too far away" in kin.all_solutions(far).reason
+    assert not kin.batch(far[None]).valid.any()
+    with pytest.raises(InputError, match="rotation"):
+        kin.batch(np.diag([2.0, 1.0, 1.0, 1.0])[None])
+
+
+def test_a_calibrated_arm_is_recognised_by_its_joints():
+    arm = get_arm("ur5").calibrated(FILES / "ur5_c.yaml")
+    assert isinstance(kinematics_of(arm), CalibratedURKinematics)
+    with pytest.raises(InputError, match="CalibratedURKinematics"):
+        URKinematics(arm)
+    with pytest.raises(InputError, match="no UR"):
+        CalibratedURKinematics(skewed(arm))
+
+
+def skewed(arm):
+    """The arm with its elbow turned by 0.7 rad about another axis."""
+    robot = parse_urdf(arm.urdf)
+    set_origin(robot, "elbow_joint", (0.0, 0.0, 0.425), (0.7, 0.0, 0.0))
+    return replace(arm, build_urdf=lambda: ET.tostring(robot, encoding="unicode"))
+
+
+def test_a_file_of_the_data_sheet_is_the_closed_form(tmp_path):
+    file = tmp_path / "nominal.urdf"
+    file.write_text(get_arm("ur5e").urdf)
+    kin = URKinematics.from_calibration(file, model="ur5e")
+    assert not isinstance(kin, CalibratedURKinematics)

@@ -1,0 +1,196 @@
+"""Calibration files of real UR arms: read alike from three kinds of file, refused where they cannot be true."""
+
+import csv
+import re
+from pathlib import Path
+
+import numpy as np
+import pytest
+import yaml
+
+from kinreach.errors import InputError, KinreachError, UnknownNameError
+from kinreach.kinematics import ArmKinematics
+from kinreach.robots import get_arm
+from kinreach.robots.calibration import LINKS, nominal_placements, read_calibration
+from kinreach.robots.ur import JOINTS, LENGTHS
+
+FILES = Path(__file__).parents[1] / "data" / "calibrations"
+ROBOTS = sorted(file.stem for file in FILES.glob("*_[a-d].yaml"))
+FLIP = np.diag([-1.0, -1.0, 1.0, 1.0])
+
+
+def model_of(robot):
+    return robot.split("_")[0]
+
+
+def driver_fk(file, q):
+    """T_base_link_tool0 (4, 4) as the driver's own description has it: Rz(pi), then xyz, rpy and Rz(q) of each link."""
+    links = yaml.safe_load(file.read_text())["kinematics"]
+    T = FLIP
+    for link, angle in zip(LINKS, q, strict=True):
+        f = links[link]
+        step = np.eye(4)
+        step[:3, :3] = axis_turn(2, f["yaw"]) @ axis_turn(1, f["pitch"]) @ axis_turn(0, f["roll"])
+        step[:3, 3] = f["x"], f["y"], f["z"]
+        turned = np.eye(4)
+        turned[:3, :3] = axis_turn(2, angle)
+        T = T @ step @ turned
+    return T
+
+
+def axis_turn(axis, angle):
+    R = np.eye(3)
+    a, b = (axis + 1) % 3, (axis + 2) % 3
+    R[a, a] = R[b, b] = np.cos(angle)
+    R[b, a] = np.sin(angle)
+    R[a, b] = -R[b, a]
+    return R
+
+
+@pytest.mark.parametrize("robot", ROBOTS)
+def test_the_arm_is_the_one_in_the_file(robot):
+    file, arm = FILES / f"{robot}.yaml", get_arm(model_of(robot))
+    kin, nominal = ArmKinematics(arm.calibrated(file), tip="tool0"), ArmKinematics(arm, tip="tool0")
+    q = np.random.default_rng(0).uniform(-np.pi, np.pi, (50, 6))
+    off = []
+    for posture in q:
+        np.testing.assert_allclose(kin.fk(posture), driver_fk(file, posture), atol=5e-11)
+        off.append(np.linalg.norm(kin.fk(posture)[:3, 3] - nominal.fk(posture)[:3, 3]))
+    assert len(ROBOTS) == 8
+    assert 1e-3 < np.median(off) < 4e-3
+    calibration = read_calibration(file, model_of(robot))
+    assert 5e-4 < calibration.tilts.max() < 8e-3
+    assert 1e-4 < calibration.offsets.max() < 8e-3
+
+
+def test_the_controllers_own_poses():
+    """18 postures and poses that a controller showed: 0.08 mm with its file, 1.7 mm by the data sheet."""
+    kin = ArmKinematics(get_arm("ur5e").calibrated(FILES / "controller_calibration_ur5e.conf"), tip="tool0")
+    with (FILES / "controller_poses_ur5e.csv").open() as file:
+        rows = np.array([list(map(float, row)) for row in list(csv.reader(file))[1:]])
+    # the pendant shows poses in the DH base, which is base_link turned by pi
+    shown = rows[:, 6:9] * (-1e-3, -1e-3, 1e-3)
+    off = [np.linalg.norm(kin.fk(np.radians(q))[:3, 3] - p) for q, p in zip(rows[:, :6], shown, strict=True)]
+    assert len(off) == 18
+    assert max(off) < 0.081e-3
+    nominal = ArmKinematics("ur5e", tip="tool0")
+    off = [np.linalg.norm(nominal.fk(np.radians(q))[:3, 3] - p) for q, p in zip(rows[:, :6], shown, strict=True)]
+    assert 1.5e-3 < max(off) < 2e-3
+
+
+@pytest.mark.parametrize("robot", ["ur5_a", "ur3e_a"])
+def test_a_calibrated_urdf_says_the_same(robot, tmp_path):
+    file, model = FILES / f"{robot}.yaml", model_of(robot)
+    urdf = tmp_path / "real.urdf"
+    urdf.write_text(get_arm(model).calibrated(file).urdf)
+    read = read_calibration(urdf, model)
+    np.testing.assert_allclose(read.placements, read_calibration(file, model).placements, atol=1e-10)
+
+
+def test_a_urdf_of_the_driver_with_a_prefix(tmp_path):
+    """Joints as in the driver's description: all about z, behind base_link_inertia."""
+    links = yaml.safe_load((FILES / "ur5e_a.yaml").read_text())["kinematics"]
+    names = ["left_base_link_inertia", *(f"left_{link}_link" for link in LINKS)]
+    text = "".join(f'<link name="{name}"/>' for name in ["left_base_link", *names])
+    text += '<joint name="fixed" type="fixed"><origin rpy="0 0 3.141592653589793" xyz="0 0 0"/>'
+    text += '<parent link="left_base_link"/><child link="left_base_link_inertia"/></joint>'
+    for joint, link, parent, child in zip(JOINTS, LINKS, names, names[1:], strict=False):
+        xyz, rpy = (
+            " ".join(repr(links[link][key]) for key in keys) for keys in (("x", "y", "z"), ("roll", "pitch", "yaw"))
+        )
+        text += f'<joint name="left_{joint}" type="revolute"><origin xyz="{xyz}" rpy="{rpy}"/><axis xyz="0 0 1"/>'
+        text += f'<parent link="{parent}"/><child link="{child}"/>'
+        text += '<limit lower="-6" upper="6" effort="1" velocity="1"/></joint>'
+    file = tmp_path / "driver.urdf"
+    file.write_text(f'<robot name="left">{text}</robot>')
+    expected = read_calibration(FILES / "ur5e_a.yaml", "ur5e").placements
+    np.testing.assert_allclose(read_calibration(file, "ur5e").placements, expected, atol=1e-12)
+
+
+def test_a_folded_file_is_named_and_repaired_only_when_asked():
+    file = FILES / "ur5e_folded.yaml"
+    with pytest.raises(InputError, match=r"folded at wrist_1.*78\d.* mm.*15 mm.*repair=True"):
+        read_calibration(file, "ur5e")
+    repaired = read_calibration(file, "ur5e", repair=True)
+    assert repaired.repaired == "wrist_1"
+    assert repaired.offsets.max() < 1e-3
+    kin, nominal = ArmKinematics(get_arm("ur5e").calibrated(file, repair=True)), ArmKinematics("ur5e")
+    q = np.random.default_rng(0).uniform(-3, 3, (100, 6))
+    assert np.median(np.linalg.norm(kin.positions(q) - nominal.positions(q), axis=1)) < 1.5e-3
+
+
+def test_the_data_sheet_is_a_calibration_of_itself(tmp_path):
+    assert len(LENGTHS) == 14
+    for model in LENGTHS:
+        urdf = tmp_path / f"{model}.urdf"
+        urdf.write_text(get_arm(model).urdf)
+        np.testing.assert_allclose(read_calibration(urdf, model).placements, nominal_placements(model), atol=1e-10)
+
+
+@pytest.mark.parametrize(
+    ("robot", "model"), [("ur5_a", "ur10"), ("ur3_a", "ur3e"), ("ur3e_a", "ur3"), ("ur5e_a", "ur5")]
+)
+def test_another_model(robot, model):
+    with pytest.raises(InputError, match=rf"_joint is .* mm from where a {model} .*15 mm.*it fits .*{model_of(robot)}"):
+        read_calibration(FILES / f"{robot}.yaml", model)
+
+
+def changed(tmp_path, old, new, source="ur5_a.yaml"):
+    text = (FILES / source).read_text()
+    edited = re.sub(old, new, text, count=1, flags=re.DOTALL)
+    assert edited != text
+    file = tmp_path / "changed"
+    file.write_text(edited)
+    return file
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "said"),
+    [
+        (r"  forearm:.*?wrist_1:", "  wrist_1:", r"lacks forearm \(elbow_joint\)"),
+        (r"    yaw: -5.106[^\n]*\n", "", r"lacks yaw of upper_arm \(shoulder_lift_joint\)"),
+        (r"x: -0.4262\S*", "x: .nan", r"x of forearm \(elbow_joint\) must be within ±3 m, got nan"),
+        (r"x: -0.4262\S*", "x: -426.2", r"x of forearm .*±3 m, got -426.2; are these millimetres\?"),
+        (r"roll: 1.5696\S*", "roll: 89.9", r"roll of upper_arm .*±12.57 rad, got 89.9; are these degrees\?"),
+        (r"roll: 1.5696\S*", "roll: 1.67", r"shoulder_lift_joint is tilted by 5.6. degrees .* the 5 of any"),
+        (r"x: -0.4262\S*", "x: 'long'", r"x of forearm .* must be a number \[m\], got 'long'"),
+        (r"x: -0.4262\S*", "x: [1, 2]", r"x of forearm .* must be a number"),
+        (r"x: -0.4262\S*", "x: true", r"x of forearm .*"),
+        (r"kinematics:", "kinematics: !!python/object/apply:os.system ['false']\nrest:", "no YAML"),
+        (r"kinematics:", "others:", "must be the driver's kinematics.yaml"),
+        (r"kinematics:", "kinematics: [", "no YAML"),
+    ],
+)  # fmt: skip
+def test_what_cannot_be_a_calibration(tmp_path, old, new, said):
+    with pytest.raises(KinreachError, match=said):
+        read_calibration(changed(tmp_path, old, new), "ur5")
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "said"),
+    [
+        (r"delta_a = [^\n]*\n", "", "six numbers delta_a"),
+        (r"0\.01116\d+, ", "", r"six numbers delta_a .*got 5"),
+        (r"0\.01116\d+", "nan", "delta_a of shoulder_lift_joint .*got 'nan'"),
+        (r"0\.01116\d+", "0.2", "elbow_joint is .* mm from where a ur5e"),
+        (r"0\.01116\d+", "__import__('os')", "delta_a of shoulder_lift_joint must be a number"),
+    ],
+)  # fmt: skip
+def test_what_cannot_be_a_controllers_file(tmp_path, old, new, said):
+    with pytest.raises(KinreachError, match=said):
+        read_calibration(changed(tmp_path, old, new, "controller_calibration_ur5e.conf"), "ur5e")
+
+
+def test_files_that_are_none(tmp_path):
+    with pytest.raises(InputError, match="cannot be read"):
+        read_calibration(tmp_path / "none.yaml", "ur5")
+    (tmp_path / "binary").write_bytes(bytes(range(256)))
+    with pytest.raises(InputError, match="cannot be read"):
+        read_calibration(tmp_path / "binary", "ur5")
+    (tmp_path / "other.urdf").write_text('<robot name="x"><link name="a"/></robot>')
+    with pytest.raises(InputError, match="one joint shoulder_pan_joint"):
+        read_calibration(tmp_path / "other.urdf", "ur5")
+    with pytest.raises(UnknownNameError, match=r"unknown UR model 'ur6'.*ur30"):
+        read_calibration(FILES / "ur5_a.yaml", "ur6")
+    with pytest.raises(UnknownNameError, match="UR model 'arm3'"):
+        get_arm("arm3").calibrated(FILES / "ur5_a.yaml")
