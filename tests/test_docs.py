@@ -114,6 +114,21 @@ def test_figures_of_the_thesis_have_functions():
     assert len(names) >= 10
 
 
+def test_every_point_of_the_thesis_has_a_verdict():
+    """Claims, figures and the outlook: shown, differs because of something that is said, or open."""
+    text = read(DOCS / "thesis.md")
+    rows = re.findall(r"^\| .*\|$", text, re.MULTILINE)
+    verdicts = [row.strip("| ").rpartition(" | ")[2] for row in rows]
+    said = [verdict for verdict in verdicts if verdict != "verdict"]
+    assert [one for one in said if not re.match(r"(shown|open)\b|differs because ", one)] == []
+    assert len(verdicts) - len(said) == len(re.findall(r"^\|(---\|)+$", text, re.MULTILINE)) >= 10
+    assert len(said) >= 90
+    rows = re.findall(r"^\| (.*?) \|", text.partition("## Figures")[2], re.MULTILINE)
+    figures = {(2, 5), (3, 8), (5, 6), (6, 2)}
+    wanted = {f"{chapter}.{number}" for chapter, count in figures for number in range(1, count + 1)}
+    assert set(re.findall(r"\b\d\.\d\b", " ".join(rows))) == wanted
+
+
 def test_names_in_the_points_exist():
     """What the column "where" names is defined somewhere in the package, or is a file of it or a notebook."""
     files = {path.name for path in ((ROOT / "kinreach").rglob("*.py"))} | {
