@@ -1,0 +1,212 @@
+"""The command line that checks an arm: one screen of text, and a picture of its workspace."""
+
+from __future__ import annotations
+
+import argparse
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+from matplotlib.figure import Figure
+
+from kinreach.checks import check_count, check_path
+from kinreach.cli import Parser
+from kinreach.errors import InputError
+from kinreach.files import replacing
+from kinreach.kinematics import Arm3Kinematics, ArmKinematics, URKinematics, check, kinematics_of
+from kinreach.plots.style import MAGNITUDE, key, new_figure
+from kinreach.robots import ArmDescription, as_arm
+
+#: Files that hold a calibration of a UR, and those that hold a description of an arm.
+CALIBRATIONS, URDF = (".yaml", ".yml", ".conf"), ".urdf"
+#: Poses that solvers are tried on, and singular ones at most.
+POSES, MOST_SINGULAR = 200, 60
+#: Cells of the picture along one side.
+CELLS = 40
+
+
+class Subject(NamedTuple):
+    """What is checked.
+
+    Attributes:
+        kinematics: Of the arm as it is.
+        believed: Of its data sheet, where the arm is a calibrated one.
+    """
+
+    kinematics: ArmKinematics
+    believed: ArmKinematics | None
+
+
+def main(argv: Sequence[str], *, prog: str) -> int:
+    """Check an arm and print what was found.
+
+    Args:
+        argv: Arguments without the program's name.
+        prog: How the user called it, for messages.
+
+    Returns:
+        Exit code 0; anything else is raised.
+
+    Raises:
+        KinreachError: Bad input, or a picture that cannot be written.
+    """
+    arguments = _parser(prog).parse_args(argv)
+    poses = check_count("--poses", arguments.poses, most=100_000)
+    seed = check_count("--seed", arguments.seed, least=0, most=2**31)
+    subject = _subject(arguments.arm, arguments.model, arguments.tip)
+    for line in report(subject, poses=poses, seed=seed):
+        print(line, flush=True)
+    if arguments.picture is not None:
+        path = check_path("--picture", arguments.picture)
+        with replacing(path) as temporary:
+            draw_workspace(subject, seed=seed).savefig(temporary, facecolor="white", format="png")
+        print(f"picture      {path}")
+    return 0
+
+
+def report(subject: Subject, *, poses: int = POSES, seed: int = 0) -> Iterator[str]:
+    """The lines of the screen, each as soon as it is measured."""
+    kin = subject.kinematics
+    yield f"{kin.arm.name}: {kin.arm.title}, tip {kin.tip}"
+    yield f"class        {_class_of(kin)}"
+    yield from _joints(kin)
+    reach = check.reach_of(kin, seed=seed)
+    yield (
+        f"reach        {reach.farthest:.3f} m from the first joint, 95 % within {reach.usual:.3f} m, "
+        f"{reach.lowest:+.3f} to {reach.highest:+.3f} m high"
+    )
+    yield _collisions(check.collisions_of(kin, seed=seed))
+    if subject.believed is not None:
+        yield from _deviation(check.deviation(kin, subject.believed, seed=seed))
+    singular = check.singular_postures(kin, reach.farthest, seed=seed)
+    yield f"singular     {_singular(kin, singular)}"
+    chosen = np.random.default_rng(seed).permutation(singular.q)[:MOST_SINGULAR]
+    yield f"IK           {poses} poses of random postures and {len(chosen)} singular ones, from the start posture"
+    yield "             solver        reached  singular   time, ms: median / p95   largest error, mm"
+    postures = check.random_postures(kin, poses, seed + 1)
+    for solver in check.solvers_of(kin):
+        done = check.solved(kin, solver, postures, chosen)
+        singular_share = "      –" if np.isnan(done.singular) else f"{100 * done.singular:5.1f} %"
+        median, late = (1e3 * time for time in done.time)
+        times = f"{median:12.3f} / {late:<9.3f}"
+        shares = f"{100 * done.success:6.1f} %   {singular_share}"
+        yield f"             {done.name:<12} {shares}   {times}  {1e3 * done.error:.1e}"
+
+
+def _class_of(kin: ArmKinematics) -> str:
+    if isinstance(kin, URKinematics):
+        return "UR: every posture of a pose exactly, singular poses too"
+    if isinstance(kin, Arm3Kinematics):
+        return "turning base with two links: every posture of a position in closed form"
+    spare = kin.n - check.POSE_JOINTS
+    because = (
+        f"{spare} joint{'s' * (spare > 1)} more than a pose needs, so that each pose has a family of postures"
+        if spare > 0
+        else "not the geometry of an arm that kinreach has one for"
+    )
+    return f"no closed form ({because}): placo, lm and qp, one posture at a time"
+
+
+def _joints(kin: ArmKinematics) -> Iterator[str]:
+    """A line for each joint: its limits and the range's share of a turn."""
+    width = max(map(len, kin.arm.joints))
+    rows = zip(kin.arm.joints, kin.lower, kin.upper, kin.velocity_limit, kin.arm.home, strict=True)
+    for index, (name, low, high, speed, home) in enumerate(rows):
+        head = "joints" if index == 0 else ""
+        yield (
+            f"{head:<12} {name:<{width}}  {low:+7.3f} to {high:+7.3f} rad ({np.rad2deg(high - low):.0f}°), "
+            f"{speed:.2f} rad/s, starts at {home:+.3f}"
+        )
+
+
+def _collisions(found: check.Collisions | None) -> str:
+    if found is None:
+        return "collisions   not known: the arm has no shapes"
+    start = "free" if found.home_free else "IN COLLISION"
+    return (
+        f"collisions   {found.pairs} pairs of links are checked; {100 * found.share:.0f} % of random postures collide "
+        f"with themselves; the start is {start}"
+    )
+
+
+def _deviation(found: check.Deviation) -> Iterator[str]:
+    median, late, most = (1e3 * value for value in check.quantiles(found.position))
+    turned = np.rad2deg(check.quantiles(found.orientation))
+    yield (
+        f"calibration  the data sheet puts the tip {median:.2f} mm off in the median, p95 {late:.2f}, most {most:.2f}; "
+        f"{turned[0]:.2f}°, p95 {turned[1]:.2f}°, most {turned[2]:.2f}°"
+    )
+
+
+def _singular(kin: ArmKinematics, found: check.Singular) -> str:
+    """Where an arm is singular, in words."""
+    if not len(found.q):
+        return "no posture found"
+    told, rest = [], np.ones(len(found.q), dtype=np.bool_)
+    for joint, name in enumerate(kin.arm.joints):
+        if angles := found.recurring(joint):
+            told.append(f"{name} at {' or '.join(f'{angle:g}' for angle in angles)}")
+            rest &= (np.abs(found.q[:, joint, None] - angles) > 0.01).all(axis=1)
+    told += [f"{rest.sum()} where it depends on several joints"] if rest.any() else []
+    return f"{len(found.q)} postures found: {'; '.join(told)}"
+
+
+def draw_workspace(subject: Subject, *, seed: int = 0) -> Figure:
+    """The workspace from the side: how far the data sheet is off, or how far from singular the arm is.
+
+    Args:
+        subject: What is checked.
+        seed: Of the random postures.
+    """
+    kin = subject.kinematics
+    if subject.believed is not None:
+        found = check.deviation(kin, subject.believed, seed=seed)
+        tip, values = found.tip, 1e3 * found.position
+        title, label = "What the data sheet misses", "mean distance of the tip [mm]"
+    else:
+        q = check.random_postures(kin, check.POSTURES, seed)
+        tip, scale = check.from_first_joint(kin, kin.positions(q)), check.reach_of(kin, seed=seed).farthest
+        values = np.array([check.smallest_singular_value(kin, posture, scale) for posture in q])
+        title, label = "Where the arm is agile", "mean smallest singular value (arm as of 1 m)"
+    figure, (axes,) = new_figure(
+        f"{title}: {kin.arm.name}",
+        size=(5.0, 6.4),
+        note=f"{len(tip)} random postures within the limits, seed {seed}; tip {kin.tip}, from the first joint.",
+    )
+    cells = axes.hexbin(np.hypot(tip[:, 0], tip[:, 1]), tip[:, 2], values, gridsize=CELLS // 2, cmap=MAGNITUDE)
+    axes.set_aspect("equal")
+    axes.set_xlabel("distance from the first joint's axis [m]")
+    axes.set_ylabel("height [m]")
+    key(axes, label)
+    figure.colorbar(cells, ax=axes, shrink=0.8)
+    return figure
+
+
+def _subject(given: str, model: str | None, tip: str | None) -> Subject:
+    """The arm of a name, a URDF file, or a calibration file with its model."""
+    suffix = Path(given).suffix.lower()
+    if suffix in CALIBRATIONS:
+        if model is None:
+            raise InputError(f"{given} is a calibration: say of which UR with --model, such as --model ur5e")
+        raise InputError(f"calibrations cannot be checked yet, got {given}")
+    if model is not None:
+        raise InputError(f"--model is for files that end in {', '.join(CALIBRATIONS)}, got {given}")
+    arm = ArmDescription.from_urdf(given, tip=tip) if suffix == URDF else as_arm(given)
+    return Subject(kinematics_of(arm, tip=tip), None)
+
+
+def _parser(prog: str) -> Parser:
+    parser = Parser(
+        prog=prog,
+        description="What an arm is and how its inverse kinematics does: class, limits, reach, collisions, singular "
+        "postures, solvers; of a calibrated UR also how far its data sheet is off.",
+        formatter_class=argparse.ArgumentDefaultsHelpFormatter,
+    )
+    parser.add_argument("arm", metavar="FILE|NAME", help="a URDF, a UR's calibration, or the name of an arm")
+    parser.add_argument("--model", help="which UR a calibration is of, ur3 to ur30")
+    parser.add_argument("--tip", help="link that is the tip")
+    parser.add_argument("--poses", type=int, default=POSES, help="that the solvers are tried on")
+    parser.add_argument("--seed", type=int, default=0, help="of the random postures")
+    parser.add_argument("--picture", metavar="FILE.png", help="draw the workspace from the side")
+    return parser

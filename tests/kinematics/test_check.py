@@ -1,0 +1,126 @@
+"""What `kinreach check` measures, against what is known of the arms, and what it prints."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+
+from kinreach.errors import InputError
+from kinreach.kinematics import Arm3Kinematics, ArmKinematics, URKinematics, check
+from kinreach.plots.arm_check import main
+from kinreach.robots import get_arm
+
+ROOT = Path(__file__).parents[2]
+
+
+def test_singular_postures_of_a_ur_are_those_in_the_books():
+    kin = URKinematics("ur16e")
+    g = kin.geometry
+    found = check.singular_postures(kin, 1.0)
+    kinds = {"elbow": 0, "wrist": 0, "shoulder": 0}
+    for q in found.q:
+        assert np.linalg.svd(kin.jacobian(q), compute_uv=False)[-1] < 1e-6
+        centre = kin.fk(q)[:3, 3] - g.d6 * kin.fk(q)[:3, 2]
+        radius = np.hypot(centre[0], centre[1])
+        kind = {"elbow": abs(np.sin(q[2])), "wrist": abs(np.sin(q[4])), "shoulder": abs(radius - g.d4)}
+        kinds[min(kind, key=kind.__getitem__)] += 1
+        assert min(kind.values()) < 1e-5
+    assert min(kinds.values()) > 3
+    assert 0.0 in found.recurring(2)
+    assert 0.0 in found.recurring(4)
+    assert found.recurring(0) == found.recurring(5) == []  # the first and the last joint never matter
+
+
+def test_singular_postures_of_an_arm_with_a_joint_to_spare():
+    kin = ArmKinematics("panda")
+    found = check.singular_postures(kin, 1.0)
+    assert len(found.q) >= 6
+    for q in found.q:
+        assert kin.within_limits(q)
+        assert np.linalg.svd(kin.jacobian(q), compute_uv=False)[5] < 2e-4
+
+
+def test_deviation_by_another_librarys_rotations():
+    real, believed = URKinematics("ur5e"), URKinematics("ur10e")
+    found = check.deviation(real, believed, seed=3)
+    q = check.random_postures(real, check.POSTURES, 3)
+    for i in range(0, check.POSTURES, 40):
+        T, expected = real.fk(q[i]), believed.fk(q[i])
+        assert found.position[i] == pytest.approx(np.linalg.norm(T[:3, 3] - expected[:3, 3]), abs=1e-12)
+        turned = Rotation.from_matrix(expected[:3, :3].T @ T[:3, :3]).magnitude()
+        assert found.orientation[i] == pytest.approx(turned, abs=1e-9)
+    same = check.deviation(real, URKinematics("ur7e"))
+    assert same.position.max() == same.orientation.max() == 0.0
+
+
+def test_reach_of_a_stretched_arm():
+    g = URKinematics("ur5e").geometry
+    most = np.hypot(g.stretched + g.d5, g.d4 + g.d6)
+    reach = check.reach_of(URKinematics("ur5e"))
+    assert 0.9 * most < reach.farthest <= most + g.d6
+    assert reach.usual < reach.farthest
+    assert reach.lowest < -0.7 < 0.7 < reach.highest
+    assert check.collisions_of(URKinematics("ur5e")) is None
+    assert check.collisions_of(URKinematics("ur5")).home_free
+
+
+@pytest.mark.parametrize("kin", [URKinematics("ur20"), Arm3Kinematics()])
+def test_solvers_are_judged_by_forward_kinematics(kin):
+    class Liar:
+        name = "liar"
+
+        def solve(self, goal, seed, *, accept=None):
+            return check.ClosedFormSolver(kin).solve(goal, seed)
+
+    postures = check.random_postures(kin, 30, 0)
+    exact = check.solved(kin, check.solvers_of(kin)[0], postures, postures[:5])
+    assert (exact.name, exact.success, exact.singular) == ("closed-form", 1.0, 1.0)
+    assert exact.error < 1e-9
+    assert 0 < exact.time[0] <= exact.time[1]
+    assert check.solved(kin, Liar(), postures, postures[:0]).success == 1.0
+    kin.upper = kin.upper - 10.0  # all of its postures are outside of these
+    assert check.solved(kin, Liar(), postures, postures[:0]).success == 0.0
+
+
+def test_one_screen(tmp_path, capsys):
+    file = f"{get_arm('ur5').package_root()}/example-robot-data/robots/xarm_description/urdf/xarm7.urdf"
+    said = {"ur5": "UR: every", "arm3": "turning base", file: "no closed form (1 joint more"}
+    for arm, kind in said.items():
+        picture = tmp_path / "workspace.png"
+        assert main([arm, "--poses", "10", "--picture", str(picture)], prog="check") == 0
+        text = capsys.readouterr().out
+        assert kind in text
+        for head in ("class", "joints", "reach", "collisions", "singular", "IK", "picture"):
+            assert f"\n{head:<12} " in text
+        assert "100.0 %" in text
+        assert len(text.splitlines()) < 25
+        assert picture.read_bytes().startswith(b"\x89PNG")
+
+
+def test_bad_input():
+    for arguments, said in (
+        (["nothing"], "unknown arm 'nothing'; available: arm3"),
+        (["nowhere.urdf"], "cannot be read"),
+        (["ur5", "--tip", "nose"], "unknown tip 'nose'"),
+        (["ur5", "--poses", "0"], "--poses must be at least 1"),
+        (["ur5", "--model", "ur5"], "--model is for files"),
+        (["kinematics.yaml"], "say of which UR with --model"),
+    ):
+        with pytest.raises(InputError, match=said):
+            main(arguments, prog="check")
+
+
+def test_as_a_module():
+    done = subprocess.run(
+        [sys.executable, "-m", "kinreach.kinematics", "check", "nothing"],
+        env={**os.environ, "PYTHONPATH": str(ROOT)}, capture_output=True, text=True, timeout=120, check=False,
+    )  # fmt: skip
+    assert done.returncode == 2
+    assert done.stderr.startswith("python -m kinreach.kinematics check: error: unknown arm 'nothing'")
+    assert len(done.stderr.splitlines()) == 1
