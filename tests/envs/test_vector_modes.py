@@ -96,6 +96,15 @@ def test_disabled_restarts_those_that_the_mask_names(task):
     native.step(native.action_space.sample())
 
 
+def test_a_reset_of_some_that_have_ended_leaves_the_others_ended():
+    native = batch("single", autoreset_mode=AutoresetMode.DISABLED)
+    native.reset(seed=3)
+    assert native.step(native.action_space.sample())[2].all()
+    native.reset(options={"reset_mask": np.array([True, False, True])})
+    with pytest.raises(InputError, match=r"environments \[1\] have ended"):
+        native.step(native.action_space.sample())
+
+
 def test_a_masked_reset_takes_seeds_and_options_of_the_environments_that_it_restarts():
     native = batch("single", autoreset_mode=AutoresetMode.DISABLED)
     expected = batch("single").reset(seed=11)[1]["goal"]
@@ -176,6 +185,16 @@ def test_a_copy_goes_on_as_the_original_does(task, kind):
     assert compared == 4
     env.step(env.action_space.sample())  # what becomes of one is nothing to the other
     np.testing.assert_array_equal(twin.reset(seed=9)[0], env.reset(seed=9)[0])
+
+
+def test_a_copy_has_generators_of_its_own_for_the_cameras_noise(needs_gl):
+    env = gym.make(SINGLE, backend="kinematic", observation="camera", depth_noise=0.003, width=160, height=90).unwrapped
+    env.reset(seed=5)
+    twin = copy.deepcopy(env)
+    for _ in range(2):
+        np.testing.assert_array_equal(env.reset()[0], twin.reset()[0])
+    env.close()
+    twin.close()
 
 
 @pytest.mark.parametrize("task", ["single", "multi", "button"])

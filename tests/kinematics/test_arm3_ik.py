@@ -7,6 +7,7 @@ import pytest
 
 from kinreach.errors import InputError
 from kinreach.kinematics import Arm3Kinematics, ArmKinematics, AxisGoal, PoseGoal, PositionGoal, Status
+from kinreach.kinematics.arm3 import Singularity
 from kinreach.robots import get_arm
 
 KIN = Arm3Kinematics(base="world")
@@ -20,7 +21,7 @@ def test_every_branch_reaches_and_the_generating_posture_comes_back():
     assert batch.q.shape == (10_000, 4, 3)
     assert set(branch) == {0, 1, 2, 3}
     assert len(pose) > 20_000
-    np.testing.assert_allclose(KIN.fk(batch.q[pose, branch])[:, :3, 3], T[pose, :3, 3], atol=1e-9)
+    np.testing.assert_allclose(KIN.fk(batch.q[pose, branch])[:, :3, 3], T[pose, :3, 3], rtol=0, atol=1e-9)
     assert np.nanmin(np.abs(batch.q - q[:, None]).max(axis=2), axis=1).max() < 1e-6
     inside = batch.q[batch.valid]
     assert (inside >= KIN.lower - 1e-9).all()
@@ -35,7 +36,7 @@ def test_single_targets_equal_the_batch():
     for i in range(500):
         solutions = KIN.all_solutions(T[i, :3, 3])
         np.testing.assert_array_equal(solutions.branch, np.flatnonzero(batch.valid[i]))
-        np.testing.assert_allclose(solutions.q, batch.q[i, solutions.branch], atol=1e-9)
+        np.testing.assert_allclose(solutions.q, batch.q[i, solutions.branch], rtol=0, atol=1e-9)
         assert solutions.residual.max() < 1e-9
         np.testing.assert_allclose(KIN.nearest(T[i], q[i]).q, q[i], atol=1e-6)
 
@@ -54,6 +55,9 @@ def test_stretched_folded_and_just_beyond():
             solutions = KIN.all_solutions(target + scale * out)
             assert solutions.success
             assert solutions.residual[:, 0].max() < 1e-7
+            if scale:
+                batch = KIN.batch((target + scale * out)[None])
+                np.testing.assert_array_equal(np.flatnonzero(batch.valid[0]), solutions.branch)
             checked += 1
         assert branch not in KIN.all_solutions(target + 1e-3 * out).branch
     assert checked == 600
@@ -66,7 +70,19 @@ def test_targets_on_the_inner_cylinder():
         solutions = KIN.all_solutions(target, limits=False)
         assert solutions.success
         assert solutions.residual[:, 0].max() < 1e-9
+        inside = KIN.all_solutions(target * ((1 - 1e-9 / offset), (1 - 1e-9 / offset), 1), limits=False)
+        assert (inside.singularity & Singularity.BASE).all()
+        assert inside.residual[:, 0].max() < 1e-7
+        regular = KIN.all_solutions(target * (1.5, 1.5, 1), limits=False)
+        assert not regular.singularity.any()
     assert "sideways offset" in KIN.all_solutions([0.0, 0.0, 0.9]).reason
+
+
+def test_angles_are_within_half_a_turn_whatever_the_limits():
+    for T in KIN.fk(np.random.default_rng(5).uniform(-3, 3, (200, 3))):
+        alone, batch = KIN.all_solutions(T, limits=False), KIN.batch(T[None], limits=False)
+        assert np.abs(alone.q).max() <= np.pi
+        np.testing.assert_allclose(batch.q[0, alone.branch], alone.q, rtol=0, atol=1e-9)
 
 
 def test_reasons():

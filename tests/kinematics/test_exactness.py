@@ -90,7 +90,7 @@ def test_a_posture_within_narrow_limits_is_found_at_a_free_wrist(limits):
         np.testing.assert_allclose(kin.nearest(T, q).q[:4], q[:4], atol=1e-6)
         batch = kin.batch(T[None])
         np.testing.assert_array_equal(np.flatnonzero(batch.valid[0]), solutions.branch)
-        np.testing.assert_allclose(batch.q[0, solutions.branch], solutions.q, atol=1e-9)
+        np.testing.assert_allclose(batch.q[0, solutions.branch], solutions.q, rtol=0, atol=1e-9)
         assert kin.nearest_batch(T[None], q).success.all()
         covered += 1
     assert covered == 100
@@ -118,7 +118,7 @@ def test_a_free_wrist_3_keeps_the_seeds_value(q5, q6):
         assert kept.any()
         np.testing.assert_allclose(solutions.q[kept, 5], seed[5], atol=1e-12)
         (row,) = FLANGE.nearest_batch(T[None], seed).q
-        np.testing.assert_allclose(row, FLANGE.nearest(T, seed).q, atol=1e-9)
+        np.testing.assert_allclose(row, FLANGE.nearest(T, seed).q, rtol=0, atol=1e-9)
         assert row[5] == pytest.approx(seed[5], abs=1e-12)
 
 
@@ -169,11 +169,11 @@ def test_a_batch_gives_what_single_poses_give(joint):
     for i, pose in enumerate(T):
         solutions = FLANGE.all_solutions(pose)
         np.testing.assert_array_equal(np.flatnonzero(batch.valid[i]), solutions.branch)
-        np.testing.assert_allclose(batch.q[i, solutions.branch], solutions.q, atol=1e-9)
+        np.testing.assert_allclose(batch.q[i, solutions.branch], solutions.q, rtol=0, atol=1e-9)
         alone = FLANGE.nearest(pose, seeds[i])
         assert alone.success == nearest.success[i]
         if alone.success:
-            np.testing.assert_allclose(nearest.q[i], alone.q, atol=1e-9)
+            np.testing.assert_allclose(nearest.q[i], alone.q, rtol=0, atol=1e-9)
         compared += len(solutions)
     assert compared > 900
 
@@ -208,7 +208,7 @@ def test_the_tolerance_holds_in_a_batch(kind, beyond, solved):
         else:
             assert near.any() == solved
         np.testing.assert_array_equal(np.flatnonzero(valid), solutions.branch)
-        np.testing.assert_allclose(q[valid], solutions.q, atol=1e-9)
+        np.testing.assert_allclose(q[valid], solutions.q, rtol=0, atol=1e-9)
 
 
 # limits and windings
@@ -229,6 +229,26 @@ def test_the_slack_at_both_limits_is_the_same_for_one_and_for_many():
                 np.testing.assert_array_equal(one, q)
             cases += 1
     assert cases == 6
+
+
+def test_windings_are_the_nearest_of_all_however_far_the_seed_is():
+    rng, turns = np.random.default_rng(3), 2 * np.pi * np.arange(-60, 61)
+    lower, width = rng.uniform(-9, 0, 400), rng.uniform(0.5, 14, 400)
+    q, seed = rng.uniform(-np.pi, np.pi, 400), rng.uniform(-300, 300, 400)
+    upper = lower + width
+    many, within = nearest_windings(q, seed, lower, upper)
+    counts = {True: 0, False: 0}
+    for i in range(400):
+        allowed = q[i] + turns
+        allowed = allowed[(allowed >= lower[i]) & (allowed <= upper[i])]
+        one = nearest_winding(q[[i]].tolist(), seed[[i]].tolist(), lower[[i]].tolist(), upper[[i]].tolist())
+        assert (one is not None) == (lower[i] <= many[i] <= upper[i]) == (len(allowed) > 0)
+        counts[one is not None] += 1
+        if one is not None:
+            best = allowed[np.abs(allowed - seed[i]).argmin()]
+            assert (one[0], many[i]) == pytest.approx((best, best), abs=1e-9)
+    assert not within
+    assert min(counts.values()) > 50
 
 
 @pytest.mark.parametrize("joint", range(6))

@@ -199,6 +199,8 @@ def test_any_other_arm_is_judged_by_the_exact_checker(arm):
     for row, cause in zip(q, causes, strict=True):
         assert fast.reason(row).startswith("out of limits") == (cause == Cause.LIMITS)
         assert bool(fast.reason(row)) == (cause != Cause.NONE)
+        if cause >= Cause.SELF:
+            assert (cause == Cause.OBSTACLE) == any(box.name in fast.reason(row) for box in fast.arm.workcell.obstacles)
     with pytest.raises(InputError, match="q must be finite"):
         fast.causes(np.full((1, kin.n), np.nan))
 

@@ -45,6 +45,15 @@ def test_sheared_rotations_are_refused(i, j, size):
         KIN.batch(np.array([POSE, T]))
 
 
+@pytest.mark.parametrize("last", [(0, 0, 0, 2), (0, 0, 1e-3, 1), (1, 0, 0, 1), (0, 0, 0, 0)])
+def test_a_last_row_of_no_pose_is_refused(last):
+    T = POSE.copy()
+    T[3] = last
+    for ask in (KIN.all_solutions, lambda T: KIN.nearest(T, np.zeros(6)), lambda T: KIN.batch(np.array([POSE, T]))):
+        with pytest.raises(InputError, match="last row"):
+            ask(T)
+
+
 def test_a_reflection_is_refused():
     with pytest.raises(InputError, match="determinant -1"):
         KIN.all_solutions(POSE @ np.diag([1, 1, -1, 1]))

@@ -67,6 +67,8 @@ def test_results_are_judged_anew():
     assert (far.status, far.success) == (Status.NOT_CONVERGED, False)
     assert "from the goal" in far.reason
     assert IKResult.of(kin, goal, home + 0.1, reason="gave up").reason == "gave up"
+    spun = IKResult.of(kin, goal, [*home[:5], home[5] + 0.1])  # the right place, the wrong way round
+    assert (spun.status, spun.position_error < 1e-9) == (Status.NOT_CONVERGED, True)
     turned = IKResult.of(kin, goal, [*home[:5], home[5] + 2 * np.pi])
     assert turned.status is Status.OUT_OF_LIMITS
     assert "wrist_3_joint" in turned.reason

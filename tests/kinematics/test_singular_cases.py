@@ -56,6 +56,39 @@ def test_flags_name_what_was_singular():
     assert not FLANGE.all_solutions(T).singularity.any()
 
 
+def test_a_free_wrist_says_whether_it_kept_the_seeds_value():
+    rng, counts = np.random.default_rng(10), {True: 0, False: 0}
+    for T in CASES["sin q5 = 0 exactly"](rng, 200):
+        seed = rng.uniform(-np.pi, np.pi, 6)
+        solutions = FLANGE.all_solutions(T, seed=seed)
+        for q, flags in zip(solutions.q, solutions.singularity, strict=True):
+            if flags & Singularity.WRIST:
+                moved = abs((q[5] - seed[5] + np.pi) % (2 * np.pi) - np.pi) > 1e-9
+                assert bool(flags & Singularity.MOVED) == moved
+                counts[moved] += 1
+    assert min(counts.values()) > 20
+
+
+@pytest.mark.parametrize("tol", [1e-7, 1e-5])
+def test_two_misses_that_add_up_to_more_than_the_tolerance_are_none(tol):
+    """Shoulder and elbow each miss by 0.9 of it: together the tip would be 1.27 tolerances away."""
+    g, rng, refused = FLANGE.geometry, np.random.default_rng(11), 0
+    for _ in range(100):
+        q = rng.uniform(-3, 3, 6)
+        q[1] = -np.pi / 2 + rng.uniform(-0.08, 0.08)  # stretched, with P5 over the first axis
+        q[2], q[3] = 0.0, np.arcsin((-g.a2 - g.a3) * np.cos(q[1]) / g.d5) - q[1]
+        T = FLANGE.fk(q)
+        shoulder, wrist_1 = (np.array(frame.p, dtype=np.float64) for frame in FLANGE.chain.frames([*q], [1, 3]))
+        p5 = T[:3, 3] - g.d6 * T[:3, 2]
+        assert np.linalg.norm(p5[:2]) == pytest.approx(g.d4, abs=1e-12)
+        T[:2, 3] -= 0.9 * tol * p5[:2] / g.d4
+        T[2, 3] += 0.9 * tol * np.sign(wrist_1[2] - shoulder[2])
+        few, many = (FLANGE.all_solutions(T, limits=False, tol=limit) for limit in (tol, 3 * tol))
+        assert len(few) == 0 or few.residual.max() <= tol
+        refused += len(many) - len(few)
+    assert refused > 50
+
+
 def test_nothing_is_invented_beyond_the_tolerance():
     """A target that is missed by more than `tol` has no solution, even right next to the border."""
     poses = CASES["elbow q3 = 0 exactly"](np.random.default_rng(8), 300)

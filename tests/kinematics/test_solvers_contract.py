@@ -7,6 +7,7 @@ import pytest
 
 from kinreach.errors import InputError
 from kinreach.kinematics.arm import ArmKinematics
+from kinreach.kinematics.arm3 import Arm3Kinematics
 from kinreach.kinematics.collision import CollisionChecker
 from kinreach.kinematics.goals import AxisGoal, PoseGoal, PositionGoal, goal_error
 from kinreach.kinematics.solutions import Status
@@ -236,6 +237,22 @@ def test_a_step_keeps_the_speed_limits(solver_class, kin, poses):
     moves = np.minimum(moves, 2 * np.pi - moves)
     assert (moves <= steps * dt * kin.velocity_limit + 1e-6).all()
     assert moves.max() > 0.9 * steps * dt * kin.velocity_limit.min()
+
+
+@solvers
+def test_two_tolerances_beyond_the_reach_is_out_of_reach(solver_class):
+    kin = ArmKinematics("arm3")
+    g = Arm3Kinematics().geometry
+    rng, refused = np.random.default_rng(4), 0
+    for _ in range(5):
+        q = np.array([rng.uniform(-1, 1), rng.uniform(-1, 1), np.arctan2(*g.upper) - np.arctan2(*g.fore)])
+        shoulder, tip = kin.chain.frames([*q], [1])[0].p, kin.fk(q)[:3, 3]
+        out = tip - np.array(shoulder, dtype=np.float64)
+        beyond = PositionGoal(tip + 2e-4 * out / np.linalg.norm(out))
+        result = solver_class(kin, max_restarts=0).solve(beyond, q)  # from behind it would reach
+        assert result.status is Status.NOT_CONVERGED
+        refused += result.position_error < 3e-4
+    assert refused >= 3
 
 
 def test_tolerance_is_kept(kin, poses):

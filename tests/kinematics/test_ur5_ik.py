@@ -57,7 +57,7 @@ def test_batch_reaches_for_ten_thousand_poses_and_every_branch():
     pose, branch = np.nonzero(batch.valid)
     assert len(pose) > 70_000
     assert set(branch) == set(range(8))
-    np.testing.assert_allclose(FLANGE.fk(batch.q[pose, branch]), T[pose], atol=1e-9)
+    np.testing.assert_allclose(FLANGE.fk(batch.q[pose, branch]), T[pose], rtol=0, atol=1e-9)
     assert np.isnan(batch.q[~batch.valid]).all()
     assert np.nanmin(np.abs(batch.q - q[:, None]).max(axis=2), axis=1).max() < 1e-4
     assert np.abs(batch.q[batch.valid]).max() <= np.pi
@@ -69,7 +69,7 @@ def test_batch_equals_single_poses():
     for i, pose in enumerate(T):
         solutions = FLANGE.all_solutions(pose)
         np.testing.assert_array_equal(np.flatnonzero(batch.valid[i]), solutions.branch)
-        np.testing.assert_allclose(batch.q[i, solutions.branch], solutions.q, atol=1e-9)
+        np.testing.assert_allclose(batch.q[i, solutions.branch], solutions.q, rtol=0, atol=1e-9)
 
 
 def test_nearest_batch_equals_nearest():
@@ -84,7 +84,7 @@ def test_nearest_batch_equals_nearest():
         single = kin.nearest(T[i], seeds[i])
         assert single.success
         assert single.branch == batch.branch[i]
-        np.testing.assert_allclose(batch.q[i], single.q, atol=1e-9)
+        np.testing.assert_allclose(batch.q[i], single.q, rtol=0, atol=1e-9)
     np.testing.assert_allclose(kin.nearest_batch(T, q).q, q, atol=1e-5)
 
 
@@ -143,6 +143,8 @@ def test_accept_moves_on_to_the_next_branch():
     assert result.position_error < 1e-9
     np.testing.assert_array_equal(np.array(offered), order[:3])
     np.testing.assert_array_equal(result.q, order[2])
+    written = FLANGE.nearest(T, np.zeros(6), accept=lambda q: q.fill(9.0) is None)
+    np.testing.assert_array_equal(written.q, order[0])
     refused = FLANGE.nearest(T, np.zeros(6), accept=lambda q: False)
     assert refused.status is Status.REJECTED
     assert "refused all 8" in refused.reason
@@ -184,6 +186,16 @@ def test_every_unreachable_pose_has_a_reason():
             for part in counts:
                 counts[part] += part in solutions.reason
     assert min(counts.values()) > 200
+
+
+def test_too_close_for_a_long_upper_arm_is_called_so():
+    arm = get_arm("ur5")
+    urdf = arm.urdf.replace('xyz="0.0 -0.1197 0.425"', 'xyz="0.0 -0.1197 0.925"')
+    kin = UR5Kinematics(arm=replace(arm, name="long", build_urdf=lambda: urdf))
+    assert kin.geometry.folded > 0.5
+    for T in kin.fk(postures(15, 200)):
+        T[:3, 3] = 0.2, 0.0, kin.geometry.d1
+        assert kin.all_solutions(T).reason == "too close for the folded elbow"
 
 
 def test_out_of_limits_names_the_joints():

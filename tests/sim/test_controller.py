@@ -150,7 +150,7 @@ def test_arm_without_a_joint_to_move_last_and_a_press_into_the_floor():
 def test_targets_out_of_limits_are_refused_by_joint(name):
     simulation = ArmSimulation(name)
     for index, joint in enumerate(simulation.arm.joints):
-        for side in (simulation.controller.lower - 0.001, simulation.controller.upper + 0.001):
+        for side in (simulation.controller.lower - 1e-6, simulation.controller.upper + 1e-6):
             target = simulation.q
             target[index] = side[index]
             result = simulation.move(target)

@@ -247,7 +247,8 @@ def reachable_pitch(wanted: float, u: float, v: float, g: URGeometry) -> float:
     lower = acos(min(1.0, max(-1.0, (g.stretched**2 - rest) / scale)))
     upper = acos(min(1.0, max(-1.0, (g.folded**2 - rest) / scale)))
     eta = wrap(wanted + atan2(u, v))
-    return wanted + copysign(min(max(abs(eta), lower), upper), eta) - eta
+    nearest = min(max(abs(eta), lower), upper)
+    return wanted if nearest == abs(eta) else wanted + copysign(nearest, eta) - eta
 
 
 def wrap(angle: float) -> float:

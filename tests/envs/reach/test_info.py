@@ -124,6 +124,14 @@ def test_a_view_that_somebody_has_measured_is_taken_as_it_is(count):
             np.testing.assert_allclose(seen[row], [np.nan] * 3 if case == "none" else elsewhere, atol=1e-12)
 
 
+def test_a_ball_on_a_cameras_axis_is_found():
+    env = gym.make(SINGLE, backend="kinematic")
+    for front in ([0.0, 0.0, 0.5], [0.0, 0.1, 0.5], [0.1, 0.0, 0.5]):
+        info = env.reset(options={"view": [*front, 0.0, 0.0, 0.0]})[1]
+        assert info["ball_found"].tolist() == [True, False]
+        assert np.isfinite(info["seen"]).all()
+
+
 def test_views_of_an_arm_without_cameras_are_goals_in_the_world():
     env = gym.make(SINGLE, backend="kinematic", arm="arm3")
     observation, info = env.reset(seed=0, options={"view": [0.3, 0.2, 0.1]})
