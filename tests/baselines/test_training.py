@@ -1,17 +1,20 @@
 """Training runs leave what they promise."""
 
 import os
+from dataclasses import replace
 
 import numpy as np
 import pytest
 import torch
 
+from kinreach.baselines import evaluation
 from kinreach.baselines.evaluation import evaluate
 from kinreach.baselines.learning_curve import read_curve
 from kinreach.baselines.models import build
 from kinreach.baselines.networks import actor_network
-from kinreach.baselines.policies import load_policy
+from kinreach.baselines.policies import LearnedPolicy, load_policy
 from kinreach.baselines.recipes import get_recipe
+from kinreach.baselines.rewards import REWARDS
 from kinreach.baselines.training import train
 from kinreach.errors import InputError, UnknownNameError
 from kinreach.registration import MULTI
@@ -37,6 +40,55 @@ def test_the_thesis_explores_by_one_unit_of_its_actions(name, std):
     np.testing.assert_allclose(unit * trainee.model.policy.log_std.exp().detach().numpy(), std, rtol=1e-6)
 
 
+def test_schedules_are_followed_and_are_over_at_the_end():
+    recipe = small("single")
+    model = build(recipe, 0, steps=768).model
+    for done in (384, 384):
+        model.learn(done, reset_num_timesteps=False)
+        progress = model.num_timesteps / 768
+        std, share = model.exploration.at(progress), model.adaptive.share(progress)
+        np.testing.assert_allclose(model.policy.log_std.exp().detach().numpy(), std, rtol=1e-5)
+    assert recipe.settings["adaptive"]["decay"] > 0
+    assert (progress, share) == (1.0, 0.0)
+    assert std == pytest.approx(recipe.settings["exploration"]["last"] / np.pi)
+    assert [group["lr"] for group in model.policy.optimizer.param_groups] == [0.0]
+
+
+def test_samples_of_the_ranked_recipes_come_in_opposite_pairs():
+    trainee = build(small("single"), 0, steps=768)
+    observations = torch.as_tensor(trainee.env.reset(), dtype=torch.float32)
+    policy = trainee.model.policy
+    with torch.no_grad():
+        noise = policy(observations)[0] - policy.get_distribution(observations).mode()
+    assert noise.abs().min() > 0
+    np.testing.assert_allclose(noise[::2], -noise[1::2], atol=1e-6)
+
+
+@pytest.mark.parametrize("name", ["ppo-single", "ppo-multi"])
+def test_ppo_has_the_minibatches_and_the_networks_of_its_recipe(name):
+    recipe = replace(get_recipe(name), num_envs=32)
+    model = build(recipe, 0, steps=1000).model
+    assert model.batch_size * recipe.settings["minibatches"] == 32 * model.n_steps
+    parts = model.policy.mlp_extractor
+    for network in (parts.policy_net, parts.value_net):
+        widths = [layer.out_features for layer in network if isinstance(layer, torch.nn.Linear)]
+        assert widths == list(recipe.networks.hidden)
+
+
+def test_no_segment_trains_on_the_goals_of_another(tmp_path, monkeypatch):
+    seen = []
+
+    def watched(rewards, info):
+        seen.append(info["final_info"]["goal"])
+        return rewards
+
+    monkeypatch.setitem(REWARDS, "watched", watched)
+    train(replace(small("single"), reward="watched"), tmp_path, seed=4)
+    groups = np.concatenate(seen).reshape(-1, 8, 3)
+    assert len(groups) == 768 // 8
+    assert len(np.unique(groups[:, 0], axis=0)) == len(groups)
+
+
 def test_runs_leave_what_they_promise(tmp_path):
     run = train(small("single"), tmp_path, seed=4, export=True)
     assert {"policy.safetensors", "curve.csv", "run.json", "tensorboard", "model.zip"} == set(os.listdir(tmp_path))
@@ -50,7 +102,7 @@ def test_runs_leave_what_they_promise(tmp_path):
         get_recipe("nothing")
 
 
-def test_evaluation_is_that_of_single_environments_and_of_no_training_goal():
+def test_evaluation_is_that_of_single_environments_and_of_no_training_goal(monkeypatch):
     import gymnasium as gym
 
     policy = load_policy("multi")
@@ -62,6 +114,7 @@ def test_evaluation_is_that_of_single_environments_and_of_no_training_goal():
         while not over:
             observation, reward, terminated, truncated, info = env.step(policy.act(observation))
             over, steps, total = terminated or truncated, steps + 1, total + reward
+        assert found.trials[index]["goal"] == info["goal"].tolist()
         assert found.measures["distance"][index] == pytest.approx(info["distance"], abs=1e-9)
         assert (found.measures["steps"][index], bool(found.reached[index])) == (steps, info["reached"])
         assert found.measures["return"][index] == pytest.approx(total, abs=1e-6)
@@ -71,7 +124,31 @@ def test_evaluation_is_that_of_single_environments_and_of_no_training_goal():
     intervals = {mm: list(wilson_interval(round(6 * share), 6)) for mm, share in summary["success_at_mm"].items()}
     assert summary["success_at_mm_ci"] == intervals
     assert 0 < summary["success_at_mm"]["0.5"] <= 1 == summary["success_at_mm"]["10"]
+    monkeypatch.setattr(evaluation, "BATCH", 4)  # in more than one part
     more = evaluate(policy, goals=9, options={"backend": "kinematic"}).measures["distance"]
+    assert len(np.unique(more)) == 9
     np.testing.assert_allclose(more[:6], found.measures["distance"], atol=1e-12)
     with pytest.raises(InputError, match="at least 1"):
         evaluate(policy, goals=0)
+
+
+def test_an_impossible_end_is_no_success_however_near_it_is():
+    near = {"reached": False, "distance": 1e-4}
+    summary = evaluation.Evaluation(
+        [{**near, "impossible": impossible} for impossible in (True, False, True)]
+    ).summary()
+    assert set(summary["success_at_mm"].values()) == {1 / 3}
+    assert summary["impossible"] == pytest.approx(2 / 3)
+
+
+def test_an_evaluation_on_another_arm_is_on_that_arm():
+    plain = load_policy("single")
+    recipe = {**plain.card.recipe, "options": {**plain.card.recipe["options"], "arm": "ur5"}}
+    trained = LearnedPolicy(replace(plain.card, recipe=recipe), plain.network)
+    options = {"backend": "kinematic"}
+    other, asked, own = (
+        evaluate(policy, goals=3, options=options | more).measures["distance"]
+        for policy, more in ((plain, {"arm": "ur3"}), (trained, {"arm": "ur3"}), (trained, {}))
+    )
+    np.testing.assert_array_equal(asked, other)
+    assert (asked != own).all()

@@ -1,10 +1,13 @@
 """The button task: whole episodes with a controller, a policy and chance."""
 
+import numpy as np
 import pytest
 
+from kinreach.baselines.rollout import RandomPolicy
 from kinreach.compare import compare
 from kinreach.compare.button import SPACING
 from kinreach.compare.runner import MOST_GOALS, MOST_SEED
+from kinreach.envs.button.task import action_space
 
 
 @pytest.fixture(scope="module")
@@ -48,3 +51,14 @@ def test_the_environments_options_are_the_tasks():
 def test_no_two_goals_of_two_seeds_share_an_episode():
     assert MOST_GOALS < SPACING
     assert MOST_SEED * SPACING < 2**127  # what numpy's generators take
+
+
+def test_chance_is_another_in_every_episode_and_the_same_in_the_same():
+    policy = RandomPolicy(action_space(), seed=3)
+
+    def draws(observation):
+        policy.reset(np.full(19, observation), {})
+        return [int(policy.act(None)) for _ in range(20)]
+
+    episodes = {tuple(draws(observation)) for observation in (0.1, 0.2, 0.3, 0.1, 0.2, 0.3)}
+    assert len(episodes) == 3

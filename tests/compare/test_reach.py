@@ -8,6 +8,7 @@ import pytest
 from kinreach.compare import compare
 from kinreach.compare.cli import main
 from kinreach.compare.reach import Budget, budget
+from kinreach.compare.task import resets_to
 from kinreach.kinematics import UR5Kinematics
 from kinreach.robots import get_arm
 
@@ -105,6 +106,11 @@ class Nowhere:
     def solve(self, goal, seed, *, accept=None):
         kin = UR5Kinematics(tip="tcp", base="world")
         return kin.nearest(FAR, seed)
+
+
+def test_every_goal_of_every_seed_has_noise_of_its_own():
+    seeds = {reset["seed"] for seed in range(4) for reset in resets_to(np.zeros((50, 3)), seed)}
+    assert len(seeds) == 200
 
 
 def test_a_solver_that_finds_nothing_is_impossible_and_says_why():

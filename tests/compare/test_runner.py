@@ -9,6 +9,7 @@ import pytest
 from kinreach.compare import compare
 from kinreach.compare.runner import MOST_SEED, RECORDS, WARM_UP_SEED, prepare, run_trials
 from kinreach.errors import InputError, UnknownNameError
+from kinreach.summary import success_columns, summarise
 
 #: Not the same in two runs: clocks.
 CLOCKS = {"solve_s", "accept_s"}
@@ -80,13 +81,20 @@ def test_what_is_measured(toy):
     assert (right["reached"], near["reached"], wild["reached"]) == (1.0, 1.0, 0.0)
     assert right["distance_mm"]["median"] == 0.0
     assert near["distance_mm"]["median"] == pytest.approx(5.0)
-    assert near["success_at_mm"]["5"] in (0.0, 1.0) or 0 < near["success_at_mm"]["5"] < 1  # rounding decides at 5 mm
     assert (near["success_at_mm"]["10"], near["success_at_mm"]["2"]) == (1.0, 0.0)
     assert wild["impossible"] == 1.0
     assert set(wild["success_at_mm"].values()) == {0.0}  # what was impossible succeeded nowhere, however near it was
     assert wild["outcomes"] == {"beyond": 20}
     assert wild["move_s"] == {"median": None, "p95": None}
     assert all(entry["goals"] == 20 for entry in results["methods"])
+
+
+def test_success_counts_what_ended_within_the_tolerance():
+    ends = [0.4, 0.6, 0.9, 1.1, 1.9, 2.1, 4.9, 5.1, 9.9, 10.1, 19.9, 20.1, 49.9, 50.1]
+    trials = [{"distance": 1e-3 * end, "here": here} for end in ends for here in (True, False)]
+    found = summarise(success_columns(lambda trial: trial["here"]), trials)["success_at_mm"]
+    within = {"50": 13, "20": 11, "10": 9, "5": 7, "2": 5, "1": 3, "0.5": 1}
+    assert found == {tolerance: count / len(trials) for tolerance, count in within.items()}
 
 
 def test_an_interrupted_comparison_goes_on_and_ends_as_if_it_had_not_been(toy, tmp_path):

@@ -239,7 +239,7 @@ def test_a_step_keeps_the_speed_limits(solver_class, kin, poses):
     assert moves.max() > 0.9 * steps * dt * kin.velocity_limit.min()
 
 
-@solvers
+@pytest.mark.parametrize("solver_class", [LevenbergMarquardtSolver, QPSolver])
 def test_two_tolerances_beyond_the_reach_is_out_of_reach(solver_class):
     kin = ArmKinematics("arm3")
     g = Arm3Kinematics().geometry
