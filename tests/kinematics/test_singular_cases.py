@@ -69,6 +69,27 @@ def test_a_free_wrist_says_whether_it_kept_the_seeds_value():
     assert min(counts.values()) > 20
 
 
+def test_a_free_wrist_that_moves_goes_no_farther_than_it_must():
+    """Held against the values from which it need not move, on a grid."""
+    rng, compared = np.random.default_rng(12), 0
+    for T in CASES["sin q5 = 0 exactly"](rng, 120):
+        wanted = rng.uniform(-np.pi, np.pi)
+        moved = {}
+        feasible = {branch: [] for branch in range(8)}
+        for value in (wanted, *np.linspace(-np.pi, np.pi, 40)):
+            solutions = FLANGE.all_solutions(T, seed=np.array([0, 0, 0, 0, 0, value]))
+            for q, branch, flags in zip(solutions.q, solutions.branch, solutions.singularity, strict=True):
+                if not flags & Singularity.MOVED:
+                    feasible[branch].append(q[5])
+                elif value == wanted:
+                    moved[branch] = q[5]
+        for branch, q6 in moved.items():
+            away = np.abs((np.array([q6, *feasible[branch]]) - wanted + np.pi) % (2 * np.pi) - np.pi)
+            assert away[0] <= away[1:].min(initial=np.pi) + 1e-9
+            compared += len(feasible[branch]) > 0
+    assert compared > 10
+
+
 @pytest.mark.parametrize("tol", [1e-7, 1e-5])
 def test_two_misses_that_add_up_to_more_than_the_tolerance_are_none(tol):
     """Shoulder and elbow each miss by 0.9 of it: together the tip would be 1.27 tolerances away."""

@@ -25,7 +25,7 @@ def test_two_phase_moves_reach_tool_down_postures(ur5, tool_down, goals):
         np.testing.assert_array_equal(result.q, ur5.q)
         assert result.error == np.abs(ur5.q - target).max() <= 2e-4
         assert np.linalg.norm(ur5.tip_position - goal) < 2e-4
-        assert 0.5 < result.duration == ur5.data.time < 2.0
+        assert 1.2 < result.duration == ur5.data.time < 1.4  # no phase waits, and no joint runs behind or overshoots
     assert len(goals) >= 60
 
 
