@@ -112,7 +112,7 @@ def test_a_masked_reset_takes_seeds_and_options_of_the_environments_that_it_rest
     mask = np.array([False, True, False])
     goals = native.reset(seed=11, options={"reset_mask": mask})[1]["goal"]
     np.testing.assert_array_equal(goals, np.where(mask[:, None], expected, first))
-    asked = np.tile([0.4, 0.1, -0.175], (COUNT, 1))
+    asked = np.array([[0.4, y, -0.175] for y in np.linspace(-0.1, 0.1, COUNT)])
     goals = native.reset(options={"reset_mask": mask, "goal": asked})[1]["goal"]
     np.testing.assert_array_equal(goals, np.where(mask[:, None], asked, first))
 
