@@ -10,6 +10,8 @@ from gymnasium.utils.env_checker import check_env, data_equivalence
 
 import kinreach
 from kinreach.envs.button import ACTUATIONS, ButtonPressEnv
+from kinreach.envs.button.episodes import ButtonEpisodes, ButtonOptions
+from kinreach.envs.button.world import SingleTorqueWorld
 from kinreach.errors import InputError
 from kinreach.kinematics import Arm3Kinematics
 
@@ -119,6 +121,8 @@ def test_a_press_elsewhere_costs_and_changes_nothing_else(actuation):
         assert observation[18] == 1
         np.testing.assert_array_equal(observation[:18], without[:18])
     assert env.step(STILL)[0][18] == 0  # the push state is that of the last action
+    env.reset()
+    assert env.step(PRESS)[4]["wrong_presses"] == 1  # of this episode
 
 
 @both
@@ -193,6 +197,21 @@ def test_a_simulation_that_diverges_ends_the_episode(speed, tmp_path, monkeypatc
     np.testing.assert_array_equal(observation, before)
     assert env.observation_space.contains(env.reset()[0])
     assert not env.step(STILL)[4]["impossible"]
+
+
+@pytest.mark.parametrize("joint", range(3))
+def test_one_joint_that_is_too_fast_is_enough(joint):
+    class Spun(SingleTorqueWorld):
+        def step(self, control, acting=None):
+            self.qd[:] = 0.0
+            self.qd[0, joint] = 2e4
+
+    options = ButtonOptions()
+    episodes = ButtonEpisodes(options, Spun(options.arm, options.motors, visual=False))
+    episodes.seed(0, np.random.default_rng(0))
+    episodes.begin(np.zeros(1, dtype=int))
+    outcome = episodes.step(np.array([STILL]))
+    assert outcome.truncated.tolist() == outcome.info["impossible"].tolist() == [True]
 
 
 @both

@@ -8,6 +8,7 @@ from kinreach.envs.reach import DistanceReward, ThesisReward
 from kinreach.errors import InputError
 
 SINGLE, MULTI = "kinreach/UR5SingleStep-v0", "kinreach/UR5MultiStep-v0"
+NATURAL = np.array([-1.8, -1.0, 1.9, -2.47, -np.pi / 2, 0.0])
 
 
 def own(distance, q, impossible):
@@ -57,6 +58,12 @@ def test_what_is_reached_is_the_rewards_own_business_if_it_says_so():
     assert 0.01 < info["distance"] < 0.6
     assert terminated
     assert info["reached"]
+
+
+def test_what_is_impossible_reaches_nothing_however_near_the_arm_stands():
+    for reward in (DistanceReward(0.05), ThesisReward()):
+        score = reward.score(np.full(2, 0.001), np.tile(NATURAL, (2, 1)), np.array([True, False]))
+        assert score.reached.tolist() == [False, True]
 
 
 def test_the_thesiss_reward_can_be_named():
