@@ -2,15 +2,19 @@
 
 import json
 
+import gymnasium as gym
 import numpy as np
 import pytest
 
 from kinreach.compare import compare
 from kinreach.compare.cli import main
-from kinreach.compare.reach import Budget, budget
-from kinreach.compare.task import resets_to
+from kinreach.compare.reach import Budget, budget, goals_of
+from kinreach.compare.runner import WARM_UP_GOALS
+from kinreach.compare.task import get_task, resets_to
 from kinreach.kinematics import UR5Kinematics
+from kinreach.registration import SINGLE
 from kinreach.robots import get_arm
+from kinreach.vision.goal_view import CameraGoalView
 
 SOLVERS = ["closed-form", "lm", "qp"]
 #: A pose 8 m away.
@@ -81,8 +85,11 @@ def test_the_same_seed_gives_the_same_numbers(results):
             assert entry(again, name)[key] == entry(results, name)[key]
 
 
-def test_cameras_tell_all_methods_the_same(needs_gl):
+def test_cameras_tell_all_methods_the_same(needs_gl, monkeypatch):
+    looks, look = [], CameraGoalView.look
+    monkeypatch.setattr(CameraGoalView, "look", lambda *arguments: looks.append(1) or look(*arguments))
     results = compare("ur5", ["closed-form", "ranked-single"], goals=5, observation="camera")
+    assert len(looks) == 5 + WARM_UP_GOALS  # one look a goal
     closed, ranked = results["methods"]
     assert closed["observed_error_mm"] == ranked["observed_error_mm"]
     assert 0.01 < closed["observed_error_mm"]["median"] < 1.0
@@ -135,6 +142,18 @@ def test_the_arm3_task_keeps_what_some_posture_reaches():
     assert [found["reached"] for found in results["methods"]] == [1.0, 1.0, 1.0]
     assert entry(results, "closed-form")["distance_mm"]["p95"] < 0.1
     assert "posture_error" not in results["methods"][0]
+
+
+def test_goals_of_arm3_are_those_drawn_that_some_posture_reaches():
+    env = gym.make(SINGLE, arm="arm3").unwrapped
+    drawn = goals_of(env, 14, 2).tolist()
+    kept = [reset["options"]["goal"].tolist() for reset in get_task("arm3").resets(14, 2, env)]
+    refused = [goal for goal in drawn if goal not in kept]
+    assert len(refused) >= 1
+    assert [goal for goal in drawn if goal in kept] == kept[: len(drawn) - len(refused)]
+    for goal in (*kept, *refused):
+        found = env.kinematics.all_solutions(goal).q
+        assert any(env.accept(q) for q in found) == (goal in kept)
 
 
 def test_one_missing_package_disables_its_own_method_only(run_python):
