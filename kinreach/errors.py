@@ -21,6 +21,10 @@ class UnknownNameError(InputError):
     """A name that is not registered; the message lists the available ones."""
 
 
+class UnknownOptionError(UnknownNameError, TypeError):
+    """A keyword that an environment does not take; a `TypeError` too, which is what Python and its libraries expect."""
+
+
 class InstallationError(KinreachError, ImportError):
     """A package that kinreach needs is missing or does not fit the others."""
 

@@ -12,7 +12,8 @@ _REACH, _BUTTON = "kinreach.envs.reach", "kinreach.envs.button"
 #: Ids of the environments.
 SINGLE, MULTI, BUTTON = "kinreach/UR5SingleStep-v0", "kinreach/UR5MultiStep-v0", "kinreach/ButtonPress-v0"
 SPACE = "kinreach/Reach-v0"
-#: Those of the reach tasks without dynamics, for clients that cannot pass `backend="kinematic"` on.
+#: Those of the reach tasks without dynamics, with numbers only in `info`: for clients that cannot pass
+#: `backend="kinematic"` on, or cannot read texts.
 SINGLE_KINEMATIC, MULTI_KINEMATIC = "kinreach/UR5SingleStepKinematic-v0", "kinreach/UR5MultiStepKinematic-v0"
 
 _SINGLE = (f"{_REACH}.env:UR5SingleStepEnv", f"{_REACH}.vector_env:single_step")
@@ -24,13 +25,14 @@ ENVIRONMENTS = {
     SPACE: (f"{_REACH}.env:SpaceReachEnv", f"{_REACH}.vector_env:in_space"),
     BUTTON: (f"{_BUTTON}.env:ButtonPressEnv", f"{_BUTTON}.vector_env:ButtonPressVectorEnv"),
 }
-#: Environment id -> the same, with `backend="kinematic"`.
+#: Environment id -> the same, with `backend="kinematic"` and `info="numbers"`.
 KINEMATIC_ENVIRONMENTS = {SINGLE_KINEMATIC: _SINGLE, MULTI_KINEMATIC: _MULTI}
 
 
 def register_environments() -> None:
     """Register every environment that is not registered yet."""
-    for environments, options in ((ENVIRONMENTS, {}), (KINEMATIC_ENVIRONMENTS, {"backend": "kinematic"})):
+    plain = {"backend": "kinematic", "info": "numbers"}
+    for environments, options in ((ENVIRONMENTS, {}), (KINEMATIC_ENVIRONMENTS, plain)):
         for name, (entry_point, vector_entry_point) in environments.items():
             if name not in registry:
                 register(name, entry_point=entry_point, vector_entry_point=vector_entry_point, kwargs=options)

@@ -44,6 +44,15 @@ def first_row(info: Mapping[str, Any]) -> dict[str, Any]:
     }
 
 
+def numbers_of(info: Mapping[str, Any]) -> dict[str, Any]:
+    """What of an `info` is a number or an array of numbers: no texts, no nested entries."""
+    return {
+        name: value
+        for name, value in info.items()
+        if not isinstance(value, str | Mapping) and np.asarray(value).dtype.kind in "biuf"
+    }
+
+
 class Sampler(Protocol):
     """What rows of numbers are drawn from; a `GoalRegion` is one, with rows of three."""
 
@@ -232,6 +241,8 @@ class NativeVectorEnv(VectorEnv[Floats, ArrayLike, Floats]):
         self._episodes = episodes
         self._check_actions, self._check_start = check_actions, check_start
         self._mode, self._picture, self._made_with = mode, picture, made_with
+        self.autoreset_mode = mode  # where TorchRL looks for it
+        self._numbers_only = made_with.get("info") == "numbers"
         self._everyone = np.arange(num_envs)
         self._started = False
         self._ended = np.zeros(num_envs, dtype=np.bool_)
@@ -271,7 +282,7 @@ class NativeVectorEnv(VectorEnv[Floats, ArrayLike, Floats]):
         self._episodes.begin(ids, type(start)(*rows))
         self._started = True
         self._ended[ids] = False
-        return self._episodes.observe(), self._episodes.start_info()
+        return self._episodes.observe(), self._told(self._episodes.start_info())
 
     def step(self, actions: ArrayLike) -> tuple[Floats, Floats, Any, Any, dict[str, Any]]:
         """Act in all environments.
@@ -298,7 +309,7 @@ class NativeVectorEnv(VectorEnv[Floats, ArrayLike, Floats]):
             acting = ~self._ended
         outcome = self._episodes.step(checked, acting)
         self._ended = outcome.terminated | outcome.truncated
-        info = outcome.info | self._episodes.goal_info()
+        info = self._told(outcome.info | self._episodes.goal_info())
         return self._episodes.observe(), outcome.reward, outcome.terminated, outcome.truncated, info
 
     def render(self) -> tuple[Any, ...] | None:
@@ -315,16 +326,19 @@ class NativeVectorEnv(VectorEnv[Floats, ArrayLike, Floats]):
 
     def _step_and_restart(self, actions: Any) -> tuple[Floats, Floats, Any, Any, dict[str, Any]]:
         outcome = self._episodes.step(actions)
-        info = outcome.info
+        info = self._told(outcome.info)
         over = outcome.terminated | outcome.truncated
         observation = self._episodes.observe()
         if over.any():
-            final_info = info | self._episodes.goal_info()
+            final_info = info | self._told(self._episodes.goal_info())
             info |= {"final_obs": observation, "_final_obs": over, "final_info": final_info, "_final_info": over}
             self._episodes.begin(np.flatnonzero(over))
             observation = self._episodes.observe()
-        info |= self._episodes.goal_info()
+        info |= self._told(self._episodes.goal_info())
         return observation, outcome.reward, outcome.terminated, outcome.truncated, info
+
+    def _told(self, info: dict[str, Any]) -> dict[str, Any]:
+        return numbers_of(info) if self._numbers_only else info
 
     def _checked_seeds(self, seed: int | Sequence[int | None] | None) -> list[int | None]:
         """The seed of each environment, or None."""

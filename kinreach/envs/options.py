@@ -10,13 +10,16 @@ from typing import Any, TypeVar
 import numpy as np
 
 from kinreach.checks import MOST_DISTANCE, Floats, as_floats, check_count, check_entries, shown
-from kinreach.errors import InputError
+from kinreach.errors import InputError, UnknownOptionError
 
 Options = TypeVar("Options")
 Environment = TypeVar("Environment", bound=type)
 
 RENDER_MODES = ("human", "rgb_array", "rgb_array_list", "depth_array")
 RENDER_MODES_TEXT = '`"human"`, `"rgb_array"`, `"rgb_array_list"` (frames of the motion) or `"depth_array"`'
+#: What `info` holds.
+INFOS = ("all", "numbers")
+INFOS_TEXT = '`"all"`, or only `"numbers"`: no texts, and no dictionary of the reward\'s terms (for TorchRL)'
 #: Where the table of the options goes in a docstring.
 PLACE = "<table of the options>"
 
@@ -30,11 +33,13 @@ def options_from(kind: type[Options], given: Mapping[str, Any]) -> Options:
     """The options of an environment from the keywords that it was made with.
 
     Raises:
-        InputError: A keyword that is no option, or a value that cannot be.
+        UnknownOptionError: A keyword that is no option.
+        InputError: A value that cannot be.
     """
     available = [entry.name for entry in fields(kind)]  # type: ignore[arg-type]
     if unknown := [name for name in given if name not in available]:
-        raise InputError(f"unknown options {', '.join(unknown)}; available: {', '.join(available)}")
+        said = ", ".join(map(repr, unknown))  # the wording is Python's: TorchRL looks for it
+        raise UnknownOptionError(f"got an unexpected keyword argument {said}; available: {', '.join(available)}")
     return kind(**given)
 
 

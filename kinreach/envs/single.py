@@ -9,6 +9,7 @@ import gymnasium as gym
 from gymnasium.utils import EzPickle
 from gymnasium.wrappers import RecordVideo
 
+from kinreach.envs.batch import first_row, numbers_of
 from kinreach.errors import InputError
 
 
@@ -19,6 +20,7 @@ class CopyableEnv(gym.Env[Any, Any], EzPickle):
     only: what comes back is to be reset.
     """
 
+    options: Any
     _episodes: Any
     _started: bool
 
@@ -31,6 +33,11 @@ class CopyableEnv(gym.Env[Any, Any], EzPickle):
         twin._started = self._started
         twin._episodes.copy_from(self._episodes)
         return twin
+
+    def _told(self, info: dict[str, Any]) -> dict[str, Any]:
+        """The `info` of the one environment, as far as it is asked for."""
+        told = first_row(info)
+        return numbers_of(told) if self.options.info == "numbers" else told
 
 
 class RecordMotion(RecordVideo):

@@ -9,8 +9,8 @@ from gymnasium.wrappers import RecordVideo
 
 import kinreach  # noqa: F401 (registers the environments)
 from kinreach.envs import RecordMotion
-from kinreach.errors import InputError
-from kinreach.registration import MULTI, MULTI_KINEMATIC, SINGLE, SINGLE_KINEMATIC
+from kinreach.errors import InputError, UnknownOptionError
+from kinreach.registration import BUTTON, MULTI, MULTI_KINEMATIC, SINGLE, SINGLE_KINEMATIC
 
 PAIRS = {SINGLE_KINEMATIC: SINGLE, MULTI_KINEMATIC: MULTI}
 
@@ -63,6 +63,40 @@ def test_info_is_flat_numbers_beside_texts_and_the_terms(name):
         assert all(value.dtype.kind in "fb" for value in info.values() if isinstance(value, np.ndarray))
         assert bool(info["impossible_reason"]) == (info["impossible_code"] > 0) == info["impossible"]
         env.reset()
+
+
+@pytest.mark.parametrize(
+    ("name", "options"),
+    [(SINGLE_KINEMATIC, {}), (MULTI_KINEMATIC, {}), (BUTTON, {"info": "numbers"}), (SINGLE, {"info": "numbers"})],
+)
+def test_info_of_numbers_only(name, options):
+    """TorchRL stacks every entry: texts and dictionaries it cannot."""
+    env, native = gym.make(name, **options), gym.make_vec(name, num_envs=2, **options)
+    full = gym.make(PAIRS.get(name, name), **({"backend": "kinematic"} if name in PAIRS else {}))
+    seen = 0
+    for each in (env, native):
+        infos = [each.reset(seed=0)[1], each.step(each.action_space.sample())[4]]
+        infos += [infos[1]["final_info"]] if "final_info" in infos[1] else []
+        for info in infos:
+            numbers = {key: value for key, value in info.items() if key not in ("final_info", "_final_info")}
+            assert all(np.asarray(value).dtype.kind in "biuf" for value in numbers.values())
+            seen += len(numbers)
+    full.reset(seed=0)
+    said = full.step(full.action_space.sample())[4]
+    env.reset(seed=0)
+    assert set(said) - set(env.step(env.action_space.sample())[4]) == {
+        key for key, value in said.items() if isinstance(value, str | dict)
+    }
+    assert seen > 40
+
+
+@pytest.mark.parametrize("name", [SINGLE, MULTI_KINEMATIC, BUTTON])
+def test_an_unknown_keyword_is_what_python_raises(name):
+    """TorchRL tries `frameskip=`, and does without where it reads Python's words."""
+    for make in (gym.make, lambda id, **options: gym.make_vec(id, num_envs=2, **options)):
+        with pytest.raises(TypeError, match="unexpected keyword argument 'frameskip'") as refused:
+            make(name, frameskip=1)
+        assert isinstance(refused.value, UnknownOptionError)
 
 
 def test_a_film_of_a_single_step_shows_the_motion(films, tmp_path, needs_gl):

@@ -10,7 +10,6 @@ from gymnasium.utils import EzPickle
 from numpy.typing import ArrayLike
 
 from kinreach.checks import Floats
-from kinreach.envs.batch import first_row
 from kinreach.envs.button.episodes import ButtonEpisodes, ButtonOptions
 from kinreach.envs.button.task import action_space, check_actions, observation_space
 from kinreach.envs.button.world import ButtonState, SingleTorqueWorld
@@ -164,7 +163,7 @@ class ButtonPressEnv(CopyableEnv):
         self._started = True
         if self.render_mode == "human":
             self.render()
-        return self._episodes.observe()[0], first_row(self._episodes.start_info())
+        return self._episodes.observe()[0], self._told(self._episodes.start_info())
 
     def step(self, action: ArrayLike) -> tuple[Floats, float, bool, bool, dict[str, Any]]:
         """Act once.
@@ -177,7 +176,7 @@ class ButtonPressEnv(CopyableEnv):
         """
         check_started(self._started)
         outcome = self._episodes.step(check_actions(action, None))
-        info = first_row(outcome.info)
+        info = self._told(outcome.info)
         state = ButtonState.PRESSED if info["pressed"] else ButtonState(int(info["wrong_press"]))
         self._world.show(state)
         if self.render_mode == "human" and outcome.terminated[0]:

@@ -23,7 +23,7 @@ from kinreach.envs.button.task import (
     observation,
 )
 from kinreach.envs.button.world import Ids, TorqueWorld
-from kinreach.envs.options import RENDER_MODES, RENDER_MODES_TEXT, about, option_rows
+from kinreach.envs.options import INFOS, INFOS_TEXT, RENDER_MODES, RENDER_MODES_TEXT, about, option_rows
 from kinreach.errors import InputError
 from kinreach.kinematics import Arm3Kinematics
 from kinreach.robots import ArmDescription, get_arm
@@ -52,9 +52,11 @@ class ButtonOptions:
     )
     max_steps: int = field(default=1000, metadata=about("steps after which an episode is truncated"))
     render_mode: str | None = field(default=None, metadata=about(RENDER_MODES_TEXT))
+    info: str = field(default="all", metadata=about(INFOS_TEXT))
 
     def __post_init__(self) -> None:
         check_known("actuation", self.actuation, ACTUATIONS)
+        check_known("info", self.info, INFOS)
         check_count("max_steps", self.max_steps)
         if self.render_mode is not None:
             check_known("render_mode", self.render_mode, RENDER_MODES)

@@ -11,7 +11,7 @@ from gymnasium.utils import EzPickle
 from numpy.typing import ArrayLike
 
 from kinreach.checks import Floats, as_vector
-from kinreach.envs.batch import Outcome, first_row
+from kinreach.envs.batch import Outcome
 from kinreach.envs.options import RENDER_MODES, check_seed, check_started, options_from, takes
 from kinreach.envs.reach.episodes import ReachEpisodes
 from kinreach.envs.reach.observers import PixelObserver
@@ -159,7 +159,7 @@ class ReachEnv(CopyableEnv):
         self._episodes.begin(ONE, start)
         self._started = True
         self._show()
-        return self._observe(), first_row(self._episodes.start_info())
+        return self._observe(), self._told(self._episodes.start_info())
 
     def step(self, action: ArrayLike) -> tuple[Any, float, bool, bool, dict[str, Any]]:
         """Act once.
@@ -206,7 +206,7 @@ class ReachEnv(CopyableEnv):
         self._show()
         if self.render_mode == "human":
             self.render()
-        info = first_row({**self._episodes.goal_info(), **outcome.info})
+        info = self._told({**self._episodes.goal_info(), **outcome.info})
         return (
             self._observe(), float(outcome.reward[0]), bool(outcome.terminated[0]), bool(outcome.truncated[0]), info,
         )  # fmt: skip

@@ -17,7 +17,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from kinreach.checks import Floats, as_flags, as_floats, as_vector, check_count, check_known, check_number
 from kinreach.envs.batch import RowStreams
-from kinreach.envs.options import RENDER_MODES, RENDER_MODES_TEXT, about, option_rows
+from kinreach.envs.options import INFOS, INFOS_TEXT, RENDER_MODES, RENDER_MODES_TEXT, about, option_rows
 from kinreach.envs.reach.goal_streams import goal_streams
 from kinreach.envs.reach.rewards import RewardFunction, Score, Scorer, default_reward, scorer_of
 from kinreach.errors import InputError
@@ -74,10 +74,12 @@ class ReachOptions:
     end_on_reached: bool = field(
         default=True, metadata=about("whether reaching the goal ends an episode of several steps")
     )
+    info: str = field(default="all", metadata=about(INFOS_TEXT))
 
     def __post_init__(self) -> None:
         check_known("observation", self.observation, OBSERVATION_KINDS)
         check_known("backend", self.backend, BACKENDS)
+        check_known("info", self.info, INFOS)
         if self.render_mode is not None:
             check_known("render_mode", self.render_mode, RENDER_MODES)
         check_cameras(self.pipeline, self.width, self.height, self.rgb_noise, self.depth_noise)

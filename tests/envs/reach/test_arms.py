@@ -113,7 +113,9 @@ def test_cameras_that_an_arm_has_not_are_refused(observation):
 def test_unknown_arms_and_options_are_refused():
     with pytest.raises(UnknownNameError, match="arm3"):
         gym.make(SINGLE, arm="nobody")
-    with pytest.raises(InputError, match=r"unknown options colour; available: observation, backend, .*reward"):
+    with pytest.raises(
+        InputError, match=r"unexpected keyword argument 'colour'; available: observation, backend, .*reward"
+    ):
         gym.make(SINGLE, colour="red")
 
 
