@@ -11,9 +11,11 @@ CORE := $(VENV)/.installed-core
 DEV := $(VENV)/.installed-dev
 DOCS := $(VENV)/.installed-docs
 BENCH := $(VENV)/.installed-bench
+CLIENTS_VENV ?= build/venv-clients
+CLIENTS := $(CLIENTS_VENV)/.installed
 
 .DEFAULT_GOAL := help
-.PHONY: help setup compare examples test test-all lint bench digest endurance notebooks docs clean
+.PHONY: help setup compare examples test test-all lint bench clients digest endurance notebooks docs clean
 
 help: ## List the targets
 	@grep -hE '^[a-z-]+:.*## ' $(MAKEFILE_LIST) | awk -F ':.*## ' '{printf "  make %-10s %s\n", $$1, $$2}'
@@ -40,6 +42,10 @@ lint: $(DEV) ## Check style, format and types
 
 bench: $(BENCH) ## Speed beside other packages, for example ARGS="--suite ik-single --quick"
 	$(BIN)/python -m benchmarks.speed $(ARGS)
+
+clients: $(CLIENTS) ## Train with stable-baselines3, rl-zoo3, CleanRL, Tianshou and TorchRL, each a little
+	@for script in $(or $(ARGS),$(sort $(wildcard tools/clients/*.py))); do \
+	    echo "$$script"; OMP_NUM_THREADS=1 $(CLIENTS_VENV)/bin/python -W ignore $$script || exit 1; done
 
 digest: $(CORE) ## Compare fixed results with tools/digest.txt, for example PYTHON=python3.13 VENV=build/venv-3.13
 	$(BIN)/python -m tools.digest --check $(ARGS)
@@ -72,6 +78,12 @@ $(DEV): pyproject.toml constraints.txt | $(BIN)/python
 
 $(BENCH): $(CORE)
 	$(PIP_INSTALL) -e '.[bench]'
+	@touch $@
+
+$(CLIENTS): pyproject.toml tools/clients/requirements.txt
+	$(PYTHON) -m venv $(CLIENTS_VENV)
+	$(CLIENTS_VENV)/bin/pip install --disable-pip-version-check -r tools/clients/requirements.txt -e .
+	$(CLIENTS_VENV)/bin/pip install --disable-pip-version-check --no-deps --ignore-requires-python cleanrl==1.2.0
 	@touch $@
 
 $(DOCS): $(CORE)

@@ -65,6 +65,19 @@ def anchors(path: Path) -> set[str]:
     return {re.sub(r"[\s-]+", "-", re.sub(r"[^\w\s-]", "", head).strip().lower()) for head in heads}
 
 
+def test_the_clients_are_those_that_are_run(root):
+    """Versions as installed, and every script."""
+    page = (root / "docs/training.md").read_text(encoding="utf-8")
+    rows = re.findall(r"^\| ([^|]+) \| ([\d., ]+) \| [^|]+ \| `(tools/clients/\w+\.py)` \|$", page, re.MULTILINE)
+    installed = (root / "tools/clients/requirements.txt").read_text(encoding="utf-8") + (root / "Makefile").read_text()
+    pins = {name.lower().replace("_", "-"): version for name, version in re.findall(r"(\w+)==([\d.]+)", installed)}
+    said = [pair for names, versions, _ in rows for pair in zip(names.split(", "), versions.split(", "), strict=True)]
+    assert len(said) == 7
+    assert {name: pins[name.lower()] for name, _ in said} == dict(said)
+    scripts = {f"tools/clients/{path.name}" for path in (root / "tools/clients").glob("*.py")}
+    assert {script for *_, script in rows} == scripts
+
+
 def test_links_lead_somewhere():
     checked, dead = 0, []
     for page in (*PAGES, *TOP, ROOT / "CHANGELOG.md"):

@@ -76,6 +76,7 @@ def test_info_of_numbers_only(name, options):
     seen = 0
     for each in (env, native):
         infos = [each.reset(seed=0)[1], each.step(each.action_space.sample())[4]]
+        assert infos[0].keys() <= infos[1].keys()
         infos += [infos[1]["final_info"]] if "final_info" in infos[1] else []
         for info in infos:
             numbers = {key: value for key, value in info.items() if key not in ("final_info", "_final_info")}

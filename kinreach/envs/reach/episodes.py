@@ -105,17 +105,16 @@ class ReachEpisodes:
 
     def goal_info(self) -> dict[str, Any]:
         """What is said of the goals of the present episodes, as arrays."""
-        info = {"goal": self.goals.copy(), "seen": self.seen.copy(), "ball_found": self.found.copy()}
+        view = self._observation[:, self.task.layout.goal].copy()
+        info = {"goal": self.goals.copy(), "seen": self.seen.copy(), "view": view, "ball_found": self.found.copy()}
         return info | {"direction": self.directions.copy()} if self.task.directed else info
 
     def start_info(self) -> dict[str, Any]:
         """What is said after a reset, as arrays."""
         q, tip = self.world.q.copy(order="K"), self.world.tip.copy(order="K")
         error = self.task.posture_error(q, self.directions)
-        view = self._observation[:, self.task.layout.goal].copy()
         return {
             **self.goal_info(),
-            "view": view,
             "q": q,
             "tip": tip,
             "distance": self._distance(tip),

@@ -10,9 +10,8 @@ from kinreach.vision.goal_view import geometric_goal_view
 
 SINGLE, MULTI = "kinreach/UR5SingleStep-v0", "kinreach/UR5MultiStep-v0"
 BACKENDS = ["kinematic", "mujoco"]
-COMMON = {"goal", "seen", "ball_found", "q", "tip", "distance", "posture_error"}
-START = COMMON | {"view"}
-STEP = COMMON | {
+START = {"goal", "seen", "view", "ball_found", "q", "tip", "distance", "posture_error"}
+STEP = START | {
     "reached", "is_success", "impossible", "impossible_code", "impossible_reason", "status", "target", "target_tip",
     "move_s", "reward_terms", "reward_natural_arm", "reward_gripper_angle", "reward_distance", "reward_special",
 }  # fmt: skip
