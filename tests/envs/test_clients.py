@@ -10,7 +10,7 @@ from gymnasium.wrappers import RecordVideo
 import kinreach  # noqa: F401 (registers the environments)
 from kinreach.envs import RecordMotion
 from kinreach.errors import InputError, UnknownOptionError
-from kinreach.registration import BUTTON, MULTI, MULTI_KINEMATIC, SINGLE, SINGLE_KINEMATIC
+from kinreach.registration import BUTTON, MULTI, MULTI_KINEMATIC, SINGLE, SINGLE_KINEMATIC, SPACE
 
 PAIRS = {SINGLE_KINEMATIC: SINGLE, MULTI_KINEMATIC: MULTI}
 
@@ -67,7 +67,13 @@ def test_info_is_flat_numbers_beside_texts_and_the_terms(name):
 
 @pytest.mark.parametrize(
     ("name", "options"),
-    [(SINGLE_KINEMATIC, {}), (MULTI_KINEMATIC, {}), (BUTTON, {"info": "numbers"}), (SINGLE, {"info": "numbers"})],
+    [
+        (SINGLE_KINEMATIC, {}),
+        (MULTI_KINEMATIC, {}),
+        (BUTTON, {"info": "numbers"}),
+        (SINGLE, {"info": "numbers"}),
+        (SPACE, {"info": "numbers"}),
+    ],
 )
 def test_info_of_numbers_only(name, options):
     """TorchRL stacks every entry: texts and dictionaries it cannot."""

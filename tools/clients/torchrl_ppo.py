@@ -10,7 +10,11 @@ from torchrl.objectives import ClipPPOLoss
 from torchrl.objectives.value import GAE
 
 ID = "kinreach:kinreach/UR5SingleStepKinematic-v0"
-OTHERS = {"kinreach:kinreach/UR5MultiStepKinematic-v0": {}, "kinreach:kinreach/ButtonPress-v0": {"info": "numbers"}}
+OTHERS = {
+    "kinreach:kinreach/UR5MultiStepKinematic-v0": {},
+    "kinreach:kinreach/ButtonPress-v0": {"info": "numbers"},
+    "kinreach:kinreach/Reach-v0": {"info": "numbers"},
+}
 COUNT, STEPS, UPDATES = 256, 2, 20
 
 if __name__ == "__main__":

@@ -200,7 +200,7 @@ def test_copies_go_on_with_the_same_direction():
         ({"tilt": 91.0}, InputError, "tilt"),
         ({"start_spread": 4.0}, InputError, "start_spread"),
         ({"arm": "arm3"}, InputError, "six joints"),
-        ({"speed": 1.0}, InputError, "unknown options speed"),
+        ({"speed": 1.0}, InputError, "unexpected keyword argument 'speed'"),
     ],
 )
 def test_options_that_cannot_be(options, error, message):
