@@ -114,13 +114,12 @@ def miss(reached: Reals, T: Reals) -> Reals:
     Where the angle is more than a right one, its part is longer than 1.
     """
     E = T[:, :3, :3] @ reached[:, :, :3].transpose(0, 2, 1)
+    flat = E.reshape(-1, 9)
     error = np.empty((len(E), 6), E.dtype)
     np.subtract(T[:, :3, 3], reached[:, :, 3], out=error[:, :3])
-    error[:, 3] = E[:, 2, 1] - E[:, 1, 2]
-    error[:, 4] = E[:, 0, 2] - E[:, 2, 0]
-    error[:, 5] = E[:, 1, 0] - E[:, 0, 1]
+    np.subtract(flat[:, (7, 2, 3)], flat[:, (5, 6, 1)], out=error[:, 3:])
     error[:, 3:] *= 0.5
-    turned = E[:, 0, 0] + E[:, 1, 1] + E[:, 2, 2] < 1.0
+    turned = flat[:, ::4].sum(axis=1) < 1.0
     if turned.any():
         error[turned, 3:] += np.copysign(1.0, error[turned, 3:])
     return error
@@ -171,6 +170,27 @@ def nearest_by_newton(chain: Chain, q: Floats, T: Floats) -> tuple[Floats, Float
 def wrapped(q: Floats) -> Floats:
     """Angles in [-pi, pi]."""
     return q - 2 * np.pi * np.rint(q / (2 * np.pi))
+
+
+def steps_of_few(placements: Floats, q: Floats) -> Floats:
+    """Poses (7, m, 4, 4) of a chain's joints, each before its turn, and of its tip; quicker than `Chain` for few."""
+    local = np.broadcast_to(placements[:_JOINTS, None], (_JOINTS, len(q), 4, 4)).copy()
+    c, s = np.cos(q).T[..., None], np.sin(q).T[..., None]
+    x, y = placements[:_JOINTS, None, :, 0], placements[:_JOINTS, None, :, 1]
+    local[..., 0], local[..., 1] = c * x + s * y, c * y - s * x
+    frames = np.empty((_JOINTS + 1, len(q), 4, 4))
+    frames[0] = local[0]
+    for joint in range(1, _JOINTS):
+        np.matmul(frames[joint - 1], local[joint], out=frames[joint])
+    np.matmul(frames[_JOINTS - 1], placements[_JOINTS], out=frames[_JOINTS])
+    return frames
+
+
+def jacobian_of_few(frames: Floats) -> Floats:
+    """Geometric Jacobian (m, 6, 6) from what `steps_of_few` returns; a turn about z moves neither axis nor origin."""
+    z, arm = frames[:-1, :, :3, 2], frames[-1, :, :3, 3] - frames[:-1, :, :3, 3]
+    linear = z[..., (1, 2, 0)] * arm[..., (2, 0, 1)] - z[..., (2, 0, 1)] * arm[..., (1, 2, 0)]
+    return np.concatenate([linear, z], axis=2).transpose(1, 2, 0)
 
 
 class General6R:

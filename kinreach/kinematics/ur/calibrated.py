@@ -24,6 +24,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from math import hypot, sqrt
 
 import numpy as np
 from numpy.typing import NDArray
@@ -31,10 +32,22 @@ from numpy.typing import NDArray
 from kinreach.checks import Floats
 from kinreach.errors import InputError
 from kinreach.kinematics.chain import blocks
-from kinreach.kinematics.general_6r import EXACT, MOST, Chain, General6R, miss, missed_by, newton, wrapped
+from kinreach.kinematics.general_6r import (
+    EXACT,
+    MOST,
+    Chain,
+    General6R,
+    jacobian_of_few,
+    miss,
+    missed_by,
+    newton,
+    steps_of_few,
+    wrapped,
+)
+from kinreach.kinematics.solutions import ANGLES, BRANCH, FLAGS
 from kinreach.kinematics.ur.batch import flange_entries, solve_poses
 from kinreach.kinematics.ur.closed_form import solve_pose
-from kinreach.kinematics.ur.geometry import Miss, URGeometry
+from kinreach.kinematics.ur.geometry import Miss, Rows, URGeometry
 
 BRANCHES = 8
 #: Postures at which the fitted arm is compared with the real one, and steps of the fit.
@@ -161,6 +174,62 @@ class CalibratedSolver:
                 q[:, branch, row], valid[branch, row] = posture, True
         return q, valid
 
+    def solve_one(self, T: Floats, *, tol: float) -> list[tuple[int, Floats]]:
+        """As `solve`, for one pose (4, 4): branches in order, each with its posture (6,)."""
+        rows = (self._left @ T @ self._right)[:3].tolist()
+        found, _ = solve_pose(rows, self.fit.geometry, tol=EXACT)
+        branches = [row[BRANCH] for row in found]
+        if not any(row[FLAGS] for row in found) and not self._one_near_singular(rows, T, branches):
+            if not found:
+                return []
+            q, off = self._refined_few(np.array([row[ANGLES] for row in found]) - self.fit.zeros, T[None])
+            if (off < EXACT).all() and self._index(q)[0].tolist() == branches:
+                return list(zip(branches, wrapped(q), strict=True))
+        (postures,) = self.general.solve(T[None], tol=tol)
+        return sorted(zip(self.branches(postures), postures, strict=True), key=lambda found: found[0])
+
+    def _refined_few(self, q: Floats, T: Floats) -> tuple[Floats, Floats]:
+        """Newton's method from few near starts (m, 6) to one pose (1, 4, 4), and how far the results miss."""
+        placements, off = self.chain.placements, np.full(len(q), np.inf)
+        for _ in range(2):
+            frames = steps_of_few(placements, q)
+            J = jacobian_of_few(frames) + LEAST
+            q = q + np.linalg.solve(J, miss(frames[-1, :, :3], T)[:, :, None])[:, :, 0]
+        for _ in range(FINE_STEPS):  # the second matrix is good enough
+            error = miss(self.chain.fk(q), T)
+            off = missed_by(error)
+            if off.max() < 0.01 * EXACT:
+                break
+            q = q + np.linalg.solve(J, error[:, :, None])[:, :, 0]
+        return q, off
+
+    def _one_near_singular(self, rows: Rows, T: Floats, branches: Sequence[int]) -> bool:
+        """As `_near_singular`, for one pose and the branches that it has."""
+        g, turned, centre = self.fit.geometry, self.fit.orientation, self._centre
+        (nx, ox, ax, px), (ny, oy, ay, py), (_, _, az, pz) = rows
+        x, y, z = px - g.d6 * ax, py - g.d6 * ay, pz - g.d6 * az - g.d1
+        r2 = x * x + y * y
+        r = sqrt(r2)
+        if r <= g.d4:
+            return r >= g.d4 - centre
+        side = sqrt(r2 - g.d4 * g.d4)
+        pan = centre / side
+        for first, m in ((0, side / r2), (4, -side / r2)):
+            s1, c1 = x * g.d4 / r2 + y * m, x * m - y * g.d4 / r2
+            s5 = hypot(nx * s1 - ny * c1, oy * c1 - ox * s1)
+            if s5 <= WRIST_MARGIN * (self._wrist[0] + self._wrist[1] / side):
+                return True
+            reach = centre * (1.0 + r / side) + 2.0 * g.d5 * (turned + pan) / s5
+            u, k = -x * c1 - y * s1, g.d5 / s5
+            for branch, flip in ((first, k), (first + 2, -k)):
+                if branch not in branches or branch + 1 not in branches:
+                    rho = hypot(u - flip * az, flip * (ax * c1 + ay * s1) - z)
+                    if g.folded - reach < rho < g.stretched + reach and (
+                        turned + pan > STEADY * s5 or self._may_be_reached(T[None], branch)[0]
+                    ):
+                        return True
+        return False
+
     def why_empty(self, T: Floats) -> int:
         """`Miss` flags of the fitted arm for a pose (4, 4) that the calibrated one does not reach."""
         rows = (self._left @ T @ self._right)[:3].tolist()
@@ -208,15 +277,16 @@ class CalibratedSolver:
                 reached, J = self._rough.jacobian(rough)
                 J += LEAST
                 rough += np.linalg.solve(J, miss(reached, coarse)[:, :, None])[:, :, 0]
-            fine = rough.astype(np.float64)
-            error = miss(self.chain.fk(fine), T[part])
+            fine, poses, rows = rough.astype(np.float64), T[part], np.arange(part.start, part.start + len(rough))
+            error = miss(self.chain.fk(fine), poses)
             for _ in range(FINE_STEPS):
                 fine += np.linalg.solve(J, error[:, :, None].astype(np.float32))[:, :, 0]
-                error = miss(self.chain.fk(fine), T[part])
-                off[part] = missed_by(error)
-                if (off[part] < 0.01 * EXACT).all():
+                error = miss(self.chain.fk(fine), poses)
+                found[rows], off[rows] = fine, missed_by(error)
+                late = np.flatnonzero(off[rows] > 0.1 * EXACT)
+                if not len(late):
                     break
-            found[part] = fine
+                fine, poses, rows, J, error = fine[late], poses[late], rows[late], J[late], error[late]
         return found, off
 
     def _near_singular(self, T: Floats, valid: NDArray[np.bool_]) -> NDArray[np.bool_]:
@@ -239,7 +309,8 @@ class CalibratedSolver:
                 missing = border & ~valid[branch : branch + 2].all(axis=0)
                 near |= missing & (turned + pan > STEADY * sheet.s5)
                 rows = np.flatnonzero(missing & ~near)
-                near[rows] = self._may_be_reached(T[rows], branch)
+                if len(rows):
+                    near[rows] = self._may_be_reached(T[rows], branch)
         return (near | (sheet.r <= g.d4)) & (sheet.r >= g.d4 - self._centre)
 
     def _may_be_reached(self, T: Floats, branch: int) -> NDArray[np.bool_]:

@@ -356,13 +356,9 @@ class CalibratedURKinematics(URKinematics):
         return self._solutions(turned, "" if found else miss_text(miss), self._error_of(goal), start, limits)
 
     def _solve_pose(self, rows: Rows, start: Floats | None, *, limits: bool, tol: float) -> tuple[list[Row], int]:
-        T = np.array([[*rows, (0.0, 0.0, 0.0, 1.0)]])
-        q, valid = self._solver.solve(T, tol=tol)
-        branches = np.flatnonzero(valid[:, 0])
-        found = [
-            (branch, 0, *angles) for branch, angles in zip(branches.tolist(), q[:, branches, 0].T.tolist(), strict=True)
-        ]
-        return found, 0 if found else self._solver.why_empty(T[0])
+        T = np.array([*rows, (0.0, 0.0, 0.0, 1.0)])
+        found = [(branch, 0, *q.tolist()) for branch, q in self._solver.solve_one(T, tol=tol)]
+        return found, 0 if found else self._solver.why_empty(T)
 
     def _batch(self, T: Floats, seeds: Floats | None, tol: float, *, limits: bool) -> tuple[Floats, NDArray[np.bool_]]:
         if T.ndim != 3 or T.shape[1:] != (4, 4):
@@ -376,7 +372,7 @@ class CalibratedURKinematics(URKinematics):
     def _check_fit(self) -> None:
         """Fit the nearest arm with a closed form."""
         placements, axes = self._joint_frames()
-        world = self.model.frames[self.model.getFrameId(self.arm.base)].placement.homogeneous
+        world = self.model.frames[link_frame(self.model, self.arm.base)].placement.homogeneous
         frames: list[Floats] = []
         frame = world @ FLIP
         for placement, axis in zip(placements, axes, strict=True):
@@ -384,7 +380,7 @@ class CalibratedURKinematics(URKinematics):
             turned[:3, :3] = rotation_to(axis)
             frames.append((np.linalg.inv(frame) if not frames else frame) @ placement @ turned)
             frame = turned.T
-        flange = self.model.frames[self.model.getFrameId(self.arm.tips[FLANGE])].placement.homogeneous
+        flange = self.model.frames[link_frame(self.model, self.arm.tips[FLANGE])].placement.homogeneous
         self._solver = CalibratedSolver(np.array([*frames, frame @ flange]), self.geometry)
         self.geometry = self._solver.fit.geometry
 
