@@ -7,6 +7,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from benchmarks.studies.calibrated_arms import CASES as SINGULAR
+from benchmarks.studies.calibrated_arms import main, recall, singular_postures
 from kinreach.errors import InputError
 from kinreach.kinematics import CalibratedURKinematics, Status, URKinematics, kinematics_of
 from kinreach.kinematics.goals import pose_error
@@ -18,7 +20,6 @@ FILES = DATA / "calibrations"
 #: Branches that ssik's general_6r found; benchmarks/studies/calibrated_arms.py --oracle made it.
 ORACLE = np.load(DATA / "calibrated_branches.npz")
 ROBOTS = sorted({name.split()[0] for name in ORACLE})
-CASES = ("random", "elbow", "elbow0", "wrist", "wrist0", "shoulder", "zero", "upright")
 
 
 def of(robot, **options):
@@ -65,53 +66,30 @@ def test_random_poses_keep_their_posture(kin):
 
 def test_the_branches_that_ssik_finds(robot, kin):
     """ssik's general_6r, after minutes of preparation, on random poses and next to the singularities."""
-    compared = found = 0
-    for case in CASES:
-        postures, counts, theirs = (ORACLE[f"{robot} {case} {part}"] for part in ("postures", "counts", "branches"))
-        T = np.array([kin.fk(q) for q in postures])
-        # an answer of theirs that is no solution does not count; the stored numbers are in single precision
-        batch = kin.batch(T, limits=False)
-        for row, valid, mine in zip(batch.q, batch.valid, np.split(theirs, np.cumsum(counts)[:-1]), strict=True):
-            ours = row[valid]
-            assert len(ours) % 2 == 0 or case == "upright"
-            compared += len(mine)
-            found += sum(distance(q, ours) < 1e-3 for q in mine)
-    assert compared > 350
-    assert found >= 0.999 * compared
+    found, asked = recall(robot, kin, ORACLE)
+    assert asked > 400
+    assert found >= 0.999 * asked
 
 
-def singular_postures(kin, case, rng, count):
-    """Postures at which the calibrated arm itself is singular: det J = 0, by bisection along one joint."""
-    joint = {"elbow": 2, "wrist": 4, "shoulder": 3}[case]
-    q = rng.uniform(-np.pi, np.pi, (8 * count, 6))
-    if case == "shoulder":
-        g = kin.geometry
-        ratio = -(g.a2 * np.cos(q[:, 1]) + g.a3 * np.cos(q[:, 1] + q[:, 2])) / g.d5
-        q, ratio = q[np.abs(ratio) < 0.9], ratio[np.abs(ratio) < 0.9]
-        q[:, 3] = np.arcsin(ratio) - q[:, 1] - q[:, 2]
-    else:
-        q[:, joint] = rng.choice((0.0, np.pi), len(q)) if case == "wrist" else 0.0
+@pytest.mark.parametrize("case", SINGULAR)
+def test_singular_poses_are_never_empty_and_never_wrong(case):
+    poses = 0
+    for robot in ("ur5_a", "ur10e_a"):
+        kin = of(robot)
+        T = SINGULAR[case](kin, np.random.default_rng(7), 6)
+        for pose in T:
+            solutions = kin.all_solutions(pose, limits=False)
+            assert len(solutions) > 0
+            assert solutions.residual.max() < (2e-9 if "1e-9" in case else 1e-9)
+            poses += 1
+    assert poses == 12
 
-    def determinant(posture, angle):
-        posture = posture.copy()
-        posture[joint] += angle
-        return np.linalg.det(kin.jacobian(posture))
 
-    singular = []
-    for posture in q:
-        low, high = -0.1, 0.1
-        if determinant(posture, low) * determinant(posture, high) > 0:
-            continue
-        for _ in range(50):
-            middle = 0.5 * (low + high)
-            low, high = (
-                (low, middle) if determinant(posture, low) * determinant(posture, middle) <= 0 else (middle, high)
-            )
-        posture[joint] += low
-        singular.append(posture)
-        if len(singular) == count:
-            break
-    return np.array(singular)
+def test_the_tables_of_the_documentation(capsys):
+    assert main(["--poses", "10", "--singular", "2", "--robots", "ur5_b"]) == 0
+    printed = capsys.readouterr().out
+    assert "| ur5_b | 100.00 % of" in printed
+    assert printed.count("| 0 / 0 |") == len(SINGULAR)
 
 
 @pytest.mark.parametrize("case", ["elbow", "wrist", "shoulder"])
