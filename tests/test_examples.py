@@ -130,3 +130,11 @@ def test_million(run):
     assert numbers(r"(\d+) of 1000000 solved", text) == [1e6, 1e6]
     assert max(numbers(r"([\de.-]+) mm off", text)) < 1e-4  # the closed form's tolerance of 1e-7 m
     assert len(re.findall(r"a pose takes fk [\d.]+ us, batch [\d.]+ us, nearest_batch [\d.]+ us", text)) == 2
+
+
+def test_calibrated_ur(run):
+    text = run("11_calibrated_ur")
+    assert "the data sheet is 3.5 mm off in the median" in text
+    assert "8 postures for one pose" in text
+    nominal, real = numbers(r"reached, ([\d.]+) mm from the goal", text)
+    assert real < 0.1 < 1.0 < nominal
