@@ -16,10 +16,10 @@ SMALL = {
     "single": {"num_envs": 64, "steps": 192 * 4, "segments": 3, "window": 64},
     "sac-single": {"num_envs": 8, "steps": 240, "segments": 3, "window": 16,
                    "settings": {**RECIPES["sac-single"].settings, "learning_starts": 40, "batch_size": 16}},
-    # the last with a buffer that is full in the second segment
+    # the last with a buffer that is full, and an odd number of updates, after the first segment
     "td3-multi": {"num_envs": 8, "steps": 240, "segments": 3, "window": 16,
                   "settings": {**RECIPES["td3-multi"].settings, "learning_starts": 40, "batch_size": 16,
-                               "buffer_size": 120}},
+                               "buffer_size": 72, "gradient_steps": 3}},
 }  # fmt: skip
 
 

@@ -30,10 +30,12 @@ def test_ends_of_episodes_are_reported(name, steps):
         observations, rewards, done, infos = env.step(np.zeros((4, 6), dtype=np.float32))
         assert observations.shape == (4, 13)
         assert rewards.dtype == np.float32
-        for over, info in zip(done, infos, strict=True):
+        for over, info, began, now in zip(done, infos, first, observations, strict=True):
             ended += over
             assert ("terminal_observation" in info) == over
             if over:
+                np.testing.assert_array_equal(info["terminal_observation"][:6], began[:6])  # the goal that it was about
+                assert (now[:6] != began[:6]).any()
                 assert info["TimeLimit.truncated"] == (name == "UR5MultiStep")
                 assert info["distance"] > 0
     assert ended == 4

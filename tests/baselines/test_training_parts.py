@@ -205,6 +205,15 @@ def test_the_learning_curve_counts_what_a_loop_counts():
     assert env.trace[0][0] > 320
 
 
+def test_what_was_reached_lately_is_of_the_last_row_in_which_an_episode_ended():
+    env = LearningCurve(batch(SINGLE, 4), window=8)
+    assert env.reached_lately == 0.0
+    place = COLUMNS.index("reached")
+    for share, lately in ((None, 0.0), (0.25, 0.25), (0.75, 0.75), (None, 0.75), (0.5, 0.5)):
+        env.rows.append([share if column == place else 0.0 for column in range(len(COLUMNS))])
+        assert env.reached_lately == lately
+
+
 def test_a_reset_ends_the_episodes_in_progress_only():
     env = LearningCurve(batch(MULTI, 8, end_on_reached=False), window=8)
     for _ in range(3):

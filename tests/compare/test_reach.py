@@ -6,6 +6,8 @@ import gymnasium as gym
 import numpy as np
 import pytest
 
+from kinreach.baselines.rollout import rollout
+from kinreach.baselines.solver_policy import SolverPolicy
 from kinreach.compare import compare
 from kinreach.compare.cli import main
 from kinreach.compare.reach import Budget, budget, goals_of
@@ -126,6 +128,24 @@ def test_a_solver_that_finds_nothing_is_impossible_and_says_why():
     assert found["outcomes"] == {"forfeited": 3}
     assert found["reward_mean"] == -100.0
     assert found["ik_error_mm"]["median"] is None
+    env = gym.make(SINGLE, backend="kinematic")
+    (trial,) = rollout(env, SolverPolicy(Nowhere(), env), [{"seed": 0}])
+    assert "stretched elbow" in trial["impossible_reason"]
+
+
+class Low:
+    """A solver that aims 20 mm below the goal: the finger tips are pressed into the table, near the goal."""
+
+    def solve(self, goal, seed, *, accept=None):
+        kin = UR5Kinematics(tip="tcp", base="world")
+        return kin.axis_goal(goal.position - (0.0, 0.0, 0.02), goal.axis, seed)
+
+
+def test_what_is_impossible_is_no_success_however_near_it_ended():
+    (found,) = compare("ur5", [Low], goals=3)["methods"]
+    assert found["impossible"] == 1.0
+    assert found["distance_mm"]["p95"] < 25
+    assert set(found["success_at_mm"].values()) == {0.0}
 
 
 def test_a_posture_that_cannot_be_taken_is_impossible():
