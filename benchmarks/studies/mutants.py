@@ -1,6 +1,6 @@
 """Whether the tests notice: meaningful mistakes, made one at a time in a copy of this checkout.
 
-    python -m benchmarks.studies.mutants [--only kinematics,sim-rest] [--full] [--out build/mutants.json] [--fresh]
+    python -m benchmarks.studies.mutants [--only kinematics,sim-rest] [--full] [--out FILE] [--fresh]
 
 `mutants.toml` is the list: each mutant replaces a text that occurs once in a module by another, and names fast tests
 that cover it. Those run first, up to the first failure; with `--full` what survives them meets the whole fast suite
@@ -36,6 +36,8 @@ PROG = "python -m benchmarks.studies.mutants"
 
 ROOT = Path(__file__).resolve().parents[2]
 TABLE = Path(__file__).with_name("mutants.toml")
+#: What docs/promises.md says of them.
+RESULTS = ROOT / "docs/mutants.json"
 #: Share of the mutants that the fast suite is to kill.
 GOAL = 0.95
 #: What notices a mutant of any kind, by reading the sources: it does not count.
@@ -105,7 +107,7 @@ def main(argv: list[str] | None = None) -> int:
     parser = Parser(prog=PROG, description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--only", metavar="A,B", default="", help="mutants whose names begin so; all by default")
     parser.add_argument("--full", action="store_true", help="run the whole fast suite on what covering tests let live")
-    parser.add_argument("--out", type=Path, default=ROOT / "build/mutants.json", help="results, kept between calls")
+    parser.add_argument("--out", type=Path, default=RESULTS, help="results, kept between calls (docs/mutants.json)")
     parser.add_argument("--fresh", action="store_true", help="forget earlier results")
     arguments = parser.parse_args(argv)
     chosen = [mutant for mutant in read_mutants() if mutant.id.startswith(tuple(arguments.only.split(",")))]
