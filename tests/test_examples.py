@@ -138,3 +138,13 @@ def test_calibrated_ur(run):
     assert "8 postures for one pose" in text
     nominal, real = numbers(r"reached, ([\d.]+) mm from the goal", text)
     assert real < 0.1 < 1.0 < nominal
+
+
+def test_any_urdf(run):
+    text = run("12_any_urdf")
+    assert "UF_ROBOT: 7 joints, tip link_eef, no closed form" in text
+    assert numbers(r"at once, ([\de.-]+) from Pinocchio's", text)[0] < 1e-10
+    assert numbers(r"(\d+) singular postures", text)[0] >= 6
+    assert min(numbers(r"(\d+) of 50 poses", text)) >= 45
+    assert max(numbers(r"within ([\d.]+) mm", text)) <= 0.1
+    assert "compare, lm: 100 % reached" in text
