@@ -24,6 +24,8 @@ from kinreach.robots.workcell import CameraMount
 SERVO_RATE = 30.0
 #: Largest speed [rad/s] and acceleration [rad/s^2] that are taken for a default.
 MOST_SPEED, MOST_ACCELERATION = 3.0, 10.0
+#: Branches that an error message names.
+MOST_NAMED = 6
 #: Field of view of the default `overview` camera [degrees].
 OVERVIEW_FOVY = 40.0
 
@@ -52,8 +54,8 @@ class UrdfArm:
         limits: Lower and upper limit of each [rad].
 
     Raises:
-        InputError: There is no such link or joint, a joint is not between root and tip, or none moves there; or a joint
-            has no range.
+        InputError: There is no such link or joint, a joint is not between root and tip, or none moves there; a joint
+            has no range; or without `tip` two branches are equally long.
     """
 
     def __init__(
@@ -177,7 +179,21 @@ class UrdfArm:
             turning = -1 if "prismatic" in kinds else sum(kind in _TURNING for kind in kinds)
             return turning, len(kinds), self._links[link].find("collision") is None
 
-        return max(self._links, key=rank)
+        farthest = max(self._links, key=rank)
+        turning = rank(farthest)[0]
+        ends = {self._last_turning(link): link for link in self._links if rank(link)[0] == turning}
+        if len(ends) > 1:
+            raise InputError(
+                f"arm {self.name!r} has {len(ends)} branches of {turning} joints, which end in "
+                f"{', '.join(list(ends.values())[:MOST_NAMED])}{', ...' * (len(ends) > MOST_NAMED)}; say with tip= "
+                "which one is meant"
+            )
+        return farthest
+
+    def _last_turning(self, link: str) -> str:
+        """The last joint that turns before a link; empty if none does."""
+        turning = [joint.get("name", "") for joint in self._path(link) if joint.get("type") in _TURNING]
+        return turning[-1] if turning else ""
 
     def _moved_by(self, link: str) -> str:
         """The last joint of `q` before a link; empty if none moves it, or if another joint moves it as well."""

@@ -285,3 +285,46 @@ def test_the_panda_by_its_name():
     assert CollisionChecker("panda").free(panda.home)
     with pytest.raises(InputError, match="registered already"):
         register_arm(ArmDescription.from_urdf(PANDA))
+
+
+@pytest.mark.parametrize(
+    ("file", "branches", "tip", "joints"),
+    [
+        ("baxter_description/urdf/baxter.urdf", "2 branches of 7 joints, which end in right_", "right_gripper", 7),
+        ("solo_description/robots/solo12.urdf", "4 branches of 3 joints", "FL_FOOT", 3),
+        ("bravo7_description/urdf/bravo7_gripper.urdf", "2 branches of 7 joints", "bravo_finger1_link", 7),
+    ],
+)  # fmt: skip
+def test_of_equal_branches_the_user_chooses(file, branches, tip, joints):
+    path = SHARE / "example-robot-data/robots" / file
+    with pytest.raises(InputError, match=f"{branches}.*say with tip="):
+        ArmDescription.from_urdf(path)
+    arm = ArmDescription.from_urdf(path, tip=tip)
+    assert (len(arm.joints), arm.default_tip) == (joints, tip)
+    model = pin.buildModelFromUrdf(str(path))
+    data, kin = model.createData(), ArmKinematics(arm)
+    full = pin.neutral(model)
+    for q in np.random.default_rng(0).uniform(kin.lower, kin.upper, (20, kin.n)):
+        for name, angle in zip(arm.joints, q, strict=True):
+            joint = model.joints[model.getJointId(name)]
+            endless = joint.nq == 2  # Pinocchio has cosine and sine of a joint without end
+            full[joint.idx_q : joint.idx_q + joint.nq] = (np.cos(angle), np.sin(angle)) if endless else angle
+        pin.framesForwardKinematics(model, data, full)
+        base = data.oMf[model.getFrameId(arm.base, pin.BODY)]
+        np.testing.assert_allclose(kin.fk(q), (base.inverse() * data.oMf[model.getFrameId(tip)]).homogeneous, atol=1e-9)
+
+
+def test_arms_of_other_makers():
+    """Serial arms of example-robot-data by their files alone: what is found, and FK of a stack against Pinocchio's."""
+    tips = {
+        "xarm_description/urdf/xarm7.urdf": (7, "link_eef"),
+        "z1_description/urdf/z1.urdf": (7, "gripperMover"),
+        "bravo7_description/urdf/bravo7_no_ee.urdf": (6, "contact_point"),
+        "kinova_description/robots/kinova.urdf": (6, "j2s6s200_link_finger_tip_1"),
+        "ur_description/urdf/ur10_robot.urdf": (6, "tool0"),
+    }
+    for file, (joints, tip) in tips.items():
+        kin = ArmKinematics.from_urdf(SHARE / "example-robot-data/robots" / file)
+        assert (kin.n, kin.tip) == (joints, tip)
+        q = np.random.default_rng(1).uniform(kin.lower, kin.upper, (50, joints))
+        np.testing.assert_allclose(kin.fk(q), [kin.fk(row) for row in q], atol=2e-10)
