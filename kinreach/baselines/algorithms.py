@@ -17,6 +17,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -36,10 +37,11 @@ from kinreach.baselines.ppo2 import PPO2
 from kinreach.baselines.recipes import Recipe
 from kinreach.baselines.rewards import TrainingReward
 from kinreach.baselines.vec_envs import SB3VecEnv, TriesVecEnv
-from kinreach.checks import Floats, check_known, shown
-from kinreach.envs.reach.task import joint_limits, layout_of
+from kinreach.checks import Floats, check_known
+from kinreach.envs.reach.task import ReachTask, joint_limits, layout_of
 from kinreach.errors import InputError
-from kinreach.robots import ArmDescription, BoxRegion, as_arm
+from kinreach.registration import SPACE
+from kinreach.robots import ArmDescription, as_arm
 
 
 @dataclass(frozen=True)
@@ -287,7 +289,7 @@ def _features(recipe: Recipe) -> dict[str, Any]:
         return {"mean": [0.0] * len(BUTTON_SCALE), "scale": BUTTON_SCALE}
     observations = first_observations(recipe.environment, recipe.options, seed=_SCALE_SEED)
     if kind == "goal waves":
-        observations = observations[:, layout_of(_arm(recipe)).goal]
+        observations = observations[:, layout_of(_arm(recipe), directed=recipe.environment == SPACE).told]
     scale = observations.std(axis=0)
     scale = np.where(scale < 1e-6, 1.0, scale)
     waves = (0.5, 1.0, 2.0) if kind == "goal waves" else ()
@@ -305,31 +307,23 @@ def step_by_step_to_the_end(batch: VectorEnv[Any, Any, Any], recipe: Recipe, rew
 
 
 def in_tries(batch: VectorEnv[Any, Any, Any], recipe: Recipe, reward: TrainingReward) -> SB3VecEnv:
-    """A batch in which several postures are tried for each goal; goals are drawn on the table area and around it."""
-    arm = _arm(recipe)
-    draw = wider_goals(recipe.margin, arm).sample
+    """A batch in which several postures are tried for each goal; goals are drawn where the task has them and around.
+
+    Raises:
+        InputError: The environments are none for reaching, or their goals are not in a box.
+    """
+    task = getattr(batch.unwrapped, "task", None)
+    if not isinstance(task, ReachTask):
+        raise InputError(f"ranked PPO tries postures in an environment for reaching, not in {recipe.environment}")
     return TriesVecEnv(
         batch,
         tries=recipe.settings["tries"],
-        draw=draw,
+        draw=partial(task.training_starts, margin=recipe.margin),
         steps=recipe.walk,
         reward=reward,
         blur=recipe.blur,
-        layout=layout_of(arm),
+        layout=task.layout,
     )
-
-
-def wider_goals(margin: float, arm: str | ArmDescription = "ur5") -> BoxRegion:
-    """The area of an arm's goals with a margin [m] on every side.
-
-    Raises:
-        InputError: The arm's goals are not in a box.
-    """
-    goals = as_arm(arm).workcell.goals
-    if not isinstance(goals, BoxRegion):
-        raise InputError(f"ranked PPO draws goals from a BoxRegion, arm {as_arm(arm).name!r} has {shown(goals)}")
-    (x0, x1), (y0, y1) = goals.x, goals.y
-    return BoxRegion((x0 - margin, x1 + margin), (y0 - margin, y1 + margin), goals.z)
 
 
 def _arm(recipe: Recipe) -> ArmDescription:

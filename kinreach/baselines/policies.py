@@ -273,7 +273,9 @@ class LearnedPolicy:
         self._exact = exact
         self._low = -1.0 if network.low is None else network.low
         self._high = 1.0 if network.high is None else network.high
-        self._stepwise = card.meaning == "posture" and "MultiStep" in card.environment
+        options = card.recipe.get("options") or {}
+        stepwise = "MultiStep" in card.environment or options.get("steps") == "multi"
+        self._stepwise = card.meaning == "posture" and stepwise
 
     def reset(self, observation: Any = None, info: Any = None) -> None:
         """A trained policy remembers nothing."""

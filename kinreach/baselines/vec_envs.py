@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from typing import Any
 
 import numpy as np
@@ -110,9 +110,9 @@ class TriesVecEnv(SB3VecEnv):
     to; the reward is that of where the arm then is.
 
     Args:
-        env: The batch; its reset takes the option `goal`.
+        env: The batch; its reset takes what is drawn as options.
         tries: Size of a group.
-        draw: Draws goals [m], shape (n, 3), from a generator.
+        draw: Draws goals [m], as the option `goal` of shape (n, 3), and whatever else episodes start with.
         steps: Of an episode; 1 where actions are postures.
         reward: What the learner sees.
         blur: Standard deviation of noise on the numbers that say where the goal is [m]: without, a network is free in
@@ -125,7 +125,7 @@ class TriesVecEnv(SB3VecEnv):
         env: VectorEnv[Any, Any, Any],
         *,
         tries: int,
-        draw: Callable[[np.random.Generator, int], Array],
+        draw: Callable[[np.random.Generator, int], Mapping[str, Array]],
         steps: int,
         reward: TrainingReward,
         blur: float,
@@ -164,8 +164,9 @@ class TriesVecEnv(SB3VecEnv):
 
     def _begin(self) -> Array:
         groups = self.num_envs // self._tries
-        goals = self._draw(self._rng, groups)
-        self._first = np.array(self._env.reset(options={"goal": np.repeat(goals, self._tries, axis=0)})[0])
+        starts = self._draw(self._rng, groups)
+        options = {name: np.repeat(rows, self._tries, axis=0) for name, rows in starts.items()}
+        self._first = np.array(self._env.reset(options=options)[0])
         noise = self._rng.normal(0.0, self._blur, (groups, self._layout.goal.stop))
         self._first[:, self._layout.goal] += np.repeat(noise, self._tries, axis=0)
         return self._first

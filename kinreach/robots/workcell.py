@@ -118,6 +118,11 @@ class BoxRegion:
             if low > high:
                 raise InputError(f"the range {name} of a box of goals ends below its beginning: {low} to {high}")
 
+    def wider(self, margin: float, *, above: float = 0.0) -> BoxRegion:
+        """The box with a margin on every side, and more above [m]."""
+        (x0, x1), (y0, y1), (z0, z1) = self.x, self.y, self.z
+        return BoxRegion((x0 - margin, x1 + margin), (y0 - margin, y1 + margin), (z0, z1 + above))
+
     def sample(self, rng: np.random.Generator, count: int) -> NDArray[np.float64]:
         """Draw `count` goal positions in the world frame [m], shape (count, 3)."""
         low, high = np.array([self.x, self.y, self.z]).T

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from scipy.stats import norm, rankdata
 
-from kinreach.baselines.algorithms import AdaptiveRate, Exploration, normal_scores, wider_goals
+from kinreach.baselines.algorithms import AdaptiveRate, Exploration, normal_scores
 from kinreach.baselines.learning_curve import COLUMNS, LearningCurve, curve_csv, read_curve
 from kinreach.baselines.models import build
 from kinreach.baselines.policies import paced
@@ -100,13 +100,19 @@ def test_training_rewards():
     np.testing.assert_allclose(REWARDS["dense"](rewards, info), expected)
 
 
+def around(margin):
+    """Goals on the table area and around it."""
+    region = get_arm("ur5").workcell.goals.wider(margin)
+    return lambda rng, count: {"goal": region.sample(rng, count)}
+
+
 @pytest.mark.parametrize(("name", "steps"), [(SINGLE, 1), (MULTI, 16)])
 def test_groups_share_goals_and_are_rewarded_for_where_they_end(name, steps):
     options = {} if steps == 1 else {"end_on_reached": False}
     env = TriesVecEnv(
         batch(name, 64, **options),
         tries=8,
-        draw=wider_goals(0.02).sample,
+        draw=around(0.02),
         steps=steps,
         reward=REWARDS["dense"],
         blur=0.0,
@@ -133,7 +139,7 @@ def test_goals_of_training_are_from_around_the_table_area_as_the_recipe_says(nam
     for margin, steps in ((0.02, walk), (0.0, 1), (0.1, 3)):
         env = build(replace(get_recipe(name), num_envs=8, margin=margin, walk=steps), 0, steps=8).env
         assert env._steps == steps
-        goals = env._draw(rng, 4000)
+        goals = env._draw(rng, 4000)["goal"]
         for axis, (low, high) in enumerate((area.x, area.y)):
             np.testing.assert_allclose(goals[:, axis].min(), low - margin, atol=1e-3)
             np.testing.assert_allclose(goals[:, axis].max(), high + margin, atol=1e-3)
@@ -149,7 +155,7 @@ def test_walking_ends_where_one_step_ends():
     for name, steps, options in ((SINGLE, 1, {}), (MULTI, 16, {"end_on_reached": False})):
         env = TriesVecEnv(
             batch(name, 64, **options),
-            tries=8, draw=wider_goals(0.02).sample, steps=steps, reward=REWARDS["dense"], blur=0.0,
+            tries=8, draw=around(0.02), steps=steps, reward=REWARDS["dense"], blur=0.0,
         )  # fmt: skip
         env.seed(5)
         env.reset()
@@ -161,7 +167,7 @@ def test_walking_ends_where_one_step_ends():
 
 def test_blur_is_shared_within_a_group_and_has_its_size():
     env = TriesVecEnv(
-        batch(SINGLE, 4096), tries=8, draw=lambda rng, n: np.tile([0.4, 0.0, -0.175], (n, 1)), steps=1,
+        batch(SINGLE, 4096), tries=8, draw=lambda rng, n: {"goal": np.tile([0.4, 0.0, -0.175], (n, 1))}, steps=1,
         reward=REWARDS["dense"], blur=1e-3,
     )  # fmt: skip
     env.seed(0)

@@ -7,7 +7,7 @@ from dataclasses import replace
 from typing import Any
 
 from kinreach.baselines.recipes.base import Networks, Recipe
-from kinreach.registration import MULTI, SINGLE
+from kinreach.registration import MULTI, SINGLE, SPACE
 
 #: PPO2 of the thesis's time: 4 minibatches, 4 epochs, clip 0.2, λ 0.95, entropy 0.01, value 0.5, gradient 0.5. It
 #: began with a standard deviation of 1 in the units of the action, which in the thesis are radians in single-step and
@@ -115,6 +115,21 @@ _PPO_MULTI = Recipe(
     window=20_480,
 )
 
+_SPACE_SINGLE = Recipe(
+    name="space-single",
+    summary="As single, with goals in a volume, tool directions up to 30 degrees off the vertical and other starts.",
+    environment=SPACE,
+    algorithm="RankedPPO",
+    steps=8_000_000,
+    num_envs=4096,
+    reward="dense",
+    margin=0.02,
+    networks=replace(_GOAL_WAVES, hidden=(128, 128)),
+    settings=_RANKED,
+    window=40_960,
+    options={"backend": "kinematic", "tilt": 30.0, "start_spread": 0.3},
+)
+
 REACH_RECIPES = (
     _THESIS_SINGLE,
     replace(
@@ -200,6 +215,17 @@ REACH_RECIPES = (
         settings=_RANKED,
         window=20_480,
         options={"backend": "kinematic", "arm": "panda"},
+    ),
+    _SPACE_SINGLE,
+    replace(
+        _SPACE_SINGLE,
+        name="space-multi",
+        summary="As space-single, in steps of up to 5 degrees.",
+        steps=2_000_000,
+        num_envs=1024,
+        walk=16,
+        window=163_840,
+        options={**_SPACE_SINGLE.options, "steps": "multi", "end_on_reached": False},
     ),
     Recipe(
         name="multi",

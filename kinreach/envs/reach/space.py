@@ -20,7 +20,7 @@ from kinreach.envs.reach.rewards import DirectedReward, Score
 from kinreach.envs.reach.task import JOINTS, MULTI_STEP, SINGLE_STEP, ReachOptions, ReachTask, ReachVariant, Start
 from kinreach.errors import InputError
 from kinreach.kinematics.fast_collision import FastCollision
-from kinreach.robots import ArmDescription, as_arm
+from kinreach.robots import as_arm
 from kinreach.robots.workcell import BoxRegion
 from kinreach.thesis.reward import REACHED_DISTANCE
 
@@ -76,11 +76,13 @@ class SpaceStarts:
 
     Args:
         options: Of the environment.
+        margin: How far around the volume goals are drawn, too [m].
     """
 
-    def __init__(self, options: SpaceOptions) -> None:
+    def __init__(self, options: SpaceOptions, *, margin: float = 0.0) -> None:
         self._arm = arm = as_arm(options.arm)
-        self._goals = volume(arm, options.goal_height)
+        table: Any = arm.workcell.goals
+        self._goals: BoxRegion = table.wider(margin, above=options.goal_height)
         self._least_z = math.cos(math.radians(options.tilt))
         self._spread = options.start_spread
         self._check = FastCollision(arm, refine=False)
@@ -105,12 +107,6 @@ class SpaceStarts:
         return q
 
 
-def volume(arm: ArmDescription, height: float) -> BoxRegion:
-    """The region of an arm's goals, grown upwards by a height [m]."""
-    table: Any = arm.workcell.goals
-    return BoxRegion(table.x, table.y, (table.z[0], table.z[1] + height))
-
-
 class SpaceTask(ReachTask):
     """Reaching in space with one arm.
 
@@ -132,6 +128,11 @@ class SpaceTask(ReachTask):
     def default_reward(self) -> DirectedReward:
         """The distance and the direction count, and no branch is preferred."""
         return DirectedReward(REACHED_DISTANCE)
+
+    def training_starts(self, rng: np.random.Generator, count: int, *, margin: float) -> dict[str, Floats]:
+        """Goals, directions and starts as episodes have them, the goals also around the volume."""
+        rows = SpaceStarts(self.options, margin=margin).sample(rng, count)
+        return {"goal": rows[:, :3], "direction": rows[:, 3:6], "q": rows[:, 6:]}
 
     def streams(self, count: int) -> RowStreams:
         """Rows of `SpaceStarts`."""

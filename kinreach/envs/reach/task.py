@@ -15,14 +15,14 @@ import numpy as np
 from gymnasium import spaces
 from numpy.typing import ArrayLike, NDArray
 
-from kinreach.checks import Floats, as_flags, as_floats, as_vector, check_count, check_known, check_number
+from kinreach.checks import Floats, as_flags, as_floats, as_vector, check_count, check_known, check_number, shown
 from kinreach.envs.batch import RowStreams
 from kinreach.envs.options import INFOS, INFOS_TEXT, RENDER_MODES, RENDER_MODES_TEXT, about, option_rows
 from kinreach.envs.reach.goal_streams import goal_streams
 from kinreach.envs.reach.rewards import RewardFunction, Score, Scorer, default_reward, scorer_of
 from kinreach.errors import InputError
 from kinreach.kinematics import ArmKinematics, AxisGoal, CollisionChecker, PositionGoal, kinematics_of
-from kinreach.robots import ArmDescription, as_arm
+from kinreach.robots import ArmDescription, BoxRegion, as_arm
 from kinreach.sim.controller import BEYOND_LIMIT
 from kinreach.thesis.reward import REACHED_POSTURE_ERROR
 from kinreach.vision.ball_finder import PIPELINES
@@ -158,6 +158,11 @@ class Layout(NamedTuple):
         """Goal blocks, directions and postures of these sizes, one after the other."""
         first = goal + direction
         return cls(slice(0, goal), slice(goal, first), slice(first, first + joints), first + joints)
+
+    @property
+    def told(self) -> slice:
+        """What an episode is about and what stays as it is: goal block and direction."""
+        return slice(0, self.direction.stop)
 
     @property
     def size(self) -> int:
@@ -359,6 +364,17 @@ class ReachTask:
     def streams(self, count: int) -> RowStreams:
         """What the episodes of a number of environments start with."""
         return goal_streams(self.arm.workcell, count)
+
+    def training_starts(self, rng: np.random.Generator, count: int, *, margin: float) -> dict[str, Floats]:
+        """Options of `reset` for learners that draw their own goals, in the arm's region and a margin [m] around it.
+
+        Raises:
+            InputError: The arm's goals are not in a box.
+        """
+        goals = self.arm.workcell.goals
+        if not isinstance(goals, BoxRegion):
+            raise InputError(f"goals are drawn around a BoxRegion, arm {self.arm.name!r} has {shown(goals)}")
+        return {"goal": goals.wider(margin).sample(rng, count)}
 
     def completed(self, start: Start, streams: RowStreams, ids: NDArray[np.intp]) -> tuple[Floats, Start]:
         """Goals, and a start with what it leaves open drawn from the streams of the given environments."""

@@ -42,6 +42,9 @@ class ReachVectorEnv(NativeVectorEnv):
             many environments are what Gymnasium's own vectorisation of the single environment is for. `render_mode` is
             None or `"rgb_array"`, for up to 64 environments.
 
+    Attributes:
+        task: What is to be done.
+
     Raises:
         InputError: Options that cannot be.
     """
@@ -55,7 +58,9 @@ class ReachVectorEnv(NativeVectorEnv):
         autoreset_mode: AutoresetMode | str = AutoresetMode.SAME_STEP,
         **options: Any,
     ) -> None:
-        task = SpaceTask.of(options) if variant is None else ReachTask(options_from(ReachOptions, options), variant)
+        self.task = task = (
+            SpaceTask.of(options) if variant is None else ReachTask(options_from(ReachOptions, options), variant)
+        )
         given = task.options
         num_envs = check_batch(num_envs, threads, given.render_mode)
         if given.observation == "pixels":

@@ -12,7 +12,7 @@ import kinreach  # noqa: F401 (registers the environments)
 from kinreach.baselines.rollout import rollout
 from kinreach.baselines.solver_policy import SolverPolicy
 from kinreach.envs.reach.rewards import DirectedReward, ThesisReward
-from kinreach.envs.reach.space import SpaceOptions, SpaceStarts, volume
+from kinreach.envs.reach.space import SpaceOptions, SpaceStarts
 from kinreach.errors import InputError, UnknownNameError
 from kinreach.kinematics import CollisionChecker, UR5Kinematics
 from kinreach.kinematics.solvers import ClosedFormSolver, LevenbergMarquardtSolver
@@ -60,7 +60,7 @@ def test_what_episodes_start_with():
     arm = get_arm("ur5")
     rows = SpaceStarts(SpaceOptions(**WIDE)).sample(np.random.default_rng(0), 2000)
     goals, directions, q = rows[:, :3], rows[:, 3:6], rows[:, 6:]
-    box = volume(arm, 0.25)
+    box = arm.workcell.goals.wider(0.0, above=0.25)
     for axis, (low, high) in enumerate((box.x, box.y, box.z)):
         assert low <= goals[:, axis].min() < low + 0.01
         assert high - 0.01 < goals[:, axis].max() <= high
