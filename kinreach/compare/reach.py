@@ -33,7 +33,7 @@ from kinreach.compare.task import (
 from kinreach.errors import InputError
 from kinreach.kinematics.closed_form import ClosedFormKinematics
 from kinreach.kinematics.solvers import Solver, Tolerance
-from kinreach.registration import MULTI, SINGLE
+from kinreach.registration import MULTI, SINGLE, SPACE
 from kinreach.sim.controller import TOLERANCE
 from kinreach.summary import MEAN, QUANTILES, Column, Trial, number, thousandfold
 
@@ -192,6 +192,15 @@ def _resets(count: int, seed: int, env: gym.Env[Any, Any]) -> Sequence[Mapping[s
     return resets_to(goals_of(env, count, seed), seed)
 
 
+def _space_resets(count: int, seed: int, env: gym.Env[Any, Any]) -> Sequence[Mapping[str, Any]]:
+    drawn = env.unwrapped.starts(np.random.default_rng(seed), count)  # type: ignore[attr-defined]
+    rest = {name: rows for name, rows in drawn.items() if name != "goal"}
+    return [
+        {**reset, "options": reset["options"] | {name: rows[index] for name, rows in rest.items()}}
+        for index, reset in enumerate(resets_to(drawn["goal"], seed))
+    ]
+
+
 def _reachable_resets(count: int, seed: int, env: gym.Env[Any, Any]) -> Sequence[Mapping[str, Any]]:
     return resets_to(goals_of(env, count, seed, reachable=True), seed)
 
@@ -287,4 +296,28 @@ ARM3_TASK = Task(
     notes=_notes,
 )
 
-TASKS = (UR5_TASK, ARM3_TASK)
+SPACE_TASK = Task(
+    name="space",
+    title="Reaching in space: the tip on the ball, the tool along a direction, from anywhere near the start pose",
+    environment=SPACE,
+    arm="ur5",
+    options={"tilt": 30.0, "start_spread": 0.3},
+    variants={"space": SPACE},
+    observations=("geometric", "camera"),
+    resets=_space_resets,
+    methods=SOLVERS,
+    columns=COLUMNS,
+    figures=FIGURES,
+    reached="d < 10 mm and tool within 0.15 rad of its direction",
+    terms={
+        "goal": "ball's centre in the world, uniform in the arm's goal area up to 0.25 m above it; tool within 30 "
+        "degrees of straight down, uniform on the sphere; free about it",
+        "accept": "solvers' postures: no collision (self, table, mount, pedestal, floor) and the tool within 0.15 rad",
+        "reward": "that of kinreach/Reach-v0, of the last move; impossible -100",
+        **_TERMS,
+        "seed_posture": "where the arm starts: joints uniform within 0.3 rad of the start posture, one start a goal",
+    },
+    notes=_notes,
+)
+
+TASKS = (UR5_TASK, ARM3_TASK, SPACE_TASK)

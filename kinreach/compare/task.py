@@ -106,7 +106,7 @@ class Task:
 #: Registered tasks by name.
 _TASKS: dict[str, Task] = {}
 #: Tasks of the package -> the module whose `TASKS` has them, loaded when one of them is first asked for.
-_OWN = {"ur5": "reach", "arm3": "reach", "button": "button"}
+_OWN = {"ur5": "reach", "space": "reach", "arm3": "reach", "button": "button"}
 
 
 def register_task(task: Task) -> Task:

@@ -137,6 +137,17 @@ class ReachEnv(CopyableEnv):
         """
         return self._task.ik_goal(position, self._episodes.directions[0])
 
+    def starts(self, rng: np.random.Generator, count: int) -> dict[str, Floats]:
+        """Options of `reset` for a number of episodes, drawn as the environment draws them, each of `count` rows.
+
+        Those of a smaller number are the first of a larger one.
+
+        Raises:
+            InputError: The arm's goals are not in a box.
+        """
+        drawn = [self._task.training_starts(rng, 1, margin=0.0) for _ in range(count)]
+        return {name: np.concatenate([one[name] for one in drawn]) for name in (drawn[0] if drawn else ())}
+
     def reset(self, *, seed: int | None = None, options: dict[str, Any] | None = None) -> tuple[Any, dict[str, Any]]:
         """Start an episode: the arm in its start pose, a new ball.
 

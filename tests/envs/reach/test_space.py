@@ -1,6 +1,7 @@
 """Reaching in space: goals in a volume, tool directions, starts, on several arms."""
 
 import copy
+from dataclasses import replace
 
 import gymnasium as gym
 import numpy as np
@@ -9,8 +10,13 @@ import pytest
 from gymnasium.utils.env_checker import check_env
 
 import kinreach  # noqa: F401 (registers the environments)
+from kinreach.baselines.evaluation import evaluate
+from kinreach.baselines.models import build
+from kinreach.baselines.recipes import get_recipe
 from kinreach.baselines.rollout import rollout
 from kinreach.baselines.solver_policy import SolverPolicy
+from kinreach.baselines.training import train
+from kinreach.compare import compare
 from kinreach.envs.reach.rewards import DirectedReward, ThesisReward
 from kinreach.envs.reach.space import SpaceOptions, SpaceStarts
 from kinreach.errors import InputError, UnknownNameError
@@ -216,3 +222,35 @@ def test_directions_that_cannot_be():
             env.reset(options={"direction": direction})
     with pytest.raises(InputError, match="unknown reset options"):
         gym.make("kinreach/UR5SingleStep-v0", backend="kinematic").reset(options={"direction": [0, 0, -1]})
+
+
+def test_starts_of_a_smaller_number_are_the_first_of_a_larger_one():
+    for env, names in ((make(**WIDE), {"goal", "direction", "q"}), (gym.make("kinreach/UR5SingleStep-v0"), {"goal"})):
+        few, many = (env.unwrapped.starts(np.random.default_rng(4), count) for count in (3, 8))
+        assert set(few) == names
+        for name in names:
+            np.testing.assert_array_equal(few[name], many[name][:3])
+
+
+def test_a_comparison_in_space(tmp_path):
+    entry = compare("space", methods=["closed-form"], goals=4, seed=3, out=tmp_path)["methods"][0]
+    assert entry["reached"] == 1.0
+    assert entry["distance_mm"]["p95"] < 0.2
+    assert entry["posture_error"]["p95"] < 1e-3
+
+
+def test_training_draws_around_the_volume(tmp_path):
+    recipe = replace(get_recipe("space-single"), num_envs=64, steps=64, segments=1, window=64)
+    env = build(recipe, 0, steps=64).env
+    starts = env._draw(np.random.default_rng(0), 3000)
+    box = get_arm("ur5").workcell.goals.wider(0.02, above=0.25)
+    np.testing.assert_allclose([starts["goal"].min(axis=0), starts["goal"].max(axis=0)],
+                               np.transpose([box.x, box.y, box.z]), atol=2e-3)  # fmt: skip
+    groups = env.reset().reshape(8, 8, 16)
+    assert (groups[:, :1, 6:] == groups[:, :, 6:]).all()
+    assert len(np.unique(groups[:, 0, 6])) == 8
+    for name in ("space-single", "space-multi"):
+        small = replace(get_recipe(name), num_envs=64, steps=64 * 2, segments=1, window=64)
+        policy = train(small, tmp_path / name, seed=0).policy
+        found = evaluate(policy, goals=10, options=small.options)
+        assert len(found.reached) == 10
