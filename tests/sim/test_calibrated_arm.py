@@ -1,4 +1,4 @@
-"""A calibrated arm is the true one in simulation, collision checker and environments; a method may believe otherwise."""
+"""A calibrated arm is the true one in simulation, collision checker and environments; methods may believe otherwise."""
 
 from pathlib import Path
 
