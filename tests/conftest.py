@@ -49,6 +49,13 @@ def needs_gl() -> None:
         pytest.skip(str(error))
 
 
+def pytest_terminal_summary(terminalreporter: pytest.TerminalReporter) -> None:
+    """Why nothing can be drawn is said once, with the number of tests that it stopped."""
+    for report in terminalreporter.stats.get("skipped", ()):
+        if "cannot draw" in str(report.longrepr):
+            report.longrepr = (__file__, 0, report.longrepr[2])
+
+
 @pytest.fixture
 def run_python(tmp_path: Path) -> PythonRunner:
     """`run_python(*arguments, before=folder, input=text)`: a fresh interpreter in an empty folder.

@@ -45,6 +45,9 @@ def main(argv: Sequence[str], *, prog: str) -> int:
     arguments = _parser(prog).parse_args(argv)
     check_count("--goals", arguments.goals, most=10**7)
     check_known("split", arguments.split, SPLITS)
+    if arguments.env is not None:
+        arguments.env = arguments.env.removeprefix("kinreach:")
+        check_known("environment", arguments.env, gym.registry)
     policies = {name: load_policy(name) for name in arguments.policies}
     names = _short_names(list(policies))
     options = {name: _options(policy, arguments) for name, policy in policies.items()}

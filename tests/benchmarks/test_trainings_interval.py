@@ -1,5 +1,7 @@
 """The interval of several trainings: against scipy, by hand, and that it covers what it promises to cover."""
 
+from math import comb
+
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -108,6 +110,16 @@ def test_shares_are_covered_where_trainings_are_equal():
         low, high = trainings_interval(rng.random((5, 50)) < 0.98)
         covered += low <= 0.98 <= high
     assert covered / CASES >= LEAST_COVERED
+
+
+def test_where_one_training_in_five_fails_it_holds_as_often_as_the_docs_say(root):
+    """Trainings that reach every goal or none: of five, every number of failures with its probability."""
+    held = 0.0
+    for failures in range(6):
+        low, high = trainings_interval(np.repeat(np.arange(5) >= failures, 1000).reshape(5, 1000))
+        held += comb(5, failures) * 0.2**failures * 0.8 ** (5 - failures) * (low <= 0.8 <= high)
+    for page in ("docs/numbers.md", "docs/training.md", "docs/button.md", "kinreach/statistics.py"):
+        assert f"{100 * held:.0f} %" in (root / page).read_text(encoding="utf-8"), page
 
 
 def test_the_same_values_give_the_same_interval():
