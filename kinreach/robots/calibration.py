@@ -86,6 +86,8 @@ def read_calibration(file: str | Path, model: str, *, repair: bool = False) -> C
     """
     check_known("UR model", model, LENGTHS)
     path = check_path("file", file)
+    if path.exists() and not path.is_file():
+        raise InputError(f"the calibration {shown(str(path))} is no file")
     try:
         with path.open(encoding="utf-8") as source:
             text = source.read(MOST_CHARACTERS + 1)
@@ -185,7 +187,7 @@ class _Placed:
 def _from_driver(text: str) -> _Placed:
     """From the driver's file: x y z roll pitch yaw of six links."""
     try:
-        content = yaml.safe_load(text)
+        content = yaml.load(text, Loader=yaml.BaseLoader)  # texts only: no tags, and no merging that multiplies
     except (yaml.YAMLError, RecursionError, ValueError) as error:
         said = " ".join(str(error).split())
         raise InputError(f"the calibration is no YAML: {shown(said)}") from None
@@ -271,7 +273,7 @@ def _number(name: str, value: Any, most: float, unit: str) -> float:
     if not -most <= number <= most:
         other = {"m": "millimetres", "rad": "degrees"}[unit]
         hint = f"; are these {other}?" if math.isfinite(number) else ""
-        raise InputError(f"{name} must be within ±{most:.4g} {unit}, got {shown(value)}{hint}")
+        raise InputError(f"{name} must be within ±{most:.4g} {unit}, got {shown(number)}{hint}")
     return number
 
 

@@ -281,6 +281,8 @@ def read_urdf(
 ) -> UrdfSource:
     """Read an arm from a URDF file; the arguments are those of `ArmDescription.from_urdf`."""
     path = check_path("file", file)
+    if path.exists() and not path.is_file():
+        raise InputError(f"the URDF {shown(str(path))} is no file")
     try:
         with path.open(encoding="utf-8") as source:
             robot = parse_urdf(source.read(MOST_CHARACTERS + 1))

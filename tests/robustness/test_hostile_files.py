@@ -6,6 +6,7 @@ import pickle
 import struct
 import subprocess
 import sys
+import time
 
 import numpy as np
 import pytest
@@ -15,6 +16,8 @@ from kinreach.baselines.policies import LearnedPolicy, load_policy, read_policy,
 from kinreach.cli import main
 from kinreach.compare.runner import Records, prepare
 from kinreach.errors import InputError, KinreachError
+from kinreach.kinematics import URKinematics
+from kinreach.robots import ArmDescription
 
 DTYPES = ["F64", "F32", "F16", "BF16", "I64", "U8", "BOOL", "F8_E4M3", "F4", "C64", "", "X", None, 7]
 
@@ -191,6 +194,38 @@ def test_what_is_no_file_is_not_waited_for(content, tmp_path):
         path.symlink_to("/dev/zero")
     with pytest.raises(KinreachError):
         load_policy(path)
+    with pytest.raises(KinreachError):
+        ArmDescription.from_urdf(path)
+
+
+CALIBRATION_BOMB = "\n".join(
+    [
+        "a0: &a0 {x: 1}",
+        *(f"a{i}: &a{i} {{<<: [{', '.join([f'*a{i - 1}'] * 9)}]}}" for i in range(1, 12)),
+        "kinematics: *a11",
+    ]
+)
+
+
+@pytest.mark.parametrize(
+    "content",
+    [CALIBRATION_BOMB, *(f"kinematics: {text}" for text in (
+        "!!bool foo", "!!int ''", "!!timestamp foo", "!!python/object/apply:os.system ['touch ran']", "&a [*a]",
+        "[" * 5000, "{? [a] : b}", "1" * 5000)), "<" * 5000, "delta_theta = [" + "1," * 5000, "\0", None],
+)  # fmt: skip
+def test_calibrations(content, tmp_path, monkeypatch):
+    """Refused at once, whatever is in them."""
+    monkeypatch.chdir(tmp_path)
+    path = tmp_path / "c.yaml"
+    if content is None:
+        os.mkfifo(path)
+    else:
+        path.write_text(content, encoding="utf-8")
+    began = time.process_time()
+    with pytest.raises(KinreachError):
+        URKinematics.from_calibration(path)
+    assert time.process_time() - began < 5.0
+    assert [entry.name for entry in tmp_path.iterdir()] == ["c.yaml"]
 
 
 def test_files_that_promise_too_much_take_neither_memory_nor_time(tmp_path, whole, root):
