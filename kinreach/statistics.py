@@ -136,7 +136,7 @@ def trainings_interval(
 
     One training gives the second part only, and says nothing about other trainings. Equal trainings have no spread:
     five of them that all succeed do not exclude that one in ten fails. Where one training in five fails altogether, a
-    third of all groups of five have none that does, and the interval holds the true mean in 66 % of the groups, not in
+    third of all groups of five have none that does, and the interval holds the true mean in 67 % of the groups, not in
     95 %: give the results of the single trainings beside it.
 
     Args:
