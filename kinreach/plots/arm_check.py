@@ -15,6 +15,7 @@ from kinreach.cli import Parser
 from kinreach.errors import InputError
 from kinreach.files import replacing
 from kinreach.kinematics import Arm3Kinematics, ArmKinematics, URKinematics, check, kinematics_of
+from kinreach.kinematics.ur.kinematics import CalibratedURKinematics
 from kinreach.plots.style import MAGNITUDE, key, new_figure
 from kinreach.robots import ArmDescription, as_arm
 
@@ -95,6 +96,8 @@ def report(subject: Subject, *, poses: int = POSES, seed: int = 0) -> Iterator[s
 
 
 def _class_of(kin: ArmKinematics) -> str:
+    if isinstance(kin, CalibratedURKinematics):
+        return "UR with its calibration: every posture of a pose exactly, singular poses too"
     if isinstance(kin, URKinematics):
         return "UR: every posture of a pose exactly, singular poses too"
     if isinstance(kin, Arm3Kinematics):
@@ -186,12 +189,11 @@ def draw_workspace(subject: Subject, *, seed: int = 0) -> Figure:
 def _subject(given: str, model: str | None, tip: str | None) -> Subject:
     """The arm of a name, a URDF file, or a calibration file with its model."""
     suffix = Path(given).suffix.lower()
-    if suffix in CALIBRATIONS:
-        if model is None:
-            raise InputError(f"{given} is a calibration: say of which UR with --model, such as --model ur5e")
-        raise InputError(f"calibrations cannot be checked yet, got {given}")
     if model is not None:
-        raise InputError(f"--model is for files that end in {', '.join(CALIBRATIONS)}, got {given}")
+        real = as_arm(model).calibrated(given)
+        return Subject(kinematics_of(real, tip=tip), kinematics_of(model, tip=tip))
+    if suffix in CALIBRATIONS:
+        raise InputError(f"{given} is a calibration: say of which UR with --model, such as --model ur5e")
     arm = ArmDescription.from_urdf(given, tip=tip) if suffix == URDF else as_arm(given)
     return Subject(kinematics_of(arm, tip=tip), None)
 
@@ -203,8 +205,13 @@ def _parser(prog: str) -> Parser:
         "postures, solvers; of a calibrated UR also how far its data sheet is off.",
         formatter_class=argparse.ArgumentDefaultsHelpFormatter,
     )
-    parser.add_argument("arm", metavar="FILE|NAME", help="a URDF, a UR's calibration, or the name of an arm")
-    parser.add_argument("--model", help="which UR a calibration is of, ur3 to ur30")
+    parser.add_argument(
+        "arm", metavar="FILE|NAME", help="a URDF, the name of an arm, or with --model the calibration of a UR"
+    )
+    parser.add_argument(
+        "--model",
+        help="the file is the calibration of this UR, ur3 to ur30: kinematics.yaml, calibration.conf or a URDF",
+    )
     parser.add_argument("--tip", help="link that is the tip")
     parser.add_argument("--poses", type=int, default=POSES, help="that the solvers are tried on")
     parser.add_argument("--seed", type=int, default=0, help="of the random postures")

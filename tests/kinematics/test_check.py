@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import re
 import subprocess
 import sys
 from pathlib import Path
@@ -17,6 +18,7 @@ from kinreach.plots.arm_check import main
 from kinreach.robots import get_arm
 
 ROOT = Path(__file__).parents[2]
+CALIBRATIONS = ROOT / "tests/data/calibrations"
 
 
 def test_singular_postures_of_a_ur_are_those_in_the_books():
@@ -103,13 +105,33 @@ def test_one_screen(tmp_path, capsys):
         assert picture.read_bytes().startswith(b"\x89PNG")
 
 
+def test_what_a_calibration_changes(tmp_path, capsys):
+    picture = tmp_path / "error.png"
+    file = CALIBRATIONS / "ur5_a.yaml"
+    assert main([str(file), "--model", "ur5", "--poses", "10", "--picture", str(picture)], prog="check") == 0
+    text = capsys.readouterr().out
+    assert "UR with its calibration" in text
+    median, late, most = map(
+        float, re.search(r"([\d.]+) mm off in the median, p95 ([\d.]+), most ([\d.]+);", text).groups()
+    )
+    real, nominal = URKinematics.from_calibration(file, model="ur5", tip="tcp"), URKinematics("ur5", tip="tcp")
+    q = np.random.default_rng(5).uniform(-np.pi, np.pi, (4000, 6))
+    off = 1e3 * np.linalg.norm(real.positions(q) - nominal.positions(q), axis=1)
+    np.testing.assert_allclose((median, late), np.quantile(off, (0.5, 0.95)), rtol=0.05)
+    assert most == pytest.approx(off.max(), rel=0.1)
+    assert re.search(r"closed-form +100\.0 % +100\.0 %", text)
+    assert picture.stat().st_size > 10_000
+
+
 def test_bad_input():
     for arguments, said in (
         (["nothing"], "unknown arm 'nothing'; available: arm3"),
         (["nowhere.urdf"], "cannot be read"),
         (["ur5", "--tip", "nose"], "unknown tip 'nose'"),
         (["ur5", "--poses", "0"], "--poses must be at least 1"),
-        (["ur5", "--model", "ur5"], "--model is for files"),
+        (["nowhere.yaml", "--model", "ur5"], "cannot be read"),
+        ([str(CALIBRATIONS / "ur5_a.yaml"), "--model", "ur10"], "it fits ur5"),
+        ([str(CALIBRATIONS / "ur5e_folded.yaml"), "--model", "ur5e"], "folded at"),
         (["kinematics.yaml"], "say of which UR with --model"),
     ):
         with pytest.raises(InputError, match=said):
