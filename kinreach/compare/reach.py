@@ -262,6 +262,7 @@ UR5_TASK = Task(
         "thesis-ppo-single": policy_method("thesis-single", SINGLE, colour="#000000"),
         "hybrid": _hybrid(),
     },
+    arm_methods={"panda": {"ranked-single": policy_method("panda-single", SINGLE, colour="#00674C")}},
     columns=COLUMNS,
     figures=FIGURES,
     reached="d < 10 mm and r_e < 0.15",

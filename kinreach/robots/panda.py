@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 from pathlib import Path
 
 from kinreach.robots.description import ArmDescription
@@ -20,7 +21,7 @@ def describe() -> ArmDescription:
     Raises:
         InstallationError: example-robot-data is not installed.
     """
-    return ArmDescription.from_urdf(
+    arm = ArmDescription.from_urdf(
         Path(example_robot_data()) / URDF_FILE,
         name="panda",
         tip="panda_hand_tcp",
@@ -35,3 +36,4 @@ def describe() -> ArmDescription:
             ball_radius=BALL_RADIUS,
         ),
     )
+    return replace(arm, title="Panda")

@@ -1,11 +1,13 @@
 """The reach tasks: solvers and policies in the environments, and where the distance that is left comes from."""
 
 import json
+from pathlib import Path
 
 import gymnasium as gym
 import numpy as np
 import pytest
 
+import kinreach
 from kinreach.baselines.rollout import rollout
 from kinreach.baselines.solver_policy import SolverPolicy
 from kinreach.compare import compare
@@ -13,11 +15,13 @@ from kinreach.compare.cli import main
 from kinreach.compare.reach import Budget, budget, goals_of
 from kinreach.compare.runner import WARM_UP_GOALS
 from kinreach.compare.task import get_task, resets_to
+from kinreach.errors import InputError
 from kinreach.kinematics import UR5Kinematics
 from kinreach.registration import SINGLE
 from kinreach.robots import get_arm
 from kinreach.vision.goal_view import CameraGoalView
 
+PRETRAINED = Path(kinreach.__file__).parent / "baselines/pretrained"
 SOLVERS = ["closed-form", "lm", "qp"]
 #: A pose 8 m away.
 FAR = np.eye(4)
@@ -207,3 +211,12 @@ def test_an_arm_from_its_urdf_file_on_the_command_line(tmp_path, capsys):
     assert [entry["name"] for entry in found["methods"]] == ["closed-form", "placo", "lm", "qp"]
     assert {entry["reached"] for entry in found["methods"]} == {1.0}
     assert file in capsys.readouterr().out
+
+
+def test_the_panda_has_solvers_and_a_policy_of_its_own():
+    found = compare("ur5", arm="panda", goals=10)
+    assert [entry["name"] for entry in found["methods"]] == ["placo", "lm", "qp", "ranked-single"]
+    assert {entry["reached"] for entry in found["methods"]} == {1.0}
+    assert "no closed form" in found["settings"]["left_out"]["closed-form"]
+    with pytest.raises(InputError, match="trained on the arm 'panda'"):
+        compare("ur5", methods=[str(PRETRAINED / "panda-single.safetensors")], goals=1)
