@@ -210,7 +210,7 @@ def test_files_that_are_no_urdf(tmp_path, content):
     file.write_bytes(content)
     with pytest.raises(InputError):
         ArmDescription.from_urdf(file)
-    with pytest.raises(InputError, match="cannot be read"):
+    with pytest.raises(InputError, match="is no file"):
         ArmDescription.from_urdf(tmp_path)
     with pytest.raises(InputError, match="cannot be read"):
         ArmDescription.from_urdf(tmp_path / "none.urdf")
