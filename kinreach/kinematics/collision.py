@@ -7,6 +7,7 @@ pairs in 10 000 of 10 000 random postures of either arm). Boxes and cylinders ar
 
 from __future__ import annotations
 
+import threading
 import xml.etree.ElementTree as ET
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
@@ -67,8 +68,23 @@ class Shape:
     obstacle: bool
 
 
+class _Search(threading.local):
+    """What one thread searches with.
+
+    Args:
+        model, geometry: Pinocchio's.
+        margin: Of the checks [m].
+    """
+
+    def __init__(self, model: Any, geometry: Any, margin: float) -> None:
+        self.data = model.createData()
+        self.results = _search_data(geometry, margin)
+        # The naive manager tests every pair's bounding boxes: with some ten shapes no tree is faster.
+        self.broad_phase = pin.BroadPhaseManager_NaiveCollisionManager(model, geometry, self.results)
+
+
 class CollisionChecker:
-    """Collision checks of one arm on Pinocchio and coal. Threads must not share an instance: one per thread.
+    """Collision checks of one arm on Pinocchio and coal. Threads may share an instance.
 
     Every pair of links is checked but those that no joint can move apart or together (a finger and its palm) and
     `disabled_pairs(arm)`; and every obstacle against every link but `arm.workcell.touching`.
@@ -102,19 +118,17 @@ class CollisionChecker:
         description = self.kinematics.arm
         boxes = description.workcell.obstacles if obstacles is None else as_boxes(obstacles)
         self._obstacles, self._margin = boxes, margin
-        self.model, self._data = self.kinematics.model, self.kinematics.model.createData()
+        self.model = self.kinematics.model
         self.geometry = _shapes(description, self.model, boxes)
         skipped = (*disabled_pairs(description), *description.workcell.touching)
         self._names = _pair_up(self.geometry, self.model, skipped)
         self.pairs: tuple[Pair, ...] = tuple(sorted(set(self._names)))
-        self._results = _search_data(self.geometry, margin)
+        self._search = _Search(self.model, self.geometry, margin)
         names = {box.name for box in boxes}
         self.shapes = tuple(
             Shape(name := _name(shape, self.model), shape.parentJoint - 1, shape.parentFrame == WORLD and name in names)
             for shape in self.geometry.geometryObjects
         )
-        # The naive manager tests every pair's bounding boxes: with some ten shapes no tree is faster.
-        self._broad_phase = pin.BroadPhaseManager_NaiveCollisionManager(self.model, self.geometry, self._results)
 
     def __reduce__(self) -> tuple[Any, ...]:
         return partial(CollisionChecker, obstacles=self._obstacles, margin=self._margin), (self.kinematics,)
@@ -129,7 +143,8 @@ class CollisionChecker:
             InputError: `q` is malformed.
         """
         q = self.kinematics.as_posture("q", q)
-        return bool(pin.computeCollisions(self.model, self._data, self._broad_phase, q, True))
+        search = self._search
+        return bool(pin.computeCollisions(self.model, search.data, search.broad_phase, q, True))
 
     def free(self, q: ArrayLike) -> bool:
         """The opposite of `in_collision`; fits where a solver takes `accept`."""
@@ -145,8 +160,9 @@ class CollisionChecker:
             InputError: `q` is malformed.
         """
         q = self.kinematics.as_posture("q", q)
-        pin.computeCollisions(self.model, self._data, self.geometry, self._results, q, False)
-        results = self._results.collisionResults
+        search = self._search
+        pin.computeCollisions(self.model, search.data, self.geometry, search.results, q, False)
+        results = search.results.collisionResults
         touching = {name for name, result in zip(self._names, results, strict=True) if result.isCollision()}
         return tuple(sorted(touching))
 
@@ -160,8 +176,9 @@ class CollisionChecker:
             InputError: `q` is malformed.
         """
         q = self.kinematics.as_posture("q", q)
-        nearest = pin.computeDistances(self.model, self._data, self.geometry, self._results, q)
-        return Clearance(float(self._results.distanceResults[nearest].min_distance), self._names[nearest])
+        search = self._search
+        nearest = pin.computeDistances(self.model, search.data, self.geometry, search.results, q)
+        return Clearance(float(search.results.distanceResults[nearest].min_distance), self._names[nearest])
 
 
 @lru_cache(maxsize=16)

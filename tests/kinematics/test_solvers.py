@@ -168,7 +168,7 @@ def test_placo_goes_on_where_its_program_gives_no_numbers(monkeypatch):
                 raise RuntimeError("QPError: Problem: NaN in the QP solution")
             return self.whole.solve(apply)
 
-    for problem in solver._problems.values():
+    for problem in solver._work.problems.values():
         monkeypatch.setattr(problem, "solver", Failing(problem.solver))
     reached = 0
     for T in kin.fk(np.random.default_rng(0).uniform(kin.lower, kin.upper, (20, 6))):

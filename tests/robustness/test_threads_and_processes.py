@@ -117,11 +117,11 @@ def test_a_worker_that_is_killed_is_an_error_and_no_hang(name, options):
 
 
 def test_what_is_not_for_several_threads_says_so():
-    for each in (PlacoSolver, Solver, CollisionChecker, ArmSimulation, BatchSimulation):
+    for each in (ArmSimulation, BatchSimulation):
         assert "one per thread" in " ".join(each.__doc__.lower().split()), each
     shared = [
         ArmKinematics, UR5Kinematics, URKinematics, Arm3Kinematics, ClosedFormSolver, LevenbergMarquardtSolver,
-        QPSolver, FastCollision, LearnedPolicy,
+        QPSolver, PlacoSolver, CollisionChecker, Solver, FastCollision, LearnedPolicy,
     ]  # fmt: skip
     for each in shared:
         assert "Threads may share" in " ".join(each.__doc__.split()), each

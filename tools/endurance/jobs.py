@@ -145,8 +145,10 @@ SHARED = (
     "Arm3Kinematics",
     "closed form",
     "lm",
+    "placo",
     "qp",
     "lm, 3-DOF arm",
+    "CollisionChecker",
     "FastCollision",
     "LearnedPolicy",
 )

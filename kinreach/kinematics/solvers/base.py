@@ -30,7 +30,7 @@ class Solver(Protocol):
 
     `IKResult.of` computes the errors, checks limits and `accept`, and says whether `q` reaches the goal.
 
-    Threads may share the solvers of kinreach, except `PlacoSolver`: of that, make one per thread.
+    Threads may share the solvers of kinreach.
     """
 
     @property

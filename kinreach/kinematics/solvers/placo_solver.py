@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import threading
 import xml.etree.ElementTree as ET
+from collections.abc import Sequence
 from functools import partial
 from typing import Any, ClassVar
 
@@ -32,7 +34,7 @@ class PlacoSolver(IterativeSolver):
 
     Used as it works best: with speed limits, which keep each step where the linearisation holds, and iterated to
     convergence. Joints that turn full circle have no position limit on the way (see `JointSpace`). placo's objects
-    are made once per kind of goal; a call only moves their targets. Threads must not share an instance: one per thread.
+    are made once per kind of goal and thread; a call only moves their targets. Threads may share an instance.
 
     Args:
         kin: The arm, its tip and the base frame that goals are in.
@@ -63,17 +65,8 @@ class PlacoSolver(IterativeSolver):
             kin, tolerance=tolerance, max_iterations=max_iterations, max_restarts=max_restarts, rng_seed=rng_seed
         )
         self.dt = check_number("dt", dt, above=0.0, most=LONGEST_STEP)
-        placo: Any = load("placo")  # here, and not above: without placo the other solvers still work
-        self._robot = placo.RobotWrapper("", int(placo.Flags.ignore_collisions), _skeleton(kin.arm.urdf))
-        for name, position in kin.arm.locked_joints.items():
-            self._robot.set_joint(name, position)
-        # Base, then all joints of the URDF. A copy, because state.q is a view of memory that placo replaces.
-        self._configuration: Floats = self._robot.state.q.copy()
-        self._entries = [self._robot.get_joint_offset(name) for name in kin.arm.joints]
-        for name, free in zip(kin.arm.joints, np.isinf(self.joint_space.search_upper), strict=True):
-            if free:
-                self._robot.set_joint_limits(name, -NO_LIMIT, NO_LIMIT)
-        self._problems = {kind: self._make_problem(kind) for kind in (PoseGoal, AxisGoal, PositionGoal)}
+        free = [name for name, end in zip(kin.arm.joints, self.joint_space.search_upper, strict=True) if np.isinf(end)]
+        self._work = _WorkSpace(kin, self.tolerance, self.dt, free)
 
     def __reduce__(self) -> tuple[Any, ...]:
         options = {
@@ -81,21 +74,12 @@ class PlacoSolver(IterativeSolver):
         }
         return partial(PlacoSolver, **options), (self.kin,)  # placo's own objects cannot be pickled
 
-    def _make_problem(self, kind: type[Goal]) -> _Problem:
-        solver = load("placo").KinematicsSolver(self._robot)
-        solver.mask_fbase(True)
-        for name in self.kin.arm.locked_joints:
-            solver.mask_dof(name)
-        solver.enable_joint_limits(True)
-        solver.enable_velocity_limits(True)
-        solver.dt = self.dt
-        return _Problem(kind, solver, self.kin.arm.tips[self.kin.tip], self.tolerance)
-
     def _descender(self, goal: Goal) -> Descend:
         T_world_goal = self.kin.T_world_base @ goal_frame(goal)
-        problem = next(problem for kind, problem in self._problems.items() if isinstance(goal, kind))
+        work = self._work
+        problem = next(problem for kind, problem in work.problems.items() if isinstance(goal, kind))
         problem.aim(T_world_goal)
-        robot, configuration, entries = self._robot, self._configuration.copy(), self._entries
+        robot, configuration, entries = work.robot, work.configuration.copy(), work.entries
 
         def descend(q: Floats) -> Descent:
             configuration[entries] = q
@@ -112,6 +96,38 @@ class PlacoSolver(IterativeSolver):
             return Descent(robot.state.q[entries], steps)
 
         return descend
+
+
+class _WorkSpace(threading.local):
+    """placo's objects for one arm, those of one thread.
+
+    Args:
+        kin: The arm, and its tip.
+        tolerance: How near is reached.
+        dt: Duration of one step [s].
+        free: Joints that turn full circle.
+    """
+
+    def __init__(self, kin: ArmKinematics, tolerance: Tolerance, dt: float, free: Sequence[str]) -> None:
+        placo: Any = load("placo")  # here, and not above: without placo the other solvers still work
+        self.robot = placo.RobotWrapper("", int(placo.Flags.ignore_collisions), _skeleton(kin.arm.urdf))
+        for name, position in kin.arm.locked_joints.items():
+            self.robot.set_joint(name, position)
+        # Base, then all joints of the URDF. A copy, because state.q is a view of memory that placo replaces.
+        self.configuration: Floats = self.robot.state.q.copy()
+        self.entries = [self.robot.get_joint_offset(name) for name in kin.arm.joints]
+        for name in free:
+            self.robot.set_joint_limits(name, -NO_LIMIT, NO_LIMIT)
+        self.problems: dict[type[Goal], _Problem] = {}
+        for kind in (PoseGoal, AxisGoal, PositionGoal):
+            solver = placo.KinematicsSolver(self.robot)
+            solver.mask_fbase(True)
+            for name in kin.arm.locked_joints:
+                solver.mask_dof(name)
+            solver.enable_joint_limits(True)
+            solver.enable_velocity_limits(True)
+            solver.dt = dt
+            self.problems[kind] = _Problem(kind, solver, kin.arm.tips[kin.tip], tolerance)
 
 
 class _Problem:
