@@ -39,6 +39,8 @@ TILT = 1e-5
 #: Imaginary parts of eigenvalues: real; surely complex; and up to where they are starting points, because two postures
 #: merge there, or have just vanished.
 REAL, COMPLEX, NEARLY_REAL = 1e-11, 1e-4, 3e-2
+#: Eigenvalues whose angles differ by more are not equal ones [rad].
+APART = 1e-4
 #: Eigenvalues whose angles differ by less may be equal ones [rad].
 CLUSTER = 0.05
 #: Two postures nearer than this in every joint are one [rad]; up to `ONE_VALLEY` if what is between them reaches, too.
@@ -249,8 +251,14 @@ class General6R:
         q, off = newton(self.chain, start, T[pose])
         q = wrapped(q)
         ends = np.searchsorted(pose, np.arange(len(T) + 1))
+        clear = _clear(
+            pose, len(T), wrapped(start[:, 1]), wrapped(q[:, 1] - start[:, 1]), (off < EXACT) & (imaginary <= REAL)
+        )
         found = []
         for row, (begin, end) in enumerate(pairwise(ends.tolist())):
+            if clear[row]:
+                found.append(q[begin:end])
+                continue
             kept = self._distinct(q[begin:end][off[begin:end] < EXACT], T[row])
             if (not len(kept) and end > begin) or _in_doubt(len(kept), start[begin:end, 1], imaginary[begin:end]):
                 kept = self._thoroughly(T[row], kept, tol)
@@ -394,6 +402,33 @@ def _in_doubt(found: int, angles: Floats, imaginary: Floats) -> bool:
         return False
     together = np.abs(wrapped(angles[maybe, None] - angles)) < CLUSTER
     return bool((imaginary[maybe] < COMPLEX).any() or (np.count_nonzero(together, axis=1) > 2).any())
+
+
+def _clear(
+    pose: NDArray[np.int64], count: int, angles: Floats, moved: Floats, good: NDArray[np.bool_]
+) -> NDArray[np.bool_]:
+    """For which poses every eigenvalue is real and apart from the others, and has led to a posture of its own.
+
+    Args:
+        pose: Which pose an eigenvalue belongs to, in order, shape (m,).
+        count: Number of poses.
+        angles: Of the eigenvalues [rad], in [-pi, pi].
+        moved: By how much Newton's method has moved them [rad].
+        good: Which are real and have led to a posture.
+    """
+    number = np.bincount(pose, minlength=count)
+    order = np.lexsort((angles, pose))
+    sorted_pose, sorted_angles = pose[order], angles[order]
+    gap = np.full(count, 2 * np.pi)
+    same = sorted_pose[1:] == sorted_pose[:-1]
+    np.minimum.at(gap, sorted_pose[1:][same], np.diff(sorted_angles)[same])
+    last = np.flatnonzero(np.diff(pose, append=-1))  # of each pose that has any
+    first = last + 1 - number[pose[last]]
+    np.minimum.at(gap, pose[last], sorted_angles[first] + 2 * np.pi - sorted_angles[last])
+    far = np.zeros(count)
+    np.maximum.at(far, pose, np.abs(moved))
+    all_good: NDArray[np.bool_] = np.bincount(pose, weights=good, minlength=count) == number
+    return all_good & (number % 2 == 0) & (number > 0) & (gap > APART) & (far < 0.25 * gap)
 
 
 def _turn(angle: Floats) -> Floats:

@@ -169,9 +169,14 @@ class CalibratedSolver:
             q[:, :BRANCHES, part], valid[:BRANCHES, part], doubtful[part] = self._by_branches(T[part])
         rows = np.flatnonzero(doubtful)
         q[:, :, rows], valid[:, rows] = np.nan, False
-        for row, postures in zip(rows, self.general.solve(T[rows], tol=tol), strict=True):
-            for branch, posture in zip(self.branches(postures), postures, strict=True):
-                q[:, branch, row], valid[branch, row] = posture, True
+        lists = self.general.solve(T[rows], tol=tol)
+        if lists:
+            postures, pose = np.vstack(lists), np.repeat(np.arange(len(rows)), [len(found) for found in lists])
+            index = self._index(postures)[0]
+            shared = np.bincount(MOST * pose + index, minlength=MOST * len(rows)).reshape(-1, MOST).max(axis=1) > 1
+            for which in np.flatnonzero(shared):
+                index[pose == which] = self.branches(lists[which])
+            q[:, index, rows[pose]], valid[index, rows[pose]] = postures.T, True
         return q, valid
 
     def solve_one(self, T: Floats, *, tol: float) -> list[tuple[int, Floats]]:
