@@ -51,6 +51,8 @@ FEW, MANY, LONGEST = 6, 40, 0.3
 MOST = 16
 POSES = 512  # at once
 AROUND = 256  # starting points around known solutions
+#: Smallest singular value of the Jacobian at a solution that may have others near it.
+MERGING = 1e-3
 _JOINTS = 6
 _SAMPLES = 2 * np.pi / 3 * np.arange(3)
 #: Coefficients of 1, cos and sin of a function that is linear in them, from its values at `_SAMPLES`.
@@ -271,17 +273,21 @@ class General6R:
         starts = [self._candidates(regular, *choice, phase)[1] for choice in self.CHOICES for phase in self.PHASES]
         seeds = np.vstack(starts)
         poses = np.broadcast_to(T, (len(seeds), 4, 4))
-        best, off = nearest_by_newton(self.chain, seeds, poses)
-        found = self._distinct(np.vstack([known, wrapped(best[off < EXACT])]), T)
-        if len(found):  # around each, as solutions that merge are near each other
+        q, off = newton(self.chain, seeds, poses, steps=2 * FEW)
+        found = self._distinct(np.vstack([known, wrapped(q[off < EXACT])]), T)
+        if not len(found):
+            q, off = nearest_by_newton(self.chain, seeds, poses)
+            found = self._distinct(wrapped(q[off < EXACT]), T)
+        merging = found[np.linalg.svd(self.chain.jacobian(found)[1])[1][:, -1] < MERGING] if len(found) else found
+        if len(merging):  # around each, as solutions that merge are near each other
             rng = np.random.default_rng(0)
             away = rng.normal(size=(AROUND, 6)) * 10.0 ** rng.uniform(-4.0, -1.5, (AROUND, 1))
-            around = found[rng.integers(len(found), size=AROUND)] + away
-            q, miss_around = newton(self.chain, around, np.broadcast_to(T, (AROUND, 4, 4)), steps=MANY)
-            found = self._distinct(np.vstack([found, wrapped(q[miss_around < EXACT])]), T)[:MOST]
-        if not len(found) and (off <= tol).any():
+            around = merging[rng.integers(len(merging), size=AROUND)] + away
+            q, off = newton(self.chain, around, np.broadcast_to(T, (AROUND, 4, 4)), steps=MANY)
+            found = self._distinct(np.vstack([found, wrapped(q[off < EXACT])]), T)[:MOST]
+        elif not len(found) and (off <= tol).any():
             order = np.argsort(off)
-            nearest = wrapped(best[order][off[order] <= tol])
+            nearest = wrapped(q[order][off[order] <= tol])
             found = nearest[_first_of_each(nearest, ONE_VALLEY)]
         return found
 

@@ -55,11 +55,11 @@ SAMPLES, FITS = 400, 5
 #: The bounds are what the samples show, times this: maxima between samples, and what is of second order.
 CAUTION = 1.5
 #: How many times what the difference changes with the free angle sin q5 must be for branches to be told apart.
-WRIST_MARGIN = 3.0
+WRIST_MARGIN = 1.5
 #: An arm that differs more from the closed form's kind is none [m, rad].
 MOST_MISFIT = 0.1
 #: How far q4 and q6 may move for the correction of a pose out of reach to be trusted [rad].
-STEADY = 0.25
+STEADY = 0.5
 #: Steps in single and in double precision, before those that have not arrived are left to `General6R`.
 ROUGH_STEPS, FINE_STEPS = 2, 3
 #: What keeps an exactly singular matrix from being an error.
@@ -142,8 +142,7 @@ class CalibratedSolver:
         self.fit = fit(self.chain, start)
         self._left: Floats = np.asarray(np.linalg.inv(self.fit.before), dtype=np.float64)
         self._right: Floats = np.asarray(np.linalg.inv(self.fit.after), dtype=np.float64)
-        # how far the wrist centre may be from the fitted arm's
-        self._centre = self.fit.position + abs(self.fit.geometry.d6) * self.fit.orientation
+        self._centre, self._radius = self._centres()
         self._wrist, self._elbow = self._changes()
 
     @cached_property
@@ -216,7 +215,7 @@ class CalibratedSolver:
         r2 = x * x + y * y
         r = sqrt(r2)
         if r <= g.d4:
-            return r >= g.d4 - centre
+            return r >= g.d4 - self._radius
         side = sqrt(r2 - g.d4 * g.d4)
         pan = centre / side
         for first, m in ((0, side / r2), (4, -side / r2)):
@@ -316,7 +315,7 @@ class CalibratedSolver:
                 rows = np.flatnonzero(missing & ~near)
                 if len(rows):
                     near[rows] = self._may_be_reached(T[rows], branch)
-        return (near | (sheet.r <= g.d4)) & (sheet.r >= g.d4 - self._centre)
+        return (near | (sheet.r <= g.d4)) & (sheet.r >= g.d4 - self._radius)
 
     def _may_be_reached(self, T: Floats, branch: int) -> NDArray[np.bool_]:
         """Whether the elbow of a shoulder and wrist may reach poses (count, 4, 4) that the fitted arm's does not.
@@ -336,6 +335,16 @@ class CalibratedSolver:
     def _entries(self, T: Floats) -> Floats:
         """Entries of the flange's poses in the DH base of the fitted arm, shape (12, count)."""
         return flange_entries(np.ascontiguousarray(T[:, :3].reshape(-1, 12).T), self._left, self._right)
+
+    def _centres(self) -> tuple[float, float]:
+        """How far the arms' wrist centres, and their distances from axis 1, may be apart for one posture [m]."""
+        q = np.random.default_rng(2).uniform(-np.pi, np.pi, (10 * SAMPLES, 6))
+        arms = (self.fit.chain.fk(q), self.chain.fk(q - self.fit.zeros))
+        entries = np.array([self._entries(_poses(rows)).reshape(3, 4, -1) for rows in arms])
+        centres = entries[:, :, 3] - self.fit.geometry.d6 * entries[:, :, 2]
+        apart = np.linalg.norm(centres[1] - centres[0], axis=0).max()
+        radii = np.hypot(centres[:, 0], centres[:, 1])
+        return CAUTION * float(apart), CAUTION * float(np.abs(radii[1] - radii[0]).max())
 
     def _changes(self) -> tuple[tuple[float, float], tuple[float, float]]:
         """How fast the two arms' difference changes where the wrist, or the elbow, is singular.
