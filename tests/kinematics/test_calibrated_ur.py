@@ -46,10 +46,10 @@ def kin(robot):
 
 def test_random_poses_keep_their_posture(kin):
     """All solutions reach to 1e-9 by Pinocchio, none twice, the generating posture among them, batch as alone."""
-    q = np.random.default_rng(1).uniform(-np.pi, np.pi, (60, 6))
+    q = np.random.default_rng(1).uniform(-np.pi, np.pi, (40, 6))
     T = np.array([kin.fk(posture) for posture in q])
     batch = kin.batch(T)
-    assert batch.q.shape == (60, 16, 6)
+    assert batch.q.shape == (40, 16, 6)
     count = 0
     for posture, pose, row, valid in zip(q, T, batch.q, batch.valid, strict=True):
         solutions = kin.all_solutions(pose, limits=False)
@@ -61,7 +61,7 @@ def test_random_poses_keep_their_posture(kin):
         np.testing.assert_array_equal(np.flatnonzero(valid), solutions.branch)
         np.testing.assert_allclose(row[valid], solutions.q, atol=1e-7)
         count += len(solutions)
-    assert count > 380
+    assert count > 240
 
 
 def test_the_branches_that_ssik_finds(robot, kin):
@@ -92,9 +92,11 @@ def test_the_tables_of_the_documentation(capsys):
     assert printed.count("| 0 / 0 |") == len(SINGULAR)
 
 
+@pytest.mark.parametrize("robot", ["ur5_a", "ur3e_a"])
 @pytest.mark.parametrize("case", ["elbow", "wrist", "shoulder"])
-def test_the_arms_own_singularities(robot, kin, case):
+def test_the_arms_own_singularities(robot, case):
     """Two postures are one there; it is found, nothing is empty and nothing wrong, also when the pose is rounded."""
+    kin = of(robot)
     q = singular_postures(kin, case, np.random.default_rng(3), 6)
     assert len(q) == 6
     for rounded in (False, True):
