@@ -12,6 +12,7 @@ from benchmarks.studies.calibrated_arms import main, recall, singular_postures
 from kinreach.errors import InputError
 from kinreach.kinematics import CalibratedURKinematics, Status, URKinematics, kinematics_of
 from kinreach.kinematics.goals import pose_error
+from kinreach.kinematics.ur.kinematics import FLIP
 from kinreach.robots import get_arm
 from kinreach.robots.urdf import parse_urdf, set_origin
 
@@ -111,6 +112,18 @@ def test_the_arms_own_singularities(robot, case):
                 assert distance(posture, row[valid]) < 1e-4
 
 
+@pytest.mark.parametrize("robot", ["ur5_c", "ur3e_a"])
+def test_branches_are_all_there_are(robot):
+    """Near the wrist's singularity, where more than eight may appear, as many as the method without branches finds."""
+    kin, rng = of(robot), np.random.default_rng(6)
+    q = rng.uniform(-np.pi, np.pi, (150, 6))
+    q[:, 4] = rng.choice((0.0, np.pi), 150) + rng.uniform(-0.06, 0.06, 150)
+    T = kin.fk(q)
+    counts = [len(found) for found in kin._solver.general.solve(FLIP @ T)]
+    assert max(counts) > 8
+    assert counts == kin.batch(T, limits=False).valid.sum(axis=1).tolist()
+
+
 def test_with_the_tool_straight_down():
     """The first axis and the last are parallel, exactly: the elimination would be singular."""
     kin = of("ur5e_a")
@@ -118,7 +131,7 @@ def test_with_the_tool_straight_down():
     down = np.diag([1.0, -1.0, -1.0, 1.0])
     T = np.tile(down, (60, 1, 1))
     T[:, :3, 3] = rng.uniform((-0.7, -0.7, 0.0), (0.7, 0.7, 0.4), (60, 3))
-    postures = kin._solver.general.solve(kin._T_dh_base @ T)
+    postures = kin._solver.general.solve(FLIP @ T)
     batch = kin.batch(T, limits=False)
     reached = [len(found) for found in postures]
     assert reached == batch.valid.sum(axis=1).tolist()

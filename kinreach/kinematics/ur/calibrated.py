@@ -55,7 +55,7 @@ SAMPLES, FITS = 400, 5
 #: The bounds are what the samples show, times this: maxima between samples, and what is of second order.
 CAUTION = 1.5
 #: How many times what the difference changes with the free angle sin q5 must be for branches to be told apart.
-WRIST_MARGIN = 1.5
+WRIST_MARGIN = 3.0
 #: An arm that differs more from the closed form's kind is none [m, rad].
 MOST_MISFIT = 0.1
 #: How far q4 and q6 may move for the correction of a pose out of reach to be trusted [rad].
@@ -221,7 +221,7 @@ class CalibratedSolver:
         for first, m in ((0, side / r2), (4, -side / r2)):
             s1, c1 = x * g.d4 / r2 + y * m, x * m - y * g.d4 / r2
             s5 = hypot(nx * s1 - ny * c1, oy * c1 - ox * s1)
-            if s5 <= WRIST_MARGIN * (self._wrist[0] + self._wrist[1] / side):
+            if s5 <= 2.0 * turned + WRIST_MARGIN * (self._wrist[0] + self._wrist[1] / side):
                 return True
             reach = centre * (1.0 + r / side) + 2.0 * g.d5 * (turned + pan) / s5
             u, k = -x * c1 - y * s1, g.d5 / s5
@@ -307,7 +307,7 @@ class CalibratedSolver:
             for branch in range(0, BRANCHES, 2):
                 sheet = _Sheet(entries, branch, g)
                 pan = self._centre / sheet.side  # how far q1 may be off [rad]
-                near |= sheet.s5 <= WRIST_MARGIN * (self._wrist[0] + self._wrist[1] / sheet.side)
+                near |= sheet.s5 <= 2.0 * turned + WRIST_MARGIN * (self._wrist[0] + self._wrist[1] / sheet.side)
                 reach = self._centre * (1.0 + sheet.r / sheet.side) + 2.0 * g.d5 * (turned + pan) / sheet.s5
                 border = (sheet.rho < g.stretched + reach) & (sheet.rho > g.folded - reach)
                 missing = border & ~valid[branch : branch + 2].all(axis=0)
