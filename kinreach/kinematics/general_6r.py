@@ -274,10 +274,9 @@ class General6R:
         seeds = np.vstack(starts)
         poses = np.broadcast_to(T, (len(seeds), 4, 4))
         q, off = newton(self.chain, seeds, poses, steps=2 * FEW)
+        late = np.flatnonzero(off >= EXACT)  # from there to where two postures are one, or almost
+        q[late], off[late] = nearest_by_newton(self.chain, seeds[late], poses[late])
         found = self._distinct(np.vstack([known, wrapped(q[off < EXACT])]), T)
-        if not len(found):
-            q, off = nearest_by_newton(self.chain, seeds, poses)
-            found = self._distinct(wrapped(q[off < EXACT]), T)
         merging = found[np.linalg.svd(self.chain.jacobian(found)[1])[1][:, -1] < MERGING] if len(found) else found
         if len(merging):  # around each, as solutions that merge are near each other
             rng = np.random.default_rng(0)
