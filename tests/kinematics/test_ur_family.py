@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import xml.etree.ElementTree as ET
 from functools import partial
 from itertools import product
 from pathlib import Path
@@ -16,11 +17,12 @@ from benchmarks.speed.poses import CASES
 from benchmarks.speed.suites.ik_edge_cases import judge
 from benchmarks.studies import ur_family
 from kinreach.errors import InputError, UnknownNameError
-from kinreach.kinematics import CollisionChecker, UR5Kinematics, URKinematics
+from kinreach.kinematics import CollisionChecker, UR5Kinematics, URKinematics, kinematics_of
 from kinreach.kinematics.ur.geometry import URGeometry
 from kinreach.kinematics.ur.kinematics import FLIP
 from kinreach.robots import ArmDescription, arm_names, get_arm
 from kinreach.robots.ur import LENGTHS, nominal_urdf
+from kinreach.robots.urdf import add_joint, add_link
 from kinreach.sim.simulation import ArmSimulation
 
 WITH_MESHES = ("ur3", "ur5", "ur10")
@@ -150,3 +152,45 @@ def test_arms_of_another_kind():
     arm = ArmDescription.from_urdf(panda, joints=[f"panda_joint{i}" for i in range(1, 7)], tip="panda_link6")
     with pytest.raises(InputError, match="tool0"):
         URKinematics(arm)
+
+
+def drivers_urdf(name):
+    """A UR with the frames of the ROS driver's description: every joint turns about its own z, as in DH."""
+    d1, a2, a3, d4, d5, d6 = LENGTHS[name]
+    right, robot = np.pi / 2, ET.Element("robot", name="mine")
+    steps = (
+        ((0, 0, d1), (0, 0, 0)),
+        ((0, 0, 0), (right, 0, 0)),
+        ((a2, 0, 0), (0, 0, 0)),
+        ((a3, 0, d4), (0, 0, 0)),
+        ((0, -d5, 0), (right, 0, 0)),
+        ((0, d6, 0), (right, np.pi, np.pi)),
+    )
+    for link in ("base_link", "base_link_inertia", *(f"link_{index}" for index in range(6)), "flange", "tool0"):
+        add_link(robot, link)
+    add_joint(robot, "inertia", "base_link", "base_link_inertia", rpy=(0, 0, np.pi))
+    parent = "base_link_inertia"
+    for index, (xyz, rpy) in enumerate(steps):
+        limit = (-6.0, 6.0, 1.0, 3.0)
+        turning = {"kind": "revolute", "axis": (0, 0, 1), "limit": limit}
+        add_joint(robot, f"j{index}", parent, f"link_{index}", xyz=xyz, rpy=rpy, **turning)
+        parent = f"link_{index}"
+    add_joint(robot, "flange_joint", parent, "flange", rpy=(0, -right, -right))
+    add_joint(robot, "tool0_joint", "flange", "tool0", rpy=(right, 0, right))
+    return ET.tostring(robot, encoding="unicode")
+
+
+@pytest.mark.parametrize("name", ["ur3e", "ur5", "ur20"])
+def test_the_closed_form_of_a_ur_whatever_its_frames_are(name, tmp_path):
+    file = tmp_path / "mine.urdf"
+    file.write_text(drivers_urdf(name))
+    kin, nominal = kinematics_of(ArmDescription.from_urdf(file)), URKinematics(name)
+    assert type(kin) is URKinematics
+    assert kin.geometry == nominal.geometry
+    q = np.random.default_rng(6).uniform(-np.pi, np.pi, (200, 6))
+    T = nominal.fk(q)
+    np.testing.assert_allclose(kin.fk(q), T, atol=1e-10)
+    for posture, pose in zip(q, T, strict=True):
+        solutions = kin.all_solutions(pose)
+        np.testing.assert_allclose(solutions.q, nominal.all_solutions(pose).q, atol=1e-8)
+        assert np.abs(solutions.q - posture).max(axis=1).min() < 1e-8

@@ -6,8 +6,10 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from enum import IntFlag
-from typing import Any
 
+import numpy as np
+
+from kinreach.checks import Floats
 from kinreach.errors import InputError
 
 #: The three upper rows of a homogeneous transform, ((nx, ox, ax, px), (ny, oy, ay, py), (nz, oz, az, pz)).
@@ -46,24 +48,33 @@ class URGeometry:
         set_field(self, "packed", (d1, -a2, -a3, d5, d6, d4, a2 * a2 + a3 * a3, 2 * a2 * a3))
 
     @classmethod
-    def from_model(cls, model: Any, tool_frame: int) -> URGeometry:
-        """Read the lengths from a Pinocchio model whose `tool_frame` is the flange.
+    def from_axes(cls, origins: Floats, axes: Floats, flange: Floats) -> URGeometry:
+        """Read the lengths off the joints' axes with all joints at 0, however their frames are placed along them.
+
+        Lengths are rounded to 1e-10 m: URDFs write pi/2 with few digits.
+
+        Args:
+            origins: A point of each axis in the arm's base frame [m], shape (6, 3).
+            axes: Directions of the axes there, shape (6, 3).
+            flange: Origin of the flange there [m], shape (3,).
 
         Raises:
-            InputError: The model does not have six joints.
+            InputError: These are no six axes, or not the lengths of a UR.
         """
-        if model.nq != 6:
-            raise InputError(f"a UR-type arm has 6 joints, the model has {model.nq}")
-        step = [model.jointPlacements[i].translation for i in range(1, 7)]
-        flange = model.frames[tool_frame].placement.translation
-        return cls(
-            d1=float(step[0][2]),
-            a2=-float(step[2][2]),
-            a3=-float(step[3][2]),
-            d4=float(step[1][1] + step[2][1] + step[4][1]),
-            d5=float(step[5][2]),
-            d6=float(flange[1]),
+        if len(axes) != 6:
+            raise InputError(f"a UR-type arm has 6 joints, the model has {len(axes)}")
+        up, across = axes[0], axes[1]  # of the shoulder, and of the three parallel axes
+        plane = np.eye(3) - np.outer(across, across)
+        upper, fore = (np.linalg.norm(plane @ (origins[i + 1] - origins[i])) for i in (1, 2))
+        lengths = (
+            origins[1] @ up,
+            -upper,
+            -fore,
+            abs((origins[4] - origins[0]) @ across),
+            abs((origins[5] - origins[3]) @ up),
+            abs((flange - origins[4]) @ across),
         )
+        return cls(*(round(float(length), 10) for length in lengths))
 
 
 def ur_fk(q: Sequence[float], g: URGeometry) -> Rows:

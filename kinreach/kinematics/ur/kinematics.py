@@ -73,15 +73,25 @@ class URKinematics(ClosedFormKinematics):
         super().__init__(model, tip=tip, base=base)
         check_known(f"tip of arm {self.arm.name!r}", FLANGE, self.arm.tips)
         flange = link_frame(self.model, self.arm.tips[FLANGE])
-        self.geometry = URGeometry.from_model(self.model, flange)
         T_flange_tip = self.model.frames[flange].placement.inverse() * self.model.frames[self.tip_frame].placement
         T_world_arm = self.model.frames[link_frame(self.model, self.arm.base)].placement.homogeneous
+        self.geometry = self._lengths(np.linalg.inv(T_world_arm), self.model.frames[flange].placement.translation)
         self._T_dh_base: Floats = FLIP @ np.linalg.inv(T_world_arm) @ self.T_world_base
         self._T_tip_flange: Floats = T_flange_tip.inverse().homogeneous
         # with tool0 in base_link only two rows change their sign
         self._plain = bool((self._T_dh_base == FLIP).all() and (self._T_tip_flange == np.eye(4)).all())
         self._reach = _reach_along_tool(T_flange_tip.homogeneous)
         self._check_fit()
+
+    def _lengths(self, T_arm_world: Floats, flange: Floats) -> URGeometry:
+        """Lengths by the joints' axes; `flange` is its origin in the last joint's frame [m]."""
+        origins, directions, frame = [], [], T_arm_world
+        for placement, axis in zip(*self._joint_frames(), strict=True):
+            frame = frame @ placement
+            origins.append(frame[:3, 3])
+            directions.append(frame[:3, :3] @ axis)
+        end = frame[:3, :3] @ flange + frame[:3, 3]
+        return URGeometry.from_axes(np.array(origins), np.array(directions), end)
 
     @classmethod
     def from_calibration(
