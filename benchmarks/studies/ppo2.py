@@ -1,7 +1,7 @@
 """Which PPO2 the thesis had, and what follows from that: all readings side by side, the tables of docs/multi_step.md.
 
-python -m benchmarks.studies.ppo2 results/ppo2 --plan single multi multi-long ...    (trains what is missing)
-python -m benchmarks.studies.ppo2 results/ppo2 --csv FOLDER                          (writes the tables' files)
+python -m benchmarks.studies.ppo2 results/ppo2 --plan single multi        trains what is missing, prints the tables
+python -m benchmarks.studies.ppo2 results/ppo2 --plan single --csv FILE   writes a row for each training as well
 
 A file for each cell and seed: `results/ppo2/PLAN/CELL/seed-K.json`, and the policy beside it.
 """
@@ -25,6 +25,7 @@ from benchmarks.studies.reward_parts import PARTS
 from benchmarks.studies.side_by_side import Networks, Stack, Trained, train_stack
 from kinreach.baselines.batch import make_batch
 from kinreach.baselines.evaluation import HELD_OUT, VALIDATION
+from kinreach.baselines.learning_curve import curve_csv
 from kinreach.baselines.policies import save_policy
 from kinreach.baselines.rewards import own
 from kinreach.baselines.rollout import rollout_batch
@@ -290,17 +291,116 @@ def _train(folder: Path, stack: Stack, jobs: Sequence[tuple[Cell, int]]) -> None
         write_text(folder / cell.name / f"seed-{seed}.json", json.dumps(written) + "\n")
 
 
+def rows(runs: Path, name: str) -> list[dict[str, float]]:
+    """What the trainings of a plan came to, in the order of its cells and seeds."""
+    return [
+        _row(cell, json.loads(file.read_text(encoding="utf-8")))
+        for cell in PLANS[name].cells
+        for file in sorted((runs / name / cell.name).glob("seed-*.json"))
+    ]
+
+
+def _row(cell: Cell, run: Mapping[str, Any]) -> dict[str, float]:
+    curve = {name: np.array(values, float) for name, values in run["curve"].items()}
+    steps, reward = curve["steps"], curve["reward"]
+    below, last = steps[reward <= 0], steps > 0.9 * steps[-1]
+    third = np.abs(steps - steps[-1] / 3) <= max(steps[-1] / 50, steps[0])
+    parts = {"natural_arm": cell.reward in ("all", "natural arm"), "gripper": cell.reward in ("all", "gripper angle")}
+    flags = {name: getattr(cell, name) for name in FLAGS}
+    return {
+        **{name: float(value) for name, value in (flags | parts).items()},
+        "seed": run["seed"],
+        "steps": steps[-1],
+        "above": math.nan if below[-1:] == steps[-1:] else below[-1] if len(below) else 0.0,
+        "reward": round(float(reward[third].mean()), DIGITS),
+        "reward_last": round(float(reward[last].mean()), DIGITS),
+        "impossible_last": round(100 * float(curve["impossible"][last].mean()), DIGITS),
+        "reached_training": float(curve["reached"].sum()),
+        **{"tip_above" if name == "above" else name: value for name, value in run["measured"].items()},
+    }
+
+
+#: What tells cells apart, and what a table says of them: headings, columns, digits.
+FLAGS = ("terminal", "raw", "value_clip", "openai", "ends", "shrinks")
+READING = (*FLAGS, "natural_arm", "gripper")
+_TRAINING = (
+    ("reward above 0 for good from", "above", 0),
+    ("reward after a third", "reward", 1),
+    ("in the last tenth", "reward_last", 1),
+    ("goals reached in training", "reached_training", 0),
+)
+_AFTER = (("distance, mm", "distance", 0), ("r_e", "posture_error", 2), ("reached, %", "reached", 1))
+_MULTI = (
+    ("came within 10 mm, %", "near", 1),
+    ("steps waited there", "waited", 1),
+    ("reached with exploration, %", "sampled_reached", 1),
+)
+CELLS: Mapping[str, Sequence[tuple[str, str, int]]] = {
+    SINGLE: (*_TRAINING, *_AFTER),
+    MULTI: (*_TRAINING[1:], *_AFTER, *_MULTI),
+}
+_WORDS: Mapping[str, tuple[str, str, str]] = {
+    "terminal": ("100th step", "an end", "cut off"),
+    "raw": ("units", "thesis's", "scaled"),
+    "value_clip": ("values clipped", "yes", "no"),
+    "openai": ("defaults", "OpenAI", "Stable"),
+    "ends": ("reaching", "an end", "goes on"),
+    "shrinks": ("exploration", "shrinks", "learned"),
+}
+
+
+def table(found: Sequence[Mapping[str, float]], environment: str) -> str:
+    """A Markdown table with a row for each cell: medians over the seeds, and their range; `-` where it never was."""
+    shown = [name for name in FLAGS if len({row[name] for row in found}) > 1]
+    ablated = any(row["natural_arm"] < 1 or row["gripper"] < 1 for row in found)
+    headings = [_WORDS[name][0] for name in shown] + ["reward"] * ablated + ["seeds"]
+    columns = CELLS[environment]
+    lines = [f"| {' | '.join([*headings, *(heading for heading, _, _ in columns)])} |"]
+    lines.append("|---" * (len(headings) + len(columns)) + "|")
+    for reading in dict.fromkeys(tuple(row[name] for name in READING) for row in found):
+        group = [row for row in found if tuple(row[name] for name in READING) == reading]
+        cells = [_WORDS[name][1 if group[0][name] else 2] for name in shown]
+        cells += [_paid(group[0])] * ablated + [str(len(group))]
+        cells += [_spread([row[column] for row in group], digits) for _, column, digits in columns]
+        lines.append(f"| {' | '.join(cells)} |")
+    return "\n".join(lines)
+
+
+def _paid(row: Mapping[str, float]) -> str:
+    parts = [word for name, word in (("natural_arm", "natural arm"), ("gripper", "gripper")) if row[name]]
+    return " + ".join(["distance", *parts])
+
+
+def _spread(values: Sequence[float], digits: int) -> str:
+    """The median and the range; values that are not numbers are the largest."""
+    ordered = sorted(math.inf if value != value else value for value in values)
+    middle, low, high = (
+        "-" if value == math.inf else f"{value:.{digits}f}"
+        for value in (ordered[len(ordered) // 2], ordered[0], ordered[-1])
+    )
+    return middle if low == high else f"{middle} [{low}, {high}]"
+
+
 def main(argv: list[str] | None = None) -> int:
     """Train, measure, print."""
     parser = Parser(prog=PROG, description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("runs", type=Path, help="folder of the results")
-    parser.add_argument("--plan", nargs="+", choices=PLANS, default=[], help="train what these lack")
+    parser.add_argument("--plan", nargs="+", choices=PLANS, required=True, help="which trainings")
     parser.add_argument("--cell", help="only this one")
     parser.add_argument("--seeds", type=int, nargs="+", help="only these")
+    parser.add_argument("--no-train", action="store_true", help="only say what there is")
+    parser.add_argument("--csv", type=Path, help="write a row for each training of the last plan into this file")
     arguments = parser.parse_args(argv)
     torch.set_num_threads(1)
     for name in arguments.plan:
-        train_missing(arguments.runs, name, arguments.seeds or range(PLANS[name].seeds), arguments.cell)
+        if not arguments.no_train:
+            train_missing(arguments.runs, name, arguments.seeds or range(PLANS[name].seeds), arguments.cell)
+        found = rows(arguments.runs, name)
+        if arguments.csv and found:
+            columns = tuple(found[0])
+            values = [[None if row[column] != row[column] else row[column] for column in columns] for row in found]
+            write_text(arguments.csv, curve_csv(values, columns))
+        print(table(found, PLANS[name].stack.environment))
     return 0
 
 

@@ -1,4 +1,4 @@
-"""Algorithms: PPO with schedules, ranked PPO, and the registry of everything that a recipe can be trained with.
+"""Algorithms: PPO with schedules, ranked PPO, regression, and the registry of all that a recipe can be trained with.
 
 Ranked PPO is for tasks where the outcome of one action can be judged at once, as the reward of reaching can: there, a
 critic that predicts the mean outcome of a state is the largest source of error of PPO. K actions are tried from every
@@ -38,10 +38,12 @@ from kinreach.baselines.recipes import Recipe
 from kinreach.baselines.rewards import TrainingReward
 from kinreach.baselines.vec_envs import SB3VecEnv, TriesVecEnv
 from kinreach.checks import Floats, check_known
-from kinreach.envs.reach.task import ReachTask, joint_limits, layout_of
+from kinreach.envs.reach.task import GOAL, SINGLE_STEP, ReachTask, joint_limits, layout_of
 from kinreach.errors import InputError
+from kinreach.kinematics import UR5Kinematics
 from kinreach.registration import SPACE
 from kinreach.robots import ArmDescription, as_arm
+from kinreach.vision.goal_view import goals_in_world
 
 
 @dataclass(frozen=True)
@@ -199,6 +201,58 @@ class RankedPPO(AdaptivePPO):
         )
 
 
+def closed_form_postures(views: np.ndarray[Any, Any]) -> np.ndarray[Any, Any]:
+    """Postures of the closed form that reach goals with the gripper straight down, turned outwards as the goal is.
+
+    Of all there are, the one nearest to the start pose: over the table area they are of one branch, and change
+    smoothly.
+
+    Args:
+        views: What the two cameras say of the goals [m], shape (n, 6).
+
+    Returns:
+        Joint angles [rad], shape (n, 6).
+    """
+    kinematics = UR5Kinematics(tip="tcp", base="world")
+    home = np.array(kinematics.arm.home)
+    goals = goals_in_world(kinematics.arm, views, np.ones((len(views), 2), dtype=np.bool_))
+    outwards = np.arctan2(goals[:, 1], goals[:, 0])
+    poses = np.tile(np.eye(4), (len(goals), 1, 1))
+    poses[:, :2, :2] = np.cos(outwards)[:, None, None] * np.eye(2) + np.sin(outwards)[:, None, None] * _QUARTER_TURN
+    poses[:, :3, :3] = poses[:, :3, :3] @ kinematics.fk(home)[:3, :3]
+    poses[:, :3, 3] = goals
+    return kinematics.nearest_batch(poses, home).q
+
+
+_QUARTER_TURN = np.array([[0.0, -1.0], [1.0, 0.0]])
+
+
+class Regression(AdaptivePPO):
+    """No reinforcement learning: the actor is regressed on the closed form's postures for the goals that it sees.
+
+    What it does meanwhile is rolled out as in the other algorithms, so that its learning curve is one of theirs;
+    nothing is learned from the rewards. It is for the UR5's single-step task.
+    """
+
+    def train(self) -> None:
+        """One update: the mean squared error of the postures, in minibatches."""
+        self.policy.set_training_mode(True)
+        self._update_learning_rate(self.policy.optimizer)
+        observations = self.rollout_buffer.observations.reshape(-1, self.rollout_buffer.obs_shape[0])
+        postures = closed_form_postures(observations[:, GOAL].astype(np.float64)) / SINGLE_STEP.scale
+        seen, wanted = torch.as_tensor(observations), torch.as_tensor(postures, dtype=torch.float32)
+        for _ in range(self.n_epochs):
+            for rows in torch.split(torch.randperm(len(seen)), self.batch_size):
+                distribution: Any = self.policy.get_distribution(seen[rows])
+                loss = (distribution.distribution.mean - wanted[rows]).square().mean()
+                self.policy.optimizer.zero_grad()
+                loss.backward()
+                self.policy.optimizer.step()
+        self._n_updates += self.n_epochs
+        self.logger.record("train/loss", loss.item())
+        self._explore()
+
+
 #: Seed of the observations whose mean and spread scale the network's inputs.
 _SCALE_SEED = 1
 #: What the features `"button"` divide by: cosines and sines, two positions [m], joint velocities [rad/s], difference of
@@ -251,8 +305,8 @@ def ppo_arguments(recipe: Recipe, env: SB3VecEnv, planned: int) -> dict[str, Any
 def ppo2_arguments(recipe: Recipe, env: SB3VecEnv, planned: int) -> dict[str, Any]:
     """Those of PPO; `gain` is what the actor's unit is as an action: 1/π for radians where an action of 1 is π."""
     arguments = ppo_arguments(recipe, env, planned)
-    head = {"gain": arguments.pop("gain"), "shift": [0.0] * (env.action_space.shape or (0,))[0]}
-    arguments["policy_kwargs"]["head"] = head
+    size = (env.action_space.shape or (0,))[0]
+    arguments["policy_kwargs"]["head"] = {"gain": size * [arguments.pop("gain")], "shift": size * [0.0]}
     return {**arguments, "policy": PosturePolicy}
 
 
@@ -274,6 +328,14 @@ def ranked_arguments(recipe: Recipe, env: SB3VecEnv, planned: int) -> dict[str, 
     policy["net_arch"] = {"pi": list(recipe.networks.hidden), "vf": []}
     if recipe.networks.posture:
         policy["paired"] = True
+    return arguments
+
+
+def regression_arguments(recipe: Recipe, env: SB3VecEnv, planned: int) -> dict[str, Any]:
+    """Those of adaptive PPO, without a critic; `tries` is what the environments take."""
+    arguments = adaptive_arguments(recipe, env, planned)
+    arguments["policy_kwargs"]["net_arch"] = {"pi": list(recipe.networks.hidden), "vf": []}
+    del arguments["tries"]
     return arguments
 
 
@@ -377,6 +439,7 @@ register_algorithm(Algorithm("PPO", PPO, arguments=ppo_arguments))
 register_algorithm(Algorithm("PPO2", PPO2, arguments=ppo2_arguments, vec_env=step_by_step_to_the_end))
 register_algorithm(Algorithm("AdaptivePPO", AdaptivePPO, arguments=adaptive_arguments))
 register_algorithm(Algorithm("RankedPPO", RankedPPO, arguments=ranked_arguments, vec_env=in_tries))
+register_algorithm(Algorithm("Regression", Regression, arguments=regression_arguments, vec_env=in_tries))
 register_algorithm(Algorithm("SAC", SAC))
 register_algorithm(Algorithm("TD3", TD3))
 register_algorithm(Algorithm("DQN", DQN))

@@ -14,6 +14,7 @@ from kinreach.baselines.training import train
 #: Recipe -> steps after which the tip is a good part of its way to the goals.
 COME_NEAR = {
     "single": 100_000,
+    "ik-net": 50_000,
     "multi": 50_000,
     "ppo-multi": 300_000,
 }

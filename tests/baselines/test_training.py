@@ -89,6 +89,20 @@ def test_no_segment_trains_on_the_goals_of_another(tmp_path, monkeypatch):
     assert len(np.unique(groups[:, 0], axis=0)) == len(groups)
 
 
+@pytest.mark.parametrize(("name", "unit"), [("ppo2-single", np.pi), ("ppo2-multi", 5.0)])
+def test_ppo2_speaks_the_thesis_s_units_throughout(name, unit):
+    """Its head, its standard deviation and so its learning rate: in radians and degrees."""
+    model = build(get_recipe(name), 0, steps=1000).model
+    np.testing.assert_allclose(model.policy.log_std.exp().detach().numpy(), 1 / unit, rtol=1e-6)
+    hidden = torch.randn(20, 64, generator=torch.Generator().manual_seed(0))
+    head = model.policy.action_net
+    spoken = hidden @ head.weight.T + head.bias
+    np.testing.assert_allclose(unit * head(hidden).detach(), spoken.detach(), rtol=1e-4, atol=1e-6)
+    assert model.clip_range_vf(1.0) == model.clip_range(1.0) == 0.2
+    network = actor_network(model)
+    np.testing.assert_allclose(network.gain, np.full(6, 1 / unit), rtol=1e-6)
+
+
 def test_runs_leave_what_they_promise(tmp_path):
     run = train(small("single"), tmp_path, seed=4, export=True)
     assert {"policy.safetensors", "curve.csv", "run.json", "tensorboard", "model.zip"} == set(os.listdir(tmp_path))

@@ -9,10 +9,10 @@ from typing import Any
 from kinreach.baselines.recipes.base import Networks, Recipe
 from kinreach.registration import MULTI, SINGLE, SPACE
 
-#: PPO2 of the thesis's time: 4 minibatches, 4 epochs, clip 0.2, λ 0.95, entropy 0.01, value 0.5, gradient 0.5. It
-#: began with a standard deviation of 1 in the units of the action, which in the thesis are radians in single-step and
-#: degrees in multi-step (3.4.3). Here an action of 1 is half the range: π rad and 5 degrees. Two recipes begin with
-#: that instead, as stable-baselines3 does by itself.
+#: Defaults of Stable Baselines' PPO2: 4 minibatches, 4 epochs, clip 0.2, λ 0.95, entropy 0.01, value 0.5, gradient 0.5
+#: (OpenAI Baselines' own have no entropy bonus and a rate of 3e-4). It begins with a standard deviation of 1 in the
+#: units of the action, which in the thesis are radians in single-step and degrees in multi-step (3.4.3). Here an action
+#: of 1 is half the range: π rad and 5 degrees. Two recipes begin with that instead, as stable-baselines3 does.
 _THESIS_PPO = {
     "n_epochs": 4,
     "clip_range": 0.2,
@@ -33,6 +33,18 @@ _RANKED = {
     "max_grad_norm": 0.5,
     "exploration": {"first": 0.2, "last": 5e-5, "until": 0.85},
     "adaptive": {"first": 3e-3, "target_kl": 0.05, "decay": 0.15},
+    "adam": {"betas": (0.9, 0.99), "eps": 1e-5},
+}
+
+#: As many samples, updates and network inputs as ranked PPO has; the rate falls from the first update to the last.
+_REGRESSED = {
+    "tries": 1,
+    "n_steps": 1,
+    "n_epochs": 2,
+    "minibatches": 4,
+    "gamma": 0.0,
+    "exploration": {"first": 1e-4, "last": 1e-4, "until": 1.0},
+    "adaptive": {"first": 3e-3, "target_kl": 1.0, "decay": 1.0},
     "adam": {"betas": (0.9, 0.99), "eps": 1e-5},
 }
 
@@ -89,6 +101,20 @@ _THESIS_MULTI = Recipe(
     options={"backend": "kinematic"},
     settings={**_THESIS_PPO, "gamma": 0.99, "n_steps": 4096, "batch_size": 1024, "learning_rate": 2.5e-4},
 )
+_PPO2_SINGLE = replace(
+    _THESIS_SINGLE,
+    name="ppo2-single",
+    summary="As thesis-single, with PPO2 itself: radians throughout, and values that are clipped.",
+    algorithm="PPO2",
+    settings={**_THESIS_SINGLE.settings, "clip_range_vf": 0.2, "gain": 1 / math.pi},
+)
+_PPO2_MULTI = replace(
+    _THESIS_MULTI,
+    name="ppo2-multi",
+    summary="As thesis-multi, with PPO2 itself: degrees throughout, clipped values, and an end after 100 steps.",
+    algorithm="PPO2",
+    settings={**_THESIS_MULTI.settings, "clip_range_vf": 0.2, "gain": 1 / 5},
+)
 _PPO_MULTI = Recipe(
     name="ppo-multi",
     summary="PPO with scheduled exploration and an adaptive rate, γ 0.7; the thesis's reward, not below -30.",
@@ -132,6 +158,8 @@ _SPACE_SINGLE = Recipe(
 
 REACH_RECIPES = (
     _THESIS_SINGLE,
+    _PPO2_SINGLE,
+    _PPO2_MULTI,
     replace(
         _THESIS_SINGLE,
         name="thesis-single-half-range",
@@ -242,6 +270,20 @@ REACH_RECIPES = (
         networks=_GOAL_WAVES,
         settings=_RANKED,
         window=163_840,
+    ),
+    Recipe(
+        name="ik-net",
+        summary="No reinforcement learning: the network of `single`, regressed on the closed form's postures.",
+        environment=SINGLE,
+        algorithm="Regression",
+        steps=4_000_000,
+        num_envs=2048,
+        blur=5e-4,
+        margin=0.02,
+        networks=_GOAL_WAVES,
+        settings=_REGRESSED,
+        window=20_480,
+        options={"backend": "kinematic"},
     ),
     _off_policy("SAC", SINGLE, 0.0),
     _off_policy("TD3", SINGLE, 0.0, action_noise=0.1),

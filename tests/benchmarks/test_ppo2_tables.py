@@ -1,0 +1,97 @@
+"""The readings of the thesis's PPO2: tables of the docs are those of the files, cells are what they are called."""
+
+import json
+import math
+from dataclasses import replace
+from importlib import resources
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from kinreach.baselines.learning_curve import read_curve
+from kinreach.registration import MULTI, SINGLE
+
+pytest.importorskip("stable_baselines3")
+
+from benchmarks.studies import ppo2
+from benchmarks.studies.ppo2 import FAITHFUL, PLANS, READING, Cell, goals, main, play, table
+from benchmarks.studies.side_by_side import Networks
+from kinreach.baselines.evaluation import HELD_OUT
+from kinreach.baselines.logs import trace
+
+PAGE = Path(__file__).parents[2] / "docs" / "ppo2.md"
+
+
+def rows(*path):
+    columns = read_curve(Path(str(resources.files("kinreach.baselines").joinpath("logs", *path))))
+    return [dict(zip(columns, values, strict=True)) for values in zip(*columns.values(), strict=True)]
+
+
+def test_the_published_table_is_that_of_the_file():
+    found = rows("thesis-single", "readings.csv")
+    assert table(found, SINGLE) in PAGE.read_text(encoding="utf-8")
+    seeds = {}
+    for row in found:
+        seeds.setdefault(tuple(row[name] for name in READING), []).append(row["seed"])
+    assert list(seeds.values()) == [list(range(5))] * len(seeds)
+    assert len(seeds) >= 7
+
+
+def test_what_the_text_says_of_single_step():
+    found = rows("thesis-single", "readings.csv")
+    whole = [row for row in found if row["natural_arm"] and row["gripper"] and not row["openai"]]
+    assert len(whole) == 20
+    above = [row["above"] for row in whole]
+    assert 19_000 <= min(above) <= max(above) <= 26_000
+    assert sorted(round(row["reward"], 1) for row in whole)[1] >= 1.3
+    assert (min(row["reached_training"] for row in whole), max(row["reached_training"] for row in whole)) == (6, 200)
+    assert [row["reached"] for row in whole if row["reached"]] == [6.7]
+    alone = [row for row in found if not row["natural_arm"] and not row["gripper"]]
+    assert [row["reached_training"] for row in alone] == [0] * 5
+    assert min(row["distance"] for row in alone) > 3 * np.median([row["distance"] for row in whole if row["raw"]]) / 2
+
+
+def test_cells_have_names_of_their_own():
+    for plan in PLANS.values():
+        names = [cell.name for cell in plan.cells]
+        assert len(set(names)) == len(names) >= 2
+    assert FAITHFUL.name == "terminal-raw-clip-stable"
+    single, multi = (FAITHFUL.trained(environment, 3) for environment in (SINGLE, MULTI))
+    assert (single.rate, multi.rate, single.entropy) == (1e-3, 2.5e-4, 0.01)
+    assert (single.gain * math.pi, multi.std * 5) == pytest.approx((1.0, 1.0))
+    openai = Cell(openai=True, raw=False).trained(SINGLE, 0)
+    assert (openai.rate, openai.entropy, openai.gain, openai.std) == pytest.approx((1.2e-3, 0.0, 1.0, 1 / math.pi))
+
+
+@pytest.mark.parametrize("environment", [SINGLE, MULTI])
+def test_policies_played_together_do_what_each_does_alone(environment):
+    jobs = [FAITHFUL.trained(environment, seed) for seed in (0, 1, 2)]
+    networks = Networks(jobs, shared=False)
+    for index, one in enumerate(jobs):
+        networks.weights["mean.b"].data[index] += one.gain**-1 * 0.3 * (index - 1)
+    places = goals(HELD_OUT, 5)
+    found = play(networks, 3, environment, places)
+    for index in range(3):
+        alone = trace(networks.policy(index, environment), places, options={"backend": "kinematic"})
+        np.testing.assert_allclose(found.distance[index], alone.distance[-1], atol=1e-5)
+        np.testing.assert_allclose(found.posture_error[index], alone.posture_error[-1], atol=1e-4)
+        np.testing.assert_array_equal(found.impossible[index], alone.impossible)
+    assert np.ptp(found.distance, axis=0).min() > 1e-3
+
+
+def test_what_is_missing_is_trained_and_shown(tmp_path, monkeypatch, capsys):
+
+    plan = replace(PLANS["single"], stack=replace(PLANS["single"].stack, steps=512, looks=1), cells=[FAITHFUL], seeds=2)
+    monkeypatch.setattr(ppo2, "PLANS", {"single": plan})
+    monkeypatch.setattr(ppo2, "GOALS", 20)
+    file = tmp_path / "rows.csv"
+    assert main([str(tmp_path), "--plan", "single", "--csv", str(file)]) == 0
+    printed = capsys.readouterr().out
+    assert table(ppo2.rows(tmp_path, "single"), SINGLE) in printed
+    runs = sorted((tmp_path / "single" / FAITHFUL.name).glob("*.json"))
+    assert [json.loads(run.read_text())["seed"] for run in runs] == [0, 1]
+    assert len(read_curve(file)["seed"]) == 2
+    before = [run.stat().st_mtime_ns for run in runs]
+    assert main([str(tmp_path), "--plan", "single"]) == 0
+    assert [run.stat().st_mtime_ns for run in runs] == before
