@@ -59,7 +59,7 @@ WRIST_MARGIN = 3.0
 #: An arm that differs more from the closed form's kind is none [m, rad].
 MOST_MISFIT = 0.1
 #: How far q4 and q6 may move for the correction of a pose out of reach to be trusted [rad].
-STEADY = 0.5
+STEADY = 0.3
 #: Steps in single and in double precision, before those that have not arrived are left to `General6R`.
 ROUGH_STEPS, FINE_STEPS = 2, 3
 #: What keeps an exactly singular matrix from being an error.
@@ -329,8 +329,14 @@ class CalibratedSolver:
             q = sheet.clamped(g)
             T = _poses(self.fit.chain.fk(q)) @ np.linalg.inv(_poses(self.chain.fk(q - self.fit.zeros))) @ wanted
             sheet = _Sheet(self._entries(T), branch, g)
-        out, inside = sheet.rho - g.stretched, g.folded - sheet.rho
-        return ~((out > self._elbow[0]) | (inside > self._elbow[1]))
+        reached = np.zeros(len(T), dtype=np.bool_)
+        for gap, (position, orientation, bend) in zip(
+            (sheet.rho - g.stretched, g.folded - sheet.rho), self._elbow, strict=True
+        ):
+            slope = (position + g.d6 * orientation) * (1.0 + sheet.r / sheet.side + g.d5 / (sheet.side * sheet.s5))
+            slope += g.d5 * orientation / sheet.s5
+            reached |= gap > slope * slope * bend
+        return ~reached
 
     def _entries(self, T: Floats) -> Floats:
         """Entries of the flange's poses in the DH base of the fitted arm, shape (12, count)."""
@@ -346,13 +352,13 @@ class CalibratedSolver:
         radii = np.hypot(centres[:, 0], centres[:, 1])
         return CAUTION * float(apart), CAUTION * float(np.abs(radii[1] - radii[0]).max())
 
-    def _changes(self) -> tuple[tuple[float, float], tuple[float, float]]:
+    def _changes(self) -> tuple[tuple[float, float], list[tuple[float, float, float]]]:
         """How fast the two arms' difference changes where the wrist, or the elbow, is singular.
 
         Returns:
             Orientation [rad/rad] and position of the wrist centre [m/rad] by the angle by which q4 and q6 turn against
-            each other with sin q5 = 0; and how far beyond the stretched, or the folded, elbow there may be a posture
-            for that reason [m].
+            each other with sin q5 = 0; and for the stretched and the folded elbow both by the elbow's angle, and how
+            much the reach shrinks with the square of that angle, inverse [1/m].
         """
         g = self.fit.geometry
         q = np.random.default_rng(1).uniform(-np.pi, np.pi, (SAMPLES, 6))
@@ -366,10 +372,9 @@ class CalibratedSolver:
         past = []
         for angle, length in ((0.0, g.a2 + g.a3), (np.pi, g.a2 - g.a3)):
             lift = -np.cos(angle) * g.a3 / length  # keeps wrist_1 in its place, to first order
-            position, orientation = change(2, angle, (0, lift, 1, -1 - lift, 0, 0))
-            slope = CAUTION * (position + (g.d5 + g.d6) * orientation)
-            past.append(float(slope**2 * abs(length / (g.a2 * g.a3))))
-        return (CAUTION * float(wrist[1]), CAUTION * float(wrist[0] + g.d6 * wrist[1])), (past[0], past[1])
+            position, orientation = CAUTION * change(2, angle, (0, lift, 1, -1 - lift, 0, 0))
+            past.append((float(position), float(orientation), abs(length / (g.a2 * g.a3))))
+        return (CAUTION * float(wrist[1]), CAUTION * float(wrist[0] + g.d6 * wrist[1])), past
 
 
 class _Sheet:
