@@ -10,7 +10,7 @@ import pytest
 import kinreach
 from kinreach.baselines.rollout import rollout
 from kinreach.baselines.solver_policy import SolverPolicy
-from kinreach.compare import compare
+from kinreach.compare import compare, figures
 from kinreach.compare.cli import main
 from kinreach.compare.reach import Budget, budget, goals_of
 from kinreach.compare.runner import WARM_UP_GOALS
@@ -184,7 +184,7 @@ def test_one_missing_package_disables_its_own_method_only(run_python):
     code = """
 import sys
 sys.modules["placo"] = None
-from kinreach.compare import compare
+from kinreach.compare import compare, figures
 from kinreach.errors import InstallationError
 results = compare("ur5", goals=1)
 print([entry["name"] for entry in results["methods"]])
@@ -220,3 +220,33 @@ def test_the_panda_has_solvers_and_a_policy_of_its_own():
     assert "no closed form" in found["settings"]["left_out"]["closed-form"]
     with pytest.raises(InputError, match="trained on the arm 'panda'"):
         compare("ur5", methods=[str(PRETRAINED / "panda-single.safetensors")], goals=1)
+
+
+@pytest.mark.parametrize("medians", [(1e-5, 0.04, 1.4, 43.0), (0.02, 8.0), (3.0,)])
+def test_figures_show_where_methods_differ(medians):
+    """`errors` has one scale in both panels; `success` reaches from the smallest distances to the largest tolerance."""
+    rng, tolerances = np.random.default_rng(0), ["50", "5", "0.5"]
+    methods, trials = [], []
+    for number, middle in enumerate(medians):
+        found = middle * rng.lognormal(0.0, 0.5, 40)
+        trials += [
+            {"method": str(number), "goal_index": i, "impossible": False, "distance": d / 1e3}
+            for i, d in enumerate(found)
+        ]
+        share = {name: float((found <= float(name)).mean()) for name in tolerances}
+        intervals = {name: [max(0.0, at - 0.1), min(1.0, at + 0.1)] for name, at in share.items()}
+        said = {"success_at_mm": share, "success_at_mm_ci": intervals}
+        methods.append({"name": str(number), "goals": 40, "colour": f"C{number}", **said})
+    results = {"methods": methods, "settings": {"goals": 40, "seed": 0, "command": "again"}}
+    (axes,) = figures.draw_success(trials, results).axes
+    low, high = axes.get_xlim()
+    assert low <= 1e3 * min(trial["distance"] for trial in trials) * 3.0
+    assert low > 1e3 * min(trial["distance"] for trial in trials) / 30.0
+    assert 50.0 < high < 100.0
+    marks = [line for line in axes.get_lines() if line.get_marker() == "o"]
+    assert len(marks) == len(medians)
+    for mark, method in zip(marks, methods, strict=True):
+        assert mark.get_xdata() == pytest.approx([float(name) for name in tolerances])
+        assert mark.get_ydata() == pytest.approx([100 * share for share in method["success_at_mm"].values()])
+    left, right = figures.draw_errors(lambda t: 10.0 * 1e3 * t["distance"], lambda t: None)(trials, results).axes
+    assert left.get_xlim() == right.get_xlim()

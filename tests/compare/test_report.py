@@ -176,7 +176,8 @@ def test_without_pictures_a_sentence_says_why(error, task, trials, results, tmp_
     assert not (tmp_path / "scene.png").exists()
 
 
-PROBE = """<!doctype html><link rel="icon" href="data:,"><iframe src="report.html"></iframe><pre id="seen"></pre>
+PROBE = """<!doctype html><link rel="icon" href="data:,"><iframe src="report.html" width="1400"></iframe>
+<pre id="seen"></pre>
 <script>
 addEventListener("load", () => {
   const inside = document.querySelector("iframe").contentDocument;
@@ -191,6 +192,7 @@ addEventListener("load", () => {
   const move = heads.findIndex((head) => head.textContent.startsWith("move"));
   for (const _ of [0, 1]) { heads[move].querySelector("button").click(); seen.push(names()); }
   seen.push(inside.querySelectorAll("[aria-sort]").length, inside.images.length);
+  seen.push([...inside.querySelectorAll("div.wide")].every((box) => box.scrollWidth <= box.clientWidth));
   document.getElementById("seen").textContent = JSON.stringify(seen);
   console.warn("the probe is done");
 });
@@ -234,7 +236,7 @@ def browser():
 
 @pytest.mark.slow
 def test_in_a_browser(page, browser, tmp_path):
-    """It opens without a message on the console or a request, and clicks on headings sort the table."""
+    """It opens without a message on the console or a request, clicks on headings sort the table, no column hides."""
     folder = tmp_path / "page"
     folder.mkdir()
     (folder / "report.html").write_text(page, encoding="utf-8")
@@ -256,5 +258,6 @@ def test_in_a_browser(page, browser, tmp_path):
         f"[[{lm},{closed},{hostile}],"  # as measured
         f'[{hostile},{closed},{lm},"ascending"],[{lm},{closed},{hostile},"descending"],'  # by name
         f'[{closed},{lm},{hostile},"ascending"],'  # by distance
-        f"[{closed},{lm},{hostile}],[{closed},{lm},{hostile}],1,3]"  # by time: all equal, the order stays
+        f"[{closed},{lm},{hostile}],[{closed},{lm},{hostile}],1,3,"  # by time: all equal, the order stays
+        "true]"  # every column is in sight at 1400 px
     )
