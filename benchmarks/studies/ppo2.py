@@ -302,8 +302,9 @@ def rows(runs: Path, name: str) -> list[dict[str, float]]:
 
 def _row(cell: Cell, run: Mapping[str, Any]) -> dict[str, float]:
     curve = {name: np.array(values, float) for name, values in run["curve"].items()}
-    steps, reward = curve["steps"], curve["reward"]
-    below, last = steps[reward <= 0], steps > 0.9 * steps[-1]
+    steps = curve["steps"]
+    reward = np.where(curve["impossible"] < 1, curve["reward"], np.nan)
+    below, last = steps[~(reward > 0)], steps > 0.9 * steps[-1]
     third = np.abs(steps - steps[-1] / 3) <= max(steps[-1] / 50, steps[0])
     parts = {"natural_arm": cell.reward in ("all", "natural arm"), "gripper": cell.reward in ("all", "gripper angle")}
     flags = {name: getattr(cell, name) for name in FLAGS}
@@ -312,12 +313,18 @@ def _row(cell: Cell, run: Mapping[str, Any]) -> dict[str, float]:
         "seed": run["seed"],
         "steps": steps[-1],
         "above": math.nan if below[-1:] == steps[-1:] else below[-1] if len(below) else 0.0,
-        "reward": round(float(reward[third].mean()), DIGITS),
-        "reward_last": round(float(reward[last].mean()), DIGITS),
+        "reward": _mean(reward[third]),
+        "reward_last": _mean(reward[last]),
         "impossible_last": round(100 * float(curve["impossible"][last].mean()), DIGITS),
         "reached_training": float(curve["reached"].sum()),
         **{"tip_above" if name == "above" else name: value for name, value in run["measured"].items()},
     }
+
+
+def _mean(values: np.ndarray) -> float:
+    """Of what is a number; NaN if nothing is."""
+    numbers = values[~np.isnan(values)]
+    return round(float(numbers.mean()), DIGITS) if len(numbers) else math.nan
 
 
 #: What tells cells apart, and what a table says of them: headings, columns, digits.
@@ -327,6 +334,7 @@ _TRAINING = (
     ("reward above 0 for good from", "above", 0),
     ("reward after a third", "reward", 1),
     ("in the last tenth", "reward_last", 1),
+    ("impossible there, %", "impossible_last", 0),
     ("goals reached in training", "reached_training", 0),
 )
 _AFTER = (("distance, mm", "distance", 0), ("r_e", "posture_error", 2), ("reached, %", "reached", 1))
@@ -372,7 +380,7 @@ def _paid(row: Mapping[str, float]) -> str:
 
 
 def _spread(values: Sequence[float], digits: int) -> str:
-    """The median and the range; values that are not numbers are the largest."""
+    """The median and the range; what never was is the last."""
     ordered = sorted(math.inf if value != value else value for value in values)
     middle, low, high = (
         "-" if value == math.inf else f"{value:.{digits}f}"

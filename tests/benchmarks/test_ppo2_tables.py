@@ -47,6 +47,12 @@ def test_what_the_text_says_of_single_step():
     assert sorted(round(row["reward"], 1) for row in whole)[1] >= 1.3
     assert (min(row["reached_training"] for row in whole), max(row["reached_training"] for row in whole)) == (6, 200)
     assert [row["reached"] for row in whole if row["reached"]] == [6.7]
+    openai = [row for row in found if row["openai"]]
+    good = [row for row in openai if row["impossible_last"] < 10 and row["reward_last"] > 1.9]
+    assert len(openai) == 20
+    assert [(row["raw"], row["value_clip"]) for row in good] == [(1.0, 1.0)] * 3 + [(1.0, 0.0)]
+    impossible = np.array([row["impossible_last"] for row in openai])
+    assert ((impossible == 100).sum(), ((impossible > 30) & (impossible < 67)).sum()) == (6, 3)
     alone = [row for row in found if not row["natural_arm"] and not row["gripper"]]
     assert [row["reached_training"] for row in alone] == [0] * 5
     assert min(row["distance"] for row in alone) > 3 * np.median([row["distance"] for row in whole if row["raw"]]) / 2
