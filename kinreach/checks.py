@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import operator
+import sys
 from collections.abc import Collection
 from math import inf
 from numbers import Real
@@ -179,6 +180,28 @@ def as_floats(name: str, value: ArrayLike) -> Floats:
     except (TypeError, ValueError, ArithmeticError) as error:
         raise InputError(f"{name} must be an array of numbers: {error}") from None
     raise InputError(f"{name} must be an array of numbers, got {shown(value)}")
+
+
+def torch_module() -> Any:
+    """Torch, if anybody has imported it, else None: kinreach's kinematics takes its tensors and never imports it."""
+    return sys.modules.get("torch")
+
+
+def is_tensor(value: object) -> bool:
+    """Whether it is a tensor of torch."""
+    torch = torch_module()
+    return torch is not None and isinstance(value, torch.Tensor)
+
+
+def check_tensor(name: str, value: Any, shape: tuple[int, ...]) -> None:
+    """Refuse a tensor that is not of floating-point numbers in the shape (..., *shape).
+
+    Its numbers are not looked at, for that would wait for the device: what is not finite comes out as such.
+    """
+    if not value.is_floating_point():
+        raise InputError(f"{name} must be a tensor of floating-point numbers, got {value.dtype}")
+    if tuple(value.shape[max(value.ndim - len(shape), 0) :]) != shape:
+        raise InputError(f"{name} must have shape (..., {', '.join(map(str, shape))}), got {tuple(value.shape)}")
 
 
 def as_array(name: str, value: ArrayLike) -> NDArray[Any]:

@@ -11,7 +11,16 @@ from typing import Any, Self
 import numpy as np
 from numpy.typing import ArrayLike
 
-from kinreach.checks import MOST_ANGLE, Floats, as_floats, as_vector, check_entries, check_known
+from kinreach.checks import (
+    MOST_ANGLE,
+    Floats,
+    as_floats,
+    as_vector,
+    check_entries,
+    check_known,
+    check_tensor,
+    is_tensor,
+)
 from kinreach.engines import load
 from kinreach.errors import InputError
 from kinreach.kinematics.chain import SerialChain
@@ -115,14 +124,18 @@ class ArmKinematics:
 
         Args:
             q: Posture [rad], shape (n,), or a stack of them, shape (..., n). One posture goes through
-                Pinocchio; a stack through `SerialChain`, built from the same model.
+                Pinocchio; a stack through `SerialChain`, built from the same model. A tensor of torch also goes
+                through the latter, on its device and in its precision, and so do gradients; its values are not checked.
 
         Returns:
-            Homogeneous transforms, shape (4, 4) or (..., 4, 4).
+            Homogeneous transforms, shape (4, 4) or (..., 4, 4); a tensor for a tensor.
 
         Raises:
             InputError: Wrong shape, or a value that is not finite or larger than 1e6 rad.
         """
+        if is_tensor(q):
+            check_tensor("q", q, (self.n,))
+            return self.chain.fk(q)
         q = as_floats("q", q)
         if q.ndim == 1:
             data = self._work.data
@@ -130,16 +143,22 @@ class ArmKinematics:
             T_world_tip = pin.updateFramePlacement(self.model, data, self.tip_frame).homogeneous
             return T_world_tip if self.base == "world" else self.T_base_world @ T_world_tip
         self._check_stack(q)
-        return self.chain.fk(q.reshape(-1, self.n)).reshape(*q.shape[:-1], 4, 4)
+        poses: Floats = self.chain.fk(q.reshape(-1, self.n))
+        return poses.reshape(*q.shape[:-1], 4, 4)
 
     def positions(self, q: ArrayLike) -> Floats:
         """Tip positions [m], shape (..., 3), for postures `q` [rad], shape (..., n).
 
         Many postures take three quarters of the time of `fk`.
 
+        A tensor for a tensor, as in `fk`.
+
         Raises:
             InputError: Wrong shape, or a value that is not finite or larger than 1e6 rad.
         """
+        if is_tensor(q):
+            check_tensor("q", q, (self.n,))
+            return self.chain.fk(q)[..., :3, 3]
         q = as_floats("q", q)
         self._check_stack(q)
         return self.chain.positions(q.reshape(-1, self.n)).reshape(*q.shape[:-1], 3)
@@ -148,7 +167,24 @@ class ArmKinematics:
         """Geometric Jacobian of the tip, shape (6, n): rows 0-2 linear [m/rad], rows 3-5 angular [rad/rad].
 
         Both are expressed along the axes of the base frame (Siciliano et al., Robotics, section 3.1).
+
+        Args:
+            q: Posture [rad], shape (n,), or a stack of them, shape (..., n), or a tensor of torch; all as in `fk`.
+
+        Returns:
+            Shape (6, n) or (..., 6, n); a tensor for a tensor.
+
+        Raises:
+            InputError: Wrong shape, or a value that is not finite or larger than 1e6 rad.
         """
+        if is_tensor(q):
+            check_tensor("q", q, (self.n,))
+            return self.chain.jacobian(q)
+        q = as_floats("q", q)
+        if q.ndim > 1:
+            self._check_stack(q)
+            jacobians: Floats = self.chain.jacobian(q.reshape(-1, self.n))
+            return jacobians.reshape(*q.shape[:-1], 6, self.n)
         q = self.as_posture("q", q)
         J = pin.computeFrameJacobian(self.model, self.data, q, self.tip_frame, pin.LOCAL_WORLD_ALIGNED)
         R = self.T_base_world[:3, :3]

@@ -1,20 +1,21 @@
-"""Forward kinematics of many postures at once, for any serial arm, in numpy.
+"""Forward kinematics of many postures at once, for any serial arm, in numpy or on tensors of torch.
 
 The chain is brought to a form in which every joint turns about its own z axis, so that a joint only mixes two axes of
 the running frame, and neighbours with parallel axes turn by the sum of their angles. Frames are kept as coordinates,
 one array for all postures each; a coordinate that is the same number for all stays a float, and sums and products with
-0, 1 and -1 are left out: half of a UR5's are. The arrays are blocks that stay in the cache.
+0, 1 and -1 are left out: half of a UR5's are. Arrays are blocks that stay in the cache; tensors are taken whole, and
+autograd goes through.
 """
 
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
 
-from kinreach.checks import Floats
+from kinreach.checks import Floats, is_tensor, torch_module
 
 BLOCK = 4096
 
@@ -22,7 +23,7 @@ BLOCK = 4096
 #: meant. The tip of an arm of one metre is off by 1e-11 m.
 SNAP = 1e-11
 
-#: One number for each posture, an array of shape (m,), or one number for all, a float.
+#: One number for each posture, an array of shape (m,) or a tensor, or one number for all, a float.
 Entry = Any
 Vector = Sequence[Entry]
 
@@ -53,6 +54,11 @@ def minus(a: Entry, b: Entry) -> Entry:
     if isinstance(a, float) and a == 0.0:
         return -b
     return a if isinstance(b, float) and b == 0.0 else a - b
+
+
+def cross(a: Vector, b: Vector) -> list[Entry]:
+    """The cross product of two vectors."""
+    return [minus(times(a[i - 2], b[i - 1]), times(a[i - 1], b[i - 2])) for i in range(3)]
 
 
 class Frame(NamedTuple):
@@ -117,16 +123,21 @@ class SerialChain:
         self._tip = _snapped(before @ tip)
         self.joints = len(self._joints)
 
-    def fk(self, q: Floats) -> Floats:
-        """Poses of the tip in the base frame, shape (m, 4, 4), for postures `q` [rad], shape (m, n)."""
-        T = np.empty((len(q), 4, 4))
-        for block in blocks(len(q)):
-            frame = self._last([*np.ascontiguousarray(q[block].T)]).moved(self._tip)
-            for column, coordinates in enumerate(frame):
-                for row, value in enumerate(coordinates):
-                    T[block, row, column] = value
-        T[:, 3] = (0.0, 0.0, 0.0, 1.0)
-        return T
+    def fk(self, q: Any) -> Any:
+        """Poses of the tip in the base frame, shape (m, 4, 4).
+
+        Args:
+            q: Postures [rad], shape (m, n), or as a tensor (..., n).
+        """
+        return _evaluated(self._pose, q, 4, 4)
+
+    def jacobian(self, q: Any) -> Any:
+        """Geometric Jacobians of the tip along the axes of the base frame, shape (m, 6, n), linear rows first.
+
+        Args:
+            q: As in `fk`.
+        """
+        return _evaluated(self._jacobian, q, 6, self.joints)
 
     def positions(self, q: Floats) -> Floats:
         """Positions of the tip in the base frame [m], shape (m, 3), for postures `q` [rad], shape (m, n).
@@ -153,6 +164,19 @@ class SerialChain:
         frames = enumerate(self._turned(q, single))
         return [frame.moved(self._joints[joint]) for joint, frame in frames if joint in joints]
 
+    def _pose(self, q: Vector) -> Sequence[Vector]:
+        """Rows of the pose of the tip."""
+        frame = self._last(q).moved(self._tip)
+        return [*zip(*frame, strict=True), (0.0, 0.0, 0.0, 1.0)]
+
+    def _jacobian(self, q: Vector) -> Sequence[Vector]:
+        """Rows of the Jacobian: joint i moves the tip along z_i x (p_tip - p_i) and turns it about z_i."""
+        frames = list(self._turned(q))
+        tip = frames[-1].point(self._tip[:3, 3].tolist())
+        arms = [[minus(a, b) for a, b in zip(tip, frame.p, strict=True)] for frame in frames]
+        columns = [(*cross(frame.z, arm), *frame.z) for frame, arm in zip(frames, arms, strict=True)]
+        return list(zip(*columns, strict=True))
+
     def _last(self, q: Vector) -> Frame:
         """The frame of the last joint."""
         # each frame is made from the one before, which is then let go: few arrays stay in the cache
@@ -178,6 +202,20 @@ def blocks(count: int) -> Iterator[slice]:
     return (slice(start, start + BLOCK) for start in range(0, count, BLOCK))
 
 
+def _evaluated(entries: Callable[[Vector], Sequence[Vector]], q: Any, rows: int, columns: int) -> Any:
+    """The matrices whose entries a function has from the angles, shape (m, rows, columns), for q of shape (m, n)."""
+    if is_tensor(q):
+        stack = torch_module().stack
+        whole = [[e if is_tensor(e) else q.new_full(q.shape[:-1], e) for e in row] for row in entries(q.unbind(-1))]
+        return stack([stack(row, -1) for row in whole], -2)
+    found = np.empty((len(q), rows, columns))
+    for block in blocks(len(q)):
+        for row, values in enumerate(entries([*np.ascontiguousarray(q[block].T)])):
+            for column, value in enumerate(values):
+                found[block, row, column] = value
+    return found
+
+
 def _cos_sin(angle: Entry, single: bool) -> tuple[Entry, Entry]:
     """Cosine and sine of an angle [rad].
 
@@ -186,6 +224,8 @@ def _cos_sin(angle: Entry, single: bool) -> tuple[Entry, Entry]:
     """
     if isinstance(angle, float):
         return float(np.cos(angle)), float(np.sin(angle))
+    if is_tensor(angle):
+        return angle.cos(), angle.sin()
     if single:
         return np.cos(angle), np.sin(angle)
     t = np.tan(0.5 * angle)

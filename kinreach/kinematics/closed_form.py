@@ -5,11 +5,12 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from collections.abc import Sequence
 from math import dist, pi
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from kinreach.checks import MOST_ANGLE, Floats, as_floats, check_entries, check_tolerance
+from kinreach.checks import MOST_ANGLE, Floats, as_floats, check_entries, check_tolerance, is_tensor, torch_module
 from kinreach.errors import InputError
 from kinreach.kinematics.arm import ArmKinematics
 from kinreach.kinematics.chain import blocks
@@ -32,6 +33,7 @@ from kinreach.kinematics.solutions import (
     nearest_winding,
     nearest_windings,
 )
+from kinreach.kinematics.tensors import like, namespace, on_host
 from kinreach.robots import ArmDescription
 
 
@@ -75,15 +77,17 @@ class ClosedFormKinematics(ArmKinematics, ABC):
             limits: Leave out what the joint limits forbid.
             tol: As in `all_solutions`.
 
+        Returns:
+            Postures, and which are there; as tensors on the device of `T` and in its precision where `T` is a tensor of
+            torch. Nothing is differentiated here: the gradient of a solution is the inverse of `jacobian`.
+
         Raises:
             InputError: A pose is not a finite rigid motion; the message says which.
         """
+        if is_tensor(T):
+            return self._tensor_batch(T, check_tolerance(tol), limits=limits)
         q, valid = self._batch(as_floats("T", T), None, check_tolerance(tol), limits=limits)
-        if limits and not self._full_turn:
-            q, within = nearest_windings(q, np.zeros(()), self.lower, self.upper)
-            valid &= within
-            np.copyto(q, np.nan, where=~valid)
-        return IKBatch(q.transpose(2, 1, 0), valid.T)
+        return self._batch_within(q, valid, limits=limits)
 
     def nearest_batch(self, T: ArrayLike, seeds: ArrayLike, *, tol: float = 1e-7) -> IKBatchNearest:
         """For each of many poses the posture nearest to its seed, over all branches and windings within the limits.
@@ -108,6 +112,21 @@ class ClosedFormKinematics(ArmKinematics, ABC):
         for rows in blocks(count):
             chosen[rows], branch[rows] = self._nearest(q[..., rows], valid[..., rows], start[rows].T[:, None])
         return IKBatchNearest(chosen, branch, branch >= 0)
+
+    def _batch_within(self, q: Any, valid: Any, *, limits: bool) -> IKBatch:
+        """What `_batch` has found, in windings within the limits."""
+        if limits and not self._full_turn:
+            q, within = nearest_windings(q, like(q, 0.0), like(q, self.lower), like(q, self.upper))
+            valid &= within
+            q = namespace(q).where(valid, q, np.nan)
+        return IKBatch(q.swapaxes(0, 2), valid.T)
+
+    def _tensor_batch(self, T: Any, tol: float, *, limits: bool) -> IKBatch:
+        """`batch` for a tensor, by way of the processor."""
+        found = self.batch(on_host(T), limits=limits, tol=tol)
+        tensor = torch_module().tensor
+        q = tensor(found.q, dtype=T.dtype if T.is_floating_point() else None, device=T.device)
+        return IKBatch(q, tensor(found.valid, device=T.device))
 
     def _nearest(self, q: Floats, valid: NDArray[np.bool_], start: Floats) -> tuple[Floats, NDArray[np.int64]]:
         """Nearest postures (count, n), NaN where there is none, and their branches (count,), -1 there."""

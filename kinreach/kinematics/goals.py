@@ -4,11 +4,13 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from math import atan2, dist, hypot
+from typing import Any
 
 import numpy as np
 
 from kinreach.checks import MOST_DISTANCE, Floats, as_pose, as_vector
 from kinreach.errors import InputError
+from kinreach.kinematics.tensors import like
 
 
 @dataclass(frozen=True)
@@ -71,10 +73,10 @@ def pose_error(T_wanted: Floats, T: Floats) -> tuple[float, float]:
     return position, rotation_angle(T[:3, :3], T_wanted[:3, :3])
 
 
-def nearest_rotations(R: Floats) -> Floats:
+def nearest_rotations(R: Any) -> Any:
     """The rotations nearest to matrices (..., 3, 3) that almost are some, by two Newton steps of the polar form."""
     for _ in range(2):
-        R = R @ (1.5 * np.eye(3) - 0.5 * np.swapaxes(R, -1, -2) @ R)
+        R = R @ (1.5 * like(R, np.eye(3)) - 0.5 * R.swapaxes(-1, -2) @ R)
     return R
 
 

@@ -16,6 +16,7 @@ from numpy.typing import ArrayLike, NDArray
 from kinreach.checks import Floats, shown
 from kinreach.errors import InputError
 from kinreach.kinematics.goals import Goal, goal_error
+from kinreach.kinematics.tensors import namespace
 
 if TYPE_CHECKING:
     from kinreach.kinematics.arm import ArmKinematics
@@ -252,11 +253,12 @@ def nearest_winding(
     return shifted
 
 
-def nearest_windings(q: Floats, seed: Floats, lower: Floats, upper: Floats) -> tuple[Floats, NDArray[np.bool_]]:
+def nearest_windings(q: Any, seed: Any, lower: Any, upper: Any) -> tuple[Any, Any]:
     """`nearest_winding` for arrays with the joints first, shape (n, ...); also which postures are within the limits."""
+    xp = namespace(q)
     low = (lower - SLACK).reshape(-1, *[1] * (q.ndim - 1))
     high = (upper + SLACK).reshape(-1, *[1] * (q.ndim - 1))
-    shifted = q + TURN * np.round((seed - q) / TURN)
-    shifted -= TURN * np.maximum(np.ceil((shifted - high) / TURN), 0.0)
-    shifted += TURN * np.maximum(np.ceil((low - shifted) / TURN), 0.0)
-    return shifted, np.asarray((shifted <= high).all(axis=0))
+    shifted = q + TURN * xp.round((seed - q) / TURN)
+    shifted -= TURN * xp.ceil((shifted - high) / TURN).clip(0.0)
+    shifted += TURN * xp.ceil((low - shifted) / TURN).clip(0.0)
+    return shifted, (shifted <= high).all(axis=0)

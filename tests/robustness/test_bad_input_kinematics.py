@@ -85,7 +85,7 @@ def test_forward_kinematics_and_jacobian(kin, fuzzed):
                 T = np.array([oracle(kin, row) for row in rows]).reshape(*q.shape[:-1], 4, 4)
                 np.testing.assert_allclose(got, T if call == kin.fk else T[..., :3, 3], atol=1e-9)
             elif call == kin.jacobian:
-                assert got.shape == (6, kin.n)
+                assert got.shape == (*q.shape[:-1], 6, kin.n)
                 assert np.isfinite(got).all()
             else:
                 inside = bool(((q >= kin.lower - 1e-9) & (q <= kin.upper + 1e-9)).all())

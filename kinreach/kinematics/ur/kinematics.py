@@ -3,11 +3,22 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from kinreach.checks import MOST_DISTANCE, Floats, as_floats, as_pose, check_known, check_poses, check_tolerance, shown
+from kinreach.checks import (
+    MOST_DISTANCE,
+    Floats,
+    as_floats,
+    as_pose,
+    check_known,
+    check_poses,
+    check_tolerance,
+    is_tensor,
+    shown,
+)
 from kinreach.errors import InputError
 from kinreach.kinematics.arm import link_frame
 from kinreach.kinematics.chain import rotation_to
@@ -18,13 +29,15 @@ from kinreach.kinematics.solutions import (
     BRANCH,
     FLAGS,
     Accept,
+    IKBatch,
     IKResult,
     IKSolutions,
     Row,
     Status,
     nearest_winding,
 )
-from kinreach.kinematics.ur.batch import ROUNDING, SHOULDER_LIFT, WRIST_1, WRIST_3, solve_poses
+from kinreach.kinematics.tensors import like, on_host
+from kinreach.kinematics.ur.batch import BRANCHES, ROUNDING, SHOULDER_LIFT, WRIST_1, WRIST_3, solve_poses
 from kinreach.kinematics.ur.calibrated import CalibratedSolver
 from kinreach.kinematics.ur.closed_form import WRIST, solve_axis, solve_pose
 from kinreach.kinematics.ur.free_wrist import free_wrist_within
@@ -243,26 +256,33 @@ class URKinematics(ClosedFormKinematics):
         """Whether a solution has a winding within the limits."""
         return nearest_winding(row[ANGLES], seed.tolist(), self._low, self._high) is not None
 
-    def _batch(self, T: Floats, seeds: Floats | None, tol: float, *, limits: bool) -> tuple[Floats, NDArray[np.bool_]]:
-        """Postures (6, 8, count) and their validity (8, count), before limits."""
+    def _batch(self, T: Any, seeds: Floats | None, tol: float, *, limits: bool) -> tuple[Any, Any]:
+        """Postures (6, 8, count) and their validity (8, count), before limits; tensors where `T` is one."""
         if T.ndim != 3 or T.shape[1:] != (4, 4):
-            raise InputError(f"T must have shape (count, 4, 4), got {T.shape}")
+            raise InputError(f"T must have shape (count, 4, 4), got {tuple(T.shape)}")
         left, right, g = self._T_dh_base, self._T_tip_flange, self.geometry
         q, valid, singular, skewed = solve_poses(T, left, right, g, tol=tol)
-        if skewed.any() or (T[:, 3] != (0.0, 0.0, 0.0, 1.0)).any():
-            check_poses("T", T)
-            T = T.copy()
-            T[:, :3, :3] = nearest_rotations(T[:, :3, :3])
+        if skewed.any() or (T[:, 3] != like(T, (0.0, 0.0, 0.0, 1.0))).any():
+            check_poses("T", on_host(T))
+            rotations = nearest_rotations(T[:, :3, :3])
+            T = T.clone() if is_tensor(T) else T.copy()
+            T[:, :3, :3] = rotations
             q, valid, singular, _ = solve_poses(T, left, right, g, tol=tol)
-        for row in np.flatnonzero(singular):
-            start = None if seeds is None else seeds[row]
-            found, _ = self._solve_pose(self._flange_rows(T[row]), start, limits=limits, tol=tol)
-            q[:, :, row] = np.nan
-            valid[:, row] = False
-            for branch, _, *angles in found:
-                q[:, branch, row] = angles
-                valid[branch, row] = True
+        if len(rows := np.flatnonzero(on_host(singular))):
+            exact, there = np.full((self.n, BRANCHES, len(rows)), np.nan), np.zeros((BRANCHES, len(rows)), np.bool_)
+            for column, (row, pose) in enumerate(zip(rows, on_host(T[rows]), strict=True)):
+                start = None if seeds is None else seeds[row]
+                found, _ = self._solve_pose(self._flange_rows(pose), start, limits=limits, tol=tol)
+                for branch, _, *angles in found:
+                    exact[:, branch, column] = angles
+                    there[branch, column] = True
+            q[:, :, rows], valid[:, rows] = like(q, exact), like(valid, there)
         return q, valid
+
+    def _tensor_batch(self, T: Any, tol: float, *, limits: bool) -> IKBatch:
+        q, valid = self._batch(T.detach().double(), None, tol, limits=limits)
+        found = self._batch_within(q, valid, limits=limits)
+        return IKBatch(like(T, found.q), found.valid)
 
     def _flange_rows(self, T: ArrayLike) -> Rows:
         """Pose of the flange in the DH base frame, from a checked pose of the tip in the base frame."""
@@ -378,6 +398,8 @@ class CalibratedURKinematics(URKinematics):
         T[:, :3, :3] = nearest_rotations(T[:, :3, :3])
         T[:, 3] = (0.0, 0.0, 0.0, 1.0)
         return self._solver.solve(self._T_dh_base @ T @ self._T_tip_flange, tol=tol)
+
+    _tensor_batch = ClosedFormKinematics._tensor_batch
 
     def _check_fit(self) -> None:
         """Fit the nearest arm with a closed form."""
