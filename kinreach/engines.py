@@ -52,3 +52,18 @@ def load(module: str) -> ModuleType:
         raise InstallationError(
             f"cannot import {module}: {reason}. Found: {found}. Install the set that works together: {command}"
         ) from error
+
+
+def load_extra(module: str, extra: str) -> ModuleType:
+    """Import a package that only one of kinreach's extras brings.
+
+    Raises:
+        InstallationError: It is missing or does not load; the message names the command that installs it.
+    """
+    try:
+        return importlib.import_module(module)
+    except ImportError as error:
+        reason = (str(error).strip() or type(error).__name__).splitlines()[0]
+        raise InstallationError(
+            f"cannot import {module}: {reason}. Install it with: pip install 'kinreach[{extra}]'"
+        ) from error

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 from collections.abc import Sequence
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 from shlex import join
 from typing import Any
@@ -15,10 +16,14 @@ from rich.markup import escape
 from rich.progress import Progress
 
 from kinreach import provenance
+from kinreach.baselines.batch import make_batch
 from kinreach.baselines.evaluation import SPLITS, TABLE_WIDTH, evaluate, evaluation_table
+from kinreach.baselines.minari_export import check_dataset, record_episodes
+from kinreach.baselines.onnx_export import export_onnx
 from kinreach.baselines.policies import LearnedPolicy, load_policy, pretrained_names, read_policy, save_policy
 from kinreach.checks import check_count, check_known, check_path
 from kinreach.cli import Parser
+from kinreach.engines import load_extra
 from kinreach.errors import InputError
 from kinreach.files import make_writable, write_text
 from kinreach.registration import BUTTON
@@ -74,6 +79,9 @@ def main(argv: Sequence[str], *, prog: str) -> int:
     if arguments.record:
         for name in arguments.policies:
             _record(name, command, summaries[names[name]])
+    if arguments.export is not None:
+        (name,) = policies
+        _export(policies[name], arguments, options[name], {command: summaries[names[name]]})
     return 0
 
 
@@ -84,10 +92,18 @@ def _check_outputs(arguments: Any) -> None:
     if arguments.record and arguments.split != SPLIT:
         raise InputError(f"--record is for what was measured on {SPLIT} goals, not on {arguments.split} goals")
     paths = list(arguments.policies) if arguments.record else []
-    if arguments.out is not None:
-        if check_path("--out", arguments.out).is_dir():
-            raise InputError(f"--out must be a file, got {arguments.out!r}")
-        paths.append(arguments.out)
+    for option, path in (("--out", arguments.out), ("--export", arguments.export)):
+        if path is not None:
+            if check_path(option, path).is_dir():
+                raise InputError(f"{option} must be a file, got {path!r}")
+            paths.append(path)
+    for option, value in (("--export", arguments.export), ("--minari", arguments.minari)):
+        if value is not None and len(arguments.policies) > 1:
+            raise InputError(f"{option} is for one policy, got {len(arguments.policies)}")
+    if arguments.export is not None:
+        load_extra("onnx", "onnx")
+    if arguments.minari is not None:
+        check_dataset(arguments.minari)
     for path in paths:
         make_writable(Path(path).parent)
 
@@ -125,7 +141,8 @@ def _evaluate(policy: LearnedPolicy, name: str, arguments: Any, options: dict[st
     goals, seed, console = arguments.goals, SPLITS[arguments.split], Console(stderr=True)
     with Progress(console=console, transient=True, disable=not console.is_terminal) as bar:
         shown = bar.add_task(escape(name), total=goals)
-        evaluation = evaluate(
+        play = evaluate if arguments.minari is None else partial(record_episodes, arguments.minari)
+        evaluation = play(
             policy,
             goals=goals,
             seed=seed,
@@ -154,6 +171,15 @@ def _record(name: str, command: str, summary: dict[str, Any]) -> None:
     save_policy(name, replace(card, results={**card.results, command: summary}), network)
 
 
+def _export(policy: LearnedPolicy, arguments: Any, options: dict[str, Any], results: dict[str, Any]) -> None:
+    """Write the policy as an ONNX model for the environment that it was evaluated in, with what was measured."""
+    card = replace(policy.card, results={**policy.card.results, **results})
+    env = make_batch(_environment(policy, arguments.policies[0], arguments), 1, options)
+    (count,) = env.single_observation_space.shape or (None,)
+    env.close()
+    export_onnx(LearnedPolicy(card, policy.network), arguments.export, observations=count)
+
+
 def _parser(prog: str) -> Parser:
     parser = Parser(
         prog=prog, description="Play one deterministic episode for each of many goals that no training saw."
@@ -177,5 +203,9 @@ def _parser(prog: str) -> Parser:
         "--max-steps", type=int, metavar="N", help="of an episode of the button task (default: as in training)"
     )
     parser.add_argument("--out", metavar="FILE", help="write all figures with their intervals as JSON")
+    parser.add_argument("--export", metavar="FILE.onnx", help="write the policy as an ONNX model")
+    parser.add_argument(
+        "--minari", metavar="NAME", help="write the episodes as a Minari dataset, such as ur5-single-v0"
+    )
     parser.add_argument("--record", action="store_true", help="write them into the policy files; of held-out goals")
     return parser

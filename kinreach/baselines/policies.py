@@ -232,7 +232,7 @@ def _network(card: PolicyCard, tensors: Mapping[str, np.ndarray[Any, Any]]) -> N
 
 
 #: Steps are not split for a remainder below this [steps].
-_SLACK = 1e-6
+SLACK = 1e-6
 
 
 def paced(way: Array) -> Array:
@@ -248,7 +248,7 @@ def paced(way: Array) -> Array:
         Action in [-1, 1], shape (..., n).
     """
     steps = np.abs(way).max(axis=-1, keepdims=True) / STEP_SIZE
-    return way / STEP_SIZE / np.maximum(1.0, np.ceil(steps - _SLACK))
+    return way / STEP_SIZE / np.maximum(1.0, np.ceil(steps - SLACK))
 
 
 #: No environment observes larger numbers.
@@ -266,16 +266,17 @@ class LearnedPolicy:
     Attributes:
         card: What is known of it.
         network: Its numbers.
+        bounds: The least and the largest action, shape (m,) or numbers.
+        stepwise: Whether its output is a posture that it walks to in steps.
     """
 
     def __init__(self, card: PolicyCard, network: Network, *, exact: bool = False) -> None:
         self.card, self.network = card, network
         self._exact = exact
-        self._low = -1.0 if network.low is None else network.low
-        self._high = 1.0 if network.high is None else network.high
+        self.bounds = (-1.0 if network.low is None else network.low, 1.0 if network.high is None else network.high)
         options = card.recipe.get("options") or {}
         stepwise = "MultiStep" in card.environment or options.get("steps") == "multi"
-        self._stepwise = card.meaning == "posture" and stepwise
+        self.stepwise = card.meaning == "posture" and stepwise
 
     def reset(self, observation: Any = None, info: Any = None) -> None:
         """A trained policy remembers nothing."""
@@ -292,8 +293,8 @@ class LearnedPolicy:
         output = self._output(observation)
         if self.card.meaning == "preferences":
             return output.argmax(axis=-1)
-        action = np.clip(output, self._low, self._high)
-        if not self._stepwise:
+        action = np.clip(output, *self.bounds)
+        if not self.stepwise:
             return action
         joints = np.asarray(observation)[..., -1 - len(self.network.gain) : -1]  # before the gripper's opening
         return paced(SINGLE_STEP.scale * action - joints)
@@ -306,7 +307,7 @@ class LearnedPolicy:
         """
         if self.card.meaning != "posture":
             raise InputError(f"the output of {self.name} means {self.card.meaning}, not a posture")
-        return SINGLE_STEP.scale * np.clip(self._output(observation), self._low, self._high)
+        return SINGLE_STEP.scale * np.clip(self._output(observation), *self.bounds)
 
     @property
     def name(self) -> str:
@@ -325,7 +326,7 @@ class LearnedPolicy:
         """
         outputs = len(self.network.gain)
         vector = isinstance(observations, spaces.Box) and len(observations.shape) == 1
-        if not vector or not self._takes(observations.shape[0]):  # type: ignore[index]
+        if not vector or not self.takes(observations.shape[0]):  # type: ignore[index]
             raise InputError(
                 f"{self.name} takes a vector of {self._wanted} numbers, not observations of {observations}"
             )
@@ -338,20 +339,22 @@ class LearnedPolicy:
             raise InputError(f"{self.name} answers with {kind}, which is no action of {actions}")
 
     @property
-    def _inputs(self) -> int:
-        return max(len(self.network.mean), len(self.network.gain) + 1 if self._stepwise else 0)
+    def inputs(self) -> int:
+        """How many numbers an observation has at least."""
+        return max(len(self.network.mean), len(self.network.gain) + 1 if self.stepwise else 0)
 
     @property
     def _wanted(self) -> str:
-        return f"{'' if self._exact else 'at least '}{self._inputs}"
+        return f"{'' if self._exact else 'at least '}{self.inputs}"
 
-    def _takes(self, count: int) -> bool:
-        return count == self._inputs if self._exact else count >= self._inputs
+    def takes(self, count: int) -> bool:
+        """Whether an observation may have so many numbers."""
+        return count == self.inputs if self._exact else count >= self.inputs
 
     def _output(self, observation: ArrayLike) -> Array:
         """What the network says of observations, once they and its answer are found to be numbers."""
         x = as_floats("observation", observation)
-        if x.ndim == 0 or not self._takes(x.shape[-1]):
+        if x.ndim == 0 or not self.takes(x.shape[-1]):
             raise InputError(f"an observation must have {self._wanted} numbers, got shape {x.shape}")
         check_entries("observation", x, MOST_OBSERVED)
         with np.errstate(over="ignore", invalid="ignore", divide="ignore"):

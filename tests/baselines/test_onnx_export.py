@@ -1,0 +1,89 @@
+"""A policy as an ONNX model answers as it does in NumPy, and carries its card."""
+
+import json
+from dataclasses import replace
+
+import gymnasium as gym
+import numpy as np
+import pytest
+
+from kinreach.baselines.onnx_export import export_onnx
+from kinreach.baselines.policies import ACTIVATIONS, LearnedPolicy, Network, load_policy, pretrained_names
+from kinreach.cli import main
+from kinreach.errors import InputError
+
+REASON = "needs onnx and onnxruntime"
+onnx = pytest.importorskip("onnx", reason=REASON)
+onnxruntime = pytest.importorskip("onnxruntime", reason=REASON)
+
+OBSERVATIONS = 1000
+
+
+def answers(path, observations):
+    session = onnxruntime.InferenceSession(str(path), providers=["CPUExecutionProvider"])
+    return session.run(["action"], {"observation": observations})[0]
+
+
+def assert_equal(policy, path, observations):
+    expected, found = policy.act(observations), answers(path, observations)
+    assert found.shape == expected.shape == (OBSERVATIONS, *expected.shape[1:])
+    np.testing.assert_allclose(found, expected, rtol=0, atol=1e-6)
+    assert len(np.unique(found)) > 3
+    np.testing.assert_allclose(answers(path, observations[:1]), expected[:1], rtol=0, atol=1e-6)
+
+
+@pytest.mark.parametrize("name", pretrained_names())
+def test_policies_of_the_package(name, tmp_path):
+    policy = load_policy(name)
+    space = gym.make(policy.card.environment).observation_space
+    draws = np.random.default_rng(0).normal(size=(OBSERVATIONS, *space.shape))
+    observations = np.clip(draws, space.low, space.high)
+    export_onnx(policy, tmp_path / "policy.onnx", observations=space.shape[0])
+    assert_equal(policy, tmp_path / "policy.onnx", observations)
+
+
+@pytest.mark.parametrize("activation", ACTIVATIONS)
+@pytest.mark.parametrize("output", ["linear", "tanh"])
+def test_every_activation_with_bounds_and_more_observations_than_are_used(activation, output, tmp_path):
+    rng = np.random.default_rng(1)
+    layers = [(rng.normal(size=(8, 12)), rng.normal(size=8)), (rng.normal(size=(2, 8)), rng.normal(size=2))]
+    network = Network(
+        mean=rng.normal(size=4),
+        scale=rng.uniform(0.5, 2.0, size=4),
+        waves=np.array([1.5]),
+        layers=layers,
+        activation=activation,
+        output=output,
+        gain=np.array([3.0, 0.5]),
+        shift=np.array([0.1, -0.2]),
+        low=np.array([-2.0, -0.25]),
+        high=np.array([1.0, 0.25]),
+    )
+    card = replace(load_policy("single").card, environment="own/Task-v0", meaning="action")
+    policy = LearnedPolicy(card, network)
+    export_onnx(policy, tmp_path / "policy.onnx", observations=6)
+    assert_equal(policy, tmp_path / "policy.onnx", rng.normal(size=(OBSERVATIONS, 6)))
+    with pytest.raises(InputError, match="does not take observations of 3 numbers"):
+        export_onnx(policy, tmp_path / "policy.onnx", observations=3)
+
+
+def test_the_command_writes_a_model_with_its_card(tmp_path, capsys):
+    path = tmp_path / "new" / "policy.onnx"
+    command = ["evaluate", "single", "--goals", "3", "--backend", "kinematic", "--export", str(path)]
+    assert main(command) == 0
+    model = onnx.load(path)
+    (entry,) = [entry for entry in model.metadata_props if entry.key == "kinreach"]
+    card = json.loads(entry.value)
+    assert (card["environment"], card["meaning"]) == ("kinreach/UR5SingleStep-v0", "posture")
+    assert card["results"]["kinreach evaluate single --goals 3 --backend kinematic"]["goals"] == 3
+    assert model.graph.input[0].type.tensor_type.shape.dim[1].dim_value == 13
+    assert main(["evaluate", "single", "multi", "--goals", "1", "--export", str(path)]) == 2
+    assert "--export is for one policy, got 2" in capsys.readouterr().err
+
+
+def test_without_the_package_one_line_says_what_to_install(tmp_path, capsys, monkeypatch):
+    monkeypatch.setitem(__import__("sys").modules, "onnx", None)
+    assert main(["evaluate", "single", "--goals", "1", "--export", str(tmp_path / "policy.onnx")]) == 2
+    errors = capsys.readouterr().err
+    assert "pip install 'kinreach[onnx]'" in errors
+    assert errors.count("\n") == 1
