@@ -14,12 +14,11 @@ from kinreach.baselines.training import train
 #: Recipe -> steps after which the tip is a good part of its way to the goals.
 COME_NEAR = {
     "single": 100_000,
-    "ik-net": 50_000,
     "multi": 50_000,
     "ppo-multi": 300_000,
 }
 #: Recipe -> changes with which it takes no longer: as many actions an update, of more arms.
-AVOID_THE_IMPOSSIBLE = {"thesis-single": {"num_envs": 16, "n_steps": 8}}
+AVOID_THE_IMPOSSIBLE = {"ppo2-single": {"num_envs": 16, "n_steps": 8}}
 EARN_MORE = {"sac-single": {}, "thesis-multi": {"num_envs": 32, "n_steps": 128}}
 TURN = ("td3-multi",)
 #: Recipe -> steps after which what the reward counts is better than chance.
