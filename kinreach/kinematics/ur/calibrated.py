@@ -48,6 +48,7 @@ from kinreach.kinematics.solutions import ANGLES, BRANCH, FLAGS
 from kinreach.kinematics.ur.batch import flange_entries, solve_poses
 from kinreach.kinematics.ur.closed_form import solve_pose
 from kinreach.kinematics.ur.geometry import Miss, Rows, URGeometry
+from kinreach.kinematics.ur.reach import Shortfall, shortfalls
 
 BRANCHES = 8
 #: Postures at which the fitted arm is compared with the real one, and steps of the fit.
@@ -180,7 +181,7 @@ class CalibratedSolver:
 
     def solve_one(self, T: Floats, *, tol: float) -> list[tuple[int, Floats]]:
         """As `solve`, for one pose (4, 4): branches in order, each with its posture (6,)."""
-        rows = (self._left @ T @ self._right)[:3].tolist()
+        rows = self._fitted_rows(T)
         found, _ = solve_pose(rows, self.fit.geometry, tol=EXACT)
         branches = [row[BRANCH] for row in found]
         if not any(row[FLAGS] for row in found) and not self._one_near_singular(rows, T, branches):
@@ -236,9 +237,17 @@ class CalibratedSolver:
 
     def why_empty(self, T: Floats) -> int:
         """`Miss` flags of the fitted arm for a pose (4, 4) that the calibrated one does not reach."""
-        rows = (self._left @ T @ self._right)[:3].tolist()
-        found, flags = solve_pose(rows, self.fit.geometry)
+        found, flags = solve_pose(self._fitted_rows(T), self.fit.geometry)
         return int(Miss.CALIBRATION) if found else flags
+
+    def shortfalls(self, T: Floats) -> dict[int, Shortfall]:
+        """`kinreach.kinematics.ur.reach.shortfalls` of the fitted arm for a pose (4, 4)."""
+        return shortfalls(self._fitted_rows(T), self.fit.geometry)
+
+    def _fitted_rows(self, T: Floats) -> Rows:
+        """A pose in the DH base of the fitted arm, and of its flange."""
+        rows: Rows = (self._left @ T @ self._right)[:3].tolist()
+        return rows
 
     def branches(self, q: Floats) -> list[int]:
         """The index of each posture (k, 6) of one pose, all different."""

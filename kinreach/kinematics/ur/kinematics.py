@@ -42,6 +42,7 @@ from kinreach.kinematics.ur.calibrated import CalibratedSolver
 from kinreach.kinematics.ur.closed_form import WRIST, solve_axis, solve_pose
 from kinreach.kinematics.ur.free_wrist import free_wrist_within
 from kinreach.kinematics.ur.geometry import Rows, URGeometry, miss_text, ur_fk
+from kinreach.kinematics.ur.reach import Shortfall, shortfalls
 from kinreach.robots import ArmDescription, as_arm
 
 #: base_link of the URDF is the DH base frame turned by pi about z.
@@ -227,6 +228,20 @@ class URKinematics(ClosedFormKinematics):
                 return other
         return result
 
+    def shortfalls(self, T: ArrayLike) -> dict[int, Shortfall]:
+        """Why branches do not reach a pose: which part of the arm keeps them from it, and by how much.
+
+        Args:
+            T: Pose of the tip in the base frame, shape (4, 4).
+
+        Returns:
+            By branch index, for those that are out of reach.
+
+        Raises:
+            InputError: `T` is not a finite rigid motion.
+        """
+        return shortfalls(self._flange_rows(T), self.geometry)
+
     def solve(self, goal: Goal, seed: ArrayLike, *, accept: Accept | None = None) -> IKResult:
         """Any goal this arm has a closed form for: `PoseGoal` or `AxisGoal`.
 
@@ -384,6 +399,10 @@ class CalibratedURKinematics(URKinematics):
         found, miss = self._solve_pose(self._flange_rows(T), None, limits=False, tol=tol)
         turned = [(*row[:-1], q6) for row in found]
         return self._solutions(turned, "" if found else miss_text(miss), self._error_of(goal), start, limits)
+
+    def shortfalls(self, T: ArrayLike) -> dict[int, Shortfall]:
+        """As `URKinematics.shortfalls`, of the nearest arm that has a closed form: right to about a millimetre."""
+        return self._solver.shortfalls(np.array([*self._flange_rows(T), (0.0, 0.0, 0.0, 1.0)]))
 
     def _solve_pose(self, rows: Rows, start: Floats | None, *, limits: bool, tol: float) -> tuple[list[Row], int]:
         T = np.array([*rows, (0.0, 0.0, 0.0, 1.0)])

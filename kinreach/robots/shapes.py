@@ -1,0 +1,114 @@
+"""The shapes of an arm's links as triangles, for whoever draws them."""
+
+from __future__ import annotations
+
+import xml.etree.ElementTree as ET
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from kinreach.checks import Floats
+from kinreach.errors import InstallationError
+from kinreach.robots.description import ArmDescription
+from kinreach.robots.rotations import pose
+
+#: Of shapes whose file or material names no colour.
+GREY = (0.62, 0.64, 0.67, 1.0)
+
+
+@dataclass(frozen=True, eq=False)
+class LinkShape:
+    """Triangles of one colour.
+
+    Attributes:
+        link: Link that carries them.
+        vertices: Corners in the link's frame [m], shape (v, 3).
+        normals: Direction of the surface at each corner, shape (v, 3).
+        faces: Indices of corners, shape (f, 3).
+        rgba: Colour, 0 to 1, as the file has it.
+    """
+
+    link: str
+    vertices: Floats
+    normals: Floats
+    faces: NDArray[np.int64]
+    rgba: tuple[float, ...]
+
+
+def link_shapes(arm: ArmDescription, kind: str = "visual", *, meshes_only: bool = False) -> list[LinkShape]:
+    """The shapes of all links, as they are drawn or as they collide.
+
+    Args:
+        arm: Whose shapes.
+        kind: `"visual"` or `"collision"`.
+        meshes_only: Leave out boxes, cylinders and balls.
+
+    Returns:
+        Link by link in the order of the URDF, one for each colour of a mesh; empty for an arm without shapes.
+
+    Raises:
+        InstallationError: trimesh or pycollada is missing.
+    """
+    robot = ET.fromstring(arm.urdf)
+    materials = {m.get("name", ""): _rgba(m) for m in robot.findall("material")}
+    return [
+        shape
+        for link in robot.iter("link")
+        for element in link.iter(kind)
+        if not meshes_only or element.find("geometry/mesh") is not None
+        for shape in _shapes(link.get("name", ""), element, materials, arm)
+    ]
+
+
+def _shapes(
+    link: str, element: ET.Element, materials: dict[str, tuple[float, ...] | None], arm: ArmDescription
+) -> Iterator[LinkShape]:
+    try:
+        import collada  # noqa: F401  (trimesh reads .dae with it, and says nothing helpful if it is missing)
+        import trimesh
+    except ImportError as error:
+        raise InstallationError(f"{error}; meshes need: pip install trimesh pycollada") from error
+    material = element.find("material")
+    rgba = None if material is None else _rgba(material) or materials.get(material.get("name", ""))
+    T = _placement(element.find("origin"))
+    parts: list[tuple[Any, Floats, tuple[float, ...]]] = []
+    if (box := element.find("geometry/box")) is not None:
+        parts.append((trimesh.creation.box([float(v) for v in box.get("size", "").split()]), np.eye(4), rgba or GREY))
+    elif (cylinder := element.find("geometry/cylinder")) is not None:
+        radius, length = (float(cylinder.get(key, "0")) for key in ("radius", "length"))
+        parts.append((trimesh.creation.cylinder(radius, length, sections=32), np.eye(4), rgba or GREY))
+    elif (sphere := element.find("geometry/sphere")) is not None:
+        parts.append((trimesh.creation.icosphere(3, float(sphere.get("radius", "0"))), np.eye(4), rgba or GREY))
+    elif (mesh := element.find("geometry/mesh")) is not None:
+        T[:3, :3] *= np.array([float(s) for s in mesh.get("scale", "1 1 1").split()])
+        parts += _mesh_parts(mesh.get("filename", "").replace("package://", f"{arm.package_root()}/"), rgba)
+    for part, T_part, colour in parts:
+        part.apply_transform(T @ T_part)
+        yield LinkShape(link, np.array(part.vertices), np.array(part.vertex_normals), np.array(part.faces), colour)
+
+
+def _mesh_parts(file: str, rgba: tuple[float, ...] | None) -> Iterator[tuple[Any, Floats, tuple[float, ...]]]:
+    """The parts of a file, where they are in it, and their colours."""
+    import trimesh
+
+    scene: Any = trimesh.load(file, force="scene")
+    for node in scene.graph.nodes_geometry:
+        T_scene_part, geometry = scene.graph[node]
+        part = scene.geometry[geometry].copy()
+        colour = getattr(part.visual, "material", part.visual).main_color
+        yield part, T_scene_part, rgba or tuple((np.asarray(colour, dtype=float) / 255).tolist())
+
+
+def _placement(origin: ET.Element | None) -> Floats:
+    if origin is None:
+        return np.eye(4)
+    xyz, rpy = ([float(v) for v in origin.get(key, "0 0 0").split()] for key in ("xyz", "rpy"))
+    return pose(xyz, rpy)
+
+
+def _rgba(material: ET.Element) -> tuple[float, ...] | None:
+    colour = material.find("color")
+    return None if colour is None else tuple(float(v) for v in colour.get("rgba", "").split())
