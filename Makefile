@@ -11,20 +11,24 @@ CORE := $(VENV)/.installed-core
 DEV := $(VENV)/.installed-dev
 DOCS := $(VENV)/.installed-docs
 BENCH := $(VENV)/.installed-bench
+VIEW := $(VENV)/.installed-view
 CLIENTS_VENV ?= build/venv-clients
 CLIENTS := $(CLIENTS_VENV)/.installed
 
 .DEFAULT_GOAL := help
-.PHONY: help setup compare examples test test-all lint bench clients digest endurance notebooks docs clean
+.PHONY: help setup compare view examples test test-all lint bench clients digest endurance notebooks docs clean
 
 help: ## List the targets
 	@grep -hE '^[a-z-]+:.*## ' $(MAKEFILE_LIST) | awk -F ':.*## ' '{printf "  make %-10s %s\n", $$1, $$2}'
-	@echo '  Options: ARGS="..." for compare and bench, PYTEST_ARGS="-n 1" for the tests, PYTHON=python3.12, VENV=DIR'
+	@echo '  Options: ARGS="..." for compare, view and bench, PYTEST_ARGS="-n 1" for the tests, PYTHON=python3.12, VENV=DIR'
 
 setup: $(DEV) ## Make the virtual environment with everything that tests and lint need
 
 compare: $(CORE) ## Put all methods on the same goals, for example ARGS="--task button --goals 50"
 	$(BIN)/python -m kinreach.compare $(ARGS)
+
+view: $(VIEW) ## See postures in the browser, and why there are none, for example ARGS="--arm ur10"
+	$(BIN)/python -m kinreach.view --open $(ARGS)
 
 examples: $(DEV) ## Run all examples, one after the other; ARGS="examples/own_arm.py" for one
 	@for script in $(or $(ARGS),$(sort $(wildcard examples/*.py))); do echo "$$script"; $(BIN)/python $$script || exit 1; done
@@ -74,7 +78,11 @@ $(CORE): pyproject.toml constraints.txt | $(BIN)/python
 
 $(DEV): pyproject.toml constraints.txt | $(BIN)/python
 	$(PIP_INSTALL) -e '.[dev]'
-	@touch $(CORE) $@
+	@touch $(CORE) $(VIEW) $@
+
+$(VIEW): $(CORE)
+	$(PIP_INSTALL) -e '.[view]'
+	@touch $@
 
 $(BENCH): $(CORE)
 	$(PIP_INSTALL) -e '.[bench]'

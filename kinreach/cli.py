@@ -43,6 +43,7 @@ COMMANDS = {
     "evaluate": Command("kinreach.baselines.evaluate_cli", "try policies on goals they were not trained on"),
     "check": Command("kinreach.plots.arm_check", "what an arm is and how its inverse kinematics does"),
     "demo": Command("kinreach.demo.cli", "watch an environment with a policy, or film it"),
+    "view": Command("kinreach.view.cli", "see postures, and why there are none, in the browser"),
 }
 
 

@@ -1,0 +1,82 @@
+"""The command line of the page."""
+
+from __future__ import annotations
+
+import threading
+import webbrowser
+from collections.abc import Sequence
+
+from kinreach.checks import check_count
+from kinreach.cli import Parser
+from kinreach.robots import ArmDescription, arm_names, get_arm
+from kinreach.view.server import Server, import_viser
+from kinreach.view.setup import Setup
+
+PORT, MOST_PORT = 8080, 65535
+
+
+def main(argv: Sequence[str], *, prog: str) -> int:
+    """Serve the page until Ctrl-C.
+
+    Args:
+        argv: Arguments without the program's name.
+        prog: How the user called it, for messages.
+
+    Returns:
+        Exit code 0; anything else is raised.
+
+    Raises:
+        KinreachError: Bad input, viser is missing, or nothing can be listened to.
+    """
+    arguments = _parser(prog).parse_args(argv)
+    import_viser()
+    check_count("port", arguments.port, least=1, most=MOST_PORT)
+    server = Server(setup_of(arguments.arm, calibration=arguments.calibration, tip=arguments.tip), port=arguments.port)
+    print(f"{server.address}  (only on this machine; Ctrl-C ends it)", flush=True)
+    if arguments.open:
+        webbrowser.open(server.address)
+    try:
+        threading.Event().wait()
+    finally:
+        server.stop()
+    return 0
+
+
+def setup_of(arm: str, *, calibration: str | None = None, tip: str | None = None) -> Setup:
+    """What every tab begins with.
+
+    Args:
+        arm: Name of a registered arm, or the path of a URDF.
+        calibration: Path of a UR's calibration.
+        tip: Short name of the tip; default is the arm's own.
+
+    Raises:
+        InputError: There is no such arm or tip, or a file cannot be used.
+    """
+    if arm.endswith((".urdf", ".xml")):
+        description, expression = ArmDescription.from_urdf(arm), f"ArmDescription.from_urdf({arm!r})"
+    else:
+        description, expression = get_arm(arm), repr(arm)
+    if calibration is not None:
+        description = description.calibrated(calibration)
+        expression = f"get_arm({arm!r}).calibrated({calibration!r})"
+    return Setup(description, expression, tip)
+
+
+def _parser(prog: str) -> Parser:
+    parser = Parser(prog=prog, description="A page in the browser: arms, all their postures, and why there are none.")
+    parser.add_argument(
+        "--arm",
+        default="ur5",
+        metavar="NAME",
+        help=f"one of: {', '.join(arm_names())}; or a URDF (default: %(default)s)",
+    )
+    parser.add_argument("--tip", metavar="NAME", help="tip frame, such as tcp or tool0 (default: the arm's own)")
+    parser.add_argument(
+        "--calibration", metavar="FILE", help="factory calibration of a UR, to be laid over the data sheet"
+    )
+    parser.add_argument(
+        "--port", type=int, default=PORT, metavar="N", help="or the next that is free (default: %(default)s)"
+    )
+    parser.add_argument("--open", action="store_true", help="open a browser")
+    return parser

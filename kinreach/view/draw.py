@@ -1,0 +1,186 @@
+"""What the page draws in its scene: arms, ghosts of arms, what stands around them."""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from kinreach.checks import Floats
+from kinreach.robots import Box
+from kinreach.view.figure import Figure
+
+Colour = tuple[int, int, int]
+
+RED: Colour = (214, 30, 30)
+#: Of postures that are refused.
+PALE_RED: Colour = (235, 150, 150)
+AMBER: Colour = (240, 160, 30)
+BLUE: Colour = (40, 110, 200)
+VIOLET: Colour = (130, 70, 190)
+#: One colour for each posture, told apart also by readers who see red and green alike (Okabe and Ito, 2008).
+BRANCH_COLOURS: tuple[Colour, ...] = (
+    (0, 114, 178), (86, 180, 233), (0, 158, 115), (150, 200, 80), (204, 121, 167), (120, 94, 240), (170, 120, 60),
+    (90, 90, 90),
+)  # fmt: skip
+_BOX_COLOURS: dict[str, Colour] = {"table": (199, 181, 153)}
+_METAL: Colour = (122, 126, 133)
+_LEG = 0.05  # edge of a table leg [m]
+_IDENTITY = (1.0, 0.0, 0.0, 0.0)
+
+
+class SolidArm:
+    """One arm.
+
+    Args:
+        scene: viser's scene of one client.
+        root: Name of the node that holds it.
+        figure: The arm's links.
+        colour: Of all links; by default each has its own.
+        opacity: 0 to 1; None is opaque.
+    """
+
+    def __init__(
+        self, scene: Any, root: str, figure: Figure, *, colour: Colour | None = None, opacity: float | None = None
+    ) -> None:
+        self._figure = figure
+        self._root = scene.add_frame(root, show_axes=False)
+        self._links = [scene.add_frame(f"{root}/{link}", show_axes=False) for link in figure.links]
+        self._pieces = []
+        for index, piece in enumerate(figure.fine if colour is None else figure.coarse):
+            own = colour or piece.colour
+            name = f"{root}/{figure.links[piece.link]}/{index}"
+            mesh = scene.add_mesh_simple(
+                name, piece.vertices, piece.faces, color=own, opacity=opacity, side="double", flat_shading=False
+            )
+            self._pieces.append((piece.link, own, mesh))
+        self._red: frozenset[str] = frozenset()
+
+    @property
+    def visible(self) -> bool:
+        """Whether it is drawn."""
+        return bool(self._root.visible)
+
+    @visible.setter
+    def visible(self, visible: bool) -> None:
+        if visible != self._root.visible:
+            self._root.visible = visible
+
+    def take(self, q: Floats, *, red: Collection[str] = ()) -> None:
+        """Take a posture (n,) [rad]; links named in `red` are drawn so."""
+        for node, pose in zip(self._links, self._figure.poses(q), strict=True):
+            node.position, node.wxyz = pose[:3], pose[3:]
+        wanted = frozenset(red)
+        if wanted != self._red:
+            for link, own, mesh in self._pieces:
+                mesh.color = RED if self._figure.links[link] in wanted else own
+            self._red = wanted
+
+
+@dataclass(frozen=True)
+class Ghost:
+    """A posture (n,) [rad] that is drawn through, in a colour, and its red links."""
+
+    q: Floats
+    colour: Colour
+    red: Collection[str] = ()
+
+
+class Ghosts:
+    """Many transparent arms at once.
+
+    Args:
+        scene: viser's scene of one client.
+        root: Name of the node that holds them.
+        figure: The arm's links.
+        most: How many there may be.
+    """
+
+    def __init__(self, scene: Any, root: str, figure: Figure, *, most: int) -> None:
+        self._figure, self._most = figure, most
+        self._root = scene.add_frame(root, show_axes=False)
+        self._pieces = [
+            scene.add_batched_meshes_simple(
+                f"{root}/{index}",
+                piece.vertices,
+                piece.faces,
+                batched_wxyzs=np.tile(_IDENTITY, (most, 1)),
+                batched_positions=np.zeros((most, 3)),
+                batched_scales=np.zeros(most),
+                batched_colors=np.zeros((most, 3), dtype=np.uint8),
+                batched_opacities=np.full(most, 0.22),
+                lod="off",
+                cast_shadow=False,
+                receive_shadow=False,
+            )
+            for index, piece in enumerate(figure.coarse)
+        ]
+        self._colours: list[tuple[Colour, frozenset[str]]] = []
+
+    @property
+    def visible(self) -> bool:
+        """Whether they are drawn."""
+        return bool(self._root.visible)
+
+    @visible.setter
+    def visible(self, visible: bool) -> None:
+        self._root.visible = visible
+
+    def take(self, ghosts: Sequence[Ghost]) -> None:
+        """Draw these, and no others."""
+        ghosts = ghosts[: self._most]
+        poses = np.zeros((self._most, len(self._figure.links), 7))
+        poses[:, :, 3] = 1.0
+        scales = np.zeros(self._most, dtype=np.float32)
+        for row, ghost in enumerate(ghosts):
+            poses[row], scales[row] = self._figure.poses(ghost.q), 1.0
+        colours = [(ghost.colour, frozenset(ghost.red)) for ghost in ghosts]
+        for piece, node in zip(self._figure.coarse, self._pieces, strict=True):
+            node.batched_positions = poses[:, piece.link, :3].astype(np.float32)
+            node.batched_wxyzs = poses[:, piece.link, 3:].astype(np.float32)
+            node.batched_scales = scales
+            if colours != self._colours:
+                link = self._figure.links[piece.link]
+                shades = np.zeros((self._most, 3), dtype=np.uint8)
+                for row, (colour, red) in enumerate(colours):
+                    shades[row] = RED if link in red else colour
+                node.batched_colors = shades
+        self._colours = colours
+
+
+class Surroundings:
+    """The boxes of a work cell, and a grid for its floor."""
+
+    def __init__(self, scene: Any, boxes: Sequence[Box]) -> None:
+        self._boxes: dict[str, tuple[Colour, Any]] = {}
+        self._red: frozenset[str] = frozenset()
+        floor = min((box.position[2] + box.size[2] / 2 for box in boxes if box.name == "floor"), default=0.0)
+        scene.add_grid(
+            "/world/grid", 6.0, 6.0, position=(0.0, 0.0, floor), cell_size=0.25, section_size=1.0,
+            cell_color=(222, 226, 230), section_color=(196, 202, 208),
+        )  # fmt: skip
+        for box in boxes:
+            if box.name == "floor":
+                continue
+            colour = _BOX_COLOURS.get(box.name, _METAL)
+            node = scene.add_box(f"/world/{box.name}", color=colour, dimensions=box.size, position=box.position)
+            self._boxes[box.name] = (colour, node)
+            x, y, z = np.array(box.size) / 2
+            for index, (sx, sy) in enumerate([(-1, -1), (-1, 1), (1, -1), (1, 1)] if box.legs > 0 else []):
+                scene.add_box(
+                    f"/world/{box.name}/leg_{index}",
+                    color=_METAL,
+                    dimensions=(_LEG, _LEG, box.legs),
+                    position=(sx * (x - _LEG), sy * (y - _LEG), -z - box.legs / 2),
+                )
+
+    def mark(self, red: Collection[str]) -> None:
+        """Draw the boxes of these names red, and no others."""
+        wanted = frozenset(red)
+        for name in wanted ^ self._red:
+            if name in self._boxes:
+                colour, node = self._boxes[name]
+                node.color = RED if name in wanted else colour
+        self._red = wanted

@@ -1,0 +1,156 @@
+"""The parts of the page that are text: verdict, list of postures, gauge, table of solvers. Everything is escaped."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from html import escape
+from math import degrees
+
+from kinreach.checks import Floats
+from kinreach.view.draw import BRANCH_COLOURS, Colour
+from kinreach.view.names import length, plain
+from kinreach.view.target import Answer, Finish, Posture, State
+
+_GREEN, _RED, _ORANGE = "#2b8a3e", "#c92a2a", "#d9820a"
+_SMALL = "font-size:11px;color:#666;line-height:1.35"
+#: `slowest_motion` of a gauge that is full, and below which it is orange and red [m/rad].
+FULL, LOW, VERY_LOW = 0.12, 0.04, 0.015
+
+
+def css(colour: Colour) -> str:
+    """A colour as a style sheet writes it."""
+    return "rgb({},{},{})".format(*colour)
+
+
+def block(content: str) -> str:
+    """Content with the margins of the page's other elements."""
+    return f'<div style="padding:2px 10px 4px 10px;font-size:13px;line-height:1.4">{content}</div>'
+
+
+def message(text: str, *, bad: bool) -> str:
+    """A sentence in a box, red or green."""
+    colour, back = (_RED, "#fff0f0") if bad else (_GREEN, "#eefbf0")
+    return block(
+        f'<div class="kinreach-verdict" style="border-left:4px solid {colour};background:{back};padding:6px 8px;'
+        f'color:#222">{escape(text)}</div>'
+    )
+
+
+def verdict(answer: Answer) -> str:
+    """What is said of a target."""
+    return message(answer.verdict, bad=not answer.usable)
+
+
+def legend(answer: Answer, *, shown: int, joints: Sequence[str]) -> str:
+    """The list of all postures, the nearest that can be used first; refused ones say why.
+
+    Args:
+        answer: Of the target.
+        shown: Index of the posture that is drawn solid; -1 if none is.
+        joints: Names of the joints.
+    """
+    rows: list[str] = []
+
+    def rank(index: int) -> tuple[bool, bool, float]:
+        posture = answer.postures[index]
+        return posture.state is not State.USABLE, index != shown, posture.distance
+
+    order = sorted(range(len(answer.postures)), key=rank)
+    unreached: dict[str, list[Posture]] = {}
+    for index in order:
+        posture = answer.postures[index]
+        if posture.q is None:
+            unreached.setdefault(posture.reason, []).append(posture)
+        else:
+            rows.append(_row(posture, posture.q, solid=index == shown, joints=joints))
+    for reason, postures in unreached.items():
+        names = "<br>".join(escape(posture.name) for posture in postures)
+        rows.append(_entry("✗", _RED, names, _reason(reason)))
+    return block(f'<div class="kinreach-postures">{"".join(rows)}</div>')
+
+
+def branch_colour(branch: int) -> Colour:
+    """The colour of a branch's ghost."""
+    return BRANCH_COLOURS[branch % len(BRANCH_COLOURS)]
+
+
+def _row(posture: Posture, q: Floats, *, solid: bool, joints: Sequence[str]) -> str:
+    usable = posture.state is State.USABLE
+    values = " ".join(f"{degrees(value):.0f}°" for value in q)
+    titles = ", ".join(f"{plain(name)} {degrees(value):.1f}°" for name, value in zip(joints, q, strict=True))
+    said = "" if usable else _reason(posture.reason)
+    name = f"<b>{escape(posture.name)}</b>" if solid else escape(posture.name)
+    mark = ' <span style="background:#343a40;color:#fff;border-radius:3px;padding:0 4px;font-size:10px">solid</span>'
+    detail = f'{said}<span style="{_SMALL};font-family:monospace" title="{escape(titles)}">{values}</span>'
+    colour = css(branch_colour(posture.branch)) if usable else _RED
+    return _entry("●" if usable else "✗", colour, name + (mark if solid else ""), detail)
+
+
+def _reason(text: str) -> str:
+    return f'<div style="color:{_RED};font-size:12px">{escape(text)}</div>'
+
+
+def _entry(sign: str, colour: str, title: str, detail: str) -> str:
+    return (
+        '<div style="display:flex;gap:6px;padding:2px 0;border-bottom:1px solid #f0f0f0">'
+        f'<span style="color:{colour};width:12px">{sign}</span><div><div>{title}</div>{detail}</div></div>'
+    )
+
+
+def gauge(stiffness: float, what: str) -> str:
+    """How far a posture is from a singular one.
+
+    Args:
+        stiffness: `TargetModel.slowest_motion` [m/rad].
+        what: The singularity that it is nearest to; empty if that is not known.
+    """
+    share = min(1.0, stiffness / FULL)
+    colour = _RED if stiffness < VERY_LOW else _ORANGE if stiffness < LOW else _GREEN
+    near = f" Nearest singularity: {escape(what)}." if what else ""
+    speed = f"{0.1 / stiffness:.1f} rad/s" if stiffness > 1e-6 else "no finite speed"
+    return block(
+        '<div style="display:flex;align-items:center;gap:8px"><span style="white-space:nowrap">Singular</span>'
+        '<div style="flex:1;height:10px;border-radius:5px;background:#e9ecef;overflow:hidden">'
+        f'<div class="kinreach-gauge" style="width:{100 * share:.0f}%;height:100%;background:{colour}"></div></div>'
+        '<span style="white-space:nowrap">free to move</span></div>'
+        f'<div style="{_SMALL}">In its slowest direction the tool moves {length(stiffness)} for a radian of the '
+        f"joints: 100 mm/s need {speed}.{near}</div>"
+    )
+
+
+def solvers(finishes: Sequence[Finish]) -> str:
+    """Where each solver ended, and how long it took."""
+    rows = []
+    for finish in finishes:
+        result = finish.result
+        end = "reached" if result.success else result.reason or result.status.value
+        colour = _GREEN if result.success else _RED
+        rows.append(
+            f"<tr><td>{escape(finish.solver)}</td><td>{_microns(result.position_error)}</td>"
+            f"<td>{degrees(result.orientation_error):.2g}°</td><td>{1000 * finish.seconds:.2f} ms</td></tr>"
+            f'<tr><td colspan="4" style="color:{colour};font-size:11px;padding-bottom:4px">{escape(end)}</td></tr>'
+        )
+    return block(
+        '<table class="kinreach-solvers" style="width:100%;font-size:12px;border-collapse:collapse">'
+        '<tr style="text-align:left;color:#666"><th>solver</th><th>off by</th><th>turned</th><th>time</th></tr>'
+        f"{''.join(rows)}</table>"
+    )
+
+
+def _microns(value: float) -> str:
+    return f"{1000 * value:.2g} mm" if value >= 1e-6 else "&lt; 1 µm"
+
+
+def small(text: str) -> str:
+    """A remark."""
+    return block(f'<span style="{_SMALL}">{escape(text)}</span>')
+
+
+def code(text: str) -> str:
+    """A program with a button that copies it."""
+    return block(
+        '<button style="padding:4px 10px;cursor:pointer" onclick="navigator.clipboard.writeText('
+        "this.nextElementSibling.innerText);this.innerText='Copied'\">Copy</button>"
+        '<pre class="kinreach-code" style="background:#f6f8fa;padding:10px;overflow:auto;font-size:12px">'
+        f"{escape(text)}</pre>"
+    )

@@ -1,0 +1,49 @@
+"""What the page calls postures, links, joints and lengths."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from math import degrees
+
+from kinreach.kinematics import ArmKinematics, URKinematics
+
+_UR_BRANCHES = 8
+
+
+def branch_name(kinematics: ArmKinematics, branch: int) -> str:
+    """A posture's name by its branch index.
+
+    Those of a UR say on which side of the first axis the upper arm passes, seen along the arm; whether the elbow is
+    above or below the line from shoulder to wrist, as it is seen while the arm does not reach over itself; and which
+    way the wrist is turned: flipped is a positive wrist_2.
+    """
+    if isinstance(kinematics, URKinematics) and branch < _UR_BRANCHES:
+        right, not_flipped, second = branch >> 2 & 1, branch >> 1 & 1, branch & 1
+        shoulder = "right" if right else "left"
+        elbow = "up" if right != second else "down"
+        return f"shoulder {shoulder}, elbow {elbow}, wrist {'straight' if not_flipped else 'flipped'}"
+    if kinematics.n == 3 and branch >= 0:
+        return f"{'over the back' if branch >> 1 else 'to the front'}, elbow {'B' if branch & 1 else 'A'}"
+    return f"posture {branch + 1}"
+
+
+def plain(name: str) -> str:
+    """A link or joint as a reader calls it."""
+    for ending in ("_link", "_joint"):
+        name = name.removesuffix(ending)
+    return name.replace("_", " ")
+
+
+def angle(value: float) -> str:
+    """An angle [rad] in degrees."""
+    return f"{degrees(value):.0f}°"
+
+
+def length(value: float) -> str:
+    """A length [m] in millimetres."""
+    return f"{1000 * value:.{0 if abs(value) >= 0.01 else 2}f} mm"
+
+
+def listed(words: Sequence[str]) -> str:
+    """Words as a sentence lists them."""
+    return words[0] if len(words) == 1 else f"{', '.join(words[:-1])} and {words[-1]}"

@@ -1,0 +1,379 @@
+"""One target and all postures for it: which can be used, and why the others cannot, in words."""
+
+from __future__ import annotations
+
+import time
+from collections import Counter
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from enum import Enum
+from math import pi
+
+import numpy as np
+
+from kinreach.checks import Floats, check_known
+from kinreach.errors import InputError
+from kinreach.kinematics import (
+    Arm3Kinematics,
+    AxisGoal,
+    CollisionChecker,
+    IKResult,
+    PoseGoal,
+    PositionGoal,
+    URKinematics,
+    kinematics_of,
+)
+from kinreach.kinematics.chain import rotation_to
+from kinreach.kinematics.closed_form import ClosedFormKinematics
+from kinreach.kinematics.collision import Pair
+from kinreach.kinematics.goals import Goal
+from kinreach.kinematics.solutions import ANGLES, BRANCH, nearest_winding
+from kinreach.kinematics.solvers import ClosedFormSolver, LevenbergMarquardtSolver, PlacoSolver, QPSolver, Solver
+from kinreach.kinematics.ur.geometry import Miss
+from kinreach.kinematics.ur.reach import Shortfall
+from kinreach.robots import ArmDescription
+from kinreach.view.names import angle, branch_name, length, listed, plain
+
+#: What may be asked of the tool, by the words of the page.
+POSE, AXIS, POINT = "position and orientation", "position and direction", "position only"
+#: Starts of the search for postures of an arm without a closed form.
+STARTS = 8
+#: Two postures nearer than this in every joint are one [rad].
+SAME = 1e-3
+#: Where the motion of a turning tool is measured: this far from its axis [m].
+LEVER = 0.2
+#: Names of the solvers that can be put beside each other.
+SOLVERS = ("closed-form", "placo", "lm", "qp")
+
+
+class State(Enum):
+    """What may be done with a posture."""
+
+    USABLE = "can be used"
+    COLLIDES = "collides"
+    LIMITS = "outside the joint limits"
+    UNREACHED = "out of reach"
+
+
+#: Of several postures.
+_SAID = {
+    State.COLLIDES: "collide",
+    State.LIMITS: "are outside the joint limits",
+    State.UNREACHED: "do not reach",
+}
+
+
+@dataclass(frozen=True)
+class Posture:
+    """One branch of the inverse kinematics.
+
+    Attributes:
+        branch: Its index.
+        name: For people.
+        state: What may be done with it.
+        reason: Why not, one sentence; empty if it can be used.
+        q: Joint angles [rad], shape (n,); None where the branch does not reach.
+        pairs: What touches.
+        stiffness: `slowest_motion` in it [m/rad].
+        distance: How far it is from the posture the arm stood in [rad].
+    """
+
+    branch: int
+    name: str
+    state: State
+    reason: str = ""
+    q: Floats | None = None
+    pairs: tuple[Pair, ...] = ()
+    stiffness: float = 0.0
+    distance: float = np.inf
+
+
+@dataclass(frozen=True)
+class Answer:
+    """All that is to be said about a target.
+
+    Attributes:
+        goal: What was asked.
+        seed: Posture the arm stood in [rad].
+        postures: By branch index.
+        shown: The posture the arm takes, an index of `postures`: the nearest that can be used, else the nearest that
+            reaches; -1 if none does.
+        verdict: One or two sentences.
+        approach: Where a search ends that comes as near as it can, if no posture reaches; else None.
+        seconds: How long all of it took.
+    """
+
+    goal: Goal
+    seed: Floats
+    postures: tuple[Posture, ...]
+    shown: int
+    verdict: str
+    approach: IKResult | None
+    seconds: float
+
+    @property
+    def usable(self) -> int:
+        """How many postures can be used."""
+        return sum(posture.state is State.USABLE for posture in self.postures)
+
+
+@dataclass(frozen=True)
+class Finish:
+    """Where one solver ended, and how long it took [s]."""
+
+    solver: str
+    result: IKResult
+    seconds: float
+
+
+class TargetModel:
+    """Answers targets for one arm. Not to be used by two threads at a time.
+
+    Args:
+        arm: Name or description.
+        tip: Short name of the tip frame; default is the arm's own.
+
+    Attributes:
+        kinematics: Goals are for its tip, in the world.
+        checker: None for an arm without shapes.
+        kinds: What may be asked of the tool.
+        lower, upper: Joint limits that count [rad], shape (n,).
+        complete: Whether all postures are found, not just some.
+
+    Raises:
+        UnknownNameError: There is no such arm or tip.
+    """
+
+    def __init__(self, arm: str | ArmDescription, *, tip: str | None = None) -> None:
+        self.kinematics = kinematics_of(arm, tip=tip, base="world")
+        try:
+            self.checker: CollisionChecker | None = CollisionChecker(self.kinematics)
+        except InputError:
+            self.checker = None
+        n = self.kinematics.n
+        self.kinds = (POINT,) if n < 6 else (POSE, AXIS) if n == 6 else (POSE, AXIS, POINT)
+        self.complete = isinstance(self.kinematics, ClosedFormKinematics)
+        self.lower, self.upper = self.kinematics.lower.copy(), self.kinematics.upper.copy()
+        self._search = LevenbergMarquardtSolver(self.kinematics, max_restarts=0)
+        self._solvers: dict[str, Solver] = {}
+
+    @property
+    def home(self) -> Floats:
+        """The arm's start posture [rad], shape (n,)."""
+        return np.array(self.kinematics.arm.home, dtype=np.float64)
+
+    def limit_joints(self, bound: float) -> None:
+        """Let no joint turn farther than `bound` [rad] from 0, nor farther than the arm's own limits."""
+        self.lower = np.maximum(self.kinematics.lower, -bound)
+        self.upper = np.minimum(self.kinematics.upper, bound)
+
+    def goal(self, kind: str, T: Floats) -> Goal:
+        """What a frame (4, 4) in the world asks of the tool.
+
+        Raises:
+            UnknownNameError: The arm cannot be asked for that.
+        """
+        check_known("kind of goal", kind, self.kinds)
+        if kind == POSE:
+            return PoseGoal(T)
+        return AxisGoal(T[:3, 3], T[:3, 2]) if kind == AXIS else PositionGoal(T[:3, 3])
+
+    def answer(self, goal: Goal, seed: Floats) -> Answer:
+        """All postures for a goal, judged; the arm goes to the one nearest to where it stands.
+
+        Args:
+            goal: For the tip, in the world.
+            seed: Posture the arm stands in [rad], shape (n,).
+
+        Raises:
+            InputError: The goal or the seed is malformed.
+        """
+        start = time.perf_counter()
+        postures = tuple(sorted(self._postures(goal, seed), key=lambda posture: posture.branch))
+        reached = [i for i, posture in enumerate(postures) if posture.q is not None]
+        shown = min(reached, key=lambda i: (postures[i].state is not State.USABLE, postures[i].distance), default=-1)
+        approach = self._search.solve(goal, seed) if not reached else None
+        verdict = self._verdict(postures, approach)
+        return Answer(goal, seed, postures, shown, verdict, approach, time.perf_counter() - start)
+
+    def solve(self, goal: Goal, seed: Floats, names: Sequence[str] = SOLVERS) -> list[Finish]:
+        """Put a goal to solvers, one after the other; each may take only postures that do not collide.
+
+        Args:
+            goal: For the tip, in the world.
+            seed: Posture to start from [rad], shape (n,).
+            names: Of `SOLVERS`.
+
+        Raises:
+            UnknownNameError: There is no such solver.
+        """
+        accept = None if self.checker is None else self.checker.free
+        finishes = []
+        for name in names:
+            check_known("solver", name, SOLVERS)
+            if name == "closed-form" and not self.complete:
+                continue
+            solver = self._solver(name)
+            start = time.perf_counter()
+            result = solver.solve(goal, seed, accept=accept)
+            finishes.append(Finish(name, result, time.perf_counter() - start))
+        return finishes
+
+    def slowest_motion(self, q: Floats) -> float:
+        """How far the tool moves while the joints turn by one radian in all, in its slowest direction [m/rad].
+
+        It is the smallest singular value of the Jacobian, 0 in a singular posture. Turning counts as what it moves
+        at a lever of `LEVER`; of an arm with fewer than six joints only the position counts.
+        """
+        J = self.kinematics.jacobian(q)
+        J = np.vstack([J[:3], LEVER * J[3:]]) if self.kinematics.n >= 6 else J[:3]
+        return float(np.linalg.svd(J, compute_uv=False)[-1])
+
+    def nearest_singularity(self, q: Floats) -> str:
+        """Which singularity a posture is nearest to, and what it is; empty for an arm whose are not known by name."""
+        if not isinstance(self.kinematics, URKinematics):
+            return ""
+        g = self.kinematics.geometry
+        _, q2, q3, q4, q5, _ = q.tolist()
+        out = g.a2 * np.cos(q2) + g.a3 * np.cos(q2 + q3) + g.d5 * np.sin(q2 + q3 + q4)
+        _, said = min(
+            (abs(np.sin(q5)), "wrist: the axes of wrist 1 and wrist 3 are parallel"),
+            (abs(np.sin(q3)), "elbow: it is stretched or folded"),
+            (abs(out) / g.stretched, "shoulder: the wrist is above the first axis"),
+        )
+        return said
+
+    def _solver(self, name: str) -> Solver:
+        if name not in self._solvers:
+            kinematics = self.kinematics
+            if name == "closed-form" and isinstance(kinematics, ClosedFormKinematics):
+                self._solvers[name] = ClosedFormSolver(kinematics)
+            else:
+                kinds = {"placo": PlacoSolver, "lm": LevenbergMarquardtSolver, "qp": QPSolver}
+                self._solvers[name] = kinds[name](kinematics)
+        return self._solvers[name]
+
+    def _postures(self, goal: Goal, seed: Floats) -> Iterator[Posture]:
+        found: set[int] = set()
+        for branch, q in self._found(goal, seed):
+            found.add(branch)
+            yield self._judged(branch, q, seed)
+        for branch, lack in self._missing(goal).items():
+            if branch not in found:
+                name = branch_name(self.kinematics, branch)
+                yield Posture(branch, name, State.UNREACHED, _why_short(lack))
+
+    def _found(self, goal: Goal, seed: Floats) -> Iterator[tuple[int, Floats]]:
+        """Branch and principal angles of the postures that reach, whatever the limits."""
+        kinematics = self.kinematics
+        if isinstance(kinematics, URKinematics):
+            if isinstance(goal, AxisGoal):
+                solutions = kinematics.axis_solutions(goal.position, goal.axis, seed=seed, limits=False)
+            else:
+                solutions = kinematics.all_solutions(goal.T, seed=seed, limits=False)  # type: ignore[union-attr]
+        elif isinstance(kinematics, Arm3Kinematics):
+            solutions = kinematics.all_solutions(goal.position, seed=seed, limits=False)
+        else:
+            yield from self._searched(goal, seed)
+            return
+        for row in solutions.found:
+            yield row[BRANCH], np.array(row[ANGLES])
+
+    def _searched(self, goal: Goal, seed: Floats) -> Iterator[tuple[int, Floats]]:
+        """Postures of an arm without a closed form, from its own and from random starts that are always the same."""
+        rng = np.random.default_rng(0)
+        kinematics = self.kinematics
+        starts = [seed, self.home, *rng.uniform(kinematics.lower, kinematics.upper, (STARTS - 2, kinematics.n))]
+        kept: list[Floats] = []
+        for start in starts:
+            result = self._search.solve(goal, start)
+            if result.success and not any(np.abs(result.q - q).max() < SAME for q in kept):
+                yield len(kept), result.q
+                kept.append(result.q)
+
+    def _missing(self, goal: Goal) -> dict[int, Shortfall]:
+        if not isinstance(self.kinematics, URKinematics):
+            return {}
+        if isinstance(goal, PoseGoal):
+            return self.kinematics.shortfalls(goal.T)
+        T = np.eye(4)
+        T[:3, :3], T[:3, 3] = rotation_to(goal.axis), goal.position  # type: ignore[union-attr]
+        return self.kinematics.shortfalls(T)
+
+    def _judged(self, branch: int, q: Floats, seed: Floats) -> Posture:
+        name = branch_name(self.kinematics, branch)
+        wound = nearest_winding(q.tolist(), seed.tolist(), self.lower.tolist(), self.upper.tolist())
+        if wound is None:
+            return Posture(branch, name, State.LIMITS, self._why_outside(q), q, (), self.slowest_motion(q), np.inf)
+        q = np.array(wound)
+        pairs = () if self.checker is None else self.checker.contacts(q)
+        reason = f"collision: {listed([self._touch(pair) for pair in pairs])}" if pairs else ""
+        state = State.COLLIDES if pairs else State.USABLE
+        distance = float(np.linalg.norm(q - seed))
+        return Posture(branch, name, state, reason, q, pairs, self.slowest_motion(q), distance)
+
+    def _touch(self, pair: Pair) -> str:
+        """Two that touch, what does not move last."""
+        a, b = sorted(pair, key=lambda name: name in {box.name for box in self.kinematics.arm.workcell.obstacles})
+        return f"{plain(a)} touches {plain(b)}"
+
+    def _why_outside(self, q: Floats) -> str:
+        said = []
+        for j, name in enumerate(self.kinematics.arm.joints):
+            low, high = float(self.lower[j]), float(self.upper[j])
+            if nearest_winding([q[j]], [0.0], [low], [high]) is None:
+                middle = (low + high) / 2
+                value = float(q[j] + 2 * pi * round((middle - q[j]) / (2 * pi)))
+                said.append(f"{plain(name)} would be at {angle(value)}, allowed is {angle(low)} to {angle(high)}")
+        return f"joint limit: {listed(said)}"
+
+    def _verdict(self, postures: Sequence[Posture], approach: IKResult | None) -> str:
+        counts = Counter(posture.state for posture in postures)
+        usable, total = counts[State.USABLE], len(postures)
+        if approach is not None:
+            return self._out_of_reach(postures, approach)
+        if usable:
+            searched = "" if self.complete else " They were found by a search; there may be more."
+            return f"{usable} of {total} postures can be used.{searched}"
+        parts = [
+            f"{'all ' if counts[state] == total else ''}{counts[state]} {_SAID[state]}"
+            for state in _SAID
+            if counts[state]
+        ]
+        nearest = min((p for p in postures if p.q is not None), key=lambda posture: posture.distance)
+        return f"No posture can be used: {listed(parts)}. The nearest: {nearest.reason}."
+
+    def _out_of_reach(self, postures: Sequence[Posture], approach: IKResult) -> str:
+        short = self._missing_least(postures)
+        if short:
+            return f"No posture reaches this target. {short}."
+        off = f"{length(approach.position_error)} and {angle(approach.orientation_error)}"
+        found = "" if self.complete else f" {STARTS} searches found none, which is no proof."
+        return f"No posture reaches this target: the nearest a search comes is {off} away.{found}"
+
+    def _missing_least(self, postures: Sequence[Posture]) -> str:
+        """The sentence of the branch that is nearest to reaching."""
+        said = [posture.reason for posture in postures if posture.state is State.UNREACHED]
+        if not said:
+            return ""
+        least = min(said, key=lambda text: float(text.split(" mm")[0].rsplit(" ", 1)[-1]))
+        return least[0].upper() + least[1:]
+
+
+def _why_short(lack: Shortfall) -> str:
+    """A shortfall in words; the number that is missing comes first."""
+    missing = length(lack.lack)
+    if lack.part is Miss.SHOULDER_CYLINDER:
+        return (
+            f"too near the first axis by {missing}: the wrist would be {length(lack.needed)} from it, and the "
+            f"shoulder's offset keeps it {length(lack.bound)} away"
+        )
+    if lack.part is Miss.ELBOW_OUT:
+        return (
+            f"too far by {missing}: the wrist would be {length(lack.needed)} from the shoulder, and the stretched "
+            f"elbow reaches {length(lack.bound)}"
+        )
+    return (
+        f"too near by {missing}: the wrist would be {length(lack.needed)} from the shoulder, and the folded elbow "
+        f"keeps it {length(lack.bound)} away"
+    )

@@ -1,0 +1,292 @@
+"""The part of the page with the target: a frame to drag, every posture for it, solvers beside each other."""
+
+from __future__ import annotations
+
+import time
+from threading import RLock
+from typing import Any
+
+import numpy as np
+
+from kinreach.checks import Floats
+from kinreach.engines import load
+from kinreach.errors import KinreachError
+from kinreach.kinematics import URKinematics
+from kinreach.kinematics.goals import Goal
+from kinreach.robots.rotations import rotation, rpy
+from kinreach.view import html
+from kinreach.view.draw import AMBER, PALE_RED, VIOLET, Ghost, Ghosts, SolidArm, Surroundings
+from kinreach.view.inputs import Latest, by_user
+from kinreach.view.names import branch_name, length, plain
+from kinreach.view.setup import Setup
+from kinreach.view.snippet import program
+from kinreach.view.target import AXIS, SOLVERS, Answer, Finish, State
+
+pin: Any = load("pinocchio")
+
+NEAREST = "the nearest that can be used"
+NOTHING = "nothing"
+#: Ghosts that are drawn at most: a calibrated UR has up to sixteen postures.
+MOST_GHOSTS = 16
+#: How far a target may be dragged [m].
+FARTHEST = 3.0
+TOOL_DOWN = np.diag([1.0, -1.0, -1.0])
+
+
+class TargetPanel:
+    """The target of one tab, what is said about it, and what is drawn.
+
+    Args:
+        client: viser's handle of the tab.
+        setup: What the command line asked for.
+        surroundings: Boxes that turn red.
+        lock: Held while the scene changes.
+
+    Attributes:
+        model: Answers.
+        answer: To the target that is on the screen.
+        q: Posture the arm stands in [rad].
+        draw_s: How long the last change took from the browser's message to the answer's being on its way [s].
+    """
+
+    def __init__(self, client: Any, setup: Setup, surroundings: Surroundings, lock: RLock) -> None:
+        self._client, self._setup, self._surroundings, self._lock = client, setup, surroundings, lock
+        self._latest = Latest(lock)
+        self.model = setup.model()
+        self.q = self.model.home
+        self.draw_s = 0.0
+        self.finishes: list[Finish] = []
+        self.T: Floats = self.model.kinematics.fk(self.q)
+        self._kind = self.model.kinds[0]
+        self._shown = NEAREST
+        self._build_scene()
+        self._build_gui()
+        self.answer: Answer = self.model.answer(self.goal, self.q)
+        self._draw()
+
+    @property
+    def goal(self) -> Goal:
+        """What the target asks."""
+        return self.model.goal(self._kind, self.T)
+
+    @property
+    def solid(self) -> int:
+        """Index of the posture in `answer.postures` that the arm is drawn in; -1 if none is."""
+        for index, posture in enumerate(self.answer.postures):
+            if posture.name == self._shown and posture.q is not None:
+                return index
+        return self.answer.shown
+
+    def program(self) -> str:
+        """Python code for what is on the screen."""
+        return program(self.model, self.goal, self.q, arm=self._setup.expression)
+
+    def move(self, T: Floats) -> None:
+        """Put the target at a frame (4, 4) in the world."""
+        start = time.perf_counter()
+
+        def work() -> None:
+            self.T = T
+            self._update(start)
+
+        self._latest(work)
+
+    def _build_scene(self) -> None:
+        scene, figure = self._client.scene, self._setup.figure
+        self._arm = SolidArm(scene, "/target/arm", figure)
+        self._ghosts = Ghosts(scene, "/target/ghosts", figure, most=MOST_GHOSTS)
+        self._reaching = SolidArm(scene, "/target/reaching", figure, colour=AMBER, opacity=0.55)
+        self._solved = SolidArm(scene, "/target/solved", figure, colour=VIOLET, opacity=0.5)
+        self._reaching.visible = self._solved.visible = False
+        size = float(np.linalg.norm(self.T[:3, 3]))
+        self._gizmo = scene.add_transform_controls("/target/goal", scale=0.25 * size, depth_test=False)
+        self._gap = scene.add_line_segments("/target/gap", np.zeros((1, 2, 3)), (214, 40, 40), line_width=3.0)
+        self._label = scene.add_label("/target/label", "", anchor="bottom-center", visible=False)
+        self._gap.visible = False
+        self._gizmo.on_update(self._dragged)
+
+    def _build_gui(self) -> None:
+        gui, model = self._client.gui, self.model
+        self._verdict = gui.add_html("")
+        self._gauge = gui.add_html("")
+        self._list = gui.add_html("")
+        with gui.add_folder("Target"):
+            kind = gui.add_dropdown("asks for", model.kinds, initial_value=self._kind)
+            self._position = gui.add_vector3("x y z [m]", (0.0, 0.0, 0.0), step=0.001)
+            self._angles = gui.add_vector3("roll pitch yaw [°]", (0.0, 0.0, 0.0), step=0.1)
+            down = gui.add_button("Turn the tool down", hint="The tool's z axis down; turning about it is free")
+            back = gui.add_button("Back to the start", hint="Arm and target as in the beginning")
+        with gui.add_folder("Arm", expand_by_default=False):
+            self._choice = gui.add_dropdown("draw solid", [NEAREST, *self._names()], initial_value=NEAREST)
+            ghosts = gui.add_checkbox("all others as ghosts", True)
+            self._bound = gui.add_slider("no joint beyond ±", 30, 360, 5, 360, hint="Degrees")
+            self._sliders = [
+                gui.add_slider(f"{plain(name)} [°]", round(np.degrees(low), 1), round(np.degrees(high), 1), 0.1, 0.0)
+                for name, low, high in zip(
+                    model.kinematics.arm.joints, model.kinematics.lower, model.kinematics.upper, strict=True
+                )
+            ]
+        with gui.add_folder("Solvers", expand_by_default=False):
+            names = [name for name in SOLVERS if name != "closed-form" or model.complete]
+            self._chosen = {name: gui.add_checkbox(name, True) for name in names}
+            run = gui.add_button("Solve from where the arm stands")
+            self._table = gui.add_html("")
+            self._ended = gui.add_dropdown("draw the end of", [NOTHING, *names], initial_value=NOTHING)
+        self._remark = gui.add_html("")
+        by_user(kind, self._set_kind)
+        by_user(self._position, lambda value: self._typed())
+        by_user(self._angles, lambda value: self._typed())
+        by_user(self._choice, self._choose)
+        by_user(ghosts, lambda value: setattr(self._ghosts, "visible", value))
+        by_user(self._bound, self._limit)
+        by_user(self._ended, lambda value: self._draw_end())
+        for slider in self._sliders:
+            by_user(slider, lambda value: self._slid())
+        down.on_click(lambda _: self._turn_down())
+        back.on_click(lambda _: self._go_back())
+        run.on_click(lambda _: self._solve())
+        self._kind_input = kind
+
+    def _names(self) -> list[str]:
+        count = 8 if isinstance(self.model.kinematics, URKinematics) else 4 if self.model.complete else 0
+        return [branch_name(self.model.kinematics, branch) for branch in range(count)]
+
+    def _dragged(self, event: Any) -> None:
+        if event.client is not None:
+            self.move(_frame(self._gizmo.position, self._gizmo.wxyz))
+
+    def _typed(self) -> None:
+        T = np.eye(4)
+        T[:3, :3] = rotation(np.radians(self._angles.value).tolist())
+        T[:3, 3] = self._position.value
+        self.move(T)
+
+    def _set_kind(self, kind: str) -> None:
+        self._kind = kind
+        self.move(self.T)
+
+    def _choose(self, name: str) -> None:
+        with self._lock:
+            self._shown = name
+            self._draw()
+
+    def _limit(self, degrees: float) -> None:
+        with self._lock:
+            self.model.limit_joints(float(np.radians(degrees)))
+        self.move(self.T)
+
+    def _turn_down(self) -> None:
+        T = self.T.copy()
+        T[:3, :3] = TOOL_DOWN
+        if AXIS in self.model.kinds:
+            self._kind = self._kind_input.value = AXIS
+        self.move(T)
+
+    def _go_back(self) -> None:
+        with self._lock:
+            self.q = self.model.home
+        self.move(self.model.kinematics.fk(self.q))
+
+    def _slid(self) -> None:
+        start = time.perf_counter()
+
+        def work() -> None:
+            self.q = np.radians([slider.value for slider in self._sliders])
+            self.T = self.model.kinematics.fk(self.q)
+            self._update(start)
+
+        self._latest(work)
+
+    def _solve(self) -> None:
+        with self._lock:
+            names = [name for name, box in self._chosen.items() if box.value]
+            self.finishes = self.model.solve(self.goal, self.q, names)
+            self._table.content = html.solvers(self.finishes)
+            self._draw_end()
+
+    def _draw_end(self) -> None:
+        with self._lock:
+            ends = {finish.solver: finish.result.q for finish in self.finishes}
+            q = ends.get(self._ended.value)
+            self._solved.visible = q is not None
+            if q is not None:
+                self._solved.take(q)
+
+    def _update(self, start: float) -> None:
+        """Answer the target and draw the answer."""
+        try:
+            answer = self.model.answer(self.goal, self.q)
+        except KinreachError as error:
+            self._verdict.content = html.message(str(error), bad=True)
+            return
+        self.answer = answer
+        if self.finishes:
+            self.finishes, self._table.content = [], ""
+            self._solved.visible = False
+        self._draw()
+        self._client.flush()
+        self.draw_s = time.perf_counter() - start
+        self._remark.content = html.small(
+            f"Answered in {1000 * answer.seconds:.1f} ms, on its way to the browser after {1000 * self.draw_s:.1f} ms."
+        )
+
+    def _draw(self) -> None:
+        answer, solid = self.answer, self.solid
+        posture = answer.postures[solid] if solid >= 0 else None
+        with self._client.atomic():
+            red = {name for pair in posture.pairs for name in pair} if posture else set()
+            if posture is not None and posture.state is State.USABLE and posture.q is not None:
+                self.q = posture.q
+            q = self.q if posture is None or posture.q is None else posture.q
+            self._arm.take(q, red=red)
+            self._surroundings.mark(red)
+            self._ghosts.take(
+                [
+                    Ghost(
+                        other.q,
+                        html.branch_colour(other.branch) if other.state is State.USABLE else PALE_RED,
+                        {name for pair in other.pairs for name in pair},
+                    )
+                    for index, other in enumerate(answer.postures)
+                    if index != solid and other.q is not None
+                ]
+            )
+            self._draw_gap()
+            self._gizmo.position, self._gizmo.wxyz = self.T[:3, 3], _quaternion(self.T[:3, :3])
+        self._verdict.content = html.verdict(answer)
+        self._list.content = html.legend(answer, shown=solid, joints=self.model.kinematics.arm.joints)
+        self._gauge.content = html.gauge(self.model.slowest_motion(q), self.model.nearest_singularity(q))
+        self._position.value = tuple(self.T[:3, 3].round(4).tolist())
+        self._angles.value = tuple(np.degrees(rpy(self.T[:3, :3])).round(2).tolist())
+        for slider, value in zip(self._sliders, np.degrees(q).tolist(), strict=True):
+            slider.value = float(np.clip(round(value, 1), slider.min, slider.max))
+
+    def _draw_gap(self) -> None:
+        """The nearest that the arm comes to a target out of reach, and what is missing."""
+        approach = self.answer.approach
+        shown = approach is not None
+        self._reaching.visible = self._gap.visible = self._label.visible = shown
+        if approach is None:
+            return
+        self._reaching.take(approach.q)
+        tip, wanted = self.model.kinematics.fk(approach.q)[:3, 3], self.T[:3, 3]
+        self._gap.points = np.array([[tip, wanted]], dtype=np.float32)
+        self._label.text = f"{length(float(np.linalg.norm(wanted - tip)))} short"
+        self._label.position = (tip + wanted) / 2
+
+
+def _frame(position: Any, wxyz: Any) -> Floats:
+    w, x, y, z = np.asarray(wxyz, dtype=np.float64) / np.linalg.norm(wxyz)
+    T = np.eye(4)
+    T[:3, :3] = [
+        [1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)],
+        [2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x)],
+        [2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)],
+    ]
+    T[:3, 3] = np.clip(position, -FARTHEST, FARTHEST)
+    return T
+
+
+def _quaternion(R: Floats) -> tuple[float, ...]:
+    x, y, z, w = pin.Quaternion(np.ascontiguousarray(R)).coeffs().tolist()
+    return w, x, y, z

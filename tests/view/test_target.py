@@ -1,0 +1,227 @@
+"""What the page says of a target, without a browser."""
+
+import numpy as np
+import pytest
+
+from kinreach.kinematics import CollisionChecker, URKinematics, kinematics_of
+from kinreach.robots import arm_names
+from kinreach.robots.shapes import link_shapes
+from kinreach.view import html
+from kinreach.view.cli import setup_of
+from kinreach.view.figure import Figure
+from kinreach.view.names import branch_name
+from kinreach.view.snippet import program
+from kinreach.view.target import AXIS, POINT, POSE, SOLVERS, State, TargetModel
+
+CALIBRATION = "tests/data/calibrations/ur5_a.yaml"
+
+
+@pytest.fixture(scope="module")
+def ur5():
+    return TargetModel("ur5")
+
+
+def poses(model, count, *, seed=0, stretch=1.6):
+    """Poses of the arm, some of them moved out of its reach."""
+    rng, kinematics = np.random.default_rng(seed), model.kinematics
+    for _ in range(count):
+        T = kinematics.fk(rng.uniform(kinematics.lower, kinematics.upper))
+        T[:3, 3] *= rng.uniform(0.5, stretch)
+        yield T
+
+
+@pytest.mark.parametrize("calibrated", [False, True])
+def test_every_branch_is_reached_or_has_a_reason(calibrated, root):
+    kinematics = (
+        URKinematics.from_calibration(root / CALIBRATION, tip="tcp", base="world")
+        if calibrated
+        else URKinematics("ur5", tip="tcp", base="world")
+    )
+    rng, missing, apart = np.random.default_rng(0), 0, 0
+    for _ in range(40 if calibrated else 1000):
+        T = kinematics.fk(rng.uniform(-3, 3, 6))
+        T[:3, 3] *= rng.uniform(0.3, 1.5)
+        found = {branch for branch in kinematics.all_solutions(T, limits=False).branch.tolist() if branch < 8}
+        lacks = kinematics.shortfalls(T)
+        apart += found ^ set(lacks) != set(range(8))
+        missing += len(lacks)
+        assert all(lack.lack > 0 for lack in lacks.values())
+        if not calibrated:
+            assert found | set(lacks) == set(range(8))
+            assert not found & set(lacks)
+    assert missing > (40 if calibrated else 1500)
+    assert apart <= 5  # of a calibrated arm, near a border
+
+
+@pytest.mark.parametrize("kind", [POSE, AXIS])
+def test_states_are_what_the_solver_and_the_checker_say(ur5, kind):
+    kinematics, checker = ur5.kinematics, CollisionChecker(ur5.kinematics)
+    seen = dict.fromkeys(State, 0)
+    for T in poses(ur5, 60):
+        goal = ur5.goal(kind, T)
+        answer = ur5.answer(goal, ur5.home)
+        assert [posture.branch for posture in answer.postures] == list(range(8))
+        for posture in answer.postures:
+            seen[posture.state] += 1
+            assert (posture.reason == "") == (posture.state is State.USABLE)
+            assert (posture.q is None) == (posture.state is State.UNREACHED)
+            if posture.q is not None:
+                assert posture.pairs == checker.contacts(posture.q)
+                assert np.linalg.norm(kinematics.fk(posture.q)[:3, 3] - T[:3, 3]) < 1e-6
+                assert all(
+                    part in posture.reason for pair in posture.pairs for part in ("touches", pair[0].split("_")[0])
+                )
+        assert (answer.approach is None) == any(posture.q is not None for posture in answer.postures)
+        best = kinematics.solve(goal, ur5.home, accept=checker.free)
+        if answer.usable:
+            assert answer.postures[answer.shown].state is State.USABLE
+            assert (
+                np.linalg.norm(answer.postures[answer.shown].q - ur5.home) <= np.linalg.norm(best.q - ur5.home) + 1e-9
+            )
+            assert f"{answer.usable} of 8" in answer.verdict
+        else:
+            assert answer.verdict.startswith("No posture")
+    assert min(seen[state] for state in State if state is not State.LIMITS) > 20
+
+
+def test_a_joint_limit_is_named(ur5):
+    model = TargetModel("ur5")
+    model.limit_joints(np.radians(100))
+    named, refused = 0, 0
+    for T in poses(model, 20, stretch=1.0):
+        for posture in model.answer(model.goal(POSE, T), model.home).postures:
+            if posture.state is State.LIMITS:
+                refused += 1
+                outside = [
+                    name.removesuffix("_joint").replace("_", " ")
+                    for name, value in zip(model.kinematics.arm.joints, posture.q, strict=True)
+                    if abs((value + np.pi) % (2 * np.pi) - np.pi) > np.radians(100)
+                ]
+                named += all(f"{name} would be at" in posture.reason for name in outside)
+    assert named == refused > 20
+
+
+def test_what_is_missing_is_in_the_verdict(ur5):
+    T = np.diag([1.0, -1.0, -1.0, 1.0])
+    T[:3, 3] = 1.2, 0.0, 0.0
+    answer = ur5.answer(ur5.goal(POSE, T), ur5.home)
+    least = min(lack.lack for lack in ur5.kinematics.shortfalls(T).values())
+    assert answer.verdict.startswith("No posture reaches this target. Too far by ")
+    assert f"{1000 * least:.0f} mm" in answer.verdict
+    T[:3, 3] = 0.5, 0.0, -0.25
+    assert "finger left touches table" in ur5.answer(ur5.goal(POSE, T), ur5.home).verdict
+
+
+def test_the_slowest_motion_is_the_least_that_joints_do(ur5):
+    rng = np.random.default_rng(1)
+    for _ in range(50):
+        q = rng.uniform(-2, 2, 6)
+        moved = ur5.kinematics.jacobian(q) * np.array([1, 1, 1, 0.2, 0.2, 0.2])[:, None]
+        assert ur5.slowest_motion(q) ** 2 == pytest.approx(np.linalg.eigvalsh(moved.T @ moved)[0], abs=1e-9)
+    assert ur5.slowest_motion(np.zeros(6)) < 1e-6
+    assert ur5.nearest_singularity(np.array([0, -1, 1, 0, 1e-3, 0])).startswith("wrist")
+    assert ur5.nearest_singularity(np.array([0, -1, 1e-3, 0, 1, 0])).startswith("elbow")
+
+
+def test_solvers_end_where_they_say(ur5):
+    T = ur5.kinematics.fk(ur5.home)
+    T[2, 3] += 0.1
+    finishes = ur5.solve(ur5.goal(POSE, T), ur5.home)
+    assert [finish.solver for finish in finishes] == list(SOLVERS)
+    for finish in finishes:
+        assert finish.result.success
+        assert np.linalg.norm(ur5.kinematics.fk(finish.result.q)[:3, 3] - T[:3, 3]) < 2e-4
+    table = html.solvers(finishes)
+    assert all(name in table for name in SOLVERS)
+
+
+@pytest.mark.parametrize("arm", ["ur5e", "arm3"])
+def test_other_arms(arm):
+    model = TargetModel(arm)
+    T = model.kinematics.fk(model.home)
+    for kind in model.kinds:
+        answer = model.answer(model.goal(kind, T), model.home)
+        assert answer.usable >= 1
+        assert np.abs(answer.postures[answer.shown].q - model.home).max() < 1e-6
+    T[:3, 3] += 5.0
+    assert model.answer(model.goal(model.kinds[0], T), model.home).approach is not None
+    assert (model.checker is None) == (arm == "ur5e")
+    assert (model.kinds == (POINT,)) == (arm == "arm3")
+
+
+def test_names_are_different():
+    for arm in ("ur5", "arm3"):
+        kinematics = kinematics_of(arm)
+        count = 8 if kinematics.n == 6 else 4
+        assert len({branch_name(kinematics, branch) for branch in range(count)}) == count
+
+
+def test_a_figure_follows_the_arm():
+    kinematics = kinematics_of("arm3", base="world")
+    figure = Figure(kinematics)
+    rng = np.random.default_rng(0)
+    data, frames = kinematics.model.createData(), [kinematics.model.getFrameId(link) for link in figure.links]
+    import pinocchio as pin
+
+    for _ in range(10):
+        q = rng.uniform(-1, 1, 3)
+        pin.framesForwardKinematics(kinematics.model, data, q)
+        for pose, frame in zip(figure.poses(q), frames, strict=True):
+            np.testing.assert_allclose(pose[:3], data.oMf[frame].translation, atol=1e-12)
+            w, x, y, z = pose[3:]
+            np.testing.assert_allclose(pin.Quaternion(w, x, y, z).matrix(), data.oMf[frame].rotation, atol=1e-12)
+
+
+def test_arms_without_shapes_are_drawn_as_tubes():
+    kinematics = kinematics_of("ur5e", base="world")
+    assert link_shapes(kinematics.arm) == []
+    figure = Figure(kinematics)
+    q = np.array(kinematics.arm.home)
+    corners = np.concatenate([piece.vertices for piece in figure.fine if piece.link == len(figure.links) - 1])
+    x, y, z, *_ = figure.poses(q)[-1]
+    assert len(figure.links) == 7
+    assert np.linalg.norm(np.array([x, y, z]) - kinematics.fk(q)[:3, 3]) <= np.abs(corners).max() * 2
+
+
+def test_a_copied_program_says_the_same(ur5, capsys):
+    T = np.diag([1.0, -1.0, -1.0, 1.0])
+    T[:3, 3] = 0.5, 0.1, -0.1
+    for kind in (POSE, AXIS):
+        goal = ur5.goal(kind, T)
+        answer = ur5.answer(goal, ur5.home)
+        code = program(ur5, goal, ur5.home, arm="'ur5'")
+        exec(compile(code, "copied", "exec"), {})
+        said = capsys.readouterr().out.splitlines()
+        assert said[0].strip() == "ok"
+        assert sorted(int(line.split()[0]) for line in said[1:]) == [
+            p.branch for p in answer.postures if p.q is not None
+        ]
+        for posture in answer.postures:
+            line = next(line for line in said[1:] if line.startswith(f"{posture.branch} "))
+            assert str(np.degrees(posture.q).round(1)) in line
+            assert str(posture.pairs) in line
+
+
+@pytest.mark.parametrize("arm", ["arm3", "panda"])
+def test_copied_programs_of_other_arms_run(arm, capsys):
+    model = TargetModel(arm)
+    T = model.kinematics.fk(model.home)
+    for kind in model.kinds:
+        exec(compile(program(model, model.goal(kind, T), model.home, arm=repr(arm)), "copied", "exec"), {})
+        assert capsys.readouterr().out.startswith("ok")
+
+
+def test_what_is_shown_is_escaped(ur5):
+    hostile = "<script>alert(1)</script>"
+    assert "<script>" not in html.message(hostile, bad=True) + html.small(hostile) + html.code(hostile)
+    answer = ur5.answer(ur5.goal(POSE, ur5.kinematics.fk(ur5.home)), ur5.home)
+    assert "<script>" not in html.legend(answer, shown=0, joints=[hostile] * 6)
+
+
+def test_setups(root):
+    for arm in arm_names():
+        setup = setup_of(arm)
+        assert setup.model().kinematics.arm is setup.arm
+    calibrated = setup_of("ur5", calibration=str(root / CALIBRATION), tip="tool0")
+    assert calibrated.model().kinematics.tip == "tool0"
+    assert type(calibrated.model().kinematics).__name__ == "CalibratedURKinematics"

@@ -1,0 +1,55 @@
+"""The command line of the page: refused in one line, and served to this machine only."""
+
+import re
+import socket
+import subprocess
+import sys
+from urllib.request import urlopen
+
+import pytest
+
+from kinreach.cli import run_command
+
+
+@pytest.mark.parametrize(
+    ("arguments", "said"),
+    [
+        (["--arm", "ur6"], "unknown arm 'ur6'; available: arm3, panda, ur10"),
+        (["--arm", "missing.urdf"], "missing.urdf"),
+        (["--port", "0"], "port must be at least 1"),
+        (["--port", "70000"], "port must be at most 65535"),
+        (["--calibration", "missing.yaml"], "missing.yaml"),
+        (["--arm", "arm3", "--calibration", "missing.yaml"], "unknown UR model 'arm3'"),
+        (["--tip", "elbow"], "unknown tip 'elbow'"),
+    ],
+)
+def test_bad_input_ends_in_one_line(arguments, said, capsys):
+    assert run_command("view", arguments, prog="kinreach view") == 2
+    (line,) = capsys.readouterr().err.splitlines()
+    assert line.startswith("kinreach view: error: ")
+    assert said in line
+
+
+def test_a_missing_extra_is_said_in_one_line(monkeypatch, capsys):
+    monkeypatch.setitem(sys.modules, "viser", None)
+    assert run_command("view", [], prog="kinreach view") == 2
+    (line,) = capsys.readouterr().err.splitlines()
+    assert line.endswith("the page needs: pip install 'kinreach[view]'")
+
+
+def test_it_is_served_here_and_nowhere_else():
+    """On the loopback address; other addresses of the machine are not listened to; Ctrl-C ends it."""
+    pytest.importorskip("viser")
+    command = [sys.executable, "-m", "kinreach.view", "--arm", "arm3", "--port", "8391"]
+    server = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
+    try:
+        line = server.stdout.readline()
+        port = int(re.match(r"http://127\.0\.0\.1:(\d+)  \(only on this machine", line).group(1))
+        assert b"<html" in urlopen(f"http://127.0.0.1:{port}", timeout=60).read().lower()
+        with pytest.raises(OSError, match="refused"):
+            socket.create_connection(("127.0.0.2", port), timeout=10)
+    finally:
+        server.send_signal(2)
+        _, err = server.communicate(timeout=60)
+    assert server.returncode == 130
+    assert err.strip() == "python -m kinreach.view: interrupted"
