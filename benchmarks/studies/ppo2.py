@@ -312,7 +312,7 @@ def _row(cell: Cell, run: Mapping[str, Any]) -> dict[str, float]:
         **{name: float(value) for name, value in (flags | parts).items()},
         "seed": run["seed"],
         "steps": steps[-1],
-        "above": math.nan if below[-1:] == steps[-1:] else below[-1] if len(below) else 0.0,
+        "above": 0.0 if not len(below) else math.nan if below[-1] == steps[-1] else below[-1],
         "reward": _mean(reward[third]),
         "reward_last": _mean(reward[last]),
         "impossible_last": round(100 * float(curve["impossible"][last].mean()), DIGITS),

@@ -38,6 +38,15 @@ def test_the_published_table_is_that_of_the_file():
     assert len(seeds) >= 7
 
 
+def test_the_published_table_of_multi_step_is_that_of_the_file():
+    found = rows("thesis-multi", "readings.csv")
+    assert table(found, MULTI) in PAGE.read_text(encoding="utf-8")
+    assert [row["seed"] for row in found] == list(range(5))
+    assert [(row["terminal"], row["raw"], row["value_clip"]) for row in found] == [(1, 1, 1)] * 5
+    assert [row["above"] for row in found] == [0] * 5  # from the first window on
+    assert [row["reached"] for row in found] == [row["reached_training"] for row in found] == [0] * 5
+
+
 def test_what_the_text_says_of_single_step():
     found = rows("thesis-single", "readings.csv")
     whole = [row for row in found if row["natural_arm"] and row["gripper"] and not row["openai"]]
