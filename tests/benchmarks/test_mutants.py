@@ -1,5 +1,6 @@
 """The list of mutants fits the sources, and what is run for one tells a test that notices from one that does not."""
 
+import json
 from collections import Counter
 from dataclasses import replace
 
@@ -22,6 +23,15 @@ def test_every_mutant_is_a_change_of_one_place_and_its_tests_are_there(root):
     assert counts["named"] >= 12
     assert counts.total() - counts["named"] >= 60
     assert set(counts) >= {"kinematics", "sim", "envs", "baselines", "compare"}
+
+
+def test_the_documentation_says_what_was_found(root):
+    rows = list(json.loads(mutants.RESULTS.read_text(encoding="utf-8")).values())
+    assert [row["id"] for row in rows] == [mutant.id for mutant in read_mutants()]
+    assert sum(row["killed_by"] is not None for row in rows) >= mutants.GOAL * len(rows)
+    page = (root / "docs/promises.md").read_text(encoding="utf-8")
+    assert "\n".join(summary(rows)) in page
+    assert f"lists {len(rows)} mistakes" in page
 
 
 SQUARE = Mutant("toy-square", "toy", "square.py", "x * x", "x + x", "squares are doubles", ("test_square.py",))
