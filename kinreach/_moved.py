@@ -68,7 +68,6 @@ MODULES = {
     "kinreach.envs.reach.world": "kinreach.envs.reach.worlds",
     "kinreach.envs.reach.kinematic_world": "kinreach.envs.reach.worlds",
     "kinreach.envs.reach.dynamic_world": "kinreach.envs.reach.worlds",
-    "kinreach.envs.reach.goals": "kinreach.envs.reach.episodes",
     "kinreach.envs.reach.single_step": "kinreach.envs.reach.env",
     "kinreach.envs.reach.multi_step": "kinreach.envs.reach.env",
     "kinreach.envs.reach.options": "kinreach.envs.reach.task",

@@ -24,7 +24,7 @@ from kinreach.checks import check_count, check_known, check_path, shown
 from kinreach.compare import figures, report
 from kinreach.compare.methods import colours, resolve_methods
 from kinreach.compare.task import GIVEN, SOLVER, Method, Task, get_task
-from kinreach.envs.reach.goals import with_goals
+from kinreach.envs.reach.reachable_goals import with_goals
 from kinreach.envs.reach.task import layout_of
 from kinreach.errors import InputError, InstallationError, OutputError
 from kinreach.files import make_writable, write_text

@@ -86,7 +86,7 @@ def test_it_films(ending, tmp_path, needs_gl, capsys):
     [
         (["--env", "chess"], "button, multi, single"),
         (["--env", "button", "--actuation", "magic"], "report, tuned"),
-        (["--policy", "wisdom"], "analytic, ppo-single, random"),
+        (["--policy", "wisdom"], "analytic, panda-single, ppo-single, random"),
         (["--steps", "0"], "at least 1"),
         (["--print", "money"], "nothing"),
         (["--video", "film.avi"], ".gif or .mp4"),

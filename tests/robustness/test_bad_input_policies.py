@@ -27,14 +27,15 @@ PATHS = (
 @pytest.mark.parametrize("name", NAMES)
 def test_acting(name, fuzzed):
     policy = load_policy(name)
-    env = gym.make(policy.card.environment)
+    env = gym.make(policy.card.environment, **policy.card.recipe["options"])
     size, space = env.observation_space.shape[0], env.action_space
+    joints = len(policy.network.gain)
 
     def run(observation):
         action = policy.act(observation)
         shape = np.shape(observation)[:-1]
-        assert np.shape(action) == (shape if policy.card.meaning == "preferences" else (*shape, 6))
-        for one in np.reshape(action, (-1,) if policy.card.meaning == "preferences" else (-1, 6)):
+        assert np.shape(action) == (shape if policy.card.meaning == "preferences" else (*shape, joints))
+        for one in np.reshape(action, (-1,) if policy.card.meaning == "preferences" else (-1, joints)):
             assert space.contains(one if policy.card.meaning == "preferences" else one.astype(np.float32))
 
     good = arrays(np.float64, size, elements=st.floats(-3, 3)) | arrays(

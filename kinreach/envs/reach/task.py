@@ -18,7 +18,7 @@ from numpy.typing import ArrayLike, NDArray
 from kinreach.checks import Floats, as_flags, as_floats, as_vector, check_count, check_known, check_number, shown
 from kinreach.envs.batch import RowStreams
 from kinreach.envs.options import INFOS, INFOS_TEXT, RENDER_MODES, RENDER_MODES_TEXT, about, option_rows
-from kinreach.envs.reach.goal_streams import goal_streams
+from kinreach.envs.reach.goals import goal_streams
 from kinreach.envs.reach.rewards import RewardFunction, Score, Scorer, default_reward, scorer_of
 from kinreach.errors import InputError
 from kinreach.kinematics import ArmKinematics, AxisGoal, CollisionChecker, PositionGoal, kinematics_of
