@@ -13,6 +13,8 @@ from pathlib import Path
 import pytest
 
 from kinreach import plots
+from kinreach.baselines.onnx_export import export_onnx
+from kinreach.baselines.policies import load_policy
 from kinreach.cli import main
 
 ROOT = Path(__file__).parents[1]
@@ -195,7 +197,10 @@ def test_the_code_of_a_page_runs(page, capsys):
 
 
 @pytest.mark.slow
-def test_policies_off_the_table_do_what_the_page_says(capsys):
+def test_policies_off_the_table_do_what_the_page_says(capsys, tmp_path, monkeypatch):
+    pytest.importorskip("onnx"), pytest.importorskip("onnxruntime")
+    monkeypatch.chdir(tmp_path)
+    export_onnx(load_policy("single"), "single.onnx", observations=13)  # as the command on the page
     exec(compile(blocks(DOCS / "training.md"), "training", "exec"), {"__name__": "training"})
     measured = dict(re.findall(r"^([\w-]+ 0\.0\d?) ([\d.]+)$", capsys.readouterr().out, re.MULTILINE))
     checked = 0
