@@ -31,7 +31,8 @@ def main(argv: Sequence[str], *, prog: str) -> int:
     arguments = _parser(prog).parse_args(argv)
     import_viser()
     check_count("port", arguments.port, least=1, most=MOST_PORT)
-    server = Server(setup_of(arguments.arm, calibration=arguments.calibration, tip=arguments.tip), port=arguments.port)
+    setup = setup_of(arguments.arm, calibration=arguments.calibration, tip=arguments.tip, simple=arguments.simple)
+    server = Server(setup, port=arguments.port)
     print(f"{server.address}  (only on this machine; Ctrl-C ends it)", flush=True)
     if arguments.open:
         webbrowser.open(server.address)
@@ -42,13 +43,14 @@ def main(argv: Sequence[str], *, prog: str) -> int:
     return 0
 
 
-def setup_of(arm: str, *, calibration: str | None = None, tip: str | None = None) -> Setup:
+def setup_of(arm: str, *, calibration: str | None = None, tip: str | None = None, simple: bool = False) -> Setup:
     """What every tab begins with.
 
     Args:
         arm: Name of a registered arm, or the path of a URDF.
         calibration: Path of a UR's calibration.
         tip: Short name of the tip; default is the arm's own.
+        simple: Draw the arm by its collision shapes.
 
     Raises:
         InputError: There is no such arm or tip, or a file cannot be used.
@@ -60,7 +62,7 @@ def setup_of(arm: str, *, calibration: str | None = None, tip: str | None = None
     if calibration is not None:
         description = description.calibrated(calibration)
         expression = f"get_arm({arm!r}).calibrated({calibration!r})"
-    return Setup(description, expression, tip)
+    return Setup(description, expression, tip, simple)
 
 
 def _parser(prog: str) -> Parser:
@@ -78,5 +80,6 @@ def _parser(prog: str) -> Parser:
     parser.add_argument(
         "--port", type=int, default=PORT, metavar="N", help="or the next that is free (default: %(default)s)"
     )
+    parser.add_argument("--simple", action="store_true", help="draw fewer triangles, without a graphics card")
     parser.add_argument("--open", action="store_true", help="open a browser")
     return parser

@@ -27,6 +27,8 @@ BRANCH_COLOURS: tuple[Colour, ...] = (
 )  # fmt: skip
 _BOX_COLOURS: dict[str, Colour] = {"table": (199, 181, 153)}
 _METAL: Colour = (122, 126, 133)
+#: Two links nearer than this are drawn once: surfaces in one place flicker [m, 1 - cos of half the angle].
+SAME_PLACE = 1e-6
 _LEG = 0.05  # edge of a table leg [m]
 _IDENTITY = (1.0, 0.0, 0.0, 0.0)
 
@@ -128,19 +130,23 @@ class Ghosts:
     def visible(self, visible: bool) -> None:
         self._root.visible = visible
 
-    def take(self, ghosts: Sequence[Ghost]) -> None:
-        """Draw these, and no others."""
+    def take(self, ghosts: Sequence[Ghost], *, beside: Floats) -> None:
+        """Draw these, and no others; links that are where those of the posture `beside` are, are left out."""
         ghosts = ghosts[: self._most]
         poses = np.zeros((self._most, len(self._figure.links), 7))
         poses[:, :, 3] = 1.0
-        scales = np.zeros(self._most, dtype=np.float32)
+        scales = np.zeros((self._most, len(self._figure.links)), dtype=np.float32)
+        solid = self._figure.poses(beside)
         for row, ghost in enumerate(ghosts):
-            poses[row], scales[row] = self._figure.poses(ghost.q), 1.0
+            poses[row] = self._figure.poses(ghost.q)
+            apart = np.abs(poses[row, :, :3] - solid[:, :3]).max(axis=1)
+            turned = 1.0 - np.abs((poses[row, :, 3:] * solid[:, 3:]).sum(axis=1))
+            scales[row] = (apart > SAME_PLACE) | (turned > SAME_PLACE)
         colours = [(ghost.colour, frozenset(ghost.red)) for ghost in ghosts]
         for piece, node in zip(self._figure.coarse, self._pieces, strict=True):
             node.batched_positions = poses[:, piece.link, :3].astype(np.float32)
             node.batched_wxyzs = poses[:, piece.link, 3:].astype(np.float32)
-            node.batched_scales = scales
+            node.batched_scales = np.ascontiguousarray(scales[:, piece.link])
             if colours != self._colours:
                 link = self._figure.links[piece.link]
                 shades = np.zeros((self._most, 3), dtype=np.uint8)

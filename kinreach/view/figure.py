@@ -42,22 +42,25 @@ class Figure:
 
     Args:
         kinematics: The arm.
+        simple: Draw the collision shapes, a tenth of the triangles.
 
     Attributes:
         links: Names of the links, in the order of `poses`.
         fine: Pieces as the URDF draws them, in colour.
-        coarse: One piece a link, of its collision shapes, for ghosts.
+        coarse: One piece a link, of its collision shapes, for ghosts; without what never moves.
     """
 
-    def __init__(self, kinematics: ArmKinematics) -> None:
+    def __init__(self, kinematics: ArmKinematics, *, simple: bool = False) -> None:
         self._kinematics = kinematics
-        fine, coarse = _shapes(kinematics.arm)
+        coarse = _shapes(kinematics.arm, "collision")
+        fine = coarse if simple else _shapes(kinematics.arm, "visual")
         if not fine:
             fine = coarse = _skeleton(kinematics)
         self.links = tuple(dict.fromkeys(shape.link for shape in (*coarse, *fine)))
         self._frames = [link_frame(kinematics.model, link) for link in self.links]
         self.fine = _merged(fine, self.links, by_colour=True)
-        self.coarse = _merged(coarse, self.links, by_colour=False)
+        moved = [kinematics.model.frames[frame].parentJoint > 0 for frame in self._frames]
+        self.coarse = [piece for piece in _merged(coarse, self.links, by_colour=False) if moved[piece.link]]
 
     def poses(self, q: Floats) -> Floats:
         """Where the links are in a posture (n,): positions [m] and quaternions w x y z in the world, shape (k, 7)."""
@@ -68,8 +71,8 @@ class Figure:
 
 
 @lru_cache(maxsize=8)
-def _shapes(arm: ArmDescription) -> tuple[list[LinkShape], list[LinkShape]]:
-    return link_shapes(arm), link_shapes(arm, "collision")
+def _shapes(arm: ArmDescription, kind: str) -> list[LinkShape]:
+    return link_shapes(arm, kind)
 
 
 def _merged(shapes: list[LinkShape], links: tuple[str, ...], *, by_colour: bool) -> list[Piece]:

@@ -58,10 +58,14 @@ class Page:
             close = gui.add_button("Close")
         close.on_click(lambda _: modal.close())
 
+    def picture(self, height: int, width: int) -> Any:
+        """The scene as the browser draws it, RGBA, shape (height, width, 4)."""
+        return self._client.get_render(height, width, transport_format="png", timeout=60.0)
+
     def screenshot(self) -> None:
         """Send the scene to the browser as a PNG file."""
         import cv2
 
-        picture = self._client.get_render(HEIGHT, WIDTH, transport_format="png", timeout=60.0)
+        picture = self.picture(HEIGHT, WIDTH)
         _, data = cv2.imencode(".png", cv2.cvtColor(picture, cv2.COLOR_RGBA2BGRA))
         self._client.send_file_download("kinreach.png", data.tobytes())

@@ -18,11 +18,13 @@ class Setup:
         arm: The arm, calibrated if a calibration was given.
         expression: The arm as Python code.
         tip: Short name of its tip; None is the arm's own.
+        simple: Draw the arm by its collision shapes, for browsers without a graphics card.
     """
 
     arm: ArmDescription
     expression: str
     tip: str | None = None
+    simple: bool = False
 
     def model(self) -> TargetModel:
         """A model of a tab's own."""
@@ -31,4 +33,4 @@ class Setup:
     @cached_property
     def figure(self) -> Figure:
         """The arm's links, read once."""
-        return Figure(TargetModel(self.arm, tip=self.tip).kinematics)
+        return Figure(TargetModel(self.arm, tip=self.tip).kinematics, simple=self.simple)

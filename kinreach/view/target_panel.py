@@ -15,7 +15,7 @@ from kinreach.kinematics import URKinematics
 from kinreach.kinematics.goals import Goal
 from kinreach.robots.rotations import rotation, rpy
 from kinreach.view import html
-from kinreach.view.draw import AMBER, PALE_RED, VIOLET, Ghost, Ghosts, SolidArm, Surroundings
+from kinreach.view.draw import AMBER, PALE_RED, RED, VIOLET, Ghost, Ghosts, SolidArm, Surroundings
 from kinreach.view.inputs import Latest, by_user
 from kinreach.view.names import branch_name, length, plain
 from kinreach.view.setup import Setup
@@ -100,7 +100,9 @@ class TargetPanel:
         self._reaching.visible = self._solved.visible = False
         size = float(np.linalg.norm(self.T[:3, 3]))
         self._gizmo = scene.add_transform_controls("/target/goal", scale=0.25 * size, depth_test=False)
-        self._gap = scene.add_line_segments("/target/gap", np.zeros((1, 2, 3)), (214, 40, 40), line_width=3.0)
+        self._gap = scene.add_line_segments(
+            "/target/gap", np.zeros((1, 2, 3)), RED, thickness=3.0, thickness_units="screen"
+        )
         self._label = scene.add_label("/target/label", "", anchor="bottom-center", visible=False)
         self._gap.visible = False
         self._gizmo.on_update(self._dragged)
@@ -249,7 +251,8 @@ class TargetPanel:
                     )
                     for index, other in enumerate(answer.postures)
                     if index != solid and other.q is not None
-                ]
+                ],
+                beside=q,
             )
             self._draw_gap()
             self._gizmo.position, self._gizmo.wxyz = self.T[:3, 3], _quaternion(self.T[:3, :3])
@@ -271,7 +274,7 @@ class TargetPanel:
         self._reaching.take(approach.q)
         tip, wanted = self.model.kinematics.fk(approach.q)[:3, 3], self.T[:3, 3]
         self._gap.points = np.array([[tip, wanted]], dtype=np.float32)
-        self._label.text = f"{length(float(np.linalg.norm(wanted - tip)))} short"
+        self._label.text = f"a search ends {length(float(np.linalg.norm(wanted - tip)))} away"
         self._label.position = (tip + wanted) / 2
 
 

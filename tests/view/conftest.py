@@ -1,0 +1,74 @@
+"""The page in a real browser: the system's Chromium without a window."""
+
+import os
+import shutil
+
+import pytest
+
+from kinreach.view.cli import setup_of
+from kinreach.view.server import Server
+
+BROWSERS = ("chromium", "chromium-browser", "google-chrome")
+#: Rendering without a graphics card, and without the user namespaces that containers lack.
+ARGUMENTS = ["--no-sandbox", "--use-angle=swiftshader", "--enable-unsafe-swiftshader", "--ignore-gpu-blocklist"]
+PATIENCE = 180_000  # [ms]: a machine that is busy draws a frame in seconds
+
+
+@pytest.fixture(scope="session")
+def browser():
+    """Skip where there is none, with the reason; fail instead where `KINREACH_REQUIRE_BROWSER` is set, as in CI."""
+    reason = ""
+    try:
+        from playwright.sync_api import sync_playwright
+    except ImportError as error:
+        reason = str(error)
+    path = next((found for name in BROWSERS if (found := shutil.which(name))), None)
+    if path is None:
+        reason = f"none of {', '.join(BROWSERS)} is installed"
+    if reason:
+        if os.environ.get("KINREACH_REQUIRE_BROWSER"):
+            pytest.fail(f"KINREACH_REQUIRE_BROWSER is set, and no page can be opened: {reason}")
+        pytest.skip(reason)
+    with sync_playwright() as playwright:
+        opened = playwright.chromium.launch(executable_path=path, args=ARGUMENTS)
+        yield opened
+        opened.close()
+
+
+@pytest.fixture(scope="module")
+def server():
+    """Of a UR5, drawn simply."""
+    pytest.importorskip("viser")
+    serving = Server(setup_of("ur5", simple=True), port=8450)
+    yield serving
+    serving.stop()
+
+
+@pytest.fixture(scope="module")
+def open_tab(browser, server):
+    """`open_tab()`: a new tab, as Playwright has it, as the server has it, and the addresses that it asked for."""
+    contexts = []
+
+    def opened():
+        before = set(server.pages)
+        context = browser.new_context(viewport={"width": 1000, "height": 640})
+        contexts.append(context)
+        tab, asked = context.new_page(), []
+        tab.set_default_timeout(PATIENCE)
+        tab.on("request", lambda request: asked.append(request.url))
+        tab.goto(server.address)
+        tab.wait_for_selector(".kinreach-postures")
+        while not set(server.pages) - before:
+            tab.wait_for_timeout(50)
+        (number,) = set(server.pages) - before
+        return tab, server.pages[number], asked
+
+    yield opened
+    for context in contexts:
+        context.close()
+
+
+@pytest.fixture(scope="module")
+def browser_page(open_tab):
+    """One tab for the tests of a module."""
+    return open_tab()
