@@ -188,7 +188,7 @@ def test_examples_are_shown_as_they_are():
     assert len(shown) >= 10
 
 
-@pytest.mark.parametrize("page", ["arms", "methods", "reach", "tasks"])
+@pytest.mark.parametrize("page", ["arms", "methods", "reach", "tasks", "view"])
 def test_the_code_of_a_page_runs(page, capsys):
     code = blocks(DOCS / f"{page}.md")
     assert len(code.splitlines()) >= 4
