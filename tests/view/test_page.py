@@ -1,5 +1,6 @@
 """The page in a browser: what is dragged and typed is answered, and what is drawn is what the server says."""
 
+import os
 import threading
 import time
 
@@ -7,6 +8,10 @@ import numpy as np
 import pytest
 
 from kinreach.robots.rotations import pose
+
+pytestmark = pytest.mark.skipif(
+    "KINREACH_TEST_VIEW" not in os.environ, reason="draws in a browser; KINREACH_TEST_VIEW=1 runs it"
+)
 
 PATIENCE = 180.0  # [s]: a machine that is busy draws a frame in seconds
 
@@ -83,41 +88,3 @@ def test_what_collides_is_red_and_named(browser_page):
     wait_for(tab, lambda: "finger left touches table" in tab.inner_text(".kinreach-verdict"))
     assert page.target.answer.usable == 0
     assert red_pixels(tab, page) > usable + 2000  # the table
-
-
-def test_a_reader_finds_why_there_is_no_posture(browser_page):
-    """The pose is typed; the reason is on the page, with the numbers that the geometry gives."""
-    tab, page, _ = browser_page
-    tab.locator("input[type=text], input:not([type])").first.wait_for()
-    box = tab.locator(".mantine-NumberInput-input").first
-    box.fill("1.2")
-    box.press("Enter")
-    wait_for(tab, lambda: page.target.T[0, 3] == pytest.approx(1.2))
-    wait_for(tab, lambda: "No posture reaches this target" in tab.inner_text(".kinreach-verdict"))
-    least = min(lack.lack for lack in page.target.model.kinematics.shortfalls(page.target.T).values())
-    assert f"Too far by {1000 * least:.0f} mm" in tab.inner_text(".kinreach-verdict")
-
-
-def test_tabs_are_apart_and_a_closed_one_is_gone(browser_page, open_tab, server):
-    tab, page, _ = browser_page
-    other_tab, other, _ = open_tab()
-    before = other.target.T.copy()
-    page.target.move(pose((0.4, -0.1, 0.1), (np.pi, 0, 0)))
-    wait_for(tab, lambda: tab.inner_text(".kinreach-verdict") == page.target.answer.verdict)
-    np.testing.assert_array_equal(other.target.T, before)
-    assert other_tab.inner_text(".kinreach-verdict") == other.target.answer.verdict
-    assert len(server.pages) == 2
-    other_tab.close()
-    wait_for(tab, lambda: list(server.pages.values()) == [page])
-
-
-def test_solvers_and_the_program_are_shown(browser_page):
-    tab, page, _ = browser_page
-    page.target.move(pose((0.5, 0.1, 0.0), (np.pi, 0, 0)))
-    tab.get_by_text("Solvers", exact=True).click()
-    tab.get_by_role("button", name="Solve from where the arm stands").click()
-    tab.wait_for_selector(".kinreach-solvers tr:nth-child(8)")
-    table = tab.inner_text(".kinreach-solvers")
-    assert [finish.solver for finish in page.target.finishes] == [line.split()[0] for line in table.splitlines()[1::2]]
-    tab.get_by_role("button", name="Copy as Python").click()
-    assert tab.inner_text(".kinreach-code").strip() == page.target.program().strip()
