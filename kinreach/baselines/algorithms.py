@@ -17,7 +17,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
-from functools import partial
+from functools import cache, partial
 from typing import Any
 
 import numpy as np
@@ -213,7 +213,7 @@ def closed_form_postures(views: np.ndarray[Any, Any]) -> np.ndarray[Any, Any]:
     Returns:
         Joint angles [rad], shape (n, 6).
     """
-    kinematics = UR5Kinematics(tip="tcp", base="world")
+    kinematics = _ur5()
     home = np.array(kinematics.arm.home)
     goals = goals_in_world(kinematics.arm, views, np.ones((len(views), 2), dtype=np.bool_))
     outwards = np.arctan2(goals[:, 1], goals[:, 0])
@@ -222,6 +222,11 @@ def closed_form_postures(views: np.ndarray[Any, Any]) -> np.ndarray[Any, Any]:
     poses[:, :3, :3] = poses[:, :3, :3] @ kinematics.fk(home)[:3, :3]
     poses[:, :3, 3] = goals
     return kinematics.nearest_batch(poses, home).q
+
+
+@cache
+def _ur5() -> UR5Kinematics:
+    return UR5Kinematics(tip="tcp", base="world")
 
 
 _QUARTER_TURN = np.array([[0.0, -1.0], [1.0, 0.0]])
@@ -321,20 +326,24 @@ def adaptive_arguments(recipe: Recipe, env: SB3VecEnv, planned: int) -> dict[str
     return arguments
 
 
-def ranked_arguments(recipe: Recipe, env: SB3VecEnv, planned: int) -> dict[str, Any]:
-    """Those of adaptive PPO, without a critic, with samples in antithetic pairs."""
+def actor_arguments(recipe: Recipe, env: SB3VecEnv, planned: int) -> dict[str, Any]:
+    """Those of adaptive PPO, without a critic."""
     arguments = adaptive_arguments(recipe, env, planned)
-    policy = arguments["policy_kwargs"]
-    policy["net_arch"] = {"pi": list(recipe.networks.hidden), "vf": []}
+    arguments["policy_kwargs"]["net_arch"] = {"pi": list(recipe.networks.hidden), "vf": []}
+    return arguments
+
+
+def ranked_arguments(recipe: Recipe, env: SB3VecEnv, planned: int) -> dict[str, Any]:
+    """Those of an actor, with samples in antithetic pairs."""
+    arguments = actor_arguments(recipe, env, planned)
     if recipe.networks.posture:
-        policy["paired"] = True
+        arguments["policy_kwargs"]["paired"] = True
     return arguments
 
 
 def regression_arguments(recipe: Recipe, env: SB3VecEnv, planned: int) -> dict[str, Any]:
-    """Those of adaptive PPO, without a critic; `tries` is what the environments take."""
-    arguments = adaptive_arguments(recipe, env, planned)
-    arguments["policy_kwargs"]["net_arch"] = {"pi": list(recipe.networks.hidden), "vf": []}
+    """Those of an actor; `tries` is what the environments take."""
+    arguments = actor_arguments(recipe, env, planned)
     del arguments["tries"]
     return arguments
 

@@ -76,23 +76,23 @@ class SpaceStarts:
 
     Args:
         options: Of the environment.
-        margin: How far around the volume goals are drawn, too [m].
     """
 
-    def __init__(self, options: SpaceOptions, *, margin: float = 0.0) -> None:
+    def __init__(self, options: SpaceOptions) -> None:
         self._arm = arm = as_arm(options.arm)
-        table: Any = arm.workcell.goals
-        self._goals: BoxRegion = table.wider(margin, above=options.goal_height)
+        self._table: Any = arm.workcell.goals
+        self._height = options.goal_height
         self._least_z = math.cos(math.radians(options.tilt))
         self._spread = options.start_spread
         self._check = FastCollision(arm, refine=False)
 
-    def sample(self, rng: np.random.Generator, count: int) -> Floats:
-        """Draw `count` rows, shape (count, 6 + n)."""
+    def sample(self, rng: np.random.Generator, count: int, *, margin: float = 0.0) -> Floats:
+        """Draw `count` rows, shape (count, 6 + n), with goals up to `margin` [m] around the volume."""
+        goals: BoxRegion = self._table.wider(margin, above=self._height)
         z = rng.uniform(self._least_z, 1.0, count)
         angle, across = rng.uniform(0.0, 2 * math.pi, count), np.sqrt(1.0 - z * z)
         directions = np.column_stack([across * np.cos(angle), across * np.sin(angle), -z])
-        return np.column_stack([self._goals.sample(rng, count), directions, self._postures(rng, count)])
+        return np.column_stack([goals.sample(rng, count), directions, self._postures(rng, count)])
 
     def _postures(self, rng: np.random.Generator, count: int) -> Floats:
         home = np.array(self._arm.home)
@@ -119,6 +119,7 @@ class SpaceTask(ReachTask):
 
     def __init__(self, options: SpaceOptions) -> None:
         super().__init__(options, VARIANTS[options.steps])
+        self._starts = SpaceStarts(options)
 
     @classmethod
     def of(cls, options: Mapping[str, Any]) -> SpaceTask:
@@ -131,12 +132,12 @@ class SpaceTask(ReachTask):
 
     def training_starts(self, rng: np.random.Generator, count: int, *, margin: float) -> dict[str, Floats]:
         """Goals, directions and starts as episodes have them, the goals also around the volume."""
-        rows = SpaceStarts(self.options, margin=margin).sample(rng, count)
+        rows = self._starts.sample(rng, count, margin=margin)
         return {"goal": rows[:, :3], "direction": rows[:, 3:6], "q": rows[:, 6:]}
 
     def streams(self, count: int) -> RowStreams:
         """Rows of `SpaceStarts`."""
-        return RowStreams(SpaceStarts(self.options), count, size=6 + len(self.arm.joints))
+        return RowStreams(self._starts, count, size=6 + len(self.arm.joints))
 
     def completed(self, start: Start, streams: RowStreams, ids: NDArray[np.intp]) -> tuple[Floats, Start]:
         """Goals, and a start that leaves nothing open but the view; rows are drawn whatever is given."""
