@@ -59,10 +59,10 @@ def setup_of(arm: str, *, calibration: str | None = None, tip: str | None = None
         description, expression = ArmDescription.from_urdf(arm), f"ArmDescription.from_urdf({arm!r})"
     else:
         description, expression = get_arm(arm), repr(arm)
-    if calibration is not None:
-        description = description.calibrated(calibration)
-        expression = f"get_arm({arm!r}).calibrated({calibration!r})"
-    return Setup(description, expression, tip, simple)
+    if calibration is None:
+        return Setup(description, expression, tip, simple)
+    expression = f"get_arm({arm!r}).calibrated({calibration!r})"
+    return Setup(description.calibrated(calibration), expression, tip, simple, nominal=description)
 
 
 def _parser(prog: str) -> Parser:

@@ -72,13 +72,21 @@ class SolidArm:
 
     def take(self, q: Floats, *, red: Collection[str] = ()) -> None:
         """Take a posture (n,) [rad]; links named in `red` are drawn so."""
-        for node, pose in zip(self._links, self._figure.poses(q), strict=True):
+        self.place(self._figure.poses(q), red=red)
+
+    def place(self, poses: Floats, *, red: Collection[str] = ()) -> None:
+        """Put the links where they are to be, as `Figure.poses` has it, shape (k, 7)."""
+        for node, pose in zip(self._links, poses, strict=True):
             node.position, node.wxyz = pose[:3], pose[3:]
         wanted = frozenset(red)
         if wanted != self._red:
             for link, own, mesh in self._pieces:
                 mesh.color = RED if self._figure.links[link] in wanted else own
             self._red = wanted
+
+    def remove(self) -> None:
+        """Take it out of the scene."""
+        self._root.remove()
 
 
 @dataclass(frozen=True)

@@ -6,9 +6,14 @@ from collections.abc import Sequence
 from html import escape
 from math import degrees
 
+import numpy as np
+from numpy.typing import NDArray
+
 from kinreach.checks import Floats
+from kinreach.kinematics import IKResult
 from kinreach.view.draw import BRANCH_COLOURS, Colour
 from kinreach.view.names import length, plain
+from kinreach.view.real_arm import Miss
 from kinreach.view.target import Answer, Finish, Posture, State
 
 _GREEN, _RED, _ORANGE = "#2b8a3e", "#c92a2a", "#d9820a"
@@ -27,7 +32,7 @@ def block(content: str) -> str:
     return f'<div style="padding:2px 10px 4px 10px;font-size:13px;line-height:1.4">{content}</div>'
 
 
-def message(text: str, *, bad: bool) -> str:
+def message(text: str, *, bad: bool = False) -> str:
     """A sentence in a box, red or green."""
     colour, back = (_RED, "#fff0f0") if bad else (_GREEN, "#eefbf0")
     return block(
@@ -139,6 +144,36 @@ def solvers(finishes: Sequence[Finish]) -> str:
 
 def _microns(value: float) -> str:
     return f"{1000 * value:.2g} mm" if value >= 1e-6 else "&lt; 1 µm"
+
+
+def miss(found: Miss, exact: IKResult) -> str:
+    """A tip error by its parts, and what the calibrated arm's own posture leaves of it.
+
+    Args:
+        found: Of the data sheet's posture.
+        exact: The calibrated arm's posture.
+    """
+    parts = "".join(f"<td>{1000 * value:+.2f} mm</td>" for value in found.vector)
+    own = f"no posture: {escape(exact.reason)}"
+    if exact.success:
+        turned = degrees(np.abs(exact.q - found.q).max())
+        own = f"{_microns(exact.position_error)} off; a joint is turned by up to {turned:.2f}° against the data sheet's"
+    return block(
+        f'<table class="kinreach-miss" style="font-size:12px;width:100%"><tr style="text-align:left;color:#666">'
+        f"<th>x</th><th>y</th><th>z</th></tr><tr>{parts}</tr></table>"
+        f'<div style="{_SMALL}">The calibrated arm\'s own posture: {own}.</div>'
+    )
+
+
+def scale(colours: NDArray[np.uint8], least: str, most: str, title: str) -> str:
+    """The colours of a map, RGBA of shape (k, 4), with what they mean."""
+    stops = ",".join(css(colour) for colour in colours[:, :3].tolist())
+    return block(
+        f'<div style="{_SMALL}">{escape(title)}</div>'
+        '<div style="display:flex;align-items:center;gap:8px;font-size:12px">'
+        f'{escape(least)}<div style="flex:1;height:10px;background:linear-gradient(to right,{stops})"></div>'
+        f"{escape(most)}</div>"
+    )
 
 
 def small(text: str) -> str:

@@ -34,9 +34,9 @@ def plain(name: str) -> str:
     return name.replace("_", " ")
 
 
-def angle(value: float) -> str:
+def angle(value: float, digits: int = 0) -> str:
     """An angle [rad] in degrees."""
-    return f"{degrees(value):.0f}°"
+    return f"{degrees(value):.{digits}f}°"
 
 
 def length(value: float) -> str:

@@ -3,20 +3,33 @@
 from __future__ import annotations
 
 import threading
+from collections.abc import Callable
 from html import escape
 from typing import Any
 
 import numpy as np
 
+from kinreach.robots.ur import LENGTHS
 from kinreach.view import html
 from kinreach.view.draw import Surroundings
+from kinreach.view.panel import Panel
+from kinreach.view.real_arm_panel import RealArmPanel
 from kinreach.view.setup import Setup
 from kinreach.view.target_panel import TargetPanel
 
+TARGET = "Target"
 #: How far the scene is moved to the side, by its distance.
 ASIDE = 0.13
 #: Pixels of a screenshot.
 WIDTH, HEIGHT = 1600, 1000
+
+
+def panels(setup: Setup) -> dict[str, Callable[..., Panel]]:
+    """The parts of the page that make sense for an arm, by name."""
+    kinds: dict[str, Callable[..., Panel]] = {TARGET: TargetPanel}
+    if (setup.nominal or setup.arm).name in LENGTHS:
+        kinds["Real arm"] = RealArmPanel
+    return kinds
 
 
 class Page:
@@ -25,6 +38,10 @@ class Page:
     Args:
         client: viser's handle of the tab.
         setup: What the command line asked for.
+
+    Attributes:
+        names: Of the parts that can be shown.
+        lock: Held while the scene changes.
     """
 
     def __init__(self, client: Any, setup: Setup) -> None:
@@ -38,9 +55,38 @@ class Page:
             client.camera.fov = np.radians(overview.fovy)
         client.gui.configure_theme(control_width="large", show_logo=False, show_share_button=False)
         client.gui.add_html(html.block(f"<b>{escape(setup.arm.title)}</b>"))
-        surroundings = Surroundings(client.scene, setup.arm.workcell.obstacles)
-        self.target = TargetPanel(client, setup, surroundings, self.lock)
+        self._setup = setup
+        self._surroundings = Surroundings(client.scene, setup.arm.workcell.obstacles)
+        self.names = tuple(panels(setup))
+        if len(self.names) > 1:
+            chosen = client.gui.add_button_group("show", self.names)
+            chosen.on_click(lambda event: self.show(event.target.value))
+        self._built: dict[str, Panel] = {}
+        self.show(TARGET)
         self._buttons()
+
+    @property
+    def target(self) -> TargetPanel:
+        """The panel that every page begins with."""
+        return self._built[TARGET]  # type: ignore[return-value]
+
+    def show(self, name: str) -> Panel:
+        """Show one of `panels`, and hide the others; it is built when it is first asked for."""
+        with self.lock:
+            for other, panel in self._built.items():
+                if other != name:
+                    panel.show(False)
+            if name in self._built:
+                self._built[name].show(True)
+            else:
+                kind = panels(self._setup)[name]
+                self._built[name] = kind(self._client, self._setup, self._surroundings, self.lock)
+            return self._built[name]
+
+    def close(self) -> None:
+        """Let go of everything."""
+        for panel in self._built.values():
+            panel.close()
 
     def _buttons(self) -> None:
         gui = self._client.gui

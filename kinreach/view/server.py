@@ -68,16 +68,25 @@ class Server:
 
     def stop(self) -> None:
         """Close all tabs' connections and stop listening."""
+        for number in list(self.pages):
+            self.pages.pop(number).close()
         with contextlib.redirect_stdout(io.StringIO()):
             self._viser.stop()
 
     def _opened(self, client: Any) -> None:
         page = Page(client, self._setup)
         with self._lock:
-            if client.client_id not in self._closed:
+            left = client.client_id in self._closed
+            self._closed.discard(client.client_id)
+            if not left:
                 self.pages[client.client_id] = page
+        if left:
+            page.close()
 
     def _left(self, client: Any) -> None:
         with self._lock:
-            if self.pages.pop(client.client_id, None) is None:  # closed before it was drawn
+            page = self.pages.pop(client.client_id, None)
+            if page is None:  # closed before it was drawn
                 self._closed.add(client.client_id)
+        if page is not None:
+            page.close()

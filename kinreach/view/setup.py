@@ -19,12 +19,14 @@ class Setup:
         expression: The arm as Python code.
         tip: Short name of its tip; None is the arm's own.
         simple: Draw the arm by its collision shapes, for browsers without a graphics card.
+        nominal: The arm by its data sheet, where `arm` is calibrated.
     """
 
     arm: ArmDescription
     expression: str
     tip: str | None = None
     simple: bool = False
+    nominal: ArmDescription | None = None
 
     def model(self) -> TargetModel:
         """A model of a tab's own."""

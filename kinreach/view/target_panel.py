@@ -9,31 +9,27 @@ from typing import Any
 import numpy as np
 
 from kinreach.checks import Floats
-from kinreach.engines import load
 from kinreach.errors import KinreachError
 from kinreach.kinematics import URKinematics
 from kinreach.kinematics.goals import Goal
 from kinreach.robots.rotations import rotation, rpy
 from kinreach.view import html
 from kinreach.view.draw import AMBER, PALE_RED, RED, VIOLET, Ghost, Ghosts, SolidArm, Surroundings
-from kinreach.view.inputs import Latest, by_user
+from kinreach.view.inputs import by_user, frame_of, put
 from kinreach.view.names import branch_name, length, plain
+from kinreach.view.panel import Panel
 from kinreach.view.setup import Setup
 from kinreach.view.snippet import program
 from kinreach.view.target import AXIS, SOLVERS, Answer, Finish, State
-
-pin: Any = load("pinocchio")
 
 NEAREST = "the nearest that can be used"
 NOTHING = "nothing"
 #: Ghosts that are drawn at most: a calibrated UR has up to sixteen postures.
 MOST_GHOSTS = 16
-#: How far a target may be dragged [m].
-FARTHEST = 3.0
 TOOL_DOWN = np.diag([1.0, -1.0, -1.0])
 
 
-class TargetPanel:
+class TargetPanel(Panel):
     """The target of one tab, what is said about it, and what is drawn.
 
     Args:
@@ -50,8 +46,7 @@ class TargetPanel:
     """
 
     def __init__(self, client: Any, setup: Setup, surroundings: Surroundings, lock: RLock) -> None:
-        self._client, self._setup, self._surroundings, self._lock = client, setup, surroundings, lock
-        self._latest = Latest(lock)
+        super().__init__(client, setup, surroundings, lock, title="Target")
         self.model = setup.model()
         self.q = self.model.home
         self.draw_s = 0.0
@@ -60,7 +55,8 @@ class TargetPanel:
         self._kind = self.model.kinds[0]
         self._shown = NEAREST
         self._build_scene()
-        self._build_gui()
+        with self._folder:
+            self._build_gui()
         self.answer: Answer = self.model.answer(self.goal, self.q)
         self._draw()
 
@@ -81,6 +77,12 @@ class TargetPanel:
         """Python code for what is on the screen."""
         return program(self.model, self.goal, self.q, arm=self._setup.expression)
 
+    def show(self, visible: bool) -> None:
+        """Show it, or hide it."""
+        super().show(visible)
+        if visible:
+            self._draw()
+
     def move(self, T: Floats) -> None:
         """Put the target at a frame (4, 4) in the world."""
         start = time.perf_counter()
@@ -93,17 +95,17 @@ class TargetPanel:
 
     def _build_scene(self) -> None:
         scene, figure = self._client.scene, self._setup.figure
-        self._arm = SolidArm(scene, "/target/arm", figure)
-        self._ghosts = Ghosts(scene, "/target/ghosts", figure, most=MOST_GHOSTS)
-        self._reaching = SolidArm(scene, "/target/reaching", figure, colour=AMBER, opacity=0.55)
-        self._solved = SolidArm(scene, "/target/solved", figure, colour=VIOLET, opacity=0.5)
+        self._arm = SolidArm(scene, f"{self._root}/arm", figure)
+        self._ghosts = Ghosts(scene, f"{self._root}/ghosts", figure, most=MOST_GHOSTS)
+        self._reaching = SolidArm(scene, f"{self._root}/reaching", figure, colour=AMBER, opacity=0.55)
+        self._solved = SolidArm(scene, f"{self._root}/solved", figure, colour=VIOLET, opacity=0.5)
         self._reaching.visible = self._solved.visible = False
         size = float(np.linalg.norm(self.T[:3, 3]))
-        self._gizmo = scene.add_transform_controls("/target/goal", scale=0.25 * size, depth_test=False)
+        self._gizmo = scene.add_transform_controls(f"{self._root}/goal", scale=0.25 * size, depth_test=False)
         self._gap = scene.add_line_segments(
-            "/target/gap", np.zeros((1, 2, 3)), RED, thickness=3.0, thickness_units="screen"
+            f"{self._root}/gap", np.zeros((1, 2, 3)), RED, thickness=3.0, thickness_units="screen"
         )
-        self._label = scene.add_label("/target/label", "", anchor="bottom-center", visible=False)
+        self._label = scene.add_label(f"{self._root}/label", "", anchor="bottom-center", visible=False)
         self._gap.visible = False
         self._gizmo.on_update(self._dragged)
 
@@ -112,7 +114,7 @@ class TargetPanel:
         self._verdict = gui.add_html("")
         self._gauge = gui.add_html("")
         self._list = gui.add_html("")
-        with gui.add_folder("Target"):
+        with gui.add_folder("Goal"):
             kind = gui.add_dropdown("asks for", model.kinds, initial_value=self._kind)
             self._position = gui.add_vector3("x y z [m]", (0.0, 0.0, 0.0), step=0.001)
             self._angles = gui.add_vector3("roll pitch yaw [°]", (0.0, 0.0, 0.0), step=0.1)
@@ -155,7 +157,7 @@ class TargetPanel:
 
     def _dragged(self, event: Any) -> None:
         if event.client is not None:
-            self.move(_frame(self._gizmo.position, self._gizmo.wxyz))
+            self.move(frame_of(self._gizmo))
 
     def _typed(self) -> None:
         T = np.eye(4)
@@ -255,7 +257,7 @@ class TargetPanel:
                 beside=q,
             )
             self._draw_gap()
-            self._gizmo.position, self._gizmo.wxyz = self.T[:3, 3], _quaternion(self.T[:3, :3])
+            put(self._gizmo, self.T)
         self._verdict.content = html.verdict(answer)
         self._list.content = html.legend(answer, shown=solid, joints=self.model.kinematics.arm.joints)
         self._gauge.content = html.gauge(self.model.slowest_motion(q), self.model.nearest_singularity(q))
@@ -276,20 +278,3 @@ class TargetPanel:
         self._gap.points = np.array([[tip, wanted]], dtype=np.float32)
         self._label.text = f"a search ends {length(float(np.linalg.norm(wanted - tip)))} away"
         self._label.position = (tip + wanted) / 2
-
-
-def _frame(position: Any, wxyz: Any) -> Floats:
-    w, x, y, z = np.asarray(wxyz, dtype=np.float64) / np.linalg.norm(wxyz)
-    T = np.eye(4)
-    T[:3, :3] = [
-        [1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)],
-        [2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x)],
-        [2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)],
-    ]
-    T[:3, 3] = np.clip(position, -FARTHEST, FARTHEST)
-    return T
-
-
-def _quaternion(R: Floats) -> tuple[float, ...]:
-    x, y, z, w = pin.Quaternion(np.ascontiguousarray(R)).coeffs().tolist()
-    return w, x, y, z

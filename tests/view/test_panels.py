@@ -1,0 +1,94 @@
+"""The parts of the page on a real server, with a tab that has no browser."""
+
+import contextlib
+
+import numpy as np
+import pytest
+
+from kinreach.view.cli import setup_of
+
+pytest.importorskip("viser")
+
+from benchmarks.studies.page import Tab, wait_for
+from kinreach.view.server import Server
+
+
+@pytest.fixture(scope="module")
+def serve():
+    """`serve(arm, ...)`: a server of an arm, drawn simply; one for all tests that ask for the same."""
+    with contextlib.ExitStack() as stack:
+        servers = {}
+
+        def serving(arm, calibration=None):
+            if (arm, calibration) not in servers:
+                servers[arm, calibration] = Server(setup_of(arm, calibration=calibration, simple=True), port=8460)
+                stack.callback(servers[arm, calibration].stop)
+            return servers[arm, calibration]
+
+        yield serving
+
+
+@pytest.fixture
+def calibration(root):
+    return str(root / "tests/data/calibrations/ur5_a.yaml")
+
+
+def test_two_tabs_have_targets_of_their_own(serve):
+    server = serve("ur5")
+    with Tab(server) as one, Tab(server) as other:
+        targets = [tab.page.target for tab in (one, other)]
+        before = [panel.T.copy() for panel in targets]
+        said = targets[1].answer
+        one.drag(targets[0]._gizmo, before[0][:3, 3] + (0.05, 0.02, -0.03))
+        wait_for(lambda: np.abs(targets[0].T - before[0]).max() > 0.01)
+        np.testing.assert_allclose(targets[0].T[:3, 3] - before[0][:3, 3], (0.05, 0.02, -0.03), atol=1e-12)
+        np.testing.assert_array_equal(targets[1].T, before[1])
+        assert targets[1].answer is said
+    wait_for(lambda: not server.pages)
+
+
+def test_a_target_that_is_dragged_is_answered(serve):
+    with Tab(serve("ur5")) as tab:
+        panel, rng, answers = tab.page.target, np.random.default_rng(0), 0
+        for _ in range(10):
+            position = panel.T[:3, 3] + rng.uniform(-0.1, 0.1, 3)
+            panel.draw_s = 0.0
+            tab.drag(panel._gizmo, position)
+            wait_for(lambda: panel.draw_s > 0)
+            np.testing.assert_allclose(panel.answer.goal.T[:3, 3], position, atol=1e-12)
+            answers += panel.answer.verdict in panel._verdict.content
+        assert answers == 10
+
+
+def test_the_real_arm_beside_its_data_sheet(serve, calibration, root):
+    with Tab(serve("ur5", calibration)) as tab:
+        panel = tab.page.show("Real arm")
+        assert not tab.page.target._folder.visible
+        first = panel.miss
+        assert 0.001 < first.distance < 0.01
+        assert f"{1000 * first.distance:.2f} mm" in panel._verdict.content
+        tab.drag(panel._gizmo, panel.T[:3, 3] - (0.1, 0, 0.1))
+        wait_for(lambda: panel.miss is not first)
+        with tab.page.lock:  # until it is all drawn
+            assert "&lt; 1 µm off" in panel._numbers.content
+        tab.drag(panel._gizmo, (2.5, 0.0, 0.0))
+        wait_for(lambda: panel.miss is None)
+        with tab.page.lock:
+            assert "has no posture there: too far away" in panel._verdict.content
+        for file, said in (("missing.yaml", "cannot be read"), (str(root / "README.md"), "calibration")):
+            before = panel.model
+            panel.open(file)
+            assert said in panel._verdict.content
+            assert "kinreach-verdict" in panel._verdict.content
+            assert panel.model is before
+        panel.open(calibration.replace("ur5_a", "ur5_b"))
+        assert panel.miss is not None
+        assert panel.model is not before
+        tab.page.show("Target")
+        assert tab.page.target._folder.visible
+        assert not panel._branch.visible
+
+
+def test_parts_of_other_arms(serve):
+    with Tab(serve("arm3")) as tab:
+        assert list(tab.page.names) == ["Target"]
