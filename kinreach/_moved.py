@@ -96,7 +96,6 @@ MODULES = {
     "kinreach.plots.checks": "kinreach.plots.style",
     "kinreach.plots.paths": "kinreach.plots.maps",
     "kinreach.plots.optimum": "kinreach.plots.methods",
-    "kinreach.demo.tasks": "kinreach.demo.cli",
 }
 #: Name of 0.1.0 with its module -> the same now, where it was renamed or went elsewhere than its module.
 NAMES = {

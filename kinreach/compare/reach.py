@@ -9,8 +9,8 @@ where its step takes the tip back towards the goal.
 
 from __future__ import annotations
 
-import importlib
 from collections.abc import Callable, Mapping, Sequence
+from functools import partial
 from typing import Any, NamedTuple
 
 import gymnasium as gym
@@ -30,9 +30,7 @@ from kinreach.compare.task import (
     policy_version,
     resets_to,
 )
-from kinreach.errors import InputError
-from kinreach.kinematics.closed_form import ClosedFormKinematics
-from kinreach.kinematics.solvers import Solver, Tolerance
+from kinreach.kinematics.solvers import Tolerance, new_solver
 from kinreach.registration import MULTI, SINGLE, SPACE
 from kinreach.sim.controller import TOLERANCE
 from kinreach.summary import MEAN, QUANTILES, Column, Trial, number, thousandfold
@@ -137,34 +135,18 @@ def _kinematics(env: gym.Env[Any, Any]) -> Any:
     return env.unwrapped.kinematics  # type: ignore[attr-defined]
 
 
-def _solver(name: str) -> Callable[[Any], Solver]:
-    """A solver of the package by its class, imported when it is needed: one missing package disables its own only."""
-
-    def new(kinematics: Any) -> Solver:
-        solver: Solver = getattr(importlib.import_module("kinreach.kinematics.solvers"), name)(kinematics)
-        return solver
-
-    return new
-
-
-def _closed_form(kinematics: Any) -> Solver:
-    if not isinstance(kinematics, ClosedFormKinematics):
-        raise InputError(f"the arm {kinematics.arm.name!r} has no closed form; its solvers are placo, lm and qp")
-    return _solver("ClosedFormSolver")(kinematics)
-
-
 def _hybrid() -> Method:
     def make(env: gym.Env[Any, Any]) -> SolverPolicy:
-        return SolverPolicy(_solver("LevenbergMarquardtSolver")(_kinematics(env)), env, proposer=load_policy("single"))
+        return SolverPolicy(new_solver("lm", _kinematics(env)), env, proposer=load_policy("single"))
 
     return Method(make, SEEDED, SINGLE, policy_version("single"), "#CC79A7")
 
 
 SOLVERS: Mapping[str, Method] = {
-    "closed-form": solver_method(_closed_form, colour="#003F66"),
-    "placo": solver_method(_solver("PlacoSolver"), colour="#0072B2"),
-    "lm": solver_method(_solver("LevenbergMarquardtSolver"), colour="#56B4E9"),
-    "qp": solver_method(_solver("QPSolver"), colour="#8CCBEB"),
+    "closed-form": solver_method(partial(new_solver, "closed-form"), colour="#003F66"),
+    "placo": solver_method(partial(new_solver, "placo"), colour="#0072B2"),
+    "lm": solver_method(partial(new_solver, "lm"), colour="#56B4E9"),
+    "qp": solver_method(partial(new_solver, "qp"), colour="#8CCBEB"),
 }
 
 
@@ -178,7 +160,7 @@ def goals_of(env: gym.Env[Any, Any], count: int, seed: int, *, reachable: bool =
         reachable: Keep only those for which the closed form, which knows all postures, finds an acceptable one.
     """
     world: Any = env.unwrapped
-    solver = _closed_form(world.kinematics) if reachable else None
+    solver = new_solver("closed-form", world.kinematics) if reachable else None
     rng = np.random.default_rng(seed)
     kept: list[Floats] = []
     while len(kept) < count:

@@ -4,78 +4,30 @@ from __future__ import annotations
 
 import os
 import sys
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import nullcontext
-from dataclasses import dataclass
-from pathlib import Path
 from typing import Any
 
 import gymnasium as gym
 import numpy as np
 
 import kinreach  # registers the environments
-from kinreach.baselines.button_controller import AnalyticButtonPolicy
-from kinreach.baselines.policies import load_policy, pretrained_names
-from kinreach.baselines.rollout import Policy, RandomPolicy, rollout
-from kinreach.baselines.solver_policy import SolverPolicy
+from kinreach.baselines.policies import pretrained_names
+from kinreach.baselines.rollout import Policy, rollout
 from kinreach.checks import check_count
 from kinreach.cli import Parser
 from kinreach.demo.film import Film
+from kinreach.demo.tasks import POLICIES, TASKS, make_policy
 from kinreach.envs.button import ACTUATIONS
 from kinreach.envs.reach.task import BACKENDS, OBSERVATION_KINDS
 from kinreach.errors import InputError, raise_unknown
-from kinreach.kinematics.solvers import ClosedFormSolver
-from kinreach.registration import BUTTON, MULTI, SINGLE
+from kinreach.kinematics.solvers import SOLVERS
 
 PRINTABLE = ("action", "observation", "reward", "info")
 #: Frames per second of a film, in the time of the simulation.
 FILM_FPS = 25
 #: How many frames the end of an episode stands still.
 HOLD = 12
-
-
-@dataclass(frozen=True)
-class DemoTask:
-    """An environment that can be watched.
-
-    Attributes:
-        name: Its id at Gymnasium.
-        options: Arguments of the command line that are arguments of the environment.
-        analytic: Makes its analytic policy from the environment and the arguments of the command line.
-        policy, steps, printed: What the command line does if it is not told.
-    """
-
-    name: str
-    options: tuple[str, ...]
-    analytic: Callable[[gym.Env[Any, Any], Any], Policy]
-    policy: str = "analytic"
-    steps: int = 20
-    printed: str = "reward"
-
-
-def _closed_form(env: gym.Env[Any, Any], arguments: Any) -> Policy:
-    return SolverPolicy(ClosedFormSolver(env.get_wrapper_attr("kinematics")), env)
-
-
-_REACH_OPTIONS = ("observation", "backend")
-TASKS: Mapping[str, DemoTask] = {
-    "single": DemoTask(SINGLE, _REACH_OPTIONS, _closed_form),
-    "multi": DemoTask(MULTI, _REACH_OPTIONS, _closed_form),
-    # By default this is the test that the course report describes.
-    "button": DemoTask(
-        BUTTON,
-        ("actuation",),
-        lambda env, arguments: AnalyticButtonPolicy(arguments.actuation),
-        policy="random",
-        steps=10_000,
-        printed="action,observation",
-    ),
-}
-#: Policies that nobody trained, by name; each is made from the task, the environment and the arguments.
-POLICIES: Mapping[str, Callable[[DemoTask, gym.Env[Any, Any], Any], Policy]] = {
-    "random": lambda task, env, arguments: RandomPolicy(env.action_space, seed=arguments.seed),
-    "analytic": lambda task, env, arguments: task.analytic(env, arguments),
-}
 
 
 def main(argv: Sequence[str], *, prog: str) -> int:
@@ -100,7 +52,7 @@ def main(argv: Sequence[str], *, prog: str) -> int:
         print("No screen here: nothing is drawn. --video FILE.gif or FILE.mp4 films it.", file=sys.stderr)
     env = gym.make(task.name, render_mode=mode, **{name: getattr(arguments, name) for name in task.options})
     try:
-        policy = make_policy(arguments.policy, task, env, arguments)
+        policy = make_policy(arguments.policy, task, env, seed=arguments.seed)
         film = Film(arguments.video, fps=FILM_FPS) if arguments.video else nullcontext()
         with film as reel:
             reached, episodes = _run(env, policy, arguments, printed, reel)
@@ -110,20 +62,6 @@ def main(argv: Sequence[str], *, prog: str) -> int:
     if arguments.video:
         print(f"Film: {arguments.video}")
     return 0
-
-
-def make_policy(name: str, task: DemoTask, env: gym.Env[Any, Any], arguments: Any) -> Policy:
-    """A policy by name, or a trained one: of the package, or from a file.
-
-    Raises:
-        InputError: There is none of that name, the file is no policy, or it is for another environment.
-    """
-    if name in POLICIES:
-        return POLICIES[name](task, env, arguments)
-    trained = [policy for policy in pretrained_names() if load_policy(policy).card.environment == task.name]
-    if name not in trained and not Path(name).suffix:
-        raise_unknown(f"policy for {task.name}", name, ("a file of a policy", *POLICIES, *trained))
-    return load_policy(name, environment=task.name)
 
 
 def _run(
@@ -215,7 +153,7 @@ def _parser(prog: str) -> Parser:
     parser.add_argument("--env", default="single", help=f"one of: {', '.join(TASKS)} (default: %(default)s)")
     parser.add_argument(
         "--policy",
-        help=f"one of: {', '.join([*POLICIES, *pretrained_names()])}; or the file of a trained policy "
+        help=f"one of: {', '.join([*POLICIES, *SOLVERS, *pretrained_names()])}; or the file of a trained policy "
         f"(default for {by_task('policy')})",
     )
     parser.add_argument("--steps", type=int, metavar="N", help=f"default for {by_task('steps')}")
@@ -224,12 +162,12 @@ def _parser(prog: str) -> Parser:
     )
     parser.add_argument("--seed", type=int, default=0, metavar="S", help="default: %(default)s")
     parser.add_argument(
-        "--backend", default="mujoco", help=f"of single and multi: {', '.join(BACKENDS)} (default: %(default)s)"
+        "--backend", default="mujoco", help=f"of all but button: {', '.join(BACKENDS)} (default: %(default)s)"
     )
     parser.add_argument(
         "--observation",
         default="geometric",
-        help=f"of single and multi: {', '.join(OBSERVATION_KINDS)} (default: %(default)s)",
+        help=f"of all but button: {', '.join(OBSERVATION_KINDS)} (default: %(default)s)",
     )
     parser.add_argument(
         "--actuation", default="tuned", help=f"of button: {', '.join(ACTUATIONS)} (default: %(default)s)"

@@ -28,7 +28,7 @@ from kinreach.kinematics.closed_form import ClosedFormKinematics
 from kinreach.kinematics.collision import Pair
 from kinreach.kinematics.goals import Goal
 from kinreach.kinematics.solutions import ANGLES, BRANCH, nearest_winding
-from kinreach.kinematics.solvers import ClosedFormSolver, LevenbergMarquardtSolver, PlacoSolver, QPSolver, Solver
+from kinreach.kinematics.solvers import SOLVERS, LevenbergMarquardtSolver, Solver, new_solver
 from kinreach.kinematics.ur.geometry import Miss
 from kinreach.kinematics.ur.reach import Shortfall
 from kinreach.robots import ArmDescription
@@ -42,8 +42,6 @@ STARTS = 8
 SAME = 1e-3
 #: Where the motion of a turning tool is measured: this far from its axis [m].
 LEVER = 0.2
-#: Names of the solvers that can be put beside each other.
-SOLVERS = ("closed-form", "placo", "lm", "qp")
 
 
 class State(Enum):
@@ -196,7 +194,7 @@ class TargetModel:
         verdict = self._verdict(postures, approach)
         return Answer(goal, seed, postures, shown, verdict, approach, time.perf_counter() - start)
 
-    def solve(self, goal: Goal, seed: Floats, names: Sequence[str] = SOLVERS) -> list[Finish]:
+    def solve(self, goal: Goal, seed: Floats, names: Sequence[str] = tuple(SOLVERS)) -> list[Finish]:
         """Put a goal to solvers, one after the other; each may take only postures that do not collide.
 
         Args:
@@ -245,12 +243,7 @@ class TargetModel:
 
     def _solver(self, name: str) -> Solver:
         if name not in self._solvers:
-            kinematics = self.kinematics
-            if name == "closed-form" and isinstance(kinematics, ClosedFormKinematics):
-                self._solvers[name] = ClosedFormSolver(kinematics)
-            else:
-                kinds = {"placo": PlacoSolver, "lm": LevenbergMarquardtSolver, "qp": QPSolver}
-                self._solvers[name] = kinds[name](kinematics)
+            self._solvers[name] = new_solver(name, self.kinematics)
         return self._solvers[name]
 
     def _postures(self, goal: Goal, seed: Floats) -> Iterator[Posture]:

@@ -12,6 +12,7 @@ from kinreach.checks import Floats
 from kinreach.errors import KinreachError
 from kinreach.kinematics import URKinematics
 from kinreach.kinematics.goals import Goal
+from kinreach.kinematics.solvers import SOLVERS
 from kinreach.robots.rotations import rotation, rpy
 from kinreach.view import html
 from kinreach.view.draw import AMBER, PALE_RED, RED, VIOLET, Ghost, Ghosts, SolidArm, Surroundings
@@ -20,7 +21,7 @@ from kinreach.view.names import branch_name, length, plain
 from kinreach.view.panel import Panel
 from kinreach.view.setup import Setup
 from kinreach.view.snippet import program
-from kinreach.view.target import AXIS, SOLVERS, Answer, Finish, State
+from kinreach.view.target import AXIS, Answer, Finish, State
 
 NEAREST = "the nearest that can be used"
 NOTHING = "nothing"

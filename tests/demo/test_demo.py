@@ -84,9 +84,9 @@ def test_it_films(ending, tmp_path, needs_gl, capsys):
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
-        (["--env", "chess"], "button, multi, single"),
+        (["--env", "chess"], "button, multi, single, space"),
         (["--env", "button", "--actuation", "magic"], "report, tuned"),
-        (["--policy", "wisdom"], "analytic, panda-single, ppo-single, random"),
+        (["--policy", "wisdom"], "analytic, closed-form, lm, panda-single, placo, ppo-single, qp, random"),
         (["--steps", "0"], "at least 1"),
         (["--print", "money"], "nothing"),
         (["--video", "film.avi"], ".gif or .mp4"),

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from kinreach.kinematics import CollisionChecker, URKinematics, kinematics_of
+from kinreach.kinematics.solvers import SOLVERS
 from kinreach.robots import arm_names
 from kinreach.robots.shapes import link_shapes
 from kinreach.view import html
@@ -11,7 +12,7 @@ from kinreach.view.cli import setup_of
 from kinreach.view.figure import Figure
 from kinreach.view.names import branch_name
 from kinreach.view.snippet import program
-from kinreach.view.target import AXIS, POINT, POSE, SOLVERS, State, TargetModel
+from kinreach.view.target import AXIS, POINT, POSE, State, TargetModel
 
 CALIBRATION = "tests/data/calibrations/ur5_a.yaml"
 

@@ -15,7 +15,8 @@ from kinreach.envs.button.task import action_space, check_actions, observation_s
 from kinreach.envs.button.world import ButtonState, SingleTorqueWorld
 from kinreach.envs.options import RENDER_MODES, check_seed, check_started, options_from, takes
 from kinreach.envs.single import CopyableEnv
-from kinreach.sim.picture import ScenePicture
+from kinreach.robots import ArmDescription
+from kinreach.sim.picture import Scene, ScenePicture
 
 ONE = np.zeros(1, dtype=np.intp)
 #: Frames per second of simulated time in the viewer and in films.
@@ -143,6 +144,16 @@ class ButtonPressEnv(CopyableEnv):
         self._started = False
         self.action_space = action_space()
         self.observation_space: spaces.Space[Any] = observation_space()
+
+    @property
+    def scene(self) -> Scene:
+        """What `render` draws."""
+        return self._world
+
+    @property
+    def arm(self) -> ArmDescription:
+        """The arm that presses."""
+        return self.options.arm
 
     def reset(self, *, seed: int | None = None, options: dict[str, Any] | None = None) -> tuple[Floats, dict[str, Any]]:
         """Start an episode: a new target, the arm upright and almost at rest.

@@ -29,7 +29,7 @@ from kinreach.envs.reach.worlds import KinematicWorld, ReachWorld, SingleDynamic
 from kinreach.envs.single import CopyableEnv
 from kinreach.kinematics import ArmKinematics, AxisGoal, PositionGoal
 from kinreach.robots import ArmDescription
-from kinreach.sim.picture import ScenePicture
+from kinreach.sim.picture import Scene, ScenePicture
 from kinreach.sim.simulation import ArmSimulation
 
 ONE = np.zeros(1, dtype=np.intp)
@@ -89,6 +89,11 @@ class ReachEnv(CopyableEnv):
     def kinematics(self) -> ArmKinematics:
         """The arm's kinematics from the world to its default tip."""
         return self._task.kinematics
+
+    @property
+    def scene(self) -> Scene:
+        """What `render` draws; with `backend="kinematic"` it follows the arm only if there is a `render_mode`."""
+        return self._simulation
 
     @property
     def home(self) -> Floats:

@@ -5,6 +5,10 @@ from __future__ import annotations
 import importlib
 from typing import TYPE_CHECKING, Any
 
+from kinreach.checks import check_known
+from kinreach.errors import InputError
+from kinreach.kinematics.arm import ArmKinematics
+from kinreach.kinematics.closed_form import ClosedFormKinematics
 from kinreach.kinematics.solvers.base import ClosedFormSolver, Solver, Tolerance
 
 if TYPE_CHECKING:
@@ -12,7 +16,15 @@ if TYPE_CHECKING:
     from kinreach.kinematics.solvers.placo_solver import PlacoSolver
     from kinreach.kinematics.solvers.qp_solver import QPSolver
 
-__all__ = ["ClosedFormSolver", "LevenbergMarquardtSolver", "PlacoSolver", "QPSolver", "Solver", "Tolerance"]
+__all__ = [
+    "ClosedFormSolver",
+    "LevenbergMarquardtSolver",
+    "PlacoSolver",
+    "QPSolver",
+    "Solver",
+    "Tolerance",
+    "new_solver",
+]
 
 #: Iterative solvers -> their modules, loaded when asked for: each needs a package of its own.
 _ITERATIVE = {
@@ -20,6 +32,27 @@ _ITERATIVE = {
     "PlacoSolver": "placo_solver",
     "QPSolver": "qp_solver",
 }
+#: Short names of the solvers, as comparisons and the page call them -> their classes.
+SOLVERS = {
+    "closed-form": "ClosedFormSolver",
+    "placo": "PlacoSolver",
+    "lm": "LevenbergMarquardtSolver",
+    "qp": "QPSolver",
+}
+
+
+def new_solver(name: str, kinematics: ArmKinematics) -> Solver:
+    """A solver by its short name, one of `SOLVERS`; its package is loaded now.
+
+    Raises:
+        UnknownNameError: There is no such solver.
+        InputError: The closed form of an arm that has none.
+    """
+    check_known("solver", name, SOLVERS)
+    if name == "closed-form" and not isinstance(kinematics, ClosedFormKinematics):
+        raise InputError(f"the arm {kinematics.arm.name!r} has no closed form; its solvers are placo, lm and qp")
+    solver: Solver = getattr(importlib.import_module(__name__), SOLVERS[name])(kinematics)
+    return solver
 
 
 def __getattr__(name: str) -> Any:
