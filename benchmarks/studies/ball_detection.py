@@ -1,6 +1,6 @@
 """How exactly the cameras find the ball: 3-D error and time of both pipelines, cameras and three resolutions.
 
-    python -m benchmarks.studies.ball_detection [--positions 200] [--seed 0] [--out docs/cameras.md]
+    python -m benchmarks.studies.ball_detection [--positions 200] [--seed 0]
     python -m benchmarks.studies.ball_detection --picture docs/images/cameras.png
 
 The balls are drawn from the UR5's goal area, its four corners first. Both pipelines get the same pictures.
@@ -17,7 +17,7 @@ from pathlib import Path
 import numpy as np
 
 from kinreach.cli import Parser, finish
-from kinreach.files import replacing, write_text
+from kinreach.files import replacing
 from kinreach.robots import get_arm
 from kinreach.sim.rendering import FrameRenderer
 from kinreach.sim.simulation import ArmSimulation
@@ -34,33 +34,6 @@ PICTURE_GOAL = (0.47, -0.12, -0.175)
 
 #: Pipeline, whether with noise, camera, height of the picture.
 Case = tuple[str, bool, str, int]
-
-TEXT = """# What the cameras see
-
-Once per episode, in the start pose, both RGB-D cameras look for the ball, and what they find is the goal of the
-observation. `pipeline="thesis"` is the thesis's way: edges, Hough circle transform, depth at the circle's centre, ray.
-`pipeline="hybrid"`, the default, lets the Hough circle transform only say where to look and measures with all red
-pixels there (`kinreach/vision/ball_finder.py`).
-
-![Both cameras' pictures with the circle that was found](images/cameras.png)
-
-Distance of the found centre from the true one: mean / p95 / max in mm. No ball was missed, unless a number in brackets
-says how many were. Measured with {positions} balls in the goal area; the noise is normal, with a standard deviation of
-{rgb:g} levels of 255 in each colour and {depth:g} mm in the depth.
-
-{errors}
-
-Time of one look of one camera in ms, without noise, drawn in software; the fastest of all looks, because the machine
-has other work too.
-
-{times}
-
-The default is 640x360: without noise most of its error is the renderer's, which draws the ball with facets, so that
-the thesis's 1280x720 gains little for the time it takes.
-
-    python -m benchmarks.studies.ball_detection --positions {positions} --seed {seed} --out docs/cameras.md
-    python -m benchmarks.studies.ball_detection --picture docs/images/cameras.png
-"""
 
 
 @dataclass
@@ -174,11 +147,10 @@ def draw(path: Path) -> None:
 
 
 def main(argv: list[str] | None = None) -> int:
-    """Print the tables and write them where asked, or draw the picture."""
+    """Print the tables, or draw the picture."""
     parser = Parser(prog=PROG, description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--positions", type=int, default=200)
     parser.add_argument("--seed", type=int, default=0)
-    parser.add_argument("--out", type=Path, help="write the tables with their explanation to this file")
     parser.add_argument("--picture", type=Path, help="only draw what the cameras see, to this PNG file")
     args = parser.parse_args(argv)
     if args.positions < 1:
@@ -187,12 +159,7 @@ def main(argv: list[str] | None = None) -> int:
         draw(args.picture)
         return 0
     result = measure(args.positions, args.seed)
-    errors, times = error_table(result), time_table(result)
-    print(f"{errors}\n\n{times}")
-    if args.out:
-        noise = {"rgb": NOISE.rgb_sigma, "depth": NOISE.depth_sigma * 1e3}
-        numbers = {"positions": args.positions, "seed": args.seed, **noise}
-        write_text(args.out, TEXT.format(errors=errors, times=times, **numbers))
+    print(f"{error_table(result)}\n\n{time_table(result)}")
     return 0
 
 

@@ -9,8 +9,9 @@ Two pipelines:
   third of the radius, the centroid by 0.15 pixels at most.
 
 In both the depth is that of the ball's surface: its centre is farther by the radius, *along the ray*. A circle that
-contradicts the depth (the ball would have another size) is no ball. `python -m benchmarks.studies.ball_detection`
-measures both.
+contradicts the depth (the ball would have another size) is no ball; `hybrid` also asks whether the surface is round.
+`python -m benchmarks.studies.ball_detection` measures both, `python -m benchmarks.studies.light_and_clutter` in other
+light and beside other things.
 """
 
 from __future__ import annotations
@@ -41,8 +42,15 @@ AREA_TOLERANCE = 1.15
 #: Pixels count for the centroid up to this many radii from its last estimate: the outline of a ball reaches 1.1 at the
 #: picture's edge, the rest is for OpenCV's circle.
 REACH = 1.5
-#: Steps of the centroid; from a third of the radius off it arrives in two.
-STEPS = 3
+#: And where there is depth, up to this many radii from the ball's centre: what is red beside the ball or behind it is
+#: no part of it, and of a flat square too little is left to be a ball.
+SHELL = 1.25
+#: From so many radii of the outline to so many, the surface of a ball is one radius from its centre in the median; that
+#: of a ball 1.6 times as large is 1.09, of a flat thing 1.23.
+ROUND_REACH = (0.5, 0.85)
+ROUND_TOLERANCE = 1.07
+#: Steps of the centroid; from a third of the radius off it arrives in two, beside other red things in four.
+STEPS = 4
 
 
 @dataclass(frozen=True, eq=False)
@@ -131,18 +139,41 @@ def _around(
 ) -> BallFix | None:
     """The ball that a circle announces, from the red pixels and their depths, or None."""
     found = circle
+    position: Floats | None = None
     for _ in range(STEPS):
         rows, columns = _disk(found, REACH, mask.shape)
-        red = mask[rows, columns]
-        rows, columns = rows[red], columns[red]
+        ball = mask[rows, columns]
+        if position is not None:
+            ball &= ~(_from_centre(position, rows, columns, depth, camera) > SHELL * radius)
+        rows, columns = rows[ball], columns[ball]
         if len(rows) == 0 or _touches_edge(rows, columns, mask.shape):
             return None
         found = Circle(float(columns.mean()), float(rows.mean()), math.sqrt(len(rows) / math.pi))
-    position = _centre(found, depth, camera, radius)
-    if position is None:
-        return None
+        position = _centre(found, depth, camera, radius)
+        if position is None:
+            return None
+    assert position is not None  # after a step
     ratio = (found.r / _outline_radius(camera, position, radius)) ** 2
-    return BallFix(found, position) if 1 / AREA_TOLERANCE < ratio < AREA_TOLERANCE else None
+    rows, columns = _disk(found, ROUND_REACH[1], mask.shape)
+    outer = (rows - found.v) ** 2 + (columns - found.u) ** 2 > (ROUND_REACH[0] * found.r) ** 2
+    surface = _from_centre(position, rows[outer], columns[outer], depth, camera)
+    is_ball = 1 / AREA_TOLERANCE < ratio < AREA_TOLERANCE and not np.nanmedian(surface) > ROUND_TOLERANCE * radius
+    return BallFix(found, position) if is_ball else None
+
+
+def _from_centre(
+    centre: Floats,
+    rows: NDArray[np.intp],
+    columns: NDArray[np.intp],
+    depth: NDArray[np.floating],
+    camera: Intrinsics,
+) -> Floats:
+    """How far what pixels show is from a point in the camera frame [m], NaN where there is no depth."""
+    z = depth[rows, columns].astype(np.float64)
+    seen = _measured(z)
+    found = np.full(len(z), np.nan)
+    found[seen] = np.linalg.norm(camera.deproject(columns[seen], rows[seen], z[seen]) - centre, axis=1)
+    return found
 
 
 def _centre(circle: Circle, depth: NDArray[np.floating], camera: Intrinsics, radius: float) -> Floats | None:

@@ -97,6 +97,52 @@ def test_noise_of_a_camera_costs_less_than_a_millimetre_and_a_half():
         assert error_mm(find(rgb, depth), ball) < 1.5
 
 
+@pytest.mark.parametrize("light", [0.25, 0.5, 2.0])
+def test_light_does_not_matter(light):
+    ramp = np.linspace(0.5, 1.5, CAMERA.width)[None, :, None]
+    for ball in drawn_balls(6, seed=7):
+        rgb, depth = picture(ball)
+        for shade in (1.0, ramp, ramp[:, ::-1]):
+            lit = (light * shade * rgb).clip(0, 255).astype(np.uint8)
+            assert error_mm(find(lit, depth), ball) < 0.5
+
+
+def test_what_is_not_a_red_ball_is_left_alone():
+    """A flat disk and a square as large as the ball's, facing the camera; a ball in orange and one in green."""
+    rows, columns = np.mgrid[: CAMERA.height, : CAMERA.width]
+    cases = 0
+    for other, ball in zip(drawn_balls(12, seed=8), drawn_balls(12, seed=9), strict=True):
+        if np.abs(CAMERA.project(other) - CAMERA.project(ball)).max() < 200:
+            continue
+        x, y = CAMERA.deproject(columns, rows, other[2])[..., :2].transpose(2, 0, 1) - other[:2, None, None]
+        flat = np.hypot(x, y) < RADIUS, np.maximum(abs(x), abs(y)) < RADIUS * np.sqrt(np.pi) / 2
+        round_, z = picture(other)
+        shapes = [(part, RED, np.full_like(z, other[2])) for part in flat]
+        shapes += [((round_ == RED).all(-1), colour, z) for colour in ((190, 95, 10), (12, 120, 25))]
+        for part, colour, far in shapes:
+            for with_ball in (False, True):
+                rgb, depth = picture(*([ball] if with_ball else []))
+                rgb[part], depth[part] = colour, far[part]
+                fix = find(rgb, depth)
+                assert (fix is None) if not with_ball else error_mm(fix, ball) < 0.5
+                cases += 1
+    assert cases >= 32
+
+
+def test_red_on_the_wall_behind_a_ball_is_no_part_of_it():
+    rows, columns = np.mgrid[: CAMERA.height, : CAMERA.width]
+    found = 0
+    for ball in drawn_balls(12, seed=10):
+        rgb, depth = picture(ball)
+        (u, v), r = CAMERA.project(ball), CAMERA.fx * RADIUS / ball[2]
+        behind = (abs(rows - v) < r / 2) & (columns > u) & (columns < u + 1.25 * r)  # too little to be refused
+        rgb[behind & (depth == np.float32(BACKGROUND))] = RED
+        fix = find(rgb, depth)
+        assert fix is None or error_mm(fix, ball) < 0.5
+        found += fix is not None
+    assert found >= 10
+
+
 @both
 def test_of_two_balls_one_is_found_and_not_their_middle(pipeline):
     balls = CAMERA.deproject(np.array([200.0, 420.0]), 180.0, np.array([0.5, 0.6]))
@@ -142,10 +188,13 @@ def test_a_ball_cut_by_the_edge_is_not_measured_by_its_centroid(u, v):
 
 
 def test_a_ball_half_hidden_is_not_measured():
-    ball = CAMERA.deproject(320.0, 180.0, 0.5)
-    rgb, depth = picture(ball)
-    rgb[:, 320:], depth[:, 320:] = GREY, 0.3
-    assert find(rgb, depth) is None
+    rows, columns = np.mgrid[: CAMERA.height, : CAMERA.width]
+    for index, ball in enumerate(drawn_balls(12, seed=11)):
+        rgb, depth = picture(ball)
+        (u, v), angle = CAMERA.project(ball), 2 * np.pi * index / 12
+        hidden = (columns - u) * np.cos(angle) + (rows - v) * np.sin(angle) > 0
+        rgb[hidden], depth[hidden] = GREY, 0.25
+        assert find(rgb, depth) is None
 
 
 @both
