@@ -144,6 +144,7 @@ class JointController:
         arm: The arm.
         model: A scene of it, from `kinreach.sim.scene`.
         tolerance: How far from its target a joint may come to rest [rad].
+        encoder_noise: Standard deviation of what the servos read of their joints [rad].
 
     Attributes:
         arm, model, tolerance: As given.
@@ -152,7 +153,9 @@ class JointController:
         obstacles: Names of the bodies that are not links.
     """
 
-    def __init__(self, arm: ArmDescription, model: Any, *, tolerance: float = TOLERANCE) -> None:
+    def __init__(
+        self, arm: ArmDescription, model: Any, *, tolerance: float = TOLERANCE, encoder_noise: float = 0.0
+    ) -> None:
         self.arm = arm
         self.model = model
         self.tolerance = check_number("tolerance", tolerance, above=0.0, most=np.pi)
@@ -162,7 +165,7 @@ class JointController:
         self.ctrl = as_index([model.actuator(name).id for name in arm.joints])
         self.obstacles = frozenset(box.name for box in arm.workcell.obstacles)
         dof = as_index([joint.dofadr[0] for joint in joints])
-        self._following = Following(self.qpos, dof, self.ctrl, tolerance, model.opt.timestep)
+        self._following = Following(self.qpos, dof, self.ctrl, tolerance, model.opt.timestep, encoder_noise)
         self._planner = SetpointPlanner(
             arm, model, qpos=self.qpos, dof=dof, servos=self.ctrl, period=self._following.period
         )

@@ -19,6 +19,7 @@ from kinreach.errors import InputError
 from kinreach.kinematics.collision import disabled_pairs
 from kinreach.robots import ArmDescription
 from kinreach.sim.engine import mujoco
+from kinreach.sim.imperfections import IDEAL, Imperfections
 from kinreach.sim.looks import DRAWN_ONLY, HIDDEN_GROUP, add_camera, add_looks, add_visual_meshes
 
 #: Step of the simulation [s]. From 0.002 on, 400 of 400 random targets get the same verdict; at 0.01 an arm that runs
@@ -28,6 +29,8 @@ BALL = "ball"
 BALL_GROUP = 1  # of its own, so that it can be drawn alone
 BALL_COLOUR = (0.86, 0.04, 0.03, 1.0)
 NEITHER_SEEN_NOR_FELT = {**DRAWN_ONLY, "group": HIDDEN_GROUP}
+PAYLOAD = "payload"
+PAYLOAD_RADIUS = 0.02
 #: Stiffness of a finger's drive [N/m]: full force 12 mm from where it wants to be.
 GRIPPER_GAIN = 10_000.0
 #: Angles of the first joint at which it is tried what the first link touches.
@@ -36,7 +39,9 @@ ANGLES = 361
 GRIPPER_ARMATURE = 0.1
 
 
-def build_scene(arm: ArmDescription, *, timestep: float = TIMESTEP, visual: bool = True) -> Any:
+def build_scene(
+    arm: ArmDescription, *, timestep: float = TIMESTEP, visual: bool = True, imperfections: Imperfections = IDEAL
+) -> Any:
     """The scene of an arm, ready to compile or to edit further.
 
     Args:
@@ -45,6 +50,7 @@ def build_scene(arm: ArmDescription, *, timestep: float = TIMESTEP, visual: bool
         visual: Make it look good: draw the links by the URDF's visual meshes, the table's legs, camera housings. None
             of it has mass or contact: the physics is the same, to the bit. Without, links are drawn by their collision
             shapes and frames come faster.
+        imperfections: Of the arm; friction, damping and payload are in the scene.
 
     Returns:
         A `mujoco.MjSpec`.
@@ -60,6 +66,7 @@ def build_scene(arm: ArmDescription, *, timestep: float = TIMESTEP, visual: bool
         spec.option.integrator = mujoco.mjtIntegrator.mjINT_IMPLICITFAST
         _drive_joints(spec, arm)
         _drive_gripper(spec, arm)
+        _spoil(spec, arm, imperfections)
         _add_workcell(spec, arm)
         _exclude_out_of_reach(spec, arm)
         for frame in arm.tips.values():
@@ -90,13 +97,15 @@ def _refusals_of(arm: ArmDescription) -> Iterator[None]:
 
 
 @lru_cache(maxsize=16)
-def scene_model(arm: ArmDescription, *, timestep: float = TIMESTEP, visual: bool = True) -> Any:
+def scene_model(
+    arm: ArmDescription, *, timestep: float = TIMESTEP, visual: bool = True, imperfections: Imperfections = IDEAL
+) -> Any:
     """The compiled scene (`mujoco.MjModel`), shared by all who ask for the same one: do not change it.
 
     Arguments and errors are those of `build_scene`. Whoever wants to vary a model compiles their own.
     """
     with _refusals_of(arm):
-        return build_scene(arm, timestep=timestep, visual=visual).compile()
+        return build_scene(arm, timestep=timestep, visual=visual, imperfections=imperfections).compile()
 
 
 def _import_urdf(arm: ArmDescription) -> Any:
@@ -138,6 +147,23 @@ def _add_servo(spec: Any, joint: Any, gain: float) -> None:
     joint.actgravcomp = True
     servo = spec.add_actuator(name=joint.name, target=joint.name, trntype=mujoco.mjtTrn.mjTRN_JOINT)
     servo.set_to_position(kp=gain, dampratio=1.0)
+
+
+def _spoil(spec: Any, arm: ArmDescription, imperfections: Imperfections) -> None:
+    """Friction and damping of the joints, and a mass at the tip that gravity compensation does not know."""
+    for name in arm.joints:
+        joint = spec.joint(name)
+        effort = float(joint.actfrcrange[1])
+        joint.frictionloss = imperfections.friction * effort
+        joint.damping[0] += imperfections.damping * effort
+    if imperfections.payload > 0:
+        load = spec.body(arm.tips[arm.default_tip]).add_body(name=PAYLOAD, gravcomp=0.0)
+        load.add_geom(
+            name=PAYLOAD,
+            type=mujoco.mjtGeom.mjGEOM_SPHERE,
+            size=[PAYLOAD_RADIUS, 0, 0],
+            **{**DRAWN_ONLY, "mass": imperfections.payload, "group": HIDDEN_GROUP},
+        )
 
 
 def _add_workcell(spec: Any, arm: ArmDescription) -> None:

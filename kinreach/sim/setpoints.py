@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 from kinreach.checks import Floats
 from kinreach.robots import ArmDescription
 from kinreach.sim.engine import mujoco
+from kinreach.sim.imperfections import encoder_errors
 from kinreach.sim.plants import Ids, Plant, rows_and_columns
 
 #: Time between two setpoints [s].
@@ -161,6 +162,8 @@ class Following:
         qpos, dof, servos: Where the arm's joints are in MuJoCo's `qpos`, `qvel` and `ctrl`; slices or arrays of ints.
         tolerance: How far from its target a joint may come to rest [rad].
         timestep: Step of the simulation [s].
+        encoder_noise: Standard deviation of what the servos read of their joints [rad]. A servo that reads its joint
+            too far on is one that is told too little.
     """
 
     qpos: Any
@@ -168,6 +171,7 @@ class Following:
     servos: Any
     tolerance: float
     timestep: float
+    encoder_noise: float = 0.0
 
     @property
     def substeps(self) -> int:
@@ -205,7 +209,18 @@ class _Run:
         rows: Any = slice(None) if len(ids) == len(plant.ctrl) else ids
         self.at_qpos, self.at_dof = rows_and_columns(rows, rule.qpos), rows_and_columns(rows, rule.dof)
         longest = sum(len(plan.setpoints) for plan in phases) + self.patience * (len(phases) - 1)
+        longest += self.patience if rule.encoder_noise else 0
         self.line = np.empty((longest, len(ids), phases[0].target.shape[1]))
+        self.misread: Floats | None = None
+        if rule.encoder_noise:
+            starts = plant.qpos[self.at_qpos]
+            self.misread = np.stack(
+                [
+                    encoder_errors(rule.encoder_noise, start, target, longest)
+                    for start, target in zip(starts, phases[-1].target, strict=True)
+                ],
+                axis=1,
+            )
         self.time = 0
         self.phase = np.full(len(ids), -1)
         self.goal = np.empty_like(phases[0].target)
@@ -227,6 +242,8 @@ class _Run:
             self.arrival[these] = self.time + plan.arrival[these]
             if number == len(self.phases) - 1:
                 self.rest_speed[these] = REST_SPEED
+            if self.misread is not None:
+                self.line[self.time :, these] -= self.misread[self.time :, these]
         self.deadline[rows] = self.arrival[rows] + self.patience
         self.calm[rows], self.stalled[rows] = 0, False
 

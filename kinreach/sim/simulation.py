@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import importlib
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from typing import Any
 
 import numpy as np
@@ -24,6 +24,7 @@ from kinreach.errors import InputError, raise_unknown
 from kinreach.robots import ArmDescription, as_arm
 from kinreach.sim.controller import TOLERANCE, JointController, MoveResult, Touch, touches
 from kinreach.sim.engine import mujoco
+from kinreach.sim.imperfections import Imperfections, as_imperfections, in_scene
 from kinreach.sim.plants import BatchPlant, Ids, SinglePlant, rows_and_columns
 from kinreach.sim.scene import BALL, TIMESTEP, check_timestep, scene_model
 
@@ -41,6 +42,7 @@ class ArmSimulation:
         timestep: Step of the simulation [s].
         visual: Make it look good, see `build_scene`; costs about 1 s on first use and changes no motion.
         tolerance: How far from its target a joint may come to rest [rad].
+        imperfections: Of the arm, as `Imperfections` or by name, such as `{"payload": 0.5}`; an ideal arm by default.
 
     Attributes:
         arm: The description.
@@ -50,7 +52,7 @@ class ArmSimulation:
 
     Raises:
         UnknownNameError: There is no arm of that name.
-        InputError: A timestep or a tolerance that cannot be used.
+        InputError: A timestep, a tolerance or an imperfection that cannot be used.
     """
 
     def __init__(
@@ -60,12 +62,14 @@ class ArmSimulation:
         timestep: float = TIMESTEP,
         visual: bool = False,
         tolerance: float = TOLERANCE,
+        imperfections: Imperfections | Mapping[str, float] | None = None,
     ) -> None:
         self.arm = as_arm(arm)
         check_timestep(timestep)
-        self.model: Any = scene_model(self.arm, timestep=timestep, visual=visual)
+        flaws = as_imperfections(imperfections)
+        self.model: Any = scene_model(self.arm, timestep=timestep, visual=visual, imperfections=in_scene(flaws))
         self.data: Any = mujoco.MjData(self.model)
-        self.controller = JointController(self.arm, self.model, tolerance=tolerance)
+        self.controller = JointController(self.arm, self.model, tolerance=tolerance, encoder_noise=flaws.encoder_noise)
         self._plant = SinglePlant(self.model, self.data)
         self._only = np.zeros(1, dtype=np.intp)
         self._ball = int(self.model.body(BALL).mocapid[0])
@@ -177,6 +181,7 @@ class BatchSimulation:
         threads: Threads that step them, the caller's included.
         timestep: Step of the simulation [s].
         tolerance: How far from its target a joint may come to rest [rad].
+        imperfections: Of the arm, as `Imperfections` or by name, such as `{"payload": 0.5}`; an ideal arm by default.
 
     Attributes:
         arm: The description.
@@ -186,7 +191,7 @@ class BatchSimulation:
         controller: Executes moves.
 
     Raises:
-        InputError: `count`, `threads`, a timestep or a tolerance that cannot be used.
+        InputError: `count`, `threads`, a timestep, a tolerance or an imperfection that cannot be used.
         UnknownNameError: There is no arm of that name.
     """
 
@@ -198,6 +203,7 @@ class BatchSimulation:
         threads: int = 1,
         timestep: float = TIMESTEP,
         tolerance: float = TOLERANCE,
+        imperfections: Imperfections | Mapping[str, float] | None = None,
     ) -> None:
         count, threads = (
             check_count("count", count, most=MOST_COUNT),
@@ -206,12 +212,13 @@ class BatchSimulation:
         check_timestep(timestep)
         self.arm = as_arm(arm)
         self.count = count
-        self.model: Any = scene_model(self.arm, timestep=timestep, visual=False)
+        flaws = as_imperfections(imperfections)
+        self.model: Any = scene_model(self.arm, timestep=timestep, visual=False, imperfections=in_scene(flaws))
         try:
             self.batch: Any = importlib.import_module("mujoco.batch").Batch(self.model, count, threads)
         except (MemoryError, ValueError) as error:  # what MuJoCo makes of it when there is no memory left
             raise InputError(f"{count} simulations do not fit into the memory: {error}") from None
-        self.controller = JointController(self.arm, self.model, tolerance=tolerance)
+        self.controller = JointController(self.arm, self.model, tolerance=tolerance, encoder_noise=flaws.encoder_noise)
         self._plant = BatchPlant(self.model, self.batch)
         self._balls = self.batch.bind("mocap_pos")[:, int(self.model.body(BALL).mocapid[0])]
         self._home = self.model.key("home").id

@@ -54,7 +54,7 @@ class ReachEnv(CopyableEnv):
         self._task = task = self._new_task(options)
         self.options = task.options
         self.render_mode = mode = self.options.render_mode
-        self._simulation = ArmSimulation(task.arm, visual=mode is not None)
+        self._simulation = ArmSimulation(task.arm, visual=mode is not None, imperfections=self.options.imperfections)
         self._world: ReachWorld = (
             SingleDynamicWorld(self._simulation)
             if self.options.backend == "mujoco"

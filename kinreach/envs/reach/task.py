@@ -24,6 +24,7 @@ from kinreach.errors import InputError
 from kinreach.kinematics import ArmKinematics, AxisGoal, CollisionChecker, PositionGoal, kinematics_of
 from kinreach.robots import ArmDescription, BoxRegion, as_arm
 from kinreach.sim.controller import BEYOND_LIMIT
+from kinreach.sim.imperfections import IDEAL, Imperfections, as_imperfections
 from kinreach.thesis.reward import REACHED_POSTURE_ERROR
 from kinreach.vision.ball_finder import PIPELINES
 from kinreach.vision.cameras import SensorNoise
@@ -74,6 +75,13 @@ class ReachOptions:
     end_on_reached: bool = field(
         default=True, metadata=about("whether reaching the goal ends an episode of several steps")
     )
+    imperfections: Mapping[str, float] | Imperfections | None = field(
+        default=None,
+        metadata=about(
+            'of the arm in dynamics, by name, such as `{"payload": 0.5}` (`kinreach.sim.imperfections`); by default it '
+            "is ideal"
+        ),
+    )
     info: str = field(default="all", metadata=about(INFOS_TEXT))
 
     def __post_init__(self) -> None:
@@ -84,6 +92,8 @@ class ReachOptions:
             check_known("render_mode", self.render_mode, RENDER_MODES)
         check_cameras(self.pipeline, self.width, self.height, self.rgb_noise, self.depth_noise)
         as_flags("end_on_reached", self.end_on_reached)
+        if as_imperfections(self.imperfections) != IDEAL and self.backend != "mujoco":
+            raise InputError(f'imperfections are of the dynamics: use backend="mujoco", got {self.backend!r}')
         arm = as_arm(self.arm)
         scorer_of(self.reward, default_reward(arm))
         if self.observation != "geometric" and not has_goal_cameras(arm):

@@ -23,6 +23,7 @@ from kinreach.envs.reach.task import (
 )
 from kinreach.envs.reach.worlds import BatchDynamicWorld, KinematicWorld, ReachWorld
 from kinreach.errors import InputError
+from kinreach.sim.imperfections import as_imperfections
 from kinreach.sim.picture import ScenePicture
 from kinreach.sim.simulation import ArmSimulation
 
@@ -67,7 +68,7 @@ class ReachVectorEnv(NativeVectorEnv):
             raise InputError('a native batch observes no images; use vectorization_mode="sync" or "async" for them')
         arm = task.arm
         world: ReachWorld = (
-            BatchDynamicWorld(arm, num_envs, threads=threads)
+            BatchDynamicWorld(arm, num_envs, threads=threads, imperfections=as_imperfections(given.imperfections))
             if given.backend == "mujoco"
             else KinematicWorld(task, num_envs)
         )

@@ -15,6 +15,7 @@ from kinreach.envs.reach.task import ReachTask
 from kinreach.kinematics.fast_collision import FastCollision
 from kinreach.robots import ArmDescription
 from kinreach.sim.controller import MoveResult, MoveStatus
+from kinreach.sim.imperfections import IDEAL, Imperfections
 from kinreach.sim.simulation import ArmSimulation, BatchSimulation
 
 Ids = NDArray[np.intp]
@@ -221,13 +222,16 @@ class BatchDynamicWorld:
         arm: Which.
         count: Number of arms.
         threads: Threads that step them.
+        imperfections: Of the arms.
     """
 
     dynamic = True
 
-    def __init__(self, arm: ArmDescription, count: int, *, threads: int = 1) -> None:
+    def __init__(
+        self, arm: ArmDescription, count: int, *, threads: int = 1, imperfections: Imperfections = IDEAL
+    ) -> None:
         self.count = count
-        self._batch = BatchSimulation(arm, count, threads=threads)
+        self._batch = BatchSimulation(arm, count, threads=threads, imperfections=imperfections)
 
     def reset(self, ids: Ids, goals: Floats, q: Floats | None) -> None:
         """Put simulations back, and their balls to goals [m], shape (k, 3)."""

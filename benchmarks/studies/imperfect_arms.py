@@ -1,0 +1,107 @@
+"""How exactly an arm with friction, damping, an unknown load or noisy encoders stops, and what that costs.
+
+    python -m benchmarks.studies.imperfect_arms [--goals 200]
+
+The closed form's postures are executed in two phases, as the thesis does; `single` and `multi` are the package's
+policies. A small step is one of 1 degree in every joint, from the postures in which the arm stands then.
+"""
+
+from __future__ import annotations
+
+import argparse
+import math
+from collections.abc import Mapping
+
+import numpy as np
+
+from kinreach.baselines.evaluation import HELD_OUT, evaluate
+from kinreach.baselines.policies import load_policy
+from kinreach.cli import Parser, finish
+from kinreach.kinematics import UR5Kinematics
+from kinreach.kinematics.fast_collision import FastCollision
+from kinreach.sim.simulation import BatchSimulation
+from kinreach.statistics import median
+from kinreach.thesis.reward import REACHED_POSTURE_ERROR, posture_error, reach_reward
+
+PROG = "python -m benchmarks.studies.imperfect_arms"
+
+ARMS: Mapping[str, Mapping[str, float]] = {
+    "ideal": {},
+    "friction 2 %": {"friction": 0.02},
+    "friction 5 %": {"friction": 0.05},
+    "friction 10 %": {"friction": 0.1},
+    "damping 5 % at 1 rad/s": {"damping": 0.05},
+    "0.5 kg too many": {"payload": 0.5},
+    "2 kg too many": {"payload": 2.0},
+    "encoders 0.1 mrad": {"encoder_noise": 1e-4},
+    "friction 5 %, damping 5 %, 0.5 kg, 0.1 mrad": {
+        "friction": 0.05, "damping": 0.05, "payload": 0.5, "encoder_noise": 1e-4,
+    },
+}  # fmt: skip
+POLICIES = ("single", "multi")
+STEP = math.radians(1.0)
+HEADINGS = (
+    "arm",
+    "joint error, mrad: median / worst",
+    "tip off by, mm: median / worst",
+    "step of 1° off by, %: median / worst",
+    "reached, %: closed form",
+    *POLICIES,
+)
+
+
+def answers(count: int) -> tuple[np.ndarray, np.ndarray]:
+    """Held-out goals [m], shape (count, 3), and a natural posture of the closed form for each [rad], (count, 6)."""
+    kin, collision = UR5Kinematics(tip="tcp", base="world"), FastCollision("ur5")
+    goals = kin.arm.workcell.draw_goals(np.random.default_rng(HELD_OUT), count)
+
+    def natural(q: np.ndarray) -> bool:
+        return posture_error(q) < REACHED_POSTURE_ERROR and not collision.impossible(q[None]).any()
+
+    home = np.array(kin.arm.home)
+    return goals, np.array([kin.axis_goal(goal, (0.0, 0.0, -1.0), seed=home, accept=natural).q for goal in goals])
+
+
+def row(name: str, goals: np.ndarray, postures: np.ndarray) -> str:
+    """A row of the table, as Markdown."""
+    flaws, everyone = ARMS[name], np.arange(len(goals))
+    arms = BatchSimulation("ur5", len(goals), imperfections=flaws)
+    moves = arms.move(everyone, postures)
+    off = np.linalg.norm(arms.tip_positions - goals, axis=1)
+    stuck = np.array([not move.reached for move in moves])
+    reached = reach_reward(off, arms.q, impossible=stuck).reached
+    errors = np.array([move.error for move in moves])
+    start = arms.q
+    signs = np.array([1.0, -1.0, 1.0, 1.0, 1.0, 1.0])  # upwards
+    arms.move(everyone, start + STEP * signs, two_phase=False)
+    short = np.abs((arms.q - start) / (STEP * signs) - 1.0).max(axis=1)
+    options = {"backend": "mujoco", "imperfections": dict(flaws)}
+    shares = [evaluate(load_policy(policy), goals=len(goals), options=options).reached.mean() for policy in POLICIES]
+    cells = (
+        name,
+        f"{1e3 * median(errors):.2f} / {1e3 * errors.max():.2f}",
+        f"{1e3 * median(off):.2f} / {1e3 * off.max():.2f}",
+        f"{100 * median(short):.1f} / {100 * short.max():.1f}",
+        f"{100 * reached.mean():.1f}",
+        *(f"{100 * share:.1f}" for share in shares),
+    )
+    return f"| {' | '.join(cells)} |"
+
+
+def main(argv: list[str] | None = None) -> int:
+    """Print the table."""
+    parser = Parser(prog=PROG, description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--goals", type=int, default=200)
+    arguments = parser.parse_args(argv)
+    if arguments.goals < 1:
+        parser.error(f"--goals must be at least 1, got {arguments.goals}")
+    goals, postures = answers(arguments.goals)
+    print(f"| {' | '.join(HEADINGS)} |")
+    print("|---" * len(HEADINGS) + "|")
+    for name in ARMS:
+        print(row(name, goals, postures), flush=True)
+    return 0
+
+
+if __name__ == "__main__":
+    raise SystemExit(finish(main, prog=PROG))
