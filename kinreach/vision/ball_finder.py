@@ -139,20 +139,18 @@ def _around(
 ) -> BallFix | None:
     """The ball that a circle announces, from the red pixels and their depths, or None."""
     found = circle
-    position: Floats | None = None
+    position = np.full(3, np.nan)  # not known yet: nothing is too far from it
     for _ in range(STEPS):
         rows, columns = _disk(found, REACH, mask.shape)
-        ball = mask[rows, columns]
-        if position is not None:
-            ball &= ~(_from_centre(position, rows, columns, depth, camera) > SHELL * radius)
+        ball = mask[rows, columns] & ~(_from_centre(position, rows, columns, depth, camera) > SHELL * radius)
         rows, columns = rows[ball], columns[ball]
         if len(rows) == 0 or _touches_edge(rows, columns, mask.shape):
             return None
         found = Circle(float(columns.mean()), float(rows.mean()), math.sqrt(len(rows) / math.pi))
-        position = _centre(found, depth, camera, radius)
-        if position is None:
+        centre = _centre(found, depth, camera, radius)
+        if centre is None:
             return None
-    assert position is not None  # after a step
+        position = centre
     ratio = (found.r / _outline_radius(camera, position, radius)) ** 2
     rows, columns = _disk(found, ROUND_REACH[1], mask.shape)
     outer = (rows - found.v) ** 2 + (columns - found.u) ** 2 > (ROUND_REACH[0] * found.r) ** 2
