@@ -38,13 +38,38 @@ def test_the_published_table_is_that_of_the_file():
     assert len(seeds) >= 7
 
 
-def test_the_published_table_of_multi_step_is_that_of_the_file():
+def test_the_published_tables_of_multi_step_are_those_of_the_files():
+    page = PAGE.read_text(encoding="utf-8")
+    for name, cells, seeds in (("readings.csv", 19, range(5)), ("readings-2M.csv", 16, range(1))):
+        found = rows("thesis-multi", name)
+        assert table(found, MULTI) in page
+        trained = {}
+        for row in found:
+            trained.setdefault(tuple(row[flag] for flag in READING), []).append(row["seed"])
+        assert list(trained.values()) == [list(seeds)] * cells
+
+
+def test_what_the_text_says_of_multi_step():
     found = rows("thesis-multi", "readings.csv")
-    assert table(found, MULTI) in PAGE.read_text(encoding="utf-8")
-    assert [row["seed"] for row in found] == list(range(5))
-    assert [(row["terminal"], row["raw"], row["value_clip"]) for row in found] == [(1, 1, 1)] * 5
-    assert [row["above"] for row in found] == [0] * 5  # from the first window on
-    assert [row["reached"] for row in found] == [row["reached_training"] for row in found] == [0] * 5
+    assert sum(row["steps"] for row in found) == pytest.approx(14.4e6, abs=5e4)
+    for column in ("reached", "reached_training", "near", "sampled_reached"):
+        assert [row[column] for row in found] == [0] * 95
+    assert 140 < min(row["distance"] for row in found) < max(row["distance"] for row in found) < 465
+    whole = [row for row in found if row["natural_arm"] and row["gripper"]]
+
+    def middle(**flags):
+        return np.median([row["distance"] for row in whole if all(row[name] == flags[name] for name in flags)])
+
+    assert [round(middle(terminal=value) / 10) for value in (1, 0)] == [25, 24]
+    assert [round(middle(openai=0, raw=value) / 10) for value in (1, 0)] == [24, 19]
+    assert round(middle(openai=1) / 10) == 27
+    alone = [row for row in found if not row["natural_arm"] and not row["gripper"]]
+    assert 255 < min(row["distance"] for row in alone) < max(row["distance"] for row in alone) < 305
+    longer = rows("thesis-multi", "readings-2M.csv")
+    assert {row["reached"] for row in longer} == {0}
+    stable = [row for row in longer if not row["openai"]]
+    assert 45 < min(row["distance"] for row in stable) < max(row["distance"] for row in stable) < 215
+    assert (min(row["reached_training"] for row in stable), max(row["reached_training"] for row in stable)) == (1, 42)
 
 
 def test_what_the_text_says_of_single_step():
