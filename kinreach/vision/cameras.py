@@ -33,6 +33,8 @@ LEAST_DEPTH = 1e-6
 OPTICAL_IN_GL: Floats = np.diag([1.0, -1.0, -1.0])
 #: Largest standard deviation of a sensor's noise, in the unit of either picture: far more than leaves a picture.
 MOST_SIGMA = 1e3
+#: Largest factor of an exposure: of 255 levels hardly one is left.
+MOST_EXPOSURE = 100.0
 
 
 @dataclass(frozen=True)
@@ -139,26 +141,33 @@ class RGBDImage:
 
 @dataclass(frozen=True)
 class SensorNoise:
-    """Normal noise of a sensor, independent from pixel to pixel.
+    """Normal noise of a sensor, independent from pixel to pixel, and how well it is exposed.
 
     Attributes:
         rgb_sigma: Of each colour channel [levels of 255].
         depth_sigma: Of the depth [m].
+        exposure: Largest factor by which a picture's colours are brighter or darker than the scene's. The factor of a
+            picture is drawn from 1/exposure to exposure, uniformly in its logarithm.
 
     Raises:
-        InputError: A sigma is negative, above 1000, or no number.
+        InputError: A sigma is negative, above 1000, or no number; or an exposure below 1 or above 100.
     """
 
     rgb_sigma: float = 0.0
     depth_sigma: float = 0.0
+    exposure: float = 1.0
 
     def __post_init__(self) -> None:
         for name in ("rgb_sigma", "depth_sigma"):
             check_number(name, getattr(self, name), least=0.0, most=MOST_SIGMA)
+        check_number("exposure", self.exposure, least=1.0, most=MOST_EXPOSURE)
 
     def apply(self, image: RGBDImage, rng: np.random.Generator) -> RGBDImage:
         """The picture with noise; colours are rounded and kept in 0 … 255, depths at or above 0."""
         rgb, depth = image.rgb, image.depth
+        if self.exposure > 1:
+            factor = np.float32(self.exposure ** rng.uniform(-1.0, 1.0))
+            rgb = np.rint(factor * rgb).clip(0, 255).astype(np.uint8)
         if self.rgb_sigma > 0:
             noisy = rgb + np.float32(self.rgb_sigma) * rng.standard_normal(rgb.shape, dtype=np.float32)
             rgb = np.rint(noisy).clip(0, 255).astype(np.uint8)

@@ -14,7 +14,6 @@ from kinreach.checks import Floats, as_vector
 from kinreach.envs.batch import Outcome
 from kinreach.envs.options import RENDER_MODES, check_seed, check_started, options_from, takes
 from kinreach.envs.reach.episodes import ReachEpisodes
-from kinreach.envs.reach.observers import PixelObserver
 from kinreach.envs.reach.space import SpaceOptions, SpaceTask
 from kinreach.envs.reach.task import (
     MULTI_STEP,
@@ -61,14 +60,11 @@ class ReachEnv(CopyableEnv):
             else KinematicWorld(task, 1, explain=True)
         )
         self._episodes = ReachEpisodes(task, self._world)
-        self._pixels = PixelObserver(task) if self.options.observation == "pixels" else None
         fps = int(self.metadata["render_fps"])
         self._picture = None if mode is None else ScenePicture(self._simulation, mode=mode, fps=fps)
         self._started = False
         self.action_space = action_space(task.arm)
-        self.observation_space: spaces.Space[Any] = (
-            task.observation_space if self._pixels is None else self._pixels.space()
-        )
+        self.observation_space = self._episodes.observation_space
 
     @classmethod
     def _new_task(cls, options: Mapping[str, Any]) -> ReachTask:
@@ -213,9 +209,8 @@ class ReachEnv(CopyableEnv):
     def close(self) -> None:
         """Close the viewer and free the renderers; further calls do nothing."""
         self._episodes.close()
-        for part in (self._pixels, self._picture):
-            if part is not None:
-                part.close()
+        if self._picture is not None:
+            self._picture.close()
 
     def _said(self, outcome: Outcome) -> tuple[Any, float, bool, bool, dict[str, Any]]:
         """The answer to an action."""
@@ -228,9 +223,8 @@ class ReachEnv(CopyableEnv):
         )  # fmt: skip
 
     def _observe(self) -> Any:
-        if self._pixels is not None:
-            return self._pixels.look(self._world.q[0], self._episodes.goals[0], self.np_random)
-        return self._episodes.observe()[0]
+        seen = self._episodes.observe()
+        return {name: rows[0] for name, rows in seen.items()} if isinstance(seen, Mapping) else seen[0]
 
     def _show(self) -> None:
         """Let the scene that is drawn follow a world that has no scene of its own."""

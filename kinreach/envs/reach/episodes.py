@@ -6,11 +6,12 @@ from copy import deepcopy
 from typing import Any
 
 import numpy as np
+from gymnasium import spaces
 from numpy.typing import NDArray
 
 from kinreach.checks import Floats
 from kinreach.envs.batch import Outcome
-from kinreach.envs.reach.observers import goal_observer, measured
+from kinreach.envs.reach.observers import PixelObserver, goal_observer, measured
 from kinreach.envs.reach.rewards import Score
 from kinreach.envs.reach.task import TOOL_DOWN, ReachTask, Start
 from kinreach.envs.reach.worlds import STATUSES, Executed, Ids, ReachWorld, Status
@@ -45,6 +46,7 @@ class ReachEpisodes:
         self.task = task
         self.world = world
         self._observer = goal_observer(task)
+        self._pixels = PixelObserver(task) if task.options.observation == "pixels" else None
         self._streams = task.streams(count)
         self._sensors = [np.random.default_rng() for _ in range(count)]
         self._observation = np.zeros((count, task.layout.size))
@@ -98,8 +100,15 @@ class ReachEpisodes:
             self.directions[rows] = start.directions
             self._observation[rows, self.task.layout.direction] = start.directions
 
-    def observe(self) -> Floats:
-        """The observation of every arm, shape (count, size)."""
+    @property
+    def observation_space(self) -> spaces.Space[Any]:
+        """Of one arm."""
+        return self.task.observation_space if self._pixels is None else self._pixels.space()
+
+    def observe(self) -> Any:
+        """The observation of every arm, shape (count, size); with pixels, a dictionary of arrays with as many rows."""
+        if self._pixels is not None:
+            return self._pixels.look(self.world.q, self.goals, self._sensors)
         self._observation[:, self.task.layout.q] = self.world.q
         return self._observation.copy()
 
@@ -199,3 +208,5 @@ class ReachEpisodes:
     def close(self) -> None:
         """Let go of the cameras."""
         self._observer.close()
+        if self._pixels is not None:
+            self._pixels.close()

@@ -120,7 +120,7 @@ class PixelObserver:
         }
 
     def space(self) -> spaces.Dict:
-        """What `look` returns."""
+        """Of what is seen in one posture."""
         height, width = self._task.options.height, self._task.options.width
         images: dict[str, spaces.Space[Any]] = {}
         for name in GOAL_CAMERAS:
@@ -131,17 +131,30 @@ class PixelObserver:
         images["gripper"] = spaces.Box(0.0, CAMERA_RANGE, (1,), np.float64)
         return spaces.Dict(images)
 
-    def look(self, q: Floats, goal: Floats, rng: np.random.Generator) -> dict[str, Any]:
-        """Both cameras' images of the arm in posture `q` [rad] and the ball at `goal` [m]."""
-        self._simulation.reset(np.clip(q, self._simulation.controller.lower, self._simulation.controller.upper))
-        self._simulation.place_ball(goal)
-        seen: dict[str, Any] = {}
-        for name, camera in self._cameras.items():
-            frame = camera.capture(noise=self._task.options.noise, rng=rng)
-            seen[f"{name}_rgb"] = frame.rgb
-            seen[f"{name}_depth"] = np.minimum(frame.depth, np.float32(DEPTH_RANGE))[..., None]
-        seen["joints"] = np.array(q)
-        seen["gripper"] = np.array([self._task.gripper_opening])
+    def look(self, postures: Floats, goals: Floats, rngs: Sequence[np.random.Generator]) -> dict[str, Any]:
+        """Both cameras' images of the arm in some postures, with the balls where they are.
+
+        Args:
+            postures: Joint angles [rad], shape (k, n).
+            goals: Of the balls in the world [m], shape (k, 3).
+            rngs: Generators of the sensors' noise, k of them.
+
+        Returns:
+            What `space` says by name, each with k rows.
+        """
+        seen: dict[str, Any] = {
+            name: np.empty((len(goals), *part.shape), part.dtype) for name, part in self.space().items()
+        }
+        limits = self._simulation.controller
+        for row, (q, goal, rng) in enumerate(zip(postures, goals, rngs, strict=True)):
+            self._simulation.reset(np.clip(q, limits.lower, limits.upper))
+            self._simulation.place_ball(goal)
+            for name, camera in self._cameras.items():
+                frame = camera.capture(noise=self._task.options.noise, rng=rng)
+                seen[f"{name}_rgb"][row] = frame.rgb
+                seen[f"{name}_depth"][row, ..., 0] = np.minimum(frame.depth, np.float32(DEPTH_RANGE))
+        seen["joints"][:] = postures
+        seen["gripper"][:] = self._task.gripper_opening
         return seen
 
     def close(self) -> None:

@@ -27,7 +27,7 @@ from kinreach.sim.controller import BEYOND_LIMIT
 from kinreach.sim.imperfections import IDEAL, Imperfections, as_imperfections
 from kinreach.thesis.reward import REACHED_POSTURE_ERROR
 from kinreach.vision.ball_finder import PIPELINES
-from kinreach.vision.cameras import SensorNoise
+from kinreach.vision.cameras import MOST_EXPOSURE, SensorNoise
 from kinreach.vision.goal_view import geometric_goal_view, has_goal_cameras
 
 #: How the tool points at a goal, in the world: straight down.
@@ -72,6 +72,9 @@ class ReachOptions:
     height: int = field(default=360, metadata=about("height of the cameras' images [px]"))
     rgb_noise: float = field(default=0.0, metadata=about("standard deviation of the colours' noise [levels of 255]"))
     depth_noise: float = field(default=0.0, metadata=about("standard deviation of the depth's noise [m]"))
+    exposure: float = field(
+        default=1.0, metadata=about("largest factor by which a picture is brighter or darker, another one each time")
+    )
     end_on_reached: bool = field(
         default=True, metadata=about("whether reaching the goal ends an episode of several steps")
     )
@@ -90,7 +93,7 @@ class ReachOptions:
         check_known("info", self.info, INFOS)
         if self.render_mode is not None:
             check_known("render_mode", self.render_mode, RENDER_MODES)
-        check_cameras(self.pipeline, self.width, self.height, self.rgb_noise, self.depth_noise)
+        check_cameras(self.pipeline, self.width, self.height, self.rgb_noise, self.depth_noise, self.exposure)
         as_flags("end_on_reached", self.end_on_reached)
         if as_imperfections(self.imperfections) != IDEAL and self.backend != "mujoco":
             raise InputError(f'imperfections are of the dynamics: use backend="mujoco", got {self.backend!r}')
@@ -106,21 +109,24 @@ class ReachOptions:
     @property
     def noise(self) -> SensorNoise:
         """The cameras' noise."""
-        return SensorNoise(rgb_sigma=self.rgb_noise, depth_sigma=self.depth_noise)
+        return SensorNoise(rgb_sigma=self.rgb_noise, depth_sigma=self.depth_noise, exposure=self.exposure)
 
 
-def check_cameras(pipeline: object, width: object, height: object, rgb_noise: object, depth_noise: object) -> None:
+def check_cameras(
+    pipeline: object, width: object, height: object, rgb_noise: object, depth_noise: object, exposure: object
+) -> None:
     """Refuse cameras that cannot be; for the values see `ReachOptions`.
 
     Raises:
         UnknownNameError: There is no such pipeline.
-        InputError: A size or a noise that cannot be.
+        InputError: A size, a noise or an exposure that cannot be.
     """
     check_known("pipeline", pipeline, PIPELINES)
     for name, size in (("width", width), ("height", height)):
         check_count(f"{name} [px]", size, least=16, most=LARGEST_PICTURE)
     check_number("rgb_noise", rgb_noise, least=0.0, most=255.0)
     check_number("depth_noise", depth_noise, least=0.0, most=1.0)
+    check_number("exposure", exposure, least=1.0, most=MOST_EXPOSURE)
 
 
 @dataclass(frozen=True)

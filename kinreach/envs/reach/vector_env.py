@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 from gymnasium.vector import AutoresetMode
 
+from kinreach.checks import check_count
 from kinreach.envs.batch import NativeVectorEnv, check_batch
 from kinreach.envs.options import options_from
 from kinreach.envs.reach.episodes import ReachEpisodes
@@ -22,10 +23,13 @@ from kinreach.envs.reach.task import (
     check_actions,
 )
 from kinreach.envs.reach.worlds import BatchDynamicWorld, KinematicWorld, ReachWorld
-from kinreach.errors import InputError
 from kinreach.sim.imperfections import as_imperfections
 from kinreach.sim.picture import ScenePicture
 from kinreach.sim.simulation import ArmSimulation
+
+
+#: Two pictures of three bytes and a depth; what all environments see may take so much [bytes].
+_PIXEL_BYTES, MOST_BYTES = 2 * (3 + 4), 2**32
 
 
 class ReachVectorEnv(NativeVectorEnv):
@@ -39,9 +43,8 @@ class ReachVectorEnv(NativeVectorEnv):
         variant: Which of the thesis's tasks; None for reaching in space, whose variant is an option.
         threads: Threads that step the dynamics (`backend="mujoco"`).
         autoreset_mode: `AutoresetMode.SAME_STEP`, `NEXT_STEP` or `DISABLED`.
-        **options: As in the single environments (`ReachOptions`, `SpaceOptions`), but `observation="pixels"`: images of
-            many environments are what Gymnasium's own vectorisation of the single environment is for. `render_mode` is
-            None or `"rgb_array"`, for up to 64 environments.
+        **options: As in the single environments (`ReachOptions`, `SpaceOptions`). `render_mode` is None or
+            `"rgb_array"`, for up to 64 environments. With `observation="pixels"` one scene is drawn for all of them.
 
     Attributes:
         task: What is to be done.
@@ -65,7 +68,7 @@ class ReachVectorEnv(NativeVectorEnv):
         given = task.options
         num_envs = check_batch(num_envs, threads, given.render_mode)
         if given.observation == "pixels":
-            raise InputError('a native batch observes no images; use vectorization_mode="sync" or "async" for them')
+            check_count("bytes of all pictures", num_envs * given.width * given.height * _PIXEL_BYTES, most=MOST_BYTES)
         arm = task.arm
         world: ReachWorld = (
             BatchDynamicWorld(arm, num_envs, threads=threads, imperfections=as_imperfections(given.imperfections))
@@ -77,7 +80,7 @@ class ReachVectorEnv(NativeVectorEnv):
             episodes,
             num_envs,
             action_space=action_space(arm),
-            observation_space=task.observation_space,
+            observation_space=episodes.observation_space,
             check_actions=partial(check_actions, count=num_envs, joints=len(arm.joints)),
             check_start=partial(task.reset_options, count=num_envs),
             autoreset_mode=autoreset_mode,

@@ -155,7 +155,7 @@ def test_gymnasiums_own_vectorisation_works(mode):
 
 @pytest.mark.parametrize(
     "options",
-    [{"observation": "pixels"}, {"render_mode": "human"}, {"threads": 0}, {"backend": "bullet"}],
+    [{"observation": "pixels", "width": 16384, "height": 16384}, {"render_mode": "human"}, {"threads": 0}, {"backend": "bullet"}],
 )
 def test_options_that_cannot_be_are_refused(options):
     with pytest.raises(InputError):
@@ -193,3 +193,25 @@ def test_after_a_partial_restart_each_camera_has_its_own_noise(needs_gl):
         assert single.step(np.zeros(6))[2]
         np.testing.assert_array_equal(single.reset()[0], observations[index])
         single.close()
+
+
+@pytest.mark.parametrize("exposure", [1.0, 4.0])
+def test_pictures_are_those_of_single_environments(exposure, needs_gl):
+    options = {"backend": "kinematic", "observation": "pixels", "width": 48, "height": 32, "exposure": exposure}
+    batch, singles = make_vec(SINGLE, 3, **options), [gym.make(SINGLE, **options) for _ in range(3)]
+    seen, _ = batch.reset(seed=5)
+    assert batch.observation_space.contains(seen)
+    actions = np.random.default_rng(0).uniform(-0.5, 0.5, (3, 6)).astype(np.float32)
+    alone = [env.reset(seed=5 + index)[0] for index, env in enumerate(singles)]
+    *_, info = batch.step(actions)
+    after = [env.step(action)[0] for env, action in zip(singles, actions, strict=True)]
+    compared = 0
+    for stack, rows in ((seen, alone), (info["final_obs"], after)):
+        for name, values in stack.items():
+            for index in range(3):
+                np.testing.assert_array_equal(values[index], rows[index][name])
+                compared += 1
+    assert compared == 2 * 6 * 3
+    batch.close()
+    for env in singles:
+        env.close()
