@@ -31,12 +31,13 @@ from stable_baselines3.common.noise import NormalActionNoise, VectorizedActionNo
 from torch.optim import Optimizer
 
 from kinreach.baselines.batch import first_observations
-from kinreach.baselines.networks import ACTIVATIONS, ObservationFeatures, PosturePolicy, actor_network
+from kinreach.baselines.looks import Looks
+from kinreach.baselines.networks import ACTIVATIONS, LookFeatures, ObservationFeatures, PosturePolicy, actor_network
 from kinreach.baselines.policies import Network
 from kinreach.baselines.ppo2 import PPO2
 from kinreach.baselines.recipes import Recipe
 from kinreach.baselines.rewards import TrainingReward
-from kinreach.baselines.vec_envs import SB3VecEnv, TriesVecEnv
+from kinreach.baselines.vec_envs import LooksVecEnv, SB3VecEnv, TriesVecEnv
 from kinreach.checks import Floats, check_known
 from kinreach.envs.reach.task import GOAL, SINGLE_STEP, ReachTask, joint_limits, layout_of
 from kinreach.errors import InputError
@@ -279,7 +280,12 @@ def mlp_arguments(recipe: Recipe, env: SB3VecEnv, planned: int) -> dict[str, Any
     networks, settings = recipe.networks, dict(recipe.settings)
     check_known("activation", networks.activation, ACTIVATIONS)
     policy: dict[str, Any] = {"net_arch": list(networks.hidden), "activation_fn": ACTIVATIONS[networks.activation]}
-    if networks.features != "raw":
+    if networks.features == "looks":
+        looks = getattr(env, "looks", None)
+        if looks is None:
+            raise InputError(f"{recipe.algorithm} does not learn from looks; ranked PPO does")
+        policy |= {"features_extractor_class": LookFeatures, "features_extractor_kwargs": {"looks": looks}}
+    elif networks.features != "raw":
         policy |= {"features_extractor_class": ObservationFeatures, "features_extractor_kwargs": _features(recipe)}
     if "adam" in settings:
         policy["optimizer_kwargs"] = dict(settings.pop("adam"))
@@ -336,6 +342,7 @@ def actor_arguments(recipe: Recipe, env: SB3VecEnv, planned: int) -> dict[str, A
 def ranked_arguments(recipe: Recipe, env: SB3VecEnv, planned: int) -> dict[str, Any]:
     """Those of an actor, with samples in antithetic pairs."""
     arguments = actor_arguments(recipe, env, planned)
+    arguments.pop("looks", None)
     if recipe.networks.posture:
         arguments["policy_kwargs"]["paired"] = True
     return arguments
@@ -380,21 +387,25 @@ def step_by_step_to_the_end(batch: VectorEnv[Any, Any, Any], recipe: Recipe, rew
 def in_tries(batch: VectorEnv[Any, Any, Any], recipe: Recipe, reward: TrainingReward) -> SB3VecEnv:
     """A batch in which several postures are tried for each goal; goals are drawn where the task has them and around.
 
+    Where the features are `"looks"`, so many as the setting of that name says are taken for a segment of the training.
+
     Raises:
         InputError: The environments are none for reaching, or their goals are not in a box.
     """
     task = getattr(batch.unwrapped, "task", None)
     if not isinstance(task, ReachTask):
         raise InputError(f"ranked PPO tries postures in an environment for reaching, not in {recipe.environment}")
-    return TriesVecEnv(
-        batch,
-        tries=recipe.settings["tries"],
-        draw=partial(task.training_starts, margin=recipe.margin),
-        steps=recipe.walk,
-        reward=reward,
-        blur=recipe.blur,
-        layout=task.layout,
-    )
+    tries: dict[str, Any] = {
+        "tries": recipe.settings["tries"],
+        "draw": partial(task.training_starts, margin=recipe.margin),
+        "steps": recipe.walk,
+        "reward": reward,
+        "blur": recipe.blur,
+        "layout": task.layout,
+    }
+    if recipe.networks.features == "looks":
+        return LooksVecEnv(batch, looks=Looks(task, recipe.settings["looks"]), **tries)
+    return TriesVecEnv(batch, **tries)
 
 
 def _arm(recipe: Recipe) -> ArmDescription:

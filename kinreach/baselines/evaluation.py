@@ -11,7 +11,7 @@ import numpy as np
 from rich.table import Table
 
 from kinreach.baselines.batch import make_batch
-from kinreach.baselines.policies import LearnedPolicy, trained_arm
+from kinreach.baselines.policies import LearnedPolicy, needed_options
 from kinreach.baselines.rollout import rollout_batch
 from kinreach.checks import check_count
 from kinreach.summary import RATE, SPREAD, Column, Trial, success_columns, summarise, tables, thousandfold
@@ -103,7 +103,7 @@ def evaluate(
     goals = check_count("the number of goals", goals, most=10**7)
     seed = check_count("seed", seed, least=0)
     environment = policy.card.environment if environment is None else environment
-    options = {**trained_arm(policy), **(options or {})}
+    options = {**needed_options(policy), **(options or {})}
     trials: list[Trial] = []
     for first in range(0, goals, BATCH):
         env = make_batch(environment, min(BATCH, goals - first), options)

@@ -14,7 +14,7 @@ from gymnasium import spaces
 
 import kinreach
 from kinreach.baselines.evaluation import Evaluation
-from kinreach.baselines.policies import LearnedPolicy, trained_arm
+from kinreach.baselines.policies import LearnedPolicy, needed_options
 from kinreach.baselines.rollout import rollout
 from kinreach.engines import load_extra
 from kinreach.errors import InputError
@@ -65,7 +65,7 @@ def record_episodes(
         InputError: Options that the environment does not take.
     """
     try:
-        env = gym.make(environment, **{**trained_arm(policy), **options})
+        env = gym.make(environment, **{**needed_options(policy), **options})
     except (gym.error.Error, TypeError) as error:
         raise InputError(f"cannot make the environment {environment}: {error}") from error
     minari: Any = load_extra("minari", "minari")

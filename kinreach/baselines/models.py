@@ -106,7 +106,7 @@ def check_export(trainee: Trainee) -> None:
     draws = np.random.default_rng(0).normal(size=(_SAMPLES, *space.shape))
     observations = np.clip(draws, space.low, space.high).astype(space.dtype)
     expected = model.predict(observations, deterministic=True)[0]
-    found = network(observations.astype(np.float64))
+    found = network(trainee.env.seen(observations))
     if isinstance(model.action_space, spaces.Discrete):
         best = found[np.arange(_SAMPLES), expected]
         error = float((found.max(axis=1) - best).max())

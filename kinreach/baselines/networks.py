@@ -6,6 +6,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from typing import Any
 
+import numpy as np
 import torch
 from gymnasium import spaces
 from stable_baselines3.common.base_class import BaseAlgorithm
@@ -15,6 +16,8 @@ from stable_baselines3.common.torch_layers import BaseFeaturesExtractor, Flatten
 from torch import Tensor, nn
 
 from kinreach.baselines import sb3_zip
+from kinreach.baselines.eyes import MIDDLE, Eye
+from kinreach.baselines.looks import Looks
 from kinreach.baselines.policies import Network
 from kinreach.errors import InputError
 
@@ -59,6 +62,55 @@ class ObservationFeatures(BaseFeaturesExtractor):
             return z
         angles = (z[:, :, None] * self.waves).flatten(1)
         return torch.cat([z, angles.sin(), angles.cos()], dim=1)
+
+
+class TorchEye(nn.Module):
+    """An `Eye` that learns; pictures are uint8, shape (n, 3, height, width)."""
+
+    #: Channels, sizes of the kernels and strides of the convolutions.
+    CHANNELS, SIZES, STRIDES = (16, 32, 16), (5, 3, 3), (2, 2, 1)
+
+    def __init__(self) -> None:
+        super().__init__()
+        kinds = zip((3, *self.CHANNELS), self.CHANNELS, self.SIZES, self.STRIDES, strict=False)
+        self.layers = nn.ModuleList(nn.Conv2d(*kind, padding=kind[2] // 2) for kind in kinds)
+        self.sharpness = nn.Parameter(torch.ones(()))
+
+    def forward(self, pictures: Tensor) -> Tensor:
+        """Column and row of each channel, shape (n, 2 channels)."""
+        h = pictures / MIDDLE - 1.0
+        for index, layer in enumerate(self.layers):
+            h = layer(h.relu() if index else h)
+        across, down = (torch.linspace(-1, 1, size) for size in (h.shape[3], h.shape[2]))
+        weights = (self.sharpness * h).flatten(2).softmax(dim=2).view_as(h)
+        return torch.stack([weights.sum(dim=2) @ across, weights.sum(dim=3) @ down], dim=2).flatten(1)
+
+    def exported(self) -> Eye:
+        """The same in numpy."""
+        state = {name: value.numpy() for name, value in self.state_dict().items()}
+        layers = [(state[f"layers.{i}.weight"], state[f"layers.{i}.bias"]) for i in range(len(self.layers))]
+        return Eye(layers, self.STRIDES, self.sharpness.item())
+
+
+class LookFeatures(BaseFeaturesExtractor):
+    """What the eyes say of looks; an observation is the number of a look, and each look is seen once in a batch.
+
+    Args:
+        space: Of the observations, shape (1,).
+        looks: What the numbers stand for.
+    """
+
+    def __init__(self, space: spaces.Box, *, looks: Looks) -> None:
+        cameras = looks.pictures.shape[1]
+        super().__init__(space, cameras * 2 * TorchEye.CHANNELS[-1])
+        self._looks = looks
+        self.eyes: Any = nn.ModuleList(TorchEye() for _ in range(cameras))
+
+    def forward(self, observations: Tensor) -> Tensor:
+        """Features, shape (n, features_dim)."""
+        numbers, rows = np.unique(observations[:, 0].long().numpy(), return_inverse=True)
+        pictures = torch.from_numpy(self._looks.pictures[numbers]).movedim(-1, -3)
+        return torch.cat([eye(pictures[:, camera]) for camera, eye in enumerate(self.eyes)], dim=1)[rows]
 
 
 class PairedGaussian(DiagGaussianDistribution):
@@ -140,6 +192,8 @@ def actor_network(model: BaseAlgorithm) -> Network:
     if isinstance(features, ObservationFeatures):
         constants = {name: getattr(features, name).numpy() for name in ("mean", "scale", "waves")}
         network = replace(network, **constants)
+    elif isinstance(features, LookFeatures):
+        network = replace(network, eyes=[eye.exported() for eye in features.eyes])
     elif type(features) is not FlattenExtractor:
         raise InputError(f"the features extractor {type(features).__name__} cannot be exported")
     if isinstance(owner, PostureHead):

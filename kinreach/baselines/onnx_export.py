@@ -42,6 +42,8 @@ def export_onnx(policy: LearnedPolicy, path: str | Path, *, observations: int | 
         InstallationError: The package `onnx` is missing.
         OutputError: The file system refused.
     """
+    if policy.network.eyes:
+        raise InputError(f"{policy.name} sees pictures; only policies that take vectors are exported")
     count = policy.inputs if observations is None else check_count("observations", observations)
     if not policy.takes(count):
         raise InputError(f"{policy.name} does not take observations of {count} numbers")

@@ -2,8 +2,9 @@
 
 A policy file is a safetensors file, and carries no code. Its header's `kinreach` entry is a JSON object with the fields
 of `PolicyCard`; its tensors are `mean`, `scale`, `waves`, `gain`, `shift`, then `layer0.weight`, `layer0.bias`,
-`layer1.weight` ... in the order of the layers, and `low` and `high` where actions are not in [-1, 1]. What is read is
-checked before it is used: sizes, names, shapes, finite numbers. A stable-baselines3 `model.zip` is read by
+`layer1.weight` ... in the order of the layers, `low` and `high` where actions are not in [-1, 1], and where pictures
+are seen, for each camera, `eye0.layer0.weight`, `eye0.layer0.bias` ..., `eye0.strides` and `eye0.sharpness`. What is
+read is checked before it is used: sizes, names, shapes, finite numbers. A stable-baselines3 `model.zip` is read by
 `kinreach.baselines.sb3_zip`, without running what is in it either.
 """
 
@@ -22,10 +23,12 @@ from numpy.typing import ArrayLike, NDArray
 from safetensors import SafetensorError, safe_open
 from safetensors.numpy import save as to_bytes
 
-from kinreach.checks import as_floats, check_entries, check_path
+from kinreach.baselines.eyes import Eye
+from kinreach.checks import as_floats, check_entries, check_path, shown
 from kinreach.envs.reach.task import SINGLE_STEP, STEP_SIZE
 from kinreach.errors import InputError, UnknownNameError
 from kinreach.files import replacing
+from kinreach.vision.goal_view import GOAL_CAMERAS
 
 Array = NDArray[Any]
 
@@ -50,8 +53,9 @@ OUTPUTS: Mapping[str, Callable[[Array], Array]] = {"linear": lambda x: x, "tanh"
 class Network:
     """y = shift + gain out(W_k ... act(W_1 f + b_1) ... + b_k) of features f of an observation x.
 
-    With z = (x - mean) / scale over the first observations, the features are z, then sin(w z) and cos(w z), in both the
-    waves of one observation side by side.
+    Where there are eyes, x is what they say of the cameras' pictures, one after the other. With z = (x - mean) / scale
+    over the first observations, the features are z, then sin(w z) and cos(w z), in both the waves of one observation
+    side by side.
 
     Attributes:
         mean, scale: Constants of the normalisation, shape (n,); only the first n observations are used.
@@ -61,6 +65,7 @@ class Network:
         output: Behind the last layer, a key of `OUTPUTS`.
         gain, shift: Shape (m,).
         low, high: Bounds of an action, shape (m,); None for -1 and 1.
+        eyes: One for each of `GOAL_CAMERAS`; none where observations are vectors.
     """
 
     mean: Array
@@ -73,9 +78,12 @@ class Network:
     shift: Array
     low: Array | None = None
     high: Array | None = None
+    eyes: Sequence[Eye] = ()
 
-    def __call__(self, x: Array) -> Array:
-        """Outputs, shape (..., m), for observations of shape (..., at least n)."""
+    def __call__(self, x: Any) -> Array:
+        """Outputs, shape (..., m), for observations of shape (..., at least n), or for dictionaries with pictures."""
+        if self.eyes:
+            x = np.concatenate([eye(x[key]) for eye, key in zip(self.eyes, PICTURES, strict=True)], axis=-1)
         h = (x[..., : len(self.mean)] - self.mean) / self.scale
         if len(self.waves):
             angles = (h[..., :, None] * self.waves).reshape(*h.shape[:-1], -1)
@@ -87,6 +95,8 @@ class Network:
         return self.shift + self.gain * OUTPUTS[self.output](h @ weight.T + bias)
 
 
+#: Pictures in the observations, in the order of the eyes.
+PICTURES = tuple(f"{name}_rgb" for name in GOAL_CAMERAS)
 #: Version of the format; files of other versions are refused.
 FORMAT = 1
 #: No policy of ours is larger; a file that is, is refused before it is read [bytes].
@@ -140,6 +150,10 @@ def save_policy(path: str | Path, card: PolicyCard, network: Network) -> None:
         tensors |= {"low": network.low, "high": network.high}
     for index, (weight, bias) in enumerate(network.layers):
         tensors |= {f"layer{index}.weight": weight, f"layer{index}.bias": bias}
+    for number, eye in enumerate(network.eyes):
+        tensors |= {f"eye{number}.strides": np.array(eye.strides, float), f"eye{number}.sharpness": eye.sharpness}
+        for index, (weight, bias) in enumerate(eye.layers):
+            tensors |= {f"eye{number}.layer{index}.weight": weight, f"eye{number}.layer{index}.bias": bias}
     tensors = {name: np.ascontiguousarray(value) for name, value in tensors.items()}
     header = {"kinreach": json.dumps({"format": FORMAT, **asdict(card)}, allow_nan=False, sort_keys=True)}
     data = to_bytes(tensors, metadata=header)
@@ -203,6 +217,10 @@ def _card(header: Mapping[str, str]) -> PolicyCard:
 
 
 def _network(card: PolicyCard, tensors: Mapping[str, np.ndarray[Any, Any]]) -> Network:
+    eyes = [_eye(tensors, f"eye{number}.") for number in range(len(PICTURES)) if f"eye{number}.strides" in tensors]
+    tensors = {name: value for name, value in tensors.items() if not name.startswith("eye")}
+    if len(eyes) not in (0, len(PICTURES)):
+        raise InputError(f"it must have no eyes or {len(PICTURES)}, got {len(eyes)}")
     count = sum(name.endswith(".weight") for name in tensors)
     names = {f"layer{i}.{part}" for i in range(count) for part in ("weight", "bias")}
     expected = {"mean", "scale", "waves", "gain", "shift"} | names | ({"low", "high"} & set(tensors))
@@ -221,6 +239,8 @@ def _network(card: PolicyCard, tensors: Mapping[str, np.ndarray[Any, Any]]) -> N
         width = len(bias)
     if any(value.ndim != 1 for value in (mean, scale, waves, gain, shift)) or mean.shape != scale.shape:
         raise InputError("mean, scale, waves, gain and shift must have one dimension, mean and scale the same length")
+    if eyes and mean.size != sum(eye.places for eye in eyes):
+        raise InputError(f"mean must have a number for each that the eyes say, got {mean.size}")
     if gain.shape != (width,) or shift.shape != (width,) or not (scale > 0).all():
         raise InputError(f"gain and shift must have {width} numbers, scale must be positive")
     low, high = doubles.get("low"), doubles.get("high")
@@ -228,7 +248,29 @@ def _network(card: PolicyCard, tensors: Mapping[str, np.ndarray[Any, Any]]) -> N
         raise InputError("low and high must both be there, or neither")
     if low is not None and high is not None and not (low.shape == high.shape == (width,) and (low < high).all()):
         raise InputError(f"low and high must have {width} numbers, low below high")
-    return Network(mean, scale, waves, layers, card.activation, card.output, gain, shift, low, high)
+    return Network(mean, scale, waves, layers, card.activation, card.output, gain, shift, low, high, eyes)
+
+
+def _eye(tensors: Mapping[str, np.ndarray[Any, Any]], prefix: str) -> Eye:
+    own = {name.removeprefix(prefix): value for name, value in tensors.items() if name.startswith(prefix)}
+    count = sum(name.endswith(".weight") for name in own)
+    expected = {f"layer{i}.{part}" for i in range(count) for part in ("weight", "bias")} | {"strides", "sharpness"}
+    if count == 0 or set(own) != expected:
+        raise InputError(f"the tensors of {prefix}* must be {sorted(expected)}, got {sorted(own)}")
+    for name, value in own.items():
+        if value.dtype not in (np.float32, np.float64) or not np.isfinite(value).all():
+            raise InputError(f"{prefix}{name} must be finite floating-point numbers")
+    layers = [(own[f"layer{i}.weight"].astype(float), own[f"layer{i}.bias"].astype(float)) for i in range(count)]
+    channels = 3
+    for index, (weight, bias) in enumerate(layers):
+        shape = (len(bias) if bias.ndim else 0, channels, *weight.shape[-1:] * 2)
+        if weight.ndim != 4 or weight.shape != shape or not weight.shape[-1] % 2 or bias.shape != shape[:1]:
+            raise InputError(f"{prefix}layer{index} must take {channels} channels, got weight {weight.shape}")
+        channels = len(bias)
+    strides, sharpness = own["strides"], own["sharpness"]
+    if strides.shape != (count,) or not np.isin(strides, range(1, 9)).all() or sharpness.size != 1:
+        raise InputError(f"{prefix}strides must be {count} whole numbers from 1 to 8, {prefix}sharpness one number")
+    return Eye(layers, [int(stride) for stride in strides], float(sharpness.reshape(())))
 
 
 #: Steps are not split for a remainder below this [steps].
@@ -281,8 +323,10 @@ class LearnedPolicy:
     def reset(self, observation: Any = None, info: Any = None) -> None:
         """A trained policy remembers nothing."""
 
-    def act(self, observation: ArrayLike) -> Any:
+    def act(self, observation: ArrayLike | Mapping[str, ArrayLike]) -> Any:
         """The deterministic action for an observation, shape (n,), or for a batch of them, shape (count, n).
+
+        A policy that sees pictures takes a dictionary as environments with `observation="pixels"` give it.
 
         Returns:
             Actions, shape (..., m), or the number of a discrete action, shape (...).
@@ -296,10 +340,9 @@ class LearnedPolicy:
         action = np.clip(output, *self.bounds)
         if not self.stepwise:
             return action
-        joints = np.asarray(observation)[..., -1 - len(self.network.gain) : -1]  # before the gripper's opening
-        return paced(SINGLE_STEP.scale * action - joints)
+        return paced(SINGLE_STEP.scale * action - self._joints(observation))
 
-    def posture(self, observation: ArrayLike) -> Array:
+    def posture(self, observation: ArrayLike | Mapping[str, ArrayLike]) -> Array:
         """The posture that a reach policy aims at [rad], shape (..., m).
 
         Raises:
@@ -325,6 +368,9 @@ class LearnedPolicy:
             InputError: The observations are no vector, or too short, or the actions are of another kind or number.
         """
         outputs = len(self.network.gain)
+        if self.network.eyes:
+            _check_pictures(self.name, observations)
+            observations = spaces.Box(-np.inf, np.inf, (self.inputs,))
         vector = isinstance(observations, spaces.Box) and len(observations.shape) == 1
         if not vector or not self.takes(observations.shape[0]):  # type: ignore[index]
             raise InputError(
@@ -351,17 +397,47 @@ class LearnedPolicy:
         """Whether an observation may have so many numbers."""
         return count == self.inputs if self._exact else count >= self.inputs
 
-    def _output(self, observation: ArrayLike) -> Array:
+    def _output(self, observation: ArrayLike | Mapping[str, ArrayLike]) -> Array:
         """What the network says of observations, once they and its answer are found to be numbers."""
-        x = as_floats("observation", observation)
-        if x.ndim == 0 or not self.takes(x.shape[-1]):
-            raise InputError(f"an observation must have {self._wanted} numbers, got shape {x.shape}")
-        check_entries("observation", x, MOST_OBSERVED)
+        x: Any = self._pictures(observation) if self.network.eyes else self._numbers(observation)
         with np.errstate(over="ignore", invalid="ignore", divide="ignore"):
             output = self.network(x)
         if not np.isfinite(output).all():
             raise InputError(f"the network of {self.name} answers with what is no number")
         return output
+
+    def _joints(self, observation: Any) -> Array:
+        """Joint angles [rad] in an observation."""
+        if self.network.eyes:
+            return np.asarray(observation["joints"])
+        return np.asarray(observation)[..., -1 - len(self.network.gain) : -1]  # before the gripper's opening
+
+    def _numbers(self, observation: Any) -> Array:
+        x = as_floats("observation", observation)
+        if x.ndim == 0 or not self.takes(x.shape[-1]):
+            raise InputError(f"an observation must have {self._wanted} numbers, got shape {x.shape}")
+        check_entries("observation", x, MOST_OBSERVED)
+        return x
+
+    def _pictures(self, observation: Any) -> dict[str, Array]:
+        if not isinstance(observation, Mapping) or not set(PICTURES) <= set(observation):
+            raise InputError(f"{self.name} takes observations with {' and '.join(PICTURES)}, got {shown(observation)}")
+        pictures = {name: np.asarray(observation[name]) for name in PICTURES}
+        for name, picture in pictures.items():
+            if picture.dtype != np.uint8 or picture.ndim < 3 or picture.shape[-1] != 3 or not picture.size:
+                raise InputError(f"{name} must be uint8, shape (..., height, width, 3), got {shown(picture)}")
+        return pictures
+
+
+def _check_pictures(name: str, space: spaces.Space[Any]) -> None:
+    """Refuse an environment whose observations have no pictures.
+
+    Raises:
+        InputError: They have not.
+    """
+    pictures = [space.spaces.get(key) for key in PICTURES] if isinstance(space, spaces.Dict) else [None]
+    if not all(isinstance(part, spaces.Box) and len(part.shape) == 3 for part in pictures):
+        raise InputError(f'{name} takes pictures, observation="pixels", not observations of {space}')
 
 
 def pretrained_names() -> list[str]:
@@ -374,6 +450,15 @@ def trained_arm(policy: LearnedPolicy) -> dict[str, Any]:
     """The option `arm` of the environment that a policy was trained in, as far as its card names one."""
     options = policy.card.recipe.get("options")
     return {"arm": options["arm"]} if isinstance(options, Mapping) and isinstance(options.get("arm"), str) else {}
+
+
+def needed_options(policy: LearnedPolicy) -> dict[str, Any]:
+    """Options of an environment for a policy: the arm, and pictures of the size that it learned from if it sees any."""
+    if not policy.network.eyes:
+        return trained_arm(policy)
+    options = policy.card.recipe.get("options") or {}
+    size = {name: options[name] for name in ("width", "height") if isinstance(options.get(name), int)}
+    return {**trained_arm(policy), "observation": "pixels", **size}
 
 
 def load_policy(policy: str | Path, *, environment: str | None = None) -> LearnedPolicy:

@@ -6,10 +6,12 @@ from collections.abc import Callable, Mapping
 from typing import Any
 
 import numpy as np
+from gymnasium import spaces
 from gymnasium.vector import AutoresetMode, VectorEnv
 from stable_baselines3.common.vec_env import VecEnv
 from stable_baselines3.common.vec_env.base_vec_env import VecEnvIndices, VecEnvObs, VecEnvStepReturn
 
+from kinreach.baselines.looks import Looks
 from kinreach.baselines.policies import paced
 from kinreach.baselines.rewards import TrainingReward, own
 from kinreach.envs.reach.task import SINGLE_STEP, UR5_LAYOUT, Layout
@@ -41,6 +43,10 @@ class SB3VecEnv(VecEnv):
         self._reward, self._bootstrap = reward, bootstrap
         self._actions: Any = None
         super().__init__(env.num_envs, env.single_observation_space, env.single_action_space)
+
+    def seen(self, observations: Array) -> Any:
+        """What a policy in the environment itself would observe, in double precision where it is numbers."""
+        return observations.astype(np.float64)
 
     def reset(self) -> VecEnvObs:
         """Start all episodes, with the seeds that were set last."""
@@ -170,3 +176,38 @@ class TriesVecEnv(SB3VecEnv):
         noise = self._rng.normal(0.0, self._blur, (groups, self._layout.goal.stop))
         self._first[:, self._layout.goal] += np.repeat(noise, self._tries, axis=0)
         return self._first
+
+
+class LooksVecEnv(TriesVecEnv):
+    """The same for a learner that sees pictures: an observation is the number of a look, which has a group's goal.
+
+    Looks are taken when the environments are seeded.
+
+    Args:
+        looks: What the numbers stand for.
+        **kwargs: Of `TriesVecEnv`.
+    """
+
+    def __init__(self, env: VectorEnv[Any, Any, Any], *, looks: Looks, **kwargs: Any) -> None:
+        super().__init__(env, **kwargs)
+        self.looks = looks
+        self.observation_space = spaces.Box(0.0, float(len(looks.pictures) - 1), (1,))
+        self._goals = np.zeros((len(looks.pictures), 3))
+
+    def seen(self, observations: Array) -> Any:
+        """The pictures of the looks."""
+        return self.looks.seen(observations[:, 0].astype(int))
+
+    def reset(self) -> VecEnvObs:
+        """Start all episodes, where a seed was set with looks of its own."""
+        if self._seeds[0] is not None:
+            rng = np.random.default_rng([self._seeds[0], 1])
+            self._goals = np.array(self._draw(rng, len(self._goals))["goal"])
+            self.looks.take(self._goals, rng)
+        return super().reset()
+
+    def _begin(self) -> Array:
+        groups = self._rng.integers(len(self._goals), size=self.num_envs // self._tries)
+        numbers = np.repeat(groups, self._tries)
+        self._env.reset(options={"goal": self._goals[numbers]})
+        return numbers[:, None].astype(np.float32)

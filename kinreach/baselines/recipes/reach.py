@@ -36,6 +36,15 @@ _RANKED = {
     "adam": {"betas": (0.9, 0.99), "eps": 1e-5},
 }
 
+#: A look is the costly part: 32 tries for each, and a batch of 16 looks at a time.
+_LOOKS = {
+    **_RANKED,
+    "looks": 600,
+    "tries": 32,
+    "minibatches": 1,
+    "exploration": {"first": 0.2, "last": 3e-4, "until": 0.85},
+    "adaptive": {"first": 1e-3, "target_kl": 0.05, "decay": 0.15},
+}
 #: As many samples, updates and network inputs as ranked PPO has; the rate falls from the first update to the last.
 _REGRESSED = {
     "tries": 1,
@@ -156,6 +165,17 @@ _SINGLE = Recipe(
     window=20_480,
     options={"backend": "kinematic"},
 )
+_PIXELS_SINGLE = replace(
+    _SINGLE,
+    name="pixels-single",
+    summary="As single, from both cameras' pictures: convolutions that say where something is, 32 tries for a look.",
+    steps=2_048_000,
+    num_envs=512,
+    blur=0.0,
+    networks=Networks(hidden=(128, 128), activation="silu", features="looks", posture=True),
+    settings=_LOOKS,
+    options={"backend": "kinematic", "width": 128, "height": 72},
+)
 _SPACE_SINGLE = replace(
     _SINGLE,
     name="space-single",
@@ -236,6 +256,13 @@ REACH_RECIPES = (
         steps=1_000_000,
         blur=0.0,
         options={"backend": "kinematic", "arm": "panda"},
+    ),
+    _PIXELS_SINGLE,
+    replace(
+        _PIXELS_SINGLE,
+        name="pixels-light",
+        summary="As pixels-single, with pictures up to four times as dark or as bright.",
+        options={**_PIXELS_SINGLE.options, "exposure": 4.0},
     ),
     _SPACE_SINGLE,
     replace(

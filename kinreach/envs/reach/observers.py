@@ -142,9 +142,8 @@ class PixelObserver:
         Returns:
             What `space` says by name, each with k rows.
         """
-        seen: dict[str, Any] = {
-            name: np.empty((len(goals), *part.shape), part.dtype) for name, part in self.space().items()
-        }
+        parts: dict[str, Any] = self.space().spaces
+        seen = {name: np.empty((len(goals), *part.shape), part.dtype) for name, part in parts.items()}
         limits = self._simulation.controller
         for row, (q, goal, rng) in enumerate(zip(postures, goals, rngs, strict=True)):
             self._simulation.reset(np.clip(q, limits.lower, limits.upper))

@@ -27,7 +27,6 @@ from kinreach.sim.imperfections import as_imperfections
 from kinreach.sim.picture import ScenePicture
 from kinreach.sim.simulation import ArmSimulation
 
-
 #: Two pictures of three bytes and a depth; what all environments see may take so much [bytes].
 _PIXEL_BYTES, MOST_BYTES = 2 * (3 + 4), 2**32
 

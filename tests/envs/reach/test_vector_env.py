@@ -155,7 +155,12 @@ def test_gymnasiums_own_vectorisation_works(mode):
 
 @pytest.mark.parametrize(
     "options",
-    [{"observation": "pixels", "width": 16384, "height": 16384}, {"render_mode": "human"}, {"threads": 0}, {"backend": "bullet"}],
+    [
+        {"observation": "pixels", "width": 16384, "height": 16384},
+        {"render_mode": "human"},
+        {"threads": 0},
+        {"backend": "bullet"},
+    ],
 )
 def test_options_that_cannot_be_are_refused(options):
     with pytest.raises(InputError):

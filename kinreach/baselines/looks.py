@@ -1,0 +1,53 @@
+"""Looks at goals with both cameras, taken ahead of a training that learns from pictures."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from kinreach.checks import Floats
+from kinreach.envs.reach.observers import PixelObserver
+from kinreach.envs.reach.task import ReachTask
+from kinreach.vision.goal_view import GOAL_CAMERAS
+
+
+class Looks:
+    """Pictures of balls by both cameras, the arm being in its start pose.
+
+    Before the first are taken the pictures are noise.
+
+    Args:
+        task: Whose balls; its options say how large the pictures are, and how noisy.
+        count: How many looks.
+
+    Attributes:
+        pictures: Of each look and camera, uint8, shape (count, 2, height, width, 3).
+    """
+
+    def __init__(self, task: ReachTask, count: int) -> None:
+        self._task = ReachTask(replace(task.options, observation="pixels"), task.variant)
+        shape = (count, len(GOAL_CAMERAS), task.options.height, task.options.width, 3)
+        self.pictures: NDArray[np.uint8] = np.random.default_rng(0).integers(0, 256, shape, dtype=np.uint8)
+
+    def take(self, goals: Floats, rng: np.random.Generator) -> None:
+        """Look anew.
+
+        Args:
+            goals: Where the balls are in the world [m], shape (count, 3).
+            rng: Of the sensors' noise.
+        """
+        observer = PixelObserver(self._task)
+        try:
+            for number, goal in enumerate(goals):
+                seen = observer.look(self._task.home[None], goal[None], [rng])
+                for camera, name in enumerate(GOAL_CAMERAS):
+                    self.pictures[number, camera] = seen[f"{name}_rgb"][0]
+        finally:
+            observer.close()
+
+    def seen(self, numbers: NDArray[Any]) -> dict[str, NDArray[np.uint8]]:
+        """Looks by their numbers, shape (k,), as environments with `observation="pixels"` say them."""
+        return {f"{name}_rgb": self.pictures[numbers, camera] for camera, name in enumerate(GOAL_CAMERAS)}
