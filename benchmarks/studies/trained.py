@@ -34,9 +34,11 @@ def main(argv: list[str] | None = None) -> int:
     parser.add_argument("--recipes", metavar="A,B", help="default: all that were trained")
     parser.add_argument("--goals", type=int, default=1000, help="the same for every seed")
     parser.add_argument("--backend", default="kinematic")
-    parser.add_argument("--observation", default="geometric")
+    parser.add_argument("--observation", help="default: geometric, or pixels where a policy sees pictures")
+    parser.add_argument("--exposure", type=float, help="pictures are up to so much brighter or darker")
     arguments = parser.parse_args(argv)
-    options = {"backend": arguments.backend, "observation": arguments.observation}
+    said = {name: getattr(arguments, name) for name in ("backend", "observation", "exposure")}
+    options = {name: value for name, value in said.items() if value is not None}
     reach = [name for name, recipe in RECIPES.items() if recipe.environment != BUTTON]
     recipes = arguments.recipes.split(",") if arguments.recipes else reach
     rows = (

@@ -60,7 +60,7 @@ def main(argv: Sequence[str], *, prog: str) -> int:
     summaries = {
         names[name]: _evaluate(policy, names[name], arguments, options[name]) for name, policy in policies.items()
     }
-    said = {name: getattr(arguments, name) for name in ("env", "backend", "observation", "max_steps")}
+    said = {name: getattr(arguments, name) for name in ("env", "backend", "observation", "exposure", "max_steps")}
     given = "".join(f" --{name.replace('_', '-')} {value}" for name, value in said.items() if value is not None)
     split = "" if arguments.split == SPLIT else f" --split {arguments.split}"
     command = f"{prog} {join(arguments.policies)} --goals {arguments.goals}{split}{given}"
@@ -124,11 +124,11 @@ def _options(policy: LearnedPolicy, arguments: Any) -> dict[str, Any]:
     The length of an episode and the actuation of the button task belong to what a policy was trained for: they are
     those of its card, as far as the card has them and the command line does not say otherwise.
     """
-    said = {"backend": arguments.backend, "observation": arguments.observation}
+    said = {name: getattr(arguments, name) for name in ("backend", "observation", "exposure")}
     trained: dict[str, Any] = {}
     if (arguments.env or policy.card.environment) == BUTTON:
         if any(value is not None for value in said.values()):
-            raise InputError("--backend and --observation are for reach policies")
+            raise InputError("--backend, --observation and --exposure are for reach policies")
         card = policy.card.recipe.get("options")
         trained = {name: card[name] for name in TASK_OPTIONS if name in card} if isinstance(card, dict) else {}
         said = {"max_steps": arguments.max_steps}
@@ -198,7 +198,12 @@ def _parser(prog: str) -> Parser:
         help="held-out, for results, or validation, to choose settings by (default: %(default)s)",
     )
     parser.add_argument("--backend", help="kinematic or mujoco (default: mujoco)")
-    parser.add_argument("--observation", help="geometric or camera (default: geometric)")
+    parser.add_argument(
+        "--observation", help="geometric or camera (default: geometric, or pixels where the policy sees pictures)"
+    )
+    parser.add_argument(
+        "--exposure", type=float, metavar="FACTOR", help="pictures are up to so much brighter or darker (default: 1)"
+    )
     parser.add_argument(
         "--max-steps", type=int, metavar="N", help="of an episode of the button task (default: as in training)"
     )

@@ -232,6 +232,8 @@ def _network(card: PolicyCard, tensors: Mapping[str, np.ndarray[Any, Any]]) -> N
     doubles = {name: value.astype(np.float64) for name, value in tensors.items()}
     layers = [(doubles[f"layer{i}.weight"], doubles[f"layer{i}.bias"]) for i in range(count)]
     mean, scale, waves, gain, shift = (doubles[name] for name in ("mean", "scale", "waves", "gain", "shift"))
+    if eyes and mean.size != sum(eye.places for eye in eyes):
+        raise InputError(f"mean must have a number for each that the eyes say, got {mean.size}")
     width = mean.size * (1 + 2 * waves.size)
     for index, (weight, bias) in enumerate(layers):
         if weight.ndim != 2 or weight.shape[1] != width or bias.shape != weight.shape[:1]:
@@ -239,8 +241,6 @@ def _network(card: PolicyCard, tensors: Mapping[str, np.ndarray[Any, Any]]) -> N
         width = len(bias)
     if any(value.ndim != 1 for value in (mean, scale, waves, gain, shift)) or mean.shape != scale.shape:
         raise InputError("mean, scale, waves, gain and shift must have one dimension, mean and scale the same length")
-    if eyes and mean.size != sum(eye.places for eye in eyes):
-        raise InputError(f"mean must have a number for each that the eyes say, got {mean.size}")
     if gain.shape != (width,) or shift.shape != (width,) or not (scale > 0).all():
         raise InputError(f"gain and shift must have {width} numbers, scale must be positive")
     low, high = doubles.get("low"), doubles.get("high")
