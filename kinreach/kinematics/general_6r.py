@@ -8,7 +8,12 @@ fourteen functions (p, l, p.p, p.l, p x l, l (p.p) - 2 p (p.l)) are linear in th
 it is the axis of the fifth joint: joints 1 and 6 are eliminated linearly, which leaves six equations in the sines and
 cosines of joints 2, 3 and 4. Multiplied by cos(q/2) and sin(q/2) of one of the three they are twelve, linear in twelve
 products, with coefficients that are linear in the cosine and sine of another: a quadratic eigenvalue problem in the
-tangent of half that angle. Its real eigenvalues hold every posture, of which there are at most sixteen.
+tangent of half that angle, of size 24. Its real eigenvalues hold every posture, of which there are at most sixteen.
+
+Eight of the 24 are i and -i, four times each, and say nothing. With the angle of the second joint their vectors are
+the same for all poses: where that joint's e^(iq) is large, only the part of a line's functions that grows with it
+counts, and of that there are no more than four (a direction's part along 1 + i, of p, l, p x l and l (p.p) - 2 p (p.l)).
+So the problem is made one of size 16, once and for all, by an orthogonal projection.
 
 Which axis is written twice decides how well the numbers behave. With the fifth the problem stays regular for arms whose
 second to fourth axes are parallel, or almost: the other choices are singular for a UR by its data sheet, and nearly so
@@ -27,24 +32,36 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.linalg import eig
 
 from kinreach.checks import Floats
 
 #: Arrays of single or double precision.
 Reals = NDArray[Any]
+#: Poses by their row (m,), eigenvalues (m,), the products of each (m, 12), and the largest entry of each pose's matrix.
+_Eigen = tuple[NDArray[np.int64], NDArray[Any], NDArray[Any], Floats]
 #: A posture is a solution if it misses by less [m, rad].
 EXACT = 1e-10
+#: No step is taken from where it is missed by less.
+ARRIVED = 1e-13
 #: A pose whose last axis is nearer to the first one's direction is tilted by as much [rad].
 TILT = 1e-5
 #: Imaginary parts of eigenvalues: real; surely complex; and up to where they are starting points, because two postures
 #: merge there, or have just vanished.
 REAL, COMPLEX, NEARLY_REAL = 1e-11, 1e-4, 3e-2
+#: An eigenvalue that belongs to a posture is exact to this, unless the problem is ill-conditioned [rad]; and entries of
+#: a matrix as large as this say so, too: an inverse was large.
+INEXACT, ILL = 1e-4, 1e5
 #: Eigenvalues whose angles differ by more are not equal ones [rad].
 APART = 1e-4
 #: Eigenvalues whose angles differ by less may be equal ones [rad].
 CLUSTER = 0.05
 #: Two postures nearer than this in every joint are one [rad]; up to `ONE_VALLEY` if what is between them reaches, too.
 ONE, ONE_VALLEY = 1e-6, 2e-2
+#: What has not come nearer than this to its pose in twice as many steps does not reach it [m, rad].
+ASTRAY = 1e-3
+#: Two bad starts nearer than this lead to the same [rad].
+ONE_START = 1e-3
 #: Steps of Newton's method from a good start, and from a bad one; the longest step of a joint [rad].
 FEW, MANY, LONGEST = 6, 40, 0.3
 #: Most postures that a six-joint arm has for a pose.
@@ -53,6 +70,9 @@ POSES = 512  # at once
 AROUND = 256  # starting points around known solutions
 #: Smallest singular value of the Jacobian at a solution that may have others near it.
 MERGING = 1e-3
+#: How many eigenvalues are i, and as many -i; what multiplies coordinates in the basis of their vectors.
+EXTRANEOUS = 4
+SIGNS = np.repeat([1.0, -1.0], EXTRANEOUS)
 _JOINTS = 6
 _SAMPLES = 2 * np.pi / 3 * np.arange(3)
 #: Coefficients of 1, cos and sin of a function that is linear in them, from its values at `_SAMPLES`.
@@ -136,38 +156,36 @@ def missed_by(error: Reals) -> Reals:
 
 def newton(chain: Chain, q: Floats, T: Floats, *, steps: int = FEW) -> tuple[Floats, Floats]:
     """Newton's method from postures (m, 6) to poses (m, 4, 4); the results, and how far they miss (m,)."""
-    q = q.copy()
-    reached, J = chain.jacobian(q)
-    error = miss(reached, T)
-    off = missed_by(error)
-    for _ in range(steps):
-        if (off < 1e-13).all():
-            break
-        step = np.linalg.solve(J + 1e-14 * np.eye(6), error[:, :, None])[:, :, 0]
-        step *= np.minimum(1.0, LONGEST / np.maximum(np.abs(step).max(axis=1), LONGEST))[:, None]
-        trial = q + step
-        reached, J = chain.jacobian(trial)
+    results, off, rows = q.copy(), np.empty(len(q)), np.arange(len(q))
+    for left in range(steps, -1, -1):
+        reached, J = chain.jacobian(q)
         error = miss(reached, T)
-        q, off = trial, missed_by(error)
-    return q, off
+        results[rows], off[rows] = q, missed_by(error)
+        going = np.flatnonzero(off[rows] >= ARRIVED)
+        if not (left and len(going)):
+            break
+        q, T, rows, J, error = q[going], T[going], rows[going], J[going], error[going]
+        step = np.linalg.solve(J + 1e-14 * np.eye(6), error[:, :, None])[:, :, 0]
+        q = q + step * np.minimum(1.0, LONGEST / np.maximum(np.abs(step).max(axis=1), LONGEST))[:, None]
+    return results, off
 
 
 def nearest_by_newton(chain: Chain, q: Floats, T: Floats) -> tuple[Floats, Floats]:
     """As `newton`, for bad starts and singular arms: by singular values, the best posture on each way."""
-    q, best = q.copy(), q.copy()
-    best_off = np.full(len(q), np.inf)
-    for _ in range(MANY):
+    best, best_off, rows = q.copy(), np.full(len(q), np.inf), np.arange(len(q))
+    for step in range(MANY):
         reached, J = chain.jacobian(q)
         error = miss(reached, T)
         off = missed_by(error)
-        better = off < best_off
-        best[better], best_off[better] = q[better], off[better]
-        if (best_off < 1e-13).all():
+        better = off < best_off[rows]
+        best[rows[better]], best_off[rows[better]] = q[better], off[better]
+        going = np.flatnonzero((off >= ARRIVED) & (best_off[rows] < (np.inf if step < 2 * FEW else ASTRAY)))
+        if not len(going):
             break
-        U, s, V = np.linalg.svd(J)
-        step = (((error[:, None] @ U)[:, 0] / np.maximum(s, 1e-11))[:, None] @ V)[:, 0]
-        step *= np.minimum(1.0, LONGEST / np.maximum(np.abs(step).max(axis=1), LONGEST))[:, None]
-        q += step
+        q, T, rows, error = q[going], T[going], rows[going], error[going]
+        U, s, V = np.linalg.svd(J[going])
+        way = (((error[:, None] @ U)[:, 0] / np.maximum(s, 1e-11))[:, None] @ V)[:, 0]
+        q = q + way * np.minimum(1.0, LONGEST / np.maximum(np.abs(way).max(axis=1), LONGEST))[:, None]
     return best, best_off
 
 
@@ -226,6 +244,7 @@ class General6R:
         # and over joints 1 and 6: (A0 R1 A1)^-1 T A6^-1 R6^-1 A5^-1
         self._left = np.linalg.inv(A[0] @ turns @ A[1])
         self._right = np.linalg.inv(A[5] @ turns @ A[6])[:, :, 2:]
+        self._bases = [self._deflation(*self.CHOICES[0]), *[(np.eye(24), np.empty((24, 0)))] * 2]
         self._both = np.kron(_COEFFICIENTS, _COEFFICIENTS)
         # the point of axis 6 nearest to axis 5, from either side
         z, p = A[5][:3, 2], A[5][:3, 3]
@@ -249,20 +268,27 @@ class General6R:
         return found
 
     def _solve_some(self, T: Floats, tol: float) -> list[Floats]:
-        pose, start, imaginary = self._candidates(self._regular(T), *self.CHOICES[0], self.PHASES[0])
+        regular = self._regular(T)
+        pose, start, imaginary, largest = self._candidates(regular, *self.CHOICES[0], self.PHASES[0])
         q, off = newton(self.chain, start, T[pose])
         q = wrapped(q)
-        ends = np.searchsorted(pose, np.arange(len(T) + 1))
-        clear = _clear(
-            pose, len(T), wrapped(start[:, 1]), wrapped(q[:, 1] - start[:, 1]), (off < EXACT) & (imaginary <= REAL)
-        )
+        moved, real = np.abs(wrapped(q[:, 1] - start[:, 1])), imaginary <= REAL
+        clear = _clear(pose, len(T), wrapped(start[:, 1]), moved, imaginary, off < EXACT) & (largest < ILL)
         found = []
-        for row, (begin, end) in enumerate(pairwise(ends.tolist())):
+        for row, (begin, end) in enumerate(pairwise(np.searchsorted(pose, np.arange(len(T) + 1)).tolist())):
+            part = slice(begin, end)
             if clear[row]:
-                found.append(q[begin:end])
+                found.append(q[part][real[part]])
                 continue
-            kept = self._distinct(q[begin:end][off[begin:end] < EXACT], T[row])
-            if (not len(kept) and end > begin) or _in_doubt(len(kept), start[begin:end, 1], imaginary[begin:end]):
+            angles, complexity, kept = start[part, 1], imaginary[part], q[part][off[part] < EXACT]
+            if largest[row] >= ILL or (moved[part][real[part]] > INEXACT).any():
+                _, again, complexity, _ = self._candidates(
+                    regular[row, None], *self.CHOICES[0], self.PHASES[0], stable=True
+                )
+                more, miss_by = newton(self.chain, again, np.broadcast_to(T[row], (len(again), 4, 4)), steps=2 * FEW)
+                angles, kept = again[:, 1], np.vstack([kept, wrapped(more[miss_by < EXACT])])
+            kept = self._distinct(kept, T[row])
+            if (not len(kept) and len(angles)) or _in_doubt(len(kept), angles, complexity):
                 kept = self._thoroughly(T[row], kept, tol)
             found.append(kept)
         return found
@@ -275,6 +301,7 @@ class General6R:
         poses = np.broadcast_to(T, (len(seeds), 4, 4))
         q, off = newton(self.chain, seeds, poses, steps=2 * FEW)
         late = np.flatnonzero(off >= EXACT)  # from there to where two postures are one, or almost
+        late = late[_first_of_each(seeds[late], ONE_START)]
         q[late], off[late] = nearest_by_newton(self.chain, seeds[late], poses[late])
         found = self._distinct(np.vstack([known, wrapped(q[off < EXACT])]), T)
         merging = found[np.linalg.svd(self.chain.jacobian(found)[1])[1][:, -1] < MERGING] if len(found) else found
@@ -327,21 +354,27 @@ class General6R:
         return np.concatenate([p, direction, pp, pl, np.cross(p, direction), direction * pp - 2.0 * p * pl], axis=-1)
 
     def _candidates(
-        self, T: Floats, unknown: int, factor: int, phase: float
-    ) -> tuple[NDArray[np.int64], Floats, Floats]:
-        """Poses in order, a starting point (m, 6) for each, and the imaginary part of its eigenvalue (m,)."""
+        self, T: Floats, unknown: int, factor: int, phase: float, *, stable: bool = False
+    ) -> tuple[NDArray[np.int64], Floats, Floats, Floats]:
+        """Where Newton's method may start.
+
+        Args:
+            T: Poses, shape (count, 4, 4).
+            unknown: Which joint is the eigenvalue.
+            factor: By which the equations are multiplied.
+            phase: Where the eigenvalue would be infinite: pi further [rad].
+            stable: By the QZ algorithm, which needs no inverse and takes twenty times as long.
+
+        Returns:
+            Poses by their row, in order, (m,); for each a posture (m, 6), and the imaginary part of its eigenvalue (m,);
+            and the largest entry of each pose's matrix (count,), 0 where there is no inverse.
+        """
         B, C, S = np.moveaxis(self._problem(T, unknown, factor), 1, 0)
         c, s = np.cos(phase), np.sin(phase)
         C, S = c * C + s * S, c * S - s * C
-        companion = np.zeros((len(T), 24, 24))
-        companion[:, :12, 12:] = np.eye(12)
-        companion[:, 12:] = -np.linalg.solve(B - C, np.concatenate([B + C, 2.0 * S], axis=2))
-        values, vectors = np.linalg.eig(companion)
-        size = 1.0 + np.abs(values) ** 2
-        near = (np.abs(values.imag) < NEARLY_REAL * size) & (values.imag >= 0.0)
-        pose, which = np.nonzero(near)
-        value = values[pose, which]
-        products = vectors[pose, :12, which].reshape(-1, 4, 3)
+        find = _by_qz if stable else self._by_inverse
+        pose, value, products, largest = find(B, C, S, unknown)
+        products = products.reshape(-1, 4, 3)
         # products are one vector times another; the largest entries are the most exact
         row = np.abs(products).sum(axis=2).argmax(axis=1)
         column = np.abs(products).sum(axis=1).argmax(axis=1)
@@ -355,7 +388,29 @@ class General6R:
         q[:, 1 + unknown] = phase + 2.0 * np.arctan(value.real)
         q[:, 1 + factor] = 2.0 * np.arctan2(halves[:, 3], halves[:, 2])
         q[:, 1 + 3 - unknown - factor] = np.arctan2(whole[:, 2], whole[:, 1])
-        return pose, self._closed(q, T[pose]), np.abs(value.imag) / size[pose, which]
+        return pose, self._closed(q, T[pose]), np.abs(value.imag) / (1.0 + np.abs(value) ** 2), largest
+
+    def _by_inverse(self, B: Floats, C: Floats, S: Floats, unknown: int) -> _Eigen:
+        """Eigenvalues x of (B - C) x^2 + 2 S x + B + C that may be real, by the companion matrix."""
+        rest, known = self._bases[unknown]
+        image = -np.linalg.solve(B - C, np.concatenate([B + C, 2.0 * S], axis=2) @ rest)
+        values, vectors = np.linalg.eig(rest[:12].T @ rest[12:] + rest[12:].T @ image)
+        pose, which = _nearly_real(values)
+        value, vector = values[pose, which], vectors[pose, :, which]
+        mixed = ((known[:12].T @ rest[12:] + known[12:].T @ image)[pose] @ vector[:, :, None])[:, :, 0]
+        turned = np.roll(mixed, EXTRANEOUS, axis=1) * SIGNS[: known.shape[1]]
+        mixed = (value[:, None] * mixed + turned) / (value[:, None] ** 2 + 1.0)
+        return pose, value, vector @ rest[:12].T + mixed @ known[:12].T, np.abs(image).max(axis=(1, 2))
+
+    def _deflation(self, unknown: int, factor: int) -> tuple[Floats, Floats]:
+        """Orthonormal bases (24, 16) and (24, 8): the companion matrix maps the second to itself, by i and by -i."""
+        third = 3 - unknown - factor
+        ordered = self._near.reshape(14, 3, 3, 3).transpose(0, 1 + unknown, 1 + third, 1 + factor)
+        growing = ordered[:, 1] + 1j * ordered[:, 2]
+        products = (growing @ _HALF.transpose(1, 0, 2).reshape(3, 8)).reshape(14, 3, 2, 4)
+        kernel = np.linalg.svd(products.transpose(2, 0, 3, 1).reshape(28, 12))[2][-EXTRANEOUS:].conj().T
+        known = np.block([[kernel.real, kernel.imag], [-kernel.imag, kernel.real]])
+        return np.linalg.qr(known, mode="complete")[0][:, 2 * EXTRANEOUS :], known
 
     def _problem(self, T: Floats, unknown: int, factor: int) -> Floats:
         """Coefficients of 1, cosine and sine of the unknown joint, shape (count, 3, 12, 12)."""
@@ -388,6 +443,27 @@ class General6R:
         return q
 
 
+def _by_qz(B: Floats, C: Floats, S: Floats, _: int) -> _Eigen:
+    """As `General6R._by_inverse`, by the QZ algorithm, for each pose alone."""
+    count = len(B)
+    values, vectors = np.empty((count, 24), np.complex128), np.empty((count, 12, 24), np.complex128)
+    left, right = np.zeros((24, 24)), np.eye(24)
+    left[:12, 12:] = np.eye(12)
+    for row in range(count):
+        left[12:] = -np.hstack([B[row] + C[row], 2.0 * S[row]])
+        right[12:, 12:] = B[row] - C[row]
+        values[row], pair = eig(left, right)
+        vectors[row] = pair[:12]
+    pose, which = _nearly_real(values)
+    return pose, values[pose, which], vectors[pose, :, which], np.zeros(count)
+
+
+def _nearly_real(values: NDArray[Any]) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+    """Rows and columns of the eigenvalues (count, k) that are real or almost, one of two that are conjugate."""
+    with np.errstate(invalid="ignore"):  # some may be infinite
+        return np.nonzero((np.abs(values.imag) < NEARLY_REAL * (1.0 + np.abs(values) ** 2)) & (values.imag >= 0.0))
+
+
 def _in_doubt(found: int, angles: Floats, imaginary: Floats) -> bool:
     """Whether there may be another number of postures than were found.
 
@@ -410,30 +486,36 @@ def _in_doubt(found: int, angles: Floats, imaginary: Floats) -> bool:
 
 
 def _clear(
-    pose: NDArray[np.int64], count: int, angles: Floats, moved: Floats, good: NDArray[np.bool_]
+    pose: NDArray[np.int64], count: int, angles: Floats, moved: Floats, imaginary: Floats, good: NDArray[np.bool_]
 ) -> NDArray[np.bool_]:
-    """For which poses every eigenvalue is real and apart from the others, and has led to a posture of its own.
+    """For which poses every real eigenvalue is apart from the others and leads to a posture, and no other may.
+
+    What `_in_doubt` would ask, for many poses at once, and a little stricter.
 
     Args:
         pose: Which pose an eigenvalue belongs to, in order, shape (m,).
         count: Number of poses.
         angles: Of the eigenvalues [rad], in [-pi, pi].
-        moved: By how much Newton's method has moved them [rad].
-        good: Which are real and have led to a posture.
+        moved: By how much Newton's method has moved them, without the sign [rad].
+        imaginary: Their imaginary parts.
+        good: Which have led to a posture.
     """
-    number = np.bincount(pose, minlength=count)
     order = np.lexsort((angles, pose))
-    sorted_pose, sorted_angles = pose[order], angles[order]
-    gap = np.full(count, 2 * np.pi)
-    same = sorted_pose[1:] == sorted_pose[:-1]
-    np.minimum.at(gap, sorted_pose[1:][same], np.diff(sorted_angles)[same])
-    last = np.flatnonzero(np.diff(pose, append=-1))  # of each pose that has any
-    first = last + 1 - number[pose[last]]
-    np.minimum.at(gap, pose[last], sorted_angles[first] + 2 * np.pi - sorted_angles[last])
-    far = np.zeros(count)
-    np.maximum.at(far, pose, np.abs(moved))
-    all_good: NDArray[np.bool_] = np.bincount(pose, weights=good, minlength=count) == number
-    return all_good & (number % 2 == 0) & (number > 0) & (gap > APART) & (far < 0.25 * gap)
+    ends = np.searchsorted(pose, np.arange(count + 1))
+    filled = np.flatnonzero(np.diff(ends))
+    first, last = ends[filled], ends[filled + 1] - 1
+    ahead = np.diff(angles[order], append=0.0)  # to the next one's
+    ahead[last] = angles[order][first] + 2 * np.pi - angles[order][last]
+    behind = np.roll(ahead, 1)
+    behind[first] = ahead[last]
+    gap = np.empty(len(pose))
+    gap[order] = np.minimum(ahead, behind)
+    real = imaginary <= REAL
+    fine = np.where(
+        real, good & (gap > APART) & (moved < np.minimum(INEXACT, 0.25 * gap)), (imaginary >= COMPLEX) & (gap > CLUSTER)
+    )
+    number = np.bincount(pose, weights=real, minlength=count)
+    return (np.bincount(pose, weights=~fine, minlength=count) == 0) & (number % 2 == 0) & (number > 0)
 
 
 def _turn(angle: Floats) -> Floats:

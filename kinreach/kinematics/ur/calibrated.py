@@ -40,7 +40,6 @@ from kinreach.kinematics.general_6r import (
     jacobian_of_few,
     miss,
     missed_by,
-    newton,
     steps_of_few,
     wrapped,
 )
@@ -49,6 +48,7 @@ from kinreach.kinematics.ur.batch import flange_entries, solve_poses
 from kinreach.kinematics.ur.closed_form import solve_pose
 from kinreach.kinematics.ur.geometry import Miss, Rows, URGeometry
 from kinreach.kinematics.ur.reach import Shortfall, shortfalls
+from kinreach.kinematics.ur.refine import Refinement
 
 BRANCHES = 8
 #: Postures at which the fitted arm is compared with the real one, and steps of the fit.
@@ -61,8 +61,7 @@ WRIST_MARGIN = 3.0
 MOST_MISFIT = 0.1
 #: How far q4 and q6 may move for the correction of a pose out of reach to be trusted [rad].
 STEADY = 0.3
-#: Steps in single and in double precision, before those that have not arrived are left to `General6R`.
-ROUGH_STEPS, FINE_STEPS = 2, 3
+FINE_STEPS = 3
 #: What keeps an exactly singular matrix from being an error.
 LEAST = 1e-12 * np.eye(6, dtype=np.float32)
 
@@ -139,7 +138,7 @@ class CalibratedSolver:
 
     def __init__(self, placements: Floats, start: URGeometry) -> None:
         self.chain = Chain(placements)
-        self._rough = Chain(placements.astype(np.float32))
+        self._refined = Refinement(placements)
         self.fit = fit(self.chain, start)
         self._left: Floats = np.asarray(np.linalg.inv(self.fit.before), dtype=np.float64)
         self._right: Floats = np.asarray(np.linalg.inv(self.fit.after), dtype=np.float64)
@@ -172,7 +171,7 @@ class CalibratedSolver:
         lists = self.general.solve(T[rows], tol=tol)
         if lists:
             postures, pose = np.vstack(lists), np.repeat(np.arange(len(rows)), [len(found) for found in lists])
-            index = self._index(postures)[0]
+            index = self._index(postures.T)[0]
             shared = np.bincount(MOST * pose + index, minlength=MOST * len(rows)).reshape(-1, MOST).max(axis=1) > 1
             for which in np.flatnonzero(shared):
                 index[pose == which] = self.branches(lists[which])
@@ -188,7 +187,7 @@ class CalibratedSolver:
             if not found:
                 return []
             q, off = self._refined_few(np.array([row[ANGLES] for row in found]) - self.fit.zeros, T[None])
-            if (off < EXACT).all() and self._index(q)[0].tolist() == branches:
+            if (off < EXACT).all() and self._index(q.T)[0].tolist() == branches:
                 return list(zip(branches, wrapped(q), strict=True))
         (postures,) = self.general.solve(T[None], tol=tol)
         return sorted(zip(self.branches(postures), postures, strict=True), key=lambda found: found[0])
@@ -251,7 +250,7 @@ class CalibratedSolver:
 
     def branches(self, q: Floats) -> list[int]:
         """The index of each posture (k, 6) of one pose, all different."""
-        index, margin = self._index(q)
+        index, margin = self._index(q.T)
         taken: dict[int, int] = {}
         for which in np.argsort(-margin):
             taken.setdefault(int(index[which]), int(which))
@@ -260,9 +259,9 @@ class CalibratedSolver:
         return [mine[which] if which in mine else next(spare) for which in range(len(q))]
 
     def _index(self, q: Floats) -> tuple[NDArray[np.int64], Floats]:
-        """Branch of postures (m, 6) of the fitted arm, and how far each is from the nearest singularity."""
+        """Branch of postures (6, m) of the fitted arm, and how far each is from the nearest singularity."""
         g = self.fit.geometry
-        _, q2, q3, q4, q5, _ = (wrapped(q) + self.fit.zeros).T
+        _, q2, q3, q4, q5, _ = (wrapped(q) + self.fit.zeros[:, None]).astype(np.float32)
         shoulder = g.a2 * np.cos(q2) + g.a3 * np.cos(q2 + q3) + g.d5 * np.sin(q2 + q3 + q4)
         wrist, elbow = np.sin(q5), np.sin(q3)
         index = 4 * (shoulder < 0.0) + 2 * (wrist < 0.0) + (elbow < 0.0)
@@ -273,34 +272,11 @@ class CalibratedSolver:
         q, valid, doubtful, _ = solve_poses(T, self._left, self._right, self.fit.geometry, tol=EXACT)
         doubtful |= self._near_singular(T, valid)
         branch, row = np.nonzero(valid & ~doubtful)
-        found, off = self._refined(q[:, branch, row].T - self.fit.zeros, T[row])
-        late = np.flatnonzero(off >= EXACT)
-        found[late], off[late] = newton(self.chain, found[late], T[row[late]])
-        arrived = (off < EXACT) & (self._index(found)[0] == branch)
-        q[:, branch, row] = wrapped(found).T
+        found, arrived = self._refined.near(q[:, branch, row] - self.fit.zeros[:, None], row, self._refined.wanted(T))
+        arrived &= self._index(found)[0] == branch
+        q[:, branch, row] = wrapped(found)
         doubtful[row[~arrived]] = True
         return q, valid, doubtful
-
-    def _refined(self, q: Floats, T: Floats) -> tuple[Floats, Floats]:
-        """Newton's method from near starts (m, 6): half of the digits in single precision; how far the results miss."""
-        found, off = np.empty_like(q), np.empty(len(q))
-        for part in blocks(len(q)):
-            rough, coarse = q[part].astype(np.float32), T[part].astype(np.float32)
-            for _ in range(ROUGH_STEPS):
-                reached, J = self._rough.jacobian(rough)
-                J += LEAST
-                rough += np.linalg.solve(J, miss(reached, coarse)[:, :, None])[:, :, 0]
-            fine, poses, rows = rough.astype(np.float64), T[part], np.arange(part.start, part.start + len(rough))
-            error = miss(self.chain.fk(fine), poses)
-            for _ in range(FINE_STEPS):
-                fine += np.linalg.solve(J, error[:, :, None].astype(np.float32))[:, :, 0]
-                error = miss(self.chain.fk(fine), poses)
-                found[rows], off[rows] = fine, missed_by(error)
-                late = np.flatnonzero(off[rows] > 0.1 * EXACT)
-                if not len(late):
-                    break
-                fine, poses, rows, J, error = fine[late], poses[late], rows[late], J[late], error[late]
-        return found, off
 
     def _near_singular(self, T: Floats, valid: NDArray[np.bool_]) -> NDArray[np.bool_]:
         """For which poses (count, 4, 4) a pose within the bounds of the fit is singular, but for folds that are found.
