@@ -22,6 +22,8 @@ BLOCK = 4096
 #: What is nearer to 0, 1 or -1 is taken for it: URDFs write pi/2 with twelve digits, which leaves 5e-12 where a zero is
 #: meant. The tip of an arm of one metre is off by 1e-11 m.
 SNAP = 1e-11
+#: By how much the product of a rotation and its transpose may be off.
+ORTHONORMAL = 1e-15
 
 #: One number for each posture, an array of shape (m,) or a tensor, or one number for all, a float.
 Entry = Any
@@ -235,8 +237,13 @@ def _cos_sin(angle: Entry, single: bool) -> tuple[Entry, Entry]:
 
 
 def _snapped(T: Floats) -> Floats:
+    """The transform with whole numbers where it almost has them, but for a rotation that would be none."""
     whole = np.rint(T)
-    return np.where(np.abs(T - whole) < SNAP, whole, T)
+    snapped = np.where(np.abs(T - whole) < SNAP, whole, T)
+    R = snapped[:3, :3]
+    if np.abs(R @ R.T - np.eye(3)).max() > ORTHONORMAL:
+        snapped[:3, :3] = T[:3, :3]
+    return snapped
 
 
 def rotation_to(axis: Floats) -> Floats:

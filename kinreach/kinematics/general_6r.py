@@ -12,8 +12,12 @@ tangent of half that angle, of size 24. Its real eigenvalues hold every posture,
 
 Eight of the 24 are i and -i, four times each, and say nothing. With the angle of the second joint their vectors are
 the same for all poses: where that joint's e^(iq) is large, only the part of a line's functions that grows with it
-counts, and of that there are no more than four (a direction's part along 1 + i, of p, l, p x l and l (p.p) - 2 p (p.l)).
-So the problem is made one of size 16, once and for all, by an orthogonal projection.
+counts, and of that there are no more than four: one of each vector p, l, p x l, and l (p.p) - 2 p (p.l). So the problem
+is made one of size 16, once and for all, by an orthogonal projection.
+
+Near the wrist's singularity of an arm that is almost a UR, the equations hardly depend on the eigenvalue, and a matrix
+that has to be inverted is almost singular. That is seen by its inverse, and by eigenvalues that Newton's method has to
+move; such a pose is solved again by the QZ algorithm, which inverts nothing.
 
 Which axis is written twice decides how well the numbers behave. With the fifth the problem stays regular for arms whose
 second to fourth axes are parallel, or almost: the other choices are singular for a UR by its data sheet, and nearly so
@@ -27,6 +31,7 @@ What comes out are starting points for Newton's method on the arm itself; only w
 
 from __future__ import annotations
 
+from functools import cached_property
 from itertools import pairwise
 from typing import Any
 
@@ -36,8 +41,6 @@ from scipy.linalg import eig
 
 from kinreach.checks import Floats
 
-#: Arrays of single or double precision.
-Reals = NDArray[Any]
 #: Poses by their row (m,), eigenvalues (m,), the products of each (m, 12), and the largest entry of each pose's matrix.
 _Eigen = tuple[NDArray[np.int64], NDArray[Any], NDArray[Any], Floats]
 #: A posture is a solution if it misses by less [m, rad].
@@ -77,6 +80,10 @@ _JOINTS = 6
 _SAMPLES = 2 * np.pi / 3 * np.arange(3)
 #: Coefficients of 1, cos and sin of a function that is linear in them, from its values at `_SAMPLES`.
 _COEFFICIENTS = np.array([np.full(3, 1 / 3), 2 / 3 * np.cos(_SAMPLES), 2 / 3 * np.sin(_SAMPLES)])
+#: Twist and trace of a small motion (4, 4), from its entries, shape (16, 7).
+_TWIST = np.zeros((16, 7))
+_TWIST[(3, 7, 11), (0, 1, 2)] = _TWIST[::5, 6][:3] = 1.0
+_TWIST[(9, 2, 4), (3, 4, 5)], _TWIST[(6, 8, 1), (3, 4, 5)] = 0.5, -0.5
 #: (cos q/2, sin q/2) times (1, cos q, sin q) in (cos 3q/2, sin 3q/2, cos q/2, sin q/2).
 _HALF = np.array([
     [[0, 0, 1, 0], [0.5, 0, 0.5, 0], [0, 0.5, 0, 0.5]],
@@ -88,58 +95,105 @@ class Chain:
     """Six joints that each turn about their frame's z axis, `T = A0 Rz(q1) A1 Rz(q2) ... Rz(q6) A6`.
 
     Args:
-        placements: A0 to A6, shape (7, 4, 4); what is computed has their precision.
+        placements: A0 to A6, shape (7, 4, 4).
     """
 
-    def __init__(self, placements: Reals) -> None:
+    def __init__(self, placements: Floats) -> None:
         self.placements = placements
-        self._complex = np.complex64 if placements.dtype == np.float32 else np.complex128
+        # how far the tip may be from the origin of the frame before joint 4
+        self._arm = float(np.linalg.norm(placements[4:, :3, 3], axis=1).sum())
 
-    def fk(self, q: Reals) -> Reals:
+    @cached_property
+    def _halves(self) -> Floats:
+        """What `_half` says of joints 1 to 3, and of 4 to 6, shape (2, 27, 34)."""
+        return np.array([self._half(self.placements[:4], after=False), self._half(self.placements[4:], after=True)])
+
+    def fk(self, q: Floats) -> Floats:
         """Upper rows of the tip's poses, shape (m, 3, 4), for postures (m, 6)."""
         frame, turns = self._start(q)
         for joint in range(_JOINTS):
             frame = self._turned(frame, turns, joint)
         return frame
 
-    def jacobian(self, q: Reals) -> tuple[Reals, Reals]:
+    def jacobian(self, q: Floats) -> tuple[Floats, Floats]:
         """As `fk`, and the geometric Jacobian along the base's axes, shape (m, 6, 6)."""
         frame, turns = self._start(q)
-        axes = np.empty((_JOINTS, len(q), 3, 2), self.placements.dtype)
+        axes = np.empty((_JOINTS, len(q), 3, 2))
         for joint in range(_JOINTS):
             axes[joint] = frame[:, :, 2:]
             frame = self._turned(frame, turns, joint)
         z, arm = axes[..., 0], frame[:, :, 3] - axes[..., 1]
-        J = np.empty((len(q), 6, _JOINTS), self.placements.dtype)
+        J = np.empty((len(q), 6, _JOINTS))
         for row, (a, b) in enumerate(((1, 2), (2, 0), (0, 1))):
             J[:, row] = (z[..., a] * arm[..., b] - z[..., b] * arm[..., a]).T
         J[:, 3:] = z.transpose(1, 2, 0)
         return frame, J
 
-    def _start(self, q: Reals) -> tuple[Reals, NDArray[Any]]:
-        """The first frames (m, 3, 4), and exp(-i q)."""
-        frame = np.empty((len(q), 3, 4), self.placements.dtype)
-        frame[:] = self.placements[0, :3]
-        turns = np.empty(q.shape, self._complex)
-        turns.real, turns.imag = np.cos(q), -np.sin(q)
-        return frame, turns
+    def step(self, q: Floats, T: Floats) -> tuple[Floats, Floats, Floats]:
+        """What Newton's method needs to know of postures (m, 6) for poses (m, 4, 4) or (1, 4, 4).
 
-    def _turned(self, frame: Reals, turns: NDArray[Any], joint: int) -> Reals:
+        Returns:
+            Twists that are missing (m, 6) and Jacobians (m, 6, 6), both in the frame before joint 4; and how far the
+            tip misses at most [m, rad], shape (m,).
+        """
+        count = len(q)
+        angles = np.empty((3, _JOINTS, count))
+        angles[0] = 1.0
+        np.cos(q.T, out=angles[1])
+        np.sin(q.T, out=angles[2])
+        products = (angles[:, None, None, 0::3] * angles[:, None, 1::3]) * angles[:, 2::3]
+        found = products.reshape(27, 2, count).transpose(1, 2, 0) @ self._halves
+        left, right = found[..., :16].reshape(2, count, 4, 4)
+        entries = (left @ T @ right).reshape(count, 16) @ _TWIST
+        J = np.concatenate([found[0, :, 16:], found[1, :, 16:]], axis=1).reshape(count, _JOINTS, 6).transpose(0, 2, 1)
+        error = entries[:, :6]
+        if (entries[:, 6] < 1.0).any():  # by more than a right angle
+            error[:, 3:] += np.where(entries[:, 6:] < 1.0, np.copysign(1.0, error[:, 3:]), 0.0)
+        square = error * error
+        turned = np.sqrt(square[:, 3:].sum(axis=1))
+        return error, J, np.maximum(np.sqrt(square[:, :3].sum(axis=1)) + self._arm * turned, turned)
+
+    @staticmethod
+    def _half(placements: Floats, *, after: bool) -> Floats:
+        """Three joints' inverse motion (16 numbers) and their three axes (6 each) in the frame before joint 4.
+
+        All of it is linear in 1, cosine and sine of each angle; coefficients of their 27 products, shape (27, 34).
+        """
+        values = np.empty((3, 3, 3, 34))
+        for index in np.ndindex(3, 3, 3):
+            frame = np.eye(4) if after else placements[0]
+            axes = []
+            for angle, placement in zip(_SAMPLES[list(index)], placements[0 if after else 1 :], strict=True):
+                axes.append(frame)
+                frame = frame @ _turn(angle[None])[0] @ placement
+            back = np.linalg.inv(frame)
+            axes = axes if after else [back @ axis for axis in axes]
+            lines = [(*np.cross(axis[:3, 3], axis[:3, 2]), *axis[:3, 2]) for axis in axes]
+            values[index] = np.concatenate([back.ravel(), *lines])
+        return _coefficients(values)
+
+    def _start(self, q: Floats) -> tuple[Floats, NDArray[Any]]:
+        """The first frames (m, 3, 4), and exp(-i q)."""
+        frame = np.empty((len(q), 3, 4))
+        frame[:] = self.placements[0, :3]
+        return frame, np.exp(-1j * q)
+
+    def _turned(self, frame: Floats, turns: NDArray[Any], joint: int) -> Floats:
         """The next joint's frames: x + i y of a frame turns by exp(-i q)."""
-        plane = frame.view(self._complex)[:, :, 0]
+        plane = frame.view(np.complex128)[:, :, 0]
         np.multiply(plane, turns[:, joint, None], out=plane)
-        turned: Reals = (frame.reshape(-1, 4) @ self.placements[joint + 1]).reshape(-1, 3, 4)
+        turned: Floats = (frame.reshape(-1, 4) @ self.placements[joint + 1]).reshape(-1, 3, 4)
         return turned
 
 
-def miss(reached: Reals, T: Reals) -> Reals:
+def miss(reached: Floats, T: Floats) -> Floats:
     """Vectors (m, 6) from poses to the wanted ones: position [m], and sine of the angle times its axis [rad].
 
     Where the angle is more than a right one, its part is longer than 1.
     """
     E = T[:, :3, :3] @ reached[:, :, :3].transpose(0, 2, 1)
     flat = E.reshape(-1, 9)
-    error = np.empty((len(E), 6), E.dtype)
+    error = np.empty((len(E), 6))
     np.subtract(T[:, :3, 3], reached[:, :, 3], out=error[:, :3])
     np.subtract(flat[:, (7, 2, 3)], flat[:, (5, 6, 1)], out=error[:, 3:])
     error[:, 3:] *= 0.5
@@ -149,7 +203,7 @@ def miss(reached: Reals, T: Reals) -> Reals:
     return error
 
 
-def missed_by(error: Reals) -> Reals:
+def missed_by(error: Floats) -> Floats:
     """The larger of position [m] and orientation [rad] error, shape (m,)."""
     return np.sqrt(np.maximum((error[:, :3] ** 2).sum(axis=1), (error[:, 3:] ** 2).sum(axis=1)))
 
@@ -158,10 +212,9 @@ def newton(chain: Chain, q: Floats, T: Floats, *, steps: int = FEW) -> tuple[Flo
     """Newton's method from postures (m, 6) to poses (m, 4, 4); the results, and how far they miss (m,)."""
     results, off, rows = q.copy(), np.empty(len(q)), np.arange(len(q))
     for left in range(steps, -1, -1):
-        reached, J = chain.jacobian(q)
-        error = miss(reached, T)
-        results[rows], off[rows] = q, missed_by(error)
-        going = np.flatnonzero(off[rows] >= ARRIVED)
+        error, J, missing = chain.step(q, T)
+        results[rows], off[rows] = q, missing
+        going = np.flatnonzero(missing >= ARRIVED)
         if not (left and len(going)):
             break
         q, T, rows, J, error = q[going], T[going], rows[going], J[going], error[going]
@@ -174,9 +227,7 @@ def nearest_by_newton(chain: Chain, q: Floats, T: Floats) -> tuple[Floats, Float
     """As `newton`, for bad starts and singular arms: by singular values, the best posture on each way."""
     best, best_off, rows = q.copy(), np.full(len(q), np.inf), np.arange(len(q))
     for step in range(MANY):
-        reached, J = chain.jacobian(q)
-        error = miss(reached, T)
-        off = missed_by(error)
+        error, J, off = chain.step(q, T)
         better = off < best_off[rows]
         best[rows[better]], best_off[rows[better]] = q[better], off[better]
         going = np.flatnonzero((off >= ARRIVED) & (best_off[rows] < (np.inf if step < 2 * FEW else ASTRAY)))
@@ -192,27 +243,6 @@ def nearest_by_newton(chain: Chain, q: Floats, T: Floats) -> tuple[Floats, Float
 def wrapped(q: Floats) -> Floats:
     """Angles in [-pi, pi]."""
     return q - 2 * np.pi * np.rint(q / (2 * np.pi))
-
-
-def steps_of_few(placements: Floats, q: Floats) -> Floats:
-    """Poses (7, m, 4, 4) of a chain's joints, each before its turn, and of its tip; quicker than `Chain` for few."""
-    local = np.broadcast_to(placements[:_JOINTS, None], (_JOINTS, len(q), 4, 4)).copy()
-    c, s = np.cos(q).T[..., None], np.sin(q).T[..., None]
-    x, y = placements[:_JOINTS, None, :, 0], placements[:_JOINTS, None, :, 1]
-    local[..., 0], local[..., 1] = c * x + s * y, c * y - s * x
-    frames = np.empty((_JOINTS + 1, len(q), 4, 4))
-    frames[0] = local[0]
-    for joint in range(1, _JOINTS):
-        np.matmul(frames[joint - 1], local[joint], out=frames[joint])
-    np.matmul(frames[_JOINTS - 1], placements[_JOINTS], out=frames[_JOINTS])
-    return frames
-
-
-def jacobian_of_few(frames: Floats) -> Floats:
-    """Geometric Jacobian (m, 6, 6) from what `steps_of_few` returns; a turn about z moves neither axis nor origin."""
-    z, arm = frames[:-1, :, :3, 2], frames[-1, :, :3, 3] - frames[:-1, :, :3, 3]
-    linear = z[..., (1, 2, 0)] * arm[..., (2, 0, 1)] - z[..., (2, 0, 1)] * arm[..., (1, 2, 0)]
-    return np.concatenate([linear, z], axis=2).transpose(1, 2, 0)
 
 
 class General6R:
@@ -238,9 +268,7 @@ class General6R:
         # axis 5 in the frame before joint 2, reached over joints 2, 3 and 4
         near = turns[:, None, None] @ A[2] @ turns[:, None] @ A[3] @ turns @ A[4]
         values = self._functions(near[..., :3, 2], near[..., :3, 3])
-        self._near = np.einsum("ai,bj,ck,ijkm->mabc", _COEFFICIENTS, _COEFFICIENTS, _COEFFICIENTS, values).reshape(
-            14, 27
-        )
+        self._near = _coefficients(values).T.copy()
         # and over joints 1 and 6: (A0 R1 A1)^-1 T A6^-1 R6^-1 A5^-1
         self._left = np.linalg.inv(A[0] @ turns @ A[1])
         self._right = np.linalg.inv(A[5] @ turns @ A[6])[:, :, 2:]
@@ -366,8 +394,8 @@ class General6R:
             stable: By the QZ algorithm, which needs no inverse and takes twenty times as long.
 
         Returns:
-            Poses by their row, in order, (m,); for each a posture (m, 6), and the imaginary part of its eigenvalue (m,);
-            and the largest entry of each pose's matrix (count,), 0 where there is no inverse.
+            Poses by their row, in order, (m,); for each a posture (m, 6), and its eigenvalue's imaginary part (m,); and
+            the largest entry of each pose's matrix (count,), 0 where there is no inverse.
         """
         B, C, S = np.moveaxis(self._problem(T, unknown, factor), 1, 0)
         c, s = np.cos(phase), np.sin(phase)
@@ -461,7 +489,9 @@ def _by_qz(B: Floats, C: Floats, S: Floats, _: int) -> _Eigen:
 def _nearly_real(values: NDArray[Any]) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
     """Rows and columns of the eigenvalues (count, k) that are real or almost, one of two that are conjugate."""
     with np.errstate(invalid="ignore"):  # some may be infinite
-        return np.nonzero((np.abs(values.imag) < NEARLY_REAL * (1.0 + np.abs(values) ** 2)) & (values.imag >= 0.0))
+        near = (np.abs(values.imag) < NEARLY_REAL * (1.0 + np.abs(values) ** 2)) & (values.imag >= 0.0)
+    pose, which = np.nonzero(near)
+    return pose, which
 
 
 def _in_doubt(found: int, angles: Floats, imaginary: Floats) -> bool:
@@ -516,6 +546,12 @@ def _clear(
     )
     number = np.bincount(pose, weights=real, minlength=count)
     return (np.bincount(pose, weights=~fine, minlength=count) == 0) & (number % 2 == 0) & (number > 0)
+
+
+def _coefficients(values: Floats) -> Floats:
+    """Of the 27 products of 1, cosine and sine of three angles (27, k), from values (3, 3, 3, k) at `_SAMPLES`."""
+    found = np.einsum("ai,bj,ck,ijkm->abcm", _COEFFICIENTS, _COEFFICIENTS, _COEFFICIENTS, values)
+    return found.reshape(27, -1)
 
 
 def _turn(angle: Floats) -> Floats:

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from benchmarks.studies.calibrated_arms import CASES as SINGULAR
-from benchmarks.studies.calibrated_arms import main, recall, singular_postures
+from benchmarks.studies.calibrated_arms import SAME, main, recall, singular_postures
 from kinreach.errors import InputError
 from kinreach.kinematics import CalibratedURKinematics, Status, URKinematics, kinematics_of
 from kinreach.kinematics.goals import pose_error
@@ -109,7 +109,7 @@ def test_the_arms_own_singularities(robot, case):
         for posture, pose, row, valid in zip(q, T, batch.q, batch.valid, strict=True):
             assert max(max(pose_error(pose, kin.fk(found))) for found in row[valid]) < (5e-7 if rounded else 1e-9)
             if not rounded:
-                assert distance(posture, row[valid]) < 1e-4
+                assert distance(posture, row[valid]) < SAME
 
 
 @pytest.mark.parametrize("robot", ["ur5_c", "ur3e_a"])

@@ -34,13 +34,11 @@ from kinreach.errors import InputError
 from kinreach.kinematics.chain import blocks
 from kinreach.kinematics.general_6r import (
     EXACT,
+    FEW,
     MOST,
     Chain,
     General6R,
-    jacobian_of_few,
     miss,
-    missed_by,
-    steps_of_few,
     wrapped,
 )
 from kinreach.kinematics.solutions import ANGLES, BRANCH, FLAGS
@@ -48,7 +46,7 @@ from kinreach.kinematics.ur.batch import flange_entries, solve_poses
 from kinreach.kinematics.ur.closed_form import solve_pose
 from kinreach.kinematics.ur.geometry import Miss, Rows, URGeometry
 from kinreach.kinematics.ur.reach import Shortfall, shortfalls
-from kinreach.kinematics.ur.refine import Refinement
+from kinreach.kinematics.ur.refine import FAR, Refinement
 
 BRANCHES = 8
 #: Postures at which the fitted arm is compared with the real one, and steps of the fit.
@@ -61,9 +59,6 @@ WRIST_MARGIN = 3.0
 MOST_MISFIT = 0.1
 #: How far q4 and q6 may move for the correction of a pose out of reach to be trusted [rad].
 STEADY = 0.3
-FINE_STEPS = 3
-#: What keeps an exactly singular matrix from being an error.
-LEAST = 1e-12 * np.eye(6, dtype=np.float32)
 
 
 @dataclass(frozen=True)
@@ -113,7 +108,7 @@ def fit(chain: Chain, start: URGeometry) -> Fit:
             trial = _chain(x + nudge[:6], _small(nudge[12:18]) @ before, after @ _small(nudge[18:]))
             moved = miss(trial.fk(q + zeros + nudge[6:12]), T)
             columns.append((error - moved.ravel()) / 1e-6)
-        step: Floats = np.linalg.lstsq(np.column_stack(columns), error, rcond=1e-9)[0]
+        step = np.asarray(np.linalg.lstsq(np.column_stack(columns), error, rcond=1e-9)[0], dtype=np.float64)
         x, zeros = x + step[:6], zeros + step[6:12]
         before, after = _small(step[12:18]) @ before, after @ _small(step[18:])
     error = miss(_chain(x, before, after).fk(q + zeros), T)
@@ -187,25 +182,24 @@ class CalibratedSolver:
             if not found:
                 return []
             q, off = self._refined_few(np.array([row[ANGLES] for row in found]) - self.fit.zeros, T[None])
-            if (off < EXACT).all() and self._index(q.T)[0].tolist() == branches:
+            if off < EXACT and self._index(q.T)[0].tolist() == branches:
                 return list(zip(branches, wrapped(q), strict=True))
         (postures,) = self.general.solve(T[None], tol=tol)
         return sorted(zip(self.branches(postures), postures, strict=True), key=lambda found: found[0])
 
-    def _refined_few(self, q: Floats, T: Floats) -> tuple[Floats, Floats]:
-        """Newton's method from few near starts (m, 6) to one pose (1, 4, 4), and how far the results miss."""
-        placements, off = self.chain.placements, np.full(len(q), np.inf)
-        for _ in range(2):
-            frames = steps_of_few(placements, q)
-            J = jacobian_of_few(frames) + LEAST
-            q = q + np.linalg.solve(J, miss(frames[-1, :, :3], T)[:, :, None])[:, :, 0]
-        for _ in range(FINE_STEPS):  # the second matrix is good enough
-            error = miss(self.chain.fk(q), T)
-            off = missed_by(error)
-            if off.max() < 0.01 * EXACT:
+    def _refined_few(self, q: Floats, T: Floats) -> tuple[Floats, float]:
+        """Newton's method from few near starts (m, 6) to one pose (1, 4, 4), and how far the worst result misses."""
+        start, missing = q, np.inf
+        for _ in range(FEW):
+            error, J, off = self.chain.step(q, T)
+            missing = float(off.max())
+            if not 0.01 * EXACT < missing < STEADY:
                 break
-            q = q + np.linalg.solve(J, error[:, :, None])[:, :, 0]
-        return q, off
+            try:
+                q = q + np.linalg.solve(J, error[:, :, None])[:, :, 0]
+            except np.linalg.LinAlgError:
+                break
+        return q, missing if np.abs(q - start).max() < FAR else np.inf
 
     def _one_near_singular(self, rows: Rows, T: Floats, branches: Sequence[int]) -> bool:
         """As `_near_singular`, for one pose and the branches that it has."""
