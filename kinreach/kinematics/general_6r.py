@@ -274,11 +274,6 @@ class General6R:
         self._right = np.linalg.inv(A[5] @ turns @ A[6])[:, :, 2:]
         self._bases = [self._deflation(*self.CHOICES[0]), *[(np.eye(24), np.empty((24, 0)))] * 2]
         self._both = np.kron(_COEFFICIENTS, _COEFFICIENTS)
-        # the point of axis 6 nearest to axis 5, from either side
-        z, p = A[5][:3, 2], A[5][:3, 3]
-        along = -(p[:2] @ z[:2]) / (z[:2] @ z[:2])
-        self._centre = np.linalg.inv(A[6]) @ (0.0, 0.0, along, 1.0)
-        self._height = float(p[2] + along * z[2])
 
     def solve(self, T: Floats, *, tol: float = EXACT) -> list[Floats]:
         """All postures for each of many poses.
@@ -397,7 +392,9 @@ class General6R:
             Poses by their row, in order, (m,); for each a posture (m, 6), and its eigenvalue's imaginary part (m,); and
             the largest entry of each pose's matrix (count,), 0 where there is no inverse.
         """
-        B, C, S = np.moveaxis(self._problem(T, unknown, factor), 1, 0)
+        far = self._far(T)
+        base, triangle = np.linalg.qr(far[:, :, 1:], mode="complete")
+        B, C, S = np.moveaxis(self._problem(far, base, unknown, factor), 1, 0)
         c, s = np.cos(phase), np.sin(phase)
         C, S = c * C + s * S, c * S - s * C
         find = _by_qz if stable else self._by_inverse
@@ -416,7 +413,8 @@ class General6R:
         q[:, 1 + unknown] = phase + 2.0 * np.arctan(value.real)
         q[:, 1 + factor] = 2.0 * np.arctan2(halves[:, 3], halves[:, 2])
         q[:, 1 + 3 - unknown - factor] = np.arctan2(whole[:, 2], whole[:, 1])
-        return pose, self._closed(q, T[pose]), np.abs(value.imag) / (1.0 + np.abs(value) ** 2), largest
+        self._close(q, T[pose], far[pose], base[pose], triangle[pose])
+        return pose, q, np.abs(value.imag) / (1.0 + np.abs(value) ** 2), largest
 
     def _by_inverse(self, B: Floats, C: Floats, S: Floats, unknown: int) -> _Eigen:
         """Eigenvalues x of (B - C) x^2 + 2 S x + B + C that may be real, by the companion matrix."""
@@ -440,35 +438,38 @@ class General6R:
         known = np.block([[kernel.real, kernel.imag], [-kernel.imag, kernel.real]])
         return np.linalg.qr(known, mode="complete")[0][:, 2 * EXTRANEOUS :], known
 
-    def _problem(self, T: Floats, unknown: int, factor: int) -> Floats:
-        """Coefficients of 1, cosine and sine of the unknown joint, shape (count, 3, 12, 12)."""
+    def _far(self, T: Floats) -> Floats:
+        """The functions of axis 5 over joints 1 and 6, a column for each of their nine products (count, 14, 9)."""
         lines = np.einsum("aij,nbjk->nabik", self._left, T[:, None] @ self._right)[..., :3, :]
         values = self._functions(lines[..., 0], lines[..., 1]).reshape(-1, 9, 14)
-        far = (self._both @ values).transpose(0, 2, 1)  # (count, 14, 9), a column for each product of joints 1 and 6
-        free = np.linalg.qr(far[:, :, 1:], mode="complete")[0][:, :, 8:].transpose(0, 2, 1)  # (count, 6, 14)
+        return (self._both @ values).transpose(0, 2, 1)
+
+    def _problem(self, far: Floats, base: Floats, unknown: int, factor: int) -> Floats:
+        """Coefficients of 1, cosine and sine of the unknown joint, shape (count, 3, 12, 12)."""
+        free = base[:, :, 8:].transpose(0, 2, 1)  # (count, 6, 14)
         equations = free @ self._near
         equations[:, :, 0] -= (free @ far[:, :, :1])[:, :, 0]
         third = 3 - unknown - factor
         ordered = equations.reshape(-1, 6, 3, 3, 3).transpose(0, 2 + unknown, 1, 2 + third, 2 + factor)
         products = ordered @ _HALF.transpose(1, 0, 2).reshape(3, 8)  # (count, unknown, equation, third, half x product)
-        count = len(T)
+        count = len(far)
         return products.reshape(count, 3, 6, 3, 2, 4).transpose(0, 1, 4, 2, 5, 3).reshape(count, 3, 12, 12)
 
-    def _closed(self, q: Floats, T: Floats) -> Floats:
-        """Fill in joints 1, 5 and 6 of postures (m, 6), as if the axes 5 and 6 met."""
-        A = self.chain.placements
-        frame = np.broadcast_to(A[1], (len(q), 4, 4))
-        for joint in (1, 2, 3):
+    def _close(self, q: Floats, T: Floats, far: Floats, base: Floats, triangle: Floats) -> None:
+        """Fill in joints 1 and 6 of postures (m, 6), by the equations that eliminate them, and then joint 5."""
+        A, count = self.chain.placements, len(q)
+        angles = np.ones((count, 3, 3))
+        angles[:, :, 1], angles[:, :, 2] = np.cos(q[:, 1:4]), np.sin(q[:, 1:4])
+        products = np.einsum("ma,mb,mc->mabc", angles[:, 0], angles[:, 1], angles[:, 2]).reshape(count, 27)
+        right = (products @ self._near.T)[:, :, None] - far[:, :, :1]
+        found = np.linalg.solve(triangle[:, :8], base[:, :, :8].transpose(0, 2, 1) @ right)[:, :, 0]
+        q[:, 0], q[:, 5] = np.arctan2(found[:, 5], found[:, 2]), np.arctan2(found[:, 1], found[:, 0])
+        frame = np.broadcast_to(A[0], (count, 4, 4))
+        for joint in range(4):
             frame = frame @ _turn(q[:, joint]) @ A[joint + 1]
-        wanted = np.linalg.inv(A[0]) @ T
-        centre = wanted @ self._centre
-        here = frame[:, :3, 3] + self._height * frame[:, :3, 2]
-        q[:, 0] = np.arctan2(centre[:, 1], centre[:, 0]) - np.arctan2(here[:, 1], here[:, 0])
-        rest = (_turn(q[:, 0]) @ frame)[:, :3, :3].transpose(0, 2, 1) @ (wanted @ np.linalg.inv(A[6]))[:, :3, :3]
-        q[:, 4] = np.arctan2(rest[:, 1, 2], rest[:, 0, 2]) - np.arctan2(A[5][1, 2], A[5][0, 2])
-        last = A[5][:3, :3].T @ _turn(-q[:, 4])[:, :3, :3] @ rest
-        q[:, 5] = np.arctan2(last[:, 1, 0], last[:, 0, 0])
-        return q
+        after = A[5] @ _turn(q[:, 5]) @ A[6]
+        turn = frame[:, :3, :3].transpose(0, 2, 1) @ T[:, :3, :3] @ after[:, :3, :3].transpose(0, 2, 1)
+        q[:, 4] = np.arctan2(turn[:, 1, 0] - turn[:, 0, 1], turn[:, 0, 0] + turn[:, 1, 1])
 
 
 def _by_qz(B: Floats, C: Floats, S: Floats, _: int) -> _Eigen:

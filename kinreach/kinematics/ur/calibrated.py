@@ -309,12 +309,13 @@ class CalibratedSolver:
             T = _poses(self.fit.chain.fk(q)) @ np.linalg.inv(_poses(self.chain.fk(q - self.fit.zeros))) @ wanted
             sheet = _Sheet(self._entries(T), branch, g)
         reached = np.zeros(len(T), dtype=np.bool_)
-        for gap, (position, orientation, bend) in zip(
-            (sheet.rho - g.stretched, g.folded - sheet.rho), self._elbow, strict=True
-        ):
-            slope = (position + g.d6 * orientation) * (1.0 + sheet.r / sheet.side + g.d5 / (sheet.side * sheet.s5))
-            slope += g.d5 * orientation / sheet.s5
-            reached |= gap > slope * slope * bend
+        with np.errstate(divide="ignore"):  # where a sheet has no room, its bound is infinite
+            for gap, (position, orientation, bend) in zip(
+                (sheet.rho - g.stretched, g.folded - sheet.rho), self._elbow, strict=True
+            ):
+                slope = (position + g.d6 * orientation) * (1.0 + sheet.r / sheet.side + g.d5 / (sheet.side * sheet.s5))
+                slope += g.d5 * orientation / sheet.s5
+                reached |= gap > slope * slope * bend
         return ~reached
 
     def _entries(self, T: Floats) -> Floats:
