@@ -31,7 +31,13 @@ def main(argv: Sequence[str], *, prog: str) -> int:
     arguments = _parser(prog).parse_args(argv)
     import_viser()
     check_count("port", arguments.port, least=1, most=MOST_PORT)
-    setup = setup_of(arguments.arm, calibration=arguments.calibration, tip=arguments.tip, simple=arguments.simple)
+    setup = setup_of(
+        arguments.arm,
+        calibration=arguments.calibration,
+        tip=arguments.tip,
+        simple=arguments.simple,
+        policy=arguments.policy,
+    )
     server = Server(setup, port=arguments.port)
     print(f"{server.address}  (only on this machine; Ctrl-C ends it)", flush=True)
     if arguments.open:
@@ -43,7 +49,14 @@ def main(argv: Sequence[str], *, prog: str) -> int:
     return 0
 
 
-def setup_of(arm: str, *, calibration: str | None = None, tip: str | None = None, simple: bool = False) -> Setup:
+def setup_of(
+    arm: str,
+    *,
+    calibration: str | None = None,
+    tip: str | None = None,
+    simple: bool = False,
+    policy: str | None = None,
+) -> Setup:
     """What every tab begins with.
 
     Args:
@@ -51,18 +64,22 @@ def setup_of(arm: str, *, calibration: str | None = None, tip: str | None = None
         calibration: Path of a UR's calibration.
         tip: Short name of the tip; default is the arm's own.
         simple: Draw the arm by its collision shapes.
+        policy: Name or file of a policy to begin with.
 
     Raises:
-        InputError: There is no such arm or tip, or a file cannot be used.
+        InputError: There is no such arm, tip or policy, or a file cannot be used.
     """
     if arm.endswith((".urdf", ".xml")):
         description, expression = ArmDescription.from_urdf(arm), f"ArmDescription.from_urdf({arm!r})"
     else:
         description, expression = get_arm(arm), repr(arm)
-    if calibration is None:
-        return Setup(description, expression, tip, simple)
-    expression = f"get_arm({arm!r}).calibrated({calibration!r})"
-    return Setup(description.calibrated(calibration), expression, tip, simple, nominal=description)
+    nominal = None
+    if calibration is not None:
+        expression = f"get_arm({arm!r}).calibrated({calibration!r})"
+        nominal, description = description, description.calibrated(calibration)
+    setup = Setup(description, expression, tip, simple, nominal, policy)
+    setup.policy_environment  # noqa: B018  (refuses what is no policy)
+    return setup
 
 
 def _parser(prog: str) -> Parser:
@@ -77,6 +94,7 @@ def _parser(prog: str) -> Parser:
     parser.add_argument(
         "--calibration", metavar="FILE", help="factory calibration of a UR, to be laid over the data sheet"
     )
+    parser.add_argument("--policy", metavar="FILE", help="a policy to play episodes with, or the name of one")
     parser.add_argument(
         "--port", type=int, default=PORT, metavar="N", help="or the next that is free (default: %(default)s)"
     )

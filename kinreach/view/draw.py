@@ -4,13 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Collection, Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, Protocol
 
 import numpy as np
 
 from kinreach.checks import Floats
-from kinreach.robots import Box
-from kinreach.view.figure import Figure
+from kinreach.robots import ArmDescription, Box
+from kinreach.view.figure import Figure, Piece
 
 Colour = tuple[int, int, int]
 
@@ -29,31 +29,62 @@ _BOX_COLOURS: dict[str, Colour] = {"table": (199, 181, 153)}
 _METAL: Colour = (122, 126, 133)
 #: Two links nearer than this are drawn once: surfaces in one place flicker [m, 1 - cos of half the angle].
 SAME_PLACE = 1e-6
+#: How far the scene is moved to the side, by its distance.
+ASIDE = 0.13
 _LEG = 0.05  # edge of a table leg [m]
 _IDENTITY = (1.0, 0.0, 0.0, 0.0)
 
 
-class SolidArm:
-    """One arm.
+def box_colour(name: str) -> Colour:
+    """The colour of a box of a work cell, by its name."""
+    return _BOX_COLOURS.get(name, _METAL)
+
+
+def overview(client: Any, arm: ArmDescription) -> None:
+    """Look at an arm from where its pictures are taken, moved aside for the panel; an arm without stays as it is."""
+    mount = next((mount for mount in arm.cameras if mount.name == "overview"), None)
+    if mount is not None:
+        position, target = np.array(mount.position), np.array(mount.target)
+        aside = ASIDE * np.cross(target - position, (0.0, 0.0, 1.0))  # to the left of the panel
+        client.camera.position, client.camera.look_at = position + aside, target + aside
+        client.camera.fov = np.radians(mount.fovy)
+
+
+class Shapes(Protocol):
+    """What can be drawn as a `Solid`.
+
+    Attributes:
+        links: Names of the links.
+        fine: Their pieces in colour.
+        coarse: The same in fewer triangles.
+    """
+
+    links: tuple[str, ...]
+    fine: list[Piece]
+    coarse: list[Piece]
+
+
+class Solid:
+    """Links that are put somewhere.
 
     Args:
         scene: viser's scene of one client.
-        root: Name of the node that holds it.
-        figure: The arm's links.
+        root: Name of the node that holds them.
+        shapes: The links.
         colour: Of all links; by default each has its own.
         opacity: 0 to 1; None is opaque.
     """
 
     def __init__(
-        self, scene: Any, root: str, figure: Figure, *, colour: Colour | None = None, opacity: float | None = None
+        self, scene: Any, root: str, shapes: Shapes, *, colour: Colour | None = None, opacity: float | None = None
     ) -> None:
-        self._figure = figure
+        self._names = shapes.links
         self._root = scene.add_frame(root, show_axes=False)
-        self._links = [scene.add_frame(f"{root}/{link}", show_axes=False) for link in figure.links]
+        self._links = [scene.add_frame(f"{root}/{link}", show_axes=False) for link in shapes.links]
         self._pieces = []
-        for index, piece in enumerate(figure.fine if colour is None else figure.coarse):
+        for index, piece in enumerate(shapes.fine if colour is None else shapes.coarse):
             own = colour or piece.colour
-            name = f"{root}/{figure.links[piece.link]}/{index}"
+            name = f"{root}/{shapes.links[piece.link]}/{index}"
             mesh = scene.add_mesh_simple(
                 name, piece.vertices, piece.faces, color=own, opacity=opacity, side="double", flat_shading=False
             )
@@ -70,23 +101,46 @@ class SolidArm:
         if visible != self._root.visible:
             self._root.visible = visible
 
-    def take(self, q: Floats, *, red: Collection[str] = ()) -> None:
-        """Take a posture (n,) [rad]; links named in `red` are drawn so."""
-        self.place(self._figure.poses(q), red=red)
-
     def place(self, poses: Floats, *, red: Collection[str] = ()) -> None:
-        """Put the links where they are to be, as `Figure.poses` has it, shape (k, 7)."""
+        """Put the links where they are to be; those named in `red` are drawn so.
+
+        Args:
+            poses: Positions [m] and quaternions w x y z in the world, shape (k, 7).
+            red: Names of links.
+        """
         for node, pose in zip(self._links, poses, strict=True):
             node.position, node.wxyz = pose[:3], pose[3:]
         wanted = frozenset(red)
         if wanted != self._red:
             for link, own, mesh in self._pieces:
-                mesh.color = RED if self._figure.links[link] in wanted else own
+                mesh.color = RED if self._names[link] in wanted else own
             self._red = wanted
 
     def remove(self) -> None:
         """Take it out of the scene."""
         self._root.remove()
+
+
+class SolidArm(Solid):
+    """One arm.
+
+    Args:
+        scene: viser's scene of one client.
+        root: Name of the node that holds it.
+        figure: The arm's links.
+        colour: Of all links; by default each has its own.
+        opacity: 0 to 1; None is opaque.
+    """
+
+    def __init__(
+        self, scene: Any, root: str, figure: Figure, *, colour: Colour | None = None, opacity: float | None = None
+    ) -> None:
+        super().__init__(scene, root, figure, colour=colour, opacity=opacity)
+        self._figure = figure
+
+    def take(self, q: Floats, *, red: Collection[str] = ()) -> None:
+        """Take a posture (n,) [rad]; links named in `red` are drawn so."""
+        self.place(self._figure.poses(q), red=red)
 
 
 @dataclass(frozen=True)
@@ -170,15 +224,16 @@ class Surroundings:
     def __init__(self, scene: Any, boxes: Sequence[Box]) -> None:
         self._boxes: dict[str, tuple[Colour, Any]] = {}
         self._red: frozenset[str] = frozenset()
+        self._root = scene.add_frame("/world", show_axes=False)
         floor = min((box.position[2] + box.size[2] / 2 for box in boxes if box.name == "floor"), default=0.0)
         scene.add_grid(
-            "/world/grid", 6.0, 6.0, position=(0.0, 0.0, floor), cell_size=0.25, section_size=1.0,
+            "/grid", 6.0, 6.0, position=(0.0, 0.0, floor), cell_size=0.25, section_size=1.0,
             cell_color=(222, 226, 230), section_color=(196, 202, 208),
         )  # fmt: skip
         for box in boxes:
             if box.name == "floor":
                 continue
-            colour = _BOX_COLOURS.get(box.name, _METAL)
+            colour = box_colour(box.name)
             node = scene.add_box(f"/world/{box.name}", color=colour, dimensions=box.size, position=box.position)
             self._boxes[box.name] = (colour, node)
             x, y, z = np.array(box.size) / 2
@@ -189,6 +244,15 @@ class Surroundings:
                     dimensions=(_LEG, _LEG, box.legs),
                     position=(sx * (x - _LEG), sy * (y - _LEG), -z - box.legs / 2),
                 )
+
+    @property
+    def visible(self) -> bool:
+        """Whether the boxes are drawn."""
+        return bool(self._root.visible)
+
+    @visible.setter
+    def visible(self, visible: bool) -> None:
+        self._root.visible = visible
 
     def mark(self, red: Collection[str]) -> None:
         """Draw the boxes of these names red, and no others."""

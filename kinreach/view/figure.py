@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import lru_cache
 from itertools import pairwise
@@ -83,10 +84,15 @@ def _merged(shapes: list[LinkShape], links: tuple[str, ...], *, by_colour: bool)
     for (link, rgba), parts in groups.items():
         offsets = np.cumsum([0, *(len(part.vertices) for part in parts[:-1])])
         faces = np.concatenate([part.faces + offset for part, offset in zip(parts, offsets, strict=True)])
-        colour = np.round(255 * np.array(rgba[:3] or parts[0].rgba[:3]) ** GAMMA).astype(int)
         vertices = np.concatenate([part.vertices for part in parts])
-        pieces.append(Piece(link, vertices, faces, (int(colour[0]), int(colour[1]), int(colour[2]))))
+        pieces.append(Piece(link, vertices, faces, shade(rgba or parts[0].rgba)))
     return pieces
+
+
+def shade(rgba: Sequence[float]) -> tuple[int, int, int]:
+    """A colour of a file, 0 to 1, as it is drawn, 0 to 255."""
+    red, green, blue = (round(255 * float(value) ** GAMMA) for value in rgba[:3])
+    return red, green, blue
 
 
 def _skeleton(kinematics: ArmKinematics) -> list[LinkShape]:

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from kinreach.checks import Floats
 from kinreach.kinematics import IKResult
 from kinreach.view.draw import BRANCH_COLOURS, Colour
+from kinreach.view.episodes import Episode, Frame
 from kinreach.view.names import length, plain
 from kinreach.view.real_arm import Miss
 from kinreach.view.target import Answer, Finish, Posture, State
@@ -144,6 +145,19 @@ def solvers(finishes: Sequence[Finish]) -> str:
 
 def _microns(value: float) -> str:
     return f"{1000 * value:.2g} mm" if value >= 1e-6 else "&lt; 1 µm"
+
+
+def moment(episode: Episode, frame: Frame) -> str:
+    """What is to be said of a frame: time, steps, reward and its terms, what touches."""
+    said = [f"{frame.time:.2f} s, {frame.step} of {len(episode.steps)} steps"]
+    if frame.step:
+        step = episode.steps[frame.step - 1]
+        terms = ", ".join(f"{name.replace('_', ' ')} {value:.2f}" for name, value in step.terms.items())
+        said.append(f"reward {step.reward:.2f} ({terms}), {length(step.distance)} from the goal")
+        said += [step.impossible_reason] if step.impossible_reason else []
+    pairs = dict.fromkeys(f"{plain(a)} touches {plain(b)}" for a, b in (contact.bodies for contact in frame.contacts))
+    lines = "<br>".join([*map(escape, said), *(f'<span style="color:{_RED}">{escape(pair)}</span>' for pair in pairs)])
+    return block(f'<div class="kinreach-moment" style="font-size:12px">{lines}</div>')
 
 
 def miss(found: Miss, exact: IKResult) -> str:

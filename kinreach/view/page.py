@@ -7,19 +7,15 @@ from collections.abc import Callable
 from html import escape
 from typing import Any
 
-import numpy as np
-
 from kinreach.robots.ur import LENGTHS
 from kinreach.view import html
-from kinreach.view.draw import Surroundings
+from kinreach.view.draw import Surroundings, overview
+from kinreach.view.episodes_panel import EpisodesPanel
 from kinreach.view.panel import Panel
 from kinreach.view.real_arm_panel import RealArmPanel
-from kinreach.view.setup import Setup
+from kinreach.view.setup import EPISODES, REAL_ARM, TARGET, Setup
 from kinreach.view.target_panel import TargetPanel
 
-TARGET = "Target"
-#: How far the scene is moved to the side, by its distance.
-ASIDE = 0.13
 #: Pixels of a screenshot.
 WIDTH, HEIGHT = 1600, 1000
 
@@ -28,7 +24,9 @@ def panels(setup: Setup) -> dict[str, Callable[..., Panel]]:
     """The parts of the page that make sense for an arm, by name."""
     kinds: dict[str, Callable[..., Panel]] = {TARGET: TargetPanel}
     if (setup.nominal or setup.arm).name in LENGTHS:
-        kinds["Real arm"] = RealArmPanel
+        kinds[REAL_ARM] = RealArmPanel
+    if setup.arm.workcell.goals is not None:
+        kinds[EPISODES] = EpisodesPanel
     return kinds
 
 
@@ -41,18 +39,14 @@ class Page:
 
     Attributes:
         names: Of the parts that can be shown.
+        shown: The part that is on the screen.
         lock: Held while the scene changes.
     """
 
     def __init__(self, client: Any, setup: Setup) -> None:
         self._client = client
         self.lock = threading.RLock()
-        overview = next((mount for mount in setup.arm.cameras if mount.name == "overview"), None)
-        if overview is not None:
-            position, target = np.array(overview.position), np.array(overview.target)
-            aside = ASIDE * np.cross(target - position, (0.0, 0.0, 1.0))  # to the left of the panel
-            client.camera.position, client.camera.look_at = position + aside, target + aside
-            client.camera.fov = np.radians(overview.fovy)
+        overview(client, setup.arm)
         client.gui.configure_theme(control_width="large", show_logo=False, show_share_button=False)
         client.gui.add_html(html.block(f"<b>{escape(setup.arm.title)}</b>"))
         self._setup = setup
@@ -61,9 +55,11 @@ class Page:
         if len(self.names) > 1:
             chosen = client.gui.add_button_group("show", self.names)
             chosen.on_click(lambda event: self.show(event.target.value))
-        self._built: dict[str, Panel] = {}
-        self.show(TARGET)
         self._buttons()
+        self._built: dict[str, Panel] = {}
+        self._closed = False
+        self.show(self.names[0])
+        self.show(setup.first)
 
     @property
     def target(self) -> TargetPanel:
@@ -81,12 +77,17 @@ class Page:
             else:
                 kind = panels(self._setup)[name]
                 self._built[name] = kind(self._client, self._setup, self._surroundings, self.lock)
-            return self._built[name]
+            self.shown = self._built[name]
+            if self._closed:
+                self.shown.close()
+            return self.shown
 
     def close(self) -> None:
         """Let go of everything."""
-        for panel in self._built.values():
-            panel.close()
+        with self.lock:
+            self._closed = True
+            for panel in self._built.values():
+                panel.close()
 
     def _buttons(self) -> None:
         gui = self._client.gui
@@ -100,7 +101,7 @@ class Page:
         """Open a window with the program that reproduces what is on the screen."""
         gui = self._client.gui
         with gui.add_modal("What is on the screen, as a program", size="xl") as modal:
-            gui.add_html(html.code(self.target.program()))
+            gui.add_html(html.code(self.shown.program()))
             close = gui.add_button("Close")
         close.on_click(lambda _: modal.close())
 

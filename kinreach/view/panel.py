@@ -35,6 +35,10 @@ class Panel:
             if not visible:
                 self._surroundings.mark(())
 
+    def program(self) -> str:
+        """Python code for what is on the screen."""
+        raise NotImplementedError
+
     def close(self) -> None:
         """Stop working, and let go of what the tab does not free itself."""
         self._latest.end()

@@ -18,6 +18,7 @@ from kinreach.view.names import angle, length
 from kinreach.view.panel import Panel
 from kinreach.view.real_arm import ErrorMap, Miss, RealArm, colours
 from kinreach.view.setup import Setup
+from kinreach.view.snippet import real_arm_program
 
 #: How many times as long as it is the tip error is drawn in the beginning, and at most.
 TIMES, MOST_TIMES = 30, 100
@@ -62,14 +63,14 @@ class RealArmPanel(Panel):
         if setup.nominal is None:
             self._verdict.content = html.message("Name the calibration of your UR, to see it beside its data sheet.")
         else:
-            self._take(setup.arm)
+            self._take(setup.arm, setup.expression)
 
     def open(self, file: str) -> None:
         """Read a calibration; what cannot be one is refused in the page, and what was there stays."""
         try:
             arm = self._sheet.calibrated(file.strip())
             with self._lock:
-                self._take(arm)
+                self._take(arm, f"get_arm({self._sheet.name!r}).calibrated({file.strip()!r})")
         except KinreachError as error:
             self._verdict.content = html.message(str(error), bad=True)
 
@@ -81,6 +82,12 @@ class RealArmPanel(Panel):
             self._update()
 
         self._latest(work)
+
+    def program(self) -> str:
+        """Python code for the tip error that is on the screen."""
+        if self.model is None:
+            return "# There is no calibration yet.\n"
+        return real_arm_program(self.model, self.T, self.q, arm=self._expression)
 
     def _build_gui(self) -> None:
         gui = self._client.gui
@@ -97,8 +104,9 @@ class RealArmPanel(Panel):
         by_user(self._over_table, self._show_map)
         opened.on_click(lambda _: self.open(self._file.value))
 
-    def _take(self, arm: ArmDescription) -> None:
+    def _take(self, arm: ArmDescription, expression: str) -> None:
         """Show a calibrated arm."""
+        self._expression = expression
         model = RealArm(self._sheet, arm, tip=self._setup.tip)
         found = model.map()
         figures = [Figure(kinematics, simple=self._setup.simple) for kinematics in (model.nominal, model.real)]

@@ -8,6 +8,7 @@ from kinreach.checks import Floats
 from kinreach.kinematics import AxisGoal, PoseGoal
 from kinreach.kinematics.closed_form import ClosedFormKinematics
 from kinreach.kinematics.goals import Goal
+from kinreach.view.real_arm import RealArm
 from kinreach.view.target import TargetModel
 
 
@@ -41,11 +42,39 @@ def program(model: TargetModel, goal: Goal, seed: Floats, *, arm: str) -> str:
     return "\n".join(lines) + "\n"
 
 
+def real_arm_program(model: RealArm, T: Floats, seed: Floats, *, arm: str) -> str:
+    """Python code that prints by how much a calibrated arm's tip is off in the data sheet's posture.
+
+    Args:
+        model: Both arms.
+        T: Frame of the target in the world, shape (4, 4).
+        seed: Posture the arm stands in [rad].
+        arm: An expression for the calibrated arm.
+    """
+    where = f"tip={model.nominal.tip!r}, base='world'"
+    lines = [
+        "import numpy as np",
+        "",
+        "from kinreach.kinematics import kinematics_of",
+        "from kinreach.robots import get_arm",
+        "",
+        f"sheet = kinematics_of({model.nominal.arm.name!r}, {where})",
+        f"real = kinematics_of({arm}, {where})",
+        *_frame(T),
+        f"result = sheet.nearest(T, {_numbers(seed)})",
+        "print(result.status.value, result.reason)",
+        "print(1000 * (real.fk(result.q) - sheet.fk(result.q))[:3, 3])",
+    ]
+    return "\n".join(lines) + "\n"
+
+
+def _frame(T: Floats) -> list[str]:
+    return ["T = np.array([", *(f"    {_numbers(row)}," for row in T), "])"]
+
+
 def _question(goal: Goal, *, closed: bool) -> list[str]:
     if isinstance(goal, PoseGoal):
-        rows = [f"    {_numbers(row)}," for row in goal.T]
-        asked = ["T = np.array([", *rows, "])"]
-        return [*asked, "solution = kin.all_solutions(T, seed=seed)" if closed else _search("PoseGoal(T)")]
+        return [*_frame(goal.T), "solution = kin.all_solutions(T, seed=seed)" if closed else _search("PoseGoal(T)")]
     position = f"position = {_numbers(goal.position)}"
     if isinstance(goal, AxisGoal):
         asked = [position, f"axis = {_numbers(goal.axis)}"]

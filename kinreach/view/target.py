@@ -33,6 +33,7 @@ from kinreach.kinematics.ur.geometry import Miss
 from kinreach.kinematics.ur.reach import Shortfall
 from kinreach.robots import ArmDescription
 from kinreach.view.names import angle, branch_name, length, listed, plain
+from kinreach.view.policy_solver import PolicySolver
 
 #: What may be asked of the tool, by the words of the page.
 POSE, AXIS, POINT = "position and orientation", "position and direction", "position only"
@@ -130,6 +131,7 @@ class TargetModel:
     Args:
         arm: Name or description.
         tip: Short name of the tip frame; default is the arm's own.
+        policies: Names or files of trained policies for it, as solvers.
 
     Attributes:
         kinematics: Goals are for its tip, in the world.
@@ -137,12 +139,13 @@ class TargetModel:
         kinds: What may be asked of the tool.
         lower, upper: Joint limits that count [rad], shape (n,).
         complete: Whether all postures are found, not just some.
+        solvers: Names of solvers and policies that can be put beside each other.
 
     Raises:
         UnknownNameError: There is no such arm or tip.
     """
 
-    def __init__(self, arm: str | ArmDescription, *, tip: str | None = None) -> None:
+    def __init__(self, arm: str | ArmDescription, *, tip: str | None = None, policies: Sequence[str] = ()) -> None:
         self.kinematics = kinematics_of(arm, tip=tip, base="world")
         try:
             self.checker: CollisionChecker | None = CollisionChecker(self.kinematics)
@@ -153,6 +156,7 @@ class TargetModel:
         self.complete = isinstance(self.kinematics, ClosedFormKinematics)
         self.lower, self.upper = self.kinematics.lower.copy(), self.kinematics.upper.copy()
         self._search = LevenbergMarquardtSolver(self.kinematics, max_restarts=0)
+        self.solvers = (*(name for name in SOLVERS if self.complete or name != "closed-form"), *policies)
         self._solvers: dict[str, Solver] = {}
 
     @property
@@ -194,27 +198,27 @@ class TargetModel:
         verdict = self._verdict(postures, approach)
         return Answer(goal, seed, postures, shown, verdict, approach, time.perf_counter() - start)
 
-    def solve(self, goal: Goal, seed: Floats, names: Sequence[str] = tuple(SOLVERS)) -> list[Finish]:
+    def solve(self, goal: Goal, seed: Floats, names: Sequence[str] | None = None) -> list[Finish]:
         """Put a goal to solvers, one after the other; each may take only postures that do not collide.
 
         Args:
             goal: For the tip, in the world.
-            seed: Posture to start from [rad], shape (n,).
-            names: Of `SOLVERS`.
+            seed: Posture to start from [rad], shape (n,); policies start from the arm's start pose.
+            names: Of `solvers`, by default all.
 
         Raises:
             UnknownNameError: There is no such solver.
+            InputError: A policy that is for another task or arm.
         """
         accept = None if self.checker is None else self.checker.free
         finishes = []
-        for name in names:
-            check_known("solver", name, SOLVERS)
-            if name == "closed-form" and not self.complete:
-                continue
+        for name in self.solvers if names is None else names:
+            check_known("solver", name, self.solvers)
             solver = self._solver(name)
             start = time.perf_counter()
             result = solver.solve(goal, seed, accept=accept)
-            finishes.append(Finish(name, result, time.perf_counter() - start))
+            seconds = solver.seconds if isinstance(solver, PolicySolver) else time.perf_counter() - start
+            finishes.append(Finish(name, result, seconds))
         return finishes
 
     def slowest_motion(self, q: Floats) -> float:
@@ -243,7 +247,8 @@ class TargetModel:
 
     def _solver(self, name: str) -> Solver:
         if name not in self._solvers:
-            self._solvers[name] = new_solver(name, self.kinematics)
+            kinematics = self.kinematics
+            self._solvers[name] = new_solver(name, kinematics) if name in SOLVERS else PolicySolver(name, kinematics)
         return self._solvers[name]
 
     def _postures(self, goal: Goal, seed: Floats) -> Iterator[Posture]:

@@ -132,8 +132,8 @@ class TargetPanel(Panel):
                 )
             ]
         with gui.add_folder("Solvers", expand_by_default=False):
-            names = [name for name in SOLVERS if name != "closed-form" or model.complete]
-            self._chosen = {name: gui.add_checkbox(name, True) for name in names}
+            names = model.solvers
+            self._chosen = {name: gui.add_checkbox(name, name in SOLVERS) for name in names}
             run = gui.add_button("Solve from where the arm stands")
             self._table = gui.add_html("")
             self._ended = gui.add_dropdown("draw the end of", [NOTHING, *names], initial_value=NOTHING)
@@ -205,7 +205,11 @@ class TargetPanel(Panel):
     def _solve(self) -> None:
         with self._lock:
             names = [name for name, box in self._chosen.items() if box.value]
-            self.finishes = self.model.solve(self.goal, self.q, names)
+            try:
+                self.finishes = self.model.solve(self.goal, self.q, names)
+            except KinreachError as error:
+                self._table.content = html.message(str(error), bad=True)
+                return
             self._table.content = html.solvers(self.finishes)
             self._draw_end()
 

@@ -1,6 +1,7 @@
 """The parts of the page on a real server, with a tab that has no browser."""
 
 import contextlib
+import threading
 
 import numpy as np
 import pytest
@@ -91,4 +92,59 @@ def test_the_real_arm_beside_its_data_sheet(serve, calibration, root):
 
 def test_parts_of_other_arms(serve):
     with Tab(serve("arm3")) as tab:
-        assert list(tab.page.names) == ["Target"]
+        assert tab.page.names == ("Target", "Episodes")
+
+
+def test_an_episode_is_played_stepped_and_scrubbed(serve):
+    with Tab(serve("ur5")) as tab:
+        panel = tab.page.show("Episodes")
+        wait_for(lambda: panel.episode)
+        first, last = panel.episode, len(panel.episode.frames) - 1
+        assert first.trial["reached"]
+        with tab.page.lock:
+            assert "Reached after 1 step" in panel._verdict.content
+        wait_for(lambda: panel.at == last and not panel.playing)
+        assert f"reward {first.steps[0].reward:.2f}" in panel._now.content
+        assert [len(column) for column in panel._plot.data] == [2] * (2 + len(first.steps[0].terms))
+        tab.set(panel._slider, last // 2)
+        wait_for(lambda: panel.at == last // 2)
+        with tab.page.lock:
+            assert [len(column) for column in panel._plot.data] == [1] * (2 + len(first.steps[0].terms))
+            np.testing.assert_allclose(panel._solid._links[-1].position, first.frames[panel.at].poses[-1, :3])
+        tab.set(panel._player, "step")
+        wait_for(lambda: first.frames[panel.at].step == 1)
+        tab.set(panel._player, "start")
+        wait_for(lambda: panel.at == 0)
+        tab.set(panel._player, "play")
+        wait_for(lambda: panel.at > 3)
+        tab.set(panel._player, "pause")
+        wait_for(lambda: not panel.playing)
+        assert "closed-form" in tab.page.shown.program()
+        tab.set(panel._file, "README.md")
+        wait_for(lambda: panel._file.value == "README.md")
+        tab.set(panel._button, True)
+        wait_for(lambda: "is no policy" in panel._verdict.content)
+        assert panel.episode is first
+        wait_for(lambda: not panel._button.disabled)
+        tab.set(panel._environment, "button")
+        wait_for(lambda: panel._policy.value == "analytic")
+        tab.set(panel._file, "")
+        wait_for(lambda: panel._file.value == "")
+        tab.set(panel._button, True)
+        wait_for(lambda: panel.episode is not first)
+        wait_for(lambda: panel.at > 2)
+        assert not panel._surroundings.visible
+        tab.page.show("Target")
+        assert panel._surroundings.visible
+        assert not panel.playing
+
+
+def test_a_closed_tab_leaves_no_threads(serve):
+    server = serve("ur5")
+    before = set(threading.enumerate())
+    with Tab(server) as tab:
+        panel = tab.page.show("Episodes")
+        wait_for(lambda: panel.episode)
+    wait_for(lambda: not server.pages)
+    left = {"Thread-", "kinreach"}
+    wait_for(lambda: not [t for t in set(threading.enumerate()) - before if t.name.startswith(tuple(left))])

@@ -3,7 +3,8 @@
 import numpy as np
 import pytest
 
-from kinreach.kinematics import CollisionChecker, URKinematics, kinematics_of
+from kinreach.errors import InputError
+from kinreach.kinematics import AxisGoal, CollisionChecker, URKinematics, kinematics_of
 from kinreach.kinematics.solvers import SOLVERS
 from kinreach.robots import arm_names
 from kinreach.robots.shapes import link_shapes
@@ -134,6 +135,25 @@ def test_solvers_end_where_they_say(ur5):
         assert np.linalg.norm(ur5.kinematics.fk(finish.result.q)[:3, 3] - T[:3, 3]) < 2e-4
     table = html.solvers(finishes)
     assert all(name in table for name in SOLVERS)
+
+
+def test_policies_are_solvers_too(root):
+    """Where they end is what their episodes say; what they are not for, they are not offered for."""
+    setup = setup_of("ur5", calibration=str(root / CALIBRATION))
+    assert setup.policies == setup_of("ur5").policies == ("ppo-single", "single", "thesis-single", "multi", "ppo-multi")
+    assert setup_of("ur5", tip="tool0").policies == setup_of("arm3").policies == ()
+    assert setup_of("panda").policies == ("panda-single",)
+    model, rng, near = setup_of("ur5").model(), np.random.default_rng(4), 0
+    for position in model.kinematics.arm.workcell.goals.sample(rng, 5):
+        finishes = model.solve(AxisGoal(position), model.home, ["single", "multi", "closed-form"])
+        for finish in finishes:
+            off = np.linalg.norm(model.kinematics.fk(finish.result.q)[:3, 3] - position)
+            assert finish.result.position_error == pytest.approx(off)
+            assert finish.seconds > 0
+            near += off < 0.002
+    assert near == 15
+    with pytest.raises(InputError, match=r"is for kinreach/ButtonPress-v0"):
+        TargetModel("ur5", policies=["button"]).solve(AxisGoal(position), model.home, ["button"])
 
 
 @pytest.mark.parametrize("arm", ["ur5e", "arm3"])

@@ -1,0 +1,272 @@
+"""The part of the page that plays episodes: MuJoCo's scene, the reward's terms, what the cameras see."""
+
+from __future__ import annotations
+
+import threading
+from threading import RLock
+from typing import Any
+
+import numpy as np
+
+from kinreach.checks import check_count
+from kinreach.demo.tasks import TASKS, trained_for
+from kinreach.envs.reach.task import BACKENDS
+from kinreach.errors import KinreachError
+from kinreach.view import html
+from kinreach.view.draw import BRANCH_COLOURS, RED, Solid, Surroundings, overview
+from kinreach.view.episodes import FPS, Episode, Recording, Stopped, circled
+from kinreach.view.inputs import by_user
+from kinreach.view.names import plain
+from kinreach.view.panel import Panel
+from kinreach.view.setup import Setup
+from kinreach.vision.goal_view import GOAL_CAMERAS, GoalLook
+
+PLAY, PAUSE, STEP, START = "play", "pause", "step", "start"
+#: What the cameras are asked for, without rendering or with.
+OBSERVATIONS = ("geometric", "camera")
+#: Of a contact [m].
+DOT = 0.02
+
+
+class EpisodesPanel(Panel):
+    """Plays episodes of any environment and policy.
+
+    Args:
+        client: viser's handle of the tab.
+        setup: What the command line asked for.
+        surroundings: Boxes; hidden while MuJoCo's scene, which has its own, is there.
+        lock: Held while the scene changes.
+
+    Attributes:
+        episode: That is shown; None before the first.
+        at: Index of the frame that is shown.
+        playing: Whether it runs.
+    """
+
+    def __init__(self, client: Any, setup: Setup, surroundings: Surroundings, lock: RLock) -> None:
+        super().__init__(client, setup, surroundings, lock, title="Episodes")
+        self.episode: Episode | None = None
+        self.at = 0
+        self._recording = Recording("single", "", setup.arm)
+        self._still, self._gone = threading.Event(), threading.Event()
+        self._still.set()
+        self._step = -1
+        self._solid: Solid | None = None
+        self._looked = setup.arm
+        self._shown = True
+        with self._folder:
+            self._build_gui()
+        self._points = client.scene.add_point_cloud(
+            f"{self._root}/contacts", np.zeros((1, 3)), RED, point_size=DOT, point_shape="circle", visible=False
+        )
+        self._choose_environment(self._environment.value)
+        self.record()
+
+    @property
+    def playing(self) -> bool:
+        """Whether the episode runs."""
+        return not self._still.is_set()
+
+    def show(self, visible: bool) -> None:
+        """Show it, or hide it; hidden it stands still."""
+        self.pause()
+        with self._lock:
+            super().show(visible)
+            self._shown = visible
+            self._furnish()
+
+    def close(self) -> None:
+        """Stop recording and playing."""
+        self._gone.set()
+        self._still.set()
+        super().close()
+
+    def record(self) -> None:
+        """Record the episode that is asked for, in a thread of its own, then play it."""
+        self.pause()
+        self._button.disabled = True
+        self._verdict.content = html.message("The episode is being played through ...")
+        threading.Thread(target=self._record, daemon=True).start()
+
+    def go(self, index: int) -> None:
+        """Show the frame of an index, or the first or last one."""
+        with self._lock:
+            if self.episode is not None:
+                self.at = int(np.clip(index, 0, len(self.episode.frames) - 1))
+                self._draw(self.episode)
+
+    def step(self) -> None:
+        """Go to where the next action has ended."""
+        self.pause()
+        if self.episode is not None:
+            self.go(self.episode.frame_after(self.episode.frames[self.at].step + 1))
+
+    def run(self) -> None:
+        """Play from the frame that is shown, or from the start."""
+        with self._lock:
+            if self.episode is None or self.playing or self._gone.is_set():
+                return
+            if self.at == len(self.episode.frames) - 1:
+                self.go(0)
+            self._still = threading.Event()
+            threading.Thread(target=self._play, args=(self._still, self.episode), daemon=True).start()
+
+    def pause(self) -> None:
+        """Stand still."""
+        self._still.set()
+
+    def program(self) -> str:
+        """Python code that plays the episode."""
+        return self._recording.program(self._setup.expression)
+
+    def _build_gui(self) -> None:
+        gui = self._client.gui
+        self._verdict = gui.add_html("")
+        self._player = gui.add_button_group("player", (PLAY, PAUSE, STEP, START))
+        self._slider = gui.add_slider("frame", 0, 1, 1, 0)
+        self._now = gui.add_html("")
+        self._plot_place = gui.add_folder("Terms of the reward, step by step")
+        self._plot: Any = None
+        with gui.add_folder("What the cameras see", expand_by_default=False) as self._cameras:
+            nothing = np.full((9, 16, 3), 255, dtype=np.uint8)
+            self._images = [gui.add_image(nothing, label=name, format="jpeg") for name in GOAL_CAMERAS]
+        with gui.add_folder("Episode"):
+            self._environment = gui.add_dropdown("environment", list(TASKS), initial_value=self._first_environment())
+            self._policy = gui.add_dropdown("policy", [""])
+            self._file = gui.add_text("or a file", self._setup.policy or "", hint="policy.safetensors or model.zip")
+            self._observation = gui.add_dropdown("observation", OBSERVATIONS, hint="of all but the button")
+            self._backend = gui.add_dropdown("backend", BACKENDS, hint="of all but the button", initial_value="mujoco")
+            self._seed = gui.add_number("seed", 0, min=0, step=1)
+            self._button = gui.add_button("Play this episode", icon="player-play")
+        by_user(self._environment, self._choose_environment)
+        by_user(self._slider, self._scrubbed)
+        self._player.on_click(lambda event: self._pressed(event.target.value))
+        self._button.on_click(lambda _: self.record())
+
+    def _first_environment(self) -> str:
+        wanted = self._setup.policy_environment
+        return next((name for name, task in TASKS.items() if task.name == wanted), next(iter(TASKS)))
+
+    def _choose_environment(self, name: str) -> None:
+        task = TASKS[name]
+        arm = (self._setup.nominal or self._setup.arm).name if task.solvers else None
+        solvers = task.solvers or ("analytic",)
+        self._policy.options = (*solvers, *trained_for(task, arm), "random")
+        self._observation.disabled = self._backend.disabled = not task.solvers
+
+    def _pressed(self, what: str) -> None:
+        if what == PLAY:
+            self.run()
+        elif what == PAUSE:
+            self.pause()
+        elif what == STEP:
+            self.step()
+        else:
+            self.pause()
+            self.go(0)
+
+    def _scrubbed(self, index: int) -> None:
+        self.pause()
+        self.go(index)
+
+    def _record(self) -> None:
+        """Runs in a thread of its own, because a renderer belongs to the thread that made it."""
+        reach = bool(TASKS[self._environment.value].solvers)
+        options = {"observation": self._observation.value, "backend": self._backend.value} if reach else {}
+        policy = self._file.value.strip() or self._policy.value
+        try:
+            seed = check_count("seed", int(self._seed.value), least=0)
+            asked = Recording(self._environment.value, policy, self._setup.arm, seed=seed, options=options)
+            episode = asked.play(simple=self._setup.simple, stop=self._gone)
+        except Stopped:
+            return
+        except KinreachError as error:
+            with self._lock:
+                self._button.disabled = False
+                self._verdict.content = html.message(str(error), bad=True)
+            return
+        with self._lock:
+            if self._gone.is_set():
+                return
+            self._recording = asked
+            self._take(episode)
+        self.run()
+        seen = episode.look()
+        if not self._gone.is_set():
+            self._show_look(episode, seen)
+
+    def _take(self, episode: Episode) -> None:
+        """Show another episode."""
+        if self._solid is not None:
+            self._solid.remove()
+        self._solid = Solid(self._client.scene, f"{self._root}/scene", episode.scene)
+        self.episode, self.at, self._step = episode, 0, -1
+        self._slider.max = max(1, len(episode.frames) - 1)
+        self._verdict.content = html.message(episode.verdict, bad=not episode.trial["reached"])
+        self._new_plot(episode)
+        self._cameras.visible = False
+        self._button.disabled = False
+        self._furnish()
+        self._draw(episode)
+
+    def _furnish(self) -> None:
+        """The work cell that belongs to what is shown, seen from its own place."""
+        taken = self.episode is not None and self._shown
+        self._surroundings.visible = not taken
+        arm = self.episode.arm if taken else self._setup.arm  # type: ignore[union-attr]
+        if arm is not self._looked:
+            overview(self._client, arm)
+            self._looked = arm
+
+    def _new_plot(self, episode: Episode) -> None:
+        if self._plot is not None:
+            self._plot.remove()
+        names = list(episode.steps[0].terms)
+        series = [{"label": "step"}, {"label": "reward", "stroke": "#222", "width": 2}]
+        series += [
+            {"label": plain(name), "stroke": html.css(colour), "width": 1.5, "points": {"show": True}}
+            for name, colour in zip(names, BRANCH_COLOURS, strict=False)
+        ]
+        with self._plot_place:
+            self._plot = self._client.gui.add_uplot(
+                self._terms(episode, 0), tuple(series), scales={"x": {"time": False}}, height=170
+            )
+
+    def _terms(self, episode: Episode, steps: int) -> tuple[Any, ...]:
+        """Numbers of the steps, the reward and its terms, as far as they were done; 0 before the first."""
+        done = episode.steps[:steps]
+        rows = [np.zeros(1 + len(episode.steps[0].terms)), *([s.reward, *s.terms.values()] for s in done)]
+        return (np.arange(1.0 + len(done)), *np.ascontiguousarray(np.array(rows).T))
+
+    def _draw(self, episode: Episode) -> None:
+        frame = episode.frames[self.at]
+        touching = {body for contact in frame.contacts for body in contact.bodies}
+        with self._client.atomic():
+            self._solid.place(frame.poses, red=touching)  # type: ignore[union-attr]
+            self._points.visible = bool(frame.contacts)
+            if frame.contacts:
+                self._points.points = np.array([contact.position for contact in frame.contacts], dtype=np.float16)
+                self._points.colors = np.tile(np.array(RED, dtype=np.uint8), (len(frame.contacts), 1))
+        self._slider.value = self.at
+        self._now.content = html.moment(episode, frame)
+        if frame.step != self._step:
+            self._step = frame.step
+            self._plot.data = self._terms(episode, frame.step)
+
+    def _show_look(self, episode: Episode, seen: GoalLook | None) -> None:
+        with self._lock:
+            if self.episode is not episode or seen is None:
+                return
+            for index, image in enumerate(self._images):
+                image.image = circled(seen, index)
+            self._cameras.visible = True
+
+    def _play(self, still: threading.Event, episode: Episode) -> None:
+        """Frame by frame at the clock's pace, in a thread of its own."""
+        while not still.wait(1 / FPS):
+            with self._lock:
+                if still.is_set() or self.episode is not episode:
+                    return
+                self.go(self.at + 1)
+                if self.at == len(episode.frames) - 1:
+                    still.set()
