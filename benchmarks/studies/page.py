@@ -66,6 +66,12 @@ class Tab(contextlib.AbstractContextManager["Tab"]):
         message = {"type": "TransformControlsUpdateMessage", "name": handle.name, "wxyz": (w, x, y, z)}
         self.send({**message, "position": place, "owner": handle._impl.api._owner_id})
 
+    def click(self, handle: Any, *, instance: int) -> None:
+        """Click one of the instances of a batch in the scene."""
+        ray = {"ray_origin": (0.0, 0.0, 1.0), "ray_direction": (0.0, 0.0, -1.0), "screen_pos": (0.5, 0.5)}
+        message = {"type": "SceneNodeClickMessage", "name": handle.name, "instance_index": instance, "modifier": None}
+        self.send({**message, **ray, "owner": handle._impl.api._owner_id})
+
     def set(self, handle: Any, value: Any) -> None:
         """Change an input, or click a button with `True`."""
         self.send({"type": "GuiUpdateMessage", "uuid": handle._impl.uuid, "updates": {"value": value}})

@@ -9,6 +9,7 @@ from collections.abc import Sequence
 from kinreach.checks import check_count
 from kinreach.cli import Parser
 from kinreach.robots import ArmDescription, arm_names, get_arm
+from kinreach.view.results import read_results
 from kinreach.view.server import Server, import_viser
 from kinreach.view.setup import Setup
 
@@ -37,6 +38,7 @@ def main(argv: Sequence[str], *, prog: str) -> int:
         tip=arguments.tip,
         simple=arguments.simple,
         policy=arguments.policy,
+        results=arguments.results,
     )
     server = Server(setup, port=arguments.port)
     print(f"{server.address}  (only on this machine; Ctrl-C ends it)", flush=True)
@@ -56,6 +58,7 @@ def setup_of(
     tip: str | None = None,
     simple: bool = False,
     policy: str | None = None,
+    results: str | None = None,
 ) -> Setup:
     """What every tab begins with.
 
@@ -65,6 +68,7 @@ def setup_of(
         tip: Short name of the tip; default is the arm's own.
         simple: Draw the arm by its collision shapes.
         policy: Name or file of a policy to begin with.
+        results: Path of a comparison to begin with.
 
     Raises:
         InputError: There is no such arm, tip or policy, or a file cannot be used.
@@ -77,8 +81,10 @@ def setup_of(
     if calibration is not None:
         expression = f"get_arm({arm!r}).calibrated({calibration!r})"
         nominal, description = description, description.calibrated(calibration)
-    setup = Setup(description, expression, tip, simple, nominal, policy)
+    setup = Setup(description, expression, tip, simple, nominal, policy, results)
     setup.policy_environment  # noqa: B018  (refuses what is no policy)
+    if results is not None:
+        read_results(results)
     return setup
 
 
@@ -95,6 +101,7 @@ def _parser(prog: str) -> Parser:
         "--calibration", metavar="FILE", help="factory calibration of a UR, to be laid over the data sheet"
     )
     parser.add_argument("--policy", metavar="FILE", help="a policy to play episodes with, or the name of one")
+    parser.add_argument("--results", metavar="FILE", help="the results.json of a comparison")
     parser.add_argument(
         "--port", type=int, default=PORT, metavar="N", help="or the next that is free (default: %(default)s)"
     )

@@ -14,6 +14,7 @@ from kinreach.view.figure import Figure, Piece
 
 Colour = tuple[int, int, int]
 
+GREEN: Colour = (60, 170, 90)
 RED: Colour = (214, 30, 30)
 #: Of postures that are refused.
 PALE_RED: Colour = (235, 150, 150)
@@ -29,6 +30,8 @@ _BOX_COLOURS: dict[str, Colour] = {"table": (199, 181, 153)}
 _METAL: Colour = (122, 126, 133)
 #: Two links nearer than this are drawn once: surfaces in one place flicker [m, 1 - cos of half the angle].
 SAME_PLACE = 1e-6
+#: Where nothing is [m].
+FAR = 1e6
 #: How far the scene is moved to the side, by its distance.
 ASIDE = 0.13
 _LEG = 0.05  # edge of a table leg [m]
@@ -192,13 +195,13 @@ class Ghosts:
     def visible(self, visible: bool) -> None:
         self._root.visible = visible
 
-    def take(self, ghosts: Sequence[Ghost], *, beside: Floats) -> None:
-        """Draw these, and no others; links that are where those of the posture `beside` are, are left out."""
+    def take(self, ghosts: Sequence[Ghost], *, beside: Floats | None) -> None:
+        """Draw these, and no others; links that are where those of a posture `beside` them are, are left out."""
         ghosts = ghosts[: self._most]
         poses = np.zeros((self._most, len(self._figure.links), 7))
         poses[:, :, 3] = 1.0
         scales = np.zeros((self._most, len(self._figure.links)), dtype=np.float32)
-        solid = self._figure.poses(beside)
+        solid = self._figure.poses(beside) if beside is not None else np.full(poses.shape[1:], FAR)
         for row, ghost in enumerate(ghosts):
             poses[row] = self._figure.poses(ghost.q)
             apart = np.abs(poses[row, :, :3] - solid[:, :3]).max(axis=1)
@@ -219,12 +222,18 @@ class Ghosts:
 
 
 class Surroundings:
-    """The boxes of a work cell, and a grid for its floor."""
+    """The boxes of a work cell, and a grid for its floor.
 
-    def __init__(self, scene: Any, boxes: Sequence[Box]) -> None:
+    Args:
+        scene: viser's scene of one client.
+        boxes: What stands around the arm.
+        root: Name of the node that holds the boxes.
+    """
+
+    def __init__(self, scene: Any, boxes: Sequence[Box], *, root: str = "/world") -> None:
         self._boxes: dict[str, tuple[Colour, Any]] = {}
         self._red: frozenset[str] = frozenset()
-        self._root = scene.add_frame("/world", show_axes=False)
+        self._root = scene.add_frame(root, show_axes=False)
         floor = min((box.position[2] + box.size[2] / 2 for box in boxes if box.name == "floor"), default=0.0)
         scene.add_grid(
             "/grid", 6.0, 6.0, position=(0.0, 0.0, floor), cell_size=0.25, section_size=1.0,
@@ -234,12 +243,12 @@ class Surroundings:
             if box.name == "floor":
                 continue
             colour = box_colour(box.name)
-            node = scene.add_box(f"/world/{box.name}", color=colour, dimensions=box.size, position=box.position)
+            node = scene.add_box(f"{root}/{box.name}", color=colour, dimensions=box.size, position=box.position)
             self._boxes[box.name] = (colour, node)
             x, y, z = np.array(box.size) / 2
             for index, (sx, sy) in enumerate([(-1, -1), (-1, 1), (1, -1), (1, 1)] if box.legs > 0 else []):
                 scene.add_box(
-                    f"/world/{box.name}/leg_{index}",
+                    f"{root}/{box.name}/leg_{index}",
                     color=_METAL,
                     dimensions=(_LEG, _LEG, box.legs),
                     position=(sx * (x - _LEG), sy * (y - _LEG), -z - box.legs / 2),

@@ -15,6 +15,7 @@ from kinreach.view.draw import BRANCH_COLOURS, Colour
 from kinreach.view.episodes import Episode, Frame
 from kinreach.view.names import length, plain
 from kinreach.view.real_arm import Miss
+from kinreach.view.results import End, Results
 from kinreach.view.target import Answer, Finish, Posture, State
 
 _GREEN, _RED, _ORANGE = "#2b8a3e", "#c92a2a", "#d9820a"
@@ -145,6 +146,34 @@ def solvers(finishes: Sequence[Finish]) -> str:
 
 def _microns(value: float) -> str:
     return f"{1000 * value:.2g} mm" if value >= 1e-6 else "&lt; 1 µm"
+
+
+def ends(results: Results, index: int) -> str:
+    """Where each method ended on a goal.
+
+    Args:
+        results: Of a comparison.
+        index: Of the goal.
+    """
+    x, y, z = results.goals[index]
+    rows = [
+        _entry("●", css(results.colours[name]), f"{escape(name)}: {_distance(end.distance)}", _ended(end))
+        for name, end in results.ends[index].items()
+    ]
+    return block(
+        f'<div style="{_SMALL}">Goal {index} at {x:.3f}, {y:.3f}, {z:.3f} m</div>'
+        f'<div class="kinreach-ends">{"".join(rows)}</div>'
+    )
+
+
+def _distance(value: float) -> str:
+    return f"{length(value)} from the goal" if np.isfinite(value) else "distance unknown"
+
+
+def _ended(end: End) -> str:
+    if end.reached:
+        return f'<div style="color:{_GREEN};font-size:12px">reached</div>'
+    return _reason(end.reason or "not reached")
 
 
 def moment(episode: Episode, frame: Frame) -> str:

@@ -13,7 +13,8 @@ from kinreach.view.draw import Surroundings, overview
 from kinreach.view.episodes_panel import EpisodesPanel
 from kinreach.view.panel import Panel
 from kinreach.view.real_arm_panel import RealArmPanel
-from kinreach.view.setup import EPISODES, REAL_ARM, TARGET, Setup
+from kinreach.view.results_panel import ResultsPanel
+from kinreach.view.setup import EPISODES, REAL_ARM, RESULTS, TARGET, Setup
 from kinreach.view.target_panel import TargetPanel
 
 #: Pixels of a screenshot.
@@ -27,6 +28,7 @@ def panels(setup: Setup) -> dict[str, Callable[..., Panel]]:
         kinds[REAL_ARM] = RealArmPanel
     if setup.arm.workcell.goals is not None:
         kinds[EPISODES] = EpisodesPanel
+    kinds[RESULTS] = ResultsPanel
     return kinds
 
 

@@ -27,6 +27,7 @@ class Setup:
         simple: Draw the arm by its collision shapes, for browsers without a graphics card.
         nominal: The arm by its data sheet, where `arm` is calibrated.
         policy: Of a policy that episodes begin with: name, or path of a file.
+        results: Path of a comparison that is opened.
     """
 
     arm: ArmDescription
@@ -35,11 +36,12 @@ class Setup:
     simple: bool = False
     nominal: ArmDescription | None = None
     policy: str | None = None
+    results: str | None = None
 
     @property
     def first(self) -> str:
         """The part of the page that a tab begins with."""
-        return TARGET if self.policy is None else EPISODES
+        return RESULTS if self.results is not None else EPISODES if self.policy is not None else TARGET
 
     def model(self) -> TargetModel:
         """A model of a tab's own."""

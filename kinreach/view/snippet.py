@@ -9,6 +9,7 @@ from kinreach.kinematics import AxisGoal, PoseGoal
 from kinreach.kinematics.closed_form import ClosedFormKinematics
 from kinreach.kinematics.goals import Goal
 from kinreach.view.real_arm import RealArm
+from kinreach.view.results import Results
 from kinreach.view.target import TargetModel
 
 
@@ -66,6 +67,26 @@ def real_arm_program(model: RealArm, T: Floats, seed: Floats, *, arm: str) -> st
         "print(1000 * (real.fk(result.q) - sheet.fk(result.q))[:3, 3])",
     ]
     return "\n".join(lines) + "\n"
+
+
+def results_program(results: Results, index: int) -> str:
+    """Python code that prints where each method ended on a goal.
+
+    Args:
+        results: Of a comparison.
+        index: Of the goal.
+    """
+    return "\n".join(
+        [
+            "from kinreach.view.results import read_results",
+            "",
+            f"results = read_results({str(results.file)!r})",
+            f"print(results.goals[{index}])",
+            f"for method, end in results.ends[{index}].items():",
+            "    print(method, end.reached, end.distance, end.reason, end.q)",
+            "",
+        ]
+    )
 
 
 def _frame(T: Floats) -> list[str]:

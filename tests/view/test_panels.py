@@ -6,6 +6,7 @@ import threading
 import numpy as np
 import pytest
 
+from kinreach.compare import compare
 from kinreach.view.cli import setup_of
 
 pytest.importorskip("viser")
@@ -92,7 +93,7 @@ def test_the_real_arm_beside_its_data_sheet(serve, calibration, root):
 
 def test_parts_of_other_arms(serve):
     with Tab(serve("arm3")) as tab:
-        assert tab.page.names == ("Target", "Episodes")
+        assert tab.page.names == ("Target", "Episodes", "Results")
 
 
 def test_an_episode_is_played_stepped_and_scrubbed(serve):
@@ -148,3 +149,28 @@ def test_a_closed_tab_leaves_no_threads(serve):
     wait_for(lambda: not server.pages)
     left = {"Thread-", "kinreach"}
     wait_for(lambda: not [t for t in set(threading.enumerate()) - before if t.name.startswith(tuple(left))])
+
+
+def test_a_goal_that_is_clicked_shows_where_each_method_ended(serve, tmp_path):
+    compare("ur5", methods=["closed-form", "thesis-ppo-single"], goals=3, out=tmp_path)
+    with Tab(serve("arm3")) as tab:
+        panel = tab.page.show("Results")
+        panel.open(str(tmp_path / "nothing.json"))
+        assert "cannot read" in panel._verdict.content
+        panel.open(f" {tmp_path} ")
+        assert "3 goals, 0 reached by all 2 methods (green), 0 by none (red)" in panel._verdict.content
+        assert not panel._surroundings.visible
+        tab.click(panel._goals, instance=2)
+        wait_for(lambda: panel.chosen == 2)
+        ends = panel.results.ends[2]
+        with tab.page.lock:
+            np.testing.assert_allclose(panel._tips.batched_positions, [end.tip for end in ends.values()], atol=1e-6)
+            assert f"{1000 * ends['thesis-ppo-single'].distance:.0f} mm" in panel._table.content
+            assert panel._solid.visible
+        tab.set(panel._drawn, "no method")
+        wait_for(lambda: not panel._solid.visible)
+        panel.open(str(tmp_path / "report.html"))
+        assert "is no JSON" in panel._verdict.content
+        assert panel.results is not None
+        tab.page.show("Target")
+        assert panel._surroundings.visible

@@ -20,6 +20,10 @@ from kinreach.cli import run_command
         (["--port", "70000"], "port must be at most 65535"),
         (["--calibration", "missing.yaml"], "missing.yaml"),
         (["--arm", "arm3", "--calibration", "missing.yaml"], "unknown UR model 'arm3'"),
+        (["--policy", "wisdom"], "there is no policy 'wisdom'"),
+        (["--policy", "README.md"], "is no policy"),
+        (["--results", "missing.json"], "cannot read missing.json"),
+        (["--results", "README.md"], "is no JSON"),
         (["--tip", "elbow"], "unknown tip 'elbow'"),
     ],
 )

@@ -1,0 +1,148 @@
+"""Files of comparisons as the page opens them."""
+
+import json
+import shutil
+
+import numpy as np
+import pytest
+
+from kinreach.compare import compare
+from kinreach.errors import InputError
+from kinreach.view import html
+from kinreach.view.results import read_results
+from kinreach.view.snippet import results_program
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory):
+    """Of a comparison of the UR5 that some methods fail."""
+    out = tmp_path_factory.mktemp("results")
+    compare("ur5", methods=["closed-form", "ppo-single", "thesis-ppo-single"], goals=4, out=out)
+    return out
+
+
+@pytest.fixture
+def copied(folder, tmp_path):
+    """A copy to spoil."""
+    return shutil.copytree(folder, tmp_path / "copy")
+
+
+def test_ends_are_those_that_the_comparison_counted(folder):
+    results = read_results(folder / "results.json")
+    summary = json.loads((folder / "results.json").read_text())
+    assert results.arm == "ur5"
+    assert results.goals.shape == (4, 3)
+    assert list(results.colours) == [method["name"] for method in summary["methods"]]
+    for method in summary["methods"]:
+        ends = [ends[method["name"]] for ends in results.ends]
+        assert np.mean([end.reached for end in ends]) == method["reached"]
+        assert 1000 * np.median([end.distance for end in ends]) == pytest.approx(
+            method["distance_mm"]["median"], rel=1e-3
+        )
+        for end, goal in zip(ends, results.goals, strict=True):
+            assert np.linalg.norm(end.tip - goal) == pytest.approx(end.distance, abs=1e-9)
+            assert end.q.shape == (6,)
+    assert read_results(folder).file == results.file
+    assert results.shares.tolist() == [2 / 3] * 4
+
+
+def test_postures_end_where_the_tips_are(folder):
+    from kinreach.kinematics import UR5Kinematics
+
+    kinematics, compared = UR5Kinematics(tip="tcp", base="world"), 0
+    for ends in read_results(folder).ends:
+        for end in ends.values():
+            assert np.linalg.norm(kinematics.fk(end.q)[:3, 3] - end.tip) < 1e-5
+            compared += 1
+    assert compared == 12
+
+
+def no_methods(folder):
+    (folder / "results.json").write_text('{"methods": [], "settings": {}}')
+
+
+def no_json(folder):
+    (folder / "results.json").write_text("closed-form reached everything")
+
+
+def deep(folder):
+    (folder / "results.json").write_text("[" * 100_000)
+
+
+def other_json(folder):
+    (folder / "results.json").write_text('{"policies": {"single": 1}}')
+
+
+def not_a_number(folder):
+    text = (folder / "results.json").read_text()
+    (folder / "results.json").write_text(text.replace('"goals": 4', '"goals": NaN', 1))
+
+
+def no_trials(folder):
+    (folder / "results.csv").unlink()
+
+
+def one_line(folder):
+    (folder / "results.csv").write_text((folder / "results.csv").read_text().splitlines()[0])
+
+
+def other_table(folder):
+    (folder / "results.csv").write_text("a,b\n1,2\n")
+
+
+def binary(folder):
+    (folder / "results.csv").write_bytes(bytes(range(256)))
+
+
+def bad_vector(folder):
+    lines = (folder / "results.csv").read_text().splitlines()
+    column = lines[0].split(",").index("goal")
+    row = lines[1].split(",")
+    row[column] = "0.5 inf 0.2"
+    (folder / "results.csv").write_text("\n".join([lines[0], ",".join(row)]))
+
+
+@pytest.mark.parametrize(
+    ("spoil", "said"),
+    [
+        (no_methods, "was not written by a comparison: it must have 1 to 64 methods, got 0"),
+        (no_json, "is no JSON"),
+        (deep, "is no JSON"),
+        (other_json, "it has no list 'methods'"),
+        (not_a_number, "NaN is no JSON number"),
+        (no_trials, "cannot read"),
+        (one_line, "it has no trials"),
+        (other_table, "it has no column 'goal_index'"),
+        (binary, "is no text"),
+        (bad_vector, "goal must be 3 numbers within"),
+    ],
+)
+def test_what_no_comparison_wrote_is_refused_in_a_sentence(copied, spoil, said):
+    spoil(copied)
+    with pytest.raises(InputError) as refused:
+        read_results(copied)
+    assert said in str(refused.value)
+    assert "\n" not in str(refused.value)
+    assert str(copied) in str(refused.value)
+
+
+def test_names_are_escaped_and_printable(copied):
+    path = copied / "results.json"
+    content = json.loads(path.read_text())
+    hostile = "<script>alert(1)</script>"
+    content["methods"][0]["name"] = hostile
+    path.write_text(json.dumps(content))
+    trials = copied / "results.csv"
+    trials.write_text(trials.read_text().replace("closed-form", hostile))
+    results = read_results(copied)
+    assert hostile in results.colours
+    assert "<script>" not in html.ends(results, 0)
+
+
+def test_a_copied_program_says_the_same(folder, capsys):
+    results = read_results(folder)
+    exec(compile(results_program(results, 2), "copied", "exec"), {})
+    said = capsys.readouterr().out.splitlines()
+    assert said[0] == str(results.goals[2])
+    for method, end in results.ends[2].items():
+        assert any(line.startswith(f"{method} {end.reached} {end.distance}") for line in said)
