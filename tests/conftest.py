@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import re
+import shutil
 import subprocess
 import sys
 from collections.abc import Callable
@@ -21,6 +22,7 @@ from kinreach.envs.reach.task import TOOL_DOWN
 from kinreach.errors import InstallationError
 from kinreach.kinematics import UR5Kinematics
 
+BROWSERS = ("chromium", "chromium-browser", "google-chrome")
 HEADED = 2  # lines of a table before its first row
 
 # The same examples every time, on machines of any speed: what fails, a change has broken.
@@ -47,6 +49,21 @@ def needs_gl() -> None:
         if os.environ.get("KINREACH_REQUIRE_GL"):
             pytest.fail(f"KINREACH_REQUIRE_GL is set, and nothing can be drawn: {error}")
         pytest.skip(str(error))
+
+
+@pytest.fixture(scope="session")
+def browser_path() -> str:
+    """A browser that starts; Ubuntu's `chromium-browser` may be a script that only says what to install.
+
+    Skip where there is none, with the reason; fail instead where `KINREACH_REQUIRE_BROWSER` is set, as in CI.
+    """
+    for path in filter(None, map(shutil.which, BROWSERS)):
+        if subprocess.run([path, "--version"], capture_output=True, timeout=300, check=False).returncode == 0:
+            return path
+    missing = f"none of {', '.join(BROWSERS)} is installed"
+    if os.environ.get("KINREACH_REQUIRE_BROWSER"):
+        pytest.fail(f"KINREACH_REQUIRE_BROWSER is set, and {missing}")
+    pytest.skip(missing)
 
 
 def pytest_terminal_summary(terminalreporter: pytest.TerminalReporter) -> None:

@@ -9,21 +9,35 @@ Options: `--drags N`, `--tabs N`.
 
 from __future__ import annotations
 
+import argparse
 import contextlib
+import gc
 import threading
 import time
 from collections.abc import Callable
+from pathlib import Path
 from types import TracebackType
 from typing import Any
 
 import msgspec
+import numpy as np
+import psutil
 import viser
 from websockets.sync.client import connect
 
 from kinreach.checks import Floats
+from kinreach.cli import Parser, finish
+from kinreach.view.cli import setup_of
 from kinreach.view.page import Page
 from kinreach.view.server import Server
 
+PROG = "python -m benchmarks.studies.page"
+CALIBRATION = Path(__file__).parents[2] / "tests/data/calibrations/ur5_a.yaml"
+PORT = 8700
+#: How far a drag goes from one message to the next [m].
+STEP = 0.004
+#: Targets leave this box in front of the UR5 nowhere [m].
+LOW, HIGH = np.array([0.25, -0.45, -0.15]), np.array([0.75, 0.45, 0.45])
 #: Nothing of the page takes longer [s].
 PATIENCE = 120.0
 _CAMERA = {
@@ -99,3 +113,74 @@ def wait_for(condition: Callable[[], object]) -> None:
         if time.monotonic() > deadline:
             raise TimeoutError("the page does not answer")
         time.sleep(0.002)
+
+
+def drags(arm: str, calibration: Path | None, count: int) -> Floats:
+    """Seconds from the message of a dragged target to the answer's being on its way, with all postures, shape (count,).
+
+    The target wanders through the space over the table, its tool pointing down.
+    """
+    server = Server(setup_of(arm, calibration=None if calibration is None else str(calibration)), port=PORT)
+    rng, seconds = np.random.default_rng(0), []
+    try:
+        with Tab(server) as tab:
+            panel = tab.page.target
+            position, way = (LOW + HIGH) / 2, rng.normal(size=3)
+            for _ in range(count):
+                way = 0.9 * way + 0.4 * rng.normal(size=3)
+                position = np.clip(position + STEP * way / np.linalg.norm(way), LOW, HIGH)
+                panel.draw_s = 0.0
+                tab.drag(panel._gizmo, position)
+                wait_for(lambda: panel.draw_s)
+                seconds.append(panel.draw_s)
+    finally:
+        server.stop()
+    return np.array(seconds)
+
+
+def tabs(count: int, *, every: int) -> list[tuple[int, float, int]]:
+    """Memory [MB] and threads of this process after so many tabs, each opened, used in all its parts, and closed."""
+    server = Server(setup_of("ur5", calibration=str(CALIBRATION), simple=True), port=PORT)
+    process, found = psutil.Process(), []
+    try:
+        for number in range(1, count + 1):
+            with Tab(server) as tab:
+                target = tab.page.target
+                target.draw_s = 0.0
+                tab.drag(target._gizmo, target.T[:3, 3] + (0.05, 0.05, 0.0))
+                wait_for(lambda target=target: target.draw_s)
+                tab.page.show("Real arm")
+                panel: Any = tab.page.show("Episodes")
+                wait_for(lambda panel=panel: panel.playing)
+                tab.page.show("Results")
+            wait_for(lambda: not server.pages)
+            del tab, target, panel
+            if number % every == 0:
+                gc.collect()
+                found.append((number, process.memory_info().rss / 1e6, threading.active_count()))
+    finally:
+        server.stop()
+    return found
+
+
+def main(argv: list[str] | None = None) -> int:
+    """Print both tables as Markdown."""
+    parser = Parser(prog=PROG, description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--drags", type=int, default=300, metavar="N", help="default: %(default)s")
+    parser.add_argument("--tabs", type=int, default=25, metavar="N", help="default: %(default)s")
+    arguments = parser.parse_args(argv)
+    print("| arm | drags | median, ms | p95, ms | slowest, ms |")
+    print("|---|---|---|---|---|")
+    for name, calibration in (("UR5 by its data sheet", None), ("UR5 calibrated", CALIBRATION)):
+        seconds = 1e3 * drags("ur5", calibration, arguments.drags)
+        median, p95 = np.quantile(seconds, (0.5, 0.95))
+        print(f"| {name} | {len(seconds)} | {median:.1f} | {p95:.1f} | {seconds.max():.1f} |")
+    print("\n| tabs opened, used and closed | memory, MB | threads |")
+    print("|---|---|---|")
+    for number, memory, threads in tabs(arguments.tabs, every=5):
+        print(f"| {number} | {memory:.0f} | {threads} |")
+    return 0
+
+
+if __name__ == "__main__":
+    raise SystemExit(finish(main, prog=PROG))

@@ -41,10 +41,10 @@ def main(argv: Sequence[str], *, prog: str) -> int:
         results=arguments.results,
     )
     server = Server(setup, port=arguments.port)
-    print(f"{server.address}  (only on this machine; Ctrl-C ends it)", flush=True)
-    if arguments.open:
-        webbrowser.open(server.address)
     try:
+        print(f"{server.address}  (only on this machine; Ctrl-C ends it)", flush=True)
+        if arguments.open:
+            webbrowser.open(server.address)
         threading.Event().wait()
     finally:
         server.stop()

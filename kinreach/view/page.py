@@ -49,6 +49,7 @@ class Page:
         self._client = client
         self.lock = threading.RLock()
         overview(client, setup.arm)
+        client.scene.configure_default_lights(cast_shadow=not setup.simple)
         client.gui.configure_theme(control_width="large", show_logo=False, show_share_button=False)
         client.gui.add_html(html.block(f"<b>{escape(setup.arm.title)}</b>"))
         self._setup = setup
@@ -117,4 +118,4 @@ class Page:
 
         picture = self.picture(HEIGHT, WIDTH)
         _, data = cv2.imencode(".png", cv2.cvtColor(picture, cv2.COLOR_RGBA2BGRA))
-        self._client.send_file_download("kinreach.png", data.tobytes())
+        self._client.send_file_download("kinreach.png", data.tobytes(), save_immediately=True)

@@ -1,8 +1,6 @@
 """The report: whole, self-contained, safe to open, and its tables sort in a browser."""
 
-import os
 import re
-import shutil
 import subprocess
 import threading
 from contextlib import contextmanager
@@ -20,7 +18,6 @@ from kinreach.compare.runner import prepare, results_of
 from kinreach.errors import InstallationError
 
 HOSTILE = "<script>alert('x')</script>\"><img src=x onerror=alert(1)> & ${title} \N{BULLET}"
-BROWSERS = ("chromium", "chromium-browser", "google-chrome")
 
 
 def made_up(method, count, **values):
@@ -219,23 +216,8 @@ def served(folder):
         server.server_close()
 
 
-@pytest.fixture
-def browser():
-    """One that starts; Ubuntu's `chromium-browser` may be a script that only says what to install.
-
-    Skip where there is none; fail instead where `KINREACH_REQUIRE_BROWSER` is set, as in CI.
-    """
-    for path in filter(None, map(shutil.which, BROWSERS)):
-        if subprocess.run([path, "--version"], capture_output=True, timeout=300, check=False).returncode == 0:
-            return path
-    missing = f"none of {', '.join(BROWSERS)} is installed"
-    if os.environ.get("KINREACH_REQUIRE_BROWSER"):
-        pytest.fail(f"KINREACH_REQUIRE_BROWSER is set, and {missing}")
-    pytest.skip(missing)
-
-
 @pytest.mark.slow
-def test_in_a_browser(page, browser, tmp_path):
+def test_in_a_browser(page, browser_path, tmp_path):
     """It opens without a message on the console or a request, clicks on headings sort the table, no column hides."""
     folder = tmp_path / "page"
     folder.mkdir()
@@ -243,7 +225,7 @@ def test_in_a_browser(page, browser, tmp_path):
     (folder / "probe.html").write_text(PROBE, encoding="utf-8")
     with served(folder) as (address, asked):
         command = [
-            browser, "--headless", "--no-sandbox", "--disable-gpu", f"--user-data-dir={tmp_path / 'profile'}",
+            browser_path, "--headless", "--no-sandbox", "--disable-gpu", f"--user-data-dir={tmp_path / 'profile'}",
             "--enable-logging=stderr", "--virtual-time-budget=10000", "--dump-dom", f"{address}/probe.html",
         ]  # fmt: skip
         done = subprocess.run(command, capture_output=True, text=True, timeout=600, check=False)

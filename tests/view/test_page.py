@@ -1,17 +1,16 @@
 """The page in a browser: what is dragged and typed is answered, and what is drawn is what the server says."""
 
-import os
+import io
 import threading
 import time
 
 import numpy as np
 import pytest
+from PIL import Image
 
 from kinreach.robots.rotations import pose
 
-pytestmark = pytest.mark.skipif(
-    "KINREACH_TEST_VIEW" not in os.environ, reason="draws in a browser; KINREACH_TEST_VIEW=1 runs it"
-)
+pytestmark = pytest.mark.slow
 
 PATIENCE = 180.0  # [s]: a machine that is busy draws a frame in seconds
 
@@ -19,9 +18,10 @@ PATIENCE = 180.0  # [s]: a machine that is busy draws a frame in seconds
 def wait_for(tab, condition):
     """Until something holds; the browser goes on meanwhile."""
     deadline = time.monotonic() + PATIENCE
-    while not condition():
+    while not (held := condition()):
         assert time.monotonic() < deadline
         tab.wait_for_timeout(50)
+    return held
 
 
 def picture(tab, page):
@@ -33,22 +33,49 @@ def picture(tab, page):
     return taken[0][..., :3].astype(int)
 
 
+def is_red(pixels):
+    r, g, b = np.moveaxis(pixels[..., :3].astype(int), -1, 0)
+    return (r > 130) & (g < 0.6 * r) & (b < 0.6 * r) & (abs(g - b) < 40)
+
+
 def red_pixels(tab, page):
-    r, g, b = np.moveaxis(picture(tab, page), -1, 0)
-    return int(((r > 130) & (g < 0.6 * r) & (b < 0.6 * r) & (abs(g - b) < 40)).sum())
+    return int(is_red(picture(tab, page)).sum())
 
 
-def on_screen(page, point):
-    """Where a point of the world is in the window, in pixels."""
+def on_screen(page, point, height=None, width=None):
+    """Where a point of the world is in the window, or in a picture of another size, in pixels."""
     camera = page.target._client.camera
+    height, width = height or camera.image_height, width or camera.image_width
     forward = camera.look_at - camera.position
     forward /= np.linalg.norm(forward)
     right = np.cross(forward, (0, 0, 1))
     right /= np.linalg.norm(right)
     down = np.cross(forward, right)
     x, y, z = np.array([right, down, forward]) @ (np.asarray(point) - camera.position)
-    focal = camera.image_height / 2 / np.tan(camera.fov / 2)
-    return camera.image_width / 2 + focal * x / z, camera.image_height / 2 + focal * y / z
+    focal = height / 2 / np.tan(camera.fov / 2)
+    return width / 2 + focal * x / z, height / 2 + focal * y / z
+
+
+def drag_down(tab, page):
+    """Drag the target by the arrow of the tool's own z axis, which points down; whether it went with the mouse.
+
+    A browser that has not drawn a frame since the mouse moved does not know yet what is under it.
+    """
+    T = page.target.T
+    x, y = on_screen(page, T[:3, 3])
+    end_x, end_y = on_screen(page, T[:3, 3] + 0.8 * page.target._gizmo.scale * T[:3, 2])
+    tab.mouse.move(end_x, end_y)
+    tab.evaluate("() => new Promise(done => requestAnimationFrame(() => requestAnimationFrame(done)))")
+    tab.mouse.down()
+    for share in np.linspace(0, 1, 5):
+        tab.mouse.move(end_x + share * (end_x - x), end_y + share * (end_y - y))
+        tab.evaluate("() => new Promise(requestAnimationFrame)")
+    tab.mouse.up()
+    for _ in range(40):
+        if np.linalg.norm(page.target.T[:3, 3] - T[:3, 3]) > 0.02:
+            return True
+        tab.wait_for_timeout(50)
+    return False
 
 
 def test_a_page_asks_nobody_but_its_server(browser_page):
@@ -61,17 +88,7 @@ def test_a_page_asks_nobody_but_its_server(browser_page):
 def test_dragging_moves_the_target_and_the_list_says_so(browser_page):
     tab, page, _ = browser_page
     before, listed = page.target.T.copy(), tab.inner_text(".kinreach-postures")
-    x, y = on_screen(page, before[:3, 3])
-    # the handle of the tool's own z axis, which points down
-    end_x, end_y = on_screen(page, before[:3, 3] + 0.8 * page.target._gizmo.scale * before[:3, 2])
-    tab.mouse.move(end_x, end_y)
-    tab.wait_for_timeout(300)
-    tab.mouse.down()
-    for share in np.linspace(0, 1, 5):
-        tab.mouse.move(end_x + share * (end_x - x), end_y + share * (end_y - y))
-        tab.wait_for_timeout(100)
-    tab.mouse.up()
-    wait_for(tab, lambda: np.linalg.norm(page.target.T[:3, 3] - before[:3, 3]) > 0.02)
+    wait_for(tab, lambda: drag_down(tab, page))
     wait_for(tab, lambda: tab.inner_text(".kinreach-postures") != listed)
     moved = page.target.T[:3, 3] - before[:3, 3]
     assert abs(moved @ before[:3, 2]) > 0.95 * np.linalg.norm(moved)
@@ -88,3 +105,24 @@ def test_what_collides_is_red_and_named(browser_page):
     wait_for(tab, lambda: "finger left touches table" in tab.inner_text(".kinreach-verdict"))
     assert page.target.answer.usable == 0
     assert red_pixels(tab, page) > usable + 2000  # the table
+
+
+def test_an_episode_is_played_and_its_screenshot_is_what_the_server_says(browser_page):
+    """The ball is in the downloaded picture where the server has it, until the arm is there."""
+    tab, page, _ = browser_page
+    tab.get_by_role("button", name="Episodes").click()
+    panel = wait_for(tab, lambda: page.shown if page.shown is not page.target else None)
+    episode = wait_for(tab, lambda: panel.episode)
+    wait_for(tab, lambda: "1 of 1 steps" in tab.inner_text(".kinreach-moment"))
+    assert tab.inner_text(".kinreach-verdict >> visible=true") == episode.verdict
+    tab.get_by_role("button", name="start").click()
+    wait_for(tab, lambda: tab.inner_text(".kinreach-moment").startswith("0.00 s, 0 of 1 steps"))
+    wait_for(tab, lambda: red_pixels(tab, page) > 20)  # it is all drawn
+    with tab.expect_download() as saved:
+        tab.get_by_role("button", name="Screenshot").click()
+    shot = np.array(Image.open(io.BytesIO(saved.value.path().read_bytes())))
+    rows, columns = np.nonzero(is_red(shot))
+    u, v = on_screen(page, episode.goal, *shot.shape[:2])
+    middle = (columns.min() + columns.max()) / 2, (rows.min() + rows.max()) / 2
+    assert np.hypot(middle[0] - u, middle[1] - v) < 0.01 * shot.shape[1]
+    assert len(rows) > 100
