@@ -42,10 +42,9 @@ def red_pixels(tab, page):
     return int(is_red(picture(tab, page)).sum())
 
 
-def on_screen(page, point, height=None, width=None):
-    """Where a point of the world is in the window, or in a picture of another size, in pixels."""
+def on_screen(page, point, height, width):
+    """Where a point of the world is in a picture of the scene, or in the window, of a size in pixels."""
     camera = page.target._client.camera
-    height, width = height or camera.image_height, width or camera.image_width
     forward = camera.look_at - camera.position
     forward /= np.linalg.norm(forward)
     right = np.cross(forward, (0, 0, 1))
@@ -62,8 +61,9 @@ def drag_down(tab, page):
     A browser that has not drawn a frame since the mouse moved does not know yet what is under it.
     """
     T = page.target.T
-    x, y = on_screen(page, T[:3, 3])
-    end_x, end_y = on_screen(page, T[:3, 3] + 0.8 * page.target._gizmo.scale * T[:3, 2])
+    size = tab.viewport_size["height"], tab.viewport_size["width"]
+    x, y = on_screen(page, T[:3, 3], *size)
+    end_x, end_y = on_screen(page, T[:3, 3] + 0.8 * page.target._gizmo.scale * T[:3, 2], *size)
     tab.mouse.move(end_x, end_y)
     tab.evaluate("() => new Promise(done => requestAnimationFrame(() => requestAnimationFrame(done)))")
     tab.mouse.down()
