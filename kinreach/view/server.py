@@ -5,6 +5,7 @@ from __future__ import annotations
 import contextlib
 import io
 import threading
+import warnings
 from typing import Any
 
 from kinreach.errors import InstallationError, OutputError
@@ -13,6 +14,8 @@ from kinreach.view.setup import Setup
 
 #: The only address that is listened to: who is not on this machine cannot connect.
 HOST = "127.0.0.1"
+#: What viser warns of where a tab is closed while something is drawn in it, which is no fault.
+CLOSED = r"Queued a \w+ on a closed connection"
 
 
 def import_viser() -> Any:
@@ -50,6 +53,7 @@ class Server:
         self.pages: dict[int, Page] = {}
         self._closed: set[int] = set()
         self._lock = threading.Lock()
+        warnings.filterwarnings("ignore", message=CLOSED)
         try:
             with contextlib.redirect_stdout(io.StringIO()):  # viser says where it listens, in its own words
                 self._viser = viser.ViserServer(

@@ -1,7 +1,10 @@
 """The parts of the page on a real server, with a tab that has no browser."""
 
 import contextlib
+import gc
+import re
 import threading
+import weakref
 
 import numpy as np
 import pytest
@@ -140,15 +143,26 @@ def test_an_episode_is_played_stepped_and_scrubbed(serve):
         assert not panel.playing
 
 
-def test_a_closed_tab_leaves_no_threads(serve):
+def used(page):
+    """Open all parts of a page; what must not outlive it, held weakly."""
+    panels = [page.show(name) for name in page.names]
+    episodes = panels[page.names.index("Episodes")]
+    wait_for(lambda: episodes.episode)
+    return [weakref.ref(thing) for thing in (page, *panels, episodes.episode, page.target.model)]
+
+
+def test_a_closed_tab_leaves_nothing(serve):
+    """No threads of ours, and nothing of the page in memory."""
     server = serve("ur5")
     before = set(threading.enumerate())
     with Tab(server) as tab:
-        panel = tab.page.show("Episodes")
-        wait_for(lambda: panel.episode)
+        seen = used(tab.page)
+    del tab
     wait_for(lambda: not server.pages)
-    left = {"Thread-", "kinreach"}
-    wait_for(lambda: not [t for t in set(threading.enumerate()) - before if t.name.startswith(tuple(left))])
+    ours = re.compile(r"Thread-|kinreach")
+    wait_for(lambda: not any(ours.match(thread.name) for thread in set(threading.enumerate()) - before))
+    wait_for(lambda: gc.collect() >= 0 and not any(thing() for thing in seen))
+    assert len(seen) == 7
 
 
 def test_a_goal_that_is_clicked_shows_where_each_method_ended(serve, tmp_path):

@@ -1,0 +1,130 @@
+"""The pictures of the page in docs/view.md and the README: `python -m tools.page_pictures` (chromium, playwright).
+
+A comparison's folder comes first: `python -m tools.page_pictures results/compare-ur5`. Without a graphics card a
+picture takes some seconds.
+"""
+
+from __future__ import annotations
+
+import argparse
+import shutil
+import threading
+from collections.abc import Callable
+from io import BytesIO
+from itertools import pairwise
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from PIL import Image
+from playwright.sync_api import sync_playwright
+
+from kinreach.cli import Parser, finish
+from kinreach.demo.film import Film
+from kinreach.robots.rotations import pose
+from kinreach.view.cli import setup_of
+from kinreach.view.server import Server
+from kinreach.view.target_panel import TargetPanel
+
+PROG = "python -m tools.page_pictures"
+ROOT = Path(__file__).parents[1]
+IMAGES = ROOT / "docs/images"
+CALIBRATION = ROOT / "tests/data/calibrations/ur5_a.yaml"
+ARGUMENTS = ["--no-sandbox", "--use-angle=swiftshader", "--enable-unsafe-swiftshader", "--ignore-gpu-blocklist"]
+WIDTH, HEIGHT = 1200, 750
+#: Nothing takes longer [ms].
+PATIENCE = 300_000
+#: Frames per second of the film, and of each part of its way.
+FPS, PART = 6, 10
+QUALITY = 82
+#: Where the target goes in the film: over the table, into it, out of reach, and back.
+WAY = [(0.5, 0.1, 0.05), (0.45, -0.25, -0.1), (0.5, 0.05, -0.25), (1.0, 0.3, 0.1), (0.5, 0.1, 0.05)]
+
+
+class Camera:
+    """A tab whose pictures are taken when all is drawn.
+
+    Args:
+        browser: Playwright's.
+        server: Of the page.
+    """
+
+    def __init__(self, browser: Any, server: Server) -> None:
+        self.tab = browser.new_context(viewport={"width": WIDTH, "height": HEIGHT}).new_page()
+        self.tab.set_default_timeout(PATIENCE)
+        self.tab.goto(server.address)
+        self.tab.wait_for_selector(".kinreach-verdict")
+        self.page = next(iter(server.pages.values()))
+        for close in self.tab.query_selector_all(".mantine-Notification-closeButton"):
+            close.click()
+
+    def take(self) -> Image.Image:
+        """What is in the window."""
+        self._meanwhile(lambda: self.page.picture(40, 64))  # the answer comes when all messages have been drawn
+        self.tab.evaluate("() => new Promise(done => requestAnimationFrame(() => requestAnimationFrame(done)))")
+        return Image.open(BytesIO(self.tab.screenshot())).convert("RGB")
+
+    def wait_for(self, condition: Callable[[], object]) -> None:
+        """Until something holds."""
+        while not condition():
+            self.tab.wait_for_timeout(50)
+
+    def _meanwhile(self, work: Callable[[], object]) -> None:
+        """Do something that waits for the browser, which needs this thread."""
+        thread = threading.Thread(target=work)
+        thread.start()
+        self.wait_for(lambda: not thread.is_alive())
+
+
+def film(camera: Camera, target: TargetPanel) -> None:
+    """A target that is dragged, and what is said of it."""
+    with Film(IMAGES / "view.gif", fps=FPS) as reel:
+        for start, end in pairwise(WAY):
+            for share in np.linspace(0, 1, PART):
+                position = (1 - share) * np.array(start) + share * np.array(end)
+                target.move(pose(position.tolist(), (np.pi, 0, 0)))
+                picture = camera.take().resize((WIDTH * 2 // 3, HEIGHT * 2 // 3), Image.Resampling.LANCZOS)
+                for _ in range(FPS if share == 1 else 1):
+                    reel.add(np.array(picture))
+
+
+def main(argv: list[str] | None = None) -> int:
+    """Take them all."""
+    parser = Parser(prog=PROG, description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("results", metavar="DIR", help="a comparison of the UR5")
+    parser.add_argument("--only", metavar="NAME", help="target, real-arm, episodes, results or film")
+    arguments = parser.parse_args(argv)
+    server = Server(setup_of("ur5"), port=8720)
+
+    def wanted(name: str) -> bool:
+        return arguments.only in (None, name)
+
+    with sync_playwright() as playwright:
+        browser = playwright.chromium.launch(executable_path=shutil.which("chromium"), args=ARGUMENTS)
+        camera = Camera(browser, server)
+        page = camera.page
+        page.target.move(pose((0.5, 0.1, -0.05), (np.pi, 0, 0)))
+        if wanted("target"):
+            camera.take().save(IMAGES / "view.jpg", quality=QUALITY)
+        if wanted("film"):
+            film(camera, page.target)
+        if wanted("real-arm"):
+            page.show("Real arm").open(str(CALIBRATION))  # type: ignore[attr-defined]
+            camera.take().save(IMAGES / "view_real_arm.jpg", quality=QUALITY)
+        if wanted("episodes"):
+            episodes: Any = page.show("Episodes")
+            camera.wait_for(lambda: episodes.episode is not None and not episodes.playing)
+            episodes.go(2 * len(episodes.episode.frames) // 3)
+            camera.take().save(IMAGES / "view_episodes.jpg", quality=QUALITY)
+        if wanted("results"):
+            results: Any = page.show("Results")
+            results.open(arguments.results)
+            results.choose(7)
+            camera.take().save(IMAGES / "view_results.jpg", quality=QUALITY)
+        browser.close()
+    server.stop()
+    return 0
+
+
+if __name__ == "__main__":
+    raise SystemExit(finish(main, prog=PROG))
