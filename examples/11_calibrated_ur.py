@@ -5,17 +5,15 @@ the ROS driver's `ur_calibration` writes, or the controller's `calibration.conf`
 """
 
 import sys
-from pathlib import Path
 
 import numpy as np
 
 from kinreach.kinematics import CollisionChecker, URKinematics
 from kinreach.robots import get_arm
-from kinreach.robots.calibration import read_calibration
+from kinreach.robots.calibration import PUBLISHED, read_calibration
 from kinreach.sim.simulation import ArmSimulation
 
-published = Path(__file__).parents[1] / "tests" / "data" / "calibrations" / "ur5_a.yaml"
-file, model = sys.argv[1:] if len(sys.argv) == 3 else (published, "ur5")
+file, model = sys.argv[1:] if len(sys.argv) == 3 else (PUBLISHED["ur5_a"], "ur5")
 
 calibration = read_calibration(file, model)
 print(

@@ -11,7 +11,7 @@ from gymnasium.envs.registration import register, registry
 _REACH, _BUTTON = "kinreach.envs.reach", "kinreach.envs.button"
 #: Ids of the environments.
 SINGLE, MULTI, BUTTON = "kinreach/UR5SingleStep-v0", "kinreach/UR5MultiStep-v0", "kinreach/ButtonPress-v0"
-SPACE = "kinreach/Reach-v0"
+SPACE, REAL_ARM = "kinreach/Reach-v0", "kinreach/RealArm-v0"
 #: Those of the reach tasks without dynamics, with numbers only in `info`: for clients that cannot pass
 #: `backend="kinematic"` on, or cannot read texts.
 SINGLE_KINEMATIC, MULTI_KINEMATIC = "kinreach/UR5SingleStepKinematic-v0", "kinreach/UR5MultiStepKinematic-v0"
@@ -29,6 +29,10 @@ ENVIRONMENTS = {
 KINEMATIC_ENVIRONMENTS = {SINGLE_KINEMATIC: _SINGLE, MULTI_KINEMATIC: _MULTI}
 
 
+#: Those without a native batch: a step is already one of many arms.
+SINGLE_ENVIRONMENTS = {REAL_ARM: "kinreach.envs.real_arm:RealArmEnv"}
+
+
 def register_environments() -> None:
     """Register every environment that is not registered yet."""
     plain = {"backend": "kinematic", "info": "numbers"}
@@ -36,3 +40,6 @@ def register_environments() -> None:
         for name, (entry_point, vector_entry_point) in environments.items():
             if name not in registry:
                 register(name, entry_point=entry_point, vector_entry_point=vector_entry_point, kwargs=options)
+    for name, entry_point in SINGLE_ENVIRONMENTS.items():
+        if name not in registry:
+            register(name, entry_point=entry_point)

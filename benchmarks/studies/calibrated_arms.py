@@ -3,7 +3,7 @@
     python -m benchmarks.studies.calibrated_arms                  # minutes: ssik's branches are read from a file
     python -m benchmarks.studies.calibrated_arms --oracle FILE    # ssik prepares each robot anew: half an hour
 
-The robots are in `tests/data/calibrations`: figures of real arms from public repositories.
+The robots are those of `kinreach.robots.calibration.PUBLISHED`: figures of real arms from public repositories.
 """
 
 from __future__ import annotations
@@ -20,11 +20,12 @@ from kinreach.cli import Parser, finish
 from kinreach.kinematics import CalibratedURKinematics, URKinematics
 from kinreach.kinematics.goals import pose_error
 from kinreach.kinematics.ur.kinematics import FLIP
+from kinreach.robots.calibration import PUBLISHED
 
 PROG = "python -m benchmarks.studies.calibrated_arms"
 DATA = Path(__file__).resolve().parents[2] / "tests" / "data"
-FILES, ORACLE = DATA / "calibrations", DATA / "calibrated_branches.npz"
-ROBOTS = tuple(sorted(file.stem for file in FILES.glob("*_[a-d].yaml")))
+ORACLE = DATA / "calibrated_branches.npz"
+ROBOTS = tuple(PUBLISHED)
 #: Two postures are the same if no joint differs by more [rad]: the stored ones are in single precision.
 SAME = 1e-3
 VALID = 1e-9
@@ -37,7 +38,7 @@ COLUMNS = (
 
 def arm_of(robot: str) -> CalibratedURKinematics:
     """Kinematics of one of the robots, from the driver's file."""
-    kin = URKinematics.from_calibration(FILES / f"{robot}.yaml", model=robot.split("_")[0])
+    kin = URKinematics.from_calibration(PUBLISHED[robot], model=robot.split("_")[0])
     assert isinstance(kin, CalibratedURKinematics)
     return kin
 

@@ -15,7 +15,7 @@ An algorithm from outside is one entry, for example of sb3-contrib:
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cache, partial
 from typing import Any
@@ -31,6 +31,7 @@ from stable_baselines3.common.noise import NormalActionNoise, VectorizedActionNo
 from torch.optim import Optimizer
 
 from kinreach.baselines.batch import first_observations
+from kinreach.baselines.expert import tool_down_postures
 from kinreach.baselines.looks import Looks
 from kinreach.baselines.networks import ACTIVATIONS, LookFeatures, ObservationFeatures, PosturePolicy, actor_network
 from kinreach.baselines.policies import Network
@@ -39,6 +40,8 @@ from kinreach.baselines.recipes import Recipe
 from kinreach.baselines.rewards import TrainingReward
 from kinreach.baselines.vec_envs import LooksVecEnv, SB3VecEnv, TriesVecEnv
 from kinreach.checks import Floats, check_known
+from kinreach.envs.reach.observers import measured
+from kinreach.envs.reach.space import SpaceTask
 from kinreach.envs.reach.task import GOAL, SINGLE_STEP, ReachTask, joint_limits, layout_of
 from kinreach.errors import InputError
 from kinreach.kinematics import UR5Kinematics
@@ -202,61 +205,104 @@ class RankedPPO(AdaptivePPO):
         )
 
 
-def closed_form_postures(views: np.ndarray[Any, Any]) -> np.ndarray[Any, Any]:
-    """Postures of the closed form that reach goals with the gripper straight down, turned outwards as the goal is.
-
-    Of all there are, the one nearest to the start pose: over the table area they are of one branch, and change
-    smoothly.
-
-    Args:
-        views: What the two cameras say of the goals [m], shape (n, 6).
-
-    Returns:
-        Joint angles [rad], shape (n, 6).
-    """
-    kinematics = _ur5()
-    home = np.array(kinematics.arm.home)
-    goals = goals_in_world(kinematics.arm, views, np.ones((len(views), 2), dtype=np.bool_))
-    outwards = np.arctan2(goals[:, 1], goals[:, 0])
-    poses = np.tile(np.eye(4), (len(goals), 1, 1))
-    poses[:, :2, :2] = np.cos(outwards)[:, None, None] * np.eye(2) + np.sin(outwards)[:, None, None] * _QUARTER_TURN
-    poses[:, :3, :3] = poses[:, :3, :3] @ kinematics.fk(home)[:3, :3]
-    poses[:, :3, 3] = goals
-    return kinematics.nearest_batch(poses, home).q
-
-
 @cache
 def _ur5() -> UR5Kinematics:
     return UR5Kinematics(tip="tcp", base="world")
 
 
-_QUARTER_TURN = np.array([[0.0, -1.0], [1.0, 0.0]])
+#: From the mean actions of some rows of a batch, and their indices, to what is to be made small.
+Objective = Callable[[torch.Tensor, torch.Tensor], torch.Tensor]
 
 
-class Regression(AdaptivePPO):
-    """No reinforcement learning: the actor is regressed on the closed form's postures for the goals that it sees.
+class Descent(AdaptivePPO):
+    """No trial and error: the actor goes down the gradient of an objective for the goals that it sees.
 
     What it does meanwhile is rolled out as in the other algorithms, so that its learning curve is one of theirs;
-    nothing is learned from the rewards. It is for the UR5's single-step task.
+    nothing is learned from the rewards.
     """
 
+    def objective(self, observations: Floats) -> Objective:
+        """What is to be made small for a batch of observations, shape (n, m)."""
+        raise NotImplementedError
+
     def train(self) -> None:
-        """One update: the mean squared error of the postures, in minibatches."""
+        """One update, in minibatches."""
         self.policy.set_training_mode(True)
         self._update_learning_rate(self.policy.optimizer)
         observations = self.rollout_buffer.observations.reshape(-1, self.rollout_buffer.obs_shape[0])
-        postures = closed_form_postures(observations[:, GOAL].astype(np.float64)) / SINGLE_STEP.scale
-        seen, wanted = torch.as_tensor(observations), torch.as_tensor(postures, dtype=torch.float32)
+        objective, seen = self.objective(observations.astype(np.float64)), torch.as_tensor(observations)
         for _ in range(self.n_epochs):
             for rows in torch.split(torch.randperm(len(seen)), self.batch_size):
                 distribution: Any = self.policy.get_distribution(seen[rows])
-                loss = (distribution.distribution.mean - wanted[rows]).square().mean()
+                loss = objective(distribution.distribution.mean, rows)
                 self.policy.optimizer.zero_grad()
-                loss.backward()
+                loss.backward()  # type: ignore[no-untyped-call]
                 self.policy.optimizer.step()
         self._n_updates += self.n_epochs
         self.logger.record("train/loss", loss.item())
         self._explore()
+
+
+class Regression(Descent):
+    """The actor is regressed on the closed form's postures. It is for the UR5's single-step task."""
+
+    def objective(self, observations: Floats) -> Objective:
+        """The mean squared error of the postures, as actions."""
+        views = observations[:, GOAL]
+        goals = goals_in_world(_ur5().arm, views, np.ones((len(views), 2), dtype=np.bool_))
+        postures = tool_down_postures(_ur5(), goals) / SINGLE_STEP.scale
+        wanted = torch.as_tensor(postures, dtype=torch.float32)
+        return lambda means, rows: (means - wanted[rows]).square().mean()
+
+
+class AnalyticGradient(Descent):
+    """Analytic policy gradient: the actor goes down the gradient of its own error, through forward kinematics.
+
+    As in differentiable simulators (Freeman et al. 2021, Brax, arXiv:2106.13281, section 4.2), for one step. It knows
+    the arm's kinematics, and no closed form; its branch is that of the posture which it begins with. A collision has no
+    gradient: all that it feels of one is how deep some points of the tool are in the table.
+
+    Args:
+        task: What the actor is to do; postures are its output.
+        feelers: Points fixed to the tip that are to stay above the table [m], shape (k, 3).
+    """
+
+    def __init__(self, *args: Any, task: SpaceTask, feelers: Sequence[Sequence[float]] = (), **kwargs: Any) -> None:
+        self.task = task
+        self.feelers = torch.tensor(feelers, dtype=torch.float32).reshape(-1, 3)
+        super().__init__(*args, **kwargs)
+
+    def _excluded_save_params(self) -> list[str]:
+        return [*super()._excluded_save_params(), "task"]
+
+    def objective(self, observations: Floats) -> Objective:
+        """Distance of the tip from the goal, `LEVER` times the angle of the tool, depth of the feelers [m]; mean."""
+        task, chain = self.task, self.task.kinematics.chain
+        low, high = joint_limits(task.arm)
+        half, middle = (torch.as_tensor(part, dtype=torch.float32) for part in ((high - low) / 2, (high + low) / 2))
+        goals = torch.as_tensor(measured(task, observations[:, task.layout.goal]).seen, dtype=torch.float32)
+        directions = torch.as_tensor(observations[:, task.layout.direction], dtype=torch.float32)
+
+        tops = [box.position[2] + box.size[2] / 2 for box in task.arm.workcell.obstacles if box.name == "table"]
+        least = max(tops, default=-math.inf) + CLEARANCE
+
+        def error(means: torch.Tensor, rows: torch.Tensor) -> torch.Tensor:
+            tips = chain.fk(middle + half * means)
+            miss = (tips[:, :3, 3] - goals[rows]).square().sum(1)
+            turn = (tips[:, :3, 2] - directions[rows]).square().sum(1)  # the angle squared, where it is small
+            heights = tips[:, 2, :3] @ self.feelers.T + tips[:, 2, 3:]
+            depth = (least - heights).clamp(min=0.0).sum(1)
+            return ((miss + ROOT_OF).sqrt() + LEVER * (turn + ROOT_OF).sqrt() + depth).mean()
+
+        return error
+
+
+#: Weight of the tool's angle beside the distance [m/rad].
+LEVER = 0.1
+#: How far above the table feelers are to stay [m].
+CLEARANCE = 0.01
+#: Keeps the slope of a root finite where an error is zero.
+ROOT_OF = 1e-10
 
 
 #: Seed of the observations whose mean and spread scale the network's inputs.
@@ -352,6 +398,22 @@ def regression_arguments(recipe: Recipe, env: SB3VecEnv, planned: int) -> dict[s
     """Those of an actor; `tries` is what the environments take."""
     arguments = actor_arguments(recipe, env, planned)
     del arguments["tries"]
+    return arguments
+
+
+def analytic_arguments(recipe: Recipe, env: SB3VecEnv, planned: int) -> dict[str, Any]:
+    """Those of a regression, and the task; `around` is the posture [rad] that outputs are changes of.
+
+    Raises:
+        InputError: The environment is another one than `kinreach/Reach-v0`, or actions do not mean postures.
+    """
+    if recipe.environment != SPACE or not recipe.networks.posture:
+        raise InputError(f"analytic gradients are for postures in {SPACE}, not for {recipe.environment}")
+    arguments = regression_arguments(recipe, env, planned) | {"task": SpaceTask.of(recipe.options)}
+    if "around" in arguments:
+        arm = _arm(recipe)
+        shift = (np.array(arguments.pop("around")) - sum(joint_limits(arm)) / 2) / _half_ranges(arm)
+        arguments["policy_kwargs"]["head"]["shift"] = shift.tolist()
     return arguments
 
 
@@ -460,6 +522,7 @@ register_algorithm(Algorithm("PPO2", PPO2, arguments=ppo2_arguments, vec_env=ste
 register_algorithm(Algorithm("AdaptivePPO", AdaptivePPO, arguments=adaptive_arguments))
 register_algorithm(Algorithm("RankedPPO", RankedPPO, arguments=ranked_arguments, vec_env=in_tries))
 register_algorithm(Algorithm("Regression", Regression, arguments=regression_arguments, vec_env=in_tries))
+register_algorithm(Algorithm("AnalyticGradient", AnalyticGradient, arguments=analytic_arguments, vec_env=in_tries))
 register_algorithm(Algorithm("SAC", SAC))
 register_algorithm(Algorithm("TD3", TD3))
 register_algorithm(Algorithm("DQN", DQN))

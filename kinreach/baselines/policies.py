@@ -28,6 +28,7 @@ from kinreach.checks import as_floats, check_entries, check_path, shown
 from kinreach.envs.reach.task import SINGLE_STEP, STEP_SIZE
 from kinreach.errors import InputError, UnknownNameError
 from kinreach.files import replacing
+from kinreach.registration import SPACE
 from kinreach.vision.goal_view import GOAL_CAMERAS
 
 Array = NDArray[Any]
@@ -452,13 +453,22 @@ def trained_arm(policy: LearnedPolicy) -> dict[str, Any]:
     return {"arm": options["arm"]} if isinstance(options, Mapping) and isinstance(options.get("arm"), str) else {}
 
 
+#: Options that say which goals `kinreach/Reach-v0` has.
+SPACE_OPTIONS = ("steps", "goal_height", "tilt", "start_spread")
+
+
 def needed_options(policy: LearnedPolicy) -> dict[str, Any]:
-    """Options of an environment for a policy: the arm, and pictures of the size that it learned from if it sees any."""
-    if not policy.network.eyes:
-        return trained_arm(policy)
-    options = policy.card.recipe.get("options") or {}
-    size = {name: options[name] for name in ("width", "height") if isinstance(options.get(name), int)}
-    return {**trained_arm(policy), "observation": "pixels", **size}
+    """Options of an environment for a policy, as far as its card has them.
+
+    The arm, in `kinreach/Reach-v0` the goals, and pictures of the size that it learned from if it sees any.
+    """
+    options: Any = policy.card.recipe.get("options") or {}
+    space = SPACE_OPTIONS if policy.card.environment == SPACE else ()
+    needed = {**trained_arm(policy), **{name: options[name] for name in space if name in options}}
+    if policy.network.eyes:
+        size = {name: options[name] for name in ("width", "height") if isinstance(options.get(name), int)}
+        needed |= {"observation": "pixels", **size}
+    return needed
 
 
 def load_policy(policy: str | Path, *, environment: str | None = None) -> LearnedPolicy:

@@ -33,6 +33,13 @@ OPTIONS: dict[str, dict[str, Any]] = {
     "depth_noise": {"type": float, "metavar": "M", "help": "standard deviation, metres (default: 0)"},
     "max_steps": {"type": int, "metavar": "N", "help": "of an episode of the button task (default: 100)"},
     "actuation": {"help": "of the button task: tuned or report (default: tuned)"},
+    "looks": {"metavar": "N,N", "help": "of the task real-arm: looks before (default: 0,5,10,20,50)"},
+    "again": {
+        "type": int,
+        "metavar": "K",
+        "help": "of the task real-arm: moves after the first (default: 2)",
+    },
+    "calibrations": {"metavar": "A,B", "help": "of the task real-arm: files of UR5s, or published: ur5_a to ur5_d"},
 }
 #: Those that say how cameras look.
 CAMERA_OPTIONS = ("pipeline", "resolution", "rgb_noise", "depth_noise")
@@ -83,8 +90,9 @@ def main(argv: Sequence[str], *, prog: str) -> int:
         *notes(task, results),
         f"Again: {results['settings']['command']}",
         f"In {out}: {', '.join(files)}",
-        f"Scene: {scene}" if scene.is_file() else "No picture of the scene: report.html says why.",
     ]
+    if task.pictures:
+        lines.append(f"Scene: {scene}" if scene.is_file() else "No picture of the scene: report.html says why.")
     for line in lines:
         console.print(line, style="dim", soft_wrap=True)
     return 0
@@ -140,6 +148,10 @@ def _options(said: dict[str, Any], arguments: argparse.Namespace) -> dict[str, A
             f"pipeline, resolution and noise need observation '{CAMERA}', got observation '{arguments.observation}'"
         )
     options = dict(said)
+    if "looks" in options:
+        options["budgets"] = _counts("--looks", options.pop("looks"))
+    if "calibrations" in options:
+        options["calibrations"] = tuple(options["calibrations"].split(","))
     if "resolution" in options:
         options["width"], options["height"] = _resolution(options.pop("resolution"))
     return options
@@ -213,3 +225,10 @@ def _resolution(text: str) -> tuple[int, int]:
     if not (width.isdecimal() and height.isdecimal()):
         raise InputError(f"--resolution is WIDTHxHEIGHT in pixels, such as 640x360, got {text!r}")
     return int(width), int(height)
+
+
+def _counts(name: str, text: str) -> tuple[int, ...]:
+    try:
+        return tuple(int(part) for part in text.split(","))
+    except ValueError:
+        raise InputError(f"{name} is numbers with commas between them, such as 0,5,20, got {text!r}") from None

@@ -72,14 +72,15 @@ def write_report(
     """
     renderings: list[Rendering] | str
     try:
-        renderings = render_trials(task, trials, results)
+        renderings = render_trials(task, trials, results) if task.pictures else []
     except OutputError:
         raise
     except Exception as error:  # whatever somebody else's environment raises that cannot start in a posture
         renderings = f"None: {' '.join(str(error).split())}"
     else:
-        with replacing(path.with_name("scene.png")) as temporary:
-            Image.fromarray(renderings[0].image).save(temporary, "PNG")
+        if renderings:
+            with replacing(path.with_name("scene.png")) as temporary:
+                Image.fromarray(renderings[0].image).save(temporary, "PNG")
     write_text(path, report_html(task, results, charts, renderings, notes))
 
 
@@ -229,6 +230,8 @@ def _row(entry: Mapping[str, Any], columns: Sequence[Column], *, kind: bool) -> 
 def _renderings(found: Sequence[Rendering] | str) -> str:
     if isinstance(found, str):
         return f"<p>{escape(found)}</p>"
+    if not found:
+        return "<p>None: the trials of this task are not drawn.</p>"
     by_method: dict[str, list[str]] = {}
     for rendering in found:
         by_method.setdefault(rendering.method, []).append(_picture(rendering))

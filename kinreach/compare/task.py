@@ -80,6 +80,7 @@ class Task:
         observations: Values of the environments' option `observation` that make sense; empty if there is none.
         terms: What every method is given alike, in words, by a short name.
         notes: From the contents of `results.json` to lines under the tables, more than the criterion.
+        pictures: Whether the report has pictures of how trials ended, drawn by the environment.
     """
 
     name: str
@@ -97,6 +98,7 @@ class Task:
     observations: tuple[str, ...] = ()
     terms: Mapping[str, str] = field(default_factory=dict)
     notes: Callable[[Mapping[str, Any]], list[str]] = lambda results: []
+    pictures: bool = True
 
     def with_options(self, options: Mapping[str, Any]) -> Task:
         """The same task with some options of its environments set otherwise."""
@@ -106,7 +108,7 @@ class Task:
 #: Registered tasks by name.
 _TASKS: dict[str, Task] = {}
 #: Tasks of the package -> the module whose `TASKS` has them, loaded when one of them is first asked for.
-_OWN = {"ur5": "reach", "space": "reach", "arm3": "reach", "button": "button"}
+_OWN = {"ur5": "reach", "space": "reach", "arm3": "reach", "button": "button", "real-arm": "real_arm"}
 
 
 def register_task(task: Task) -> Task:

@@ -125,6 +125,11 @@ class SerialChain:
         self._tip = _snapped(before @ tip)
         self.joints = len(self._joints)
 
+    @property
+    def placements(self) -> Floats:
+        """A0 to An of the same chain with joints that turn about their own z axis, shape (n + 1, 4, 4)."""
+        return np.array([*self._constants, self._tip])
+
     def fk(self, q: Any) -> Any:
         """Poses of the tip in the base frame, shape (m, 4, 4).
 

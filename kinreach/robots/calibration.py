@@ -39,6 +39,9 @@ _XYZ, _RPY = ("x", "y", "z"), ("roll", "pitch", "yaw")
 _DELTAS = ("delta_theta", "delta_a", "delta_d", "delta_alpha")
 _TWISTS = (math.pi / 2, 0.0, 0.0, math.pi / 2, -math.pi / 2, 0.0)
 _DELTA_LINE = re.compile(r"^\s*(delta_\w+)\s*=\s*\[([^\]]*)\]\s*$", re.MULTILINE)
+#: Calibrations of eight real arms whose owners published them, by name, such as "ur5_a" (the model, then a letter):
+#: the driver's files. Each says in its first line where its figures are from.
+PUBLISHED = {file.stem: file for file in sorted((Path(__file__).parent / "calibrations").glob("*.yaml"))}
 #: Base_link is the DH base, turned by pi about z.
 _FLIP = np.diag([-1.0, -1.0, 1.0, 1.0])
 

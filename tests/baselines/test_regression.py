@@ -7,35 +7,34 @@ import pytest
 
 pytest.importorskip("stable_baselines3")
 
-from kinreach.baselines.algorithms import closed_form_postures
 from kinreach.baselines.evaluation import VALIDATION, evaluate
+from kinreach.baselines.expert import tool_down_postures
 from kinreach.baselines.recipes import get_recipe
 from kinreach.baselines.training import train
-from kinreach.kinematics import ArmKinematics
+from kinreach.kinematics import ArmKinematics, UR5Kinematics
 from kinreach.kinematics.fast_collision import FastCollision
 from kinreach.robots import get_arm
 from kinreach.thesis.reward import posture_error
-from kinreach.vision.goal_view import geometric_goal_view
 
 CASES = 5000
 
 
 def test_postures_reach_and_change_smoothly():
     """By Pinocchio's forward kinematics; over all of what is drawn from in training, which is more than the table."""
-    arm = get_arm("ur5")
+    arm, ur5 = get_arm("ur5"), UR5Kinematics(tip="tcp", base="world")
     rng = np.random.default_rng(0)
     goals = arm.workcell.goals.wider(get_recipe("ik-net").margin).sample(rng, CASES)
-    q = closed_form_postures(geometric_goal_view(arm, goals))
+    q = tool_down_postures(ur5, goals)
     kinematics = ArmKinematics(arm, tip="tcp", base="world")
     off = [np.linalg.norm(kinematics.fk(one)[:3, 3] - goal) for one, goal in zip(q[:300], goals[:300], strict=True)]
     assert max(off) < 1e-9
     assert posture_error(q).max() < 1e-9
     beside = goals + rng.uniform(-1e-3, 1e-3, goals.shape) * [1, 1, 0]
-    moved = np.abs(closed_form_postures(geometric_goal_view(arm, beside)) - q).max(axis=1)
+    moved = np.abs(tool_down_postures(ur5, beside) - q).max(axis=1)
     assert moved.max() < 0.05  # no jump from one branch to the other
     assert q.shape == (CASES, 6)
     on_table = arm.workcell.goals.sample(rng, CASES)
-    assert not FastCollision("ur5").impossible(closed_form_postures(geometric_goal_view(arm, on_table))).any()
+    assert not FastCollision("ur5").impossible(tool_down_postures(ur5, on_table)).any()
 
 
 def test_rewards_make_no_difference(tmp_path):

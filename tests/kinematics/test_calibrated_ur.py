@@ -14,17 +14,17 @@ from kinreach.kinematics import CalibratedURKinematics, Status, URKinematics, ki
 from kinreach.kinematics.goals import pose_error
 from kinreach.kinematics.ur.kinematics import FLIP
 from kinreach.robots import get_arm
+from kinreach.robots.calibration import PUBLISHED
 from kinreach.robots.urdf import parse_urdf, set_origin
 
 DATA = Path(__file__).parents[1] / "data"
-FILES = DATA / "calibrations"
 #: Branches that ssik's general_6r found; benchmarks/studies/calibrated_arms.py --oracle made it.
 ORACLE = np.load(DATA / "calibrated_branches.npz")
 ROBOTS = sorted({name.split()[0] for name in ORACLE})
 
 
 def of(robot, **options):
-    return URKinematics.from_calibration(FILES / f"{robot}.yaml", model=robot.split("_")[0], **options)
+    return URKinematics.from_calibration(PUBLISHED[robot], model=robot.split("_")[0], **options)
 
 
 def wrapped(q):
@@ -177,7 +177,7 @@ def test_goals_seeds_limits_and_reasons():
 
 
 def test_a_calibrated_arm_is_recognised_by_its_joints():
-    arm = get_arm("ur5").calibrated(FILES / "ur5_c.yaml")
+    arm = get_arm("ur5").calibrated(PUBLISHED["ur5_c"])
     assert isinstance(kinematics_of(arm), CalibratedURKinematics)
     with pytest.raises(InputError, match="CalibratedURKinematics"):
         URKinematics(arm)

@@ -16,6 +16,7 @@ from kinreach.errors import InputError
 from kinreach.kinematics import Arm3Kinematics, ArmKinematics, URKinematics, check
 from kinreach.plots.arm_check import main
 from kinreach.robots import get_arm
+from kinreach.robots.calibration import PUBLISHED
 
 ROOT = Path(__file__).parents[2]
 CALIBRATIONS = ROOT / "tests/data/calibrations"
@@ -107,7 +108,7 @@ def test_one_screen(tmp_path, capsys):
 
 def test_what_a_calibration_changes(tmp_path, capsys):
     picture = tmp_path / "error.png"
-    file = CALIBRATIONS / "ur5_a.yaml"
+    file = PUBLISHED["ur5_a"]
     assert main([str(file), "--model", "ur5", "--poses", "10", "--picture", str(picture)], prog="check") == 0
     text = capsys.readouterr().out
     assert "UR with its calibration" in text
@@ -130,7 +131,7 @@ def test_bad_input():
         (["ur5", "--tip", "nose"], "unknown tip 'nose'"),
         (["ur5", "--poses", "0"], "--poses must be at least 1"),
         (["nowhere.yaml", "--model", "ur5"], "cannot be read"),
-        ([str(CALIBRATIONS / "ur5_a.yaml"), "--model", "ur10"], "it fits ur5"),
+        ([str(PUBLISHED["ur5_a"]), "--model", "ur10"], "it fits ur5"),
         ([str(CALIBRATIONS / "ur5e_folded.yaml"), "--model", "ur5e"], "folded at"),
         (["kinematics.yaml"], "say of which UR with --model"),
     ):

@@ -11,11 +11,11 @@ import yaml
 from kinreach.errors import InputError, KinreachError, UnknownNameError
 from kinreach.kinematics import ArmKinematics
 from kinreach.robots import get_arm
-from kinreach.robots.calibration import LINKS, nominal_placements, read_calibration
+from kinreach.robots.calibration import LINKS, PUBLISHED, nominal_placements, read_calibration
 from kinreach.robots.ur import JOINTS, LENGTHS
 
 FILES = Path(__file__).parents[1] / "data" / "calibrations"
-ROBOTS = sorted(file.stem for file in FILES.glob("*_[a-d].yaml"))
+ROBOTS = sorted(PUBLISHED)
 FLIP = np.diag([-1.0, -1.0, 1.0, 1.0])
 
 
@@ -49,7 +49,7 @@ def axis_turn(axis, angle):
 
 @pytest.mark.parametrize("robot", ROBOTS)
 def test_the_arm_is_the_one_in_the_file(robot):
-    file, arm = FILES / f"{robot}.yaml", get_arm(model_of(robot))
+    file, arm = PUBLISHED[robot], get_arm(model_of(robot))
     kin, nominal = ArmKinematics(arm.calibrated(file), tip="tool0"), ArmKinematics(arm, tip="tool0")
     q = np.random.default_rng(0).uniform(-np.pi, np.pi, (50, 6))
     off = []
@@ -80,7 +80,7 @@ def test_the_controllers_own_poses():
 
 @pytest.mark.parametrize("robot", ["ur5_a", "ur3e_a"])
 def test_a_calibrated_urdf_says_the_same(robot, tmp_path):
-    file, model = FILES / f"{robot}.yaml", model_of(robot)
+    file, model = PUBLISHED[robot], model_of(robot)
     urdf = tmp_path / "real.urdf"
     urdf.write_text(get_arm(model).calibrated(file).urdf)
     read = read_calibration(urdf, model)
@@ -89,7 +89,7 @@ def test_a_calibrated_urdf_says_the_same(robot, tmp_path):
 
 def test_a_urdf_of_the_driver_with_a_prefix(tmp_path):
     """Joints as in the driver's description: all about z, behind base_link_inertia."""
-    links = yaml.safe_load((FILES / "ur5e_a.yaml").read_text())["kinematics"]
+    links = yaml.safe_load(PUBLISHED["ur5e_a"].read_text())["kinematics"]
     names = ["left_base_link_inertia", *(f"left_{link}_link" for link in LINKS)]
     text = "".join(f'<link name="{name}"/>' for name in ["left_base_link", *names])
     text += '<joint name="fixed" type="fixed"><origin rpy="0 0 3.141592653589793" xyz="0 0 0"/>'
@@ -103,7 +103,7 @@ def test_a_urdf_of_the_driver_with_a_prefix(tmp_path):
         text += '<limit lower="-6" upper="6" effort="1" velocity="1"/></joint>'
     file = tmp_path / "driver.urdf"
     file.write_text(f'<robot name="left">{text}</robot>')
-    expected = read_calibration(FILES / "ur5e_a.yaml", "ur5e").placements
+    expected = read_calibration(PUBLISHED["ur5e_a"], "ur5e").placements
     np.testing.assert_allclose(read_calibration(file, "ur5e").placements, expected, atol=1e-12)
 
 
@@ -132,11 +132,11 @@ def test_the_data_sheet_is_a_calibration_of_itself(tmp_path):
 )
 def test_another_model(robot, model):
     with pytest.raises(InputError, match=rf"_joint is .* mm from where a {model} .*15 mm.*it fits .*{model_of(robot)}"):
-        read_calibration(FILES / f"{robot}.yaml", model)
+        read_calibration(PUBLISHED[robot], model)
 
 
-def changed(tmp_path, old, new, source="ur5_a.yaml"):
-    text = (FILES / source).read_text()
+def changed(tmp_path, old, new, source=PUBLISHED["ur5_a"]):
+    text = source.read_text()
     edited = re.sub(old, new, text, count=1, flags=re.DOTALL)
     assert edited != text
     file = tmp_path / "changed"
@@ -178,7 +178,7 @@ def test_what_cannot_be_a_calibration(tmp_path, old, new, said):
 )  # fmt: skip
 def test_what_cannot_be_a_controllers_file(tmp_path, old, new, said):
     with pytest.raises(KinreachError, match=said):
-        read_calibration(changed(tmp_path, old, new, "controller_calibration_ur5e.conf"), "ur5e")
+        read_calibration(changed(tmp_path, old, new, FILES / "controller_calibration_ur5e.conf"), "ur5e")
 
 
 def test_files_that_are_none(tmp_path):
@@ -191,6 +191,6 @@ def test_files_that_are_none(tmp_path):
     with pytest.raises(InputError, match="one joint shoulder_pan_joint"):
         read_calibration(tmp_path / "other.urdf", "ur5")
     with pytest.raises(UnknownNameError, match=r"unknown UR model 'ur6'.*ur30"):
-        read_calibration(FILES / "ur5_a.yaml", "ur6")
+        read_calibration(PUBLISHED["ur5_a"], "ur6")
     with pytest.raises(UnknownNameError, match="UR model 'arm3'"):
-        get_arm("arm3").calibrated(FILES / "ur5_a.yaml")
+        get_arm("arm3").calibrated(PUBLISHED["ur5_a"])

@@ -1,16 +1,15 @@
 """A calibrated arm is the true one in simulation, collision checker and environments; methods may believe otherwise."""
 
-from pathlib import Path
-
 import gymnasium
 import numpy as np
 
 import kinreach  # noqa: F401 (registers the environments)
 from kinreach.kinematics import CollisionChecker, URKinematics
 from kinreach.robots import get_arm
+from kinreach.robots.calibration import PUBLISHED
 from kinreach.sim.simulation import ArmSimulation
 
-FILE = Path(__file__).parents[1] / "data" / "calibrations" / "ur5_a.yaml"
+FILE = PUBLISHED["ur5_a"]
 GOAL, DOWN = np.array([0.45, 0.1, -0.15]), (0.0, 0.0, -1.0)
 
 

@@ -7,6 +7,7 @@ from kinreach.errors import InputError
 from kinreach.kinematics import AxisGoal, CollisionChecker, URKinematics, kinematics_of
 from kinreach.kinematics.solvers import SOLVERS
 from kinreach.robots import arm_names
+from kinreach.robots.calibration import PUBLISHED
 from kinreach.robots.shapes import link_shapes
 from kinreach.view import html
 from kinreach.view.cli import setup_of
@@ -15,7 +16,7 @@ from kinreach.view.names import branch_name
 from kinreach.view.snippet import program
 from kinreach.view.target import AXIS, POINT, POSE, State, TargetModel
 
-CALIBRATION = "tests/data/calibrations/ur5_a.yaml"
+CALIBRATION = PUBLISHED["ur5_a"]
 
 
 @pytest.fixture(scope="module")
@@ -35,7 +36,7 @@ def poses(model, count, *, seed=0, stretch=1.6):
 @pytest.mark.parametrize("calibrated", [False, True])
 def test_every_branch_is_reached_or_has_a_reason(calibrated, root):
     kinematics = (
-        URKinematics.from_calibration(root / CALIBRATION, tip="tcp", base="world")
+        URKinematics.from_calibration(CALIBRATION, tip="tcp", base="world")
         if calibrated
         else URKinematics("ur5", tip="tcp", base="world")
     )
@@ -243,6 +244,6 @@ def test_setups(root):
     for arm in arm_names():
         setup = setup_of(arm)
         assert setup.model().kinematics.arm is setup.arm
-    calibrated = setup_of("ur5", calibration=str(root / CALIBRATION), tip="tool0")
+    calibrated = setup_of("ur5", calibration=str(CALIBRATION), tip="tool0")
     assert calibrated.model().kinematics.tip == "tool0"
     assert type(calibrated.model().kinematics).__name__ == "CalibratedURKinematics"

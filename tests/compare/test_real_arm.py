@@ -1,0 +1,100 @@
+"""When the model is wrong: who looks finds out, and nobody does better than what is seen."""
+
+import json
+
+import numpy as np
+import pytest
+
+from kinreach.compare import compare
+from kinreach.compare.cli import main
+from kinreach.compare.real_arm import METHODS, draw_looks
+from kinreach.compare.task import get_task
+from kinreach.errors import InputError, UnknownNameError
+
+GOALS = 10
+
+
+@pytest.fixture(scope="module")
+def results():
+    return {entry["name"]: entry for entry in compare("real-arm", goals=GOALS)["methods"]}
+
+
+def mm(results, method, errors, budget, again=0):
+    return results[method][errors][f"looks_{budget}_{again}"]["median"]
+
+
+def test_the_data_sheet_misses_by_what_is_wrong(results):
+    assert mm(results, "data-sheet", "tool", 50, 2) == pytest.approx(5.0, abs=0.1)
+    assert 3.0 < mm(results, "data-sheet", "base", 0) < 6.0
+    for errors in ("links", "tool", "base", "cameras", "all"):
+        assert mm(results, "data-sheet", errors, 0) == mm(results, "data-sheet", errors, 50, 2)
+
+
+def test_who_looks_again_comes_to_what_is_seen(results):
+    for method in ("look-again", "registered", "identified", "residual"):
+        for errors in ("tool", "all"):
+            assert mm(results, method, errors, 0) > 1.5
+            assert 0.1 < mm(results, method, errors, 0, 2) < 0.3
+
+
+def test_looks_beforehand_are_worth_as_much(results):
+    for method in ("identified", "residual"):
+        line = [mm(results, method, "all", budget) for budget in (0, 5, 10, 20, 50)]
+        assert line[0] > 5 * line[1]
+        assert line[1] > line[-1]
+        assert line[-1] < 0.25
+    assert mm(results, "identified", "all", 10) < mm(results, "registered", "all", 10) + 0.05
+    assert mm(results, "policy-tuned", "base", 20) < 0.2 * mm(results, "policy", "base", 20)
+
+
+def test_the_same_again_and_all_methods_alike():
+    one, two = (
+        compare("real-arm", ["look-again", "identified"], goals=2, seed=7)["methods"],
+        compare("real-arm", ["identified", "look-again"], goals=2, seed=7)["methods"],
+    )
+    for a, b in zip(one, reversed(two), strict=True):
+        assert a["links"] == b["links"]
+        assert a["tool"] == b["tool"]
+    other = compare("real-arm", ["look-again"], goals=2, seed=8)["methods"]
+    assert other[0]["tool"] != one[0]["tool"]
+
+
+def test_on_disk(tmp_path, capsys):
+    arguments = ["--task", "real-arm", "--goals", "5", "--methods", "look-again,residual", "--looks", "0,10"]
+    assert main([*arguments, "--again", "1", "--out", str(tmp_path)], prog="compare") == 0
+    said = capsys.readouterr().out
+    assert "The links alone" in said
+    assert "10 looks" in said
+    assert "50 looks" not in said
+    found = json.loads((tmp_path / "results.json").read_text())
+    assert found["settings"]["options"] == {"again": 1, "budgets": [0, 10]}
+    assert (tmp_path / "looks.png").stat().st_size > 20_000
+    assert "not drawn" in (tmp_path / "report.html").read_text()
+    assert not (tmp_path / "scene.png").exists()
+
+
+@pytest.mark.parametrize(
+    ("arguments", "said"),
+    [
+        (["--looks", "-3"], "a budget of looks must be at least 0, got -3"),
+        (["--looks", "many"], "--looks is numbers"),
+        (["--again", "-1"], "again must be at least 0"),
+        (["--calibrations", "ur5e_a"], "it fits ur5e|cannot be read"),
+        (["--arm", "ur10"], "takes no other arm"),
+    ],
+)
+def test_bad_input(arguments, said, tmp_path):
+    with pytest.raises((InputError, UnknownNameError), match=said):
+        main(["--task", "real-arm", *arguments, "--out", str(tmp_path)], prog="compare")
+
+
+def test_a_figure_of_few():
+    trials = [{"method": "look-again", "errors": "all", "error_0_0": 1e-3 * v} for v in (1, 2, 3)]
+    results = {
+        "methods": [{"name": "look-again", "colour": "#000000"}],
+        "settings": {"goals": 3, "seed": 0, "command": ""},
+    }
+    figure = draw_looks(trials, results)
+    (line,) = figure.axes[0].lines
+    np.testing.assert_allclose(line.get_ydata(), [2.0])
+    assert len(METHODS) == len(get_task("real-arm").methods)

@@ -1,0 +1,133 @@
+"""An arm that is not its data sheet: what is wrong is wrong by as much as is said, and looks are counted."""
+
+import gymnasium as gym
+import numpy as np
+import pytest
+from gymnasium.utils.env_checker import check_env
+
+import kinreach  # noqa: F401
+from kinreach.baselines.expert import tool_down_postures
+from kinreach.envs.real_arm import BUDGET, ERRORS, MOVES, POSTURE, SEEN_BALL, SEEN_TIP, UR5S, true_chain, workplace
+from kinreach.errors import InputError, UnknownNameError
+from kinreach.kinematics import ArmKinematics, UR5Kinematics
+from kinreach.registration import REAL_ARM
+from kinreach.robots import get_arm
+from kinreach.robots.calibration import PUBLISHED
+
+
+def make(**options):
+    return gym.make(REAL_ARM, disable_env_checker=True, **options)
+
+
+@pytest.mark.parametrize("errors", ERRORS)
+def test_what_is_off(errors):
+    """Beside Pinocchio, of the data sheet and of the calibrated arm."""
+    seen = 0
+    for robot in UR5S:
+        links = errors in ("links", "all")
+        arm = get_arm("ur5").calibrated(PUBLISHED[robot]) if links else "ur5"
+        kin = ArmKinematics(arm, tip="tcp", base="world")
+        for seed in range(5):
+            place = workplace(errors, robot, np.random.default_rng(seed))
+            q = np.random.default_rng(seed).uniform(-3, 3, (40, 6))
+            tips, poses = place.tips(q), np.array([kin.fk(one) for one in q])
+            away = np.linalg.norm(tips - poses[:, :3, 3], axis=1)
+            if errors == "tool":
+                np.testing.assert_allclose(away, 5e-3, atol=1e-10)
+            elif errors == "base":
+                radius = np.linalg.norm(poses[:, :2, 3], axis=1)
+                np.testing.assert_allclose(away, 2 * radius * np.sin(np.radians(0.25)), atol=1e-10)
+            elif errors != "all":
+                assert away.max() < 1e-10
+            moved = np.linalg.norm(place.seen(tips) - tips, axis=1)
+            if errors in ("cameras", "all"):
+                assert 1e-3 < np.median(moved) < 2e-2
+                apart = np.linalg.norm(tips[:, None] - tips, axis=2)
+                np.testing.assert_allclose(
+                    np.linalg.norm(place.seen(tips)[:, None] - place.seen(tips), axis=2), apart, atol=1e-12
+                )
+            else:
+                assert moved.max() == 0.0
+            seen += 1
+    assert seen == 20
+
+
+def test_an_episode():
+    env = make(budgets=(0, 5), again=1, balls=8, errors=("all",))
+    observation, info = env.reset(seed=3)
+    assert info["errors"] == "all"
+    assert info["calibration"] in UR5S
+    kin, world = UR5Kinematics(tip="tcp", base="world"), env.unwrapped
+    moves = []
+    for budget, again in ((0, 0), (0, 1), (5, 0), (5, 1)):
+        assert (observation[:, BUDGET] == budget).all()
+        assert (observation[:, MOVES] == again).all()
+        if again == 0:
+            assert world.looks_left == budget
+            assert not observation[:, SEEN_TIP].any()
+            with pytest.raises(InputError, match="looks left"):
+                world.look(np.zeros((budget + 1, 6)))
+        q = tool_down_postures(kin, observation[:, SEEN_BALL])
+        observation, reward, over, truncated, info = env.step(q / np.pi)
+        moves.append(info[f"error_{budget}_{again}"])
+        assert info["distance"] == moves[-1] > 1e-3
+        assert reward < 0
+        assert not truncated
+    assert over
+    np.testing.assert_allclose(observation[:, POSTURE], q)
+    assert len(set(moves)) == 1  # the same postures
+    with pytest.raises(InputError, match="over"):
+        env.step(q / np.pi)
+    assert world.look(q[:2]).shape == (2, 3)
+    assert world.looks_left == 3
+    again, _ = env.reset(seed=3)
+    first, _ = make(budgets=(0, 5), again=1, balls=8, errors=("all",)).reset(seed=3)
+    np.testing.assert_array_equal(again, first)
+
+
+def test_noise_is_as_said():
+    env = make(balls=20_000, errors=("tool",))
+    observation, _ = env.reset(seed=0)
+    off = np.linalg.norm(observation[:, SEEN_BALL] - env.unwrapped._balls, axis=1)
+    assert np.median(off) == pytest.approx(1.4e-4, rel=0.02)
+
+
+def test_gymnasium_agrees():
+    check_env(gym.make(REAL_ARM, balls=3).unwrapped, skip_render_check=True)
+
+
+@pytest.mark.parametrize(
+    ("options", "error", "said"),
+    [
+        ({"budgets": (-1, 5)}, InputError, "a budget of looks must be at least 0, got -1"),
+        ({"budgets": (5, 0)}, InputError, "must increase"),
+        ({"budgets": (7,)}, UnknownNameError, "0, 10, 100, 20, 5, 50"),
+        ({"budgets": ()}, InputError, "at least one"),
+        ({"again": -1}, InputError, "again must be at least 0"),
+        ({"balls": 0}, InputError, "balls must be at least 1"),
+        ({"noise": 0.0}, InputError, "noise"),
+        ({"errors": ("gravity",)}, UnknownNameError, "gravity"),
+        ({"errors": "all"}, InputError, "list"),
+        ({"calibrations": (str(PUBLISHED["ur10e_a"]),)}, InputError, "it fits ur10e"),
+        ({"calibrations": ("nowhere.yaml",)}, InputError, "cannot be read"),
+        ({"arm": "ur5"}, InputError, "unexpected keyword"),
+    ],
+)
+def test_bad_options(options, error, said):
+    with pytest.raises(error, match=said):
+        make(**options)
+
+
+def test_bad_input():
+    env = make(balls=2)
+    with pytest.raises(InputError, match="reset"):
+        env.unwrapped.step(np.zeros((2, 6)))
+    with pytest.raises(InputError, match="goal"):
+        env.reset(options={"goal": 1})
+    env.reset(seed=0)
+    for action in (np.zeros(6), np.full((2, 6), np.nan)):
+        with pytest.raises(InputError, match="action"):
+            env.unwrapped.step(action)
+    with pytest.raises(InputError, match="postures"):
+        env.unwrapped.look([0, 0, 0])
+    assert true_chain("ur5_a").joints == 6
