@@ -11,7 +11,8 @@ from gymnasium.envs.registration import register, registry
 _REACH, _BUTTON = "kinreach.envs.reach", "kinreach.envs.button"
 #: Ids of the environments.
 SINGLE, MULTI, BUTTON = "kinreach/UR5SingleStep-v0", "kinreach/UR5MultiStep-v0", "kinreach/ButtonPress-v0"
-SPACE, REAL_ARM = "kinreach/Reach-v0", "kinreach/RealArm-v0"
+SPACE = "kinreach/Reach-v0"
+REAL_ARM, MOVING = "kinreach/RealArm-v0", "kinreach/Moving-v0"
 #: Those of the reach tasks without dynamics, with numbers only in `info`: for clients that cannot pass
 #: `backend="kinematic"` on, or cannot read texts.
 SINGLE_KINEMATIC, MULTI_KINEMATIC = "kinreach/UR5SingleStepKinematic-v0", "kinreach/UR5MultiStepKinematic-v0"
@@ -29,8 +30,8 @@ ENVIRONMENTS = {
 KINEMATIC_ENVIRONMENTS = {SINGLE_KINEMATIC: _SINGLE, MULTI_KINEMATIC: _MULTI}
 
 
-#: Those without a native batch: a step is already one of many arms.
-SINGLE_ENVIRONMENTS = {REAL_ARM: "kinreach.envs.real_arm:RealArmEnv"}
+#: Those without a native batch.
+SINGLE_ENVIRONMENTS = {REAL_ARM: "kinreach.envs.real_arm:RealArmEnv", MOVING: "kinreach.envs.moving:MovingBallEnv"}
 
 
 def register_environments() -> None:

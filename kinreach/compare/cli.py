@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import argparse
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from shlex import quote
 from textwrap import fill
@@ -39,6 +39,7 @@ OPTIONS: dict[str, dict[str, Any]] = {
         "metavar": "K",
         "help": "of the task real-arm: moves after the first (default: 2)",
     },
+    "speeds": {"metavar": "V,V", "help": "of the task moving: the balls' [m/s] (default: 0.05 to 0.6)"},
     "calibrations": {"metavar": "A,B", "help": "of the task real-arm: files of UR5s, or published: ur5_a to ur5_d"},
 }
 #: Those that say how cameras look.
@@ -149,7 +150,9 @@ def _options(said: dict[str, Any], arguments: argparse.Namespace) -> dict[str, A
         )
     options = dict(said)
     if "looks" in options:
-        options["budgets"] = _counts("--looks", options.pop("looks"))
+        options["budgets"] = _numbers("--looks", options.pop("looks"), int, "0,5,20")
+    if "speeds" in options:
+        options["speeds"] = _numbers("--speeds", options["speeds"], float, "0.1,0.4")
     if "calibrations" in options:
         options["calibrations"] = tuple(options["calibrations"].split(","))
     if "resolution" in options:
@@ -227,8 +230,8 @@ def _resolution(text: str) -> tuple[int, int]:
     return int(width), int(height)
 
 
-def _counts(name: str, text: str) -> tuple[int, ...]:
+def _numbers(name: str, text: str, kind: Callable[[str], Any], example: str) -> tuple[Any, ...]:
     try:
-        return tuple(int(part) for part in text.split(","))
+        return tuple(kind(part) for part in text.split(","))
     except ValueError:
-        raise InputError(f"{name} is numbers with commas between them, such as 0,5,20, got {text!r}") from None
+        raise InputError(f"{name} is numbers with commas between them, such as {example}, got {text!r}") from None

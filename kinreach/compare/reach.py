@@ -288,7 +288,7 @@ SPACE_TASK = Task(
     variants={"space": SPACE},
     observations=("geometric", "camera"),
     resets=_space_resets,
-    methods=SOLVERS,
+    methods={**SOLVERS, "space-single": policy_method("space-single", SPACE, colour="#00674C")},
     columns=COLUMNS,
     figures=FIGURES,
     reached="d < 10 mm and tool within 0.15 rad of its direction",

@@ -318,21 +318,19 @@ def _method(
     return Method(lambda env: LookingPolicy(learner, env, again=again), kind, versions=versions, colour=colour)
 
 
+def _policy_method(learner: Callable[[Any], Learner], colour: str, *, again: bool = True) -> Method:
+    return _method(learner, LEARNED, colour, again=again, policy=LEARNED_POLICY)
+
+
 METHODS: Mapping[str, Method] = {
     "data-sheet": _method(lambda env: DataSheet(), MODEL, "#7A7A7A", again=False),
     "look-again": _method(lambda env: DataSheet(), MODEL, "#003F66"),
     "registered": _method(lambda env: Identified(REGISTERED, env.noise), MODEL, "#0072B2"),
     "identified": _method(lambda env: Identified(ALL_PARAMETERS, env.noise), MODEL, "#56B4E9"),
     "residual": _method(lambda env: Residual(env.noise), BOTH, "#CC79A7"),
-    "policy": _method(
-        lambda env: Trained(load_policy(LEARNED_POLICY)), LEARNED, "#8C6D31", again=False, policy=LEARNED_POLICY
-    ),
-    "policy-again": _method(
-        lambda env: Trained(load_policy(LEARNED_POLICY)), LEARNED, "#00674C", policy=LEARNED_POLICY
-    ),
-    "policy-tuned": _method(
-        lambda env: Tuned(load_policy(LEARNED_POLICY), env.noise), LEARNED, "#2FBF94", policy=LEARNED_POLICY
-    ),
+    "policy": _policy_method(lambda env: Trained(load_policy(LEARNED_POLICY)), "#8C6D31", again=False),
+    "policy-again": _policy_method(lambda env: Trained(load_policy(LEARNED_POLICY)), "#00674C"),
+    "policy-tuned": _policy_method(lambda env: Tuned(load_policy(LEARNED_POLICY), env.noise), "#2FBF94"),
 }
 
 #: Titles of the tables of single errors.

@@ -108,7 +108,14 @@ class Task:
 #: Registered tasks by name.
 _TASKS: dict[str, Task] = {}
 #: Tasks of the package -> the module whose `TASKS` has them, loaded when one of them is first asked for.
-_OWN = {"ur5": "reach", "space": "reach", "arm3": "reach", "button": "button", "real-arm": "real_arm"}
+_OWN = {
+    "ur5": "reach",
+    "space": "reach",
+    "arm3": "reach",
+    "button": "button",
+    "real-arm": "real_arm",
+    "moving": "moving",
+}
 
 
 def register_task(task: Task) -> Task:

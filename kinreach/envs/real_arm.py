@@ -24,7 +24,7 @@ from gymnasium import spaces
 from numpy.typing import ArrayLike
 
 from kinreach.checks import Floats, as_floats, check_count, check_known, check_number, shown
-from kinreach.envs.options import about, check_seed, check_started, options_from, takes
+from kinreach.envs.options import about, check_seed, options_from, takes
 from kinreach.errors import InputError
 from kinreach.kinematics import ArmKinematics
 from kinreach.kinematics.chain import SerialChain
@@ -278,8 +278,8 @@ class RealArmEnv(gym.Env[Any, Any]):
         return self._observation(), -float(distances.mean()), self._over, False, dict(self._info)
 
     def _begun(self) -> Workplace:
-        check_started(self._place is not None)
-        assert self._place is not None
+        if self._place is None:
+            raise InputError("reset the environment before its first step")
         return self._place
 
     def _observed(self, points: Floats) -> Floats:

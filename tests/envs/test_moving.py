@@ -1,0 +1,143 @@
+"""A rolling ball: its paths are what they are called, its sights are late, and the arm keeps its limits."""
+
+import gymnasium as gym
+import numpy as np
+import pytest
+from gymnasium.utils.env_checker import check_env
+
+import kinreach  # noqa: F401
+from kinreach.envs.moving import (
+    AGE,
+    ANGLES,
+    BALL,
+    FRAMES,
+    PARTS,
+    PATHS,
+    RADIUS,
+    RATES,
+    SECONDS,
+    SIDEWAYS,
+    TOUCH,
+    moved,
+)
+from kinreach.errors import InputError, UnknownNameError
+from kinreach.registration import MOVING
+
+LOW, HIGH = np.array([0.32, -0.28]), np.array([0.63, 0.28])
+TIMES = np.arange(round(SECONDS * FRAMES) * PARTS + 1) / (FRAMES * PARTS)
+
+
+def make(**options):
+    return gym.make(MOVING, disable_env_checker=True, **options)
+
+
+@pytest.mark.parametrize("path", PATHS)
+def test_paths(path):
+    crossed = 0
+    for seed in range(40):
+        speed = (0.05, 0.1, 0.3, 0.6)[seed % 4]
+        places = PATHS[path](np.random.default_rng(seed), speed, TIMES, LOW, HIGH)
+        steps = np.diff(places, axis=0) * FRAMES * PARTS
+        np.testing.assert_allclose(np.linalg.norm(steps, axis=1), speed, rtol=2e-3)
+        turns = np.linalg.norm(np.diff(steps, axis=0), axis=1) * FRAMES * PARTS
+        if path == "straight":
+            assert turns.max() < 1e-6
+        elif path == "circle":
+            np.testing.assert_allclose(turns, speed**2 / RADIUS, rtol=2e-3)
+            assert (places >= LOW - 1e-9).all()
+            assert (places <= HIGH + 1e-9).all()
+        else:
+            assert 0.05 < turns.max() < SIDEWAYS + 1e-6
+        inside = ((places > LOW + (HIGH - LOW) / 4) & (places < HIGH - (HIGH - LOW) / 4)).all(axis=1)
+        crossed += inside.any()
+        assert (places[0] >= LOW - 1e-9).all()
+        assert (places[0] <= HIGH + 1e-9).all()
+    assert crossed >= 25
+
+
+def test_sights_are_late_and_the_arm_keeps_its_limits():
+    env = make(noise=1e-12)
+    world = env.unwrapped
+    rng, steps = np.random.default_rng(0), 0
+    for seed in range(6):
+        observation, _ = env.reset(seed=seed, options={"speed": 0.1, "path": "circle"})
+        over = False
+        while not over:
+            rates, angles = observation[RATES], observation[ANGLES]
+            # far from the ball
+            observation, reward, over, _, info = env.step(rng.uniform(-1, 1, 6) * 0.2 - [0, 0.5, 0, 0, 0, 0])
+            steps += 1
+            assert np.abs(observation[RATES]).max() <= world.speed_limit + 1e-12
+            assert np.abs(observation[RATES] - rates).max() <= world.acceleration_limit / FRAMES + 1e-9
+            assert np.abs(observation[ANGLES] - angles).max() <= world.speed_limit / FRAMES + 1e-9
+            if info["time"] > 0.05:
+                assert observation[AGE] == pytest.approx(0.05)
+                late = np.linalg.norm(observation[BALL] - info["goal"])
+                assert late == pytest.approx(2 * RADIUS * np.sin(0.1 * 0.05 / RADIUS / 2), rel=0.01)
+            assert reward < 0
+        assert info["time"] == pytest.approx(SECONDS)
+        assert not info["is_success"]
+    assert steps == 6 * SECONDS * FRAMES
+
+
+def test_touching_ends_it():
+    env = make(noise=1e-12)
+    world, touched = env.unwrapped, 0
+    for seed in range(5):
+        _, info = env.reset(seed=seed, options={"speed": 0.05, "path": "circle"})
+        over = False
+        while not over:
+            from kinreach.baselines.expert import tool_down_postures
+            from kinreach.kinematics import UR5Kinematics
+
+            q = tool_down_postures(UR5Kinematics(tip="tcp", base="world"), info["goal"][None])[0]
+            _, reward, over, _, info = env.step(q / np.pi)
+        touched += info["is_success"]
+        assert info["is_success"] == (info["distance"] <= TOUCH)
+        assert reward > 0.9
+        assert np.linalg.norm(world._chain.positions(info["q"][None])[0] - info["goal"]) < 0.05
+    assert touched == 5
+
+
+def test_joints_come_to_rest_at_their_targets():
+    rng = np.random.default_rng(0)
+    for _ in range(20):
+        q, v, target = rng.uniform(-2, 2, 6), np.zeros(6), rng.uniform(-2, 2, 6)
+        way, beyond = np.sign(target - q), 0.0
+        for _ in range(1000):
+            q, v = moved(q, v, target, 1 / 240, speed=3.0, acceleration=10.0)
+            beyond = max(beyond, ((q - target) * way).max())
+        np.testing.assert_allclose(q, target, atol=1e-6)
+        assert beyond < 1e-3
+
+
+def test_gymnasium_agrees():
+    check_env(gym.make(MOVING).unwrapped, skip_render_check=True)
+
+
+@pytest.mark.parametrize(
+    ("options", "error", "said"),
+    [
+        ({"speeds": (3.0,)}, InputError, "at most 2 m/s: the arm's tip is no faster, got 3"),
+        ({"speeds": (0.0,)}, InputError, "the ball's speed"),
+        ({"speeds": ()}, InputError, "at least one"),
+        ({"paths": ("zigzag",)}, UnknownNameError, "zigzag"),
+        ({"delay": -0.1}, InputError, "delay"),
+        ({"noise": -1.0}, InputError, "noise"),
+    ],
+)
+def test_bad_options(options, error, said):
+    with pytest.raises(error, match=said):
+        make(**options)
+
+
+def test_bad_input():
+    env = make()
+    with pytest.raises(InputError, match="reset"):
+        env.unwrapped.step(np.zeros(6))
+    for options, said in (({"speed": 9.0}, "no faster"), ({"ball": 1}, "unknown reset options"), ({"path": 3}, "path")):
+        with pytest.raises((InputError, UnknownNameError), match=said):
+            env.reset(options=options)
+    env.reset(seed=0)
+    with pytest.raises(InputError, match="action"):
+        env.unwrapped.step(np.zeros(5))
