@@ -462,7 +462,8 @@ def needed_options(policy: LearnedPolicy) -> dict[str, Any]:
 
     The arm, in `kinreach/Reach-v0` the goals, and pictures of the size that it learned from if it sees any.
     """
-    options: Any = policy.card.recipe.get("options") or {}
+    said = policy.card.recipe.get("options")
+    options: Mapping[str, Any] = said if isinstance(said, Mapping) else {}
     space = SPACE_OPTIONS if policy.card.environment == SPACE else ()
     needed = {**trained_arm(policy), **{name: options[name] for name in space if name in options}}
     if policy.network.eyes:
