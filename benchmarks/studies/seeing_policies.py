@@ -1,0 +1,61 @@
+"""What the package's policies do with goals that they are told, and with goals that they see, by both pipelines.
+
+    python -m benchmarks.studies.seeing_policies [--goals 200]
+
+MuJoCo's dynamics, held-out goals of the table, both cameras at 640x360.
+"""
+
+from __future__ import annotations
+
+import argparse
+from collections.abc import Mapping
+
+import numpy as np
+
+from kinreach.baselines.evaluation import evaluate
+from kinreach.baselines.policies import load_policy
+from kinreach.cli import Parser, finish
+from kinreach.statistics import median, p95, wilson_interval
+from kinreach.vision.ball_finder import PIPELINES
+
+PROG = "python -m benchmarks.studies.seeing_policies"
+
+POLICIES = ("single", "multi", "ppo-single", "ppo-multi", "thesis-single")
+#: Options of the environment by what a column says.
+SIGHTS: Mapping[str, Mapping[str, str]] = {
+    "told": {},
+    **{f"seen, {pipeline}": {"observation": "camera", "pipeline": pipeline} for pipeline in PIPELINES},
+}
+
+
+def row(name: str, goals: int) -> str:
+    """A row of the table, as Markdown."""
+    cells = [f"`{name}`"]
+    for options in SIGHTS.values():
+        found = evaluate(load_policy(name), goals=goals, options={"backend": "mujoco", **options})
+        mm = 1e3 * found.measures["distance"]
+        low, high = wilson_interval(int(found.reached.sum()), goals)
+        cells.append(f"{100 * np.mean(found.reached):.1f} [{100 * low:.1f}, {100 * high:.1f}]")
+        cells.append(f"{median(mm):.2f} / {p95(mm):.2f}")
+    return f"| {' | '.join(cells)} |"
+
+
+def main(argv: list[str] | None = None) -> int:
+    """Print the table."""
+    parser = Parser(prog=PROG, description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--goals", type=int, default=200)
+    arguments = parser.parse_args(argv)
+    if arguments.goals < 1:
+        parser.error(f"--goals must be at least 1, got {arguments.goals}")
+    headings = ["policy"]
+    for sight in SIGHTS:
+        headings += [f"{sight}: reached, % [95 % CI]", "median / p95, mm"]
+    print(f"| {' | '.join(headings)} |")
+    print("|---" * len(headings) + "|")
+    for name in POLICIES:
+        print(row(name, arguments.goals), flush=True)
+    return 0
+
+
+if __name__ == "__main__":
+    raise SystemExit(finish(main, prog=PROG))
