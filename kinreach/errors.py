@@ -33,6 +33,10 @@ class OutputError(KinreachError, OSError):
     """A result cannot be written where it was asked to go."""
 
 
+class ClusterError(KinreachError, RuntimeError):
+    """A cluster does not answer, or died; what was finished is on disk."""
+
+
 class DrawingError(KinreachError, RuntimeError):
     """The graphics library was there and failed all the same."""
 

@@ -30,8 +30,8 @@ ROOMS["compare"] = ROOMS["demo"] = {"baselines", *ROOMS["baselines"]}
 ROOMS["view"] = {"demo", *ROOMS["demo"]}
 #: Modules that every room may import, and that import none: but for the command line, which loads jobs by their names.
 FOUNDATION = {
-    "_moved", "checks", "cli", "engines", "errors", "files", "objects", "provenance", "registration", "statistics",
-    "summary",
+    "_moved", "checks", "cli", "engines", "errors", "files", "jobs", "objects", "provenance", "registration",
+    "statistics", "summary",
 }  # fmt: skip
 ENGINES = ("pinocchio", "coal", "placo", "mujoco", "torch", "stable_baselines3", "cv2", "matplotlib")
 LEARNING = {"torch", "stable_baselines3", "tensorboard"}

@@ -3,19 +3,26 @@
 from __future__ import annotations
 
 import argparse
-from collections.abc import Sequence
+from collections.abc import Iterator, Mapping, Sequence
+from functools import partial
+from operator import itemgetter
 from pathlib import Path
 from shlex import join, quote
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from rich.console import Console
-from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
+from rich.progress import BarColumn, Progress, TaskID, TextColumn, TimeElapsedColumn, TimeRemainingColumn
 
 from kinreach.baselines.evaluation import SPLITS, TABLE_WIDTH, evaluate, evaluation_table
+from kinreach.baselines.policies import LearnedPolicy
 from kinreach.baselines.recipes import RECIPES, Recipe, get_recipe
 from kinreach.checks import MOST_THREADS, check_count, check_known, check_path
 from kinreach.cli import Parser
 from kinreach.errors import InputError, InstallationError
+from kinreach.jobs import SERIAL, Engine, add_options, open_engine
+
+if TYPE_CHECKING:
+    from kinreach.baselines.training import Run
 
 #: Goals that a finished policy is tried on; `evaluate` does it properly.
 GOALS = 1000
@@ -54,27 +61,44 @@ def main(argv: Sequence[str], *, prog: str) -> int:
         raise InputError("--out must name a folder, got ''")
     out = check_path("--out", arguments.out)
     console = Console(width=TABLE_WIDTH, highlight=False, markup=False, emoji=False)
-    evaluations = {}
-    for seed in range(arguments.seed, arguments.seed + arguments.seeds):
-        folder = out / recipe.name / f"seed-{seed}"
-        run = _train(recipe, folder, seed, arguments, prog)
-        console.print(f"{folder}: {run.seconds:.0f} s, {run.cpu_seconds:.0f} s of processor time", soft_wrap=True)
-        options = {name: value for name, value in recipe.options.items() if name != "end_on_reached"}
-        evaluations[f"seed {seed}"] = evaluate(
-            run.policy, goals=GOALS, seed=SPLITS[arguments.split], options=options
-        ).summary()
+    seeds = range(arguments.seed, arguments.seed + arguments.seeds)
+    folders = {seed: out / recipe.name / f"seed-{seed}" for seed in seeds}
+    policies = {}
+    with open_engine(arguments.engine, arguments.address) as engine:
+        for run in _runs(recipe, folders, engine, arguments, prog):
+            words = f"{run.folder}: {run.seconds:.0f} s, {run.cpu_seconds:.0f} s of processor time"
+            console.print(words, soft_wrap=True)
+            policies[run.card.seed] = run.policy
+        judge = partial(_judge, arguments.recipe, arguments.split)
+        found = sorted(engine.map(judge, [policies[seed] for seed in seeds]), key=itemgetter(0))
+    evaluations = {f"seed {seeds[number]}": summary for number, summary in found}
     console.print(evaluation_table(evaluations, title=f"{recipe.name}, {GOALS} {arguments.split} goals"))
     again = f"kinreach evaluate {quote(str(out / recipe.name))}/seed-*/policy.safetensors"
     console.print(f"Held-out goals, more of them, dynamics, cameras: {again}", style="dim", soft_wrap=True)
     return 0
 
 
-def _train(recipe: Recipe, folder: Path, seed: int, arguments: argparse.Namespace, prog: str) -> Any:
+def _judge(name: str, split: str, policy: LearnedPolicy) -> Iterator[dict[str, Any]]:
+    """How a policy that was trained by a recipe does, as a job."""
+    recipe = get_recipe(name)
+    options = {name: value for name, value in recipe.options.items() if name != "end_on_reached"}
+    yield evaluate(policy, goals=GOALS, seed=SPLITS[split], options=options).summary()
+
+
+def _runs(
+    recipe: Recipe, folders: Mapping[int, Path], engine: Engine, arguments: argparse.Namespace, prog: str
+) -> Iterator[Run]:
     """Train under a progress bar; Ctrl-C becomes a line that says how to go on."""
     try:
-        from kinreach.baselines.training import train  # the only import that needs the extra
+        from kinreach.baselines.seeds import train_seeds  # the only imports that need the extra
+        from kinreach.baselines.training import train
     except ImportError as error:
         raise InstallationError(f"training needs more packages ({error.name}): pip install 'kinreach[train]'") from None
+    errors = Console(stderr=True)
+    common: dict[str, Any] = {
+        name: getattr(arguments, name) for name in ("steps", "resume", "fresh", "threads", "export")
+    }
+    common["notice"] = lambda text: errors.print(text, highlight=False, markup=False, emoji=False, soft_wrap=True)
     columns = (
         TextColumn("{task.description}"),
         BarColumn(),
@@ -83,35 +107,36 @@ def _train(recipe: Recipe, folder: Path, seed: int, arguments: argparse.Namespac
         TimeRemainingColumn(),
         TextColumn("{task.fields[figures]}"),
     )
-    errors = Console(stderr=True)
-    with Progress(*columns, console=errors, transient=True, disable=not errors.is_terminal) as bar:
-        shown = bar.add_task(f"{recipe.name}, seed {seed}", total=None, figures="")
+    writing = next(iter(folders.values())).parent
+    try:
+        with Progress(*columns, console=errors, transient=True, disable=not errors.is_terminal) as bar:
+            if arguments.engine != SERIAL:
+                all_of_them = bar.add_task(f"{recipe.name}, {len(folders)} seeds", total=None, figures="")
 
-        def show(done: int, planned: int, row: dict[str, float | None]) -> None:
-            bar.update(shown, completed=done, total=planned, figures=_figures(row))
+                def show_all(done: int, planned: int) -> None:
+                    bar.update(all_of_them, completed=done, total=planned)
 
-        try:
-            return train(
-                recipe,
-                folder,
-                seed=seed,
-                steps=arguments.steps,
-                resume=arguments.resume,
-                fresh=arguments.fresh,
-                threads=arguments.threads,
-                export=arguments.export,
-                progress=show,
-                notice=lambda text: errors.print(text, highlight=False, markup=False, emoji=False, soft_wrap=True),
-            )
-        except KeyboardInterrupt:
-            again = f"{prog} {join(_again(arguments))}"
-            raise KeyboardInterrupt(f"interrupted; what is in {folder} is kept; go on with: {again}") from None
+                yield from train_seeds(arguments.recipe, folders, engine, progress=show_all, **common)
+                return
+            for seed, writing in folders.items():
+                shown = bar.add_task(f"{recipe.name}, seed {seed}", total=None, figures="")
+
+                def show(done: int, planned: int, row: dict[str, float | None], shown: TaskID = shown) -> None:
+                    bar.update(shown, completed=done, total=planned, figures=_figures(row))
+
+                run = train(recipe, writing, seed=seed, progress=show, **common)
+                bar.remove_task(shown)
+                yield run
+    except KeyboardInterrupt:
+        again = f"{prog} {join(_again(arguments))}"
+        raise KeyboardInterrupt(f"interrupted; what is in {writing} is kept; go on with: {again}") from None
 
 
 def _again(arguments: argparse.Namespace) -> list[str]:
     """The arguments that go on with what was interrupted."""
     said = [arguments.recipe, "--seed", str(arguments.seed)]
-    for name, default in (("seeds", 1), ("steps", None), ("threads", 1), ("split", SPLIT)):
+    defaults = {"seeds": 1, "steps": None, "threads": 1, "split": SPLIT, "engine": SERIAL, "address": None}
+    for name, default in defaults.items():
         value = getattr(arguments, name)
         said += [] if value == default else [f"--{name}", str(value)]
     said += ["--export"] if arguments.export else []
@@ -168,4 +193,5 @@ def _parser(prog: str) -> Parser:
         metavar="T",
         help="of torch; part of what a policy follows from (default: %(default)s)",
     )
+    add_options(parser)
     return parser

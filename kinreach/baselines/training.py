@@ -78,7 +78,7 @@ class Run:
 
 
 def _warn(text: str) -> None:
-    warnings.warn(text, stacklevel=4)
+    warnings.warn(text, stacklevel=5)
 
 
 def train(
@@ -136,16 +136,11 @@ def train(
     identity = run_identity(recipe, seed, threads)
     make_writable(folder)
     with locked(folder, "a training"):
-        if resume and (done := finished_run(folder, identity, export=export)) is not None:
+        if (done := kept_run(folder, identity, resume=resume, fresh=fresh, export=export)) is not None:
             return done
-        if not fresh:
-            _kept_run(folder, identity)
-        others = torch.get_num_threads()
-        torch.set_num_threads(threads)
-        try:
-            return _train(recipe, folder, identity, resume=resume, export=export, progress=progress, notice=notice)
-        finally:
-            torch.set_num_threads(others)
+        for _ in segments(recipe, folder, identity, resume=resume, export=export, progress=progress, notice=notice):
+            pass
+        return _run_in(folder)
 
 
 def run_identity(recipe: Recipe, seed: int, threads: int) -> dict[str, Any]:
@@ -163,44 +158,53 @@ def run_identity(recipe: Recipe, seed: int, threads: int) -> dict[str, Any]:
     return json.loads(written)
 
 
-def finished_run(folder: Path, identity: Mapping[str, Any], *, export: bool = False) -> Run | None:
-    """The run in a folder, if it is finished.
+def kept_run(
+    folder: Path, identity: Mapping[str, Any], *, resume: bool = True, fresh: bool = False, export: bool = False
+) -> Run | None:
+    """The run in a folder, if it is finished and to be kept; what is to be replaced is still there.
 
     Args:
         folder: Of the run.
-        identity: What `run.json` must say.
+        identity: What `run.json` must say, unless `fresh` is set.
+        resume: Whether it is to be kept.
+        fresh: Whether whatever is there is to be replaced.
         export: Whether it must have stable-baselines3's own file as well.
 
     Raises:
         InputError: It is another run, or lacks what it must have: it is not for us to remove.
     """
-    times = _kept_run(folder, identity)
-    if times is None:
+    if fresh or not _holds(folder, identity) or not resume:
         return None
     if export and not (folder / MODEL).exists():
         raise InputError(f"{folder} holds this run finished without {MODEL}; train it again without --resume")
     _remove(folder, (CHECKPOINT,))
+    return _run_in(folder)
+
+
+def _run_in(folder: Path) -> Run:
+    """The finished run in a folder."""
+    run = json.loads((folder / RUN).read_text(encoding="utf-8"))
     policy = load_policy(folder / POLICY)
-    return Run(folder, policy.card, policy, *times)
+    return Run(folder, policy.card, policy, float(run["seconds"]), float(run["cpu_seconds"]))
 
 
-def _kept_run(folder: Path, identity: Mapping[str, Any]) -> tuple[float, float] | None:
-    """Wall and CPU time [s] of the finished run in a folder, if there is one.
+def _holds(folder: Path, identity: Mapping[str, Any]) -> bool:
+    """Whether this run is in a folder, finished.
 
     Raises:
         InputError: It is another run: it is not for us to remove.
     """
     if not (folder / POLICY).exists() or (not (folder / RUN).exists() and (folder / CHECKPOINT).exists()):
-        return None
+        return False
     otherwise = "train into another folder, or replace it with --fresh (fresh=True)"
     try:
         run = json.loads((folder / RUN).read_text(encoding="utf-8"))
-        times = float(run["seconds"]), float(run["cpu_seconds"])
+        _ = float(run["seconds"]), float(run["cpu_seconds"])
     except (OSError, ValueError, KeyError, TypeError):
         raise InputError(f"{folder} holds a policy, and no {RUN} that says of which run; {otherwise}") from None
     if differences := _differences(run, identity):
         raise InputError(f"{folder} holds a finished run with {differences}; {otherwise}")
-    return times
+    return True
 
 
 def _differences(run: Mapping[str, Any], identity: Mapping[str, Any]) -> str:
@@ -224,16 +228,47 @@ def _flat(values: Mapping[str, Any], prefix: str = "") -> Iterator[tuple[str, An
             yield f"{prefix}{name}", value
 
 
-def _train(
+def segments(
     recipe: Recipe,
     folder: Path,
-    identity: dict[str, Any],
+    identity: Mapping[str, Any],
     *,
+    resume: bool,
+    export: bool = False,
+    progress: Progress = lambda done, planned, row: None,
+    notice: Callable[[str], None] = _warn,
+) -> Iterator[int]:
+    """Train, and say after each segment how many actions are done; arguments and errors as in `train`.
+
+    What a segment leaves is in the folder when it is said, and the finished run when there is nothing more to say.
+    torch computes with the threads of the identity meanwhile.
+    """
+    others = torch.get_num_threads()
+    torch.set_num_threads(identity["threads"])
+    try:
+        yield from _segments(recipe, folder, identity, resume, export, progress, notice)
+    finally:
+        torch.set_num_threads(others)
+
+
+def clear(folder: Path, *, going_on: bool) -> None:
+    """Remove what an earlier training left and this one will write; what it goes on from stays.
+
+    Raises:
+        OutputError: The file system refused.
+    """
+    _remove(folder, (RUN, POLICY, MODEL) if going_on else (RUN, POLICY, MODEL, CURVE, EPISODE))
+
+
+def _segments(
+    recipe: Recipe,
+    folder: Path,
+    identity: Mapping[str, Any],
     resume: bool,
     export: bool,
     progress: Progress,
     notice: Callable[[str], None],
-) -> Run:
+) -> Iterator[int]:
     seed, source = identity["seed"], provenance.source_digest()
     clock, cpu = time.perf_counter(), time.process_time()
     checkpoint = folder / CHECKPOINT
@@ -257,7 +292,7 @@ def _train(
     model = trainee.model
     model.set_logger(configure(str(folder / "tensorboard"), ["tensorboard"]))
     try:
-        _remove(folder, (RUN, POLICY, MODEL) if first else (RUN, POLICY, MODEL, CURVE, EPISODE))
+        clear(folder, going_on=first > 0)
         if first:  # the run may have been killed between its checkpoint and its curve
             _write_curves(folder, trainee.curve)
         for segment, target in enumerate(_targets(recipe, model)):
@@ -273,6 +308,7 @@ def _train(
             _end_segment(trainee)
             save_checkpoint(checkpoint, {**identity, "sources": sources}, segment, trainee)
             _write_curves(folder, trainee.curve)
+            yield model.num_timesteps
     finally:
         trainee.env.close()
         model.logger.close()
@@ -301,7 +337,6 @@ def _train(
            "resumed": first > 0, "machine": provenance.machine()}  # fmt: skip
     write_text(folder / RUN, json.dumps(run, indent=2) + "\n")
     _remove(folder, (CHECKPOINT,))
-    return Run(folder, card, LearnedPolicy(card, network), seconds, cpu_seconds)
 
 
 def _remove(folder: Path, names: Iterable[str]) -> None:

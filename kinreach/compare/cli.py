@@ -17,6 +17,7 @@ from kinreach.cli import Parser
 from kinreach.compare.runner import CAMERA, DEFAULT_GOALS, GEOMETRIC, compare, notes
 from kinreach.compare.task import Task, get_task, register_task, task_names
 from kinreach.errors import InputError
+from kinreach.jobs import add_options
 from kinreach.objects import load_object
 from kinreach.robots import ArmDescription, as_arm
 from kinreach.summary import tables
@@ -79,6 +80,8 @@ def main(argv: Sequence[str], *, prog: str) -> int:
         observation=arguments.observation,
         options=_options(said, arguments),
         fresh=arguments.fresh,
+        engine=arguments.engine,
+        address=arguments.address,
         command=_again(prog, arguments, said, out if arguments.out is not None else None),
     )
     console = Console(width=TABLE_WIDTH, highlight=False, markup=False, emoji=False)
@@ -218,6 +221,7 @@ def _parser(prog: str) -> Parser:
         action="store_true",
         help="do not go on from an interrupted comparison in DIR, and write over another one's results",
     )
+    add_options(parser)
     for name, settings in OPTIONS.items():
         parser.add_argument(f"--{name.replace('_', '-')}", **settings)
     return parser

@@ -7,11 +7,13 @@ them alike. A goal is looked at once: what the first method's cameras measured, 
 from __future__ import annotations
 
 import json
+import math
 import os
 from collections import Counter
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import ExitStack, suppress
 from dataclasses import dataclass, field, replace
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -28,6 +30,7 @@ from kinreach.envs.reach.reachable_goals import with_goals
 from kinreach.envs.reach.task import layout_of
 from kinreach.errors import InputError, InstallationError, OutputError
 from kinreach.files import make_writable, write_text
+from kinreach.jobs import SERIAL, Engine, Serial, open_engine
 from kinreach.robots import ArmDescription, as_arm
 from kinreach.summary import Trial, summarise, trials_csv
 
@@ -43,6 +46,8 @@ MOST_SEED = 2**63 - 1
 WARM_UP_SEED, WARM_UP_GOALS = 2**63, 2
 #: What observations there are where a task has the option; the second needs a library to draw with.
 GEOMETRIC, CAMERA = "geometric", "camera"
+#: Trials of a job that are worth its start, half a second of making environments; trials that it sends at once.
+BLOCK, TOGETHER = 500, 32
 #: The trials of an unfinished comparison, and the results of a finished one.
 RECORDS, RESULTS = "records.jsonl", "results.json"
 
@@ -125,6 +130,8 @@ def compare(
     options: Mapping[str, Any] | None = None,
     out: str | Path | None = None,
     fresh: bool = False,
+    engine: str = SERIAL,
+    address: str | None = None,
     command: str = "kinreach.compare.compare(...)",
     progress: Progress = lambda done, total: None,
 ) -> dict[str, Any]:
@@ -147,6 +154,9 @@ def compare(
         out: Directory for `results.json`, `results.csv`, `report.html` and the figures; created if need be. None:
             nothing is written.
         fresh: Measure everything, even if an interrupted comparison could go on, or another one stands in `out`.
+        engine: `"serial"`: here, one trial at a time; `"ray"`: blocks of goals as tasks of Ray. Trials are the same,
+            but for the times of decisions: machines that do several things at once measure them.
+        address: Of a running Ray cluster, `host:port` or `auto`; without it Ray is started on this machine.
         command: How to get the same again, written into the results.
         progress: Told how far it is.
 
@@ -156,6 +166,7 @@ def compare(
     Raises:
         OutputError: `out` cannot be written.
         InstallationError: The packages of a method are missing, or cameras are to look and nothing can be drawn.
+        ClusterError: There is no cluster at the address, or it died; finished trials are kept in `out`.
         InputError: A number is out of range, an option does not exist, a policy cannot be used, or `out` holds the
             results of another comparison.
         UnknownNameError: There is no such task, method, arm or observation.
@@ -167,10 +178,13 @@ def compare(
     comparison = prepare(
         task, methods, goals=goals, seed=seed, arm=arm, observation=observation, options=options, command=command
     )
-    if out is None:
-        trials = list(run_trials(comparison, progress=progress))
-        return results_of(comparison, trials)
-    return _compare_on_disk(comparison, check_path("out", out), fresh=fresh, progress=progress)
+    machine = provenance.machine() if engine == SERIAL else {"engine": engine}
+    with open_engine(engine, address) as running:
+        if out is None:
+            return results_of(comparison, list(run_trials(comparison, running, progress=progress)), machine)
+        return _compare_on_disk(
+            comparison, check_path("out", out), engine=running, machine=machine, fresh=fresh, progress=progress
+        )
 
 
 def prepare(
@@ -222,37 +236,58 @@ def prepare(
 
 
 def run_trials(
-    comparison: Comparison, *, done: Sequence[Trial] = (), progress: Progress = lambda done, total: None
+    comparison: Comparison,
+    engine: Engine | None = None,
+    *,
+    done: Sequence[Trial] = (),
+    progress: Progress = lambda done, total: None,
 ) -> Iterator[Trial]:
     """Yield a trial per goal and method as it is finished.
 
     Args:
         comparison: What is compared.
+        engine: That runs them, in blocks of goals; here, if None.
         done: Trials to leave out.
         progress: Told how far it is.
     """
-    task, methods = comparison.task, comparison.methods
+    task, names, engine = comparison.task, list(comparison.methods), engine or Serial()
     finished = {(trial["goal_index"], trial["method"]) for trial in done}
-    total = comparison.goals * len(methods)
-    progress(len(finished), total)
+    count, total = len(finished), comparison.goals * len(names)
+    progress(count, total)
+    with ExitStack() as stack:
+        resets = _resets(task, comparison.goals, comparison.seed, _Environments(task, stack).default)
+    goals = []
+    for index, reset in enumerate(resets):
+        turns = np.random.default_rng(index).permutation(len(names))
+        if pending := [names[turn] for turn in turns if (index, names[turn]) not in finished]:
+            goals.append((index, reset, pending))
+    blocks = engine.split(goals, math.ceil(BLOCK / len(names)))
+    for _, trial in engine.map(partial(play, comparison), blocks, together=TOGETHER):
+        yield trial
+        count += 1
+        progress(count, total)
+
+
+def play(comparison: Comparison, goals: Sequence[tuple[int, Mapping[str, Any], Sequence[str]]]) -> Iterator[Trial]:
+    """The trials of some goals, after an untimed warm-up.
+
+    Args:
+        comparison: What they are of.
+        goals: Number and reset of each, and the methods that are to meet it, in their order.
+    """
+    task = comparison.task
     with ExitStack() as stack:
         environments = _Environments(task, stack)
-        players = {name: (environments.of(method), environments.policy(method)) for name, method in methods.items()}
-        first = environments.default
+        players = {
+            name: (environments.of(method), environments.policy(method)) for name, method in comparison.methods.items()
+        }
         shared = task.options.get("observation") == CAMERA
-        resets = _resets(task, comparison.goals, comparison.seed, first)
-        for reset in _resets(task, WARM_UP_GOALS, WARM_UP_SEED, first):
+        for reset in _resets(task, WARM_UP_GOALS, WARM_UP_SEED, environments.default):
             for _ in _one_goal(players, list(players), reset, shared=shared):
                 pass
-        names = list(players)
-        count = len(finished)
-        for index, reset in enumerate(resets):
-            turns = np.random.default_rng(index).permutation(len(names))
-            pending = [names[turn] for turn in turns if (index, names[turn]) not in finished]
+        for index, reset, pending in goals:
             for name, trial in _one_goal(players, pending, reset, shared=shared):
-                count += 1
                 yield {"goal_index": index, "method": name, **trial}
-                progress(count, total)
 
 
 def _resets(task: Task, count: int, seed: int, env: gym.Env[Any, Any]) -> Sequence[Mapping[str, Any]]:
@@ -318,9 +353,18 @@ class _Environments:
         return self._made[name]
 
 
-def results_of(comparison: Comparison, trials: Sequence[Trial]) -> dict[str, Any]:
-    """The contents of `results.json`."""
+def results_of(
+    comparison: Comparison, trials: Sequence[Trial], machine: Mapping[str, Any] | None = None
+) -> dict[str, Any]:
+    """The contents of `results.json`.
+
+    Args:
+        comparison: What was compared.
+        trials: All of them, in any order.
+        machine: That measured the times; this one if None.
+    """
     task, painted = comparison.task, colours(comparison.methods)
+    trials = sorted(trials, key=lambda trial: trial["goal_index"])
     entries = []
     for name, method in comparison.methods.items():
         own = [trial for trial in trials if trial["method"] == name]
@@ -346,7 +390,7 @@ def results_of(comparison: Comparison, trials: Sequence[Trial]) -> dict[str, Any
             "left_out": dict(comparison.left_out),
             "confidence": statistics.CONFIDENCE,
             "intervals": f"Wilson for rates; percentile bootstrap with {statistics.RESAMPLES} resamples for the rest",
-            "machine": provenance.machine(),
+            "machine": dict(machine or provenance.machine()),
         },
         "versions": _versions(comparison),
     }
@@ -363,21 +407,29 @@ def notes(comparison_task: Task, results: Mapping[str, Any]) -> list[str]:
     ]
 
 
-def _compare_on_disk(comparison: Comparison, out: Path, *, fresh: bool, progress: Progress) -> dict[str, Any]:
+def _compare_on_disk(
+    comparison: Comparison,
+    out: Path,
+    *,
+    engine: Engine,
+    machine: Mapping[str, Any],
+    fresh: bool,
+    progress: Progress,
+) -> dict[str, Any]:
     make_writable(out)
     if not fresh:
         _refuse_other_results(out, comparison)
     identity = {
         "settings": comparison.settings(),
         "versions": _versions(comparison),
-        "machine": provenance.machine(),
+        "machine": dict(machine),
     }
     records = Records(out / RECORDS, identity, comparison, fresh=fresh)
-    for trial in run_trials(comparison, done=tuple(records.trials), progress=progress):
+    for trial in run_trials(comparison, engine, done=tuple(records.trials), progress=progress):
         records.add(trial)
     order = list(comparison.methods)
     trials = sorted(records.trials, key=lambda trial: (trial["goal_index"], order.index(trial["method"])))
-    results = results_of(comparison, trials)
+    results = results_of(comparison, trials, machine)
     write_text(out / "results.csv", trials_csv(trials))
     drawn = figures.write_figures(comparison.task.figures, out, trials, results)
     report.write_report(out / "report.html", comparison.task, trials, results, drawn, notes(comparison.task, results))
