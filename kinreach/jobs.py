@@ -33,6 +33,10 @@ RETRIES = 3
 MOST_JOBS = 10_000
 #: How long the head of a cluster may take to accept a connection [s].
 PATIENCE = 5.0
+#: What a client of HTTP/2 says first (RFC 9113, 3.4), with an empty frame of settings; and the type of that frame, with
+#: which a server answers.
+_SETTINGS = b"\x04"
+_PREFACE = b"PRI * HTTP/2.0\r\n\r\nSM\r\n\r\n" + bytes(3) + _SETTINGS + bytes(5)
 #: That a job's values depend on, beside what every result says of its versions.
 _LEARNING = ("torch", "stable-baselines3")
 
@@ -188,7 +192,7 @@ def open_engine(name: str = SERIAL, address: str | None = None) -> Iterator[Engi
 
 
 def _knock(address: str) -> None:
-    """See whether anything listens where a cluster should: Ray itself would try for minutes.
+    """See whether what listens where a cluster should speaks HTTP/2, as gRPC does: Ray itself would try for minutes.
 
     Raises:
         InputError: It is no address.
@@ -200,12 +204,18 @@ def _knock(address: str) -> None:
     if not host or "/" in host or not port.isdecimal() or int(port) >= 2**16:
         raise InputError(f"the address of a Ray cluster is host:port, such as 10.0.0.1:6379, or auto; got {address!r}")
     try:
-        socket.create_connection((host.strip("[]"), int(port)), PATIENCE).close()
+        with socket.create_connection((host.strip("[]"), int(port)), PATIENCE) as connection:
+            if os.environ.get("RAY_USE_TLS", "0") != "0":
+                return
+            connection.sendall(_PREFACE)
+            answer = connection.recv(9)
+        reason = "" if answer[3:4] == _SETTINGS else "something else does"
     except OSError as error:
         reason = error.strerror or str(error) or type(error).__name__
+    if reason:
         raise ClusterError(
             f"no Ray cluster answers at {address} ({reason}): check the address, and that `ray start --head` runs there"
-        ) from None
+        )
 
 
 def add_options(parser: argparse.ArgumentParser) -> None:
