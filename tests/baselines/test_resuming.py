@@ -196,18 +196,19 @@ def test_going_on_with_other_code_is_said_and_written_down(tmp_path, monkeypatch
 
 
 def test_torch_has_as_many_threads_after_training_as_before(tmp_path, monkeypatch):
-    before, inside = torch.get_num_threads(), []
+    before, inside, build = torch.get_num_threads(), [], training.build
 
     def look(*arguments, **options):
         inside.append(torch.get_num_threads())
         if len(inside) == 2:
             raise KeyboardInterrupt
+        return build(*arguments, **options)
 
-    monkeypatch.setattr(training, "_train", look)
-    train(small("single"), tmp_path, seed=4, threads=before + 1)
+    monkeypatch.setattr(training, "build", look)
+    train(small("single"), tmp_path / "one", seed=4, threads=before + 1)
     assert torch.get_num_threads() == before
     with pytest.raises(KeyboardInterrupt):
-        train(small("single"), tmp_path, seed=4, threads=before + 2)
+        train(small("single"), tmp_path / "other", seed=4, threads=before + 2)
     assert torch.get_num_threads() == before
     assert inside == [before + 1, before + 2]
 
