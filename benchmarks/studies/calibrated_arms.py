@@ -15,11 +15,12 @@ from time import process_time
 
 import numpy as np
 
+from benchmarks.speed.peers.analytic import eaik_of, general_ssik_of
 from kinreach.checks import Floats
 from kinreach.cli import Parser, finish
+from kinreach.errors import InputError
 from kinreach.kinematics import CalibratedURKinematics, URKinematics
 from kinreach.kinematics.goals import pose_error
-from kinreach.kinematics.ur.kinematics import FLIP
 from kinreach.robots.calibration import PUBLISHED
 
 PROG = "python -m benchmarks.studies.calibrated_arms"
@@ -72,27 +73,17 @@ def oracle_postures(kin: URKinematics, rng: np.random.Generator, few: int = 6) -
 
 def ask_ssik(robot: str) -> dict[str, Floats]:
     """What ssik's general_6r finds: postures asked for, counts and branches of each case, and its seconds."""
-    from ssik import Manipulator
-    from ssik._kinbody import JointSpec, build_kinbody
-
-    kin, z = arm_of(robot), np.array((0.0, 0.0, 1.0))
-    *links, tip = kin._solver.chain.placements
-    specs = [
-        JointSpec(parent_link_T=link, axis=z, joint_type="revolute", child_link_T=tip if i == 5 else None)
-        for i, link in enumerate(links)
-    ]
+    kin = arm_of(robot)
     start = process_time()
-    arm = Manipulator(build_kinbody(specs))
-    arm.prepare()
+    arm = general_ssik_of(kin)
     preparation, times, result = process_time() - start, [], {}
     for case, postures in oracle_postures(kin, np.random.default_rng(11)).items():
         counts, branches = [], [np.empty((0, 6))]
-        for T in FLIP @ kin.fk(postures):
+        for T in kin.fk(postures):
             start = process_time()
-            found = arm.solve(T, respect_limits=False, enumerate_windings=False)
+            q = arm.solve(T)
             times.append(process_time() - start)
-            q = np.array([each.q for each in found]).reshape(-1, 6)
-            q = q[[max(pose_error(T, FLIP @ kin.fk(each))) < VALID for each in q]]  # some near upright are no solutions
+            q = q[[max(pose_error(T, kin.fk(each))) < VALID for each in q]]  # some near upright are no solutions
             counts.append(len(q))
             branches.append(q)
         result[f"{robot} {case} postures"], result[f"{robot} {case} counts"] = postures, np.array(counts)
@@ -245,21 +236,12 @@ def _robot_row(robot: str, oracle: Mapping[str, Floats], poses: int, seed: int) 
 def _eaik_says() -> str:
     """What EAIK says to a calibrated arm."""
     try:
-        from eaik.IK_HP import HPRobot
+        eaik_of(arm_of(ROBOTS[0]))
     except ImportError:
         return "EAIK is not installed"
-    kin = arm_of(ROBOTS[0])
-    frames, axes, origins = np.eye(4), [], []
-    for placement in kin._solver.chain.placements[:6]:
-        frames = frames @ placement
-        axes.append(frames[:3, 2])
-        origins.append(frames[:3, 3])
-    offsets = np.vstack([origins[:1], np.diff(origins, axis=0), np.zeros((1, 3))])
-    try:
-        robot = HPRobot(np.array(axes), offsets)
-        return f"EAIK's class of {ROBOTS[0]}: {robot.getKinematicFamily()}"
-    except Exception as error:  # of somebody else's code
-        return f"EAIK to {ROBOTS[0]}: {error}"
+    except InputError as error:
+        return f"EAIK: {error}"
+    return f"EAIK takes {ROBOTS[0]}"
 
 
 def main(argv: list[str] | None = None) -> int:

@@ -5,6 +5,7 @@ from kinreach.kinematics.arm3 import Arm3Kinematics
 from kinreach.kinematics.closed_form import kinematics_of
 from kinreach.kinematics.collision import CollisionChecker
 from kinreach.kinematics.goals import AxisGoal, PoseGoal, PositionGoal
+from kinreach.kinematics.six_axis import SixAxisKinematics
 from kinreach.kinematics.solutions import IKBatch, IKBatchNearest, IKResult, IKSolutions, Status
 from kinreach.kinematics.ur.kinematics import CalibratedURKinematics, UR5Kinematics, URKinematics
 
@@ -20,6 +21,7 @@ __all__ = [
     "IKSolutions",
     "PoseGoal",
     "PositionGoal",
+    "SixAxisKinematics",
     "Status",
     "UR5Kinematics",
     "URKinematics",

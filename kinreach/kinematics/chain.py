@@ -113,16 +113,8 @@ class SerialChain:
     """
 
     def __init__(self, placements: Sequence[Floats], axes: Sequence[Floats], tip: Floats) -> None:
-        self._constants: list[Floats] = []
-        self._joints: list[Floats] = []
-        before = np.eye(4)
-        for placement, axis in zip(placements, axes, strict=True):
-            align = np.eye(4)
-            align[:3, :3] = rotation_to(axis)
-            self._constants.append(_snapped(before @ placement @ align))
-            before = align.T
-            self._joints.append(before)
-        self._tip = _snapped(before @ tip)
+        *self._constants, self._tip = map(_snapped, about_z(placements, axes, tip))
+        self._joints = [_aligned(axis).T for axis in axes]
         self.joints = len(self._joints)
 
     @property
@@ -239,6 +231,27 @@ def _cos_sin(angle: Entry, single: bool) -> tuple[Entry, Entry]:
     t2 = t * t
     scale = 1.0 / (1.0 + t2)
     return (1.0 - t2) * scale, (t + t) * scale
+
+
+def about_z(placements: Sequence[Floats], axes: Sequence[Floats], tip: Floats) -> Floats:
+    """A chain whose joints all turn about z, `T = A0 Rz(q0) A1 ... An`, from that of `SerialChain`.
+
+    Returns:
+        A0 to An, shape (n + 1, 4, 4).
+    """
+    before, found = np.eye(4), []
+    for placement, axis in zip(placements, axes, strict=True):
+        align = _aligned(axis)
+        found.append(before @ placement @ align)
+        before = align.T
+    return np.array([*found, before @ tip])
+
+
+def _aligned(axis: Floats) -> Floats:
+    """The turn of a frame that takes its z axis to an axis, shape (4, 4)."""
+    align = np.eye(4)
+    align[:3, :3] = rotation_to(axis)
+    return align
 
 
 def _snapped(T: Floats) -> Floats:

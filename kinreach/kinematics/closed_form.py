@@ -220,7 +220,7 @@ def _inside_turn(q: Sequence[float]) -> bool:
 
 
 def kinematics_of(arm: str | ArmDescription, *, tip: str | None = None, base: str = "base_link") -> ArmKinematics:
-    """Kinematics of an arm, with all postures of a pose where it is a UR, calibrated or not, or has three joints.
+    """Kinematics of an arm, with all postures of a pose where it has six joints, or three in the right places.
 
     Args:
         arm: Name of a registered arm, or a description.
@@ -231,6 +231,7 @@ def kinematics_of(arm: str | ArmDescription, *, tip: str | None = None, base: st
         UnknownNameError: The arm, the tip or the base does not exist.
     """
     from kinreach.kinematics.arm3 import Arm3Kinematics  # which are made of what is above
+    from kinreach.kinematics.six_axis import SixAxisKinematics
     from kinreach.kinematics.ur.kinematics import CalibratedURKinematics, URKinematics
 
     plain = ArmKinematics(arm, tip=tip, base=base)
@@ -239,7 +240,8 @@ def kinematics_of(arm: str | ArmDescription, *, tip: str | None = None, base: st
             return Arm3Kinematics(arm=plain.arm, tip=plain.tip, base=base)
         except InputError:  # as many joints, another geometry
             return plain
-    for kind in (URKinematics, CalibratedURKinematics) if plain.n == URKinematics.joints else ():
+    kinds: tuple[type[ClosedFormKinematics], ...] = (URKinematics, CalibratedURKinematics, SixAxisKinematics)
+    for kind in kinds if plain.n == URKinematics.joints else ():
         try:
             return kind(plain.arm, tip=plain.tip, base=base)
         except InputError:

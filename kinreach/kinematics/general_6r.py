@@ -67,6 +67,8 @@ ASTRAY = 1e-3
 ONE_START = 1e-3
 #: Steps of Newton's method from a good start, and from a bad one; the longest step of a joint [rad].
 FEW, MANY, LONGEST = 6, 40, 0.3
+#: An eigenvalue that comes for this share of random poses has nothing to do with them.
+OFTEN = 0.9
 #: Most postures that a six-joint arm has for a pose.
 MOST = 16
 POSES = 512  # at once
@@ -273,6 +275,7 @@ class General6R:
         self._left = np.linalg.inv(A[0] @ turns @ A[1])
         self._right = np.linalg.inv(A[5] @ turns @ A[6])[:, :, 2:]
         self._bases = [self._deflation(*self.CHOICES[0]), *[(np.eye(24), np.empty((24, 0)))] * 2]
+        self._idle: Floats = np.empty(0)
         self._both = np.kron(_COEFFICIENTS, _COEFFICIENTS)
 
     def solve(self, T: Floats, *, tol: float = EXACT) -> list[Floats]:
@@ -290,11 +293,36 @@ class General6R:
             found += self._solve_some(T[start : start + POSES], tol)
         return found
 
+    def tried(self, q: Floats) -> float:
+        """Solve for the poses of postures (m, 6), and learn which eigenvalues mean nothing for this arm.
+
+        Where two axes can become parallel whatever the others do, the same eigenvalues come for every pose and lead to
+        no posture. They are left out from now on where they do not lead to one.
+
+        Returns:
+            Share of the postures that are found again: 1, unless the arm's elimination is singular.
+        """
+        T = np.tile(np.eye(4), (len(q), 1, 1))
+        T[:, :3] = self.chain.fk(q)
+        try:
+            pose, start, *_ = self._candidates(self._regular(T), *self.CHOICES[0], self.PHASES[0])
+        except np.linalg.LinAlgError:
+            return 0.0
+        found, off = newton(self.chain, start, T[pose])
+        astray = np.flatnonzero(off >= EXACT)
+        angles = start[astray, 1]
+        same = np.abs(wrapped(angles[:, None] - angles)) < APART
+        often = np.array([len(np.unique(pose[astray[row]])) for row in same]) > OFTEN * len(q)
+        self._idle = angles[often][_first_of_each(angles[often, None], APART)]
+        back = (off < EXACT) & (np.abs(wrapped(found - q[pose])).max(axis=1) < ONE)
+        return len(np.unique(pose[back])) / len(q)
+
     def _solve_some(self, T: Floats, tol: float) -> list[Floats]:
         regular = self._regular(T)
         pose, start, imaginary, largest = self._candidates(regular, *self.CHOICES[0], self.PHASES[0])
         q, off = newton(self.chain, start, T[pose])
-        q = wrapped(q)
+        idle = (np.abs(wrapped(start[:, 1, None] - self._idle)) < APART).any(axis=1) & (off >= EXACT)
+        pose, start, imaginary, q, off = pose[~idle], start[~idle], imaginary[~idle], wrapped(q[~idle]), off[~idle]
         moved, real = np.abs(wrapped(q[:, 1] - start[:, 1])), imaginary <= REAL
         clear = _clear(pose, len(T), wrapped(start[:, 1]), moved, imaginary, off < EXACT) & (largest < ILL)
         found = []

@@ -14,7 +14,14 @@ from kinreach.checks import check_count, check_path
 from kinreach.cli import Parser
 from kinreach.errors import InputError
 from kinreach.files import replacing
-from kinreach.kinematics import Arm3Kinematics, ArmKinematics, URKinematics, check, kinematics_of
+from kinreach.kinematics import (
+    Arm3Kinematics,
+    ArmKinematics,
+    SixAxisKinematics,
+    URKinematics,
+    check,
+    kinematics_of,
+)
 from kinreach.kinematics.ur.kinematics import CalibratedURKinematics
 from kinreach.plots.style import MAGNITUDE, key, new_figure
 from kinreach.robots import ArmDescription, as_arm
@@ -100,6 +107,8 @@ def _class_of(kin: ArmKinematics) -> str:
         return "UR with its calibration: every posture of a pose exactly, singular poses too"
     if isinstance(kin, URKinematics):
         return "UR: every posture of a pose exactly, singular poses too"
+    if isinstance(kin, SixAxisKinematics):
+        return "any six joints: every posture of a pose exactly, by elimination"
     if isinstance(kin, Arm3Kinematics):
         return "turning base with two links: every posture of a position in closed form"
     spare = kin.n - check.POSE_JOINTS

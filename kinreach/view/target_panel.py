@@ -10,7 +10,7 @@ import numpy as np
 
 from kinreach.checks import Floats
 from kinreach.errors import KinreachError
-from kinreach.kinematics import URKinematics
+from kinreach.kinematics import Arm3Kinematics, ArmKinematics, SixAxisKinematics, URKinematics
 from kinreach.kinematics.goals import Goal
 from kinreach.kinematics.solvers import SOLVERS
 from kinreach.robots.rotations import rotation, rpy
@@ -153,7 +153,9 @@ class TargetPanel(Panel):
         self._kind_input = kind
 
     def _names(self) -> list[str]:
-        count = 8 if isinstance(self.model.kinematics, URKinematics) else 4 if self.model.complete else 0
+        kinds: tuple[tuple[type[ArmKinematics], int], ...]
+        kinds = ((URKinematics, 8), (SixAxisKinematics, 16), (Arm3Kinematics, 4))
+        count = next((most for kind, most in kinds if isinstance(self.model.kinematics, kind)), 0)
         return [branch_name(self.model.kinematics, branch) for branch in range(count)]
 
     def _dragged(self, event: Any) -> None:

@@ -1,4 +1,4 @@
-"""Analytic solvers of the UR5: EAIK (Ostermeier et al.), ur-analytic-ik and ssik."""
+"""Analytic solvers of the UR5, and of other arms: EAIK (Ostermeier et al.), ur-analytic-ik and ssik."""
 
 from __future__ import annotations
 
@@ -10,7 +10,9 @@ import numpy as np
 
 from benchmarks.speed.peers.base import IKPeer
 from kinreach.checks import Floats
+from kinreach.errors import InputError
 from kinreach.kinematics.arm import ArmKinematics
+from kinreach.kinematics.chain import about_z
 
 
 def make_eaik(*, least_squares: bool = False) -> IKPeer:
@@ -19,8 +21,29 @@ def make_eaik(*, least_squares: bool = False) -> IKPeer:
     Args:
         least_squares: Keep also the answers that EAIK itself marks as approximate.
     """
-    robot, tool = _eaik_robot()
-    untool = np.linalg.inv(tool)
+    return eaik_of(ArmKinematics("ur5", tip="tool0"), least_squares=least_squares)
+
+
+def eaik_of(kin: ArmKinematics, *, least_squares: bool = False) -> IKPeer:
+    """EAIK's model of any arm with six joints, as `make_eaik`.
+
+    Raises:
+        InputError: EAIK has no class for the arm; the message says what it calls it.
+    """
+    from eaik.IK_HP import HPRobot
+
+    axes, joints = [], []
+    frame = kin.T_base_world
+    for placement, axis in zip(*kin._joint_frames(), strict=True):
+        frame = frame @ placement
+        joints.append(frame[:3, 3])
+        axes.append(frame[:3, :3] @ axis)
+    offsets = np.vstack([joints[:1], np.diff(joints, axis=0), np.zeros((1, 3))])
+    robot = HPRobot(np.array(axes).round(9), offsets)
+    family = robot.getKinematicFamily()
+    if "Unknown" in family:
+        raise InputError(f"its class of {kin.arm.name} is {family!r}, which it does not solve")
+    untool = np.linalg.inv(kin.fk(np.zeros(6))) @ robot.fwdKin(np.zeros(6))
 
     def postures(solutions: Any) -> Floats:
         q: Floats = np.asarray(solutions.Q, dtype=np.float64).reshape(-1, 6)
@@ -38,20 +61,34 @@ def make_eaik(*, least_squares: bool = False) -> IKPeer:
     return IKPeer("IK(T).Q", lambda T: np.ascontiguousarray(T @ untool), call, postures, batch=batch)
 
 
-def _eaik_robot() -> tuple[Any, Floats]:
-    """EAIK's robot, and the transform from its end effector to tool0."""
-    from eaik.IK_HP import HPRobot
+def general_ssik_of(kin: ArmKinematics) -> IKPeer:
+    """Ssik's `general_6r` for any arm with six joints; it is prepared here, which takes minutes."""
+    from ssik import Manipulator
+    from ssik._kinbody import JointSpec, build_kinbody
 
-    kin = ArmKinematics("ur5", tip="tool0")
-    kin.fk(np.zeros(6))
-    joints = [kin.data.oMi[i] for i in range(1, 7)]
-    local = np.eye(3)[[2, 1, 1, 1, 2, 1]]  # axes of the joints in their own frames: z, y, y, y, z, y
-    base = kin.T_base_world
-    axes = np.array([base[:3, :3] @ joint.rotation @ axis for joint, axis in zip(joints, local, strict=True)])
-    origins = np.array([base[:3, :3] @ joint.translation for joint in joints])
-    offsets = np.vstack([origins[:1], np.diff(origins, axis=0), np.zeros((1, 3))])
-    robot = HPRobot(axes.round(9), offsets)
-    return robot, np.linalg.inv(robot.fwdKin(np.zeros(6))) @ kin.fk(np.zeros(6))
+    placements, axes = kin._joint_frames()
+    placements[0] = kin.T_base_world @ placements[0]
+    *links, tip = about_z(placements, axes, kin.model.frames[kin.tip_frame].placement.homogeneous)
+    specs = [
+        JointSpec(
+            parent_link_T=link,
+            axis=np.array((0.0, 0.0, 1.0)),
+            joint_type="revolute",
+            child_link_T=tip if joint == kin.n - 1 else None,
+        )
+        for joint, link in enumerate(links)
+    ]
+    arm = Manipulator(build_kinbody(specs))
+    arm.prepare()
+
+    def call(T: Floats) -> Any:
+        return arm.solve(T, respect_limits=False, enumerate_windings=False)
+
+    def postures(solutions: Any) -> Floats:
+        return np.array([solution.q for solution in solutions], dtype=np.float64).reshape(-1, 6)
+
+    note = "Manipulator(...).solve(T, respect_limits=False, enumerate_windings=False)"
+    return IKPeer(note, np.ascontiguousarray, call, postures)
 
 
 def make_ssik() -> IKPeer:

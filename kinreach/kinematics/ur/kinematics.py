@@ -21,7 +21,7 @@ from kinreach.checks import (
 )
 from kinreach.errors import InputError
 from kinreach.kinematics.arm import link_frame
-from kinreach.kinematics.chain import rotation_to
+from kinreach.kinematics.chain import about_z, rotation_to
 from kinreach.kinematics.closed_form import ClosedFormKinematics
 from kinreach.kinematics.goals import AxisGoal, Goal, PoseGoal, PositionGoal, nearest_rotations, pose_error
 from kinreach.kinematics.solutions import (
@@ -424,15 +424,9 @@ class CalibratedURKinematics(URKinematics):
         """Fit the nearest arm with a closed form."""
         placements, axes = self._joint_frames()
         world = self.model.frames[link_frame(self.model, self.arm.base)].placement.homogeneous
-        frames: list[Floats] = []
-        frame = world @ FLIP
-        for placement, axis in zip(placements, axes, strict=True):
-            turned = np.eye(4)
-            turned[:3, :3] = rotation_to(axis)
-            frames.append((np.linalg.inv(frame) if not frames else frame) @ placement @ turned)
-            frame = turned.T
+        placements[0] = np.linalg.inv(world @ FLIP) @ placements[0]
         flange = self.model.frames[link_frame(self.model, self.arm.tips[FLANGE])].placement.homogeneous
-        self._solver = CalibratedSolver(np.array([*frames, frame @ flange]), self.geometry)
+        self._solver = CalibratedSolver(about_z(placements, axes, flange), self.geometry)
         self.geometry = self._solver.fit.geometry
 
 

@@ -1,0 +1,112 @@
+"""Six-joint arms of no kind that has a closed form here: every posture, against EAIK and by Pinocchio."""
+
+import numpy as np
+import pytest
+from example_robot_data.robots_loader import getModelPath
+
+from benchmarks.speed.peers.analytic import eaik_of
+from kinreach.errors import InputError
+from kinreach.kinematics import (
+    ArmKinematics,
+    AxisGoal,
+    PositionGoal,
+    SixAxisKinematics,
+    Status,
+    kinematics_of,
+)
+from kinreach.kinematics.check import random_postures
+from kinreach.kinematics.goals import pose_error
+from kinreach.robots import ArmDescription
+
+#: A file of example-robot-data, and the tip: two arms with six joints, one of them with a hand beside the last axis.
+ARMS = {
+    "kinova": ("kinova_description/robots/kinova.urdf", "j2s6s200_link_6"),
+    "kinova-hand": ("kinova_description/robots/kinova.urdf", None),
+    "z1": ("z1_description/urdf/z1.urdf", "link06"),
+}
+
+
+def described(name):
+    file, tip = ARMS[name]
+    return ArmDescription.from_urdf(f"{getModelPath(file)}/{file}", tip=tip)
+
+
+@pytest.fixture(scope="module", params=ARMS)
+def kin(request):
+    return kinematics_of(described(request.param))
+
+
+def apart(q, others):
+    return np.abs((others - q + np.pi) % (2 * np.pi) - np.pi).max(axis=1).min(initial=np.inf)
+
+
+def test_every_posture_is_exact_and_the_generating_one_is_there(kin):
+    assert isinstance(kin, SixAxisKinematics)
+    q = random_postures(kin, 25, seed=0)
+    T = kin.fk(q)
+    batch = kin.batch(T)
+    for posture, pose, row, valid in zip(q, T, batch.q, batch.valid, strict=True):
+        assert apart(posture, row[valid]) < 1e-6
+        alone = kin.all_solutions(pose)
+        np.testing.assert_allclose(row[valid], alone.q, atol=1e-9)
+        for i, found in enumerate(alone.q):
+            assert max(pose_error(pose, kin.fk(found))) < 1e-9
+            assert kin.within_limits(found)
+            assert apart(found, alone.q[:i]) > 1e-6
+        nearest = kin.nearest(pose, posture)
+        np.testing.assert_allclose(nearest.q, posture, atol=1e-6)
+
+
+def test_as_many_as_eaik_finds():
+    """The Z1's second to fourth axes are parallel, and its last two meet: EAIK decomposes that in closed form."""
+    pytest.importorskip("eaik")
+    kin = kinematics_of(described("z1"))
+    peer = eaik_of(kin)
+    compared = 0
+    for T in kin.fk(np.random.default_rng(1).uniform(-np.pi, np.pi, (60, 6))):
+        ours, theirs = kin.all_solutions(T, limits=False).q, peer.solve(T)
+        theirs = [q for q in theirs if max(pose_error(T, kin.fk(q))) < 1e-6]
+        assert all(apart(q, ours) < 1e-5 for q in theirs)
+        assert len(ours) >= len(theirs)
+        compared += len(theirs)
+    assert compared > 240
+
+
+def test_goals_of_a_direction_and_reasons(kin):
+    q = random_postures(kin, 3, seed=2)[1]
+    T = kin.fk(q)
+    down = kin.solve(AxisGoal(T[:3, 3], T[:3, 2]), q)
+    assert down.success
+    assert max(down.position_error, down.orientation_error) < 1e-8
+    if kin.arm.tips[kin.tip] == ARMS["kinova"][1]:  # on the last axis: that joint is free and stays
+        np.testing.assert_allclose(down.q, q, atol=1e-6)
+    T[:3, 3] += 5.0
+    lost = kin.all_solutions(T)
+    assert (lost.status, lost.reason) == (Status.OUT_OF_REACH, "no posture brings the tip there")
+    assert not kin.batch(T[None]).valid.any()
+    with pytest.raises(InputError, match="direction"):
+        kin.solve(PositionGoal((0.3, 0.0, 0.3)), q)
+    with pytest.raises(InputError, match="shape"):
+        kin.batch(np.eye(4))
+
+
+def urdf(axes):
+    links = "".join(f'<link name="l{i}"/>' for i in range(7))
+    joints = "".join(
+        f'<joint name="j{i}" type="revolute"><parent link="l{i}"/><child link="l{i + 1}"/><origin xyz="0.3 0 0.1"/>'
+        f'<axis xyz="{axis}"/><limit lower="-3" upper="3" effort="1" velocity="1"/></joint>'
+        for i, axis in enumerate(axes)
+    )
+    return f'<robot name="arm">{links}{joints}</robot>'
+
+
+def test_axes_that_it_cannot_solve_are_named(tmp_path):
+    """Six parallel axes move in a plane: a pose has a family of postures or none."""
+    file = tmp_path / "plane.urdf"
+    file.write_text(urdf(["0 0 1"] * 6))
+    arm = ArmDescription.from_urdf(file)
+    assert type(kinematics_of(arm)) is ArmKinematics
+    with pytest.raises(InputError, match=r"elimination singular; of random postures it finds \d+ % again"):
+        SixAxisKinematics(arm)
+    with pytest.raises(InputError, match="3 joints; six are needed"):
+        SixAxisKinematics("arm3")
