@@ -18,7 +18,7 @@ _AXES = ("JointModelRX", "JointModelRY", "JointModelRZ")
 
 @dataclass(frozen=True)
 class IKPeer:
-    """Somebody else's inverse kinematics of the UR5.
+    """Somebody else's inverse kinematics of an arm.
 
     What a benchmark times is `call` alone: a pose that is already in the peer's own frames and type goes in, and
     whatever it gives comes out.

@@ -3,6 +3,7 @@
 import builtins
 import importlib
 import sys
+from collections import defaultdict
 
 import numpy as np
 import pytest
@@ -13,7 +14,7 @@ from benchmarks.speed.peers.analytic import ANALYTIC, WITH_APPROXIMATE
 from benchmarks.speed.peers.base import IKPeer, installed, silent
 from benchmarks.speed.poses import FLANGE, random_poses
 from benchmarks.speed.sections import Options
-from benchmarks.speed.suites import fk_batch, ik_batch, ik_edge_cases, ik_single, load_suite
+from benchmarks.speed.suites import fk_batch, ik_batch, ik_calibrated, ik_edge_cases, ik_single, load_suite
 from kinreach.errors import InstallationError
 from kinreach.kinematics import ArmKinematics
 from kinreach.kinematics.goals import pose_error
@@ -23,6 +24,10 @@ for module in ("eaik", "ssik", "ur_analytic_ik"):
 
 QUICK = Options(rounds=1, quick=True, seed=3)
 HOME = np.array(FLANGE.arm.home)
+#: Peers that a suite names although they are installed, and why.
+REFUSED = defaultdict(
+    dict, {"ik-calibrated": {"EAIK": "Unknown Kinematic Class", ik_calibrated.SSIK: "takes minutes; not with --quick"}}
+)
 MODULES = {"pink": "pink", "mink": "mink", "roboticstoolbox": "roboticstoolbox", "TRAC-IK": "trac_ik"}
 
 
@@ -57,7 +62,7 @@ def test_analytic_peers_get_the_pose_in_their_own_frames(name):
             assert len(peer.batch(T)()) == len(T)
 
 
-@pytest.mark.parametrize("suite", ["ik-single", "ik-edge-cases", "ik-batch", "fk-batch"])
+@pytest.mark.parametrize("suite", ["ik-single", "ik-edge-cases", "ik-batch", "ik-calibrated", "fk-batch"])
 @pytest.mark.filterwarnings("ignore")
 def test_suites(suite, monkeypatch, checked):
     for solver in ("placo", "kinreach, QP", "pink", "mink"):  # slow, and tested above
@@ -69,7 +74,8 @@ def test_suites(suite, monkeypatch, checked):
     for section in sections:
         assert f"--suite {suite}" in section.again
         assert all(np.isfinite(target.measured) for target in section.targets)
-        assert set(section.missing) <= set(MODULES)
+        assert set(section.missing) <= set(MODULES) | set(REFUSED[suite])
+        assert all(why in section.missing.get(name, why) for name, why in REFUSED[suite].items())
         assert all(len(values) == QUICK.rounds and min(values) > 0 for values in section.samples.values())
     assert any(section.targets for section in sections)
 
