@@ -254,9 +254,9 @@ def solved(kin: ArmKinematics, solver: Solver, postures: Floats, singular: Float
     return Solved(solver.name, float(np.mean(done[:regular])), share, (median, late), max(errors))
 
 
-def deviation(real: ArmKinematics, believed: ArmKinematics, *, seed: int = 0) -> Deviation:
+def deviation(real: ArmKinematics, believed: ArmKinematics, *, seed: int = 0, count: int = POSTURES) -> Deviation:
     """How far the tip of the real arm is from where another description of it puts the tip, in the same postures."""
-    q = random_postures(real, POSTURES, seed)
+    q = random_postures(real, count, seed)
     T, expected = real.fk(q), believed.fk(q)
     turned = np.einsum("nij,nik->njk", expected[:, :3, :3], T[:, :3, :3])
     sine = 0.5 * np.linalg.norm(

@@ -173,7 +173,7 @@ def draw_workspace(subject: Subject, *, seed: int = 0) -> Figure:
     """
     kin = subject.kinematics
     if subject.believed is not None:
-        found = check.deviation(kin, subject.believed, seed=seed)
+        found = check.deviation(kin, subject.believed, seed=seed, count=20 * check.POSTURES)
         tip, values = found.tip, 1e3 * found.position
         title, label = "What the data sheet misses", "mean distance of the tip [mm]"
     else:
@@ -186,7 +186,10 @@ def draw_workspace(subject: Subject, *, seed: int = 0) -> Figure:
         size=(5.0, 6.4),
         note=f"{len(tip)} random postures within the limits, seed {seed}; tip {kin.tip}, from the first joint.",
     )
-    cells = axes.hexbin(np.hypot(tip[:, 0], tip[:, 1]), tip[:, 2], values, gridsize=CELLS // 2, cmap=MAGNITUDE)
+    distance, height = np.hypot(tip[:, 0], tip[:, 1]), tip[:, 2]
+    across = CELLS // 2
+    up = max(1, round(across * np.ptp(height) / np.ptp(distance) / np.sqrt(3.0)))  # regular hexagons
+    cells = axes.hexbin(distance, height, values, gridsize=(across, up), cmap=MAGNITUDE)
     axes.set_aspect("equal")
     axes.set_xlabel("distance from the first joint's axis [m]")
     axes.set_ylabel("height [m]")
