@@ -1,7 +1,5 @@
 """The method that finds all postures of any six-joint arm, on arms of no particular kind and where it is hard."""
 
-from pathlib import Path
-
 import numpy as np
 import pytest
 from scipy.linalg import eigvals
@@ -10,8 +8,7 @@ from scipy.spatial.transform import Rotation
 from kinreach.kinematics import URKinematics
 from kinreach.kinematics.general_6r import ILL, Chain, General6R, miss, missed_by, newton, wrapped
 from kinreach.kinematics.ur.kinematics import FLIP
-
-FILES = Path(__file__).parents[1] / "data" / "calibrations"
+from kinreach.robots.calibration import PUBLISHED
 
 
 def some_arm(rng, *, parallel=False):
@@ -97,7 +94,7 @@ def test_the_problem_of_size_16_has_the_eigenvalues_of_the_one_of_size_24():
 
 def test_an_ill_conditioned_pose_is_noticed_and_solved():
     """Near sin q5 = 0 the equations hardly depend on the eigenvalue: an inverse is large, two postures were missed."""
-    kin = URKinematics.from_calibration(FILES / "ur10e_a.yaml", model="ur10e")
+    kin = URKinematics.from_calibration(PUBLISHED["ur10e_a"], model="ur10e")
     q = np.array([1.281906, 1.761483, -0.484367, -1.026086, -3.025442, 0.440775])
     general, T = kin._solver.general, FLIP @ kin.fk(q)
     assert general._candidates(T[None], *general.CHOICES[0], general.PHASES[0])[3][0] > ILL
