@@ -29,9 +29,9 @@ BATCH_COLUMNS = ("time of a pose [us]", "median", "worst round", "x ssik", "of t
 WHY = "the machine was busy, or one without vector instructions"
 
 TEXT = """\
-{poses} poses of tool0 in random postures of a real UR10e (`kinreach.robots.calibration.PUBLISHED`: {robot}), whose axes neither
-meet nor are parallel. kinreach fits the nearest arm with a closed form when it is made ({preparation:.2g} s), and finds
-each branch by Newton's method, or all by elimination where branches may merge
+{poses} poses of tool0 in random postures of a real UR10e (`kinreach.robots.calibration.PUBLISHED`: {robot}), whose
+axes neither meet nor are parallel. kinreach fits the nearest arm with a closed form when it is made
+({preparation:.2g} s), and finds each branch by Newton's method, or all by elimination where branches may merge
 ([how](your_robot.md#what-you-can-rely-on)). ssik prepares a solver for one arm first{prepared}. EAIK has no class for
 such an arm, and ur-analytic-ik takes no calibration. For comparison the closed form of the data sheet on the same
 poses, which misses them by millimetres."""
