@@ -316,14 +316,23 @@ class TargetModel:
         return f"{plain(a)} touches {plain(b)}"
 
     def _why_outside(self, q: Floats) -> str:
-        said = []
-        for j, name in enumerate(self.kinematics.arm.joints):
-            low, high = float(self.lower[j]), float(self.upper[j])
-            if nearest_winding([q[j]], [0.0], [low], [high]) is None:
-                middle = (low + high) / 2
-                value = float(q[j] + 2 * pi * round((middle - q[j]) / (2 * pi)))
-                said.append(f"{plain(name)} would be at {angle(value)}, allowed is {angle(low)} to {angle(high)}")
+        said = [
+            f"{plain(name)} would be at {angle(value)}, allowed is {angle(low)} to {angle(high)}"
+            for name, value, low, high in self._outside(q)
+        ]
         return f"joint limit: {listed(said)}"
+
+    def _outside(self, q: Floats) -> Iterator[tuple[str, float, float, float]]:
+        """Joints without a turn within their limits: name, the angle nearest to these, and the limits [rad]."""
+        for name, at, low, high in zip(
+            self.kinematics.arm.joints, q.tolist(), self.lower.tolist(), self.upper.tolist(), strict=True
+        ):
+            if nearest_winding([at], [0.0], [low], [high]) is None:
+                yield name, at + 2 * pi * round(((low + high) / 2 - at) / (2 * pi)), low, high
+
+    def _excess(self, q: Floats) -> float:
+        """By how much a posture is outside the joint limits, all joints together [rad]."""
+        return sum(max(low - value, value - high) for _, value, low, high in self._outside(q))
 
     def _verdict(self, postures: Sequence[Posture], approach: IKResult | None) -> str:
         counts = Counter(posture.state for posture in postures)
@@ -338,7 +347,8 @@ class TargetModel:
             for state in _SAID
             if counts[state]
         ]
-        nearest = min((p for p in postures if p.q is not None), key=lambda posture: posture.distance)
+        reached = ((posture, posture.q) for posture in postures if posture.q is not None)
+        nearest, _ = min(reached, key=lambda pair: (pair[0].distance, self._excess(pair[1])))
         return f"No posture can be used: {listed(parts)}. The nearest: {nearest.reason}."
 
     def _out_of_reach(self, postures: Sequence[Posture], approach: IKResult) -> str:

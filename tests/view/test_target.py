@@ -104,6 +104,19 @@ def test_a_joint_limit_is_named(ur5):
     assert named == refused > 20
 
 
+def test_the_nearest_outside_the_limits_is_least_outside():
+    model = TargetModel("ur5")
+    model.limit_joints(np.radians(90))
+    T = np.diag([1.0, -1.0, -1.0, 1.0])
+    T[:3, 3] = 0.5, 0.1, 0.1
+    answer = model.answer(model.goal(POSE, T), model.home)
+    assert {posture.state for posture in answer.postures} == {State.LIMITS}
+    turned = [np.abs((posture.q + np.pi) % (2 * np.pi) - np.pi) - np.pi / 2 for posture in answer.postures]
+    least = answer.postures[int(np.argmin([np.maximum(over, 0).sum() for over in turned]))]
+    assert answer.verdict == f"No posture can be used: all 8 are outside the joint limits. The nearest: {least.reason}."
+    assert answer.verdict.count("would be at") == 1
+
+
 def test_what_is_missing_is_in_the_verdict(ur5):
     T = np.diag([1.0, -1.0, -1.0, 1.0])
     T[:3, 3] = 1.2, 0.0, 0.0
