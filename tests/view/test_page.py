@@ -67,7 +67,7 @@ def drag_down(tab, page):
     tab.mouse.move(end_x, end_y)
     tab.evaluate("() => new Promise(done => requestAnimationFrame(() => requestAnimationFrame(done)))")
     tab.mouse.down()
-    for share in np.linspace(0, 1, 5):
+    for share in np.linspace(0, 1, 3):
         tab.mouse.move(end_x + share * (end_x - x), end_y + share * (end_y - y))
         tab.evaluate("() => new Promise(requestAnimationFrame)")
     tab.mouse.up()
