@@ -21,6 +21,7 @@ from playwright.sync_api import sync_playwright
 
 from kinreach.cli import Parser, finish
 from kinreach.demo.film import Film
+from kinreach.robots.calibration import PUBLISHED
 from kinreach.robots.rotations import pose
 from kinreach.view.cli import setup_of
 from kinreach.view.server import Server
@@ -29,7 +30,7 @@ from kinreach.view.target_panel import TargetPanel
 PROG = "python -m tools.page_pictures"
 ROOT = Path(__file__).parents[1]
 IMAGES = ROOT / "docs/images"
-CALIBRATION = ROOT / "tests/data/calibrations/ur5_a.yaml"
+CALIBRATION = PUBLISHED["ur5_a"]
 ARGUMENTS = ["--no-sandbox", "--use-angle=swiftshader", "--enable-unsafe-swiftshader", "--ignore-gpu-blocklist"]
 WIDTH, HEIGHT = 1200, 750
 #: Nothing takes longer [ms].

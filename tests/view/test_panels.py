@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 
 from kinreach.compare import compare
+from kinreach.robots.calibration import PUBLISHED
 from kinreach.view.cli import setup_of
 
 pytest.importorskip("viser")
@@ -33,9 +34,7 @@ def serve():
         yield serving
 
 
-@pytest.fixture
-def calibration(root):
-    return str(root / "tests/data/calibrations/ur5_a.yaml")
+CALIBRATION = str(PUBLISHED["ur5_a"])
 
 
 def test_two_tabs_have_targets_of_their_own(serve):
@@ -65,8 +64,8 @@ def test_a_target_that_is_dragged_is_answered(serve):
         assert answers == 10
 
 
-def test_the_real_arm_beside_its_data_sheet(serve, calibration, root):
-    with Tab(serve("ur5", calibration)) as tab:
+def test_the_real_arm_beside_its_data_sheet(serve, root):
+    with Tab(serve("ur5", CALIBRATION)) as tab:
         panel = tab.page.show("Real arm")
         assert not tab.page.target._folder.visible
         first = panel.miss
@@ -86,7 +85,7 @@ def test_the_real_arm_beside_its_data_sheet(serve, calibration, root):
             assert said in panel._verdict.content
             assert "kinreach-verdict" in panel._verdict.content
             assert panel.model is before
-        panel.open(calibration.replace("ur5_a", "ur5_b"))
+        panel.open(str(PUBLISHED["ur5_b"]))
         assert panel.miss is not None
         assert panel.model is not before
         tab.page.show("Target")

@@ -7,24 +7,23 @@ import pytest
 from kinreach.errors import InputError
 from kinreach.kinematics import URKinematics
 from kinreach.robots import get_arm
+from kinreach.robots.calibration import PUBLISHED
 from kinreach.view import html
 from kinreach.view.real_arm import RealArm, colours
 
-FILES = {"ur5": "ur5_a.yaml", "ur3": "ur3_a.yaml", "ur10e": "ur10e_a.yaml"}
+FILES = {"ur5": "ur5_a", "ur3": "ur3_a", "ur10e": "ur10e_a"}
 
 
 @pytest.fixture(scope="module", params=FILES)
-def pair(request, root):
+def pair(request):
     arm = get_arm(request.param)
-    return RealArm(arm, arm.calibrated(root / "tests/data/calibrations" / FILES[request.param]))
+    return RealArm(arm, arm.calibrated(PUBLISHED[FILES[request.param]]))
 
 
-def test_the_miss_is_what_both_chains_say(pair, root):
+def test_the_miss_is_what_both_chains_say(pair):
     """The real tip by the other way to a calibrated arm; the angle by Pinocchio's logarithm."""
     name = pair.nominal.arm.name
-    twin = URKinematics.from_calibration(
-        root / "tests/data/calibrations" / FILES[name], model=name, tip=pair.real.tip, base="world"
-    )
+    twin = URKinematics.from_calibration(PUBLISHED[FILES[name]], model=name, tip=pair.real.tip, base="world")
     rng, off = np.random.default_rng(0), []
     for _ in range(50):
         miss = pair.miss(rng.uniform(-3, 3, 6))

@@ -151,9 +151,9 @@ def test_solvers_end_where_they_say(ur5):
     assert all(name in table for name in SOLVERS)
 
 
-def test_policies_are_solvers_too(root):
+def test_policies_are_solvers_too():
     """Where they end is what their episodes say; what they are not for, they are not offered for."""
-    setup = setup_of("ur5", calibration=str(root / CALIBRATION))
+    setup = setup_of("ur5", calibration=str(CALIBRATION))
     assert setup.policies == setup_of("ur5").policies == ("ppo-single", "single", "thesis-single", "multi", "ppo-multi")
     assert setup_of("ur5", tip="tool0").policies == setup_of("arm3").policies == ()
     assert setup_of("panda").policies == ("panda-single",)
