@@ -240,7 +240,7 @@ def test_a_comparison_in_space(tmp_path):
 
 
 def test_training_draws_around_the_volume(tmp_path):
-    recipe = replace(get_recipe("space-single"), num_envs=64, steps=64, segments=1, window=64)
+    recipe = replace(get_recipe("space-ranked"), num_envs=64, steps=64, segments=1, window=64)
     env = build(recipe, 0, steps=64).env
     starts = env._draw(np.random.default_rng(0), 3000)
     box = get_arm("ur5").workcell.goals.wider(0.02, above=0.25)
@@ -249,7 +249,7 @@ def test_training_draws_around_the_volume(tmp_path):
     groups = env.reset().reshape(8, 8, 16)
     assert (groups[:, :1, 6:] == groups[:, :, 6:]).all()
     assert len(np.unique(groups[:, 0, 6])) == 8
-    for name in ("space-single", "space-multi"):
+    for name in ("space-ranked", "space-single", "space-multi"):
         small = replace(get_recipe(name), num_envs=64, steps=64 * 2, segments=1, window=64)
         policy = train(small, tmp_path / name, seed=0).policy
         found = evaluate(policy, goals=10, options=small.options)
