@@ -5,6 +5,7 @@
 """
 
 from kinreach.sim.controller import JointController, MoveResult, MoveStatus
+from kinreach.sim.imperfections import Imperfections
 from kinreach.sim.rendering import FrameRenderer, render
 from kinreach.sim.scene import build_scene, scene_model
 from kinreach.sim.simulation import ArmSimulation, BatchSimulation
@@ -13,6 +14,7 @@ __all__ = [
     "ArmSimulation",
     "BatchSimulation",
     "FrameRenderer",
+    "Imperfections",
     "JointController",
     "MoveResult",
     "MoveStatus",
