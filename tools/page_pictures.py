@@ -36,7 +36,7 @@ WIDTH, HEIGHT = 1200, 750
 #: Nothing takes longer [ms].
 PATIENCE = 300_000
 #: Frames per second of the film, and of each part of its way.
-FPS, PART = 6, 10
+FPS, PART = 3, 6
 QUALITY = 82
 #: Where the target goes in the film: over the table, into it, out of reach, and back.
 WAY = [(0.5, 0.1, 0.05), (0.45, -0.25, -0.1), (0.5, 0.05, -0.25), (1.0, 0.3, 0.1), (0.5, 0.1, 0.05)]
@@ -61,7 +61,9 @@ class Camera:
 
     def take(self) -> Image.Image:
         """What is in the window."""
-        self._meanwhile(lambda: self.page.picture(40, 64))  # the answer comes when all messages have been drawn
+        thread = threading.Thread(target=self.page.picture, args=(40, 64))  # comes when all before it has been drawn
+        thread.start()
+        self.wait_for(lambda: not thread.is_alive())
         self.tab.evaluate("() => new Promise(done => requestAnimationFrame(() => requestAnimationFrame(done)))")
         return Image.open(BytesIO(self.tab.screenshot())).convert("RGB")
 
@@ -69,12 +71,6 @@ class Camera:
         """Until something holds."""
         while not condition():
             self.tab.wait_for_timeout(50)
-
-    def _meanwhile(self, work: Callable[[], object]) -> None:
-        """Do something that waits for the browser, which needs this thread."""
-        thread = threading.Thread(target=work)
-        thread.start()
-        self.wait_for(lambda: not thread.is_alive())
 
 
 def film(camera: Camera, target: TargetPanel) -> None:
@@ -94,8 +90,9 @@ def main(argv: list[str] | None = None) -> int:
     parser = Parser(prog=PROG, description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("results", metavar="DIR", help="a comparison of the UR5")
     parser.add_argument("--only", metavar="NAME", help="target, real-arm, episodes, results or film")
+    parser.add_argument("--simple", action="store_true", help="fewer triangles and no shadows")
     arguments = parser.parse_args(argv)
-    server = Server(setup_of("ur5"), port=8720)
+    server = Server(setup_of("ur5", simple=arguments.simple), port=8720)
 
     def wanted(name: str) -> bool:
         return arguments.only in (None, name)
@@ -107,8 +104,6 @@ def main(argv: list[str] | None = None) -> int:
         page.target.move(pose((0.5, 0.1, -0.05), (np.pi, 0, 0)))
         if wanted("target"):
             camera.take().save(IMAGES / "view.jpg", quality=QUALITY)
-        if wanted("film"):
-            film(camera, page.target)
         if wanted("real-arm"):
             page.show("Real arm").open(str(CALIBRATION))  # type: ignore[attr-defined]
             camera.take().save(IMAGES / "view_real_arm.jpg", quality=QUALITY)
@@ -122,6 +117,9 @@ def main(argv: list[str] | None = None) -> int:
             results.open(arguments.results)
             results.choose(7)
             camera.take().save(IMAGES / "view_results.jpg", quality=QUALITY)
+        if wanted("film"):
+            page.show("Target")
+            film(camera, page.target)
         browser.close()
     server.stop()
     return 0

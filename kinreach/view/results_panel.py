@@ -127,10 +127,11 @@ class ResultsPanel(Panel):
         self._index.visible = self._drawn.visible = True
         self._drawn.options = (ALL, *results.colours)
         self._drawn.value = next(iter(results.colours))
-        shares = results.shares
+        count, methods = len(results.goals), len(results.colours)
+        every, none = int((results.shares == 1).sum()), int((results.shares == 0).sum())
         self._verdict.content = html.message(
-            f"{results.title}: {len(shares)} goals, {int((shares == 1).sum())} reached by all "
-            f"{len(results.colours)} methods (green), {int((shares == 0).sum())} by none (red). Click a goal."
+            f"{results.title}: of {count} goals {every} reached by all {methods} methods (green), "
+            f"{count - every - none} by some (amber), {none} by none (red). Click a goal."
         )
         self.show(True)
         self._draw(results)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import io
+import logging
 import threading
 import warnings
 from typing import Any
@@ -54,6 +55,7 @@ class Server:
         self._closed: set[int] = set()
         self._lock = threading.Lock()
         warnings.filterwarnings("ignore", message=CLOSED)
+        logging.getLogger("websockets.server").setLevel(logging.CRITICAL)  # browsers open connections in advance
         try:
             with contextlib.redirect_stdout(io.StringIO()):  # viser says where it listens, in its own words
                 self._viser = viser.ViserServer(

@@ -171,7 +171,10 @@ def test_a_goal_that_is_clicked_shows_where_each_method_ended(serve, tmp_path):
         panel.open(str(tmp_path / "nothing.json"))
         assert "cannot read" in panel._verdict.content
         panel.open(f" {tmp_path} ")
-        assert "3 goals, 0 reached by all 2 methods (green), 0 by none (red)" in panel._verdict.content
+        assert (
+            "of 3 goals 0 reached by all 2 methods (green), 3 by some (amber), 0 by none (red)"
+            in panel._verdict.content
+        )
         assert not panel._surroundings.visible
         tab.click(panel._goals, instance=2)
         wait_for(lambda: panel.chosen == 2)
