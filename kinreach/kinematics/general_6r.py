@@ -63,6 +63,8 @@ CLUSTER = 0.05
 ONE, ONE_VALLEY = 1e-6, 2e-2
 #: What has not come nearer than this to its pose in twice as many steps does not reach it [m, rad].
 ASTRAY = 1e-3
+#: Where a singular value is less, what is missing in that direction is rounding, and no step is taken in it.
+FLAT = 1e-8
 #: Two bad starts nearer than this lead to the same [rad].
 ONE_START = 1e-3
 #: Steps of Newton's method from a good start, and from a bad one; the longest step of a joint [rad].
@@ -237,7 +239,8 @@ def nearest_by_newton(chain: Chain, q: Floats, T: Floats) -> tuple[Floats, Float
             break
         q, T, rows, error = q[going], T[going], rows[going], error[going]
         U, s, V = np.linalg.svd(J[going])
-        way = (((error[:, None] @ U)[:, 0] / np.maximum(s, 1e-11))[:, None] @ V)[:, 0]
+        inverse = np.divide(1.0, s, out=np.zeros_like(s), where=s > FLAT)
+        way = (((error[:, None] @ U)[:, 0] * inverse)[:, None] @ V)[:, 0]
         q = q + way * np.minimum(1.0, LONGEST / np.maximum(np.abs(way).max(axis=1), LONGEST))[:, None]
     return best, best_off
 
@@ -320,7 +323,9 @@ class General6R:
     def _solve_some(self, T: Floats, tol: float) -> list[Floats]:
         regular = self._regular(T)
         pose, start, imaginary, largest = self._candidates(regular, *self.CHOICES[0], self.PHASES[0])
-        q, off = newton(self.chain, start, T[pose])
+        likely = imaginary < COMPLEX
+        q, off = start.copy(), np.full(len(start), np.inf)
+        q[likely], off[likely] = newton(self.chain, start[likely], T[pose[likely]])
         idle = (np.abs(wrapped(start[:, 1, None] - self._idle)) < APART).any(axis=1) & (off >= EXACT)
         pose, start, imaginary, q, off = pose[~idle], start[~idle], imaginary[~idle], wrapped(q[~idle]), off[~idle]
         moved, real = np.abs(wrapped(q[:, 1] - start[:, 1])), imaginary <= REAL
@@ -331,13 +336,15 @@ class General6R:
             if clear[row]:
                 found.append(q[part][real[part]])
                 continue
-            angles, complexity, kept = start[part, 1], imaginary[part], q[part][off[part] < EXACT]
+            angles, complexity = start[part, 1], imaginary[part]
+            kept, others = q[part][off[part] < EXACT], start[part][complexity >= COMPLEX]
             if largest[row] >= ILL or (moved[part][real[part]] > INEXACT).any():
                 _, again, complexity, _ = self._candidates(
                     regular[row, None], *self.CHOICES[0], self.PHASES[0], stable=True
                 )
-                more, miss_by = newton(self.chain, again, np.broadcast_to(T[row], (len(again), 4, 4)), steps=2 * FEW)
-                angles, kept = again[:, 1], np.vstack([kept, wrapped(more[miss_by < EXACT])])
+                angles, others = again[:, 1], np.vstack([others, again])
+            more, miss_by = newton(self.chain, others, T[row, None].repeat(len(others), axis=0), steps=2 * FEW)
+            kept = np.vstack([kept, wrapped(more[miss_by < EXACT])])
             kept = self._distinct(kept, T[row])
             if (not len(kept) and len(angles)) or _in_doubt(len(kept), angles, complexity):
                 kept = self._thoroughly(T[row], kept, tol)
