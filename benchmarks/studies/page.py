@@ -52,21 +52,26 @@ class Tab(contextlib.AbstractContextManager["Tab"]):
 
     Args:
         server: Of the page.
+        origin: The site that the tab says it shows; none by default, as a program that is no browser.
 
     Attributes:
         page: As the server has it.
     """
 
-    def __init__(self, server: Server) -> None:
+    def __init__(self, server: Server, *, origin: str | None = None) -> None:
         before = set(server.pages)
         self._socket = connect(
             server.address.replace("http:", "ws:"), subprotocols=[f"viser-v{viser.__version__}"],  # type: ignore[list-item]
-            max_size=None, compression=None,
+            max_size=None, compression=None, origin=origin,  # type: ignore[arg-type]
         )  # fmt: skip
         self._reader = threading.Thread(target=self._read, daemon=True)
         self._reader.start()
         self.send(_CAMERA)
-        wait_for(lambda: set(server.pages) - before)
+        try:
+            wait_for(lambda: set(server.pages) - before)
+        except TimeoutError:
+            self._socket.close()
+            raise
         (number,) = set(server.pages) - before
         self.page: Page = server.pages[number]
 

@@ -79,7 +79,15 @@ class Server:
         with contextlib.redirect_stdout(io.StringIO()):
             self._viser.stop()
 
+    def _is_own(self, client: Any) -> bool:
+        """Whether a tab shows this server's page; browsers let those of other sites connect, and say who they are."""
+        connection = self._viser._websock_server._live_connections.get(client.client_id)
+        origin = None if connection is None else connection.request.headers.get("Origin")
+        return origin in (None, self.address, self.address.replace(HOST, "localhost"))
+
     def _opened(self, client: Any) -> None:
+        if not self._is_own(client):
+            return
         page = Page(client, self._setup)
         with self._lock:
             left = client.client_id in self._closed

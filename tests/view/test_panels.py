@@ -142,6 +142,18 @@ def test_an_episode_is_played_stepped_and_scrubbed(serve):
         assert not panel.playing
 
 
+def test_a_page_of_another_site_is_shown_nothing(serve, monkeypatch):
+    server = serve("ur5")
+    with Tab(server, origin=server.address) as tab:
+        assert tab.page.target.answer
+    wait_for(lambda: not server.pages)
+    monkeypatch.setattr("benchmarks.studies.page.PATIENCE", 3.0)
+    for origin in ("https://example.org", server.address.replace("http://", "http://example.org.")):
+        with pytest.raises(TimeoutError):
+            Tab(server, origin=origin)
+    assert not server.pages
+
+
 def used(page):
     """Open all parts of a page; what must not outlive it, held weakly."""
     panels = [page.show(name) for name in page.names]
