@@ -37,7 +37,6 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.linalg import eig
 
 from kinreach.checks import Floats
 
@@ -509,6 +508,8 @@ class General6R:
 
 def _by_qz(B: Floats, C: Floats, S: Floats, _: int) -> _Eigen:
     """As `General6R._by_inverse`, by the QZ algorithm, for each pose alone."""
+    from scipy.linalg import eig  # rarely needed, and half of what importing the kinematics would take
+
     count = len(B)
     values, vectors = np.empty((count, 24), np.complex128), np.empty((count, 12, 24), np.complex128)
     left, right = np.zeros((24, 24)), np.eye(24)

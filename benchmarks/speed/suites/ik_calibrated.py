@@ -26,7 +26,10 @@ OURS, NOMINAL, SSIK = "kinreach, calibrated", "kinreach, data sheet", "ssik, gen
 ALONE, IN_BATCH, PREPARATION = 1000.0, 50.0, 1.0
 COLUMNS = ("all branches", "solutions", "median [us]", "p95 [us]", "x ssik", "of the rounds")
 BATCH_COLUMNS = ("time of a pose [us]", "median", "worst round", "x ssik", "of the rounds")
-WHY = "the machine was busy, or one without vector instructions"
+WHY = (
+    "a wall time, and the machine was busy: what it takes of the processor is in "
+    "[Your own robot](your_robot.md#how-it-was-measured)"
+)
 
 TEXT = """\
 {poses} poses of tool0 in random postures of a real UR10e (`kinreach.robots.calibration.PUBLISHED`: {robot}), whose
