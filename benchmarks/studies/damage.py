@@ -1,0 +1,265 @@
+"""A damaged UR5: inverse kinematics that knows the fault, that finds it out by looks, and a policy that learns again.
+
+    python -m benchmarks.studies.damage                          # the tables, but for what is learned again
+    python -m benchmarks.studies.damage --episodes 20000,100000  # ranked PPO from the start, on the damaged arm
+
+A joint that is stuck, one that is 2 degrees off, or a link that is bent by 3 degrees and 5 mm; the ball on the table,
+the tool straight down. Kinematics only. Reached: within 10 mm, the tool within 0.15 rad, as `kinreach/Reach-v0` has it.
+"""
+
+from __future__ import annotations
+
+import argparse
+import math
+import xml.etree.ElementTree as ET
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from functools import partial
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from time import process_time
+
+import numpy as np
+
+from kinreach.baselines.expert import tool_down_postures
+from kinreach.baselines.policies import LearnedPolicy, load_policy
+from kinreach.checks import Floats, check_count
+from kinreach.cli import Parser, finish
+from kinreach.compare.real_arm import LEARNED_POLICY, Trained, Tuned, on_table, ur5
+from kinreach.envs.reach.task import TOOL_DOWN, goal_block
+from kinreach.envs.real_arm import MEDIAN_LENGTH, NOISE
+from kinreach.kinematics import ArmKinematics
+from kinreach.kinematics.chain import SerialChain
+from kinreach.kinematics.identification import IdentifiedArm, Prior
+from kinreach.robots import ArmDescription, get_arm, register_arm
+from kinreach.robots.rotations import pose, rpy
+from kinreach.robots.urdf import parse_urdf, set_origin
+from kinreach.statistics import wilson_interval
+from kinreach.thesis.reward import REACHED_DISTANCE, REACHED_POSTURE_ERROR
+
+PROG = "python -m benchmarks.studies.damage"
+STUCK, OFFSET, BENT = "a joint stuck", "a joint 2° off", "a link bent by 3° and 5 mm"
+KINDS = (STUCK, OFFSET, BENT)
+LOOKS = (5, 10, 20, 50)
+#: How far a frame of a damaged arm may be from the data sheet [m, rad].
+PRIOR = Prior(base=(5e-3, 0.05), links=(5e-3, 0.05), tool=(1e-3, 0.0))
+SIGMA = NOISE / MEDIAN_LENGTH
+#: Weight of the tool's direction beside a distance [m/rad], steps and starts of the numeric inverse kinematics.
+LEVER, STEPS, STARTS = 0.1, 30, 4
+#: Angles that a stuck joint is looked for at.
+ANGLES = np.linspace(-math.pi, math.pi, 721)
+
+
+@dataclass(frozen=True)
+class Damage:
+    """A damaged arm.
+
+    Attributes:
+        arm: Its description.
+        chain: What it really is, from the world to the tip.
+        stuck: Index of the joint that does not move, or None.
+        at: The angle it is stuck at [rad].
+    """
+
+    arm: ArmDescription
+    chain: SerialChain
+    stuck: int | None = None
+    at: float = 0.0
+
+    def executed(self, q: Floats) -> Floats:
+        """The postures (m, 6) that are taken where these are commanded."""
+        return held(q, self.stuck, self.at)
+
+
+def held(q: Floats, joint: int | None, angle: float) -> Floats:
+    """Postures (m, 6) with one joint at an angle [rad]."""
+    q = q.copy()
+    if joint is not None:
+        q[:, joint] = angle
+    return q
+
+
+def damage(kind: str, rng: np.random.Generator) -> Damage:
+    """An arm with a fault in a random joint."""
+    arm = get_arm("ur5")
+    joint = int(rng.integers(6))
+    if kind == STUCK:
+        at = arm.home[joint] + rng.uniform(-0.3, 0.3)
+        stuck = arm.with_limits({arm.joints[joint]: (at - 1e-4, at + 1e-4)})
+        return Damage(replace(stuck, name=f"ur5_stuck_{joint}"), ur5().chain, joint, at)
+    axis = rng.normal(size=3)
+    axis /= np.linalg.norm(axis)
+    turn = np.array([0.0, 0.0, math.radians(2.0) * rng.choice((-1, 1))]) if kind == OFFSET else math.radians(3.0) * axis
+    shift = np.zeros(3) if kind == OFFSET else 5e-3 * axis[[1, 2, 0]]
+    robot = parse_urdf(arm.urdf)
+    origin = next(j for j in robot.findall("joint") if j.get("name") == arm.joints[joint]).find("origin")
+    given = {} if origin is None else origin.attrib
+    before = pose(*([float(v) for v in given.get(key, "0 0 0").split()] for key in ("xyz", "rpy")))
+    T = before @ pose(shift.tolist(), turn.tolist())
+    set_origin(robot, arm.joints[joint], T[:3, 3], rpy(T[:3, :3]))
+    broken = replace(arm, name=f"ur5_{joint}_off", build_urdf=partial(str, ET.tostring(robot, encoding="unicode")))
+    return Damage(broken, ArmKinematics(broken, tip="tcp", base="world").chain)
+
+
+def numeric(chain: SerialChain, points: Floats, *, stuck: int | None = None, at: float = 0.0) -> Floats:
+    """Postures that bring the tip to points and the tool down, by damped least squares from several starts.
+
+    Args:
+        chain: What is believed of the arm.
+        points: [m], shape (m, 3).
+        stuck: Index of a joint that does not move.
+        at: Its angle [rad].
+    """
+    rng = np.random.default_rng(0)
+    nominal = tool_down_postures(ur5(), points)
+    best, least = nominal, np.full(len(points), np.inf)
+    free = np.array([joint != stuck for joint in range(6)])
+    for start in range(STARTS):
+        q = held(nominal + (rng.uniform(-0.8, 0.8, nominal.shape) if start else 0.0), stuck, at)
+        for _ in range(STEPS):
+            error, J = _misses(chain, q, points)
+            J = J[:, :, free]
+            H = J.transpose(0, 2, 1) @ J + 1e-6 * np.eye(int(free.sum()))
+            step = np.linalg.solve(H, (J.transpose(0, 2, 1) @ error[:, :, None]))[:, :, 0]
+            q[:, free] = np.clip(q[:, free] + np.clip(step, -0.3, 0.3), -math.pi, math.pi)
+        off = np.linalg.norm(_misses(chain, q, points)[0], axis=1)
+        best, least = np.where((off < least)[:, None], q, best), np.minimum(off, least)
+        if least.max() < 1e-6:
+            break
+    return best
+
+
+def _misses(chain: SerialChain, q: Floats, points: Floats) -> tuple[Floats, Floats]:
+    """What is missing in position and, by `LEVER`, in direction, shape (m, 6), and its slopes (m, 6, 6)."""
+    T, J = chain.fk(q), chain.jacobian(q)
+    turn = np.cross(T[:, :3, 2], np.array(TOOL_DOWN))
+    error = np.concatenate([points - T[:, :3, 3], LEVER * turn], axis=1)
+    J = J.copy()
+    J[:, 3:] *= LEVER
+    return error, J
+
+
+def by_looks(q: Floats, seen: Floats, balls: Floats) -> Floats:
+    """Inverse kinematics of the fault that explains looks best: a joint that is stuck, or frames that are off.
+
+    Args:
+        q: Commanded [rad], shape (m, 6).
+        seen: Where the tip was seen [m], shape (m, 3).
+        balls: [m], shape (n, 3).
+
+    Returns:
+        Postures [rad], shape (n, 6).
+    """
+    chain = ur5().chain
+    arm = IdentifiedArm(chain, q, seen, prior=PRIOR, noise=SIGMA)
+    rest = np.linalg.norm(arm.chain.positions(q) - seen)
+    suspects = []
+    for joint in range(6):
+        held_there = np.concatenate([held(q, joint, angle) for angle in ANGLES])
+        off = np.linalg.norm(chain.positions(held_there).reshape(len(ANGLES), len(q), 3) - seen, axis=(1, 2))
+        suspects.append((float(off.min()), joint, float(ANGLES[off.argmin()])))
+    least, joint, angle = min(suspects)
+    # a stuck joint has one number to explain everything with; the angles tried are 0.5 degrees apart
+    if least < max(3.0 * rest, 4e-3 * math.sqrt(len(q))):
+        fine = np.linspace(angle - 0.01, angle + 0.01, 81)
+        off = [np.linalg.norm(chain.positions(held(q, joint, a)) - seen) for a in fine]
+        found = numeric(chain, balls, stuck=joint, at=float(fine[int(np.argmin(off))]))
+        found[:, joint] = np.median(q[:, joint])  # as commanded so far: where it hardly moved, it may be off, not stuck
+        return found
+    return numeric(arm.chain, balls)
+
+
+def reached(fault: Damage, q: Floats, balls: Floats) -> tuple[int, float]:
+    """How many balls commanded postures reach, and the median distance [mm]."""
+    T = fault.chain.fk(fault.executed(q))
+    apart = np.linalg.norm(T[:, :3, 3] - balls, axis=1)
+    off = np.arccos(np.clip(-T[:, 2, 2], -1.0, 1.0))
+    return int(((apart < REACHED_DISTANCE) & (off < REACHED_POSTURE_ERROR)).sum()), 1e3 * float(np.median(apart))
+
+
+def tried(kind: str, faults: int, count: int) -> dict[str, list[tuple[int, float, float]]]:
+    """By method: reached, median distance [mm] and processor time [s] of each fault, on the same balls."""
+    rows: dict[str, list[tuple[int, float, float]]] = {}
+    policy = load_policy(LEARNED_POLICY)
+    for seed in range(faults):
+        rng = np.random.default_rng(seed)
+        fault = damage(kind, rng)
+        balls = ur5().arm.workcell.draw_goals(rng, count)
+        q = tool_down_postures(ur5(), on_table(LOOKS[-1]))
+        noise = rng.normal(0.0, SIGMA, (LOOKS[-1], 3))
+        seen = fault.chain.positions(fault.executed(q)) + noise
+        own = Trained(policy).aim(on_table(LOOKS[-1]))
+        own_seen = fault.chain.positions(fault.executed(own)) + noise
+        methods: dict[str, Callable[[], Floats]] = {
+            "closed form, unaware": partial(tool_down_postures, ur5(), balls),
+            "IK, fault known": partial(numeric, fault.chain, balls, stuck=fault.stuck, at=fault.at),
+            "policy, unaware": partial(Trained(policy).aim, balls),
+        }
+        for n in LOOKS:
+            methods[f"IK, fault from {n} looks"] = partial(by_looks, q[:n], seen[:n], balls)
+            methods[f"policy, tuned on {n} looks"] = partial(tuned, policy, own[:n], own_seen[:n], balls)
+        for name, method in methods.items():
+            start = process_time()
+            postures = method()
+            took = process_time() - start
+            rows.setdefault(name, []).append((*reached(fault, postures, balls), took))
+    return rows
+
+
+def tuned(policy: LearnedPolicy, q: Floats, seen: Floats, balls: Floats) -> Floats:
+    """Postures of a policy whose last layer was tuned on what its own moves led to."""
+    learner = Tuned(policy, SIGMA)
+    learner.learn(q, seen)
+    return learner.aim(balls)
+
+
+def relearned(kind: str, seed: int, episodes: int, count: int) -> tuple[int, float, float]:
+    """The recipe `single` from the start on a damaged arm: reached, median distance [mm], processor time [s]."""
+    from kinreach.baselines.recipes import get_recipe
+    from kinreach.baselines.training import train
+
+    rng = np.random.default_rng(seed)
+    fault = damage(kind, rng)
+    balls = ur5().arm.workcell.draw_goals(rng, count)
+    arm = register_arm(replace(fault.arm, name=f"{fault.arm.name}_{KINDS.index(kind)}_{seed}_{episodes}"))
+    recipe = replace(get_recipe("single"), steps=episodes, options={"backend": "kinematic", "arm": arm.name})
+    with TemporaryDirectory() as folder:
+        start = process_time()
+        policy = train(recipe, Path(folder) / "run", seed=seed).policy
+        took = process_time() - start
+    rest = np.array([*fault.arm.home, 0.1])
+    q = policy.posture(np.column_stack([goal_block(fault.arm, balls), np.tile(rest, (count, 1))]))
+    return *reached(fault, q, balls), took
+
+
+def main(argv: list[str] | None = None) -> int:
+    """Print Markdown tables."""
+    parser = Parser(prog=PROG, description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--faults", type=int, default=20, help="of each kind (default: %(default)s)")
+    parser.add_argument("--balls", type=int, default=50, help="for each fault (default: %(default)s)")
+    parser.add_argument("--episodes", metavar="N,N", help="learn again from so many episodes instead")
+    arguments = parser.parse_args(argv)
+    check_count("--faults", arguments.faults)
+    check_count("--balls", arguments.balls)
+    print("| fault | method | reached, % [95 % CI] | median of medians, mm | processor, s |\n|---|---|---|---|---|")
+    for kind in KINDS:
+        if arguments.episodes:
+            found = {
+                f"policy, learned again from {n} episodes": [
+                    relearned(kind, seed, n, arguments.balls) for seed in range(arguments.faults)
+                ]
+                for n in map(int, arguments.episodes.split(","))
+            }
+        else:
+            found = tried(kind, arguments.faults, arguments.balls)
+        for name, rows in found.items():
+            hits, total = sum(row[0] for row in rows), len(rows) * arguments.balls
+            low, high = wilson_interval(hits, total)
+            middle, took = (float(np.median([row[part] for row in rows])) for part in (1, 2))
+            share = f"{100 * hits / total:.1f} [{100 * low:.1f}, {100 * high:.1f}]"
+            print(f"| {kind} | {name} | {share} | {middle:.2f} | {took:.3f} |", flush=True)
+    return 0
+
+
+if __name__ == "__main__":
+    raise SystemExit(finish(main, prog=PROG))

@@ -1,0 +1,80 @@
+"""The analytic policy gradient: what it goes down is the error, and it comes near in seconds."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+pytest.importorskip("stable_baselines3")
+import torch
+
+from kinreach.baselines.algorithms import LEVER
+from kinreach.baselines.batch import first_observations
+from kinreach.baselines.evaluation import VALIDATION, evaluate
+from kinreach.baselines.models import build
+from kinreach.baselines.recipes import get_recipe
+from kinreach.baselines.training import train
+from kinreach.envs.reach.space import SpaceTask
+from kinreach.errors import InputError
+from kinreach.kinematics import ArmKinematics
+
+SMALL = replace(get_recipe("space-single"), num_envs=256, window=2560)
+
+
+def test_what_is_made_small():
+    """By Pinocchio: distance and angle of postures that are high enough for the fingers; more where they are not."""
+    trainee = build(SMALL, 0, steps=SMALL.steps)
+    try:
+        kin, task = ArmKinematics("ur5", tip="tcp", base="world"), SpaceTask.of(SMALL.options)
+        observations = first_observations(SMALL.environment, SMALL.options, seed=3)[:64]
+        objective = trainee.model.objective(observations)
+        rng, checked = np.random.default_rng(0), {True: 0, False: 0}
+        home = np.array(SMALL.settings["around"])
+        for row in range(40):
+            q = home + rng.uniform(-0.5, 0.5, 6) + [0, -0.7 * (row % 2), 0, 0, 0, 0]
+            T = kin.fk(q)
+            corners = T[:3, 3] + np.array(SMALL.settings["feelers"]) @ T[:3, :3].T
+            high = corners[:, 2].min() > -0.2 + 0.01
+            goal = _goal(observations[row])
+            off = np.linalg.norm(T[:3, 3] - goal)
+            turn = np.linalg.norm(T[:3, 2] - observations[row, task.layout.direction])
+            said = float(objective(torch.as_tensor(q[None] / np.pi, dtype=torch.float32), torch.tensor([row])))
+            wanted = off + LEVER * turn
+            if high:
+                assert said == pytest.approx(wanted, abs=1e-5)
+            else:
+                assert said > wanted + 1e-6
+            checked[bool(high)] += 1
+        assert min(checked.values()) >= 8
+    finally:
+        trainee.env.close()
+
+
+def _goal(observation):
+    from kinreach.robots import get_arm
+    from kinreach.vision.goal_view import goal_in_world
+
+    return goal_in_world(get_arm("ur5"), observation[:6], [True, True])
+
+
+def test_it_comes_near_in_seconds(tmp_path):
+    run = train(SMALL, tmp_path, seed=0, steps=20_000)
+    found = evaluate(run.policy, goals=200, seed=VALIDATION, options={"backend": "kinematic"})
+    assert np.median(found.measures["distance"]) < 0.08
+    assert np.median(found.measures["posture_error"]) < 0.2
+    assert run.card.meaning == "posture"
+
+
+def test_an_evaluation_has_the_goals_of_the_training(tmp_path):
+    run = train(replace(SMALL, segments=1), tmp_path, seed=0, steps=256)
+    tilted = evaluate(run.policy, goals=50, options={"backend": "kinematic"})
+    down = evaluate(run.policy, goals=50, options={"backend": "kinematic", "tilt": 0.0})
+    assert not np.array_equal(tilted.measures["posture_error"], down.measures["posture_error"])
+
+
+@pytest.mark.parametrize("name", ["single", "button"])
+def test_other_environments_are_refused(name):
+    recipe = get_recipe(name)
+    settings = {**SMALL.settings}
+    with pytest.raises(InputError, match=r"analytic gradients are for postures|ranked PPO tries postures"):
+        build(replace(SMALL, environment=recipe.environment, options=recipe.options, settings=settings), 0, steps=1)

@@ -1,0 +1,50 @@
+"""The study of damage: faults are what they are called, and who knows them reaches."""
+
+import numpy as np
+import pytest
+
+from benchmarks.studies.damage import BENT, KINDS, OFFSET, STUCK, by_looks, damage, main, numeric, reached
+from kinreach.baselines.expert import tool_down_postures
+from kinreach.compare.real_arm import on_table, ur5
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_known_faults(kind):
+    seen = set()
+    for seed in range(4):
+        rng = np.random.default_rng(seed)
+        fault = damage(kind, rng)
+        balls = ur5().arm.workcell.draw_goals(rng, 8)
+        q = rng.uniform(-1, 1, (50, 6)) + fault.arm.home
+        apart = np.linalg.norm(fault.chain.positions(fault.executed(q)) - ur5().chain.positions(q), axis=1)
+        unaware = reached(fault, tool_down_postures(ur5(), balls), balls)[0]
+        known = reached(fault, numeric(fault.chain, balls, stuck=fault.stuck, at=fault.at), balls)[0]
+        assert known >= unaware
+        if kind != STUCK:
+            assert known == 8
+        if kind == BENT:
+            assert apart.max() > 4e-3
+        if kind == OFFSET:
+            assert fault.stuck is None
+        seen.add(fault.stuck if kind == STUCK else round(float(apart.max()), 6))
+    assert len(seen) >= 2
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_looks_find_it(kind):
+    found = known = 0
+    for seed in range(4):
+        rng = np.random.default_rng(10 + seed)
+        fault = damage(kind, rng)
+        balls = ur5().arm.workcell.draw_goals(rng, 10)
+        q = tool_down_postures(ur5(), on_table(20))
+        seen = fault.chain.positions(fault.executed(q)) + rng.normal(0, 9e-5, (20, 3))
+        found += reached(fault, by_looks(q, seen, balls), balls)[0]
+        known += reached(fault, numeric(fault.chain, balls, stuck=fault.stuck, at=fault.at), balls)[0]
+    assert found >= known - 1
+    assert known >= (10 if kind == STUCK else 40)
+
+
+def test_the_table(capsys):
+    assert main(["--faults", "1", "--balls", "4"]) == 0
+    assert capsys.readouterr().out.count("\n| a ") == 3 * 11
