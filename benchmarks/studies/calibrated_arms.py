@@ -1,7 +1,7 @@
 """Calibrated UR arms: every posture beside ssik's, times, and singular poses; two Markdown tables.
 
     python -m benchmarks.studies.calibrated_arms                  # minutes: ssik's branches are read from a file
-    python -m benchmarks.studies.calibrated_arms --oracle FILE    # ssik prepares each robot anew: half an hour
+    python -m benchmarks.studies.calibrated_arms --oracle FILE    # ssik prepares each robot anew: 2 to 12 minutes each
 
 The robots are those of `kinreach.robots.calibration.PUBLISHED`: figures of real arms from public repositories.
 """
