@@ -130,11 +130,14 @@ class BatchPlant:
 
     Attributes:
         batch: MuJoCo's batch.
+        mocap: Places of what is moved from outside [m], shape (count, bodies, 3).
     """
 
     def __init__(self, model: Any, batch: Any) -> None:
         self.model = model
         self.batch = batch
+        self.mocap: Floats = batch.bind("mocap_pos")
+        self._home = model.key("home").id
         self.qpos: Floats = batch.bind("qpos")
         self.qvel: Floats = batch.bind("qvel")
         self.ctrl: Floats = batch.bind("ctrl")
@@ -145,6 +148,10 @@ class BatchPlant:
     def time(self) -> Floats:
         """Simulated time [s], shape (count,)."""
         return self._time
+
+    def home(self, ids: Ids) -> None:
+        """Put some into the scene's keyframe, at time 0."""
+        self.batch.reset(ids=ids, keyframe=self._home, stage=mujoco.mjtStage.mjSTAGE_NONE)
 
     def states(self, ids: Ids) -> Floats:
         """What to put back; see `Plant.states`."""

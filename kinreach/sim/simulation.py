@@ -18,6 +18,7 @@ from kinreach.checks import (
     as_vector,
     check_count,
     check_entries,
+    check_known,
     shown,
 )
 from kinreach.errors import InputError, raise_unknown
@@ -27,7 +28,10 @@ from kinreach.sim.engine import mujoco
 from kinreach.sim.imperfections import Imperfections, as_imperfections, in_scene
 from kinreach.sim.plants import BatchPlant, Ids, SinglePlant, rows_and_columns
 from kinreach.sim.scene import BALL, TIMESTEP, check_timestep, scene_model
+from kinreach.sim.warp_plant import WarpPlant
 
+#: What steps a batch.
+MUJOCO, WARP = "mujoco", "warp"
 #: More simulations than this are refused before memory is asked for; each takes some hundred kB.
 MOST_COUNT = 2**17
 
@@ -170,7 +174,8 @@ class ArmSimulation:
 class BatchSimulation:
     """A number of independent `ArmSimulation`, each bit for bit what it would be alone, on any number of threads.
 
-    Those are its own; who uses it from threads makes one per thread. It cannot be pickled.
+    Those are its own; who uses it from threads makes one per thread. It cannot be pickled. With `backend="warp"` they
+    are stepped by MuJoCo Warp, and only nearly what they would be alone: see `kinreach.sim.warp_plant`.
 
     Simulations are named by their ids, 0 to `count` - 1; wherever ids are given they are distinct and ascending. All
     poses are in the world frame (z up, metres).
@@ -182,17 +187,20 @@ class BatchSimulation:
         timestep: Step of the simulation [s].
         tolerance: How far from its target a joint may come to rest [rad].
         imperfections: Of the arm, as `Imperfections` or by name, such as `{"payload": 0.5}`; an ideal arm by default.
+        backend: `"mujoco"`, or `"warp"`.
+        device: Of Warp, such as `"cuda:0"` or `"cpu"`; a GPU where there is one if None.
 
     Attributes:
         arm: The description.
         count: As given.
         model: MuJoCo's model, shared with other simulations of the same scene: do not change it.
-        batch: MuJoCo's batch (`mujoco.batch.Batch`).
+        batch: MuJoCo's batch (`mujoco.batch.Batch`); None with Warp.
         controller: Executes moves.
 
     Raises:
-        InputError: `count`, `threads`, a timestep, a tolerance or an imperfection that cannot be used.
-        UnknownNameError: There is no arm of that name.
+        InputError: `count`, `threads`, a timestep, a tolerance, an imperfection or a device that cannot be used.
+        InstallationError: MuJoCo Warp is not installed.
+        UnknownNameError: There is no arm or backend of that name.
     """
 
     def __init__(
@@ -204,7 +212,10 @@ class BatchSimulation:
         timestep: float = TIMESTEP,
         tolerance: float = TOLERANCE,
         imperfections: Imperfections | Mapping[str, float] | None = None,
+        backend: str = MUJOCO,
+        device: str | None = None,
     ) -> None:
+        check_known("backend", backend, (MUJOCO, WARP))
         count, threads = (
             check_count("count", count, most=MOST_COUNT),
             check_count("threads", threads, most=MOST_THREADS),
@@ -214,14 +225,18 @@ class BatchSimulation:
         self.count = count
         flaws = as_imperfections(imperfections)
         self.model: Any = scene_model(self.arm, timestep=timestep, visual=False, imperfections=in_scene(flaws))
-        try:
-            self.batch: Any = importlib.import_module("mujoco.batch").Batch(self.model, count, threads)
-        except (MemoryError, ValueError) as error:  # what MuJoCo makes of it when there is no memory left
-            raise InputError(f"{count} simulations do not fit into the memory: {error}") from None
+        self.batch: Any = None
+        self._plant: BatchPlant | WarpPlant
+        if backend == WARP:
+            self._plant = WarpPlant(self.model, count, device=device)
+        else:
+            try:
+                self.batch = importlib.import_module("mujoco.batch").Batch(self.model, count, threads)
+            except (MemoryError, ValueError) as error:  # what MuJoCo makes of it when there is no memory left
+                raise InputError(f"{count} simulations do not fit into the memory: {error}") from None
+            self._plant = BatchPlant(self.model, self.batch)
         self.controller = JointController(self.arm, self.model, tolerance=tolerance, encoder_noise=flaws.encoder_noise)
-        self._plant = BatchPlant(self.model, self.batch)
-        self._balls = self.batch.bind("mocap_pos")[:, int(self.model.body(BALL).mocapid[0])]
-        self._home = self.model.key("home").id
+        self._balls = self._plant.mocap[:, int(self.model.body(BALL).mocapid[0])]
         self._tip = self.model.body(self.arm.tips[self.arm.default_tip]).id
         self._scratch = mujoco.MjData(self.model)
         self.reset(np.arange(count))
@@ -240,7 +255,7 @@ class BatchSimulation:
         q = self._as_rows("q", self.arm.home if q is None else q, len(ids), len(self.arm.joints), repeat=True)
         for posture in q[self.controller.outside_limits(q).any(axis=1)]:
             self.controller.refuse_outside_limits(posture)
-        self.batch.reset(ids=ids, keyframe=self._home, stage=mujoco.mjtStage.mjSTAGE_NONE)
+        self._plant.home(ids)
         self._plant.qpos[rows_and_columns(ids, self.controller.qpos)] = q
         self._plant.ctrl[rows_and_columns(ids, self.controller.ctrl)] = q
 

@@ -25,6 +25,7 @@ from kinreach.envs.reach.task import (
 )
 from kinreach.envs.reach.worlds import KinematicWorld, ReachWorld, SingleDynamicWorld
 from kinreach.envs.single import CopyableEnv
+from kinreach.errors import InputError
 from kinreach.kinematics import ArmKinematics, AxisGoal, PositionGoal
 from kinreach.robots import ArmDescription
 from kinreach.sim.picture import Scene, ScenePicture
@@ -51,6 +52,10 @@ class ReachEnv(CopyableEnv):
         EzPickle.__init__(self, **options)
         self._task = task = self._new_task(options)
         self.options = task.options
+        if self.options.backend == "warp":
+            raise InputError(
+                'backend="warp" is of native batches: gym.make_vec(..., vectorization_mode="vector_entry_point")'
+            )
         self.render_mode = mode = self.options.render_mode
         self._simulation = ArmSimulation(task.arm, visual=mode is not None, imperfections=self.options.imperfections)
         self._world: ReachWorld = (

@@ -44,7 +44,7 @@ SHORTEST_DIRECTION = 1e-9
 NEAR_PI = 1e-9
 
 OBSERVATION_KINDS = ("camera", "geometric", "pixels")
-BACKENDS = ("mujoco", "kinematic")
+BACKENDS = ("mujoco", "kinematic", "warp")
 #: Images are no wider or higher; graphics libraries draw the line somewhere below [px].
 LARGEST_PICTURE = 16384
 
@@ -59,7 +59,10 @@ class ReachOptions:
     """
 
     observation: str = field(default="geometric", metadata=about('`"camera"`, `"geometric"` or `"pixels"`'))
-    backend: str = field(default="mujoco", metadata=about('`"mujoco"` (dynamics) or `"kinematic"`'))
+    backend: str = field(
+        default="mujoco",
+        metadata=about('`"mujoco"` (dynamics) or `"kinematic"`; in native batches also `"warp"` (dynamics on a GPU)'),
+    )
     render_mode: str | None = field(default=None, metadata=about(RENDER_MODES_TEXT))
     arm: str | ArmDescription = field(default="ur5", metadata=about("name of a registered arm, or an `ArmDescription`"))
     reward: RewardFunction | None = field(
@@ -95,7 +98,7 @@ class ReachOptions:
             check_known("render_mode", self.render_mode, RENDER_MODES)
         check_cameras(self.pipeline, self.width, self.height, self.rgb_noise, self.depth_noise, self.exposure)
         as_flags("end_on_reached", self.end_on_reached)
-        if as_imperfections(self.imperfections) != IDEAL and self.backend != "mujoco":
+        if as_imperfections(self.imperfections) != IDEAL and self.backend == "kinematic":
             raise InputError(f'imperfections are of the dynamics: use backend="mujoco", got {self.backend!r}')
         arm = as_arm(self.arm)
         scorer_of(self.reward, default_reward(arm))

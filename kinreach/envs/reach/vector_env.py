@@ -1,4 +1,4 @@
-"""Many reach environments in step: numpy for the kinematic backend, `mujoco.batch.Batch` for the dynamics."""
+"""Many reach environments in step: numpy for the kinematic backend, `mujoco.batch.Batch` or Warp for the dynamics."""
 
 from __future__ import annotations
 
@@ -70,9 +70,15 @@ class ReachVectorEnv(NativeVectorEnv):
             check_count("bytes of all pictures", num_envs * given.width * given.height * _PIXEL_BYTES, most=MOST_BYTES)
         arm = task.arm
         world: ReachWorld = (
-            BatchDynamicWorld(arm, num_envs, threads=threads, imperfections=as_imperfections(given.imperfections))
-            if given.backend == "mujoco"
-            else KinematicWorld(task, num_envs)
+            KinematicWorld(task, num_envs)
+            if given.backend == "kinematic"
+            else BatchDynamicWorld(
+                arm,
+                num_envs,
+                threads=threads,
+                imperfections=as_imperfections(given.imperfections),
+                backend=given.backend,
+            )
         )
         episodes = ReachEpisodes(task, world)
         super().__init__(

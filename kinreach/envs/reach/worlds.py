@@ -216,22 +216,29 @@ class SingleDynamicWorld:
 
 
 class BatchDynamicWorld:
-    """Many arms under MuJoCo's dynamics, bit for bit what as many `SingleDynamicWorld` would do.
+    """Many arms under MuJoCo's dynamics, bit for bit what as many `SingleDynamicWorld` would do; or Warp's.
 
     Args:
         arm: Which.
         count: Number of arms.
         threads: Threads that step them.
         imperfections: Of the arms.
+        backend: `"mujoco"` or `"warp"`.
     """
 
     dynamic = True
 
     def __init__(
-        self, arm: ArmDescription, count: int, *, threads: int = 1, imperfections: Imperfections = IDEAL
+        self,
+        arm: ArmDescription,
+        count: int,
+        *,
+        threads: int = 1,
+        imperfections: Imperfections = IDEAL,
+        backend: str = "mujoco",
     ) -> None:
         self.count = count
-        self._batch = BatchSimulation(arm, count, threads=threads, imperfections=imperfections)
+        self._batch = BatchSimulation(arm, count, threads=threads, imperfections=imperfections, backend=backend)
 
     def reset(self, ids: Ids, goals: Floats, q: Floats | None) -> None:
         """Put simulations back, and their balls to goals [m], shape (k, 3)."""

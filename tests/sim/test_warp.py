@@ -1,0 +1,105 @@
+"""MuJoCo Warp on its CPU device: the moves, verdicts and observations of MuJoCo itself, to single precision."""
+
+import sys
+
+import gymnasium as gym
+import numpy as np
+import pytest
+
+from kinreach.cli import main
+from kinreach.envs.reach.task import TOOL_DOWN
+from kinreach.errors import InputError, InstallationError, UnknownNameError
+from kinreach.kinematics import UR5Kinematics
+from kinreach.sim import BatchSimulation
+
+COUNT = 12
+#: The first run compiles Warp's kernels, some 100 s of processor time; they are kept in Warp's cache.
+pytestmark = pytest.mark.slow
+
+
+@pytest.fixture(scope="module")
+def targets():
+    """Postures at goals, and every other one some 15 degrees off: something is in the way of some of these."""
+    kinematics, arm = UR5Kinematics(tip="tcp", base="world"), BatchSimulation("ur5", 1).arm
+    rng, home = np.random.default_rng(1), np.array(arm.home)
+    found = np.array([kinematics.axis_goal(goal, TOOL_DOWN, home).q for goal in arm.workcell.goals.sample(rng, COUNT)])
+    found[1::2] += rng.normal(0.0, 0.25, (COUNT // 2, 6))
+    return np.clip(found, kinematics.lower, kinematics.upper)
+
+
+@pytest.fixture(scope="module")
+def moved(targets):
+    """What became of the moves, by backend."""
+    everyone = np.arange(COUNT)
+    return {
+        backend: BatchSimulation("ur5", COUNT, backend=backend, device=device).move(everyone, targets)
+        for backend, device in (("mujoco", None), ("warp", "cpu"))
+    }
+
+
+def test_verdicts_are_the_same(moved):
+    said = {backend: [(move.status, move.reason) for move in moves] for backend, moves in moved.items()}
+    assert said["warp"] == said["mujoco"]
+    assert 2 <= sum(move.reached for move in moved["warp"]) <= COUNT - 2
+
+
+def test_free_moves_end_in_the_same_place(moved):
+    pairs = [(ours, theirs) for ours, theirs in zip(*moved.values(), strict=True) if ours.reached]
+    assert len(pairs) >= COUNT // 2
+    assert max(np.abs(ours.q - theirs.q).max() for ours, theirs in pairs) <= 1e-6
+    for ours, theirs in pairs:
+        assert theirs.duration == pytest.approx(ours.duration, abs=1e-9)
+
+
+def test_arms_that_are_held_stop_near_the_same_place(moved):
+    """Warp finds two points where the edge of a box is in another, and MuJoCo up to four."""
+    pairs = [(ours, theirs) for ours, theirs in zip(*moved.values(), strict=True) if not ours.reached]
+    assert len(pairs) >= 2
+    assert max(np.abs(ours.q - theirs.q).max() for ours, theirs in pairs) < 0.02
+
+
+def test_the_others_stand_still_and_repeats_are_the_same(targets):
+    ends = []
+    for _ in range(2):
+        batch = BatchSimulation("ur5", 3, backend="warp", device="cpu")
+        batch.place_ball([2], [0.4, 0.1, -0.1])
+        before = batch.q
+        (move,) = batch.move([1], targets[:1])
+        assert move.reached
+        np.testing.assert_array_equal(batch.q[[0, 2]], before[[0, 2]])
+        np.testing.assert_array_equal(batch.ball_positions[2], [0.4, 0.1, -0.1])
+        twin = BatchSimulation("ur5", 3, backend="warp", device="cpu")
+        twin.copy_states(batch)
+        np.testing.assert_array_equal(twin.q, batch.q)
+        np.testing.assert_array_equal(twin.ball_positions, batch.ball_positions)
+        ends.append(move.q)
+    np.testing.assert_array_equal(*ends)
+
+
+def test_environments_observe_and_reward_the_same():
+    found = {}
+    for backend in ("mujoco", "warp"):
+        envs = gym.make_vec(
+            "kinreach/UR5SingleStep-v0", num_envs=4, vectorization_mode="vector_entry_point", backend=backend
+        )
+        envs.reset(seed=3)
+        actions = np.random.default_rng(5).uniform(-0.4, 0.4, (4, 6))
+        _, reward, terminated, truncated, info = envs.step(actions)
+        found[backend] = reward, terminated, truncated, info["impossible"], info["final_obs"]
+        envs.close()
+    for ours, theirs in zip(*found.values(), strict=True):
+        np.testing.assert_allclose(np.array(theirs, dtype=float), np.array(ours, dtype=float), atol=1e-4)
+
+
+def test_what_cannot_be(monkeypatch, capsys):
+    with pytest.raises(InputError, match=r"no device 'cuda:7' here: .*available: .*cpu"):
+        BatchSimulation("ur5", 2, backend="warp", device="cuda:7")
+    with pytest.raises(InputError, match="is of native batches"):
+        gym.make("kinreach/UR5SingleStep-v0", backend="warp")
+    with pytest.raises(UnknownNameError, match="unknown backend 'brax'"):
+        BatchSimulation("ur5", 2, backend="brax")
+    monkeypatch.setitem(sys.modules, "mujoco_warp", None)
+    with pytest.raises(InstallationError, match=r"pip install 'kinreach\[warp\]'"):
+        BatchSimulation("ur5", 2, backend="warp")
+    assert main(["evaluate", "single", "--backend", "warp", "--goals", "2"]) == 2
+    assert capsys.readouterr().err.strip().endswith("pip install 'kinreach[warp]'")
