@@ -1,8 +1,8 @@
 """Many simulations stepped by MuJoCo Warp: on a GPU, or on Warp's CPU device, in single precision.
 
-A step is that of MuJoCo to some 1e-7 rad, contacts included, as long as both find the same points of contact. Where the
-edge of a box is in another box Warp finds two (by clipping faces) and MuJoCo up to four (by a function for boxes): an arm
-that is held there slides otherwise, and the verdict is the same.
+A step is that of MuJoCo to some 1e-7 rad, contacts included, as long as both find the same points of contact. Where
+the edge of a box is in another box Warp finds two (by clipping faces) and MuJoCo up to four (by a function for boxes):
+an arm that is held there slides otherwise, and the verdict is the same.
 """
 
 from __future__ import annotations
