@@ -13,6 +13,7 @@ import platform
 import socket
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
+from functools import cache
 from itertools import islice
 from typing import Any, Protocol, TypeVar
 
@@ -145,6 +146,7 @@ def _values(
         yield group
 
 
+@cache
 def _versions() -> dict[str, str | None]:
     return provenance.versions((*provenance.DISTRIBUTIONS, *_LEARNING))
 

@@ -123,9 +123,10 @@ def train_here(job: Training) -> Iterator[Kept]:
         if job.checkpoint is not None:
             (folder / CHECKPOINT).write_bytes(job.checkpoint)
         done = 0
-        for done in segments(
+        for policy in segments(
             job.recipe, folder, job.identity, resume=True, export=job.export, notice=notices.append
         ):  # fmt: skip
+            done = policy.card.steps
             yield Kept(done, _contents(folder), tuple(notices))
             notices.clear()
         yield Kept(done, _contents(folder), tuple(notices))

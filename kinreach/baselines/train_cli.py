@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any
 
 from rich.console import Console
 from rich.progress import BarColumn, Progress, TaskID, TextColumn, TimeElapsedColumn, TimeRemainingColumn
+from rich.table import Table
 
 from kinreach.baselines.evaluation import SPLITS, TABLE_WIDTH, evaluate, evaluation_table
 from kinreach.baselines.policies import LearnedPolicy
@@ -19,11 +20,13 @@ from kinreach.baselines.recipes import RECIPES, Recipe, get_recipe
 from kinreach.checks import MOST_THREADS, check_count, check_known, check_path
 from kinreach.cli import Parser
 from kinreach.errors import InputError, InstallationError
-from kinreach.jobs import SERIAL, Engine, add_options, open_engine
+from kinreach.jobs import RAY, SERIAL, Engine, add_options, open_engine
 
 if TYPE_CHECKING:
     from kinreach.baselines.training import Run
 
+#: Trials of a search that are shown.
+SHOWN = 10
 #: Goals that a finished policy is tried on; `evaluate` does it properly.
 GOALS = 1000
 #: Which of them, unless the user says so: a recipe may be changed because of what is printed.
@@ -45,6 +48,10 @@ def main(argv: Sequence[str], *, prog: str) -> int:
         KeyboardInterrupt: With a message that says what was kept.
     """
     arguments = _parser(prog).parse_args(argv)
+    if (arguments.recipe is None) == (arguments.search is None):
+        raise InputError("say a RECIPE, or a --search")
+    if arguments.search is not None:
+        return _search(arguments)
     recipe = get_recipe(arguments.recipe)
     for name in ("seeds", "steps", "threads"):
         value = getattr(arguments, name)
@@ -75,6 +82,30 @@ def main(argv: Sequence[str], *, prog: str) -> int:
     console.print(evaluation_table(evaluations, title=f"{recipe.name}, {GOALS} {arguments.split} goals"))
     again = f"kinreach evaluate {quote(str(out / recipe.name))}/seed-*/policy.safetensors"
     console.print(f"Held-out goals, more of them, dynamics, cameras: {again}", style="dim", soft_wrap=True)
+    return 0
+
+
+def _search(arguments: argparse.Namespace) -> int:
+    """Search by a file, and show the best trials."""
+    try:
+        from kinreach.baselines.search import JUDGES, read_search, search
+    except ImportError as error:
+        raise InstallationError(f"training needs more packages ({error.name}): pip install 'kinreach[train]'") from None
+    file = check_path("--search", arguments.search)
+    given = read_search(file)
+    check_count("--threads", arguments.threads, most=MOST_THREADS)
+    out = check_path("--out", arguments.out) / f"search-{file.stem}"
+    with open_engine(RAY, arguments.address):
+        results = search(given, out, resume=arguments.resume, threads=arguments.threads)
+    table = Table(title=f"{given.recipe}, {given.goals} validation goals", title_style="bold", box=None)
+    names = [*given.ranges, "steps", *JUDGES, "status"]
+    for name in names:
+        table.add_column(name)
+    for row in results["trials"][:SHOWN]:
+        table.add_row(*(f"{row[name]:.4g}" if isinstance(row[name], float) else str(row[name]) for name in names))
+    console = Console(width=TABLE_WIDTH, highlight=False, markup=False, emoji=False)
+    console.print(table)
+    console.print(f"All trials, and the best one's recipe: {out}", style="dim", soft_wrap=True)
     return 0
 
 
@@ -164,10 +195,15 @@ def _parser(prog: str) -> Parser:
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
     parser.add_argument(
-        "recipe", metavar="RECIPE", help="what to train: one of those below, or module:RECIPE of your own"
+        "recipe", nargs="?", metavar="RECIPE", help="what to train: one of those below, or module:RECIPE of your own"
     )
     parser.add_argument("--seed", type=int, default=0, metavar="S", help="the first seed (default: %(default)s)")
     parser.add_argument("--seeds", type=int, default=1, metavar="K", help="how many seeds (default: %(default)s)")
+    parser.add_argument(
+        "--search",
+        metavar="FILE",
+        help="instead of a recipe: ranges of one's settings, a budget and validation goals, for Ray Tune",
+    )
     parser.add_argument("--steps", type=int, metavar="N", help="actions to train for (default: the recipe's)")
     parser.add_argument(
         "--out", metavar="DIR", default="results/train", help="runs go into DIR/RECIPE/seed-S (default: %(default)s)"

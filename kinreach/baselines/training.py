@@ -237,10 +237,10 @@ def segments(
     export: bool = False,
     progress: Progress = lambda done, planned, row: None,
     notice: Callable[[str], None] = _warn,
-) -> Iterator[int]:
-    """Train, and say after each segment how many actions are done; arguments and errors as in `train`.
+) -> Iterator[LearnedPolicy]:
+    """Train, and yield the policy after each segment; arguments and errors as in `train`.
 
-    What a segment leaves is in the folder when it is said, and the finished run when there is nothing more to say.
+    What a segment leaves is in the folder by then, and the finished run when there are no more.
     torch computes with the threads of the identity meanwhile.
     """
     others = torch.get_num_threads()
@@ -268,7 +268,7 @@ def _segments(
     export: bool,
     progress: Progress,
     notice: Callable[[str], None],
-) -> Iterator[int]:
+) -> Iterator[LearnedPolicy]:
     seed, source = identity["seed"], provenance.source_digest()
     clock, cpu = time.perf_counter(), time.process_time()
     checkpoint = folder / CHECKPOINT
@@ -308,26 +308,12 @@ def _segments(
             _end_segment(trainee)
             save_checkpoint(checkpoint, {**identity, "sources": sources}, segment, trainee)
             _write_curves(folder, trainee.curve)
-            yield model.num_timesteps
+            yield LearnedPolicy(_card(recipe, identity, trainee), trainee.network)
     finally:
         trainee.env.close()
         model.logger.close()
     seconds, cpu_seconds = time.perf_counter() - clock, time.process_time() - cpu
-    network = trainee.network
-    discrete = isinstance(model.action_space, spaces.Discrete)
-    card = PolicyCard(
-        environment=recipe.environment,
-        meaning="preferences" if discrete else "posture" if recipe.networks.posture else "action",
-        activation=network.activation,
-        output=network.output,
-        algorithm=recipe.algorithm,
-        recipe=identity["recipe"],
-        seed=seed,
-        steps=model.num_timesteps,
-        versions=identity["versions"],
-        goal_seeds=goal_seeds(seed, len(_targets(recipe, model))),
-    )
-    save_policy(folder / POLICY, card, network)
+    save_policy(folder / POLICY, _card(recipe, identity, trainee), trainee.network)
     if export:
         archive = io.BytesIO()
         model.save(archive)
@@ -337,6 +323,24 @@ def _segments(
            "resumed": first > 0, "machine": provenance.machine()}  # fmt: skip
     write_text(folder / RUN, json.dumps(run, indent=2) + "\n")
     _remove(folder, (CHECKPOINT,))
+
+
+def _card(recipe: Recipe, identity: Mapping[str, Any], trainee: Trainee) -> PolicyCard:
+    """What the policy is that has been trained so far."""
+    model, network = trainee.model, trainee.network
+    discrete = isinstance(model.action_space, spaces.Discrete)
+    return PolicyCard(
+        environment=recipe.environment,
+        meaning="preferences" if discrete else "posture" if recipe.networks.posture else "action",
+        activation=network.activation,
+        output=network.output,
+        algorithm=recipe.algorithm,
+        recipe=identity["recipe"],
+        seed=identity["seed"],
+        steps=model.num_timesteps,
+        versions=identity["versions"],
+        goal_seeds=goal_seeds(identity["seed"], len(_targets(recipe, model))),
+    )
 
 
 def _remove(folder: Path, names: Iterable[str]) -> None:

@@ -1,0 +1,105 @@
+"""Searches: what a file may say, what a trial is, and one that Tune runs."""
+
+import csv
+import json
+
+import pytest
+
+from kinreach.baselines.recipes import get_recipe
+from kinreach.baselines.search import JUDGES, Search, read_search, trial
+from kinreach.cli import main
+from kinreach.errors import KinreachError
+
+SAID = """
+recipe: ppo-single
+ranges:
+  settings.learning_rate: {loguniform: [1.0e-4, 1.0e-2]}
+  networks.hidden: {choice: [[32, 32], [64, 64]]}
+  num_envs: {randint: [8, 16]}
+trials: 3
+steps: 400
+goals: 20
+judge: return
+"""
+
+
+@pytest.fixture
+def file(tmp_path):
+    def write(text):
+        path = tmp_path / "mine.yaml"
+        path.write_text(text)
+        return path
+
+    return write
+
+
+def test_a_file_is_a_search(file):
+    found = read_search(file(SAID))
+    assert (found.recipe, found.trials, found.steps, found.goals, found.judge) == ("ppo-single", 3, 400, 20, "return")
+    recipe = found.tried({"settings.learning_rate": 0.5, "networks.hidden": [8, 9], "num_envs": 4})
+    assert (recipe.settings["learning_rate"], recipe.networks.hidden, recipe.num_envs) == (0.5, (8, 9), 4)
+    assert recipe.settings["gamma"] == get_recipe("ppo-single").settings["gamma"]
+    assert recipe.steps == 400
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("{", "is no YAML"),
+        ("[]", "must say at least recipe and ranges"),
+        ("recipe: ppo-single", "must say at least recipe and ranges"),
+        (SAID.replace("ppo-single", "nobody"), "unknown recipe 'nobody'"),
+        (SAID + "colour: red", "unknown entry of .* 'colour'"),
+        (SAID.replace("trials: 3", "trials: 0"), "trials must be"),
+        (SAID.replace("judge: return", "judge: taste"), "unknown judge 'taste'; available: distance_mm, reached"),
+        (SAID + "searcher: magic", "unknown searcher 'magic'"),
+        (SAID + "scheduler: magic", "unknown scheduler 'magic'"),
+        (SAID.replace("1.0e-4", "1e-4"), "1e-4 is a text and 1.0e-4 a number"),
+        (SAID.replace("1.0e-4", "-1"), "the lower one first"),
+        (SAID.replace("[8, 16]", "[16, 8]"), "the lower one first"),
+        (SAID.replace("loguniform", "normal"), "unknown range of settings.learning_rate 'normal'"),
+        (SAID.replace("num_envs", "name"), "unknown field of a recipe 'name'"),
+        (SAID.replace("networks.hidden", "networks.depth"), "unknown field of networks 'depth'"),
+        (SAID.replace("num_envs", "settings"), "an entry of networks, settings, options"),
+        ("recipe: ppo-single\nranges: {}", "ranges are a range"),
+    ],
+)  # fmt: skip
+def test_what_a_file_cannot_say(text, message, file):
+    with pytest.raises(KinreachError, match=message):
+        read_search(file(text))
+
+
+def test_a_trial_is_judged_after_every_segment():
+    given = Search("ppo-single", {"num_envs": {"choice": [8]}}, steps=400, goals=10)
+    found = list(trial(given, {"num_envs": 8}))
+    assert len(found) >= 2
+    steps = [done for done, _ in found]
+    assert steps == sorted(set(steps))
+    assert steps[-1] >= 400
+    assert all(set(scores) == set(JUDGES) for _, scores in found)
+    assert list(trial(given, {"num_envs": 8})) == found
+
+
+def test_one_of_the_two(capsys):
+    for arguments in ([], ["single", "--search", "x.yaml"]):
+        assert main(["train", *arguments]) == 2
+        assert "say a RECIPE, or a --search" in capsys.readouterr().err
+
+
+@pytest.mark.slow
+def test_tune_runs_a_search_and_keeps_it(file, tmp_path, run_python):
+    command = ("-m", "kinreach.train", "--search", str(file(SAID)), "--out", str(tmp_path / "out"))
+    done = run_python(*command)
+    assert done.returncode == 0, done.stderr
+    folder = tmp_path / "out" / "search-mine"
+    results = json.loads((folder / "results.json").read_text())
+    with (folder / "results.csv").open() as csv_file:
+        rows = list(csv.DictReader(csv_file))
+    assert len(rows) == len(results["trials"]) == 3
+    returns = [trial["return"] for trial in results["trials"]]
+    assert returns == sorted(returns, reverse=True)
+    assert results["best"]["settings"]["learning_rate"] == results["trials"][0]["settings.learning_rate"]
+    assert {trial["status"] for trial in results["trials"]} <= {"finished", "ended early"}
+    again = run_python(*command, "--resume")  # all trials are there
+    assert again.returncode == 0, again.stderr
+    assert json.loads((folder / "results.json").read_text())["trials"] == results["trials"]
