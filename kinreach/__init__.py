@@ -19,7 +19,7 @@ no engine.
 from kinreach import _moved
 from kinreach.registration import register_environments
 
-__version__ = "0.2.0.dev0"
+__version__ = "0.2.0"
 
 __all__ = ["__version__"]
 
