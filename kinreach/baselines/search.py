@@ -74,8 +74,9 @@ class Search:
         check_known("judge", self.judge, JUDGES)
         check_known("searcher", self.searcher, SEARCHERS)
         check_known("scheduler", self.scheduler, SCHEDULERS)
-        if not isinstance(self.ranges, Mapping) or not self.ranges:
-            raise InputError(f"ranges are a range by the field of the recipe, got {shown(self.ranges)}")
+        ranges: Any = self.ranges
+        if not isinstance(ranges, Mapping) or not ranges:
+            raise InputError(f"ranges are a range by the field of the recipe, got {shown(ranges)}")
         for field, said in self.ranges.items():
             _check_range(field, said)
             self.tried({field: _example(said)})
@@ -146,7 +147,8 @@ def _with(recipe: Recipe, field: str, value: Any) -> Recipe:
     if name == "networks":
         check_known("field of networks", entry, [each.name for each in fields(Networks)])
         return replace(recipe, networks=replace(recipe.networks, **{entry: value}))
-    return replace(recipe, **{name: {**getattr(recipe, name), entry: value}})
+    changed: dict[str, Any] = {name: {**getattr(recipe, name), entry: value}}
+    return replace(recipe, **changed)
 
 
 def search(given: Search, out: Path, *, resume: bool = False, threads: int = 1) -> dict[str, Any]:
