@@ -83,7 +83,7 @@ def branch_colour(branch: int) -> Colour:
 
 def _row(posture: Posture, q: Floats, *, solid: bool, joints: Sequence[str]) -> str:
     usable = posture.state is State.USABLE
-    values = " ".join(f"{degrees(value):.0f}°" for value in q)
+    values = " ".join(f"{round(degrees(value))}°" for value in q)
     titles = ", ".join(f"{plain(name)} {degrees(value):.1f}°" for name, value in zip(joints, q, strict=True))
     said = "" if usable else _reason(posture.reason)
     name = f"<b>{escape(posture.name)}</b>" if solid else escape(posture.name)

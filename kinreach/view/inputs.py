@@ -27,6 +27,12 @@ def by_user(handle: Any, react: Callable[[Any], None]) -> None:
     handle.on_update(changed)
 
 
+def say(handle: Any, values: Floats) -> None:
+    """Show numbers in an input, unless it has them already: whoever is typing "-0.2" has typed "-0" on the way."""
+    if not np.array_equal(handle.value, values):
+        handle.value = tuple(values.tolist())
+
+
 class Latest:
     """Work that is asked for faster than it is done: of all that wait, only the last is done.
 

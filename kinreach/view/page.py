@@ -103,7 +103,7 @@ class Page:
     def show_program(self) -> None:
         """Open a window with the program that reproduces what is on the screen."""
         gui = self._client.gui
-        with gui.add_modal("What is on the screen, as a program", size="xl") as modal:
+        with gui.add_modal("What is on the screen, as a program") as modal:
             gui.add_html(html.code(self.shown.program()))
             close = gui.add_button("Close")
         close.on_click(lambda _: modal.close())

@@ -82,8 +82,9 @@ def read_results(file: str | Path) -> Results:
     path = check_path("results", file)
     if path.is_dir():
         path = path / RESULTS
+    text = _text(path)
     try:
-        content = json.loads(_text(path), parse_constant=_refuse)
+        content = json.loads(text, parse_constant=_refuse)
     except (ValueError, RecursionError) as error:
         raise InputError(f"{path} is no JSON: {error}") from None
     try:

@@ -16,7 +16,7 @@ from kinreach.kinematics.solvers import SOLVERS
 from kinreach.robots.rotations import rotation, rpy
 from kinreach.view import html
 from kinreach.view.draw import AMBER, PALE_RED, RED, VIOLET, Ghost, Ghosts, SolidArm, Surroundings
-from kinreach.view.inputs import by_user, frame_of, put
+from kinreach.view.inputs import by_user, frame_of, put, say
 from kinreach.view.names import branch_name, length, plain
 from kinreach.view.panel import Panel
 from kinreach.view.setup import Setup
@@ -117,8 +117,9 @@ class TargetPanel(Panel):
         self._list = gui.add_html("")
         with gui.add_folder("Goal"):
             kind = gui.add_dropdown("asks for", model.kinds, initial_value=self._kind)
-            self._position = gui.add_vector3("x y z [m]", (0.0, 0.0, 0.0), step=0.001)
-            self._angles = gui.add_vector3("roll pitch yaw [°]", (0.0, 0.0, 0.0), step=0.1)
+            place, turn = "Of the tool's tip in the world frame, that of the scene", "About the world's x, y, z in turn"
+            self._position = gui.add_vector3("x y z [m]", (0.0, 0.0, 0.0), step=0.001, hint=place)
+            self._angles = gui.add_vector3("roll pitch yaw [°]", (0.0, 0.0, 0.0), step=0.1, hint=turn)
             down = gui.add_button("Turn the tool down", hint="The tool's z axis down; turning about it is free")
             back = gui.add_button("Back to the start", hint="Arm and target as in the beginning")
         with gui.add_folder("Arm", expand_by_default=False):
@@ -268,8 +269,8 @@ class TargetPanel(Panel):
         self._verdict.content = html.verdict(answer)
         self._list.content = html.legend(answer, shown=solid, joints=self.model.kinematics.arm.joints)
         self._gauge.content = html.gauge(self.model.slowest_motion(q), self.model.nearest_singularity(q))
-        self._position.value = tuple(self.T[:3, 3].round(4).tolist())
-        self._angles.value = tuple(np.degrees(rpy(self.T[:3, :3])).round(2).tolist())
+        say(self._position, self.T[:3, 3].round(4))
+        say(self._angles, np.degrees(rpy(self.T[:3, :3])).round(2))
         for slider, value in zip(self._sliders, np.degrees(q).tolist(), strict=True):
             slider.value = float(np.clip(round(value, 1), slider.min, slider.max))
 

@@ -51,6 +51,25 @@ def test_two_tabs_have_targets_of_their_own(serve):
     wait_for(lambda: not server.pages)
 
 
+def test_what_is_typed_is_not_rewritten(serve):
+    """On the way to -0.2 there is -0, which is 0 already."""
+    with Tab(serve("ur5")) as tab:
+        panel = tab.page.target
+        tab.set(panel._position, (0.4, 0.2, 0.3))
+        wait_for(lambda: panel.T[1, 3] == 0.2)
+        tab.set(panel._position, (0.4, -0.0, 0.3))
+        wait_for(lambda: panel.T[1, 3] == 0.0)
+        with tab.page.lock:
+            assert np.signbit(panel._position.value[1])
+        panel.move(panel.T @ np.diag([1.0, -1.0, -1.0, 1.0]))
+        assert panel._angles.value != (0.0, 0.0, 0.0)
+
+
+def test_the_program_opens_in_a_window(serve):
+    with Tab(serve("ur5")) as tab:
+        tab.page.show_program()
+
+
 def test_a_target_that_is_dragged_is_answered(serve):
     with Tab(serve("ur5")) as tab:
         panel, rng, answers = tab.page.target, np.random.default_rng(0), 0
