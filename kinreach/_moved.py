@@ -102,6 +102,7 @@ NAMES = {
     "kinreach.baselines.evaluation.TOLERANCES_MM": "kinreach.summary.TOLERANCES_MM",
     "kinreach.baselines.export.network_of": "kinreach.baselines.networks.actor_network",
     "kinreach.baselines.models.BUTTON_SCALE": "kinreach.baselines.algorithms.BUTTON_SCALE",
+    "kinreach.baselines.run_folder.finished_run": "kinreach.baselines.training.kept_run",
     "kinreach.baselines.run_folder.remove": "kinreach.baselines.training._remove",
     "kinreach.baselines.scripted.AnalyticReachPolicy": "kinreach.baselines.solver_policy.AnalyticReachPolicy",
     "kinreach.envs.reach.UR5ReachVectorEnv": "kinreach.envs.reach.ReachVectorEnv",

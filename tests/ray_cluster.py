@@ -9,6 +9,7 @@ import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
 from subprocess import DEVNULL, PIPE, Popen
+from tempfile import TemporaryDirectory
 
 os.environ["RAY_USAGE_STATS_ENABLED"] = "0"
 #: That a node is gone is known after some seconds instead of some ten; and tasks are as urgent as tests.
@@ -49,10 +50,18 @@ class RunningCluster:
 
 
 @contextmanager
+def private_folder() -> Iterator[dict[str, str]]:
+    """Environment in which Ray has files of its own: /tmp/ray may be another user's. Paths of its sockets are short."""
+    with TemporaryDirectory(prefix="ray-", dir="/tmp", ignore_cleanup_errors=True) as folder:
+        yield {"RAY_TMPDIR": folder, "TMPDIR": folder}
+
+
+@contextmanager
 def running_cluster(root) -> Iterator[RunningCluster]:
     """The cluster, as long as the block lasts."""
-    with Popen([sys.executable, "-W", "ignore", "-m", "tests.ray_cluster"], stdin=PIPE, stdout=PIPE, stderr=DEVNULL,
-               text=True, cwd=root, env={**os.environ, "PYTHONPATH": str(root)}) as process:  # fmt: skip
+    with private_folder() as folder, Popen(
+            [sys.executable, "-W", "ignore", "-m", "tests.ray_cluster"], stdin=PIPE, stdout=PIPE, stderr=DEVNULL,
+            text=True, cwd=root, env={**os.environ, **folder, "PYTHONPATH": str(root)}) as process:  # fmt: skip
         try:
             yield RunningCluster(process)
         finally:

@@ -9,6 +9,7 @@ from kinreach.baselines.recipes import get_recipe
 from kinreach.baselines.search import JUDGES, Search, read_search, trial
 from kinreach.cli import main
 from kinreach.errors import KinreachError
+from tests.ray_cluster import private_folder
 
 SAID = """
 recipe: ppo-single
@@ -86,8 +87,16 @@ def test_one_of_the_two(capsys):
         assert "say a RECIPE, or a --search" in capsys.readouterr().err
 
 
+@pytest.fixture
+def own_ray_folder(monkeypatch):
+    with private_folder() as folder:
+        for name, value in folder.items():
+            monkeypatch.setenv(name, value)
+        yield
+
+
 @pytest.mark.slow
-def test_tune_runs_a_search_and_keeps_it(file, tmp_path, run_python):
+def test_tune_runs_a_search_and_keeps_it(file, tmp_path, run_python, own_ray_folder):
     command = ("-m", "kinreach.train", "--search", str(file(SAID)), "--out", str(tmp_path / "out"))
     done = run_python(*command)
     assert done.returncode == 0, done.stderr
