@@ -12,12 +12,11 @@ import gymnasium as gym
 import numpy as np
 
 import kinreach  # registers the environments
-from kinreach.baselines.policies import pretrained_names
 from kinreach.baselines.rollout import Policy, rollout
 from kinreach.checks import check_count
 from kinreach.cli import Parser
 from kinreach.demo.film import Film
-from kinreach.demo.tasks import POLICIES, TASKS, make_policy
+from kinreach.demo.tasks import POLICIES, TASKS, make_policy, trained_for
 from kinreach.envs.button import ACTUATIONS
 from kinreach.envs.reach.task import BACKENDS, OBSERVATION_KINDS
 from kinreach.errors import InputError, raise_unknown
@@ -149,11 +148,12 @@ def _parser(prog: str) -> Parser:
     def by_task(attribute: str) -> str:
         return ", ".join(f"{name}: {getattr(task, attribute)}" for name, task in TASKS.items())
 
+    trained = sorted({name for task in TASKS.values() for name in trained_for(task)})
     parser = Parser(prog=prog, description=f"Watch an environment of kinreach {kinreach.__version__}.")
     parser.add_argument("--env", default="single", help=f"one of: {', '.join(TASKS)} (default: %(default)s)")
     parser.add_argument(
         "--policy",
-        help=f"one of: {', '.join([*POLICIES, *SOLVERS, *pretrained_names()])}; or the file of a trained policy "
+        help=f"one of: {', '.join([*POLICIES, *SOLVERS, *trained])}; or the file of a trained policy "
         f"(default for {by_task('policy')})",
     )
     parser.add_argument("--steps", type=int, metavar="N", help=f"default for {by_task('steps')}")

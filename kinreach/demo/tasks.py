@@ -76,12 +76,14 @@ POLICIES: Mapping[str, Callable[[DemoTask, Environment, int], Policy]] = {
 
 
 def trained_for(task: DemoTask, arm: str | None = None) -> list[str]:
-    """Names of the package's policies for a task: of all arms, or of the arm of a name."""
+    """Names of the package's policies for a task that are told of the goal: of all arms, or of the arm of a name."""
     found = {name: load_policy(name) for name in pretrained_names()}
     return [
         name
         for name, policy in found.items()
-        if policy.card.environment == task.name and arm in (None, trained_arm(policy).get("arm", ARM))
+        if policy.card.environment == task.name
+        and arm in (None, trained_arm(policy).get("arm", ARM))
+        and not policy.network.eyes
     ]
 
 
