@@ -57,6 +57,8 @@ def test_what_is_typed_is_not_rewritten(serve):
         panel = tab.page.target
         tab.set(panel._position, (0.4, 0.2, 0.3))
         wait_for(lambda: panel.T[1, 3] == 0.2)
+        with tab.page.lock:  # the answer is drawn, and nothing more is written
+            assert panel._position.value == (0.4, 0.2, 0.3)
         tab.set(panel._position, (0.4, -0.0, 0.3))
         wait_for(lambda: panel.T[1, 3] == 0.0)
         with tab.page.lock:
