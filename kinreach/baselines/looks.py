@@ -41,12 +41,11 @@ class Looks:
         """
         observer = PixelObserver(self._task)
         try:
-            for number, goal in enumerate(goals):
-                seen = observer.look(self._task.home[None], goal[None], [rng])
-                for camera, name in enumerate(GOAL_CAMERAS):
-                    self.pictures[number, camera] = seen[f"{name}_rgb"][0]
+            seen = observer.look(np.tile(self._task.home, (len(goals), 1)), goals, [rng] * len(goals))
         finally:
             observer.close()
+        for camera, name in enumerate(GOAL_CAMERAS):
+            self.pictures[:, camera] = seen[f"{name}_rgb"]
 
     def seen(self, numbers: NDArray[Any]) -> dict[str, NDArray[np.uint8]]:
         """Looks by their numbers, shape (k,), as environments with `observation="pixels"` say them."""

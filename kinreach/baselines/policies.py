@@ -218,6 +218,9 @@ def _card(header: Mapping[str, str]) -> PolicyCard:
 
 
 def _network(card: PolicyCard, tensors: Mapping[str, np.ndarray[Any, Any]]) -> Network:
+    for name, value in tensors.items():
+        if value.dtype not in (np.float32, np.float64) or not np.isfinite(value).all():
+            raise InputError(f"{name} must be finite floating-point numbers")
     eyes = [_eye(tensors, f"eye{number}.") for number in range(len(PICTURES)) if f"eye{number}.strides" in tensors]
     tensors = {name: value for name, value in tensors.items() if not name.startswith("eye")}
     if len(eyes) not in (0, len(PICTURES)):
@@ -227,9 +230,6 @@ def _network(card: PolicyCard, tensors: Mapping[str, np.ndarray[Any, Any]]) -> N
     expected = {"mean", "scale", "waves", "gain", "shift"} | names | ({"low", "high"} & set(tensors))
     if count == 0 or set(tensors) != expected:
         raise InputError(f"its tensors must be {sorted(expected)}, got {sorted(tensors)}")
-    for name, value in tensors.items():
-        if value.dtype not in (np.float32, np.float64) or not np.isfinite(value).all():
-            raise InputError(f"{name} must be finite floating-point numbers")
     doubles = {name: value.astype(np.float64) for name, value in tensors.items()}
     layers = [(doubles[f"layer{i}.weight"], doubles[f"layer{i}.bias"]) for i in range(count)]
     mean, scale, waves, gain, shift = (doubles[name] for name in ("mean", "scale", "waves", "gain", "shift"))
@@ -258,9 +258,6 @@ def _eye(tensors: Mapping[str, np.ndarray[Any, Any]], prefix: str) -> Eye:
     expected = {f"layer{i}.{part}" for i in range(count) for part in ("weight", "bias")} | {"strides", "sharpness"}
     if count == 0 or set(own) != expected:
         raise InputError(f"the tensors of {prefix}* must be {sorted(expected)}, got {sorted(own)}")
-    for name, value in own.items():
-        if value.dtype not in (np.float32, np.float64) or not np.isfinite(value).all():
-            raise InputError(f"{prefix}{name} must be finite floating-point numbers")
     layers = [(own[f"layer{i}.weight"].astype(float), own[f"layer{i}.bias"].astype(float)) for i in range(count)]
     channels = 3
     for index, (weight, bias) in enumerate(layers):

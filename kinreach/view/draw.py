@@ -67,7 +67,23 @@ class Shapes(Protocol):
     coarse: list[Piece]
 
 
-class Solid:
+class Branch:
+    """What hangs from one node of the scene, and is drawn or not as a whole."""
+
+    _root: Any
+
+    @property
+    def visible(self) -> bool:
+        """Whether it is drawn."""
+        return bool(self._root.visible)
+
+    @visible.setter
+    def visible(self, visible: bool) -> None:
+        if visible != self._root.visible:
+            self._root.visible = visible
+
+
+class Solid(Branch):
     """Links that are put somewhere.
 
     Args:
@@ -93,16 +109,6 @@ class Solid:
             )
             self._pieces.append((piece.link, own, mesh))
         self._red: frozenset[str] = frozenset()
-
-    @property
-    def visible(self) -> bool:
-        """Whether it is drawn."""
-        return bool(self._root.visible)
-
-    @visible.setter
-    def visible(self, visible: bool) -> None:
-        if visible != self._root.visible:
-            self._root.visible = visible
 
     def place(self, poses: Floats, *, red: Collection[str] = ()) -> None:
         """Put the links where they are to be; those named in `red` are drawn so.
@@ -155,7 +161,7 @@ class Ghost:
     red: Collection[str] = ()
 
 
-class Ghosts:
+class Ghosts(Branch):
     """Many transparent arms at once.
 
     Args:
@@ -186,15 +192,6 @@ class Ghosts:
         ]
         self._colours: list[tuple[Colour, frozenset[str]]] = []
 
-    @property
-    def visible(self) -> bool:
-        """Whether they are drawn."""
-        return bool(self._root.visible)
-
-    @visible.setter
-    def visible(self, visible: bool) -> None:
-        self._root.visible = visible
-
     def take(self, ghosts: Sequence[Ghost], *, beside: Floats | None) -> None:
         """Draw these, and no others; links that are where those of a posture `beside` them are, are left out."""
         ghosts = ghosts[: self._most]
@@ -221,7 +218,7 @@ class Ghosts:
         self._colours = colours
 
 
-class Surroundings:
+class Surroundings(Branch):
     """The boxes of a work cell, and a grid for its floor.
 
     Args:
@@ -253,15 +250,6 @@ class Surroundings:
                     dimensions=(_LEG, _LEG, box.legs),
                     position=(sx * (x - _LEG), sy * (y - _LEG), -z - box.legs / 2),
                 )
-
-    @property
-    def visible(self) -> bool:
-        """Whether the boxes are drawn."""
-        return bool(self._root.visible)
-
-    @visible.setter
-    def visible(self, visible: bool) -> None:
-        self._root.visible = visible
 
     def mark(self, red: Collection[str]) -> None:
         """Draw the boxes of these names red, and no others."""

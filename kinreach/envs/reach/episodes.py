@@ -103,7 +103,7 @@ class ReachEpisodes:
     @property
     def observation_space(self) -> spaces.Space[Any]:
         """Of one arm."""
-        return self.task.observation_space if self._pixels is None else self._pixels.space()
+        return self.task.observation_space if self._pixels is None else self._pixels.space
 
     def observe(self) -> Any:
         """The observation of every arm, shape (count, size); with pixels, a dictionary of arrays with as many rows."""

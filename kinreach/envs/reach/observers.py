@@ -109,6 +109,9 @@ class PixelObserver:
     """RGB and depth of both cameras in the arm's present posture: the thesis's "ideal solution" (6.1).
 
     With the joint angles and the gripper's opening.
+
+    Attributes:
+        space: Of what is seen in one posture.
     """
 
     def __init__(self, task: ReachTask) -> None:
@@ -118,9 +121,9 @@ class PixelObserver:
             name: RGBDCamera(self._simulation, name, width=task.options.width, height=task.options.height)
             for name in GOAL_CAMERAS
         }
+        self.space = self._space()
 
-    def space(self) -> spaces.Dict:
-        """Of what is seen in one posture."""
+    def _space(self) -> spaces.Dict:
         height, width = self._task.options.height, self._task.options.width
         images: dict[str, spaces.Space[Any]] = {}
         for name in GOAL_CAMERAS:
@@ -142,7 +145,7 @@ class PixelObserver:
         Returns:
             What `space` says by name, each with k rows.
         """
-        parts: dict[str, Any] = self.space().spaces
+        parts: dict[str, Any] = self.space.spaces
         seen = {name: np.empty((len(goals), *part.shape), part.dtype) for name, part in parts.items()}
         limits = self._simulation.controller
         for row, (q, goal, rng) in enumerate(zip(postures, goals, rngs, strict=True)):
