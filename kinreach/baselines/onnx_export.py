@@ -1,13 +1,15 @@
 """A policy as an ONNX model: observation in, action out, for programs that know neither kinreach nor NumPy.
 
-The graph is `LearnedPolicy.act` in double precision, operator by operator, and needs no torch. The model's metadata has
-the policy's card in the entry `kinreach`, as JSON. Only operators that ONNX Runtime has in double precision are used;
-cosine and ELU are not among them.
+The graph is `LearnedPolicy.act` in double precision, operator by operator, and needs no torch. A policy that sees
+pictures has an input for each of them, of any size. The model's metadata has the policy's card in the entry `kinreach`,
+as JSON. Only operators that ONNX Runtime has in double precision are used; cosine, ELU and convolutions are not among
+them.
 """
 
 from __future__ import annotations
 
 import json
+from collections.abc import Sequence
 from dataclasses import asdict
 from pathlib import Path
 from typing import Any
@@ -16,7 +18,8 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 import kinreach
-from kinreach.baselines.policies import SLACK, LearnedPolicy
+from kinreach.baselines.eyes import MIDDLE, Eye
+from kinreach.baselines.policies import PICTURES, SLACK, LearnedPolicy
 from kinreach.checks import check_count
 from kinreach.engines import load_extra
 from kinreach.envs.reach.task import SINGLE_STEP, STEP_SIZE
@@ -27,6 +30,9 @@ from kinreach.files import replacing
 OPSET, IR_VERSION = 18, 8
 #: Names of the model's input, (batch, observations), and output, (batch, actions), or (batch,) where they are numbered.
 INPUT, OUTPUT = "observation", "action"
+#: Where pictures are seen, the inputs are `PICTURES`, uint8, (batch, height, width, 3), and if it walks, joint angles.
+JOINTS = "joints"
+_LAST = np.iinfo(np.int64).max
 
 
 def export_onnx(policy: LearnedPolicy, path: str | Path, *, observations: int | None = None) -> None:
@@ -35,15 +41,14 @@ def export_onnx(policy: LearnedPolicy, path: str | Path, *, observations: int | 
     Args:
         policy: As `load_policy` returns it.
         path: Of the file.
-        observations: Numbers in an observation of its environment; as many as the policy must have, if None.
+        observations: Numbers in an observation of its environment; as many as the policy must have, if None. Of no
+            meaning where it sees pictures.
 
     Raises:
         InputError: Observations that the policy does not take.
         InstallationError: The package `onnx` is missing.
         OutputError: The file system refused.
     """
-    if policy.network.eyes:
-        raise InputError(f"{policy.name} sees pictures; only policies that take vectors are exported")
     count = policy.inputs if observations is None else check_count("observations", observations)
     if not policy.takes(count):
         raise InputError(f"{policy.name} does not take observations of {count} numbers")
@@ -77,8 +82,9 @@ class _Graph:
 def _model(policy: LearnedPolicy, observations: int) -> Any:
     graph = _Graph()
     helper, kinds = graph.onnx.helper, graph.onnx.TensorProto
-    output = _network(graph, policy)
-    outputs = len(policy.network.gain)
+    eyes, outputs = policy.network.eyes, len(policy.network.gain)
+    seen = _seen(graph, eyes) if eyes else INPUT
+    output = _network(graph, policy, seen)
     shape: list[str | int] = ["batch"]
     if policy.card.meaning == "preferences":
         graph("ArgMax", output, axis=-1, keepdims=0)
@@ -87,15 +93,19 @@ def _model(policy: LearnedPolicy, observations: int) -> Any:
         low, high = policy.bounds
         action = graph("Min", graph("Max", output, low), high)
         if policy.stepwise:
-            joints = graph("Slice", INPUT, [observations - 1 - outputs], [observations - 1], [1])
+            joints = JOINTS if eyes else graph("Slice", INPUT, [observations - 1 - outputs], [observations - 1], [1])
             _paced(graph, graph("Sub", graph("Mul", action, SINGLE_STEP.scale), joints))
         kind = kinds.DOUBLE
         shape.append(outputs)
     graph.nodes[-1].output[0] = OUTPUT
+    inputs: list[tuple[str, int, list[str | int]]] = [(INPUT, kinds.DOUBLE, [observations])]
+    if eyes:
+        inputs = [(name, kinds.UINT8, ["height", "width", 3]) for name in PICTURES]
+        inputs += [(JOINTS, kinds.DOUBLE, [outputs])] if policy.stepwise else []
     made = helper.make_graph(
         graph.nodes,
         policy.name.replace(" ", "-"),
-        [helper.make_tensor_value_info(INPUT, kinds.DOUBLE, ["batch", observations])],
+        [helper.make_tensor_value_info(name, kind, ["batch", *size]) for name, kind, size in inputs],
         [helper.make_tensor_value_info(OUTPUT, kind, shape)],
         graph.constants,
     )
@@ -111,10 +121,45 @@ def _model(policy: LearnedPolicy, observations: int) -> Any:
     return model
 
 
-def _network(graph: _Graph, policy: LearnedPolicy) -> str:
+def _seen(graph: _Graph, eyes: Sequence[Eye]) -> str:
+    """What the eyes say of the pictures, side by side."""
+    return graph("Concat", *(_eye(graph, eye, name) for eye, name in zip(eyes, PICTURES, strict=True)), axis=1)
+
+
+def _eye(graph: _Graph, eye: Eye, picture: str) -> str:
+    """`Eye.__call__`, channels last."""
+    h = graph("Sub", graph("Div", graph("Cast", picture, to=graph.onnx.TensorProto.DOUBLE), MIDDLE), 1.0)
+    for index, ((weight, bias), stride) in enumerate(zip(eye.layers, eye.strides, strict=True)):
+        if index:
+            h = graph("Relu", h)
+        size = weight.shape[2]
+        h = graph("Pad", h, [0, size // 2, size // 2, 0] * 2)
+        ends = [*range(1 - size, 0), _LAST]
+        places = [([y, x], [ends[y], ends[x]]) for y in range(size) for x in range(size)]
+        windows = [graph("Slice", h, first, last, [1, 2], [stride, stride]) for first, last in places]
+        flat = weight.transpose(2, 3, 1, 0).reshape(-1, len(bias))
+        h = graph("Add", graph("MatMul", graph("Concat", *windows, axis=3), flat), bias)
+    h = graph("Mul", graph("Sub", h, graph("ReduceMax", h, [1, 2])), eye.sharpness)
+    weights = graph("Exp", h)
+    weights = graph("Div", weights, graph("ReduceSum", weights, [1, 2]))
+    across = graph("MatMul", _from_minus_one_to_one(graph, h, 2), graph("ReduceSum", weights, [1], keepdims=0))
+    down = graph("MatMul", _from_minus_one_to_one(graph, h, 1), graph("ReduceSum", weights, [2], keepdims=0))
+    pairs = graph("Concat", graph("Unsqueeze", across, [2]), graph("Unsqueeze", down, [2]), axis=2)
+    return graph("Reshape", pairs, [0, eye.places])
+
+
+def _from_minus_one_to_one(graph: _Graph, pictures: str, axis: int) -> str:
+    """As many numbers, evenly spaced, as pictures are long along an axis."""
+    count = graph("Squeeze", graph("Shape", pictures, start=axis, end=axis + 1))
+    numbers = graph("Range", 0.0, graph("Cast", count, to=graph.onnx.TensorProto.DOUBLE), 1.0)
+    last = graph("Cast", graph("Max", graph("Sub", count, 1), 1), to=graph.onnx.TensorProto.DOUBLE)
+    return graph("Sub", graph("Div", graph("Mul", numbers, 2.0), last), 1.0)
+
+
+def _network(graph: _Graph, policy: LearnedPolicy, observation: str) -> str:
     """`Network.__call__`."""
     network = policy.network
-    first = graph("Slice", INPUT, [0], [len(network.mean)], [1])
+    first = graph("Slice", observation, [0], [len(network.mean)], [1])
     h = graph("Div", graph("Sub", first, network.mean), network.scale)
     if len(network.waves):
         each = graph("Mul", graph("Unsqueeze", h, [2]), network.waves)

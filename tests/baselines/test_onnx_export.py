@@ -8,7 +8,14 @@ import numpy as np
 import pytest
 
 from kinreach.baselines.onnx_export import export_onnx
-from kinreach.baselines.policies import ACTIVATIONS, LearnedPolicy, Network, load_policy, pretrained_names
+from kinreach.baselines.policies import (
+    ACTIVATIONS,
+    PICTURES,
+    LearnedPolicy,
+    Network,
+    load_policy,
+    pretrained_names,
+)
 from kinreach.cli import main
 from kinreach.errors import InputError
 
@@ -21,18 +28,20 @@ OBSERVATIONS = 1000
 
 def answers(path, observations):
     session = onnxruntime.InferenceSession(str(path), providers=["CPUExecutionProvider"])
-    return session.run(["action"], {"observation": observations})[0]
+    said = observations if isinstance(observations, dict) else {"observation": observations}
+    return session.run(["action"], {part.name: said[part.name] for part in session.get_inputs()})[0]
 
 
-def assert_equal(policy, path, observations):
+def assert_equal(policy, path, observations, count=OBSERVATIONS):
     expected, found = policy.act(observations), answers(path, observations)
-    assert found.shape == expected.shape == (OBSERVATIONS, *expected.shape[1:])
+    assert found.shape == expected.shape == (count, *expected.shape[1:])
     np.testing.assert_allclose(found, expected, rtol=0, atol=1e-6)
     assert len(np.unique(found)) > 3
-    np.testing.assert_allclose(answers(path, observations[:1]), expected[:1], rtol=0, atol=1e-6)
+    first = {name: seen[:1] for name, seen in observations.items()} if policy.network.eyes else observations[:1]
+    np.testing.assert_allclose(answers(path, first), expected[:1], rtol=0, atol=1e-6)
 
 
-@pytest.mark.parametrize("name", pretrained_names())
+@pytest.mark.parametrize("name", [name for name in pretrained_names() if not load_policy(name).network.eyes])
 def test_policies_of_the_package(name, tmp_path):
     policy = load_policy(name)
     space = gym.make(policy.card.environment).observation_space
@@ -40,6 +49,19 @@ def test_policies_of_the_package(name, tmp_path):
     observations = np.clip(draws, space.low, space.high)
     export_onnx(policy, tmp_path / "policy.onnx", observations=space.shape[0])
     assert_equal(policy, tmp_path / "policy.onnx", observations)
+
+
+@pytest.mark.parametrize("walks", [False, True])
+def test_a_policy_that_sees_pictures(walks, tmp_path):
+    policy = load_policy("pixels-single")
+    if walks:
+        policy = LearnedPolicy(replace(policy.card, environment="kinreach/UR5MultiStep-v0"), policy.network)
+    export_onnx(policy, tmp_path / "policy.onnx")
+    rng = np.random.default_rng(0)
+    for count, size in ((40, (72, 128)), (40, (15, 22)), (3, (1, 1))):
+        seen = {name: rng.integers(0, 256, size=(count, *size, 3), dtype=np.uint8) for name in PICTURES}
+        seen["joints"] = rng.uniform(-3.0, 3.0, size=(count, 6))
+        assert_equal(policy, tmp_path / "policy.onnx", seen, count)
 
 
 @pytest.mark.parametrize("activation", ACTIVATIONS)
