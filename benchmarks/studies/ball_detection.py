@@ -16,6 +16,7 @@ from pathlib import Path
 
 import numpy as np
 
+from benchmarks.studies.tables import head, line
 from kinreach.cli import Parser, finish
 from kinreach.files import replacing
 from kinreach.robots import get_arm
@@ -86,12 +87,12 @@ def measure(count: int, seed: int) -> Measured:
 def error_table(result: Measured) -> str:
     """Mean, p95 and largest error [mm] of every case, as Markdown."""
     columns = [(pipeline, noisy) for pipeline in PIPELINES for noisy in (False, True)]
-    head = [f"{pipeline}{', noise' if noisy else ''}" for pipeline, noisy in columns]
-    lines = ["| camera | " + " | ".join(head) + " |", "|---" * (len(head) + 1) + "|"]
+    names = [f"{pipeline}{', noise' if noisy else ''}" for pipeline, noisy in columns]
+    lines = [head("camera", *names)]
     for name in GOAL_CAMERAS:
         for width, height in RESOLUTIONS:
             cells = [_error_cell(result, (*column, name, height)) for column in columns]
-            lines.append(f"| {name} {width}x{height} | " + " | ".join(cells) + " |")
+            lines.append(line(f"{name} {width}x{height}", *cells))
     return "\n".join(lines)
 
 
@@ -104,10 +105,10 @@ def _error_cell(result: Measured, case: Case) -> str:
 def time_table(result: Measured) -> str:
     """Shortest times [ms], as Markdown."""
     steps = ("render", *PIPELINES)
-    lines = ["| picture | render RGB and depth | find, " + " | find, ".join(PIPELINES) + " |", "|---" * 4 + "|"]
+    lines = [head("picture", "render RGB and depth", *(f"find, {pipeline}" for pipeline in PIPELINES))]
     for width, height in RESOLUTIONS:
         cells = [f"{min(result.times[height, step]):.1f}" for step in steps]
-        lines.append(f"| {width}x{height} | " + " | ".join(cells) + " |")
+        lines.append(line(f"{width}x{height}", *cells))
     return "\n".join(lines)
 
 
@@ -138,8 +139,8 @@ def draw(path: Path) -> None:
         inset.imshow(image.rgb)
         inset.set(xlim=(u - 2 * r, u + 2 * r), ylim=(v + 2 * r, v - 2 * r), xticks=[], yticks=[])
         inset.plot(u, v, "+", color="white", markersize=12)
-        for line in ax.indicate_inset_zoom(inset, edgecolor="black", alpha=0.8).connectors or ():
-            line.set_visible(False)
+        for connector in ax.indicate_inset_zoom(inset, edgecolor="black", alpha=0.8).connectors or ():
+            connector.set_visible(False)
         for target in (ax, inset):
             target.add_patch(Circle((u, v), r, fill=False, color="lime", linewidth=1.5))
     with replacing(path) as temporary:

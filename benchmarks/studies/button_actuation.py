@@ -15,6 +15,7 @@ import gymnasium as gym
 import numpy as np
 
 import kinreach
+from benchmarks.studies.tables import head, line
 from kinreach.baselines.button_controller import ButtonController
 from kinreach.cli import Parser, finish
 from kinreach.envs.button import ACTUATIONS, Actuation
@@ -112,10 +113,9 @@ def main(argv: list[str] | None = None) -> int:
     args = parser.parse_args(argv)
     columns = {name: column(actuation, args.targets, args.seed) for name, actuation in ACTUATIONS.items()}
     print(f"kinreach {kinreach.__version__}, {args.targets} targets, seed {args.seed}\n")
-    print(f"| | {' | '.join(columns)} |")
-    print("|---|" + "---|" * len(columns))
-    for row in next(iter(columns.values())):
-        print(f"| {row} | {' | '.join(values[row] for values in columns.values())} |")
+    print(head("", *columns))
+    for name in next(iter(columns.values())):
+        print(line(name, *(values[name] for values in columns.values())))
     return 0
 
 

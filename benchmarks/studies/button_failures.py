@@ -12,6 +12,7 @@ from contextlib import closing
 import numpy as np
 
 import kinreach  # noqa: F401  registers the environments
+from benchmarks.studies.tables import head, line
 from kinreach.baselines.batch import make_batch
 from kinreach.baselines.evaluation import HELD_OUT
 from kinreach.baselines.policies import load_policy
@@ -37,9 +38,9 @@ def main(argv: list[str] | None = None) -> int:
     parser.add_argument("--goals", type=int, default=1000)
     arguments = parser.parse_args(argv)
     kinematics = Arm3Kinematics()
-    print(f"| {' | '.join(HEADINGS)} |\n|{'---|' * len(HEADINGS)}")
-    for name in arguments.policies:
-        policy = load_policy(name)
+    print(head(*HEADINGS))
+    for path in arguments.policies:
+        policy = load_policy(path)
         with closing(make_batch(BUTTON, arguments.goals, policy.card.recipe["options"])) as env:
             trials = rollout_batch(env, policy, seed=HELD_OUT)
         pressed = np.array([trial["reached"] for trial in trials])
@@ -55,10 +56,8 @@ def main(argv: list[str] | None = None) -> int:
             room = np.minimum(np.abs(turned - kinematics.lower), np.abs(turned - kinematics.upper))
             distance = f"{1e3 * np.median([trial['distance'] for trial in missed]):.0f}"
             limits = " / ".join(f"{100 * share:.0f}" for share in (room < AT_LIMIT).mean(axis=0))
-        print(
-            f"| `{policy.card.recipe['name']}`, seed {policy.card.seed} | {shares} | {distance} | {limits} |",
-            flush=True,
-        )
+        name = f"`{policy.card.recipe['name']}`, seed {policy.card.seed}"
+        print(line(name, shares, distance, limits), flush=True)
     return 0
 
 

@@ -16,6 +16,7 @@ from time import process_time
 import numpy as np
 
 from benchmarks.speed.peers.analytic import eaik_of, general_ssik_of
+from benchmarks.studies.tables import head, line
 from kinreach.checks import Floats
 from kinreach.cli import Parser, finish
 from kinreach.errors import InputError
@@ -230,7 +231,7 @@ def _robot_row(robot: str, oracle: Mapping[str, Floats], poses: int, seed: int) 
         f"{theirs[0]:.0f}",
         f"{1e3 * theirs[1]:.1f}",
     )
-    return f"| {' | '.join(cells)} |"
+    return line(*cells)
 
 
 def _eaik_says() -> str:
@@ -259,10 +260,10 @@ def main(argv: list[str] | None = None) -> int:
         return 0
     with np.load(ORACLE) as stored:
         oracle = {name: stored[name] for name in stored}
-    print(f"| {' | '.join(COLUMNS)} |\n{'|---' * len(COLUMNS)}|")
+    print(head(*COLUMNS))
     for robot in robots:
         print(_robot_row(robot, oracle, arguments.poses, arguments.seed), flush=True)
-    print(f"\n{_eaik_says()}\n\n| case | {' | '.join(robots)} | largest error |\n{'|---' * (len(robots) + 2)}|")
+    print(f"\n{_eaik_says()}\n\n{head('case', *robots, 'largest error')}")
     arms = {robot: arm_of(robot) for robot in robots}
     for case, make in CASES.items():
         cells, worst = [], 0.0
@@ -273,7 +274,7 @@ def main(argv: list[str] | None = None) -> int:
             empty = 100 * (~batch.valid.any(axis=1)).mean()
             cells.append(f"{empty:g} / {100 * np.mean(np.array(errors) > 1e-7):g}")
             worst = max(worst, *errors)
-        print(f"| {case} | {' | '.join(cells)} | {worst:.0e} |", flush=True)
+        print(line(case, *cells, f"{worst:.0e}"), flush=True)
     return 0
 
 

@@ -18,6 +18,7 @@ from collections.abc import Callable
 
 import numpy as np
 
+from benchmarks.studies.tables import head, line
 from kinreach.cli import Parser, finish
 from kinreach.kinematics import UR5Kinematics
 from kinreach.kinematics.collision import CollisionChecker
@@ -76,11 +77,11 @@ def percent(part: np.ndarray) -> str:
 def report_postures(groups: dict[str, np.ndarray], fast: FastCollision) -> None:
     """Print the agreement for every class."""
     checker, kin = CollisionChecker("ur5"), UR5Kinematics(tip="tcp", base="world")
-    print("| postures | count | impossible | agreement | false free | false collision |\n|---|---|---|---|---|---|")
+    print(head("postures", "count", "impossible", "agreement", "false free", "false collision"))
     for name, q in groups.items():
         truth, verdict = exact(checker, kin, q), fast.impossible(q)
         rates = (truth, truth == verdict, truth & ~verdict, verdict & ~truth)
-        print(f"| {name} | {len(q)} | {' | '.join(map(percent, rates))} |", flush=True)
+        print(line(name, len(q), *map(percent, rates)), flush=True)
 
 
 def report_speed(groups: dict[str, np.ndarray], fast: FastCollision) -> None:
@@ -97,17 +98,16 @@ def report_speed(groups: dict[str, np.ndarray], fast: FastCollision) -> None:
     for name, q in batches.items():
         jobs[f"FastCollision.impossible, {name}"] = lambda q=q: fast.impossible(q)  # type: ignore[misc]
     times = best_ns(jobs)
-    print(f"\n| one core, N = {BATCH} | ns per posture | multiply-adds |\n|---|---|---|")
+    print(f"\n{head(f'one core, N = {BATCH}', 'ns per posture', 'multiply-adds')}")
     for name, ns in times.items():
-        print(f"| {name} | {ns:.1f} | {ns / times['numpy, a * b + c']:.0f} |")
+        print(line(name, f"{ns:.1f}", f"{ns / times['numpy, a * b + c']:.0f}"))
 
 
 def report_moves(groups: dict[str, np.ndarray], fast: FastCollision, count: int) -> None:
     """Print how often a simulated move ends as the kinematic verdict says."""
     checker, kin, simulation = CollisionChecker("ur5"), UR5Kinematics(tip="tcp", base="world"), ArmSimulation("ur5")
     columns = ("agreement", "free, not attained", "blocked on the way", "in collision, attained")
-    print(f"\n| moves from home | count | {' | '.join(columns)} |")
-    print("|---|---|---|---|---|---|")
+    print(f"\n{head('moves from home', 'count', *columns)}")
     for name, q in groups.items():
         attained = []
         for row in q[:count]:
@@ -116,7 +116,7 @@ def report_moves(groups: dict[str, np.ndarray], fast: FastCollision, count: int)
         done, verdict, truth = np.array(attained), fast.impossible(q[:count]), exact(checker, kin, q[:count])
         missed = ~verdict & ~done
         rates = (verdict != done, missed, missed & ~truth, verdict & done)
-        print(f"| {name} | {len(done)} | {' | '.join(map(percent, rates))} |", flush=True)
+        print(line(name, len(done), *map(percent, rates)), flush=True)
 
 
 def main(argv: list[str] | None = None) -> int:

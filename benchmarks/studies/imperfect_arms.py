@@ -14,6 +14,7 @@ from collections.abc import Mapping
 
 import numpy as np
 
+from benchmarks.studies.tables import head, line
 from kinreach.baselines.evaluation import HELD_OUT, evaluate
 from kinreach.baselines.policies import load_policy
 from kinreach.cli import Parser, finish
@@ -85,7 +86,7 @@ def row(name: str, goals: np.ndarray, postures: np.ndarray) -> str:
         f"{100 * reached.mean():.1f}",
         *(f"{100 * share:.1f}" for share in shares),
     )
-    return f"| {' | '.join(cells)} |"
+    return line(*cells)
 
 
 def main(argv: list[str] | None = None) -> int:
@@ -96,8 +97,7 @@ def main(argv: list[str] | None = None) -> int:
     if arguments.goals < 1:
         parser.error(f"--goals must be at least 1, got {arguments.goals}")
     goals, postures = answers(arguments.goals)
-    print(f"| {' | '.join(HEADINGS)} |")
-    print("|---" * len(HEADINGS) + "|")
+    print(head(*HEADINGS))
     for name in ARMS:
         print(row(name, goals, postures), flush=True)
     return 0

@@ -19,6 +19,7 @@ from typing import Any
 import numpy as np
 
 from benchmarks.studies.ball_detection import NOISE, PICTURE_GOAL, goals_of
+from benchmarks.studies.tables import head, line
 from kinreach.cli import Parser, finish
 from kinreach.files import replacing
 from kinreach.robots import get_arm
@@ -177,7 +178,7 @@ def measure(studio: Studio, situation: Situation, count: int, seed: int) -> dict
 def table(studio: Studio, count: int, seed: int) -> str:
     """A row for each situation, both cameras together, as Markdown."""
     columns = [f"{pipeline}: {what}" for pipeline in PIPELINES for what in ("found, %", "wrong, %", "median / p95, mm")]
-    lines = [f"| situation | {' | '.join(columns)} |", "|---" * (len(columns) + 1) + "|"]
+    lines = [head("situation", *columns)]
     for situation in SITUATIONS:
         errors = measure(studio, situation, count, seed)
         cells = []
@@ -187,7 +188,7 @@ def table(studio: Studio, count: int, seed: int) -> str:
             right = found[found <= 1e3 * WRONG]
             spread = f"{median(right):.2f} / {p95(right):.2f}" if len(right) else "-"
             cells += [f"{100 * len(found) / len(mm):.1f}", f"{100 * (len(found) - len(right)) / len(mm):.1f}", spread]
-        lines.append(f"| {situation.name} | {' | '.join(cells)} |")
+        lines.append(line(situation.name, *cells))
     return "\n".join(lines)
 
 

@@ -13,6 +13,7 @@ from typing import Any
 
 import numpy as np
 
+from benchmarks.studies.tables import head, line
 from benchmarks.studies.trainings import POLICY, finished
 from kinreach.baselines.batch import make_batch
 from kinreach.baselines.evaluation import HELD_OUT
@@ -32,13 +33,13 @@ def main(argv: list[str] | None = None) -> int:
     parser = Parser(prog=PROG, description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("runs", type=Path, help="the folder that `kinreach train --out` wrote to")
     found = finished(parser.parse_args(argv).runs, ("ppo-multi-ending", "ppo-multi"))
-    print("| recipe, seed | reached, % | came within 10 mm, % | steps waited there | r_e meanwhile, median |")
-    print("|---|---|---|---|---|")
+    print(head("recipe, seed", "reached, %", "came within 10 mm, %", "steps waited there", "r_e meanwhile, median"))
     for recipe, folders in found.items():
         for folder in folders:
             reached, near, waited, error = watch(load_policy(folder / POLICY, environment=MULTI))
             meanwhile = "-" if error is None else f"{error:.3f}"
-            print(f"| `{recipe}`, {folder.name[5:]} | {reached:.1f} | {near:.1f} | {waited:.1f} | {meanwhile} |")
+            shares = (f"{value:.1f}" for value in (reached, near, waited))
+            print(line(f"`{recipe}`, {folder.name[5:]}", *shares, meanwhile))
     return 0
 
 

@@ -28,6 +28,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from benchmarks.studies.tables import head, line
 from kinreach.cli import Parser, finish
 from kinreach.errors import InputError
 from kinreach.files import make_writable, write_text
@@ -220,11 +221,11 @@ def _line(row: dict[str, Any]) -> str:
 
 def summary(rows: Sequence[dict[str, Any]]) -> list[str]:
     """A Markdown table of how many were killed, by area, and the survivors."""
-    lines = ["| area | mutants | killed | survivors |", "|---|---|---|---|"]
+    lines = [head("area", "mutants", "killed", "survivors")]
     for area in [*dict.fromkeys(row["area"] for row in rows), "all"]:
         own = [row for row in rows if area in (row["area"], "all")]
         alive = [f"`{row['id']}`" for row in own if row["killed_by"] is None]
-        lines.append(f"| {area} | {len(own)} | {len(own) - len(alive)} | {', '.join(alive) or '-'} |")
+        lines.append(line(area, len(own), len(own) - len(alive), ", ".join(alive) or "-"))
     return lines
 
 

@@ -12,6 +12,7 @@ from collections.abc import Mapping
 
 import numpy as np
 
+from benchmarks.studies.tables import head, line
 from kinreach.baselines.evaluation import evaluate
 from kinreach.baselines.policies import load_policy
 from kinreach.cli import Parser, finish
@@ -37,7 +38,7 @@ def row(name: str, goals: int) -> str:
         low, high = wilson_interval(int(found.reached.sum()), goals)
         cells.append(f"{100 * np.mean(found.reached):.1f} [{100 * low:.1f}, {100 * high:.1f}]")
         cells.append(f"{median(mm):.2f} / {p95(mm):.2f}")
-    return f"| {' | '.join(cells)} |"
+    return line(*cells)
 
 
 def main(argv: list[str] | None = None) -> int:
@@ -50,8 +51,7 @@ def main(argv: list[str] | None = None) -> int:
     headings = ["policy"]
     for sight in SIGHTS:
         headings += [f"{sight}: reached, % [95 % CI]", "median / p95, mm"]
-    print(f"| {' | '.join(headings)} |")
-    print("|---" * len(headings) + "|")
+    print(head(*headings))
     for name in POLICIES:
         print(row(name, arguments.goals), flush=True)
     return 0

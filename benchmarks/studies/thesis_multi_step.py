@@ -17,6 +17,7 @@ from pathlib import Path
 import numpy as np
 import torch
 
+from benchmarks.studies.tables import head, line
 from kinreach.baselines.evaluation import HELD_OUT
 from kinreach.baselines.learning_curve import curve_csv
 from kinreach.baselines.logs import Trace, trace
@@ -147,7 +148,7 @@ def waits(found: Trace) -> np.ndarray:
 def table(rows: Sequence[Mapping[str, float]]) -> str:
     """A Markdown table with a row for each variant: medians over the seeds, and their range."""
     headings = ("reaching ends the episode", "standard deviation", "seeds", *(heading for heading, _, _ in _CELLS))
-    lines = [f"| {' | '.join(headings)} |", "|---" * len(headings) + "|"]
+    lines = [head(*headings)]
     for ends, learned in ((1, 1), (0, 1), (1, 0), (0, 0)):
         group = [row for row in rows if (row["ends"], row["learned"]) == (ends, learned)]
         cells = ["yes" if ends else "no", "learned" if learned else "1° to 0.25°", str(len(group))]
@@ -155,7 +156,7 @@ def table(rows: Sequence[Mapping[str, float]]) -> str:
             values = [row[column] for row in group]
             low, middle, high = (f"{value:.{digits}f}" for value in np.percentile(values, (0, 50, 100)))
             cells.append(low if low == high else f"{middle} [{low}, {high}]")
-        lines.append(f"| {' | '.join(cells)} |")
+        lines.append(line(*cells))
     return "\n".join(lines)
 
 

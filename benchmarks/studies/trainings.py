@@ -11,6 +11,7 @@ from typing import Any
 
 import numpy as np
 
+from benchmarks.studies.tables import head, line
 from kinreach.baselines.evaluation import Evaluation, evaluate
 from kinreach.baselines.policies import load_policy
 from kinreach.errors import InputError
@@ -81,7 +82,7 @@ class Trainings:
     def row(self, cells: Iterable[str]) -> str:
         """A row of a Markdown table: recipe and seeds, the cells, and how long training took."""
         seconds = f"{min(self.seconds):.0f}–{max(self.seconds):.0f}"
-        return f"| {' | '.join((f'`{self.recipe}`', str(len(self.found)), *cells, seconds))} |"
+        return line(f"`{self.recipe}`", len(self.found), *cells, seconds)
 
 
 def decimals_for(value: float) -> int:
@@ -112,7 +113,7 @@ def print_table(
 ) -> None:
     """Print a Markdown table, each row as soon as it is measured."""
     names = ("recipe", "seeds", *headings, "training, s of processor")
-    print(f"| {' | '.join(names)} |\n|{'---|' * len(names)}")
+    print(head(*names))
     seeds = []
     for trainings in rows:
         print(trainings.row(cells(trainings)), flush=True)

@@ -11,6 +11,7 @@ import numpy as np
 
 from benchmarks.speed.poses import CASES
 from benchmarks.speed.suites.ik_edge_cases import judge
+from benchmarks.studies.tables import head, line
 from kinreach.cli import Parser, finish
 from kinreach.kinematics import URKinematics
 from kinreach.robots.ur import LENGTHS
@@ -24,7 +25,7 @@ def main(argv: list[str] | None = None) -> int:
     parser.add_argument("--poses", type=int, default=1000, help="of each model in each case")
     parser.add_argument("--seed", type=int, default=0)
     arguments = parser.parse_args(argv)
-    print(f"| model | {' | '.join(CASES)} | largest error |\n|{'---|' * (len(CASES) + 2)}")
+    print(head("model", *CASES, "largest error"))
     for name in LENGTHS:
         arm = URKinematics(name)
         cells, worst = [], 0.0
@@ -33,7 +34,7 @@ def main(argv: list[str] | None = None) -> int:
             tally = judge(lambda T, arm=arm: arm.all_solutions(T).q, poses, arm)  # type: ignore[misc]
             cells.append(f"{tally.empty:g} / {tally.spurious:g}")
             worst = max(worst, tally.worst)
-        print(f"| `{name}` | {' | '.join(cells)} | {worst:.0e} |", flush=True)
+        print(line(f"`{name}`", *cells, f"{worst:.0e}"), flush=True)
     return 0
 
 
