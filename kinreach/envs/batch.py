@@ -14,9 +14,10 @@ from gymnasium.vector import AutoresetMode, VectorEnv
 from gymnasium.vector.utils import batch_space
 from numpy.typing import ArrayLike, NDArray
 
-from kinreach.checks import MOST_THREADS, Floats, as_flags, check_count, check_known, shown
+from kinreach.checks import MOST_THREADS, Floats, as_flags, check_count, check_known, is_tensor, shown
 from kinreach.envs.options import check_seed, check_started
 from kinreach.errors import InputError
+from kinreach.kinematics.tensors import as_device, on_device, on_host
 
 #: Rows drawn at a time. Part of what a seed means: changing it may change the goals that follow from a seed.
 AHEAD = 256
@@ -49,7 +50,7 @@ def numbers_of(info: Mapping[str, Any]) -> dict[str, Any]:
     return {
         name: value
         for name, value in info.items()
-        if not isinstance(value, str | Mapping) and np.asarray(value).dtype.kind in "biuf"
+        if is_tensor(value) or (not isinstance(value, str | Mapping) and np.asarray(value).dtype.kind in "biuf")
     }
 
 
@@ -164,7 +165,7 @@ class Outcome:
 
     Attributes:
         reward, terminated, truncated: As Gymnasium has them, shape (count,).
-        info: All that is said of the step.
+        info: All that is said of the step. It and the reward may be tensors already.
     """
 
     reward: Floats
@@ -175,11 +176,13 @@ class Outcome:
     def of(self, acting: Flags) -> Outcome:
         """The same, with nothing earned and nothing ended where an environment did not act."""
         still = ~acting
-        terms = {name: np.where(still, 0.0, term) for name, term in self.info["reward_terms"].items()}
+        terms = {name: np.where(still, 0.0, on_host(term)) for name, term in self.info["reward_terms"].items()}
         info = self.info | {"reward_terms": terms} | {f"reward_{name}": term for name, term in terms.items()}
         for name in ("reached", "is_success"):
-            info[name] = info[name] & acting
-        return Outcome(np.where(still, 0.0, self.reward), self.terminated & acting, self.truncated & acting, info)
+            info[name] = on_host(info[name]) & acting
+        return Outcome(
+            np.where(still, 0.0, on_host(self.reward)), self.terminated & acting, self.truncated & acting, info
+        )
 
 
 class NativeVectorEnv(VectorEnv[Floats, ArrayLike, Floats]):
@@ -193,6 +196,9 @@ class NativeVectorEnv(VectorEnv[Floats, ArrayLike, Floats]):
     the reward is 0. With `DISABLED` nothing starts by itself: `reset(options={"reset_mask": mask})`, bool, shape
     (num_envs,), restarts some.
 
+    With `device=`, what `reset` and `step` return are tensors of torch on that device, but for the texts in `info`;
+    actions and options of `reset` may be tensors anyway.
+
     Args:
         episodes: The task.
         num_envs: Number of environments.
@@ -201,10 +207,12 @@ class NativeVectorEnv(VectorEnv[Floats, ArrayLike, Floats]):
         check_start: Turns the options of `reset` but the mask into what `episodes` takes: a tuple of arrays or None.
         autoreset_mode: Gymnasium's, or its value.
         picture: Draws one environment, for `render_mode="rgb_array"`.
+        device: Of torch, such as `"cuda"` or `"cpu"`; None for arrays of numpy.
         made_with: Keywords that make another one like this, for `copy.deepcopy`: it copies the whole state.
 
     Raises:
-        InputError: There is no such mode.
+        InputError: There is no such mode, or no such device.
+        InstallationError: Tensors without torch.
     """
 
     metadata = {  # noqa: RUF012 (declared by Gymnasium)
@@ -224,6 +232,7 @@ class NativeVectorEnv(VectorEnv[Floats, ArrayLike, Floats]):
         check_start: Callable[[Mapping[str, Any] | None], Any],
         autoreset_mode: AutoresetMode | str = AutoresetMode.SAME_STEP,
         picture: Picture | None = None,
+        device: str | None = None,
         made_with: Mapping[str, Any],
     ) -> None:
         try:
@@ -241,6 +250,7 @@ class NativeVectorEnv(VectorEnv[Floats, ArrayLike, Floats]):
         self._episodes = episodes
         self._check_actions, self._check_start = check_actions, check_start
         self._mode, self._picture, self._made_with = mode, picture, made_with
+        self._device = None if device is None else as_device(device)
         self.autoreset_mode = mode  # where TorchRL looks for it
         self._numbers_only = made_with.get("info") == "numbers"
         self._everyone = np.arange(num_envs)
@@ -271,6 +281,8 @@ class NativeVectorEnv(VectorEnv[Floats, ArrayLike, Floats]):
             InputError: Unknown or malformed options, as many seeds as there are not environments, or a mask before all
                 have started.
         """
+        if isinstance(options, Mapping):
+            options = {name: on_host(value) for name, value in options.items()}
         mask, others = self._reset_mask(options)
         start = self._check_start(others)
         seeds = self._checked_seeds(seed)
@@ -282,7 +294,7 @@ class NativeVectorEnv(VectorEnv[Floats, ArrayLike, Floats]):
         self._episodes.begin(ids, type(start)(*rows))
         self._started = True
         self._ended[ids] = False
-        return self._episodes.observe(), self._told(self._episodes.start_info())
+        return self._handed_out(self._episodes.observe(), self._told(self._episodes.start_info()))
 
     def step(self, actions: ArrayLike) -> tuple[Floats, Floats, Any, Any, dict[str, Any]]:
         """Act in all environments.
@@ -295,7 +307,7 @@ class NativeVectorEnv(VectorEnv[Floats, ArrayLike, Floats]):
                 environment whose episode has ended.
         """
         check_started(self._started)
-        checked = self._check_actions(actions)
+        checked = self._check_actions(on_host(actions))
         if self._mode is AutoresetMode.SAME_STEP:
             return self._step_and_restart(checked)
         acting: Flags | None = None
@@ -310,7 +322,7 @@ class NativeVectorEnv(VectorEnv[Floats, ArrayLike, Floats]):
         outcome = self._episodes.step(checked, acting)
         self._ended = outcome.terminated | outcome.truncated
         info = self._told(outcome.info | self._episodes.goal_info())
-        return self._episodes.observe(), outcome.reward, outcome.terminated, outcome.truncated, info
+        return self._handed_out(self._episodes.observe(), outcome.reward, outcome.terminated, outcome.truncated, info)
 
     def render(self) -> tuple[Any, ...] | None:
         """With `render_mode="rgb_array"` a frame of each environment, uint8, shape (height, width, 3); else None."""
@@ -335,7 +347,11 @@ class NativeVectorEnv(VectorEnv[Floats, ArrayLike, Floats]):
             self._episodes.begin(np.flatnonzero(over))
             observation = self._episodes.observe()
         info |= self._told(self._episodes.goal_info())
-        return observation, outcome.reward, outcome.terminated, outcome.truncated, info
+        return self._handed_out(observation, outcome.reward, outcome.terminated, outcome.truncated, info)
+
+    def _handed_out(self, *values: Any) -> Any:
+        """What `reset` or `step` returns, as it is or on the device."""
+        return values if self._device is None else tuple(on_device(value, self._device) for value in values)
 
     def _told(self, info: dict[str, Any]) -> dict[str, Any]:
         return numbers_of(info) if self._numbers_only else info

@@ -1,14 +1,19 @@
-"""What the same formulas need to run on numpy's arrays and on torch's tensors, which are taken and never asked for."""
+"""What the same formulas need to run on numpy's arrays and on torch's tensors, and the way from one to the other.
+
+Tensors are taken, and torch is not imported before somebody asks for them.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from kinreach.checks import is_tensor, torch_module
+from kinreach.checks import is_tensor, shown, torch_module
+from kinreach.engines import load_extra
+from kinreach.errors import InputError
 from kinreach.kinematics.chain import blocks
 
 
@@ -24,6 +29,19 @@ def like(values: Any, constant: ArrayLike) -> Any:
     return np.asarray(constant)
 
 
+def flags_like(values: Any, flags: Any) -> Any:
+    """Truth values of the kind of values, on their device."""
+    return torch_module().as_tensor(flags, device=values.device) if is_tensor(values) else flags
+
+
+def where(condition: Any, chosen: Any, other: Any) -> Any:
+    """Entries of one where a condition holds, else of the other; beside a tensor the other may be a number."""
+    values = chosen if is_tensor(chosen) else other
+    if not is_tensor(values):
+        return np.where(condition, chosen, other)
+    return torch_module().where(flags_like(values, condition), like(values, chosen), like(values, other))
+
+
 def empty(values: Any, *shape: int, flags: bool = False) -> Any:
     """An array of the kind of values for numbers, or for flags, not filled in."""
     if is_tensor(values):
@@ -34,6 +52,37 @@ def empty(values: Any, *shape: int, flags: bool = False) -> Any:
 def on_host(values: Any) -> Any:
     """The values as an array of numpy."""
     return values.detach().cpu().numpy() if is_tensor(values) else values
+
+
+def as_device(device: object) -> Any:
+    """A device of torch (`torch.device`) that is there.
+
+    Raises:
+        InstallationError: Torch is not installed.
+        InputError: There is no such device.
+    """
+    torch = load_extra("torch", "train")
+    try:
+        there = torch.device(device)
+        torch.empty(1, device=there).cpu()
+    except Exception as error:  # of half a dozen kinds, by what torch was compiled for
+        reason = (str(error).strip() or type(error).__name__).splitlines()[0]
+        raise InputError(f"torch has no device {shown(device)} here: {reason}") from None
+    return there
+
+
+def on_device(values: Any, device: Any) -> Any:
+    """Arrays as tensors on a device of torch, by DLPack: on the processor they share their memory.
+
+    Args:
+        values: An array, or arrays by name, also nested; texts and tensors stay what they are.
+        device: From `as_device`.
+    """
+    if isinstance(values, Mapping):
+        return {name: on_device(value, device) for name, value in values.items()}
+    if is_tensor(values) or values.dtype.kind not in "biuf":
+        return values
+    return torch_module().from_dlpack(values).to(device)
 
 
 def parts(values: Any) -> Iterator[slice]:

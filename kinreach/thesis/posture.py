@@ -2,7 +2,8 @@
 
 Every function takes one posture or a stack of them: `q` has shape (..., 6), in the base_link convention [rad], with the
 thesis's names j0 ... j5 for its entries (shoulder_pan, shoulder_lift, elbow, wrist_1, wrist_2, wrist_3). A result has
-the leading dimensions; for one posture it is a float.
+the leading dimensions; for one posture it is a float. A tensor of torch is computed with on its device and in its
+precision, and its values are not checked; so are gradients.
 
 Where the thesis leaves something open:
 
@@ -19,13 +20,14 @@ Where the thesis leaves something open:
 from __future__ import annotations
 
 import math
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from kinreach.checks import MOST_ANGLE, Floats, as_floats, check_entries
+from kinreach.checks import MOST_ANGLE, Floats, as_floats, check_entries, check_tensor, is_tensor
 from kinreach.errors import InputError
+from kinreach.kinematics.tensors import like, namespace, where
 
 #: Natural-arm error of a posture on neither branch.
 UNNATURAL_ERROR = 25.0
@@ -102,9 +104,9 @@ def pentagon_angles(q: ArrayLike) -> PentagonAngles:
     """
     _, j1, j2, j3, _ = joints = _joints(q)
     on_b = _on_branch_b(joints)
-    alpha = np.where(on_b, math.pi + j1, -j1)[()]
-    beta = np.where(on_b, -j2, j2)[()]
-    gamma = np.where(on_b, math.pi + j3, -j3)[()]
+    alpha = where(on_b, math.pi + j1, -j1)[()]
+    beta = where(on_b, -j2, j2)[()]
+    gamma = where(on_b, math.pi + j3, -j3)[()]
     return PentagonAngles(alpha, beta, gamma, 2.0 * math.pi - gamma - (math.pi - beta) - alpha)
 
 
@@ -131,7 +133,7 @@ def posture_errors(q: ArrayLike) -> tuple[Floats, Floats]:
     j0, _, j2, _, _ = joints = _joints(q)
     wrist, angle = _errors_on(_on_branch_b(joints), joints)
     natural = ((j0 <= 0.0) & (j2 >= 0.0)) | ((j0 >= 0.0) & (j2 <= 0.0))
-    return np.where(natural, wrist, UNNATURAL_ERROR)[()], angle
+    return where(natural, wrist, UNNATURAL_ERROR)[()], angle
 
 
 def posture_error(q: ArrayLike) -> Floats:
@@ -150,7 +152,10 @@ def posture_error(q: ArrayLike) -> Floats:
     return natural + angle
 
 
-def _joints(q: ArrayLike) -> _Joints:
+def _joints(q: Any) -> _Joints:
+    if is_tensor(q):
+        check_tensor("q", q, (_DOF,))
+        return _Joints(*q.unbind(-1)[: _DOF - 1])
     q = as_floats("q", q)
     if q.ndim == 0 or q.shape[-1] != _DOF:
         raise InputError(f"q must have shape (..., {_DOF}), got {q.shape}")
@@ -163,15 +168,16 @@ def _on_branch_b(joints: _Joints) -> Flags:
     j0, _, j2, _, _ = joints
     straight = j2 == 0.0
     on_b = (j2 < 0.0) | (straight & (j0 > 0.0))
-    if straight.any():
-        error_a, error_b = (sum(_errors_on(np.full(np.shape(j0), branch), joints)) for branch in (False, True))
-        on_b = np.where(straight & (j0 == 0.0), error_b < error_a, on_b)
+    if is_tensor(straight) or straight.any():  # to ask a tensor would wait for its device
+        xp = namespace(straight)
+        error_a, error_b = (sum(_errors_on(xp.full_like(straight, branch), joints)) for branch in (False, True))
+        on_b = xp.where(straight & (j0 == 0.0), error_b < error_a, on_b)
     return on_b
 
 
 def _errors_on(on_b: Flags, joints: _Joints) -> tuple[Floats, Floats]:
     """Errors of wrist_2 and of the gripper's angle, |pi/2 - delta| with the pentagon's angles put in, on a branch."""
     _, j1, j2, j3, j4 = joints
-    wrist_2 = np.where(on_b, -_HALF_PI, _HALF_PI)
-    gripper = np.where(on_b, 3.0 * _HALF_PI, _HALF_PI)
-    return np.abs(j4 + wrist_2), np.abs(j1 + j2 + j3 + gripper)
+    wrist_2 = where(on_b, like(j4, -_HALF_PI), _HALF_PI)
+    gripper = where(on_b, like(j3, 3.0 * _HALF_PI), _HALF_PI)
+    return abs(j4 + wrist_2), abs(j1 + j2 + j3 + gripper)

@@ -1,8 +1,8 @@
 """The reward of the thesis (section 3.4.4) as a pure function of the distance and the posture.
 
 `d` is the distance from the tcp to the goal [m], `q` a posture of the UR5 in the base_link convention [rad] or a stack
-of them, shape (..., 6). Results have the broadcast leading dimensions; for one posture they are numbers. The
-posture's part is in `posture`, whose functions are exported here too.
+of them, shape (..., 6). Results have the broadcast leading dimensions; for one posture they are numbers, for tensors of
+torch tensors on their device, unchecked. The posture's part is in `posture`, whose functions are exported here too.
 
 Where the thesis leaves something open:
 
@@ -17,13 +17,14 @@ Where the thesis leaves something open:
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from kinreach.checks import Floats, as_flags, as_floats
+from kinreach.checks import Floats, as_flags, as_floats, check_tensor, is_tensor, torch_module
 from kinreach.errors import InputError
+from kinreach.kinematics.tensors import flags_like, like, namespace, where
 from kinreach.thesis.posture import (
     UNNATURAL_ERROR,
     PentagonAngles,
@@ -140,30 +141,36 @@ def reach_reward(d: ArrayLike, q: ArrayLike, *, impossible: ArrayLike = False) -
     Raises:
         InputError: Wrong shapes, a negative distance, or a value that is not finite.
     """
-    natural, angle = posture_errors(q)
-    d, failed = _distances(d), as_flags("impossible", impossible)[()]
+    d = _distances(d)
+    natural, angle = posture_errors(like(d, q) if is_tensor(d) else q)
+    d = like(natural, d) if is_tensor(natural) else d
+    failed = flags_like(d, impossible) if is_tensor(d) else as_flags("impossible", impossible)[()]
     if not np.shape(natural) == d.shape == failed.shape:
+        broadcast = torch_module().broadcast_tensors if is_tensor(d) else np.broadcast_arrays
         try:
-            natural, angle, d, failed = np.broadcast_arrays(natural, angle, d, failed)
-        except ValueError:
+            natural, angle, d, failed = broadcast(natural, angle, d, failed)
+        except (ValueError, RuntimeError):
             shapes = f"d {d.shape}, q {(*np.shape(natural), 6)}, impossible {failed.shape}"
             raise InputError(f"leading shapes do not fit: {shapes}") from None
     r_e = natural + angle
     near = (d < REACHED_DISTANCE) & ~failed
     reached = near & (r_e < REACHED_POSTURE_ERROR)
     without_posture, without_distance = reached | failed, near | failed
-    at_goal = np.where(reached, REACHED_REWARD, np.where(near, NEAR_REWARD, 0.0))
+    at_goal = where(reached, REACHED_REWARD, where(near, like(d, NEAR_REWARD), 0.0))
     terms = RewardTerms(
-        natural_arm=np.where(without_posture, 0.0, 0.0 - natural)[()],
-        gripper_angle=np.where(without_posture, 0.0, 0.0 - angle)[()],
-        distance=np.where(without_distance, 0.0, _distance_reward(np.maximum(d, REACHED_DISTANCE)))[()],
-        special=np.where(failed, IMPOSSIBLE_REWARD, at_goal)[()],
+        natural_arm=where(without_posture, 0.0, 0.0 - natural)[()],
+        gripper_angle=where(without_posture, 0.0, 0.0 - angle)[()],
+        distance=where(without_distance, 0.0, _distance_reward(namespace(d).maximum(d, like(d, REACHED_DISTANCE))))[()],
+        special=where(failed, IMPOSSIBLE_REWARD, at_goal)[()],
     )
     reward = terms.natural_arm + terms.gripper_angle + terms.distance + terms.special
     return ReachReward(reward, terms, r_e, reached)
 
 
-def _distances(d: ArrayLike) -> Floats:
+def _distances(d: Any) -> Floats:
+    if is_tensor(d):
+        check_tensor("d", d, ())
+        return d
     d = as_floats("d", d)
     usable = (d >= 0.0) & (d < np.inf)
     if not usable.all():
@@ -172,4 +179,4 @@ def _distances(d: ArrayLike) -> Floats:
 
 
 def _distance_reward(d: Floats) -> Floats:
-    return np.where(d >= 2.0, 1.0 - d / 2.0, 0.5 - 0.5 * np.log2(d))[()]
+    return where(d >= 2.0, 1.0 - d / 2.0, 0.5 - 0.5 * namespace(d).log2(d))[()]

@@ -84,6 +84,29 @@ def test_environments_observe_and_reward_the_same():
         np.testing.assert_allclose(np.array(theirs, dtype=float), np.array(ours, dtype=float), atol=1e-4)
 
 
+def test_rewards_are_computed_on_the_device():
+    torch = pytest.importorskip("torch")
+    given = {}
+    for device in (None, "cpu"):
+        envs = gym.make_vec(
+            "kinreach/UR5SingleStep-v0",
+            num_envs=4,
+            vectorization_mode="vector_entry_point",
+            backend="warp",
+            device=device,
+        )
+        envs.reset(seed=3)
+        actions = np.random.default_rng(5).uniform(-0.4, 0.4, (4, 6))
+        given[device] = envs.step(actions if device is None else torch.tensor(actions))
+        envs.close()
+    for ours, theirs in zip(given["cpu"][:4], given[None][:4], strict=True):
+        assert isinstance(ours, torch.Tensor)
+        assert ours.device.type == "cpu"
+        np.testing.assert_allclose(ours.numpy(), theirs, rtol=0, atol=1e-9)
+    for name in ("tip", "distance", "posture_error", "reward_distance", "final_obs"):
+        np.testing.assert_allclose(given["cpu"][4][name].numpy(), given[None][4][name], rtol=0, atol=1e-9)
+
+
 def test_what_cannot_be(monkeypatch, capsys):
     with pytest.raises(InputError, match=r"no device 'cuda:7' here: .*available: .*cpu"):
         BatchSimulation("ur5", 2, backend="warp", device="cuda:7")

@@ -25,6 +25,7 @@ class ButtonPressVectorEnv(NativeVectorEnv):
         num_envs: Number of environments.
         threads: Threads that step the dynamics.
         autoreset_mode: `AutoresetMode.SAME_STEP`, `NEXT_STEP` or `DISABLED`.
+        device: Of torch, for tensors instead of arrays.
         **options: As in the single environment (`ButtonOptions`). `render_mode` is None or `"rgb_array"`, for up to 64
             environments.
 
@@ -38,6 +39,7 @@ class ButtonPressVectorEnv(NativeVectorEnv):
         *,
         threads: int = 1,
         autoreset_mode: AutoresetMode | str = AutoresetMode.SAME_STEP,
+        device: str | None = None,
         **options: Any,
     ) -> None:
         given = options_from(ButtonOptions, options)
@@ -52,7 +54,8 @@ class ButtonPressVectorEnv(NativeVectorEnv):
             check_start=partial(episodes.check_start, count=num_envs),
             autoreset_mode=autoreset_mode,
             picture=None if given.render_mode is None else ButtonPicture(given, episodes),
-            made_with=dict(options, num_envs=num_envs, threads=threads, autoreset_mode=autoreset_mode),
+            device=device,
+            made_with=dict(options, num_envs=num_envs, threads=threads, autoreset_mode=autoreset_mode, device=device),
         )
         self.metadata = {**self.metadata, "render_fps": round(1 / given.motors.period)}
 

@@ -15,6 +15,7 @@ from kinreach.envs.reach.observers import PixelObserver, goal_observer, measured
 from kinreach.envs.reach.rewards import Score
 from kinreach.envs.reach.task import TOOL_DOWN, ReachTask, Start
 from kinreach.envs.reach.worlds import STATUSES, Executed, Ids, ReachWorld, Status
+from kinreach.kinematics.tensors import flags_like, like, namespace, on_host
 
 Flags = NDArray[np.bool_]
 
@@ -120,8 +121,8 @@ class ReachEpisodes:
 
     def start_info(self) -> dict[str, Any]:
         """What is said after a reset, as arrays."""
-        q, tip = self.world.q.copy(order="K"), self.world.tip.copy(order="K")
-        error = self.task.posture_error(q, self.directions)
+        q, tip = self.world.here()
+        error = self.task.posture_error(q, like(q, self.directions))
         return {
             **self.goal_info(),
             "q": q,
@@ -150,7 +151,7 @@ class ReachEpisodes:
         if variant.max_steps == 1:
             outcome = Outcome(score.reward, over, np.zeros_like(over), info)
         else:
-            terminated = score.reached & self.task.options.end_on_reached
+            terminated = on_host(score.reached) & self.task.options.end_on_reached
             if self.world.dynamic:
                 over |= executed.status == Status.DIVERGED
             outcome = Outcome(score.reward, terminated, over & ~terminated, info)
@@ -167,9 +168,9 @@ class ReachEpisodes:
 
     def _judge(self, targets: Floats, executed: Executed) -> tuple[Score, dict[str, Any]]:
         """The score of what the arms did, and what is said of it."""
-        q, tip = self.world.q.copy(order="K"), self.world.tip.copy(order="K")
+        q, tip = self.world.here()
         distance = self._distance(tip)
-        score = self.task.score(distance, q, executed.impossible, self.directions)
+        score = self.task.score(distance, q, flags_like(distance, executed.impossible), like(distance, self.directions))
         status = STATUSES[executed.status]
         reasons = executed.reasons
         info = {
@@ -202,8 +203,10 @@ class ReachEpisodes:
         return tips
 
     def _distance(self, tip: Floats) -> Floats:
-        x, y, z = (tip[:, axis] - self.goals[:, axis] for axis in range(3))
-        return np.sqrt(x * x + y * y + z * z)
+        goals = like(tip, self.goals)
+        x, y, z = (tip[:, axis] - goals[:, axis] for axis in range(3))
+        distance: Floats = namespace(tip).sqrt(x * x + y * y + z * z)
+        return distance
 
     def close(self) -> None:
         """Let go of the cameras."""

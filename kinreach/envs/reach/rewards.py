@@ -17,6 +17,8 @@ calls it with k = 1 and a native batch with k = num_envs, so that it has to work
 still what the arm's own reward says, unless the callable has a method `reached(distance, q, impossible)` that returns
 truth values, shape (k,).
 
+In a batch with tensors (`device=`) the arm's own reward is computed on the device, and yours on the host, in numpy.
+
 In `kinreach/Reach-v0` both get a fourth argument, the angle between the tool and its wanted direction [rad], shape
 (k,).
 """
@@ -32,6 +34,7 @@ from numpy.typing import NDArray
 
 from kinreach.checks import Floats, as_flags, as_floats, check_entries, shown
 from kinreach.errors import InputError
+from kinreach.kinematics.tensors import like, on_host, where
 from kinreach.robots import ArmDescription, get_arm
 from kinreach.thesis.reward import (
     IMPOSSIBLE_REWARD,
@@ -123,7 +126,7 @@ class DistanceReward:
 
     def posture_error(self, q: Floats) -> Floats:
         """Zeros, shape (k,)."""
-        return np.zeros(len(q))
+        return nothing(q)
 
 
 class DirectedReward:
@@ -146,17 +149,17 @@ class DirectedReward:
         (error,) = angle
         near = distance < self.radius
         reached = near & (error < REACHED_POSTURE_ERROR) & ~impossible
-        at_goal = np.where(reached, REACHED_REWARD, np.where(near, NEAR_REWARD, 0.0))
+        at_goal = where(reached, REACHED_REWARD, where(near, like(distance, NEAR_REWARD), 0.0))
         terms = {
-            "direction": np.where(reached | impossible, 0.0, -error),
-            "distance": np.where(near | impossible, 0.0, distance_reward(distance)),
-            "special": np.where(impossible, IMPOSSIBLE_REWARD, at_goal),
+            "direction": where(reached | impossible, 0.0, -error),
+            "distance": where(near | impossible, 0.0, distance_reward(distance)),
+            "special": where(impossible, IMPOSSIBLE_REWARD, at_goal),
         }
-        return Score(sum(terms.values(), np.zeros(len(distance))), terms, error, reached)
+        return Score(sum(terms.values(), nothing(q)), terms, error, reached)
 
     def posture_error(self, q: Floats) -> Floats:
         """Zeros, shape (k,): without a direction nothing is asked of a posture."""
-        return np.zeros(len(q))
+        return nothing(q)
 
 
 class OwnReward:
@@ -178,6 +181,8 @@ class OwnReward:
         Raises:
             InputError: It returned something else than the module describes.
         """
+        distance, q, impossible = on_host(distance), on_host(q), on_host(impossible)
+        angle = tuple(map(on_host, angle))
         default = self._default.score(distance, q, impossible, *angle)
         answer: object = self._function(distance, q, impossible, *angle)
         if not (isinstance(answer, tuple) and len(answer) == 2 and isinstance(answer[1], Mapping)):
@@ -225,6 +230,12 @@ def scorer_of(reward: RewardFunction | Scorer | None, default: Scorer) -> Scorer
     if not callable(reward):
         raise InputError(f"reward must be a callable of distance, q and impossible, got {shown(reward)}")
     return OwnReward(reward, default)
+
+
+def nothing(q: Floats) -> Floats:
+    """Zeros for k postures, shape (k,)."""
+    zeros: Floats = like(q, np.zeros(len(q)))
+    return zeros
 
 
 def _column(name: str, value: object, count: int) -> Floats:

@@ -20,6 +20,7 @@ from kinreach.envs.reach.rewards import DirectedReward, Score
 from kinreach.envs.reach.task import JOINTS, MULTI_STEP, SINGLE_STEP, ReachOptions, ReachTask, ReachVariant, Start
 from kinreach.errors import InputError
 from kinreach.kinematics.fast_collision import FastCollision
+from kinreach.kinematics.tensors import namespace
 from kinreach.robots import as_arm
 from kinreach.robots.workcell import BoxRegion
 from kinreach.thesis.reward import REACHED_DISTANCE
@@ -157,6 +158,7 @@ class SpaceTask(ReachTask):
 
     def posture_error(self, q: Floats, directions: Floats) -> Floats:
         """Angle between the tool's z axis and its wanted direction [rad], shape (k,)."""
-        axes = self.kinematics.chain.fk(q)[:, :3, 2]
-        sine = np.linalg.norm(np.cross(axes, directions), axis=1)
-        return np.arctan2(sine, (axes * directions).sum(axis=1))
+        axes, xp = self.kinematics.chain.fk(q)[:, :3, 2], namespace(q)
+        sine = xp.linalg.norm(xp.linalg.cross(axes, directions), axis=1)
+        error: Floats = xp.arctan2(sine, (axes * directions).sum(axis=1))
+        return error

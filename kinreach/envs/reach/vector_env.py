@@ -42,6 +42,8 @@ class ReachVectorEnv(NativeVectorEnv):
         variant: Which of the thesis's tasks; None for reaching in space, whose variant is an option.
         threads: Threads that step the dynamics (`backend="mujoco"`).
         autoreset_mode: `AutoresetMode.SAME_STEP`, `NEXT_STEP` or `DISABLED`.
+        device: Of torch, for tensors instead of arrays. With `backend="warp"` it is Warp's device too, and rewards are
+            computed on it; else they are computed in numpy and handed over.
         **options: As in the single environments (`ReachOptions`, `SpaceOptions`). `render_mode` is None or
             `"rgb_array"`, for up to 64 environments. With `observation="pixels"` one scene is drawn for all of them.
 
@@ -59,6 +61,7 @@ class ReachVectorEnv(NativeVectorEnv):
         variant: ReachVariant | None = None,
         threads: int = 1,
         autoreset_mode: AutoresetMode | str = AutoresetMode.SAME_STEP,
+        device: str | None = None,
         **options: Any,
     ) -> None:
         self.task = task = (
@@ -78,6 +81,7 @@ class ReachVectorEnv(NativeVectorEnv):
                 threads=threads,
                 imperfections=as_imperfections(given.imperfections),
                 backend=given.backend,
+                device=device if given.backend == "warp" else None,
             )
         )
         episodes = ReachEpisodes(task, world)
@@ -90,11 +94,13 @@ class ReachVectorEnv(NativeVectorEnv):
             check_start=partial(task.reset_options, count=num_envs),
             autoreset_mode=autoreset_mode,
             picture=None if given.render_mode is None else ReachPicture(episodes),
+            device=device,
             made_with={
                 "num_envs": num_envs,
                 "variant": variant,
                 "threads": threads,
                 "autoreset_mode": autoreset_mode,
+                "device": device,
                 **options,
             },
         )

@@ -12,7 +12,9 @@ from numpy.typing import NDArray
 
 from kinreach.checks import Floats
 from kinreach.envs.reach.task import ReachTask
+from kinreach.kinematics import kinematics_of
 from kinreach.kinematics.fast_collision import FastCollision
+from kinreach.kinematics.tensors import as_device, on_device
 from kinreach.robots import ArmDescription
 from kinreach.sim.controller import MoveResult, MoveStatus
 from kinreach.sim.imperfections import IDEAL, Imperfections
@@ -99,6 +101,10 @@ class ReachWorld(Protocol):
         """Take over the state of another world of the same kind and size."""
         ...
 
+    def here(self) -> tuple[Any, Any]:
+        """Postures [rad] and positions of the tips [m], as `q` and `tip`, to be kept; tensors where they are wanted."""
+        ...
+
     @property
     def q(self) -> Floats:
         """Postures of all arms [rad], shape (count, n), to be read only; they hold until the next move or reset."""
@@ -156,6 +162,10 @@ class KinematicWorld:
         reasons = [self._check.reason(target) if bad else "" for target, bad in zip(targets, impossible, strict=True)]
         return Executed(impossible, status, reasons)
 
+    def here(self) -> tuple[Floats, Floats]:
+        """Postures and tips."""
+        return self.q.copy(order="K"), self.tip.copy(order="K")
+
     def copy_from(self, other: KinematicWorld) -> None:
         """Take over the postures of another world."""
         self._q[:], self._tip[:] = other._q, other._tip
@@ -200,6 +210,10 @@ class SingleDynamicWorld:
         """Move by dynamics; a target that is not attained is impossible, and the arm stays where it got to."""
         return _executed([self.simulation.move(targets[0], two_phase=two_phase)])
 
+    def here(self) -> tuple[Floats, Floats]:
+        """Posture and tip."""
+        return self.q, self.tip
+
     def copy_from(self, other: SingleDynamicWorld) -> None:
         """Take over the state of another simulation."""
         self.simulation.copy_state(other.simulation)
@@ -224,6 +238,7 @@ class BatchDynamicWorld:
         threads: Threads that step them.
         imperfections: Of the arms.
         backend: `"mujoco"` or `"warp"`.
+        device: Of Warp and of the tensors that `here` gives; with None those are arrays.
     """
 
     dynamic = True
@@ -236,9 +251,14 @@ class BatchDynamicWorld:
         threads: int = 1,
         imperfections: Imperfections = IDEAL,
         backend: str = "mujoco",
+        device: str | None = None,
     ) -> None:
         self.count = count
-        self._batch = BatchSimulation(arm, count, threads=threads, imperfections=imperfections, backend=backend)
+        self._device = None if device is None else as_device(device)
+        self._kinematics = kinematics_of(arm, base="world")
+        self._batch = BatchSimulation(
+            arm, count, threads=threads, imperfections=imperfections, backend=backend, device=device
+        )
 
     def reset(self, ids: Ids, goals: Floats, q: Floats | None) -> None:
         """Put simulations back, and their balls to goals [m], shape (k, 3)."""
@@ -257,6 +277,13 @@ class BatchDynamicWorld:
         for index, reason in zip(ids, moved.reasons, strict=True):
             reasons[index] = reason
         return Executed(status != Status.COMPLETED, status, reasons, durations)
+
+    def here(self) -> tuple[Any, Any]:
+        """Postures and tips; as tensors, tips are computed from the postures on the device."""
+        if self._device is None:
+            return self.q, self.tip
+        q = on_device(self.q, self._device)
+        return q, self._kinematics.positions(q)
 
     def copy_from(self, other: BatchDynamicWorld) -> None:
         """Take over the states of as many other simulations."""
