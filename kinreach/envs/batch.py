@@ -180,9 +180,8 @@ class Outcome:
         info = self.info | {"reward_terms": terms} | {f"reward_{name}": term for name, term in terms.items()}
         for name in ("reached", "is_success"):
             info[name] = on_host(info[name]) & acting
-        return Outcome(
-            np.where(still, 0.0, on_host(self.reward)), self.terminated & acting, self.truncated & acting, info
-        )
+        reward = np.where(still, 0.0, on_host(self.reward))
+        return Outcome(reward, self.terminated & acting, self.truncated & acting, info)
 
 
 class NativeVectorEnv(VectorEnv[Floats, ArrayLike, Floats]):
