@@ -23,12 +23,29 @@ def load_object(kind: str, path: str) -> Any:
     module, _, attribute = path.partition(":")
     if not module or not attribute:
         raise InputError(f"a {kind} of your own is named module:attribute, got {path!r}")
+    found = load_module(kind, module, path)
+    try:
+        for name in attribute.split("."):
+            found = getattr(found, name)
+    except AttributeError as error:
+        raise InputError(f"cannot import the {kind} {path}: AttributeError: {error}") from error
+    return found
+
+
+def load_module(kind: str, module: str, path: str) -> Any:
+    """Import a module, also one in the current folder.
+
+    Args:
+        kind: What should be in it, for messages.
+        module: Its name; importing runs it.
+        path: How the user named what is in it, for messages.
+
+    Raises:
+        InputError: There is no such module, or it fails.
+    """
     if os.getcwd() not in sys.path and "" not in sys.path:
         sys.path.append(os.getcwd())
     try:
-        found = importlib.import_module(module)
-        for name in attribute.split("."):
-            found = getattr(found, name)
+        return importlib.import_module(module)
     except Exception as error:  # whatever the user's module raises
         raise InputError(f"cannot import the {kind} {path}: {type(error).__name__}: {error}") from error
-    return found

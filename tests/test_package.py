@@ -27,7 +27,7 @@ ROOMS["envs"] = {"thesis", "vision", *ROOMS["vision"]}
 ROOMS["plots"] = {"thesis", *ROOMS["thesis"]}
 ROOMS["baselines"] = {"envs", "plots", *ROOMS["envs"]}
 ROOMS["compare"] = ROOMS["demo"] = {"baselines", *ROOMS["baselines"]}
-ROOMS["view"] = {"demo", *ROOMS["demo"]}
+ROOMS["view"] = {"compare", "demo", *ROOMS["demo"]}
 #: Modules that every room may import, and that import none: but for the command line, which loads jobs by their names.
 FOUNDATION = {
     "_moved", "checks", "cli", "engines", "errors", "files", "jobs", "objects", "provenance", "registration",

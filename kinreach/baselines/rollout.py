@@ -10,6 +10,7 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from typing import Any, Protocol
+from zlib import crc32
 
 import gymnasium as gym
 import numpy as np
@@ -79,8 +80,11 @@ class RandomPolicy:
 
     def reset(self, observation: Any, info: Mapping[str, Any]) -> None:
         """Start the draws of an episode."""
-        start = np.frombuffer(np.ascontiguousarray(observation).tobytes(), dtype=np.uint32)
-        entropy = np.random.SeedSequence([self._seed, *start.tolist()])
+        if isinstance(observation, Mapping):  # pictures, mostly
+            start = [crc32(np.ascontiguousarray(part).tobytes()) for part in observation.values()]
+        else:
+            start = np.frombuffer(np.ascontiguousarray(observation).tobytes(), dtype=np.uint32).tolist()
+        entropy = np.random.SeedSequence([self._seed, *start])
         self._space.seed(int(entropy.generate_state(1)[0]))
 
     def act(self, observation: Any) -> Any:

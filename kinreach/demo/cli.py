@@ -148,7 +148,7 @@ def _parser(prog: str) -> Parser:
     def by_task(attribute: str) -> str:
         return ", ".join(f"{name}: {getattr(task, attribute)}" for name, task in TASKS.items())
 
-    trained = sorted({name for task in TASKS.values() for name in trained_for(task)})
+    trained = sorted({name for task in TASKS.values() for name in trained_for(task.name)})
     parser = Parser(prog=prog, description=f"Watch an environment of kinreach {kinreach.__version__}.")
     parser.add_argument("--env", default="single", help=f"one of: {', '.join(TASKS)} (default: %(default)s)")
     parser.add_argument(

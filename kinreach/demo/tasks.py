@@ -44,13 +44,14 @@ class DemoTask:
     solvers: tuple[str, ...] = ()
 
 
-def _solver_policy(name: str, env: Environment) -> SolverPolicy:
+def solver_policy(name: str, env: Environment) -> SolverPolicy:
+    """A solver of a name, for the arm of a reach environment."""
     return SolverPolicy(new_solver(name, env.get_wrapper_attr("kinematics")), env)
 
 
 def _reach(name: str) -> DemoTask:
     return DemoTask(
-        name, ("observation", "backend"), lambda env: _solver_policy("closed-form", env), solvers=tuple(SOLVERS)
+        name, ("observation", "backend"), lambda env: solver_policy("closed-form", env), solvers=tuple(SOLVERS)
     )
 
 
@@ -75,15 +76,21 @@ POLICIES: Mapping[str, Callable[[DemoTask, Environment, int], Policy]] = {
 }
 
 
-def trained_for(task: DemoTask, arm: str | None = None) -> list[str]:
-    """Names of the package's policies for a task that are told of the goal: of all arms, or of the arm of a name."""
+def trained_for(environment: str, arm: str | None = None, *, eyes: bool = False) -> list[str]:
+    """Names of the package's policies for an environment, of all arms or of the arm of a name.
+
+    Args:
+        environment: Its id.
+        arm: Name of the arm.
+        eyes: Those that see pictures, instead of those that are told of the goal.
+    """
     found = {name: load_policy(name) for name in pretrained_names()}
     return [
         name
         for name, policy in found.items()
-        if policy.card.environment == task.name
+        if policy.card.environment == environment
         and arm in (None, trained_arm(policy).get("arm", ARM))
-        and not policy.network.eyes
+        and bool(policy.network.eyes) == eyes
     ]
 
 
@@ -102,8 +109,8 @@ def make_policy(name: str, task: DemoTask, env: Environment, *, seed: int = 0) -
     if name in POLICIES:
         return POLICIES[name](task, env, seed)
     if name in task.solvers:
-        return _solver_policy(name, env)
-    trained = trained_for(task)
+        return solver_policy(name, env)
+    trained = trained_for(task.name)
     if name not in trained and not Path(name).suffix:
         raise_unknown(f"policy for {task.name}", name, ("a file of a policy", *POLICIES, *task.solvers, *trained))
     return load_policy(name, environment=task.name)

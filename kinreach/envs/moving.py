@@ -22,7 +22,7 @@ from kinreach.envs.options import about, check_seed, check_started, options_from
 from kinreach.envs.real_arm import MEDIAN_LENGTH, NOISE
 from kinreach.errors import InputError
 from kinreach.kinematics import ArmKinematics
-from kinreach.robots import get_arm
+from kinreach.robots import ArmDescription, get_arm
 
 #: Frames of the cameras a second, and parts of a frame in which the motion is computed.
 FRAMES, PARTS = 30, 8
@@ -137,8 +137,8 @@ class MovingBallEnv(gym.Env[Any, Any]):
     An action is a posture to go to, each angle divided by pi, shape (6,). An observation, shape (16,): where the ball
     was last seen [m] (3), how long ago that was [s], joint angles [rad] (6) and speeds [rad/s] (6). The reward of a
     step is minus the least distance of tip and ball during it [m], and 1 more for touching. `info`: `goal`, where the
-    ball is [m], `distance`, the least so far [m], `time` [s], `speed` [m/s] and `path` of the ball; `is_success`: it
-    was touched.
+    ball is [m], `q`, where the joints are [rad], `distance`, the least so far [m], `time` [s], `speed` [m/s] and `path`
+    of the ball; `is_success`: it was touched; after a step `reward_terms`, which sum to the reward.
 
     <table of the options>
     """
@@ -148,7 +148,7 @@ class MovingBallEnv(gym.Env[Any, Any]):
 
     def __init__(self, **options: Any) -> None:
         self.options = given = options_from(MovingOptions, options)
-        arm = get_arm("ur5")
+        self.arm: ArmDescription = (arm := get_arm("ur5"))
         self._chain = ArmKinematics(arm, tip="tcp", base="world").chain
         self.home, self.speed_limit, self.acceleration_limit = (
             np.array(arm.home),
@@ -223,6 +223,7 @@ class MovingBallEnv(gym.Env[Any, Any]):
         touched = nearest <= TOUCH
         self._info["distance"] = min(self._info["distance"], nearest)
         self._info["is_success"] = bool(touched)
+        self._info["reward_terms"] = {"distance": -nearest, "touch": float(touched)}
         gone = self._frame * PARTS >= self._end
         return self._observation(), touched - nearest, bool(touched or gone), False, self._told()
 

@@ -12,9 +12,10 @@ ball, and the posture can be corrected.
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import lru_cache
+from itertools import zip_longest
 from pathlib import Path
 from typing import Any
 
@@ -28,9 +29,12 @@ from kinreach.envs.options import about, check_seed, options_from, takes
 from kinreach.errors import InputError
 from kinreach.kinematics import ArmKinematics
 from kinreach.kinematics.chain import SerialChain
-from kinreach.robots import get_arm
+from kinreach.robots import ArmDescription, get_arm
 from kinreach.robots.calibration import PUBLISHED
 from kinreach.robots.rotations import turn
+from kinreach.sim.engine import mujoco
+from kinreach.sim.posed import PosedScene
+from kinreach.sim.scene import build_scene
 
 #: What can be wrong.
 LINKS, TOOL, BASE, CAMERAS = "links", "tool", "base", "cameras"
@@ -98,12 +102,12 @@ class RealArmOptions:
         check_count("balls", self.balls, most=MOST_BALLS)
         check_number("noise [m]", self.noise, least=LEAST_NOISE, most=1.0)
         for calibration in self.calibrations:
-            true_chain(calibration)
+            true_arm(calibration)
 
 
 @lru_cache(maxsize=32)
-def true_chain(calibration: str) -> SerialChain:
-    """From the world to the tip of a real UR5.
+def true_arm(calibration: str) -> ArmDescription:
+    """A real UR5.
 
     Args:
         calibration: Name of a published one, or a file.
@@ -111,8 +115,12 @@ def true_chain(calibration: str) -> SerialChain:
     Raises:
         InputError: The file is no calibration, or that of another model.
     """
-    file = PUBLISHED.get(calibration, Path(calibration))
-    return ArmKinematics(get_arm("ur5").calibrated(file), tip="tcp", base="world").chain
+    return get_arm("ur5").calibrated(PUBLISHED.get(calibration, Path(calibration)))
+
+
+@lru_cache(maxsize=32)
+def _chain(arm: ArmDescription) -> SerialChain:
+    return ArmKinematics(arm, tip="tcp", base="world").chain
 
 
 @dataclass(frozen=True)
@@ -120,25 +128,42 @@ class Workplace:
     """What is true, and how it is seen.
 
     Attributes:
-        chain: The arm's links.
+        arm: With its true links.
         tool: Of the tip, in its frame [m].
         base: Turn of the base about the vertical [rad].
         cameras: The world as the cameras see it in the true world, shape (4, 4).
     """
 
-    chain: SerialChain
+    arm: ArmDescription
     tool: Floats
     base: float
     cameras: Floats
 
     def tips(self, q: Floats) -> Floats:
         """Where the tip is in postures (m, 6) [m], shape (m, 3)."""
-        T = self.chain.fk(q)
+        T = _chain(self.arm).fk(q)
         return np.asarray((T[:, :3, :3] @ self.tool + T[:, :3, 3]) @ turn(np.array((0.0, 0.0, 1.0)), self.base).T)
 
     def seen(self, points: Floats) -> Floats:
         """Where the cameras see points (m, 3) of the world, but for their noise [m]."""
         return np.asarray(points @ self.cameras[:3, :3].T + self.cameras[:3, 3])
+
+    def scene(self) -> PosedScene:
+        """The arm as it truly stands in its work cell, its tool where it truly is."""
+        return PosedScene(self.arm, model=_true_model(self.arm, tuple(self.tool.tolist()), self.base))
+
+
+@lru_cache(maxsize=4)
+def _true_model(arm: ArmDescription, tool: tuple[float, ...], turned: float) -> Any:
+    """A scene (`mujoco.MjModel`) in which the tool is off [m] and the base is turned about the vertical [rad]."""
+    spec = build_scene(arm)
+    base, flange = spec.body(arm.base), spec.body(arm.tips["tool0"])
+    base.pos = turn(np.array((0.0, 0.0, 1.0)), turned) @ base.pos
+    yaw, placed = np.array([math.cos(turned / 2), 0.0, 0.0, math.sin(turned / 2)]), np.array(base.quat)
+    mujoco.mju_mulQuat(base.quat, yaw, placed)
+    for held in flange.bodies:  # turned as the flange is, and so is the tip
+        held.pos = held.pos + tool
+    return spec.compile()
 
 
 def workplace(errors: str, calibration: str, rng: np.random.Generator) -> Workplace:
@@ -146,7 +171,7 @@ def workplace(errors: str, calibration: str, rng: np.random.Generator) -> Workpl
 
     Args:
         errors: A key of `ERRORS`.
-        calibration: As of `true_chain`.
+        calibration: As of `true_arm`.
         rng: Of the directions.
     """
     parts = ERRORS[errors]
@@ -156,9 +181,8 @@ def workplace(errors: str, calibration: str, rng: np.random.Generator) -> Workpl
         stand = np.array(next(m.position for m in get_arm("ur5").cameras if m.name == "front"))
         cameras[:3, :3] = turn(axis, CAMERAS_TURN)
         cameras[:3, 3] = stand - cameras[:3, :3] @ stand + CAMERAS_OFF * shift
-    nominal = ArmKinematics("ur5", tip="tcp", base="world").chain
     return Workplace(
-        true_chain(calibration) if LINKS in parts else nominal,
+        true_arm(calibration) if LINKS in parts else get_arm("ur5"),
         TOOL_OFF * tool if TOOL in parts else np.zeros(3),
         float(BASE_TURN * base) if BASE in parts else 0.0,
         cameras,
@@ -178,7 +202,11 @@ class RealArmEnv(gym.Env[Any, Any]):
     each, shape (balls, 14): where the ball was seen (3), where the tip was seen in the last move to it (3, zeros before
     the first), the posture of that move (6, zeros before), moves so far, and the looks allowed so far. The reward is
     minus the mean distance. `info` has the median distance of this move [m], `distance`, and those of the moves so far,
-    `error_BUDGET_AGAIN`; `is_success`: this one is below `NEAR`.
+    `error_BUDGET_AGAIN`; `is_success`: this one is below `NEAR`; `reward_terms`, which sum to the reward.
+
+    Attributes:
+        options: As given.
+        believed: The arm as its user believes it to be.
 
     <table of the options>
     """
@@ -193,14 +221,28 @@ class RealArmEnv(gym.Env[Any, Any]):
         shape = (given.balls, 1)
         self.observation_space = spaces.Box(np.tile(low, shape), np.tile(high, shape), dtype=np.float64)
         self.action_space = spaces.Box(-1.0, 1.0, (given.balls, 6))
+        self.believed: ArmDescription = get_arm("ur5")
         self._noise = given.noise / MEDIAN_LENGTH
         self._place: Workplace | None = None
+        self._scene: PosedScene | None = None
         self._info: dict[str, Any] = {}
 
     @property
     def noise(self) -> float:
         """Standard deviation of each coordinate of a look [m]."""
         return self._noise
+
+    @property
+    def scene(self) -> PosedScene:
+        """The true arm of this episode. Whoever watches sees it go to every look and every ball; in truth it jumps.
+
+        Raises:
+            InputError: Before the first reset.
+        """
+        if self._scene is None:
+            self._scene = self._begun().scene()
+            self._scene.put(self.believed.home, ball=self._balls[0])
+        return self._scene
 
     def reset(self, *, seed: int | None = None, options: dict[str, Any] | None = None) -> tuple[Any, dict[str, Any]]:
         """Another workplace, and a tray of balls on the arm's table.
@@ -224,6 +266,7 @@ class RealArmEnv(gym.Env[Any, Any]):
         self._balls = get_arm("ur5").workcell.draw_goals(rng, self.options.balls)
         self._seen = self._observed(self._balls)
         self._looks, self._level, self._moves, self._over = 0, 0, 0, False
+        self._scene = None
         self._info = {**chosen, "impossible": False}
         return self._observation(), dict(self._info)
 
@@ -250,6 +293,7 @@ class RealArmEnv(gym.Env[Any, Any]):
         if len(q) > self.looks_left:
             raise InputError(f"there are {self.looks_left} looks left, got {len(q)} postures")
         self._looks += len(q)
+        self._show(q)
         return self._observed(place.tips(q))
 
     def step(self, action: ArrayLike) -> tuple[Any, float, bool, bool, dict[str, Any]]:
@@ -264,23 +308,31 @@ class RealArmEnv(gym.Env[Any, Any]):
         if self._over:
             raise InputError("the episode is over; reset the environment")
         self._q = math.pi * np.clip(given, -1.0, 1.0)
+        self._show(self._q, self._balls)
         tips = place.tips(self._q)
         self._tips = self._observed(tips)
         distances = np.linalg.norm(tips - self._balls, axis=1)
         middle = float(np.median(distances))
         self._info[f"error_{self.options.budgets[self._level]}_{self._moves}"] = middle
-        self._info |= {"distance": middle, "is_success": middle < NEAR}
+        reward = -float(distances.mean())
+        self._info |= {"distance": middle, "is_success": middle < NEAR, "reward_terms": {"distance": reward}}
         self._moves += 1
         if self._moves > self.options.again:
             self._over = self._level + 1 == len(self.options.budgets)
             if not self._over:
                 self._level, self._moves = self._level + 1, 0
-        return self._observation(), -float(distances.mean()), self._over, False, dict(self._info)
+        return self._observation(), reward, self._over, False, dict(self._info)
 
     def _begun(self) -> Workplace:
         if self._place is None:
             raise InputError("reset the environment before its first step")
         return self._place
+
+    def _show(self, postures: Floats, balls: Iterable[Floats] = ()) -> None:
+        """Let who watches see the arm go from one to the next."""
+        if self._scene is not None and self._scene.watch is not None:
+            for q, ball in zip_longest(postures, balls):
+                self._scene.go(q, ball=ball)
 
     def _observed(self, points: Floats) -> Floats:
         """Points as the cameras see them, with noise."""

@@ -39,6 +39,7 @@ def main(argv: Sequence[str], *, prog: str) -> int:
         simple=arguments.simple,
         policy=arguments.policy,
         results=arguments.results,
+        environment=arguments.environment,
     )
     server = Server(setup, port=arguments.port)
     try:
@@ -59,6 +60,7 @@ def setup_of(
     simple: bool = False,
     policy: str | None = None,
     results: str | None = None,
+    environment: str | None = None,
 ) -> Setup:
     """What every tab begins with.
 
@@ -67,11 +69,12 @@ def setup_of(
         calibration: Path of a UR's calibration.
         tip: Short name of the tip; default is the arm's own.
         simple: Draw the arm by its collision shapes.
-        policy: Name or file of a policy to begin with.
+        policy: Name or file of a policy to begin with, or `module:attribute` of a policy or solver.
         results: Path of a comparison to begin with.
+        environment: Id of an environment to begin with, or `module:id`.
 
     Raises:
-        InputError: There is no such arm, tip or policy, or a file cannot be used.
+        InputError: There is no such arm, tip, policy or environment, or a file or module cannot be used.
     """
     if arm.endswith((".urdf", ".xml")):
         description, expression = ArmDescription.from_urdf(arm), f"ArmDescription.from_urdf({arm!r})"
@@ -81,8 +84,8 @@ def setup_of(
     if calibration is not None:
         expression = f"get_arm({arm!r}).calibrated({calibration!r})"
         nominal, description = description, description.calibrated(calibration)
-    setup = Setup(description, expression, tip, simple, nominal, policy, results)
-    setup.policy_environment  # noqa: B018  (refuses what is no policy)
+    setup = Setup(description, expression, tip, simple, nominal, policy, results, environment)
+    setup.environments  # noqa: B018  (refuses what is no policy or environment)
     if results is not None:
         read_results(results)
     return setup
@@ -100,7 +103,14 @@ def _parser(prog: str) -> Parser:
     parser.add_argument(
         "--calibration", metavar="FILE", help="factory calibration of a UR, to be laid over the data sheet"
     )
-    parser.add_argument("--policy", metavar="FILE", help="a policy to play episodes with, or the name of one")
+    parser.add_argument(
+        "--policy",
+        metavar="FILE",
+        help="a policy to play episodes with: a file, the name of one, or module:attribute of a policy or solver",
+    )
+    parser.add_argument(
+        "--environment", metavar="ID", help="an environment to play episodes of: a registered id, or module:id"
+    )
     parser.add_argument("--results", metavar="FILE", help="the results.json of a comparison")
     parser.add_argument(
         "--port", type=int, default=PORT, metavar="N", help="or the next that is free (default: %(default)s)"

@@ -12,21 +12,25 @@ import gymnasium as gym
 import numpy as np
 from numpy.typing import NDArray
 
-from kinreach.baselines.rollout import Policy, rollout
+from kinreach.baselines.policies import load_policy, needed_options, pretrained_names
+from kinreach.baselines.rollout import rollout
 from kinreach.checks import Floats
-from kinreach.demo.tasks import TASKS, make_policy
-from kinreach.errors import KinreachError
+from kinreach.errors import InputError, KinreachError
 from kinreach.robots import ArmDescription
+from kinreach.sim.posed import PosedScene
 from kinreach.sim.simulation import ArmSimulation
 from kinreach.summary import Trial
 from kinreach.view.mujoco_scene import Contact, MujocoScene
 from kinreach.view.names import length
+from kinreach.view.players import ARM, OBSERVATION, PIXELS, new_player, playable
 from kinreach.vision.goal_view import CameraGoalView, GoalLook, has_goal_cameras
 
 #: Frames per second of simulated time.
 FPS = 25
 #: More frames than this are not kept; every second one of those before is left out instead.
 MOST_FRAMES = 3000
+#: An episode that does not end is cut off.
+MOST_STEPS = 10_000
 #: The ring around a ball that was found: its width [pixels] and colour.
 RING, YELLOW = 3, (255, 255, 0)
 
@@ -44,21 +48,23 @@ class Frame:
         step: How many actions have ended.
         poses: Of the scene's bodies, as `MujocoScene.take` has them, shape (k, 7).
         contacts: What touches.
+        believed: Posture that the arm is believed to be in [rad], shape (n,); None where it is in no other.
     """
 
     time: float
     step: int
     poses: Floats
     contacts: tuple[Contact, ...]
+    believed: Floats | None
 
 
 @dataclass(frozen=True, eq=False)
 class Step:
-    """What the environment said after an action: reward and its terms, and what else is a number or a text."""
+    """What the environment said after an action: reward, its terms, distance [m] if there is one, why impossible."""
 
     reward: float
     terms: Mapping[str, float]
-    distance: float
+    distance: float | None
     impossible_reason: str
 
 
@@ -68,10 +74,10 @@ class Episode:
 
     Attributes:
         scene: What is drawn.
-        arm: Who acts.
+        arm: Who acts, as its user believes it to be.
         frames: From the reset to the end.
         steps: One an action.
-        goal: Where it is in the world [m], shape (3,).
+        goal: Where it is in the world in the beginning [m], shape (3,); None where there is not just one.
         trial: As `rollout` has it.
     """
 
@@ -79,30 +85,38 @@ class Episode:
     arm: ArmDescription
     frames: list[Frame] = field(default_factory=list)
     steps: list[Step] = field(default_factory=list)
-    goal: Floats = field(default_factory=lambda: np.zeros(3))
+    goal: Floats | None = None
     trial: Trial = field(default_factory=dict)
 
     @property
     def verdict(self) -> str:
         """How it ended, in a sentence."""
         count = len(self.steps)
-        after = f"after {count} step{'' if count == 1 else 's'}, {length(self.trial['distance'])} from the goal"
+        after = f"after {count} step{'' if count == 1 else 's'}"
+        if self.trial.get("distance") is not None:
+            after += f", {length(self.trial['distance'])} from the goal"
         if self.trial["reached"]:
             return f"Reached {after}."
-        reason = self.trial.get("impossible_reason") or self.trial["status"]
-        return f"Not reached {after}: {reason}." if self.trial["impossible"] else f"Not reached {after}."
+        if not self.trial["impossible"]:
+            return f"Not reached {after}."
+        return f"Not reached {after}: {self.trial.get('impossible_reason') or 'impossible'}."
 
     def frame_after(self, step: int) -> int:
         """Index of the first frame in which so many actions have ended; the last frame, if there are not so many."""
         return next((i for i, frame in enumerate(self.frames) if frame.step >= step), len(self.frames) - 1)
 
+    def pause_after(self, index: int) -> float:
+        """How long the frame of an index is shown [s]: until the next one is due; of a jump, as long as of a motion."""
+        times = [frame.time for frame in self.frames[index : index + 2]]
+        return min(times[-1] - times[0], 1.0 / FPS) or 1.0 / FPS
+
     def look(self) -> GoalLook | None:
         """What both cameras see of the ball from the start pose, and the circles that are found in it.
 
         Returns:
-            None for an arm without cameras, and where nothing can be drawn.
+            None for an arm without cameras, without a goal, and where nothing can be drawn.
         """
-        if not has_goal_cameras(self.arm):
+        if self.goal is None or not has_goal_cameras(self.arm):
             return None
         simulation = ArmSimulation(self.arm)
         simulation.place_ball(self.goal)
@@ -118,18 +132,27 @@ class Recording:
     """Which episode is to be played.
 
     Attributes:
-        name: Of the environment, a key of `kinreach.demo.tasks.TASKS`.
-        policy: As `make_policy` takes it.
-        arm: Who reaches; the button has an arm of its own.
-        seed: Of the episode, and of what the policy draws.
-        options: Of the environment.
+        name: Id of the environment.
+        player: As `new_player` takes it.
+        arm: Who acts, where the environment takes an arm.
+        seed: Of the episode, and of what the player draws.
+        options: Of the environment, beside those of its comparison.
     """
 
     name: str
-    policy: str
+    player: str
     arm: ArmDescription
     seed: int = 0
     options: Mapping[str, Any] = field(default_factory=dict)
+
+    @property
+    def made_with(self) -> dict[str, Any]:
+        """Options of the environment, but for the arm."""
+        options = {**playable(self.name).options, **self.options}
+        if options.get(OBSERVATION) == PIXELS and self.player in pretrained_names():
+            options |= needed_options(load_policy(self.player))
+        options.pop(ARM, None)
+        return options
 
     def play(self, *, simple: bool = False, stop: Event | None = None) -> Episode:
         """Play the episode to its end, and keep what is needed to show it.
@@ -140,14 +163,20 @@ class Recording:
 
         Raises:
             Stopped: `stop` was set.
-            KinreachError: There is no such policy, it cannot act in that environment, or the arm cannot.
+            KinreachError: There is no such environment or player, it cannot act there, or the arm cannot; or nothing
+                says what is to be drawn.
         """
-        task = TASKS[self.name]
-        options = {**self.options, "arm": self.arm} if task.solvers else self.options
-        env = gym.make(task.name, render_mode="rgb_array", disable_env_checker=True, **options)
+        known = playable(self.name)
+        options = {**self.made_with, **({ARM: self.arm} if ARM in known.choices else {})}
+        if known.drawn:
+            options["render_mode"] = "rgb_array"
+        env = gym.make(known.name, max_episode_steps=MOST_STEPS, disable_env_checker=True, **options)
         try:
-            policy = make_policy(self.policy, task, env, seed=self.seed)
-            return _recorded(env, policy, {"seed": self.seed}, simple=simple, stop=stop or Event())
+            player = new_player(self.player, env, seed=self.seed)
+            recorder = _Recorder(env, simple=simple, stop=stop or Event())
+            (trial,) = rollout(recorder, player, [{"seed": self.seed}], watch=recorder.watched)
+            recorder.episode.trial = trial
+            return recorder.episode
         finally:
             env.close()
 
@@ -157,22 +186,22 @@ class Recording:
         Args:
             arm: An expression for the arm, such as `"'ur5'"`.
         """
-        task = TASKS[self.name]
-        names = [f"arm={arm}"] if task.solvers else []
-        given = "".join(f", {option}" for option in (*names, *(f"{k}={v!r}" for k, v in self.options.items())))
+        known = playable(self.name)
+        names = [f"arm={arm}"] if ARM in known.choices else []
+        given = "".join(f", {option}" for option in (*names, *(f"{k}={v!r}" for k, v in self.made_with.items())))
         return "\n".join(
             [
                 "import gymnasium as gym",
                 "",
                 "import kinreach",
                 "from kinreach.baselines.rollout import rollout",
-                "from kinreach.demo.tasks import TASKS, make_policy",
                 *(["from kinreach.robots import ArmDescription, get_arm"] if "(" in "".join(names) else []),
+                "from kinreach.view.players import new_player",
                 "",
-                f"env = gym.make({task.name!r}{given})",
-                f"policy = make_policy({self.policy!r}, TASKS[{self.name!r}], env, seed={self.seed})",
-                f'for trial in rollout(env, policy, [{{"seed": {self.seed}}}]):',
-                '    print(trial["reached"], trial["steps"], trial["distance"], trial["return"])',
+                f"env = gym.make({self.name!r}{given})",
+                f"player = new_player({self.player!r}, env, seed={self.seed})",
+                f'for trial in rollout(env, player, [{{"seed": {self.seed}}}]):',
+                '    print(trial["reached"], trial["steps"], trial.get("distance"), trial["return"])',
                 "env.close()",
                 "",
             ]
@@ -189,43 +218,65 @@ def circled(look: GoalLook, index: int) -> NDArray[np.uint8]:
     return picture
 
 
-def _recorded(
-    env: gym.Env[Any, Any], policy: Policy, reset: Mapping[str, Any], *, simple: bool, stop: Event
-) -> Episode:
-    scene = env.get_wrapper_attr("scene")
-    recorder = _Recorder(scene, Episode(MujocoScene(scene.model, simple=simple), env.get_wrapper_attr("arm")), stop)
-    scene.watch = recorder.moving
-    try:
-        (recorder.episode.trial,) = rollout(env, policy, [reset], watch=recorder.stepped)
-    finally:
-        scene.watch = None
-    return recorder.episode
+class _Recorder(gym.Wrapper[Any, Any, Any, Any]):
+    """Takes frames in the course of motions, and after every reset and step.
 
+    Attributes:
+        episode: As far as it has come.
+    """
 
-class _Recorder:
-    """Takes frames in the course of motions, and after every reset and step."""
+    episode: Episode
 
-    def __init__(self, scene: Any, episode: Episode, stop: Event) -> None:
-        self.episode = episode
-        self._scene, self._stop = scene, stop
+    def __init__(self, env: gym.Env[Any, Any], *, simple: bool, stop: Event) -> None:
+        super().__init__(env)
+        self._simple, self._stop = simple, stop
         self._period, self._due = 1.0 / FPS, 0.0
+        self._reward = 0.0
 
-    def moving(self) -> None:
+    def step(self, action: Any) -> tuple[Any, Any, bool, bool, dict[str, Any]]:
+        """As the environment's; the reward is kept."""
+        result = self.env.step(action)
+        self._reward = float(result[1])
+        return result
+
+    def watched(self, env: gym.Env[Any, Any], info: Mapping[str, Any]) -> None:
+        """After a reset or a step."""
+        if not hasattr(self, "episode"):
+            self._begin(info)
+        else:
+            terms = {name: float(value) for name, value in _terms(info).items()}
+            reward = sum(terms.values()) if terms else self._reward
+            distance = float(info["distance"]) if "distance" in info else None
+            self.episode.steps.append(Step(reward, terms, distance, str(info.get("impossible_reason", ""))))
+            self._reward = 0.0
+        if self._follows:
+            self._pose(info)
+        self._take()
+
+    def _begin(self, info: Mapping[str, Any]) -> None:
+        """An episode in the environment's own scene, or in one that follows what it says."""
+        name = self.env.spec.id if self.env.spec is not None else "the environment"
+        self._believed = self.env.has_wrapper_attr("believed")
+        arm_of = "believed" if self._believed else "arm"
+        if not self.env.has_wrapper_attr(arm_of):
+            raise InputError(f"{name} cannot be drawn: it has no `arm`")
+        arm = self.env.get_wrapper_attr(arm_of)
+        self._follows = not self.env.has_wrapper_attr("scene")
+        if self._follows and "q" not in info:
+            raise InputError(f"{name} cannot be drawn: it has no `scene`, and no posture `q` in its info")
+        self._scene: Any = PosedScene(arm) if self._follows else self.env.get_wrapper_attr("scene")
+        self._scene.watch = self._moving
+        goal = None if "goal" not in info else np.array(info["goal"], dtype=np.float64)
+        self.episode = Episode(MujocoScene(self._scene.model, simple=self._simple), arm, goal=goal)
+
+    def _pose(self, info: Mapping[str, Any]) -> None:
+        time = info.get("time", len(self.episode.steps) / FPS)
+        self._scene.put(info["q"], ball=info.get("goal"), time=float(time))
+
+    def _moving(self) -> None:
         """In the course of a motion."""
         if self._scene.data.time >= self._due:
             self._take()
-
-    def stepped(self, env: gym.Env[Any, Any], info: Mapping[str, Any]) -> None:
-        """After a reset or a step."""
-        episode = self.episode
-        terms = info.get("reward_terms")
-        if terms is None:
-            episode.goal = np.array(info["goal"])
-        else:
-            numbers = {name: float(value) for name, value in terms.items()}
-            reason = str(info.get("impossible_reason", ""))
-            episode.steps.append(Step(sum(numbers.values()), numbers, float(info["distance"]), reason))
-        self._take()
 
     def _take(self) -> None:
         if self._stop.is_set():
@@ -233,7 +284,16 @@ class _Recorder:
         now, frames = float(self._scene.data.time), self.episode.frames
         self._due = now + self._period
         poses, contacts = self.episode.scene.take(self._scene.data)
-        frames.append(Frame(now, len(self.episode.steps), poses, tuple(contacts)))
+        believed = self._scene.q if self._believed else None
+        frames.append(Frame(now, len(self.episode.steps), poses, tuple(contacts), believed))
         if len(frames) > MOST_FRAMES:
             del frames[1:-1:2]
             self._period *= 2
+
+
+def _terms(info: Mapping[str, Any]) -> Mapping[str, Any]:
+    """The reward's terms, also where there are only numbers."""
+    prefix = "reward_"
+    numbers = {name.removeprefix(prefix): value for name, value in info.items() if name.startswith(prefix)}
+    terms: Mapping[str, Any] = info.get("reward_terms", numbers)
+    return terms

@@ -9,21 +9,21 @@ from typing import Any
 import numpy as np
 
 from kinreach.checks import check_count
-from kinreach.demo.tasks import TASKS, trained_for
-from kinreach.envs.reach.task import BACKENDS
-from kinreach.errors import KinreachError
+from kinreach.envs.reach.task import BACKENDS, OBSERVATION_KINDS
+from kinreach.errors import InputError
+from kinreach.kinematics import kinematics_of
 from kinreach.view import html
-from kinreach.view.draw import BRANCH_COLOURS, RED, Solid, Surroundings, overview
-from kinreach.view.episodes import FPS, Episode, Recording, Stopped, circled
+from kinreach.view.draw import BLUE, BRANCH_COLOURS, RED, Solid, SolidArm, Surroundings, overview
+from kinreach.view.episodes import Episode, Recording, Stopped, circled
+from kinreach.view.figure import Figure
 from kinreach.view.inputs import by_user
 from kinreach.view.names import plain
 from kinreach.view.panel import Panel
+from kinreach.view.players import BACKEND, OBSERVATION, playable
 from kinreach.view.setup import Setup
 from kinreach.vision.goal_view import GOAL_CAMERAS, GoalLook
 
 PLAY, PAUSE, STEP, START = "play", "pause", "step", "start"
-#: What the cameras are asked for, without rendering or with.
-OBSERVATIONS = ("geometric", "camera")
 #: Of a contact [m].
 DOT = 0.02
 
@@ -47,11 +47,12 @@ class EpisodesPanel(Panel):
         super().__init__(client, setup, surroundings, lock, title="Episodes")
         self.episode: Episode | None = None
         self.at = 0
-        self._recording = Recording("single", "", setup.arm)
+        self._recording = Recording(setup.environments[0], "", setup.arm)
         self._still, self._gone = threading.Event(), threading.Event()
         self._still.set()
         self._step = -1
         self._solid: Solid | None = None
+        self._believed: SolidArm | None = None
         self._looked = setup.arm
         self._shown = True
         with self._folder:
@@ -131,28 +132,32 @@ class EpisodesPanel(Panel):
             nothing = np.full((9, 16, 3), 255, dtype=np.uint8)
             self._images = [gui.add_image(nothing, label=name, format="jpeg") for name in GOAL_CAMERAS]
         with gui.add_folder("Episode"):
-            self._environment = gui.add_dropdown("environment", list(TASKS), initial_value=self._first_environment())
-            self._policy = gui.add_dropdown("policy", [""])
+            self._environment = gui.add_dropdown("environment", self._setup.environments)
+            self._policy = gui.add_dropdown(
+                "who acts", [""], hint="Solvers, methods of the comparison, policies, chance"
+            )
             self._file = gui.add_text("or a file", self._setup.policy or "", hint="policy.safetensors or model.zip")
-            self._observation = gui.add_dropdown("observation", OBSERVATIONS, hint="of all but the button")
-            self._backend = gui.add_dropdown("backend", BACKENDS, hint="of all but the button", initial_value="mujoco")
+            self._observation = gui.add_dropdown(
+                "observation", OBSERVATION_KINDS, hint="What cameras say, what perfect ones would, or their pictures",
+                initial_value="geometric",
+            )  # fmt: skip
+            self._backend = gui.add_dropdown(
+                "backend", BACKENDS, hint="With dynamics or without", initial_value="mujoco"
+            )
             self._seed = gui.add_number("seed", 0, min=0, step=1)
             self._button = gui.add_button("Play this episode", icon="player-play")
         by_user(self._environment, self._choose_environment)
+        by_user(self._observation, lambda value: self._choose_environment(self._environment.value))
         by_user(self._slider, self._scrubbed)
         self._player.on_click(lambda event: self._pressed(event.target.value))
         self._button.on_click(lambda _: self.record())
 
-    def _first_environment(self) -> str:
-        wanted = self._setup.policy_environment
-        return next((name for name, task in TASKS.items() if task.name == wanted), next(iter(TASKS)))
-
     def _choose_environment(self, name: str) -> None:
-        task = TASKS[name]
-        arm = (self._setup.nominal or self._setup.arm).name if task.solvers else None
-        solvers = task.solvers or ("analytic",)
-        self._policy.options = (*solvers, *trained_for(task, arm), "random")
-        self._observation.disabled = self._backend.disabled = not task.solvers
+        known = playable(name)
+        takes = OBSERVATION in known.choices
+        arm = self._setup.nominal or self._setup.arm
+        self._policy.options = known.players(arm, observation=self._observation.value if takes else "")
+        self._observation.disabled, self._backend.disabled = not takes, BACKEND not in known.choices
 
     def _pressed(self, what: str) -> None:
         if what == PLAY:
@@ -171,19 +176,15 @@ class EpisodesPanel(Panel):
 
     def _record(self) -> None:
         """Runs in a thread of its own, because a renderer belongs to the thread that made it."""
-        reach = bool(TASKS[self._environment.value].solvers)
-        options = {"observation": self._observation.value, "backend": self._backend.value} if reach else {}
-        policy = self._file.value.strip() or self._policy.value
         try:
-            seed = check_count("seed", int(self._seed.value), least=0)
-            asked = Recording(self._environment.value, policy, self._setup.arm, seed=seed, options=options)
+            asked = self._asked()
             episode = asked.play(simple=self._setup.simple, stop=self._gone)
         except Stopped:
             return
-        except KinreachError as error:
+        except Exception as error:  # an environment or a policy from outside may raise anything
             with self._lock:
                 self._button.disabled = False
-                self._verdict.content = html.message(str(error), bad=True)
+                self._verdict.content = html.message(str(error) or type(error).__name__, bad=True)
             return
         with self._lock:
             if self._gone.is_set():
@@ -195,11 +196,31 @@ class EpisodesPanel(Panel):
         if not self._gone.is_set():
             self._show_look(episode, seen)
 
+    def _asked(self) -> Recording:
+        """What is to be played.
+
+        Raises:
+            InputError: A seed that is none; a module, which only the command line may load.
+        """
+        environment, file = self._environment.value, self._file.value.strip()
+        if ":" in file and file != self._setup.policy:
+            raise InputError(f"a module is named on the command line, not here: kinreach view --policy {file}")
+        inputs = {OBSERVATION: self._observation, BACKEND: self._backend}
+        choices = playable(environment).choices
+        options = {name: given.value for name, given in inputs.items() if name in choices}
+        seed = check_count("seed", int(self._seed.value), least=0)
+        return Recording(environment, file or self._policy.value, self._setup.arm, seed=seed, options=options)
+
     def _take(self, episode: Episode) -> None:
         """Show another episode."""
-        if self._solid is not None:
-            self._solid.remove()
-        self._solid = Solid(self._client.scene, f"{self._root}/scene", episode.scene)
+        for old in (self._solid, self._believed):
+            if old is not None:
+                old.remove()
+        scene = self._client.scene
+        self._solid, self._believed = Solid(scene, f"{self._root}/scene", episode.scene), None
+        if episode.frames[0].believed is not None:
+            figure = Figure(kinematics_of(episode.arm, base="world"), simple=True)
+            self._believed = SolidArm(scene, f"{self._root}/believed", figure, colour=BLUE, opacity=0.4)
         self.episode, self.at, self._step = episode, 0, -1
         self._slider.max = max(1, len(episode.frames) - 1)
         self._verdict.content = html.message(episode.verdict, bad=not episode.trial["reached"])
@@ -234,8 +255,8 @@ class EpisodesPanel(Panel):
 
     def _terms(self, episode: Episode, steps: int) -> tuple[Any, ...]:
         """Numbers of the steps, the reward and its terms, as far as they were done; 0 before the first."""
-        done = episode.steps[:steps]
-        rows = [np.zeros(1 + len(episode.steps[0].terms)), *([s.reward, *s.terms.values()] for s in done)]
+        done, names = episode.steps[:steps], list(episode.steps[0].terms)
+        rows = [np.zeros(1 + len(names)), *([s.reward, *(s.terms.get(n, 0.0) for n in names)] for s in done)]
         return (np.arange(1.0 + len(done)), *np.ascontiguousarray(np.array(rows).T))
 
     def _draw(self, episode: Episode) -> None:
@@ -243,6 +264,8 @@ class EpisodesPanel(Panel):
         touching = {body for contact in frame.contacts for body in contact.bodies}
         with self._client.atomic():
             self._solid.place(frame.poses, red=touching)  # type: ignore[union-attr]
+            if self._believed is not None and frame.believed is not None:
+                self._believed.take(frame.believed)
             self._points.visible = bool(frame.contacts)
             if frame.contacts:
                 self._points.points = np.array([contact.position for contact in frame.contacts], dtype=np.float16)
@@ -263,7 +286,7 @@ class EpisodesPanel(Panel):
 
     def _play(self, still: threading.Event, episode: Episode) -> None:
         """Frame by frame at the clock's pace, in a thread of its own."""
-        while not still.wait(1 / FPS):
+        while not still.wait(episode.pause_after(self.at)):
             with self._lock:
                 if still.is_set() or self.episode is not episode:
                     return

@@ -182,8 +182,10 @@ def moment(episode: Episode, frame: Frame) -> str:
     if frame.step:
         step = episode.steps[frame.step - 1]
         terms = ", ".join(f"{name.replace('_', ' ')} {value:.2f}" for name, value in step.terms.items())
-        said.append(f"reward {step.reward:.2f} ({terms}), {length(step.distance)} from the goal")
+        said.append(f"reward {step.reward:.2f}{f' ({terms})' if terms else ''}")
+        said += [] if step.distance is None else [f"{length(step.distance)} from the goal"]
         said += [step.impossible_reason] if step.impossible_reason else []
+    said += [] if frame.believed is None else ["blue: the arm as its user believes it to be"]
     pairs = dict.fromkeys(f"{plain(a)} touches {plain(b)}" for a, b in (contact.bodies for contact in frame.contacts))
     lines = "<br>".join([*map(escape, said), *(f'<span style="color:{_RED}">{escape(pair)}</span>' for pair in pairs)])
     return block(f'<div class="kinreach-moment" style="font-size:12px">{lines}</div>')

@@ -26,8 +26,7 @@ def panels(setup: Setup) -> dict[str, Callable[..., Panel]]:
     kinds: dict[str, Callable[..., Panel]] = {TARGET: TargetPanel}
     if (setup.nominal or setup.arm).name in LENGTHS:
         kinds[REAL_ARM] = RealArmPanel
-    if setup.arm.workcell.goals is not None:
-        kinds[EPISODES] = EpisodesPanel
+    kinds[EPISODES] = EpisodesPanel
     kinds[RESULTS] = ResultsPanel
     return kinds
 

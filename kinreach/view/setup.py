@@ -6,10 +6,12 @@ from dataclasses import dataclass
 from functools import cached_property
 
 from kinreach.baselines.policies import load_policy
-from kinreach.demo.tasks import TASKS, trained_for
+from kinreach.demo.tasks import trained_for
+from kinreach.objects import load_object
 from kinreach.registration import MULTI, SINGLE
 from kinreach.robots import ArmDescription
 from kinreach.view.figure import Figure
+from kinreach.view.players import ARM, playable, playable_names
 from kinreach.view.target import TargetModel
 
 #: The parts of the page.
@@ -26,7 +28,8 @@ class Setup:
         tip: Short name of its tip; None is the arm's own.
         simple: Draw the arm by its collision shapes, for browsers without a graphics card.
         nominal: The arm by its data sheet, where `arm` is calibrated.
-        policy: Of a policy that episodes begin with: name, or path of a file.
+        policy: Who acts in the first episode: a policy's name or file, or `module:attribute`.
+        environment: Id of the environment that episodes begin with; of `module:id` the module is loaded.
         results: Path of a comparison that is opened.
     """
 
@@ -37,11 +40,14 @@ class Setup:
     nominal: ArmDescription | None = None
     policy: str | None = None
     results: str | None = None
+    environment: str | None = None
 
     @property
     def first(self) -> str:
         """The part of the page that a tab begins with."""
-        return RESULTS if self.results is not None else EPISODES if self.policy is not None else TARGET
+        if self.results is not None:
+            return RESULTS
+        return TARGET if self.policy is None and self.environment is None else EPISODES
 
     def model(self) -> TargetModel:
         """A model of a tab's own."""
@@ -53,18 +59,36 @@ class Setup:
         if self.tip not in (None, self.arm.default_tip):
             return ()
         name = (self.nominal or self.arm).name
-        found = [policy for task in ("single", "multi") for policy in trained_for(TASKS[task], name)]
-        own = [self.policy] if self.policy is not None and self.policy_environment in ("", SINGLE, MULTI) else []
-        return tuple(dict.fromkeys([*found, *own]))
+        found = [policy for environment in (SINGLE, MULTI) for policy in trained_for(environment, name)]
+        own = self.policy or ""
+        fits = own and ":" not in own and self.policy_environment in ("", SINGLE, MULTI)
+        return tuple(dict.fromkeys([*found, *([own] if fits else [])]))
 
     @cached_property
     def policy_environment(self) -> str:
         """Id of the environment of the policy; empty if there is none, or it does not say.
 
         Raises:
-            InputError: There is no such policy, or the file is none.
+            InputError: There is no such policy, the file is none, or the module cannot be loaded.
         """
-        return "" if self.policy is None else load_policy(self.policy).card.environment
+        if self.policy is None:
+            return ""
+        if ":" in self.policy:
+            load_object("policy", self.policy)
+            return ""
+        return load_policy(self.policy).card.environment
+
+    @cached_property
+    def environments(self) -> tuple[str, ...]:
+        """Ids of the environments that can be played, that which was asked for first; without goals for the arm, few.
+
+        Raises:
+            InputError: There is no environment of that id, or its module cannot be loaded.
+        """
+        wanted = self.policy_environment if self.environment is None else playable(self.environment).name
+        goals = self.arm.workcell.goals is not None
+        names = [name for name in playable_names() if goals or ARM not in playable(name).choices]
+        return tuple(dict.fromkeys([*([wanted] if wanted else []), *names]))
 
     @cached_property
     def figure(self) -> Figure:

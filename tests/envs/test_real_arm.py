@@ -1,13 +1,14 @@
 """An arm that is not its data sheet: what is wrong is wrong by as much as is said, and looks are counted."""
 
 import gymnasium as gym
+import mujoco
 import numpy as np
 import pytest
 from gymnasium.utils.env_checker import check_env
 
 import kinreach  # noqa: F401
 from kinreach.baselines.expert import tool_down_postures
-from kinreach.envs.real_arm import BUDGET, ERRORS, MOVES, POSTURE, SEEN_BALL, SEEN_TIP, UR5S, true_chain, workplace
+from kinreach.envs.real_arm import BUDGET, ERRORS, MOVES, POSTURE, SEEN_BALL, SEEN_TIP, UR5S, true_arm, workplace
 from kinreach.errors import InputError, UnknownNameError
 from kinreach.kinematics import ArmKinematics, UR5Kinematics
 from kinreach.registration import REAL_ARM
@@ -96,6 +97,28 @@ def test_gymnasium_agrees():
     check_env(gym.make(REAL_ARM, balls=3).unwrapped, skip_render_check=True)
 
 
+def test_the_scene_is_the_true_arm():
+    """Its tip is where looks are taken; who watches sees every look and every ball, and the arm at it in the end."""
+    env, seen = make(balls=2, budgets=(5,), again=0).unwrapped, 0
+    for errors in ERRORS:
+        env.reset(seed=4, options={"errors": errors})
+        scene, ends = env.scene, []
+        scene.watch = lambda scene=scene, ends=ends: ends.append(scene.q)
+        for q in np.random.default_rng(0).uniform(-3, 3, (4, 1, 6)):
+            env.look(q)
+            mujoco.mj_kinematics(scene.model, scene.data)
+            np.testing.assert_allclose(scene.data.body("tcp").xpos, env._place.tips(q)[0], atol=1e-9)
+            np.testing.assert_allclose(ends[-1], q[0], atol=1e-12)
+            seen += 1
+        env.step(np.stack([0.5 * q[0], q[0]]) / np.pi)
+        np.testing.assert_array_equal(scene.data.mocap_pos[0], env._balls[1])
+        assert sum(np.allclose(end, 0.5 * q[0]) for end in ends) == 1
+        np.testing.assert_allclose(ends[-1], q[0], atol=1e-12)
+        assert np.abs(np.diff(ends, axis=0)).max() <= 1.05 * scene.arm.speed_limit * 0.02
+        assert scene.data.time == pytest.approx(0.02 * len(ends))
+    assert seen == 20
+
+
 @pytest.mark.parametrize(
     ("options", "error", "said"),
     [
@@ -130,4 +153,4 @@ def test_bad_input():
             env.unwrapped.step(action)
     with pytest.raises(InputError, match="postures"):
         env.unwrapped.look([0, 0, 0])
-    assert true_chain("ur5_a").joints == 6
+    assert len(true_arm("ur5_a").joints) == 6

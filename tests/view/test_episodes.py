@@ -1,29 +1,40 @@
 """Episodes as they are recorded, without a browser."""
 
+import gymnasium as gym
 import mujoco
 import numpy as np
 import pytest
 
-from kinreach.demo.tasks import TASKS
+import kinreach  # noqa: F401
 from kinreach.errors import InputError
+from kinreach.kinematics import kinematics_of
+from kinreach.registration import BUTTON, MOVING, MULTI, REAL_ARM, SINGLE, SPACE
 from kinreach.robots import get_arm
+from kinreach.view import html
 from kinreach.view.episodes import Recording, Stopped, circled
+from kinreach.view.figure import Figure
 from kinreach.view.mujoco_scene import MujocoScene
+from kinreach.view.players import new_player
 
 
 @pytest.fixture(scope="module")
 def episodes():
     """One episode of each environment by its name."""
     asked = {
-        "single": Recording("single", "closed-form", get_arm("ur5")),
-        "multi": Recording("multi", "ppo-multi", get_arm("ur5"), options={"backend": "kinematic"}),
-        "space": Recording("space", "lm", get_arm("ur5"), seed=3),
-        "button": Recording("button", "analytic", get_arm("arm3")),
+        "single": Recording(SINGLE, "closed-form", get_arm("ur5")),
+        "multi": Recording(MULTI, "ppo-multi", get_arm("ur5"), options={"backend": "kinematic"}),
+        "space": Recording(SPACE, "lm", get_arm("ur5"), seed=3),
+        "button": Recording(BUTTON, "analytic", get_arm("ur5")),
+        "moving": Recording(MOVING, "interception", get_arm("ur5"), seed=3),
+        "real arm": Recording(REAL_ARM, "look-again", get_arm("ur5"), seed=1),
     }
     return {name: (recording, recording.play(simple=True)) for name, recording in asked.items()}
 
 
-@pytest.mark.parametrize("name", TASKS)
+EPISODES = ("single", "multi", "space", "button", "moving", "real arm")
+
+
+@pytest.mark.parametrize("name", EPISODES)
 def test_an_episode_is_what_the_loop_says(episodes, name):
     _, episode = episodes[name]
     assert len(episode.steps) == episode.trial["steps"] >= 1
@@ -34,10 +45,11 @@ def test_an_episode_is_what_the_loop_says(episodes, name):
     assert (steps[0], steps[-1]) == (0, len(episode.steps))
     assert episode.trial["reached"]
     assert episode.verdict.startswith("Reached after ")
-    np.testing.assert_allclose(episode.goal, episode.trial["goal"])
+    if name in ("single", "multi", "space", "button"):
+        np.testing.assert_allclose(episode.goal, episode.trial["goal"])
 
 
-@pytest.mark.parametrize("name", ["single", "button"])
+@pytest.mark.parametrize("name", ["single", "button", "moving", "real arm"])
 def test_a_motion_has_frames_at_the_clocks_pace(episodes, name):
     _, episode = episodes[name]
     times = np.array([frame.time for frame in episode.frames])
@@ -50,9 +62,6 @@ def test_a_motion_has_frames_at_the_clocks_pace(episodes, name):
 def test_frames_end_where_the_arm_ends(episodes):
     """By forward kinematics of the posture that the trial ended in."""
     import pinocchio as pin
-
-    from kinreach.kinematics import kinematics_of
-    from kinreach.view.figure import Figure
 
     for name in ("single", "multi", "space"):
         _, episode = episodes[name]
@@ -71,14 +80,11 @@ def test_frames_end_where_the_arm_ends(episodes):
 
 def test_taking_a_frame_leaves_the_simulation_as_it_is():
     """The same episode with and without frames, to the bit."""
-    import gymnasium as gym
-
-    asked = Recording("single", "closed-form", get_arm("ur5"), seed=5)
-    env = gym.make(TASKS["single"].name, arm=get_arm("ur5"))
+    asked = Recording(SINGLE, "closed-form", get_arm("ur5"), seed=5)
     from kinreach.baselines.rollout import rollout
-    from kinreach.demo.tasks import make_policy
 
-    (plain,) = rollout(env, make_policy("closed-form", TASKS["single"], env), [{"seed": 5}])
+    env = gym.make(SINGLE, arm=get_arm("ur5"))
+    (plain,) = rollout(env, new_player("closed-form", env), [{"seed": 5}])
     watched = asked.play(simple=True).trial
     assert watched["q"] == plain["q"]
     assert watched["move_s"] == plain["move_s"]
@@ -106,14 +112,109 @@ def test_contacts_are_those_of_mujoco():
         assert np.linalg.norm(piece.vertices, axis=1).max() == pytest.approx(radius, rel=1e-3)
 
 
+def test_the_ball_rolls_and_the_arm_follows(episodes):
+    _, episode = episodes["moving"]
+    balls = np.array([frame.poses[episode.scene.links.index("ball"), :3] for frame in episode.frames])
+    times = np.array([frame.time for frame in episode.frames])
+    np.testing.assert_allclose(np.diff(times), 1 / 30, atol=1e-12)
+    speeds = np.linalg.norm(np.diff(balls, axis=0), axis=1) * 30
+    np.testing.assert_allclose(speeds, episode.trial["speed"], rtol=0.02)
+    finger = [frame.poses[episode.scene.links.index("finger_left"), :3] for frame in episode.frames]
+    assert np.linalg.norm(finger[-1] - finger[0]) > 0.1
+
+
+def test_the_true_arm_goes_to_every_ball(episodes):
+    """By the distances that the environment says; the believed arm is in the same posture, and elsewhere."""
+    from kinreach.kinematics import UR5Kinematics
+
+    recording, episode = episodes["real arm"]
+    assert len(episode.steps) == 3 * 3
+    believed = UR5Kinematics(tip="tcp", base="world")
+    palm = episode.scene.links.index("gripper_palm")
+    gaps, apart = [], []
+    for step, said in enumerate(episode.steps[:1]):
+        frames = [frame for frame in episode.frames if frame.step == step]
+        balls = np.array([frame.poses[episode.scene.links.index("ball"), :3] for frame in frames])
+        for place in np.unique(balls, axis=0):
+            *_, there = (frame for frame, ball in zip(frames, balls, strict=True) if (ball == place).all())
+            x, y, z, *_ = there.poses[palm]
+            gaps.append(abs(np.linalg.norm(np.array([x, y, z]) - place) - 0.2))
+            apart.append(np.linalg.norm(believed.fk(there.believed)[:3, 3] - place))
+        assert len(gaps) == 4
+        assert said.distance > 1e-3
+        assert np.median(gaps) < 0.02
+        assert 1e-4 < np.median(apart) < 0.02
+    assert recording.made_with == {"balls": 4, "budgets": (0, 5, 20)}
+
+
+class Pointing(gym.Env):
+    """From outside of the package: an arm without a scene, which turns."""
+
+    observation_space = gym.spaces.Box(-1.0, 1.0, (1,))
+    action_space = gym.spaces.Box(-1.0, 1.0, (1,))
+
+    def __init__(self, arm="arm3"):
+        self.arm = get_arm(arm) if isinstance(arm, str) else arm
+
+    def reset(self, *, seed=None, options=None):
+        super().reset(seed=seed)
+        self.q = np.array(self.arm.home)
+        return np.zeros(1, np.float32), {"q": self.q}
+
+    def step(self, action):
+        self.q = self.q + 0.1 * float(action[0])
+        return np.zeros(1, np.float32), 1.5, False, False, {"q": self.q}
+
+
+class Blind(Pointing):
+    """Without an arm, or without a posture."""
+
+    def __init__(self, has_arm=False):
+        super().__init__()
+        if not has_arm:
+            del self.arm
+
+    def reset(self, *, seed=None, options=None):
+        return np.zeros(1, np.float32), {}
+
+
+def test_an_environment_from_outside_is_played(monkeypatch):
+    gym.register("outside/Pointing-v0", entry_point=Pointing)
+    gym.register("outside/Blind-v0", entry_point=Blind)
+    gym.register("outside/Armed-v0", entry_point=Blind, kwargs={"has_arm": True})
+    monkeypatch.setattr("kinreach.view.episodes.MOST_STEPS", 30)
+    try:
+        episode = Recording("outside/Pointing-v0", f"{__name__}:turn", get_arm("panda")).play(simple=True)
+        assert (len(episode.steps), episode.trial["return"]) == (30, 45.0)
+        assert episode.verdict == "Not reached after 30 steps."
+        assert episode.goal is None
+        assert html.moment(episode, episode.frames[-1]).count("reward 1.50") == 1
+        angle = kinematics_of("panda", base="world")
+        figure = Figure(angle, simple=True)
+        hand = episode.scene.links.index("panda_hand")
+        expected = figure.poses(np.array(get_arm("panda").home) + 3.0)[figure.links.index("panda_hand"), :3]
+        np.testing.assert_allclose(episode.frames[-1].poses[hand, :3], expected, atol=1e-6)
+        for name, said in (("Blind", "it has no `arm`"), ("Armed", "no posture `q` in its info")):
+            with pytest.raises(InputError, match=f"outside/{name}-v0 cannot be drawn: .*{said}"):
+                Recording(f"outside/{name}-v0", "random", get_arm("panda")).play()
+    finally:
+        for name in ("Pointing", "Blind", "Armed"):
+            del gym.registry[f"outside/{name}-v0"]
+
+
+def turn(observation):
+    """Always the same way."""
+    return np.ones(1, np.float32)
+
+
 def test_what_cannot_be_played_is_refused(tmp_path):
     ur5 = get_arm("ur5")
     with pytest.raises(InputError, match="unknown policy for kinreach/UR5SingleStep-v0 'wisdom'"):
-        Recording("single", "wisdom", ur5).play()
+        Recording(SINGLE, "wisdom", ur5).play()
     with pytest.raises(InputError, match=r"cannot read the policy .*missing\.safetensors"):
-        Recording("single", str(tmp_path / "missing.safetensors"), ur5).play()
+        Recording(SINGLE, str(tmp_path / "missing.safetensors"), ur5).play()
     with pytest.raises(InputError, match="has no closed form"):
-        Recording("single", "closed-form", get_arm("panda")).play()
+        Recording(SINGLE, "closed-form", get_arm("panda")).play()
 
 
 def test_nobody_waits_for_an_episode_any_more():
@@ -122,7 +223,7 @@ def test_nobody_waits_for_an_episode_any_more():
     stop = Event()
     stop.set()
     with pytest.raises(Stopped):
-        Recording("single", "closed-form", get_arm("ur5")).play(simple=True, stop=stop)
+        Recording(SINGLE, "closed-form", get_arm("ur5")).play(simple=True, stop=stop)
 
 
 def test_a_copied_program_plays_the_same(episodes, capsys):
@@ -130,7 +231,7 @@ def test_a_copied_program_plays_the_same(episodes, capsys):
         arm = repr(recording.arm.name)
         exec(compile(recording.program(arm), f"copied {name}", "exec"), {})
         reached, steps, distance, _ = capsys.readouterr().out.split()
-        assert (reached, int(steps)) == ("True", len(episode.steps))
+        assert (reached, int(steps)) == ("True", len(episode.steps)), name
         assert float(distance) == pytest.approx(episode.trial["distance"])
 
 

@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 
 from kinreach.compare import compare
+from kinreach.registration import BUTTON, MOVING, REAL_ARM
 from kinreach.robots.calibration import PUBLISHED
 from kinreach.view.cli import setup_of
 
@@ -117,6 +118,7 @@ def test_the_real_arm_beside_its_data_sheet(serve, root):
 def test_parts_of_other_arms(serve):
     with Tab(serve("arm3")) as tab:
         assert tab.page.names == ("Target", "Episodes", "Results")
+    assert setup_of("ur5e").environments == (BUTTON, REAL_ARM, MOVING)  # it has no goals
 
 
 def test_an_episode_is_played_stepped_and_scrubbed(serve):
@@ -150,7 +152,14 @@ def test_an_episode_is_played_stepped_and_scrubbed(serve):
         wait_for(lambda: "is no policy" in panel._verdict.content)
         assert panel.episode is first
         wait_for(lambda: not panel._button.disabled)
-        tab.set(panel._environment, "button")
+        tab.set(panel._file, "os:system")
+        wait_for(lambda: panel._file.value == "os:system")
+        tab.set(panel._button, True)
+        wait_for(lambda: "a module is named on the command line" in panel._verdict.content)
+        wait_for(lambda: not panel._button.disabled)
+        tab.set(panel._observation, "pixels")
+        wait_for(lambda: "pixels-single" in panel._policy.options)
+        tab.set(panel._environment, BUTTON)
         wait_for(lambda: panel._policy.value == "analytic")
         tab.set(panel._file, "")
         wait_for(lambda: panel._file.value == "")
@@ -161,6 +170,28 @@ def test_an_episode_is_played_stepped_and_scrubbed(serve):
         tab.page.show("Target")
         assert panel._surroundings.visible
         assert not panel.playing
+
+
+def test_a_real_arm_beside_the_one_that_is_believed_in(serve):
+    with Tab(serve("ur5")) as tab:
+        panel = tab.page.show("Episodes")
+        wait_for(lambda: panel.episode)
+        first = panel.episode
+        tab.set(panel._environment, REAL_ARM)
+        wait_for(lambda: panel._policy.value == "data-sheet")
+        assert panel._observation.disabled
+        tab.set(panel._button, True)
+        wait_for(lambda: panel.episode is not first)
+        panel.go(40)
+        with tab.page.lock:
+            assert "blue: the arm as its user believes it to be" in panel._now.content
+            names = panel._believed._names
+            own, true = (
+                dict(zip(solid._names, solid._links, strict=True))["wrist_3_link"].position
+                for solid in (panel._believed, panel._solid)
+            )
+            assert "forearm_link" in names
+            assert 0 < np.linalg.norm(own - true) < 0.02
 
 
 def test_a_page_of_another_site_is_shown_nothing(serve, monkeypatch):

@@ -1,0 +1,83 @@
+"""Every environment that is registered, with everybody who is offered for it."""
+
+import gymnasium as gym
+import pytest
+
+import kinreach  # noqa: F401
+from kinreach.compare import get_task, task_names
+from kinreach.errors import InputError
+from kinreach.kinematics.solvers import SOLVERS
+from kinreach.registration import BUTTON, MOVING, REAL_ARM, SINGLE, SINGLE_KINEMATIC
+from kinreach.robots import get_arm
+from kinreach.view.episodes import Recording
+from kinreach.view.players import new_player, playable, playable_names
+
+#: Beside the page's own: these episodes are watched by nobody.
+SHORT = {REAL_ARM: {"balls": 1, "budgets": (0, 5), "again": 0}, MOVING: {"speeds": (0.6,)}}
+
+
+def test_all_that_is_registered_can_be_played():
+    registered = {name for name in gym.registry if name.startswith("kinreach/")}
+    assert set(playable_names()) == registered
+    assert len(registered) >= 8
+
+
+def test_all_methods_of_comparisons_are_offered():
+    """By their own names, or by those of the policies that they are."""
+    offered, ur5 = 0, get_arm("ur5")
+    for name in task_names():
+        task = get_task(name)
+        for key, method in task.methods.items():
+            if task.arm in ("", "ur5"):
+                players = playable(method.environment or task.environment).players(ur5)
+                shipped = [version.removeprefix("policy ") for version in method.versions]
+                assert {key, *shipped} & set(players), (name, key, players)
+                offered += 1
+    assert offered >= 25
+
+
+@pytest.mark.parametrize("name", playable_names())
+def test_everybody_who_is_offered_plays(name):
+    players = playable(name).players(get_arm("ur5"))
+    assert len(players) == len(set(players)) >= 3
+    assert players[-1] == "random"
+    for player in players:
+        episode = Recording(name, player, get_arm("ur5"), seed=2, options=SHORT.get(name, {})).play(simple=True)
+        assert len(episode.frames) >= 2, player
+        assert episode.verdict.startswith(("Reached", "Not reached")), player
+        assert len(episode.steps) == episode.trial["steps"], player
+    assert set(players) >= set(SOLVERS) or not playable(name).solvable
+
+
+@pytest.mark.parametrize("arm", ["panda", "arm3"])
+def test_everybody_who_is_offered_for_another_arm_plays(arm):
+    players = playable(SINGLE).players(get_arm(arm))
+    assert ("closed-form" in players, "hybrid" in players) == (arm == "arm3", False)
+    for player in players:
+        assert Recording(SINGLE, player, get_arm(arm), options={"backend": "kinematic"}).play(simple=True).steps, player
+
+
+@pytest.mark.parametrize("observation", ["camera", "pixels"])
+def test_everybody_plays_by_pictures(observation, needs_gl):
+    known, ur5 = playable(SINGLE), get_arm("ur5")
+    players = known.players(ur5, observation=observation)
+    assert ("pixels-single" in players, "single" in players) == (observation == "pixels", observation == "camera")
+    reached = 0
+    for player in players:
+        asked = Recording(SINGLE, player, ur5, options={"observation": observation, "backend": "kinematic"})
+        reached += asked.play(simple=True).trial["reached"]
+    assert reached >= len(players) - 3
+
+
+def test_a_player_of_ones_own():
+    env = gym.make(SINGLE, backend="kinematic")
+    assert new_player("kinreach.kinematics.solvers:ClosedFormSolver", env).reset
+    for name, said in (("nobody:Nothing", "cannot import"), ("wisdom", "unknown policy for"), ("button", "unknown")):
+        with pytest.raises(InputError, match=said):
+            new_player(name, env)
+    with pytest.raises(InputError, match="there is no environment 'kinreach/Nothing-v0'"):
+        playable("kinreach/Nothing-v0")
+    with pytest.raises(InputError, match="cannot import the environment nothing:a/B-v0"):
+        playable("nothing:a/B-v0")
+    assert playable(f"kinreach:{BUTTON}").name == BUTTON
+    assert "backend" not in playable(SINGLE_KINEMATIC).choices
