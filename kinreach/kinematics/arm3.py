@@ -28,13 +28,14 @@ from kinreach.checks import (
     shown,
 )
 from kinreach.errors import InputError
-from kinreach.kinematics.arm import link_frame
 from kinreach.kinematics.closed_form import ClosedFormKinematics
 from kinreach.kinematics.goals import Goal, PositionGoal
 from kinreach.kinematics.solutions import Accept, IKResult, IKSolutions, Row
 from kinreach.robots import ArmDescription
 
 TURN = 2 * pi
+#: Frames are parallel whose rotations differ by less in every entry.
+PARALLEL = 1e-9
 
 
 class Singularity(IntFlag):
@@ -71,7 +72,7 @@ class YawPlanarGeometry:
     """Lengths of a base that turns about z and two links that turn about y.
 
     Attributes:
-        shoulder: Second axis in the turning frame: x, and z above the base [m].
+        shoulder: Second axis in the turning frame, which is the first joint's: x and z [m].
         upper: Second axis to third, in the plane (x, z) at zero angles [m].
         fore: Third axis to the tip, likewise [m].
         offset: Sideways offset L of the tip along y of the turning frame [m].
@@ -92,7 +93,7 @@ class YawPlanarGeometry:
 
     @classmethod
     def from_model(cls, model: Any, tip_frame: int) -> YawPlanarGeometry:
-        """Read the lengths from a Pinocchio model with joints about z, y, y.
+        """Read the lengths from a Pinocchio model with joints about z, y, y, their frames parallel at zero angles.
 
         Raises:
             InputError: The model is not of this kind.
@@ -100,10 +101,12 @@ class YawPlanarGeometry:
         kinds = [model.joints[i].shortname() for i in range(1, model.njoints)]
         if kinds != ["JointModelRZ", "JointModelRY", "JointModelRY"]:
             raise InputError(f"needs joints about z, y, y; the model has {kinds}")
-        base, shoulder, elbow = (model.jointPlacements[i].translation for i in range(1, 4))
+        if not all(np.allclose(model.jointPlacements[i].rotation, np.eye(3), rtol=0, atol=PARALLEL) for i in (2, 3)):
+            raise InputError("needs joints about z, y, y with parallel frames; those of the model are turned")
+        shoulder, elbow = (model.jointPlacements[i].translation for i in (2, 3))
         tip = model.frames[tip_frame].placement.translation
         return cls(
-            shoulder=(float(shoulder[0]), float(base[2] + shoulder[2])),
+            shoulder=(float(shoulder[0]), float(shoulder[2])),
             upper=(float(elbow[0]), float(elbow[2])),
             fore=(float(tip[0]), float(tip[2])),
             offset=float(shoulder[1] + elbow[1] + tip[1]),
@@ -114,7 +117,7 @@ def solve_position(p: Sequence[float], g: YawPlanarGeometry, *, tol: float = 1e-
     """All postures that put the tip at a point.
 
     Args:
-        p: Point in the frame of the base [m], three numbers.
+        p: Point in the first joint's frame [m], three numbers.
         g: Lengths.
         tol: How far a point may be outside the reach of the joints and still be taken as on its border [m].
 
@@ -168,7 +171,7 @@ def solve_positions(p: Floats, g: YawPlanarGeometry, *, tol: float = 1e-7) -> tu
     """All postures that put the tip at each of many points; the formulas are those of `solve_position`.
 
     Args:
-        p: Points in the frame of the base [m], shape (3, count).
+        p: Points in the first joint's frame [m], shape (3, count).
         g: Lengths.
         tol: How far a point may be outside the reach of the joints and still be taken as on its border [m].
 
@@ -215,7 +218,7 @@ class Arm3Kinematics(ClosedFormKinematics):
     translation is the goal. Threads may share an instance.
 
     Args:
-        arm: Name or description of an arm with joints about z, y, y.
+        arm: Name or description of an arm with joints about z, y, y, whose frames are parallel at zero angles.
         tip: `"end_effector"`.
         base: `"base_link"` or `"world"`.
 
@@ -233,8 +236,7 @@ class Arm3Kinematics(ClosedFormKinematics):
     ) -> None:
         super().__init__(arm, tip=tip, base=base)
         self.geometry = YawPlanarGeometry.from_model(self.model, self.tip_frame)
-        T_world_arm = self.model.frames[link_frame(self.model, self.arm.base)].placement.homogeneous
-        self._T_arm_base: Floats = np.linalg.inv(T_world_arm) @ self.T_world_base
+        self._T_joint_base: Floats = self.model.jointPlacements[1].inverse().homogeneous @ self.T_world_base
 
     def all_solutions(
         self, T: ArrayLike, *, seed: ArrayLike | None = None, limits: bool = True, tol: float = 1e-7
@@ -257,7 +259,7 @@ class Arm3Kinematics(ClosedFormKinematics):
         start = self._posture_or_none(seed)
         target, tol = as_floats("T", T), check_tolerance(tol)
         goal = PositionGoal(as_pose("T", target)[:3, 3] if target.shape == (4, 4) else target)
-        p = self._in_arm_frame(goal.position[None])[:, 0]
+        p = self._in_joint_frame(goal.position[None])[:, 0]
         found, miss = solve_position(p.tolist(), self.geometry, tol=tol)
         return self._solutions(found, "" if found else miss_text(miss), self._error_of(goal), start, limits)
 
@@ -278,8 +280,8 @@ class Arm3Kinematics(ClosedFormKinematics):
         if T.ndim != 2 or T.shape[1] != 3:
             raise InputError(f"targets must have shape (count, 3) or (count, 4, 4), got {T.shape}")
         check_entries("targets", T, MOST_DISTANCE)
-        return solve_positions(self._in_arm_frame(T), self.geometry, tol=tol)
+        return solve_positions(self._in_joint_frame(T), self.geometry, tol=tol)
 
-    def _in_arm_frame(self, p: Floats) -> Floats:
-        """Points of the base frame (count, 3) in the arm's own frame (3, count)."""
-        return self._T_arm_base[:3, :3] @ p.T + self._T_arm_base[:3, 3:]
+    def _in_joint_frame(self, p: Floats) -> Floats:
+        """Points of the base frame (count, 3) in the first joint's (3, count)."""
+        return self._T_joint_base[:3, :3] @ p.T + self._T_joint_base[:3, 3:]

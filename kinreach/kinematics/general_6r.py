@@ -54,6 +54,8 @@ REAL, COMPLEX, NEARLY_REAL = 1e-11, 1e-4, 3e-2
 #: An eigenvalue that belongs to a posture is exact to this, unless the problem is ill-conditioned [rad]; and entries of
 #: a matrix as large as this say so, too: an inverse was large.
 INEXACT, ILL = 1e-4, 1e5
+#: What is added to a matrix before it is inverted: one that is singular to the last digit then has a large inverse.
+NUDGE = 1e-14
 #: Eigenvalues whose angles differ by more are not equal ones [rad].
 APART = 1e-4
 #: Eigenvalues whose angles differ by less may be equal ones [rad].
@@ -221,7 +223,7 @@ def newton(chain: Chain, q: Floats, T: Floats, *, steps: int = FEW) -> tuple[Flo
         if not (left and len(going)):
             break
         q, T, rows, J, error = q[going], T[going], rows[going], J[going], error[going]
-        step = np.linalg.solve(J + 1e-14 * np.eye(6), error[:, :, None])[:, :, 0]
+        step = np.linalg.solve(J + NUDGE * np.eye(6), error[:, :, None])[:, :, 0]
         q = q + step * np.minimum(1.0, LONGEST / np.maximum(np.abs(step).max(axis=1), LONGEST))[:, None]
     return results, off
 
@@ -439,10 +441,8 @@ class General6R:
         column = np.abs(products).sum(axis=1).argmax(axis=1)
         every = np.arange(len(pose))
         halves, whole = products[every, :, column], products[every, row]
-        large = 2 + np.abs(halves[:, 2:]).argmax(axis=1)
-        halves = (halves / halves[every, large, None]).real
-        ones = whole[:, 0]
-        whole = (whole / np.where(ones == 0.0, 1.0, ones)[:, None]).real
+        large = halves[every, 2 + np.abs(halves[:, 2:]).argmax(axis=1)]
+        halves, whole = _scaled(halves, large), _scaled(whole, whole[:, 0])
         q = np.zeros((len(pose), 6))
         q[:, 1 + unknown] = phase + 2.0 * np.arctan(value.real)
         q[:, 1 + factor] = 2.0 * np.arctan2(halves[:, 3], halves[:, 2])
@@ -453,7 +453,8 @@ class General6R:
     def _by_inverse(self, B: Floats, C: Floats, S: Floats, unknown: int) -> _Eigen:
         """Eigenvalues x of (B - C) x^2 + 2 S x + B + C that may be real, by the companion matrix."""
         rest, known = self._bases[unknown]
-        image = -np.linalg.solve(B - C, np.concatenate([B + C, 2.0 * S], axis=2) @ rest)
+        regular = B - C + NUDGE * np.eye(12)
+        image = -np.linalg.solve(regular, np.concatenate([B + C, 2.0 * S], axis=2) @ rest)
         values, vectors = np.linalg.eig(rest[:12].T @ rest[12:] + rest[12:].T @ image)
         pose, which = _nearly_real(values)
         value, vector = values[pose, which], vectors[pose, :, which]
@@ -529,6 +530,11 @@ def _nearly_real(values: NDArray[Any]) -> tuple[NDArray[np.int64], NDArray[np.in
         near = (np.abs(values.imag) < NEARLY_REAL * (1.0 + np.abs(values) ** 2)) & (values.imag >= 0.0)
     pose, which = np.nonzero(near)
     return pose, which
+
+
+def _scaled(rows: NDArray[Any], by: NDArray[Any]) -> Floats:
+    """Real parts of rows (m, k) over numbers (m,), but for those that are 0."""
+    return np.asarray((rows / np.where(by == 0.0, 1.0, by)[:, None]).real)
 
 
 def _in_doubt(found: int, angles: Floats, imaginary: Floats) -> bool:

@@ -6,9 +6,17 @@ import numpy as np
 import pytest
 
 from kinreach.errors import InputError
-from kinreach.kinematics import Arm3Kinematics, ArmKinematics, AxisGoal, PoseGoal, PositionGoal, Status
+from kinreach.kinematics import (
+    Arm3Kinematics,
+    ArmKinematics,
+    AxisGoal,
+    PoseGoal,
+    PositionGoal,
+    Status,
+    kinematics_of,
+)
 from kinreach.kinematics.arm3 import Singularity
-from kinreach.robots import get_arm
+from kinreach.robots import ArmDescription, get_arm
 
 KIN = Arm3Kinematics(base="world")
 
@@ -48,7 +56,8 @@ def test_stretched_folded_and_just_beyond():
     for first, second in np.random.default_rng(2).uniform(-1.5, 1.5, (300, 2)):
         target = KIN.fk([first, second, stretched])[:3, 3]
         forward, sideways = np.array([[np.cos(first), np.sin(first), 0], [-np.sin(first), np.cos(first), 0]])
-        shoulder = forward * g.shoulder[0] + sideways * g.offset + (0, 0, g.shoulder[1])
+        base = KIN.model.jointPlacements[1].translation
+        shoulder = base + forward * g.shoulder[0] + sideways * g.offset + (0, 0, g.shoulder[1])
         out = (target - shoulder) / np.linalg.norm(target - shoulder)
         branch = KIN.nearest(target, [first, second, stretched]).branch
         for scale in (0.0, 1e-9):
@@ -116,3 +125,44 @@ def test_an_arm_of_another_kind_is_refused():
     ur5 = replace(get_arm("ur5"), tips={"end_effector": "tool0"})
     with pytest.raises(InputError, match="z, y, y"):
         Arm3Kinematics(arm=ur5)
+
+
+def arm_of(tmp_path, origins):
+    """An arm with joints about z, y, y and these origins, as (xyz, rpy), of its joints in the links before."""
+    links = "".join(f'<link name="link_{k}"/>' for k in range(4))
+    joints = "".join(
+        f'<joint name="joint_{k}" type="revolute"><parent link="link_{k}"/><child link="link_{k + 1}"/>'
+        f'<origin xyz="{" ".join(map(str, xyz))}" rpy="{" ".join(map(str, rpy))}"/>'
+        f'<axis xyz="{axis}"/><limit lower="-3" upper="3" velocity="1" effort="1"/></joint>'
+        for k, ((xyz, rpy), axis) in enumerate(zip(origins, ("0 0 1", "0 1 0", "0 1 0"), strict=True))
+    )
+    tip = '<joint name="fixed" type="fixed"><parent link="link_3"/><child link="tip"/><origin xyz="0.1 0 0.3"/></joint>'
+    file = tmp_path / "arm.urdf"
+    file.write_text(f'<robot name="arm">{links}<link name="tip"/>{joints}{tip}</robot>')
+    return ArmDescription.from_urdf(file, tip="tip")
+
+
+def test_an_arm_that_stands_somewhere_else_and_askew(tmp_path):
+    rng = np.random.default_rng(4)
+    found = 0
+    for _ in range(5):
+        foot = rng.uniform(-1, 1, 3), rng.uniform(-1, 1, 3)
+        arm = arm_of(tmp_path, (foot, ((0.05, 0.02, 0.1), (0, 0, 0)), ((0.03, -0.01, 0.4), (0, 0, 0))))
+        kin = kinematics_of(arm)
+        assert isinstance(kin, Arm3Kinematics)
+        for q in rng.uniform(-3, 3, (20, 3)):
+            solutions = kin.all_solutions(kin.fk(q))
+            assert solutions.residual[:, 0].max() < 1e-9
+            found += np.abs(solutions.q - q).max(axis=1).min() < 1e-6
+    assert found == 100
+
+
+@pytest.mark.parametrize("turned", [1, 2])
+@pytest.mark.parametrize("axis", [0, 1, 2])
+def test_an_arm_with_turned_frames_has_no_closed_form(tmp_path, turned, axis):
+    rpy = np.zeros((3, 3))
+    rpy[turned, axis] = 0.3
+    arm = arm_of(tmp_path, list(zip(np.array([(0, 0, 0.1), (0.05, 0, 0.1), (0, 0, 0.4)]), rpy, strict=True)))
+    with pytest.raises(InputError, match="turned"):
+        Arm3Kinematics(arm=arm, tip="tip")
+    assert type(kinematics_of(arm)) is ArmKinematics

@@ -57,6 +57,16 @@ def test_every_posture_is_exact_and_the_generating_one_is_there(kin):
         np.testing.assert_allclose(nearest.q, posture, atol=1e-6)
 
 
+def test_postures_at_right_angles_are_solved(kin):
+    """There a matrix that is inverted may be singular to the last digit."""
+    q = np.random.default_rng(2).choice(np.pi / 2 * np.arange(-1, 3), (15, 6))
+    T = kin.fk(q)
+    batch = kin.batch(T, limits=False)
+    assert batch.valid.any(axis=1).all()
+    for pose, row, valid in zip(T, batch.q, batch.valid, strict=True):
+        assert max(max(pose_error(pose, kin.fk(found))) for found in row[valid]) < 1e-9
+
+
 def test_as_many_as_eaik_finds():
     """The Z1's second to fourth axes are parallel, and its last two meet: EAIK decomposes that in closed form."""
     pytest.importorskip("eaik")
