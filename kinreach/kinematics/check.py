@@ -104,10 +104,14 @@ class Deviation:
 
 def random_postures(kin: ArmKinematics, count: int, seed: int) -> Floats:
     """Postures within the limits, and within a turn of each joint [rad], shape (count, n)."""
+    return np.random.default_rng(seed).uniform(*_ranges(kin), (count, kin.n))
+
+
+def _ranges(kin: ArmKinematics) -> tuple[Floats, Floats]:
+    """Ends of each joint's range within ±pi, and of all of it where it lies beyond [rad], shape (n,)."""
     low, high = np.maximum(kin.lower, -np.pi), np.minimum(kin.upper, np.pi)
-    narrow = low >= high  # a range that lies beyond a turn
-    low, high = np.where(narrow, kin.lower, low), np.where(narrow, kin.upper, high)
-    return np.random.default_rng(seed).uniform(low, high, (count, kin.n))
+    beyond = low >= high
+    return np.where(beyond, kin.lower, low), np.where(beyond, kin.upper, high)
 
 
 def from_first_joint(kin: ArmKinematics, positions: Floats) -> Floats:
@@ -199,7 +203,7 @@ def _least_agile(kin: ArmKinematics, q: Floats, joint: int, scale: float) -> tup
     def value(angle: float) -> float:
         return smallest_singular_value(kin, turned(angle), scale)
 
-    low, high = max(kin.lower[joint], -np.pi), min(kin.upper[joint], np.pi)
+    low, high = (end[joint] for end in _ranges(kin))
     angles = np.linspace(low, high, ANGLES)
     best, step = angles[int(np.argmin([value(angle) for angle in angles]))], angles[1] - angles[0]
     bounds = (max(low, best - step), min(high, best + step))

@@ -19,7 +19,6 @@ from collections.abc import Callable, Sequence
 from enum import IntEnum
 from functools import lru_cache
 from sys import float_info
-from threading import Lock
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -147,7 +146,6 @@ class _Exact:
         self.lower = kinematics.lower[:, None] - LIMIT_SLACK
         self.upper = kinematics.upper[:, None] + LIMIT_SLACK
         self._obstacles = {box.name for box in kinematics.arm.workcell.obstacles}
-        self._lock = Lock()  # the checker has one work space, and instances of the same arm share it
 
     def judge(self, q: Floats, *, refine: bool) -> Codes:
         """Causes for postures (m, n)."""
@@ -165,16 +163,14 @@ class _Exact:
     def collisions(self, q: Floats) -> Codes:
         """Causes for postures (m, n) within the limits."""
         causes = np.zeros(len(q), dtype=np.uint8)
-        with self._lock:
-            for row in np.flatnonzero([self._checker.in_collision(posture) for posture in q]):
-                pair = self._checker.distance(q[row]).pair
-                causes[row] = Cause.OBSTACLE if self._obstacles & set(pair) else Cause.SELF
+        for row in np.flatnonzero([self._checker.in_collision(posture) for posture in q]):
+            pair = self._checker.distance(q[row]).pair
+            causes[row] = Cause.OBSTACLE if self._obstacles & set(pair) else Cause.SELF
         return causes
 
     def deepest_pair(self, q: Floats) -> tuple[str, str]:
         """The two that are deepest in one another, an obstacle last."""
-        with self._lock:
-            one, other = self._checker.distance(q).pair
+        one, other = self._checker.distance(q).pair
         return (other, one) if one in self._obstacles else (one, other)
 
 

@@ -7,6 +7,7 @@ from math import atan2, dist, hypot
 from typing import Any
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from kinreach.checks import MOST_DISTANCE, Floats, as_pose, as_vector
 from kinreach.errors import InputError
@@ -20,7 +21,7 @@ class PoseGoal:
     T: Floats
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "T", as_pose("T", self.T))
+        object.__setattr__(self, "T", as_pose("T", self.T).copy())
 
     @property
     def position(self) -> Floats:
@@ -36,7 +37,7 @@ class AxisGoal:
     axis: Floats = (0.0, 0.0, -1.0)  # type: ignore[assignment]
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "position", as_vector("position", self.position, 3, most=MOST_DISTANCE))
+        object.__setattr__(self, "position", _as_point(self.position))
         axis = as_vector("axis", self.axis, 3, most=MOST_DISTANCE)
         length = float(np.linalg.norm(axis))
         if length < 1e-9:
@@ -51,7 +52,12 @@ class PositionGoal:
     position: Floats
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "position", as_vector("position", self.position, 3, most=MOST_DISTANCE))
+        object.__setattr__(self, "position", _as_point(self.position))
+
+
+def _as_point(position: ArrayLike) -> Floats:
+    """A point of the goal's own: what the caller does with its array later does not move it."""
+    return as_vector("position", position, 3, most=MOST_DISTANCE).copy()
 
 
 Goal = PoseGoal | AxisGoal | PositionGoal

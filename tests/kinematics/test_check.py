@@ -40,6 +40,13 @@ def test_singular_postures_of_a_ur_are_those_in_the_books():
     assert found.recurring(0) == found.recurring(5) == []  # the first and the last joint never matter
 
 
+def test_a_joint_whose_range_lies_beyond_a_turn():
+    kin = ArmKinematics(get_arm("ur5").with_limits({"wrist_2_joint": (3.5, 6.0)}))
+    found = check.singular_postures(kin, 1.0)
+    assert len(found.q) > 12
+    assert ((found.q >= kin.lower - 1e-9) & (found.q <= kin.upper + 1e-9)).all()
+
+
 def test_singular_postures_of_an_arm_with_a_joint_to_spare():
     kin = ArmKinematics("panda")
     found = check.singular_postures(kin, 1.0)

@@ -104,3 +104,17 @@ def test_malformed_calls_are_input_errors(call):
 def test_an_empty_batch_is_fine():
     assert KIN.batch(np.empty((0, 4, 4))).q.shape == (0, 8, 6)
     assert KIN.nearest_batch(np.empty((0, 4, 4)), np.zeros(6)).q.shape == (0, 6)
+
+
+def test_what_becomes_of_the_callers_array_changes_neither_goals_nor_solutions():
+    T, p, axis = np.array(POSE), np.array([0.1, 0.2, 0.3]), np.array([0.0, 0.0, 1.0])
+    goals = PoseGoal(T), AxisGoal(p, axis), PositionGoal(p)
+    solutions = KIN.all_solutions(T), ARM3.all_solutions(q := ARM3.fk(np.zeros(3))[:3, 3].copy())
+    T[:3, 3] += 1.0
+    p += 1.0
+    q += 1.0
+    for goal, wanted in zip(goals, (POSE[:3, 3], [0.1, 0.2, 0.3], [0.1, 0.2, 0.3]), strict=True):
+        np.testing.assert_array_equal(goal.position, wanted)
+    for found in solutions:
+        assert len(found)
+        assert found.residual.max() < 1e-9

@@ -257,6 +257,18 @@ def test_axis_goals_contain_the_generating_posture():
     assert found == 2000
 
 
+def test_where_the_seeds_wrist_3_is_refused_the_joint_turns_on_as_little_as_it_may():
+    kin = UR5Kinematics(tip="tool0", arm=wide_ur5())
+    checked = 0
+    for q in np.random.default_rng(7).uniform(-1.5 * np.pi, 1.5 * np.pi, (50, 6)):
+        T = kin.fk(q)
+        result = kin.axis_goal(T[:3, 3], T[:3, 2], q, accept=lambda found, q=q: abs(found[5] - q[5]) > 0.1)
+        assert result.success
+        assert abs(result.q[5] - q[5]) < np.radians(46)
+        checked += abs(q[5]) > np.pi - np.radians(45)
+    assert checked > 10
+
+
 def test_axis_goal_with_the_tool_parallel_to_the_middle_axes():
     kin = UR5Kinematics(tip="tool0")
     for q in postures(10, 300):

@@ -24,7 +24,7 @@ class LevenbergMarquardtSolver(IterativeSolver):
     where E vanishes (Sugihara, "Solvability-unconcerned inverse kinematics by the Levenberg-Marquardt method", IEEE
     T-RO 27(5), 2011; proportional to E as in Chan and Lawrence, "General inverse kinematics with the error damped
     pseudoinverse", ICRA 1988). Each step is projected into the joint limits: a joint that would be pushed through one
-    is held, and the others take the step without it (see `JointSpace` for joints that turn full circle). `goal_task`
+    is held, and the others take the step without it (see `JointSpace` for joints that turn full circle). `iterative`
     has the equations of e and J.
 
     The arguments are those of `IterativeSolver`. Threads may share an instance.

@@ -37,7 +37,7 @@ class QPSolver(IterativeSolver):
 
     with the URDF's joint speed limits v (Kanoun et al., "Kinematic control of redundant manipulators", IEEE T-RO
     27(4), 2011; the damping is Sugihara's, as in `LevenbergMarquardtSolver`). Joints that turn full circle have no
-    position limit on the way (see `JointSpace`). `goal_task` has the equations of e and J. Threads may share an
+    position limit on the way (see `JointSpace`). `iterative` has the equations of e and J. Threads may share an
     instance.
 
     Args:

@@ -159,11 +159,12 @@ class URKinematics(ClosedFormKinematics):
             InputError: `T` is not a finite rigid motion, or the seed is malformed.
         """
         start = self._posture_or_none(seed)
+        T = as_floats("T", T).copy()
         rows = self._flange_rows(T)
         tol = check_tolerance(tol)
         found, miss = self._solve_pose(rows, start, limits=limits, tol=tol)
         unreached = "" if found else miss_text(miss)
-        return self._solutions(found, unreached, lambda q: pose_error(as_floats("T", T), self.fk(q)), start, limits)
+        return self._solutions(found, unreached, lambda q: pose_error(T, self.fk(q)), start, limits)
 
     def axis_solutions(
         self,
@@ -221,8 +222,10 @@ class URKinematics(ClosedFormKinematics):
         if result.status is not Status.REJECTED:
             return result
         for turn in TURNS:
-            turned = start.copy()
-            turned[WRIST_3] = (start[WRIST_3] + turn + np.pi) % (2 * np.pi) - np.pi
+            last = nearest_winding([start[-1] + turn], start[-1:], self._low[-1:], self._high[-1:])
+            if last is None:
+                continue
+            turned = np.array([*start[:-1], *last])
             other = self._choose(self.axis_solutions(position, axis, seed=turned), start, accept)
             if other.success:
                 return other
