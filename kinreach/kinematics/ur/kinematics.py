@@ -222,10 +222,11 @@ class URKinematics(ClosedFormKinematics):
         if result.status is not Status.REJECTED:
             return result
         for turn in TURNS:
-            last = nearest_winding([start[-1] + turn], start[-1:], self._low[-1:], self._high[-1:])
+            wrist_3 = float(start[WRIST_3])
+            last = nearest_winding([wrist_3 + turn], [wrist_3], self._low[WRIST_3:], self._high[WRIST_3:])
             if last is None:
                 continue
-            turned = np.array([*start[:-1], *last])
+            turned = np.array([*start[:WRIST_3], *last])
             other = self._choose(self.axis_solutions(position, axis, seed=turned), start, accept)
             if other.success:
                 return other
