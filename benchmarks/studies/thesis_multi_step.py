@@ -1,4 +1,4 @@
-"""Why the thesis's multi-step path planning does not reach: `thesis-multi-long`, changed in one thing at a time.
+"""Why the thesis's multi-step path planning does not reach: `sb3-multi-long`, changed in one thing at a time.
 
 `python -m benchmarks.studies.thesis_multi_step results/train` trains what is missing, twenty policies of some 100 s on
 one core each, then prints the table of docs/training.md. With `--train VARIANT --seed K` it only trains that one.
@@ -35,7 +35,7 @@ PROG = "python -m benchmarks.studies.thesis_multi_step"
 #: Held-out goals of each policy, and decimals of what is measured on them.
 GOALS, DIGITS = 1000, 3
 _KINEMATICS = UR5Kinematics(tip="tcp", base="world")
-_LONG = get_recipe("thesis-multi-long")
+_LONG = get_recipe("sb3-multi-long")
 #: The standard deviation begins with the thesis's degree and ends with a quarter of it, as that of `ppo-multi`; the
 #: learning rate stays the thesis's, which AdaptivePPO would otherwise adapt.
 _SCHEDULE = {
@@ -56,10 +56,10 @@ def _scheduled(recipe: Recipe) -> Recipe:
 
 #: Recipes by the name of their folder: the thesis's rules, each of two changed alone, and both.
 VARIANTS: Mapping[str, Recipe] = {
-    "thesis-multi-long": _LONG,
-    "thesis-multi-long-going-on": _going_on(_LONG),
-    "thesis-multi-long-shrinking": _scheduled(_LONG),
-    "thesis-multi-long-both": _scheduled(_going_on(_LONG)),
+    "sb3-multi-long": _LONG,
+    "sb3-multi-long-going-on": _going_on(_LONG),
+    "sb3-multi-long-shrinking": _scheduled(_LONG),
+    "sb3-multi-long-both": _scheduled(_going_on(_LONG)),
 }
 #: Columns of the file; distances in mm, shares in percent, posture error in rad, standard deviations in degrees.
 COLUMNS = (

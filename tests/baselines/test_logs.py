@@ -31,14 +31,14 @@ def test_policies_are_among_the_logs_where_a_notebook_looks_into_them():
 
 
 def test_traced_episodes_are_at_most_a_hundred_steps():
-    for name in ("thesis-multi", "thesis-multi-half-range"):
+    for name in ("thesis-multi", "sb3-multi"):
         for episode in load_logs(name, EPISODE).values():
             assert 1 <= len(episode["distance"]) <= 100
             assert (episode["steps"] > 25_000).all()
 
 
 def test_what_followed_a_step_is_sampled_over_the_whole_training():
-    for name in ("thesis-single", "thesis-single-half-range", "thesis-multi", "thesis-multi-half-range"):
+    for name in ("thesis-single", "sb3-single", "thesis-multi", "sb3-multi"):
         (log,) = load_logs(name, REWARDS).values()
         assert 5000 < len(log["steps"]) == len(log["discounted"]) <= 7600
         assert log["steps"][-1] > 0.99 * get_recipe(name).steps

@@ -89,7 +89,14 @@ def test_no_segment_trains_on_the_goals_of_another(tmp_path, monkeypatch):
     assert len(np.unique(groups[:, 0], axis=0)) == len(groups)
 
 
-@pytest.mark.parametrize(("name", "unit"), [("ppo2-single", np.pi), ("ppo2-multi", 5.0)])
+@pytest.mark.parametrize(("name", "steps"), [("thesis-single", 128), ("thesis-multi", 4096)])
+def test_the_thesis_has_four_minibatches_and_four_epochs_of_its_steps(name, steps):
+    model = build(get_recipe(name), 0, steps=1000).model
+    assert model.n_envs * model.n_steps == 4 * model.batch_size == steps
+    assert model.n_epochs == 4
+
+
+@pytest.mark.parametrize(("name", "unit"), [("thesis-single", np.pi), ("thesis-multi", 5.0)])
 def test_ppo2_speaks_the_thesis_s_units_throughout(name, unit):
     """Its head, its standard deviation and so its learning rate: in radians and degrees."""
     model = build(get_recipe(name), 0, steps=1000).model

@@ -31,11 +31,9 @@ def stable(stacked, index, one):
 
     recipe = get_recipe("thesis-single")
     networks = replace(recipe.networks, std=one.std)
-    settings = {"gain": one.gain, **recipe.settings, "n_steps": STEPS, "batch_size": STEPS, "learning_rate": one.rate}
+    settings = {**recipe.settings, "gain": one.gain, "n_steps": STEPS, "minibatches": 1, "learning_rate": one.rate}
     settings |= {"ent_coef": one.entropy, "clip_range_vf": 0.2 if one.value_clip else None}
-    model = build(
-        replace(recipe, algorithm="PPO2", num_envs=1, networks=networks, settings=settings), 0, steps=STEPS
-    ).model
+    model = build(replace(recipe, num_envs=1, networks=networks, settings=settings), 0, steps=STEPS).model
     model.set_logger(Logger(None, []))
     model.policy.load_state_dict(weights(stacked, index, model.policy.state_dict()))
     return model

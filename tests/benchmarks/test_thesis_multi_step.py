@@ -13,7 +13,7 @@ pytest.importorskip("stable_baselines3")
 
 from benchmarks.studies.thesis_multi_step import COLUMNS, VARIANTS, table
 
-FILE = resources.files("kinreach.baselines") / "logs" / "thesis-multi-long" / "variants.csv"
+FILE = resources.files("kinreach.baselines") / "logs" / "sb3-multi-long" / "variants.csv"
 PAGE = Path(__file__).parents[2] / "docs" / "multi_step.md"
 
 

@@ -209,6 +209,18 @@ _SPACE_SINGLE = replace(
 
 REACH_RECIPES = (
     _THESIS_SINGLE,
+    replace(
+        _THESIS_SINGLE,
+        name="thesis-single-camera",
+        summary="thesis-single from goals as the thesis's pipeline sees them: with errors of 1000 rendered looks.",
+        options={**_THESIS_SINGLE.options, "observation": "camera", "pipeline": "thesis", "looks": 1000},
+    ),
+    replace(
+        _THESIS_SINGLE,
+        name="thesis-single-tolerance",
+        summary="thesis-single with joints that end up to 0.01 rad from where they were sent, the thesis's tolerance.",
+        settings={**_THESIS_SINGLE.settings, "tolerance": 0.01},
+    ),
     _sb3(
         _THESIS_SINGLE,
         name="sb3-single",

@@ -8,6 +8,7 @@ from typing import Any, NamedTuple, Protocol
 import numpy as np
 from gymnasium import spaces
 from numpy.typing import NDArray
+from scipy.spatial import cKDTree
 
 from kinreach.checks import Floats
 from kinreach.envs.reach.task import CAMERA_RANGE, ReachTask, goal_block, observation_space
@@ -20,6 +21,8 @@ Flags = NDArray[np.bool_]
 
 #: What is further away, the sky for example, has this depth [m]; the range of a RealSense D435.
 DEPTH_RANGE = 10.0
+#: Of the goals of looks that are taken beforehand.
+_LOOKS_SEED = 0
 
 
 class Looks(NamedTuple):
@@ -92,9 +95,41 @@ class CameraObserver:
         self._view.close()
 
 
+class RememberedObserver:
+    """What the cameras find, but for rendering: the error of the nearest of some looks taken beforehand.
+
+    The error of a look is that of its six numbers; a goal is not found where the nearest was not. The looks are the
+    same in every environment with the same options.
+    """
+
+    def __init__(self, task: ReachTask) -> None:
+        self._arm = task.arm
+        rng = np.random.default_rng(_LOOKS_SEED)
+        goals = task.arm.workcell.draw_goals(rng, task.options.looks)
+        observer = CameraObserver(task)
+        try:
+            taken = observer.look(goals, np.zeros(len(goals), dtype=np.intp), [rng])
+        finally:
+            observer.close()
+        self._nearest = cKDTree(goals)
+        self._errors, self._found = taken.views - goal_block(task.arm, goals), taken.found
+
+    def look(self, goals: Floats, ids: Ids, rngs: Sequence[np.random.Generator]) -> Looks:
+        """The true positions with the errors of the nearest looks; nothing is drawn from the generators."""
+        rows = self._nearest.query(goals)[1]
+        found = self._found[rows]
+        views = np.where(np.repeat(found, 3, axis=1), goal_block(self._arm, goals) + self._errors[rows], 0.0)
+        return Looks(views, found, goals_in_world(self._arm, views, found))
+
+    def close(self) -> None:
+        """Nothing to let go of."""
+
+
 def goal_observer(task: ReachTask) -> GoalObserver:
     """What measures the goal; with pixels the agent has to find it, and the true geometry is kept for `info`."""
-    return CameraObserver(task) if task.options.observation == "camera" else GeometricObserver(task)
+    if task.options.observation != "camera":
+        return GeometricObserver(task)
+    return RememberedObserver(task) if task.options.looks else CameraObserver(task)
 
 
 def measured(task: ReachTask, views: Floats) -> Looks:

@@ -47,6 +47,8 @@ OBSERVATION_KINDS = ("camera", "geometric", "pixels")
 BACKENDS = ("mujoco", "kinematic", "warp")
 #: Images are no wider or higher; graphics libraries draw the line somewhere below [px].
 LARGEST_PICTURE = 16384
+#: Looks that are taken beforehand are no more; a million take some hours.
+MOST_LOOKS = 10**6
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -78,6 +80,13 @@ class ReachOptions:
     exposure: float = field(
         default=1.0, metadata=about("largest factor by which a picture is brighter or darker, another one each time")
     )
+    looks: int = field(
+        default=0,
+        metadata=about(
+            "how many looks the cameras take beforehand; a goal then is seen with the error of the nearest of them. "
+            "0: a look at every goal"
+        ),
+    )
     end_on_reached: bool = field(
         default=True, metadata=about("whether reaching the goal ends an episode of several steps")
     )
@@ -97,6 +106,7 @@ class ReachOptions:
         if self.render_mode is not None:
             check_known("render_mode", self.render_mode, RENDER_MODES)
         check_cameras(self.pipeline, self.width, self.height, self.rgb_noise, self.depth_noise, self.exposure)
+        check_count("looks", self.looks, least=0, most=MOST_LOOKS)
         as_flags("end_on_reached", self.end_on_reached)
         if as_imperfections(self.imperfections) != IDEAL and self.backend == "kinematic":
             raise InputError(f'imperfections are of the dynamics: use backend="mujoco", got {self.backend!r}')
