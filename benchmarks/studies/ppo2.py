@@ -16,6 +16,7 @@ from collections.abc import Mapping, Sequence
 from contextlib import closing
 from dataclasses import dataclass, replace
 from pathlib import Path
+from types import MappingProxyType
 from typing import Any
 
 import numpy as np
@@ -186,8 +187,27 @@ class Played:
     failed: Any
 
 
-def play(networks: Networks, count: int, environment: str, places: np.ndarray, *, explore: bool = False) -> Played:
-    """One episode of each of `count` policies for each goal in the world [m], shape (goals, 3)."""
+def play(
+    networks: Networks,
+    count: int,
+    environment: str,
+    places: np.ndarray,
+    *,
+    explore: bool = False,
+    views: np.ndarray | None = None,
+    options: Mapping[str, Any] = MappingProxyType({}),
+) -> Played:
+    """One episode of each of `count` policies for each goal.
+
+    Args:
+        networks: Of the policies.
+        count: How many they are.
+        environment: Id.
+        places: Goals in the world [m], shape (goals, 3).
+        explore: Whether actions are drawn as in training.
+        views: How the goals are seen [m], shape (goals, 6); by default as perfect cameras see them.
+        options: Of the environment.
+    """
     size = count * len(places)
     near, waited, failed, steps = (np.zeros(size) for _ in range(4))
     tips, errors = np.zeros((size, 3)), np.zeros(size)
@@ -200,9 +220,9 @@ def play(networks: Networks, count: int, environment: str, places: np.ndarray, *
         steps[pending] += 1.0
         tips[pending], errors[pending] = info["tip"][pending], info["posture_error"][pending]
 
-    with closing(make_batch(environment, size, {"backend": "kinematic"})) as env:
-        options = {"goal": np.tile(places, (count, 1))}
-        trials = rollout_batch(env, Together(networks, explore=explore), seed=0, options=options, watch=watch)
+    starts = {"goal": np.tile(places, (count, 1))} | ({} if views is None else {"view": np.tile(views, (count, 1))})
+    with closing(make_batch(environment, size, {"backend": "kinematic", **options})) as env:
+        trials = rollout_batch(env, Together(networks, explore=explore), seed=0, options=starts, watch=watch)
     off = tips - np.tile(places, (count, 1))
     verdicts = (np.array([trial[name] for trial in trials]) for name in ("reached", "impossible"))
     arrays = (

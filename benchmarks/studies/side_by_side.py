@@ -9,8 +9,8 @@ same noise and the same goals, so that cells of a table differ by what they are 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -22,7 +22,6 @@ from kinreach.baselines.batch import make_batch
 from kinreach.baselines.policies import LearnedPolicy, Network, PolicyCard
 from kinreach.baselines.ppo2 import ppo2_loss
 from kinreach.baselines.rewards import TrainingReward, own
-from kinreach.registration import SINGLE
 
 Array = np.ndarray[Any, Any]
 
@@ -76,6 +75,7 @@ class Stack:
         ends: Whether reaching ends an episode of several steps.
         windows: Rows of the learning curve.
         looks: How often the policies are looked at while they are trained.
+        options: Of the environment.
     """
 
     environment: str
@@ -87,6 +87,7 @@ class Stack:
     ends: bool = True
     windows: int = 50
     looks: int = 10
+    options: Mapping[str, Any] = field(default_factory=dict)
 
 
 def initial_weights(seed: int, shared: bool) -> dict[str, Tensor]:
@@ -311,7 +312,7 @@ def train_stack(
     env = make_batch(
         stack.environment,
         count * arms,
-        {"backend": "kinematic"} | ({} if stack.environment == SINGLE else {"end_on_reached": stack.ends}),
+        {"backend": "kinematic", "end_on_reached": stack.ends, **stack.options},
     )
 
     def per_training(values: Array) -> Array:

@@ -38,7 +38,7 @@ from kinreach.baselines.policies import Network
 from kinreach.baselines.ppo2 import PPO2
 from kinreach.baselines.recipes import Recipe
 from kinreach.baselines.rewards import TrainingReward
-from kinreach.baselines.vec_envs import LooksVecEnv, LooseVecEnv, SB3VecEnv, TriesVecEnv
+from kinreach.baselines.vec_envs import LooksVecEnv, SB3VecEnv, TriesVecEnv
 from kinreach.checks import Floats, check_known
 from kinreach.envs.reach.observers import measured
 from kinreach.envs.reach.space import SpaceTask
@@ -360,13 +360,8 @@ def ppo_arguments(recipe: Recipe, env: SB3VecEnv, planned: int) -> dict[str, Any
 
 
 def ppo2_arguments(recipe: Recipe, env: SB3VecEnv, planned: int) -> dict[str, Any]:
-    """Those of PPO.
-
-    `gain` is what the actor's unit is as an action: 1/π for radians where an action of 1 is π. `tolerance`, in that
-    unit, is of the joints: see `LooseVecEnv`.
-    """
+    """Those of PPO; `gain` is what the actor's unit is as an action: 1/π for radians where an action of 1 is π."""
     arguments = ppo_arguments(recipe, env, planned)
-    arguments.pop("tolerance", None)
     size = (env.action_space.shape or (0,))[0]
     arguments["policy_kwargs"]["head"] = {"gain": size * [arguments.pop("gain")], "shift": size * [0.0]}
     return {**arguments, "policy": PosturePolicy}
@@ -448,8 +443,7 @@ def step_by_step(batch: VectorEnv[Any, Any, Any], recipe: Recipe, reward: Traini
 
 def step_by_step_to_the_end(batch: VectorEnv[Any, Any, Any], recipe: Recipe, reward: TrainingReward) -> SB3VecEnv:
     """The same, with a step limit that ends an episode like anything else: all that PPO2 knows is `done`."""
-    tolerance = recipe.settings.get("gain", 1.0) * recipe.settings.get("tolerance", 0.0)
-    return LooseVecEnv(batch, tolerance=tolerance, reward=reward, bootstrap=False)
+    return SB3VecEnv(batch, reward=reward, bootstrap=False)
 
 
 def in_tries(batch: VectorEnv[Any, Any, Any], recipe: Recipe, reward: TrainingReward) -> SB3VecEnv:

@@ -109,31 +109,6 @@ class SB3VecEnv(VecEnv):
         return [False] * len(list(self._get_indices(indices)))
 
 
-class LooseVecEnv(SB3VecEnv):
-    """A batch whose joints end anywhere within a tolerance of where an action sends them, as the thesis's do (6.3).
-
-    Args:
-        env: The batch.
-        tolerance: As an action; each joint's error is drawn uniformly from ± so much.
-        **kwargs: Of `SB3VecEnv`.
-    """
-
-    def __init__(self, env: VectorEnv[Any, Any, Any], *, tolerance: float, **kwargs: Any) -> None:
-        super().__init__(env, **kwargs)
-        self._tolerance = tolerance
-        self._rng = np.random.default_rng()
-
-    def reset(self) -> VecEnvObs:
-        """Start all episodes, and the errors with the seed that was set last."""
-        if self._seeds[0] is not None:
-            self._rng = np.random.default_rng([self._seeds[0], 1])
-        return super().reset()
-
-    def step_async(self, actions: np.ndarray[Any, Any]) -> None:
-        """Keep the actions, with the errors, for `step_wait`."""
-        super().step_async(actions + self._rng.uniform(-self._tolerance, self._tolerance, actions.shape))
-
-
 class TriesVecEnv(SB3VecEnv):
     """A batch of reach environments in groups of `tries` that have the same goal; a step is a whole episode.
 

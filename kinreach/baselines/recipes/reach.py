@@ -219,7 +219,7 @@ REACH_RECIPES = (
         _THESIS_SINGLE,
         name="thesis-single-tolerance",
         summary="thesis-single with joints that end up to 0.01 rad from where they were sent, the thesis's tolerance.",
-        settings={**_THESIS_SINGLE.settings, "tolerance": 0.01},
+        options={**_THESIS_SINGLE.options, "tolerance": 0.01},
     ),
     _sb3(
         _THESIS_SINGLE,

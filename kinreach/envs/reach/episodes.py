@@ -13,7 +13,7 @@ from kinreach.checks import Floats
 from kinreach.envs.batch import Outcome
 from kinreach.envs.reach.observers import PixelObserver, goal_observer, measured
 from kinreach.envs.reach.rewards import Score
-from kinreach.envs.reach.task import TOOL_DOWN, ReachTask, Start
+from kinreach.envs.reach.task import TOOL_DOWN, ReachTask, Start, joint_limits
 from kinreach.envs.reach.worlds import STATUSES, Executed, Ids, ReachWorld, Status
 from kinreach.kinematics.tensors import flags_like, like, namespace, on_host
 
@@ -56,7 +56,7 @@ class ReachEpisodes:
         self._move_time = np.zeros(count)
 
     def seed(self, index: int, rng: np.random.Generator) -> None:
-        """Give an arm its own generators, for goals and for sensor noise."""
+        """Give an arm its own generators, for goals and for noise."""
         goal_rng, self._sensors[index] = rng.spawn(2)
         self._streams.seed(index, goal_rng)
 
@@ -142,7 +142,8 @@ class ReachEpisodes:
         targets = self.task.targets(self.world.q, actions)
         if acting is not None:
             targets = np.where(acting[:, None], targets, self.world.q)
-        executed = self.world.execute(targets, two_phase=variant.two_phase, acting=acting)
+        ends = targets if self.task.options.tolerance == 0.0 else self._ends(targets, acting)
+        executed = self.world.execute(ends, two_phase=variant.two_phase, acting=acting)
         if executed.durations is not None:
             self._move_time += executed.durations
         score, info = self._judge(targets, executed)
@@ -156,6 +157,15 @@ class ReachEpisodes:
                 over |= executed.status == Status.DIVERGED
             outcome = Outcome(score.reward, terminated, over & ~terminated, info)
         return outcome if acting is None else outcome.of(acting)
+
+    def _ends(self, targets: Floats, acting: Flags | None) -> Floats:
+        """Where joints end near targets within their limits [rad], shape (count, n); other targets are kept."""
+        (low, high), tolerance = joint_limits(self.task.arm), self.task.options.tolerance
+        errors = np.zeros_like(targets)
+        for row in range(self.world.count) if acting is None else np.flatnonzero(acting):
+            errors[row] = self._sensors[row].uniform(-tolerance, tolerance, len(low))
+        inside = (low <= targets) & (targets <= high)
+        return np.where(inside, np.clip(targets + errors, low, high), targets)
 
     def forfeit(self, reason: str) -> Outcome:
         """The verdict on agents that find no action: impossible, the arms stay, the episodes end."""
@@ -195,7 +205,7 @@ class ReachEpisodes:
 
     def _target_tips(self, targets: Floats, tip: Floats, impossible: Flags) -> Floats:
         """Where the tips would be in the targets [m], shape (count, 3)."""
-        if self.world.dynamic:
+        if self.world.dynamic or self.task.options.tolerance:
             return self.task.kinematics.positions(targets)
         tips = tip.copy()  # what a kinematic world takes it takes exactly
         if impossible.any():

@@ -87,6 +87,13 @@ class ReachOptions:
             "0: a look at every goal"
         ),
     )
+    tolerance: float = field(
+        default=0.0,
+        metadata=about(
+            "how far from its target a joint may end, drawn uniformly each time [rad]; of the kinematic backend, where "
+            "joints otherwise end exactly there"
+        ),
+    )
     end_on_reached: bool = field(
         default=True, metadata=about("whether reaching the goal ends an episode of several steps")
     )
@@ -107,6 +114,9 @@ class ReachOptions:
             check_known("render_mode", self.render_mode, RENDER_MODES)
         check_cameras(self.pipeline, self.width, self.height, self.rgb_noise, self.depth_noise, self.exposure)
         check_count("looks", self.looks, least=0, most=MOST_LOOKS)
+        check_number("tolerance", self.tolerance, least=0.0, most=math.pi)
+        if self.tolerance and self.backend != "kinematic":
+            raise InputError(f'a tolerance is for backend="kinematic", got {self.backend!r}, where the dynamics decide')
         as_flags("end_on_reached", self.end_on_reached)
         if as_imperfections(self.imperfections) != IDEAL and self.backend == "kinematic":
             raise InputError(f'imperfections are of the dynamics: use backend="mujoco", got {self.backend!r}')

@@ -216,6 +216,9 @@ def test_actions_outside_the_space_are_clipped():
         ({"pipeline": "magic"}, "hybrid, thesis"),
         ({"width": 0}, r"width \[px\] must be at least 16"),
         ({"rgb_noise": -1.0}, "noise"),
+        ({"looks": -1}, "looks must be at least 0"),
+        ({"tolerance": 0.01}, "tolerance is for backend"),
+        ({"backend": "kinematic", "tolerance": -0.01}, "tolerance must be finite and at least 0"),
     ],
 )
 def test_unknown_options_are_refused(options, error):

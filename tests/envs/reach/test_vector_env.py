@@ -72,6 +72,33 @@ def test_a_batch_equals_single_environments(name, backend, count, steps, toleran
     batch.close()
 
 
+@pytest.mark.parametrize("name", [SINGLE, MULTI])
+def test_joints_end_anywhere_within_the_tolerance(name):
+    """The thesis's 0.01 rad (6.3); a batch is as many single environments with this too."""
+    count, steps, tolerance = 8, 30, 0.01
+    batch = make_vec(name, count, backend="kinematic", tolerance=tolerance)
+    singles = [gym.make(name, backend="kinematic", tolerance=tolerance) for _ in range(count)]
+    batch.reset(seed=5)
+    for i, env in enumerate(singles):
+        env.reset(seed=5 + i)
+    errors = []
+    for actions in actions_for(name, count, steps):
+        *_, info = batch.step(actions)
+        for i, env in enumerate(singles):
+            _, _, over, cut, found = env.step(actions[i])
+            last = info["final_info"] if over or cut else info
+            np.testing.assert_allclose(last["q"][i], found["q"], rtol=0, atol=1e-12)
+            errors += [] if found["impossible"] else [found["q"] - found["target"]]
+            if over or cut:
+                env.reset()
+    off = np.array(errors)
+    assert len(off) > 100
+    assert 0.95 * tolerance < np.abs(off).max() <= tolerance * (1 + 1e-9)
+    assert (np.abs(off.mean(axis=0)) < 4 * tolerance / np.sqrt(3 * len(off))).all()
+    assert len(np.unique(off)) > 0.99 * off.size
+    batch.close()
+
+
 @pytest.mark.parametrize(("name", "backend"), [(SINGLE, "kinematic"), (MULTI, "kinematic"), (SINGLE, "mujoco")])
 def test_what_a_step_returned_is_not_touched_by_later_ones(name, backend):
     batch = make_vec(name, 4, backend=backend)
