@@ -227,6 +227,15 @@ def test_a_comparison_survives_its_driver_and_a_node(cluster, root, tmp_path):
 
 
 @pytest.mark.slow
+def test_a_study_is_the_same_on_a_cluster(cluster, root):
+    study = ("-m", "benchmarks.studies.button_actuation", "--targets", "3")
+    drivers = [start(root, *study), start(root, *study, "--engine", "ray", "--address", cluster.address)]
+    here, there = map(finish, drivers)
+    assert here.count("\n| ") >= 10
+    assert there == here
+
+
+@pytest.mark.slow
 def test_ray_on_this_machine(root, tmp_path):
     command = ("-m", "kinreach.compare", "--methods", "closed-form", "--goals", "3", "--out")
     said = finish(start(root, *command, tmp_path / "ray", "--engine", "ray"))

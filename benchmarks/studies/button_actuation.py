@@ -15,11 +15,13 @@ import gymnasium as gym
 import numpy as np
 
 import kinreach
+from benchmarks.studies.parts import each
 from benchmarks.studies.tables import head, line
 from kinreach.baselines.button_controller import ButtonController
 from kinreach.cli import Parser, finish
 from kinreach.envs.button import ACTUATIONS, Actuation
 from kinreach.envs.button.task import PRESS_RADIUS
+from kinreach.jobs import add_options
 from kinreach.registration import BUTTON
 
 PROG = "python -m benchmarks.studies.button_actuation"
@@ -110,8 +112,10 @@ def main(argv: list[str] | None = None) -> int:
     parser = Parser(prog=PROG, description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--targets", type=int, default=1000, help="environments, each with a target of its own")
     parser.add_argument("--seed", type=int, default=1_000_000, help="of the first target; the others count up")
+    add_options(parser)
     args = parser.parse_args(argv)
-    columns = {name: column(actuation, args.targets, args.seed) for name, actuation in ACTUATIONS.items()}
+    parts = [(actuation, args.targets, args.seed) for actuation in ACTUATIONS.values()]
+    columns = dict(zip(ACTUATIONS, each(args, column, parts), strict=True))
     print(f"kinreach {kinreach.__version__}, {args.targets} targets, seed {args.seed}\n")
     print(head("", *columns))
     for name in next(iter(columns.values())):

@@ -2,6 +2,7 @@
 
     python -m benchmarks.studies.damage                          # the tables, but for what is learned again
     python -m benchmarks.studies.damage --episodes 20000,100000  # ranked PPO from the start, on the damaged arm
+    python -m benchmarks.studies.damage --engine ray             # each fault a task
 
 A joint that is stuck, one that is 2 degrees off, or a link that is bent by 3 degrees and 5 mm; the ball on the table,
 the tool straight down. Kinematics only. Reached: within 10 mm, the tool within 0.15 rad, as `kinreach/Reach-v0` has it.
@@ -12,15 +13,18 @@ from __future__ import annotations
 import argparse
 import math
 import xml.etree.ElementTree as ET
-from collections.abc import Callable
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
+from itertools import islice
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from time import process_time
+from typing import Any
 
 import numpy as np
 
+from benchmarks.studies.parts import each
 from kinreach.baselines.expert import tool_down_postures
 from kinreach.baselines.policies import LearnedPolicy, load_policy
 from kinreach.checks import Floats, check_count
@@ -28,6 +32,7 @@ from kinreach.cli import Parser, finish
 from kinreach.compare.real_arm import LEARNED_POLICY, Trained, Tuned, on_table, ur5
 from kinreach.envs.reach.task import TOOL_DOWN, goal_block
 from kinreach.envs.real_arm import MEDIAN_LENGTH, NOISE
+from kinreach.jobs import add_options
 from kinreach.kinematics import ArmKinematics
 from kinreach.kinematics.chain import SerialChain
 from kinreach.kinematics.identification import IdentifiedArm, Prior
@@ -46,6 +51,8 @@ PRIOR = Prior(base=(5e-3, 0.05), links=(5e-3, 0.05), tool=(1e-3, 0.0))
 SIGMA = NOISE / MEDIAN_LENGTH
 #: Weight of the tool's direction beside a distance [m/rad], steps and starts of the numeric inverse kinematics.
 LEVER, STEPS, STARTS = 0.1, 30, 4
+#: Of a fault, by method: balls reached, median distance [mm], processor time [s].
+Tried = Mapping[str, tuple[int, float, float]]
 #: Angles that a stuck joint is looked for at.
 ANGLES = np.linspace(-math.pi, math.pi, 721)
 
@@ -177,33 +184,32 @@ def reached(fault: Damage, q: Floats, balls: Floats) -> tuple[int, float]:
     return int(((apart < REACHED_DISTANCE) & (off < REACHED_POSTURE_ERROR)).sum()), 1e3 * float(np.median(apart))
 
 
-def tried(kind: str, faults: int, count: int) -> dict[str, list[tuple[int, float, float]]]:
-    """By method: reached, median distance [mm] and processor time [s] of each fault, on the same balls."""
-    rows: dict[str, list[tuple[int, float, float]]] = {}
+def tried(kind: str, seed: int, count: int) -> Tried:
+    """What each method makes of a fault, on the same balls."""
     policy = load_policy(LEARNED_POLICY)
-    for seed in range(faults):
-        rng = np.random.default_rng(seed)
-        fault = damage(kind, rng)
-        balls = ur5().arm.workcell.draw_goals(rng, count)
-        q = tool_down_postures(ur5(), on_table(LOOKS[-1]))
-        noise = rng.normal(0.0, SIGMA, (LOOKS[-1], 3))
-        seen = fault.chain.positions(fault.executed(q)) + noise
-        own = Trained(policy).aim(on_table(LOOKS[-1]))
-        own_seen = fault.chain.positions(fault.executed(own)) + noise
-        methods: dict[str, Callable[[], Floats]] = {
-            "closed form, unaware": partial(tool_down_postures, ur5(), balls),
-            "IK, fault known": partial(numeric, fault.chain, balls, stuck=fault.stuck, at=fault.at),
-            "policy, unaware": partial(Trained(policy).aim, balls),
-        }
-        for n in LOOKS:
-            methods[f"IK, fault from {n} looks"] = partial(by_looks, q[:n], seen[:n], balls)
-            methods[f"policy, tuned on {n} looks"] = partial(tuned, policy, own[:n], own_seen[:n], balls)
-        for name, method in methods.items():
-            start = process_time()
-            postures = method()
-            took = process_time() - start
-            rows.setdefault(name, []).append((*reached(fault, postures, balls), took))
-    return rows
+    rng = np.random.default_rng(seed)
+    fault = damage(kind, rng)
+    balls = ur5().arm.workcell.draw_goals(rng, count)
+    q = tool_down_postures(ur5(), on_table(LOOKS[-1]))
+    noise = rng.normal(0.0, SIGMA, (LOOKS[-1], 3))
+    seen = fault.chain.positions(fault.executed(q)) + noise
+    own = Trained(policy).aim(on_table(LOOKS[-1]))
+    own_seen = fault.chain.positions(fault.executed(own)) + noise
+    methods: dict[str, Callable[[], Floats]] = {
+        "closed form, unaware": partial(tool_down_postures, ur5(), balls),
+        "IK, fault known": partial(numeric, fault.chain, balls, stuck=fault.stuck, at=fault.at),
+        "policy, unaware": partial(Trained(policy).aim, balls),
+    }
+    for n in LOOKS:
+        methods[f"IK, fault from {n} looks"] = partial(by_looks, q[:n], seen[:n], balls)
+        methods[f"policy, tuned on {n} looks"] = partial(tuned, policy, own[:n], own_seen[:n], balls)
+    found = {}
+    for name, method in methods.items():
+        start = process_time()
+        postures = method()
+        took = process_time() - start
+        found[name] = (*reached(fault, postures, balls), took)
+    return found
 
 
 def tuned(policy: LearnedPolicy, q: Floats, seen: Floats, balls: Floats) -> Floats:
@@ -213,8 +219,12 @@ def tuned(policy: LearnedPolicy, q: Floats, seen: Floats, balls: Floats) -> Floa
     return learner.aim(balls)
 
 
-def relearned(kind: str, seed: int, episodes: int, count: int) -> tuple[int, float, float]:
-    """The recipe `single` from the start on a damaged arm: reached, median distance [mm], processor time [s]."""
+def relearned(kind: str, seed: int, count: int, episodes: Sequence[int]) -> Tried:
+    """The same of the recipe `single`, from the start on the damaged arm."""
+    return {f"policy, learned again from {n} episodes": _relearned(kind, seed, count, n) for n in episodes}
+
+
+def _relearned(kind: str, seed: int, count: int, episodes: int) -> tuple[int, float, float]:
     from kinreach.baselines.recipes import get_recipe
     from kinreach.baselines.training import train
 
@@ -238,21 +248,21 @@ def main(argv: list[str] | None = None) -> int:
     parser.add_argument("--faults", type=int, default=20, help="of each kind (default: %(default)s)")
     parser.add_argument("--balls", type=int, default=50, help="for each fault (default: %(default)s)")
     parser.add_argument("--episodes", metavar="N,N", help="learn again from so many episodes instead")
+    add_options(parser)
     arguments = parser.parse_args(argv)
     check_count("--faults", arguments.faults)
     check_count("--balls", arguments.balls)
+    parts: list[Any] = [(kind, seed, arguments.balls) for kind in KINDS for seed in range(arguments.faults)]
+    if arguments.episodes:
+        episodes = [int(n) for n in arguments.episodes.split(",")]
+        faults = each(arguments, relearned, [(*part, episodes) for part in parts])
+    else:
+        faults = each(arguments, tried, parts)
     print("| fault | method | reached, % [95 % CI] | median of medians, mm | processor, s |\n|---|---|---|---|---|")
     for kind in KINDS:
-        if arguments.episodes:
-            found = {
-                f"policy, learned again from {n} episodes": [
-                    relearned(kind, seed, n, arguments.balls) for seed in range(arguments.faults)
-                ]
-                for n in map(int, arguments.episodes.split(","))
-            }
-        else:
-            found = tried(kind, arguments.faults, arguments.balls)
-        for name, rows in found.items():
+        found = list(islice(faults, arguments.faults))
+        for name in found[0]:
+            rows = [fault[name] for fault in found]
             hits, total = sum(row[0] for row in rows), len(rows) * arguments.balls
             low, high = wilson_interval(hits, total)
             middle, took = (float(np.median([row[part] for row in rows])) for part in (1, 2))

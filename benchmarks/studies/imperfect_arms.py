@@ -1,6 +1,6 @@
 """How exactly an arm with friction, damping, an unknown load or noisy encoders stops, and what that costs.
 
-    python -m benchmarks.studies.imperfect_arms [--goals 200]
+    python -m benchmarks.studies.imperfect_arms [--goals 200] [--engine ray]
 
 The closed form's postures are executed in two phases, as the thesis does; `single` and `multi` are the package's
 policies. A small step is one of 1 degree in every joint, from the postures in which the arm stands then.
@@ -14,10 +14,12 @@ from collections.abc import Mapping
 
 import numpy as np
 
+from benchmarks.studies.parts import each
 from benchmarks.studies.tables import head, line
 from kinreach.baselines.evaluation import HELD_OUT, evaluate
 from kinreach.baselines.policies import load_policy
 from kinreach.cli import Parser, finish
+from kinreach.jobs import add_options
 from kinreach.kinematics import UR5Kinematics
 from kinreach.kinematics.fast_collision import FastCollision
 from kinreach.sim.simulation import BatchSimulation
@@ -93,13 +95,14 @@ def main(argv: list[str] | None = None) -> int:
     """Print the table."""
     parser = Parser(prog=PROG, description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--goals", type=int, default=200)
+    add_options(parser)
     arguments = parser.parse_args(argv)
     if arguments.goals < 1:
         parser.error(f"--goals must be at least 1, got {arguments.goals}")
-    goals, postures = answers(arguments.goals)
+    answered = answers(arguments.goals)
     print(head(*HEADINGS))
-    for name in ARMS:
-        print(row(name, goals, postures), flush=True)
+    for found in each(arguments, row, [(name, *answered) for name in ARMS]):
+        print(found, flush=True)
     return 0
 
 

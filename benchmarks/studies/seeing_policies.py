@@ -1,6 +1,6 @@
 """What the package's policies do with goals that they are told, and with goals that they see, by both pipelines.
 
-    python -m benchmarks.studies.seeing_policies [--goals 200]
+    python -m benchmarks.studies.seeing_policies [--goals 200] [--engine ray]
 
 MuJoCo's dynamics, held-out goals of the table, both cameras at 640x360.
 """
@@ -12,10 +12,12 @@ from collections.abc import Mapping
 
 import numpy as np
 
+from benchmarks.studies.parts import each
 from benchmarks.studies.tables import head, line
 from kinreach.baselines.evaluation import evaluate
 from kinreach.baselines.policies import load_policy
 from kinreach.cli import Parser, finish
+from kinreach.jobs import add_options
 from kinreach.statistics import median, p95, wilson_interval
 from kinreach.vision.ball_finder import PIPELINES
 
@@ -45,6 +47,7 @@ def main(argv: list[str] | None = None) -> int:
     """Print the table."""
     parser = Parser(prog=PROG, description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--goals", type=int, default=200)
+    add_options(parser)
     arguments = parser.parse_args(argv)
     if arguments.goals < 1:
         parser.error(f"--goals must be at least 1, got {arguments.goals}")
@@ -52,8 +55,8 @@ def main(argv: list[str] | None = None) -> int:
     for sight in SIGHTS:
         headings += [f"{sight}: reached, % [95 % CI]", "median / p95, mm"]
     print(head(*headings))
-    for name in POLICIES:
-        print(row(name, arguments.goals), flush=True)
+    for found in each(arguments, row, [(name, arguments.goals) for name in POLICIES]):
+        print(found, flush=True)
     return 0
 
 

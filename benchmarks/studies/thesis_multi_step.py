@@ -2,7 +2,8 @@
 
 `python -m benchmarks.studies.thesis_multi_step results/train` trains what is missing, twenty policies of some 100 s on
 one core each, then prints the table of docs/training.md. With `--train VARIANT --seed K` it only trains that one.
-With `--csv FILE` it also writes a row for each policy: notebook 04 reads such a file.
+With `--csv FILE` it also writes a row for each policy: notebook 04 reads such a file. With `--engine ray` the policies
+are trained side by side; machines must share the folder.
 """
 
 from __future__ import annotations
@@ -17,6 +18,7 @@ from pathlib import Path
 import numpy as np
 import torch
 
+from benchmarks.studies.parts import each
 from benchmarks.studies.tables import head, line
 from kinreach.baselines.evaluation import HELD_OUT
 from kinreach.baselines.learning_curve import curve_csv
@@ -27,6 +29,7 @@ from kinreach.baselines.training import train
 from kinreach.cli import Parser, finish
 from kinreach.envs.reach.task import MULTI_STEP
 from kinreach.files import write_text
+from kinreach.jobs import add_options
 from kinreach.kinematics import UR5Kinematics
 from kinreach.thesis.reward import IMPOSSIBLE_REWARD, REACHED_DISTANCE, REACHED_REWARD
 
@@ -106,6 +109,11 @@ def trained(runs: Path, variant: str, seed: int) -> Path:
     return folder
 
 
+def row(runs: Path, variant: str, seed: int) -> dict[str, float]:
+    """Train a policy if it is missing, and measure it."""
+    return measure(trained(runs, variant, seed), VARIANTS[variant], seed)
+
+
 def measure(folder: Path, recipe: Recipe, seed: int) -> dict[str, float]:
     """What a policy does on held-out goals under the thesis's rule, with exploration and without, by `COLUMNS`."""
     with zipfile.ZipFile(folder / "model.zip") as archive:
@@ -168,15 +176,13 @@ def main(argv: list[str] | None = None) -> int:
     parser.add_argument("--train", choices=VARIANTS, metavar="VARIANT", help="only train this one, with --seed")
     parser.add_argument("--seed", type=int, default=0, help="default %(default)s")
     parser.add_argument("--csv", type=Path, help="write a row for each policy into this file")
+    add_options(parser)
     arguments = parser.parse_args(argv)
     if arguments.train:
         trained(arguments.runs, arguments.train, arguments.seed)
         return 0
-    rows = [
-        measure(trained(arguments.runs, variant, seed), recipe, seed)
-        for variant, recipe in VARIANTS.items()
-        for seed in range(arguments.seeds)
-    ]
+    parts = [(arguments.runs.resolve(), variant, seed) for variant in VARIANTS for seed in range(arguments.seeds)]
+    rows = list(each(arguments, row, parts))
     if arguments.csv:
         write_text(arguments.csv, curve_csv([[row[name] for name in COLUMNS] for row in rows], COLUMNS))
     print(table(rows))
