@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import deque
 from collections.abc import Callable
 from threading import RLock
 from typing import Any
@@ -19,18 +20,50 @@ FARTHEST = 3.0
 
 def by_user(handle: Any, react: Callable[[Any], None]) -> None:
     """Call `react` with the value of an input when the user changes it, not when the page does."""
+    newest: deque[Any] = deque(maxlen=1)
+
+    async def note(event: Any) -> None:  # before anything else is done: the page may write to the input, too
+        if event.client is not None:
+            newest.append(event.target.value)
 
     def changed(event: Any) -> None:
         if event.client is not None:
-            react(event.target.value)
+            react(newest[0])
 
+    handle.on_update(note)
     handle.on_update(changed)
 
 
-def say(handle: Any, values: Floats) -> None:
-    """Show numbers in an input, unless it has them already: whoever is typing "-0.2" has typed "-0" on the way."""
-    if not np.array_equal(handle.value, values):
-        handle.value = tuple(values.tolist())
+class Entry:
+    """A number, or several, that the user and the page both write: what the user wrote is not written over unread.
+
+    Args:
+        handle: viser's, of the input.
+        react: Called when there is something to be taken.
+    """
+
+    def __init__(self, handle: Any, react: Callable[[], None]) -> None:
+        self._handle = handle
+        self._written: deque[Any] = deque(maxlen=1)
+
+        async def note(event: Any) -> None:
+            if event.client is not None:
+                self._written.append(event.target.value)
+
+        handle.on_update(note)
+        by_user(handle, lambda value: react())
+
+    def take(self) -> Any:
+        """What the user has written since the last time; None for nothing."""
+        try:
+            return self._written.pop()
+        except IndexError:
+            return None
+
+    def say(self, value: Any) -> None:
+        """Show a value, unless it is there already: whoever is typing "-0.2" has typed "-0" on the way."""
+        if not self._written and not np.array_equal(self._handle.value, value):
+            self._handle.value = value
 
 
 class Latest:

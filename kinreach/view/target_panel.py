@@ -16,7 +16,7 @@ from kinreach.kinematics.solvers import SOLVERS
 from kinreach.robots.rotations import rotation, rpy
 from kinreach.view import html
 from kinreach.view.draw import AMBER, PALE_RED, RED, VIOLET, Ghost, Ghosts, SolidArm, Surroundings
-from kinreach.view.inputs import by_user, frame_of, put, say
+from kinreach.view.inputs import Entry, by_user, frame_of, put
 from kinreach.view.names import branch_name, length, plain
 from kinreach.view.panel import Panel
 from kinreach.view.setup import Setup
@@ -89,6 +89,8 @@ class TargetPanel(Panel):
         start = time.perf_counter()
 
         def work() -> None:
+            for entry in (self._place, self._turn, *self._joints):  # what was typed before is answered by this
+                entry.take()
             self.T = T
             self._update(start)
 
@@ -140,14 +142,12 @@ class TargetPanel(Panel):
             self._ended = gui.add_dropdown("draw the end of", [NOTHING, *names], initial_value=NOTHING)
         self._remark = gui.add_html("")
         by_user(kind, self._set_kind)
-        by_user(self._position, lambda value: self._typed())
-        by_user(self._angles, lambda value: self._typed())
+        self._place, self._turn = Entry(self._position, self._typed), Entry(self._angles, self._typed)
+        self._joints = [Entry(slider, self._slid) for slider in self._sliders]
         by_user(self._choice, self._choose)
         by_user(ghosts, lambda value: setattr(self._ghosts, "visible", value))
         by_user(self._bound, self._limit)
         by_user(self._ended, lambda value: self._draw_end())
-        for slider in self._sliders:
-            by_user(slider, lambda value: self._slid())
         down.on_click(lambda _: self._turn_down())
         back.on_click(lambda _: self._go_back())
         run.on_click(lambda _: self._solve())
@@ -164,10 +164,18 @@ class TargetPanel(Panel):
             self.move(frame_of(self._gizmo))
 
     def _typed(self) -> None:
-        T = np.eye(4)
-        T[:3, :3] = rotation(np.radians(self._angles.value).tolist())
-        T[:3, 3] = self._position.value
-        self.move(T)
+        start = time.perf_counter()
+
+        def work() -> None:
+            place, turn = self._place.take(), self._turn.take()
+            self.T = self.T.copy()
+            if place is not None:
+                self.T[:3, 3] = place
+            if turn is not None:
+                self.T[:3, :3] = rotation(np.radians(turn).tolist())
+            self._update(start)
+
+        self._latest(work)
 
     def _set_kind(self, kind: str) -> None:
         self._kind = kind
@@ -199,7 +207,8 @@ class TargetPanel(Panel):
         start = time.perf_counter()
 
         def work() -> None:
-            self.q = np.radians([slider.value for slider in self._sliders])
+            turned = [entry.take() for entry in self._joints]
+            self.q = np.array([q if new is None else np.radians(new) for q, new in zip(self._drawn, turned, strict=True)])
             self.T = self.model.kinematics.fk(self.q)
             self._update(start)
 
@@ -250,6 +259,7 @@ class TargetPanel(Panel):
             if posture is not None and posture.state is State.USABLE and posture.q is not None:
                 self.q = posture.q
             q = self.q if posture is None or posture.q is None else posture.q
+            self._drawn = q
             self._arm.take(q, red=red)
             self._surroundings.mark(red)
             self._ghosts.take(
@@ -269,10 +279,10 @@ class TargetPanel(Panel):
         self._verdict.content = html.verdict(answer)
         self._list.content = html.legend(answer, shown=solid, joints=self.model.kinematics.arm.joints)
         self._gauge.content = html.gauge(self.model.slowest_motion(q), self.model.nearest_singularity(q))
-        say(self._position, self.T[:3, 3].round(4))
-        say(self._angles, np.degrees(rpy(self.T[:3, :3])).round(2))
-        for slider, value in zip(self._sliders, np.degrees(q).tolist(), strict=True):
-            slider.value = float(np.clip(round(value, 1), slider.min, slider.max))
+        self._place.say(tuple(self.T[:3, 3].round(4).tolist()))
+        self._turn.say(tuple(np.degrees(rpy(self.T[:3, :3])).round(2).tolist()))
+        for entry, slider, value in zip(self._joints, self._sliders, np.degrees(q).tolist(), strict=True):
+            entry.say(float(np.clip(round(value, 1), slider.min, slider.max)))
 
     def _draw_gap(self) -> None:
         """The nearest that the arm comes to a target out of reach, and what is missing."""

@@ -68,6 +68,34 @@ def test_what_is_typed_is_not_rewritten(serve):
         assert panel._angles.value != (0.0, 0.0, 0.0)
 
 
+@pytest.mark.parametrize("what", ["position", "joint"])
+def test_what_is_typed_while_an_answer_is_drawn_is_kept(serve, what):
+    """The answer to a number comes when the next one has been typed."""
+    with Tab(serve("ur5")) as tab:
+        panel = tab.page.target
+        handle, first, second = {
+            "position": (panel._position, (0.4, 0.2, 0.3), (0.4, 0.2, 0.35)),
+            "joint": (panel._sliders[0], -80.0, -70.0),
+        }[what]
+        answer, seen = panel.model.answer, []
+
+        def slow(goal, seed):
+            seen.append(handle.value)
+            if len(seen) == 1:
+                tab.set(handle, second)
+                wait_for(lambda: handle.value == second)
+            return answer(goal, seed)
+
+        panel.model.answer = slow
+        tab.set(handle, first)
+        wait_for(lambda: len(seen) == 2)
+        with tab.page.lock:
+            assert seen == [first, second]
+            assert handle.value == second
+            reached = panel.T[2, 3] if what == "position" else np.degrees(panel.q[0])
+            assert reached == pytest.approx(0.35 if what == "position" else -70.0)
+
+
 def test_the_program_opens_in_a_window(serve):
     with Tab(serve("ur5")) as tab:
         tab.page.show_program()
