@@ -26,7 +26,7 @@ from kinreach.kinematics import (
 from kinreach.kinematics.chain import rotation_to
 from kinreach.kinematics.closed_form import ClosedFormKinematics
 from kinreach.kinematics.collision import Pair
-from kinreach.kinematics.goals import Goal
+from kinreach.kinematics.goals import Goal, goal_error
 from kinreach.kinematics.solutions import ANGLES, BRANCH, nearest_winding
 from kinreach.kinematics.solvers import SOLVERS, LevenbergMarquardtSolver, Solver, new_solver
 from kinreach.kinematics.ur.geometry import Miss
@@ -41,6 +41,8 @@ POSE, AXIS, POINT = "position and orientation", "position and direction", "posit
 STARTS = 8
 #: Two postures nearer than this in every joint are one [rad].
 SAME = 1e-3
+#: A calibrated arm's border is elsewhere: so much further in than that of the data sheet's [m] postures are looked for.
+DEEPER = (0.0, 1e-3, 3e-3, 1e-2, 3e-2)
 #: Where the motion of a turning tool is measured: this far from its axis [m].
 LEVER = 0.2
 
@@ -88,6 +90,23 @@ class Posture:
 
 
 @dataclass(frozen=True)
+class Approach:
+    """How near the arm comes to a target that it does not reach.
+
+    Attributes:
+        q: In this posture [rad], shape (n,).
+        distance: Of the tip from the target [m].
+        turned: Angle of the tool from what was asked [rad].
+        least: Whether there is nothing nearer with the tool turned as asked; else it is where a search ended.
+    """
+
+    q: Floats
+    distance: float
+    turned: float
+    least: bool
+
+
+@dataclass(frozen=True)
 class Answer:
     """All that is to be said about a target.
 
@@ -98,7 +117,7 @@ class Answer:
         shown: The posture the arm takes, an index of `postures`: the nearest that can be used, else the nearest that
             reaches; -1 if none does.
         verdict: One or two sentences.
-        approach: Where a search ends that comes as near as it can, if no posture reaches; else None.
+        approach: How near the arm comes, if no posture reaches; else None.
         seconds: How long all of it took.
     """
 
@@ -107,7 +126,7 @@ class Answer:
     postures: tuple[Posture, ...]
     shown: int
     verdict: str
-    approach: IKResult | None
+    approach: Approach | None
     seconds: float
 
     @property
@@ -194,7 +213,7 @@ class TargetModel:
         postures = tuple(sorted(self._postures(goal, seed), key=lambda posture: posture.branch))
         reached = [i for i, posture in enumerate(postures) if posture.q is not None]
         shown = min(reached, key=lambda i: (postures[i].state is not State.USABLE, postures[i].distance), default=-1)
-        approach = self._search.solve(goal, seed) if not reached else None
+        approach = self._approach(goal, seed) if not reached else None
         verdict = self._verdict(postures, approach)
         return Answer(goal, seed, postures, shown, verdict, approach, time.perf_counter() - start)
 
@@ -279,24 +298,42 @@ class TargetModel:
 
     def _searched(self, goal: Goal, seed: Floats) -> Iterator[tuple[int, Floats]]:
         """Postures of an arm without a closed form, from its own and from random starts that are always the same."""
-        rng = np.random.default_rng(0)
-        kinematics = self.kinematics
-        starts = [seed, self.home, *rng.uniform(kinematics.lower, kinematics.upper, (STARTS - 2, kinematics.n))]
         kept: list[Floats] = []
-        for start in starts:
-            result = self._search.solve(goal, start)
+        for result in self._ends(goal, seed):
             if result.success and not any(np.abs(result.q - q).max() < SAME for q in kept):
                 yield len(kept), result.q
                 kept.append(result.q)
 
+    def _ends(self, goal: Goal, seed: Floats) -> list[IKResult]:
+        """Where searches from several starts end."""
+        rng, kinematics = np.random.default_rng(0), self.kinematics
+        starts = [seed, self.home, *rng.uniform(kinematics.lower, kinematics.upper, (STARTS - 2, kinematics.n))]
+        return [self._search.solve(goal, start) for start in starts]
+
+    def _approach(self, goal: Goal, seed: Floats) -> Approach:
+        """The nearest that the arm comes; of an arm that is no UR, the nearest of several searches' ends."""
+        if isinstance(self.kinematics, URKinematics):
+            T = _frame(goal)
+            nearest = self.kinematics.nearest_in_reach(T)
+            way = nearest[:3, 3] - T[:3, 3]
+            for deeper in DEEPER:
+                nearest[:3, 3] = T[:3, 3] + way * (1.0 + deeper / np.linalg.norm(way))
+                found = [self._judged(branch, q, seed) for branch, q in self._found(self._like(goal, nearest), seed)]
+                if found:
+                    best = min(found, key=lambda posture: (posture.state is not State.USABLE, posture.distance))
+                    return self._approached(goal, best.q, least=True)  # type: ignore[arg-type]
+        ends = self._ends(goal, seed)
+        return self._approached(goal, min(ends, key=lambda end: end.position_error).q, least=False)
+
+    def _approached(self, goal: Goal, q: Floats, *, least: bool) -> Approach:
+        return Approach(q, *goal_error(goal, self.kinematics.fk(q)), least)
+
+    def _like(self, goal: Goal, T: Floats) -> Goal:
+        """What is asked at another place."""
+        return PoseGoal(T) if isinstance(goal, PoseGoal) else AxisGoal(T[:3, 3], T[:3, 2])
+
     def _missing(self, goal: Goal) -> dict[int, Shortfall]:
-        if not isinstance(self.kinematics, URKinematics):
-            return {}
-        if isinstance(goal, PoseGoal):
-            return self.kinematics.shortfalls(goal.T)
-        T = np.eye(4)
-        T[:3, :3], T[:3, 3] = rotation_to(goal.axis), goal.position  # type: ignore[union-attr]
-        return self.kinematics.shortfalls(T)
+        return self.kinematics.shortfalls(_frame(goal)) if isinstance(self.kinematics, URKinematics) else {}
 
     def _judged(self, branch: int, q: Floats, seed: Floats) -> Posture:
         name = branch_name(self.kinematics, branch)
@@ -334,7 +371,7 @@ class TargetModel:
         """By how much a posture is outside the joint limits, all joints together [rad]."""
         return sum(max(low - value, value - high) for _, value, low, high in self._outside(q))
 
-    def _verdict(self, postures: Sequence[Posture], approach: IKResult | None) -> str:
+    def _verdict(self, postures: Sequence[Posture], approach: Approach | None) -> str:
         counts = Counter(posture.state for posture in postures)
         usable, total = counts[State.USABLE], len(postures)
         if approach is not None:
@@ -351,13 +388,15 @@ class TargetModel:
         nearest, _ = min(reached, key=lambda pair: (pair[0].distance, self._excess(pair[1])))
         return f"No posture can be used: {listed(parts)}. The nearest: {nearest.reason}."
 
-    def _out_of_reach(self, postures: Sequence[Posture], approach: IKResult) -> str:
+    def _out_of_reach(self, postures: Sequence[Posture], approach: Approach) -> str:
         short = self._missing_least(postures)
-        if short:
-            return f"No posture reaches this target. {short}."
-        off = f"{length(approach.position_error)} and {angle(approach.orientation_error)}"
-        found = "" if self.complete else f" {STARTS} searches found none, which is no proof."
-        return f"No posture reaches this target: the nearest a search comes is {off} away.{found}"
+        off = length(approach.distance)
+        if approach.least:
+            near = f"With the tool turned as asked the tip comes within {off} of it."
+            return f"No posture reaches this target. {short}. {near}" if short else f"No posture reaches it. {near}"
+        turned = f" and {angle(approach.turned)}" if approach.turned > SAME else ""
+        proof = "" if self.complete else ", which is no proof"
+        return f"No posture reaches this target: the nearest of {STARTS} searches ends {off}{turned} away{proof}."
 
     def _missing_least(self, postures: Sequence[Posture]) -> str:
         """The sentence of the branch that is nearest to reaching."""
@@ -366,6 +405,15 @@ class TargetModel:
             return ""
         least = min(said, key=lambda text: float(text.split(" mm")[0].rsplit(" ", 1)[-1]))
         return least[0].upper() + least[1:]
+
+
+def _frame(goal: Goal) -> Floats:
+    """A frame (4, 4) that a goal for six joints asks for; any, where one turn is free."""
+    if isinstance(goal, PoseGoal):
+        return goal.T
+    T = np.eye(4)
+    T[:3, :3], T[:3, 3] = rotation_to(goal.axis), goal.position  # type: ignore[union-attr]
+    return T
 
 
 def _why_short(lack: Shortfall) -> str:

@@ -21,7 +21,7 @@ from kinreach.view.names import branch_name, length, plain
 from kinreach.view.panel import Panel
 from kinreach.view.setup import Setup
 from kinreach.view.snippet import program
-from kinreach.view.target import AXIS, Answer, Finish, State
+from kinreach.view.target import AXIS, SAME, Answer, Finish, State
 
 NEAREST = "the nearest that can be used"
 NOTHING = "nothing"
@@ -137,7 +137,9 @@ class TargetPanel(Panel):
         with gui.add_folder("Solvers", expand_by_default=False):
             names = model.solvers
             self._chosen = {name: gui.add_checkbox(name, name in SOLVERS) for name in names}
-            run = gui.add_button("Solve from where the arm stands")
+            self._from = gui.add_html("")
+            keep = gui.add_button("Start them from this posture", hint="From where the arm stands now")
+            run = gui.add_button("Solve")
             self._table = gui.add_html("")
             self._ended = gui.add_dropdown("draw the end of", [NOTHING, *names], initial_value=NOTHING)
         self._remark = gui.add_html("")
@@ -150,7 +152,9 @@ class TargetPanel(Panel):
         by_user(self._ended, lambda value: self._draw_end())
         down.on_click(lambda _: self._turn_down())
         back.on_click(lambda _: self._go_back())
+        keep.on_click(lambda _: self._start_from(self._drawn))
         run.on_click(lambda _: self._solve())
+        self._start_from(self.q)
         self._kind_input = kind
 
     def _names(self) -> list[str]:
@@ -201,6 +205,7 @@ class TargetPanel(Panel):
     def _go_back(self) -> None:
         with self._lock:
             self.q = self.model.home
+        self._start_from(self.q)
         self.move(self.model.kinematics.fk(self.q))
 
     def _slid(self) -> None:
@@ -208,17 +213,26 @@ class TargetPanel(Panel):
 
         def work() -> None:
             turned = [entry.take() for entry in self._joints]
-            self.q = np.array([q if new is None else np.radians(new) for q, new in zip(self._drawn, turned, strict=True)])
+            self.q = np.array(
+                [q if new is None else np.radians(new) for q, new in zip(self._drawn, turned, strict=True)]
+            )
             self.T = self.model.kinematics.fk(self.q)
             self._update(start)
 
         self._latest(work)
 
+    def _start_from(self, q: Floats) -> None:
+        """Let solvers start from a posture, until they are told otherwise."""
+        self._start = q
+        values = " ".join(f"{round(value)}°" for value in np.degrees(q))
+        home = np.abs(q - self.model.home).max() < SAME
+        self._from.content = html.small(f"They start from {'the start posture' if home else 'the posture'} {values}.")
+
     def _solve(self) -> None:
         with self._lock:
             names = [name for name, box in self._chosen.items() if box.value]
             try:
-                self.finishes = self.model.solve(self.goal, self.q, names)
+                self.finishes = self.model.solve(self.goal, self._start, names)
             except KinreachError as error:
                 self._table.content = html.message(str(error), bad=True)
                 return
@@ -294,5 +308,5 @@ class TargetPanel(Panel):
         self._reaching.take(approach.q)
         tip, wanted = self.model.kinematics.fk(approach.q)[:3, 3], self.T[:3, 3]
         self._gap.points = np.array([[tip, wanted]], dtype=np.float32)
-        self._label.text = f"a search ends {length(float(np.linalg.norm(wanted - tip)))} away"
+        self._label.text = f"{'at best' if approach.least else 'a search ends'} {length(approach.distance)} away"
         self._label.position = (tip + wanted) / 2

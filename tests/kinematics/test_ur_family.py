@@ -21,6 +21,7 @@ from kinreach.kinematics import CollisionChecker, UR5Kinematics, URKinematics, k
 from kinreach.kinematics.ur.geometry import URGeometry
 from kinreach.kinematics.ur.kinematics import FLIP
 from kinreach.robots import ArmDescription, arm_names, get_arm
+from kinreach.robots.calibration import PUBLISHED
 from kinreach.robots.ur import LENGTHS, nominal_urdf
 from kinreach.robots.urdf import add_joint, add_link
 from kinreach.sim.simulation import ArmSimulation
@@ -194,3 +195,52 @@ def test_the_closed_form_of_a_ur_whatever_its_frames_are(name, tmp_path):
         solutions = kin.all_solutions(pose)
         np.testing.assert_allclose(solutions.q, nominal.all_solutions(pose).q, atol=1e-8)
         assert np.abs(solutions.q - posture).max(axis=1).min() < 1e-8
+
+
+def out_of_reach(kinematics, count, rng):
+    """Poses that no posture reaches: too far, too near, and all around."""
+    while count:
+        T = kinematics.fk(rng.uniform(-3, 3, 6))
+        T[:3, 3] = kinematics.fk(rng.uniform(-3, 3, 6))[:3, 3] * rng.uniform(0.05, 2.0)
+        if not len(kinematics.all_solutions(T, limits=False).branch):
+            count -= 1
+            yield T
+
+
+@pytest.mark.parametrize("name", ["ur5", "ur10e"])
+def test_nothing_in_reach_is_nearer_than_the_nearest(name):
+    """By the closed form, in a ball around the pose that ends just before it."""
+    kinematics = URKinematics(name, tip="tcp" if name == "ur5" else "tool0", base="world")
+    rng, tried = np.random.default_rng(5), 0
+    for T in out_of_reach(kinematics, 40, rng):
+        nearest = kinematics.nearest_in_reach(T)
+        np.testing.assert_array_equal(nearest[:3, :3], T[:3, :3])
+        assert len(kinematics.all_solutions(nearest, limits=False).branch)
+        way = nearest[:3, 3] - T[:3, 3]
+        radius = (1 - 1e-4) * np.linalg.norm(way) - 1e-6  # the closed form itself takes what is 1e-7 m outside
+        around = rng.normal(size=(400, 3))
+        around[:200] = 10 * way + rng.uniform(0, 5, (200, 1)) * np.linalg.norm(way) * around[:200]  # about the way
+        around *= radius / np.linalg.norm(around, axis=1, keepdims=True)
+        around[300:] *= rng.uniform(0, 1, (100, 1)) ** (1 / 3)
+        others = np.tile(T, (400, 1, 1))
+        others[:, :3, 3] += around
+        assert not kinematics.batch(others, limits=False).valid.any()
+        tried += len(others)
+    assert tried == 16_000
+    T = kinematics.fk(rng.uniform(-3, 3, 6))
+    np.testing.assert_allclose(kinematics.nearest_in_reach(T), T, atol=2e-9)
+    with pytest.raises(InputError):
+        kinematics.nearest_in_reach(2 * T)
+
+
+def test_the_nearest_of_a_calibrated_arm_is_right_to_a_few_millimetres():
+    real = URKinematics.from_calibration(PUBLISHED["ur5_a"], tip="tcp", base="world")
+    rng, near = np.random.default_rng(6), 0
+    for T in out_of_reach(real, 15, rng):
+        nearest = real.nearest_in_reach(T)
+        way = nearest[:3, 3] - T[:3, 3]
+        places, length = np.tile(T, (2, 1, 1)), np.linalg.norm(way)
+        places[:, :3, 3] += np.outer([1 + 0.004 / length, max(0.0, 1 - 0.004 / length)], way)
+        inside, outside = (len(real.all_solutions(place, limits=False).branch) > 0 for place in places)
+        near += inside and not outside
+    assert near == 15

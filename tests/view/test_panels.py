@@ -96,6 +96,25 @@ def test_what_is_typed_while_an_answer_is_drawn_is_kept(serve, what):
             assert reached == pytest.approx(0.35 if what == "position" else -70.0)
 
 
+def test_solvers_start_where_they_are_told_to(serve):
+    """From the start posture they need steps to get to where the arm stands already; the closed form never does."""
+    with Tab(serve("ur5")) as tab:
+        panel = tab.page.target
+        panel.move(panel.T + np.array([[0, 0, 0, 0.05], [0, 0, 0, 0.1], [0, 0, 0, 0.1], [0, 0, 0, 0]]))
+        assert np.abs(panel.q - panel.model.home).max() > 0.05
+        assert "from the start posture -90° -90°" in panel._from.content
+        panel._solve()
+        iterations = {finish.solver: finish.result.iterations for finish in panel.finishes}
+        assert min(iterations[name] for name in ("placo", "lm", "qp")) > 1
+        panel._start_from(panel.q)
+        assert "from the posture" in panel._from.content
+        panel._solve()
+        after = {finish.solver: finish.result.iterations for finish in panel.finishes}
+        assert max(after[name] for name in ("placo", "lm", "qp")) <= 1
+        panel._go_back()
+        assert "from the start posture" in panel._from.content
+
+
 def test_the_program_opens_in_a_window(serve):
     with Tab(serve("ur5")) as tab:
         tab.page.show_program()
@@ -232,6 +251,31 @@ def test_a_page_of_another_site_is_shown_nothing(serve, monkeypatch):
         with pytest.raises(TimeoutError):
             Tab(server, origin=origin)
     assert not server.pages
+
+
+def test_programs_of_all_parts_run(serve, tmp_path, capsys):
+    """As they are copied: of a calibrated arm, in each part of the page."""
+    compare("ur5", methods=["closed-form"], goals=1, out=tmp_path)
+    said = {}
+    with Tab(serve("ur5", CALIBRATION)) as tab:
+        for name in tab.page.names:
+            panel = tab.page.show(name)
+            if name == "Results":
+                panel.open(str(tmp_path))
+            if name == "Episodes":
+                wait_for(lambda panel=panel: panel.episode)
+            capsys.readouterr()
+            exec(compile(panel.program(), f"copied from {name}", "exec"), {})
+            said[name] = capsys.readouterr().out
+        real, played = tab.page.show("Real arm"), tab.page.show("Episodes")
+        reached, steps, distance, _ = said["Episodes"].split()
+        assert (reached, steps) == ("True", "1")
+        assert float(distance) == pytest.approx(played.episode.trial["distance"])
+        error = re.search(r"\[(.*)\]", said["Real arm"])[1].split()
+        np.testing.assert_allclose(np.array(error, dtype=float), 1e3 * real.miss.vector, atol=1e-3)
+    assert said["Target"].startswith("ok")
+    assert said["Results"].splitlines()[1].startswith("closed-form True")
+    assert len(said) == 4
 
 
 def used(page):

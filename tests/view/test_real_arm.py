@@ -10,6 +10,7 @@ from kinreach.robots import get_arm
 from kinreach.robots.calibration import PUBLISHED
 from kinreach.view import html
 from kinreach.view.real_arm import RealArm, colours
+from kinreach.view.snippet import real_arm_program
 
 FILES = {"ur5": "ur5_a", "ur3": "ur3_a", "ur10e": "ur10e_a"}
 
@@ -75,3 +76,17 @@ def test_colours_go_from_dark_to_bright():
     assert brightness == sorted(brightness)
     assert "kinreach" not in html.scale(rgba[0], "<b>", "7 mm", "title")
     assert "<b>" not in html.scale(rgba[0], "<b>", "7 mm", "title")
+
+
+def test_a_copied_program_says_the_same(pair, capsys):
+    """The tip error that the page shows, in mm; of every arm that has a calibration here."""
+    name = pair.nominal.arm.name
+    seed = np.array(pair.nominal.arm.home)
+    T = pair.nominal.fk(seed + np.array([0.2, -0.1, 0.3, 0.1, -0.2, 0.4]))
+    code = real_arm_program(pair, T, seed, arm=f"get_arm({name!r}).calibrated({str(PUBLISHED[FILES[name]])!r})")
+    exec(compile(code, "copied", "exec"), {})
+    first, second = capsys.readouterr().out.splitlines()
+    assert first.strip() == "ok"
+    miss = pair.miss(pair.believed(T, seed).q)
+    np.testing.assert_allclose(np.array(second.strip("[] ").split(), dtype=float), 1e3 * miss.vector, atol=1e-3)
+    assert miss.distance > 5e-4

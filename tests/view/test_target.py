@@ -124,6 +124,15 @@ def test_what_is_missing_is_in_the_verdict(ur5):
     least = min(lack.lack for lack in ur5.kinematics.shortfalls(T).values())
     assert answer.verdict.startswith("No posture reaches this target. Too far by ")
     assert f"{1000 * least:.0f} mm" in answer.verdict
+    near = ur5.kinematics.nearest_in_reach(T)[:3, 3]
+    tip = ur5.kinematics.fk(answer.approach.q)
+    np.testing.assert_allclose(tip[:3, 3], near, atol=1e-6)
+    np.testing.assert_allclose(tip[:3, :3], T[:3, :3], atol=1e-6)
+    assert answer.approach.least
+    assert answer.approach.distance == pytest.approx(np.linalg.norm(near - T[:3, 3]), abs=1e-6)
+    assert answer.verdict.endswith(
+        f"With the tool turned as asked the tip comes within {1000 * answer.approach.distance:.0f} mm of it."
+    )
     T[:3, 3] = 0.5, 0.0, -0.25
     assert "finger left touches table" in ur5.answer(ur5.goal(POSE, T), ur5.home).verdict
 
@@ -179,7 +188,9 @@ def test_other_arms(arm):
         assert answer.usable >= 1
         assert np.abs(answer.postures[answer.shown].q - model.home).max() < 1e-6
     T[:3, 3] += 5.0
-    assert model.answer(model.goal(model.kinds[0], T), model.home).approach is not None
+    approach = model.answer(model.goal(model.kinds[0], T), model.home).approach
+    assert approach.least == (arm == "ur5e")
+    assert 0 < approach.distance < np.linalg.norm(T[:3, 3])
     assert (model.checker is None) == (arm == "ur5e")
     assert (model.kinds == (POINT,)) == (arm == "arm3")
 
@@ -244,6 +255,16 @@ def test_copied_programs_of_other_arms_run(arm, capsys):
     for kind in model.kinds:
         exec(compile(program(model, model.goal(kind, T), model.home, arm=repr(arm)), "copied", "exec"), {})
         assert capsys.readouterr().out.startswith("ok")
+
+
+def test_a_refused_posture_is_not_called_solid(ur5):
+    T = np.diag([1.0, -1.0, -1.0, 1.0])
+    for z, word, other in ((0.0, ">solid<", "refused<"), (-0.25, ">drawn, but refused<", ">solid<")):
+        T[:3, 3] = 0.5, 0.0, z
+        answer = ur5.answer(ur5.goal(POSE, T), ur5.home)
+        listed = html.legend(answer, shown=answer.shown, joints=ur5.kinematics.arm.joints)
+        assert listed.count(word) == 1
+        assert other not in listed
 
 
 def test_what_is_shown_is_escaped(ur5):

@@ -45,7 +45,7 @@ from kinreach.kinematics.solutions import ANGLES, BRANCH, FLAGS
 from kinreach.kinematics.ur.batch import flange_entries, solve_poses
 from kinreach.kinematics.ur.closed_form import solve_pose
 from kinreach.kinematics.ur.geometry import Miss, Rows, URGeometry
-from kinreach.kinematics.ur.reach import Shortfall, shortfalls
+from kinreach.kinematics.ur.reach import Shortfall, shortfalls, way_into_reach
 from kinreach.kinematics.ur.refine import FAR, Refinement
 
 BRANCHES = 8
@@ -236,6 +236,10 @@ class CalibratedSolver:
     def shortfalls(self, T: Floats) -> dict[int, Shortfall]:
         """`kinreach.kinematics.ur.reach.shortfalls` of the fitted arm for a pose (4, 4)."""
         return shortfalls(self._fitted_rows(T), self.fit.geometry)
+
+    def way_into_reach(self, T: Floats) -> Floats:
+        """`kinreach.kinematics.ur.reach.way_into_reach` of the fitted arm for a pose (4, 4), in its frame."""
+        return np.asarray(self._left[:3, :3].T @ way_into_reach(self._fitted_rows(T), self.fit.geometry))
 
     def _fitted_rows(self, T: Floats) -> Rows:
         """A pose in the DH base of the fitted arm, and of its flange."""

@@ -42,7 +42,7 @@ from kinreach.kinematics.ur.calibrated import CalibratedSolver
 from kinreach.kinematics.ur.closed_form import WRIST, solve_axis, solve_pose
 from kinreach.kinematics.ur.free_wrist import free_wrist_within
 from kinreach.kinematics.ur.geometry import Rows, URGeometry, miss_text, ur_fk
-from kinreach.kinematics.ur.reach import Shortfall, shortfalls
+from kinreach.kinematics.ur.reach import Shortfall, shortfalls, way_into_reach
 from kinreach.robots import ArmDescription, as_arm
 
 #: base_link of the URDF is the DH base frame turned by pi about z.
@@ -246,6 +246,22 @@ class URKinematics(ClosedFormKinematics):
         """
         return shortfalls(self._flange_rows(T), self.geometry)
 
+    def nearest_in_reach(self, T: ArrayLike) -> Floats:
+        """The pose nearest to one that the arm reaches with the tool turned the same, whatever the joint limits.
+
+        Args:
+            T: Pose of the tip in the base frame, shape (4, 4).
+
+        Returns:
+            Shape (4, 4); `T` itself, within 1e-9 m, where it is in reach.
+
+        Raises:
+            InputError: `T` is not a finite rigid motion.
+        """
+        nearest = as_pose("T", T).copy()
+        nearest[:3, 3] += self._T_dh_base[:3, :3].T @ way_into_reach(self._flange_rows(T), self.geometry)
+        return nearest
+
     def solve(self, goal: Goal, seed: ArrayLike, *, accept: Accept | None = None) -> IKResult:
         """Any goal this arm has a closed form for: `PoseGoal` or `AxisGoal`.
 
@@ -407,6 +423,13 @@ class CalibratedURKinematics(URKinematics):
     def shortfalls(self, T: ArrayLike) -> dict[int, Shortfall]:
         """As `URKinematics.shortfalls`, of the nearest arm that has a closed form: right to about a millimetre."""
         return self._solver.shortfalls(np.array([*self._flange_rows(T), (0.0, 0.0, 0.0, 1.0)]))
+
+    def nearest_in_reach(self, T: ArrayLike) -> Floats:
+        """As `URKinematics.nearest_in_reach`, of the nearest arm with a closed form: right to about a millimetre."""
+        nearest = as_pose("T", T).copy()
+        way = self._solver.way_into_reach(np.array([*self._flange_rows(T), (0.0, 0.0, 0.0, 1.0)]))
+        nearest[:3, 3] += self._T_dh_base[:3, :3].T @ way
+        return nearest
 
     def _solve_pose(self, rows: Rows, start: Floats | None, *, limits: bool, tol: float) -> tuple[list[Row], int]:
         T = np.array([*rows, (0.0, 0.0, 0.0, 1.0)])
