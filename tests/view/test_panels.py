@@ -226,7 +226,7 @@ def test_a_real_arm_beside_the_one_that_is_believed_in(serve):
         first = panel.episode
         tab.set(panel._environment, REAL_ARM)
         wait_for(lambda: panel._policy.value == "data-sheet")
-        assert panel._observation.disabled
+        wait_for(lambda: panel._observation.disabled)
         tab.set(panel._button, True)
         wait_for(lambda: panel.episode is not first)
         panel.go(40)
