@@ -7,8 +7,6 @@ from collections.abc import Callable, Mapping
 from dataclasses import MISSING, fields
 from typing import Any, TypeVar
 
-import numpy as np
-
 from kinreach.checks import MOST_DISTANCE, Floats, as_floats, check_count, check_entries, shown
 from kinreach.errors import InputError, UnknownOptionError
 
@@ -94,8 +92,8 @@ def option_rows(
             continue
         values = as_floats(name, given[name])
         shape = (size,) if count is None else (count, size)
-        if values.shape != shape or not np.isfinite(values).all():
-            raise InputError(f"{name} must be finite and have shape {shape}, got {values.shape}")
+        if values.shape != shape:
+            raise InputError(f"{name} must have shape {shape}, got {values.shape}")
         check_entries(name, values, MOST_DISTANCE)
         rows.append(values.reshape(-1, size))
     return tuple(rows)

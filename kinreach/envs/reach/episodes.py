@@ -48,6 +48,8 @@ class ReachEpisodes:
         self.world = world
         self._observer = goal_observer(task)
         self._pixels = PixelObserver(task) if task.options.observation == "pixels" else None
+        self._pictures: dict[str, NDArray[Any]] = {}
+        self._changed = np.ones(count, dtype=np.bool_)  # since the pictures were taken
         self._streams = task.streams(count)
         self._sensors = [np.random.default_rng() for _ in range(count)]
         self._observation = np.zeros((count, task.layout.size))
@@ -65,12 +67,13 @@ class ReachEpisodes:
         self.world.copy_from(other.world)
         self._streams.copy_from(other._streams)
         self.goals, self.found, self.seen = other.goals.copy(), other.found.copy(), other.seen.copy()
-        self._sensors = deepcopy(other._sensors)
+        self._sensors, self._pictures = deepcopy((other._sensors, other._pictures))
         for mine, theirs in (
             (self.directions, other.directions),
             (self._observation, other._observation),
             (self._steps, other._steps),
             (self._move_time, other._move_time),
+            (self._changed, other._changed),
         ):
             mine[:] = theirs
 
@@ -95,6 +98,7 @@ class ReachEpisodes:
             rows, self.goals, self.found, self.seen = ids, self.goals.copy(), self.found.copy(), self.seen.copy()
             self.goals[rows], self.found[rows], self.seen[rows] = goals, found, seen
         self._steps[rows] = 0
+        self._changed[rows] = True
         self._move_time[rows] = 0.0
         self._observation[rows, self.task.layout.goal] = views
         if start.directions is not None:
@@ -109,9 +113,19 @@ class ReachEpisodes:
     def observe(self) -> Any:
         """The observation of every arm, shape (count, size); with pixels, a dictionary of arrays with as many rows."""
         if self._pixels is not None:
-            return self._pixels.look(self.world.q, self.goals, self._sensors)
+            return self._looked(self._pixels)
         self._observation[:, self.task.layout.q] = self.world.q
         return self._observation.copy()
+
+    def _looked(self, pixels: PixelObserver) -> dict[str, NDArray[Any]]:
+        """The pictures of every arm, new ones of those that have acted or begun since: every look draws noise."""
+        rows = np.flatnonzero(self._changed)
+        taken = pixels.look(self.world.q[rows], self.goals[rows], [self._sensors[row] for row in rows])
+        self._pictures = self._pictures or taken
+        for name, part in taken.items():
+            self._pictures[name][rows] = part
+        self._changed[:] = False
+        return {name: part.copy() for name, part in self._pictures.items()}
 
     def goal_info(self) -> dict[str, Any]:
         """What is said of the goals of the present episodes, as arrays."""
@@ -148,6 +162,7 @@ class ReachEpisodes:
             self._move_time += executed.durations
         score, info = self._judge(targets, executed)
         self._steps += 1 if acting is None else acting
+        self._changed |= True if acting is None else acting
         over = self._steps >= variant.max_steps
         if variant.max_steps == 1:
             outcome = Outcome(score.reward, over, np.zeros_like(over), info)
@@ -174,6 +189,7 @@ class ReachEpisodes:
         statuses = np.full(count, Status.FORFEITED, dtype=np.uint8)
         score, info = self._judge(self.world.q.copy(), Executed(everyone, statuses, [reason] * count))
         self._steps += 1
+        self._changed[:] = True
         return Outcome(score.reward, everyone, ~everyone, info)
 
     def _judge(self, targets: Floats, executed: Executed) -> tuple[Score, dict[str, Any]]:

@@ -154,7 +154,8 @@ class SpaceTask(ReachTask):
 
     def score(self, distance: Floats, q: Floats, impossible: NDArray[np.bool_], directions: Floats) -> Score:
         """As in `ReachTask`; functions of a user's own are given the angle, too."""
-        return self.scorer.score(distance, q, impossible, self.posture_error(q, directions))
+        error = self.posture_error(q, directions)
+        return self.scorer.score(distance, q, impossible, error)._replace(posture_error=error)
 
     def posture_error(self, q: Floats, directions: Floats) -> Floats:
         """Angle between the tool's z axis and its wanted direction [rad], shape (k,)."""

@@ -42,7 +42,7 @@ def test_the_arm_starts_where_it_is_put_and_goals_are_measured_from_the_start_po
         ({"colour": "red"}, "colour.*available: goal, q, view"),
         ({"goal": [0.4, np.nan, 0]}, "goal must be finite"),
         ({"goal": [0.4, 0]}, r"shape \(3,\)"),
-        ({"q": np.zeros(5)}, r"q must be finite and have shape \(6,\)"),
+        ({"q": np.zeros(5)}, r"q must have shape \(6,\)"),
         ({"q": [4.0, 0, 0, 0, 0, 0]}, "shoulder_pan_joint must be within -3.14159 … 3.14159 rad, got 4"),
         ({"q": [0, 0, 0, 0, 0, -np.pi - 1e-6]}, "wrist_3_joint must be within -3.14159 … 3.14159 rad"),
     ],

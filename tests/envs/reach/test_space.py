@@ -181,7 +181,10 @@ def test_rewards_of_a_users_own_are_given_the_angle():
     for given, terms in ((ThesisReward(), "natural_arm"), (DirectedReward(0.05), "direction")):
         env = make(backend="kinematic", reward=given)
         env.reset(seed=0)
-        assert terms in env.step(env.action_space.sample())[4]["reward_terms"]
+        info = env.step(env.action_space.sample())[4]
+        assert terms in info["reward_terms"]
+        angle = angle_of(env.unwrapped.kinematics, info["q"], info["direction"])
+        np.testing.assert_allclose(info["posture_error"], angle, atol=1e-7)
 
 
 def test_copies_go_on_with_the_same_direction():

@@ -187,6 +187,7 @@ def test_gymnasiums_own_vectorisation_works(mode):
         {"render_mode": "human"},
         {"threads": 0},
         {"backend": "bullet"},
+        {"end_on_reached": 1.0},
     ],
 )
 def test_options_that_cannot_be_are_refused(options):
@@ -225,6 +226,26 @@ def test_after_a_partial_restart_each_camera_has_its_own_noise(needs_gl):
         assert single.step(np.zeros(6))[2]
         np.testing.assert_array_equal(single.reset()[0], observations[index])
         single.close()
+
+
+def test_what_starts_anew_leaves_the_others_pictures_as_they_are(needs_gl):
+    """The noise of an environment's pictures is its own, whatever the others do."""
+    options = {"backend": "kinematic", "observation": "pixels", "width": 32, "height": 18, "rgb_noise": 20.0}
+    batch, single = make_vec(MULTI, 2, autoreset_mode="Disabled", **options), gym.make(MULTI, **options)
+    batch.reset(seed=0)
+    single.reset(seed=1)
+    action = np.full(6, 0.1)
+    for mask in ([True, False], [True, True]):
+        alone = single.step(action)[0]
+        seen, *_ = batch.step(np.tile(action, (2, 1)))
+        np.testing.assert_array_equal(seen["front_rgb"][1], alone["front_rgb"])
+        seen["front_rgb"][:] = 0  # it is the caller's
+        again, _ = batch.reset(options={"reset_mask": np.array(mask)})
+        if mask[1]:
+            alone, _ = single.reset()
+        np.testing.assert_array_equal(again["front_rgb"][1], alone["front_rgb"])
+    batch.close()
+    single.close()
 
 
 @pytest.mark.parametrize("exposure", [1.0, 4.0])
