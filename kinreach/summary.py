@@ -148,7 +148,13 @@ def success_columns(completed: Callable[[Trial], bool]) -> tuple[Column, ...]:
     """
 
     def within(tolerance: float) -> Callable[[Trial], bool | None]:
-        return lambda trial: completed(trial) and 1e3 * trial["distance"] <= tolerance if "distance" in trial else None
+        def found(trial: Trial) -> bool | None:
+            if "distance" not in trial:
+                return None
+            distance = trial["distance"]  # None where it was no number
+            return completed(trial) and distance is not None and 1e3 * distance <= tolerance
+
+        return found
 
     return tuple(
         Column(f"success_at_mm.{mm:g}", within(mm), RATE, f"< {mm:g} mm\n%", "share" if mm == 1 else "")

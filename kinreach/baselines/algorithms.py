@@ -45,8 +45,8 @@ from kinreach.envs.reach.space import SpaceTask
 from kinreach.envs.reach.task import GOAL, SINGLE_STEP, ReachTask, joint_limits, layout_of
 from kinreach.errors import InputError
 from kinreach.kinematics import UR5Kinematics
-from kinreach.registration import SPACE
-from kinreach.robots import ArmDescription, as_arm
+from kinreach.registration import SINGLE, SINGLE_KINEMATIC, SPACE
+from kinreach.robots import ArmDescription, as_arm, get_arm
 from kinreach.vision.goal_view import goals_in_world
 
 
@@ -395,21 +395,34 @@ def ranked_arguments(recipe: Recipe, env: SB3VecEnv, planned: int) -> dict[str, 
 
 
 def regression_arguments(recipe: Recipe, env: SB3VecEnv, planned: int) -> dict[str, Any]:
-    """Those of an actor; `tries` is what the environments take."""
+    """Those of an actor; `tries` is what the environments take.
+
+    Raises:
+        InputError: The task is not the UR5's single-step task, whose postures the closed form gives.
+    """
+    if recipe.environment not in (SINGLE, SINGLE_KINEMATIC) or _arm(recipe) != get_arm("ur5"):
+        raise InputError(
+            f"regression is on postures of the UR5 in {SINGLE}, not of {_arm(recipe).name!r} in {recipe.environment}"
+        )
+    return _without_tries(recipe, env, planned)
+
+
+def _without_tries(recipe: Recipe, env: SB3VecEnv, planned: int) -> dict[str, Any]:
+    """Those of an actor, without what is the environments'."""
     arguments = actor_arguments(recipe, env, planned)
     del arguments["tries"]
     return arguments
 
 
 def analytic_arguments(recipe: Recipe, env: SB3VecEnv, planned: int) -> dict[str, Any]:
-    """Those of a regression, and the task; `around` is the posture [rad] that outputs are changes of.
+    """Those of an actor, and the task; `around` is the posture [rad] that outputs are changes of.
 
     Raises:
         InputError: The environment is another one than `kinreach/Reach-v0`, or actions do not mean postures.
     """
     if recipe.environment != SPACE or not recipe.networks.posture:
         raise InputError(f"analytic gradients are for postures in {SPACE}, not for {recipe.environment}")
-    arguments = regression_arguments(recipe, env, planned) | {"task": SpaceTask.of(recipe.options)}
+    arguments = _without_tries(recipe, env, planned) | {"task": SpaceTask.of(recipe.options)}
     if "around" in arguments:
         arm = _arm(recipe)
         shift = (np.array(arguments.pop("around")) - sum(joint_limits(arm)) / 2) / _half_ranges(arm)

@@ -17,7 +17,7 @@ from kinreach.baselines.recipes import Recipe
 from kinreach.baselines.rewards import training_reward
 from kinreach.baselines.vec_envs import SB3VecEnv
 from kinreach.checks import check_known
-from kinreach.errors import InputError
+from kinreach.errors import InputError, KinreachError
 from kinreach.objects import load_object
 
 #: How far an exported actor may be from the model's own, which computes in single precision.
@@ -68,10 +68,14 @@ def build(recipe: Recipe, seed: int, *, steps: int) -> Trainee:
     try:
         check_trainable(batch.single_observation_space, batch.single_action_space)
         curve = LearningCurve(batch, window=recipe.window, trace_after=recipe.trace_after)
-        env = algorithm.vec_env(curve, recipe, reward)
-        arguments = algorithm.arguments(recipe, env, steps)
         try:
+            env = algorithm.vec_env(curve, recipe, reward)
+            arguments = algorithm.arguments(recipe, env, steps)
             model = make(env=env, seed=seed, device="cpu", verbose=0, **arguments)
+        except KinreachError:
+            raise
+        except KeyError as error:
+            raise InputError(f"{recipe.algorithm} needs the setting {error}, which {recipe.name} lacks") from error
         except Exception as error:  # whatever the algorithm raises that cannot use its settings or the spaces
             raise InputError(f"{recipe.algorithm} does not take the settings of {recipe.name}: {error}") from error
         trainee = Trainee(model, env, curve, algorithm)

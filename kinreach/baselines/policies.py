@@ -314,8 +314,7 @@ class LearnedPolicy:
         self.card, self.network = card, network
         self._exact = exact
         self.bounds = (-1.0 if network.low is None else network.low, 1.0 if network.high is None else network.high)
-        options = card.recipe.get("options") or {}
-        stepwise = "MultiStep" in card.environment or options.get("steps") == "multi"
+        stepwise = "MultiStep" in card.environment or _options(card).get("steps") == "multi"
         self.stepwise = card.meaning == "posture" and stepwise
 
     def reset(self, observation: Any = None, info: Any = None) -> None:
@@ -444,10 +443,16 @@ def pretrained_names() -> list[str]:
     return sorted(file.name.removesuffix(_SUFFIX) for file in folder.iterdir() if file.name.endswith(_SUFFIX))
 
 
+def _options(card: PolicyCard) -> Mapping[str, Any]:
+    """Options of the environment that a policy was trained in, as far as its card, which may be anybody's, has them."""
+    options = card.recipe.get("options")
+    return options if isinstance(options, Mapping) else {}
+
+
 def trained_arm(policy: LearnedPolicy) -> dict[str, Any]:
     """The option `arm` of the environment that a policy was trained in, as far as its card names one."""
-    options = policy.card.recipe.get("options")
-    return {"arm": options["arm"]} if isinstance(options, Mapping) and isinstance(options.get("arm"), str) else {}
+    arm = _options(policy.card).get("arm")
+    return {"arm": arm} if isinstance(arm, str) else {}
 
 
 #: Options that say which goals `kinreach/Reach-v0` has.
@@ -459,8 +464,7 @@ def needed_options(policy: LearnedPolicy) -> dict[str, Any]:
 
     The arm, in `kinreach/Reach-v0` the goals, and pictures of the size that it learned from if it sees any.
     """
-    said = policy.card.recipe.get("options")
-    options: Mapping[str, Any] = said if isinstance(said, Mapping) else {}
+    options = _options(policy.card)
     space = SPACE_OPTIONS if policy.card.environment == SPACE else ()
     needed = {**trained_arm(policy), **{name: options[name] for name in space if name in options}}
     if policy.network.eyes:

@@ -83,7 +83,8 @@ class RandomPolicy:
         if isinstance(observation, Mapping):  # pictures, mostly
             start = [crc32(np.ascontiguousarray(part).tobytes()) for part in observation.values()]
         else:
-            start = np.frombuffer(np.ascontiguousarray(observation).tobytes(), dtype=np.uint32).tolist()
+            said = np.ascontiguousarray(observation).tobytes()
+            start = [crc32(said)] if len(said) % 4 else np.frombuffer(said, dtype=np.uint32).tolist()
         entropy = np.random.SeedSequence([self._seed, *start])
         self._space.seed(int(entropy.generate_state(1)[0]))
 
@@ -211,8 +212,11 @@ def rollout_batch(
         steps += pending
         returned += np.where(pending, rewards, 0.0)
         if watch is not None:
-            ended = terminated | truncated
-            seen = np.where(ended[:, None], np.stack(info["final_obs"]), observations) if ended.any() else observations
+            ended = np.flatnonzero(terminated | truncated)
+            seen = observations
+            if len(ended):
+                seen = np.array(observations)
+                seen[ended] = np.stack(list(info["final_obs"][ended]))
             watch(seen, rewards, info.get("final_info", info), pending.copy())
         over = np.flatnonzero((terminated | truncated) & pending)
         for index in over:

@@ -132,6 +132,7 @@ def test_the_curve_counts_what_ends_where_gymnasium_resets(tmp_path):
         ({"reward": "no_such_module:f"}, "cannot import the training reward no_such_module:f"),
         ({"environment": "Nowhere-v0"}, "cannot make the environment Nowhere-v0"),
         ({"options": {"speed": 3}}, "cannot make the environment Pendulum-v1.*speed"),
+        ({"algorithm": "PPO", "settings": {"minibatches": 4}}, "PPO needs the setting 'n_steps', which mine lacks"),
         ({"settings": {"speed": 3}}, "SAC does not take the settings of mine.*speed"),
         ({"settings": {"policy_kwargs": {"activation_fn": torch.nn.Softplus}}}, "must be JSON values"),
         ({"networks": Networks(activation="cube")}, "unknown activation 'cube'"),
@@ -142,6 +143,24 @@ def test_the_curve_counts_what_ends_where_gymnasium_resets(tmp_path):
 def test_what_cannot_be_trained_is_said_before_the_training(change, message, tmp_path):
     with pytest.raises(InputError, match=message):
         train(replace(RECIPE, **change), tmp_path, progress=lambda *_: pytest.fail("it trains"))
+
+
+@pytest.mark.parametrize(
+    "change",
+    [
+        {"steps": 0},
+        {"num_envs": 0},
+        {"segments": 0},
+        {"window": 0},
+        {"walk": 0.5},
+        {"blur": -1e-3},
+        {"trace_after": -1},
+    ],
+)
+def test_numbers_that_no_recipe_has_are_refused(change):
+    ((name, _),) = change.items()
+    with pytest.raises(InputError, match=f"{name} of a recipe"):
+        replace(RECIPE, **change)
 
 
 def test_what_cannot_be_exported_is_said_before_the_training(registries, tmp_path):

@@ -18,6 +18,7 @@ from kinreach.baselines.policies import (
     Network,
     PolicyCard,
     load_policy,
+    needed_options,
     pretrained_names,
     read_policy,
     save_policy,
@@ -161,6 +162,16 @@ def test_cards_that_do_not_fit_are_refused(tmp_path, change, message):
     save_file(tensors, tmp_path / "p.safetensors", metadata={"kinreach": json.dumps(card | change)})
     with pytest.raises(InputError, match=message):
         read_policy(tmp_path / "p.safetensors")
+
+
+def test_options_of_a_card_may_be_anything(tmp_path):
+    tensors, card = tensors_and_header(network())
+    for options in ([1], "steps", 3, None, {"arm": 3}):
+        recipe = {"name": "mine", "options": options}
+        save_file(tensors, tmp_path / "p.safetensors", metadata={"kinreach": json.dumps(card | {"recipe": recipe})})
+        policy = load_policy(tmp_path / "p.safetensors")
+        assert not policy.stepwise
+        assert needed_options(policy) == {}
 
 
 def test_cards_of_before_there_were_seeds_of_goals_are_read(tmp_path):

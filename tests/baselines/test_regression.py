@@ -9,8 +9,10 @@ pytest.importorskip("stable_baselines3")
 
 from kinreach.baselines.evaluation import VALIDATION, evaluate
 from kinreach.baselines.expert import tool_down_postures
+from kinreach.baselines.models import build
 from kinreach.baselines.recipes import get_recipe
 from kinreach.baselines.training import train
+from kinreach.errors import InputError
 from kinreach.kinematics import ArmKinematics, UR5Kinematics
 from kinreach.kinematics.fast_collision import FastCollision
 from kinreach.robots import get_arm
@@ -52,3 +54,16 @@ def test_it_learns_in_seconds(tmp_path):
     found = evaluate(run.policy, goals=300, seed=VALIDATION, options={"backend": "kinematic"})
     assert np.median(found.measures["distance"]) < 0.01
     assert np.median(found.measures["posture_error"]) < 0.05
+
+
+@pytest.mark.parametrize(
+    "change",
+    [
+        {"environment": "kinreach/Reach-v0"},
+        {"environment": "kinreach/UR5MultiStep-v0"},
+        {"options": {"backend": "kinematic", "arm": "ur10"}},
+    ],
+)
+def test_tasks_with_other_postures_are_refused(change):
+    with pytest.raises(InputError, match="postures of the UR5"):
+        build(replace(get_recipe("ik-net"), num_envs=64, **change), 0, steps=100)

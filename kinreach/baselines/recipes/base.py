@@ -6,6 +6,8 @@ from collections.abc import Mapping
 from dataclasses import asdict, dataclass, field
 from typing import Any
 
+from kinreach.checks import MOST_DISTANCE, check_count, check_number
+
 
 @dataclass(frozen=True)
 class Networks:
@@ -52,6 +54,9 @@ class Recipe:
         segments: Parts of the training, after each of which its state is kept.
         window: Environment steps of a row of the learning curve.
         trace_after: Environment steps after which one episode is kept step by step; None for none.
+
+    Raises:
+        InputError: A number that cannot be.
     """
 
     name: str
@@ -70,6 +75,14 @@ class Recipe:
     segments: int = 10
     window: int = 1000
     trace_after: int | None = None
+
+    def __post_init__(self) -> None:
+        for name in ("steps", "num_envs", "walk", "segments", "window"):
+            check_count(f"{name} of a recipe", getattr(self, name))
+        for name in ("blur", "margin"):
+            check_number(f"{name} of a recipe [m]", getattr(self, name), least=0.0, most=MOST_DISTANCE)
+        if self.trace_after is not None:
+            check_count("trace_after of a recipe", self.trace_after, least=0)
 
     def to_dict(self) -> dict[str, Any]:
         """As JSON types."""
