@@ -67,7 +67,8 @@ class ReachEpisodes:
         self.world.copy_from(other.world)
         self._streams.copy_from(other._streams)
         self.goals, self.found, self.seen = other.goals.copy(), other.found.copy(), other.seen.copy()
-        self._sensors, self._pictures = deepcopy((other._sensors, other._pictures))
+        self._sensors = deepcopy(other._sensors)
+        self._pictures = {name: part.copy() for name, part in other._pictures.items()}
         for mine, theirs in (
             (self.directions, other.directions),
             (self._observation, other._observation),
