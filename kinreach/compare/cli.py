@@ -104,12 +104,13 @@ def main(argv: Sequence[str], *, prog: str) -> int:
 
 def _task(name: str) -> Task:
     """A registered task, or one of a module of the user's: `"module:attribute"`."""
+    known = task_names()
     if ":" not in name:
         return get_task(name)
     task = load_object("task", name)
     if not isinstance(task, Task):
         raise InputError(f"{name} is no Task")
-    return register_task(task) if task.name not in task_names() else get_task(task.name)
+    return register_task(task) if task.name in known or task.name not in task_names() else get_task(task.name)
 
 
 def _arm(name: str) -> str | ArmDescription:
@@ -203,8 +204,8 @@ def _parser(prog: str) -> Parser:
     parser.add_argument(
         "--arm",
         metavar="NAME",
-        help="another arm for the tasks ur5 and arm3: its name, a URDF file, or module:attribute; by default with "
-        "solvers, and the policies that were trained for it",
+        help="another arm for the tasks ur5, space and arm3: its name, a URDF file, or module:attribute; by default "
+        "with solvers, and the policies that were trained for it",
     )
     parser.add_argument("--methods", metavar="A,B", help="methods to compare, see below (default: all of the task's)")
     parser.add_argument("--goals", type=int, default=DEFAULT_GOALS, metavar="N", help="default: %(default)s")
@@ -212,8 +213,8 @@ def _parser(prog: str) -> Parser:
     parser.add_argument(
         "--observation",
         default=GEOMETRIC,
-        help="what methods are told: the true goal (geometric), or what the cameras saw (camera: --task ur5, needs "
-        "OpenGL) (default: %(default)s)",
+        help="what methods are told: the true goal (geometric), or what the cameras saw (camera: --task ur5 or space, "
+        "needs OpenGL) (default: %(default)s)",
     )
     parser.add_argument("--out", metavar="DIR", help="where results go (default: results/compare-TASK[-ARM][-camera])")
     parser.add_argument(

@@ -30,6 +30,7 @@ from kinreach.compare.task import (
     policy_version,
     resets_to,
 )
+from kinreach.errors import InputError
 from kinreach.kinematics.solvers import Tolerance, new_solver
 from kinreach.registration import MULTI, SINGLE, SPACE
 from kinreach.sim.controller import TOLERANCE
@@ -37,6 +38,8 @@ from kinreach.summary import MEAN, QUANTILES, Column, Trial, number, thousandfol
 
 #: The second table.
 BUDGET_TABLE = "Where the distance comes from"
+#: An arm that reaches none of so many goals in a row reaches none at all.
+MOST_MISSED = 1000
 #: What the numbers of a budget mean, for people.
 BUDGET_MEANING = "component of each error along the line from the goal to the tip, mean over completed moves"
 
@@ -158,15 +161,26 @@ def goals_of(env: gym.Env[Any, Any], count: int, seed: int, *, reachable: bool =
         count: How many.
         seed: Of the draws.
         reachable: Keep only those for which the closed form, which knows all postures, finds an acceptable one.
+
+    Raises:
+        InputError: The work cell has no goals, or none of `MOST_MISSED` in a row can be kept.
     """
     world: Any = env.unwrapped
     solver = new_solver("closed-form", world.kinematics) if reachable else None
     rng = np.random.default_rng(seed)
     kept: list[Floats] = []
+    missed = 0
     while len(kept) < count:
         position = world.arm.workcell.draw_goals(rng, 1)[0]
         if solver is None or solver.solve(world.ik_goal(position), world.home, accept=world.accept).success:
             kept.append(position)
+            missed = 0
+        else:
+            missed += 1
+        if missed == MOST_MISSED:
+            raise InputError(
+                f"arm {world.arm.name!r} reaches none of {missed} goals in a row; give it a Workcell with others"
+            )
     return np.array(kept)
 
 

@@ -116,8 +116,13 @@ def report_html(
 
 
 def finding(results: Mapping[str, Any]) -> str:
-    """What was found, in a sentence: who reaches how many goals, who comes nearest, who decides soonest."""
+    """What was found, in a sentence: who reaches how many goals, who comes nearest, who decides soonest.
+
+    As far as the task's columns say it; nothing where they say nothing of goals that were reached.
+    """
     entries = results["methods"]
+    if any(entry.get("reached") is None for entry in entries):
+        return ""
     most = max(entry["reached"] for entry in entries)
     best = [entry for entry in entries if entry["reached"] == most]
     rest = [entry for entry in entries if entry["reached"] < most]
@@ -127,10 +132,14 @@ def finding(results: Mapping[str, Any]) -> str:
     else:
         said = [f"{len(best)} of {len(entries)} methods reach {share}" if rest else f"All methods reach {share}"]
         if most:
-            near = min(best, key=lambda entry: entry["distance_mm"]["median"])
-            quick = min(best, key=lambda entry: entry["solve_ms"]["median"])
-            said.append(f"{near['name']} ends nearest, {number(near['distance_mm']['median'])} mm in the median")
-            said.append(f"{quick['name']} decides soonest, {number(quick['solve_ms']['median'])} ms")
+            for key, words in (
+                ("distance_mm", "ends nearest, {} mm in the median"),
+                ("solve_ms", "decides soonest, {} ms"),
+            ):
+                medians: dict[str, Any] = {entry["name"]: (entry.get(key) or {}).get("median") for entry in best}
+                if None not in medians.values():
+                    least = min(medians, key=medians.__getitem__)
+                    said.append(f"{least} {words.format(number(medians[least]))}")
     if rest:
         shares = (f"{entry['name']} {100 * entry['reached']:.1f} %" for entry in rest)
         said.append(f"the others: {', '.join(shares)}")

@@ -25,11 +25,11 @@ from kinreach.baselines.rollout import Policy, as_policy, rollout
 from kinreach.checks import check_count, check_known, check_path, shown
 from kinreach.compare import figures, report
 from kinreach.compare.methods import colours, resolve_methods
-from kinreach.compare.task import GIVEN, SOLVER, Method, Task, get_task
+from kinreach.compare.task import GIVEN, SOLVER, Method, Task, arm_version, get_task
 from kinreach.envs.reach.reachable_goals import with_goals
 from kinreach.envs.reach.task import layout_of
 from kinreach.errors import InputError, InstallationError, OutputError
-from kinreach.files import make_writable, write_text
+from kinreach.files import locked, make_writable, write_text
 from kinreach.jobs import SERIAL, Engine, Serial, open_engine
 from kinreach.robots import ArmDescription, as_arm
 from kinreach.summary import Trial, summarise, trials_csv
@@ -164,7 +164,7 @@ def compare(
         The contents of `results.json`.
 
     Raises:
-        OutputError: `out` cannot be written.
+        OutputError: `out` cannot be written, or another comparison is writing there.
         InstallationError: The packages of a method are missing, or cameras are to look and nothing can be drawn.
         ClusterError: There is no cluster at the address, or it died; finished trials are kept in `out`.
         InputError: A number is out of range, an option does not exist, a policy cannot be used, or `out` holds the
@@ -182,9 +182,10 @@ def compare(
     with open_engine(engine, address) as running:
         if out is None:
             return results_of(comparison, list(run_trials(comparison, running, progress=progress)), machine)
-        return _compare_on_disk(
-            comparison, check_path("out", out), engine=running, machine=machine, fresh=fresh, progress=progress
-        )
+        folder = check_path("out", out)
+        make_writable(folder)
+        with locked(folder, "a comparison"):
+            return _compare_on_disk(comparison, folder, engine=running, machine=machine, fresh=fresh, progress=progress)
 
 
 def prepare(
@@ -416,7 +417,6 @@ def _compare_on_disk(
     fresh: bool,
     progress: Progress,
 ) -> dict[str, Any]:
-    make_writable(out)
     if not fresh:
         _refuse_other_results(out, comparison)
     identity = {
@@ -521,6 +521,8 @@ def _refuse_other_results(out: Path, comparison: Comparison) -> None:
 
 def _versions(comparison: Comparison) -> dict[str, Any]:
     found: dict[str, Any] = provenance.versions()
+    if (arm := comparison.task.options.get("arm")) is not None:
+        found |= arm_version(as_arm(arm))
     for method in comparison.methods.values():
         found |= method.versions
     return found

@@ -5,7 +5,7 @@ from __future__ import annotations
 import hashlib
 import importlib
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field, fields, replace
 from importlib import resources
 from pathlib import Path
 from typing import Any
@@ -16,6 +16,8 @@ from matplotlib.figure import Figure
 
 from kinreach.checks import Floats, check_known
 from kinreach.errors import InputError
+from kinreach.robots import ArmDescription, BoxRegion
+from kinreach.robots.workcell import QuadrantRegion
 from kinreach.summary import MEAN, QUANTILES, RATE, Column, Trial, success_columns, thousandfold
 
 #: What a figure is drawn from: all trials, and the contents of `results.json`.
@@ -105,6 +107,8 @@ class Task:
         return replace(self, options={**self.options, **options})
 
 
+#: Fields of an arm whose printed form says nothing, or more than the field.
+_OUTSIDE = ("build_urdf", "package_root", "workcell")
 #: Registered tasks by name.
 _TASKS: dict[str, Task] = {}
 #: Tasks of the package -> the module whose `TASKS` has them, loaded when one of them is first asked for.
@@ -200,3 +204,12 @@ def policy_version(policy: str) -> dict[str, str]:
     shipped = resources.files("kinreach.baselines") / "pretrained" / f"{policy}.safetensors"
     content = shipped.read_bytes() if shipped.is_file() else Path(policy).read_bytes()
     return {f"policy {policy}": hashlib.sha256(content).hexdigest()[:12]}
+
+
+def arm_version(arm: ArmDescription) -> dict[str, str]:
+    """What an arm is: the first 12 hex digits of the SHA-256 of its URDF and of what else describes it, by name."""
+    cell = arm.workcell
+    goals = cell.goals if isinstance(cell.goals, BoxRegion | QuadrantRegion) else type(cell.goals).__qualname__
+    facts = [getattr(arm, entry.name) for entry in fields(arm) if entry.name not in _OUTSIDE]
+    content = repr((arm.urdf, facts, replace(cell, goals=None), goals)).encode()
+    return {f"arm {arm.name}": hashlib.sha256(content).hexdigest()[:12]}

@@ -64,6 +64,16 @@ def test_bad_input_is_one_clear_line(argv, said, capsys, tmp_path, monkeypatch):
     assert said in lines[0]
 
 
+def test_a_task_of_a_users_own_does_not_pass_for_one_of_the_package(tmp_path, monkeypatch, capsys):
+    module = (
+        "from kinreach.compare import get_task\nfrom dataclasses import replace\nTASK = replace(get_task('arm3'))\n"
+    )
+    (tmp_path / "taken_name.py").write_text(module)
+    monkeypatch.chdir(tmp_path)
+    assert call("--task", "taken_name:TASK", "--goals", "1") == 2
+    assert "a task named 'arm3' is registered already" in capsys.readouterr().err
+
+
 def test_results_of_another_comparison_stay(tmp_path, capsys):
     assert call("--methods", "closed-form", "--goals", "1", "--out", str(tmp_path)) == 0
     assert call("--methods", "closed-form", "--goals", "2", "--out", str(tmp_path)) == cli.EXIT_ERROR

@@ -1,6 +1,7 @@
 """The reach tasks: solvers and policies in the environments, and where the distance that is left comes from."""
 
 import json
+from dataclasses import replace
 from pathlib import Path
 
 import gymnasium as gym
@@ -18,7 +19,7 @@ from kinreach.compare.task import get_task, resets_to
 from kinreach.errors import InputError
 from kinreach.kinematics import UR5Kinematics
 from kinreach.registration import SINGLE
-from kinreach.robots import get_arm
+from kinreach.robots import BoxRegion, get_arm
 from kinreach.vision.goal_view import CameraGoalView
 
 PRETRAINED = Path(kinreach.__file__).parent / "baselines/pretrained"
@@ -166,6 +167,13 @@ def test_the_arm3_task_keeps_what_some_posture_reaches():
     assert [found["reached"] for found in results["methods"]] == [1.0, 1.0, 1.0]
     assert entry(results, "closed-form")["distance_mm"]["p95"] < 0.1
     assert "posture_error" not in results["methods"][0]
+
+
+def test_an_arm_that_reaches_no_goal_is_said_so():
+    arm = get_arm("arm3")
+    far = replace(arm, workcell=replace(arm.workcell, goals=BoxRegion(x=(3.0, 4.0), y=(0.0, 1.0), z=(0.2, 0.4))))
+    with pytest.raises(InputError, match="arm 'arm3' reaches none of 1000 goals"):
+        compare("arm3", ["closed-form"], arm=far, goals=1)
 
 
 def test_goals_of_arm3_are_those_drawn_that_some_posture_reaches():

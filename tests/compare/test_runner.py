@@ -2,14 +2,17 @@
 
 import csv
 import json
+from dataclasses import replace
 
 import numpy as np
 import pytest
 
 from kinreach.compare import compare
 from kinreach.compare.runner import MOST_SEED, RECORDS, WARM_UP_SEED, prepare, run_trials
-from kinreach.errors import InputError, UnknownNameError
-from kinreach.summary import success_columns, summarise
+from kinreach.errors import InputError, OutputError, UnknownNameError
+from kinreach.files import locked
+from kinreach.robots import get_arm
+from kinreach.summary import Column, success_columns, summarise
 
 #: Not the same in two runs: clocks.
 CLOCKS = {"solve_s", "accept_s"}
@@ -136,6 +139,34 @@ def test_other_settings_do_not_go_on(toy, tmp_path):
     started = []
     compare(toy, goals=4, seed=1, out=tmp_path, progress=lambda done, total: started.append(done))
     assert started[0] == 0
+
+
+def test_another_arm_of_the_same_name_does_not_go_on(tmp_path):
+    arm, started = get_arm("ur5"), []
+    with pytest.raises(Interrupted):
+        compare("ur5", ["closed-form"], arm=arm, goals=3, out=tmp_path, progress=interrupt_after(2))
+    narrow = arm.with_limits({"wrist_3_joint": (-3.0, 3.0)})
+    assert narrow.name == arm.name
+    for which in (arm, narrow):
+        with pytest.raises(Interrupted):
+            compare(
+                "ur5", ["closed-form"], arm=which, goals=3, out=tmp_path,
+                progress=lambda done, total: (started.append(done), interrupt_after(done)(done, total)),
+            )  # fmt: skip
+    assert started == [2, 0]
+
+
+def test_two_comparisons_do_not_write_into_one_folder(toy, tmp_path):
+    with locked(tmp_path, "a comparison"), pytest.raises(OutputError, match="a comparison is writing into"):
+        compare(toy, goals=2, out=tmp_path)
+    assert not any(tmp_path.iterdir())
+    compare(toy, goals=2, out=tmp_path)
+
+
+def test_a_task_may_report_what_it_likes(toy, tmp_path):
+    for columns in ((Column("steps", "steps", "mean"),), (Column("reached", "reached", "rate"),)):
+        compare(replace(toy, columns=columns), ["near", "right"], goals=2, out=tmp_path, fresh=True)
+        assert (tmp_path / "report.html").exists()
 
 
 def test_finished_results_of_another_comparison_are_not_overwritten(toy, tmp_path):
