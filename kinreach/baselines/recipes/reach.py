@@ -103,6 +103,7 @@ _THESIS_SINGLE = Recipe(
     settings={**_THESIS_PPO2, "gain": 1 / math.pi, "gamma": 0.0, "n_steps": 1, "learning_rate": 1e-3},
     window=128,
 )
+#: Four arms make the 4096 steps of an update, ten episodes each and a part of one; with one arm it would be forty.
 _THESIS_MULTI = Recipe(
     name="thesis-multi",
     trace_after=25_000,
@@ -110,10 +111,10 @@ _THESIS_MULTI = Recipe(
     environment=MULTI,
     algorithm="PPO2",
     steps=150_000,
-    num_envs=1,
+    num_envs=4,
     networks=Networks(std=1 / 5),
     options={"backend": "kinematic"},
-    settings={**_THESIS_PPO2, "gain": 1 / 5, "gamma": 0.99, "n_steps": 4096, "learning_rate": 2.5e-4},
+    settings={**_THESIS_PPO2, "gain": 1 / 5, "gamma": 0.99, "n_steps": 1024, "learning_rate": 2.5e-4},
 )
 
 
@@ -235,6 +236,7 @@ REACH_RECIPES = (
         _THESIS_MULTI,
         name="sb3-multi",
         summary="thesis-multi with stable-baselines3's PPO as it comes, which begins to explore half the range.",
+        num_envs=1,
         n_steps=4096,
         networks=Networks(),
     ),
