@@ -1,0 +1,70 @@
+"""A world less exact: the table of the docs is that of the file, and trainings differ by the world that they are in."""
+
+from dataclasses import replace
+from importlib import resources
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from kinreach.baselines.learning_curve import read_curve
+
+pytest.importorskip("stable_baselines3")
+
+from benchmarks.studies import ppo2, thesis_world
+from benchmarks.studies.thesis_world import COLUMNS, TASKS, WORLDS, table, trained
+from kinreach.baselines.evaluation import HELD_OUT
+from kinreach.baselines.recipes import get_recipe
+from kinreach.vision.goal_view import geometric_goal_view
+
+FILE = resources.files("kinreach.baselines") / "logs" / "thesis-single" / "worlds.csv"
+PAGE = Path(__file__).parents[2] / "docs" / "ppo2.md"
+
+
+def rows():
+    columns = read_curve(Path(str(FILE)))
+    assert tuple(columns) == COLUMNS
+    return [dict(zip(columns, values, strict=True)) for values in zip(*columns.values(), strict=True)]
+
+
+def test_the_published_table_is_that_of_the_file():
+    found = rows()
+    assert table(found) in PAGE.read_text(encoding="utf-8")
+    assert [(row["multi"], row["world"], row["seed"]) for row in found] == [
+        (multi, world, seed) for multi in range(2) for world in range(3) for seed in range(5)
+    ]
+
+
+def test_what_was_told_is_what_the_readings_say():
+    """The same trainings as those of the most faithful reading in the other tables."""
+    compared = 0
+    for multi, name in enumerate(("thesis-single", "thesis-multi")):
+        columns = read_curve(Path(str(resources.files("kinreach.baselines") / "logs" / name / "readings.csv")))
+        faithful = np.flatnonzero(
+            [all(columns[flag][i] == getattr(ppo2.FAITHFUL, flag) for flag in ppo2.FLAGS)
+             and columns["natural_arm"][i] and columns["gripper"][i] for i in range(len(columns["seed"]))]
+        )  # fmt: skip
+        told = [row for row in rows() if (row["multi"], row["world"]) == (multi, 0)]
+        for row, other in zip(told, faithful, strict=True):
+            assert row["distance_0"] == pytest.approx(columns["distance"][other], rel=0.25, abs=5)
+            compared += 1
+    assert compared == 10
+
+
+def test_recipes_train_in_the_same_worlds():
+    for name, world in (("thesis-single-camera", "seen"), ("thesis-single-tolerance", "inexact joints")):
+        assert get_recipe(name).options == {"backend": "kinematic", **WORLDS[world]}
+
+
+def test_trainings_differ_by_their_world(tmp_path, monkeypatch):
+    plan = ppo2.PLANS["single"]
+    monkeypatch.setattr(thesis_world, "PLANS", {"single": replace(plan, stack=replace(plan.stack, steps=512))})
+    views = geometric_goal_view("ur5", ppo2.goals(HELD_OUT, 20))
+    told, loose = (trained(tmp_path, "single", world, views) for world in ("told", "inexact joints"))
+    assert [len(told), len(loose)] == [5, 5]
+    for one, other in zip(told, loose, strict=True):
+        assert one["distance_0"] == one["distance_1"]  # exact views are what is told
+        assert one["distance_0"] != one["distance_2"]
+        assert one["distance_0"] != other["distance_0"]
+    assert trained(tmp_path, "single", "told", views) == told
+    assert set(TASKS) == {"single", "multi"}
