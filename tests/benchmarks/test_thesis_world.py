@@ -46,7 +46,7 @@ def test_what_was_told_is_what_the_readings_say():
         )  # fmt: skip
         told = [row for row in rows() if (row["multi"], row["world"]) == (multi, 0)]
         for row, other in zip(told, faithful, strict=True):
-            assert row["distance_0"] == pytest.approx(columns["distance"][other], rel=0.25, abs=5)
+            assert row["distance_0"] == pytest.approx(columns["distance"][other], abs=0.01)
             compared += 1
     assert compared == 10
 
