@@ -32,8 +32,8 @@ _METAL: Colour = (122, 126, 133)
 SAME_PLACE = 1e-6
 #: Where nothing is [m].
 FAR = 1e6
-#: How far the scene is moved to the side, by its distance.
-ASIDE = 0.13
+#: How far the scene is moved to the side, and away, by its distance.
+ASIDE, AWAY = 0.14, 0.15
 _LEG = 0.05  # edge of a table leg [m]
 _IDENTITY = (1.0, 0.0, 0.0, 0.0)
 
@@ -49,7 +49,8 @@ def overview(client: Any, arm: ArmDescription) -> None:
     if mount is not None:
         position, target = np.array(mount.position), np.array(mount.target)
         aside = ASIDE * np.cross(target - position, (0.0, 0.0, 1.0))  # to the left of the panel
-        client.camera.position, client.camera.look_at = position + aside, target + aside
+        back = AWAY * (position - target)
+        client.camera.position, client.camera.look_at = position + aside + back, target + aside
         client.camera.fov = np.radians(mount.fovy)
 
 

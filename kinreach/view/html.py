@@ -87,7 +87,7 @@ def _row(posture: Posture, q: Floats, *, solid: bool, joints: Sequence[str]) -> 
     titles = ", ".join(f"{plain(name)} {degrees(value):.1f}°" for name, value in zip(joints, q, strict=True))
     said = "" if usable else _reason(posture.reason)
     name = f"<b>{escape(posture.name)}</b>" if solid else escape(posture.name)
-    word, back = ("solid", "#343a40") if usable else ("drawn, but refused", _RED)
+    word, back = ("solid", "#343a40") if usable else ("shown", _RED)
     mark = f' <span style="background:{back};color:#fff;border-radius:3px;padding:0 4px;font-size:10px">{word}</span>'
     detail = f'{said}<span style="{_SMALL};font-family:monospace" title="{escape(titles)}">{values}</span>'
     colour = css(branch_colour(posture.branch)) if usable else _RED

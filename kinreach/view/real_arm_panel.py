@@ -10,6 +10,7 @@ import numpy as np
 from kinreach.checks import Floats
 from kinreach.errors import KinreachError
 from kinreach.robots import ArmDescription
+from kinreach.robots.calibration import PUBLISHED
 from kinreach.view import html
 from kinreach.view.draw import BLUE, RED, SolidArm, Surroundings
 from kinreach.view.figure import Figure
@@ -24,6 +25,7 @@ from kinreach.view.snippet import real_arm_program
 TIMES, MOST_TIMES = 30, 100
 #: The map is this far above the table [m].
 ABOVE = 0.002
+NONE = "none"
 #: Pixels of a cell of the map.
 PIXELS = 8
 
@@ -61,7 +63,9 @@ class RealArmPanel(Panel):
         self._label = scene.add_label(f"{self._root}/label", "", anchor="bottom-center", visible=False)
         self._gizmo.on_update(self._dragged)
         if setup.nominal is None:
-            self._verdict.content = html.message("Name the calibration of your UR, to see it beside its data sheet.")
+            self._verdict.content = html.message(
+                "Name the calibration file of your UR, or choose a published one, to see it beside its data sheet."
+            )
         else:
             self._take(setup.arm, setup.expression)
 
@@ -100,6 +104,11 @@ class RealArmPanel(Panel):
         self._scale = gui.add_html("")
         self._file = gui.add_text("calibration", "", hint="kinematics.yaml, calibration.conf, or a calibrated URDF")
         opened = gui.add_button("Open calibration")
+        published = [name for name in PUBLISHED if name.startswith(f"{self._sheet.name}_")]
+        if published:
+            self._example = gui.add_dropdown("or a published", [NONE, *published], hint="Of real arms, in the package")
+            by_user(self._example, lambda name: None if name == NONE else self.open(str(PUBLISHED[name])))
+        self._times.visible = self._over_table.visible = False
         by_user(self._times, lambda value: self.move(self.T))
         by_user(self._over_table, self._show_map)
         opened.on_click(lambda _: self.open(self._file.value))
@@ -121,7 +130,7 @@ class RealArmPanel(Panel):
         self._draw_map(found)
         self.q = np.array(model.nominal.arm.home)
         self.T = model.nominal.fk(self.q)
-        self._gizmo.visible = True
+        self._gizmo.visible = self._times.visible = self._over_table.visible = True
         self._update()
 
     def _draw_map(self, found: ErrorMap) -> None:

@@ -392,11 +392,13 @@ class TargetModel:
         short = self._missing_least(postures)
         off = length(approach.distance)
         if approach.least:
-            near = f"With the tool turned as asked the tip comes within {off} of it."
+            near = f"With the tool turned as asked the tip comes within {off} of it (amber)."
             return f"No posture reaches this target. {short}. {near}" if short else f"No posture reaches it. {near}"
         turned = f" and {angle(approach.turned)}" if approach.turned > SAME else ""
         proof = "" if self.complete else ", which is no proof"
-        return f"No posture reaches this target: the nearest of {STARTS} searches ends {off}{turned} away{proof}."
+        return (
+            f"No posture reaches this target: the nearest of {STARTS} searches ends {off}{turned} away (amber){proof}."
+        )
 
     def _missing_least(self, postures: Sequence[Posture]) -> str:
         """The sentence of the branch that is nearest to reaching."""

@@ -126,8 +126,8 @@ class TargetPanel(Panel):
             back = gui.add_button("Back to the start", hint="Arm and target as in the beginning")
         with gui.add_folder("Arm", expand_by_default=False):
             self._choice = gui.add_dropdown("draw solid", [NEAREST, *self._names()], initial_value=NEAREST)
-            ghosts = gui.add_checkbox("all others as ghosts", True)
-            self._bound = gui.add_slider("no joint beyond ±", 30, 360, 5, 360, hint="Degrees")
+            ghosts = gui.add_checkbox("others as ghosts", True)
+            self._bound = gui.add_slider("all within ± [°]", 30, 360, 5, 360, hint="Narrows the limits of all joints")
             self._sliders = [
                 gui.add_slider(f"{plain(name)} [°]", round(np.degrees(low), 1), round(np.degrees(high), 1), 0.1, 0.0)
                 for name, low, high in zip(

@@ -162,6 +162,18 @@ def test_the_real_arm_beside_its_data_sheet(serve, root):
         assert not panel._branch.visible
 
 
+def test_a_published_calibration_is_chosen(serve):
+    with Tab(serve("ur5")) as tab:
+        panel = tab.page.show("Real arm")
+        assert panel.model is None
+        assert panel._example.options == ("none", "ur5_a", "ur5_b", "ur5_c", "ur5_d")
+        tab.set(panel._example, "ur5_c")
+        wait_for(lambda: panel.miss)
+        with tab.page.lock:
+            assert "ur5_c.yaml" in panel.program()
+            assert panel._times.visible
+
+
 def test_parts_of_other_arms(serve):
     with Tab(serve("arm3")) as tab:
         assert tab.page.names == ("Target", "Episodes", "Results")
