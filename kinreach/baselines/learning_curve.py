@@ -22,7 +22,7 @@ Array = np.ndarray[Any, Any]
 #: steps that were impossible. Empty where the environment has no such thing, or no episode ended.
 COLUMNS = ("steps", "episodes", "reward", "return", "reached", "distance", "posture_error", "impossible")
 
-#: Columns of a traced episode: steps so far, distance after the step [m], reward of the step.
+#: Columns of a traced episode: steps so far, distance after the step [m] (empty without one), reward of the step.
 TRACE_COLUMNS = ("steps", "distance", "reward")
 
 #: What is averaged over the episodes that ended: column of the curve, and name in the info.
@@ -50,7 +50,7 @@ class LearningCurve(VectorWrapper[Any, Any, Any]):
     def __init__(self, env: VectorEnv[Any, Any, Any], *, window: int, trace_after: int | None = None) -> None:
         super().__init__(env)
         self.window = window
-        self.trace: list[list[float]] = []
+        self.trace: list[list[float | None]] = []
         self.traced = trace_after is None
         self._trace_after = trace_after or 0
         self.rows: list[list[float | None]] = []
@@ -97,7 +97,8 @@ class LearningCurve(VectorWrapper[Any, Any, Any]):
         if not self._begun[0]:
             self.trace = []  # one that a reset cut short does not count
         if self.steps > self._trace_after and (self.trace or not self._begun[0]):
-            self.trace.append([self.steps, float(last_value(self._info, "distance")[0]), reward])
+            distances = last_value(self._info, "distance")
+            self.trace.append([self.steps, None if distances is None else float(distances[0]), reward])
             self.traced = over
 
     def _end(self, over: Array) -> None:

@@ -5,10 +5,11 @@ from dataclasses import replace
 import gymnasium as gym
 import numpy as np
 import pytest
+from gymnasium.vector import AutoresetMode
 from scipy.stats import norm, rankdata
 
 from kinreach.baselines.algorithms import AdaptiveRate, Exploration, normal_scores
-from kinreach.baselines.learning_curve import COLUMNS, LearningCurve, curve_csv, read_curve
+from kinreach.baselines.learning_curve import COLUMNS, TRACE_COLUMNS, LearningCurve, curve_csv, read_curve
 from kinreach.baselines.models import build
 from kinreach.baselines.policies import paced
 from kinreach.baselines.recipes import get_recipe
@@ -218,6 +219,21 @@ def test_what_was_reached_lately_is_of_the_last_row_in_which_an_episode_ended():
     for share, lately in ((None, 0.0), (0.25, 0.25), (0.75, 0.75), (None, 0.75), (0.5, 0.5)):
         env.rows.append([share if column == place else 0.0 for column in range(len(COLUMNS))])
         assert env.reached_lately == lately
+
+
+def test_an_episode_is_traced_where_there_is_no_distance():
+    same_step = {"autoreset_mode": AutoresetMode.SAME_STEP}
+    batch = gym.make_vec("CartPole-v1", 2, vectorization_mode="sync", vector_kwargs=same_step)
+    curve = LearningCurve(batch, window=100, trace_after=5)
+    curve.reset(seed=0)
+    while not curve.traced:
+        curve.step(np.ones(2, dtype=np.int64))
+    curve.close()
+    steps, distances, rewards = zip(*curve.trace, strict=True)
+    assert len(steps) > 5
+    assert set(distances) == {None}
+    assert set(rewards) == {1.0}
+    assert curve_csv(curve.trace, TRACE_COLUMNS).splitlines()[1] == f"{steps[0]},,1"
 
 
 def test_a_reset_ends_the_episodes_in_progress_only():
