@@ -173,8 +173,10 @@ class CollisionChecker:
             q: Posture [rad], shape (n,).
 
         Raises:
-            InputError: `q` is malformed.
+            InputError: `q` is malformed, or there are no pairs.
         """
+        if not self.pairs:
+            raise InputError(f"arm {self.kinematics.arm.name!r} has no two shapes that could come nearer to each other")
         q = self.kinematics.as_posture("q", q)
         search = self._search
         nearest = pin.computeDistances(self.model, search.data, self.geometry, search.results, q)

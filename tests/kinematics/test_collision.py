@@ -11,7 +11,7 @@ from kinreach.kinematics.arm import ArmKinematics
 from kinreach.kinematics.collision import CollisionChecker
 from kinreach.kinematics.goals import AxisGoal
 from kinreach.kinematics.solvers.levenberg_marquardt import LevenbergMarquardtSolver
-from kinreach.robots import Box, get_arm
+from kinreach.robots import ArmDescription, Box, get_arm
 from kinreach.sim.scene import build_scene
 
 arms = pytest.mark.parametrize("name", ["ur5", "arm3"])
@@ -153,6 +153,20 @@ def test_the_gripper_is_as_wide_as_the_description_says(ur5):
         probe = Box("probe", (0.004, 0.004, 0.004), tuple(point))
         contacts = CollisionChecker(arm, obstacles=[probe]).contacts(arm.home)
         assert contacts == ((("finger_left", "probe"),) if touched else ())
+
+
+def test_an_arm_with_one_shape_collides_with_nothing(tmp_path):
+    file = tmp_path / "arm.urdf"
+    file.write_text(
+        '<robot name="arm"><link name="base"/><link name="tip"><collision><geometry><box size="0.1 0.1 0.3"/>'
+        '</geometry></collision></link><joint name="turn" type="revolute"><parent link="base"/><child link="tip"/>'
+        '<axis xyz="0 0 1"/><limit lower="-3" upper="3" effort="1" velocity="1"/></joint></robot>'
+    )
+    checker = CollisionChecker(ArmDescription.from_urdf(file))
+    assert checker.pairs == checker.contacts([0.5]) == ()
+    assert checker.free([0.5])
+    with pytest.raises(InputError, match="no two shapes"):
+        checker.distance([0.5])
 
 
 @pytest.mark.parametrize("q", [np.zeros(5), np.zeros((2, 6)), np.full(6, np.nan), "home", None])

@@ -110,6 +110,17 @@ def urdf(axes):
     return f'<robot name="arm">{links}{joints}</robot>'
 
 
+def test_an_arm_with_a_flange_that_is_no_ur_is_taken_without_a_warning(tmp_path):
+    """Its last two axes are parallel: what is made for arms that are nearly URs would divide by zero."""
+    file = tmp_path / "arm.urdf"
+    text = urdf(["0 0 1", "0 1 0", "0 1 0", "1 0 0", "0 1 0", "0 1 0"])
+    file.write_text(text.replace('"l6"', '"tool0"').replace("0.3 0 0.1", "0.3 0.05 0.1"))
+    kin = kinematics_of(ArmDescription.from_urdf(file))
+    assert type(kin) is SixAxisKinematics
+    q = np.array([0.3, -0.4, 0.9, 0.5, -0.7, 0.2])
+    assert apart(q, kin.all_solutions(kin.fk(q)).q) < 1e-6
+
+
 def test_axes_that_it_cannot_solve_are_named(tmp_path):
     """Six parallel axes move in a plane: a pose has a family of postures or none."""
     file = tmp_path / "plane.urdf"

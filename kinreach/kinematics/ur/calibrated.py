@@ -133,8 +133,8 @@ class CalibratedSolver:
 
     def __init__(self, placements: Floats, start: URGeometry) -> None:
         self.chain = Chain(placements)
-        self._refined = Refinement(placements)
         self.fit = fit(self.chain, start)
+        self._refined = Refinement(placements)
         self._left: Floats = np.asarray(np.linalg.inv(self.fit.before), dtype=np.float64)
         self._right: Floats = np.asarray(np.linalg.inv(self.fit.after), dtype=np.float64)
         self._centre, self._radius = self._centres()
