@@ -148,7 +148,12 @@ def _locked_temporary(path: Path) -> tuple[int, Path, int]:
         fcntl.flock(handle, fcntl.LOCK_EX)
     status = os.fstat(handle)
     temporary = path.parent / f"{prefix}{status.st_ino:x}-{token}{path.suffix}"
-    os.rename(new, temporary)
+    try:
+        os.rename(new, temporary)
+    except OSError:
+        new.unlink(missing_ok=True)
+        os.close(handle)
+        raise
     return handle, temporary, stat.S_IMODE(status.st_mode)
 
 

@@ -151,3 +151,19 @@ def test_a_name_as_long_as_the_system_takes_can_be_written(name: str, tmp_path: 
         write_text(tmp_path / name, text)
     assert (tmp_path / name).read_text() == "second"
     assert os.listdir(tmp_path) == [name]
+
+
+def test_an_ending_that_leaves_no_room_for_the_inode_leaves_nothing_behind(tmp_path: Path) -> None:
+    refused = 0
+    before = len(os.listdir("/proc/self/fd"))
+    for length in range(180, 230):
+        path = tmp_path / f"a.{'x' * length}"
+        try:
+            write_text(path, "new")
+        except OutputError:
+            refused += 1
+        else:
+            path.unlink()
+        assert os.listdir(tmp_path) == []
+    assert 0 < refused < 50
+    assert len(os.listdir("/proc/self/fd")) == before
