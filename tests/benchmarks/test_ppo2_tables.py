@@ -40,7 +40,11 @@ def test_the_published_table_is_that_of_the_file():
 
 def test_the_published_tables_of_multi_step_are_those_of_the_files():
     page = PAGE.read_text(encoding="utf-8")
-    for name, cells, seeds in (("readings.csv", 19, range(5)), ("readings-2M.csv", 16, range(1))):
+    for name, cells, seeds in (
+        ("readings.csv", 19, range(5)),
+        ("readings-2M.csv", 16, range(1)),
+        ("long.csv", 4, range(5)),
+    ):
         found = rows("thesis-multi", name)
         assert table(found, MULTI) in page
         trained = {}
@@ -70,6 +74,20 @@ def test_what_the_text_says_of_multi_step():
     stable = [row for row in longer if not row["openai"]]
     assert 45 < min(row["distance"] for row in stable) < max(row["distance"] for row in stable) < 215
     assert (min(row["reached_training"] for row in stable), max(row["reached_training"] for row in stable)) == (1, 42)
+
+
+def test_what_the_text_says_of_the_long_trainings():
+    found = rows("thesis-multi", "long.csv")
+    assert {row["near"] for row in found} == {0}
+
+    def of(column, **flags):
+        return [row[column] for row in found if all(row[name] == flags[name] for name in flags)]
+
+    ended = sorted(of("distance", terminal=1, ends=1))
+    assert max(ended[:3]) < 120
+    assert [round(value / 10) for value in ended[3:]] == [32, 37]
+    assert [round(np.median(of("distance", terminal=0, ends=ends))) for ends in (1, 0)] == [48, 45]
+    assert [round(float(np.median(of("sampled_reached", terminal=0, ends=ends))), 1) for ends in (1, 0)] == [1.5, 7.0]
 
 
 def test_what_the_text_says_of_single_step():
