@@ -31,6 +31,8 @@ FPS = 25
 MOST_FRAMES = 3000
 #: An episode that does not end is cut off.
 MOST_STEPS = 10_000
+#: What of an `info` is about the moment, not about the episode.
+CHANGING = {"distance", "posture_error", "time", "status", "impossible_reason"}
 #: The ring around a ball that was found: its width [pixels] and colour.
 RING, YELLOW = 3, (255, 255, 0)
 
@@ -79,6 +81,7 @@ class Episode:
         steps: One an action.
         goal: Where it is in the world in the beginning [m], shape (3,); None where there is not just one.
         trial: As `rollout` has it.
+        facts: Texts and single numbers that the environment said of it in the beginning, by name.
     """
 
     scene: MujocoScene
@@ -87,6 +90,7 @@ class Episode:
     steps: list[Step] = field(default_factory=list)
     goal: Floats | None = None
     trial: Trial = field(default_factory=dict)
+    facts: Mapping[str, str | float] = field(default_factory=dict)
 
     @property
     def verdict(self) -> str:
@@ -267,7 +271,8 @@ class _Recorder(gym.Wrapper[Any, Any, Any, Any]):
         self._scene: Any = PosedScene(arm) if self._follows else self.env.get_wrapper_attr("scene")
         self._scene.watch = self._moving
         goal = None if "goal" not in info else np.array(info["goal"], dtype=np.float64)
-        self.episode = Episode(MujocoScene(self._scene.model, simple=self._simple), arm, goal=goal)
+        facts = {name: value for name, value in info.items() if type(value) in (str, float) and name not in CHANGING}
+        self.episode = Episode(MujocoScene(self._scene.model, simple=self._simple), arm, goal=goal, facts=facts)
 
     def _pose(self, info: Mapping[str, Any]) -> None:
         time = info.get("time", len(self.episode.steps) / FPS)

@@ -250,7 +250,12 @@ class EpisodesPanel(Panel):
         ]
         with self._plot_place:
             self._plot = self._client.gui.add_uplot(
-                self._terms(episode, 0), tuple(series), scales={"x": {"time": False}}, height=170
+                self._terms(episode, 0),
+                tuple(series),
+                scales={"x": {"time": False}},
+                height=170,
+                axes=({}, {"size": 64}),
+                padding=(12, 12, 0, 0),
             )
 
     def _terms(self, episode: Episode, steps: int) -> tuple[Any, ...]:

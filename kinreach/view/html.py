@@ -182,10 +182,11 @@ def moment(episode: Episode, frame: Frame) -> str:
     said = [f"{frame.time:.2f} s, {frame.step} of {len(episode.steps)} steps"]
     if frame.step:
         step = episode.steps[frame.step - 1]
-        terms = ", ".join(f"{name.replace('_', ' ')} {value:.2f}" for name, value in step.terms.items())
-        said.append(f"reward {step.reward:.2f}{f' ({terms})' if terms else ''}")
+        terms = ", ".join(f"{name.replace('_', ' ')} {value:.3g}" for name, value in step.terms.items())
+        said.append(f"reward {step.reward:.3g}{f' ({terms})' if terms else ''}")
         said += [] if step.distance is None else [f"{length(step.distance)} from the goal"]
         said += [step.impossible_reason] if step.impossible_reason else []
+    said += [", ".join(f"{plain(name)} {value}" for name, value in episode.facts.items())] if episode.facts else []
     said += [] if frame.believed is None else ["blue: the arm as its user believes it to be"]
     pairs = dict.fromkeys(f"{plain(a)} touches {plain(b)}" for a, b in (contact.bodies for contact in frame.contacts))
     lines = "<br>".join([*map(escape, said), *(f'<span style="color:{_RED}">{escape(pair)}</span>' for pair in pairs)])

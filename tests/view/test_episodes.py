@@ -119,6 +119,7 @@ def test_the_ball_rolls_and_the_arm_follows(episodes):
     np.testing.assert_allclose(np.diff(times), 1 / 30, atol=1e-12)
     speeds = np.linalg.norm(np.diff(balls, axis=0), axis=1) * 30
     np.testing.assert_allclose(speeds, episode.trial["speed"], rtol=0.02)
+    assert episode.facts == {"speed": episode.trial["speed"], "path": episode.trial["path"]}
     finger = [frame.poses[episode.scene.links.index("finger_left"), :3] for frame in episode.frames]
     assert np.linalg.norm(finger[-1] - finger[0]) > 0.1
 
@@ -144,6 +145,8 @@ def test_the_true_arm_goes_to_every_ball(episodes):
         assert said.distance > 1e-3
         assert np.median(gaps) < 0.02
         assert 1e-4 < np.median(apart) < 0.02
+    assert set(episode.facts) == {"errors", "calibration"}
+    assert f"calibration {episode.facts['calibration']}" in html.moment(episode, episode.frames[-1])
     assert recording.made_with == {"balls": 4, "budgets": (0, 5, 20)}
 
 
@@ -188,7 +191,7 @@ def test_an_environment_from_outside_is_played(monkeypatch):
         assert (len(episode.steps), episode.trial["return"]) == (30, 45.0)
         assert episode.verdict == "Not reached after 30 steps."
         assert episode.goal is None
-        assert html.moment(episode, episode.frames[-1]).count("reward 1.50") == 1
+        assert html.moment(episode, episode.frames[-1]).count("reward 1.5") == 1
         angle = kinematics_of("panda", base="world")
         figure = Figure(angle, simple=True)
         hand = episode.scene.links.index("panda_hand")

@@ -189,7 +189,7 @@ def test_an_episode_is_played_stepped_and_scrubbed(serve):
         with tab.page.lock:
             assert "Reached after 1 step" in panel._verdict.content
         wait_for(lambda: panel.at == last and not panel.playing)
-        assert f"reward {first.steps[0].reward:.2f}" in panel._now.content
+        assert f"reward {first.steps[0].reward:.3g} (" in panel._now.content
         assert [len(column) for column in panel._plot.data] == [2] * (2 + len(first.steps[0].terms))
         tab.set(panel._slider, last // 2)
         wait_for(lambda: panel.at == last // 2)
