@@ -80,12 +80,16 @@ class Setup:
 
     @cached_property
     def environments(self) -> tuple[str, ...]:
-        """Ids of the environments that can be played, that which was asked for first; without goals for the arm, few.
+        """Environments that can be played, as `playable` takes them; that which was asked for comes first.
+
+        For an arm without goals these are the ones that have an arm of their own.
 
         Raises:
             InputError: There is no environment of that id, or its module cannot be loaded.
         """
-        wanted = self.policy_environment if self.environment is None else playable(self.environment).name
+        wanted = self.policy_environment if self.environment is None else self.environment
+        if wanted:
+            playable(wanted)
         goals = self.arm.workcell.goals is not None
         names = [name for name in playable_names() if goals or ARM not in playable(name).choices]
         return tuple(dict.fromkeys([*([wanted] if wanted else []), *names]))

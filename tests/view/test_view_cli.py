@@ -60,3 +60,21 @@ def test_it_is_served_here_and_nowhere_else():
         _, err = server.communicate(timeout=60)
     assert server.returncode == 130
     assert err.strip() == "python -m kinreach.view: interrupted"
+
+
+def test_an_environment_of_ones_own_comes_first(tmp_path, monkeypatch):
+    """Its module is loaded here, and named in the program that is copied."""
+    from kinreach.view.cli import setup_of
+    from kinreach.view.episodes import Recording
+
+    (tmp_path / "own_arms.py").write_text(
+        "import gymnasium as gym\n"
+        "from kinreach.envs.reach.env import UR5SingleStepEnv\n"
+        "gym.register('own/Reach-v0', entry_point=UR5SingleStepEnv)\n"
+    )
+    monkeypatch.syspath_prepend(tmp_path)
+    setup = setup_of("ur5", environment="own_arms:own/Reach-v0")
+    assert (setup.first, setup.environments[0]) == ("Episodes", "own_arms:own/Reach-v0")
+    asked = Recording(setup.environments[0], "closed-form", setup.arm, options={"backend": "kinematic"})
+    assert asked.play(simple=True).trial["reached"]
+    assert "gym.make('own_arms:own/Reach-v0', arm='ur5', backend='kinematic')" in asked.program("'ur5'")
