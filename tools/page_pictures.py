@@ -21,6 +21,7 @@ from playwright.sync_api import sync_playwright
 
 from kinreach.cli import Parser, finish
 from kinreach.demo.film import Film
+from kinreach.registration import MULTI
 from kinreach.robots.calibration import PUBLISHED
 from kinreach.robots.rotations import pose
 from kinreach.view.cli import setup_of
@@ -95,7 +96,7 @@ def main(argv: list[str] | None = None) -> int:
     parser.add_argument("--only", metavar="NAME", help="target, real-arm, episodes, results or film")
     parser.add_argument("--simple", action="store_true", help="fewer triangles and no shadows")
     arguments = parser.parse_args(argv)
-    server = Server(setup_of("ur5", simple=arguments.simple), port=8720)
+    server = Server(setup_of("ur5", simple=arguments.simple, environment=MULTI), port=8720)
 
     def wanted(name: str) -> bool:
         return arguments.only in (None, name)
@@ -104,6 +105,7 @@ def main(argv: list[str] | None = None) -> int:
         browser = playwright.chromium.launch(executable_path=shutil.which("chromium"), args=ARGUMENTS)
         camera = Camera(browser, server, FASTER if arguments.only == "film" else "")
         page = camera.page
+        page.show("Target")
         page.target.move(pose((0.5, 0.1, -0.05), (np.pi, 0, 0)))
         if wanted("target"):
             camera.take().save(IMAGES / "view.jpg", quality=QUALITY)
