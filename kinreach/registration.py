@@ -25,13 +25,14 @@ ENVIRONMENTS = {
     MULTI: _MULTI,
     SPACE: (f"{_REACH}.env:SpaceReachEnv", f"{_REACH}.vector_env:in_space"),
     BUTTON: (f"{_BUTTON}.env:ButtonPressEnv", f"{_BUTTON}.vector_env:ButtonPressVectorEnv"),
+    MOVING: ("kinreach.envs.moving:MovingBallEnv", "kinreach.envs.moving:MovingVectorEnv"),
 }
 #: Environment id -> the same, with `backend="kinematic"` and `info="numbers"`.
 KINEMATIC_ENVIRONMENTS = {SINGLE_KINEMATIC: _SINGLE, MULTI_KINEMATIC: _MULTI}
 
 
 #: Those without a native batch.
-SINGLE_ENVIRONMENTS = {REAL_ARM: "kinreach.envs.real_arm:RealArmEnv", MOVING: "kinreach.envs.moving:MovingBallEnv"}
+SINGLE_ENVIRONMENTS = {REAL_ARM: "kinreach.envs.real_arm:RealArmEnv"}
 
 
 def register_environments() -> None:

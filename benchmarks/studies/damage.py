@@ -27,9 +27,10 @@ import numpy as np
 from benchmarks.studies.parts import each
 from kinreach.baselines.expert import tool_down_postures
 from kinreach.baselines.policies import LearnedPolicy, load_policy
+from kinreach.baselines.random_arms import on_table, ur5
 from kinreach.checks import Floats, check_count
 from kinreach.cli import Parser, finish
-from kinreach.compare.real_arm import LEARNED_POLICY, Trained, Tuned, on_table, ur5
+from kinreach.compare.real_arm import LEARNED_POLICY, Trained, Tuned
 from kinreach.envs.reach.task import TOOL_DOWN, goal_block
 from kinreach.envs.real_arm import MEDIAN_LENGTH, NOISE
 from kinreach.jobs import add_options

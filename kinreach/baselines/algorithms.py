@@ -15,9 +15,9 @@ An algorithm from outside is one entry, for example of sb3-contrib:
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field, replace
-from functools import cache, partial
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -28,10 +28,10 @@ from stable_baselines3 import DQN, PPO, SAC, TD3
 from stable_baselines3.common.base_class import BaseAlgorithm
 from stable_baselines3.common.buffers import RolloutBuffer
 from stable_baselines3.common.noise import NormalActionNoise, VectorizedActionNoise
-from torch.optim import Optimizer
 
+from kinreach.baselines.adaptive_ppo import AdaptivePPO, AdaptiveRate, Exploration
 from kinreach.baselines.batch import first_observations
-from kinreach.baselines.expert import tool_down_postures
+from kinreach.baselines.descent import AnalyticGradient, MovingGradient, RandomArmGradient, Regression
 from kinreach.baselines.looks import Looks
 from kinreach.baselines.networks import ACTIVATIONS, LookFeatures, ObservationFeatures, PosturePolicy, actor_network
 from kinreach.baselines.policies import Network
@@ -40,122 +40,11 @@ from kinreach.baselines.recipes import Recipe
 from kinreach.baselines.rewards import TrainingReward
 from kinreach.baselines.vec_envs import LooksVecEnv, SB3VecEnv, TriesVecEnv
 from kinreach.checks import Floats, check_known
-from kinreach.envs.reach.observers import measured
 from kinreach.envs.reach.space import SpaceTask
-from kinreach.envs.reach.task import GOAL, SINGLE_STEP, ReachTask, joint_limits, layout_of
+from kinreach.envs.reach.task import ReachTask, joint_limits, layout_of
 from kinreach.errors import InputError
-from kinreach.kinematics import UR5Kinematics
 from kinreach.registration import SINGLE, SINGLE_KINEMATIC, SPACE
 from kinreach.robots import ArmDescription, as_arm, get_arm
-from kinreach.vision.goal_view import goals_in_world
-
-
-@dataclass(frozen=True)
-class Exploration:
-    """Standard deviation of the actions over a training run: log-linear from `first` to `last`, then held.
-
-    Attributes:
-        first, last: Standard deviations.
-        until: Share of the training after which `last` is held.
-    """
-
-    first: float
-    last: float
-    until: float
-
-    def scaled(self, factor: float) -> Exploration:
-        """The same in other units."""
-        return replace(self, first=factor * self.first, last=factor * self.last)
-
-    def at(self, progress: float) -> float:
-        """The standard deviation when `progress`, in [0, 1], of the training is done."""
-        share = min(progress / self.until, 1.0)
-        return math.exp((1 - share) * math.log(self.first) + share * math.log(self.last))
-
-
-@dataclass(frozen=True)
-class AdaptiveRate:
-    """A learning rate that is adjusted after every update.
-
-    It is divided by `factor` where the Kullback-Leibler divergence was over 1.5 times its target, multiplied where it
-    was under 2/3 of it; over the last `decay` of the training it falls to zero linearly.
-
-    Attributes:
-        first: To begin with.
-        target_kl: Divergence of an update that is aimed at.
-        factor: Of one adjustment.
-        lowest, highest: Bounds.
-        decay: Share of the training at whose end the rate falls.
-    """
-
-    first: float
-    target_kl: float
-    factor: float = 1.3
-    lowest: float = 1e-6
-    highest: float = 1e-2
-    decay: float = 0.0
-
-    def after(self, rate: float, divergence: float) -> float:
-        """The rate after an update with a rate and a divergence."""
-        if divergence > 1.5 * self.target_kl:
-            rate /= self.factor
-        elif divergence < self.target_kl / 1.5:
-            rate *= self.factor
-        return min(max(rate, self.lowest), self.highest)
-
-    def share(self, progress: float) -> float:
-        """What the decay leaves of the rate when `progress` of the training is done."""
-        return min(1.0, max(1.0 - progress, 0.0) / self.decay) if self.decay > 0 else 1.0
-
-
-class AdaptivePPO(PPO):
-    """stable-baselines3's PPO; the standard deviation is not learned, and the learning rate adapts.
-
-    Args:
-        exploration: Schedule of the standard deviation; None where it is learned, or for discrete actions.
-        adaptive: How the learning rate adapts.
-        planned_steps: Steps of the whole training, to which the schedules refer.
-        **kwargs: Of PPO.
-
-    Attributes:
-        rate: The learning rate before the decay; part of the state of a training run.
-    """
-
-    def __init__(
-        self, *args: Any, exploration: Exploration | None, adaptive: AdaptiveRate, planned_steps: int, **kwargs: Any
-    ) -> None:
-        self.exploration, self.adaptive, self.planned_steps = exploration, adaptive, planned_steps
-        self.rate = adaptive.first
-        super().__init__(*args, **{"learning_rate": adaptive.first, **kwargs})
-
-    def _setup_model(self) -> None:
-        super()._setup_model()
-        if self.exploration is not None:
-            self.policy.log_std.requires_grad_(False)
-            self._explore()
-
-    def _update_learning_rate(self, optimizers: list[Optimizer] | Optimizer) -> None:
-        rate = self.rate * self.adaptive.share(self.progress)
-        for optimizer in optimizers if isinstance(optimizers, list) else [optimizers]:
-            for group in optimizer.param_groups:
-                group["lr"] = rate
-        self.logger.record("train/learning_rate", rate)
-
-    @property
-    def progress(self) -> float:
-        """Share of the training that is done."""
-        return min(self.num_timesteps / self.planned_steps, 1.0)
-
-    def train(self) -> None:
-        """One update, then the rate and the standard deviation of the next."""
-        super().train()
-        self.rate = self.adaptive.after(self.rate, float(self.logger.name_to_value["train/approx_kl"]))
-        self._explore()
-
-    def _explore(self) -> None:
-        if self.exploration is not None:
-            with torch.no_grad():
-                self.policy.log_std.fill_(math.log(self.exploration.at(self.progress)))
 
 
 def normal_scores(rewards: np.ndarray[Any, Any]) -> np.ndarray[Any, Any]:
@@ -205,111 +94,18 @@ class RankedPPO(AdaptivePPO):
         )
 
 
-@cache
-def _ur5() -> UR5Kinematics:
-    return UR5Kinematics(tip="tcp", base="world")
-
-
-#: From the mean actions of some rows of a batch, and their indices, to what is to be made small.
-Objective = Callable[[torch.Tensor, torch.Tensor], torch.Tensor]
-
-
-class Descent(AdaptivePPO):
-    """No trial and error: the actor goes down the gradient of an objective for the goals that it sees.
-
-    What it does meanwhile is rolled out as in the other algorithms, so that its learning curve is one of theirs;
-    nothing is learned from the rewards.
-    """
-
-    def objective(self, observations: Floats) -> Objective:
-        """What is to be made small for a batch of observations, shape (n, m)."""
-        raise NotImplementedError
-
-    def train(self) -> None:
-        """One update, in minibatches."""
-        self.policy.set_training_mode(True)
-        self._update_learning_rate(self.policy.optimizer)
-        observations = self.rollout_buffer.observations.reshape(-1, self.rollout_buffer.obs_shape[0])
-        objective, seen = self.objective(observations.astype(np.float64)), torch.as_tensor(observations)
-        for _ in range(self.n_epochs):
-            for rows in torch.split(torch.randperm(len(seen)), self.batch_size):
-                distribution: Any = self.policy.get_distribution(seen[rows])
-                loss = objective(distribution.distribution.mean, rows)
-                self.policy.optimizer.zero_grad()
-                loss.backward()  # type: ignore[no-untyped-call]
-                self.policy.optimizer.step()
-        self._n_updates += self.n_epochs
-        self.logger.record("train/loss", loss.item())
-        self._explore()
-
-
-class Regression(Descent):
-    """The actor is regressed on the closed form's postures. It is for the UR5's single-step task."""
-
-    def objective(self, observations: Floats) -> Objective:
-        """The mean squared error of the postures, as actions."""
-        views = observations[:, GOAL]
-        goals = goals_in_world(_ur5().arm, views, np.ones((len(views), 2), dtype=np.bool_))
-        postures = tool_down_postures(_ur5(), goals) / SINGLE_STEP.scale
-        wanted = torch.as_tensor(postures, dtype=torch.float32)
-        return lambda means, rows: (means - wanted[rows]).square().mean()
-
-
-class AnalyticGradient(Descent):
-    """Analytic policy gradient: the actor goes down the gradient of its own error, through forward kinematics.
-
-    As in differentiable simulators (Freeman et al. 2021, Brax, arXiv:2106.13281, section 4.2), for one step. It knows
-    the arm's kinematics, and no closed form; its branch is that of the posture which it begins with. A collision has no
-    gradient: all that it feels of one is how deep some points of the tool are in the table.
-
-    Args:
-        task: What the actor is to do; postures are its output.
-        feelers: Points fixed to the tip that are to stay above the table [m], shape (k, 3).
-    """
-
-    def __init__(self, *args: Any, task: SpaceTask, feelers: Sequence[Sequence[float]] = (), **kwargs: Any) -> None:
-        self.task = task
-        self.feelers = torch.tensor(feelers, dtype=torch.float32).reshape(-1, 3)
-        super().__init__(*args, **kwargs)
-
-    def _excluded_save_params(self) -> list[str]:
-        return [*super()._excluded_save_params(), "task"]
-
-    def objective(self, observations: Floats) -> Objective:
-        """Distance of the tip from the goal, `LEVER` times the angle of the tool, depth of the feelers [m]; mean."""
-        task, chain = self.task, self.task.kinematics.chain
-        low, high = joint_limits(task.arm)
-        half, middle = (torch.as_tensor(part, dtype=torch.float32) for part in ((high - low) / 2, (high + low) / 2))
-        goals = torch.as_tensor(measured(task, observations[:, task.layout.goal]).seen, dtype=torch.float32)
-        directions = torch.as_tensor(observations[:, task.layout.direction], dtype=torch.float32)
-
-        tops = [box.position[2] + box.size[2] / 2 for box in task.arm.workcell.obstacles if box.name == "table"]
-        least = max(tops, default=-math.inf) + CLEARANCE
-
-        def error(means: torch.Tensor, rows: torch.Tensor) -> torch.Tensor:
-            tips = chain.fk(middle + half * means)
-            miss = (tips[:, :3, 3] - goals[rows]).square().sum(1)
-            turn = (tips[:, :3, 2] - directions[rows]).square().sum(1)  # the angle squared, where it is small
-            heights = tips[:, 2, :3] @ self.feelers.T + tips[:, 2, 3:]
-            depth = (least - heights).clamp(min=0.0).sum(1)
-            return ((miss + ROOT_OF).sqrt() + LEVER * (turn + ROOT_OF).sqrt() + depth).mean()
-
-        return error
-
-
-#: Weight of the tool's angle beside the distance [m/rad].
-LEVER = 0.1
-#: How far above the table feelers are to stay [m].
-CLEARANCE = 0.01
-#: Keeps the slope of a root finite where an error is zero.
-ROOT_OF = 1e-10
-
-
+#: Angular frequencies of the waves of normalised observations.
+WAVES = (0.5, 1.0, 2.0)
 #: Seed of the observations whose mean and spread scale the network's inputs.
 _SCALE_SEED = 1
 #: What the features `"button"` divide by: cosines and sines, two positions [m], joint velocities [rad/s], difference of
 #: the positions [m], push state.
 BUTTON_SCALE = (*(1.0,) * 6, *(2 / 3,) * 6, *(2.5,) * 3, *(0.5,) * 3, 1.0)
+#: What `"sights"` subtract and divide by: a ball [m], the age of its sight [s], joint angles [rad] and speeds [rad/s],
+#: earlier sights less the last [m], which are further away the earlier they are.
+SIGHTS_MEAN = (0.475, 0.0, -0.175, 0.05, *get_arm("ur5").home, *(0.0,) * 6)
+SIGHTS_SCALE = (0.09, 0.17, 1.0, 0.05, *(0.5,) * 6, *(1.0,) * 6)
+SIGHT_SCALE = 0.01
 
 
 def mlp_arguments(recipe: Recipe, env: SB3VecEnv, planned: int) -> dict[str, Any]:
@@ -430,6 +226,11 @@ def analytic_arguments(recipe: Recipe, env: SB3VecEnv, planned: int) -> dict[str
     return arguments
 
 
+def simulator_arguments(recipe: Recipe, env: SB3VecEnv, planned: int) -> dict[str, Any]:
+    """Those of an actor, and the simulation that it acts in."""
+    return actor_arguments(recipe, env, planned) | {"world": env.get_attr("unwrapped")[0].episodes}
+
+
 def _features(recipe: Recipe) -> dict[str, Any]:
     """Constants of the normalisation, and the waves.
 
@@ -437,15 +238,18 @@ def _features(recipe: Recipe) -> dict[str, Any]:
     begin upright and almost at rest: their spread says nothing, `BUTTON_SCALE` stands in for it.
     """
     kind = recipe.networks.features
-    check_known("features", kind, ("raw", "scaled", "goal waves", "button"))
+    check_known("features", kind, ("raw", "scaled", "waves", "goal waves", "button", "sights"))
     if kind == "button":
         return {"mean": [0.0] * len(BUTTON_SCALE), "scale": BUTTON_SCALE}
+    if kind == "sights":
+        earlier = [SIGHT_SCALE * k for k in range(1, recipe.options["sights"]) for _ in range(3)]
+        return {"mean": [*SIGHTS_MEAN, *(0.0 for _ in earlier)], "scale": [*SIGHTS_SCALE, *earlier], "waves": WAVES}
     observations = first_observations(recipe.environment, recipe.options, seed=_SCALE_SEED)
     if kind == "goal waves":
         observations = observations[:, layout_of(_arm(recipe), directed=recipe.environment == SPACE).told]
     scale = observations.std(axis=0)
     scale = np.where(scale < 1e-6, 1.0, scale)
-    waves = (0.5, 1.0, 2.0) if kind == "goal waves" else ()
+    waves = WAVES if "waves" in kind else ()
     return {"mean": observations.mean(axis=0).tolist(), "scale": scale.tolist(), "waves": waves}
 
 
@@ -536,6 +340,8 @@ register_algorithm(Algorithm("AdaptivePPO", AdaptivePPO, arguments=adaptive_argu
 register_algorithm(Algorithm("RankedPPO", RankedPPO, arguments=ranked_arguments, vec_env=in_tries))
 register_algorithm(Algorithm("Regression", Regression, arguments=regression_arguments, vec_env=in_tries))
 register_algorithm(Algorithm("AnalyticGradient", AnalyticGradient, arguments=analytic_arguments, vec_env=in_tries))
+register_algorithm(Algorithm("MovingGradient", MovingGradient, arguments=simulator_arguments))
+register_algorithm(Algorithm("RandomArmGradient", RandomArmGradient, arguments=simulator_arguments))
 register_algorithm(Algorithm("SAC", SAC))
 register_algorithm(Algorithm("TD3", TD3))
 register_algorithm(Algorithm("DQN", DQN))

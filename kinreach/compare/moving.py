@@ -17,6 +17,7 @@ from kinreach.compare.button import decision_ms
 from kinreach.compare.figures import colours_in, origin
 from kinreach.compare.task import CONTROLLER, Method, Task
 from kinreach.envs import moving as ball
+from kinreach.envs.moving import travel_times
 from kinreach.kinematics import UR5Kinematics
 from kinreach.plots.style import key, label_ends, new_figure
 from kinreach.registration import MOVING
@@ -28,6 +29,8 @@ from kinreach.summary import QUANTILES, RATE, Column, Trial, thousandfold
 SPEED, ACCELERATION, JERK = 0.5, 1.0, 1.0
 #: Title of the second table.
 TIME_TABLE = "Distances and times"
+#: Sights that are observed: as many as the policies were trained with.
+SIGHTS = 6
 #: How far ahead a meeting is looked for [s], and in how many steps.
 AHEAD, STEPS = 1.0, 60
 
@@ -156,25 +159,6 @@ def _motion(dt: Floats) -> Floats:
     return F
 
 
-def travel_times(q: Floats, v: Floats, targets: Floats, *, speed: float, acceleration: float) -> Floats:
-    """Least times in which joints with limits come to rest at targets [s], shape (m, n).
-
-    Args:
-        q: Where they are [rad], shape (n,).
-        v: How fast they are [rad/s], shape (n,).
-        targets: [rad], shape (m, n).
-        speed: Limit [rad/s].
-        acceleration: Limit [rad/s^2].
-    """
-    way = targets - q
-    stop = v * np.abs(v) / (2.0 * acceleration)  # how far they go in braking at once
-    side = np.where(way - stop >= 0.0, 1.0, -1.0)
-    far, fast = side * way, side * v  # in the direction of the first acceleration
-    top = np.minimum(np.sqrt(np.maximum(acceleration * far + fast**2 / 2, 0.0)), speed)
-    cruise = np.maximum(far - (2.0 * top**2 - fast**2) / (2.0 * acceleration), 0.0) / speed
-    return np.asarray((2.0 * top - fast) / acceleration + cruise)
-
-
 def _resets(count: int, seed: int, env: gym.Env[Any, Any]) -> list[dict[str, Any]]:
     """All paths at the first speed, then at the next, and so on with other balls."""
     options: ball.MovingOptions = env.unwrapped.options  # type: ignore[attr-defined]
@@ -239,6 +223,8 @@ MOVING_TASK = Task(
     name="moving",
     title="A UR5 and a rolling ball",
     environment=MOVING,
+    options={"sights": SIGHTS},
+    variants={"moving": MOVING},
     resets=_resets,
     methods={
         "first-sight": Method(FirstSight, CONTROLLER, colour="#7A7A7A"),

@@ -10,7 +10,6 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
-from functools import cache
 from typing import Any, Protocol
 
 import gymnasium as gym
@@ -18,16 +17,15 @@ import numpy as np
 from matplotlib.figure import Figure
 from matplotlib.ticker import FuncFormatter
 from numpy.typing import NDArray
-from scipy.stats import qmc
 
 from kinreach.baselines.expert import tool_down_postures
 from kinreach.baselines.policies import LearnedPolicy, Network, load_policy
+from kinreach.baselines.random_arms import on_table, ur5
 from kinreach.checks import Floats
 from kinreach.compare.figures import colours_in, origin
 from kinreach.compare.task import Method, Task, policy_version
 from kinreach.envs.reach.task import TOOL_DOWN, goal_block
 from kinreach.envs.real_arm import BUDGET, BUDGETS, MOVES, NEAR, SEEN_BALL, SEEN_TIP, RealArmOptions
-from kinreach.kinematics import UR5Kinematics
 from kinreach.kinematics.identification import IdentifiedArm, Prior
 from kinreach.plots.style import key, label_ends, new_figure, plain
 from kinreach.registration import REAL_ARM
@@ -116,25 +114,6 @@ class LookingPolicy:
             self._learner.learn(self._q, self._seen)
 
 
-@cache
-def ur5() -> UR5Kinematics:
-    """The data sheet."""
-    return UR5Kinematics(tip="tcp", base="world")
-
-
-@cache
-def _spread_out(count: int, dimensions: int) -> Floats:
-    """Points of Halton's sequence, shape (count, dimensions)."""
-    return np.asarray(qmc.Halton(dimensions, scramble=True, rng=np.random.default_rng(0)).random(count))
-
-
-def on_table(count: int) -> Floats:
-    """Points all over the area of the balls [m], shape (count, 3)."""
-    region: Any = ur5().arm.workcell.goals
-    low, high = np.array([region.x, region.y, region.z]).T
-    return np.asarray(low + (high - low) * np.column_stack([_spread_out(count, 2), np.zeros(count)]))
-
-
 class DataSheet:
     """The closed form, and nothing learned."""
 
@@ -192,7 +171,7 @@ class Identified(Modelled):
 
     def predicted(self, q: Floats) -> Floats:
         """By that chain."""
-        return (ur5() if self._arm is None else self._arm).chain.positions(q)
+        return super().predicted(q) if self._arm is None else self._arm.positions(q)
 
     def doubt(self, points: Floats) -> float:
         """That of the frames, and of links that it takes for those of the data sheet."""

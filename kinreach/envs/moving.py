@@ -9,15 +9,19 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping, Sequence
+from copy import deepcopy
 from dataclasses import dataclass, field
-from typing import Any
+from functools import partial
+from typing import Any, NamedTuple
 
 import gymnasium as gym
 import numpy as np
 from gymnasium import spaces
-from numpy.typing import ArrayLike
+from gymnasium.vector import AutoresetMode
+from numpy.typing import ArrayLike, NDArray
 
-from kinreach.checks import Floats, as_floats, check_known, check_number, shown
+from kinreach.checks import Floats, as_floats, check_count, check_known, check_number, shown
+from kinreach.envs.batch import Flags, Ids, NativeVectorEnv, Outcome, check_batch, first_row
 from kinreach.envs.options import about, check_seed, check_started, options_from, takes
 from kinreach.envs.real_arm import MEDIAN_LENGTH, NOISE
 from kinreach.errors import InputError
@@ -34,9 +38,10 @@ RADIUS, SIDEWAYS, HOLD = 0.12, 1.0, 0.25
 SPEEDS = (0.05, 0.1, 0.2, 0.3, 0.4, 0.6)
 #: How far inside the table area a path begins [m].
 INSIDE = 0.02
-#: Numbers of an observation: the ball as it was last seen, its age [s], joint angles and speeds.
+#: Numbers of an observation: the ball as it was last seen, its age [s], joint angles and speeds, and sights before.
 BALL, AGE, ANGLES, RATES = slice(0, 3), 3, slice(4, 10), slice(10, 16)
-SIZE = 16
+#: No more sights than an episode has frames.
+MOST_SIGHTS = round(SECONDS * FRAMES)
 #: The first joint turns a tip at the far end of the table no faster [m/s].
 FASTEST = 2.0
 
@@ -103,6 +108,7 @@ class MovingOptions:
     paths: tuple[str, ...] = field(default=tuple(PATHS), metadata=about(f"one of them an episode: {', '.join(PATHS)}"))
     delay: float = field(default=DELAY, metadata=about("how old what the cameras say is [s]"))
     noise: float = field(default=NOISE, metadata=about("median error of a sight [m]"))
+    sights: int = field(default=1, metadata=about("how many of the last sights are observed"))
 
     def __post_init__(self) -> None:
         for name in ("speeds", "paths"):
@@ -116,6 +122,7 @@ class MovingOptions:
             check_known("path", path, PATHS)
         check_number("delay [s]", self.delay, least=0.0, most=1.0)
         check_number("noise [m]", self.noise, least=0.0, most=0.1)
+        check_count("sights", self.sights, most=MOST_SIGHTS)
 
 
 def check_speed(speed: object) -> float:
@@ -130,12 +137,177 @@ def check_speed(speed: object) -> float:
     return value
 
 
+class MovingStart(NamedTuple):
+    """What episodes begin with, instead of what is drawn.
+
+    Attributes:
+        speeds: Of the balls [m/s], shape (k,), or None.
+        paths: Names, shape (k,), or None.
+    """
+
+    speeds: Floats | None = None
+    paths: NDArray[np.str_] | None = None
+
+
+ANYTHING = MovingStart()
+
+
+class MovingEpisodes:
+    """The episodes of a number of environments.
+
+    Args:
+        options: Of the environments.
+        count: Number of environments.
+
+    Attributes:
+        frames: Frames so far, shape (count,).
+        q, v: Joint angles [rad] and speeds [rad/s], shape (count, 6).
+        rolls: Where the balls are at each part of a frame [m], shape (count, PARTS * FRAMES * SECONDS + 1, 3).
+    """
+
+    def __init__(self, options: MovingOptions, count: int) -> None:
+        self.options = options
+        self.arm: ArmDescription = (arm := get_arm("ur5"))
+        self.chain = ArmKinematics(arm, tip="tcp", base="world").chain
+        self.home, self.speed_limit, self.acceleration_limit = (
+            np.array(arm.home),
+            arm.speed_limit,
+            arm.acceleration_limit,
+        )
+        region: Any = arm.workcell.goals
+        self._low, self._high = np.array([region.x, region.y]).T
+        self.height = region.z[0]
+        self.noise = options.noise / MEDIAN_LENGTH
+        frames = round(SECONDS * FRAMES)
+        self._times = np.arange(frames * PARTS + 1) / (FRAMES * PARTS)
+        self._taken = np.maximum(np.arange(frames + 1) * PARTS - round(options.delay * FRAMES * PARTS), 0)
+        self._rngs = [np.random.default_rng() for _ in range(count)]
+        self.rolls = np.zeros((count, len(self._times), 3))
+        self._sights = np.zeros((count, frames + 1, 3))
+        self._ends, self.frames = np.zeros(count, dtype=np.intp), np.zeros(count, dtype=np.intp)
+        self.q, self.v = np.zeros((count, 6)), np.zeros((count, 6))
+        self._speeds, self._paths = np.zeros(count), np.empty(count, dtype=object)
+        self._nearest = np.full(count, np.inf)
+
+    def seed(self, index: int, rng: np.random.Generator) -> None:
+        """Give an environment its own generator."""
+        self._rngs[index] = rng
+
+    def copy_from(self, other: MovingEpisodes) -> None:
+        """Go on as another object of as many environments will."""
+        self.__dict__.update(
+            deepcopy({name: value for name, value in vars(other).items() if name not in ("arm", "chain")})
+        )
+
+    def begin(self, ids: Ids, start: MovingStart = ANYTHING) -> None:
+        """Other balls; the arms rest in their start posture."""
+        for row, index in enumerate(ids):
+            rng = self._rngs[index]
+            speed, path = rng.choice(self.options.speeds), str(rng.choice(list(self.options.paths)))
+            speed = float(speed if start.speeds is None else start.speeds[row])
+            path = path if start.paths is None else str(start.paths[row])
+            places = PATHS[path](rng, speed, self._times, self._low + INSIDE, self._high - INSIDE)
+            away = np.flatnonzero(((places < self._low) | (places > self._high)).any(axis=1))
+            end = int(away[0]) if len(away) else len(places) - 1
+            self.rolls[index, :, :2], self.rolls[index, :, 2] = places, self.height
+            noise = rng.normal(0.0, self.noise, self._sights.shape[1:])
+            self._sights[index] = self.rolls[index, np.minimum(self._taken, end)] + noise
+            self._ends[index], self._speeds[index], self._paths[index] = end, speed, path
+        self.frames[ids], self.q[ids], self.v[ids], self._nearest[ids] = 0, self.home, 0.0, np.inf
+
+    def step(self, actions: Floats, acting: Flags | None = None) -> Outcome:
+        """A frame, in all environments or in those that act."""
+        targets, dt = math.pi * np.clip(actions, -1.0, 1.0), 1.0 / (FRAMES * PARTS)
+        acting = np.ones(len(targets), dtype=np.bool_) if acting is None else acting
+        q, v, postures = self.q, self.v, np.empty((len(targets), PARTS, 6))
+        for part in range(PARTS):
+            q, v = moved(q, v, targets, dt, speed=self.speed_limit, acceleration=self.acceleration_limit)
+            postures[:, part] = q
+        first = self.frames * PARTS
+        at = np.minimum(first[:, None] + 1 + np.arange(PARTS), len(self._times) - 1)
+        balls = self.rolls[np.arange(len(at))[:, None], at]
+        apart = np.linalg.norm(self.chain.positions(postures.reshape(-1, 6)).reshape(balls.shape) - balls, axis=2)
+        left = np.maximum(self._ends - first, 1)[:, None] <= np.arange(PARTS)  # the ball is gone by then
+        nearest = np.where(left, np.inf, apart).min(axis=1)
+        self.q, self.v = (np.where(acting[:, None], new, old) for new, old in ((q, self.q), (v, self.v)))
+        self.frames = self.frames + acting
+        self._nearest = np.where(acting, np.minimum(self._nearest, nearest), self._nearest)
+        touched = acting & (nearest <= TOUCH)
+        gone = acting & (self.frames * PARTS >= self._ends)
+        terms = {"distance": -np.where(acting, nearest, 0.0), "touch": touched.astype(float)}
+        info = {**self.start_info(), "is_success": touched, "reward_terms": terms}
+        return Outcome(terms["distance"] + terms["touch"], touched | gone, np.zeros(len(touched), dtype=np.bool_), info)
+
+    def observe(self) -> Floats:
+        """The sights that have just come in, what was seen before, and the arms."""
+        everyone, frames = np.arange(len(self.frames)), self.frames
+        seen = self._sights[everyone, frames]
+        age = (frames * PARTS - self._taken[frames]) / (FRAMES * PARTS)
+        before = np.maximum(frames[:, None] - np.arange(1, self.options.sights), 0)
+        moved_by = self._sights[everyone[:, None], before] - seen[:, None]
+        return np.concatenate([seen, age[:, None], self.q, self.v, moved_by.reshape(len(seen), -1)], axis=1)
+
+    def start_info(self) -> dict[str, Any]:
+        """What is said of all balls and arms."""
+        said = {"speed": self._speeds.copy(), "path": self._paths.astype(str), "distance": self._nearest.copy()}
+        return {**said, "impossible": np.zeros(len(self.q), dtype=np.bool_), **self.goal_info()}
+
+    def goal_info(self) -> dict[str, Any]:
+        """Where balls and arms are now."""
+        now = np.minimum(self.frames * PARTS, self._ends)
+        return {"goal": self.rolls[np.arange(len(now)), now], "q": self.q.copy(), "time": self.frames / FRAMES}
+
+    def close(self) -> None:
+        """Nothing to let go of."""
+
+
+def check_actions(actions: ArrayLike, count: int | None) -> Floats:
+    """Postures to go to as actions, shape (count, 6); for None those of a single environment, shape (6,).
+
+    Raises:
+        InputError: Wrong shape or a value that is not finite.
+    """
+    given, shape = as_floats("action", actions), (6,) if count is None else (count, 6)
+    if given.shape != shape or not np.isfinite(given).all():
+        raise InputError(f"action must be finite and have shape {shape}, got {given.shape}")
+    return given.reshape(-1, 6)
+
+
+def check_start(options: Mapping[str, Any] | None, count: int | None) -> MovingStart:
+    """`speed` [m/s] and `path` of each ball; for None those of a single environment.
+
+    Raises:
+        InputError: An unknown option, other numbers of them than balls, or a speed that the arm cannot follow.
+        UnknownNameError: A path that there is not.
+    """
+    given = dict(options or {})
+    if unknown := [name for name in given if name not in ("speed", "path")]:
+        raise InputError(f"unknown reset options {shown(unknown)}; available: speed, path")
+    rows: dict[str, list[Any]] = {}
+    for name, value in given.items():
+        rows[name] = [value] if count is None else list(value)
+        if len(rows[name]) != (count or 1):
+            raise InputError(f"{name} must have a value for each of {count} environments, got {len(rows[name])}")
+    speeds = np.array([check_speed(speed) for speed in rows["speed"]]) if "speed" in rows else None
+    for path in rows.get("path", ()):
+        check_known("path", path, PATHS)
+    return MovingStart(speeds, np.array(rows["path"]) if "path" in rows else None)
+
+
+def observation_space(options: MovingOptions) -> spaces.Box:
+    """Of one environment."""
+    before = 3 * (options.sights - 1) * [4.0]
+    high = np.array([2.0, 2.0, 2.0, 2.0, *6 * [math.pi], *6 * [get_arm("ur5").speed_limit], *before])
+    return spaces.Box(np.where(np.arange(len(high)) == AGE, 0.0, -high), high, dtype=np.float64)
+
+
 @takes(MovingOptions)
 class MovingBallEnv(gym.Env[Any, Any]):
     """A UR5 that is to touch a rolling ball; the module says what an episode is.
 
     An action is a posture to go to, each angle divided by pi, shape (6,). An observation, shape (16,): where the ball
-    was last seen [m] (3), how long ago that was [s], joint angles [rad] (6) and speeds [rad/s] (6). The reward of a
+    was last seen [m] (3), how long ago that was [s], joint angles [rad] (6) and speeds [rad/s] (6); with `sights` above
+    1 also where it was seen one frame before, two, and so on, less where it was last seen [m] (3 each). The reward of a
     step is minus the least distance of tip and ball during it [m], and 1 more for touching. `info`: `goal`, where the
     ball is [m], `q`, where the joints are [rad], `distance`, the least so far [m], `time` [s], `speed` [m/s] and `path`
     of the ball; `is_success`: it was touched; after a step `reward_terms`, which sum to the reward.
@@ -147,27 +319,14 @@ class MovingBallEnv(gym.Env[Any, Any]):
     render_mode = None
 
     def __init__(self, **options: Any) -> None:
-        self.options = given = options_from(MovingOptions, options)
-        self.arm: ArmDescription = (arm := get_arm("ur5"))
-        self._chain = ArmKinematics(arm, tip="tcp", base="world").chain
-        self.home, self.speed_limit, self.acceleration_limit = (
-            np.array(arm.home),
-            arm.speed_limit,
-            arm.acceleration_limit,
-        )
-        region: Any = arm.workcell.goals
-        self._low, self._high = np.array([region.x, region.y]).T
-        self.height = region.z[0]
-        self._noise = given.noise / MEDIAN_LENGTH
-        high = np.array([2.0, 2.0, 2.0, 2.0, *6 * [math.pi], *6 * [arm.speed_limit]])
-        self.observation_space = spaces.Box(np.where(np.arange(SIZE) == AGE, 0.0, -high), high, dtype=np.float64)
+        self.options = options_from(MovingOptions, options)
+        self._episodes = world = MovingEpisodes(self.options, 1)
+        self.arm = world.arm
+        self.home, self.height, self.noise = world.home, world.height, world.noise
+        self.speed_limit, self.acceleration_limit = world.speed_limit, world.acceleration_limit
+        self.observation_space = observation_space(self.options)
         self.action_space = spaces.Box(-1.0, 1.0, (6,))
         self._started = False
-
-    @property
-    def noise(self) -> float:
-        """Standard deviation of each coordinate of a sight [m]."""
-        return self._noise
 
     def reset(self, *, seed: int | None = None, options: dict[str, Any] | None = None) -> tuple[Any, dict[str, Any]]:
         """Another ball; the arm rests in its start posture.
@@ -181,22 +340,11 @@ class MovingBallEnv(gym.Env[Any, Any]):
             UnknownNameError: A path that there is not.
         """
         super().reset(seed=check_seed(seed))
-        rng, given = self.np_random, dict(options or {})
-        drawn = {"speed": rng.choice(self.options.speeds), "path": str(rng.choice(self.options.paths))}
-        if unknown := [name for name in given if name not in drawn]:
-            raise InputError(f"unknown reset options {shown(unknown)}; available: {', '.join(drawn)}")
-        chosen = {**drawn, **given}
-        speed = check_speed(chosen["speed"])
-        check_known("path", chosen["path"], PATHS)
-        times = np.arange(round(SECONDS * FRAMES) * PARTS + 1) / (FRAMES * PARTS)
-        places = PATHS[chosen["path"]](rng, speed, times, self._low + INSIDE, self._high - INSIDE)
-        self._path = np.column_stack([places, np.full(len(places), self.height)])
-        away = np.flatnonzero(((places < self._low) | (places > self._high)).any(axis=1))
-        self._end = int(away[0]) if len(away) else len(places) - 1
-        self._frame, self._q, self._v = 0, self.home.copy(), np.zeros(6)
-        self._info = {"speed": speed, "path": chosen["path"], "distance": math.inf, "impossible": False}
+        start = check_start(options, None)
+        self._episodes.seed(0, self.np_random)
+        self._episodes.begin(np.zeros(1, dtype=np.intp), start)
         self._started = True
-        return self._observation(), self._told()
+        return self._episodes.observe()[0], first_row(self._episodes.start_info())
 
     def step(self, action: ArrayLike) -> tuple[Any, float, bool, bool, dict[str, Any]]:
         """A frame.
@@ -205,39 +353,43 @@ class MovingBallEnv(gym.Env[Any, Any]):
             InputError: Wrong shape, a value that is not finite, or a step before the first reset.
         """
         check_started(self._started)
-        given = as_floats("action", action)
-        if given.shape != (6,) or not np.isfinite(given).all():
-            raise InputError(f"action must be finite and have shape (6,), got {given.shape}")
-        target, dt = math.pi * np.clip(given, -1.0, 1.0), 1.0 / (FRAMES * PARTS)
-        first = self._frame * PARTS
-        postures = np.empty((PARTS, 6))
-        for part in range(PARTS):
-            self._q, self._v = moved(
-                self._q, self._v, target, dt, speed=self.speed_limit, acceleration=self.acceleration_limit
-            )
-            postures[part] = self._q
-        balls = self._path[first + 1 : first + PARTS + 1][: max(self._end - first, 1)]
-        apart = np.linalg.norm(self._chain.positions(postures)[: len(balls)] - balls, axis=1)
-        nearest = float(apart.min())
-        self._frame += 1
-        touched = nearest <= TOUCH
-        self._info["distance"] = min(self._info["distance"], nearest)
-        self._info["is_success"] = bool(touched)
-        self._info["reward_terms"] = {"distance": -nearest, "touch": float(touched)}
-        gone = self._frame * PARTS >= self._end
-        return self._observation(), touched - nearest, bool(touched or gone), False, self._told()
+        outcome = self._episodes.step(check_actions(action, None))
+        info = first_row(outcome.info)
+        return self._episodes.observe()[0], float(outcome.reward[0]), bool(outcome.terminated[0]), False, info
 
-    def _told(self) -> dict[str, Any]:
-        place = self._path[min(self._frame * PARTS, self._end)]
-        return {**self._info, "goal": place, "q": self._q.copy(), "time": self._frame / FRAMES}
 
-    def _observation(self) -> Floats:
-        """The sight that has just come in: before the first was taken, the first."""
-        late = round(self.options.delay * FRAMES * PARTS)
-        taken = max(self._frame * PARTS - late, 0)
-        seen = self._path[min(taken, self._end)] + self.np_random.normal(0.0, self._noise, 3)
-        age = (self._frame * PARTS - taken) / (FRAMES * PARTS)
-        return np.concatenate([seen, [age], self._q, self._v])
+class MovingVectorEnv(NativeVectorEnv):
+    """A batch of `kinreach/Moving-v0`, equal to as many single ones with the seeds `seed`, `seed + 1`, ...
+
+    Args:
+        num_envs: Number of environments.
+        autoreset_mode: As of `NativeVectorEnv`.
+        **options: As in the single environment (`MovingOptions`).
+
+    Attributes:
+        episodes: What really goes on.
+
+    Raises:
+        InputError: Options that cannot be.
+    """
+
+    def __init__(
+        self, num_envs: int = 1, *, autoreset_mode: AutoresetMode | str = AutoresetMode.SAME_STEP, **options: Any
+    ) -> None:
+        given = options_from(MovingOptions, options)
+        num_envs = check_batch(num_envs, 1, None)
+        self.episodes = MovingEpisodes(given, num_envs)
+        super().__init__(
+            self.episodes,
+            num_envs,
+            action_space=spaces.Box(-1.0, 1.0, (6,)),
+            observation_space=observation_space(given),
+            check_actions=partial(check_actions, count=num_envs),
+            check_start=partial(check_start, count=num_envs),
+            autoreset_mode=autoreset_mode,
+            made_with=dict(options, num_envs=num_envs, autoreset_mode=autoreset_mode),
+        )
+        self.metadata = {**self.metadata, "render_fps": FRAMES}
 
 
 def moved(
@@ -260,3 +412,22 @@ def moved(
     wanted = np.where(np.abs(way) < 0.5 * brake * dt, way / dt, wanted)
     v = v + np.clip(wanted - v, -brake, brake)
     return q + dt * v, v
+
+
+def travel_times(q: Floats, v: Floats, targets: Floats, *, speed: float, acceleration: float) -> Floats:
+    """Least times in which joints with limits come to rest at targets [s], shape (m, n).
+
+    Args:
+        q: Where they are [rad], shape (n,) or (m, n).
+        v: How fast they are [rad/s], likewise.
+        targets: [rad], shape (m, n).
+        speed: Limit [rad/s].
+        acceleration: Limit [rad/s^2].
+    """
+    way = targets - q
+    stop = v * np.abs(v) / (2.0 * acceleration)  # how far they go in braking at once
+    side = np.where(way - stop >= 0.0, 1.0, -1.0)
+    far, fast = side * way, side * v  # in the direction of the first acceleration
+    top = np.minimum(np.sqrt(np.maximum(acceleration * far + fast**2 / 2, 0.0)), speed)
+    cruise = np.maximum(far - (2.0 * top**2 - fast**2) / (2.0 * acceleration), 0.0) / speed
+    return np.asarray((2.0 * top - fast) / acceleration + cruise)

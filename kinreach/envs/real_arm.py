@@ -29,6 +29,7 @@ from kinreach.envs.options import about, check_seed, options_from, takes
 from kinreach.errors import InputError
 from kinreach.kinematics import ArmKinematics
 from kinreach.kinematics.chain import SerialChain
+from kinreach.kinematics.identification import frames_of
 from kinreach.robots import ArmDescription, get_arm
 from kinreach.robots.calibration import PUBLISHED
 from kinreach.robots.rotations import turn
@@ -141,7 +142,7 @@ class Workplace:
 
     def tips(self, q: Floats) -> Floats:
         """Where the tip is in postures (m, 6) [m], shape (m, 3)."""
-        T = _chain(self.arm).fk(q)
+        T = frames_of(_chain(self.arm).placements, q)[-1]  # for few balls quicker than the chain
         return np.asarray((T[:, :3, :3] @ self.tool + T[:, :3, 3]) @ turn(np.array((0.0, 0.0, 1.0)), self.base).T)
 
     def seen(self, points: Floats) -> Floats:

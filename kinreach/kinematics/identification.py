@@ -61,26 +61,30 @@ class IdentifiedArm:
         offsets: Floats = np.zeros(int(self._free.sum()))
         self._placements: Floats = chain.placements
         for _ in range(STEPS):
-            frames = _frames(self._placements, q)
-            J = _slopes(frames)[:, self._free]
+            frames = frames_of(self._placements, q)
+            J = slopes(frames)[:, self._free]
             missed = (seen - frames[-1][:, :3, 3]).ravel() + J @ offsets
             information = J.T @ J / noise**2 + precision
             offsets = np.asarray(np.linalg.solve(information, J.T @ missed / noise**2))
             errors = np.zeros(len(spread))
             errors[self._free] = offsets
-            self._placements = _moved(chain.placements, errors.reshape(-1, 6))
+            self._placements = moved_frames(chain.placements, errors.reshape(-1, 6))
         self._covariance = np.linalg.inv(information)
         *links, tip = self._placements
         self.chain = SerialChain(links, [np.array((0.0, 0.0, 1.0))] * len(links), tip)
 
+    def positions(self, q: Floats) -> Floats:
+        """Where its tip is in postures (m, n) [m], shape (m, 3); for few postures quicker than by the chain."""
+        return np.asarray(frames_of(self._placements, q)[-1][:, :3, 3])
+
     def doubt(self, q: Floats) -> float:
         """Standard deviation of a coordinate of the tip, over postures (m, n) [m]."""
-        J = _slopes(_frames(self._placements, q))[:, self._free]
+        J = slopes(frames_of(self._placements, q))[:, self._free]
         return float(np.sqrt(np.einsum("ij,jk,ik->i", J, self._covariance, J).mean()))
 
 
-def _moved(placements: Floats, errors: Floats) -> Floats:
-    """Placements (n + 1, 4, 4), each followed by a small translation and a turn (Rodrigues), shape (n + 1, 6)."""
+def moved_frames(placements: Floats, errors: Floats) -> Floats:
+    """Placements (k, 4, 4), each followed by a small translation [m] and a turn [rad] (Rodrigues), shape (k, 6)."""
     moved = np.tile(np.eye(4), (len(errors), 1, 1))
     angle = np.linalg.norm(errors[:, 3:], axis=1)[:, None, None]
     K = _cross(errors[:, 3:])
@@ -90,8 +94,13 @@ def _moved(placements: Floats, errors: Floats) -> Floats:
     return np.asarray(placements @ moved)
 
 
-def _frames(placements: Floats, q: Floats) -> list[Floats]:
-    """Each joint's frame before it turns, and the tip's, in the base frame: n + 1 arrays (m, 4, 4)."""
+def frames_of(placements: Floats, q: Floats) -> list[Floats]:
+    """Each joint's frame before it turns, and the tip's, in the base frame: n + 1 arrays (m, 4, 4).
+
+    Args:
+        placements: Of the chain's frames, shape (n + 1, 4, 4), or of m chains, shape (n + 1, m, 4, 4).
+        q: Postures [rad], shape (m, n).
+    """
     frames, T = [], np.tile(np.eye(4), (len(q), 1, 1))
     turns = np.tile(np.eye(4), (q.shape[1], len(q), 1, 1))
     c, s = np.cos(q.T), np.sin(q.T)
@@ -104,7 +113,7 @@ def _frames(placements: Floats, q: Floats) -> list[Floats]:
     return frames
 
 
-def _slopes(frames: list[Floats]) -> Floats:
+def slopes(frames: list[Floats]) -> Floats:
     """How the tips move with small motions of the frames in themselves, shape (3 m, 6 (n + 1))."""
     tips = frames[-1][:, :3, 3]
     columns = []

@@ -8,8 +8,8 @@ import pytest
 pytest.importorskip("stable_baselines3")
 import torch
 
-from kinreach.baselines.algorithms import LEVER
 from kinreach.baselines.batch import first_observations
+from kinreach.baselines.descent import DOWN, LEVER
 from kinreach.baselines.evaluation import VALIDATION, evaluate
 from kinreach.baselines.models import build
 from kinreach.baselines.recipes import get_recipe
@@ -18,7 +18,8 @@ from kinreach.envs.reach.space import SpaceTask
 from kinreach.errors import InputError
 from kinreach.kinematics import ArmKinematics
 
-SMALL = replace(get_recipe("space-single"), num_envs=256, window=2560)
+RECIPE = get_recipe("space-single")
+SMALL = replace(RECIPE, num_envs=256, window=2560, settings={**RECIPE.settings, "largest": [2.8] * 6})
 
 
 def test_what_is_made_small():
@@ -78,3 +79,58 @@ def test_other_environments_are_refused(name):
     settings = {**SMALL.settings}
     with pytest.raises(InputError, match=r"analytic gradients are for postures|ranked PPO tries postures"):
         build(replace(SMALL, environment=recipe.environment, options=recipe.options, settings=settings), 0, steps=1)
+
+
+def test_a_folded_elbow_costs():
+    """As much as it is beyond its largest angle."""
+    trainee = build(SMALL, 0, steps=SMALL.steps)
+    try:
+        observations = first_observations(SMALL.environment, SMALL.options, seed=3)[:1]
+        objective, largest = trainee.model.objective(observations), SMALL.settings["largest"]
+        free = build(replace(SMALL, settings={**SMALL.settings, "largest": []}), 0, steps=SMALL.steps)
+        free.env.close()
+        unaware = free.model.objective(observations)
+        for angle in (-2.9, -2.81, -2.79, 2.79, 2.95):
+            means = torch.tensor([SMALL.settings["around"]]) / np.pi
+            means[0, 2] = angle / np.pi
+            costs = [float(error(means, torch.tensor([0]))) for error in (objective, unaware)]
+            assert costs[0] - costs[1] == pytest.approx(max(abs(angle) - largest[2], 0.0), abs=1e-5)
+    finally:
+        trainee.env.close()
+
+
+def test_a_ball_is_to_be_met_where_it_will_be():
+    """By stepping the environment until the arm has come to rest where it was sent: the ball is as far as was said."""
+    recipe = replace(get_recipe("moving"), num_envs=16, window=160)
+    trainee = build(recipe, 0, steps=1000)
+    try:
+        trainee.env.seed(1)
+        observations = trainee.env.reset()
+        world = trainee.env.get_attr("unwrapped")[0].episodes
+        targets = world.home + np.random.default_rng(0).uniform(-0.3, 0.3, (16, 6))
+        means = torch.as_tensor(targets / np.pi, dtype=torch.float32)
+        objective = trainee.model.objective(observations)
+        tips = world.chain.fk(targets)
+        compared = 0
+        rests = np.full(16, -1)
+        for frame in range(1, 40):
+            world.step(targets / np.pi)
+            rests = np.where((rests < 0) & (np.abs(world.q - targets).max(axis=1) < 1e-3), frame, rests)
+        for row in np.flatnonzero(rests > 0):
+            said = float(objective(means[[row]], torch.tensor([row])))
+            turn = DOWN * np.linalg.norm(tips[row, :3, 2] - [0, 0, -1])
+            now = np.linalg.norm(tips[row, :3, 3] - world.rolls[row, rests[row] * 8])
+            assert said - turn == pytest.approx(now, abs=0.03)  # within a frame or so
+            compared += 1
+        assert compared >= 12
+    finally:
+        trainee.env.close()
+
+
+@pytest.mark.parametrize("name", ["moving", "random-arms"])
+def test_what_the_simulation_knows_is_learned(name, tmp_path):
+    recipe = replace(get_recipe(name), num_envs=512, window=5120)
+    run = train(recipe, tmp_path, seed=0, steps=20_000)
+    rows = np.genfromtxt(tmp_path / "curve.csv", delimiter=",", names=True)
+    assert rows["reward"][-1] > rows["reward"][0]
+    assert run.card.meaning == "posture"

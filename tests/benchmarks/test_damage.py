@@ -5,7 +5,7 @@ import pytest
 
 from benchmarks.studies.damage import BENT, KINDS, OFFSET, STUCK, by_looks, damage, main, numeric, reached
 from kinreach.baselines.expert import tool_down_postures
-from kinreach.compare.real_arm import on_table, ur5
+from kinreach.baselines.random_arms import on_table, ur5
 
 
 @pytest.mark.parametrize("kind", KINDS)

@@ -95,7 +95,7 @@ def test_touching_ends_it():
         touched += info["is_success"]
         assert info["is_success"] == (info["distance"] <= TOUCH)
         assert reward > 0.9
-        assert np.linalg.norm(world._chain.positions(info["q"][None])[0] - info["goal"]) < 0.05
+        assert np.linalg.norm(world._episodes.chain.positions(info["q"][None])[0] - info["goal"]) < 0.05
     assert touched == 5
 
 
@@ -111,6 +111,37 @@ def test_joints_come_to_rest_at_their_targets():
         assert beyond < 1e-3
 
 
+def test_a_batch_is_as_many_single_ones():
+    """Bit for bit, over the ends of episodes, with other options too."""
+    options = {"sights": 4, "delay": 0.1}
+    batch = gym.make_vec(MOVING, num_envs=5, vectorization_mode="vector_entry_point", **options)
+    seen, _ = batch.reset(seed=7)
+    singles = [make(**options) for _ in range(5)]
+    np.testing.assert_array_equal(seen, [env.reset(seed=7 + i)[0] for i, env in enumerate(singles)])
+    rng, over, compared = np.random.default_rng(0), np.zeros(5, dtype=bool), 0
+    while not over.all():
+        actions = rng.uniform(-1, 1, (5, 6))
+        seen, rewards, ended, _, info = batch.step(actions)
+        for i in np.flatnonzero(~over):
+            observation, reward, over[i], _, said = singles[i].step(actions[i])
+            np.testing.assert_array_equal(info["final_obs"][i] if over[i] else seen[i], observation)
+            told = info["final_info"] if over[i] else info
+            assert (reward, over[i], said["distance"]) == (rewards[i], ended[i], told["distance"][i])
+            assert said["path"] == told["path"][i]
+            compared += 1
+    assert compared > 5 * 20
+
+
+def test_earlier_sights_are_those_of_the_frames_before():
+    env, seen = make(sights=4), []
+    observation, _ = env.reset(seed=3)
+    for frame in range(12):
+        seen.append(observation[BALL])
+        before = [seen[max(frame - k, 0)] - seen[frame] for k in (1, 2, 3)]
+        np.testing.assert_allclose(observation[16:].reshape(3, 3), before, atol=1e-12)
+        observation = env.step(env.unwrapped.home / np.pi)[0]
+
+
 def test_gymnasium_agrees():
     check_env(gym.make(MOVING).unwrapped, skip_render_check=True)
 
@@ -124,6 +155,7 @@ def test_gymnasium_agrees():
         ({"paths": ("zigzag",)}, UnknownNameError, "zigzag"),
         ({"delay": -0.1}, InputError, "delay"),
         ({"noise": -1.0}, InputError, "noise"),
+        ({"sights": 0}, InputError, "sights must be at least 1"),
     ],
 )
 def test_bad_options(options, error, said):

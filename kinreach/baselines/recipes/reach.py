@@ -7,7 +7,7 @@ from dataclasses import replace
 from typing import Any
 
 from kinreach.baselines.recipes.base import Networks, Recipe
-from kinreach.registration import MULTI, SINGLE, SPACE
+from kinreach.registration import MOVING, MULTI, SINGLE, SPACE
 
 #: Defaults of Stable Baselines' PPO2: 4 minibatches, 4 epochs, clip 0.2 of ratios and of values, λ 0.95, entropy 0.01,
 #: value 0.5, gradient 0.5 (OpenAI Baselines' own have no entropy bonus and a rate of 3e-4). Its actions, and the
@@ -208,7 +208,61 @@ _SPACE_SINGLE = replace(
     },
 )
 
+_MOVING_GRADIENT = Recipe(
+    name="moving",
+    summary="A rolling ball: analytic gradient of where the arm and the ball will be; the last six sights are seen.",
+    environment=MOVING,
+    options={"sights": 6},
+    algorithm="MovingGradient",
+    steps=1_200_000,
+    num_envs=2048,
+    networks=Networks(hidden=(128, 128), activation="silu", features="sights", posture=True),
+    settings={
+        "n_steps": 1,
+        "n_epochs": 2,
+        "minibatches": 2,
+        "gamma": 0.0,
+        "exploration": {"first": 1e-4, "last": 1e-4, "until": 1.0},
+        "adaptive": {"first": 3e-3, "target_kl": 1.0, "decay": 1.0},
+        "adam": {"betas": (0.9, 0.99), "eps": 1e-5},
+    },
+    window=40_960,
+)
+
 REACH_RECIPES = (
+    _MOVING_GRADIENT,
+    replace(
+        _MOVING_GRADIENT,
+        name="ppo-moving",
+        summary="The same by PPO: trial and error, with the same sights.",
+        algorithm="AdaptivePPO",
+        num_envs=1024,
+        steps=3_000_000,
+        reward="own",
+        settings={
+            "n_steps": 16,
+            "n_epochs": 4,
+            "minibatches": 4,
+            "gamma": 0.9,
+            "gae_lambda": 0.9,
+            "clip_range": 0.2,
+            "vf_coef": 0.5,
+            "max_grad_norm": 0.5,
+            "exploration": {"first": 0.3, "last": 0.01, "until": 0.8},
+            "adaptive": {"first": 1e-3, "target_kl": 0.02},
+            "adam": {"eps": 1e-5},
+        },
+    ),
+    replace(
+        _MOVING_GRADIENT,
+        name="random-arms",
+        summary="Arms with random errors, of which looks have said something: analytic gradient through the true arm.",
+        environment="kinreach.baselines.random_arms:kinreach/RandomArm-v0",
+        options={},
+        algorithm="RandomArmGradient",
+        steps=1_500_000,
+        networks=Networks(hidden=(128, 128), activation="silu", features="waves", posture=True),
+    ),
     _THESIS_SINGLE,
     replace(
         _THESIS_SINGLE,

@@ -1,0 +1,119 @@
+"""PPO whose standard deviation follows a schedule, and whose learning rate adapts to how far updates lead."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, replace
+from typing import Any
+
+import torch
+from stable_baselines3 import PPO
+from torch.optim import Optimizer
+
+
+@dataclass(frozen=True)
+class Exploration:
+    """Standard deviation of the actions over a training run: log-linear from `first` to `last`, then held.
+
+    Attributes:
+        first, last: Standard deviations.
+        until: Share of the training after which `last` is held.
+    """
+
+    first: float
+    last: float
+    until: float
+
+    def scaled(self, factor: float) -> Exploration:
+        """The same in other units."""
+        return replace(self, first=factor * self.first, last=factor * self.last)
+
+    def at(self, progress: float) -> float:
+        """The standard deviation when `progress`, in [0, 1], of the training is done."""
+        share = min(progress / self.until, 1.0)
+        return math.exp((1 - share) * math.log(self.first) + share * math.log(self.last))
+
+
+@dataclass(frozen=True)
+class AdaptiveRate:
+    """A learning rate that is adjusted after every update.
+
+    It is divided by `factor` where the Kullback-Leibler divergence was over 1.5 times its target, multiplied where it
+    was under 2/3 of it; over the last `decay` of the training it falls to zero linearly.
+
+    Attributes:
+        first: To begin with.
+        target_kl: Divergence of an update that is aimed at.
+        factor: Of one adjustment.
+        lowest, highest: Bounds.
+        decay: Share of the training at whose end the rate falls.
+    """
+
+    first: float
+    target_kl: float
+    factor: float = 1.3
+    lowest: float = 1e-6
+    highest: float = 1e-2
+    decay: float = 0.0
+
+    def after(self, rate: float, divergence: float) -> float:
+        """The rate after an update with a rate and a divergence."""
+        if divergence > 1.5 * self.target_kl:
+            rate /= self.factor
+        elif divergence < self.target_kl / 1.5:
+            rate *= self.factor
+        return min(max(rate, self.lowest), self.highest)
+
+    def share(self, progress: float) -> float:
+        """What the decay leaves of the rate when `progress` of the training is done."""
+        return min(1.0, max(1.0 - progress, 0.0) / self.decay) if self.decay > 0 else 1.0
+
+
+class AdaptivePPO(PPO):
+    """stable-baselines3's PPO; the standard deviation is not learned, and the learning rate adapts.
+
+    Args:
+        exploration: Schedule of the standard deviation; None where it is learned, or for discrete actions.
+        adaptive: How the learning rate adapts.
+        planned_steps: Steps of the whole training, to which the schedules refer.
+        **kwargs: Of PPO.
+
+    Attributes:
+        rate: The learning rate before the decay; part of the state of a training run.
+    """
+
+    def __init__(
+        self, *args: Any, exploration: Exploration | None, adaptive: AdaptiveRate, planned_steps: int, **kwargs: Any
+    ) -> None:
+        self.exploration, self.adaptive, self.planned_steps = exploration, adaptive, planned_steps
+        self.rate = adaptive.first
+        super().__init__(*args, **{"learning_rate": adaptive.first, **kwargs})
+
+    def _setup_model(self) -> None:
+        super()._setup_model()
+        if self.exploration is not None:
+            self.policy.log_std.requires_grad_(False)
+            self._explore()
+
+    def _update_learning_rate(self, optimizers: list[Optimizer] | Optimizer) -> None:
+        rate = self.rate * self.adaptive.share(self.progress)
+        for optimizer in optimizers if isinstance(optimizers, list) else [optimizers]:
+            for group in optimizer.param_groups:
+                group["lr"] = rate
+        self.logger.record("train/learning_rate", rate)
+
+    @property
+    def progress(self) -> float:
+        """Share of the training that is done."""
+        return min(self.num_timesteps / self.planned_steps, 1.0)
+
+    def train(self) -> None:
+        """One update, then the rate and the standard deviation of the next."""
+        super().train()
+        self.rate = self.adaptive.after(self.rate, float(self.logger.name_to_value["train/approx_kl"]))
+        self._explore()
+
+    def _explore(self) -> None:
+        if self.exploration is not None:
+            with torch.no_grad():
+                self.policy.log_std.fill_(math.log(self.exploration.at(self.progress)))

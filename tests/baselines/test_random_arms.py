@@ -1,0 +1,82 @@
+"""Arms with random errors: what looks say of them is what is true of them, and a policy learns from it."""
+
+from dataclasses import replace
+
+import gymnasium as gym
+import numpy as np
+import pytest
+
+pytest.importorskip("stable_baselines3")
+import torch
+
+from kinreach.baselines import random_arms as arms
+from kinreach.baselines.expert import tool_down_postures
+from kinreach.baselines.models import build
+from kinreach.baselines.recipes import get_recipe
+from kinreach.errors import InputError
+
+COUNT = 60
+
+
+@pytest.fixture
+def env():
+    found = gym.make_vec(arms.RANDOM_ARM, num_envs=COUNT, vectorization_mode="vector_entry_point")
+    found.reset(seed=0)
+    yield found
+    found.close()
+
+
+def test_what_looks_say_is_what_is_true(env):
+    """Of as many looks as an arm had: the noise of their mean is left, and 0.1 mm of what is not linear in errors."""
+    world, seen = env.unwrapped.episodes, env.unwrapped.episodes.observe()
+    q = tool_down_postures(arms.ur5(), arms.on_table(50))
+    places = arms.ur5().chain.positions(q)
+    counts = {}
+    for row in range(COUNT):
+        looks = int(seen[row, arms.LOOKED])
+        counts[looks] = counts.get(looks, 0) + 1
+        off = world.tips(q[:looks], np.full(looks, row)) - places[:looks]
+        said = seen[row, arms.SUMMARY]
+        np.testing.assert_allclose(said, arms.summary(places[:looks], off), atol=3e-4)
+        assert looks == 0 or np.linalg.norm(said) > 1e-4
+    assert set(counts) == set(arms.LOOKS)
+
+
+def test_moves_to_a_ball(env):
+    world = env.unwrapped.episodes
+    first = world.observe()
+    q = tool_down_postures(arms.ur5(), first[:, arms.BALL])
+    tips = world.tips(q)
+    assert 1e-3 < np.median(np.linalg.norm(tips - world.balls, axis=1)) < 2e-2
+    then, reward, over, _, info = env.step(q / np.pi)
+    np.testing.assert_allclose(-reward, np.linalg.norm(tips - world.balls, axis=1))
+    np.testing.assert_allclose(then[:, arms.MISSED], tips - first[:, arms.BALL], atol=6e-4)
+    np.testing.assert_allclose(then[:, arms.OFF], tips - arms.ur5().chain.positions(q), atol=6e-4)
+    assert not over.any()
+    # who adds what it was off to its target is nearer
+    better = tool_down_postures(arms.ur5(), first[:, arms.BALL] - then[:, arms.OFF])
+    *_, info = env.step(better / np.pi)
+    assert np.median(info["distance"]) < 4e-4
+    over = env.step(better / np.pi)[2]
+    assert over.all()
+
+
+def test_the_objective_is_the_distance_of_the_true_tip():
+    recipe = replace(get_recipe("random-arms"), num_envs=COUNT, window=COUNT)
+    trainee = build(recipe, 0, steps=1000)
+    try:
+        model, world = trainee.model, trainee.env.get_attr("unwrapped")[0].episodes
+        trainee.env.seed(3)
+        observations = trainee.env.reset()
+        q = tool_down_postures(arms.ur5(), world.balls)
+        means = torch.as_tensor(q / np.pi, dtype=torch.float32)
+        said = float(model.objective(observations)(means, torch.arange(COUNT)))
+        wanted = np.linalg.norm(world.tips(q) - world.balls, axis=1).mean()
+        assert said == pytest.approx(wanted, abs=1e-5)
+    finally:
+        trainee.env.close()
+
+
+def test_nothing_of_an_episode_can_be_asked_for(env):
+    with pytest.raises(InputError, match="unknown reset options"):
+        env.reset(options={"goal": np.zeros((COUNT, 3))})
