@@ -28,7 +28,7 @@ from kinreach.checks import as_floats, check_entries, check_path, shown
 from kinreach.envs.reach.task import SINGLE_STEP, STEP_SIZE
 from kinreach.errors import InputError, UnknownNameError
 from kinreach.files import replacing
-from kinreach.registration import SPACE
+from kinreach.registration import MOVING, SPACE
 from kinreach.vision.goal_view import GOAL_CAMERAS
 
 Array = NDArray[Any]
@@ -455,18 +455,21 @@ def trained_arm(policy: LearnedPolicy) -> dict[str, Any]:
     return {"arm": arm} if isinstance(arm, str) else {}
 
 
-#: Options that say which goals `kinreach/Reach-v0` has.
-SPACE_OPTIONS = ("steps", "goal_height", "tilt", "start_spread")
+#: Options that say which goals there are, or what is observed, by the environment.
+NEEDED: Mapping[str, tuple[str, ...]] = {
+    SPACE: ("steps", "goal_height", "tilt", "start_spread"),
+    MOVING: ("sights",),
+}
 
 
 def needed_options(policy: LearnedPolicy) -> dict[str, Any]:
     """Options of an environment for a policy, as far as its card has them.
 
-    The arm, in `kinreach/Reach-v0` the goals, and pictures of the size that it learned from if it sees any.
+    The arm, what `NEEDED` has of its environment, and pictures of the size that it learned from if it sees any.
     """
     options = _options(policy.card)
-    space = SPACE_OPTIONS if policy.card.environment == SPACE else ()
-    needed = {**trained_arm(policy), **{name: options[name] for name in space if name in options}}
+    own = NEEDED.get(policy.card.environment, ())
+    needed = {**trained_arm(policy), **{name: options[name] for name in own if name in options}}
     if policy.network.eyes:
         size = {name: options[name] for name in ("width", "height") if isinstance(options.get(name), int)}
         needed |= {"observation": "pixels", **size}

@@ -15,6 +15,7 @@ from kinreach.baselines.expert import tool_down_postures
 from kinreach.checks import Floats
 from kinreach.compare.button import decision_ms
 from kinreach.compare.figures import colours_in, origin
+from kinreach.compare.methods import policy_method
 from kinreach.compare.task import CONTROLLER, Method, Task
 from kinreach.envs import moving as ball
 from kinreach.envs.moving import travel_times
@@ -230,6 +231,7 @@ MOVING_TASK = Task(
         "first-sight": Method(FirstSight, CONTROLLER, colour="#7A7A7A"),
         "last-sight": Method(LastSight, CONTROLLER, colour="#0072B2"),
         "interception": Method(Interception, CONTROLLER, colour="#003F66"),
+        "policy": policy_method("moving", MOVING, colour="#00674C"),
     },
     columns=(
         Column("reached", "reached", RATE, "all, %\n[95 % CI]", "interval"),

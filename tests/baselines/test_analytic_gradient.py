@@ -19,7 +19,7 @@ from kinreach.errors import InputError
 from kinreach.kinematics import ArmKinematics
 
 RECIPE = get_recipe("space-single")
-SMALL = replace(RECIPE, num_envs=256, window=2560, settings={**RECIPE.settings, "largest": [2.8] * 6})
+SMALL = replace(RECIPE, num_envs=256, window=2560, settings={**RECIPE.settings, "n_epochs": 4, "minibatches": 2})
 
 
 def test_what_is_made_small():

@@ -21,6 +21,8 @@ def test_who_touches(results):
     assert results["last-sight"]["touched"]["0.05"] == 1.0
     assert results["last-sight"]["touched"]["0.2"] < 0.5
     assert results["first-sight"]["touched"]["0.2"] < 0.5
+    assert results["policy"]["touched"]["0.05"] >= 0.9
+    assert results["policy"]["touched"]["0.2"] >= 0.75
     assert results["interception"]["touched"]["0.6"] is None
     assert results["interception"]["straight"]["0.2"] >= 0.75
 
