@@ -7,10 +7,13 @@ import gymnasium as gym
 import numpy as np
 import pytest
 
+from kinreach.envs.reach.episodes import ReachEpisodes
 from kinreach.envs.reach.rewards import DirectedReward, DistanceReward, ThesisReward
 from kinreach.envs.reach.space import SpaceTask
+from kinreach.envs.reach.task import MULTI_STEP, SINGLE_STEP, ReachOptions, ReachTask
+from kinreach.envs.reach.worlds import BatchDynamicWorld
 from kinreach.errors import InputError, InstallationError
-from kinreach.kinematics.tensors import on_device
+from kinreach.kinematics.tensors import on_device, on_host
 from kinreach.thesis.reward import pentagon_angles, reach_reward
 
 torch = pytest.importorskip("torch")
@@ -106,6 +109,32 @@ def test_rewards_are_those_of_numpy(device):
         np.testing.assert_array_equal(ours.reached.cpu().numpy(), theirs.reached)
         worth.append(int(theirs.reached.sum()))
     assert min(worth) >= 100
+
+
+@pytest.mark.parametrize("device", DEVICES)
+@pytest.mark.parametrize("name", ["single", "multi"])
+@pytest.mark.parametrize("reward", [None, lambda distance, q, impossible: (-distance, {"distance": -distance})])
+def test_episodes_compute_with_what_their_world_gives(name, reward, device):
+    variant = {"single": SINGLE_STEP, "multi": MULTI_STEP}[name]
+    task = ReachTask(ReachOptions(reward=reward), variant)
+    acting, everyone = np.array([True, True, False, True]), np.arange(4)
+    actions = np.random.default_rng(2).uniform(-0.4, 0.4, (4, 6))
+    found = []
+    for where in (None, device):
+        episodes = ReachEpisodes(task, BatchDynamicWorld(task.arm, 4, device=where))
+        for index in everyone:
+            episodes.seed(index, np.random.default_rng(index))
+        episodes.begin(everyone)
+        start, outcome = episodes.start_info(), episodes.step(actions, acting)
+        assert isinstance(start["distance"], np.ndarray if where is None else torch.Tensor)
+        ended = (outcome.terminated, outcome.truncated)
+        assert all(isinstance(flags, np.ndarray) for flags in ended)
+        numbers = [start["distance"], start["posture_error"], outcome.reward, outcome.info["tip"], *ended]
+        found.append([np.array(on_host(values), dtype=float) for values in numbers])
+    for theirs, ours in zip(*found, strict=True):
+        np.testing.assert_allclose(ours, theirs, rtol=0, atol=1e-9)
+    assert found[0][2][2] == 0.0
+    assert np.unique(found[0][2]).size >= 3
 
 
 def test_angles_of_tools_and_pentagons_are_those_of_numpy():
