@@ -81,7 +81,7 @@ def film(camera: Camera, target: TargetPanel) -> None:
     """A target that is dragged, and what is said of it."""
     with Film(IMAGES / "view.gif", fps=FPS) as reel:
         for start, end in pairwise(WAY):
-            for share in np.linspace(0, 1, PART):
+            for share in np.linspace(0, 1, PART)[start != WAY[0] :]:  # it is there already
                 position = (1 - share) * np.array(start) + share * np.array(end)
                 target.move(pose(position.tolist(), (np.pi, 0, 0)))
                 picture = camera.take().resize((WIDTH * 3 // 4, HEIGHT * 3 // 4), Image.Resampling.LANCZOS)
