@@ -2,8 +2,8 @@
 
 The environment `kinreach/RandomArm-v0`, of which there is only a batch: a UR5 whose frames are off as those of
 `kinreach/RealArm-v0` are, with other errors in each episode, has been looked at so and so often, and goes to a ball
-three times. What looks say of it has the same size whatever their number: the mean of how far the tip was seen from
-where the data sheet has it, and of the same times the place of the look.
+once, twice or three times. What looks say of it has the same size whatever their number: the mean of how far the tip
+was seen from where the data sheet has it, and of the same times the place of the look.
 """
 
 from __future__ import annotations
@@ -32,7 +32,7 @@ from kinreach.kinematics.identification import Prior, frames_of, moved_frames, s
 RANDOM_ARM = "kinreach/RandomArm-v0"
 #: How far frames are off, as in `kinreach/RealArm-v0` (root mean square); a base that is off stands for cameras, too.
 ERRORS = Prior(base=(3e-3, 6e-3), links=(1e-3, 2e-3), tool=(3e-3, 0.0))
-#: Moves to a ball, and looks before.
+#: Most moves to a ball, and looks before.
 MOVES, LOOKS = 3, BUDGETS[:-1]
 #: How far beyond the table area balls lie, and above and below it, where cameras that are off see them [m].
 MARGIN = 0.01
@@ -41,8 +41,9 @@ SIGMA = NOISE / MEDIAN_LENGTH
 #: beside this ball, mean of its moves, and from the ball in the last one [m]; moves, looks; what `summary` says.
 BALL, OFF, MISSED, DONE, LOOKED, SUMMARY = slice(0, 3), slice(3, 6), slice(6, 9), 9, 10, slice(11, 20)
 SIZE = 20
-#: Of what is drawn: the frames' errors, the ball, the budget, the noise of the looks, of the ball and of the moves.
-_PARTS = (42, 3, 1, 9, 3, 3 * MOVES)
+#: Of what is drawn: the frames' errors, the ball, the budget, how many moves there are, the noise of the looks, of the
+#: ball and of the moves.
+_PARTS = (42, 3, 1, 1, 9, 3, 3 * MOVES)
 
 
 @cache
@@ -94,9 +95,9 @@ class _Draws:
     """What an episode begins with, as one row of numbers."""
 
     def sample(self, rng: np.random.Generator, count: int) -> Floats:
-        """Draw `count` rows; the ball and the budget are uniform from 0 to 1."""
+        """Draw `count` rows; the ball, the budget and the moves are uniform from 0 to 1."""
         rows = rng.normal(size=(count, sum(_PARTS)))
-        rows[:, _PARTS[0] : _PARTS[0] + 4] = rng.uniform(size=(count, 4))
+        rows[:, _PARTS[0] : _PARTS[0] + 5] = rng.uniform(size=(count, 5))
         return rows
 
 
@@ -125,7 +126,7 @@ class RandomArmEpisodes:
         self.balls = np.zeros((count, 3))
         self._observed = np.zeros((count, SIZE))
         self._noise = np.zeros((count, MOVES, 3))
-        self._distances = np.full(count, np.inf)
+        self._distances, self._moves = np.full(count, np.inf), np.zeros(count, dtype=int)
         q = tool_down_postures(ur5(), on_table(max(LOOKS)))
         frames = frames_of(self.chain.placements, q)
         self._slopes = slopes(frames).reshape(len(q), 3, -1)
@@ -143,7 +144,7 @@ class RandomArmEpisodes:
 
     def begin(self, ids: Ids, start: RandomArmStart = ANYTHING) -> None:
         """Other arms, which have been looked at."""
-        errors, ball, budget, look_noise, ball_noise, noise = np.split(
+        errors, ball, budget, moves, look_noise, ball_noise, noise = np.split(
             self._streams.draw(ids), np.cumsum(_PARTS)[:-1], axis=1
         )
         errors = errors * ERRORS.deviations(self.chain.joints).ravel()
@@ -164,6 +165,7 @@ class RandomArmEpisodes:
                 rows[own, SUMMARY] = summary(self._places[:looks], off) + blur.reshape(-1, 9)
                 rows[own, LOOKED] = looks
         self._observed[ids], self._distances[ids] = rows, np.inf
+        self._moves[ids] = 1 + (MOVES * moves[:, 0]).astype(int)
         self._noise[ids] = SIGMA * noise.reshape(len(ids), MOVES, 3)
 
     def tips(self, q: Floats, rows: Any = slice(None)) -> Floats:
@@ -180,7 +182,7 @@ class RandomArmEpisodes:
         after = after_move(self._observed, q, seen)
         self._observed = np.where(acting[:, None], after, self._observed)
         self._distances = np.where(acting, np.linalg.norm(tips - self.balls, axis=1), self._distances)
-        over = acting & (self._observed[:, DONE] >= MOVES)
+        over = acting & (self._observed[:, DONE] >= self._moves)
         info = {**self.start_info(), "is_success": self._distances < NEAR}
         return Outcome(-np.where(acting, self._distances, 0.0), over, np.zeros_like(over), info)
 

@@ -263,8 +263,9 @@ REACH_RECIPES = (
         environment="kinreach.baselines.random_arms:kinreach/RandomArm-v0",
         options={},
         algorithm="RandomArmGradient",
-        steps=1_500_000,
+        steps=600_000,
         networks=Networks(hidden=(128, 128), activation="silu", features="waves", posture=True),
+        settings={**_MOVING_GRADIENT.settings, "n_epochs": 8, "minibatches": 4},
     ),
     _THESIS_SINGLE,
     replace(
