@@ -12,6 +12,7 @@ from kinreach.robots import ArmDescription, arm_names, get_arm
 from kinreach.view.results import read_results
 from kinreach.view.server import Server, import_viser
 from kinreach.view.setup import Setup
+from kinreach.view.snippet import calibrated
 
 PORT, MOST_PORT = 8080, 65535
 
@@ -80,11 +81,11 @@ def setup_of(
         description, expression = ArmDescription.from_urdf(arm), f"ArmDescription.from_urdf({arm!r})"
     else:
         description, expression = get_arm(arm), repr(arm)
-    nominal = None
+    nominal, sheet = None, expression
     if calibration is not None:
-        expression = f"get_arm({arm!r}).calibrated({calibration!r})"
+        expression = calibrated(sheet, calibration)
         nominal, description = description, description.calibrated(calibration)
-    setup = Setup(description, expression, tip, simple, nominal, policy, results, environment)
+    setup = Setup(description, expression, sheet, tip, simple, nominal, policy, results, environment)
     setup.environments  # noqa: B018  (refuses what is no policy or environment)
     if results is not None:
         read_results(results)

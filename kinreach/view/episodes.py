@@ -23,6 +23,7 @@ from kinreach.summary import Trial
 from kinreach.view.mujoco_scene import Contact, MujocoScene
 from kinreach.view.names import length
 from kinreach.view.players import ARM, OBSERVATION, PIXELS, new_player, playable
+from kinreach.view.snippet import robots
 from kinreach.vision.goal_view import CameraGoalView, GoalLook, has_goal_cameras
 
 #: Frames per second of simulated time.
@@ -199,7 +200,7 @@ class Recording:
                 "",
                 "import kinreach",
                 "from kinreach.baselines.rollout import rollout",
-                *(["from kinreach.robots import ArmDescription, get_arm"] if "(" in "".join(names) else []),
+                *robots(*names),
                 "from kinreach.view.players import new_player",
                 "",
                 f"env = gym.make({self.name!r}{given})",

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections import deque
 from collections.abc import Callable
-from threading import RLock
+from threading import Lock, RLock
 from typing import Any
 
 import numpy as np
@@ -75,13 +75,15 @@ class Latest:
 
     def __init__(self, lock: RLock) -> None:
         self._lock = lock
+        self._numbering = Lock()
         self._asked = 0
         self._ended = False
 
     def __call__(self, work: Callable[[], None]) -> None:
         """Do this, unless something else is asked for before it begins."""
-        self._asked += 1
-        mine = self._asked
+        with self._numbering:
+            self._asked += 1
+            mine = self._asked
         with self._lock:
             if mine == self._asked and not self._ended:
                 work()

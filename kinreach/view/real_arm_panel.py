@@ -19,7 +19,7 @@ from kinreach.view.names import angle, length
 from kinreach.view.panel import Panel
 from kinreach.view.real_arm import ErrorMap, Miss, RealArm, colours
 from kinreach.view.setup import Setup
-from kinreach.view.snippet import real_arm_program
+from kinreach.view.snippet import calibrated, real_arm_program
 
 #: How many times as long as it is the tip error is drawn in the beginning, and at most.
 TIMES, MOST_TIMES = 30, 100
@@ -74,7 +74,7 @@ class RealArmPanel(Panel):
         try:
             arm = self._sheet.calibrated(file.strip())
             with self._lock:
-                self._take(arm, f"get_arm({self._sheet.name!r}).calibrated({file.strip()!r})")
+                self._take(arm, calibrated(self._setup.sheet, file.strip()))
         except KinreachError as error:
             self._verdict.content = html.message(str(error), bad=True)
 
@@ -91,7 +91,7 @@ class RealArmPanel(Panel):
         """Python code for the tip error that is on the screen."""
         if self.model is None:
             return "# There is no calibration yet.\n"
-        return real_arm_program(self.model, self.T, self.q, arm=self._expression)
+        return real_arm_program(self.model, self.T, self.q, sheet=self._setup.sheet, arm=self._expression)
 
     def _build_gui(self) -> None:
         gui = self._client.gui

@@ -25,6 +25,7 @@ class Setup:
     Attributes:
         arm: The arm, calibrated if a calibration was given.
         expression: The arm as Python code.
+        sheet: The arm by its data sheet as Python code.
         tip: Short name of its tip; None is the arm's own.
         simple: Draw the arm by its collision shapes, for browsers without a graphics card.
         nominal: The arm by its data sheet, where `arm` is calibrated.
@@ -35,6 +36,7 @@ class Setup:
 
     arm: ArmDescription
     expression: str
+    sheet: str
     tip: str | None = None
     simple: bool = False
     nominal: ArmDescription | None = None

@@ -32,7 +32,7 @@ def program(model: TargetModel, goal: Goal, seed: Floats, *, arm: str) -> str:
         solver = "from kinreach.kinematics.solvers import LevenbergMarquardtSolver"
     lines.append(f"from kinreach.kinematics import {', '.join(sorted(names, key=str.lower))}")
     lines += [solver] if solver else []
-    lines += ["from kinreach.robots import get_arm"] if "get_arm" in arm else []
+    lines += robots(arm)
     lines += ["", f"kin = kinematics_of({arm}, tip={kinematics.tip!r}, base='world')"]
     lines += [f"seed = np.array({_numbers(seed)})", *_question(goal, closed=not solver)]
     lines += [] if model.checker is None else ["checker = CollisionChecker(kin)"]
@@ -43,23 +43,35 @@ def program(model: TargetModel, goal: Goal, seed: Floats, *, arm: str) -> str:
     return "\n".join(lines) + "\n"
 
 
-def real_arm_program(model: RealArm, T: Floats, seed: Floats, *, arm: str) -> str:
+def calibrated(sheet: str, file: str) -> str:
+    """An expression for a calibrated arm, from one for its data sheet's arm and the path of the calibration."""
+    return f"{sheet if '(' in sheet else f'get_arm({sheet})'}.calibrated({file!r})"
+
+
+def robots(*arms: str) -> list[str]:
+    """The line that imports what expressions for arms need; none where they are names."""
+    names = [name for name in ("ArmDescription", "get_arm") if any(name in arm for arm in arms)]
+    return [f"from kinreach.robots import {', '.join(names)}"] if names else []
+
+
+def real_arm_program(model: RealArm, T: Floats, seed: Floats, *, sheet: str, arm: str) -> str:
     """Python code that prints by how much a calibrated arm's tip is off in the data sheet's posture.
 
     Args:
         model: Both arms.
         T: Frame of the target in the world, shape (4, 4).
         seed: Posture the arm stands in [rad].
-        arm: An expression for the calibrated arm.
+        sheet: An expression for the data sheet's arm.
+        arm: One for the calibrated arm.
     """
     where = f"tip={model.nominal.tip!r}, base='world'"
     lines = [
         "import numpy as np",
         "",
         "from kinreach.kinematics import kinematics_of",
-        "from kinreach.robots import get_arm",
+        *robots(sheet, arm),
         "",
-        f"sheet = kinematics_of({model.nominal.arm.name!r}, {where})",
+        f"sheet = kinematics_of({sheet}, {where})",
         f"real = kinematics_of({arm}, {where})",
         *_frame(T),
         f"result = sheet.nearest(T, {_numbers(seed)})",

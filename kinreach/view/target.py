@@ -14,12 +14,12 @@ import numpy as np
 from kinreach.checks import Floats, check_known
 from kinreach.errors import InputError
 from kinreach.kinematics import (
-    Arm3Kinematics,
     AxisGoal,
     CollisionChecker,
     IKResult,
     PoseGoal,
     PositionGoal,
+    SixAxisKinematics,
     URKinematics,
     kinematics_of,
 )
@@ -157,7 +157,6 @@ class TargetModel:
         checker: None for an arm without shapes.
         kinds: What may be asked of the tool.
         lower, upper: Joint limits that count [rad], shape (n,).
-        complete: Whether all postures are found, not just some.
         solvers: Names of solvers and policies that can be put beside each other.
 
     Raises:
@@ -172,10 +171,10 @@ class TargetModel:
             self.checker = None
         n = self.kinematics.n
         self.kinds = (POINT,) if n < 6 else (POSE, AXIS) if n == 6 else (POSE, AXIS, POINT)
-        self.complete = isinstance(self.kinematics, ClosedFormKinematics)
         self.lower, self.upper = self.kinematics.lower.copy(), self.kinematics.upper.copy()
         self._search = LevenbergMarquardtSolver(self.kinematics, max_restarts=0)
-        self.solvers = (*(name for name in SOLVERS if self.complete or name != "closed-form"), *policies)
+        closed = isinstance(self.kinematics, ClosedFormKinematics)
+        self.solvers = (*(name for name in SOLVERS if closed or name != "closed-form"), *policies)
         self._solvers: dict[str, Solver] = {}
 
     @property
@@ -214,7 +213,7 @@ class TargetModel:
         reached = [i for i, posture in enumerate(postures) if posture.q is not None]
         shown = min(reached, key=lambda i: (postures[i].state is not State.USABLE, postures[i].distance), default=-1)
         approach = self._approach(goal, seed) if not reached else None
-        verdict = self._verdict(postures, approach)
+        verdict = self._verdict(goal, postures, approach)
         return Answer(goal, seed, postures, shown, verdict, approach, time.perf_counter() - start)
 
     def solve(self, goal: Goal, seed: Floats, names: Sequence[str] | None = None) -> list[Finish]:
@@ -280,19 +279,25 @@ class TargetModel:
                 name = branch_name(self.kinematics, branch)
                 yield Posture(branch, name, State.UNREACHED, _why_short(lack))
 
+    def complete(self, goal: Goal) -> bool:
+        """Whether all postures for a goal are found, not just some."""
+        if isinstance(self.kinematics, SixAxisKinematics):
+            return isinstance(goal, PoseGoal)
+        return isinstance(self.kinematics, ClosedFormKinematics)
+
     def _found(self, goal: Goal, seed: Floats) -> Iterator[tuple[int, Floats]]:
         """Branch and principal angles of the postures that reach, whatever the limits."""
         kinematics = self.kinematics
-        if isinstance(kinematics, URKinematics):
+        if not self.complete(goal):
+            yield from self._searched(goal, seed)
+            return
+        if isinstance(kinematics, URKinematics | SixAxisKinematics):
             if isinstance(goal, AxisGoal):
                 solutions = kinematics.axis_solutions(goal.position, goal.axis, seed=seed, limits=False)
             else:
                 solutions = kinematics.all_solutions(goal.T, seed=seed, limits=False)  # type: ignore[union-attr]
-        elif isinstance(kinematics, Arm3Kinematics):
-            solutions = kinematics.all_solutions(goal.position, seed=seed, limits=False)
         else:
-            yield from self._searched(goal, seed)
-            return
+            solutions = kinematics.all_solutions(goal.position, seed=seed, limits=False)  # type: ignore[attr-defined]
         for row in solutions.found:
             yield row[BRANCH], np.array(row[ANGLES])
 
@@ -371,13 +376,13 @@ class TargetModel:
         """By how much a posture is outside the joint limits, all joints together [rad]."""
         return sum(max(low - value, value - high) for _, value, low, high in self._outside(q))
 
-    def _verdict(self, postures: Sequence[Posture], approach: Approach | None) -> str:
+    def _verdict(self, goal: Goal, postures: Sequence[Posture], approach: Approach | None) -> str:
         counts = Counter(posture.state for posture in postures)
         usable, total = counts[State.USABLE], len(postures)
         if approach is not None:
-            return self._out_of_reach(postures, approach)
+            return self._out_of_reach(goal, postures, approach)
         if usable:
-            searched = "" if self.complete else " They were found by a search; there may be more."
+            searched = "" if self.complete(goal) else " They were found by a search; there may be more."
             return f"{usable} of {total} postures can be used.{searched}"
         parts = [
             f"{'all ' if counts[state] == total else ''}{counts[state]} {_SAID[state]}"
@@ -388,14 +393,14 @@ class TargetModel:
         nearest, _ = min(reached, key=lambda pair: (pair[0].distance, self._excess(pair[1])))
         return f"No posture can be used: {listed(parts)}. The nearest: {nearest.reason}."
 
-    def _out_of_reach(self, postures: Sequence[Posture], approach: Approach) -> str:
+    def _out_of_reach(self, goal: Goal, postures: Sequence[Posture], approach: Approach) -> str:
         short = self._missing_least(postures)
         off = length(approach.distance)
         if approach.least:
             near = f"With the tool turned as asked the tip comes within {off} of it (amber)."
             return f"No posture reaches this target. {short}. {near}" if short else f"No posture reaches it. {near}"
         turned = f" and {angle(approach.turned)}" if approach.turned > SAME else ""
-        proof = "" if self.complete else ", which is no proof"
+        proof = "" if self.complete(goal) else ", which is no proof"
         return (
             f"No posture reaches this target: the nearest of {STARTS} searches ends {off}{turned} away (amber){proof}."
         )

@@ -10,7 +10,7 @@ from kinreach.robots import get_arm
 from kinreach.robots.calibration import PUBLISHED
 from kinreach.view import html
 from kinreach.view.real_arm import RealArm, colours
-from kinreach.view.snippet import real_arm_program
+from kinreach.view.snippet import calibrated, real_arm_program
 
 FILES = {"ur5": "ur5_a", "ur3": "ur3_a", "ur10e": "ur10e_a"}
 
@@ -83,7 +83,8 @@ def test_a_copied_program_says_the_same(pair, capsys):
     name = pair.nominal.arm.name
     seed = np.array(pair.nominal.arm.home)
     T = pair.nominal.fk(seed + np.array([0.2, -0.1, 0.3, 0.1, -0.2, 0.4]))
-    code = real_arm_program(pair, T, seed, arm=f"get_arm({name!r}).calibrated({str(PUBLISHED[FILES[name]])!r})")
+    arm = calibrated(repr(name), str(PUBLISHED[FILES[name]]))
+    code = real_arm_program(pair, T, seed, sheet=repr(name), arm=arm)
     exec(compile(code, "copied", "exec"), {})
     first, second = capsys.readouterr().out.splitlines()
     assert first.strip() == "ok"

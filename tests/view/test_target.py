@@ -2,18 +2,20 @@
 
 import numpy as np
 import pytest
+from example_robot_data.robots_loader import getModelPath
 
 from kinreach.errors import InputError
 from kinreach.kinematics import AxisGoal, CollisionChecker, URKinematics, kinematics_of
 from kinreach.kinematics.solvers import SOLVERS
-from kinreach.robots import arm_names
+from kinreach.robots import ArmDescription, arm_names
 from kinreach.robots.calibration import PUBLISHED
 from kinreach.robots.shapes import link_shapes
 from kinreach.view import html
 from kinreach.view.cli import setup_of
 from kinreach.view.figure import Figure
 from kinreach.view.names import branch_name
-from kinreach.view.snippet import program
+from kinreach.view.real_arm import RealArm
+from kinreach.view.snippet import program, real_arm_program
 from kinreach.view.target import AXIS, POINT, POSE, State, TargetModel
 
 CALIBRATION = PUBLISHED["ur5_a"]
@@ -246,6 +248,34 @@ def test_a_copied_program_says_the_same(ur5, capsys):
             line = next(line for line in said[1:] if line.startswith(f"{posture.branch} "))
             assert str(np.degrees(posture.q).round(1)) in line
             assert str(posture.pairs) in line
+
+
+def test_an_arm_with_any_six_joints_has_all_its_postures():
+    file = "kinova_description/robots/kinova.urdf"
+    model = TargetModel(ArmDescription.from_urdf(f"{getModelPath(file)}/{file}", tip="j2s6s200_link_6"))
+    kinematics, rng, most = model.kinematics, np.random.default_rng(3), 0
+    for _ in range(6):
+        T = kinematics.fk(rng.uniform(np.maximum(kinematics.lower, -3), np.minimum(kinematics.upper, 3)))
+        answer = model.answer(model.goal(POSE, T), model.home)
+        every = len(kinematics.all_solutions(T, limits=False).q)
+        assert len(answer.postures) == every
+        assert "by a search" not in answer.verdict
+        most = max(most, every)
+    assert most >= 6
+    assert "by a search" in model.answer(model.goal(AXIS, T), model.home).verdict
+
+
+def test_copied_programs_of_an_arm_from_a_file(capsys):
+    file = "ur_description/urdf/ur5_robot.urdf"
+    setup = setup_of(arm=f"{getModelPath(file)}/{file}", calibration=str(CALIBRATION))
+    T = kinematics_of(setup.arm, base="world").fk(setup.arm.home)
+    model = TargetModel(setup.arm)
+    for code in (
+        program(model, model.goal(POSE, T), model.home, arm=setup.expression),
+        real_arm_program(RealArm(setup.nominal, setup.arm), T, model.home, sheet=setup.sheet, arm=setup.expression),
+    ):
+        exec(compile(code, "copied", "exec"), {})
+        assert capsys.readouterr().out.startswith("ok")
 
 
 @pytest.mark.parametrize("arm", ["arm3", "panda"])

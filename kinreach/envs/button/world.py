@@ -225,7 +225,7 @@ class SingleTorqueWorld:
         """Put the whole state back."""
         mujoco.mj_resetDataKeyframe(self.model, self.data, self.model.key("home").id)
         self.q[:], self.qd[:] = q, qd
-        self._target = targets[0]
+        self._target = targets[0].copy()
         self._drawing.show(self.data.mocap_pos, self._target, ButtonState.IDLE)
         mujoco.mj_fwdPosition(self.model, self.data)
 
