@@ -241,7 +241,7 @@ def _rows(result: Any, given: Search) -> Iterator[tuple[str, Any]]:
     yield from ((field, result.config[field]) for field in given.ranges)
     yield "steps", metrics.get("steps")
     yield from ((name, metrics.get(name)) for name in JUDGES)
-    whole = (metrics.get("steps") or 0) >= given.tried({}).steps
+    whole = (metrics.get("steps") or 0) >= given.tried(result.config).steps
     yield "status", "failed" if result.error else "finished" if whole else "ended early"
 
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import inspect
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Collection, Mapping
 from dataclasses import MISSING, fields
 from typing import Any, TypeVar
 
@@ -63,6 +63,20 @@ def _quoted(value: object) -> str:
     return f'"{value}"' if isinstance(value, str) else repr(value)
 
 
+def given_options(options: Mapping[str, Any] | None, names: Collection[str]) -> dict[str, Any]:
+    """The options of `reset(options=...)`, some of those that there are.
+
+    Raises:
+        InputError: They are no mapping, or one of them is unknown.
+    """
+    if options is not None and not isinstance(options, Mapping):
+        raise InputError(f"reset options must be a mapping of {', '.join(names)}, got {shown(options)}")
+    given = dict(options or {})
+    if unknown := [name for name in given if name not in names]:
+        raise InputError(f"unknown reset options {shown(unknown)}; available: {', '.join(names)}")
+    return given
+
+
 def option_rows(
     options: Mapping[str, Any] | None, sizes: Mapping[str, int], count: int | None
 ) -> tuple[Floats | None, ...]:
@@ -80,11 +94,7 @@ def option_rows(
     Raises:
         InputError: An unknown option, a wrong shape, or a value that is not finite.
     """
-    if options is not None and not isinstance(options, Mapping):
-        raise InputError(f"reset options must be a mapping of {', '.join(sizes)}, got {shown(options)}")
-    given = {name: value for name, value in (options or {}).items() if value is not None}
-    if unknown := [name for name in given if name not in sizes]:
-        raise InputError(f"unknown reset options {shown(unknown)}; available: {', '.join(sizes)}")
+    given = {name: value for name, value in given_options(options, sizes).items() if value is not None}
     rows: list[Floats | None] = []
     for name, size in sizes.items():
         if name not in given:

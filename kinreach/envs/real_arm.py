@@ -25,7 +25,7 @@ from gymnasium import spaces
 from numpy.typing import ArrayLike
 
 from kinreach.checks import Floats, as_floats, check_count, check_known, check_number, shown
-from kinreach.envs.options import about, check_seed, options_from, takes
+from kinreach.envs.options import about, check_seed, given_options, options_from, takes
 from kinreach.errors import InputError
 from kinreach.kinematics import ArmKinematics
 from kinreach.kinematics.chain import SerialChain
@@ -106,7 +106,6 @@ class RealArmOptions:
             true_arm(calibration)
 
 
-@lru_cache(maxsize=32)
 def true_arm(calibration: str) -> ArmDescription:
     """A real UR5.
 
@@ -116,7 +115,13 @@ def true_arm(calibration: str) -> ArmDescription:
     Raises:
         InputError: The file is no calibration, or that of another model.
     """
-    return get_arm("ur5").calibrated(PUBLISHED.get(calibration, Path(calibration)))
+    file = PUBLISHED.get(calibration, Path(calibration))
+    return _calibrated(file, file.stat().st_mtime_ns if file.exists() else 0)
+
+
+@lru_cache(maxsize=32)
+def _calibrated(file: Path, written: int) -> ArmDescription:
+    return get_arm("ur5").calibrated(file)
 
 
 @lru_cache(maxsize=32)
@@ -257,11 +262,9 @@ class RealArmEnv(gym.Env[Any, Any]):
             UnknownNameError: Errors that there are not.
         """
         super().reset(seed=check_seed(seed))
-        rng, given = self.np_random, dict(options or {})
+        rng = self.np_random
         drawn = {"errors": rng.choice(self.options.errors), "calibration": rng.choice(self.options.calibrations)}
-        if unknown := [name for name in given if name not in drawn]:
-            raise InputError(f"unknown reset options {shown(unknown)}; available: {', '.join(drawn)}")
-        chosen = {name: str(value) for name, value in {**drawn, **given}.items()}
+        chosen = {name: str(value) for name, value in {**drawn, **given_options(options, drawn)}.items()}
         check_known("errors of a real arm", chosen["errors"], ERRORS)
         self._place = workplace(**chosen, rng=rng)
         self._balls = get_arm("ur5").workcell.draw_goals(rng, self.options.balls)

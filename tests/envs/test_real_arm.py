@@ -1,5 +1,7 @@
 """An arm that is not its data sheet: what is wrong is wrong by as much as is said, and looks are counted."""
 
+import os
+
 import gymnasium as gym
 import mujoco
 import numpy as np
@@ -10,7 +12,7 @@ import kinreach  # noqa: F401
 from kinreach.baselines.expert import tool_down_postures
 from kinreach.envs.real_arm import BUDGET, ERRORS, MOVES, POSTURE, SEEN_BALL, SEEN_TIP, UR5S, true_arm, workplace
 from kinreach.errors import InputError, UnknownNameError
-from kinreach.kinematics import ArmKinematics, UR5Kinematics
+from kinreach.kinematics import ArmKinematics, UR5Kinematics, kinematics_of
 from kinreach.registration import REAL_ARM
 from kinreach.robots import get_arm
 from kinreach.robots.calibration import PUBLISHED
@@ -145,8 +147,9 @@ def test_bad_input():
     env = make(balls=2)
     with pytest.raises(InputError, match="reset"):
         env.unwrapped.step(np.zeros((2, 6)))
-    with pytest.raises(InputError, match="goal"):
-        env.reset(options={"goal": 1})
+    for options, said in (({"goal": 1}, "goal"), (5, "must be a mapping")):
+        with pytest.raises(InputError, match=said):
+            env.unwrapped.reset(options=options)
     env.reset(seed=0)
     for action in (np.zeros(6), np.full((2, 6), np.nan)):
         with pytest.raises(InputError, match="action"):
@@ -154,3 +157,13 @@ def test_bad_input():
     with pytest.raises(InputError, match="postures"):
         env.unwrapped.look([0, 0, 0])
     assert len(true_arm("ur5_a").joints) == 6
+
+
+def test_a_calibration_that_was_edited_is_read_again(tmp_path):
+    file = tmp_path / "arm.yaml"
+    homes = []
+    for name in ("ur5_a", "ur5_b"):
+        file.write_bytes(PUBLISHED[name].read_bytes())
+        os.utime(file, ns=(len(homes), len(homes)))
+        homes.append(kinematics_of(true_arm(str(file))).fk(np.zeros(6)))
+    assert np.abs(homes[0] - homes[1]).max() > 1e-4
