@@ -22,7 +22,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from kinreach.checks import Floats, as_floats, check_count, check_known, check_number, shown
 from kinreach.envs.batch import Flags, Ids, NativeVectorEnv, Outcome, check_batch, first_row
-from kinreach.envs.options import about, check_seed, check_started, options_from, takes
+from kinreach.envs.options import about, check_seed, check_started, given_options, options_from, takes
 from kinreach.envs.real_arm import MEDIAN_LENGTH, NOISE
 from kinreach.errors import InputError
 from kinreach.kinematics import ArmKinematics
@@ -280,12 +280,9 @@ def check_start(options: Mapping[str, Any] | None, count: int | None) -> MovingS
         InputError: An unknown option, other numbers of them than balls, or a speed that the arm cannot follow.
         UnknownNameError: A path that there is not.
     """
-    given = dict(options or {})
-    if unknown := [name for name in given if name not in ("speed", "path")]:
-        raise InputError(f"unknown reset options {shown(unknown)}; available: speed, path")
     rows: dict[str, list[Any]] = {}
-    for name, value in given.items():
-        rows[name] = [value] if count is None else list(value)
+    for name, value in given_options(options, ("speed", "path")).items():
+        rows[name] = [value] if count is None or np.ndim(value) == 0 else list(value)
         if len(rows[name]) != (count or 1):
             raise InputError(f"{name} must have a value for each of {count} environments, got {len(rows[name])}")
     speeds = np.array([check_speed(speed) for speed in rows["speed"]]) if "speed" in rows else None
@@ -343,19 +340,21 @@ class MovingBallEnv(gym.Env[Any, Any]):
         start = check_start(options, None)
         self._episodes.seed(0, self.np_random)
         self._episodes.begin(np.zeros(1, dtype=np.intp), start)
-        self._started = True
+        self._started, self._over = True, False
         return self._episodes.observe()[0], first_row(self._episodes.start_info())
 
     def step(self, action: ArrayLike) -> tuple[Any, float, bool, bool, dict[str, Any]]:
         """A frame.
 
         Raises:
-            InputError: Wrong shape, a value that is not finite, or a step before the first reset.
+            InputError: Wrong shape, a value that is not finite, or a step before the first reset or after the end.
         """
         check_started(self._started)
+        if self._over:
+            raise InputError("the episode is over; reset the environment")
         outcome = self._episodes.step(check_actions(action, None))
-        info = first_row(outcome.info)
-        return self._episodes.observe()[0], float(outcome.reward[0]), bool(outcome.terminated[0]), False, info
+        self._over = bool(outcome.terminated[0])
+        return self._episodes.observe()[0], float(outcome.reward[0]), self._over, False, first_row(outcome.info)
 
 
 class MovingVectorEnv(NativeVectorEnv):

@@ -97,6 +97,8 @@ def test_touching_ends_it():
         assert reward > 0.9
         assert np.linalg.norm(world._episodes.chain.positions(info["q"][None])[0] - info["goal"]) < 0.05
     assert touched == 5
+    with pytest.raises(InputError, match="the episode is over"):
+        env.step(q / np.pi)
 
 
 def test_joints_come_to_rest_at_their_targets():
@@ -167,6 +169,8 @@ def test_bad_input():
     env = make()
     with pytest.raises(InputError, match="reset"):
         env.unwrapped.step(np.zeros(6))
+    with pytest.raises(InputError, match="must be a mapping"):
+        env.unwrapped.reset(options=5)
     for options, said in (({"speed": 9.0}, "no faster"), ({"ball": 1}, "unknown reset options"), ({"path": 3}, "path")):
         with pytest.raises((InputError, UnknownNameError), match=said):
             env.reset(options=options)
