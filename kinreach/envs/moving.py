@@ -413,6 +413,24 @@ def moved(
     return q + dt * v, v
 
 
+def passing_times(q: Floats, v: Floats, targets: Floats, *, speed: float, acceleration: float) -> tuple[Floats, Floats]:
+    """Least times in which joints with limits pass targets [s], and with which speeds [rad/s]; both of shape (m, n).
+
+    Args:
+        q: Where they are [rad], shape (n,) or (m, n).
+        v: How fast they are [rad/s], likewise.
+        targets: [rad], shape (m, n).
+        speed: Limit [rad/s].
+        acceleration: Limit [rad/s^2].
+    """
+    way = targets - q
+    side = np.where(way >= 0.0, 1.0, -1.0)
+    far, fast = side * way, side * v
+    top = np.minimum(np.sqrt(fast**2 + 2.0 * acceleration * far), speed)
+    cruise = np.maximum(far - (top**2 - fast**2) / (2.0 * acceleration), 0.0) / speed
+    return np.asarray((top - fast) / acceleration + cruise), side * top
+
+
 def travel_times(q: Floats, v: Floats, targets: Floats, *, speed: float, acceleration: float) -> Floats:
     """Least times in which joints with limits come to rest at targets [s], shape (m, n).
 

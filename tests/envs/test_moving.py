@@ -19,6 +19,8 @@ from kinreach.envs.moving import (
     SIDEWAYS,
     TOUCH,
     moved,
+    passing_times,
+    travel_times,
 )
 from kinreach.errors import InputError, UnknownNameError
 from kinreach.registration import MOVING
@@ -177,3 +179,23 @@ def test_bad_input():
     env.reset(seed=0)
     with pytest.raises(InputError, match="action"):
         env.unwrapped.step(np.zeros(5))
+
+
+def test_passing_takes_as_long_as_full_acceleration_does():
+    rng, dt, passed = np.random.default_rng(8), 1e-4, 0
+    q, v, targets = rng.uniform(-1.0, 1.0, 300), rng.uniform(-3.0, 3.0, 300), rng.uniform(-2.0, 2.0, 300)
+    times, speeds = passing_times(q, v, targets, speed=3.0, acceleration=10.0)
+    side = np.sign(targets - q)
+    at, fast, seen = q.copy(), v.copy(), np.full(300, np.nan)
+    for step in range(1, 20_000):
+        fast = np.clip(fast + side * 10.0 * dt, -3.0, 3.0)
+        at = at + dt * fast
+        new = np.isnan(seen) & (side * (at - targets) >= 0.0)
+        seen[new] = step * dt
+        np.testing.assert_allclose(fast[new], speeds[new], atol=0.02)
+        passed += int(new.sum())
+    assert passed == 300
+    np.testing.assert_allclose(times, seen, atol=2e-3)
+    resting = travel_times(q, v, targets, speed=3.0, acceleration=10.0)
+    assert (times <= resting + 1e-9).all()
+    assert (times < resting - 0.1).sum() > 200
