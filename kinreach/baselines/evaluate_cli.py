@@ -20,7 +20,14 @@ from kinreach.baselines.batch import make_batch
 from kinreach.baselines.evaluation import SPLITS, TABLE_WIDTH, evaluate, evaluation_table
 from kinreach.baselines.minari_export import check_dataset, record_episodes
 from kinreach.baselines.onnx_export import export_onnx
-from kinreach.baselines.policies import LearnedPolicy, load_policy, pretrained_names, read_policy, save_policy
+from kinreach.baselines.policies import (
+    LearnedPolicy,
+    load_policy,
+    needed_options,
+    pretrained_names,
+    read_policy,
+    save_policy,
+)
 from kinreach.checks import check_count, check_known, check_path
 from kinreach.cli import Parser
 from kinreach.engines import load_extra
@@ -174,7 +181,8 @@ def _record(name: str, command: str, summary: dict[str, Any]) -> None:
 def _export(policy: LearnedPolicy, arguments: Any, options: dict[str, Any], results: dict[str, Any]) -> None:
     """Write the policy as an ONNX model for the environment that it was evaluated in, with what was measured."""
     card = replace(policy.card, results={**policy.card.results, **results})
-    env = make_batch(_environment(policy, arguments.policies[0], arguments), 1, options)
+    needed = {**needed_options(policy), **options}
+    env = make_batch(_environment(policy, arguments.policies[0], arguments), 1, needed)
     (count,) = env.single_observation_space.shape or (None,)
     env.close()
     export_onnx(LearnedPolicy(card, policy.network), arguments.export, observations=count)

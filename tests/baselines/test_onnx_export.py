@@ -14,6 +14,7 @@ from kinreach.baselines.policies import (
     LearnedPolicy,
     Network,
     load_policy,
+    needed_options,
     pretrained_names,
 )
 from kinreach.cli import main
@@ -44,7 +45,7 @@ def assert_equal(policy, path, observations, count=OBSERVATIONS):
 @pytest.mark.parametrize("name", [name for name in pretrained_names() if not load_policy(name).network.eyes])
 def test_policies_of_the_package(name, tmp_path):
     policy = load_policy(name)
-    space = gym.make(policy.card.environment).observation_space
+    space = gym.make(policy.card.environment, **needed_options(policy)).observation_space
     draws = np.random.default_rng(0).normal(size=(OBSERVATIONS, *space.shape))
     observations = np.clip(draws, space.low, space.high)
     export_onnx(policy, tmp_path / "policy.onnx", observations=space.shape[0])
@@ -101,6 +102,13 @@ def test_the_command_writes_a_model_with_its_card(tmp_path, capsys):
     assert model.graph.input[0].type.tensor_type.shape.dim[1].dim_value == 13
     assert main(["evaluate", "single", "multi", "--goals", "1", "--export", str(path)]) == 2
     assert "--export is for one policy, got 2" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(("name", "inputs"), [("moving", 1), ("pixels-single", 2)])
+def test_the_command_knows_what_a_policy_observes(name, inputs, tmp_path):
+    path = tmp_path / "policy.onnx"
+    assert main(["evaluate", name, "--goals", "1", "--export", str(path)]) == 0
+    assert len(onnx.load(path).graph.input) == inputs
 
 
 def test_without_the_package_one_line_says_what_to_install(tmp_path, capsys, monkeypatch):
