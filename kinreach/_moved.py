@@ -83,7 +83,6 @@ MODULES = {
     "kinreach.baselines.scripted": "kinreach.baselines.rollout",
     "kinreach.baselines.evaluation_table": "kinreach.baselines.evaluation",
     "kinreach.baselines.sb3_networks": "kinreach.baselines.networks",
-    "kinreach.baselines.adaptive_ppo": "kinreach.baselines.algorithms",
     "kinreach.baselines.ranked_ppo": "kinreach.baselines.algorithms",
     "kinreach.baselines.export": "kinreach.baselines.networks",
     "kinreach.baselines.button_reward": "kinreach.baselines.rewards",

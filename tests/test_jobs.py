@@ -151,7 +151,7 @@ def cluster(root):
 
 def start(root, *arguments):
     """A driver as an ordinary user has it, and what it says."""
-    kept = {name: os.environ[name] for name in ("HOME", "PATH") if name in os.environ}
+    kept = {name: os.environ[name] for name in ("HOME", "PATH", "TMPDIR") if name in os.environ}
     env = {**kept, "PYTHONPATH": str(root), "OMP_NUM_THREADS": "1"}
     return subprocess.Popen([sys.executable, *map(str, arguments)], env=env, text=True,
                             stdout=subprocess.PIPE, stderr=subprocess.STDOUT)  # fmt: skip
@@ -240,7 +240,8 @@ def test_a_comparison_survives_its_driver_and_a_node(cluster, root, tmp_path):
 
 
 @pytest.mark.slow
-def test_a_search_survives_its_driver(cluster, root, tmp_path):
+def test_a_search_survives_its_driver(cluster, root, tmp_path, monkeypatch):
+    monkeypatch.setenv("TMPDIR", str(tmp_path))  # Ray's locks: those in /tmp may be another user's
     file = tmp_path / "mine.yaml"
     file.write_text(SEARCH)
     folder = tmp_path / "search-mine"

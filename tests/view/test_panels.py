@@ -177,7 +177,7 @@ def test_a_published_calibration_is_chosen(serve):
 def test_parts_of_other_arms(serve):
     with Tab(serve("arm3")) as tab:
         assert tab.page.names == ("Target", "Episodes", "Results")
-    assert setup_of("ur5e").environments == (BUTTON, REAL_ARM, MOVING)  # it has no goals
+    assert set(setup_of("ur5e").environments) == {BUTTON, REAL_ARM, MOVING}  # it has no goals
 
 
 def test_an_episode_is_played_stepped_and_scrubbed(serve):
