@@ -40,6 +40,8 @@ from kinreach.baselines.recipes import Recipe
 from kinreach.baselines.rewards import TrainingReward
 from kinreach.baselines.vec_envs import LooksVecEnv, SB3VecEnv, TriesVecEnv
 from kinreach.checks import Floats, check_known
+from kinreach.envs.button.episodes import ButtonOptions
+from kinreach.envs.button.task import CONTROL_LIMIT, JOINTS
 from kinreach.envs.reach.space import SpaceTask
 from kinreach.envs.reach.task import ReachTask, joint_limits, layout_of
 from kinreach.errors import InputError
@@ -240,7 +242,9 @@ def _features(recipe: Recipe) -> dict[str, Any]:
     kind = recipe.networks.features
     check_known("features", kind, ("raw", "scaled", "waves", "goal waves", "button", "sights"))
     if kind == "button":
-        return {"mean": [0.0] * len(BUTTON_SCALE), "scale": BUTTON_SCALE}
+        options = ButtonOptions(**recipe.options)
+        frame = (*BUTTON_SCALE, *(CONTROL_LIMIT,) * JOINTS * options.controls)
+        return {"mean": [0.0] * len(frame) * options.frames, "scale": frame * options.frames}
     if kind == "sights":
         earlier = [SIGHT_SCALE * k for k in range(1, recipe.options["sights"]) for _ in range(3)]
         return {"mean": [*SIGHTS_MEAN, *(0.0 for _ in earlier)], "scale": [*SIGHTS_SCALE, *earlier], "waves": WAVES}

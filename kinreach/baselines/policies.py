@@ -28,7 +28,7 @@ from kinreach.checks import as_floats, check_entries, check_path, shown
 from kinreach.envs.reach.task import SINGLE_STEP, STEP_SIZE
 from kinreach.errors import InputError, UnknownNameError
 from kinreach.files import replacing
-from kinreach.registration import MOVING, SPACE
+from kinreach.registration import BUTTON, MOVING, SPACE
 from kinreach.vision.goal_view import GOAL_CAMERAS
 
 Array = NDArray[Any]
@@ -459,6 +459,7 @@ def trained_arm(policy: LearnedPolicy) -> dict[str, Any]:
 NEEDED: Mapping[str, tuple[str, ...]] = {
     SPACE: ("steps", "goal_height", "tilt", "start_spread"),
     MOVING: ("sights",),
+    BUTTON: ("controls", "frames"),
 }
 
 

@@ -141,6 +141,13 @@ def test_recipes_train_go_on_and_export_what_they_trained(name, tmp_path):
     json.dumps(recipe.to_dict())
 
 
+@pytest.mark.parametrize(("name", "size"), [("button-report-controls", 22), ("button-report-frames", 76)])
+def test_an_evaluation_observes_what_the_training_did(name, size, tmp_path):
+    policy = train(small(name), tmp_path, seed=0).policy
+    assert policy.inputs == size
+    assert len(evaluate(policy, goals=5, options={"max_steps": 10}).reached) == 5
+
+
 @pytest.mark.parametrize("name", ["button", "button-dqn-report-actuation"])
 def test_evaluation_knows_nothing_of_the_training_reward(name, tmp_path):
     """Two policies of equal numbers, one said to be trained with another reward: every figure is the same."""

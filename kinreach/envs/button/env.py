@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike
 
 from kinreach.checks import Floats
 from kinreach.envs.button.episodes import ButtonEpisodes, ButtonOptions
-from kinreach.envs.button.task import action_space, check_actions, observation_space
+from kinreach.envs.button.task import action_space, check_actions
 from kinreach.envs.button.world import ButtonState, SingleTorqueWorld
 from kinreach.envs.options import RENDER_MODES, check_seed, check_started, options_from, takes
 from kinreach.envs.single import CopyableEnv
@@ -61,7 +61,9 @@ class ButtonPressEnv(CopyableEnv):
     ## Observation Space
     `Box(19,), float64`, in the world frame (z up), in the report's order. Positions of the target stay within 0.6 m
     unless you set it elsewhere. The push state is 1 if the action that led here pressed, wherever that was. The
-    controls are not observed: who needs them has to add up the own actions.
+    controls are not observed, as in the report: who needs them has to add up the own actions, or asks for them
+    (`controls=True`; they follow, -10 to 10). With `frames=n` the observations of the last n steps stand side by side,
+    the newest first; before the first step all are alike.
 
     | Num | Observation | Min | Max | Unit |
     |-----|-------------|-----|-----|------|
@@ -143,7 +145,7 @@ class ButtonPressEnv(CopyableEnv):
         self._picture = None if mode is None else ScenePicture(self._world, mode=mode, fps=FPS)
         self._started = False
         self.action_space = action_space()
-        self.observation_space: spaces.Space[Any] = observation_space()
+        self.observation_space: spaces.Space[Any] = self.options.observation_space
 
     @property
     def scene(self) -> Scene:

@@ -7,8 +7,9 @@ from dataclasses import dataclass, field
 from typing import Any, NamedTuple
 
 import numpy as np
+from gymnasium import spaces
 
-from kinreach.checks import MOST_DISTANCE, Floats, as_vector, check_count, check_known
+from kinreach.checks import MOST_DISTANCE, Floats, as_flags, as_vector, check_count, check_known
 from kinreach.envs.batch import Outcome, RowStreams
 from kinreach.envs.button.task import (
     ACTUATIONS,
@@ -21,6 +22,7 @@ from kinreach.envs.button.task import (
     button_reward,
     meaning,
     observation,
+    observation_space,
 )
 from kinreach.envs.button.world import Ids, TorqueWorld
 from kinreach.envs.options import INFOS, INFOS_TEXT, RENDER_MODES, RENDER_MODES_TEXT, about, option_rows
@@ -32,6 +34,8 @@ from kinreach.robots import ArmDescription, get_arm
 SPREAD = 0.1
 #: Numbers of a start: target (3), joint angles (3), joint velocities (3).
 SIZE = 3 + 2 * JOINTS
+#: More is a mistake: the report's gears move the arm in less.
+MOST_FRAMES = 16
 #: Why a step was impossible.
 REASON = f"diverged: a joint became faster than {SPEED_BOUND:g} rad/s"
 
@@ -51,6 +55,8 @@ class ButtonOptions:
         metadata=about("keep the first target (`True`), or the target itself, (x, y, z) in the world [m]"),
     )
     max_steps: int = field(default=1000, metadata=about("steps after which an episode is truncated"))
+    controls: bool = field(default=False, metadata=about("observe the three controls, too"))
+    frames: int = field(default=1, metadata=about("observe so many steps, up to 16, the newest first"))
     render_mode: str | None = field(default=None, metadata=about(RENDER_MODES_TEXT))
     info: str = field(default="all", metadata=about(INFOS_TEXT))
 
@@ -58,6 +64,8 @@ class ButtonOptions:
         check_known("actuation", self.actuation, ACTUATIONS)
         check_known("info", self.info, INFOS)
         check_count("max_steps", self.max_steps)
+        as_flags("controls", self.controls)
+        check_count("frames", self.frames, most=MOST_FRAMES)
         if self.render_mode is not None:
             check_known("render_mode", self.render_mode, RENDER_MODES)
         _ = self.target
@@ -71,6 +79,11 @@ class ButtonOptions:
     def motors(self) -> Actuation:
         """Motors, friction and time."""
         return ACTUATIONS[self.actuation]
+
+    @property
+    def observation_space(self) -> spaces.Box:
+        """Of one environment."""
+        return observation_space(controls=self.controls, frames=self.frames)
 
     @property
     def keep_target(self) -> bool:
@@ -161,6 +174,8 @@ class ButtonEpisodes:
         self._steps = np.zeros(count, dtype=np.int64)
         self._wrong_presses = np.zeros(count, dtype=np.int64)
         self._energy = np.zeros(count)
+        self._controls = options.controls
+        self._seen = np.zeros((count, options.frames, options.observation_space.shape[0] // options.frames))
         self._fixed = options.target
         if self._fixed is not None:
             self._refuse_unreachable("fixed_target", self._fixed[None])
@@ -175,7 +190,7 @@ class ButtonEpisodes:
         self.world.copy_from(other.world)
         self._streams.copy_from(other._streams)
         for name in (
-            "goals", "_has_target", "_state", "_control", "_pushed", "_steps", "_wrong_presses", "_energy",
+            "goals", "_has_target", "_state", "_control", "_pushed", "_steps", "_wrong_presses", "_energy", "_seen",
         ):  # fmt: skip
             setattr(self, name, getattr(other, name).copy())
 
@@ -214,11 +229,17 @@ class ButtonEpisodes:
             counter[ids] = 0
         self.world.reset(ids, targets, postures, speeds)
         self._state[:, ids] = self.world.q[ids], self.world.qd[ids], self.world.tip[ids]
+        self._seen[ids] = self._look()[ids, None]
 
     def observe(self) -> Floats:
-        """The 19 numbers of every arm, shape (count, 19)."""
+        """What every arm observes, shape (count, size)."""
+        return self._seen.reshape(len(self._seen), -1).copy()
+
+    def _look(self) -> Floats:
+        """What there is to see now, shape (count, 19), or (count, 22) with the controls."""
         q, qd, tip = self._state
-        return observation(q, qd, tip, self.goals, self._pushed)
+        seen = observation(q, qd, tip, self.goals, self._pushed)
+        return np.hstack([seen, self._control]) if self._controls else seen
 
     @property
     def distance(self) -> Floats:
@@ -237,6 +258,9 @@ class ButtonEpisodes:
         control = np.clip(self._control + change, -CONTROL_LIMIT, CONTROL_LIMIT)
         self._control = control if acting is None else np.where(acting[:, None], control, self._control)
         diverged = self._simulate(acting)
+        older = self._seen[:, :-1]
+        seen = np.concatenate([self._look()[:, None], older], axis=1)
+        self._seen = seen if acting is None else np.where(acting[:, None, None], seen, self._seen)
         reward, terms = button_reward(self.distance, self._pushed)
         pressed, wrong = terms.press > 0, terms.wrong_press < 0
         self._steps += 1 if acting is None else acting

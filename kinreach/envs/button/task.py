@@ -104,13 +104,13 @@ def action_space() -> spaces.Discrete:
     return spaces.Discrete(ACTIONS)
 
 
-def observation_space() -> spaces.Box:
-    """The 19 numbers in metres and radians per second."""
+def observation_space(*, controls: bool = False, frames: int = 1) -> spaces.Box:
+    """The 19 numbers in metres and radians per second, the three controls where they are observed, of so many steps."""
     bounds = (1.0, 1.0, POSITION_BOUND, POSITION_BOUND, SPEED_BOUND, DIFFERENCE_BOUND)
-    high = np.array([*np.repeat(bounds, 3), 1.0])
+    high = np.array([*np.repeat(bounds, 3), 1.0, *[CONTROL_LIMIT] * JOINTS * controls])
     low = -high
-    low[-1] = 0.0
-    return spaces.Box(low, high, dtype=np.float64)
+    low[OBSERVATIONS - 1] = 0.0
+    return spaces.Box(np.tile(low, frames), np.tile(high, frames), dtype=np.float64)
 
 
 def check_actions(actions: ArrayLike, count: int | None) -> Actions:

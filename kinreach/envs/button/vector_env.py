@@ -10,7 +10,7 @@ from gymnasium.vector import AutoresetMode
 
 from kinreach.envs.batch import NativeVectorEnv, check_batch
 from kinreach.envs.button.episodes import ButtonEpisodes, ButtonOptions
-from kinreach.envs.button.task import action_space, check_actions, observation_space
+from kinreach.envs.button.task import action_space, check_actions
 from kinreach.envs.button.world import BatchTorqueWorld, SingleTorqueWorld
 from kinreach.envs.options import options_from
 from kinreach.sim.picture import ScenePicture
@@ -49,7 +49,7 @@ class ButtonPressVectorEnv(NativeVectorEnv):
             episodes,
             num_envs,
             action_space=action_space(),
-            observation_space=observation_space(),
+            observation_space=given.observation_space,
             check_actions=partial(check_actions, count=num_envs),
             check_start=partial(episodes.check_start, count=num_envs),
             autoreset_mode=autoreset_mode,

@@ -3,6 +3,7 @@
 import gymnasium as gym
 import numpy as np
 import pytest
+from gymnasium.utils.env_checker import check_env
 from gymnasium.vector import AutoresetMode
 
 import kinreach
@@ -134,3 +135,43 @@ def test_malformed_input_is_refused():
     for options in ({"goal": [0.4, 0.3, 0.3]}, {"q": np.full((3, 3), 2.5)}, {"ball": 1}):
         with pytest.raises(InputError):
             batch.reset(options=options)
+
+
+@pytest.mark.parametrize("actuation", ["tuned", "report"])
+def test_controls_and_earlier_observations_are_seen(actuation):
+    batch = make_vec(6, actuation=actuation, controls=True, frames=3, max_steps=12)
+    plain = make_vec(6, actuation=actuation, max_steps=12)
+    (seen, _), (one, _) = batch.reset(seed=0), plain.reset(seed=0)
+    assert batch.single_observation_space.shape == (66,)
+    first = np.hstack([one, np.zeros((6, 3))])
+    history, control = [first] * 3, np.zeros((6, 3))
+    rng, began = np.random.default_rng(0), 0
+    for _ in range(40):
+        np.testing.assert_array_equal(seen, np.hstack(history))
+        assert batch.observation_space.contains(seen)
+        actions = rng.integers(0, 54, 6)
+        one, _, terminated, truncated, _ = plain.step(actions)
+        seen = batch.step(actions)[0]
+        control = np.clip(control + np.stack(np.unravel_index(actions % 27, (3, 3, 3)), axis=1) - 1, -10, 10)
+        over = (terminated | truncated)[:, None]
+        control = np.where(over, 0, control)
+        now = np.hstack([one, control])
+        history = [now, *(np.where(over, now, earlier) for earlier in history[:2])]
+        began += int(over.sum())
+    assert began >= 18
+
+
+def test_a_single_environment_sees_what_a_batch_of_one_does():
+    options = {"controls": True, "frames": 2, "max_steps": 9}
+    env, batch = gym.make(NAME, **options), make_vec(1, autoreset_mode="Disabled", **options)
+    check_env(env.unwrapped, skip_render_check=True)
+    (one, _), (many, _) = env.reset(seed=5), batch.reset(seed=5)
+    rng = np.random.default_rng(1)
+    for _ in range(9):
+        np.testing.assert_array_equal(one, many[0])
+        action = int(rng.integers(27))
+        one, many = env.step(action)[0], batch.step(np.array([action]))[0]
+    np.testing.assert_array_equal(one, many[0])
+    for options in ({"frames": 0}, {"frames": 17}, {"controls": "yes"}):
+        with pytest.raises(InputError):
+            make_vec(1, **options)
