@@ -53,6 +53,16 @@ def check_count(name: str, value: object, *, least: int = 1, most: int | None = 
     return count
 
 
+def check_flag(name: str, value: object) -> None:
+    """Refuse what is neither true nor false; numbers are neither.
+
+    Raises:
+        InputError: It is not.
+    """
+    if not isinstance(value, bool | np.bool_):
+        raise InputError(f"{name} must be true or false, got {shown(value)}")
+
+
 def check_number(name: str, value: object, *, least: float = -inf, most: float = inf, above: float = -inf) -> float:
     """A finite number within bounds, of which `above` is excluded.
 

@@ -9,7 +9,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from gymnasium import spaces
 
-from kinreach.checks import MOST_DISTANCE, Floats, as_flags, as_vector, check_count, check_known
+from kinreach.checks import MOST_DISTANCE, Floats, as_vector, check_count, check_flag, check_known
 from kinreach.envs.batch import Outcome, RowStreams
 from kinreach.envs.button.task import (
     ACTUATIONS,
@@ -64,7 +64,7 @@ class ButtonOptions:
         check_known("actuation", self.actuation, ACTUATIONS)
         check_known("info", self.info, INFOS)
         check_count("max_steps", self.max_steps)
-        as_flags("controls", self.controls)
+        check_flag("controls", self.controls)
         check_count("frames", self.frames, most=MOST_FRAMES)
         if self.render_mode is not None:
             check_known("render_mode", self.render_mode, RENDER_MODES)

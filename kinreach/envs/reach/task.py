@@ -15,7 +15,7 @@ import numpy as np
 from gymnasium import spaces
 from numpy.typing import ArrayLike, NDArray
 
-from kinreach.checks import Floats, as_floats, as_vector, check_count, check_known, check_number, shown
+from kinreach.checks import Floats, as_floats, as_vector, check_count, check_flag, check_known, check_number, shown
 from kinreach.envs.batch import RowStreams
 from kinreach.envs.options import INFOS, INFOS_TEXT, RENDER_MODES, RENDER_MODES_TEXT, about, option_rows
 from kinreach.envs.reach.goals import goal_streams
@@ -117,8 +117,7 @@ class ReachOptions:
         check_number("tolerance", self.tolerance, least=0.0, most=math.pi)
         if self.tolerance and self.backend != "kinematic":
             raise InputError(f'a tolerance is for backend="kinematic", got {self.backend!r}, where the dynamics decide')
-        if not isinstance(self.end_on_reached, bool | np.bool_):
-            raise InputError(f"end_on_reached must be true or false, got {shown(self.end_on_reached)}")
+        check_flag("end_on_reached", self.end_on_reached)
         if as_imperfections(self.imperfections) != IDEAL and self.backend == "kinematic":
             raise InputError(f'imperfections are of the dynamics: use backend="mujoco", got {self.backend!r}')
         arm = as_arm(self.arm)

@@ -172,6 +172,6 @@ def test_a_single_environment_sees_what_a_batch_of_one_does():
         action = int(rng.integers(27))
         one, many = env.step(action)[0], batch.step(np.array([action]))[0]
     np.testing.assert_array_equal(one, many[0])
-    for options in ({"frames": 0}, {"frames": 17}, {"controls": "yes"}):
+    for options in ({"frames": 0}, {"frames": 17}, {"controls": "yes"}, {"controls": 1.0}):
         with pytest.raises(InputError):
             make_vec(1, **options)
