@@ -25,6 +25,7 @@ from typing import Any
 import numpy as np
 
 from benchmarks.studies.parts import each
+from benchmarks.studies.tables import head, line
 from kinreach.baselines.expert import tool_down_postures
 from kinreach.baselines.policies import LearnedPolicy, load_policy
 from kinreach.baselines.random_arms import on_table, ur5
@@ -259,7 +260,7 @@ def main(argv: list[str] | None = None) -> int:
         faults = each(arguments, relearned, [(*part, episodes) for part in parts])
     else:
         faults = each(arguments, tried, parts)
-    print("| fault | method | reached, % [95 % CI] | median of medians, mm | processor, s |\n|---|---|---|---|---|")
+    print(head("fault", "method", "reached, % [95 % CI]", "median of medians, mm", "processor, s"))
     for kind in KINDS:
         found = list(islice(faults, arguments.faults))
         for name in found[0]:
@@ -268,7 +269,7 @@ def main(argv: list[str] | None = None) -> int:
             low, high = wilson_interval(hits, total)
             middle, took = (float(np.median([row[part] for row in rows])) for part in (1, 2))
             share = f"{100 * hits / total:.1f} [{100 * low:.1f}, {100 * high:.1f}]"
-            print(f"| {kind} | {name} | {share} | {middle:.2f} | {took:.3f} |", flush=True)
+            print(line(kind, name, share, f"{middle:.2f}", f"{took:.3f}"), flush=True)
     return 0
 
 

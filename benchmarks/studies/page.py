@@ -25,6 +25,7 @@ import psutil
 import viser
 from websockets.sync.client import connect
 
+from benchmarks.studies.tables import head, line
 from kinreach.checks import Floats
 from kinreach.cli import Parser, finish
 from kinreach.robots.calibration import PUBLISHED
@@ -175,16 +176,14 @@ def main(argv: list[str] | None = None) -> int:
     parser.add_argument("--drags", type=int, default=300, metavar="N", help="default: %(default)s")
     parser.add_argument("--tabs", type=int, default=25, metavar="N", help="default: %(default)s")
     arguments = parser.parse_args(argv)
-    print("| arm | drags | median, ms | p95, ms | slowest, ms |")
-    print("|---|---|---|---|---|")
+    print(head("arm", "drags", "median, ms", "p95, ms", "slowest, ms"))
     for name, calibration in (("UR5 by its data sheet", None), ("UR5 calibrated", CALIBRATION)):
         seconds = 1e3 * drags("ur5", calibration, arguments.drags)
         median, p95 = np.quantile(seconds, (0.5, 0.95))
-        print(f"| {name} | {len(seconds)} | {median:.1f} | {p95:.1f} | {seconds.max():.1f} |")
-    print("\n| tabs opened, used and closed | memory, MB | threads |")
-    print("|---|---|---|")
+        print(line(name, len(seconds), *(f"{value:.1f}" for value in (median, p95, seconds.max()))))
+    print(f"\n{head('tabs opened, used and closed', 'memory, MB', 'threads')}")
     for number, memory, threads in tabs(arguments.tabs, every=5):
-        print(f"| {number} | {memory:.0f} | {threads} |")
+        print(line(number, f"{memory:.0f}", threads))
     return 0
 
 

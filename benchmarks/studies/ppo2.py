@@ -24,6 +24,7 @@ import torch
 
 from benchmarks.studies.reward_parts import PARTS
 from benchmarks.studies.side_by_side import Networks, Stack, Trained, train_stack
+from benchmarks.studies.tables import head, line, spread
 from kinreach.baselines.batch import make_batch
 from kinreach.baselines.evaluation import HELD_OUT, VALIDATION
 from kinreach.baselines.learning_curve import curve_csv
@@ -383,30 +384,19 @@ def table(found: Sequence[Mapping[str, float]], environment: str) -> str:
     ablated = any(row["natural_arm"] < 1 or row["gripper"] < 1 for row in found)
     headings = [_WORDS[name][0] for name in shown] + ["reward"] * ablated + ["seeds"]
     columns = CELLS[environment]
-    lines = [f"| {' | '.join([*headings, *(heading for heading, _, _ in columns)])} |"]
-    lines.append("|---" * (len(headings) + len(columns)) + "|")
+    lines = [head(*headings, *(heading for heading, _, _ in columns))]
     for reading in dict.fromkeys(tuple(row[name] for name in READING) for row in found):
         group = [row for row in found if tuple(row[name] for name in READING) == reading]
         cells = [_WORDS[name][1 if group[0][name] else 2] for name in shown]
         cells += [_paid(group[0])] * ablated + [str(len(group))]
-        cells += [_spread([row[column] for row in group], digits) for _, column, digits in columns]
-        lines.append(f"| {' | '.join(cells)} |")
+        cells += [spread([row[column] for row in group], digits) for _, column, digits in columns]
+        lines.append(line(*cells))
     return "\n".join(lines)
 
 
 def _paid(row: Mapping[str, float]) -> str:
     parts = [word for name, word in (("natural_arm", "natural arm"), ("gripper", "gripper")) if row[name]]
     return " + ".join(["distance", *parts])
-
-
-def _spread(values: Sequence[float], digits: int) -> str:
-    """The median and the range; what never was is the last."""
-    ordered = sorted(math.inf if value != value else value for value in values)
-    middle, low, high = (
-        "-" if value == math.inf else f"{value:.{digits}f}"
-        for value in (ordered[len(ordered) // 2], ordered[0], ordered[-1])
-    )
-    return middle if low == high else f"{middle} [{low}, {high}]"
 
 
 def main(argv: list[str] | None = None) -> int:

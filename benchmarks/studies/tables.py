@@ -2,6 +2,10 @@
 
 from __future__ import annotations
 
+import math
+from collections.abc import Sequence
+from statistics import median
+
 
 def head(*names: str) -> str:
     """The two lines above the rows."""
@@ -11,3 +15,12 @@ def head(*names: str) -> str:
 def line(*cells: object) -> str:
     """A line of cells."""
     return f"| {' | '.join(map(str, cells))} |"
+
+
+def spread(values: Sequence[float], digits: int) -> str:
+    """The median and the range, or the one value that they all are; what never was (NaN) is `-`, and the last."""
+    ordered = sorted(math.inf if math.isnan(value) else value for value in values)
+    middle, low, high = (
+        "-" if value == math.inf else f"{value:.{digits}f}" for value in (median(ordered), ordered[0], ordered[-1])
+    )
+    return middle if low == high else f"{middle} [{low}, {high}]"

@@ -19,7 +19,7 @@ import numpy as np
 import torch
 
 from benchmarks.studies.parts import each
-from benchmarks.studies.tables import head, line
+from benchmarks.studies.tables import head, line, spread
 from kinreach.baselines.evaluation import HELD_OUT
 from kinreach.baselines.learning_curve import curve_csv
 from kinreach.baselines.logs import Trace, trace
@@ -161,9 +161,7 @@ def table(rows: Sequence[Mapping[str, float]]) -> str:
         group = [row for row in rows if (row["ends"], row["learned"]) == (ends, learned)]
         cells = ["yes" if ends else "no", "learned" if learned else "1° to 0.25°", str(len(group))]
         for _, column, digits in _CELLS:
-            values = [row[column] for row in group]
-            low, middle, high = (f"{value:.{digits}f}" for value in np.percentile(values, (0, 50, 100)))
-            cells.append(low if low == high else f"{middle} [{low}, {high}]")
+            cells.append(spread([row[column] for row in group], digits))
         lines.append(line(*cells))
     return "\n".join(lines)
 

@@ -23,6 +23,7 @@ import torch
 
 from benchmarks.studies.ppo2 import FAITHFUL, GOALS, PLANS, goals, play
 from benchmarks.studies.side_by_side import Networks, train_stack
+from benchmarks.studies.tables import head, line, spread
 from kinreach.baselines.evaluation import HELD_OUT
 from kinreach.baselines.learning_curve import curve_csv
 from kinreach.cli import Parser, finish
@@ -105,17 +106,14 @@ def table(rows: Sequence[Mapping[str, float]]) -> str:
     """A Markdown table with a row for each task and world: medians over the seeds, and their range."""
     headings = ["task", "trained with", "seeds", "goals reached in training"]
     headings += [f"{world}: {what}" for world in WORLDS for what in ("distance, mm", "reached, %")]
-    lines = [f"| {' | '.join(headings)} |", "|---" * len(headings) + "|"]
+    lines = [head(*headings)]
     for multi, world in dict.fromkeys((row["multi"], row["world"]) for row in rows):
         group = [row for row in rows if (row["multi"], row["world"]) == (multi, world)]
         cells = [list(TASKS)[int(multi)], list(WORLDS)[int(world)], str(len(group))]
         for column in COLUMNS[3:]:
             digits = 1 if column.startswith("reached_") and column != "reached_training" else 0
-            low, middle, high = (
-                f"{value:.{digits}f}" for value in np.percentile([row[column] for row in group], (0, 50, 100))
-            )
-            cells.append(low if low == high else f"{middle} [{low}, {high}]")
-        lines.append(f"| {' | '.join(cells)} |")
+            cells.append(spread([row[column] for row in group], digits))
+        lines.append(line(*cells))
     return "\n".join(lines)
 
 
