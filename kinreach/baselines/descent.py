@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
-from functools import cache
 from typing import Any
 
 import numpy as np
@@ -12,20 +11,13 @@ import torch
 
 from kinreach.baselines.adaptive_ppo import AdaptivePPO
 from kinreach.baselines.expert import tool_down_postures
-from kinreach.baselines.random_arms import RandomArmEpisodes
+from kinreach.baselines.random_arms import RandomArmEpisodes, ur5
 from kinreach.checks import Floats
 from kinreach.envs.moving import FRAMES, PARTS, MovingEpisodes, travel_times
 from kinreach.envs.reach.observers import measured
 from kinreach.envs.reach.space import SpaceTask
 from kinreach.envs.reach.task import GOAL, SINGLE_STEP, TOOL_DOWN, joint_limits
-from kinreach.kinematics import UR5Kinematics
 from kinreach.vision.goal_view import goals_in_world
-
-
-@cache
-def _ur5() -> UR5Kinematics:
-    return UR5Kinematics(tip="tcp", base="world")
-
 
 #: From the mean actions of some rows of a batch, and their indices, to what is to be made small.
 Objective = Callable[[torch.Tensor, torch.Tensor], torch.Tensor]
@@ -71,8 +63,8 @@ class Regression(Descent):
     def objective(self, observations: Floats) -> Objective:
         """The mean squared error of the postures, as actions."""
         views = observations[:, GOAL]
-        goals = goals_in_world(_ur5().arm, views, np.ones((len(views), 2), dtype=np.bool_))
-        postures = tool_down_postures(_ur5(), goals) / SINGLE_STEP.scale
+        goals = goals_in_world(ur5().arm, views, np.ones((len(views), 2), dtype=np.bool_))
+        postures = tool_down_postures(ur5(), goals) / SINGLE_STEP.scale
         wanted = torch.as_tensor(postures, dtype=torch.float32)
         return lambda means, rows: (means - wanted[rows]).square().mean()
 

@@ -106,11 +106,11 @@ class Interception(_Closed):
         limits = {"speed": self._env.speed_limit, "acceleration": self._env.acceleration_limit}
         arm = observation[ball.ANGLES], observation[ball.RATES]
         resting = travel_times(*arm, postures, **limits)
-        passing, fast = passing_times(*arm, postures, **limits)
         meets = np.flatnonzero(resting.max(axis=1) <= ahead)
         if len(meets):
             self._target = postures[meets[0]]
             return self._target / math.pi
+        passing, fast = passing_times(*arm, postures, **limits)
         late = passing.max(axis=1) - ahead
         at = np.flatnonzero(late <= 0.0)[0] if (late <= 0.0).any() else int(late.argmin())
         beyond = fast[at] * np.abs(fast[at]) / (2.0 * limits["acceleration"])  # who stops there is not slow before

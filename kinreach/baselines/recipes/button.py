@@ -40,6 +40,8 @@ _DQN = {
 _TUNED = {"max_steps": 100}
 #: 2 s; its steps are a tenth as long.
 _REPORT = {"actuation": "report", "max_steps": 500}
+#: What pays is more steps away.
+_LATER = {"gamma": 0.99, "gae_lambda": 0.95}
 
 
 def _ppo(name: str, summary: str, *, reward: str, steps: int, options: Mapping[str, Any], **settings: Any) -> Recipe:
@@ -97,8 +99,7 @@ BUTTON_RECIPES = (
         reward="guided",
         steps=1_200_000,
         options=_REPORT,
-        gamma=0.99,
-        gae_lambda=0.95,
+        **_LATER,
     ),
     _ppo(
         "button-report-both",
@@ -106,8 +107,7 @@ BUTTON_RECIPES = (
         reward="scaled",
         steps=1_200_000,
         options=_REPORT,
-        gamma=0.99,
-        gae_lambda=0.95,
+        **_LATER,
     ),
     _ppo(
         "button-report-controls",
@@ -115,8 +115,7 @@ BUTTON_RECIPES = (
         reward="scaled",
         steps=1_200_000,
         options={**_REPORT, "controls": True},
-        gamma=0.99,
-        gae_lambda=0.95,
+        **_LATER,
     ),
     _ppo(
         "button-report-frames",
@@ -124,8 +123,7 @@ BUTTON_RECIPES = (
         reward="scaled",
         steps=1_200_000,
         options={**_REPORT, "frames": 4},
-        gamma=0.99,
-        gae_lambda=0.95,
+        **_LATER,
     ),
     _ppo(
         "button-guided-controls",
@@ -133,8 +131,7 @@ BUTTON_RECIPES = (
         reward="guided",
         steps=1_200_000,
         options={**_REPORT, "controls": True},
-        gamma=0.99,
-        gae_lambda=0.95,
+        **_LATER,
     ),
     _dqn(
         "button-dqn-report-actuation",

@@ -47,17 +47,17 @@ _LOOKS = {
     "exploration": {"first": 0.2, "last": 3e-4, "until": 0.85},
     "adaptive": {"first": 1e-3, "target_kl": 0.05, "decay": 0.15},
 }
-#: As many samples, updates and network inputs as ranked PPO has; the rate falls from the first update to the last.
-_REGRESSED = {
-    "tries": 1,
+#: Of what goes down a gradient: next to no exploration, and a rate that falls from the first update to the last.
+_DESCENT = {
     "n_steps": 1,
     "n_epochs": 2,
-    "minibatches": 4,
     "gamma": 0.0,
     "exploration": {"first": 1e-4, "last": 1e-4, "until": 1.0},
     "adaptive": {"first": 3e-3, "target_kl": 1.0, "decay": 1.0},
     "adam": {"betas": (0.9, 0.99), "eps": 1e-5},
 }
+#: As many samples, updates and network inputs as ranked PPO has.
+_REGRESSED = {**_DESCENT, "tries": 1, "minibatches": 4}
 
 #: 64 environments in step, four updates a step: 10 000 updates of 160 000 actions.
 _OFF_POLICY = {
@@ -220,15 +220,7 @@ _MOVING_GRADIENT = Recipe(
     steps=1_200_000,
     num_envs=2048,
     networks=Networks(hidden=(128, 128), activation="silu", features="sights", posture=True),
-    settings={
-        "n_steps": 1,
-        "n_epochs": 2,
-        "minibatches": 2,
-        "gamma": 0.0,
-        "exploration": {"first": 1e-4, "last": 1e-4, "until": 1.0},
-        "adaptive": {"first": 3e-3, "target_kl": 1.0, "decay": 1.0},
-        "adam": {"betas": (0.9, 0.99), "eps": 1e-5},
-    },
+    settings={**_DESCENT, "minibatches": 2},
     window=40_960,
 )
 
@@ -242,19 +234,7 @@ REACH_RECIPES = (
         num_envs=1024,
         steps=3_000_000,
         reward="own",
-        settings={
-            "n_steps": 16,
-            "n_epochs": 4,
-            "minibatches": 4,
-            "gamma": 0.9,
-            "gae_lambda": 0.9,
-            "clip_range": 0.2,
-            "vf_coef": 0.5,
-            "max_grad_norm": 0.5,
-            "exploration": {"first": 0.3, "last": 0.01, "until": 0.8},
-            "adaptive": {"first": 1e-3, "target_kl": 0.02},
-            "adam": {"eps": 1e-5},
-        },
+        settings={**_PPO_MULTI.settings, "gamma": 0.9, "exploration": {"first": 0.3, "last": 0.01, "until": 0.8}},
     ),
     replace(
         _MOVING_GRADIENT,
