@@ -21,10 +21,10 @@ from kinreach.envs.button import ACTUATIONS
 from kinreach.envs.button.task import CONTROL_LIMIT, JOINTS, PRESS_RADIUS, action_of
 from kinreach.errors import InputError, raise_unknown
 from kinreach.kinematics import Arm3Kinematics
+from kinreach.kinematics.angles import wrapped
 
 pin: Any = load("pinocchio")
 
-TURN = 2 * np.pi
 #: What the press radius is shortened by when the model decides whether to press [m].
 PRESS_MARGIN = 0.005
 #: Only nearer to the target than this is it looked at whether to press [m]; no step of a controlled arm is as long.
@@ -113,7 +113,7 @@ class ButtonController:
 
     def _follow(self, angles: Floats, goals: Floats) -> None:
         """Keep up with the joints across +-pi, and choose a posture for each new target."""
-        self._q += (angles - self._q + np.pi) % TURN - np.pi
+        self._q += wrapped(angles - self._q)
         new = np.flatnonzero(self._fresh)
         if len(new):
             self._fresh[new] = False

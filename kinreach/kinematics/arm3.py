@@ -11,7 +11,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from enum import IntFlag
-from math import atan2, copysign, hypot, pi, sqrt
+from math import atan2, copysign, hypot, sqrt
 from typing import Any
 
 import numpy as np
@@ -28,12 +28,12 @@ from kinreach.checks import (
     shown,
 )
 from kinreach.errors import InputError
+from kinreach.kinematics.angles import wrap, wrapped
 from kinreach.kinematics.closed_form import ClosedFormKinematics
 from kinreach.kinematics.goals import Goal, PositionGoal
 from kinreach.kinematics.solutions import Accept, IKResult, IKSolutions, Row
 from kinreach.robots import ArmDescription
 
-TURN = 2 * pi
 #: Frames are parallel whose rotations differ by less in every entry.
 PARALLEL = 1e-9
 
@@ -159,11 +159,6 @@ def solve_position(p: Sequence[float], g: YawPlanarGeometry, *, tol: float = 1e-
     return found, int(miss)
 
 
-def wrap(angle: float) -> float:
-    """The angle in [-pi, pi]."""
-    return angle - TURN * round(angle / TURN)
-
-
 BRANCHES = 4
 
 
@@ -206,7 +201,7 @@ def _solve(p: Floats, g: YawPlanarGeometry, tol: float) -> tuple[Floats, NDArray
             q[1, branch] = np.arctan2(u, v) - angle_a - np.arctan2(b * np.sin(theta), a + b * np.cos(theta))
             q[2, branch] = theta - (angle_b - angle_a)
             valid[branch] = reached & ~(edge & (elbow == 1))
-    q -= TURN * np.rint(q / TURN)
+    q = wrapped(q)
     np.copyto(q, np.nan, where=~valid)
     return q, valid
 

@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 
 from kinreach.checks import Floats
 from kinreach.engines import load
+from kinreach.kinematics.angles import TURN
 from kinreach.kinematics.collision import GJK_TOLERANCE, CollisionChecker, Shape
 
 pin: Any = load("pinocchio")
@@ -26,7 +27,6 @@ Single = NDArray[np.float32]
 #: Whether a posture collides.
 Collides = Callable[[Floats], bool]
 
-TURN = 2 * np.pi
 #: Positions of the joint at which a collision is looked for, and halvings of the last step to find an arc's ends:
 #: arcs narrower than 0.26 rad may be missed, ends are known to 1 mrad.
 SCAN = 24

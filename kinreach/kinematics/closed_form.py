@@ -12,6 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from kinreach.checks import MOST_ANGLE, Floats, as_floats, check_entries, check_tolerance, is_tensor, torch_module
 from kinreach.errors import InputError
+from kinreach.kinematics.angles import TURN
 from kinreach.kinematics.arm import ArmKinematics
 from kinreach.kinematics.chain import blocks
 from kinreach.kinematics.goals import Goal, goal_error
@@ -20,7 +21,6 @@ from kinreach.kinematics.solutions import (
     BRANCH,
     FLAGS,
     SLACK,
-    TURN,
     Accept,
     ErrorOf,
     IKBatch,

@@ -39,6 +39,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from kinreach.checks import Floats
+from kinreach.kinematics.angles import wrapped
 
 #: Poses by their row (m,), eigenvalues (m,), the products of each (m, 12), and the largest entry of each pose's matrix.
 _Eigen = tuple[NDArray[np.int64], NDArray[Any], NDArray[Any], Floats]
@@ -244,11 +245,6 @@ def nearest_by_newton(chain: Chain, q: Floats, T: Floats) -> tuple[Floats, Float
         way = (((error[:, None] @ U)[:, 0] * inverse)[:, None] @ V)[:, 0]
         q = q + way * np.minimum(1.0, LONGEST / np.maximum(np.abs(way).max(axis=1), LONGEST))[:, None]
     return best, best_off
-
-
-def wrapped(q: Floats) -> Floats:
-    """Angles in [-pi, pi]."""
-    return q - 2 * np.pi * np.rint(q / (2 * np.pi))
 
 
 class General6R:

@@ -11,9 +11,10 @@ from numpy.typing import ArrayLike, NDArray
 
 from kinreach.checks import Floats, check_poses, check_tolerance, shown
 from kinreach.errors import InputError
+from kinreach.kinematics.angles import wrapped
 from kinreach.kinematics.chain import about_z, rotation_to
 from kinreach.kinematics.closed_form import ClosedFormKinematics
-from kinreach.kinematics.general_6r import MOST, Chain, General6R, wrapped
+from kinreach.kinematics.general_6r import MOST, Chain, General6R
 from kinreach.kinematics.goals import AxisGoal, Goal, PoseGoal, PositionGoal, nearest_rotations
 from kinreach.kinematics.solutions import Accept, IKResult, IKSolutions
 from kinreach.robots import ArmDescription

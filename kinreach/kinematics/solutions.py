@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from enum import Enum
 from functools import cached_property
 from itertools import chain
-from math import ceil, pi
+from math import ceil
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -15,6 +15,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from kinreach.checks import Floats, shown
 from kinreach.errors import InputError
+from kinreach.kinematics.angles import TURN
 from kinreach.kinematics.goals import Goal, goal_error
 from kinreach.kinematics.tensors import namespace
 
@@ -129,7 +130,6 @@ class IKResult:
         return self.status is Status.OK
 
 
-TURN = 2 * pi
 #: How far a joint may be past its limit by rounding [rad].
 SLACK = 1e-9
 

@@ -6,7 +6,8 @@ from scipy.linalg import eigvals
 from scipy.spatial.transform import Rotation
 
 from kinreach.kinematics import URKinematics
-from kinreach.kinematics.general_6r import ILL, Chain, General6R, miss, missed_by, newton, wrapped
+from kinreach.kinematics.angles import wrapped
+from kinreach.kinematics.general_6r import ILL, Chain, General6R, miss, missed_by, newton
 from kinreach.kinematics.ur.kinematics import FLIP
 from kinreach.robots.calibration import PUBLISHED
 

@@ -13,11 +13,11 @@ from typing import Any
 import numpy as np
 
 from kinreach.checks import MOST_DISTANCE, Floats, is_tensor
+from kinreach.kinematics.angles import TURN
 from kinreach.kinematics.tensors import empty, like, namespace, parts
 from kinreach.kinematics.ur.closed_form import NEAR_WRIST
 from kinreach.kinematics.ur.geometry import URGeometry
 
-TURN = 2 * pi
 ROUNDING = 1e-12
 BRANCHES = 8
 #: A square of a sine that is less than this is left to `closed_form`: its root is not exact to 1e-11.

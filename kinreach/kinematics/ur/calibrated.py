@@ -31,6 +31,7 @@ from numpy.typing import NDArray
 
 from kinreach.checks import Floats
 from kinreach.errors import InputError
+from kinreach.kinematics.angles import wrapped
 from kinreach.kinematics.chain import blocks
 from kinreach.kinematics.general_6r import (
     EXACT,
@@ -39,7 +40,6 @@ from kinreach.kinematics.general_6r import (
     Chain,
     General6R,
     miss,
-    wrapped,
 )
 from kinreach.kinematics.solutions import ANGLES, BRANCH, FLAGS
 from kinreach.kinematics.ur.batch import flange_entries, solve_poses

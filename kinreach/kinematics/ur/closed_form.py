@@ -25,10 +25,10 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator, Sequence
 from math import acos, atan2, copysign, cos, hypot, pi, sin, sqrt
 
+from kinreach.kinematics.angles import TURN, wrap
 from kinreach.kinematics.solutions import ANGLES, FLAGS, Row
 from kinreach.kinematics.ur.geometry import Miss, Rows, Singularity, URGeometry, ur_fk
 
-TURN = 2 * pi
 #: Below this sin q5 rounding in the pose, 1e-13 say, is magnified to more than the smallest tolerance.
 NEAR_WRIST = 1e-3
 
@@ -249,11 +249,6 @@ def reachable_pitch(wanted: float, u: float, v: float, g: URGeometry) -> float:
     eta = wrap(wanted + atan2(u, v))
     nearest = min(max(abs(eta), lower), upper)
     return wanted if nearest == abs(eta) else wanted + copysign(nearest, eta) - eta
-
-
-def wrap(angle: float) -> float:
-    """The angle in [-pi, pi]."""
-    return angle - TURN * round(angle / TURN) if not -pi <= angle <= pi else angle
 
 
 def _verified(found: list[Row], miss: int, reaches: Callable[[Sequence[float]], bool]) -> tuple[list[Row], int]:
