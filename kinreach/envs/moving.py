@@ -22,7 +22,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from kinreach.checks import Floats, as_floats, check_count, check_known, check_number, shown
 from kinreach.envs.batch import Flags, Ids, NativeVectorEnv, Outcome, check_batch, first_row
-from kinreach.envs.options import about, check_seed, check_started, given_options, options_from, takes
+from kinreach.envs.options import about, check_not_over, check_seed, check_started, given_options, options_from, takes
 from kinreach.envs.real_arm import MEDIAN_LENGTH, NOISE
 from kinreach.errors import InputError
 from kinreach.kinematics import ArmKinematics
@@ -350,8 +350,7 @@ class MovingBallEnv(gym.Env[Any, Any]):
             InputError: Wrong shape, a value that is not finite, or a step before the first reset or after the end.
         """
         check_started(self._started)
-        if self._over:
-            raise InputError("the episode is over; reset the environment")
+        check_not_over(self._over)
         outcome = self._episodes.step(check_actions(action, None))
         self._over = bool(outcome.terminated[0])
         return self._episodes.observe()[0], float(outcome.reward[0]), self._over, False, first_row(outcome.info)

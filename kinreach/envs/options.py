@@ -122,3 +122,9 @@ def check_started(started: bool) -> None:
     """Refuse a step before the first reset."""
     if not started:
         raise InputError("reset the environment before its first step")
+
+
+def check_not_over(over: bool) -> None:
+    """Refuse a step after the last."""
+    if over:
+        raise InputError("the episode is over; reset the environment")

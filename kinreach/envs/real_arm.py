@@ -25,7 +25,7 @@ from gymnasium import spaces
 from numpy.typing import ArrayLike
 
 from kinreach.checks import Floats, as_floats, check_count, check_known, check_number, shown
-from kinreach.envs.options import about, check_seed, given_options, options_from, takes
+from kinreach.envs.options import about, check_not_over, check_seed, given_options, options_from, takes
 from kinreach.errors import InputError
 from kinreach.kinematics import ArmKinematics
 from kinreach.kinematics.chain import SerialChain
@@ -309,8 +309,7 @@ class RealArmEnv(gym.Env[Any, Any]):
         place, given = self._begun(), as_floats("action", action)
         if given.shape != self.action_space.shape or not np.isfinite(given).all():
             raise InputError(f"action must be finite and have shape {self.action_space.shape}, got {given.shape}")
-        if self._over:
-            raise InputError("the episode is over; reset the environment")
+        check_not_over(self._over)
         self._q = math.pi * np.clip(given, -1.0, 1.0)
         self._show(self._q, self._balls)
         tips = place.tips(self._q)

@@ -8,7 +8,6 @@ from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
-from matplotlib.figure import Figure
 
 from kinreach.checks import check_count, check_path
 from kinreach.cli import Parser
@@ -23,15 +22,13 @@ from kinreach.kinematics import (
     kinematics_of,
 )
 from kinreach.kinematics.ur.kinematics import CalibratedURKinematics
-from kinreach.plots.style import MAGNITUDE, key, new_figure
+from kinreach.plots.workspace import draw_workspace
 from kinreach.robots import ArmDescription, as_arm
 
 #: Files that hold a calibration of a UR, and those that hold a description of an arm.
 CALIBRATIONS, URDF = (".yaml", ".yml", ".conf"), ".urdf"
 #: Poses that solvers are tried on, and singular ones at most.
 POSES, MOST_SINGULAR = 200, 60
-#: Cells of the picture along one side.
-CELLS = 40
 
 
 class Subject(NamedTuple):
@@ -68,7 +65,7 @@ def main(argv: Sequence[str], *, prog: str) -> int:
     if arguments.picture is not None:
         path = check_path("--picture", arguments.picture)
         with replacing(path) as temporary:
-            draw_workspace(subject, seed=seed).savefig(temporary, facecolor="white", format="png")
+            draw_workspace(*subject, seed=seed).savefig(temporary, facecolor="white", format="png")
         print(f"picture      {path}")
     return 0
 
@@ -162,40 +159,6 @@ def _singular(kin: ArmKinematics, found: check.Singular) -> str:
             rest &= (np.abs(found.q[:, joint, None] - angles) > 0.01).all(axis=1)
     told += [f"{rest.sum()} where it depends on several joints"] if rest.any() else []
     return f"{len(found.q)} postures found: {'; '.join(told)}"
-
-
-def draw_workspace(subject: Subject, *, seed: int = 0) -> Figure:
-    """The workspace from the side: how far the data sheet is off, or how far from singular the arm is.
-
-    Args:
-        subject: What is checked.
-        seed: Of the random postures.
-    """
-    kin = subject.kinematics
-    if subject.believed is not None:
-        found = check.deviation(kin, subject.believed, seed=seed, count=20 * check.POSTURES)
-        tip, values = found.tip, 1e3 * found.position
-        title, label = "What the data sheet misses", "mean distance of the tip [mm]"
-    else:
-        q = check.random_postures(kin, check.POSTURES, seed)
-        tip, scale = check.from_first_joint(kin, kin.positions(q)), check.reach_of(kin, seed=seed).farthest
-        values = np.array([check.smallest_singular_value(kin, posture, scale) for posture in q])
-        title, label = "Where the arm is agile", "mean smallest singular value (arm as of 1 m)"
-    figure, (axes,) = new_figure(
-        f"{title}: {kin.arm.name}",
-        size=(5.0, 6.4),
-        note=f"{len(tip)} random postures within the limits, seed {seed}; tip {kin.tip}, from the first joint.",
-    )
-    distance, height = np.hypot(tip[:, 0], tip[:, 1]), tip[:, 2]
-    across = CELLS // 2
-    up = max(1, round(across * np.ptp(height) / np.ptp(distance) / np.sqrt(3.0)))  # regular hexagons
-    cells = axes.hexbin(distance, height, values, gridsize=(across, up), cmap=MAGNITUDE)
-    axes.set_aspect("equal")
-    axes.set_xlabel("distance from the first joint's axis [m]")
-    axes.set_ylabel("height [m]")
-    key(axes, label)
-    figure.colorbar(cells, ax=axes, shrink=0.8)
-    return figure
 
 
 def _subject(given: str, model: str | None, tip: str | None) -> Subject:
