@@ -21,13 +21,19 @@ def versions(distributions: Iterable[str] = DISTRIBUTIONS) -> dict[str, str | No
     return {"python": platform.python_version(), **ours, **found}
 
 
+def digest(*contents: bytes) -> str:
+    """First 12 hex digits of the SHA-256 over contents: tells two states of them apart."""
+    found = hashlib.sha256()
+    for content in contents:
+        found.update(content)
+    return found.hexdigest()[:12]
+
+
 def source_digest() -> str:
-    """First 12 hex digits of the SHA-256 over kinreach's modules: tells two states of the code apart."""
+    """`digest` over kinreach's modules."""
     package = Path(kinreach.__file__).parent
-    digest = hashlib.sha256()
-    for path in sorted(package.rglob("*.py")):
-        digest.update(path.relative_to(package).as_posix().encode() + b"\0" + path.read_bytes())
-    return digest.hexdigest()[:12]
+    paths = sorted(package.rglob("*.py"))
+    return digest(*(path.relative_to(package).as_posix().encode() + b"\0" + path.read_bytes() for path in paths))
 
 
 def machine() -> dict[str, str | int | None]:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import hashlib
 import inspect
 from collections import Counter
 from collections.abc import Callable, Iterable, Mapping
@@ -20,6 +19,7 @@ from kinreach.compare.task import POLICY, SOLVER, Method, Task, policy_version
 from kinreach.errors import InputError, raise_unknown
 from kinreach.kinematics.solvers import Solver
 from kinreach.objects import load_object
+from kinreach.provenance import digest
 from kinreach.robots import ArmDescription
 
 #: How names of policies' files end: kinreach's own, and a model of stable-baselines3 as it was saved.
@@ -164,4 +164,4 @@ def _source(given: Any) -> dict[str, str]:
         text = Path(inspect.getfile(cls)).read_bytes()
     except (TypeError, OSError):
         text = b""
-    return {f"{cls.__module__}:{cls.__qualname__}": hashlib.sha256(text).hexdigest()[:12]}
+    return {f"{cls.__module__}:{cls.__qualname__}": digest(text)}

@@ -523,9 +523,18 @@ def _versions(comparison: Comparison) -> dict[str, Any]:
     found: dict[str, Any] = provenance.versions()
     if (arm := comparison.task.options.get("arm")) is not None:
         found |= arm_version(as_arm(arm))
+    found |= {f"file {path}": provenance.digest(path.read_bytes()) for path in _files(comparison.task.options)}
     for method in comparison.methods.values():
         found |= method.versions
     return found
+
+
+def _files(options: Mapping[str, Any]) -> Iterator[Path]:
+    """The files that options name, such as calibrations."""
+    for value in options.values():
+        for name in (value,) if isinstance(value, str) else value if isinstance(value, Sequence) else ():
+            if isinstance(name, str) and (path := Path(name)).is_file():
+                yield path
 
 
 def _check_numbers(goals: object, seed: object) -> None:

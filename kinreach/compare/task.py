@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import hashlib
 import importlib
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, fields, replace
@@ -14,6 +13,7 @@ import gymnasium as gym
 import numpy as np
 from matplotlib.figure import Figure
 
+from kinreach import provenance
 from kinreach.checks import Floats, check_known
 from kinreach.errors import InputError
 from kinreach.robots import ArmDescription, BoxRegion
@@ -196,20 +196,20 @@ def resets_to(goals: Floats, seed: int) -> list[dict[str, Any]]:
 
 
 def policy_version(policy: str) -> dict[str, str]:
-    """What a policy's file is: the first 12 hex digits of its SHA-256, by name.
+    """What a policy's file is: a digest, by name.
 
     Args:
         policy: Name of one that comes with the package, or path of a file.
     """
     shipped = resources.files("kinreach.baselines") / "pretrained" / f"{policy}.safetensors"
     content = shipped.read_bytes() if shipped.is_file() else Path(policy).read_bytes()
-    return {f"policy {policy}": hashlib.sha256(content).hexdigest()[:12]}
+    return {f"policy {policy}": provenance.digest(content)}
 
 
 def arm_version(arm: ArmDescription) -> dict[str, str]:
-    """What an arm is: the first 12 hex digits of the SHA-256 of its URDF and of what else describes it, by name."""
+    """What an arm is: a digest of its URDF and of what else describes it, by name."""
     cell = arm.workcell
     goals = cell.goals if isinstance(cell.goals, BoxRegion | QuadrantRegion) else type(cell.goals).__qualname__
     facts = [getattr(arm, entry.name) for entry in fields(arm) if entry.name not in _OUTSIDE]
     content = repr((arm.urdf, facts, replace(cell, goals=None), goals)).encode()
-    return {f"arm {arm.name}": hashlib.sha256(content).hexdigest()[:12]}
+    return {f"arm {arm.name}": provenance.digest(content)}

@@ -188,7 +188,7 @@ def test_names_are_given_once(registries):
         register_recipe(replace(RECIPE, steps=1))
     with pytest.raises(InputError, match="already"):
         register_algorithm(Algorithm("PPO", "sb3_contrib:TQC"))
-    for name in ("../up", "", 3):
+    for name in ("../up", "..", ".", "", 3):
         with pytest.raises(InputError, match="name of a recipe"):
             register_recipe(replace(RECIPE, name=name))
     with pytest.raises(UnknownNameError, match="mine"):

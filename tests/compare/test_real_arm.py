@@ -10,6 +10,7 @@ from kinreach.compare.cli import main
 from kinreach.compare.real_arm import METHODS, draw_looks
 from kinreach.compare.task import get_task
 from kinreach.errors import InputError, UnknownNameError
+from kinreach.robots.calibration import PUBLISHED
 
 GOALS = 10
 
@@ -71,6 +72,22 @@ def test_on_disk(tmp_path, capsys):
     assert (tmp_path / "looks.png").stat().st_size > 20_000
     assert "not drawn" in (tmp_path / "report.html").read_text()
     assert not (tmp_path / "scene.png").exists()
+
+
+def test_another_calibration_in_the_same_file_does_not_go_on(tmp_path):
+    file, started = tmp_path / "mine.yaml", []
+
+    def stop_at_two(done, total):
+        started.append(done)
+        if done == 2:
+            raise KeyboardInterrupt
+
+    for name in ("ur5_a", "ur5_a", "ur5_b"):
+        file.write_text(PUBLISHED[name].read_text())
+        compare_two = {"goals": 3, "options": {"calibrations": [str(file)]}, "out": tmp_path / "out"}
+        with pytest.raises(KeyboardInterrupt):
+            compare("real-arm", ["look-again"], **compare_two, progress=stop_at_two)
+    assert started == [0, 1, 2, 2, 0, 1, 2]
 
 
 @pytest.mark.parametrize(

@@ -32,7 +32,7 @@ def register_recipe(recipe: Recipe) -> Recipe:
     if not isinstance(given, Recipe):
         raise InputError(f"a recipe must be a Recipe, got {shown(given)}")
     name: Any = recipe.name
-    if not isinstance(name, str) or not name or name != Path(name).name:
+    if not isinstance(name, str) or name in ("", "..") or name != Path(name).name:
         raise InputError(f"the name of a recipe is that of a folder, got {shown(name)}")
     if RECIPES.setdefault(recipe.name, recipe) != recipe:
         raise InputError(f"there is a recipe {recipe.name!r} already")
