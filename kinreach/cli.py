@@ -41,7 +41,7 @@ COMMANDS = {
     "compare": Command("kinreach.compare.cli", "put all methods on the same goals and report how they do"),
     "train": Command("kinreach.baselines.train_cli", "train a policy by a recipe"),
     "evaluate": Command("kinreach.baselines.evaluate_cli", "try policies on goals they were not trained on"),
-    "check": Command("kinreach.check_cli", "what an arm is and how its inverse kinematics does"),
+    "check": Command("kinreach.plots.check_cli", "what an arm is and how its inverse kinematics does"),
     "demo": Command("kinreach.demo.cli", "watch an environment with a policy, or film it"),
     "view": Command("kinreach.view.cli", "see postures, and why there are none, in the browser"),
 }

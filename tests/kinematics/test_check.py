@@ -12,9 +12,9 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from kinreach.check_cli import main
 from kinreach.errors import InputError
 from kinreach.kinematics import Arm3Kinematics, ArmKinematics, URKinematics, check
+from kinreach.plots.check_cli import main
 from kinreach.robots import get_arm
 from kinreach.robots.calibration import PUBLISHED
 
