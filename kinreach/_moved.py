@@ -98,6 +98,7 @@ MODULES = {
 }
 #: Name of 0.1.0 with its module -> the same now, where it was renamed or went elsewhere than its module.
 NAMES = {
+    "kinreach.baselines.button_controller.TURN": "kinreach.kinematics.angles.TURN",
     "kinreach.baselines.evaluation.TOLERANCES_MM": "kinreach.summary.TOLERANCES_MM",
     "kinreach.baselines.export.network_of": "kinreach.baselines.networks.actor_network",
     "kinreach.baselines.models.BUTTON_SCALE": "kinreach.baselines.algorithms.BUTTON_SCALE",
@@ -109,6 +110,7 @@ NAMES = {
     "kinreach.envs.reach.options.OBSERVATIONS": "kinreach.envs.reach.task.OBSERVATION_KINDS",
     "kinreach.envs.reach.vector_env.UR5ReachVectorEnv": "kinreach.envs.reach.vector_env.ReachVectorEnv",
     "kinreach.envs.ball_finder_steps.MOST_RADIUS": "kinreach.vision.circles.MOST_RADIUS_PIXELS",
+    "kinreach.kinematics.arm3_ik.TURN": "kinreach.kinematics.angles.TURN",
     "kinreach.kinematics.cell_shapes.Part": "kinreach.kinematics.collision.Shape",
     "kinreach.kinematics.solvers.base.Tolerance": "kinreach.kinematics.solutions.Tolerance",
     "kinreach.robots.description.Gripper": "kinreach.robots.grippers.Gripper",
