@@ -116,6 +116,8 @@ _THESIS_MULTI = Recipe(
     options={"backend": "kinematic"},
     settings={**_THESIS_PPO2, "gain": 1 / 5, "gamma": 0.99, "n_steps": 1024, "learning_rate": 2.5e-4},
 )
+#: The thesis's cameras (3.4.2): of the errors of its pipeline those of rendered looks.
+_SEEN = {"observation": "camera", "pipeline": "thesis", "looks": 1000}
 
 
 def _sb3(recipe: Recipe, *, n_steps: int, **changed: Any) -> Recipe:
@@ -252,7 +254,7 @@ REACH_RECIPES = (
         _THESIS_SINGLE,
         name="thesis-single-camera",
         summary="thesis-single from goals as the thesis's pipeline sees them: with errors of 1000 rendered looks.",
-        options={**_THESIS_SINGLE.options, "observation": "camera", "pipeline": "thesis", "looks": 1000},
+        options={**_THESIS_SINGLE.options, **_SEEN},
     ),
     replace(
         _THESIS_SINGLE,
@@ -270,6 +272,12 @@ REACH_RECIPES = (
         window=100,
     ),
     _THESIS_MULTI,
+    replace(
+        _THESIS_MULTI,
+        name="thesis-multi-camera",
+        summary="thesis-multi from goals as the thesis's pipeline sees them: with errors of 1000 rendered looks.",
+        options={**_THESIS_MULTI.options, **_SEEN},
+    ),
     _sb3(
         _THESIS_MULTI,
         name="sb3-multi",
@@ -333,7 +341,8 @@ REACH_RECIPES = (
     replace(
         _PIXELS_SINGLE,
         name="pixels-light",
-        summary="As pixels-single, with pictures up to four times as dark or as bright.",
+        summary="As pixels-single, with pictures up to four times as dark or as bright, and twice as long.",
+        steps=4_096_000,
         options={**_PIXELS_SINGLE.options, "exposure": 4.0},
     ),
     _SPACE_RANKED,
