@@ -2,40 +2,57 @@
 
     python -m benchmarks.studies.seeing_policies [--goals 200] [--engine ray]
 
-MuJoCo's dynamics, held-out goals of the table, both cameras at 640x360.
+MuJoCo's dynamics, held-out goals of each policy's task, both cameras at 640x360; of a policy that sees the pictures
+themselves those of the size that it learned from. Left out are policies of tasks in which no camera looks for a ball
+at rest.
 """
 
 from __future__ import annotations
 
 import argparse
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 
 from benchmarks.studies.parts import each
 from benchmarks.studies.tables import head, line
 from kinreach.baselines.evaluation import evaluate
-from kinreach.baselines.policies import load_policy
+from kinreach.baselines.policies import LearnedPolicy, load_policy, pretrained_names, trained_arm
 from kinreach.cli import Parser, finish
 from kinreach.jobs import add_options
+from kinreach.registration import MULTI, SINGLE, SPACE
+from kinreach.robots import as_arm
 from kinreach.statistics import median, p95, wilson_interval
 from kinreach.vision.ball_finder import PIPELINES
+from kinreach.vision.goal_view import has_goal_cameras
 
 PROG = "python -m benchmarks.studies.seeing_policies"
 
-POLICIES = ("single", "multi", "ppo-single", "ppo-multi", "thesis-single")
+PICTURES = "from pictures"
 #: Options of the environment by what a column says.
 SIGHTS: Mapping[str, Mapping[str, str]] = {
     "told": {},
     **{f"seen, {pipeline}": {"observation": "camera", "pipeline": pipeline} for pipeline in PIPELINES},
+    PICTURES: {"observation": "pixels"},
 }
+
+
+def sights(policy: LearnedPolicy) -> Sequence[str]:
+    """In which of the `SIGHTS` a policy can act; none where no camera looks for a ball at rest."""
+    reaches = policy.card.environment in (SINGLE, MULTI, SPACE)
+    if not reaches or not has_goal_cameras(as_arm(trained_arm(policy).get("arm", "ur5"))):
+        return []
+    return [sight for sight in SIGHTS if (sight == PICTURES) == bool(policy.network.eyes)]
 
 
 def row(name: str, goals: int) -> str:
     """A row of the table, as Markdown."""
-    cells = [f"`{name}`"]
-    for options in SIGHTS.values():
-        found = evaluate(load_policy(name), goals=goals, options={"backend": "mujoco", **options})
+    policy, cells = load_policy(name), [f"`{name}`"]
+    for sight, options in SIGHTS.items():
+        if sight not in sights(policy):
+            cells += ["-", "-"]
+            continue
+        found = evaluate(policy, goals=goals, options={"backend": "mujoco", **options})
         mm = 1e3 * found.measures["distance"]
         low, high = wilson_interval(int(found.reached.sum()), goals)
         cells.append(f"{100 * np.mean(found.reached):.1f} [{100 * low:.1f}, {100 * high:.1f}]")
@@ -54,8 +71,9 @@ def main(argv: list[str] | None = None) -> int:
     headings = ["policy"]
     for sight in SIGHTS:
         headings += [f"{sight}: reached, % [95 % CI]", "median / p95, mm"]
+    seeing = [name for name in pretrained_names() if sights(load_policy(name))]
     print(head(*headings))
-    for found in each(arguments, row, [(name, arguments.goals) for name in POLICIES]):
+    for found in each(arguments, row, [(name, arguments.goals) for name in seeing]):
         print(found, flush=True)
     return 0
 
