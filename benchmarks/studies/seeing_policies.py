@@ -28,13 +28,14 @@ from kinreach.vision.goal_view import has_goal_cameras
 
 PROG = "python -m benchmarks.studies.seeing_policies"
 
-PICTURES = "from pictures"
-#: Options of the environment by what a column says.
+PICTURES = "pictures"
+#: How a policy comes to know the goal, and the options of the environment for it.
 SIGHTS: Mapping[str, Mapping[str, str]] = {
     "told": {},
     **{f"seen, {pipeline}": {"observation": "camera", "pipeline": pipeline} for pipeline in PIPELINES},
     PICTURES: {"observation": "pixels"},
 }
+HEADINGS = ("policy", "the goal is", "found by both cameras, %", "reached, % [95 % CI]", "median / p95, mm")
 
 
 def sights(policy: LearnedPolicy) -> Sequence[str]:
@@ -45,19 +46,15 @@ def sights(policy: LearnedPolicy) -> Sequence[str]:
     return [sight for sight in SIGHTS if (sight == PICTURES) == bool(policy.network.eyes)]
 
 
-def row(name: str, goals: int) -> str:
+def row(name: str, sight: str, goals: int) -> str:
     """A row of the table, as Markdown."""
-    policy, cells = load_policy(name), [f"`{name}`"]
-    for sight, options in SIGHTS.items():
-        if sight not in sights(policy):
-            cells += ["-", "-"]
-            continue
-        found = evaluate(policy, goals=goals, options={"backend": "mujoco", **options})
-        mm = 1e3 * found.measures["distance"]
-        low, high = wilson_interval(int(found.reached.sum()), goals)
-        cells.append(f"{100 * np.mean(found.reached):.1f} [{100 * low:.1f}, {100 * high:.1f}]")
-        cells.append(f"{median(mm):.2f} / {p95(mm):.2f}")
-    return line(*cells)
+    found = evaluate(load_policy(name), goals=goals, options={"backend": "mujoco", **SIGHTS[sight]})
+    both = 100 * np.mean([np.all(trial["ball_found"]) for trial in found.trials])
+    mm = 1e3 * found.measures["distance"]
+    low, high = wilson_interval(int(found.reached.sum()), goals)
+    reached = f"{100 * np.mean(found.reached):.1f} [{100 * low:.1f}, {100 * high:.1f}]"
+    seen = f"{both:.1f}" if sight.startswith("seen") else "-"
+    return line(f"`{name}`", sight, seen, reached, f"{median(mm):.2f} / {p95(mm):.2f}")
 
 
 def main(argv: list[str] | None = None) -> int:
@@ -68,12 +65,9 @@ def main(argv: list[str] | None = None) -> int:
     arguments = parser.parse_args(argv)
     if arguments.goals < 1:
         parser.error(f"--goals must be at least 1, got {arguments.goals}")
-    headings = ["policy"]
-    for sight in SIGHTS:
-        headings += [f"{sight}: reached, % [95 % CI]", "median / p95, mm"]
-    seeing = [name for name in pretrained_names() if sights(load_policy(name))]
-    print(head(*headings))
-    for found in each(arguments, row, [(name, arguments.goals) for name in seeing]):
+    parts = [(name, sight, arguments.goals) for name in pretrained_names() for sight in sights(load_policy(name))]
+    print(head(*HEADINGS))
+    for found in each(arguments, row, parts):
         print(found, flush=True)
     return 0
 
