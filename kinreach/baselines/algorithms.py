@@ -43,7 +43,7 @@ from kinreach.checks import Floats, check_known
 from kinreach.envs.button.episodes import ButtonOptions
 from kinreach.envs.button.task import CONTROL_LIMIT, JOINTS
 from kinreach.envs.reach.space import SpaceTask
-from kinreach.envs.reach.task import ReachTask, joint_limits, layout_of
+from kinreach.envs.reach.task import CAMERA, ReachTask, joint_limits, layout_of
 from kinreach.errors import InputError
 from kinreach.registration import SINGLE, SINGLE_KINEMATIC, SPACE
 from kinreach.robots import ArmDescription, as_arm, get_arm
@@ -273,11 +273,13 @@ def in_tries(batch: VectorEnv[Any, Any, Any], recipe: Recipe, reward: TrainingRe
     Where the features are `"looks"`, so many as the setting of that name says are taken for a segment of the training.
 
     Raises:
-        InputError: The environments are none for reaching, or their goals are not in a box.
+        InputError: The environments are none for reaching, their goals are not in a box, or are observed in pictures.
     """
     task = getattr(batch.unwrapped, "task", None)
     if not isinstance(task, ReachTask):
         raise InputError(f"ranked PPO tries postures in an environment for reaching, not in {recipe.environment}")
+    if task.options.goal_in != CAMERA:
+        raise InputError(f"{recipe.algorithm} takes goals in metres, not goal_in={task.options.goal_in!r}")
     tries: dict[str, Any] = {
         "tries": recipe.settings["tries"],
         "draw": partial(task.training_starts, margin=recipe.margin),

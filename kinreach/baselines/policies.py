@@ -28,7 +28,7 @@ from kinreach.checks import as_floats, check_entries, check_path, shown
 from kinreach.envs.reach.task import SINGLE_STEP, STEP_SIZE
 from kinreach.errors import InputError, UnknownNameError
 from kinreach.files import replacing
-from kinreach.registration import BUTTON, MOVING, SPACE
+from kinreach.registration import BUTTON, MOVING, MULTI, SINGLE, SPACE
 from kinreach.vision.goal_view import GOAL_CAMERAS
 
 Array = NDArray[Any]
@@ -457,7 +457,8 @@ def trained_arm(policy: LearnedPolicy) -> dict[str, Any]:
 
 #: Options that say which goals there are, or what is observed, by the environment.
 NEEDED: Mapping[str, tuple[str, ...]] = {
-    SPACE: ("steps", "goal_height", "tilt", "start_spread"),
+    **dict.fromkeys((SINGLE, MULTI), ("goal_in",)),
+    SPACE: ("steps", "goal_height", "tilt", "start_spread", "goal_in"),
     MOVING: ("sights",),
     BUTTON: ("controls", "frames"),
 }

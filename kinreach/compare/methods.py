@@ -11,11 +11,12 @@ from typing import Any
 
 import gymnasium as gym
 
-from kinreach.baselines.policies import load_policy, trained_arm
+from kinreach.baselines.policies import load_policy, needed_options, trained_arm
 from kinreach.baselines.rollout import Policy, as_policy
 from kinreach.baselines.solver_policy import SolverPolicy
 from kinreach.checks import check_known, shown
 from kinreach.compare.task import POLICY, SOLVER, Method, Task, policy_version
+from kinreach.envs.reach.task import CAMERA
 from kinreach.errors import InputError, raise_unknown
 from kinreach.kinematics.solvers import Solver
 from kinreach.objects import load_object
@@ -137,6 +138,8 @@ def _from_file(task: Task, path: str, variant: str) -> Method:
     name = asked.name if isinstance(asked, ArmDescription) else asked
     if task.arm and policy.card.environment and name != trained:
         raise InputError(f"the policy {path} was trained on the arm {trained!r}, not on {name!r}")
+    if needed_options(policy).get("goal_in", CAMERA) != CAMERA:
+        raise InputError(f"the policy {path} takes goals in pictures, the methods of a comparison take them in metres")
     return Method(lambda env: policy, POLICY, environment, policy_version(path))
 
 

@@ -110,6 +110,24 @@ def goal_in_world(arm: str | ArmDescription, values: ArrayLike, found: ArrayLike
     return goals_in_world(as_arm(arm), view[None], seen[None])[0] if seen.any() else None
 
 
+def in_image(views: Floats) -> Floats:
+    """Where goals are in the pictures, and how deep: (u, v, z) for each camera in place of (x, y, z).
+
+    u = x/z and v = y/z are normalised image coordinates: with the camera's intrinsics the column is cx + fx u, the row
+    cy + fy v. A ball that was not found keeps its zeros, and what is not in front of a camera has u = v = 0.
+
+    Args:
+        views: The six numbers of each [m], shape (..., 6).
+
+    Returns:
+        u, v and depth [m] in the front camera, then in the wrist camera, shape (..., 6).
+    """
+    points = views.reshape(*views.shape[:-1], len(GOAL_CAMERAS), 3)
+    depth = points[..., 2:]
+    uv = np.divide(points[..., :2], depth, out=np.zeros_like(points[..., :2]), where=depth > 0.0)
+    return np.concatenate([uv, depth], axis=-1).reshape(views.shape)
+
+
 def goals_in_world(arm: ArmDescription, views: Floats, found: NDArray[np.bool_]) -> Floats:
     """As `goal_in_world`, for many goals: NaN where no camera found the ball.
 

@@ -258,6 +258,12 @@ REACH_RECIPES = (
     ),
     replace(
         _THESIS_SINGLE,
+        name="thesis-single-image",
+        summary="thesis-single from goals as places in both pictures and depths, in place of points in metres.",
+        options={**_THESIS_SINGLE.options, "goal_in": "image"},
+    ),
+    replace(
+        _THESIS_SINGLE,
         name="thesis-single-tolerance",
         summary="thesis-single with joints that end up to 0.01 rad from where they were sent, the thesis's tolerance.",
         options={**_THESIS_SINGLE.options, "tolerance": 0.01},

@@ -13,9 +13,10 @@ from kinreach.checks import Floats
 from kinreach.envs.batch import Outcome
 from kinreach.envs.reach.observers import PixelObserver, goal_observer, measured
 from kinreach.envs.reach.rewards import Score
-from kinreach.envs.reach.task import TOOL_DOWN, ReachTask, Start, joint_limits
+from kinreach.envs.reach.task import CAMERA_RANGE, IMAGE, TOOL_DOWN, ReachTask, Start, joint_limits
 from kinreach.envs.reach.worlds import STATUSES, Executed, Ids, ReachWorld, Status
 from kinreach.kinematics.tensors import flags_like, like, namespace, on_host
+from kinreach.vision.goal_view import in_image
 
 Flags = NDArray[np.bool_]
 
@@ -116,7 +117,11 @@ class ReachEpisodes:
         if self._pixels is not None:
             return self._looked(self._pixels)
         self._observation[:, self.task.layout.q] = self.world.q
-        return self._observation.copy()
+        observation = self._observation.copy()
+        if self.task.options.goal_in == IMAGE:
+            block = observation[:, self.task.layout.goal]
+            block[:] = np.clip(in_image(block), -CAMERA_RANGE, CAMERA_RANGE)
+        return observation
 
     def _looked(self, pixels: PixelObserver) -> dict[str, NDArray[Any]]:
         """The pictures of every arm, new ones of those that have acted or begun since: every look draws noise."""

@@ -45,6 +45,8 @@ NEAR_PI = 1e-9
 
 OBSERVATION_KINDS = ("camera", "geometric", "pixels")
 BACKENDS = ("mujoco", "kinematic", "warp")
+#: In what an observation says where the goal is: metres in the cameras' frames, or places in their pictures and depth.
+CAMERA, IMAGE = GOAL_FRAMES = ("camera", "image")
 #: Images are no wider or higher; graphics libraries draw the line somewhere below [px].
 LARGEST_PICTURE = 16384
 #: Looks that are taken beforehand are no more; a million take some hours.
@@ -87,6 +89,13 @@ class ReachOptions:
             "0: a look at every goal"
         ),
     )
+    goal_in: str = field(
+        default=CAMERA,
+        metadata=about(
+            'what the goal\'s six numbers are: `"camera"` (x, y, z in each camera\'s frame [m]) or `"image"` (u = x/z, '
+            "v = y/z, both held within 2, and the depth z [m])"
+        ),
+    )
     tolerance: float = field(
         default=0.0,
         metadata=about(
@@ -114,6 +123,7 @@ class ReachOptions:
             check_known("render_mode", self.render_mode, RENDER_MODES)
         check_cameras(self.pipeline, self.width, self.height, self.rgb_noise, self.depth_noise, self.exposure)
         check_count("looks", self.looks, least=0, most=MOST_LOOKS)
+        check_known("goal_in", self.goal_in, GOAL_FRAMES)
         check_number("tolerance", self.tolerance, least=0.0, most=math.pi)
         if self.tolerance and self.backend != "kinematic":
             raise InputError(f'a tolerance is for backend="kinematic", got {self.backend!r}, where the dynamics decide')
@@ -122,12 +132,15 @@ class ReachOptions:
             raise InputError(f'imperfections are of the dynamics: use backend="mujoco", got {self.backend!r}')
         arm = as_arm(self.arm)
         scorer_of(self.reward, default_reward(arm))
-        if self.observation != "geometric" and not has_goal_cameras(arm):
-            names = ", ".join(mount.name for mount in arm.cameras) or "none"
-            raise InputError(
-                f"observation={self.observation!r} needs cameras named front and wrist, arm {arm.name!r} has {names}; "
-                'use observation="geometric"'
-            )
+        if has_goal_cameras(arm):
+            return
+        for name, plain in (("observation", "geometric"), ("goal_in", CAMERA)):
+            if (value := getattr(self, name)) != plain:
+                names = ", ".join(mount.name for mount in arm.cameras) or "none"
+                raise InputError(
+                    f"{name}={value!r} needs cameras named front and wrist, arm {arm.name!r} has {names}; "
+                    f'use {name}="{plain}"'
+                )
 
     @property
     def noise(self) -> SensorNoise:
