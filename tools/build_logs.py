@@ -20,8 +20,8 @@ FOLDER = Path(kinreach.__file__).parent / "baselines" / "logs"
 #: Significant digits; counts are exact.
 DIGITS = 4
 COUNTS = ("steps", "episodes")
-#: Seeds whose policies a notebook looks into, by recipe.
-POLICIES = {"ppo-multi-ending": range(5)}
+#: Seeds whose policies a notebook or a table looks into, by recipe.
+POLICIES = {name: range(5) for name in ("ppo-multi-ending", "thesis-single", "thesis-multi")}
 
 
 def write_logs(recipe: str, what: str, runs: Path, folder: Path) -> int:

@@ -363,6 +363,8 @@ _MULTI = (
     ("came within 10 mm, %", "near", 1),
     ("steps waited there", "waited", 1),
     ("reached with exploration, %", "sampled_reached", 1),
+    ("standard deviation in the end, °", "std", 1),
+    ("that of j1, °", "std_j1", 1),
 )
 CELLS: Mapping[str, Sequence[tuple[str, str, int]]] = {
     SINGLE: (*_TRAINING, *_AFTER),

@@ -347,8 +347,7 @@ REACH_RECIPES = (
     replace(
         _PIXELS_SINGLE,
         name="pixels-light",
-        summary="As pixels-single, with pictures up to four times as dark or as bright, and twice as long.",
-        steps=4_096_000,
+        summary="As pixels-single, with pictures up to four times as dark or as bright.",
         options={**_PIXELS_SINGLE.options, "exposure": 4.0},
     ),
     _SPACE_RANKED,

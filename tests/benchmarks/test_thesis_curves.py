@@ -1,0 +1,45 @@
+"""What the thesis reads off its curves: the tables of the page are those of the logs, and rows are what they are called."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from benchmarks.studies.thesis_curves import Row, above_zero, possible, reached, tables
+from kinreach.statistics import median
+
+PAGE = Path(__file__).parents[2] / "docs" / "thesis.md"
+
+
+def test_the_published_tables_are_those_of_the_logs():
+    page = PAGE.read_text(encoding="utf-8")
+    found = tables()
+    assert len(found) == 2
+    for table in found:
+        assert table in page
+        assert table.count("\n") > 10
+
+
+def test_rewards_are_those_of_possible_steps():
+    rng = np.random.default_rng(0)
+    impossible, rewards = rng.random((40, 250)) < 0.2, rng.normal(1.0, 3.0, (40, 250))
+    log = {
+        "reward": np.where(impossible, -100.0, rewards).mean(axis=1),
+        "impossible": impossible.mean(axis=1),
+        "episodes": 250.0 * np.arange(1, 41),
+        "reached": (rewards > 5).mean(axis=1),
+    }
+    rows = np.arange(40) >= 30
+    assert possible(log, rows) == pytest.approx(rewards[rows][~impossible[rows]].mean())
+    assert reached(log, rows) == (rewards[rows] > 5).sum() > 50
+    rising = {"reward": np.linspace(-2, 2, 40), "impossible": np.zeros(40), "episodes": log["episodes"]}
+    last = above_zero(rising)
+    assert 4500 < last < 5500
+    assert possible(rising, np.abs(rising["episodes"] - last) <= 1000) <= 0
+
+
+def test_a_row_has_every_seed_and_an_interval():
+    row = Row("distance", "-", 0, np.array([[0.01, 0.03, 0.02], [0.04, 0.06, 0.05]]), statistic=median, unit=1e3)
+    cells = [cell.strip() for cell in row.cells().strip("|").split("|")]
+    assert cells[:4] == ["distance", "-", "20", "50"]
+    assert cells[4].startswith("35 [0, ")  # two seeds: Student's t is wide
