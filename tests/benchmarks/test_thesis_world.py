@@ -54,6 +54,7 @@ def test_what_was_told_is_what_the_readings_say():
 def test_recipes_train_in_the_same_worlds():
     for name, world in (("thesis-single-camera", "seen"), ("thesis-single-tolerance", "inexact joints")):
         assert get_recipe(name).options == {"backend": "kinematic", **WORLDS[world]}
+    assert get_recipe("thesis-multi-camera").options == get_recipe("thesis-single-camera").options
 
 
 def test_trainings_differ_by_their_world(tmp_path, monkeypatch):
