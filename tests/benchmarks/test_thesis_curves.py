@@ -1,4 +1,4 @@
-"""What the thesis reads off its curves: the tables of the page are those of the logs, and rows are what they are called."""
+"""What the thesis reads off its curves: tables are those of the logs, and rows are what they are called."""
 
 from pathlib import Path
 
