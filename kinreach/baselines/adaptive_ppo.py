@@ -34,6 +34,11 @@ class Exploration:
         return math.exp((1 - share) * math.log(self.first) + share * math.log(self.last))
 
 
+def share_left(progress: float, decay: float) -> float:
+    """What is left of a learning rate that falls to zero linearly over the last `decay` of a training."""
+    return min(1.0, max(1.0 - progress, 0.0) / decay) if decay > 0 else 1.0
+
+
 @dataclass(frozen=True)
 class AdaptiveRate:
     """A learning rate that is adjusted after every update.
@@ -66,7 +71,7 @@ class AdaptiveRate:
 
     def share(self, progress: float) -> float:
         """What the decay leaves of the rate when `progress` of the training is done."""
-        return min(1.0, max(1.0 - progress, 0.0) / self.decay) if self.decay > 0 else 1.0
+        return share_left(progress, self.decay)
 
 
 class AdaptivePPO(PPO):

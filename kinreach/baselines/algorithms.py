@@ -24,7 +24,7 @@ import numpy as np
 import torch
 from gymnasium.vector import VectorEnv
 from scipy.special import ndtri
-from stable_baselines3 import DQN, PPO, SAC, TD3
+from stable_baselines3 import DDPG, DQN, PPO, SAC, TD3
 from stable_baselines3.common.base_class import BaseAlgorithm
 from stable_baselines3.common.buffers import RolloutBuffer
 from stable_baselines3.common.noise import NormalActionNoise, VectorizedActionNoise
@@ -34,6 +34,7 @@ from kinreach.baselines.batch import first_observations
 from kinreach.baselines.descent import AnalyticGradient, MovingGradient, RandomArmGradient, Regression
 from kinreach.baselines.looks import Looks
 from kinreach.baselines.networks import ACTIVATIONS, LookFeatures, ObservationFeatures, PosturePolicy, actor_network
+from kinreach.baselines.off_policy import ScheduledDDPG, ScheduledSAC, ScheduledTD3
 from kinreach.baselines.policies import Network
 from kinreach.baselines.ppo2 import PPO2
 from kinreach.baselines.recipes import Recipe
@@ -149,9 +150,8 @@ def ppo_arguments(recipe: Recipe, env: SB3VecEnv, planned: int) -> dict[str, Any
         policy["log_std_init"] = math.log(networks.std)
     if networks.posture:
         arm = _arm(recipe)
-        half, middle = _half_ranges(arm), sum(joint_limits(arm)) / 2
         arguments["policy"] = PosturePolicy
-        policy["head"] = {"gain": (1.0 / half).tolist(), "shift": ((np.array(arm.home) - middle) / half).tolist()}
+        policy["head"] = {"gain": (1.0 / _half_ranges(arm)).tolist(), "shift": _start_action(arm)}
     if "minibatches" in arguments:
         arguments["batch_size"] = recipe.num_envs * arguments["n_steps"] // arguments.pop("minibatches")
     return arguments
@@ -173,6 +173,19 @@ def adaptive_arguments(recipe: Recipe, env: SB3VecEnv, planned: int) -> dict[str
         schedule = Exploration(**arguments["exploration"])
         posture = recipe.networks.posture
         arguments["exploration"] = schedule.scaled(1.0 / _half_ranges(_arm(recipe)).max()) if posture else schedule
+    return arguments
+
+
+def scheduled_arguments(recipe: Recipe, env: SB3VecEnv, planned: int) -> dict[str, Any]:
+    """Those of an off-policy learner, with `Exploration` from fields, and the critic's `gain`.
+
+    It begins in the middle of its actions, or, where the output is a posture, at the start pose.
+    """
+    arguments = mlp_arguments(recipe, env, planned) | {"planned_steps": planned}
+    arguments["policy_kwargs"]["gain"] = arguments.pop("gain")
+    arguments["exploration"] = Exploration(**arguments["exploration"])
+    middle = np.zeros(env.action_space.shape or ()).tolist()
+    arguments["start"] = _start_action(_arm(recipe)) if recipe.networks.posture else middle
     return arguments
 
 
@@ -304,6 +317,11 @@ def _half_ranges(arm: ArmDescription) -> Floats:
     return (high - low) / 2
 
 
+def _start_action(arm: ArmDescription) -> list[float]:
+    """The action that means the start pose."""
+    return ((np.array(arm.home) - sum(joint_limits(arm)) / 2) / _half_ranges(arm)).tolist()
+
+
 @dataclass(frozen=True)
 class Algorithm:
     """Everything that training needs to know of an algorithm.
@@ -350,4 +368,8 @@ register_algorithm(Algorithm("MovingGradient", MovingGradient, arguments=simulat
 register_algorithm(Algorithm("RandomArmGradient", RandomArmGradient, arguments=simulator_arguments))
 register_algorithm(Algorithm("SAC", SAC))
 register_algorithm(Algorithm("TD3", TD3))
+register_algorithm(Algorithm("DDPG", DDPG))
 register_algorithm(Algorithm("DQN", DQN))
+register_algorithm(Algorithm("ScheduledSAC", ScheduledSAC, arguments=scheduled_arguments))
+register_algorithm(Algorithm("ScheduledTD3", ScheduledTD3, arguments=scheduled_arguments))
+register_algorithm(Algorithm("ScheduledDDPG", ScheduledDDPG, arguments=scheduled_arguments))

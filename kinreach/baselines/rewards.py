@@ -20,6 +20,9 @@ TrainingReward = Callable[[Array, Mapping[str, Any]], Array]
 
 #: The thesis's -100 and -25 dwarf all that is to be learned at first; below this there are no differences.
 FLOOR = -30.0
+#: The same of learners whose critics are functions of the action, for which such differences are harder still: of the
+#: environment's reward, and of the dense one.
+CRITIC_FLOOR, CRITIC_DENSE_FLOOR = -5.0, -20.0
 #: Distance below which the dense reward has nothing left to gain [m], and its weight of the posture error.
 DENSE_DISTANCE, DENSE_POSTURE, DENSE_IMPOSSIBLE = 1e-5, 5.0, -200.0
 
@@ -42,6 +45,16 @@ def dense(rewards: Array, info: Mapping[str, Any]) -> Array:
     """
     near = -np.log(info["distance"] + DENSE_DISTANCE) - DENSE_POSTURE * info["posture_error"]
     return near + np.where(info["impossible"], DENSE_IMPOSSIBLE, 0.0)
+
+
+def clipped(rewards: Array, info: Mapping[str, Any]) -> Array:
+    """The environment's, not below `CRITIC_FLOOR`."""
+    return np.maximum(rewards, CRITIC_FLOOR)
+
+
+def dense_clipped(rewards: Array, info: Mapping[str, Any]) -> Array:
+    """The dense one, not below `CRITIC_DENSE_FLOOR`."""
+    return np.maximum(dense(rewards, info), CRITIC_DENSE_FLOOR)
 
 
 #: A press pays 100; with this factor returns are of the order of 1, which suits the step sizes of a value network.
@@ -100,7 +113,9 @@ def guided(rewards: Array, info: Mapping[str, Any]) -> Array:
 REWARDS: Mapping[str, TrainingReward] = {
     "own": own,
     "floored": floored,
+    "clipped": clipped,
     "dense": dense,
+    "dense-clipped": dense_clipped,
     "scaled": scaled,
     "guided": guided,
 }

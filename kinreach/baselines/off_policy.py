@@ -1,0 +1,180 @@
+"""stable-baselines3's off-policy learners of continuous actions, with exploration and learning rate by a schedule.
+
+They explore on its scale from the first action on; stable-baselines3 draws uniform actions until it learns. Their
+critics tell actions apart that differ by little: 10 mm are 0.004 of a joint's range.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from typing import Any, ClassVar
+
+import numpy as np
+import torch
+from stable_baselines3 import DDPG, SAC, TD3
+from stable_baselines3.common.noise import ActionNoise, NormalActionNoise
+from stable_baselines3.common.off_policy_algorithm import OffPolicyAlgorithm
+from stable_baselines3.common.policies import BasePolicy, ContinuousCritic
+from stable_baselines3.common.torch_layers import BaseFeaturesExtractor
+from stable_baselines3.sac.policies import SACPolicy
+from stable_baselines3.td3.policies import TD3Policy
+from torch import Tensor, nn
+from torch.optim import Optimizer
+
+from kinreach.baselines.adaptive_ppo import Exploration, share_left
+
+#: What the weights of an actor's last layer are multiplied by to begin with.
+FLATTENED = 0.01
+
+
+class GainCritic(ContinuousCritic):
+    """A critic that takes actions in smaller units: networks learn slowly what changes within a small part of an input.
+
+    Args:
+        gain: What actions are multiplied by.
+        **kwargs: Of `ContinuousCritic`.
+    """
+
+    def __init__(self, *args: Any, gain: float, **kwargs: Any) -> None:
+        super().__init__(*args, **kwargs)
+        self.gain = gain
+
+    def forward(self, obs: Any, actions: Tensor) -> tuple[Tensor, ...]:
+        """Values by every network, shape (n, 1) each."""
+        return super().forward(obs, self.gain * actions)
+
+    def q1_forward(self, obs: Any, actions: Tensor) -> Tensor:
+        """Values by the first network, shape (n, 1)."""
+        return super().q1_forward(obs, self.gain * actions)
+
+
+class GainTD3Policy(TD3Policy):
+    """The policy of TD3 and DDPG with a `GainCritic`.
+
+    Args:
+        gain: Of the critic.
+        **kwargs: Of `TD3Policy`.
+    """
+
+    def __init__(self, *args: Any, gain: float, **kwargs: Any) -> None:
+        self.gain = gain
+        super().__init__(*args, **kwargs)
+
+    def make_critic(self, features_extractor: BaseFeaturesExtractor | None = None) -> GainCritic:
+        """A critic, and its target likewise."""
+        return GainCritic(**self._update_features_extractor(self.critic_kwargs, features_extractor), gain=self.gain)
+
+
+class GainSACPolicy(SACPolicy):
+    """The policy of SAC with a `GainCritic`.
+
+    Args:
+        gain: Of the critic.
+        **kwargs: Of `SACPolicy`.
+    """
+
+    def __init__(self, *args: Any, gain: float, **kwargs: Any) -> None:
+        self.gain = gain
+        super().__init__(*args, **kwargs)
+
+    def make_critic(self, features_extractor: BaseFeaturesExtractor | None = None) -> GainCritic:
+        """A critic, and its target likewise."""
+        return GainCritic(**self._update_features_extractor(self.critic_kwargs, features_extractor), gain=self.gain)
+
+
+class Scheduled(OffPolicyAlgorithm):
+    """How far a training is, and what follows from it.
+
+    Args:
+        exploration: Schedule of the standard deviation of actions.
+        planned_steps: Actions of the whole training, to which the schedules refer.
+        start: Action that the actor begins with, whatever it observes, each in (-1, 1).
+        decay: Share of the training at whose end the learning rate falls to zero linearly.
+        **kwargs: Of the learner.
+    """
+
+    actor: Any
+
+    def __init__(
+        self,
+        *args: Any,
+        exploration: Exploration,
+        planned_steps: int,
+        start: Sequence[float],
+        decay: float = 0.0,
+        **kwargs: Any,
+    ) -> None:
+        self.exploration, self.planned_steps, self.decay, self.start = exploration, planned_steps, decay, start
+        super().__init__(*args, **kwargs)
+
+    @property
+    def progress(self) -> float:
+        """Share of the training that is done."""
+        return min(self.num_timesteps / self.planned_steps, 1.0)
+
+    @property
+    def deviation(self) -> float:
+        """The standard deviation of the next actions."""
+        return self.exploration.at(self.progress)
+
+    def _update_learning_rate(self, optimizers: list[Optimizer] | Optimizer) -> None:
+        rate = self.lr_schedule(1.0) * share_left(self.progress, self.decay)
+        for optimizer in optimizers if isinstance(optimizers, list) else [optimizers]:
+            for group in optimizer.param_groups:
+                group["lr"] = rate
+        self.logger.record("train/learning_rate", rate)
+
+    def _begin_at_start(self, head: nn.Linear) -> None:
+        with torch.no_grad():
+            head.weight.mul_(FLATTENED)
+            head.bias.copy_(torch.tensor(self.start).atanh())
+
+
+class Noisy(Scheduled):
+    """A deterministic actor with normal noise."""
+
+    policy_aliases: ClassVar[dict[str, type[BasePolicy]]] = {"MlpPolicy": GainTD3Policy}
+    actor_target: Any
+
+    def _setup_model(self) -> None:
+        super()._setup_model()
+        self._begin_at_start(self.actor.mu[-2])  # the last is the tanh
+        self.actor_target.load_state_dict(self.actor.state_dict())
+
+    def _sample_action(
+        self, learning_starts: int, action_noise: ActionNoise | None = None, n_envs: int = 1
+    ) -> tuple[np.ndarray[Any, Any], np.ndarray[Any, Any]]:
+        mean = np.zeros((n_envs, *(self.action_space.shape or ())))
+        return super()._sample_action(0, NormalActionNoise(mean, np.full_like(mean, self.deviation)), n_envs)
+
+
+class ScheduledTD3(Noisy, TD3):
+    """TD3 (Fujimoto, van Hoof, Meger, ICML 2018)."""
+
+
+class ScheduledDDPG(Noisy, DDPG):
+    """DDPG (Lillicrap et al., ICLR 2016), which the thesis names (7.1)."""
+
+
+class ScheduledSAC(Scheduled, SAC):
+    """SAC (Haarnoja et al., ICML 2018); the entropy that it aims at is that of the scheduled normal distribution."""
+
+    policy_aliases: ClassVar[dict[str, type[BasePolicy]]] = {"MlpPolicy": GainSACPolicy}
+
+    def _setup_model(self) -> None:
+        super()._setup_model()
+        self._begin_at_start(self.actor.mu)
+        nn.init.zeros_(self.actor.log_std.weight)
+        nn.init.constant_(self.actor.log_std.bias, math.log(self.deviation))
+
+    def _sample_action(
+        self, learning_starts: int, action_noise: ActionNoise | None = None, n_envs: int = 1
+    ) -> tuple[np.ndarray[Any, Any], np.ndarray[Any, Any]]:
+        return super()._sample_action(0, action_noise, n_envs)
+
+    def train(self, gradient_steps: int, batch_size: int = 64) -> None:
+        """Updates towards the entropy of this part of the training."""
+        size = math.prod(self.action_space.shape or ())
+        self.target_entropy = size * math.log(self.deviation * math.sqrt(2 * math.pi * math.e))
+        super().train(gradient_steps, batch_size)
