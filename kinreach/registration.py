@@ -13,6 +13,7 @@ _REACH, _BUTTON = "kinreach.envs.reach", "kinreach.envs.button"
 SINGLE, MULTI, BUTTON = "kinreach/UR5SingleStep-v0", "kinreach/UR5MultiStep-v0", "kinreach/ButtonPress-v0"
 SPACE = "kinreach/Reach-v0"
 REAL_ARM, MOVING = "kinreach/RealArm-v0", "kinreach/Moving-v0"
+RANDOM_ARM = "kinreach/RandomArm-v0"
 #: Those of the reach tasks without dynamics, with numbers only in `info`: for clients that cannot pass
 #: `backend="kinematic"` on, or cannot read texts.
 SINGLE_KINEMATIC, MULTI_KINEMATIC = "kinreach/UR5SingleStepKinematic-v0", "kinreach/UR5MultiStepKinematic-v0"
@@ -29,10 +30,9 @@ ENVIRONMENTS = {
 }
 #: Environment id -> the same, with `backend="kinematic"` and `info="numbers"`.
 KINEMATIC_ENVIRONMENTS = {SINGLE_KINEMATIC: _SINGLE, MULTI_KINEMATIC: _MULTI}
-
-
-#: Those without a native batch.
+#: Those without a native batch, and those of which there is only a batch.
 SINGLE_ENVIRONMENTS = {REAL_ARM: "kinreach.envs.real_arm:RealArmEnv"}
+VECTOR_ENVIRONMENTS = {RANDOM_ARM: "kinreach.baselines.random_arms:RandomArmVectorEnv"}
 
 
 def register_environments() -> None:
@@ -45,3 +45,6 @@ def register_environments() -> None:
     for name, entry_point in SINGLE_ENVIRONMENTS.items():
         if name not in registry:
             register(name, entry_point=entry_point)
+    for name, vector_entry_point in VECTOR_ENVIRONMENTS.items():
+        if name not in registry:
+            register(name, vector_entry_point=vector_entry_point)

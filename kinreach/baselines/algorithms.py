@@ -109,6 +109,10 @@ BUTTON_SCALE = (*(1.0,) * 6, *(2 / 3,) * 6, *(2.5,) * 3, *(0.5,) * 3, 1.0)
 SIGHTS_MEAN = (0.475, 0.0, -0.175, 0.05, *get_arm("ur5").home, *(0.0,) * 6)
 SIGHTS_SCALE = (0.09, 0.17, 1.0, 0.05, *(0.5,) * 6, *(1.0,) * 6)
 SIGHT_SCALE = 0.01
+#: What `"arms"` subtract and divide by: a ball [m], two errors beside it [m], moves, looks, and of three coordinates the
+#: mean error [m] and its slopes [m].
+ARMS_MEAN = (0.475, 0.0, -0.175, *(0.0,) * 6, 1.0, 20.0, *(0.0,) * 9)
+ARMS_SCALE = (0.1, 0.18, 0.006, *(5e-3,) * 6, 1.0, 20.0, *(5e-3, 7e-4, 7e-4) * 3)
 
 
 def mlp_arguments(recipe: Recipe, env: SB3VecEnv, planned: int) -> dict[str, Any]:
@@ -253,7 +257,7 @@ def _features(recipe: Recipe) -> dict[str, Any]:
     begin upright and almost at rest: their spread says nothing, `BUTTON_SCALE` stands in for it.
     """
     kind = recipe.networks.features
-    check_known("features", kind, ("raw", "scaled", "waves", "goal waves", "button", "sights"))
+    check_known("features", kind, ("raw", "scaled", "waves", "goal waves", "button", "sights", "arms"))
     if kind == "button":
         options = ButtonOptions(**recipe.options)
         frame = (*BUTTON_SCALE, *(CONTROL_LIMIT,) * JOINTS * options.controls)
@@ -261,6 +265,8 @@ def _features(recipe: Recipe) -> dict[str, Any]:
     if kind == "sights":
         earlier = [SIGHT_SCALE * k for k in range(1, recipe.options["sights"]) for _ in range(3)]
         return {"mean": [*SIGHTS_MEAN, *(0.0 for _ in earlier)], "scale": [*SIGHTS_SCALE, *earlier], "waves": WAVES}
+    if kind == "arms":
+        return {"mean": ARMS_MEAN, "scale": ARMS_SCALE, "waves": WAVES}
     observations = first_observations(recipe.environment, recipe.options, seed=_SCALE_SEED)
     if kind == "goal waves":
         observations = observations[:, layout_of(_arm(recipe), directed=recipe.environment == SPACE).told]

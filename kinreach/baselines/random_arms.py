@@ -14,7 +14,6 @@ from copy import deepcopy
 from functools import cache, partial
 from typing import Any, NamedTuple
 
-import gymnasium as gym
 import numpy as np
 from gymnasium import spaces
 from gymnasium.vector import AutoresetMode
@@ -29,7 +28,6 @@ from kinreach.envs.real_arm import BUDGETS, MEDIAN_LENGTH, NEAR, NOISE
 from kinreach.kinematics import UR5Kinematics
 from kinreach.kinematics.identification import Prior, frames_of, moved_frames, slopes
 
-RANDOM_ARM = "kinreach/RandomArm-v0"
 #: How far frames are off, as in `kinreach/RealArm-v0` (root mean square); a base that is off stands for cameras, too.
 ERRORS = Prior(base=(3e-3, 6e-3), links=(1e-3, 2e-3), tool=(3e-3, 0.0))
 #: Most moves to a ball, and looks before.
@@ -248,7 +246,3 @@ def _no_start(options: Mapping[str, Any] | None) -> RandomArmStart:
         InputError: Something is.
     """
     return RandomArmStart(*option_rows(options, {}, None))
-
-
-if RANDOM_ARM not in gym.registry:
-    gym.register(RANDOM_ARM, vector_entry_point="kinreach.baselines.random_arms:RandomArmVectorEnv")

@@ -14,13 +14,14 @@ from kinreach.baselines.expert import tool_down_postures
 from kinreach.baselines.models import build
 from kinreach.baselines.recipes import get_recipe
 from kinreach.errors import InputError
+from kinreach.registration import RANDOM_ARM
 
 COUNT = 60
 
 
 @pytest.fixture
 def env():
-    found = gym.make_vec(arms.RANDOM_ARM, num_envs=COUNT, vectorization_mode="vector_entry_point")
+    found = gym.make_vec(RANDOM_ARM, num_envs=COUNT, vectorization_mode="vector_entry_point")
     found.reset(seed=0)
     yield found
     found.close()

@@ -7,7 +7,7 @@ from dataclasses import replace
 from typing import Any
 
 from kinreach.baselines.recipes.base import Networks, Recipe
-from kinreach.registration import MOVING, MULTI, SINGLE, SPACE
+from kinreach.registration import MOVING, MULTI, RANDOM_ARM, SINGLE, SPACE
 
 #: Defaults of Stable Baselines' PPO2: 4 minibatches, 4 epochs, clip 0.2 of ratios and of values, λ 0.95, entropy 0.01,
 #: value 0.5, gradient 0.5 (OpenAI Baselines' own have no entropy bonus and a rate of 3e-4). Its actions, and the
@@ -250,11 +250,11 @@ REACH_RECIPES = (
         _MOVING_GRADIENT,
         name="random-arms",
         summary="Arms with random errors, of which looks have said something: analytic gradient through the true arm.",
-        environment="kinreach.baselines.random_arms:kinreach/RandomArm-v0",
+        environment=RANDOM_ARM,
         options={},
         algorithm="RandomArmGradient",
         steps=600_000,
-        networks=Networks(hidden=(128, 128), activation="silu", features="waves", posture=True),
+        networks=replace(_MOVING_GRADIENT.networks, features="arms"),
         settings={**_MOVING_GRADIENT.settings, "n_epochs": 8, "minibatches": 4},
     ),
     _THESIS_SINGLE,
