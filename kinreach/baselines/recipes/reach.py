@@ -253,7 +253,7 @@ REACH_RECIPES = (
         environment=RANDOM_ARM,
         options={},
         algorithm="RandomArmGradient",
-        steps=600_000,
+        steps=1_200_000,
         networks=replace(_MOVING_GRADIENT.networks, features="arms"),
         settings={**_MOVING_GRADIENT.settings, "n_epochs": 8, "minibatches": 4},
     ),
