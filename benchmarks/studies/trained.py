@@ -33,20 +33,25 @@ def main(argv: list[str] | None = None) -> int:
     parser.add_argument("runs", type=Path, help="the folder that `kinreach train --out` wrote to")
     parser.add_argument("--recipes", metavar="A,B", help="default: all that were trained")
     parser.add_argument("--goals", type=int, default=1000, help="the same for every seed")
-    parser.add_argument("--backend", default="kinematic")
+    parser.add_argument("--backend", help="default: kinematic, where there is another")
     parser.add_argument("--observation", help="default: geometric, or pixels where a policy sees pictures")
     parser.add_argument("--exposure", type=float, help="pictures are up to so much brighter or darker")
     arguments = parser.parse_args(argv)
     said = {name: getattr(arguments, name) for name in ("backend", "observation", "exposure")}
-    options = {name: value for name, value in said.items() if value is not None}
+    given = {name: value for name, value in said.items() if value is not None}
     reach = [name for name, recipe in RECIPES.items() if recipe.environment != BUTTON]
     recipes = arguments.recipes.split(",") if arguments.recipes else reach
     rows = (
-        Trainings.evaluated(recipe, folders, goals=arguments.goals, options=options)
+        Trainings.evaluated(recipe, folders, goals=arguments.goals, options=_backend(recipe) | given)
         for recipe, folders in finished(arguments.runs, recipes).items()
     )
     print_table(HEADINGS, rows, cells)
     return 0
+
+
+def _backend(recipe: str) -> dict[str, str]:
+    """The option that a recipe is evaluated with unless told otherwise."""
+    return {"backend": "kinematic"} if "backend" in RECIPES[recipe].options else {}
 
 
 def cells(trainings: Trainings) -> tuple[str, ...]:

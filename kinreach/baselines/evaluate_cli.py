@@ -33,6 +33,7 @@ from kinreach.cli import Parser
 from kinreach.engines import load_extra
 from kinreach.errors import InputError
 from kinreach.files import make_writable, write_text
+from kinreach.objects import load_module
 from kinreach.registration import BUTTON
 
 #: Goals, unless the user says otherwise.
@@ -57,8 +58,11 @@ def main(argv: Sequence[str], *, prog: str) -> int:
     arguments = _parser(prog).parse_args(argv)
     check_count("--goals", arguments.goals, most=10**7)
     check_known("split", arguments.split, SPLITS)
-    if arguments.env is not None:
-        arguments.env = arguments.env.removeprefix("kinreach:")
+    environment = arguments.env
+    if environment is not None:
+        module, _, arguments.env = environment.rpartition(":")
+        if module:
+            load_module("environment", module, environment)
         check_known("environment", arguments.env, gym.registry)
     policies = {name: load_policy(name) for name in arguments.policies}
     names = _short_names(list(policies))
@@ -67,7 +71,8 @@ def main(argv: Sequence[str], *, prog: str) -> int:
     summaries = {
         names[name]: _evaluate(policy, names[name], arguments, options[name]) for name, policy in policies.items()
     }
-    said = {name: getattr(arguments, name) for name in ("env", "backend", "observation", "exposure", "max_steps")}
+    said = {name: getattr(arguments, name) for name in ("backend", "observation", "exposure", "max_steps")}
+    said = {"env": environment, **said}
     given = "".join(f" --{name.replace('_', '-')} {value}" for name, value in said.items() if value is not None)
     split = "" if arguments.split == SPLIT else f" --split {arguments.split}"
     command = f"{prog} {join(arguments.policies)} --goals {arguments.goals}{split}{given}"
@@ -196,7 +201,9 @@ def _parser(prog: str) -> Parser:
         "policies", nargs="+", metavar="POLICY", help=f"files, or of the package: {', '.join(pretrained_names())}"
     )
     parser.add_argument(
-        "--env", metavar="ID", help="environment of policies that do not say theirs, as stable-baselines3's model.zip"
+        "--env",
+        metavar="ID",
+        help="environment of policies that do not say theirs, as stable-baselines3's model.zip; yours as module:id",
     )
     parser.add_argument("--goals", type=int, default=1000, metavar="N", help="default: %(default)s")
     parser.add_argument(

@@ -18,6 +18,7 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import FuncFormatter
 from numpy.typing import NDArray
 
+from kinreach.baselines import random_arms as arms
 from kinreach.baselines.expert import tool_down_postures
 from kinreach.baselines.policies import LearnedPolicy, Network, load_policy
 from kinreach.baselines.random_arms import on_table, ur5
@@ -25,7 +26,7 @@ from kinreach.checks import Floats
 from kinreach.compare.figures import colours_in, origin
 from kinreach.compare.task import Method, Task, policy_version
 from kinreach.envs.reach.task import TOOL_DOWN, goal_block
-from kinreach.envs.real_arm import BUDGET, BUDGETS, MOVES, NEAR, SEEN_BALL, SEEN_TIP, RealArmOptions
+from kinreach.envs.real_arm import BUDGET, BUDGETS, MOVES, NEAR, POSTURE, SEEN_BALL, SEEN_TIP, RealArmOptions
 from kinreach.kinematics.identification import IdentifiedArm, Prior
 from kinreach.plots.style import key, label_ends, new_figure, plain
 from kinreach.registration import REAL_ARM
@@ -34,8 +35,8 @@ from kinreach.summary import QUANTILES, RATE, Column, Trial, thousandfold
 
 #: What kinds of methods there are.
 MODEL, LEARNED, BOTH = "model", "policy", "model and learning"
-#: The policy that is put to the test.
-LEARNED_POLICY = "space-single"
+#: The policies that are put to the test: of the data sheet, and of arms with random errors.
+LEARNED_POLICY, INFORMED_POLICY = "space-single", "random-arms"
 #: How far base and tool may be from the data sheet [m, rad], and links: calibrations of UR3, UR10e, UR3e and UR5e have
 #: 0.3 to 0.8 mm and 1.4 to 1.7 mrad (root mean square), none of which is among those of this task.
 REGISTERED = Prior(base=(0.02, 0.02), links=(0.0, 0.0), tool=(0.01, 0.0))
@@ -283,6 +284,32 @@ class Tuned(Trained):
         self._policy = LearnedPolicy(self._trained.card, tuned)
 
 
+class Informed(LookingPolicy):
+    """A policy that was trained on arms with random errors, and is told what looks say of this one.
+
+    Args:
+        policy: Of `kinreach/RandomArm-v0`.
+        env: `kinreach/RealArm-v0`.
+    """
+
+    def __init__(self, policy: LearnedPolicy, env: gym.Env[Any, Any]) -> None:
+        super().__init__(lambda env: Modelled(), env)
+        self._policy = policy
+
+    def act(self, observation: Any) -> Floats:
+        """Postures for all balls, as actions."""
+        if observation[0, MOVES] == 0.0:
+            budget = int(observation[0, BUDGET])
+            self._practise(budget)
+            places = ur5().chain.positions(self._q)
+            self._told = np.zeros((len(observation), arms.SIZE))
+            self._told[:, arms.BALL], self._told[:, arms.LOOKED] = observation[:, SEEN_BALL], budget
+            self._told[:, arms.SUMMARY] = arms.summary(places, self._seen - places)
+        else:
+            self._told = arms.after_move(self._told, observation[:, POSTURE], observation[:, SEEN_TIP])
+        return np.asarray(self._policy.act(self._told))
+
+
 def _observed(points: Floats) -> Floats:
     """What the agent would observe of balls that seem to be at points (n, 3), with the tool straight down."""
     arm = ur5().arm
@@ -310,6 +337,12 @@ METHODS: Mapping[str, Method] = {
     "policy": _policy_method(lambda env: Trained(load_policy(LEARNED_POLICY)), "#8C6D31", again=False),
     "policy-again": _policy_method(lambda env: Trained(load_policy(LEARNED_POLICY)), "#00674C"),
     "policy-tuned": _policy_method(lambda env: Tuned(load_policy(LEARNED_POLICY), env.noise), "#2FBF94"),
+    "policy-informed": Method(
+        lambda env: Informed(load_policy(INFORMED_POLICY), env),
+        LEARNED,
+        versions=policy_version(INFORMED_POLICY),
+        colour="#D55E00",
+    ),
 }
 
 #: Titles of the tables of single errors.

@@ -48,6 +48,13 @@ def test_looks_beforehand_are_worth_as_much(results):
     assert mm(results, "policy-tuned", "base", 20) < 0.2 * mm(results, "policy", "base", 20)
 
 
+def test_who_was_trained_on_random_arms_makes_something_of_looks(results):
+    line = [mm(results, "policy-informed", "all", budget) for budget in (0, 5, 50)]
+    assert line[0] > 3.0
+    assert line[1] < 1.0
+    assert mm(results, "policy-informed", "all", 0, 1) < 1.0
+
+
 def test_the_same_again_and_all_methods_alike():
     one, two = (
         compare("real-arm", ["look-again", "identified"], goals=2, seed=7)["methods"],

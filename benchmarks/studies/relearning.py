@@ -1,0 +1,235 @@
+"""A damaged UR5 whose policy learns again by trial and error: balls reached against episodes.
+
+    python -m benchmarks.studies.relearning                                        # a table
+    python -m benchmarks.studies.relearning --figure docs/images/relearning.png    # and a figure
+    python -m benchmarks.studies.relearning --engine ray                           # each fault a task
+
+The faults, the task and its criterion are those of `benchmarks.studies.damage`. An episode is a move to a ball, at the
+end of which the tip is seen, 0.14 mm off in the median. What learns is ranked PPO with the settings of `single`, all
+weights, from that policy as it comes or from nothing; the learner knows neither the fault nor any kinematics.
+"""
+
+from __future__ import annotations
+
+import argparse
+import math
+from collections.abc import Mapping, Sequence
+from copy import deepcopy
+from dataclasses import dataclass
+from pathlib import Path
+from time import process_time
+
+import numpy as np
+import torch
+
+from benchmarks.studies.damage import KINDS, SIGMA, Damage, damage, numeric, reached
+from benchmarks.studies.parts import each
+from benchmarks.studies.tables import head, line
+from kinreach.baselines.adaptive_ppo import AdaptiveRate, Exploration
+from kinreach.baselines.algorithms import normal_scores
+from kinreach.baselines.policies import Network, load_policy
+from kinreach.baselines.random_arms import ur5
+from kinreach.checks import Floats, check_count
+from kinreach.cli import Parser, finish
+from kinreach.envs.reach.task import goal_block
+from kinreach.files import replacing
+from kinreach.jobs import add_options
+from kinreach.plots.style import FAINT, PALETTE, key, new_figure
+from kinreach.statistics import bootstrap_intervals, mean
+from kinreach.thesis.reward import REACHED_DISTANCE, REACHED_POSTURE_ERROR
+
+PROG = "python -m benchmarks.studies.relearning"
+POLICY, SHIPPED, NOTHING, KNOWN = "single", "the policy", "nothing", "IK, fault known"
+#: Tries of a ball, how often and in how many parts an update goes over them, and how far a ratio counts from 1.
+TRIES, EPOCHS, PARTS, CLIP = 8, 2, 4, 0.2
+RATE = AdaptiveRate(first=1e-3, target_kl=0.05, decay=0.15)
+
+
+@dataclass(frozen=True)
+class Start:
+    """How to learn from something.
+
+    Attributes:
+        exploration: Standard deviation of the actions, in half turns.
+        balls: Of an update.
+        budgets: Numbers of episodes.
+    """
+
+    exploration: Exploration
+    balls: int
+    budgets: Sequence[int]
+
+
+#: From a policy that is a little wrong, and from one that knows nothing; chosen on other faults (seeds from 10).
+STARTS = {
+    SHIPPED: Start(Exploration(0.05, 3e-4, 0.85), 32, (0, 1_000, 3_000, 10_000, 30_000, 100_000)),
+    NOTHING: Start(Exploration(0.2, 3e-4, 0.85), 128, (100_000, 300_000, 1_000_000)),
+}
+#: Of a fault and a start, by episodes: share of balls reached, median distance [mm], processor time [s].
+Curve = Mapping[int, tuple[float, float, float]]
+
+
+class Actor(torch.nn.Module):
+    """A network that goes on learning.
+
+    Args:
+        network: A policy's.
+        fresh: Forget what it has learned.
+    """
+
+    def __init__(self, network: Network, *, fresh: bool = False) -> None:
+        super().__init__()
+        self._network = network
+        layers = [torch.nn.Linear(weight.shape[1], weight.shape[0]) for weight, _ in network.layers]
+        if fresh:
+            torch.nn.init.orthogonal_(layers[-1].weight, 0.01)
+            torch.nn.init.zeros_(layers[-1].bias)
+        else:
+            for layer, (weight, bias) in zip(layers, network.layers, strict=True):
+                layer.load_state_dict({"weight": torch.as_tensor(weight), "bias": torch.as_tensor(bias)})
+        self.layers = torch.nn.ModuleList(layers)
+
+    def forward(self, observations: torch.Tensor) -> torch.Tensor:
+        """Mean actions, shape (n, 6)."""
+        mean, scale, waves, gain, shift = (
+            torch.as_tensor(getattr(self._network, name), dtype=torch.float32)
+            for name in ("mean", "scale", "waves", "gain", "shift")
+        )
+        z = (observations[:, : len(mean)] - mean) / scale
+        angles = (z[:, :, None] * waves).flatten(1)
+        h = torch.cat([z, angles.sin(), angles.cos()], dim=1)
+        for layer in self.layers[:-1]:
+            h = torch.nn.functional.silu(layer(h))
+        return shift + gain * self.layers[-1](h)
+
+
+def outcome(fault: Damage, actions: Floats, balls: Floats, noise: Floats) -> Floats:
+    """How good moves of a damaged arm to balls (n, 3) look: 0 at best, above -1 what counts as reached, shape (n,)."""
+    T = fault.chain.fk(fault.executed(math.pi * np.clip(actions, -1.0, 1.0)))
+    apart = np.linalg.norm(T[:, :3, 3] + noise - balls, axis=1)
+    off = np.arccos(np.clip(-T[:, 2, 2], -1.0, 1.0))
+    return -np.maximum(apart / REACHED_DISTANCE, off / REACHED_POSTURE_ERROR)
+
+
+def learn(fault: Damage, actor: Actor, start: Start, episodes: int, seed: int) -> None:
+    """Ranked PPO on so many episodes of the damaged arm."""
+    rng, cell = np.random.default_rng((seed, 1)), fault.arm.workcell
+    optimizer = torch.optim.Adam(actor.parameters(), betas=(0.9, 0.99), eps=1e-5)
+    updates, rate = max(1, episodes // (TRIES * start.balls)), RATE.first
+    for update in range(updates):
+        balls = np.repeat(cell.draw_goals(rng, start.balls), TRIES, axis=0)
+        seen = torch.as_tensor(goal_block(ur5().arm, balls), dtype=torch.float32)
+        std = start.exploration.at(update / updates)
+        with torch.no_grad():
+            before = actor(seen)
+        noise = rng.normal(0.0, std, (len(balls) // 2, 6))
+        actions = before.numpy() + np.stack([noise, -noise], axis=1).reshape(-1, 6)  # antithetic pairs
+        outcomes = outcome(fault, actions, balls, rng.normal(0.0, SIGMA, balls.shape))
+        better = torch.as_tensor(normal_scores(outcomes.reshape(-1, TRIES)).ravel(), dtype=torch.float32)
+        taken = torch.as_tensor(actions, dtype=torch.float32)
+        old = (taken - before).square().sum(1)
+        for group in optimizer.param_groups:
+            group["lr"] = rate * RATE.share(update / updates)
+        for rows in torch.cat([torch.randperm(len(balls)) for _ in range(EPOCHS)]).chunk(EPOCHS * PARTS):
+            now = (taken[rows] - actor(seen[rows])).square().sum(1)
+            ratio = ((old[rows] - now) / (2 * std**2)).exp()
+            gain = torch.minimum(ratio * better[rows], ratio.clamp(1 - CLIP, 1 + CLIP) * better[rows])
+            optimizer.zero_grad()
+            (-gain.mean()).backward()  # type: ignore[no-untyped-call]
+            torch.nn.utils.clip_grad_norm_(actor.parameters(), 0.5)
+            optimizer.step()
+        with torch.no_grad():
+            rate = RATE.after(rate, float((actor(seen) - before).square().sum(1).mean()) / (2 * std**2))
+
+
+def curve(kind: str, number: int, seed: int, start: str, count: int, most: int) -> Curve:
+    """What is reached after so many episodes, each number of them learned from the start.
+
+    Args:
+        kind: Of the fault.
+        number: Of the fault, the seed that it is drawn by.
+        seed: Of the learning.
+        start: A key of `STARTS`, or `KNOWN`: no learning.
+        count: Balls that are tried.
+        most: Episodes.
+    """
+    rng = np.random.default_rng(number)
+    fault = damage(kind, rng)
+    balls = fault.arm.workcell.draw_goals(rng, count)
+    if start == KNOWN:
+        hits, middle = reached(fault, numeric(fault.chain, balls, stuck=fault.stuck, at=fault.at), balls)
+        return {0: (hits / count, middle, 0.0)}
+    torch.manual_seed(seed)
+    begun = Actor(load_policy(POLICY).network, fresh=start == NOTHING)
+    seen = torch.as_tensor(goal_block(ur5().arm, balls), dtype=torch.float32)
+    found = {}
+    for episodes in budgets(start, most):
+        actor, began = deepcopy(begun), process_time()
+        if episodes:
+            learn(fault, actor, STARTS[start], episodes, seed)
+        took = process_time() - began
+        with torch.no_grad():
+            actions = actor(seen).numpy().astype(float)
+        hits, middle = reached(fault, math.pi * np.clip(actions, -1.0, 1.0), balls)
+        found[episodes] = (hits / count, middle, took)
+    return found
+
+
+def budgets(start: str, most: int) -> list[int]:
+    """Numbers of episodes up to a largest."""
+    return [0] if start == KNOWN else [episodes for episodes in STARTS[start].budgets if episodes <= most]
+
+
+def draw(drawn: Mapping[tuple[str, str, int], Sequence[float]], file: Path) -> None:
+    """Balls reached against episodes, a panel a kind of fault, a line a start, with 95 % intervals."""
+    note = f"{PROG}; 95 % intervals over faults and seeds; dashed: IK, fault known"
+    figure, panels = new_figure("A damaged arm learns again", size=(10.6, 4.0), columns=len(KINDS), note=note)
+    for kind, axes in zip(KINDS, panels, strict=True):
+        axes.axhline(100 * drawn[kind, KNOWN, 0][0], color=FAINT, lw=1.2, ls="--")
+        for start, colour in zip(STARTS, PALETTE, strict=False):
+            own = {count: found for (one, other, count), found in drawn.items() if (one, other) == (kind, start)}
+            shown = {count: found for count, found in own.items() if count}  # no episodes have no place on a log axis
+            middle, low, high = 100 * np.array(list(shown.values())).T
+            axes.fill_between(list(shown), low, high, color=colour, alpha=0.15, linewidth=0)
+            axes.plot(list(shown), middle, color=colour, marker="o", ms=4, lw=1.6, label=f"from {start}")
+        axes.set(xscale="log", ylim=(-3, 103), xlabel="episodes")
+        key(axes, f"{kind} · balls reached [%]")
+    panels[-1].legend(frameon=False, loc="lower right")
+    with replacing(file) as temporary:
+        figure.savefig(temporary, format="png")
+
+
+def main(argv: list[str] | None = None) -> int:
+    """Print a Markdown table, and draw a figure."""
+    parser = Parser(prog=PROG, description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--faults", type=int, default=3, help="of each kind (default: %(default)s)")
+    parser.add_argument("--seeds", type=int, default=2, help="of the learning of each fault (default: %(default)s)")
+    parser.add_argument("--balls", type=int, default=100, help="for each fault (default: %(default)s)")
+    parser.add_argument("--most", type=int, default=1_000_000, help="episodes (default: %(default)s)")
+    parser.add_argument("--figure", type=Path, metavar="FILE", help="PNG file")
+    add_options(parser)
+    arguments = parser.parse_args(argv)
+    for name in ("faults", "seeds", "balls", "most"):
+        check_count(f"--{name}", getattr(arguments, name))
+    count, most = arguments.balls, arguments.most
+    groups = [(kind, start) for kind in KINDS for start in (KNOWN, *STARTS) if budgets(start, most)]
+    runs = [(fault, seed) for fault in range(arguments.faults) for seed in range(arguments.seeds)]
+    parts = [(kind, fault, seed, start, count, most) for kind, start in groups for fault, seed in runs]
+    found = each(arguments, curve, parts)
+    print(head("fault", "begun with", "episodes", "reached, % [95 % CI]", "median of medians, mm", "processor, s"))
+    drawn = {}
+    for kind, start in groups:
+        curves = [next(found) for _ in runs]
+        for episodes in budgets(start, most):
+            shares, middles, took = np.array([one[episodes] for one in curves]).T
+            ((low, high),) = bootstrap_intervals(shares, (mean,))
+            drawn[kind, start, episodes] = (shares.mean(), low, high)
+            said = f"{100 * shares.mean():.1f} [{100 * low:.1f}, {100 * high:.1f}]"
+            print(line(kind, start, episodes, said, f"{np.median(middles):.2f}", f"{took.mean():.2f}"), flush=True)
+    if arguments.figure is not None:
+        draw(drawn, arguments.figure)
+    return 0
+
+
+if __name__ == "__main__":
+    raise SystemExit(finish(main, prog=PROG))
