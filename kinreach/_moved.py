@@ -105,6 +105,7 @@ NAMES = {
     "kinreach.baselines.run_folder.finished_run": "kinreach.baselines.training.kept_run",
     "kinreach.baselines.run_folder.remove": "kinreach.baselines.training._remove",
     "kinreach.baselines.scripted.AnalyticReachPolicy": "kinreach.baselines.solver_policy.AnalyticReachPolicy",
+    "kinreach.demo.cli.FILM_FPS": "kinreach.demo.film.FILM_FPS",
     "kinreach.envs.reach.UR5ReachVectorEnv": "kinreach.envs.reach.ReachVectorEnv",
     "kinreach.envs.reach.env.UR5ReachEnv": "kinreach.envs.reach.env.ReachEnv",
     "kinreach.envs.reach.options.OBSERVATIONS": "kinreach.envs.reach.task.OBSERVATION_KINDS",

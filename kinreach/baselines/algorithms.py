@@ -109,8 +109,8 @@ BUTTON_SCALE = (*(1.0,) * 6, *(2 / 3,) * 6, *(2.5,) * 3, *(0.5,) * 3, 1.0)
 SIGHTS_MEAN = (0.475, 0.0, -0.175, 0.05, *get_arm("ur5").home, *(0.0,) * 6)
 SIGHTS_SCALE = (0.09, 0.17, 1.0, 0.05, *(0.5,) * 6, *(1.0,) * 6)
 SIGHT_SCALE = 0.01
-#: What `"arms"` subtract and divide by: a ball [m], two errors beside it [m], moves, looks, and of three coordinates the
-#: mean error [m] and its slopes [m].
+#: What `"arms"` subtract and divide by: a ball [m], two errors beside it [m], moves, looks, and of three coordinates
+#: the mean error [m] and its slopes [m].
 ARMS_MEAN = (0.475, 0.0, -0.175, *(0.0,) * 6, 1.0, 20.0, *(0.0,) * 9)
 ARMS_SCALE = (0.1, 0.18, 0.006, *(5e-3,) * 6, 1.0, 20.0, *(5e-3, 7e-4, 7e-4) * 3)
 

@@ -15,7 +15,7 @@ from typing import Any, Protocol
 import gymnasium as gym
 import numpy as np
 from matplotlib.figure import Figure
-from matplotlib.ticker import FuncFormatter
+from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
 from numpy.typing import NDArray
 
 from kinreach.baselines import random_arms as arms
@@ -395,8 +395,8 @@ def draw_looks(trials: Sequence[Trial], results: Mapping[str, Any]) -> Figure:
     methods = [method["name"] for method in results["methods"]]
     measured = [budget for budget in BUDGETS if any(f"error_{budget}_0" in trial for trial in trials)]
     colours = dict(zip(methods, colours_in(results), strict=True))
+    ends: tuple[dict[str, tuple[float, float]], ...] = ({}, {})
     for again, axes in enumerate(panels):
-        ends = {}
         for method in methods:
             own = [trial for trial in trials if trial["method"] == method]
             line = [(budget, _middle(own, budget, again)) for budget in measured]
@@ -407,17 +407,19 @@ def draw_looks(trials: Sequence[Trial], results: Mapping[str, Any]) -> Figure:
             place = np.searchsorted(measured, budgets)
             axes.fill_between(place, low, high, color=colours[method], alpha=0.15, linewidth=0)
             axes.plot(place, middle, color=colours[method], marker="o", ms=4, lw=1.6)
-            ends[method] = (place[-1], middle[-1])
+            ends[again][method] = (place[-1], middle[-1])
         axes.set(yscale="log", xlim=(-0.2, len(measured) - 0.8), xlabel="looks before")
         axes.set_xticks(range(len(measured)), [str(budget) for budget in measured])
+        axes.yaxis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
         axes.yaxis.set_major_formatter(FuncFormatter(plain))
-        if ends:
-            label_ends(axes, ends, colours)
+        axes.yaxis.set_minor_formatter(NullFormatter())
         key(axes, ("first move", "second move, having seen the first")[again] + " · median distance to the ball [mm]")
     low = min(axes.get_ylim()[0] for axes in panels)
     high = max(axes.get_ylim()[1] for axes in panels)
-    for axes in panels:
+    for axes, own in zip(panels, ends, strict=True):
         axes.set_ylim(low, high)
+        if own:
+            label_ends(axes, own, colours)
     return figure
 
 

@@ -15,16 +15,15 @@ import kinreach  # registers the environments
 from kinreach.baselines.rollout import Policy, rollout
 from kinreach.checks import check_count
 from kinreach.cli import Parser
+from kinreach.demo.drawn import Drawn
 from kinreach.demo.film import Film
-from kinreach.demo.tasks import POLICIES, TASKS, make_policy, trained_for
+from kinreach.demo.tasks import POLICIES, TASKS, DemoTask, make_policy, trained_for
 from kinreach.envs.button import ACTUATIONS
 from kinreach.envs.reach.task import BACKENDS, OBSERVATION_KINDS
 from kinreach.errors import InputError, raise_unknown
 from kinreach.kinematics.solvers import SOLVERS
 
 PRINTABLE = ("action", "observation", "reward", "info")
-#: Frames per second of a film, in the time of the simulation.
-FILM_FPS = 25
 #: How many frames the end of an episode stands still.
 HOLD = 12
 
@@ -49,10 +48,10 @@ def main(argv: Sequence[str], *, prog: str) -> int:
     mode = "rgb_array_list" if arguments.video else "human" if screen else None
     if mode is None:
         print("No screen here: nothing is drawn. --video FILE.gif or FILE.mp4 films it.", file=sys.stderr)
-    env = gym.make(task.name, render_mode=mode, **{name: getattr(arguments, name) for name in task.options})
+    env = _make(task, mode, {name: getattr(arguments, name) for name in task.options})
     try:
         policy = make_policy(arguments.policy, task, env, seed=arguments.seed)
-        film = Film(arguments.video, fps=FILM_FPS) if arguments.video else nullcontext()
+        film = Film(arguments.video, fps=task.fps) if arguments.video else nullcontext()
         with film as reel:
             reached, episodes = _run(env, policy, arguments, printed, reel)
     finally:
@@ -63,12 +62,21 @@ def main(argv: Sequence[str], *, prog: str) -> int:
     return 0
 
 
+def _make(task: DemoTask, mode: str | None, options: Mapping[str, Any]) -> gym.Env[Any, Any]:
+    """The environment, drawn as far as it is to be."""
+    options = {**task.settings, **options}
+    if task.drawn:
+        return gym.make(task.name, render_mode=mode, **options)
+    env = gym.make(task.name, **options)
+    return env if mode is None else Drawn(env, mode=mode, fps=task.fps)
+
+
 def _run(
     env: gym.Env[Any, Any], policy: Policy, arguments: Any, printed: Sequence[str], film: Film | None
 ) -> tuple[int, int]:
     """Play episodes; how many ended at the goal, and how many there were."""
     reached = episodes = steps = 0
-    shown = _Shown(env, printed, film)
+    shown = _Shown(env, printed, film, TASKS[arguments.env].fps)
 
     def resets() -> Iterator[Mapping[str, Any]]:
         seed = arguments.seed  # of the first episode; the others go on from its generators
@@ -87,11 +95,11 @@ def _run(
 class _Shown(gym.Wrapper[Any, Any, Any, Any]):
     """Prints and films every step, and ends an episode after `limit` of them."""
 
-    def __init__(self, env: gym.Env[Any, Any], printed: Sequence[str], film: Film | None) -> None:
+    def __init__(self, env: gym.Env[Any, Any], printed: Sequence[str], film: Film | None, fps: int) -> None:
         super().__init__(env)
         self.limit = 0
         self._printed, self._film = printed, film
-        self._steps_per_frame = max(1, round(env.metadata["render_fps"] / FILM_FPS))
+        self._steps_per_frame = max(1, round(env.metadata.get("render_fps", fps) / fps))
         self._step = self._total = 0
 
     def reset(self, **options: Any) -> tuple[Any, dict[str, Any]]:
@@ -153,7 +161,7 @@ def _parser(prog: str) -> Parser:
     parser.add_argument("--env", default="single", help=f"one of: {', '.join(TASKS)} (default: %(default)s)")
     parser.add_argument(
         "--policy",
-        help=f"one of: {', '.join([*POLICIES, *SOLVERS, *trained])}; or the file of a trained policy "
+        help=f"one of: {', '.join([*POLICIES, *SOLVERS, *trained])}; a method of the task; or the file of a policy "
         f"(default for {by_task('policy')})",
     )
     parser.add_argument("--steps", type=int, metavar="N", help=f"default for {by_task('steps')}")
@@ -162,12 +170,12 @@ def _parser(prog: str) -> Parser:
     )
     parser.add_argument("--seed", type=int, default=0, metavar="S", help="default: %(default)s")
     parser.add_argument(
-        "--backend", default="mujoco", help=f"of all but button: {', '.join(BACKENDS)} (default: %(default)s)"
+        "--backend", default="mujoco", help=f"of single, multi and space: {', '.join(BACKENDS)} (default: %(default)s)"
     )
     parser.add_argument(
         "--observation",
         default="geometric",
-        help=f"of all but button: {', '.join(OBSERVATION_KINDS)} (default: %(default)s)",
+        help=f"of single, multi and space: {', '.join(OBSERVATION_KINDS)} (default: %(default)s)",
     )
     parser.add_argument(
         "--actuation", default="tuned", help=f"of button: {', '.join(ACTUATIONS)} (default: %(default)s)"

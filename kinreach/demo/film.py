@@ -17,6 +17,8 @@ from kinreach.checks import check_path
 from kinreach.errors import InputError, OutputError
 from kinreach.files import make_writable, replacing
 
+#: Frames per second of a film, in the time of the simulation.
+FILM_FPS = 25
 Frame = NDArray[np.uint8]
 FORMATS = (".gif", ".mp4")
 #: A GIF is put together in memory; a longer film has to be a video.

@@ -11,16 +11,20 @@ import gymnasium as gym
 
 from kinreach.baselines.button_controller import AnalyticButtonPolicy
 from kinreach.baselines.policies import load_policy, pretrained_names, trained_arm
-from kinreach.baselines.rollout import Policy, RandomPolicy
+from kinreach.baselines.rollout import Policy, RandomPolicy, as_policy
 from kinreach.baselines.solver_policy import SolverPolicy
+from kinreach.compare.task import Method, get_task
+from kinreach.demo.film import FILM_FPS
 from kinreach.errors import raise_unknown
 from kinreach.kinematics.solvers import SOLVERS, new_solver
-from kinreach.registration import BUTTON, MULTI, SINGLE, SPACE
+from kinreach.registration import BUTTON, MOVING, MULTI, REAL_ARM, SINGLE, SPACE
 
 Environment = gym.Env[Any, Any]
 
 #: Of policies that are trained for an arm that their card does not name.
 ARM = "ur5"
+#: Otherwise than in the comparison: an episode that can be watched to its end.
+SHORTER: Mapping[str, Mapping[str, Any]] = {REAL_ARM: {"balls": 4, "budgets": (0, 5, 20)}}
 
 
 @dataclass(frozen=True)
@@ -33,6 +37,9 @@ class DemoTask:
         analytic: Makes its analytic policy from the environment.
         policy, steps, printed: What the command line does if it is not told.
         solvers: Names of solvers that can act in it.
+        comparison: The task of `kinreach.compare` in it, whose options it has and whose methods can act; or none.
+        drawn: Whether the environment draws itself.
+        fps: Frames per second of a film, in the time of the simulation.
     """
 
     name: str
@@ -42,6 +49,19 @@ class DemoTask:
     steps: int = 20
     printed: str = "reward"
     solvers: tuple[str, ...] = ()
+    comparison: str = ""
+    drawn: bool = True
+    fps: int = FILM_FPS
+
+    @property
+    def settings(self) -> Mapping[str, Any]:
+        """Options of the environment that nobody is asked for."""
+        return SHORTER.get(self.name, get_task(self.comparison).options if self.comparison else {})
+
+    @property
+    def methods(self) -> Mapping[str, Method]:
+        """Of the comparison, by name."""
+        return get_task(self.comparison).methods if self.comparison else {}
 
 
 def solver_policy(name: str, env: Environment) -> SolverPolicy:
@@ -49,16 +69,35 @@ def solver_policy(name: str, env: Environment) -> SolverPolicy:
     return SolverPolicy(new_solver(name, env.get_wrapper_attr("kinematics")), env)
 
 
-def _reach(name: str) -> DemoTask:
+def _reach(name: str, comparison: str = "") -> DemoTask:
     return DemoTask(
-        name, ("observation", "backend"), lambda env: solver_policy("closed-form", env), solvers=tuple(SOLVERS)
+        name,
+        ("observation", "backend"),
+        lambda env: solver_policy("closed-form", env),
+        solvers=tuple(SOLVERS),
+        comparison=comparison,
+    )
+
+
+def _compared(name: str, comparison: str, *, policy: str, steps: int, fps: int = FILM_FPS) -> DemoTask:
+    return DemoTask(
+        name,
+        (),
+        lambda env: as_policy(get_task(comparison).methods[policy].make(env)),
+        policy=policy,
+        steps=steps,
+        comparison=comparison,
+        drawn=False,
+        fps=fps,
     )
 
 
 TASKS: Mapping[str, DemoTask] = {
     "single": _reach(SINGLE),
     "multi": _reach(MULTI),
-    "space": _reach(SPACE),
+    "space": _reach(SPACE, "space"),
+    "real-arm": _compared(REAL_ARM, "real-arm", policy="identified", steps=6),
+    "moving": _compared(MOVING, "moving", policy="interception", steps=200, fps=30),
     # By default this is the test that the course report describes.
     "button": DemoTask(
         BUTTON,
@@ -98,7 +137,8 @@ def make_policy(name: str, task: DemoTask, env: Environment, *, seed: int = 0) -
     """A policy by name, or a trained one: of the package, or from a file.
 
     Args:
-        name: Of `POLICIES`, of the task's `solvers`, or of a policy of the package; or the path of a policy file.
+        name: Of `POLICIES`, of the task's `solvers` or `methods`, or of a policy of the package; or the path of a
+            policy file.
         task: What it will do.
         env: Where.
         seed: Of what it draws.
@@ -110,7 +150,10 @@ def make_policy(name: str, task: DemoTask, env: Environment, *, seed: int = 0) -
         return POLICIES[name](task, env, seed)
     if name in task.solvers:
         return solver_policy(name, env)
+    if name in task.methods:
+        return as_policy(task.methods[name].make(env))
     trained = trained_for(task.name)
+    known = dict.fromkeys((*POLICIES, *task.solvers, *task.methods, *trained))
     if name not in trained and not Path(name).suffix:
-        raise_unknown(f"policy for {task.name}", name, ("a file of a policy", *POLICIES, *task.solvers, *trained))
+        raise_unknown(f"policy for {task.name}", name, ("a file of a policy", *known))
     return load_policy(name, environment=task.name)

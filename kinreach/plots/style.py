@@ -153,7 +153,10 @@ def spread(positions: Sequence[float], *, gap: float) -> list[float]:
     placed = np.array(positions, dtype=float)
     for above, below in pairwise(order):
         placed[below] = min(placed[below], placed[above] - gap)
-    return list(placed + max(0.0, -placed.min(initial=0.0)))
+    placed = np.maximum(placed, 0.0)
+    for below, above in pairwise(order[::-1]):
+        placed[above] = max(placed[above], placed[below] + gap)
+    return list(placed)
 
 
 #: Beyond this matplotlib's axes give up, or take minutes.

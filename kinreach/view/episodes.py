@@ -15,9 +15,9 @@ from numpy.typing import NDArray
 from kinreach.baselines.policies import load_policy, needed_options, pretrained_names
 from kinreach.baselines.rollout import rollout
 from kinreach.checks import Floats
-from kinreach.errors import InputError, KinreachError
+from kinreach.demo.drawn import scene_of
+from kinreach.errors import KinreachError
 from kinreach.robots import ArmDescription
-from kinreach.sim.posed import PosedScene
 from kinreach.sim.simulation import ArmSimulation
 from kinreach.summary import Trial
 from kinreach.view.mujoco_scene import Contact, MujocoScene
@@ -260,16 +260,9 @@ class _Recorder(gym.Wrapper[Any, Any, Any, Any]):
 
     def _begin(self, info: Mapping[str, Any]) -> None:
         """An episode in the environment's own scene, or in one that follows what it says."""
-        name = self.env.spec.id if self.env.spec is not None else "the environment"
+        self._scene, self._follows = scene_of(self.env, info)
         self._believed = self.env.has_wrapper_attr("believed")
-        arm_of = "believed" if self._believed else "arm"
-        if not self.env.has_wrapper_attr(arm_of):
-            raise InputError(f"{name} cannot be drawn: it has no `arm`")
-        arm = self.env.get_wrapper_attr(arm_of)
-        self._follows = not self.env.has_wrapper_attr("scene")
-        if self._follows and "q" not in info:
-            raise InputError(f"{name} cannot be drawn: it has no `scene`, and no posture `q` in its info")
-        self._scene: Any = PosedScene(arm) if self._follows else self.env.get_wrapper_attr("scene")
+        arm = self.env.get_wrapper_attr("believed" if self._believed else "arm")
         self._scene.watch = self._moving
         goal = None if "goal" not in info else np.array(info["goal"], dtype=np.float64)
         facts = {name: value for name, value in info.items() if type(value) in (str, float) and name not in CHANGING}

@@ -16,21 +16,19 @@ from kinreach.baselines.rollout import Policy, RandomPolicy, as_policy
 from kinreach.compare import Method, Task, get_task, task_names
 from kinreach.compare.methods import resolve_methods
 from kinreach.compare.task import POLICY
-from kinreach.demo.tasks import solver_policy, trained_for
+from kinreach.demo.tasks import SHORTER, solver_policy, trained_for
 from kinreach.errors import InputError, raise_unknown
 from kinreach.kinematics import kinematics_of
 from kinreach.kinematics.closed_form import ClosedFormKinematics
 from kinreach.kinematics.solvers import SOLVERS
 from kinreach.objects import load_module
-from kinreach.registration import ENVIRONMENTS, KINEMATIC_ENVIRONMENTS, REAL_ARM, SINGLE_ENVIRONMENTS
+from kinreach.registration import ENVIRONMENTS, KINEMATIC_ENVIRONMENTS, SINGLE_ENVIRONMENTS
 from kinreach.robots import ArmDescription
 
 RANDOM = "random"
 PIXELS = "pixels"
 #: Options of environments that the page lets the user choose.
 ARM, OBSERVATION, BACKEND = "arm", "observation", "backend"
-#: Otherwise than in the comparison: an episode that can be watched to its end.
-SHORTER: Mapping[str, Mapping[str, Any]] = {REAL_ARM: {"balls": 4, "budgets": (0, 5, 20)}}
 
 
 @dataclass(frozen=True)

@@ -13,6 +13,7 @@ from kinreach.baselines import random_arms as arms
 from kinreach.baselines.expert import tool_down_postures
 from kinreach.baselines.models import build
 from kinreach.baselines.recipes import get_recipe
+from kinreach.cli import main
 from kinreach.errors import InputError
 from kinreach.registration import RANDOM_ARM
 
@@ -76,6 +77,15 @@ def test_the_objective_is_the_distance_of_the_true_tip():
         assert said == pytest.approx(wanted, abs=1e-5)
     finally:
         trainee.env.close()
+
+
+def test_the_policy_of_the_package_is_evaluated_with_and_without_its_environment(capsys):
+    own = "kinreach.baselines.random_arms:" + RANDOM_ARM
+    for more in ([], ["--env", own]):
+        assert main(["evaluate", "random-arms", "--goals", "100", *more]) == 0
+        assert "100 held-out goals" in capsys.readouterr().out
+    assert main(["evaluate", "random-arms", "--goals", "100", "--env", "nowhere:" + RANDOM_ARM]) == 2
+    assert "cannot import the environment nowhere:" in capsys.readouterr().err
 
 
 def test_nothing_of_an_episode_can_be_asked_for(env):

@@ -51,8 +51,8 @@ def test_looks_beforehand_are_worth_as_much(results):
 def test_who_was_trained_on_random_arms_makes_something_of_looks(results):
     line = [mm(results, "policy-informed", "all", budget) for budget in (0, 5, 50)]
     assert line[0] > 3.0
-    assert line[1] < 1.0
-    assert mm(results, "policy-informed", "all", 0, 1) < 1.0
+    assert line[0] > 3 * line[1] > 3 * line[2]
+    assert mm(results, "policy-informed", "all", 0, 1) < 0.5
 
 
 def test_the_same_again_and_all_methods_alike():

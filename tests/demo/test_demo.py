@@ -1,5 +1,6 @@
 """The demo: runs, prints, films; and says in one line what is wrong."""
 
+import numpy as np
 import pytest
 from PIL import Image
 
@@ -81,10 +82,29 @@ def test_it_films(ending, tmp_path, needs_gl, capsys):
             assert film.n_frames > 15  # the move takes more than a second
 
 
+@pytest.mark.parametrize(("env", "policy", "steps", "least"), [("moving", "ppo", 25, 20), ("real-arm", None, 1, 30)])
+def test_it_films_what_does_not_draw_itself(env, policy, steps, least, tmp_path, needs_gl, capsys):
+    path = tmp_path / "film.gif"
+    command = ["demo", "--env", env, "--steps", str(steps), "--print", "nothing", "--video", str(path)]
+    assert main([*command, *(["--policy", policy] if policy else [])]) == 0
+    with Image.open(path) as film:
+        first = np.asarray(film.convert("RGB"), dtype=float)
+        film.seek(film.n_frames - 1)
+        assert film.n_frames >= least
+        assert np.abs(np.asarray(film.convert("RGB")) - first).max() > 50  # the arm went somewhere
+
+
+def test_methods_of_a_comparison_act(capsys):
+    assert main(["demo", "--env", "moving", "--policy", "interception", "--steps", "60", "--print", "nothing"]) == 0
+    assert "60 steps" in capsys.readouterr().out
+    assert main(["demo", "--env", "moving", "--policy", "placo"]) == 2
+    assert "first-sight, interception" in capsys.readouterr().err
+
+
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
-        (["--env", "chess"], "button, multi, single, space"),
+        (["--env", "chess"], "button, moving, multi, real-arm, single, space"),
         (["--env", "button", "--actuation", "magic"], "report, tuned"),
         (["--policy", "wisdom"], "analytic, closed-form, lm, panda-single, placo, ppo-single, qp, random"),
         (["--steps", "0"], "at least 1"),

@@ -62,6 +62,7 @@ def test_spread_keeps_order_and_gap():
         cases += 1
     assert cases == 200
     assert spread([0.2, 0.9], gap=0.06) == pytest.approx([0.2, 0.9])  # what does not collide stays
+    assert spread([0.9, 0.02, 0.01, 0.0], gap=0.06) == pytest.approx([0.9, 0.12, 0.06, 0.0])  # nor what is far above
     assert spread([], gap=0.06) == []
 
 

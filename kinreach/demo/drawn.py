@@ -1,0 +1,83 @@
+"""Environments that do not draw themselves: in their own scene, or in one that follows what they say."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+import gymnasium as gym
+
+from kinreach.errors import InputError
+from kinreach.sim.picture import ScenePicture
+from kinreach.sim.posed import PosedScene
+
+
+def scene_of(env: gym.Env[Any, Any], info: Mapping[str, Any]) -> tuple[Any, bool]:
+    """What there is to be drawn of an environment, and whether it has to be put where `info` says.
+
+    Args:
+        env: After its reset.
+        info: Of that.
+
+    Raises:
+        InputError: It has no arm, or neither a scene nor a posture `q` in its info.
+    """
+    name = env.spec.id if env.spec is not None else "the environment"
+    arm = next((part for part in ("believed", "arm") if env.has_wrapper_attr(part)), None)
+    if arm is None:
+        raise InputError(f"{name} cannot be drawn: it has no `arm`")
+    if env.has_wrapper_attr("scene"):
+        return env.get_wrapper_attr("scene"), False
+    if "q" not in info:
+        raise InputError(f"{name} cannot be drawn: it has no `scene`, and no posture `q` in its info")
+    return PosedScene(env.get_wrapper_attr(arm)), True
+
+
+class Drawn(gym.Wrapper[Any, Any, Any, Any]):
+    """Draws an environment that does not draw itself.
+
+    Args:
+        env: It.
+        mode: As of `ScenePicture`.
+        fps: Frames per second of simulated time.
+    """
+
+    def __init__(self, env: gym.Env[Any, Any], *, mode: str, fps: int) -> None:
+        super().__init__(env)
+        self._mode, self._fps = mode, fps
+        self._picture: ScenePicture | None = None
+
+    def reset(self, **options: Any) -> tuple[Any, dict[str, Any]]:
+        """Begin an episode; there may be another arm to be drawn."""
+        observation, info = self.env.reset(**options)
+        self._let_go()
+        self._scene, self._follows = scene_of(self.env, info)
+        self._picture = ScenePicture(self._scene, mode=self._mode, fps=self._fps)
+        self._follow(info)
+        return observation, info
+
+    def step(self, action: Any) -> tuple[Any, Any, bool, bool, dict[str, Any]]:
+        """One step, to be seen."""
+        result = self.env.step(action)
+        self._follow(result[4])
+        return result
+
+    def render(self) -> Any:
+        """As of `ScenePicture.frame`."""
+        return None if self._picture is None else self._picture.frame()
+
+    def close(self) -> None:
+        """Close what draws, too."""
+        self._let_go()
+        super().close()
+
+    def _follow(self, info: Mapping[str, Any]) -> None:
+        if self._follows:
+            self._scene.put(info["q"], ball=info.get("goal"), time=info["time"])
+            if self._scene.watch is not None:
+                self._scene.watch()
+
+    def _let_go(self) -> None:
+        if self._picture is not None:
+            self._picture.close()
+        self._picture = None
