@@ -3,10 +3,10 @@
 import json
 from dataclasses import replace
 
-import gymnasium as gym
 import numpy as np
 import pytest
 
+from kinreach.baselines.batch import make_batch
 from kinreach.baselines.onnx_export import export_onnx
 from kinreach.baselines.policies import (
     ACTIVATIONS,
@@ -45,7 +45,9 @@ def assert_equal(policy, path, observations, count=OBSERVATIONS):
 @pytest.mark.parametrize("name", [name for name in pretrained_names() if not load_policy(name).network.eyes])
 def test_policies_of_the_package(name, tmp_path):
     policy = load_policy(name)
-    space = gym.make(policy.card.environment, **needed_options(policy)).observation_space
+    env = make_batch(policy.card.environment, 1, needed_options(policy))
+    space = env.single_observation_space
+    env.close()
     draws = np.random.default_rng(0).normal(size=(OBSERVATIONS, *space.shape))
     observations = np.clip(draws, space.low, space.high)
     export_onnx(policy, tmp_path / "policy.onnx", observations=space.shape[0])

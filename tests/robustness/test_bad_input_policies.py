@@ -1,12 +1,12 @@
 """Policies, logs, comparisons and statistics under fuzz."""
 
-import gymnasium as gym
 import numpy as np
 import pytest
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
 from kinreach.baselines import training
+from kinreach.baselines.batch import make_batch
 from kinreach.baselines.evaluation import evaluate
 from kinreach.baselines.learning_curve import read_curve
 from kinreach.baselines.logs import load_logs, log_names, logged_policies, sampled_returns, thinned, trace
@@ -27,8 +27,9 @@ PATHS = (
 @pytest.mark.parametrize("name", NAMES)
 def test_acting(name, fuzzed):
     policy = load_policy(name)
-    env = gym.make(policy.card.environment, **policy.card.recipe["options"])
-    size, space = env.observation_space.shape[0], env.action_space
+    env = make_batch(policy.card.environment, 1, policy.card.recipe["options"])
+    size, space = len(env.single_observation_space.low), env.single_action_space
+    env.close()
     joints = len(policy.network.gain)
 
     def run(observation):
