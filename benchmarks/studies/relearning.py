@@ -194,7 +194,7 @@ def draw(drawn: Mapping[tuple[str, str, int], Sequence[float]], file: Path) -> N
             axes.plot(list(shown), middle, color=colour, marker="o", ms=4, lw=1.6, label=f"from {start}")
         axes.set(xscale="log", ylim=(-3, 103), xlabel="episodes")
         key(axes, f"{kind} · balls reached [%]")
-    panels[-1].legend(frameon=False, loc="lower right")
+    panels[-1].legend(frameon=False, loc="center left")
     with replacing(file) as temporary:
         figure.savefig(temporary, format="png")
 

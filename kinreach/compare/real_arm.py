@@ -416,10 +416,10 @@ def draw_looks(trials: Sequence[Trial], results: Mapping[str, Any]) -> Figure:
         key(axes, ("first move", "second move, having seen the first")[again] + " · median distance to the ball [mm]")
     low = min(axes.get_ylim()[0] for axes in panels)
     high = max(axes.get_ylim()[1] for axes in panels)
-    for axes, own in zip(panels, ends, strict=True):
+    for axes, last in zip(panels, ends, strict=True):
         axes.set_ylim(low, high)
-        if own:
-            label_ends(axes, own, colours)
+        if last:
+            label_ends(axes, last, colours)
     return figure
 
 
