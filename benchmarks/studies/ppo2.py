@@ -57,6 +57,7 @@ class Cell:
         ends: Whether reaching ends the episode in training.
         reward: Which parts of the reward are paid.
         shrinks: Whether the standard deviation falls to a quarter by a schedule; else it is learned.
+        random: Share of the actions in training that are any in the range (epsilon-greedy, 6.2).
     """
 
     terminal: bool = True
@@ -66,6 +67,7 @@ class Cell:
     ends: bool = True
     reward: str = "all"
     shrinks: bool = False
+    random: float = 0.0
 
     @property
     def name(self) -> str:
@@ -77,6 +79,7 @@ class Cell:
             "openai" if self.openai else "stable",
             *(() if self.ends else ("going-on",)),
             *(("shrinking",) if self.shrinks else ()),
+            *((f"random-{self.random:g}",) if self.random else ()),
             *(() if self.reward == "all" else (self.reward.replace(" ", "-"),)),
         )
         return "-".join(words)
@@ -95,6 +98,7 @@ class Cell:
             entropy=0.0 if self.openai else 0.01,
             reward=own if self.reward == "all" else PARTS[self.reward],
             std_last=1 / unit / 4 if self.shrinks else None,
+            random=self.random,
         )
 
 
@@ -112,6 +116,7 @@ _SINGLE = [cell for cell in _READINGS if cell.terminal]
 _ABLATED = [replace(FAITHFUL, reward=reward) for reward in PARTS if reward != "all"]
 #: The step limit and the end on reaching, in the most faithful reading else; and with less and less exploration.
 _RULES = [replace(FAITHFUL, terminal=terminal, ends=ends) for ends in (True, False) for terminal in (True, False)]
+_GREEDY = [replace(FAITHFUL, random=random) for random in (0.1, 0.3)]
 _SHRINKING = [replace(FAITHFUL, ends=ends, shrinks=True) for ends in (True, False)]
 
 
@@ -136,6 +141,7 @@ _LONG = Stack(MULTI, 5_000_000, 128, 32, 0.99, shared=False, windows=100)
 PLANS: Mapping[str, Plan] = {
     "single": Plan(_THESIS_SINGLE, [*_SINGLE, *_ABLATED], 5),
     "multi": Plan(_THESIS_MULTI, [*_READINGS, *_ABLATED], 5),
+    "single-random": Plan(_THESIS_SINGLE, _GREEDY, 5),
     "single-long": Plan(replace(_THESIS_SINGLE, steps=600_000), [*_SINGLE[:4], *_ABLATED], 5),
     "multi-readings": Plan(replace(_LONG, steps=2_000_000), _READINGS, 1),
     "multi-long": Plan(_LONG, _RULES, 5),
@@ -331,6 +337,7 @@ def _row(cell: Cell, run: Mapping[str, Any]) -> dict[str, float]:
     flags = {name: getattr(cell, name) for name in FLAGS}
     return {
         **{name: float(value) for name, value in (flags | parts).items()},
+        "random": cell.random,
         "seed": run["seed"],
         "steps": steps[-1],
         "above": 0.0 if not len(below) else math.nan if below[-1] == steps[-1] else below[-1],
@@ -384,12 +391,15 @@ def table(found: Sequence[Mapping[str, float]], environment: str) -> str:
     """A Markdown table with a row for each cell: medians over the seeds, and their range; `-` where it never was."""
     shown = [name for name in FLAGS if len({row[name] for row in found}) > 1]
     ablated = any(row["natural_arm"] < 1 or row["gripper"] < 1 for row in found)
-    headings = [_WORDS[name][0] for name in shown] + ["reward"] * ablated + ["seeds"]
+    random = any(row.get("random") for row in found)
+    headings = [_WORDS[name][0] for name in shown] + ["any action, %"] * random + ["reward"] * ablated + ["seeds"]
     columns = CELLS[environment]
     lines = [head(*headings, *(heading for heading, _, _ in columns))]
-    for reading in dict.fromkeys(tuple(row[name] for name in READING) for row in found):
-        group = [row for row in found if tuple(row[name] for name in READING) == reading]
+    readings = [tuple(row.get(name, 0.0) for name in (*READING, "random")) for row in found]
+    for reading in dict.fromkeys(readings):
+        group = [row for row, other in zip(found, readings, strict=True) if other == reading]
         cells = [_WORDS[name][1 if group[0][name] else 2] for name in shown]
+        cells += [f"{100 * group[0]['random']:g}"] * random
         cells += [_paid(group[0])] * ablated + [str(len(group))]
         cells += [spread([row[column] for row in group], digits) for _, column, digits in columns]
         lines.append(line(*cells))

@@ -48,6 +48,8 @@ class Trained:
         reward: What the learner sees.
         std_last: Where the standard deviation goes to by a schedule, over four fifths of the training; None where it is
             learned.
+        random: Share of the actions that are any in the range instead, as in epsilon-greedy exploration. Probabilities
+            are those of the mixture.
     """
 
     seed: int
@@ -59,6 +61,7 @@ class Trained:
     entropy: float
     reward: TrainingReward = own
     std_last: float | None = None
+    random: float = 0.0
 
 
 @dataclass(frozen=True)
@@ -128,6 +131,7 @@ class Networks:
             value.requires_grad_(True)
         self._gain = torch.tensor([one.gain for one in trained])[:, None, None]
         self._rate = torch.tensor([one.rate for one in trained])
+        self._random = torch.tensor([one.random for one in trained])[:, None]
         self._first = [torch.zeros_like(value) for value in self.weights.values()]
         self._second = [torch.zeros_like(value) for value in self.weights.values()]
         self._updates = 0
@@ -164,6 +168,9 @@ class Networks:
         log_std = self.weights["log_std"]
         z = (actions - self._gain * self._head("mean", hidden)) * (-log_std).exp()
         log_prob = -0.5 * z.square().sum(-1) - log_std.sum(-1) - 0.5 * _JOINTS * math.log(2 * math.pi)
+        if self._random.any():
+            uniform = torch.where((actions.abs() <= 1).all(-1), -_JOINTS * math.log(2), -math.inf)
+            log_prob = torch.logaddexp(log_prob + (-self._random).log1p(), uniform + self._random.log())
         return self._head("value", hidden if self._shared else self._hidden("vf", x)).squeeze(-1), log_prob
 
     def entropy(self) -> Tensor:
@@ -306,6 +313,7 @@ def train_stack(
     place = [seeds.index(one.seed) for one in trained]
     generators = [torch.Generator().manual_seed(seed) for seed in seeds]
     shuffles = torch.Generator().manual_seed(0)
+    greedy = {i: torch.Generator().manual_seed(_APART + one.seed) for i, one in enumerate(trained) if one.random}
     bootstrapped = np.array([not one.terminal for one in trained])
     groups = [(reward, [i for i, one in enumerate(trained) if one.reward is reward])
               for reward in dict.fromkeys(one.reward for one in trained)]  # fmt: skip
@@ -333,6 +341,10 @@ def train_stack(
                 for t in range(length):
                     observations[t] = torch.from_numpy(seen)
                     actions[t] = networks.means(observations[t]) + std * noise[t]
+                    for index, generator in greedy.items():
+                        some = torch.rand(arms, 1, generator=generator) < trained[index].random
+                        anything = 2 * torch.rand(arms, _JOINTS, generator=generator) - 1
+                        actions[t, index] = torch.where(some, anything, actions[t, index])
                     after, own_rewards, terminated, truncated, info = env.step(
                         actions[t].flatten(0, 1).clamp(-1, 1).numpy().astype(np.float64)
                     )

@@ -8,6 +8,7 @@ import pytest
 pytest.importorskip("stable_baselines3")
 
 import torch
+from scipy.stats import norm
 from stable_baselines3.common.buffers import RolloutBuffer
 from stable_baselines3.common.logger import Logger
 
@@ -164,3 +165,28 @@ def test_a_schedule_of_the_standard_deviation():
     expected = 0.2 * 0.25 ** np.minimum(np.array([0, 1, 2, 3, 4, 5]) / 6 / 0.8, 1)
     np.testing.assert_allclose(fixed.mean(axis=1), expected, rtol=0.02)
     assert np.ptp(learned) < 0.02
+
+
+def test_random_actions_are_a_mixture():
+    """Probabilities are those of scipy's normal and of the uniform distribution over the range."""
+    jobs = [trained(gain=1.0, std=0.4, random=share) for share in (0.0, 0.3, 0.1)]
+    networks = Networks(jobs, shared=False)
+    rng = torch.Generator().manual_seed(0)
+    x, actions = torch.randn(3, 200, 13, generator=rng), 0.6 * torch.randn(3, 200, 6, generator=rng)
+    with torch.no_grad():
+        found, means = networks.evaluated(x, actions)[1].double().exp().numpy(), networks.means(x).numpy()
+    inside = (actions.abs() <= 1).all(-1).numpy()
+    assert 100 < inside.sum() < 500
+    for index, share in enumerate((0.0, 0.3, 0.1)):
+        density = norm.pdf(actions[index].numpy(), means[index], 0.4).prod(axis=1)
+        np.testing.assert_allclose(found[index], (1 - share) * density + share * inside[index] / 2**6, rtol=1e-3)
+
+
+def test_random_actions_of_one_training_leave_those_beside_it_alone():
+    stack = Stack(SINGLE, 512, 128, 1, 0.0, shared=False)
+    jobs = [trained(), trained(random=0.5)]
+    (together, curves), (alone, _) = (train_stack(stack, some) for some in (jobs, jobs[:1]))
+    for name, value in alone.weights.items():
+        assert torch.allclose(together.weights[name][0], value[0], atol=1e-5), name
+        assert (together.weights[name][1] - value[0]).abs().max() > 1e-4 or name.endswith(".b")
+    assert curves.columns(1)["impossible"] != curves.columns(0)["impossible"]
