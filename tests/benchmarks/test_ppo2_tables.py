@@ -38,6 +38,16 @@ def test_the_published_table_is_that_of_the_file():
     assert len(seeds) >= 7
 
 
+def test_random_actions_are_those_of_the_file():
+    found = rows("thesis-single", "random.csv")
+    assert table(found, SINGLE) in PAGE.read_text(encoding="utf-8")
+    assert [(row["random"], row["seed"]) for row in found] == [
+        (share, seed) for share in (0.1, 0.3) for seed in range(5)
+    ]
+    assert {row["reached_training"] for row in found} == {row["reached"] for row in found} == {0}
+    assert 135 < min(row["distance"] for row in found[:5]) < max(row["distance"] for row in found[:5]) < 745
+
+
 def test_the_published_tables_of_multi_step_are_those_of_the_files():
     page = PAGE.read_text(encoding="utf-8")
     for name, cells, seeds in (
