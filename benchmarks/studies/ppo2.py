@@ -399,7 +399,7 @@ def table(found: Sequence[Mapping[str, float]], environment: str) -> str:
     for reading in dict.fromkeys(readings):
         group = [row for row, other in zip(found, readings, strict=True) if other == reading]
         cells = [_WORDS[name][1 if group[0][name] else 2] for name in shown]
-        cells += [f"{100 * group[0]['random']:g}"] * random
+        cells += [f"{100 * group[0]['random']:g}"] if random else []
         cells += [_paid(group[0])] * ablated + [str(len(group))]
         cells += [spread([row[column] for row in group], digits) for _, column, digits in columns]
         lines.append(line(*cells))
