@@ -206,7 +206,9 @@ def test_policies_off_the_table_do_what_the_page_says(capsys, tmp_path, monkeypa
     measured = dict(re.findall(r"^([\w-]+ 0\.0\d?) ([\d.]+) \(", capsys.readouterr().out, re.MULTILINE))
     checked = 0
     for name, *said in re.findall(
-        r"^\| `([\w-]+)` \| (\d+) % \[.*\] \| (\d+) % \[.*\] \| (\d+) % \[.*\] \|$", read(DOCS / "training.md"), re.MULTILINE
+        r"^\| `([\w-]+)` \| (\d+) % \[.*\] \| (\d+) % \[.*\] \| (\d+) % \[.*\] \|$",
+        read(DOCS / "training.md"),
+        re.MULTILINE,
     ):
         for height, share in zip(("0.0", "0.01", "0.02"), said, strict=True):
             assert 100 * float(measured[f"{name} {height}"]) == pytest.approx(float(share), abs=1)
