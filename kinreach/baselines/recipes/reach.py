@@ -69,6 +69,8 @@ _OFF_POLICY = {
     "gradient_steps": 4,
     "decay": 0.3,
 }
+#: What a search found for TD3, which reaches nothing with it either.
+_DETERMINISTIC_MULTI = {"learning_rate": 1.3e-3, "learning_starts": 16_000, "gamma": 0.9, "gain": 0.3}
 _RADIANS = {"first": 1 / math.pi, "last": 0.01 / math.pi, "until": 0.9}
 _DEGREES = {"first": 1 / 5, "last": 0.05 / 5, "until": 0.9}
 
@@ -394,6 +396,6 @@ REACH_RECIPES = (
     _off_policy("TD3", SINGLE),
     _off_policy("DDPG", SINGLE),
     _off_policy("SAC", MULTI),
-    _off_policy("TD3", MULTI),
-    _off_policy("DDPG", MULTI),
+    _off_policy("TD3", MULTI, reward="dense-clipped", **_DETERMINISTIC_MULTI),
+    _off_policy("DDPG", MULTI, reward="dense-clipped", **_DETERMINISTIC_MULTI),
 )
