@@ -49,38 +49,32 @@ class GainCritic(ContinuousCritic):
         return super().q1_forward(obs, self.gain * actions)
 
 
-class GainTD3Policy(TD3Policy):
-    """The policy of TD3 and DDPG with a `GainCritic`.
+class WithGain(BasePolicy):
+    """A policy with a `GainCritic`.
 
     Args:
         gain: Of the critic.
-        **kwargs: Of `TD3Policy`.
+        **kwargs: Of the policy.
     """
+
+    critic_kwargs: dict[str, Any]
 
     def __init__(self, *args: Any, gain: float, **kwargs: Any) -> None:
         self.gain = gain
         super().__init__(*args, **kwargs)
 
     def make_critic(self, features_extractor: BaseFeaturesExtractor | None = None) -> GainCritic:
-        """A critic, and its target likewise."""
-        return GainCritic(**self._update_features_extractor(self.critic_kwargs, features_extractor), gain=self.gain)
+        """The critic, or its target."""
+        arguments = self._update_features_extractor(self.critic_kwargs, features_extractor)
+        return GainCritic(**arguments, gain=self.gain).to(self.device)
 
 
-class GainSACPolicy(SACPolicy):
-    """The policy of SAC with a `GainCritic`.
+class GainTD3Policy(WithGain, TD3Policy):
+    """That of TD3 and DDPG."""
 
-    Args:
-        gain: Of the critic.
-        **kwargs: Of `SACPolicy`.
-    """
 
-    def __init__(self, *args: Any, gain: float, **kwargs: Any) -> None:
-        self.gain = gain
-        super().__init__(*args, **kwargs)
-
-    def make_critic(self, features_extractor: BaseFeaturesExtractor | None = None) -> GainCritic:
-        """A critic, and its target likewise."""
-        return GainCritic(**self._update_features_extractor(self.critic_kwargs, features_extractor), gain=self.gain)
+class GainSACPolicy(WithGain, SACPolicy):
+    """That of SAC."""
 
 
 class Scheduled(OffPolicyAlgorithm):
