@@ -43,6 +43,13 @@ def test_a_file_is_a_search(file):
     assert recipe.steps == 400
 
 
+def test_the_searches_of_the_docs_can_be_read(root):
+    found = {path.stem: read_search(path) for path in (root / "benchmarks/studies/searches").glob("*.yaml")}
+    assert {name: given.recipe for name, given in found.items()} == {
+        "td3-single": "td3-single", "td3-multi": "td3-multi",
+    }  # fmt: skip
+
+
 @pytest.mark.parametrize(
     ("text", "message"),
     [
