@@ -1,8 +1,7 @@
 """A damaged UR5: inverse kinematics that knows the fault, that finds it out by looks, and a policy that learns again.
 
-    python -m benchmarks.studies.damage                          # the tables, but for what is learned again
-    python -m benchmarks.studies.damage --episodes 20000,100000  # ranked PPO from the start, on the damaged arm
-    python -m benchmarks.studies.damage --engine ray             # each fault a task
+    python -m benchmarks.studies.damage                  # the table
+    python -m benchmarks.studies.damage --engine ray     # each fault a task
 
 A joint that is stuck, one that is 2 degrees off, or a link that is bent by 3 degrees and 5 mm; the ball on the table,
 the tool straight down. Kinematics only. Reached: within 10 mm, the tool within 0.15 rad, as `kinreach/Reach-v0` has it.
@@ -13,12 +12,10 @@ from __future__ import annotations
 import argparse
 import math
 import xml.etree.ElementTree as ET
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from functools import partial
 from itertools import islice
-from pathlib import Path
-from tempfile import TemporaryDirectory
 from time import process_time
 from typing import Any
 
@@ -32,13 +29,13 @@ from kinreach.baselines.random_arms import on_table, ur5
 from kinreach.checks import Floats, check_count
 from kinreach.cli import Parser, finish
 from kinreach.compare.real_arm import LEARNED_POLICY, Trained, Tuned
-from kinreach.envs.reach.task import TOOL_DOWN, goal_block
+from kinreach.envs.reach.task import TOOL_DOWN
 from kinreach.envs.real_arm import MEDIAN_LENGTH, NOISE
 from kinreach.jobs import add_options
 from kinreach.kinematics import ArmKinematics
 from kinreach.kinematics.chain import SerialChain
 from kinreach.kinematics.identification import IdentifiedArm, Prior
-from kinreach.robots import ArmDescription, get_arm, register_arm
+from kinreach.robots import ArmDescription, get_arm
 from kinreach.robots.rotations import pose, rpy
 from kinreach.robots.urdf import parse_urdf, set_origin
 from kinreach.statistics import wilson_interval
@@ -221,45 +218,17 @@ def tuned(policy: LearnedPolicy, q: Floats, seen: Floats, balls: Floats) -> Floa
     return learner.aim(balls)
 
 
-def relearned(kind: str, seed: int, count: int, episodes: Sequence[int]) -> Tried:
-    """The same of the recipe `single`, from the start on the damaged arm."""
-    return {f"policy, learned again from {n} episodes": _relearned(kind, seed, count, n) for n in episodes}
-
-
-def _relearned(kind: str, seed: int, count: int, episodes: int) -> tuple[int, float, float]:
-    from kinreach.baselines.recipes import get_recipe
-    from kinreach.baselines.training import train
-
-    rng = np.random.default_rng(seed)
-    fault = damage(kind, rng)
-    balls = ur5().arm.workcell.draw_goals(rng, count)
-    arm = register_arm(replace(fault.arm, name=f"{fault.arm.name}_{KINDS.index(kind)}_{seed}_{episodes}"))
-    recipe = replace(get_recipe("single"), steps=episodes, options={"backend": "kinematic", "arm": arm.name})
-    with TemporaryDirectory() as folder:
-        start = process_time()
-        policy = train(recipe, Path(folder) / "run", seed=seed).policy
-        took = process_time() - start
-    rest = np.array([*fault.arm.home, 0.1])
-    q = policy.posture(np.column_stack([goal_block(fault.arm, balls), np.tile(rest, (count, 1))]))
-    return *reached(fault, q, balls), took
-
-
 def main(argv: list[str] | None = None) -> int:
     """Print Markdown tables."""
     parser = Parser(prog=PROG, description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--faults", type=int, default=20, help="of each kind (default: %(default)s)")
     parser.add_argument("--balls", type=int, default=50, help="for each fault (default: %(default)s)")
-    parser.add_argument("--episodes", metavar="N,N", help="learn again from so many episodes instead")
     add_options(parser)
     arguments = parser.parse_args(argv)
     check_count("--faults", arguments.faults)
     check_count("--balls", arguments.balls)
     parts: list[Any] = [(kind, seed, arguments.balls) for kind in KINDS for seed in range(arguments.faults)]
-    if arguments.episodes:
-        episodes = [int(n) for n in arguments.episodes.split(",")]
-        faults = each(arguments, relearned, [(*part, episodes) for part in parts])
-    else:
-        faults = each(arguments, tried, parts)
+    faults = each(arguments, tried, parts)
     print(head("fault", "method", "reached, % [95 % CI]", "median of medians, mm", "processor, s"))
     for kind in KINDS:
         found = list(islice(faults, arguments.faults))
