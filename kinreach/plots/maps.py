@@ -126,7 +126,8 @@ def draw_error_maps(
         _seen_by_the_robot(ax, xy[:, 0], xy[:, 1], margin=0.02)
         some = errors[seen]
         missed = f" · {(~seen).sum()} {missing} (×)" if (~seen).any() else ""
-        numbers = f"median {np.median(some):.2g}, max {some.max():.2g}" if some.size else "none"
+        said = [plain(float(f"{value:.2g}")) for value in (np.median(some), some.max())] if some.size else []
+        numbers = "median {}, max {}".format(*said) if said else "none"
         ax.set_title(name_label(name), loc="left", fontsize=10, weight="bold", color=INK, pad=18)
         ax.annotate(numbers + missed, (0, 1.025), xycoords="axes fraction", fontsize=8.5, color=FAINT)
     for ax in axes[len(panels) :]:
