@@ -21,12 +21,14 @@ from time import process_time
 
 import numpy as np
 import torch
+from gymnasium import spaces
 
 from benchmarks.studies.damage import KINDS, SIGMA, Damage, damage, numeric, reached
 from benchmarks.studies.parts import each
 from benchmarks.studies.tables import head, line
 from kinreach.baselines.adaptive_ppo import AdaptiveRate, Exploration
 from kinreach.baselines.algorithms import normal_scores
+from kinreach.baselines.networks import ACTIVATIONS, ObservationFeatures, PostureHead
 from kinreach.baselines.policies import Network, load_policy
 from kinreach.baselines.random_arms import ur5
 from kinreach.checks import Floats, check_count
@@ -69,38 +71,24 @@ STARTS = {
 Curve = Mapping[int, tuple[float, float, float]]
 
 
-class Actor(torch.nn.Module):
-    """A network that goes on learning.
-
-    Args:
-        network: A policy's.
-        fresh: Forget what it has learned.
-    """
-
-    def __init__(self, network: Network, *, fresh: bool = False) -> None:
-        super().__init__()
-        self._network = network
-        layers = [torch.nn.Linear(weight.shape[1], weight.shape[0]) for weight, _ in network.layers]
-        if fresh:
-            torch.nn.init.orthogonal_(layers[-1].weight, 0.01)
-            torch.nn.init.zeros_(layers[-1].bias)
-        else:
-            for layer, (weight, bias) in zip(layers, network.layers, strict=True):
-                layer.load_state_dict({"weight": torch.as_tensor(weight), "bias": torch.as_tensor(bias)})
-        self.layers = torch.nn.ModuleList(layers)
-
-    def forward(self, observations: torch.Tensor) -> torch.Tensor:
-        """Mean actions, shape (n, 6)."""
-        mean, scale, waves, gain, shift = (
-            torch.as_tensor(getattr(self._network, name), dtype=torch.float32)
-            for name in ("mean", "scale", "waves", "gain", "shift")
+def actor_of(network: Network, *, fresh: bool = False) -> torch.nn.Sequential:
+    """A policy's network, to go on learning; a fresh one has forgotten all."""
+    space = spaces.Box(-np.inf, np.inf, network.mean.shape)
+    parts: list[torch.nn.Module] = [
+        ObservationFeatures(
+            space, mean=network.mean.tolist(), scale=network.scale.tolist(), waves=network.waves.tolist()
         )
-        z = (observations[:, : len(mean)] - mean) / scale
-        angles = (z[:, :, None] * waves).flatten(1)
-        h = torch.cat([z, angles.sin(), angles.cos()], dim=1)
-        for layer in self.layers[:-1]:
-            h = torch.nn.functional.silu(layer(h))
-        return shift + gain * self.layers[-1](h)
+    ]
+    for weight, _ in network.layers[:-1]:
+        parts += [torch.nn.Linear(*weight.shape[::-1]), ACTIVATIONS[network.activation]()]
+    last = network.layers[-1][0].shape[1]
+    parts.append(PostureHead(last, gain=network.gain.tolist(), shift=network.shift.tolist()))
+    if not fresh:
+        layers = (part for part in parts if isinstance(part, torch.nn.Linear))
+        for layer, (weight, bias) in zip(layers, network.layers, strict=True):
+            layer.weight.data.copy_(torch.as_tensor(weight))
+            layer.bias.data.copy_(torch.as_tensor(bias))
+    return torch.nn.Sequential(*parts)
 
 
 def outcome(fault: Damage, actions: Floats, balls: Floats, noise: Floats) -> Floats:
@@ -111,7 +99,7 @@ def outcome(fault: Damage, actions: Floats, balls: Floats, noise: Floats) -> Flo
     return -np.maximum(apart / REACHED_DISTANCE, off / REACHED_POSTURE_ERROR)
 
 
-def learn(fault: Damage, actor: Actor, start: Start, episodes: int, seed: int) -> None:
+def learn(fault: Damage, actor: torch.nn.Module, start: Start, episodes: int, seed: int) -> None:
     """Ranked PPO on so many episodes of the damaged arm."""
     rng, cell = np.random.default_rng((seed, 1)), fault.arm.workcell
     optimizer = torch.optim.Adam(actor.parameters(), betas=(0.9, 0.99), eps=1e-5)
@@ -160,7 +148,7 @@ def curve(kind: str, number: int, seed: int, start: str, count: int, most: int) 
         hits, middle = reached(fault, numeric(fault.chain, balls, stuck=fault.stuck, at=fault.at), balls)
         return {0: (hits / count, middle, 0.0)}
     torch.manual_seed(seed)
-    begun = Actor(load_policy(POLICY).network, fresh=start == NOTHING)
+    begun = actor_of(load_policy(POLICY).network, fresh=start == NOTHING)
     seen = torch.as_tensor(goal_block(ur5().arm, balls), dtype=torch.float32)
     found = {}
     for episodes in budgets(start, most):
