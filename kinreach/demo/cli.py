@@ -17,7 +17,7 @@ from kinreach.checks import check_count
 from kinreach.cli import Parser
 from kinreach.demo.drawn import Drawn
 from kinreach.demo.film import Film
-from kinreach.demo.tasks import POLICIES, TASKS, DemoTask, make_policy, trained_for
+from kinreach.demo.tasks import POLICIES, TASKS, DemoTask, make_policy, options_for, trained_for
 from kinreach.envs.button import ACTUATIONS
 from kinreach.envs.reach.task import BACKENDS, OBSERVATION_KINDS
 from kinreach.errors import InputError, raise_unknown
@@ -48,7 +48,8 @@ def main(argv: Sequence[str], *, prog: str) -> int:
     mode = "rgb_array_list" if arguments.video else "human" if screen else None
     if mode is None:
         print("No screen here: nothing is drawn. --video FILE.gif or FILE.mp4 films it.", file=sys.stderr)
-    env = _make(task, mode, {name: getattr(arguments, name) for name in task.options})
+    given = {name: getattr(arguments, name) for name in task.options}
+    env = _make(task, mode, given | options_for(arguments.policy))
     try:
         policy = make_policy(arguments.policy, task, env, seed=arguments.seed)
         film = Film(arguments.video, fps=task.fps) if arguments.video else nullcontext()

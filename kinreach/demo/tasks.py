@@ -10,7 +10,7 @@ from typing import Any
 import gymnasium as gym
 
 from kinreach.baselines.button_controller import AnalyticButtonPolicy
-from kinreach.baselines.policies import load_policy, pretrained_names, trained_arm
+from kinreach.baselines.policies import load_policy, needed_options, pretrained_names, trained_arm
 from kinreach.baselines.rollout import Policy, RandomPolicy, as_policy
 from kinreach.baselines.solver_policy import SolverPolicy
 from kinreach.compare.task import Method, get_task
@@ -133,6 +133,19 @@ def trained_for(environment: str, arm: str | None = None, *, eyes: bool = False)
     ]
 
 
+def options_for(name: str) -> dict[str, Any]:
+    """What an environment must be made with for a policy that was trained: `needed_options`; nothing for any other.
+
+    Args:
+        name: As `make_policy` takes it.
+
+    Raises:
+        InputError: The file is no policy.
+    """
+    trained = ":" not in name and (name in pretrained_names() or bool(Path(name).suffix))
+    return needed_options(load_policy(name)) if trained else {}
+
+
 def make_policy(name: str, task: DemoTask, env: Environment, *, seed: int = 0) -> Policy:
     """A policy by name, or a trained one: of the package, or from a file.
 
@@ -152,7 +165,7 @@ def make_policy(name: str, task: DemoTask, env: Environment, *, seed: int = 0) -
         return solver_policy(name, env)
     if name in task.methods:
         return as_policy(task.methods[name].make(env))
-    trained = trained_for(task.name)
+    trained = [*trained_for(task.name), *trained_for(task.name, eyes=True)]
     known = dict.fromkeys((*POLICIES, *task.solvers, *task.methods, *trained))
     if name not in trained and not Path(name).suffix:
         raise_unknown(f"policy for {task.name}", name, ("a file of a policy", *known))

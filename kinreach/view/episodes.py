@@ -12,17 +12,17 @@ import gymnasium as gym
 import numpy as np
 from numpy.typing import NDArray
 
-from kinreach.baselines.policies import load_policy, needed_options, pretrained_names
 from kinreach.baselines.rollout import rollout
 from kinreach.checks import Floats
 from kinreach.demo.drawn import scene_of
+from kinreach.demo.tasks import options_for
 from kinreach.errors import KinreachError
 from kinreach.robots import ArmDescription
 from kinreach.sim.simulation import ArmSimulation
 from kinreach.summary import Trial
 from kinreach.view.mujoco_scene import Contact, MujocoScene
 from kinreach.view.names import length
-from kinreach.view.players import ARM, OBSERVATION, PIXELS, new_player, playable
+from kinreach.view.players import ARM, new_player, playable
 from kinreach.view.snippet import robots
 from kinreach.vision.goal_view import CameraGoalView, GoalLook, has_goal_cameras
 
@@ -153,9 +153,7 @@ class Recording:
     @property
     def made_with(self) -> dict[str, Any]:
         """Options of the environment, but for the arm."""
-        options = {**playable(self.name).options, **self.options}
-        if options.get(OBSERVATION) == PIXELS and self.player in pretrained_names():
-            options |= needed_options(load_policy(self.player))
+        options = {**playable(self.name).options, **self.options, **options_for(self.player)}
         options.pop(ARM, None)
         return options
 

@@ -1,9 +1,13 @@
 """The demo: runs, prints, films; and says in one line what is wrong."""
 
+import re
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from PIL import Image
 
+from kinreach.baselines.policies import load_policy, save_policy
 from kinreach.cli import main
 
 
@@ -94,6 +98,23 @@ def test_it_films_what_does_not_draw_itself(env, policy, steps, least, tmp_path,
         assert np.abs(np.asarray(film.convert("RGB")) - first).max() > 50  # the arm went somewhere
 
 
+def test_policies_get_what_they_learned_from(tmp_path, capsys):
+    policy = load_policy("thesis-single")
+    card = replace(policy.card, recipe={**policy.card.recipe, "options": {"goal_in": "image"}})
+    save_policy(tmp_path / "image.safetensors", card, policy.network)
+    said = ["--backend", "kinematic", "--print", "observation", "--steps", "1", "--policy"]
+    seen = []
+    for name in ("thesis-single", str(tmp_path / "image.safetensors")):
+        assert main(["demo", *said, name], prog="kinreach") == 0
+        numbers = re.search(r"observation: \[(.*?)\]", capsys.readouterr().out, re.DOTALL).group(1)
+        seen.append(np.array(numbers.split(), dtype=float)[:6].reshape(2, 3))
+    metres, image = seen
+    np.testing.assert_allclose(image, np.hstack([metres[:, :2] / metres[:, 2:], metres[:, 2:]]), atol=5e-4)
+    three = ["--backend", "kinematic", "--print", "nothing", "--steps", "3"]
+    assert main(["demo", *three, "--policy", "panda-single"], prog="kinreach") == 0
+    assert "goal reached in 3" in capsys.readouterr().out
+
+
 def test_methods_of_a_comparison_act(capsys):
     assert main(["demo", "--env", "moving", "--policy", "interception", "--steps", "60", "--print", "nothing"]) == 0
     assert "60 steps" in capsys.readouterr().out
@@ -106,7 +127,7 @@ def test_methods_of_a_comparison_act(capsys):
     [
         (["--env", "chess"], "button, moving, multi, real-arm, single, space"),
         (["--env", "button", "--actuation", "magic"], "report, tuned"),
-        (["--policy", "wisdom"], "analytic, closed-form, lm, panda-single, placo, ppo-single, qp, random"),
+        (["--policy", "wisdom"], "analytic, closed-form, lm, panda-single, pixels-single, placo, ppo-single, qp, random"),
         (["--steps", "0"], "at least 1"),
         (["--print", "money"], "nothing"),
         (["--video", "film.avi"], ".gif or .mp4"),
