@@ -26,8 +26,9 @@ ROOMS["vision"] = {"sim", *ROOMS["sim"]}
 ROOMS["envs"] = {"thesis", "vision", *ROOMS["vision"]}
 ROOMS["plots"] = {"thesis", *ROOMS["thesis"]}
 ROOMS["baselines"] = {"envs", "plots", *ROOMS["envs"]}
-ROOMS["compare"] = ROOMS["demo"] = {"baselines", *ROOMS["baselines"]}
-ROOMS["view"] = {"compare", "demo", *ROOMS["demo"]}
+ROOMS["compare"] = {"baselines", *ROOMS["baselines"]}
+ROOMS["demo"] = {"compare", *ROOMS["compare"]}
+ROOMS["view"] = {"demo", *ROOMS["demo"]}
 #: Modules that every room may import, and that import none: but for the command line, which loads jobs by their names.
 FOUNDATION = {
     "_moved", "checks", "cli", "engines", "errors", "files", "jobs", "objects", "provenance", "registration",
