@@ -49,7 +49,7 @@ def main(argv: Sequence[str], *, prog: str) -> int:
     if mode is None:
         print("No screen here: nothing is drawn. --video FILE.gif or FILE.mp4 films it.", file=sys.stderr)
     given = {name: getattr(arguments, name) for name in task.options}
-    env = _make(task, mode, given | options_for(arguments.policy))
+    env = _make(task, mode, given | options_for(arguments.policy, task.name))
     try:
         policy = make_policy(arguments.policy, task, env, seed=arguments.seed)
         film = Film(arguments.video, fps=task.fps) if arguments.video else nullcontext()

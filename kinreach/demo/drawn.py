@@ -8,6 +8,7 @@ from typing import Any
 import gymnasium as gym
 
 from kinreach.errors import InputError
+from kinreach.robots import ArmDescription
 from kinreach.sim.picture import ScenePicture
 from kinreach.sim.posed import PosedScene
 
@@ -22,15 +23,29 @@ def scene_of(env: gym.Env[Any, Any], info: Mapping[str, Any]) -> tuple[Any, bool
     Raises:
         InputError: It has no arm, or neither a scene nor a posture `q` in its info.
     """
-    name = env.spec.id if env.spec is not None else "the environment"
-    arm = next((part for part in ("believed", "arm") if env.has_wrapper_attr(part)), None)
-    if arm is None:
-        raise InputError(f"{name} cannot be drawn: it has no `arm`")
+    arm = arm_of(env)
     if env.has_wrapper_attr("scene"):
         return env.get_wrapper_attr("scene"), False
     if "q" not in info:
-        raise InputError(f"{name} cannot be drawn: it has no `scene`, and no posture `q` in its info")
-    return PosedScene(env.get_wrapper_attr(arm)), True
+        raise InputError(f"{_name(env)} cannot be drawn: it has no `scene`, and no posture `q` in its info")
+    return PosedScene(arm), True
+
+
+def arm_of(env: gym.Env[Any, Any]) -> ArmDescription:
+    """The arm that is drawn: what is believed of it, where that is another.
+
+    Raises:
+        InputError: There is none.
+    """
+    for part in ("believed", "arm"):
+        if env.has_wrapper_attr(part):
+            arm: ArmDescription = env.get_wrapper_attr(part)
+            return arm
+    raise InputError(f"{_name(env)} cannot be drawn: it has no `arm`")
+
+
+def _name(env: gym.Env[Any, Any]) -> str:
+    return env.spec.id if env.spec is not None else "the environment"
 
 
 class Drawn(gym.Wrapper[Any, Any, Any, Any]):

@@ -10,7 +10,7 @@ from typing import Any
 import gymnasium as gym
 
 from kinreach.baselines.button_controller import AnalyticButtonPolicy
-from kinreach.baselines.policies import load_policy, needed_options, pretrained_names, trained_arm
+from kinreach.baselines.policies import LearnedPolicy, load_policy, needed_options, pretrained_names, trained_arm
 from kinreach.baselines.rollout import Policy, RandomPolicy, as_policy
 from kinreach.baselines.solver_policy import SolverPolicy
 from kinreach.compare.task import Method, get_task
@@ -133,17 +133,33 @@ def trained_for(environment: str, arm: str | None = None, *, eyes: bool = False)
     ]
 
 
-def options_for(name: str) -> dict[str, Any]:
+def all_trained(environment: str) -> list[str]:
+    """Names of the package's policies for an environment, of every arm and with eyes or without."""
+    return [*trained_for(environment), *trained_for(environment, eyes=True)]
+
+
+def trained_policy(name: str, environment: str) -> LearnedPolicy | None:
+    """A policy of the package for an environment, or from a file; None where the name is of neither.
+
+    Raises:
+        InputError: The file is no policy, or it is for another environment.
+    """
+    known = name in all_trained(environment) or bool(Path(name).suffix)
+    return load_policy(name, environment=environment) if known else None
+
+
+def options_for(name: str, environment: str) -> dict[str, Any]:
     """What an environment must be made with for a policy that was trained: `needed_options`; nothing for any other.
 
     Args:
-        name: As `make_policy` takes it.
+        name: As `trained_policy` takes it.
+        environment: Id of the one that it was trained in.
 
     Raises:
-        InputError: The file is no policy.
+        InputError: The file is no policy, or it is for another environment.
     """
-    trained = ":" not in name and (name in pretrained_names() or bool(Path(name).suffix))
-    return needed_options(load_policy(name)) if trained else {}
+    policy = trained_policy(name, environment)
+    return {} if policy is None else needed_options(policy)
 
 
 def make_policy(name: str, task: DemoTask, env: Environment, *, seed: int = 0) -> Policy:
@@ -165,8 +181,8 @@ def make_policy(name: str, task: DemoTask, env: Environment, *, seed: int = 0) -
         return solver_policy(name, env)
     if name in task.methods:
         return as_policy(task.methods[name].make(env))
-    trained = [*trained_for(task.name), *trained_for(task.name, eyes=True)]
-    known = dict.fromkeys((*POLICIES, *task.solvers, *task.methods, *trained))
-    if name not in trained and not Path(name).suffix:
+    policy = trained_policy(name, task.name)
+    if policy is None:
+        known = dict.fromkeys((*POLICIES, *task.solvers, *task.methods, *all_trained(task.name)))
         raise_unknown(f"policy for {task.name}", name, ("a file of a policy", *known))
-    return load_policy(name, environment=task.name)
+    return policy

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from kinreach.baselines.rollout import rollout
 from kinreach.checks import Floats
-from kinreach.demo.drawn import scene_of
+from kinreach.demo.drawn import arm_of, scene_of
 from kinreach.demo.tasks import options_for
 from kinreach.errors import KinreachError
 from kinreach.robots import ArmDescription
@@ -22,7 +22,7 @@ from kinreach.sim.simulation import ArmSimulation
 from kinreach.summary import Trial
 from kinreach.view.mujoco_scene import Contact, MujocoScene
 from kinreach.view.names import length
-from kinreach.view.players import ARM, new_player, playable
+from kinreach.view.players import ARM, new_player, playable, trained_in
 from kinreach.view.snippet import robots
 from kinreach.vision.goal_view import CameraGoalView, GoalLook, has_goal_cameras
 
@@ -151,9 +151,14 @@ class Recording:
     options: Mapping[str, Any] = field(default_factory=dict)
 
     @property
+    def _needed(self) -> dict[str, Any]:
+        """What a trained player must have; objects by `module:attribute` are none."""
+        return {} if ":" in self.player else options_for(self.player, trained_in(self.name))
+
+    @property
     def made_with(self) -> dict[str, Any]:
         """Options of the environment, but for the arm."""
-        options = {**playable(self.name).options, **self.options, **options_for(self.player)}
+        options = {**playable(self.name).options, **self.options, **self._needed}
         options.pop(ARM, None)
         return options
 
@@ -260,11 +265,12 @@ class _Recorder(gym.Wrapper[Any, Any, Any, Any]):
         """An episode in the environment's own scene, or in one that follows what it says."""
         self._scene, self._follows = scene_of(self.env, info)
         self._believed = self.env.has_wrapper_attr("believed")
-        arm = self.env.get_wrapper_attr("believed" if self._believed else "arm")
         self._scene.watch = self._moving
         goal = None if "goal" not in info else np.array(info["goal"], dtype=np.float64)
         facts = {name: value for name, value in info.items() if type(value) in (str, float) and name not in CHANGING}
-        self.episode = Episode(MujocoScene(self._scene.model, simple=self._simple), arm, goal=goal, facts=facts)
+        self.episode = Episode(
+            MujocoScene(self._scene.model, simple=self._simple), arm_of(self.env), goal=goal, facts=facts
+        )
 
     def _pose(self, info: Mapping[str, Any]) -> None:
         time = info.get("time", len(self.episode.steps) / FPS)

@@ -5,18 +5,16 @@ from __future__ import annotations
 import inspect
 from collections.abc import Mapping
 from dataclasses import dataclass
-from pathlib import Path
 from typing import Any
 
 import gymnasium as gym
 from gymnasium.envs.registration import load_env_creator
 
-from kinreach.baselines.policies import load_policy
 from kinreach.baselines.rollout import Policy, RandomPolicy, as_policy
 from kinreach.compare import Method, Task, get_task, task_names
 from kinreach.compare.methods import resolve_methods
 from kinreach.compare.task import POLICY
-from kinreach.demo.tasks import SHORTER, solver_policy, trained_for
+from kinreach.demo.tasks import SHORTER, all_trained, solver_policy, trained_for, trained_policy
 from kinreach.errors import InputError, raise_unknown
 from kinreach.kinematics import kinematics_of
 from kinreach.kinematics.closed_form import ClosedFormKinematics
@@ -71,7 +69,7 @@ class Playable:
             arm: Who acts, where the environment takes an arm.
             observation: What is observed; of pictures only who sees them can make something, or who needs none.
         """
-        eyes, environment = observation == PIXELS, _trained_in(self.name)
+        eyes, environment = observation == PIXELS, trained_in(self.name)
         closed = self.solvable and isinstance(kinematics_of(arm), ClosedFormKinematics)
         solvers = [name for name in SOLVERS if self.solvable and (closed or name != "closed-form")]
         trained = trained_for(environment, arm.name if ARM in self.choices else None, eyes=eyes)
@@ -129,7 +127,7 @@ def new_player(name: str, env: gym.Env[Any, Any], *, seed: int = 0) -> Policy:
         InputError: There is none of that name, the file is no policy, or it is for another environment.
     """
     known = playable(env.spec.id)  # type: ignore[union-attr]
-    methods, environment = known.methods(), _trained_in(known.name)
+    methods, environment = known.methods(), trained_in(known.name)
     if name == RANDOM:
         return RandomPolicy(env.action_space, seed=seed)
     if name in SOLVERS and known.solvable:
@@ -140,14 +138,14 @@ def new_player(name: str, env: gym.Env[Any, Any], *, seed: int = 0) -> Policy:
         task = Task(known.name, known.name, known.name, resets=lambda count, seed, env: (), methods={}, columns=())
         (method,) = resolve_methods(task, [name]).values()
         return as_policy(method.make(env))
-    trained = [*trained_for(environment), *trained_for(environment, eyes=True)]
-    if name not in trained and not Path(name).suffix:
-        solvers = SOLVERS if known.solvable else ()
-        raise_unknown(f"policy for {known.name}", name, ("a file of a policy", RANDOM, *solvers, *methods, *trained))
-    return load_policy(name, environment=environment)
+    policy = trained_policy(name, environment)
+    if policy is None:
+        names = (*(SOLVERS if known.solvable else ()), *methods, *all_trained(environment))
+        raise_unknown(f"policy for {known.name}", name, ("a file of a policy", RANDOM, *names))
+    return policy
 
 
-def _trained_in(environment: str) -> str:
+def trained_in(environment: str) -> str:
     """Id of the environment that policies for this one were trained in: of the kinematic ones, that with dynamics."""
     points = KINEMATIC_ENVIRONMENTS.get(environment)
     return next((name for name, others in ENVIRONMENTS.items() if others == points), environment)

@@ -128,6 +128,7 @@ def test_methods_of_a_comparison_act(capsys):
         (["--env", "chess"], "button, moving, multi, real-arm, single, space"),
         (["--env", "button", "--actuation", "magic"], "report, tuned"),
         (["--policy", "wisdom"], "closed-form, lm, panda-single, pixels-single, placo, ppo-single, qp, random"),
+        (["--policy", "space-single"], "unknown policy for kinreach/UR5SingleStep-v0"),
         (["--steps", "0"], "at least 1"),
         (["--print", "money"], "nothing"),
         (["--video", "film.avi"], ".gif or .mp4"),
