@@ -146,7 +146,7 @@ PLANS: Mapping[str, Plan] = {
     "multi-readings": Plan(replace(_LONG, steps=2_000_000), _READINGS, 1),
     "multi-long": Plan(_LONG, _RULES, 5),
     "multi-shrinking": Plan(_LONG, _SHRINKING, 5),
-    "multi-longest": Plan(replace(_LONG, steps=20_000_000), _RULES, 1),
+    "multi-longest": Plan(replace(_LONG, steps=20_000_000), _RULES, 5),
 }
 
 
