@@ -56,7 +56,6 @@ class Cell:
         openai: Whether the defaults are OpenAI Baselines', not Stable Baselines'.
         ends: Whether reaching ends the episode in training.
         reward: Which parts of the reward are paid.
-        shrinks: Whether the standard deviation falls to a quarter by a schedule; else it is learned.
         random: Share of the actions in training that are any in the range (epsilon-greedy, 6.2).
     """
 
@@ -66,7 +65,6 @@ class Cell:
     openai: bool = False
     ends: bool = True
     reward: str = "all"
-    shrinks: bool = False
     random: float = 0.0
 
     @property
@@ -78,7 +76,6 @@ class Cell:
             "clip" if self.value_clip else "free",
             "openai" if self.openai else "stable",
             *(() if self.ends else ("going-on",)),
-            *(("shrinking",) if self.shrinks else ()),
             *((f"random-{self.random:g}",) if self.random else ()),
             *(() if self.reward == "all" else (self.reward.replace(" ", "-"),)),
         )
@@ -97,7 +94,6 @@ class Cell:
             rate=4 * default if environment == SINGLE else default,
             entropy=0.0 if self.openai else 0.01,
             reward=own if self.reward == "all" else PARTS[self.reward],
-            std_last=1 / unit / 4 if self.shrinks else None,
             random=self.random,
         )
 
@@ -114,10 +110,9 @@ _READINGS = [
 #: Cells of single-step episodes, which end by themselves.
 _SINGLE = [cell for cell in _READINGS if cell.terminal]
 _ABLATED = [replace(FAITHFUL, reward=reward) for reward in PARTS if reward != "all"]
-#: The step limit and the end on reaching, in the most faithful reading else; and with less and less exploration.
+#: The step limit and the end on reaching, in the most faithful reading else.
 _RULES = [replace(FAITHFUL, terminal=terminal, ends=ends) for ends in (True, False) for terminal in (True, False)]
 _GREEDY = [replace(FAITHFUL, random=random) for random in (0.1, 0.3)]
-_SHRINKING = [replace(FAITHFUL, ends=ends, shrinks=True) for ends in (True, False)]
 
 
 @dataclass(frozen=True)
@@ -145,7 +140,6 @@ PLANS: Mapping[str, Plan] = {
     "single-long": Plan(replace(_THESIS_SINGLE, steps=600_000), [*_SINGLE[:4], *_ABLATED], 5),
     "multi-readings": Plan(replace(_LONG, steps=2_000_000), _READINGS, 1),
     "multi-long": Plan(_LONG, _RULES, 5),
-    "multi-shrinking": Plan(_LONG, _SHRINKING, 5),
     "multi-longest": Plan(replace(_LONG, steps=20_000_000), _RULES, 5),
 }
 
@@ -356,7 +350,7 @@ def _mean(values: np.ndarray) -> float:
 
 
 #: What tells cells apart, and what a table says of them: headings, columns, digits.
-FLAGS = ("terminal", "raw", "value_clip", "openai", "ends", "shrinks")
+FLAGS = ("terminal", "raw", "value_clip", "openai", "ends")
 READING = (*FLAGS, "natural_arm", "gripper")
 _TRAINING = (
     ("reward above 0 for good from", "above", 0),
@@ -383,7 +377,6 @@ _WORDS: Mapping[str, tuple[str, str, str]] = {
     "value_clip": ("values clipped", "yes", "no"),
     "openai": ("defaults", "OpenAI", "Stable"),
     "ends": ("reaching", "an end", "goes on"),
-    "shrinks": ("exploration", "shrinks", "learned"),
 }
 
 

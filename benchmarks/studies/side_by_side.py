@@ -17,7 +17,6 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from kinreach.baselines.algorithms import Exploration
 from kinreach.baselines.batch import make_batch
 from kinreach.baselines.policies import LearnedPolicy, Network, PolicyCard
 from kinreach.baselines.ppo2 import ppo2_loss
@@ -27,8 +26,6 @@ Array = np.ndarray[Any, Any]
 
 #: What all trainings have in common: PPO2's, in both libraries.
 EPOCHS, MINIBATCHES, CLIP, LAMBDA, VF_COEF, MAX_NORM = 4, 4, 0.2, 0.95, 0.5, 0.5
-#: Share of the training after which a scheduled standard deviation stays as it is.
-_UNTIL = 0.8
 _BETAS, _EPS, _HIDDEN, _JOINTS, _INPUTS = (0.9, 0.999), 1e-5, 64, 6, 13
 #: Seeds of the goals of trainings, so far apart that arms of different ones share none.
 _APART = 100_003
@@ -46,8 +43,6 @@ class Trained:
         value_clip: Whether the value function is clipped too.
         rate, entropy: Learning rate, coefficient of the entropy.
         reward: What the learner sees.
-        std_last: Where the standard deviation goes to by a schedule, over four fifths of the training; None where it is
-            learned.
         random: Share of the actions that are any in the range instead, as in epsilon-greedy exploration. Probabilities
             are those of the mixture.
     """
@@ -60,7 +55,6 @@ class Trained:
     rate: float
     entropy: float
     reward: TrainingReward = own
-    std_last: float | None = None
     random: float = 0.0
 
 
@@ -136,15 +130,6 @@ class Networks:
         self._second = [torch.zeros_like(value) for value in self.weights.values()]
         self._updates = 0
         self._shared = shared
-        self._schedules = {
-            i: Exploration(one.std, one.std_last, _UNTIL) for i, one in enumerate(trained) if one.std_last is not None
-        }
-
-    def explore(self, progress: float) -> None:
-        """Set the standard deviations that are not learned, when that share of the training is done."""
-        with torch.no_grad():
-            for index, schedule in self._schedules.items():
-                self.weights["log_std"][index] = math.log(schedule.at(progress))
 
     def _hidden(self, net: str, x: Tensor) -> Tensor:
         for layer in (0, 1):
@@ -332,7 +317,6 @@ def train_stack(
         for update in range(updates):
             drawn = torch.stack([torch.randn(length, arms, _JOINTS, generator=one) for one in generators], 1)
             noise = drawn[:, place]
-            networks.explore(update / updates)
             observations, actions = torch.empty(*shape, _INPUTS), torch.empty(*shape, _JOINTS)
             rewards, ended, added = np.empty(shape), np.empty(shape), np.zeros(shape)
             paid, impossible, reached = np.empty(shape), np.empty(shape, bool), np.empty(shape, bool)
@@ -372,7 +356,6 @@ def train_stack(
             learn(networks, Batch(x, a, old_values, old_log_prob, *advised), trained, shuffles)
             if (update + 1) * stack.looks // updates > update * stack.looks // updates:
                 look((update + 1) * length * arms, networks)
-        networks.explore(1.0)
     finally:
         env.close()
     return networks, curves

@@ -153,20 +153,6 @@ def test_a_stack_learns():
         assert impossible[-1] < 0.8 * impossible[0]
 
 
-def test_a_schedule_of_the_standard_deviation():
-    stack = Stack(MULTI, steps=240, arms=2, n_steps=20, gamma=0.99, shared=False, looks=6)
-    found = []
-    train_stack(
-        stack,
-        [trained(0, gain=0.2, std=0.2, std_last=0.05), trained(0, gain=0.2, std=0.2)],
-        look=lambda steps, networks: found.append(networks.weights["log_std"].detach().exp().numpy()[:, 0].copy()),
-    )
-    fixed, learned = np.array(found).swapaxes(0, 1)
-    expected = 0.2 * 0.25 ** np.minimum(np.array([0, 1, 2, 3, 4, 5]) / 6 / 0.8, 1)
-    np.testing.assert_allclose(fixed.mean(axis=1), expected, rtol=0.02)
-    assert np.ptp(learned) < 0.02
-
-
 def test_random_actions_are_a_mixture():
     """Probabilities are those of scipy's normal and of the uniform distribution over the range."""
     jobs = [trained(gain=1.0, std=0.4, random=share) for share in (0.0, 0.3, 0.1)]
