@@ -1,9 +1,10 @@
 """How exactly an arm with friction, damping, an unknown load or noisy encoders stops, and what that costs.
 
-    python -m benchmarks.studies.imperfect_arms [--goals 200] [--engine ray]
+    python -m benchmarks.studies.imperfect_arms [--goals 200] [--step 1] [--engine ray]
 
 The closed form's postures are executed in two phases, as the thesis does; `single` and `multi` are the package's
-policies. A small step is one of 1 degree in every joint, from the postures in which the arm stands then.
+policies. A small step is one of 1 degree in every joint, or of `--step` degrees, from the postures in which the arm
+stands then.
 """
 
 from __future__ import annotations
@@ -42,12 +43,11 @@ ARMS: Mapping[str, Mapping[str, float]] = {
     },
 }  # fmt: skip
 POLICIES = ("single", "multi")
-STEP = math.radians(1.0)
 HEADINGS = (
     "arm",
     "joint error, mrad: median / worst",
     "tip off by, mm: median / worst",
-    "step of 1° off by, %: median / worst",
+    "step of {:g}° off by, %: median / worst",
     "reached, %: closed form",
     *POLICIES,
 )
@@ -65,8 +65,8 @@ def answers(count: int) -> tuple[np.ndarray, np.ndarray]:
     return goals, np.array([kin.axis_goal(goal, (0.0, 0.0, -1.0), seed=home, accept=natural).q for goal in goals])
 
 
-def row(name: str, goals: np.ndarray, postures: np.ndarray) -> str:
-    """A row of the table, as Markdown."""
+def row(name: str, goals: np.ndarray, postures: np.ndarray, step: float) -> str:
+    """A row of the table, as Markdown, with a small step of so much [rad]."""
     flaws, everyone = ARMS[name], np.arange(len(goals))
     arms = BatchSimulation("ur5", len(goals), imperfections=flaws)
     moves = arms.move(everyone, postures)
@@ -75,9 +75,9 @@ def row(name: str, goals: np.ndarray, postures: np.ndarray) -> str:
     reached = reach_reward(off, arms.q, impossible=stuck).reached
     errors = np.array([move.error for move in moves])
     start = arms.q
-    signs = np.array([1.0, -1.0, 1.0, 1.0, 1.0, 1.0])  # upwards
-    arms.move(everyone, start + STEP * signs, two_phase=False)
-    short = np.abs((arms.q - start) / (STEP * signs) - 1.0).max(axis=1)
+    change = step * np.array([1.0, -1.0, 1.0, 1.0, 1.0, 1.0])  # upwards
+    arms.move(everyone, start + change, two_phase=False)
+    short = np.abs((arms.q - start) / change - 1.0).max(axis=1)
     options = {"backend": "mujoco", "imperfections": dict(flaws)}
     shares = [evaluate(load_policy(policy), goals=len(goals), options=options).reached.mean() for policy in POLICIES]
     cells = (
@@ -95,13 +95,16 @@ def main(argv: list[str] | None = None) -> int:
     """Print the table."""
     parser = Parser(prog=PROG, description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--goals", type=int, default=200)
+    parser.add_argument("--step", type=float, default=1.0, help="degrees")
     add_options(parser)
     arguments = parser.parse_args(argv)
     if arguments.goals < 1:
         parser.error(f"--goals must be at least 1, got {arguments.goals}")
+    if not 0.1 <= arguments.step <= 5.0:
+        parser.error(f"--step must be between 0.1 and 5 degrees, got {arguments.step:g}")
     answered = answers(arguments.goals)
-    print(head(*HEADINGS))
-    for found in each(arguments, row, [(name, *answered) for name in ARMS]):
+    print(head(*(heading.format(arguments.step) for heading in HEADINGS)))
+    for found in each(arguments, row, [(name, *answered, math.radians(arguments.step)) for name in ARMS]):
         print(found, flush=True)
     return 0
 

@@ -4,6 +4,7 @@
 
 By default of the logs and policies that come with the package, in seconds; with `--runs` of own trainings of
 `thesis-single` and `thesis-multi`. What the policies do without exploration is of 1000 held-out goals of the table.
+The third table is of trainings of single-step that `benchmarks.studies.ppo2` and `thesis_world` made side by side.
 """
 
 from __future__ import annotations
@@ -12,6 +13,7 @@ import argparse
 import math
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
+from importlib import resources
 from pathlib import Path
 from typing import Any
 
@@ -19,6 +21,7 @@ import numpy as np
 
 from benchmarks.studies.tables import head, line
 from kinreach.baselines.evaluation import evaluate
+from kinreach.baselines.learning_curve import read_curve
 from kinreach.baselines.logs import EPISODE, Log, load_logs, logged_policies
 from kinreach.baselines.policies import LearnedPolicy
 from kinreach.cli import Parser, finish
@@ -29,8 +32,12 @@ PROG = "python -m benchmarks.studies.thesis_curves"
 
 #: Episodes of single-step on either side of one, and of multi-step steps at the beginning and at the end.
 AROUND, FIRST, LAST = 1000, 5_000, 15_000
-#: Actions of an episode of multi-step, and held-out goals of a policy.
-ACTIONS, GOALS = 100, 1000
+#: Actions of an episode of multi-step, of them those after which the thesis's example is nearest (figure 5.5), steps
+#: between two updates of it (4.2), and held-out goals of a policy.
+ACTIONS, NEAREST, UPDATE, GOALS = 100, 90, 4096, 1000
+#: Cells of `benchmarks.studies.ppo2`: the most faithful reading, and the same paid for the distance alone.
+FAITHFUL: Mapping[str, int] = {"raw": 1, "value_clip": 1, "openai": 0, "natural_arm": 1, "gripper": 1}
+DISTANCE_ALONE: Mapping[str, int] = {**FAITHFUL, "natural_arm": 0, "gripper": 0}
 
 
 @dataclass(frozen=True, eq=False)
@@ -72,6 +79,27 @@ def possible(log: Mapping[str, Any], rows: Any) -> float:
     return float((log["reward"][rows] - IMPOSSIBLE_REWARD * impossible).sum() / (1 - impossible).sum())
 
 
+def possible_each(log: Mapping[str, Any]) -> np.ndarray[Any, Any]:
+    """The same of every window."""
+    found: np.ndarray[Any, Any] = (log["reward"] - IMPOSSIBLE_REWARD * log["impossible"]) / (1 - log["impossible"])
+    return found
+
+
+def due_to_impossible(log: Mapping[str, Any]) -> float:
+    """Share of the variance of the reward's changes, from window to window, that is gone without impossible steps."""
+    return float(1 - np.diff(possible_each(log)).var() / np.diff(log["reward"]).var())
+
+
+def across_updates(log: Mapping[str, Any]) -> float:
+    """By how much rewards two windows apart differ if an update is between, as a multiple of without one."""
+    reward, end = possible_each(log), log["steps"]
+    rollout, begun = (end - 1) // UPDATE, np.append(0, end[:-1]) // UPDATE
+    whole = rollout == begun
+    pairs = whole[:-2] & whole[2:]
+    change, updated = np.abs(reward[2:] - reward[:-2]), rollout[2:] != rollout[:-2]
+    return float(change[pairs & updated].mean() / change[pairs & ~updated].mean())
+
+
 def above_zero(log: Mapping[str, Any]) -> float:
     """From which episode on the mean around it stays above 0."""
     at = log["episodes"]
@@ -94,6 +122,11 @@ def single_rows(logs: Mapping[int, Log]) -> Iterator[Row]:
         values = [possible(log, np.abs(log["episodes"] - middle) <= AROUND) for log in logs.values()]
         yield Row(f"reward if possible, around episode {middle}", says, 2, values, least=-math.inf)
     yield Row("above 0 for good from episode", "20000", 0, each(lambda log, at: above_zero(log)))
+    values = each(lambda log, at: log["distance"][np.abs(at - 75_000) <= AROUND].mean())
+    yield Row("distance, mm, mean around episode 75000", "< 100", 0, values, unit=1e3)
+    for first in (256, 2048):
+        values = [log["impossible"][log["episodes"] <= first].mean() for log in logs.values()]
+        yield Row(f"impossible, % of the first {first} episodes", "most", 1, values, unit=100, most=1.0)
     share = "impossible, % of the episodes"
     values = each(lambda log, at: log["impossible"][np.abs(at - 20_000) <= AROUND].mean())
     yield Row(f"{share} around 20000", "-", 1, values, unit=100, most=1.0)
@@ -107,18 +140,27 @@ def multi_rows(logs: Mapping[int, Log], episodes: Mapping[int, Log]) -> Iterator
     """Of multi-step (5.2)."""
     first = {seed: log["steps"] <= FIRST for seed, log in logs.items()}
     last = {seed: log["steps"] > log["steps"][-1] - LAST for seed, log in logs.items()}
-    for when, says, rows in ((f"first {FIRST} steps", "less", first), (f"last {LAST} steps", "126.79", last)):
+    for when, says, rows in ((f"first {FIRST} steps", "less", first), (f"last {LAST} steps", "near 126.79", last)):
         values = [ACTIONS * possible(log, rows[seed]) for seed, log in logs.items()]
         yield Row(f"reward of {ACTIONS} possible actions, {when}", says, 0, values, least=-math.inf)
     for when, rows in ((f"first {FIRST} steps", first), (f"last {LAST} steps", last)):
         values = [float(np.nanmean(log["distance"][rows[seed]])) for seed, log in logs.items()]
         yield Row(f"distance in the end of an episode, mm, {when}", "-", 0, values, unit=1e3)
+    values = [np.nanmin(log["distance"]) for log in logs.values()]
+    yield Row("the same, mm, in the best 1000 steps", "-", 0, values, unit=1e3)
     yield Row("goals reached", "a few", 0, [reached(log, slice(None)) for log in logs.values()])
+    values = [log["impossible"][first[seed]].mean() for seed, log in logs.items()]
+    yield Row(f"impossible, % of the first {FIRST} steps", "most", 1, values, unit=100, most=1.0)
+    values = [due_to_impossible(log) for log in logs.values()]
+    yield Row("impossible steps, % of the reward's fluctuation", "-", 1, values, unit=100, most=1.0)
+    values = [across_updates(log) for log in logs.values()]
+    yield Row("change of the reward over an update / without one", "more", 2, values)
     distances = [log["distance"] for log in episodes.values()]
     for what, says, values in (
         ("at first", "500", [d[0] for d in distances]),
-        ("nearest", "30", [d.min() for d in distances]),
-        ("in the end", "30", [d[-1] for d in distances]),
+        (f"after {NEAREST} steps", "30", [d[NEAREST - 1] for d in distances]),
+        ("nearest", "-", [d.min() for d in distances]),
+        ("in the end", "-", [d[-1] for d in distances]),
     ):
         yield Row(f"distance, mm, of the episode at 25000 steps, {what}", says, 0, values, unit=1e3)
 
@@ -132,16 +174,41 @@ def policy_rows(policies: Mapping[int, LearnedPolicy]) -> Iterator[Row]:
     yield Row("the policy: goals reached, %", "-", 1, [one.reached for one in found], unit=100, most=1.0)
 
 
+def side_by_side_rows() -> Iterator[Row]:
+    """Of five more trainings in the most faithful reading, and of what differs from it in one thing."""
+    folder = resources.files("kinreach.baselines") / "logs" / "thesis-single"
+    readings, worlds = (read_curve(Path(str(folder / name))) for name in ("readings.csv", "worlds.csv"))
+
+    def of(columns: Mapping[str, Any], where: Mapping[str, int], column: str) -> np.ndarray[Any, Any]:
+        rows = np.all([columns[name] == value for name, value in where.items()], axis=0)
+        found: np.ndarray[Any, Any] = columns[column][rows]
+        return found
+
+    yield Row("goals reached in training", "-", 0, of(readings, FAITHFUL, "reached_training"))
+    yield Row("the policy: distance, mm, median", "-", 0, of(readings, FAITHFUL, "distance"))
+    yield Row("the policy: goals reached, %", "-", 1, of(readings, FAITHFUL, "reached"), most=100)
+    deviation = [of(readings, FAITHFUL, f"std_j{joint}") for joint in range(6)]
+    yield Row("standard deviation, rad, at first 1, in the end: j0 to j4", "less", 2, np.mean(deviation[:5], axis=0))
+    yield Row("the same, j5", "less", 2, deviation[5])
+    values = of(readings, DISTANCE_ALONE, "near")
+    yield Row("paid for the distance alone: came within 10 mm, %", "-", 1, values, most=100)
+    for multi, task in enumerate(("single", "multi")):
+        exact, loose = (of(worlds, {"multi": multi, "world": world}, "distance_0") for world in (0, 2))
+        what = f"farther, mm, if trained with joints off by up to 0.01 rad: {task}-step"
+        yield Row(what, "more", 0, loose - exact, least=-math.inf)
+
+
 def tables(runs: Path | None = None) -> list[str]:
-    """That of single-step and that of multi-step, as Markdown."""
+    """Those of single-step and of multi-step, and of the package's logs that of five more trainings, as Markdown."""
     single, multi = (load_logs(name, runs=runs) for name in ("thesis-single", "thesis-multi"))
     curves = (single_rows(single), multi_rows(multi, load_logs("thesis-multi", EPISODE, runs=runs)))
-    found = []
+    measured = {}
     for task, rows in zip(("single", "multi"), curves, strict=True):
-        heading = head(f"{task}-step", "the thesis", *(f"seed {seed}" for seed in single), "mean [95 % CI over seeds]")
-        policies = logged_policies(f"thesis-{task}", runs=runs)
-        found.append("\n".join([heading, *(row.cells() for row in (*rows, *policy_rows(policies)))]))
-    return found
+        measured[f"{task}-step"] = [*rows, *policy_rows(logged_policies(f"thesis-{task}", runs=runs))]
+    if runs is None:
+        measured["single-step, five more"] = list(side_by_side_rows())
+    titles = ("the thesis", *(f"seed {seed}" for seed in single), "mean [95 % CI over seeds]")
+    return ["\n".join([head(what, *titles), *(row.cells() for row in rows)]) for what, rows in measured.items()]
 
 
 def main(argv: list[str] | None = None) -> int:

@@ -5,7 +5,18 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from benchmarks.studies.thesis_curves import Row, above_zero, possible, reached, tables
+from benchmarks.studies.thesis_curves import (
+    ACTIONS,
+    UPDATE,
+    Row,
+    above_zero,
+    across_updates,
+    due_to_impossible,
+    possible,
+    possible_each,
+    reached,
+    tables,
+)
 from kinreach.statistics import median
 
 PAGE = Path(__file__).parents[2] / "docs" / "thesis.md"
@@ -14,10 +25,10 @@ PAGE = Path(__file__).parents[2] / "docs" / "thesis.md"
 def test_the_published_tables_are_those_of_the_logs():
     page = PAGE.read_text(encoding="utf-8")
     found = tables()
-    assert len(found) == 2
+    assert len(found) == 3
     for table in found:
         assert table in page
-        assert table.count("\n") > 10
+        assert table.count("\n") >= 9
 
 
 def test_rewards_are_those_of_possible_steps():
@@ -36,6 +47,35 @@ def test_rewards_are_those_of_possible_steps():
     last = above_zero(rising)
     assert 4500 < last < 5500
     assert possible(rising, np.abs(rising["episodes"] - last) <= 1000) <= 0
+
+
+def windows(steps, impossible, width=10 * ACTIONS):
+    """A learning curve of single steps."""
+    rows = len(steps) // width * width
+    found = {"reward": np.where(impossible, -100.0, steps), "impossible": impossible}
+    found = {name: values[:rows].reshape(-1, width).mean(axis=1) for name, values in found.items()}
+    return {**found, "steps": width * np.arange(1.0, rows // width + 1)}
+
+
+def test_fluctuations_are_told_from_impossible_steps():
+    rng = np.random.default_rng(0)
+    steps, never = rng.normal(1.0, 1.0, 150_000), np.zeros(150_000, dtype=bool)
+    assert due_to_impossible(windows(steps, never)) == pytest.approx(0.0, abs=1e-12)
+    share = due_to_impossible(windows(steps, rng.random(150_000) < 0.005))
+    assert 0.97 < share < 1.0  # -101 in five of a thousand steps, against a deviation of 1 in each
+    log = windows(steps, never)
+    assert possible_each(log) == pytest.approx(log["reward"])
+
+
+def test_changes_over_an_update_are_those_of_the_updates():
+    """A reward that is constant between two updates, and one that updates do not change."""
+    rng = np.random.default_rng(1)
+    never = np.zeros(150 * 1000, dtype=bool)
+    noise = rng.normal(0.0, 0.1, len(never))
+    rollout = np.arange(len(never)) // UPDATE
+    levels = rng.normal(0.0, 1.0, rollout[-1] + 1)
+    assert across_updates(windows(levels[rollout] + noise, never)) > 50
+    assert across_updates(windows(noise, never)) == pytest.approx(1.0, abs=0.35)
 
 
 def test_a_row_has_every_seed_and_an_interval():
