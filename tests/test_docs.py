@@ -213,7 +213,7 @@ def test_policies_off_the_table_do_what_the_page_says(capsys, tmp_path, monkeypa
         for height, share in zip(("0.0", "0.01", "0.02"), said, strict=True):
             assert 100 * float(measured[f"{name} {height}"]) == pytest.approx(float(share), abs=1)
             checked += 1
-    assert checked == 6
+    assert checked == 9
 
 
 def test_what_contributing_promises_holds(run_python):

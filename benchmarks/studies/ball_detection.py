@@ -25,15 +25,17 @@ from kinreach.sim.simulation import ArmSimulation
 from kinreach.statistics import p95
 from kinreach.vision.ball_finder import PIPELINES, find_ball
 from kinreach.vision.cameras import RGBDCamera, SensorNoise
-from kinreach.vision.goal_view import GOAL_CAMERAS, CameraGoalView, geometric_goal_view
+from kinreach.vision.goal_view import GOAL_CAMERAS, CameraGoalView, geometric_goal_view, goals_in_world
 
 PROG = "python -m benchmarks.studies.ball_detection"
 
 RESOLUTIONS = ((1280, 720), (640, 360), (320, 180))
 NOISE = SensorNoise(rgb_sigma=6.0, depth_sigma=0.002)
+#: The goal as both cameras together say it: the mean of what they found.
+BOTH = "both"
 PICTURE_GOAL = (0.47, -0.12, -0.175)
 
-#: Pipeline, whether with noise, camera, height of the picture.
+#: Pipeline, whether with noise, camera or `BOTH`, height of the picture.
 Case = tuple[str, bool, str, int]
 
 
@@ -61,11 +63,13 @@ def measure(count: int, seed: int) -> Measured:
     truth = geometric_goal_view("ur5", goals).reshape(count, len(GOAL_CAMERAS), 3)
     result = Measured()
     for width, height in RESOLUTIONS:
+        shape = (count, len(GOAL_CAMERAS), 3)
+        views = {(pipeline, noisy): np.full(shape, np.nan) for pipeline in PIPELINES for noisy in (False, True)}
         with FrameRenderer(simulation.model, width=width, height=height, shadows=False) as renderer:
             for index, name in enumerate(GOAL_CAMERAS):
                 camera = RGBDCamera(simulation, name, width=width, height=height, renderer=renderer)
                 rng = np.random.default_rng(seed)
-                for goal, true in zip(goals, truth[:, index], strict=True):
+                for row, (goal, true) in enumerate(zip(goals, truth[:, index], strict=True)):
                     simulation.place_ball(goal)
                     start = time.perf_counter()
                     clean = camera.capture()
@@ -80,7 +84,13 @@ def measure(count: int, seed: int) -> Measured:
                             if fix is None:
                                 result.misses[case] += 1
                             else:
+                                views[pipeline, noisy][row, index] = fix.position
                                 result.errors[case].append(float(np.linalg.norm(fix.position - true)) * 1e3)
+        for (pipeline, noisy), view in views.items():
+            found = ~np.isnan(view).any(axis=2)
+            off = np.linalg.norm(goals_in_world(simulation.arm, view.reshape(count, -1), found) - goals, axis=1)
+            result.errors[pipeline, noisy, BOTH, height] = (1e3 * off[found.any(axis=1)]).tolist()
+            result.misses[pipeline, noisy, BOTH, height] = int((~found.any(axis=1)).sum())
     return result
 
 
@@ -89,7 +99,7 @@ def error_table(result: Measured) -> str:
     columns = [(pipeline, noisy) for pipeline in PIPELINES for noisy in (False, True)]
     names = [f"{pipeline}{', noise' if noisy else ''}" for pipeline, noisy in columns]
     lines = [head("camera", *names)]
-    for name in GOAL_CAMERAS:
+    for name in (*GOAL_CAMERAS, BOTH):
         for width, height in RESOLUTIONS:
             cells = [_error_cell(result, (*column, name, height)) for column in columns]
             lines.append(line(f"{name} {width}x{height}", *cells))

@@ -16,7 +16,7 @@ from collections.abc import Mapping
 import numpy as np
 
 from benchmarks.studies.parts import each
-from benchmarks.studies.tables import head, line
+from benchmarks.studies.tables import head, line, share
 from kinreach.baselines.evaluation import HELD_OUT, evaluate
 from kinreach.baselines.policies import load_policy
 from kinreach.cli import Parser, finish
@@ -48,7 +48,7 @@ HEADINGS = (
     "joint error, mrad: median / worst",
     "tip off by, mm: median / worst",
     "step of {:g}° off by, %: median / worst",
-    "reached, %: closed form",
+    "reached, % [95 % CI]: closed form",
     *POLICIES,
 )
 
@@ -79,14 +79,13 @@ def row(name: str, goals: np.ndarray, postures: np.ndarray, step: float) -> str:
     arms.move(everyone, start + change, two_phase=False)
     short = np.abs((arms.q - start) / change - 1.0).max(axis=1)
     options = {"backend": "mujoco", "imperfections": dict(flaws)}
-    shares = [evaluate(load_policy(policy), goals=len(goals), options=options).reached.mean() for policy in POLICIES]
+    found = [evaluate(load_policy(policy), goals=len(goals), options=options).reached for policy in POLICIES]
     cells = (
         name,
         f"{1e3 * median(errors):.2f} / {1e3 * errors.max():.2f}",
         f"{1e3 * median(off):.2f} / {1e3 * off.max():.2f}",
         f"{100 * median(short):.1f} / {100 * short.max():.1f}",
-        f"{100 * reached.mean():.1f}",
-        *(f"{100 * share:.1f}" for share in shares),
+        *(share(int(one.sum()), len(goals)) for one in (reached, *found)),
     )
     return line(*cells)
 

@@ -19,7 +19,7 @@ from typing import Any
 import numpy as np
 
 from benchmarks.studies.ball_detection import NOISE, PICTURE_GOAL, goals_of
-from benchmarks.studies.tables import head, line
+from benchmarks.studies.tables import head, line, share
 from kinreach.cli import Parser, finish
 from kinreach.files import replacing
 from kinreach.robots import get_arm
@@ -177,7 +177,8 @@ def measure(studio: Studio, situation: Situation, count: int, seed: int) -> dict
 
 def table(studio: Studio, count: int, seed: int) -> str:
     """A row for each situation, both cameras together, as Markdown."""
-    columns = [f"{pipeline}: {what}" for pipeline in PIPELINES for what in ("found, %", "wrong, %", "median / p95, mm")]
+    what = ("found, % [95 % CI]", "wrong, % [95 % CI]", "median / p95, mm")
+    columns = [f"{pipeline}: {one}" for pipeline in PIPELINES for one in what]
     lines = [head("situation", *columns)]
     for situation in SITUATIONS:
         errors = measure(studio, situation, count, seed)
@@ -187,7 +188,7 @@ def table(studio: Studio, count: int, seed: int) -> str:
             found = mm[~np.isnan(mm)]
             right = found[found <= 1e3 * WRONG]
             spread = f"{median(right):.2f} / {p95(right):.2f}" if len(right) else "-"
-            cells += [f"{100 * len(found) / len(mm):.1f}", f"{100 * (len(found) - len(right)) / len(mm):.1f}", spread]
+            cells += [share(len(found), len(mm)), share(len(found) - len(right), len(mm)), spread]
         lines.append(line(situation.name, *cells))
     return "\n".join(lines)
 

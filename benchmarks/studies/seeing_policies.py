@@ -15,14 +15,14 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from benchmarks.studies.parts import each
-from benchmarks.studies.tables import head, line
+from benchmarks.studies.tables import head, line, share
 from kinreach.baselines.evaluation import evaluate
 from kinreach.baselines.policies import LearnedPolicy, load_policy, pretrained_names, trained_arm
 from kinreach.cli import Parser, finish
 from kinreach.jobs import add_options
 from kinreach.registration import MULTI, SINGLE, SPACE
 from kinreach.robots import as_arm
-from kinreach.statistics import median, p95, wilson_interval
+from kinreach.statistics import median, p95
 from kinreach.vision.ball_finder import PIPELINES
 from kinreach.vision.goal_view import has_goal_cameras
 
@@ -51,9 +51,8 @@ def row(name: str, sight: str, goals: int) -> str:
     found = evaluate(load_policy(name), goals=goals, options={"backend": "mujoco", **SIGHTS[sight]})
     both = 100 * np.mean([np.all(trial["ball_found"]) for trial in found.trials])
     mm = 1e3 * found.measures["distance"]
-    low, high = wilson_interval(int(found.reached.sum()), goals)
-    reached = f"{100 * np.mean(found.reached):.1f} [{100 * low:.1f}, {100 * high:.1f}]"
     seen = f"{both:.1f}" if sight.startswith("seen") else "-"
+    reached = share(int(found.reached.sum()), goals)
     return line(f"`{name}`", sight, seen, reached, f"{median(mm):.2f} / {p95(mm):.2f}")
 
 

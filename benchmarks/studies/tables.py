@@ -6,6 +6,8 @@ import math
 from collections.abc import Sequence
 from statistics import median
 
+from kinreach.statistics import wilson_interval
+
 
 def head(*names: str) -> str:
     """The two lines above the rows."""
@@ -15,6 +17,12 @@ def head(*names: str) -> str:
 def line(*cells: object) -> str:
     """A line of cells."""
     return f"| {' | '.join(map(str, cells))} |"
+
+
+def share(successes: int, total: int) -> str:
+    """In percent, with Wilson's 95 % interval."""
+    low, high = wilson_interval(successes, total)
+    return f"{100 * successes / total:.1f} [{100 * low:.1f}, {100 * high:.1f}]"
 
 
 def spread(values: Sequence[float], digits: int) -> str:

@@ -182,4 +182,4 @@ def test_the_published_tables_have_the_rows_that_the_studies_print(root, needs_g
 
     fresh = words(capsys.readouterr().out)
     assert fresh == words(published)[: len(fresh)]
-    assert len(fresh) == 8 + 5 + 2 + len(light_and_clutter.SITUATIONS)
+    assert len(fresh) == 11 + 5 + 2 + len(light_and_clutter.SITUATIONS)
