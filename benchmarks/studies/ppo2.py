@@ -1,4 +1,4 @@
-"""Which PPO2 the thesis had, and what follows from that: all readings side by side, the tables of docs/multi_step.md.
+"""Which PPO2 the thesis had, and what follows from that: all readings side by side, the tables of docs/ppo2.md.
 
 python -m benchmarks.studies.ppo2 results/ppo2 --plan single multi        trains what is missing, prints the tables
 python -m benchmarks.studies.ppo2 results/ppo2 --plan single --csv FILE   writes a row for each training as well
@@ -12,7 +12,7 @@ import argparse
 import json
 import math
 import time
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from contextlib import closing
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -339,7 +339,17 @@ def _row(cell: Cell, run: Mapping[str, Any]) -> dict[str, float]:
         "reward_last": _mean(reward[last]),
         "impossible_last": round(100 * float(curve["impossible"][last].mean()), DIGITS),
         "reached_training": float(curve["reached"].sum()),
+        **_looks(run["looks"]),
         **{"tip_above" if name == "above" else name: value for name, value in run["measured"].items()},
+    }
+
+
+def _looks(looks: Sequence[tuple[int, float]]) -> dict[str, float]:
+    """Distance [mm] at half of a training and at its end, on the goals of the looks; between two looks, linear."""
+    at, distances = np.array(looks, float).T
+    return {
+        "distance_half": round(float(np.interp(at[-1] / 2, at, distances)), DIGITS),
+        "distance_end": float(distances[-1]),
     }
 
 
@@ -352,25 +362,43 @@ def _mean(values: np.ndarray) -> float:
 #: What tells cells apart, and what a table says of them: headings, columns, digits.
 FLAGS = ("terminal", "raw", "value_clip", "openai", "ends")
 READING = (*FLAGS, "natural_arm", "gripper")
+#: What is reached in training are goals; where reaching goes on, each step there.
+GOALS_REACHED, STEPS_THERE = "goals reached in training", "steps that reach in training"
 _TRAINING = (
     ("reward above 0 for good from", "above", 0),
     ("reward after a third", "reward", 1),
     ("in the last tenth", "reward_last", 1),
     ("impossible there, %", "impossible_last", 0),
-    ("goals reached in training", "reached_training", 0),
+    (GOALS_REACHED, "reached_training", 0),
 )
-_AFTER = (("distance, mm", "distance", 0), ("r_e", "posture_error", 2), ("reached, %", "reached", 1))
-_MULTI = (
+_AFTER = (
+    ("distance at half, mm", "distance_half", 0),
+    ("at the end, mm", "distance_end", 0),
+    ("held out: distance, mm", "distance", 0),
+    ("r_e", "posture_error", 2),
+    ("impossible, %", "impossible", 0),
     ("came within 10 mm, %", "near", 1),
-    ("steps waited there", "waited", 1),
-    ("reached with exploration, %", "sampled_reached", 1),
-    ("standard deviation in the end, °", "std", 1),
-    ("that of j1, °", "std_j1", 1),
+    ("reached, %", "reached", 1),
 )
+_MULTI = (("steps waited there", "waited", 1), ("reached with exploration, %", "sampled_reached", 1))
 CELLS: Mapping[str, Sequence[tuple[str, str, int]]] = {
     SINGLE: (*_TRAINING, *_AFTER),
     MULTI: (*_TRAINING[1:], *_AFTER, *_MULTI),
 }
+#: Of the learned standard deviations, in the thesis's units: by the task, unit and digits.
+_UNIT: Mapping[str, tuple[str, int]] = {SINGLE: ("rad", 2), MULTI: ("°", 1)}
+#: What a table says seed by seed.
+SEED_BY_SEED: Mapping[str, Sequence[tuple[str, str, int]]] = {
+    SINGLE: (
+        ("reward in the last tenth", "reward_last", 1),
+        ("impossible there, %", "impossible_last", 0),
+        ("held out: distance, mm", "distance", 0),
+        ("impossible, %", "impossible", 0),
+    ),
+    MULTI: (_TRAINING[4], *_AFTER[:3]),
+}
+#: Readings whose trainings are taken together: by what they have in common.
+POOLED = (("terminal",), ("value_clip",), ("openai", "raw"))
 _WORDS: Mapping[str, tuple[str, str, str]] = {
     "terminal": ("100th step", "an end", "cut off"),
     "raw": ("units", "thesis's", "scaled"),
@@ -382,20 +410,79 @@ _WORDS: Mapping[str, tuple[str, str, str]] = {
 
 def table(found: Sequence[Mapping[str, float]], environment: str) -> str:
     """A Markdown table with a row for each cell: medians over the seeds, and their range; `-` where it never was."""
+    columns = CELLS[environment]
+    return _by_cell(
+        found,
+        [heading for heading, _, _ in columns],
+        lambda group: [spread([row[column] for row in group], digits) for _, column, digits in columns],
+    )
+
+
+def deviations(found: Sequence[Mapping[str, float]], environment: str) -> str:
+    """A Markdown table of the standard deviations in the end, joint by joint: medians over the seeds, and range."""
+    unit, digits = _UNIT[environment]
+    columns = [name for name in found[0] if name.startswith("std_j")]
+    return _by_cell(
+        found,
+        [f"{'standard deviation in the end, ' if not joint else ''}j{joint}, {unit}" for joint in range(len(columns))],
+        lambda group: [spread([row[column] for row in group], digits) for column in columns],
+    )
+
+
+def seed_by_seed(found: Sequence[Mapping[str, float]], environment: str) -> str:
+    """A Markdown table with the value of each seed, in their order, in a cell."""
+    columns = SEED_BY_SEED[environment]
+
+    def values(group: Sequence[Mapping[str, float]]) -> list[str]:
+        each = ([row[column] for row in group] for _, column, _ in columns)
+        return [
+            " / ".join("-" if math.isnan(value) else f"{value:.{digits}f}" for value in one)
+            for one, (_, _, digits) in zip(each, columns, strict=True)
+        ]
+
+    return _by_cell(found, [heading for heading, _, _ in columns], values)
+
+
+def pooled(found: Sequence[Mapping[str, float]]) -> str:
+    """A Markdown table of distances, of all trainings together that share a reading and are paid for all parts.
+
+    Empty where nothing tells them apart.
+    """
+    whole = [row for row in found if row["natural_arm"] and row["gripper"]]
+    lines = [head("readings", "trainings", "held out: distance, mm")]
+    for flags in POOLED:
+        kinds = dict.fromkeys(tuple(row[flag] for flag in flags) for row in whole)
+        for kind in kinds if len(kinds) > 1 else ():
+            group = [row["distance"] for row in whole if tuple(row[flag] for flag in flags) == kind]
+            said = (f"{_WORDS[flag][0]}: {_word(flag, value)}" for flag, value in zip(flags, kind, strict=True))
+            lines.append(line(", ".join(said), len(group), spread(group, 0)))
+    return "\n".join(lines) if len(lines) > 1 else ""
+
+
+def _word(flag: str, value: float) -> str:
+    return _WORDS[flag][1 if value else 2]
+
+
+def _by_cell(
+    found: Sequence[Mapping[str, float]],
+    headings: Sequence[str],
+    values: Callable[[Sequence[Mapping[str, float]]], Sequence[str]],
+) -> str:
+    """A row for each reading: what tells it apart, how many seeds, and what is said of them."""
+    if not all(row["ends"] for row in found):
+        headings = [STEPS_THERE if heading == GOALS_REACHED else heading for heading in headings]
     shown = [name for name in FLAGS if len({row[name] for row in found}) > 1]
     ablated = any(row["natural_arm"] < 1 or row["gripper"] < 1 for row in found)
     random = any(row.get("random") for row in found)
-    headings = [_WORDS[name][0] for name in shown] + ["any action, %"] * random + ["reward"] * ablated + ["seeds"]
-    columns = CELLS[environment]
-    lines = [head(*headings, *(heading for heading, _, _ in columns))]
+    first = [_WORDS[name][0] for name in shown] + ["any action, %"] * random + ["reward"] * ablated + ["seeds"]
+    lines = [head(*first, *headings)]
     readings = [tuple(row.get(name, 0.0) for name in (*READING, "random")) for row in found]
     for reading in dict.fromkeys(readings):
         group = [row for row, other in zip(found, readings, strict=True) if other == reading]
-        cells = [_WORDS[name][1 if group[0][name] else 2] for name in shown]
+        cells = [_word(name, group[0][name]) for name in shown]
         cells += [f"{100 * group[0]['random']:g}"] if random else []
         cells += [_paid(group[0])] * ablated + [str(len(group))]
-        cells += [spread([row[column] for row in group], digits) for _, column, digits in columns]
-        lines.append(line(*cells))
+        lines.append(line(*cells, *values(group)))
     return "\n".join(lines)
 
 
@@ -423,7 +510,10 @@ def main(argv: list[str] | None = None) -> int:
             columns = tuple(found[0])
             values = [[None if row[column] != row[column] else row[column] for column in columns] for row in found]
             write_text(arguments.csv, curve_csv(values, columns))
-        print(table(found, PLANS[name].stack.environment))
+        if found:
+            environment = PLANS[name].stack.environment
+            tables = (make(found, environment) for make in (table, deviations, seed_by_seed))
+            print(*filter(None, (*tables, pooled(found))), sep="\n\n")
     return 0
 
 

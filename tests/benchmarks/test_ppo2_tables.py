@@ -15,7 +15,19 @@ from kinreach.registration import MULTI, SINGLE
 pytest.importorskip("stable_baselines3")
 
 from benchmarks.studies import ppo2
-from benchmarks.studies.ppo2 import FAITHFUL, PLANS, READING, Cell, goals, main, play, table
+from benchmarks.studies.ppo2 import (
+    FAITHFUL,
+    PLANS,
+    READING,
+    Cell,
+    deviations,
+    goals,
+    main,
+    play,
+    pooled,
+    seed_by_seed,
+    table,
+)
 from benchmarks.studies.side_by_side import Networks
 from kinreach.baselines.evaluation import HELD_OUT
 from kinreach.baselines.logs import trace
@@ -30,7 +42,9 @@ def rows(*path):
 
 def test_the_published_table_is_that_of_the_file():
     found = rows("thesis-single", "readings.csv")
-    assert table(found, SINGLE) in PAGE.read_text(encoding="utf-8")
+    page = PAGE.read_text(encoding="utf-8")
+    for published in (table, seed_by_seed, deviations):
+        assert published(found, SINGLE) in page
     seeds = {}
     for row in found:
         seeds.setdefault(tuple(row[name] for name in READING), []).append(row["seed"])
@@ -57,6 +71,10 @@ def test_the_published_tables_of_multi_step_are_those_of_the_files():
     ):
         found = rows("thesis-multi", name)
         assert table(found, MULTI) in page
+        for published in (seed_by_seed, deviations) if name == "long.csv" else ():
+            assert published(found, MULTI) in page
+        if name == "readings.csv":
+            assert pooled(found) in page
         trained = {}
         for row in found:
             trained.setdefault(tuple(row[flag] for flag in READING), []).append(row["seed"])
@@ -76,7 +94,14 @@ def test_what_the_text_says_of_multi_step():
 
     assert [round(middle(terminal=value) / 10) for value in (1, 0)] == [25, 24]
     assert [round(middle(openai=0, raw=value) / 10) for value in (1, 0)] == [24, 19]
-    assert round(middle(openai=1) / 10) == 27
+    assert [round(middle(openai=1, raw=value) / 10) for value in (1, 0)] == [26, 27]
+
+    def nearer(**flags):
+        group = [row for row in whole if all(row[name] == flags[name] for name in flags)]
+        return np.array([row["distance_half"] - row["distance_end"] for row in group])
+
+    assert np.median(nearer(openai=0, raw=0)) > 50
+    assert np.median(nearer(openai=0, raw=1)) < 5 > np.median(nearer(openai=1))
     alone = [row for row in found if not row["natural_arm"] and not row["gripper"]]
     assert 255 < min(row["distance"] for row in alone) < max(row["distance"] for row in alone) < 305
     longer = rows("thesis-multi", "readings-2M.csv")
@@ -94,8 +119,11 @@ def test_what_the_text_says_of_the_long_trainings():
         return [row[column] for row in found if all(row[name] == flags[name] for name in flags)]
 
     ended = sorted(of("distance", terminal=1, ends=1))
-    assert max(ended[:3]) < 120
-    assert [round(value / 10) for value in ended[3:]] == [32, 37]
+    assert [round(value / 10) for value in ended] == [11, 12, 12, 32, 37]
+    nearer = np.array([row["distance_half"] - row["distance_end"] for row in found])
+    strays = np.array([row["distance"] > 300 for row in found])
+    assert nearer[~strays].min() > 10 > 0 > nearer[strays].max()
+    assert strays.sum() == 2
     assert [round(np.median(of("distance", terminal=0, ends=ends))) for ends in (1, 0)] == [48, 45]
     assert [round(float(np.median(of("sampled_reached", terminal=0, ends=ends))), 1) for ends in (1, 0)] == [1.5, 7.0]
 
@@ -113,11 +141,41 @@ def test_what_the_text_says_of_single_step():
     good = [row for row in openai if row["impossible_last"] < 10 and row["reward_last"] > 1.9]
     assert len(openai) == 20
     assert [(row["raw"], row["value_clip"]) for row in good] == [(1.0, 1.0)] * 3 + [(1.0, 0.0)]
+    assert all(row["impossible_last"] < 10 and row["reward_last"] > 1.9 for row in whole)
     impossible = np.array([row["impossible_last"] for row in openai])
     assert ((impossible == 100).sum(), ((impossible > 30) & (impossible < 67)).sum()) == (6, 3)
     alone = [row for row in found if not row["natural_arm"] and not row["gripper"]]
-    assert [row["reached_training"] for row in alone] == [0] * 5
+    assert [row["reached_training"] for row in alone] == [row["near"] for row in alone] == [0] * 5
     assert min(row["distance"] for row in alone) > 3 * np.median([row["distance"] for row in whole if row["raw"]]) / 2
+
+
+def test_exploration_shrinks_but_in_the_last_joint():
+    found = [row for row in rows("thesis-single", "readings.csv") if not row["openai"]]
+    faithful = [row for row in found if all(row[name] for name in READING if name != "openai")]
+    assert len(faithful) == 5
+    kept = [row[f"std_j{joint}"] for row in faithful for joint in range(5)]
+    assert 0.015 < min(kept) < max(kept) < 0.105
+    assert 3 < min(row["std_j5"] for row in faithful) < max(row["std_j5"] for row in faithful) < 5
+
+
+def test_distances_at_half_are_between_looks():
+    found = ppo2._looks([(100, 50.0), (200, 30.0), (300, 10.0), (400, 20.0)])
+    assert found == {"distance_half": 30.0, "distance_end": 20.0}
+    assert ppo2._looks([(80, 50.0), (160, 40.0), (240, 20.0)])["distance_half"] == pytest.approx(45.0)
+
+
+def test_trainings_are_pooled_by_what_they_share():
+    rng = np.random.default_rng(0)
+    found = [
+        {**dict(zip(READING, rng.integers(0, 2, len(READING)).astype(float), strict=True)), "distance": value}
+        for value in rng.uniform(10, 99, 200)
+    ]
+    counts = [int(line.split("|")[2]) for line in pooled(found).splitlines()[2:]]
+    whole = sum(row["natural_arm"] * row["gripper"] for row in found)
+    assert len(counts) == 8
+    assert sum(counts) == 3 * whole > 90
+    one = [{**row, **dict.fromkeys(READING, 1.0)} for row in found]
+    assert pooled(one) == ""
 
 
 def test_cells_have_names_of_their_own():
