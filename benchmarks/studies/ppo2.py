@@ -395,7 +395,7 @@ SEED_BY_SEED: Mapping[str, Sequence[tuple[str, str, int]]] = {
         ("held out: distance, mm", "distance", 0),
         ("impossible, %", "impossible", 0),
     ),
-    MULTI: (_TRAINING[4], *_AFTER[:3]),
+    MULTI: (_TRAINING[4], *_AFTER[:3], _AFTER[-1]),
 }
 #: Readings whose trainings are taken together: by what they have in common.
 POOLED = (("terminal",), ("value_clip",), ("openai", "raw"))
