@@ -23,7 +23,7 @@ from kinreach.statistics import wilson_interval
 
 CARDS = {name: load_policy(name).card for name in pretrained_names()}
 #: Those that the documentation's tables are about.
-PUBLISHED = ("single", "multi", "ppo-single", "ppo-multi", "thesis-single", "button", "button-report")
+PUBLISHED = ("single", "multi", "ppo-single", "ppo-multi", "thesis-single", "thesis-multi", "button", "button-report")
 #: What single-step policies do without dynamics takes a second; episodes, dynamics and cameras take longer.
 QUICK = ("single", "ppo-single", "random-arms")
 #: Of what takes longer so many goals are measured again.

@@ -165,7 +165,9 @@ def test_solvers_end_where_they_say(ur5):
 def test_policies_are_solvers_too():
     """Where they end is what their episodes say; what they are not for, they are not offered for."""
     setup = setup_of("ur5", calibration=str(CALIBRATION))
-    assert setup.policies == setup_of("ur5").policies == ("ppo-single", "single", "thesis-single", "multi", "ppo-multi")
+    assert setup.policies == setup_of("ur5").policies == (
+        "ppo-single", "single", "thesis-single", "multi", "ppo-multi", "thesis-multi",
+    )  # fmt: skip
     assert setup_of("ur5", tip="tool0").policies == setup_of("arm3").policies == ()
     assert setup_of("panda").policies == ("panda-single",)
     model, rng, near = setup_of("ur5").model(), np.random.default_rng(4), 0
