@@ -23,6 +23,7 @@ from typing import Any
 import numpy as np
 import torch
 from gymnasium.vector import VectorEnv
+from numpy.typing import ArrayLike
 from scipy.special import ndtri
 from stable_baselines3 import DDPG, DQN, PPO, SAC, TD3
 from stable_baselines3.common.base_class import BaseAlgorithm
@@ -40,11 +41,11 @@ from kinreach.baselines.ppo2 import PPO2
 from kinreach.baselines.recipes import Recipe
 from kinreach.baselines.rewards import TrainingReward
 from kinreach.baselines.vec_envs import LooksVecEnv, SB3VecEnv, TriesVecEnv
-from kinreach.checks import Floats, check_known
+from kinreach.checks import check_known
 from kinreach.envs.button.episodes import ButtonOptions
 from kinreach.envs.button.task import CONTROL_LIMIT, JOINTS
 from kinreach.envs.reach.space import SpaceTask
-from kinreach.envs.reach.task import CAMERA, ReachTask, joint_limits, layout_of
+from kinreach.envs.reach.task import CAMERA, ReachTask, action_range, layout_of
 from kinreach.errors import InputError
 from kinreach.registration import SINGLE, SINGLE_KINEMATIC, SPACE
 from kinreach.robots import ArmDescription, as_arm, get_arm
@@ -155,7 +156,7 @@ def ppo_arguments(recipe: Recipe, env: SB3VecEnv, planned: int) -> dict[str, Any
     if networks.posture:
         arm = _arm(recipe)
         arguments["policy"] = PosturePolicy
-        policy["head"] = {"gain": (1.0 / _half_ranges(arm)).tolist(), "shift": _start_action(arm)}
+        policy["head"] = {"gain": (1.0 / action_range(arm)[0]).tolist(), "shift": _action_to(arm, arm.home)}
     if "minibatches" in arguments:
         arguments["batch_size"] = recipe.num_envs * arguments["n_steps"] // arguments.pop("minibatches")
     return arguments
@@ -176,7 +177,7 @@ def adaptive_arguments(recipe: Recipe, env: SB3VecEnv, planned: int) -> dict[str
     if arguments["exploration"] is not None:
         schedule = Exploration(**arguments["exploration"])
         posture = recipe.networks.posture
-        arguments["exploration"] = schedule.scaled(1.0 / _half_ranges(_arm(recipe)).max()) if posture else schedule
+        arguments["exploration"] = schedule.scaled(1.0 / action_range(_arm(recipe))[0].max()) if posture else schedule
     return arguments
 
 
@@ -189,7 +190,7 @@ def scheduled_arguments(recipe: Recipe, env: SB3VecEnv, planned: int) -> dict[st
     arguments["policy_kwargs"]["gain"] = arguments.pop("gain")
     arguments["exploration"] = Exploration(**arguments["exploration"])
     middle = np.zeros(env.action_space.shape or ()).tolist()
-    arguments["start"] = _start_action(_arm(recipe)) if recipe.networks.posture else middle
+    arguments["start"] = _action_to(arm := _arm(recipe), arm.home) if recipe.networks.posture else middle
     return arguments
 
 
@@ -239,9 +240,7 @@ def analytic_arguments(recipe: Recipe, env: SB3VecEnv, planned: int) -> dict[str
         raise InputError(f"analytic gradients are for postures in {SPACE}, not for {recipe.environment}")
     arguments = _without_tries(recipe, env, planned) | {"task": SpaceTask.of(recipe.options)}
     if "around" in arguments:
-        arm = _arm(recipe)
-        shift = (np.array(arguments.pop("around")) - sum(joint_limits(arm)) / 2) / _half_ranges(arm)
-        arguments["policy_kwargs"]["head"]["shift"] = shift.tolist()
+        arguments["policy_kwargs"]["head"]["shift"] = _action_to(_arm(recipe), arguments.pop("around"))
     return arguments
 
 
@@ -306,6 +305,7 @@ def in_tries(batch: VectorEnv[Any, Any, Any], recipe: Recipe, reward: TrainingRe
         "reward": reward,
         "blur": recipe.blur,
         "layout": task.layout,
+        "arm": task.arm,
     }
     if recipe.networks.features == "looks":
         return LooksVecEnv(batch, looks=Looks(task, recipe.settings["looks"]), **tries)
@@ -317,15 +317,10 @@ def _arm(recipe: Recipe) -> ArmDescription:
     return as_arm(recipe.options.get("arm", "ur5"))
 
 
-def _half_ranges(arm: ArmDescription) -> Floats:
-    """What an action of 1 means for each joint, from the middle of its range [rad]."""
-    low, high = joint_limits(arm)
-    return (high - low) / 2
-
-
-def _start_action(arm: ArmDescription) -> list[float]:
-    """The action that means the start pose."""
-    return ((np.array(arm.home) - sum(joint_limits(arm)) / 2) / _half_ranges(arm)).tolist()
+def _action_to(arm: ArmDescription, q: ArrayLike) -> list[float]:
+    """The action that means a posture [rad], shape (n,)."""
+    half, middle = action_range(arm)
+    return ((np.asarray(q) - middle) / half).tolist()
 
 
 @dataclass(frozen=True)

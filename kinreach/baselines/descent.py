@@ -16,7 +16,7 @@ from kinreach.checks import Floats
 from kinreach.envs.moving import FRAMES, PARTS, MovingEpisodes, travel_times
 from kinreach.envs.reach.observers import measured
 from kinreach.envs.reach.space import SpaceTask
-from kinreach.envs.reach.task import GOAL, SINGLE_STEP, TOOL_DOWN, joint_limits
+from kinreach.envs.reach.task import GOAL, SINGLE_STEP, TOOL_DOWN, action_range
 from kinreach.vision.goal_view import goals_in_world
 
 #: From the mean actions of some rows of a batch, and their indices, to what is to be made small.
@@ -105,8 +105,7 @@ class AnalyticGradient(Descent):
         And `FOLDED` times what joints are beyond their largest angles.
         """
         task, chain = self.task, self.task.kinematics.chain
-        low, high = joint_limits(task.arm)
-        half, middle = (torch.as_tensor(part, dtype=torch.float32) for part in ((high - low) / 2, (high + low) / 2))
+        half, middle = (torch.as_tensor(part, dtype=torch.float32) for part in action_range(task.arm))
         goals = torch.as_tensor(measured(task, observations[:, task.layout.goal]).seen, dtype=torch.float32)
         directions = torch.as_tensor(observations[:, task.layout.direction], dtype=torch.float32)
 

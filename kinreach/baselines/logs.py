@@ -14,12 +14,11 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from kinreach.baselines.learning_curve import COLUMNS, read_curve
-from kinreach.baselines.policies import LearnedPolicy, load_policy
+from kinreach.baselines.policies import LearnedPolicy, load_policy, needed_options
 from kinreach.baselines.rollout import rollout_batch
 from kinreach.checks import Floats, as_floats, check_count, check_known, check_path, shown
-from kinreach.envs.reach.task import ANGLES
+from kinreach.envs.reach.task import ReachTask
 from kinreach.errors import InputError, raise_unknown
-from kinreach.kinematics import UR5Kinematics
 from kinreach.plots.series import discounted_returns
 from kinreach.registration import MULTI, SINGLE
 
@@ -215,7 +214,7 @@ class Trace:
 
     Attributes:
         distance: To the goal [m], shape (steps + 1, n).
-        q: Joint angles [rad], shape (steps + 1, n, 6).
+        q: Joint angles [rad], shape (steps + 1, n, joints).
         posture_error: r_e [rad], shape (steps, n).
         reward: Shape (steps, n); after the end not a number.
         reached: Whether the goal was reached at the end, shape (n,).
@@ -234,23 +233,24 @@ def trace(policy: LearnedPolicy, goals: ArrayLike, *, options: Mapping[str, Any]
     """Play one deterministic episode for each goal.
 
     Args:
-        policy: For a reach environment.
+        policy: For one of the thesis's reach tasks, on any arm.
         goals: Positions in the world [m], shape (n, 3).
-        options: Of the environment.
+        options: Of the environment; those which the policy was trained with, unless they say otherwise.
 
     Raises:
-        InputError: The policy is for another environment, the goals are malformed, or options that the environment does
-            not take.
+        InputError: The policy is for another environment, or sees pictures, the goals are malformed, or options that
+            the environment does not take.
     """
     goals = as_floats("goals", goals)
     environment = policy.card.environment
     if environment not in (SINGLE, MULTI):
         raise InputError(f"a trace needs a policy for {SINGLE} or {MULTI}, got one for {environment}")
+    if policy.network.eyes:
+        raise InputError(f"a trace needs a policy that observes numbers; {policy.name} takes pictures")
     if goals.ndim != 2 or goals.shape[1] != 3 or not len(goals):
         raise InputError(f"goals must have shape (n, 3), got {goals.shape}")
-    env: Any = gym.make_vec(
-        environment, num_envs=len(goals), vectorization_mode="vector_entry_point", **dict(options or {})
-    )
+    given = {**needed_options(policy), **(options or {})}
+    env: Any = gym.make_vec(environment, num_envs=len(goals), vectorization_mode="vector_entry_point", **given)
     try:
         return _play(env, policy, goals)
     finally:
@@ -258,15 +258,15 @@ def trace(policy: LearnedPolicy, goals: ArrayLike, *, options: Mapping[str, Any]
 
 
 def _play(env: Any, policy: LearnedPolicy, goals: Floats) -> Trace:
-    kinematics = UR5Kinematics(tip="tcp", base="world")
-    start = np.tile(np.array(kinematics.arm.home), (len(goals), 1))
-    first = np.linalg.norm(kinematics.positions(start) - goals, axis=1)
+    task: ReachTask = env.unwrapped.task
+    start = np.tile(task.home, (len(goals), 1))
+    first = np.linalg.norm(task.kinematics.positions(start) - goals, axis=1)
     q, distance = [start], [first]
     posture_error: list[Floats] = []
     reward: list[Floats] = []
 
     def keep(observations: Any, rewards: Any, info: Mapping[str, Any], pending: Any) -> None:
-        q.append(np.where(pending[:, None], observations[:, ANGLES], q[-1]))
+        q.append(np.where(pending[:, None], observations[:, task.layout.q], q[-1]))
         distance.append(np.where(pending, info["distance"], distance[-1]))
         posture_error.append(np.where(pending, info["posture_error"], posture_error[-1] if posture_error else np.nan))
         reward.append(np.where(pending, rewards, np.nan))

@@ -22,7 +22,7 @@ from kinreach.baselines.eyes import MIDDLE, Eye
 from kinreach.baselines.policies import PICTURES, SLACK, LearnedPolicy
 from kinreach.checks import check_count
 from kinreach.engines import load_extra
-from kinreach.envs.reach.task import SINGLE_STEP, STEP_SIZE
+from kinreach.envs.reach.task import STEP_SIZE
 from kinreach.errors import InputError
 from kinreach.files import replacing
 
@@ -94,7 +94,9 @@ def _model(policy: LearnedPolicy, observations: int) -> Any:
         action = graph("Min", graph("Max", output, low), high)
         if policy.stepwise:
             joints = JOINTS if eyes else graph("Slice", INPUT, [observations - 1 - outputs], [observations - 1], [1])
-            _paced(graph, graph("Sub", graph("Mul", action, SINGLE_STEP.scale), joints))
+            half, middle = policy.action_range
+            posture = graph("Add", graph("Mul", action, half), middle)
+            _paced(graph, graph("Sub", posture, joints))
         kind = kinds.DOUBLE
         shape.append(outputs)
     graph.nodes[-1].output[0] = OUTPUT

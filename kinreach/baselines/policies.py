@@ -13,6 +13,7 @@ from __future__ import annotations
 import json
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, dataclass, field, fields, replace
+from functools import cached_property
 from importlib import resources
 from pathlib import Path
 from typing import Any, NoReturn
@@ -25,10 +26,11 @@ from safetensors.numpy import save as to_bytes
 
 from kinreach.baselines.eyes import Eye
 from kinreach.checks import as_floats, check_entries, check_path, shown
-from kinreach.envs.reach.task import SINGLE_STEP, STEP_SIZE
+from kinreach.envs.reach.task import SINGLE_STEP, STEP_SIZE, action_range
 from kinreach.errors import InputError, UnknownNameError
 from kinreach.files import replacing
-from kinreach.registration import BUTTON, MOVING, MULTI, SINGLE, SPACE
+from kinreach.registration import BUTTON, MOVING, MULTI, MULTI_KINEMATIC, SINGLE, SPACE
+from kinreach.robots import get_arm
 from kinreach.vision.goal_view import GOAL_CAMERAS
 
 Array = NDArray[Any]
@@ -314,8 +316,7 @@ class LearnedPolicy:
         self.card, self.network = card, network
         self._exact = exact
         self.bounds = (-1.0 if network.low is None else network.low, 1.0 if network.high is None else network.high)
-        stepwise = "MultiStep" in card.environment or _options(card).get("steps") == "multi"
-        self.stepwise = card.meaning == "posture" and stepwise
+        self.stepwise = card.meaning == "posture" and _walks(card)
 
     def reset(self, observation: Any = None, info: Any = None) -> None:
         """A trained policy remembers nothing."""
@@ -337,17 +338,35 @@ class LearnedPolicy:
         action = np.clip(output, *self.bounds)
         if not self.stepwise:
             return action
-        return paced(SINGLE_STEP.scale * action - self._joints(observation))
+        half, middle = self.action_range
+        return paced(half * action + middle - self._joints(observation))
 
     def posture(self, observation: ArrayLike | Mapping[str, ArrayLike]) -> Array:
         """The posture that a reach policy aims at [rad], shape (..., m).
 
         Raises:
-            InputError: The policy's output means something else, or as for `act`.
+            InputError: The policy's output means something else, is none of its arm's postures, or as for `act`.
+            UnknownNameError: There is no arm of the name that its card says.
         """
         if self.card.meaning != "posture":
             raise InputError(f"the output of {self.name} means {self.card.meaning}, not a posture")
-        return SINGLE_STEP.scale * np.clip(self._output(observation), *self.bounds)
+        half, middle = self.action_range
+        return np.asarray(half * np.clip(self._output(observation), *self.bounds) + middle)
+
+    @cached_property
+    def action_range(self) -> tuple[Any, Any]:
+        """What an action of 1 means for each joint of its arm, from the middle of its range, and the middle [rad].
+
+        Half a turn and 0 where the card names no arm.
+        """
+        name = trained_arm(self).get("arm")
+        if name is None:
+            return SINGLE_STEP.scale, 0.0
+        half, middle = action_range(get_arm(name))
+        if half.shape != self.network.gain.shape:
+            numbers = len(self.network.gain)
+            raise InputError(f"{numbers} numbers are no posture of arm {name!r}, which has {len(half)} joints")
+        return half, middle
 
     @property
     def name(self) -> str:
@@ -447,6 +466,16 @@ def _options(card: PolicyCard) -> Mapping[str, Any]:
     """Options of the environment that a policy was trained in, as far as its card, which may be anybody's, has them."""
     options = card.recipe.get("options")
     return options if isinstance(options, Mapping) else {}
+
+
+def _walks(card: PolicyCard) -> bool:
+    """Whether a posture is walked to: where the environment takes steps, or the recipe says that it was in training."""
+    walk = card.recipe.get("walk")
+    return (
+        card.environment in (MULTI, MULTI_KINEMATIC)
+        or (card.environment == SPACE and _options(card).get("steps") == "multi")
+        or (isinstance(walk, int) and walk > 1)
+    )
 
 
 def trained_arm(policy: LearnedPolicy) -> dict[str, Any]:

@@ -14,8 +14,9 @@ from stable_baselines3.common.vec_env.base_vec_env import VecEnvIndices, VecEnvO
 from kinreach.baselines.looks import Looks
 from kinreach.baselines.policies import paced
 from kinreach.baselines.rewards import TrainingReward, own
-from kinreach.envs.reach.task import SINGLE_STEP, UR5_LAYOUT, Layout
+from kinreach.envs.reach.task import UR5_LAYOUT, Layout, action_range
 from kinreach.errors import InputError
+from kinreach.robots import ArmDescription, as_arm
 
 Array = np.ndarray[Any, Any]
 
@@ -124,6 +125,7 @@ class TriesVecEnv(SB3VecEnv):
         blur: Standard deviation of noise on the numbers that say where the goal is [m]: without, a network is free in
             how it answers two cameras that do not quite agree, as real ones do.
         layout: Where goal and joint angles are in the observation.
+        arm: That of the environments.
     """
 
     def __init__(
@@ -136,10 +138,12 @@ class TriesVecEnv(SB3VecEnv):
         reward: TrainingReward,
         blur: float,
         layout: Layout = UR5_LAYOUT,
+        arm: str | ArmDescription = "ur5",
     ) -> None:
         super().__init__(env, reward=reward)
         self._tries, self._draw, self._steps, self._blur = tries, draw, steps, blur
         self._layout = layout
+        self._half, self._middle = action_range(as_arm(arm))
         self._rng = np.random.default_rng()
         self._infos: list[dict[str, Any]] = [{} for _ in range(env.num_envs)]
         self._over = np.ones(env.num_envs, dtype=np.bool_)
@@ -157,7 +161,7 @@ class TriesVecEnv(SB3VecEnv):
         if self._steps == 1:
             _, rewards, _, _, info = self._env.step(self._actions)
         else:
-            rewards, info = self._walk(SINGLE_STEP.scale * np.clip(self._actions, -1, 1))
+            rewards, info = self._walk(self._half * np.clip(self._actions, -1, 1) + self._middle)
         seen = self._reward(np.asarray(rewards), info).astype(np.float32)
         return self._begin(), seen, self._over, self._infos
 

@@ -8,7 +8,7 @@ import gymnasium as gym
 import numpy as np
 from numpy.typing import ArrayLike
 
-from kinreach.baselines.policies import load_policy
+from kinreach.baselines.policies import load_policy, needed_options
 from kinreach.baselines.rollout import rollout
 from kinreach.errors import InputError
 from kinreach.kinematics import ArmKinematics, IKResult
@@ -43,9 +43,8 @@ class PolicySolver:
         environment = self._policy.card.environment or SINGLE
         if environment not in (SINGLE, MULTI):
             raise InputError(f"the policy {policy} is for {environment}, not for one of: {SINGLE}, {MULTI}")
-        self._env: gym.Env[Any, Any] = gym.make(
-            environment, arm=kinematics.arm, backend="kinematic", disable_env_checker=True
-        )
+        options = needed_options(self._policy) | {"arm": kinematics.arm, "backend": "kinematic"}
+        self._env: gym.Env[Any, Any] = gym.make(environment, disable_env_checker=True, **options)
         self._policy.check_spaces(self._env.observation_space, self._env.action_space)
 
     def solve(self, goal: Goal, seed: ArrayLike, *, accept: Accept | None = None) -> IKResult:

@@ -67,6 +67,13 @@ def test_a_policy_that_sees_pictures(walks, tmp_path):
         assert_equal(policy, tmp_path / "policy.onnx", seen, count)
 
 
+def test_a_policy_that_walks_with_an_arm_of_other_limits(tmp_path):
+    trained = load_policy("panda-single")
+    policy = LearnedPolicy(replace(trained.card, environment="kinreach/UR5MultiStep-v0"), trained.network)
+    export_onnx(policy, tmp_path / "policy.onnx", observations=11)
+    assert_equal(policy, tmp_path / "policy.onnx", np.random.default_rng(0).uniform(-1.0, 1.0, (OBSERVATIONS, 11)))
+
+
 @pytest.mark.parametrize("activation", ACTIVATIONS)
 @pytest.mark.parametrize("output", ["linear", "tanh"])
 def test_every_activation_with_bounds_and_more_observations_than_are_used(activation, output, tmp_path):

@@ -6,6 +6,7 @@ import pickle
 import zipfile
 from dataclasses import replace
 
+import gymnasium as gym
 import numpy as np
 import pytest
 from gymnasium import spaces
@@ -23,9 +24,10 @@ from kinreach.baselines.policies import (
     read_policy,
     save_policy,
 )
+from kinreach.envs.reach import ReachEnv
 from kinreach.errors import InputError, OutputError, UnknownNameError
+from kinreach.registration import MULTI, MULTI_KINEMATIC, SINGLE, SPACE
 
-SINGLE = "kinreach/UR5SingleStep-v0"
 CARD = PolicyCard(SINGLE, "posture", "silu", "linear", "RankedPPO", {"name": "single"}, 3, 1000, {"reached": 1.0})
 
 
@@ -172,6 +174,51 @@ def test_options_of_a_card_may_be_anything(tmp_path):
         policy = load_policy(tmp_path / "p.safetensors")
         assert not policy.stepwise
         assert needed_options(policy) == {}
+
+
+@pytest.mark.parametrize("steps", ["single", "multi"])
+@pytest.mark.parametrize(("arm", "name"), [("panda", "panda-single"), ("ur5", "single")])
+def test_a_posture_is_what_the_environment_makes_of_it(arm, name, steps):
+    trained = load_policy(name)
+    environment = {"single": SINGLE, "multi": MULTI}[steps]
+    policy = LearnedPolicy(replace(trained.card, environment=environment), trained.network)
+    env = gym.make(environment, arm=arm, backend="kinematic", disable_env_checker=True)
+    at_once: ReachEnv = gym.make(SINGLE, arm=arm, backend="kinematic", disable_env_checker=True).unwrapped
+    postures = 0
+    for seed in range(4):
+        observation, _ = env.reset(seed=seed)
+        posture, over = at_once.posture_for(trained.act(observation)), False
+        np.testing.assert_allclose(policy.posture(observation), posture, atol=1e-12)
+        while not over:
+            observation, _, terminated, truncated, info = env.step(policy.act(observation))
+            over = terminated or truncated
+        assert not info["impossible"]
+        np.testing.assert_allclose(info["q"], posture, atol=1e-6)
+        postures += 1
+    assert postures == 4
+
+
+def test_a_posture_takes_an_arm_with_as_many_joints():
+    card = replace(CARD, environment=MULTI, recipe={"name": "mine", "options": {"arm": "panda"}})
+    with pytest.raises(InputError, match="6 numbers are no posture of arm 'panda', which has 7 joints"):
+        LearnedPolicy(card, network()).act(np.zeros(13))
+    card = replace(CARD, recipe={"name": "mine", "options": {"arm": "nobody's"}})
+    with pytest.raises(UnknownNameError, match="nobody's"):
+        LearnedPolicy(card, network()).posture(np.zeros(13))
+
+
+def test_environments_of_others_are_walked_in_where_the_recipe_says_so():
+    walked = {
+        ("my/MultiStepX-v0", 1): False, ("my/Own-v0", 16): True, (MULTI, 16): True, (MULTI_KINEMATIC, 16): True,
+        (SINGLE, 1): False,
+    }  # fmt: skip
+    for (environment, walk), expected in walked.items():
+        card = replace(CARD, environment=environment, recipe={"name": "mine", "walk": walk})
+        assert LearnedPolicy(card, network()).stepwise == expected
+        assert not LearnedPolicy(replace(card, meaning="action"), network()).stepwise
+    for environment, expected in ((SPACE, True), ("my/Own-v0", False)):
+        card = replace(CARD, environment=environment, recipe={"name": "mine", "options": {"steps": "multi"}})
+        assert LearnedPolicy(card, network()).stepwise == expected
 
 
 def test_cards_of_before_there_were_seeds_of_goals_are_read(tmp_path):

@@ -1,13 +1,15 @@
 """Traces are what single environments do, step by step."""
 
+from dataclasses import replace
+
 import gymnasium as gym
 import numpy as np
 import pytest
 
 from kinreach.baselines.logs import trace
-from kinreach.baselines.policies import load_policy
+from kinreach.baselines.policies import LearnedPolicy, load_policy
 from kinreach.errors import InputError
-from kinreach.kinematics import UR5Kinematics
+from kinreach.kinematics import UR5Kinematics, kinematics_of
 from kinreach.robots import get_arm
 
 
@@ -40,6 +42,35 @@ def test_a_trace_is_what_single_environments_do(name, goals):
     assert len(traced.distance) == max(lengths) + 1
     if name != "single":
         assert min(lengths) < max(lengths)
+
+
+def trained_with(name, **options):
+    """A policy of the package as if it had been trained with other options."""
+    policy = load_policy(name)
+    return LearnedPolicy(replace(policy.card, recipe={**policy.card.recipe, "options": options}), policy.network)
+
+
+def test_it_is_traced_in_what_it_was_trained_with(goals):
+    policy = trained_with("thesis-single", goal_in="image")
+    env = gym.make(policy.card.environment, backend="kinematic", goal_in="image")
+    traced = trace(policy, goals, options={"backend": "kinematic"})
+    for index, goal in enumerate(goals):
+        observation, _ = env.reset(seed=0, options={"goal": goal})
+        np.testing.assert_allclose(traced.distance[1, index], env.step(policy.act(observation))[4]["distance"])
+    in_metres = trace(policy, goals, options={"backend": "kinematic", "goal_in": "camera"})
+    assert np.abs(in_metres.distance[1] - traced.distance[1]).max() > 0.01
+    with pytest.raises(InputError, match="takes pictures"):
+        trace(load_policy("pixels-single"), goals)
+
+
+def test_the_trace_of_another_arm():
+    goals = get_arm("panda").workcell.goals.sample(np.random.default_rng(3), 4)
+    traced = trace(load_policy("panda-single"), goals, options={"backend": "kinematic"})
+    assert traced.q.shape == (2, 4, 7)
+    np.testing.assert_allclose(traced.q[0], np.tile(get_arm("panda").home, (4, 1)), atol=1e-12)
+    tips = kinematics_of("panda", base="world").positions(traced.q.reshape(-1, 7)).reshape(2, 4, 3)
+    np.testing.assert_allclose(traced.distance, np.linalg.norm(tips - goals, axis=2), atol=1e-9)
+    assert traced.reached.all()
 
 
 def test_it_starts_at_home(goals):

@@ -15,7 +15,7 @@ from kinreach.baselines.policies import paced
 from kinreach.baselines.recipes import get_recipe
 from kinreach.baselines.rewards import REWARDS
 from kinreach.baselines.vec_envs import TriesVecEnv
-from kinreach.envs.reach.task import STEP_SIZE
+from kinreach.envs.reach.task import STEP_SIZE, action_range, layout_of
 from kinreach.errors import InputError
 from kinreach.robots import get_arm
 
@@ -103,9 +103,9 @@ def test_training_rewards():
     np.testing.assert_allclose(REWARDS["dense-clipped"](rewards, info), [-20, *expected[1:]])
 
 
-def around(margin):
+def around(margin, arm="ur5"):
     """Goals on the table area and around it."""
-    region = get_arm("ur5").workcell.goals.wider(margin)
+    region = get_arm(arm).workcell.goals.wider(margin)
     return lambda rng, count: {"goal": region.sample(rng, count)}
 
 
@@ -151,14 +151,18 @@ def test_goals_of_training_are_from_around_the_table_area_as_the_recipe_says(nam
     assert drawn == 12_000
 
 
-def test_walking_ends_where_one_step_ends():
+@pytest.mark.parametrize("arm", ["ur5", "panda"])
+def test_walking_ends_where_one_step_ends(arm):
     rng = np.random.default_rng(0)
-    postures = (np.array(get_arm("ur5").home) + rng.uniform(-0.3, 0.3, (64, 6))) / np.pi
+    half, middle = action_range(get_arm(arm))
+    home = np.array(get_arm(arm).home)
+    postures = (home + rng.uniform(-0.3, 0.3, (64, len(home))) - middle) / half
     outcomes = []
     for name, steps, options in ((SINGLE, 1, {}), (MULTI, 16, {"end_on_reached": False})):
         env = TriesVecEnv(
-            batch(name, 64, **options),
-            tries=8, draw=around(0.02), steps=steps, reward=REWARDS["dense"], blur=0.0,
+            batch(name, 64, arm=arm, **options),
+            tries=8, draw=around(0.02, arm), steps=steps, reward=REWARDS["dense"], blur=0.0,
+            layout=layout_of(get_arm(arm)), arm=arm,
         )  # fmt: skip
         env.seed(5)
         env.reset()

@@ -250,6 +250,12 @@ def joint_limits(arm: ArmDescription) -> tuple[Floats, Floats]:
     return low, high
 
 
+def action_range(arm: ArmDescription) -> tuple[Floats, Floats]:
+    """What an action of 1 means for each joint, from the middle of its range, and the middle [rad], of shape (n,)."""
+    low, high = joint_limits(arm)
+    return (high - low) / 2, (high + low) / 2
+
+
 def action_space(arm: str | ArmDescription = "ur5") -> spaces.Box:
     """Actions of an agent, one in [-1, 1] for each joint."""
     return spaces.Box(-1.0, 1.0, (len(as_arm(arm).joints),), np.float32)
@@ -395,8 +401,7 @@ class ReachTask:
         self._scale: Any = variant.scale
         self._middle: Floats | None = None
         if not variant.relative:
-            lower, upper = joint_limits(arm)
-            half, middle = (upper - lower) / 2, (upper + lower) / 2
+            half, middle = action_range(arm)
             self._scale = half if (half != variant.scale).any() else variant.scale
             self._middle = middle if middle.any() else None
 

@@ -1,0 +1,25 @@
+"""A trained policy beside the solvers ends where its episode does."""
+
+from dataclasses import replace
+
+import gymnasium as gym
+import numpy as np
+
+from kinreach.baselines.policies import load_policy, save_policy
+from kinreach.kinematics import AxisGoal, UR5Kinematics
+from kinreach.registration import SINGLE
+from kinreach.view.policy_solver import PolicySolver
+
+
+def test_a_policy_is_asked_as_it_was_trained(tmp_path):
+    trained, kinematics = load_policy("thesis-single"), UR5Kinematics(tip="tcp", base="world")
+    recipe = {**trained.card.recipe, "options": {"goal_in": "image"}}
+    save_policy(tmp_path / "image.safetensors", replace(trained.card, recipe=recipe), trained.network)
+    solver = PolicySolver(str(tmp_path / "image.safetensors"), kinematics)
+    env, asked = gym.make(SINGLE, backend="kinematic", goal_in="image"), 0
+    for position in kinematics.arm.workcell.goals.sample(np.random.default_rng(4), 5):
+        observation, _ = env.reset(seed=0, options={"goal": position})
+        target = env.unwrapped.posture_for(trained.act(observation))
+        np.testing.assert_allclose(solver.solve(AxisGoal(position), kinematics.arm.home).q, target, atol=1e-12)
+        asked += 1
+    assert asked == 5
