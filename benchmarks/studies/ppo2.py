@@ -138,6 +138,7 @@ PLANS: Mapping[str, Plan] = {
     "multi": Plan(_THESIS_MULTI, [*_READINGS, *_ABLATED], 5),
     "single-random": Plan(_THESIS_SINGLE, _GREEDY, 5),
     "single-long": Plan(replace(_THESIS_SINGLE, steps=600_000), [*_SINGLE[:4], *_ABLATED], 5),
+    "multi-updates": Plan(replace(_THESIS_MULTI, n_steps=3_200), _RULES[:2], 5),
     "multi-readings": Plan(replace(_LONG, steps=2_000_000), _READINGS, 1),
     "multi-long": Plan(_LONG, _RULES, 5),
     "multi-longest": Plan(replace(_LONG, steps=20_000_000), _RULES, 5),

@@ -66,6 +66,7 @@ def test_the_published_tables_of_multi_step_are_those_of_the_files():
     page = PAGE.read_text(encoding="utf-8")
     for name, cells, seeds in (
         ("readings.csv", 19, range(5)),
+        ("updates.csv", 2, range(5)),
         ("readings-2M.csv", 16, range(1)),
         ("long.csv", 4, range(5)),
         ("longest.csv", 4, None),
