@@ -25,7 +25,7 @@ from kinreach.baselines.rollout import Policy, as_policy, rollout
 from kinreach.checks import check_count, check_known, check_path, shown
 from kinreach.compare import figures, report
 from kinreach.compare.methods import colours, resolve_methods
-from kinreach.compare.task import GIVEN, SOLVER, Method, Task, arm_version, get_task
+from kinreach.compare.task import GIVEN, SOLVER, Method, Task, arm_in, arm_version, get_task
 from kinreach.envs.reach.reachable_goals import with_goals
 from kinreach.envs.reach.task import layout_of
 from kinreach.errors import InputError, InstallationError, OutputError
@@ -97,6 +97,7 @@ class Comparison:
         goals, seed: As in `compare`.
         command: How to get the same again.
         left_out: Methods of the task that this installation or arm cannot do, with the reason.
+        arm: Name of the arm that does it, as its environment says; empty if that has no `arm`.
     """
 
     task: Task
@@ -105,6 +106,7 @@ class Comparison:
     seed: int
     command: str
     left_out: Mapping[str, str]
+    arm: str
 
     def settings(self) -> dict[str, Any]:
         """As JSON types."""
@@ -231,9 +233,11 @@ def prepare(
                     raise
                 left_out[name] = str(error)
                 del resolved[name]
-    if not resolved:
-        raise InputError(f"no method of {task.name!r} can be used: {next(iter(left_out.values()))}")
-    return Comparison(task, resolved, int(goals), int(seed), command, left_out)
+        if not resolved:
+            raise InputError(f"no method of {task.name!r} can be used: {next(iter(left_out.values()))}")
+        known = arm_in(environments.default)
+    named = "" if known is None else known.name
+    return Comparison(task, resolved, int(goals), int(seed), command, left_out, named)
 
 
 def run_trials(
@@ -387,6 +391,7 @@ def results_of(
             **comparison.settings(),
             "command": comparison.command,
             "title": task.title,
+            "arm": comparison.arm,
             "terms": {**task.terms, "reached": task.reached, **given},
             "left_out": dict(comparison.left_out),
             "confidence": statistics.CONFIDENCE,

@@ -206,6 +206,12 @@ def policy_version(policy: str) -> dict[str, str]:
     return {f"policy {policy}": provenance.digest(content)}
 
 
+def arm_in(env: gym.Env[Any, Any]) -> ArmDescription | None:
+    """The arm of an environment: what is believed of it, where that is another; None if it names none."""
+    named = (env.get_wrapper_attr(part) for part in ("believed", "arm") if env.has_wrapper_attr(part))
+    return next((arm for arm in named if isinstance(arm, ArmDescription)), None)
+
+
 def arm_version(arm: ArmDescription) -> dict[str, str]:
     """What an arm is: a digest of its URDF and of what else describes it, by name."""
     cell = arm.workcell

@@ -7,6 +7,7 @@ from typing import Any
 
 import gymnasium as gym
 
+from kinreach.compare.task import arm_in
 from kinreach.errors import InputError
 from kinreach.robots import ArmDescription
 from kinreach.sim.picture import ScenePicture
@@ -37,11 +38,10 @@ def arm_of(env: gym.Env[Any, Any]) -> ArmDescription:
     Raises:
         InputError: There is none.
     """
-    for part in ("believed", "arm"):
-        if env.has_wrapper_attr(part):
-            arm: ArmDescription = env.get_wrapper_attr(part)
-            return arm
-    raise InputError(f"{_name(env)} cannot be drawn: it has no `arm`")
+    arm = arm_in(env)
+    if arm is None:
+        raise InputError(f"{_name(env)} cannot be drawn: it has no `arm`")
+    return arm
 
 
 def _name(env: gym.Env[Any, Any]) -> str:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from math import degrees
 
-from kinreach.kinematics import ArmKinematics, URKinematics
+from kinreach.kinematics import Arm3Kinematics, ArmKinematics, URKinematics
 
 _UR_BRANCHES = 8
 
@@ -22,7 +22,7 @@ def branch_name(kinematics: ArmKinematics, branch: int) -> str:
         shoulder = "right" if right else "left"
         elbow = "up" if right != second else "down"
         return f"shoulder {shoulder}, elbow {elbow}, wrist {'straight' if not_flipped else 'flipped'}"
-    if kinematics.n == 3 and branch >= 0:
+    if isinstance(kinematics, Arm3Kinematics):
         return f"{'over the back' if branch >> 1 else 'to the front'}, elbow {'B' if branch & 1 else 'A'}"
     return f"posture {branch + 1}"
 

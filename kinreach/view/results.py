@@ -20,8 +20,8 @@ RESULTS, TRIALS = "results.json", "results.csv"
 MOST_BYTES = 256 * 1024 * 1024
 #: Goals and methods that can be shown.
 MOST_GOALS, MOST_METHODS = 20_000, 64
-#: The arm of tasks that take no other.
-ARMS = {"button": "arm3", "arm3": "arm3"}
+#: Task -> its arm, for files that do not name it.
+UNNAMED = {"ur5": "ur5", "space": "ur5", "real-arm": "ur5", "moving": "ur5", "arm3": "arm3", "button": "arm3"}
 _NEEDED = ("goal_index", "method", "goal", "distance", "reached")
 
 
@@ -97,11 +97,15 @@ def read_results(file: str | Path) -> Results:
         goals, ends = _trials(rows, colours)
     except (InputError, csv.Error) as error:
         raise InputError(f"{trials} was not written by a comparison: {error}") from None
-    task = str(settings.get("task", ""))
+    task, arm = str(settings.get("task", "")), _arm(settings)
+    return Results(path, str(settings.get("title", task)), arm if arm in arm_names() else "", colours, goals, ends)
+
+
+def _arm(settings: Mapping[str, Any]) -> str:
+    """The name of the arm, also from files that have it among the options, or not at all."""
     options = settings.get("options")
     named = options.get("arm") if isinstance(options, dict) else None
-    arm = ARMS.get(task, "ur5") if named is None else str(named)
-    return Results(path, str(settings.get("title", task)), arm if arm in arm_names() else "", colours, goals, ends)
+    return str(settings.get("arm", named or UNNAMED.get(str(settings.get("task")), "")))
 
 
 def _text(path: Path) -> str:

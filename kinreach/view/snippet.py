@@ -6,7 +6,6 @@ from collections.abc import Sequence
 
 from kinreach.checks import Floats
 from kinreach.kinematics import AxisGoal, PoseGoal
-from kinreach.kinematics.closed_form import ClosedFormKinematics
 from kinreach.kinematics.goals import Goal
 from kinreach.view.real_arm import RealArm
 from kinreach.view.results import Results
@@ -17,35 +16,50 @@ def program(model: TargetModel, goal: Goal, seed: Floats, *, arm: str) -> str:
     """Python code that prints the postures of a target and what touches in them.
 
     Args:
-        model: Of the arm.
+        model: Of the arm, with the joint limits that count.
         goal: What is on the screen.
         seed: Posture the arm stands in [rad].
         arm: An expression for the arm, such as `"'ur5'"`.
     """
-    kinematics = model.kinematics
-    lines = ["import numpy as np", ""]
+    kinematics, complete = model.kinematics, model.complete(goal)
+    arm = _limited(model, arm)
     names = ["kinematics_of"] if model.checker is None else ["CollisionChecker", "kinematics_of"]
-    solver = ""
-    if not isinstance(kinematics, ClosedFormKinematics):
-        kind = type(goal).__name__
-        names = sorted([*names, kind])
-        solver = "from kinreach.kinematics.solvers import LevenbergMarquardtSolver"
+    names += [] if complete else [type(goal).__name__]
+    lines = ["import numpy as np", ""]
     lines.append(f"from kinreach.kinematics import {', '.join(sorted(names, key=str.lower))}")
-    lines += [solver] if solver else []
+    lines += [] if complete else ["from kinreach.kinematics.solvers import LevenbergMarquardtSolver"]
     lines += robots(arm)
     lines += ["", f"kin = kinematics_of({arm}, tip={kinematics.tip!r}, base='world')"]
-    lines += [f"seed = np.array({_numbers(seed)})", *_question(goal, closed=not solver)]
+    lines += [f"seed = np.array({_numbers(seed)})", *_question(goal, complete=complete)]
     lines += [] if model.checker is None else ["checker = CollisionChecker(kin)"]
-    postures = "[(0, solution.q)] if solution.success else []" if solver else "zip(solution.branch, solution.q)"
+    postures = "zip(solution.branch, solution.q)" if complete else "[(0, solution.q)] if solution.success else []"
     lines += ["", "print(solution.status.value, solution.reason)", f"for branch, q in {postures}:"]
     touching = "" if model.checker is None else ", checker.contacts(q)"
     lines += [f"    print(branch, np.degrees(q).round(1){touching})"]
     return "\n".join(lines) + "\n"
 
 
+def _limited(model: TargetModel, arm: str) -> str:
+    """An expression for the arm with the joint limits that count."""
+    kinematics = model.kinematics
+    limits = list(zip(model.lower.tolist(), model.upper.tolist(), strict=True))
+    own = zip(kinematics.lower.tolist(), kinematics.upper.tolist(), strict=True)
+    other = {name: pair for name, pair, at in zip(kinematics.arm.joints, limits, own, strict=True) if pair != at}
+    if not other:
+        return arm
+    bound = limits[0][1]
+    alike = all(pair == (-bound, bound) for pair in limits)
+    return f"{described(arm)}.with_limits({bound if alike else other})"
+
+
+def described(arm: str) -> str:
+    """An expression for an arm's description, from one for the arm, which may be its name."""
+    return arm if "(" in arm else f"get_arm({arm})"
+
+
 def calibrated(sheet: str, file: str) -> str:
     """An expression for a calibrated arm, from one for its data sheet's arm and the path of the calibration."""
-    return f"{sheet if '(' in sheet else f'get_arm({sheet})'}.calibrated({file!r})"
+    return f"{described(sheet)}.calibrated({file!r})"
 
 
 def robots(*arms: str) -> list[str]:
@@ -105,17 +119,17 @@ def _frame(T: Floats) -> list[str]:
     return ["T = np.array([", *(f"    {_numbers(row)}," for row in T), "])"]
 
 
-def _question(goal: Goal, *, closed: bool) -> list[str]:
+def _question(goal: Goal, *, complete: bool) -> list[str]:
     if isinstance(goal, PoseGoal):
-        return [*_frame(goal.T), "solution = kin.all_solutions(T, seed=seed)" if closed else _search("PoseGoal(T)")]
+        return [*_frame(goal.T), "solution = kin.all_solutions(T, seed=seed)" if complete else _search("PoseGoal(T)")]
     position = f"position = {_numbers(goal.position)}"
     if isinstance(goal, AxisGoal):
         asked = [position, f"axis = {_numbers(goal.axis)}"]
         solve = "solution = kin.axis_solutions(position, axis, seed=seed)"
-        return [*asked, solve if closed else _search("AxisGoal(position, axis)")]
+        return [*asked, solve if complete else _search("AxisGoal(position, axis)")]
     return [
         position,
-        "solution = kin.all_solutions(position, seed=seed)" if closed else _search("PositionGoal(position)"),
+        "solution = kin.all_solutions(position, seed=seed)" if complete else _search("PositionGoal(position)"),
     ]
 
 

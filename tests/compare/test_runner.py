@@ -184,6 +184,21 @@ def test_finished_results_of_another_comparison_are_not_overwritten(toy, tmp_pat
     assert compare(toy, goals=4, seed=2, out=tmp_path, fresh=True)["settings"]["goals"] == 4
 
 
+def test_results_name_the_arm(toy):
+    """As the environment has it; the toy has none."""
+    cases = (
+        (toy, "right", {}, ""),
+        ("ur5", "closed-form", {}, "ur5"),
+        ("ur5", "closed-form", {"arm": "ur10"}, "ur10"),
+        ("arm3", "closed-form", {}, "arm3"),
+        ("button", "random", {"max_steps": 2}, "arm3"),
+        ("moving", "first-sight", {}, "ur5"),
+        ("real-arm", "data-sheet", {"budgets": (0,)}, "ur5"),
+    )
+    for task, method, options, arm in cases:
+        assert compare(task, [method], goals=1, options=options)["settings"]["arm"] == arm
+
+
 def test_files_say_the_same(toy, tmp_path):
     results = compare(toy, goals=3, out=tmp_path)
     assert json.loads((tmp_path / "results.json").read_text()) == json.loads(json.dumps(results))

@@ -46,6 +46,32 @@ def test_ends_are_those_that_the_comparison_counted(folder):
     assert results.shares.tolist() == [2 / 3] * 4
 
 
+@pytest.mark.parametrize(
+    ("settings", "arm"),
+    [
+        ({"arm": "ur10"}, "ur10"),
+        ({"arm": ""}, ""),
+        ({"arm": "mine"}, ""),
+        ({"task": "mine", "arm": "ur5"}, "ur5"),
+        ({"task": "mine", "arm": None}, ""),
+        ({"task": "mine", "options": {"arm": "ur10"}}, "ur10"),
+        ({"task": "mine"}, ""),
+        ({"task": ["ur5"]}, ""),
+        ({"task": "space"}, "ur5"),
+        ({"task": "button"}, "arm3"),
+        ({"task": "ur5", "options": {"arm": "arm of a file"}}, ""),
+    ],
+)
+def test_the_arm_is_the_one_that_is_named(copied, settings, arm):
+    """Files without its name are those of versions that did not write it."""
+    path = copied / "results.json"
+    content = json.loads(path.read_text())
+    assert content["settings"].pop("arm") == "ur5"
+    content["settings"] |= settings
+    path.write_text(json.dumps(content))
+    assert read_results(copied).arm == arm
+
+
 def test_postures_end_where_the_tips_are(folder):
     from kinreach.kinematics import UR5Kinematics
 

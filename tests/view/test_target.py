@@ -1,5 +1,7 @@
 """What the page says of a target, without a browser."""
 
+import re
+
 import numpy as np
 import pytest
 from example_robot_data.robots_loader import getModelPath
@@ -206,6 +208,27 @@ def test_names_are_different():
         assert len({branch_name(kinematics, branch) for branch in range(count)}) == count
 
 
+def test_postures_of_other_arms_with_three_joints_have_names_of_their_own(tmp_path):
+    """More of them are found than the 3-DOF arm of the package has."""
+    links = "".join(f'<link name="l{index}"/>' for index in range(4))
+    joints = "".join(
+        f'<joint name="j{index}" type="revolute"><parent link="l{index}"/><child link="l{index + 1}"/>'
+        f'<origin xyz="{0.3 if index else 0} 0 {0.1 * index}"/><axis xyz="0 {index % 2} {1 - index % 2}"/>'
+        '<limit lower="-6" upper="6" effort="1" velocity="1"/></joint>'
+        for index in range(3)
+    )
+    file = tmp_path / "three.urdf"
+    file.write_text(f'<robot name="three">{links}{joints}</robot>')
+    model, most = TargetModel(ArmDescription.from_urdf(file)), 0
+    rng = np.random.default_rng(0)
+    for _ in range(8):
+        T = model.kinematics.fk(rng.uniform(-3, 3, 3))
+        names = [posture.name for posture in model.answer(model.goal(POINT, T), model.home).postures]
+        assert len(set(names)) == len(names)
+        most = max(most, len(names))
+    assert most > 4
+
+
 def test_a_figure_follows_the_arm():
     kinematics = kinematics_of("arm3", base="world")
     figure = Figure(kinematics)
@@ -252,6 +275,48 @@ def test_a_copied_program_says_the_same(ur5, capsys):
             assert str(posture.pairs) in line
 
 
+def copied(code, capsys):
+    """What a copied program prints: its first line, and the angles [rad] in the others by branch."""
+    exec(compile(code, "copied", "exec"), {})
+    said, *lines = capsys.readouterr().out.replace("\n ", " ").splitlines()
+    angles = (re.search(r"\[(.*?)\]", line)[1].split() for line in lines)
+    return said, {
+        int(line.split()[0]): np.radians([float(word) for word in words])
+        for line, words in zip(lines, angles, strict=True)
+    }
+
+
+@pytest.mark.parametrize("calibration", [None, str(CALIBRATION)])
+def test_a_copied_program_has_the_limits_of_the_page(calibration, capsys):
+    setup = setup_of("ur5", calibration=calibration)
+    model, counted = setup.model(), 0
+    model.limit_joints(np.radians(160))
+    for T in poses(model, 6, stretch=1.0):
+        goal = model.goal(POSE, T)
+        answer = model.answer(goal, model.home)
+        _, found = copied(program(model, goal, model.home, arm=setup.expression), capsys)
+        within = {p.branch: p.q for p in answer.postures if p.state in (State.USABLE, State.COLLIDES)}
+        assert set(found) == set(within)
+        for branch, q in within.items():
+            np.testing.assert_allclose(found[branch], q, atol=2e-3)
+        counted += len(within)
+    assert counted > 6
+
+
+def test_a_copied_search_keeps_the_limits_of_the_page(capsys):
+    model, found, rng = TargetModel("panda"), 0, np.random.default_rng(0)
+    model.limit_joints(np.radians(60))
+    for _ in range(4):
+        T = model.kinematics.fk(rng.uniform(model.lower, model.upper))
+        said, postures = copied(program(model, model.goal(AXIS, T), model.home, arm="'panda'"), capsys)
+        assert said.startswith("ok") == bool(postures)
+        for q in postures.values():
+            assert (q >= model.lower - 1e-3).all()
+            assert (q <= model.upper + 1e-3).all()
+            found += 1
+    assert found == 4
+
+
 def test_an_arm_with_any_six_joints_has_all_its_postures():
     file = "kinova_description/robots/kinova.urdf"
     model = TargetModel(ArmDescription.from_urdf(f"{getModelPath(file)}/{file}", tip="j2s6s200_link_6"))
@@ -265,6 +330,10 @@ def test_an_arm_with_any_six_joints_has_all_its_postures():
         most = max(most, every)
     assert most >= 6
     assert "by a search" in model.answer(model.goal(AXIS, T), model.home).verdict
+    for kind, solver in ((POSE, "all_solutions"), (AXIS, "LevenbergMarquardtSolver(kin).solve")):
+        assert f"solution = {solver.replace('all', 'kin.all')}(" in program(
+            model, model.goal(kind, T), model.home, arm="''"
+        )
 
 
 def test_copied_programs_of_an_arm_from_a_file(capsys):
