@@ -69,6 +69,11 @@ class RoundedBox:
         return float(np.linalg.norm(self.half)) + self.radius
 
 
+def fits(shape: Any) -> bool:
+    """Whether `fitted` takes one of Pinocchio's geometry objects."""
+    return isinstance(shape.geometry, (coal.Box, coal.ConvexBase))
+
+
 def fitted(name: str, joint: int, shape: Any) -> Iterator[RoundedBox]:
     """Bodies that stand for one of Pinocchio's geometry objects; exact for a box that is not askew.
 

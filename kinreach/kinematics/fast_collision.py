@@ -1,6 +1,6 @@
 """Whether postures are impossible, for thousands at once: joint limits, and collisions as `CollisionChecker` sees them.
 
-For arms of the UR kind, three tests, each in the form in which it is cheapest:
+For arms of the UR kind with the parallel gripper, three tests, each in the form in which it is cheapest:
 
 *   Joint limits.
 *   Links few joints apart, and everything up to wrist_1 against the work cell: tables of blocked arcs (`blocked_arcs`),
@@ -27,10 +27,13 @@ from kinreach.checks import Floats, as_floats, check_entries
 from kinreach.errors import InputError
 from kinreach.kinematics.arm import ArmKinematics
 from kinreach.kinematics.blocked_arcs import Arcs, BlockedArcs, Flags, Single, collision_test, rows_of
+from kinreach.kinematics.bodies import fits
 from kinreach.kinematics.chain import blocks
+from kinreach.kinematics.closed_form import kinematics_of
 from kinreach.kinematics.collision import CollisionChecker, Shape
+from kinreach.kinematics.ur.kinematics import URKinematics
 from kinreach.kinematics.wrist_clearance import WristClearance
-from kinreach.robots import ArmDescription, as_arm
+from kinreach.robots import PARALLEL_GRIPPER, ArmDescription, as_arm
 
 #: How far outside a joint limit a joint may be, for rounding [rad]; as in `ArmKinematics.within_limits`.
 LIMIT_SLACK = 1e-9
@@ -175,7 +178,7 @@ class _Exact:
 
 
 class _Tabled(_Exact):
-    """Tables and geometry for an arm of the UR kind: six joints within ±pi, the first upright, a gripper, a table."""
+    """Tables and geometry for an arm of the UR kind within ±pi, the first joint upright, with a gripper and a table."""
 
     def __init__(self, kinematics: ArmKinematics, checker: CollisionChecker, table: str) -> None:
         super().__init__(kinematics, checker)
@@ -233,7 +236,7 @@ def _causes(on_cell: Flags, on_arm: Flags) -> Codes:
 def _model(arm: ArmDescription) -> _Exact:
     kinematics = ArmKinematics(arm, base="world")
     checker = CollisionChecker(kinematics)
-    table = _table(kinematics)
+    table = _table(kinematics, checker)
     return _Exact(kinematics, checker) if table is None else _Tabled(kinematics, checker, table)
 
 
@@ -242,16 +245,19 @@ def _foot(arm: ArmDescription) -> frozenset[str]:
     return frozenset(box.name for box in arm.workcell.obstacles if np.hypot(*box.size[:2]) < 2 * FOOT_WIDTH)
 
 
-def _table(kinematics: ArmKinematics) -> str | None:
-    """Name of the highest obstacle beside an arm of the UR kind; None for any other arm or work cell."""
+def _table(kinematics: ArmKinematics, checker: CollisionChecker) -> str | None:
+    """Name of the highest obstacle beside an arm of the UR kind; None for any other arm, shapes or work cell."""
     arm = kinematics.arm
     largest = max(kinematics.upper.max(), -kinematics.lower.min()) + LIMIT_SLACK
-    if kinematics.n != JOINTS or arm.gripper is None or largest > np.pi + 1e-6:
+    if kinematics.n != JOINTS or arm.gripper != PARALLEL_GRIPPER or largest > np.pi + 1e-6:
         return None
     (first,) = kinematics.chain.frames([0.0] * JOINTS, [0])
     upright = np.allclose(np.array([*first.z, *first.p[:2]], dtype=np.float64), (0, 0, 1, 0, 0))
     beside = [box for box in arm.workcell.obstacles if box.name not in _foot(arm)]
-    if not upright or len(beside) < 2:
+    if not upright or len(beside) < 2 or not all(map(fits, checker.geometry.geometryObjects)):
+        return None
+    shaped = {shape.joint for shape in checker.shapes if not shape.obstacle}
+    if len(shaped) < 1 + JOINTS or not isinstance(kinematics_of(arm), URKinematics):
         return None
     return max(beside, key=lambda box: box.position[2] + box.size[2] / 2).name
 

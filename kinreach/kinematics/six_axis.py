@@ -179,4 +179,4 @@ class SixAxisKinematics(ClosedFormKinematics):
     def _last_turns_tip(self) -> bool:
         """Whether the last joint turns the tip about its own z axis, either way, and moves it nowhere."""
         after = self._placements[-1]
-        return bool(max(np.abs(after[:2, 2:]).max(), 1.0 - after[2, 2]) < ON_AXIS)
+        return bool(max(np.abs(after[:2, 2:]).max(), 1.0 - abs(after[2, 2])) < ON_AXIS)

@@ -4,8 +4,11 @@ from __future__ import annotations
 
 import pickle
 from dataclasses import replace
+from itertools import combinations, pairwise
 
+import coal
 import numpy as np
+import pinocchio as pin
 import pytest
 
 from benchmarks.studies.collision_agreement import classes, exact, near_solutions
@@ -14,7 +17,7 @@ from kinreach.kinematics import ArmKinematics, UR5Kinematics
 from kinreach.kinematics.blocked_arcs import Arcs, BlockedArcs, rows_of
 from kinreach.kinematics.collision import CollisionChecker
 from kinreach.kinematics.fast_collision import Cause, FastCollision
-from kinreach.robots import Workcell, get_arm
+from kinreach.robots import ArmDescription, Box, Workcell, get_arm
 
 COUNT = 1500
 FOLDED = np.array([0.0, -np.pi / 2, 3.0, -np.pi / 2, -np.pi / 2, 0.0])
@@ -203,6 +206,71 @@ def test_any_other_arm_is_judged_by_the_exact_checker(arm):
             assert (cause == Cause.OBSTACLE) == any(box.name in fast.reason(row) for box in fast.arm.workcell.obstacles)
     with pytest.raises(InputError, match="q must be finite"):
         fast.causes(np.full((1, kin.n), np.nan))
+
+
+def wrist_arm(tmp_path, geometry):
+    """An arm that is no UR: an upright first joint, three axes through one point, a gripper, a table and a floor."""
+    lengths, axes = (0.3, 0.1, 0.4, 0.2, 0.2, 0.1, 0.1), ("0 0 1", "0 1 0", "0 1 0", "0 0 1", "0 1 0", "0 0 1")
+    links = "".join(
+        f'<link name="l{i}"><collision><origin xyz="0 0 {length / 2}"/>'
+        f"<geometry><{geometry.format(length - 0.02)}/></geometry></collision></link>"
+        for i, length in enumerate(lengths)
+    )
+    joints = "".join(
+        f'<joint name="j{i}" type="revolute"><parent link="l{i}"/><child link="l{i + 1}"/>'
+        f'<origin xyz="0 0 {lengths[i]}"/><axis xyz="{axis}"/><limit lower="-3" upper="3" effort="50" velocity="2"/>'
+        "</joint>"
+        for i, axis in enumerate(axes)
+    )
+    file = tmp_path / "arm.urdf"
+    file.write_text(f'<robot name="arm">{links}{joints}</robot>')
+    names = [f"l{i}" for i in range(7)]
+    fingers = combinations(("gripper_palm", "finger_left", "finger_right"), 2)
+    cell = Workcell(
+        obstacles=(Box("table", (0.8, 1.2, 0.04), (0.6, 0, 0.1)), Box("floor", (4, 4, 0.04), (0, 0, -0.05)))
+    )
+    touching = (*pairwise([*names, "gripper_palm"]), *fingers)
+    return ArmDescription.from_urdf(file, gripper_on="l6", workcell=cell, disabled_collisions=touching)
+
+
+def least_distances(arm, postures):
+    """The smallest distance of all pairs [m], shape (m,), with Pinocchio's reader and coal's search alone."""
+    full = pin.buildModelFromXML(arm.urdf)
+    held = [full.getJointId(name) for name in arm.locked_joints]
+    place = pin.neutral(full)
+    for joint, opening in zip(held, arm.locked_joints.values(), strict=True):
+        place[full.joints[joint].idx_q] = opening
+    shapes = pin.buildGeomFromUrdfString(full, arm.urdf, pin.COLLISION)
+    model, shapes = pin.buildReducedModel(full, shapes, held, place)
+    names = [model.frames[shape.parentFrame].name for shape in shapes.geometryObjects]
+    joints = [shape.parentJoint for shape in shapes.geometryObjects]
+    for box in arm.workcell.obstacles:
+        where = pin.SE3(np.eye(3), np.array(box.position, dtype=float))
+        shapes.addGeometryObject(pin.GeometryObject(box.name, 0, 0, where, coal.Box(*map(float, box.size))))
+        names.append(box.name)
+        joints.append(-1)
+    left_out = {frozenset(pair) for pair in arm.disabled_collisions}
+    for i, j in combinations(range(len(names)), 2):
+        if joints[i] != joints[j] and {names[i], names[j]} not in left_out:
+            shapes.addCollisionPair(pin.CollisionPair(i, j))
+    data, search = model.createData(), shapes.createData()
+    nearest = [
+        search.distanceResults[pin.computeDistances(model, data, shapes, search, q)].min_distance for q in postures
+    ]
+    return np.array(nearest)
+
+
+@pytest.mark.parametrize("refine", [True, False])
+@pytest.mark.parametrize("geometry", ['box size="0.1 0.1 {:g}"', 'cylinder radius="0.05" length="{:g}"'])
+def test_an_arm_that_is_no_ur_is_judged_as_by_pinocchio(tmp_path, geometry, refine):
+    arm = wrist_arm(tmp_path, geometry)
+    q = np.random.default_rng(7).uniform(-3.0, 3.0, (1000, 6))
+    distance, verdict = least_distances(arm, q), FastCollision(arm, refine=refine).impossible(q)
+    free, touching = distance > 1e-4, distance < -1e-4
+    assert (free | touching).sum() >= 990
+    assert min(free.sum(), touching.sum()) > 200
+    assert not verdict[free].any()
+    assert verdict[touching].all()
 
 
 def test_unknown_arms():

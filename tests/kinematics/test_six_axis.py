@@ -1,5 +1,9 @@
 """Six-joint arms of no kind that has a closed form here: every posture, against EAIK and by Pinocchio."""
 
+import xml.etree.ElementTree as ET
+from dataclasses import replace
+from functools import partial
+
 import numpy as np
 import pytest
 from example_robot_data.robots_loader import getModelPath
@@ -98,6 +102,26 @@ def test_goals_of_a_direction_and_reasons(kin):
         kin.solve(PositionGoal((0.3, 0.0, 0.3)), q)
     with pytest.raises(InputError, match="shape"):
         kin.batch(np.eye(4))
+
+
+def test_a_last_joint_that_turns_against_the_tool_is_free_too():
+    """The same arm with its last axis the other way round has the same postures, with the last angle negated."""
+    arm = described("kinova")
+    robot = ET.fromstring(arm.urdf)
+    (axis,) = (joint.find("axis") for joint in robot.iter("joint") if joint.get("name") == arm.joints[-1])
+    assert axis.get("xyz") == "0 0 1"
+    axis.set("xyz", "0 0 -1")
+    kin = kinematics_of(arm)
+    turned = kinematics_of(replace(arm, build_urdf=partial(str, ET.tostring(robot, encoding="unicode"))))
+    count = 0
+    for q in random_postures(kin, 20, seed=4):
+        T = kin.fk(q)
+        expected = kin.axis_solutions(T[:3, 3], T[:3, 2], seed=q).q
+        mirror = np.array([1, 1, 1, 1, 1, -1])
+        found = turned.axis_solutions(T[:3, 3], T[:3, 2], seed=mirror * q).q
+        np.testing.assert_allclose(found * mirror, expected, atol=1e-6)
+        count += len(found)
+    assert count >= 60
 
 
 def urdf(axes):
