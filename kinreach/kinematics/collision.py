@@ -23,6 +23,7 @@ from kinreach.engines import load
 from kinreach.errors import InputError
 from kinreach.kinematics.arm import ArmKinematics, build_model
 from kinreach.robots import ArmDescription, Box, arm_names, get_arm
+from kinreach.robots.urdf import link_at
 from kinreach.robots.workcell import as_boxes
 
 pin: Any = load("pinocchio")
@@ -215,21 +216,16 @@ def disabled_pairs(arm: ArmDescription) -> tuple[tuple[str, str], ...]:
 def _neighbours(arm: ArmDescription, shaped: set[str]) -> list[Pair]:
     """Links with shapes on either side of a joint that moves; links without shapes between them do not count."""
     robot = ET.fromstring(arm.urdf)
-    joints = {_link(joint, "child"): joint for joint in robot.findall("joint")}
+    joints = {link_at(joint, "child"): joint for joint in robot.findall("joint")}
     pairs = []
     for child in sorted(shaped & set(joints)):
         link, moves = child, False
         while link in joints and (link == child or link not in shaped):
             moves |= joints[link].get("type") != "fixed"
-            link = _link(joints[link], "parent")
+            link = link_at(joints[link], "parent")
         if moves and link in shaped:
             pairs.append((min(link, child), max(link, child)))
     return pairs
-
-
-def _link(joint: ET.Element, end: str) -> str:
-    element = joint.find(end)
-    return "" if element is None else element.get("link", "")
 
 
 def _search_data(geometry: Any, margin: float) -> Any:

@@ -11,7 +11,7 @@ import xml.etree.ElementTree as ET
 from dataclasses import dataclass
 
 from kinreach.robots.description import ArmDescription
-from kinreach.robots.urdf import Solid, add_joint, add_link, numbers
+from kinreach.robots.urdf import Solid, add_joint, add_link, named, numbers
 from kinreach.robots.workcell import Box, CameraMount, QuadrantRegion, Workcell
 
 BASE_HEIGHT = 0.158
@@ -103,7 +103,7 @@ def _build_urdf() -> str:
 
 
 def _set_inertia(robot: ET.Element, link: _Link) -> None:
-    element = robot.find(f"link[@name='{link.name}']")
+    element = named(robot, "link", link.name)
     inertial = ET.SubElement(element, "inertial")  # type: ignore[arg-type]
     ET.SubElement(inertial, "origin", xyz=numbers(link.com), rpy=numbers(_euler(link.quat)))
     ET.SubElement(inertial, "mass", value=repr(link.mass))

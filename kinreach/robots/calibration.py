@@ -26,7 +26,7 @@ from kinreach.checks import Floats, check_known, check_path, shown
 from kinreach.errors import InputError
 from kinreach.robots.rotations import pose, rpy, turn
 from kinreach.robots.ur import JOINTS, LENGTHS
-from kinreach.robots.urdf import MOST_CHARACTERS, check_urdf, parse_urdf, set_origin
+from kinreach.robots.urdf import MOST_CHARACTERS, check_urdf, link_at, origin_of, parse_urdf, set_origin
 
 #: Names of the links in the driver's file, one for each joint of `JOINTS`.
 LINKS = ("shoulder", "upper_arm", "forearm", "wrist_1", "wrist_2", "wrist_3")
@@ -156,11 +156,11 @@ def calibrated_urdf(text: str, calibration: Calibration, *, base: str, tip: str)
     if np.abs(start @ frames[tip] - nominal[-1]).max() > 1e-6:
         raise InputError(f"the URDF {shown(robot.get('name'))} is not that of a {calibration.model} by its data sheet")
     joints = {joint.get("name"): joint for joint in robot.findall("joint")}
-    (tip_joint,) = (joint for joint in joints.values() if _link(joint, "child") == tip)
+    (tip_joint,) = (joint for joint in joints.values() if link_at(joint, "child") == tip)
     before = np.eye(4)
     for index, name in enumerate((*JOINTS, tip_joint.get("name", ""))):
         check_known("joint of the URDF", name, [each for each in joints if each])
-        parent, child = (start @ frames[_link(joints[name], end)] for end in ("parent", "child"))
+        parent, child = (start @ frames[link_at(joints[name], end)] for end in ("parent", "child"))
         carried, own = np.linalg.inv(before) @ parent, np.linalg.inv(nominal[index]) @ child
         T = np.linalg.inv(carried) @ calibration.placements[index] @ own
         set_origin(robot, name, T[:3, 3], rpy(T[:3, :3]))
@@ -254,11 +254,11 @@ def _from_urdf(text: str) -> _Placed:
                 f"a calibrated URDF must have one joint {name}, with or without a prefix, got {len(named)}"
             )
         joints.append(named[0])
-    last = _link(joints[-1], "child")
+    last = link_at(joints[-1], "child")
     tips = [link for link in frames if link.endswith("tool0")]
-    ends = [frames[_link(joint, "child")] for joint in joints] + [frames[tips[0] if len(tips) == 1 else last]]
-    start = frames[_link(joints[0], "parent")]
-    if not _link(joints[0], "parent").endswith("base_link_inertia"):
+    ends = [frames[link_at(joint, "child")] for joint in joints] + [frames[tips[0] if len(tips) == 1 else last]]
+    start = frames[link_at(joints[0], "parent")]
+    if not link_at(joints[0], "parent").endswith("base_link_inertia"):
         start = start @ _FLIP
     before = [start, *ends]
     steps = np.array([np.linalg.inv(a) @ b for a, b in zip(before, ends, strict=False)])
@@ -350,25 +350,12 @@ def _at_zero(placements: Floats) -> Floats:
 def _link_frames(robot: ET.Element) -> dict[str, Floats]:
     """Pose of each link of a URDF in its root, with all joints at 0."""
     joints = robot.findall("joint")
-    children = {_link(joint, "child") for joint in joints}
+    children = {link_at(joint, "child") for joint in joints}
     frames = {name: np.eye(4) for link in robot.findall("link") if (name := link.get("name", "")) not in children}
     todo = list(frames)
     for parent in todo:  # grows until all links were there
         for joint in joints:
-            if _link(joint, "parent") == parent:
-                frames[_link(joint, "child")] = frames[parent] @ _origin(joint)
-                todo.append(_link(joint, "child"))
+            if link_at(joint, "parent") == parent:
+                frames[link_at(joint, "child")] = frames[parent] @ origin_of(joint)
+                todo.append(link_at(joint, "child"))
     return frames
-
-
-def _origin(joint: ET.Element) -> Floats:
-    origin = joint.find("origin")
-    if origin is None:
-        return np.eye(4)
-    xyz, angles = (([float(v) for v in origin.get(key, "0 0 0").split()]) for key in ("xyz", "rpy"))
-    return pose(xyz, angles)
-
-
-def _link(joint: ET.Element, end: str) -> str:
-    element = joint.find(end)
-    return "" if element is None else element.get("link", "")

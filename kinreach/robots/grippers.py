@@ -6,7 +6,7 @@ import xml.etree.ElementTree as ET
 from dataclasses import dataclass
 
 from kinreach.errors import InputError
-from kinreach.robots.urdf import Solid, add_joint, add_link, parse_urdf
+from kinreach.robots.urdf import Solid, add_joint, add_link, named, parse_urdf
 
 #: Distance from the flange to the point between the finger tips, along the flange's z axis [m].
 TCP_OFFSET = 0.20
@@ -60,7 +60,7 @@ def with_parallel_gripper(urdf: str, flange: str) -> str:
         InputError: `urdf` is not a URDF, or has no link of that name.
     """
     robot = parse_urdf(urdf)
-    if robot.find(f"link[@name='{flange}']") is None:
+    if named(robot, "link", flange) is None:
         raise InputError(f"the URDF has no link {flange!r} for the gripper")
     add_parallel_gripper(robot, flange)
     ET.indent(robot)

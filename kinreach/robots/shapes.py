@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from kinreach.checks import Floats
 from kinreach.errors import InstallationError
 from kinreach.robots.description import ArmDescription
-from kinreach.robots.rotations import pose
+from kinreach.robots.urdf import origin_of
 
 #: Of shapes whose file or material names no colour.
 GREY = (0.62, 0.64, 0.67, 1.0)
@@ -73,7 +73,7 @@ def _shapes(
         raise InstallationError(f"{error}; meshes need: pip install trimesh pycollada") from error
     material = element.find("material")
     rgba = None if material is None else _rgba(material) or materials.get(material.get("name", ""))
-    T = _placement(element.find("origin"))
+    T = origin_of(element)
     parts: list[tuple[Any, Floats, tuple[float, ...]]] = []
     if (box := element.find("geometry/box")) is not None:
         parts.append((trimesh.creation.box([float(v) for v in box.get("size", "").split()]), np.eye(4), rgba or GREY))
@@ -100,13 +100,6 @@ def _mesh_parts(file: str, rgba: tuple[float, ...] | None) -> Iterator[tuple[Any
         part = scene.geometry[geometry].copy()
         colour = getattr(part.visual, "material", part.visual).main_color
         yield part, T_scene_part, rgba or tuple((np.asarray(colour, dtype=float) / 255).tolist())
-
-
-def _placement(origin: ET.Element | None) -> Floats:
-    if origin is None:
-        return np.eye(4)
-    xyz, rpy = ([float(v) for v in origin.get(key, "0 0 0").split()] for key in ("xyz", "rpy"))
-    return pose(xyz, rpy)
 
 
 def _rgba(material: ET.Element) -> tuple[float, ...] | None:

@@ -11,8 +11,11 @@ from pathlib import PurePosixPath
 from typing import NoReturn
 from xml.parsers import expat
 
-from kinreach.checks import shown
+import numpy as np
+
+from kinreach.checks import Floats, shown
 from kinreach.errors import InputError
+from kinreach.robots.rotations import pose
 
 
 @dataclass(frozen=True)
@@ -38,9 +41,29 @@ def prune(robot: ET.Element, *, tags: Sequence[str] = (), links: Sequence[str] =
             robot.remove(child)
 
 
+def named(robot: ET.Element, tag: str, name: str) -> ET.Element | None:
+    """The link or joint of this name, whatever characters are in it."""
+    return next((element for element in robot.findall(tag) if element.get("name") == name), None)
+
+
+def link_at(joint: ET.Element, end: str) -> str:
+    """Name of the link at a joint's end, `"parent"` or `"child"`; empty where none is named."""
+    element = joint.find(end)
+    return "" if element is None else element.get("link", "")
+
+
+def origin_of(element: ET.Element) -> Floats:
+    """Pose of a joint or a shape in its parent's frame, shape (4, 4); the unit matrix without an `<origin>`."""
+    origin = element.find("origin")
+    if origin is None:
+        return np.eye(4)
+    xyz, rpy = ([float(v) for v in origin.get(key, "0 0 0").split()] for key in ("xyz", "rpy"))
+    return pose(xyz, rpy)
+
+
 def set_origin(robot: ET.Element, joint: str, xyz: Sequence[float], rpy: Sequence[float]) -> None:
     """Place a joint's child in its parent's frame [m], roll-pitch-yaw [rad]."""
-    element = robot.find(f"joint[@name='{joint}']")
+    element = named(robot, "joint", joint)
     if element is None:
         raise KeyError(joint)
     origin = element.find("origin")
@@ -51,10 +74,15 @@ def set_origin(robot: ET.Element, joint: str, xyz: Sequence[float], rpy: Sequenc
 
 
 def set_limits(robot: ET.Element, joint: str, lower: float, upper: float) -> None:
-    """Set the lower and the upper limit of a joint [rad], which must be there and have limits."""
-    limit = robot.find(f"joint[@name='{joint}']/limit")
+    """Set the lower and the upper limit of a joint [rad].
+
+    Raises:
+        InputError: There is no such joint, or it is of a kind that has no limits.
+    """
+    element = named(robot, "joint", joint)
+    limit = None if element is None or element.get("type") not in _LIMITED else element.find("limit")
     if limit is None:
-        raise KeyError(joint)
+        raise InputError(f"the URDF has no joint {shown(joint)} of a kind that has limits")
     limit.set("lower", repr(lower))
     limit.set("upper", repr(upper))
 
@@ -211,10 +239,7 @@ def _check_tree(robot: ET.Element) -> None:
     held: set[str] = set()
     children: dict[str, list[str]] = {link: [] for link in links}
     for joint in joints:
-        name, ends = shown(joint.get("name")), []
-        for part in ("parent", "child"):
-            element = joint.find(part)
-            ends.append("" if element is None else element.get("link", ""))
+        name, ends = shown(joint.get("name")), [link_at(joint, end) for end in ("parent", "child")]
         if not set(ends) <= set(links) or ends[1] in held:
             raise InputError(
                 f"joint {name} of the URDF must connect two links, each of which hangs on one joint at most"

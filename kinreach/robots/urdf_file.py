@@ -17,7 +17,7 @@ from kinreach.checks import check_number, check_path, shown
 from kinreach.errors import InputError, raise_unknown
 from kinreach.robots.grippers import PARALLEL_GRIPPER, Gripper, add_parallel_gripper
 from kinreach.robots.rotations import rotation, rpy, turn
-from kinreach.robots.urdf import MOST_CHARACTERS, PACKAGE, add_joint, check_urdf, numbers, parse_urdf
+from kinreach.robots.urdf import MOST_CHARACTERS, PACKAGE, add_joint, check_urdf, link_at, named, numbers, parse_urdf
 from kinreach.robots.workcell import CameraMount
 
 #: Answer of a default position servo [1/s]: stiffness is this squared times the inertia.
@@ -70,7 +70,7 @@ class UrdfArm:
         self.name = name
         self._links = {link.get("name", ""): link for link in robot.findall("link")}
         self._joints = {joint.get("name", ""): joint for joint in robot.findall("joint")}
-        self._carried_by = {_end(joint, "child"): joint for joint in self._joints.values()}
+        self._carried_by = {link_at(joint, "child"): joint for joint in self._joints.values()}
         if tip is not None and tip not in self._links:
             raise_unknown(f"link of arm {name!r}", tip, self._links)
         for joint in joints or ():
@@ -102,7 +102,7 @@ class UrdfArm:
     def base(self) -> str:
         """The first link, or the one that `world` carries."""
         (root,) = (link for link in self._links if link not in self._carried_by)
-        carried = [_end(joint, "child") for joint in self._joints.values() if _end(joint, "parent") == root]
+        carried = [link_at(joint, "child") for joint in self._joints.values() if link_at(joint, "parent") == root]
         return carried[0] if root == "world" and len(carried) == 1 else root
 
     @cached_property
@@ -208,7 +208,7 @@ class UrdfArm:
         path = []
         while link in self._carried_by:
             path.append(self._carried_by[link])
-            link = _end(path[-1], "parent")
+            link = link_at(path[-1], "parent")
         return path[::-1]
 
     def _kind(self, joint: str) -> str:
@@ -221,11 +221,6 @@ class UrdfArm:
 
     def _number(self, joint: str, tag: str, key: str) -> float:
         return _value(self._joints[joint], tag, key)
-
-
-def _end(joint: ET.Element, part: str) -> str:
-    element = joint.find(part)
-    return "" if element is None else element.get("link", "")
 
 
 def _value(element: ET.Element | None, tag: str, key: str) -> float:
@@ -295,7 +290,7 @@ def read_urdf(
     root = _find_meshes(robot, path.resolve(), package_dirs)
     check_urdf(ET.tostring(robot, encoding="unicode"), root)
     for joint in held:
-        if robot.find(f"joint[@name='{joint}']") is None:
+        if named(robot, "joint", joint) is None:
             raise_unknown(f"joint of arm {name!r}", joint, [each.get("name", "") for each in robot.findall("joint")])
     arm = UrdfArm(name, robot, tip=tip, joints=joints, held=held)
     _hold(robot, arm.joints, held)
@@ -304,7 +299,7 @@ def read_urdf(
     for limit in robot.findall("joint/limit"):
         if float(limit.get("velocity", "0")) == 0.0:  # not given: it would hold the joint still in a solver's steps
             limit.set("velocity", repr(MOST_SPEED))
-    if robot.find(f"link[@name='{WORLD}']") is None:
+    if named(robot, "link", WORLD) is None:
         root_link = UrdfArm(name, robot, tip=arm.tip).base
         robot.append(ET.Element("link", name=WORLD))
         add_joint(robot, f"{WORLD}_joint", WORLD, root_link)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import pickle
 import shutil
 from pathlib import Path
+from xml.sax.saxutils import quoteattr
 
 import numpy as np
 import pinocchio as pin
@@ -13,7 +14,7 @@ import pytest
 from kinreach.errors import InputError
 from kinreach.kinematics import ArmKinematics, CollisionChecker, PoseGoal, PositionGoal
 from kinreach.kinematics.solvers import LevenbergMarquardtSolver, PlacoSolver, QPSolver
-from kinreach.robots import ArmDescription, BoxRegion, Workcell, arm_names, get_arm, register_arm
+from kinreach.robots import ArmDescription, BoxRegion, Workcell, arm_names, get_arm, register_arm, with_parallel_gripper
 from kinreach.sim.simulation import ArmSimulation
 
 SHARE = Path(str(get_arm("ur5").package_root()))
@@ -253,6 +254,36 @@ def test_other_limits():
     ):
         with pytest.raises(InputError, match=said):
             get_arm("ur5").with_limits(limits)
+
+
+def test_names_may_have_any_characters_that_can_be_printed(tmp_path):
+    """Quotes of both kinds and brackets: what is looked for by a path of its own syntax is not found, or fails."""
+    strange = {name: f'it\'s "{name}"] /' for name in ("a", "b", "c", "d", "base", "one", "two", "side", "end")}
+    text = write(tmp_path).read_text()
+    for name, other in strange.items():
+        text = text.replace(f'"{name}"', quoteattr(other))
+    file = tmp_path / "strange.urdf"
+    file.write_text(text)
+    arm = ArmDescription.from_urdf(file, tip=strange["end"], held={strange["c"]: 0.3}, gripper_on=strange["end"])
+    plain = ArmDescription.from_urdf(write(tmp_path), tip="end", held={"c": 0.3}, gripper_on="end")
+    assert arm.joints == (strange["a"], strange["b"])
+    kin, other = (ArmKinematics(each.with_limits({each.joints[0]: (-0.5, 0.25)}), tip="tcp") for each in (arm, plain))
+    assert (kin.lower[0], kin.upper[0]) == (-0.5, 0.25)
+    q = np.random.default_rng(0).uniform(kin.lower, kin.upper, (20, 2))
+    np.testing.assert_array_equal(kin.fk(q), other.fk(q))
+    assert strange["end"] in with_parallel_gripper(text, strange["end"]).replace("&quot;", '"')
+    with pytest.raises(InputError, match='no link "it\'s" for the gripper'):
+        with_parallel_gripper(text, "it's")
+    with pytest.raises(InputError, match="unknown joint.*it's"):
+        ArmDescription.from_urdf(file, tip=strange["end"], held={"it's": 0.0})
+
+
+@pytest.mark.parametrize("limit", ["", LIMIT])
+def test_limits_of_a_joint_without_end_are_refused(tmp_path, limit):
+    text = write(tmp_path, a="continuous", limit=limit).read_text()
+    arm = ArmDescription("two", "two", lambda: text, joints=("a", "b"), tips={"end": "end"})
+    with pytest.raises(InputError, match="no joint 'a' of a kind that has limits"):
+        arm.with_limits({"a": (-1.0, 1.0)})
 
 
 def test_a_speed_that_is_not_given_holds_no_joint_still(tmp_path):
