@@ -274,7 +274,7 @@ def test_names_may_have_any_characters_that_can_be_printed(tmp_path):
     assert strange["end"] in with_parallel_gripper(text, strange["end"]).replace("&quot;", '"')
     with pytest.raises(InputError, match='no link "it\'s" for the gripper'):
         with_parallel_gripper(text, "it's")
-    with pytest.raises(InputError, match="unknown joint.*it's"):
+    with pytest.raises(InputError, match=r"unknown joint.*it's"):
         ArmDescription.from_urdf(file, tip=strange["end"], held={"it's": 0.0})
 
 
