@@ -64,8 +64,6 @@ class ArmKinematics:
         InstallationError: Pinocchio cannot be loaded.
     """
 
-    joints: int  # of arms that a closed form is for
-
     def __init__(self, arm: str | ArmDescription, *, tip: str | None = None, base: str = "base_link") -> None:
         self.arm = as_arm(arm)
         self.tip = tip if tip is not None else self.arm.default_tip

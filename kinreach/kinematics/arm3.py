@@ -214,7 +214,7 @@ class Arm3Kinematics(ClosedFormKinematics):
 
     Args:
         arm: Name or description of an arm with joints about z, y, y, whose frames are parallel at zero angles.
-        tip: `"end_effector"`.
+        tip: Short name of the tip frame; default is the arm's own, `"end_effector"` of the `arm3`.
         base: `"base_link"` or `"world"`.
 
     Attributes:
@@ -226,9 +226,7 @@ class Arm3Kinematics(ClosedFormKinematics):
 
     joints = 3
 
-    def __init__(
-        self, *, tip: str = "end_effector", base: str = "base_link", arm: str | ArmDescription = "arm3"
-    ) -> None:
+    def __init__(self, arm: str | ArmDescription = "arm3", *, tip: str | None = None, base: str = "base_link") -> None:
         super().__init__(arm, tip=tip, base=base)
         self.geometry = YawPlanarGeometry.from_model(self.model, self.tip_frame)
         self._T_joint_base: Floats = self.model.jointPlacements[1].inverse().homogeneous @ self.T_world_base

@@ -5,7 +5,7 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from collections.abc import Sequence
 from math import dist, pi
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -38,7 +38,13 @@ from kinreach.robots import ArmDescription
 
 
 class ClosedFormKinematics(ArmKinematics, ABC):
-    """Limits, windings and the choice of a branch, shared by the arms with a closed form."""
+    """Limits, windings and the choice of a branch, shared by the arms with a closed form.
+
+    Attributes:
+        joints: How many joints the arms have that this closed form is for.
+    """
+
+    joints: ClassVar[int]
 
     def __init__(self, arm: str | ArmDescription, *, tip: str | None, base: str) -> None:
         super().__init__(arm, tip=tip, base=base)
@@ -229,6 +235,9 @@ def kinematics_of(arm: str | ArmDescription, *, tip: str | None = None, base: st
 
     Raises:
         UnknownNameError: The arm, the tip or the base does not exist.
+
+    Note:
+        The tip of `kinematics_of("ur5")` is `"tcp"`; that of `URKinematics("ur5")` is `"tool0"`.
     """
     from kinreach.kinematics.arm3 import Arm3Kinematics  # which are made of what is above
     from kinreach.kinematics.six_axis import SixAxisKinematics
@@ -237,7 +246,7 @@ def kinematics_of(arm: str | ArmDescription, *, tip: str | None = None, base: st
     plain = ArmKinematics(arm, tip=tip, base=base)
     if plain.n == Arm3Kinematics.joints:
         try:
-            return Arm3Kinematics(arm=plain.arm, tip=plain.tip, base=base)
+            return Arm3Kinematics(plain.arm, tip=plain.tip, base=base)
         except InputError:  # as many joints, another geometry
             return plain
     kinds: tuple[type[ClosedFormKinematics], ...] = (URKinematics, CalibratedURKinematics, SixAxisKinematics)

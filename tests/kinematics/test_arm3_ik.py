@@ -121,8 +121,17 @@ def test_orientations_are_refused():
     assert KIN.solve(PositionGoal(KIN.fk([0.3, 0.2, 0.5])[:3, 3]), np.zeros(3)).success
 
 
+def test_arms_from_files(tmp_path):
+    straight = [((0, 0, 0.1), (0, 0, 0)), ((0.05, 0, 0.1), (0, 0, 0)), ((0, 0, 0.4), (0, 0, 0))]
+    arm_of(tmp_path, straight)
+    kin = Arm3Kinematics.from_urdf(next(tmp_path.glob("*.urdf")), base="world")
+    assert (kin.tip, kin.base, KIN.tip) == ("tip", "world", "end_effector")
+    assert Arm3Kinematics("arm3").arm is KIN.arm
+    np.testing.assert_allclose(kin.fk(np.zeros(3)), kinematics_of(arm_of(tmp_path, straight), base="world").fk([0] * 3))
+
+
 def test_an_arm_of_another_kind_is_refused():
-    ur5 = replace(get_arm("ur5"), tips={"end_effector": "tool0"})
+    ur5 = replace(get_arm("ur5"), tips={"end_effector": "tool0"}, default_tip="end_effector")
     with pytest.raises(InputError, match="z, y, y"):
         Arm3Kinematics(arm=ur5)
 

@@ -17,7 +17,7 @@ from benchmarks.speed.poses import CASES
 from benchmarks.speed.suites.ik_edge_cases import judge
 from benchmarks.studies import ur_family
 from kinreach.errors import InputError, UnknownNameError
-from kinreach.kinematics import CollisionChecker, UR5Kinematics, URKinematics, kinematics_of
+from kinreach.kinematics import ArmKinematics, CollisionChecker, UR5Kinematics, URKinematics, kinematics_of
 from kinreach.kinematics.ur.geometry import URGeometry
 from kinreach.kinematics.ur.kinematics import FLIP
 from kinreach.robots import ArmDescription, arm_names, get_arm
@@ -142,6 +142,17 @@ def test_the_ur5_by_its_old_name():
     np.testing.assert_array_equal(old.fk(q), new.fk(q))
     np.testing.assert_array_equal(old.batch(old.fk(q)).q, new.batch(new.fk(q)).q)
     assert URKinematics().tip == UR5Kinematics().tip == "tool0"
+
+
+@pytest.mark.parametrize("kind", [URKinematics, UR5Kinematics])
+def test_every_class_takes_the_arm_first_and_files(kind):
+    assert kind("ur10").arm is kind(arm="ur10").arm is get_arm("ur10")
+    assert kind("ur10", tip="tcp").tip == "tcp"
+    assert (kind().arm, kind().tip, kinematics_of("ur5").tip) == (get_arm("ur5"), "tool0", "tcp")
+    kin = kind.from_urdf(UR_FILES / "ur5_robot.urdf", tip="tool0")
+    assert type(kin) is kind
+    q = np.random.default_rng(0).uniform(-3.0, 3.0, (20, 6))
+    np.testing.assert_allclose(kin.fk(q), ArmKinematics.from_urdf(UR_FILES / "ur5_robot.urdf", tip="tool0").fk(q))
 
 
 def test_arms_of_another_kind():

@@ -66,9 +66,9 @@ class URKinematics(ClosedFormKinematics):
     Link lengths are read from the URDF.
 
     Args:
-        model: Name of a UR, one of `kinreach.robots.ur.LENGTHS` from "ur3" to "ur30", or the description of a UR-type
+        arm: Name of a UR, one of `kinreach.robots.ur.LENGTHS` from "ur3" to "ur30", or the description of a UR-type
             arm that has a tip `tool0`.
-        tip: `"tool0"` (the flange) or `"tcp"` (between the finger tips, 0.20 m in front of it).
+        tip: `"tool0"` (the flange) or `"tcp"` (between the finger tips, 0.20 m in front of it); None for the arm's own.
         base: `"base_link"` or `"world"`.
 
     Attributes:
@@ -77,14 +77,16 @@ class URKinematics(ClosedFormKinematics):
     Raises:
         UnknownNameError: There is no such arm, tip or base.
         InputError: The arm's geometry is not that of a UR.
+
+    Note:
+        The tip is the flange unless another one is named, as for the controller of a UR without a tool; that of
+        `kinematics_of` is the arm's own, `"tcp"` of the `ur5`.
     """
 
     joints = 6
 
-    def __init__(
-        self, model: str | ArmDescription = "ur5", *, tip: str | None = FLANGE, base: str = "base_link"
-    ) -> None:
-        super().__init__(model, tip=tip, base=base)
+    def __init__(self, arm: str | ArmDescription = "ur5", *, tip: str | None = FLANGE, base: str = "base_link") -> None:
+        super().__init__(arm, tip=tip, base=base)
         check_known(f"tip of arm {self.arm.name!r}", FLANGE, self.arm.tips)
         flange = link_frame(self.model, self.arm.tips[FLANGE])
         T_flange_tip = self.model.frames[flange].placement.inverse() * self.model.frames[self.tip_frame].placement
@@ -360,14 +362,8 @@ class URKinematics(ClosedFormKinematics):
 class UR5Kinematics(URKinematics):
     """`URKinematics` of the UR5. Threads may share an instance.
 
-    Args:
-        tip: `"tool0"` or `"tcp"`.
-        base: `"base_link"` or `"world"`.
-        arm: Another arm of the UR kind, by name or description.
+    The arguments are those of `URKinematics`.
     """
-
-    def __init__(self, *, tip: str = FLANGE, base: str = "base_link", arm: str | ArmDescription = "ur5") -> None:
-        super().__init__(arm, tip=tip, base=base)
 
 
 class CalibratedURKinematics(URKinematics):
@@ -379,7 +375,7 @@ class CalibratedURKinematics(URKinematics):
     where none does that, as for a pose on the border that was rounded, those that miss it by up to `tol` are returned.
 
     Args:
-        model: Description of the arm, such as `get_arm("ur5").calibrated(FILE)`.
+        arm: Description of the arm, such as `get_arm("ur5").calibrated(FILE)`.
         tip: `"tool0"` (the flange) or `"tcp"` (between the finger tips, 0.20 m in front of it).
         base: `"base_link"` or `"world"`.
 
