@@ -15,10 +15,10 @@ from numpy.typing import NDArray
 from scipy.optimize import minimize_scalar
 
 from kinreach.checks import Floats
-from kinreach.errors import InputError, InstallationError
+from kinreach.errors import InstallationError
 from kinreach.kinematics.arm import ArmKinematics
 from kinreach.kinematics.closed_form import ClosedFormKinematics
-from kinreach.kinematics.collision import CollisionChecker
+from kinreach.kinematics.collision import CollisionChecker, NoShapesError
 from kinreach.kinematics.goals import PoseGoal, PositionGoal
 from kinreach.kinematics.solvers import ClosedFormSolver, LevenbergMarquardtSolver, PlacoSolver, QPSolver, Solver
 
@@ -130,10 +130,14 @@ def reach_of(kin: ArmKinematics, *, seed: int = 0) -> Reach:
 
 
 def collisions_of(kin: ArmKinematics, *, seed: int = 0) -> Collisions | None:
-    """Self-collisions of the arm alone, without its work cell; None for an arm without shapes."""
+    """Self-collisions of the arm alone, without its work cell; None for an arm without shapes.
+
+    Raises:
+        InputError: Its shapes cannot be read.
+    """
     try:
         checker = CollisionChecker(kin, obstacles=())
-    except InputError:
+    except NoShapesError:
         return None
     colliding = [checker.in_collision(q) for q in random_postures(kin, POSTURES // 4, seed)]
     return Collisions(len(checker.pairs), float(np.mean(colliding)), checker.free(kin.arm.home))

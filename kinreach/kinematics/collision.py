@@ -41,6 +41,10 @@ SAMPLES = 300
 Pair = tuple[str, str]
 
 
+class NoShapesError(InputError):
+    """The arm has no collision shapes."""
+
+
 @dataclass(frozen=True)
 class Clearance:
     """How near a posture is to a collision.
@@ -102,7 +106,8 @@ class CollisionChecker:
         model, geometry: Pinocchio's models of the arm and of its shapes.
 
     Raises:
-        InputError: `margin` cannot be used, the arm has no shapes, or a mesh has no convex hull.
+        NoShapesError: The arm has no collision shapes.
+        InputError: `margin` cannot be used, or a shape cannot be read or has no convex hull.
         UnknownNameError: There is no arm of that name.
         InstallationError: Pinocchio or coal cannot be loaded.
     """
@@ -253,7 +258,7 @@ def _shapes(arm: ArmDescription, model: Any, obstacles: Sequence[Box]) -> Any:
         raise InputError(f"the collision shapes of arm {arm.name!r} cannot be read: {error}") from None
     if not len(geometry.geometryObjects):
         shaped = [name for name in arm_names() if "<collision" in get_arm(name).urdf]
-        raise InputError(
+        raise NoShapesError(
             f"arm {arm.name!r} has no collision shapes, which collision checks and the simulation need; its kinematics "
             f"works without. Arms with shapes: {', '.join(shaped)}, and from a URDF with <collision> any other"
         )

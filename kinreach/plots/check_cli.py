@@ -81,7 +81,7 @@ def report(subject: Subject, *, poses: int = POSES, seed: int = 0) -> Iterator[s
         f"reach        {reach.farthest:.3f} m from the first joint, 95 % within {reach.usual:.3f} m, "
         f"{reach.lowest:+.3f} to {reach.highest:+.3f} m high"
     )
-    yield _collisions(check.collisions_of(kin, seed=seed))
+    yield f"collisions   {_collisions(kin, seed)}"
     if subject.believed is not None:
         yield from _deviation(check.deviation(kin, subject.believed, seed=seed))
     singular = check.singular_postures(kin, reach.farthest, seed=seed)
@@ -129,13 +129,17 @@ def _joints(kin: ArmKinematics) -> Iterator[str]:
         )
 
 
-def _collisions(found: check.Collisions | None) -> str:
+def _collisions(kin: ArmKinematics, seed: int) -> str:
+    try:
+        found = check.collisions_of(kin, seed=seed)
+    except InputError as error:  # the rest is known without shapes
+        return f"not known: {' '.join(str(error).split())}"
     if found is None:
-        return "collisions   not known: the arm has no shapes"
+        return "not known: the arm has no shapes"
     start = "free" if found.home_free else "IN COLLISION"
     return (
-        f"collisions   {found.pairs} pairs of links are checked; {100 * found.share:.0f} % of random postures collide "
-        f"with themselves; the start is {start}"
+        f"{found.pairs} pairs of links are checked; {100 * found.share:.0f} % of random postures collide with "
+        f"themselves; the start is {start}"
     )
 
 

@@ -12,7 +12,6 @@ from math import pi
 import numpy as np
 
 from kinreach.checks import Floats, check_known
-from kinreach.errors import InputError
 from kinreach.kinematics import (
     AxisGoal,
     CollisionChecker,
@@ -25,7 +24,7 @@ from kinreach.kinematics import (
 )
 from kinreach.kinematics.chain import rotation_to
 from kinreach.kinematics.closed_form import ClosedFormKinematics
-from kinreach.kinematics.collision import Pair
+from kinreach.kinematics.collision import NoShapesError, Pair
 from kinreach.kinematics.goals import Goal, goal_error
 from kinreach.kinematics.solutions import ANGLES, BRANCH, nearest_winding
 from kinreach.kinematics.solvers import SOLVERS, LevenbergMarquardtSolver, Solver, new_solver
@@ -161,13 +160,14 @@ class TargetModel:
 
     Raises:
         UnknownNameError: There is no such arm or tip.
+        InputError: The arm's collision shapes cannot be read.
     """
 
     def __init__(self, arm: str | ArmDescription, *, tip: str | None = None, policies: Sequence[str] = ()) -> None:
         self.kinematics = kinematics_of(arm, tip=tip, base="world")
         try:
             self.checker: CollisionChecker | None = CollisionChecker(self.kinematics)
-        except InputError:
+        except NoShapesError:
             self.checker = None
         n = self.kinematics.n
         self.kinds = (POINT,) if n < 6 else (POSE, AXIS) if n == 6 else (POSE, AXIS, POINT)

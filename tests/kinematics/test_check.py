@@ -15,8 +15,9 @@ from scipy.spatial.transform import Rotation
 from kinreach.errors import InputError
 from kinreach.kinematics import Arm3Kinematics, ArmKinematics, URKinematics, check
 from kinreach.plots.check_cli import main
-from kinreach.robots import get_arm
+from kinreach.robots import ArmDescription, get_arm
 from kinreach.robots.calibration import PUBLISHED
+from kinreach.view.target import TargetModel
 
 ROOT = Path(__file__).parents[2]
 CALIBRATIONS = ROOT / "tests/data/calibrations"
@@ -78,6 +79,35 @@ def test_reach_of_a_stretched_arm():
     assert reach.lowest < -0.7 < 0.7 < reach.highest
     assert check.collisions_of(URKinematics("ur5e")) is None
     assert check.collisions_of(URKinematics("ur5")).home_free
+
+
+def arm_with_a_broken_mesh(tmp_path):
+    """A URDF whose mesh is there and is none."""
+    (tmp_path / "link.stl").write_bytes(b"no mesh")
+    file = tmp_path / "broken.urdf"
+    limit = '<limit lower="-1" upper="1" effort="1" velocity="1"/>'
+    file.write_text(
+        '<robot name="broken"><link name="base"/><link name="one"><collision><geometry><mesh filename="link.stl"/>'
+        '</geometry></collision></link><link name="two"/><link name="end"/>'
+        f'<joint name="a" type="revolute"><parent link="base"/><child link="one"/><axis xyz="0 0 1"/>{limit}</joint>'
+        '<joint name="b" type="revolute"><parent link="one"/><child link="two"/><origin xyz="0.3 0 0"/>'
+        f'<axis xyz="0 1 0"/>{limit}</joint>'
+        '<joint name="c" type="fixed"><parent link="two"/><child link="end"/><origin xyz="0.3 0 0"/></joint></robot>'
+    )
+    return file
+
+
+def test_shapes_that_cannot_be_read_are_not_taken_for_none(tmp_path, capsys):
+    file = arm_with_a_broken_mesh(tmp_path)
+    with pytest.raises(InputError, match="collision shapes of arm 'broken' cannot be read"):
+        check.collisions_of(ArmKinematics.from_urdf(file))
+    with pytest.raises(InputError, match="collision shapes of arm 'broken' cannot be read"):
+        TargetModel(ArmDescription.from_urdf(file))
+    assert main([str(file), "--poses", "2"], prog="check") == 0
+    (line,) = [line for line in capsys.readouterr().out.splitlines() if line.startswith("collisions")]
+    assert line.startswith("collisions   not known: the collision shapes of arm 'broken' cannot be read")
+    assert main(["ur5e", "--poses", "2"], prog="check") == 0
+    assert "collisions   not known: the arm has no shapes\n" in capsys.readouterr().out
 
 
 @pytest.mark.parametrize("kin", [URKinematics("ur20"), Arm3Kinematics()])
