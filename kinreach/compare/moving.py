@@ -188,6 +188,7 @@ def touched(*, speed: float | None = None, path: str | None = None) -> Callable[
 
 
 def _touched_at(trial: Trial) -> float | None:
+    """When the ball was touched [s]."""
     return trial["time"] if trial["reached"] else None
 
 
@@ -243,14 +244,7 @@ MOVING_TASK = Task(
         *_rates("touched", None, ""),
         *(column for path in ball.PATHS for column in _rates(path, path, f"Paths: {path}")),
         Column("distance_mm", thousandfold("distance"), QUANTILES, "least\ndistance, mm", "quantiles", TIME_TABLE),
-        Column(
-            "time_s",
-            lambda t: t["time"] if t["reached"] else None,
-            QUANTILES,
-            "time to\ntouch, s",
-            "median",
-            TIME_TABLE,
-        ),
+        Column("time_s", _touched_at, QUANTILES, "time to\ntouch, s", "median", TIME_TABLE),
         Column("solve_ms", decision_ms, QUANTILES, "a decision\nms", "median", TIME_TABLE),
     ),
     figures={"speeds": draw_speeds},

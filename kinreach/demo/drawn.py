@@ -44,6 +44,11 @@ def arm_of(env: gym.Env[Any, Any]) -> ArmDescription:
     return arm
 
 
+def put(scene: PosedScene, info: Mapping[str, Any], *, time: float) -> None:
+    """Put a scene where `info` says; its clock is at `time` [s] where that has none."""
+    scene.put(info["q"], ball=info.get("goal"), time=float(info.get("time", time)))
+
+
 def _name(env: gym.Env[Any, Any]) -> str:
     return env.spec.id if env.spec is not None else "the environment"
 
@@ -61,6 +66,7 @@ class Drawn(gym.Wrapper[Any, Any, Any, Any]):
         super().__init__(env)
         self._mode, self._fps = mode, fps
         self._picture: ScenePicture | None = None
+        self._steps = 0
 
     def reset(self, **options: Any) -> tuple[Any, dict[str, Any]]:
         """Begin an episode; there may be another arm to be drawn."""
@@ -68,12 +74,14 @@ class Drawn(gym.Wrapper[Any, Any, Any, Any]):
         self._let_go()
         self._scene, self._follows = scene_of(self.env, info)
         self._picture = ScenePicture(self._scene, mode=self._mode, fps=self._fps)
+        self._steps = 0
         self._follow(info)
         return observation, info
 
     def step(self, action: Any) -> tuple[Any, Any, bool, bool, dict[str, Any]]:
         """One step, to be seen."""
         result = self.env.step(action)
+        self._steps += 1
         self._follow(result[4])
         return result
 
@@ -88,7 +96,7 @@ class Drawn(gym.Wrapper[Any, Any, Any, Any]):
 
     def _follow(self, info: Mapping[str, Any]) -> None:
         if self._follows:
-            self._scene.put(info["q"], ball=info.get("goal"), time=info["time"])
+            put(self._scene, info, time=self._steps / self._fps)
             if self._scene.watch is not None:
                 self._scene.watch()
 

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from kinreach.baselines.rollout import rollout
 from kinreach.checks import Floats
-from kinreach.demo.drawn import arm_of, scene_of
+from kinreach.demo.drawn import arm_of, put, scene_of
 from kinreach.demo.tasks import options_for
 from kinreach.errors import KinreachError
 from kinreach.robots import ArmDescription
@@ -273,8 +273,7 @@ class _Recorder(gym.Wrapper[Any, Any, Any, Any]):
         )
 
     def _pose(self, info: Mapping[str, Any]) -> None:
-        time = info.get("time", len(self.episode.steps) / FPS)
-        self._scene.put(info["q"], ball=info.get("goal"), time=float(time))
+        put(self._scene, info, time=len(self.episode.steps) / FPS)
 
     def _moving(self) -> None:
         """In the course of a motion."""

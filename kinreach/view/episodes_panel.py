@@ -70,8 +70,8 @@ class EpisodesPanel(Panel):
 
     def show(self, visible: bool) -> None:
         """Show it, or hide it; hidden it stands still."""
-        self.pause()
         with self._lock:
+            self.pause()
             super().show(visible)
             self._shown = visible
             self._furnish()
@@ -83,7 +83,7 @@ class EpisodesPanel(Panel):
         super().close()
 
     def record(self) -> None:
-        """Record the episode that is asked for, in a thread of its own, then play it."""
+        """Record the episode that is asked for, in a thread of its own, then play it, unless it is hidden by then."""
         self.pause()
         self._button.disabled = True
         self._verdict.content = html.message("The episode is being played through ...")
@@ -191,7 +191,8 @@ class EpisodesPanel(Panel):
                 return
             self._recording = asked
             self._take(episode)
-        self.run()
+            if self._shown:
+                self.run()
         seen = episode.look()
         if not self._gone.is_set():
             self._show_look(episode, seen)

@@ -13,7 +13,7 @@ from kinreach.checks import Floats
 from kinreach.kinematics import IKResult
 from kinreach.view.draw import BRANCH_COLOURS, Colour
 from kinreach.view.episodes import Episode, Frame
-from kinreach.view.names import length, plain
+from kinreach.view.names import angle, length, plain
 from kinreach.view.real_arm import Miss
 from kinreach.view.results import End, Results
 from kinreach.view.target import Answer, Finish, Posture, State
@@ -134,8 +134,8 @@ def solvers(finishes: Sequence[Finish]) -> str:
         end = "reached" if result.success else result.reason or result.status.value
         colour = _GREEN if result.success else _RED
         rows.append(
-            f"<tr><td>{escape(finish.solver)}</td><td>{_microns(result.position_error)}</td>"
-            f"<td>{degrees(result.orientation_error):.2g}°</td><td>{1000 * finish.seconds:.2f} ms</td></tr>"
+            f"<tr><td>{escape(finish.solver)}</td><td>{_off(result.position_error)}</td>"
+            f"<td>{angle(result.orientation_error, 2)}</td><td>{1000 * finish.seconds:.2f} ms</td></tr>"
             f'<tr><td colspan="4" style="color:{colour};font-size:11px;padding-bottom:4px">{escape(end)}</td></tr>'
         )
     return block(
@@ -145,8 +145,11 @@ def solvers(finishes: Sequence[Finish]) -> str:
     )
 
 
-def _microns(value: float) -> str:
-    return f"{1000 * value:.2g} mm" if value >= 1e-6 else "&lt; 1 µm"
+def _off(value: float) -> str:
+    """A length [m] that is often too short for millimetres."""
+    if value < 1e-6:
+        return "&lt; 1 µm"
+    return f"{1e6 * value:.0f} µm" if value < 1e-5 else length(value)
 
 
 def ends(results: Results, index: int) -> str:
@@ -204,7 +207,7 @@ def miss(found: Miss, exact: IKResult) -> str:
     own = f"no posture: {escape(exact.reason)}"
     if exact.success:
         turned = degrees(np.abs(exact.q - found.q).max())
-        own = f"{_microns(exact.position_error)} off; a joint is turned by up to {turned:.2f}° against the data sheet's"
+        own = f"{_off(exact.position_error)} off; a joint is turned by up to {turned:.2f}° against the data sheet's"
     return block(
         f'<table class="kinreach-miss" style="font-size:12px;width:100%"><tr style="text-align:left;color:#666">'
         f"<th>x</th><th>y</th><th>z</th></tr><tr>{parts}</tr></table>"

@@ -76,6 +76,7 @@ class Posture:
         pairs: What touches.
         stiffness: `slowest_motion` in it [m/rad].
         distance: How far it is from the posture the arm stood in [rad].
+        lack: What is missing where the branch of a UR does not reach, else None.
     """
 
     branch: int
@@ -86,6 +87,7 @@ class Posture:
     pairs: tuple[Pair, ...] = ()
     stiffness: float = 0.0
     distance: float = np.inf
+    lack: Shortfall | None = None
 
 
 @dataclass(frozen=True)
@@ -277,7 +279,7 @@ class TargetModel:
         for branch, lack in self._missing(goal).items():
             if branch not in found:
                 name = branch_name(self.kinematics, branch)
-                yield Posture(branch, name, State.UNREACHED, _why_short(lack))
+                yield Posture(branch, name, State.UNREACHED, _why_short(lack), lack=lack)
 
     def complete(self, goal: Goal) -> bool:
         """Whether all postures for a goal are found, not just some."""
@@ -394,7 +396,7 @@ class TargetModel:
         return f"No posture can be used: {listed(parts)}. The nearest: {nearest.reason}."
 
     def _out_of_reach(self, goal: Goal, postures: Sequence[Posture], approach: Approach) -> str:
-        short = self._missing_least(postures)
+        short = _missing_least(postures)
         off = length(approach.distance)
         if approach.least:
             near = f"With the tool turned as asked the tip comes within {off} of it (amber)."
@@ -405,13 +407,14 @@ class TargetModel:
             f"No posture reaches this target: the nearest of {STARTS} searches ends {off}{turned} away (amber){proof}."
         )
 
-    def _missing_least(self, postures: Sequence[Posture]) -> str:
-        """The sentence of the branch that is nearest to reaching."""
-        said = [posture.reason for posture in postures if posture.state is State.UNREACHED]
-        if not said:
-            return ""
-        least = min(said, key=lambda text: float(text.split(" mm")[0].rsplit(" ", 1)[-1]))
-        return least[0].upper() + least[1:]
+
+def _missing_least(postures: Sequence[Posture]) -> str:
+    """The sentence of the branch that is nearest to reaching; empty if none says what it lacks."""
+    lacks = [posture.lack for posture in postures if posture.lack is not None]
+    if not lacks:
+        return ""
+    least = _why_short(min(lacks, key=lambda lack: lack.lack))
+    return least[0].upper() + least[1:]
 
 
 def _frame(goal: Goal) -> Floats:
@@ -424,7 +427,7 @@ def _frame(goal: Goal) -> Floats:
 
 
 def _why_short(lack: Shortfall) -> str:
-    """A shortfall in words; the number that is missing comes first."""
+    """A shortfall in words."""
     missing = length(lack.lack)
     if lack.part is Miss.SHOULDER_CYLINDER:
         return (

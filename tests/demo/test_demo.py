@@ -2,19 +2,51 @@
 
 import re
 from dataclasses import replace
+from itertools import pairwise
 
+import gymnasium as gym
 import numpy as np
 import pytest
 from PIL import Image
 
 from kinreach.baselines.policies import load_policy, save_policy
 from kinreach.cli import main
+from kinreach.demo.drawn import Drawn
+from kinreach.robots import get_arm
 
 
 @pytest.fixture(autouse=True)
 def no_screen(monkeypatch):
     monkeypatch.delenv("DISPLAY", raising=False)
     monkeypatch.delenv("WAYLAND_DISPLAY", raising=False)
+
+
+class Turning(gym.Env):
+    """Of somebody else: an arm that turns, and no clock."""
+
+    action_space = observation_space = gym.spaces.Box(-1.0, 1.0, (1,))
+    arm = get_arm("arm3")
+
+    def reset(self, *, seed=None, options=None):
+        self.q = np.array(self.arm.home)
+        return np.zeros(1, np.float32), {"q": self.q}
+
+    def step(self, action):
+        self.q = self.q + 0.1
+        return np.zeros(1, np.float32), 0.0, False, False, {"q": self.q}
+
+
+def test_an_environment_without_a_clock_is_drawn(needs_gl):
+    """A frame a step."""
+    env = Drawn(Turning(), mode="rgb_array_list", fps=10)
+    env.reset()
+    frames = list(env.render())
+    for _ in range(5):
+        env.step(None)
+        frames += env.render()
+    env.close()
+    assert len(frames) == 6
+    assert all((one != other).any() for one, other in pairwise(frames))
 
 
 @pytest.mark.parametrize(("env", "backend", "steps"), [("single", "kinematic", 20), ("multi", "mujoco", 30)])

@@ -17,6 +17,7 @@ from kinreach.view.cli import setup_of
 pytest.importorskip("viser")
 
 from benchmarks.studies.page import Tab, wait_for
+from kinreach.view.episodes import Recording
 from kinreach.view.server import Server
 
 
@@ -229,6 +230,28 @@ def test_an_episode_is_played_stepped_and_scrubbed(serve):
         tab.page.show("Target")
         assert panel._surroundings.visible
         assert not panel.playing
+
+
+def test_an_episode_that_is_recorded_while_hidden_stands_still(serve, monkeypatch):
+    hidden, play = threading.Event(), Recording.play
+
+    def later(recording, **options):
+        assert hidden.wait(30)
+        return play(recording, **options)
+
+    monkeypatch.setattr(Recording, "play", later)
+    with Tab(serve("ur5")) as tab:
+        panel = tab.page.show("Episodes")
+        recorder = next(thread for thread in threading.enumerate() if thread.name.endswith("(_record)"))
+        tab.page.show("Target")
+        hidden.set()
+        recorder.join(60)
+        assert panel.episode is not None
+        assert not panel.playing
+        assert panel.at == 0
+        tab.page.show("Episodes")
+        panel.run()
+        wait_for(lambda: panel.at > 0)
 
 
 def test_a_real_arm_beside_the_one_that_is_believed_in(serve):

@@ -1,6 +1,7 @@
 """What the page says of a target, without a browser."""
 
 import re
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -141,6 +142,20 @@ def test_what_is_missing_is_in_the_verdict(ur5):
     assert "finger left touches table" in ur5.answer(ur5.goal(POSE, T), ur5.home).verdict
 
 
+def test_the_verdict_is_of_the_branch_that_lacks_the_least(ur5):
+    compared = 0
+    for T in poses(ur5, 600, seed=5, stretch=3.0):
+        lacks = ur5.kinematics.shortfalls(T)
+        if len(lacks) < 8:
+            continue
+        answer = ur5.answer(ur5.goal(POSE, T), ur5.home)
+        least = min(lacks, key=lambda branch: lacks[branch].lack)
+        (reason,) = (posture.reason for posture in answer.postures if posture.branch == least)
+        assert answer.verdict.startswith(f"No posture reaches this target. {reason[0].upper()}{reason[1:]}.")
+        compared += 1
+    assert compared > 100
+
+
 def test_the_slowest_motion_is_the_least_that_joints_do(ur5):
     rng = np.random.default_rng(1)
     for _ in range(50):
@@ -162,6 +177,19 @@ def test_solvers_end_where_they_say(ur5):
         assert np.linalg.norm(ur5.kinematics.fk(finish.result.q)[:3, 3] - T[:3, 3]) < 2e-4
     table = html.solvers(finishes)
     assert all(name in table for name in SOLVERS)
+
+
+def test_the_table_of_solvers_is_in_the_words_of_the_page(ur5):
+    (finish,) = ur5.solve(ur5.goal(POSE, ur5.kinematics.fk(ur5.home)), ur5.home, ["closed-form"])
+    for off, turned, said in (
+        (4e-7, 1e-7, "<td>&lt; 1 µm</td><td>0.00°</td>"),
+        (3.2e-6, 1e-3, "<td>3 µm</td><td>0.06°</td>"),
+        (2.3e-4, 0.5, "<td>0.23 mm</td><td>28.65°</td>"),
+        (0.1234, 2.0, "<td>123 mm</td><td>114.59°</td>"),
+        (1.5, np.pi, "<td>1500 mm</td><td>180.00°</td>"),
+    ):
+        result = replace(finish.result, position_error=off, orientation_error=turned)
+        assert said in html.solvers([replace(finish, result=result)])
 
 
 def test_policies_are_solvers_too():
