@@ -7,14 +7,15 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property, partial
 from pathlib import Path
+from types import UnionType
 
 import numpy as np
 
-from kinreach.checks import MOST_ANGLE, as_floats, as_vector, check_known, check_number
+from kinreach.checks import MOST_ANGLE, as_floats, as_vector, check_known, check_number, shown
 from kinreach.errors import InputError
 from kinreach.robots.grippers import Gripper
 from kinreach.robots.urdf import check_urdf, parse_urdf, set_limits
-from kinreach.robots.urdf_file import UrdfArm, read_urdf
+from kinreach.robots.urdf_file import WORLD, UrdfArm, check_home, read_urdf
 from kinreach.robots.workcell import CameraMount, Workcell
 
 #: Attributes with one number for each joint.
@@ -60,7 +61,8 @@ class ArmDescription:
             from which the whole arm is seen.
 
     Raises:
-        InputError: What has to be read from the URDF is not in it; the message names it.
+        InputError: What has to be read from the URDF is not in it, or a number or an object cannot be that of an arm;
+            the message names it.
     """
 
     name: str
@@ -96,6 +98,7 @@ class ArmDescription:
             "joint_damping": lambda urdf: urdf.damping,
             "cameras": lambda urdf: (urdf.overview,),
         }
+        self._check_kinds()
         for name in PER_JOINT:
             object.__setattr__(self, name, tuple(as_floats(name, getattr(self, name)).ravel().tolist()))
         if self.tips and not self.default_tip:
@@ -104,7 +107,7 @@ class ArmDescription:
         if missing:
             tip = self.tips.get(self.default_tip, self.default_tip) if self.default_tip else None
             gripper = () if self.gripper is None else (self.gripper.joint, self.gripper.mimic_joint)
-            urdf = UrdfArm(self.name, parse_urdf(self.urdf), tip=tip, joints=self.joints, held=gripper)
+            urdf = UrdfArm(self.name, parse_urdf(self._built), tip=tip, joints=self.joints, held=gripper)
             for name in missing:
                 object.__setattr__(self, name, defaults[name](urdf))
         count = len(self.joints)
@@ -112,10 +115,40 @@ class ArmDescription:
             values = getattr(self, name)
             if len(values) != count:
                 raise InputError(f"arm {self.name!r}: {name} must have {count} numbers, one a joint, got {values}")
-        if missing:
-            urdf.check_home(self.home)
+        for name in ("speed_limit", "acceleration_limit"):
+            check_number(f"{name} of arm {self.name!r}", getattr(self, name), above=0.0)
+        for name, bound in (("position_gains", {"above": 0.0}), ("joint_damping", {"least": 0.0}), ("home", {})):
+            for value in getattr(self, name):
+                check_number(f"{name} of arm {self.name!r}", value, **bound)
         for joint in self.moves_last:
             check_known(f"joint of arm {self.name!r} in moves_last", joint, self.joints)
+        if missing:
+            self._check_fit()
+
+    def _check_kinds(self) -> None:
+        """Refuse what is not of the kind that the attribute says."""
+        kinds: Mapping[str, tuple[type | UnionType, str]] = {
+            "name": (str, "text"),
+            "title": (str, "text"),
+            "build_urdf": (Callable, "a function"),  # type: ignore[dict-item]
+            "package_root": (Callable, "a function"),  # type: ignore[dict-item]
+            "workcell": (Workcell, "a Workcell"),
+            "gripper": (Gripper | None, "a Gripper or None"),
+        }
+        for name, (kind, said) in kinds.items():
+            if not isinstance(getattr(self, name), kind):
+                raise InputError(f"{name} of an arm must be {said}, got {shown(getattr(self, name))}")
+        if not all(isinstance(camera, CameraMount) for camera in self.cameras):
+            raise InputError(f"cameras of arm {self.name!r} must be CameraMounts, got {shown(self.cameras)}")
+        check_number(f"armature of arm {self.name!r}", self.armature, least=0.0)
+
+    def _check_fit(self) -> None:
+        """Refuse a start posture outside the limits, and cameras on links that the URDF does not have."""
+        robot = parse_urdf(self._built)
+        links = [WORLD, *(link.get("name", "") for link in robot.findall("link"))]
+        for camera in self.cameras:
+            check_known(f"link of camera {camera.name!r} of arm {self.name!r}", camera.link, links)
+        check_home(self.name, robot, dict(zip(self.joints, self.home, strict=True)))
 
     @classmethod
     def from_urdf(
@@ -194,12 +227,11 @@ class ArmDescription:
             check_known(f"joint of arm {self.name!r}", name, self.joints)
             lower, upper = as_vector(f"the limits of joint {name!r}", pair, 2, most=MOST_ANGLE).tolist()
             set_limits(robot, name, lower, upper)
-        arm = replace(self, build_urdf=partial(str, ET.tostring(robot, encoding="unicode")))
-        lower, upper = zip(
-            *UrdfArm(arm.name, parse_urdf(arm.urdf), tip=arm.tips[arm.default_tip], joints=arm.joints).limits,
-            strict=True,
-        )
-        return replace(arm, home=tuple(np.clip(arm.home, lower, upper).tolist()))
+        text = ET.tostring(robot, encoding="unicode")
+        check_urdf(text, self.package_root())
+        arm = UrdfArm(self.name, robot, tip=self.tips[self.default_tip], joints=self.joints)
+        lower, upper = zip(*arm.limits, strict=True)
+        return replace(self, build_urdf=partial(str, text), home=tuple(np.clip(self.home, lower, upper).tolist()))
 
     def calibrated(self, file: str | Path, *, model: str | None = None, repair: bool = False) -> ArmDescription:
         """The same arm as it left the factory: its joints are where its calibration has them.
@@ -236,8 +268,14 @@ class ArmDescription:
         """The URDF text, built and checked on first use.
 
         Raises:
-            InputError: Not a URDF, or one that `check_urdf` refuses.
+            InputError: Not a URDF, or one that `check_urdf` refuses; the start posture is outside its limits, or a
+                camera on a link that it does not have.
         """
+        self._check_fit()
+        return self._built
+
+    @cached_property
+    def _built(self) -> str:
         text = self.build_urdf()
         check_urdf(text, self.package_root())
         return text

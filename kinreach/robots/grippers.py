@@ -73,18 +73,19 @@ def add_parallel_gripper(robot: ET.Element, flange: str) -> None:
     rail = Solid((0.03, 0.20, 0.02), (0, 0, 0.095))
     add_link(robot, "gripper_palm", mass=0.9, solids=(palm, rail), rgba="0.62 0.64 0.67 1")
     add_joint(robot, "gripper_joint", flange, "gripper_palm")
-    for side, sign in (("left", 1.0), ("right", -1.0)):
+    gripper = PARALLEL_GRIPPER
+    for side, sign, joint in (("left", 1.0, gripper.joint), ("right", -1.0, gripper.mimic_joint)):
         finger = Solid((0.022, 0.012, 0.105), (0, sign * 0.006, 0.1575))
         add_link(robot, f"finger_{side}", mass=0.1, solids=(finger,), rgba="0.20 0.21 0.23 1")
         add_joint(
             robot,
-            f"finger_{side}_joint",
+            joint,
             "gripper_palm",
             f"finger_{side}",
             kind="prismatic",
             axis=(0, sign, 0),
-            limit=(0.0, STROKE / 2, 120.0, 0.2),
-            mimic="finger_left_joint" if side == "right" else None,
+            limit=(0.0, gripper.stroke / 2, gripper.force, 0.2),
+            mimic=gripper.joint if side == "right" else None,
         )
     add_link(robot, "tcp")
     add_joint(robot, "tcp_joint", flange, "tcp", xyz=(0, 0, TCP_OFFSET))

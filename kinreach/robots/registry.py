@@ -4,8 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from functools import cache
+from typing import Any
 
-from kinreach.checks import check_known
+from kinreach.checks import check_known, shown
 from kinreach.errors import InputError
 from kinreach.robots import arm3, panda, ur
 from kinreach.robots.description import ArmDescription
@@ -23,8 +24,11 @@ def register_arm(arm: ArmDescription) -> ArmDescription:
     """Make an arm that lives outside kinreach available by its name; it is returned.
 
     Raises:
-        InputError: Another arm has that name already.
+        InputError: It is no `ArmDescription`, or another arm has that name already.
     """
+    given: Any = arm
+    if not isinstance(given, ArmDescription):
+        raise InputError(f"an arm must be an ArmDescription, got {shown(given)}")
     if arm.name in _FROM_FILES or _arms().get(arm.name, arm) is not arm:
         raise InputError(f"an arm named {arm.name!r} is registered already")
     _arms()[arm.name] = arm

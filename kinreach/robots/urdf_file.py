@@ -13,7 +13,7 @@ from typing import Any
 
 import numpy as np
 
-from kinreach.checks import check_number, check_path, shown
+from kinreach.checks import check_known, check_number, check_path, shown
 from kinreach.errors import InputError, raise_unknown
 from kinreach.robots.grippers import PARALLEL_GRIPPER, Gripper, add_parallel_gripper
 from kinreach.robots.rotations import rotation, rpy, turn
@@ -90,7 +90,7 @@ class UrdfArm:
         for joint in self.joints:
             if self._kind(joint) == "prismatic" or self._joints[joint].find("mimic") is not None:
                 raise InputError(f"arm {name!r}: joint {joint!r} slides or mimics another; leave it out of joints=")
-        self.limits = [self._limits(joint) for joint in self.joints]
+        self.limits = [_limits(self._joints[joint]) for joint in self.joints]
         for joint, (lower, upper) in zip(self.joints, self.limits, strict=True):
             if lower == upper:
                 raise InputError(
@@ -116,19 +116,6 @@ class UrdfArm:
         """The middle of each joint's range [rad]; 0 for a joint without limits."""
         return tuple(0.5 * (low + high) for low, high in self.limits)
 
-    def check_home(self, home: Sequence[float]) -> None:
-        """Refuse a start posture [rad] outside of the limits.
-
-        Raises:
-            InputError: The message names the joint, its angle and its limits.
-        """
-        for joint, angle, (low, high) in zip(self.joints, home, self.limits, strict=True):
-            if not low - LIMIT_DIGITS <= angle <= high + LIMIT_DIGITS:
-                raise InputError(
-                    f"arm {self.name!r}: home has joint {joint!r} at {angle:g} rad, outside its limits {low:g} to "
-                    f"{high:g}"
-                )
-
     @property
     def damping(self) -> tuple[float, ...]:
         """Viscous friction of each joint [N m s/rad]; 0 where the URDF gives none."""
@@ -153,7 +140,7 @@ class UrdfArm:
     @property
     def overview(self) -> CameraMount:
         """A camera from which the arm is seen, however it is stretched."""
-        size = sum(_length(joint) for joint in self._path(self.tip))
+        size = sum(_length(joint) for joint in self._path(self.tip)) or 1.0  # a tip on the root is looked at, too
         return CameraMount(
             "overview", "world", (1.5 * size, -1.5 * size, 0.9 * size), (0.15 * size, 0.0, 0.3 * size),
             fovy=OVERVIEW_FOVY,
@@ -214,13 +201,35 @@ class UrdfArm:
     def _kind(self, joint: str) -> str:
         return self._joints[joint].get("type", "")
 
-    def _limits(self, joint: str) -> tuple[float, float]:
-        if self._kind(joint) == "continuous":
-            return -math.pi, math.pi
-        return self._number(joint, "limit", "lower"), self._number(joint, "limit", "upper")
-
     def _number(self, joint: str, tag: str, key: str) -> float:
         return _value(self._joints[joint], tag, key)
+
+
+def check_home(name: str, robot: ET.Element, home: Mapping[str, float]) -> None:
+    """Refuse a start posture outside of the limits.
+
+    Args:
+        name: What error messages call the arm.
+        robot: The checked URDF.
+        home: Angles by the names of joints [rad].
+
+    Raises:
+        InputError: There is no such joint, or it is outside; the message names its angle and its limits.
+    """
+    joints = {joint.get("name", ""): joint for joint in robot.findall("joint")}
+    for joint, angle in home.items():
+        check_known(f"joint of arm {name!r}", joint, joints)
+        low, high = _limits(joints[joint])
+        if not low - LIMIT_DIGITS <= angle <= high + LIMIT_DIGITS:
+            raise InputError(
+                f"arm {name!r}: home has joint {joint!r} at {angle:g} rad, outside its limits {low:g} to {high:g}"
+            )
+
+
+def _limits(joint: ET.Element) -> tuple[float, float]:
+    if joint.get("type") == "continuous":
+        return -math.pi, math.pi
+    return _value(joint, "limit", "lower"), _value(joint, "limit", "upper")
 
 
 def _value(element: ET.Element | None, tag: str, key: str) -> float:

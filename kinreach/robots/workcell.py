@@ -13,12 +13,16 @@ from typing import Any, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from kinreach.checks import as_vector, check_number, shown
+from kinreach.checks import MOST_DISTANCE, as_vector, check_number, shown
 from kinreach.errors import InputError
 
 #: Edges and coordinates of obstacles are no larger [m]: the collision engines lose touches between shapes whose sizes
 #: are too far apart.
 WIDEST = 1000.0
+#: Largest vertical field of view of a camera [degrees].
+WIDEST_VIEW = 179.0
+#: Smallest sine of the angle between a camera's line of sight and its up direction.
+LEAST_SINE = 1e-6
 
 
 @dataclass(frozen=True)
@@ -42,8 +46,7 @@ class Box:
 
     def __post_init__(self) -> None:
         given: dict[str, Any] = vars(self)
-        if not isinstance(given["name"], str) or not self.name:
-            raise InputError(f"the name of a box must be text, got {shown(self.name)}")
+        _check_name("the name of a box", self.name)
         for part, above in (("size", 0.0), ("position", -inf)):
             values = given[part]
             if not isinstance(values, Sequence | np.ndarray) or len(values) != 3:
@@ -81,6 +84,10 @@ class CameraMount:
         fovy: Vertical field of view [degrees].
         holder: Where the holder of the device starts; device and holder are drawn and have no contact. Without it
             nothing is drawn: the camera is a viewpoint, not a device.
+
+    Raises:
+        InputError: A name is no text, a point not three finite numbers, the field of view not between 0 and 180
+            degrees, the target is where the camera is, or `up` is along the line of sight.
     """
 
     name: str
@@ -90,6 +97,26 @@ class CameraMount:
     up: tuple[float, float, float] = (0.0, 0.0, 1.0)
     fovy: float = 58.0
     holder: tuple[float, float, float] | None = None
+
+    def __post_init__(self) -> None:
+        _check_name("the name of a camera", self.name)
+        of = f"of the camera {self.name!r}"
+        _check_name(f"the link {of}", self.link)
+        check_number(f"fovy {of}", self.fovy, above=0.0, most=WIDEST_VIEW)
+        position, target, up = (
+            as_vector(f"the {part} {of}", getattr(self, part), 3, most=MOST_DISTANCE)
+            for part in ("position", "target", "up")
+        )
+        if self.holder is not None:
+            as_vector(f"the holder {of}", self.holder, 3, most=MOST_DISTANCE)
+        sight = target - position
+        if not np.linalg.norm(np.cross(sight, up)) > LEAST_SINE * np.linalg.norm(sight) * np.linalg.norm(up):
+            raise InputError(f"the target {of} must not be where it stands, nor up or down from there: {self.target}")
+
+
+def _check_name(what: str, name: object) -> None:
+    if not isinstance(name, str) or not name:
+        raise InputError(f"{what} must be text, got {shown(name)}")
 
 
 class GoalRegion(Protocol):
@@ -114,9 +141,7 @@ class BoxRegion:
 
     def __post_init__(self) -> None:
         for name in "xyz":
-            low, high = as_vector(name, getattr(self, name), 2, most=WIDEST)
-            if low > high:
-                raise InputError(f"the range {name} of a box of goals ends below its beginning: {low} to {high}")
+            _check_range(name, getattr(self, name))
 
     def wider(self, margin: float, *, above: float = 0.0) -> BoxRegion:
         """The box with a margin on every side, and more above [m]."""
@@ -131,15 +156,29 @@ class BoxRegion:
 
 @dataclass(frozen=True)
 class QuadrantRegion:
-    """Uniform in one of the four quadrants around the base: |x| and |y| in `across`, z in `height` [m]."""
+    """Uniform in one of the four quadrants around the base: |x| and |y| in `across`, z in `height` [m].
+
+    Raises:
+        InputError: A range is not two finite numbers, the smaller one first.
+    """
 
     across: tuple[float, float]
     height: tuple[float, float]
+
+    def __post_init__(self) -> None:
+        _check_range("across", self.across)
+        _check_range("height", self.height)
 
     def sample(self, rng: np.random.Generator, count: int) -> NDArray[np.float64]:
         """Draw `count` goal positions in the world frame [m], shape (count, 3)."""
         xy = rng.uniform(*self.across, (count, 2)) * rng.choice((-1.0, 1.0), (count, 2))
         return np.column_stack([xy, rng.uniform(*self.height, count)])
+
+
+def _check_range(name: str, ends: tuple[float, float]) -> None:
+    low, high = as_vector(name, ends, 2, most=WIDEST)
+    if low > high:
+        raise InputError(f"the range {name} of goals ends below its beginning: {low} to {high}")
 
 
 @dataclass(frozen=True)
@@ -152,6 +191,10 @@ class Workcell:
         goals: Where the centre of the ball may be; None if no goals are drawn in this cell.
         ball_radius: Radius of the ball that marks the goal [m]; it has no contact with the arm.
         reached_distance: How near to a goal the tip has to come [m].
+
+    Raises:
+        InputError: An obstacle is no `Box` or has the name of another, `touching` is not pairs of names, `goals`
+            cannot be drawn from, or a length is not positive.
     """
 
     obstacles: tuple[Box, ...] = ()
@@ -159,6 +202,16 @@ class Workcell:
     goals: GoalRegion | None = None
     ball_radius: float = 0.025
     reached_distance: float = 0.01
+
+    def __post_init__(self) -> None:
+        as_boxes(self.obstacles)
+        touching: Any = self.touching
+        if not isinstance(touching, Sequence) or not all(_is_pair(pair) for pair in touching):
+            raise InputError(f"touching must be pairs of an obstacle and a link, got {shown(touching)}")
+        if self.goals is not None and not callable(getattr(self.goals, "sample", None)):
+            raise InputError(f"goals must be a region such as BoxRegion(x, y, z), got {shown(self.goals)}")
+        check_number("ball_radius", self.ball_radius, above=0.0, most=WIDEST)
+        check_number("reached_distance", self.reached_distance, above=0.0, most=WIDEST)
 
     def draw_goals(self, rng: np.random.Generator, count: int) -> NDArray[np.float64]:
         """Draw `count` goal positions in the world frame [m], shape (count, 3).
@@ -169,3 +222,7 @@ class Workcell:
         if self.goals is None:
             raise InputError("this work cell has no goals; give the arm a Workcell with goals=BoxRegion(x, y, z)")
         return self.goals.sample(rng, count)
+
+
+def _is_pair(pair: Any) -> bool:
+    return isinstance(pair, Sequence) and len(pair) == 2 and all(isinstance(name, str) for name in pair)

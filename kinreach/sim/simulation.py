@@ -216,6 +216,8 @@ class BatchSimulation:
         device: str | None = None,
     ) -> None:
         check_known("backend", backend, (MUJOCO, WARP))
+        if device is not None and backend != WARP:
+            raise InputError(f"device is for backend={WARP!r}; {backend!r} runs on the processor, got {shown(device)}")
         count, threads = (
             check_count("count", count, most=MOST_COUNT),
             check_count("threads", threads, most=MOST_THREADS),

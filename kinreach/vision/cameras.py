@@ -11,11 +11,12 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 from types import TracebackType
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from kinreach.checks import MOST_DISTANCE, Floats, as_floats, check_count, check_entries, check_number
+from kinreach.checks import MOST_DISTANCE, Floats, as_floats, check_count, check_entries, check_number, shown
 from kinreach.errors import InputError
 from kinreach.sim.engine import mujoco
 from kinreach.sim.rendering import FrameRenderer, camera_id
@@ -177,6 +178,16 @@ class SensorNoise:
         return RGBDImage(rgb, depth)
 
 
+def check_noise(noise: Any) -> None:
+    """Refuse what is neither the noise of a sensor nor None.
+
+    Raises:
+        InputError: It is not.
+    """
+    if noise is not None and not isinstance(noise, SensorNoise):
+        raise InputError(f"noise must be a SensorNoise or None, got {shown(noise)}")
+
+
 class RGBDCamera:
     """A camera of the scene; to be closed, or used as a context manager.
 
@@ -241,9 +252,10 @@ class RGBDCamera:
             rng: Draws the noise; the same generator state gives the same picture.
 
         Raises:
-            InputError: Noise without a generator, or a picture larger than the scene's off-screen buffer.
+            InputError: Noise that is no `SensorNoise`, or without a generator, or a picture larger than the scene's off-screen buffer.
             InstallationError: There is no library to draw with; the message names the packages.
         """
+        check_noise(noise)
         if noise is not None and rng is None:
             raise InputError("sensor noise needs a numpy Generator: capture(noise=..., rng=...)")
         renderer, data = self._renderer(), self.simulation.data

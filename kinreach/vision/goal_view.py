@@ -18,7 +18,17 @@ from types import TracebackType
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from kinreach.checks import MOST_DISTANCE, Floats, as_array, as_floats, as_vector, check_entries, check_known, shown
+from kinreach.checks import (
+    MOST_DISTANCE,
+    Floats,
+    as_array,
+    as_floats,
+    as_vector,
+    check_count,
+    check_entries,
+    check_known,
+    shown,
+)
 from kinreach.errors import InputError, raise_unknown
 from kinreach.kinematics.arm import build_model, link_frame, pin
 from kinreach.robots import ArmDescription, as_arm
@@ -26,7 +36,7 @@ from kinreach.sim.looks import camera_rotation
 from kinreach.sim.rendering import FrameRenderer
 from kinreach.sim.simulation import ArmSimulation
 from kinreach.vision.ball_finder import PIPELINES, BallFix, find_ball
-from kinreach.vision.cameras import OPTICAL_IN_GL, RGBDCamera, RGBDImage, SensorNoise
+from kinreach.vision.cameras import MOST_PIXELS, OPTICAL_IN_GL, RGBDCamera, RGBDImage, SensorNoise, check_noise
 
 #: The cameras that measure the goal, in the order of the observation.
 GOAL_CAMERAS = ("front", "wrist")
@@ -178,6 +188,7 @@ class CameraGoalView:
 
     Raises:
         UnknownNameError: There is no such arm or pipeline, or the arm lacks one of the cameras.
+        InputError: A size is no positive integer, or `noise` no `SensorNoise`.
     """
 
     def __init__(
@@ -192,7 +203,9 @@ class CameraGoalView:
         self.arm = as_arm(arm)
         goal_camera_poses(self.arm)  # says now if a camera is missing
         check_known("pipeline", pipeline, PIPELINES)
-        self.width, self.height = width, height
+        check_noise(noise)
+        self.width = check_count("width", width, most=MOST_PIXELS)
+        self.height = check_count("height", height, most=MOST_PIXELS)
         self.pipeline = pipeline
         self.noise = noise
         self._renderer: FrameRenderer | None = None

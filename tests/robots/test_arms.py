@@ -11,7 +11,8 @@ import pytest
 
 from kinreach.errors import InputError
 from kinreach.kinematics import ArmKinematics, CollisionChecker, UR5Kinematics
-from kinreach.robots import ArmDescription, Workcell, get_arm
+from kinreach.robots import ArmDescription, CameraMount, Workcell, get_arm, register_arm
+from kinreach.sim.simulation import ArmSimulation
 from kinreach.thesis.reward import posture_error
 from kinreach.vision.goal_view import goal_camera_poses
 
@@ -135,3 +136,48 @@ def test_a_cell_without_goals_says_so():
     with pytest.raises(InputError, match="no goals"):
         bare().workcell.draw_goals(np.random.default_rng(0), 1)
     assert replace(get_arm("ur5"), name="other").home == get_arm("ur5").home
+
+
+@pytest.mark.parametrize(
+    ("facts", "said"),
+    [
+        ({"speed_limit": -1.0}, "speed_limit of arm 'ur5' must be finite and above 0"),
+        ({"speed_limit": "fast"}, "speed_limit of arm 'ur5' must be a number"),
+        ({"acceleration_limit": -1.0}, "acceleration_limit .* above 0"),
+        ({"acceleration_limit": np.inf}, "acceleration_limit .* finite"),
+        ({"position_gains": (-1.0,) * 6}, "position_gains .* above 0"),
+        ({"joint_damping": (-1.0,) * 6}, "joint_damping .* at least 0"),
+        ({"armature": -1.0}, "armature .* at least 0"),
+        ({"home": (np.nan,) * 6}, "home of arm 'ur5' must be finite"),
+        ({"name": 5}, "name of an arm must be text"),
+        ({"workcell": "table"}, "workcell of an arm must be a Workcell"),
+        ({"gripper": "jaw"}, "gripper of an arm must be a Gripper or None"),
+        ({"build_urdf": "<robot/>"}, "build_urdf of an arm must be a function"),
+        ({"cameras": ("front",)}, "cameras of arm 'ur5' must be CameraMounts"),
+    ],
+)
+def test_what_no_arm_can_have_is_refused_at_once(facts, said):
+    with pytest.raises(InputError, match=said):
+        replace(get_arm("ur5"), **facts)
+
+
+@pytest.mark.parametrize(
+    ("facts", "said"),
+    [
+        ({"home": (0.0, 0.0, 9.0, 0.0, 0.0, 0.0)}, "home has joint 'elbow_joint' at 9 rad, outside its limits"),
+        ({"cameras": (CameraMount("front", "nolink", (0, 0, 0), (1, 0, 0)),)}, "unknown link of camera 'front'"),
+    ],
+)
+def test_what_does_not_fit_the_urdf_is_refused_when_it_is_read(facts, said):
+    arm = replace(get_arm("ur5"), **facts)
+    for make in (lambda: arm.urdf, lambda: ArmKinematics(arm), lambda: ArmSimulation(arm)):
+        with pytest.raises(InputError, match=said):
+            make()
+    with pytest.raises(InputError, match=said):
+        bare("ur5", gripper=get_arm("ur5").gripper, **facts)
+
+
+@pytest.mark.parametrize("other", ["ur5", None, get_arm])
+def test_only_arms_are_registered(other):
+    with pytest.raises(InputError, match="an arm must be an ArmDescription"):
+        register_arm(other)

@@ -4,7 +4,8 @@ import numpy as np
 import pytest
 
 from kinreach.errors import InputError
-from kinreach.robots import BoxRegion
+from kinreach.robots import Box, BoxRegion, CameraMount, Workcell
+from kinreach.robots.workcell import QuadrantRegion
 
 
 @pytest.mark.parametrize("bad", [(0.5, 0.3), (np.nan, 0.3), (0.3,), (0.1, 0.2, 0.3), "ab", None, (-np.inf, 0.0)])
@@ -20,3 +21,47 @@ def test_goals_are_in_their_box():
     drawn = BoxRegion(*zip(low.tolist(), high.tolist(), strict=True)).sample(np.random.default_rng(0), 500)
     assert len(drawn) == 500
     assert ((drawn >= low) & (drawn <= high)).all()
+
+
+@pytest.mark.parametrize(
+    ("facts", "said"),
+    [
+        ({"obstacles": ("x",)}, "obstacles must be a list of Box"),
+        ({"obstacles": (Box("a", (1, 1, 1), (0, 0, 0)),) * 2}, "two obstacles are named 'a'"),
+        ({"touching": ("table",)}, "touching must be pairs"),
+        ({"goals": "everywhere"}, "goals must be a region"),
+        ({"ball_radius": "a"}, "ball_radius must be a number"),
+        ({"ball_radius": 0.0}, "ball_radius must be finite and above 0"),
+        ({"reached_distance": -0.1}, "reached_distance must be finite and above 0"),
+    ],
+)
+def test_what_no_cell_can_have_is_refused(facts, said):
+    with pytest.raises(InputError, match=said):
+        Workcell(**facts)
+
+
+@pytest.mark.parametrize(
+    ("facts", "said"),
+    [
+        ({"name": 5}, "name of a camera must be text"),
+        ({"link": ""}, "link of the camera 'eye' must be text"),
+        ({"fovy": -3.0}, "fovy of the camera 'eye' must be finite and above 0 and at most 179"),
+        ({"position": (0.0, 0.0)}, "position of the camera 'eye' must have shape"),
+        ({"target": (0.0, np.nan, 0.0)}, "target of the camera 'eye' must be finite"),
+        ({"target": (0.0, 0.0, 1.0)}, "must not be where it stands"),
+        ({"target": (0.0, 0.0, 5.0)}, "nor up or down from there"),
+        ({"up": (0.0, 0.0, 0.0)}, "nor up or down from there"),
+        ({"holder": 3.0}, "holder of the camera 'eye'"),
+    ],
+)
+def test_what_no_camera_can_have_is_refused(facts, said):
+    good = {"name": "eye", "link": "world", "position": (0.0, 0.0, 1.0), "target": (1.0, 0.0, 0.0)}
+    assert CameraMount(**good).fovy == 58.0
+    with pytest.raises(InputError, match=said):
+        CameraMount(**good | facts)
+
+
+@pytest.mark.parametrize("facts", [{"across": (0.6, 0.2)}, {"height": (0.1,)}, {"height": "high"}])
+def test_quadrants_are_ranges(facts):
+    with pytest.raises(InputError, match=next(iter(facts))):
+        QuadrantRegion(**{"across": (0.2, 0.6), "height": (0.1, 0.6)} | facts)

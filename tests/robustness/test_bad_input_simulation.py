@@ -116,6 +116,11 @@ def test_more_simulations_than_there_can_be_are_refused_at_once(count):
         BatchSimulation("arm3", 1, threads=count)
 
 
+def test_a_device_is_for_warp():
+    with pytest.raises(InputError, match="device is for backend='warp'.* got 'cuda:7'"):
+        BatchSimulation("arm3", 2, device="cuda:7")
+
+
 def test_ids_that_do_not_ascend_are_refused_in_unsigned_numbers_too(batch):
     """Differences of unsigned numbers are never negative: 1 - 2 is 255 in eight bits."""
     for ids in ([0, 2, 1, 3], [0, 200, 1], [3, 0]):

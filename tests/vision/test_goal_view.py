@@ -7,7 +7,7 @@ from kinreach.errors import InputError, UnknownNameError
 from kinreach.robots import get_arm
 from kinreach.sim import ArmSimulation
 from kinreach.vision.ball_finder import find_ball
-from kinreach.vision.cameras import Intrinsics, SensorNoise
+from kinreach.vision.cameras import Intrinsics, RGBDCamera, SensorNoise
 from kinreach.vision.goal_view import (
     GOAL_CAMERAS,
     CameraGoalView,
@@ -94,6 +94,15 @@ def test_unusable_requests_are_refused(ur5):
         CameraGoalView("ur5", pipeline="best")
     with pytest.raises(UnknownNameError, match="available: hybrid, thesis"):
         CameraGoalView("ur5", pipeline=None)
+    for options, said in (
+        ({"noise": "x"}, "noise must be a SensorNoise or None, got 'x'"),
+        ({"width": -3}, "width must be at least 1"),
+        ({"height": 1.5}, "height must be an integer"),
+    ):
+        with pytest.raises(InputError, match=said):
+            CameraGoalView("ur5", **options)
+    with pytest.raises(InputError, match="noise must be a SensorNoise or None, got 'x'"):
+        RGBDCamera(ArmSimulation("ur5"), "front").capture(noise="x", rng=np.random.default_rng(0))
     with pytest.raises(InputError, match="view is of ur5, got a simulation of arm3"):
         CameraGoalView("ur5").look(ArmSimulation("arm3"))
 
