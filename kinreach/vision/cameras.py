@@ -252,7 +252,8 @@ class RGBDCamera:
             rng: Draws the noise; the same generator state gives the same picture.
 
         Raises:
-            InputError: Noise that is no `SensorNoise`, or without a generator, or a picture larger than the scene's off-screen buffer.
+            InputError: Noise that is no `SensorNoise`, or without a generator, or a picture larger than the scene's
+                off-screen buffer.
             InstallationError: There is no library to draw with; the message names the packages.
         """
         check_noise(noise)

@@ -117,7 +117,7 @@ def test_more_simulations_than_there_can_be_are_refused_at_once(count):
 
 
 def test_a_device_is_for_warp():
-    with pytest.raises(InputError, match="device is for backend='warp'.* got 'cuda:7'"):
+    with pytest.raises(InputError, match=r"device is for backend='warp'.* got 'cuda:7'"):
         BatchSimulation("arm3", 2, device="cuda:7")
 
 
