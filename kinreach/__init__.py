@@ -3,13 +3,16 @@
 Analytic kinematics, MuJoCo environments and RL baselines for the same reaching tasks, and one command that puts them
 all on the same goals. Imports point one way, downwards:
 
-    benchmarks.speed        speed beside other packages: `python -m benchmarks.speed`
-    kinreach.compare      all methods on equal terms, with statistics: `python -m kinreach.compare`
+    kinreach.view         a page in the browser: `python -m kinreach.view`
     kinreach.demo         an environment to watch, or to film: `python -m kinreach.demo`
-    kinreach.baselines    recipes, training and evaluation; knows environments only through Gymnasium
-    kinreach.envs         MuJoCo scene, joint controller, cameras, tasks
+    kinreach.compare      all methods on equal terms, with statistics: `python -m kinreach.compare`
+    kinreach.baselines    policies, recipes, training and evaluation
     kinreach.plots        figures: data in, a matplotlib figure out
-    kinreach.kinematics   forward and inverse kinematics, limits, collisions, the thesis's reward
+    kinreach.envs         the tasks, as Gymnasium environments
+    kinreach.vision       cameras, and the ball found in their pictures
+    kinreach.sim          MuJoCo: scene, joint controller, one arm or a batch
+    kinreach.thesis       the thesis's reward and geometry of postures
+    kinreach.kinematics   forward and inverse kinematics, limits, collisions
     kinreach.robots       what an arm is; knows no engine
 
 Units are metres, radians and seconds; z is up. `import kinreach` makes the environments known to Gymnasium and loads

@@ -92,7 +92,6 @@ MODULES = {
     "kinreach.baselines.run_folder": "kinreach.baselines.training",
     "kinreach.baselines.checkpoint": "kinreach.baselines.training",
     "kinreach.baselines.traces": "kinreach.baselines.logs",
-    "kinreach.plots.checks": "kinreach.plots.style",
     "kinreach.plots.paths": "kinreach.plots.maps",
     "kinreach.plots.optimum": "kinreach.plots.methods",
 }

@@ -85,16 +85,14 @@ def interleaved(
     contenders: Sequence[Contender],
     rounds: int,
     *,
-    warmup: int = 1,
     lap: float = 0.0,
     on_round: OnRound | None = None,
 ) -> Timings:
-    """Time contenders in turns.
+    """Time contenders in turns, after a round that does not count.
 
     Args:
         contenders: Who takes part; names are unique.
         rounds: How often each is timed.
-        warmup: Rounds before that, which do not count.
         lap: Calls are repeated within a turn until it has lasted so long [s]; their mean counts. One goes before them
             that does not: it finds the caches full of what others left, and its memory given back.
         on_round: Called after every round.
@@ -117,13 +115,11 @@ def interleaved(
             if seconds >= lap:
                 return seconds / (calls * contender.units)
 
-    return _take_turns(contenders, play, rounds, warmup, on_round)
+    return _take_turns(contenders, play, rounds, on_round)
 
 
-def interleaved_each(
-    contenders: Sequence[EachContender], rounds: int, *, warmup: int = 1, on_round: OnRound | None = None
-) -> Timings:
-    """Time contenders in turns, call by call.
+def interleaved_each(contenders: Sequence[EachContender], rounds: int, *, on_round: OnRound | None = None) -> Timings:
+    """Time contenders in turns, call by call, after a round that does not count.
 
     Returns:
         Seconds per call, shape (rounds, inputs), by name.
@@ -140,14 +136,13 @@ def interleaved_each(
             laps.append(clock() - start)
         return laps
 
-    return _take_turns(contenders, play, rounds, warmup, on_round)
+    return _take_turns(contenders, play, rounds, on_round)
 
 
 def _take_turns(
     contenders: Sequence[Contender | EachContender],
     play: Callable[[Any], Any],
     rounds: int,
-    warmup: int,
     on_round: OnRound | None,
 ) -> Timings:
     if rounds < 1:
@@ -158,7 +153,7 @@ def _take_turns(
     timings = Timings()
     collecting = gc.isenabled()
     try:
-        for number in range(-warmup, rounds):
+        for number in range(-1, rounds):
             gc.collect()
             gc.disable()
             turn = number % max(len(contenders), 1)

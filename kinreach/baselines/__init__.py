@@ -6,5 +6,6 @@
 - `batch`, `vec_envs`, `learning_curve`: environments as learners see them.
 - `models`, `training`: from a recipe to a model, and to a finished run; `logs` are those that come with the package.
 
-Environments are known only through Gymnasium's interface. What trains needs the extra `train`; what acts does not.
+The loop (`rollout`) knows environments only through Gymnasium's interface; policies, recipes, controllers and batches
+take the data of their tasks from `kinreach.envs`. What trains needs the extra `train`; what acts does not.
 """

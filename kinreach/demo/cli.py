@@ -13,14 +13,14 @@ import numpy as np
 
 import kinreach  # registers the environments
 from kinreach.baselines.rollout import Policy, rollout
-from kinreach.checks import check_count
+from kinreach.checks import check_count, check_known
 from kinreach.cli import Parser
 from kinreach.demo.drawn import Drawn
 from kinreach.demo.film import Film
 from kinreach.demo.tasks import POLICIES, TASKS, DemoTask, make_policy, options_for, trained_for
 from kinreach.envs.button import ACTUATIONS
 from kinreach.envs.reach.task import BACKENDS, OBSERVATION_KINDS
-from kinreach.errors import InputError, raise_unknown
+from kinreach.errors import InputError
 from kinreach.kinematics.solvers import SOLVERS
 
 PRINTABLE = ("action", "observation", "reward", "info")
@@ -133,16 +133,14 @@ def _text(value: Any) -> str:
 def _printed(names: str) -> list[str]:
     chosen = [name.strip() for name in names.split(",") if name.strip() not in ("", "nothing")]
     for name in chosen:
-        if name not in PRINTABLE:
-            raise_unknown("output", name, (*PRINTABLE, "nothing"))
+        check_known("output", name, (*PRINTABLE, "nothing"))
     return chosen
 
 
 def _arguments(argv: Sequence[str], prog: str) -> Any:
     """What the user wants, with the task's own defaults where nothing was said."""
     arguments = _parser(prog).parse_args(argv)
-    if arguments.env not in TASKS:
-        raise_unknown("env", arguments.env, TASKS)
+    check_known("env", arguments.env, TASKS)
     task = TASKS[arguments.env]
     for name, default in (("policy", task.policy), ("steps", task.steps), ("print", task.printed)):
         if getattr(arguments, name) is None:

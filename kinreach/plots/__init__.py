@@ -1,15 +1,15 @@
 """Figures as functions: they take data and return a `matplotlib.figure.Figure`, all in the style of `style`.
 
-Nothing here knows an environment or a learner, so that every layer and every notebook can draw with it.
+Nothing here knows an environment or a learner, so that every layer and every notebook can draw with it. `checks` is
+what figures refuse.
 
 - `rewards`, `pentagon`: the thesis's reward and its geometry, PPO's clipped objective.
 - `pictures`: renderings and the steps of the search for the ball.
-- `maps`: errors and rewards over the table.
+- `maps`: errors, rewards and ways of an end effector over the table.
 - `learning`, `series`: learning curves over seeds, episodes, discounted rewards.
-- `paths`: ways of an end effector.
-- `methods`: success and errors against tolerance.
-- `optimum`: the reward around a posture and what exploring there pays, and how near policies keep to the limit of the
-  posture error.
+- `methods`: success and errors against tolerance; the reward around a posture and what exploring there pays, and how
+  near policies keep to the limit of the posture error.
+- `workspace`: where an arm is agile, and where its data sheet is wrong; `check_cli`: `kinreach check`, which draws it.
 """
 
 from __future__ import annotations

@@ -12,24 +12,9 @@ from numpy.typing import ArrayLike
 
 from kinreach.checks import check_count, check_number
 from kinreach.errors import InputError
+from kinreach.plots.checks import MOST_DRAWN, as_drawn, as_limits, as_point, check_label, check_mapping, check_names
 from kinreach.plots.series import Run, moving_mean, seed_band
-from kinreach.plots.style import (
-    FAINT,
-    INK,
-    MOST_DRAWN,
-    PALETTE,
-    as_drawn,
-    as_limits,
-    as_point,
-    check_label,
-    check_mapping,
-    check_names,
-    colours_of,
-    key,
-    label_ends,
-    new_figure,
-    plain,
-)
+from kinreach.plots.style import FAINT, INK, PALETTE, colours_of, key, label_ends, new_figure, plain
 from kinreach.thesis.reward import REACHED_DISTANCE
 
 #: Most lines that mark an update.

@@ -16,19 +16,14 @@ from numpy.typing import ArrayLike
 
 from kinreach.checks import Floats, as_vector, check_count, check_number, shown
 from kinreach.errors import InputError
+from kinreach.plots.checks import MOST_DRAWN, as_drawn, as_limits, as_point, check_label, check_mapping
 from kinreach.plots.pictures import MOST_RATIO
 from kinreach.plots.style import (
     FAINT,
     INK,
     MAGNITUDE,
     MOST_COLUMNS,
-    MOST_DRAWN,
     PALETTE,
-    as_drawn,
-    as_limits,
-    as_point,
-    check_label,
-    check_mapping,
     colours_of,
     key,
     name_label,

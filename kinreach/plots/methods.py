@@ -14,21 +14,8 @@ from numpy.typing import ArrayLike
 
 from kinreach.checks import Floats, check_number, shown
 from kinreach.errors import InputError
-from kinreach.plots.style import (
-    FAINT,
-    INK,
-    MOST_DRAWN,
-    PALETTE,
-    as_drawn,
-    check_label,
-    check_mapping,
-    colours_of,
-    key,
-    label_ends,
-    name_label,
-    new_figure,
-    plain,
-)
+from kinreach.plots.checks import MOST_DRAWN, as_drawn, check_label, check_mapping
+from kinreach.plots.style import FAINT, INK, PALETTE, colours_of, key, label_ends, name_label, new_figure, plain
 from kinreach.thesis.reward import IMPOSSIBLE_REWARD, REACHED_POSTURE_ERROR
 
 

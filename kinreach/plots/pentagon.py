@@ -28,8 +28,9 @@ from kinreach.checks import Floats, check_count, check_number, shown
 from kinreach.errors import InputError
 from kinreach.kinematics.arm import pin
 from kinreach.kinematics.ur.kinematics import UR5Kinematics
+from kinreach.plots.checks import check_label, check_mapping
 from kinreach.plots.pictures import Extent, Picture, as_placed
-from kinreach.plots.style import FAINT, INK, PALETTE, check_label, check_mapping, new_figure
+from kinreach.plots.style import FAINT, INK, PALETTE, new_figure
 from kinreach.robots import CameraMount
 from kinreach.thesis.reward import PentagonAngles, pentagon_angles
 

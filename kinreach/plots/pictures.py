@@ -13,19 +13,8 @@ from numpy.typing import ArrayLike, NDArray
 
 from kinreach.checks import as_array, as_floats, as_vector, check_count, check_number, shown
 from kinreach.errors import InputError
-from kinreach.plots.style import (
-    INK,
-    MAGNITUDE,
-    MOST_COLUMNS,
-    MOST_DRAWN,
-    PALETTE,
-    as_drawn,
-    as_limits,
-    check_label,
-    check_mapping,
-    check_names,
-    new_figure,
-)
+from kinreach.plots.checks import MOST_DRAWN, as_drawn, as_limits, check_label, check_mapping, check_names
+from kinreach.plots.style import INK, MAGNITUDE, MOST_COLUMNS, PALETTE, new_figure
 
 #: Picture with colours, uint8 (height, width, 3), or one number per pixel, (height, width).
 Picture = NDArray[Any]

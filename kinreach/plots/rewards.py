@@ -11,18 +11,8 @@ from numpy.typing import ArrayLike
 
 from kinreach.checks import check_number
 from kinreach.errors import InputError
-from kinreach.plots.style import (
-    FAINT,
-    INK,
-    MOST_DRAWN,
-    PALETTE,
-    as_drawn,
-    check_mapping,
-    colours_of,
-    label_ends,
-    new_figure,
-    plain,
-)
+from kinreach.plots.checks import MOST_DRAWN, as_drawn, check_mapping
+from kinreach.plots.style import FAINT, INK, PALETTE, colours_of, label_ends, new_figure, plain
 from kinreach.thesis.reward import REACHED_DISTANCE, distance_reward
 
 

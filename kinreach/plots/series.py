@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike
 
 from kinreach.checks import Floats, as_floats, check_count, shown
 from kinreach.errors import InputError
-from kinreach.plots.style import as_drawn
+from kinreach.plots.checks import as_drawn
 
 #: What one seed logged: positions on the horizontal axis, increasing, and values there.
 Run = tuple[ArrayLike, ArrayLike]

@@ -152,6 +152,7 @@ def render(
         UnknownNameError: There is no such camera.
         InputError: The frame is too large.
         InstallationError: There is no library to draw with.
+        DrawingError: The library refused or failed, or this process was forked from one that had drawn.
     """
     with FrameRenderer(simulation.model, width=width, height=height, shadows=shadows) as renderer:
         return renderer.rgb(simulation.data, camera)

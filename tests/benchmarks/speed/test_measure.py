@@ -26,11 +26,11 @@ def noted(calls: list, names: str, **settings) -> list[Contender]:
 
 def test_contenders_take_turns_and_the_order_rotates():
     calls, rounds = [], []
-    timings = interleaved(noted(calls, "abc"), 4, warmup=2, on_round=lambda done, of: rounds.append((done, of)))
+    timings = interleaved(noted(calls, "abc"), 4, on_round=lambda done, of: rounds.append((done, of)))
     played = ["".join(calls[i : i + 3]) for i in range(0, len(calls), 3)]
-    assert len(played) == 6
+    assert len(played) == 5
     assert all(sorted(turn) == ["a", "b", "c"] for turn in played)
-    assert played[2:] == ["abc", "bca", "cab", "abc"]
+    assert played[1:] == ["abc", "bca", "cab", "abc"]
     assert rounds == [(1, 4), (2, 4), (3, 4), (4, 4)]
     assert list(timings) == ["a", "b", "c"]
     assert all(times.shape == (4,) and (times > 0).all() for times in timings.values())
@@ -39,7 +39,7 @@ def test_contenders_take_turns_and_the_order_rotates():
 
 def test_time_is_per_unit():
     """A sleep cannot be shorter than it says; one of 20 ms in ten units is at least 2 ms each."""
-    timings = interleaved([Contender("sleep", lambda: time.sleep(0.02), 10)], 2, warmup=0)
+    timings = interleaved([Contender("sleep", lambda: time.sleep(0.02), 10)], 2)
     assert (timings["sleep"] >= 0.002).all()
     assert (timings["sleep"] < 0.02).any()
     assert timings.cores["sleep"] < 0.9, "sleeping needs no processor"
@@ -54,8 +54,8 @@ def test_short_calls_are_repeated_until_a_turn_has_lasted(monkeypatch):
 
     stopped = SimpleNamespace(perf_counter=lambda: clock[0], process_time=lambda: clock[0])
     monkeypatch.setattr("benchmarks.speed.measure.time", stopped)
-    timings = interleaved([Contender("short", work, 4)], 2, warmup=0, lap=0.05)
-    assert len(calls) == 2 * (1 + 3)  # one that does not count, three until 0.05 s are over
+    timings = interleaved([Contender("short", work, 4)], 2, lap=0.05)
+    assert len(calls) == (1 + 2) * (1 + 3)  # of every round one that does not count, three until 0.05 s are over
     np.testing.assert_allclose(timings["short"], 0.02 / 4)
 
 
@@ -63,7 +63,7 @@ def test_each_input_is_timed_on_its_own():
     seen = []
     timings = interleaved_each(
         [EachContender("a", seen.append, [1, 2, 3]), EachContender("b", lambda given: time.sleep(given), [0.0, 0.01])],
-        2, warmup=1,
+        2,
     )  # fmt: skip
     assert seen == [1, 2, 3] * 3
     assert timings["a"].shape == (2, 3)
@@ -92,7 +92,7 @@ def test_a_peer_that_fails_is_told_and_the_others_go_on():
             raise ValueError("no such pose")
 
     contenders = [Contender("x", fails_later, 1, peer=True), *noted(calls, "a", peer=True)]
-    timings = interleaved(contenders, 5, warmup=1)
+    timings = interleaved(contenders, 5)
     assert timings.failed == {"x": "failed with ValueError: no such pose"}
     assert list(timings) == ["a"]
     assert timings["a"].shape == (5,)
