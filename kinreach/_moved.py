@@ -112,6 +112,7 @@ NAMES = {
     "kinreach.envs.ball_finder_steps.MOST_RADIUS": "kinreach.vision.circles.MOST_RADIUS_PIXELS",
     "kinreach.kinematics.arm3_ik.TURN": "kinreach.kinematics.angles.TURN",
     "kinreach.kinematics.cell_shapes.Part": "kinreach.kinematics.collision.Shape",
+    "kinreach.kinematics.solvers.joint_space.TWO_PI": "kinreach.kinematics.angles.TURN",
     "kinreach.kinematics.solvers.base.Tolerance": "kinreach.kinematics.solutions.Tolerance",
     "kinreach.robots.description.Gripper": "kinreach.robots.grippers.Gripper",
     "kinreach.robots.arms.ur5.STROKE": "kinreach.robots.grippers.STROKE",

@@ -31,12 +31,11 @@ from kinreach.kinematics.bodies import fits
 from kinreach.kinematics.chain import blocks
 from kinreach.kinematics.closed_form import kinematics_of
 from kinreach.kinematics.collision import CollisionChecker, Shape
+from kinreach.kinematics.solutions import SLACK as LIMIT_SLACK
 from kinreach.kinematics.ur.kinematics import URKinematics
 from kinreach.kinematics.wrist_clearance import WristClearance
 from kinreach.robots import PARALLEL_GRIPPER, ArmDescription, as_arm
 
-#: How far outside a joint limit a joint may be, for rounding [rad]; as in `ArmKinematics.within_limits`.
-LIMIT_SLACK = 1e-9
 JOINTS = 6
 #: An obstacle that is no wider than this from its centre [m] belongs to the arm's foot.
 FOOT_WIDTH = 0.25

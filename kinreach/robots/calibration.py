@@ -25,7 +25,7 @@ import yaml
 from kinreach.checks import Floats, check_known, check_path, shown
 from kinreach.errors import InputError
 from kinreach.robots.rotations import pose, rpy, turn
-from kinreach.robots.ur import JOINTS, LENGTHS
+from kinreach.robots.ur import FLIP, JOINTS, LENGTHS
 from kinreach.robots.urdf import MOST_CHARACTERS, check_urdf, link_at, origin_of, parse_urdf, set_origin
 
 #: Names of the links in the driver's file, one for each joint of `JOINTS`.
@@ -42,8 +42,6 @@ _DELTA_LINE = re.compile(r"^\s*(delta_\w+)\s*=\s*\[([^\]]*)\]\s*$", re.MULTILINE
 #: Calibrations of eight real arms whose owners published them, by name, such as "ur5_a" (the model, then a letter):
 #: the driver's files. Each says in its first line where its figures are from.
 PUBLISHED = {file.stem: file for file in sorted((Path(__file__).parent / "calibrations").glob("*.yaml"))}
-#: Base_link is the DH base, turned by pi about z.
-_FLIP = np.diag([-1.0, -1.0, 1.0, 1.0])
 
 
 @dataclass(frozen=True, eq=False)
@@ -151,7 +149,7 @@ def calibrated_urdf(text: str, calibration: Calibration, *, base: str, tip: str)
     frames = _link_frames(robot)
     for link in (base, tip):
         check_known("link of the URDF", link, frames)
-    start = _FLIP @ np.linalg.inv(frames[base])
+    start = FLIP @ np.linalg.inv(frames[base])
     nominal = _at_zero(nominal_placements(calibration.model))
     if np.abs(start @ frames[tip] - nominal[-1]).max() > 1e-6:
         raise InputError(f"the URDF {shown(robot.get('name'))} is not that of a {calibration.model} by its data sheet")
@@ -259,7 +257,7 @@ def _from_urdf(text: str) -> _Placed:
     ends = [frames[link_at(joint, "child")] for joint in joints] + [frames[tips[0] if len(tips) == 1 else last]]
     start = frames[link_at(joints[0], "parent")]
     if not link_at(joints[0], "parent").endswith("base_link_inertia"):
-        start = start @ _FLIP
+        start = start @ FLIP
     before = [start, *ends]
     steps = np.array([np.linalg.inv(a) @ b for a, b in zip(before, ends, strict=False)])
     axes = [joint.find("axis") for joint in joints]
@@ -270,7 +268,7 @@ def _from_urdf(text: str) -> _Placed:
 def _number(name: str, value: Any, most: float, unit: str) -> float:
     """A finite number within bounds; text is a number if it looks like one, as YAML takes 1e-5 for text."""
     try:
-        number = math.nan if isinstance(value, bool) else float(value)
+        number = float(value)
     except (TypeError, ValueError, OverflowError):
         raise InputError(f"{name} must be a number [{unit}], got {shown(value)}") from None
     if not -most <= number <= most:

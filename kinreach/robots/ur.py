@@ -17,6 +17,8 @@ from functools import partial
 from pathlib import Path
 from typing import NamedTuple
 
+import numpy as np
+
 from kinreach.errors import InstallationError
 from kinreach.robots.description import ArmDescription
 from kinreach.robots.grippers import PARALLEL_GRIPPER, PARALLEL_GRIPPER_PAIRS, TCP_OFFSET, add_parallel_gripper
@@ -24,6 +26,8 @@ from kinreach.robots.urdf import add_joint, add_link, prune, set_origin
 from kinreach.robots.workcell import Box, BoxRegion, CameraMount, Workcell
 
 MOUNT_YAW = math.pi / 2
+#: base_link is the frame in which the DH lengths are given, turned by pi about z; either from the other.
+FLIP = np.diag([-1.0, -1.0, 1.0, 1.0])
 FLOOR = -0.75
 PLATE = 0.02  # thickness of the plate under the arm [m]
 BALL_RADIUS = 0.025

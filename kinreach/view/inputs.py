@@ -95,13 +95,8 @@ class Latest:
 
 def frame_of(gizmo: Any) -> Floats:
     """The frame (4, 4) to which the user has dragged arrows and arcs."""
-    w, x, y, z = np.asarray(gizmo.wxyz, dtype=np.float64) / np.linalg.norm(gizmo.wxyz)
     T = np.eye(4)
-    T[:3, :3] = [
-        [1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)],
-        [2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x)],
-        [2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)],
-    ]
+    T[:3, :3] = pin.Quaternion(*map(float, gizmo.wxyz)).normalized().matrix()
     T[:3, 3] = np.clip(gizmo.position, -FARTHEST, FARTHEST)
     return T
 

@@ -32,6 +32,7 @@ from numpy.typing import ArrayLike
 from kinreach.checks import Floats, check_count, check_number, shown
 from kinreach.engines import load
 from kinreach.errors import InputError
+from kinreach.kinematics.angles import TURN
 from kinreach.kinematics.arm import ArmKinematics
 from kinreach.kinematics.goals import AxisGoal, Goal, PoseGoal, PositionGoal, goal_error
 from kinreach.kinematics.solutions import Accept, IKResult, Status, check_accept
@@ -109,9 +110,6 @@ def _turn_to(x: float, y: float, z: float) -> tuple[float, float]:
     return -y * angle / sine, x * angle / sine
 
 
-TWO_PI = 2.0 * np.pi
-
-
 class JointSpace:
     """Limits of an arm as a search sees them.
 
@@ -123,7 +121,7 @@ class JointSpace:
     """
 
     def __init__(self, kin: ArmKinematics) -> None:
-        full_circle = kin.upper - kin.lower >= TWO_PI
+        full_circle = kin.upper - kin.lower >= TURN
         self.search_lower: Floats = np.where(full_circle, -np.inf, kin.lower)
         self.search_upper: Floats = np.where(full_circle, np.inf, kin.upper)
         self._joints = list(zip(kin.lower.tolist(), kin.upper.tolist(), full_circle.tolist(), strict=True))
@@ -144,8 +142,8 @@ def _fold(angle: float, lower: float, upper: float, full_circle: bool) -> float:
     if lower <= angle <= upper:
         return angle
     if full_circle:
-        turns = math.ceil((lower - angle) / TWO_PI) if angle < lower else -math.ceil((angle - upper) / TWO_PI)
-        angle += turns * TWO_PI
+        turns = math.ceil((lower - angle) / TURN) if angle < lower else -math.ceil((angle - upper) / TURN)
+        angle += turns * TURN
     return min(max(angle, lower), upper)
 
 

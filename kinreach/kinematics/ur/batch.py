@@ -16,10 +16,9 @@ from kinreach.checks import MOST_DISTANCE, Floats, is_tensor
 from kinreach.kinematics.angles import TURN
 from kinreach.kinematics.tensors import empty, like, namespace, parts
 from kinreach.kinematics.ur.closed_form import NEAR_WRIST
-from kinreach.kinematics.ur.geometry import URGeometry
+from kinreach.kinematics.ur.geometry import BRANCHES, URGeometry
 
 ROUNDING = 1e-12
-BRANCHES = 8
 #: A square of a sine that is less than this is left to `closed_form`: its root is not exact to 1e-11.
 NEAR_ROOT = 1e-9
 SHOULDER_PAN, SHOULDER_LIFT, _ELBOW, WRIST_1, WRIST_2, WRIST_3 = range(6)

@@ -41,14 +41,14 @@ from kinreach.kinematics.general_6r import (
     General6R,
     miss,
 )
+from kinreach.kinematics.identification import moved_frames
 from kinreach.kinematics.solutions import ANGLES, BRANCH, FLAGS
 from kinreach.kinematics.ur.batch import flange_entries, solve_poses
 from kinreach.kinematics.ur.closed_form import solve_pose
-from kinreach.kinematics.ur.geometry import Miss, Rows, URGeometry
+from kinreach.kinematics.ur.geometry import BRANCHES, Miss, Rows, URGeometry
 from kinreach.kinematics.ur.reach import Shortfall, shortfalls, way_into_reach
 from kinreach.kinematics.ur.refine import FAR, Refinement
 
-BRANCHES = 8
 #: Postures at which the fitted arm is compared with the real one, and steps of the fit.
 SAMPLES, FITS = 400, 5
 #: The bounds are what the samples show, times this: maxima between samples, and what is of second order.
@@ -105,12 +105,12 @@ def fit(chain: Chain, start: URGeometry) -> Fit:
         for index in range(24):
             nudge = np.zeros(24)
             nudge[index] = 1e-6
-            trial = _chain(x + nudge[:6], _small(nudge[12:18]) @ before, after @ _small(nudge[18:]))
+            trial = _chain(x + nudge[:6], *_moved(before, after, nudge[12:]))
             moved = miss(trial.fk(q + zeros + nudge[6:12]), T)
             columns.append((error - moved.ravel()) / 1e-6)
         step = np.asarray(np.linalg.lstsq(np.column_stack(columns), error, rcond=1e-9)[0], dtype=np.float64)
         x, zeros = x + step[:6], zeros + step[6:12]
-        before, after = _small(step[12:18]) @ before, after @ _small(step[18:])
+        before, after = _moved(before, after, step[12:])
     error = miss(_chain(x, before, after).fk(q + zeros), T)
     position = CAUTION * float(np.linalg.norm(error[:, :3], axis=1).max())
     orientation = CAUTION * float(np.linalg.norm(error[:, 3:], axis=1).max())
@@ -416,20 +416,14 @@ def _chain(lengths: Floats, before: Floats, after: Floats) -> Chain:
     return Chain(np.array(placements))
 
 
+def _moved(before: Floats, after: Floats, twists: Floats) -> tuple[Floats, Floats]:
+    """Base and flange moved by a small twist each, from outside and from inside [m, rad], shape (12,)."""
+    outside, flange = moved_frames(np.array([np.eye(4), after]), twists.reshape(2, 6))
+    return outside @ before, flange
+
+
 def _poses(rows: Floats) -> Floats:
     """Homogeneous transforms (m, 4, 4) from their upper rows (m, 3, 4)."""
     T = np.zeros((len(rows), 4, 4))
     T[:, :3], T[:, 3, 3] = rows, 1.0
-    return T
-
-
-def _small(twist: Floats) -> Floats:
-    """The transform of a small translation [m] and rotation vector [rad], orthonormal to rounding, shape (4, 4)."""
-    T = np.eye(4)
-    w = twist[3:]
-    angle = float(np.linalg.norm(w))
-    K = np.array([[0.0, -w[2], w[1]], [w[2], 0.0, -w[0]], [-w[1], w[0], 0.0]])
-    if angle > 0.0:
-        T[:3, :3] += np.sin(angle) / angle * K + (1.0 - np.cos(angle)) / angle**2 * K @ K
-    T[:3, 3] = twist[:3]
     return T

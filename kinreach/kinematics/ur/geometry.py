@@ -12,6 +12,9 @@ import numpy as np
 from kinreach.checks import Floats
 from kinreach.errors import InputError
 
+#: Postures of a pose: two of the shoulder, of the wrist and of the elbow.
+BRANCHES = 8
+
 #: The three upper rows of a homogeneous transform, ((nx, ox, ax, px), (ny, oy, ay, py), (nz, oz, az, pz)).
 Rows = Sequence[Sequence[float]]
 

@@ -37,16 +37,15 @@ from kinreach.kinematics.solutions import (
     nearest_winding,
 )
 from kinreach.kinematics.tensors import like, on_host
-from kinreach.kinematics.ur.batch import BRANCHES, ROUNDING, SHOULDER_LIFT, WRIST_1, WRIST_3, solve_poses
+from kinreach.kinematics.ur.batch import ROUNDING, SHOULDER_LIFT, WRIST_1, WRIST_3, solve_poses
 from kinreach.kinematics.ur.calibrated import CalibratedSolver
 from kinreach.kinematics.ur.closed_form import WRIST, solve_axis, solve_pose
 from kinreach.kinematics.ur.free_wrist import free_wrist_within
-from kinreach.kinematics.ur.geometry import Rows, URGeometry, miss_text, ur_fk
+from kinreach.kinematics.ur.geometry import BRANCHES, Rows, URGeometry, miss_text, ur_fk
 from kinreach.kinematics.ur.reach import Shortfall, shortfalls, way_into_reach
 from kinreach.robots import ArmDescription, as_arm
+from kinreach.robots.ur import FLIP
 
-#: base_link of the URDF is the DH base frame turned by pi about z.
-FLIP = np.diag([-1.0, -1.0, 1.0, 1.0])
 FIT_TOLERANCE = 1e-8
 #: Turns about the tool that are tried where all postures with the seed's are refused [rad], the smallest first.
 TURNS = np.radians([45, -45, 90, -90, 135, -135, 180])

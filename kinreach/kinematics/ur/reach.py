@@ -8,9 +8,8 @@ from math import hypot, pi, sqrt
 import numpy as np
 
 from kinreach.checks import Floats
-from kinreach.kinematics.ur.geometry import Miss, Rows, URGeometry
+from kinreach.kinematics.ur.geometry import BRANCHES, Miss, Rows, URGeometry
 
-BRANCHES = 8
 #: Angles of the first joint that `way_into_reach` tries first; how many of the least it looks at more closely, with how
 #: many angles between the neighbours of each, and how often.
 TURNS, VALLEYS, FINER, TIMES = 720, 6, 21, 8
