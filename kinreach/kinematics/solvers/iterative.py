@@ -293,3 +293,39 @@ class IterativeSolver(ABC):
         position, orientation = goal_error(goal, self.kin.fk(q))
         miss = max(position / self.tolerance.position, orientation / self.tolerance.orientation)
         return _Candidate(q, position, orientation, miss)
+
+
+class SteppingSolver(IterativeSolver):
+    """A local method whose steps keep to the joints' speed limits.
+
+    Args:
+        kin: The arm, its tip and the base frame that goals are in.
+        tolerance: How near is reached.
+        dt: Duration of one step [s]; the URDF's speed limits v allow v dt in it.
+        max_iterations: Steps per attempt.
+        max_restarts: Attempts from random postures after the one from the seed.
+        rng_seed: Seed of the random postures.
+
+    Raises:
+        InputError: A count, a tolerance or `dt` cannot be used.
+    """
+
+    def __init__(
+        self,
+        kin: ArmKinematics,
+        *,
+        tolerance: Tolerance = DEFAULT_TOLERANCE,
+        dt: float = 0.2,
+        max_iterations: int = 30,
+        max_restarts: int = 20,
+        rng_seed: int = 0,
+    ) -> None:
+        super().__init__(
+            kin, tolerance=tolerance, max_iterations=max_iterations, max_restarts=max_restarts, rng_seed=rng_seed
+        )
+        self.dt = check_number("dt", dt, above=0.0, most=LONGEST_STEP)
+        self._prepare()
+
+    @abstractmethod
+    def _prepare(self) -> None:
+        """Make what every goal needs."""

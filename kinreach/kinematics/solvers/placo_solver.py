@@ -10,18 +10,16 @@ from typing import Any, ClassVar
 
 import numpy as np
 
-from kinreach.checks import Floats, check_number
+from kinreach.checks import Floats
 from kinreach.engines import load
 from kinreach.kinematics.arm import ArmKinematics
 from kinreach.kinematics.goals import AxisGoal, Goal, PoseGoal, PositionGoal
 from kinreach.kinematics.solvers.base import Tolerance
 from kinreach.kinematics.solvers.iterative import (
-    DEFAULT_TOLERANCE,
-    LONGEST_STEP,
     STALLED,
     Descend,
     Descent,
-    IterativeSolver,
+    SteppingSolver,
     goal_frame,
 )
 
@@ -29,20 +27,14 @@ from kinreach.kinematics.solvers.iterative import (
 NO_LIMIT = 100.0
 
 
-class PlacoSolver(IterativeSolver):
+class PlacoSolver(SteppingSolver):
     """placo (github.com/Rhoban/placo) with restarts.
 
     Used as it works best: with speed limits, which keep each step where the linearisation holds, and iterated to
     convergence. Joints that turn full circle have no position limit on the way (see `JointSpace`). placo's objects
     are made once per kind of goal and thread; a call only moves their targets. Threads may share an instance.
 
-    Args:
-        kin: The arm, its tip and the base frame that goals are in.
-        tolerance: How near is reached.
-        dt: Duration of one step [s]; the URDF's speed limits v allow v dt in it.
-        max_iterations: Steps per attempt.
-        max_restarts: Attempts from random postures after the one from the seed.
-        rng_seed: Seed of the random postures.
+    The arguments are those of `SteppingSolver`.
 
     Raises:
         InputError: A count, a tolerance or `dt` cannot be used.
@@ -51,22 +43,11 @@ class PlacoSolver(IterativeSolver):
 
     name: ClassVar[str] = "placo"
 
-    def __init__(
-        self,
-        kin: ArmKinematics,
-        *,
-        tolerance: Tolerance = DEFAULT_TOLERANCE,
-        dt: float = 0.2,
-        max_iterations: int = 30,
-        max_restarts: int = 20,
-        rng_seed: int = 0,
-    ) -> None:
-        super().__init__(
-            kin, tolerance=tolerance, max_iterations=max_iterations, max_restarts=max_restarts, rng_seed=rng_seed
-        )
-        self.dt = check_number("dt", dt, above=0.0, most=LONGEST_STEP)
-        free = [name for name, end in zip(kin.arm.joints, self.joint_space.search_upper, strict=True) if np.isinf(end)]
-        self._work = _WorkSpace(kin, self.tolerance, self.dt, free)
+    def _prepare(self) -> None:
+        free = [
+            name for name, end in zip(self.kin.arm.joints, self.joint_space.search_upper, strict=True) if np.isinf(end)
+        ]
+        self._work = _WorkSpace(self.kin, self.tolerance, self.dt, free)
 
     def __reduce__(self) -> tuple[Any, ...]:
         options = {

@@ -6,20 +6,10 @@ from typing import Any, ClassVar
 
 import numpy as np
 
-from kinreach.checks import Floats, check_number
+from kinreach.checks import Floats
 from kinreach.errors import InstallationError
-from kinreach.kinematics.arm import ArmKinematics
 from kinreach.kinematics.goals import Goal
-from kinreach.kinematics.solvers.base import Tolerance
-from kinreach.kinematics.solvers.iterative import (
-    DEFAULT_TOLERANCE,
-    LONGEST_STEP,
-    STALLED,
-    Descend,
-    Descent,
-    GoalTask,
-    IterativeSolver,
-)
+from kinreach.kinematics.solvers.iterative import STALLED, Descend, Descent, GoalTask, SteppingSolver
 
 #: Levenberg-Marquardt damping per unit of the squared error, as the frame tasks of pink and mink have it ...
 DAMPING = 0.01
@@ -27,7 +17,7 @@ DAMPING = 0.01
 DAMPING_BIAS = 1e-6
 
 
-class QPSolver(IterativeSolver):
+class QPSolver(SteppingSolver):
     """The step that pink and mink take, with daqp behind qpsolvers.
 
     Each step solves
@@ -40,13 +30,7 @@ class QPSolver(IterativeSolver):
     position limit on the way (see `JointSpace`). `iterative` has the equations of e and J. Threads may share an
     instance.
 
-    Args:
-        kin: The arm, its tip and the base frame that goals are in.
-        tolerance: How near is reached.
-        dt: Duration of one step [s]; the speed limits allow v dt in it.
-        max_iterations: Steps per attempt.
-        max_restarts: Attempts from random postures after the one from the seed.
-        rng_seed: Seed of the random postures.
+    The arguments are those of `SteppingSolver`.
 
     Raises:
         InputError: A count, a tolerance or `dt` cannot be used.
@@ -55,20 +39,7 @@ class QPSolver(IterativeSolver):
 
     name: ClassVar[str] = "qp"
 
-    def __init__(
-        self,
-        kin: ArmKinematics,
-        *,
-        tolerance: Tolerance = DEFAULT_TOLERANCE,
-        dt: float = 0.2,
-        max_iterations: int = 30,
-        max_restarts: int = 20,
-        rng_seed: int = 0,
-    ) -> None:
-        super().__init__(
-            kin, tolerance=tolerance, max_iterations=max_iterations, max_restarts=max_restarts, rng_seed=rng_seed
-        )
-        self.dt = check_number("dt", dt, above=0.0, most=LONGEST_STEP)
+    def _prepare(self) -> None:
         self._solve_qp = _import_solve_qp()
 
     def _descender(self, goal: Goal) -> Descend:
