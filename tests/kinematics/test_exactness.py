@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import sys
 import threading
-import xml.etree.ElementTree as ET
 from dataclasses import replace
 
 import numpy as np
@@ -25,17 +24,7 @@ PLACE = (0.45, 0.1, -0.175)
 
 def narrow(name="narrow", **limits):
     """The UR5 with other limits of some joints."""
-    base = get_arm("ur5")
-
-    def urdf():
-        robot = ET.fromstring(base.urdf)
-        for joint, (lower, upper) in limits.items():
-            limit = robot.find(f"joint[@name='{joint}_joint']/limit")
-            limit.set("lower", repr(lower))
-            limit.set("upper", repr(upper))
-        return ET.tostring(robot, encoding="unicode")
-
-    return replace(base, name=name, build_urdf=urdf)
+    return replace(get_arm("ur5").with_limits({f"{joint}_joint": ends for joint, ends in limits.items()}), name=name)
 
 
 # tool directions: wrist_3 is free, so limits and windings never cost a turn of it
