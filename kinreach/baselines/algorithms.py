@@ -41,7 +41,7 @@ from kinreach.baselines.ppo2 import PPO2
 from kinreach.baselines.recipes import Recipe
 from kinreach.baselines.rewards import TrainingReward
 from kinreach.baselines.vec_envs import LooksVecEnv, SB3VecEnv, TriesVecEnv
-from kinreach.checks import check_known
+from kinreach.checks import check_known, shown
 from kinreach.envs.button.episodes import ButtonOptions
 from kinreach.envs.button.task import CONTROL_LIMIT, JOINTS
 from kinreach.envs.reach.space import SpaceTask
@@ -352,8 +352,11 @@ def register_algorithm(algorithm: Algorithm) -> Algorithm:
     """Make an algorithm known to recipes.
 
     Raises:
-        InputError: Another one has its name.
+        InputError: It is no algorithm, or another one has its name.
     """
+    given: Any = algorithm
+    if not isinstance(given, Algorithm):
+        raise InputError(f"an algorithm must be an Algorithm, got {shown(given)}")
     if ALGORITHMS.setdefault(algorithm.name, algorithm) != algorithm:
         raise InputError(f"there is an algorithm {algorithm.name!r} already")
     return algorithm

@@ -15,11 +15,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from kinreach.checks import Floats
+from kinreach.checks import Floats, check_known
 from kinreach.engines import load
 from kinreach.envs.button import ACTUATIONS
 from kinreach.envs.button.task import CONTROL_LIMIT, JOINTS, PRESS_RADIUS, action_of
-from kinreach.errors import InputError, raise_unknown
+from kinreach.errors import InputError
 from kinreach.kinematics import Arm3Kinematics
 from kinreach.kinematics.angles import wrapped
 
@@ -65,8 +65,7 @@ class ButtonController:
     """
 
     def __init__(self, actuation: str = "tuned", *, count: int = 1) -> None:
-        if actuation not in ACTUATIONS:
-            raise_unknown("actuation", actuation, ACTUATIONS)
+        check_known("actuation", actuation, ACTUATIONS)
         self._actuation = ACTUATIONS[actuation]
         gains = GAINS[actuation]
         self._stiffness, self._speed, self._time_constant = map(

@@ -104,7 +104,7 @@ def read_search(path: Path) -> Search:
         said = yaml.safe_load(path.read_text(encoding="utf-8"))
     except OSError as error:
         raise InputError(f"cannot read the search {path}: {error.strerror}") from None
-    except (yaml.YAMLError, ValueError) as error:
+    except (yaml.YAMLError, ValueError, RecursionError) as error:
         raise InputError(f"{path} is no YAML: {error}") from None
     names = [field.name for field in fields(Search)]
     if not isinstance(said, dict) or not {"recipe", "ranges"} <= set(said):

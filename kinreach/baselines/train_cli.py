@@ -31,6 +31,8 @@ SHOWN = 10
 GOALS = 1000
 #: Which of them, unless the user says so: a recipe may be changed because of what is printed.
 SPLIT = "validation"
+#: Options that a search does not take: its file says these things, and it runs on Ray.
+OF_RECIPES = ("seed", "seeds", "steps", "split", "engine", "export", "fresh")
 
 
 def main(argv: Sequence[str], *, prog: str) -> int:
@@ -47,10 +49,14 @@ def main(argv: Sequence[str], *, prog: str) -> int:
         KinreachError: Bad input, packages for training that are not installed, a folder that cannot be written.
         KeyboardInterrupt: With a message that says what was kept.
     """
-    arguments = _parser(prog).parse_args(argv)
+    parser = _parser(prog)
+    arguments = parser.parse_args(argv)
     if (arguments.recipe is None) == (arguments.search is None):
         raise InputError("say a RECIPE, or a --search")
     if arguments.search is not None:
+        for name in OF_RECIPES:
+            if getattr(arguments, name) not in (parser.get_default(name), RAY):
+                raise InputError(f"--{name} is not for --search, whose file says what is tried")
         return _search(arguments)
     recipe = get_recipe(arguments.recipe)
     for name in ("seeds", "steps", "threads"):
@@ -59,7 +65,7 @@ def main(argv: Sequence[str], *, prog: str) -> int:
             raise InputError(f"--{name} must be at least 1, got {value}")
     if arguments.seed < 0:
         raise InputError(f"--seed must not be negative, got {arguments.seed}")
-    check_count("--seed", arguments.seed + arguments.seeds, most=2**31)
+    check_count("--seed plus --seeds", arguments.seed + arguments.seeds, most=2**31)
     check_count("--threads", arguments.threads, most=MOST_THREADS)
     check_known("split", arguments.split, SPLITS)
     if arguments.resume and arguments.fresh:

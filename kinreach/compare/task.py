@@ -14,7 +14,7 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from kinreach import provenance
-from kinreach.checks import Floats, check_known
+from kinreach.checks import Floats, check_known, shown
 from kinreach.errors import InputError
 from kinreach.robots import ArmDescription, BoxRegion
 from kinreach.robots.workcell import QuadrantRegion
@@ -126,8 +126,11 @@ def register_task(task: Task) -> Task:
     """Make a task known by its name, to `compare` and to the command line.
 
     Raises:
-        InputError: Another task has that name already.
+        InputError: It is no task, or another one has that name already.
     """
+    given: Any = task
+    if not isinstance(given, Task):
+        raise InputError(f"a task must be a Task, got {shown(given)}")
     known = get_task(task.name) if task.name in task_names() else task
     if known is not task:
         raise InputError(f"a task named {task.name!r} is registered already")
@@ -157,8 +160,11 @@ def register_method(task: str, name: str, method: Method) -> None:
 
     Raises:
         UnknownNameError: There is no such task.
-        InputError: The task has a method of that name already.
+        InputError: It is no method, or the task has one of that name already.
     """
+    given: Any = method
+    if not isinstance(given, Method):
+        raise InputError(f"a method must be a Method, got {shown(given)}")
     found = get_task(task)
     if name in found.methods:
         raise InputError(f"the task {task!r} has a method {name!r} already")

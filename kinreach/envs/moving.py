@@ -336,8 +336,8 @@ class MovingBallEnv(gym.Env[Any, Any]):
             InputError: A seed that is none, an unknown option, or a speed that the arm cannot follow.
             UnknownNameError: A path that there is not.
         """
-        super().reset(seed=check_seed(seed))
-        start = check_start(options, None)
+        seed, start = check_seed(seed), check_start(options, None)
+        super().reset(seed=seed)
         self._episodes.seed(0, self.np_random)
         self._episodes.begin(np.zeros(1, dtype=np.intp), start)
         self._started, self._over = True, False

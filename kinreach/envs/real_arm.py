@@ -24,7 +24,7 @@ import numpy as np
 from gymnasium import spaces
 from numpy.typing import ArrayLike
 
-from kinreach.checks import Floats, as_floats, check_count, check_known, check_number, shown
+from kinreach.checks import Floats, as_floats, check_count, check_known, check_number, check_path, shown
 from kinreach.envs.options import about, check_not_over, check_seed, given_options, options_from, takes
 from kinreach.errors import InputError
 from kinreach.kinematics import ArmKinematics
@@ -106,16 +106,17 @@ class RealArmOptions:
             true_arm(calibration)
 
 
-def true_arm(calibration: str) -> ArmDescription:
+def true_arm(calibration: str | Path) -> ArmDescription:
     """A real UR5.
 
     Args:
         calibration: Name of a published one, or a file.
 
     Raises:
-        InputError: The file is no calibration, or that of another model.
+        InputError: It is no path, or the file is no calibration, or that of another model.
     """
-    file = PUBLISHED.get(calibration, Path(calibration))
+    path = check_path("calibration", calibration)
+    file = PUBLISHED.get(str(path), path)
     return _calibrated(file, file.stat().st_mtime_ns if file.exists() else 0)
 
 
@@ -258,14 +259,18 @@ class RealArmEnv(gym.Env[Any, Any]):
             options: `"errors"` and `"calibration"`: instead of drawn ones.
 
         Raises:
-            InputError: A seed that is none, or an unknown option.
+            InputError: A seed that is none, an unknown option, or a calibration that is not one of a UR5.
             UnknownNameError: Errors that there are not.
         """
-        super().reset(seed=check_seed(seed))
+        seed, given = check_seed(seed), given_options(options, ("errors", "calibration"))
+        if "errors" in given:
+            check_known("errors of a real arm", given["errors"], ERRORS)
+        if "calibration" in given:
+            true_arm(given["calibration"])
+        super().reset(seed=seed)
         rng = self.np_random
         drawn = {"errors": rng.choice(self.options.errors), "calibration": rng.choice(self.options.calibrations)}
-        chosen = {name: str(value) for name, value in {**drawn, **given_options(options, drawn)}.items()}
-        check_known("errors of a real arm", chosen["errors"], ERRORS)
+        chosen = {name: str(value) for name, value in {**drawn, **given}.items()}
         self._place = workplace(**chosen, rng=rng)
         self._balls = get_arm("ur5").workcell.draw_goals(rng, self.options.balls)
         self._seen = self._observed(self._balls)

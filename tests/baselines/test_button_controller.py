@@ -91,7 +91,8 @@ def test_it_starts_from_any_posture():
 
 
 def test_malformed_input_is_refused():
-    with pytest.raises(UnknownNameError, match="report, tuned"):
-        ButtonController("magic")
+    for actuation in ("magic", ["tuned"], None):
+        with pytest.raises(UnknownNameError, match="report, tuned"):
+            ButtonController(actuation)
     with pytest.raises(InputError, match="needs 2 observations, got 3"):
         ButtonController(count=2).actions(np.zeros((3, 19)))

@@ -188,6 +188,9 @@ def test_names_are_given_once(registries):
         register_recipe(replace(RECIPE, steps=1))
     with pytest.raises(InputError, match="already"):
         register_algorithm(Algorithm("PPO", "sb3_contrib:TQC"))
+    for given in ("TQC", None, Algorithm):
+        with pytest.raises(InputError, match="an algorithm must be an Algorithm, got"):
+            register_algorithm(given)
     for name in ("../up", "..", ".", "", 3):
         with pytest.raises(InputError, match="name of a recipe"):
             register_recipe(replace(RECIPE, name=name))

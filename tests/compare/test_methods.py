@@ -125,6 +125,10 @@ def test_a_task_and_a_method_from_outside_are_known_by_name(toy):
             register_method("toy", "mine", Method(lambda env: act))
         with pytest.raises(InputError, match="registered already"):
             register_task(toy)
+        with pytest.raises(InputError, match="a method must be a Method, got <function act"):
+            register_method("toy", "another", act)
+        with pytest.raises(InputError, match="a task must be a Task, got 'toy'"):
+            register_task("toy")
     finally:
         from kinreach.compare import task as registry
 

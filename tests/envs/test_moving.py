@@ -181,6 +181,16 @@ def test_bad_input():
         env.unwrapped.step(np.zeros(5))
 
 
+def test_a_refused_reset_changes_nothing():
+    env, same = make().unwrapped, make().unwrapped
+    for world in (env, same):
+        world.reset(seed=1)
+    for options in ({"speed": 9.0}, {"ball": 1}, {"path": "zigzag"}, 5):
+        with pytest.raises((InputError, UnknownNameError)):
+            env.reset(seed=2, options=options)
+        np.testing.assert_array_equal(env.reset()[0], same.reset()[0])
+
+
 def test_passing_takes_as_long_as_full_acceleration_does():
     rng, dt, passed = np.random.default_rng(8), 1e-4, 0
     q, v, targets = rng.uniform(-1.0, 1.0, 300), rng.uniform(-3.0, 3.0, 300), rng.uniform(-2.0, 2.0, 300)

@@ -135,6 +135,9 @@ def test_the_scene_is_the_true_arm():
         ({"errors": "all"}, InputError, "list"),
         ({"calibrations": (str(PUBLISHED["ur10e_a"]),)}, InputError, "it fits ur10e"),
         ({"calibrations": ("nowhere.yaml",)}, InputError, "cannot be read"),
+        ({"calibrations": (5,)}, InputError, "calibration cannot be a path, got 5"),
+        ({"calibrations": (["ur5_a"],)}, InputError, "calibration cannot be a path"),
+        ({"calibrations": (300 * "x",)}, InputError, "too long"),
         ({"arm": "ur5"}, InputError, "unexpected keyword"),
     ],
 )
@@ -157,6 +160,25 @@ def test_bad_input():
     with pytest.raises(InputError, match="postures"):
         env.unwrapped.look([0, 0, 0])
     assert len(true_arm("ur5_a").joints) == 6
+
+
+@pytest.mark.parametrize(
+    ("options", "said"),
+    [
+        ({"errors": "tool", "calibration": "nonsense"}, "'nonsense' cannot be read"),
+        ({"errors": "all", "calibration": 300 * "x"}, "too long"),
+        ({"errors": "gravity"}, "gravity"),
+        ({"goal": 1}, "unknown reset options"),
+    ],
+)
+def test_a_refused_reset_changes_nothing(options, said):
+    env, same = make(balls=4).unwrapped, make(balls=4).unwrapped
+    for world in (env, same):
+        world.reset(seed=1)
+    with pytest.raises((InputError, UnknownNameError), match=said):
+        env.reset(seed=2, options=options)
+    for _ in range(2):
+        np.testing.assert_array_equal(env.reset()[0], same.reset()[0])
 
 
 def test_a_calibration_that_was_edited_is_read_again(tmp_path):

@@ -32,7 +32,7 @@ from typing import NamedTuple, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from kinreach.checks import Floats, as_flags, as_floats, check_entries, shown
+from kinreach.checks import Floats, as_flags, as_floats, check_entries, check_number, shown
 from kinreach.errors import InputError
 from kinreach.kinematics.tensors import like, on_host, where
 from kinreach.robots import ArmDescription, get_arm
@@ -110,10 +110,13 @@ class DistanceReward:
 
     Args:
         radius: Distance below which the goal is reached [m].
+
+    Raises:
+        InputError: The radius is no positive number.
     """
 
     def __init__(self, radius: float) -> None:
-        self.radius = radius
+        self.radius = check_number("radius [m]", radius, above=0.0)
 
     def __call__(self, distance: Floats, q: Floats, impossible: Flags) -> tuple[Floats, Terms]:
         """The reward of k steps and its only term."""
@@ -134,10 +137,13 @@ class DirectedReward:
 
     Args:
         radius: Distance below which the tip is at the goal [m].
+
+    Raises:
+        InputError: The radius is no positive number.
     """
 
     def __init__(self, radius: float) -> None:
-        self.radius = radius
+        self.radius = check_number("radius [m]", radius, above=0.0)
 
     def __call__(self, distance: Floats, q: Floats, impossible: Flags, *angle: Floats) -> tuple[Floats, Terms]:
         """The reward of k steps and its terms."""
@@ -213,7 +219,17 @@ def default_reward(arm: ArmDescription) -> ThesisReward | DistanceReward:
     return DistanceReward(arm.workcell.reached_distance)
 
 
-def scorer_of(reward: RewardFunction | Scorer | None, default: Scorer) -> Scorer:
+def check_reward(reward: object) -> None:
+    """Refuse what cannot be an environment's option `reward`.
+
+    Raises:
+        InputError: It cannot be called.
+    """
+    if reward is not None and not callable(reward):
+        raise InputError(f"reward must be a callable of distance, q and impossible, got {shown(reward)}")
+
+
+def scorer_of(reward: RewardFunction | None, default: Scorer) -> Scorer:
     """What judges the steps of an environment whose option `reward` this is.
 
     Args:
@@ -221,14 +237,14 @@ def scorer_of(reward: RewardFunction | Scorer | None, default: Scorer) -> Scorer
         default: Judges where nothing is given, and says what a function does not.
 
     Raises:
-        InputError: It cannot be called.
+        InputError: It needs directions, and the task has none.
     """
     if reward is None:
         return default
+    if isinstance(reward, DirectedReward) and not isinstance(default, DirectedReward):
+        raise InputError("DirectedReward is for tasks in which goals have a direction, such as kinreach/Reach-v0")
     if isinstance(reward, ThesisReward | DistanceReward | DirectedReward):
         return reward
-    if not callable(reward):
-        raise InputError(f"reward must be a callable of distance, q and impossible, got {shown(reward)}")
     return OwnReward(reward, default)
 
 

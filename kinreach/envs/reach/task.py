@@ -19,7 +19,7 @@ from kinreach.checks import Floats, as_floats, as_vector, check_count, check_fla
 from kinreach.envs.batch import RowStreams
 from kinreach.envs.options import INFOS, INFOS_TEXT, RENDER_MODES, RENDER_MODES_TEXT, about, option_rows
 from kinreach.envs.reach.goals import goal_streams
-from kinreach.envs.reach.rewards import RewardFunction, Score, Scorer, default_reward, scorer_of
+from kinreach.envs.reach.rewards import RewardFunction, Score, Scorer, check_reward, default_reward, scorer_of
 from kinreach.errors import InputError
 from kinreach.kinematics import ArmKinematics, AxisGoal, CollisionChecker, PositionGoal, kinematics_of
 from kinreach.robots import ArmDescription, BoxRegion, as_arm
@@ -130,8 +130,8 @@ class ReachOptions:
         check_flag("end_on_reached", self.end_on_reached)
         if as_imperfections(self.imperfections) != IDEAL and self.backend == "kinematic":
             raise InputError(f'imperfections are of the dynamics: use backend="mujoco", got {self.backend!r}')
+        check_reward(self.reward)
         arm = as_arm(self.arm)
-        scorer_of(self.reward, default_reward(arm))
         if has_goal_cameras(arm):
             return
         for name, plain in (("observation", "geometric"), ("goal_in", CAMERA)):

@@ -5,6 +5,7 @@ import numpy as np
 import pytest
 
 from kinreach.envs.reach import DistanceReward, ThesisReward
+from kinreach.envs.reach.rewards import DirectedReward
 from kinreach.errors import InputError
 
 SINGLE, MULTI = "kinreach/UR5SingleStep-v0", "kinreach/UR5MultiStep-v0"
@@ -96,3 +97,19 @@ def test_what_is_no_reward_is_refused(answer, message):
 def test_what_cannot_be_called_is_refused():
     with pytest.raises(InputError, match="reward must be a callable"):
         gym.make(SINGLE, reward="much")
+
+
+@pytest.mark.parametrize("kind", [DistanceReward, DirectedReward])
+@pytest.mark.parametrize("radius", ["x", None, 0.0, -0.01, np.nan, True])
+def test_a_radius_is_a_length(kind, radius):
+    with pytest.raises(InputError, match=r"radius \[m\] must be"):
+        kind(radius)
+
+
+def test_a_reward_of_directions_needs_a_task_that_has_them():
+    for name in (SINGLE, MULTI):
+        with pytest.raises(InputError, match="DirectedReward is for tasks in which goals have a direction"):
+            gym.make(name, backend="kinematic", reward=DirectedReward(0.01))
+    env = gym.make("kinreach/Reach-v0", backend="kinematic", reward=DirectedReward(0.01))
+    env.reset(seed=0)
+    assert "direction" in env.step(np.zeros(6))[4]["reward_terms"]
