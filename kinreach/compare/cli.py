@@ -19,11 +19,9 @@ from kinreach.compare.task import Task, get_task, register_task, task_names
 from kinreach.errors import InputError
 from kinreach.jobs import add_options
 from kinreach.objects import load_object
-from kinreach.robots import ArmDescription, as_arm
+from kinreach.robots import arm_named, arm_names, as_arm
 from kinreach.summary import tables
 
-#: How the names of files that describe an arm end.
-URDF = ".urdf"
 #: Width that the tables for people fit into [characters].
 TABLE_WIDTH = 100
 #: Options of the environments that have an argument of their own: name -> how it is said, and what it is.
@@ -66,7 +64,7 @@ def main(argv: Sequence[str], *, prog: str) -> int:
     methods = [name.strip() for name in arguments.methods.split(",")] if arguments.methods is not None else []
     said = {name: getattr(arguments, name) for name in OPTIONS if getattr(arguments, name) is not None}
     suffix = "-camera" if arguments.observation == CAMERA else ""
-    arm = None if arguments.arm is None else _arm(arguments.arm)
+    arm = arguments.arm if arguments.arm in (None, *arm_names()) else arm_named(arguments.arm)
     suffix = f"-{as_arm(arm).name}{suffix}" if arm is not None else suffix
     default = Path("results") / f"compare-{task.name}{suffix}"
     out = default if arguments.out is None else check_path("--out", arguments.out)
@@ -111,18 +109,6 @@ def _task(name: str) -> Task:
     if not isinstance(task, Task):
         raise InputError(f"{name} is no Task")
     return register_task(task) if task.name in known or task.name not in task_names() else get_task(task.name)
-
-
-def _arm(name: str) -> str | ArmDescription:
-    """A registered arm's name, a URDF file, or an arm of a module of the user's: `"module:attribute"`."""
-    if name.lower().endswith(URDF):
-        return ArmDescription.from_urdf(name)
-    if ":" not in name:
-        return name
-    arm = load_object("arm", name)
-    if not isinstance(arm, ArmDescription):
-        raise InputError(f"{name} is no ArmDescription")
-    return arm
 
 
 def _measure(task: Task, methods: Sequence[str], out: Path, **arguments: Any) -> dict[str, Any]:

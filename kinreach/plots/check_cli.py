@@ -23,10 +23,10 @@ from kinreach.kinematics import (
 )
 from kinreach.kinematics.ur.kinematics import CalibratedURKinematics
 from kinreach.plots.workspace import draw_workspace
-from kinreach.robots import ArmDescription, as_arm
+from kinreach.robots import arm_named, as_arm
 
-#: Files that hold a calibration of a UR, and those that hold a description of an arm.
-CALIBRATIONS, URDF = (".yaml", ".yml", ".conf"), ".urdf"
+#: Files that hold a calibration of a UR.
+CALIBRATIONS = (".yaml", ".yml", ".conf")
 #: Poses that solvers are tried on, and singular ones at most.
 POSES, MOST_SINGULAR = 200, 60
 
@@ -166,15 +166,13 @@ def _singular(kin: ArmKinematics, found: check.Singular) -> str:
 
 
 def _subject(given: str, model: str | None, tip: str | None) -> Subject:
-    """The arm of a name, a URDF file, or a calibration file with its model."""
-    suffix = Path(given).suffix.lower()
+    """The arm that `arm_named` finds, or that of a calibration file with its model."""
     if model is not None:
         real = as_arm(model).calibrated(given)
         return Subject(kinematics_of(real, tip=tip), kinematics_of(model, tip=tip))
-    if suffix in CALIBRATIONS:
+    if Path(given).suffix.lower() in CALIBRATIONS:
         raise InputError(f"{given} is a calibration: say of which UR with --model, such as --model ur5e")
-    arm = ArmDescription.from_urdf(given, tip=tip) if suffix == URDF else as_arm(given)
-    return Subject(kinematics_of(arm, tip=tip), None)
+    return Subject(kinematics_of(arm_named(given, tip=tip), tip=tip), None)
 
 
 def _parser(prog: str) -> Parser:
@@ -185,7 +183,9 @@ def _parser(prog: str) -> Parser:
         formatter_class=argparse.ArgumentDefaultsHelpFormatter,
     )
     parser.add_argument(
-        "arm", metavar="FILE|NAME", help="a URDF, the name of an arm, or with --model the calibration of a UR"
+        "arm",
+        metavar="FILE|NAME",
+        help="a URDF, the name of an arm, module:attribute, or with --model the calibration of a UR",
     )
     parser.add_argument(
         "--model",

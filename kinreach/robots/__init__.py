@@ -5,7 +5,7 @@ Data only: nothing here imports a robotics engine. Every arm is one URDF that fe
 
 from kinreach.robots.description import ArmDescription
 from kinreach.robots.grippers import PARALLEL_GRIPPER, Gripper, with_parallel_gripper
-from kinreach.robots.registry import arm_names, as_arm, get_arm, register_arm
+from kinreach.robots.registry import arm_named, arm_names, as_arm, get_arm, register_arm
 from kinreach.robots.workcell import Box, BoxRegion, CameraMount, Workcell
 
 __all__ = [
@@ -16,6 +16,7 @@ __all__ = [
     "CameraMount",
     "Gripper",
     "Workcell",
+    "arm_named",
     "arm_names",
     "as_arm",
     "get_arm",

@@ -8,9 +8,12 @@ from typing import Any
 
 from kinreach.checks import check_known, shown
 from kinreach.errors import InputError
+from kinreach.objects import load_object
 from kinreach.robots import arm3, panda, ur
 from kinreach.robots.description import ArmDescription
 
+#: How the names of files that describe an arm end.
+FILES = (".urdf", ".xml")
 #: Arms that are read from a file when they are first asked for.
 _FROM_FILES: dict[str, Callable[[], ArmDescription]] = {"panda": panda.describe}
 
@@ -55,6 +58,27 @@ def as_arm(arm: str | ArmDescription) -> ArmDescription:
         UnknownNameError: There is no such arm.
     """
     return arm if isinstance(arm, ArmDescription) else get_arm(arm)
+
+
+def arm_named(text: str, *, tip: str | None = None) -> ArmDescription:
+    """The arm that a command line names: a registered one, a URDF file, or one of a module of the user's.
+
+    Args:
+        text: Its name; the path of a file that ends in .urdf or .xml; or `module:attribute`, whose module is run.
+        tip: Link of a file's arm that is the tip; by default the last one.
+
+    Raises:
+        UnknownNameError: There is no such arm.
+        InputError: The file is no arm, the module cannot be imported, or what it has there is no `ArmDescription`.
+    """
+    if text.lower().endswith(FILES):
+        return ArmDescription.from_urdf(text, tip=tip)
+    if ":" not in text:
+        return get_arm(text)
+    arm = load_object("arm", text)
+    if not isinstance(arm, ArmDescription):
+        raise InputError(f"{text} is no ArmDescription")
+    return arm
 
 
 def arm_names() -> tuple[str, ...]:

@@ -8,7 +8,7 @@ from collections.abc import Sequence
 
 from kinreach.checks import check_count
 from kinreach.cli import Parser
-from kinreach.robots import ArmDescription, arm_names, get_arm
+from kinreach.robots import arm_named, arm_names
 from kinreach.view.results import read_results
 from kinreach.view.server import Server, import_viser
 from kinreach.view.setup import Setup
@@ -66,7 +66,7 @@ def setup_of(
     """What every tab begins with.
 
     Args:
-        arm: Name of a registered arm, or the path of a URDF.
+        arm: Name of a registered arm, the path of a URDF, or `module:attribute`.
         calibration: Path of a UR's calibration.
         tip: Short name of the tip; default is the arm's own.
         simple: Draw the arm by its collision shapes.
@@ -77,10 +77,8 @@ def setup_of(
     Raises:
         InputError: There is no such arm, tip, policy or environment, or a file or module cannot be used.
     """
-    if arm.endswith((".urdf", ".xml")):
-        description, expression = ArmDescription.from_urdf(arm), f"ArmDescription.from_urdf({arm!r})"
-    else:
-        description, expression = get_arm(arm), repr(arm)
+    description = arm_named(arm)
+    expression = repr(arm) if arm in arm_names() else f"arm_named({arm!r})"
     nominal, sheet = None, expression
     if calibration is not None:
         expression = calibrated(sheet, calibration)
@@ -98,7 +96,7 @@ def _parser(prog: str) -> Parser:
         "--arm",
         default="ur5",
         metavar="NAME",
-        help=f"one of: {', '.join(arm_names())}; or a URDF (default: %(default)s)",
+        help=f"one of: {', '.join(arm_names())}; a URDF file; or module:attribute (default: %(default)s)",
     )
     parser.add_argument("--tip", metavar="NAME", help="tip frame, such as tcp or tool0 (default: the arm's own)")
     parser.add_argument(

@@ -64,7 +64,7 @@ def calibrated(sheet: str, file: str) -> str:
 
 def robots(*arms: str) -> list[str]:
     """The line that imports what expressions for arms need; none where they are names."""
-    names = [name for name in ("ArmDescription", "get_arm") if any(name in arm for arm in arms)]
+    names = [name for name in ("arm_named", "get_arm") if any(name in arm for arm in arms)]
     return [f"from kinreach.robots import {', '.join(names)}"] if names else []
 
 

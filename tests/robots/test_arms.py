@@ -11,7 +11,7 @@ import pytest
 
 from kinreach.errors import InputError
 from kinreach.kinematics import ArmKinematics, CollisionChecker, UR5Kinematics
-from kinreach.robots import ArmDescription, CameraMount, Workcell, get_arm, register_arm
+from kinreach.robots import ArmDescription, CameraMount, Workcell, arm_named, get_arm, register_arm
 from kinreach.sim.simulation import ArmSimulation
 from kinreach.thesis.reward import posture_error
 from kinreach.vision.goal_view import goal_camera_poses
@@ -23,6 +23,23 @@ HALF_PICTURE = np.tan(np.deg2rad(29.0))
 def test_the_ur5_has_not_changed():
     digest = hashlib.sha256(get_arm("ur5").urdf.encode()).hexdigest()
     assert digest == "13f75dba03fdc3ef60409b8afd6982947b1791f0c872c0a3031e4a66a7b480fa"
+
+
+def test_an_arm_is_named_as_a_file_or_in_a_module_too(tmp_path):
+    assert arm_named("ur5") is get_arm("ur5")
+    assert arm_named("kinreach.robots.arm3:ARM") is get_arm("arm3")
+    for name in ("mine.urdf", "MINE.URDF", "a:b.Xml"):
+        (tmp_path / name).write_text(get_arm("arm3").urdf)
+        assert arm_named(str(tmp_path / name)).joints == get_arm("arm3").joints
+    assert arm_named(str(tmp_path / "mine.urdf"), tip="link_3").default_tip == "link_3"
+    for name, said in (
+        ("ur6", "unknown arm 'ur6'"),
+        ("nowhere.urdf", "nowhere.urdf"),
+        ("kinreach.robots.arm3:NONE", "cannot import the arm"),
+        ("kinreach.robots:get_arm", "kinreach.robots:get_arm is no ArmDescription"),
+    ):
+        with pytest.raises(InputError, match=said):
+            arm_named(name)
 
 
 def tool_down(position, turn):

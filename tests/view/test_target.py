@@ -377,6 +377,15 @@ def test_copied_programs_of_an_arm_from_a_file(capsys):
         assert capsys.readouterr().out.startswith("ok")
 
 
+def test_copied_programs_of_an_arm_of_ones_own_run(capsys):
+    setup = setup_of("kinreach.robots.arm3:ARM")
+    model = setup.model()
+    goal = model.goal(POINT, model.kinematics.fk(model.home))
+    assert setup.arm is model.kinematics.arm
+    exec(compile(program(model, goal, model.home, arm=setup.expression), "copied", "exec"), {})
+    assert capsys.readouterr().out.startswith("ok")
+
+
 @pytest.mark.parametrize("arm", ["arm3", "panda"])
 def test_copied_programs_of_other_arms_run(arm, capsys):
     model = TargetModel(arm)
