@@ -297,7 +297,7 @@ def _train(folder: Path, stack: Stack, jobs: Sequence[tuple[Cell, int]]) -> None
     seconds = time.process_time() - start
     measured = measure(networks, len(jobs), environment)
     for index, (cell, seed) in enumerate(jobs):
-        policy = networks.policy(index, environment)
+        policy = networks.policy(index, stack)
         written = {
             "cell": cell.__dict__,
             "seed": seed,

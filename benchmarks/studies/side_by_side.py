@@ -118,7 +118,8 @@ class Networks:
     """
 
     def __init__(self, trained: Sequence[Trained], shared: bool) -> None:
-        each = [initial_weights(one.seed, shared) for one in trained]
+        self._seeds = [one.seed for one in trained]
+        each = [initial_weights(seed, shared) for seed in self._seeds]
         self.weights = {name: torch.stack([weights[name] for weights in each]) for name in each[0]}
         self.weights["log_std"] = torch.tensor([[[math.log(one.std)] * _JOINTS] for one in trained])
         for value in self.weights.values():
@@ -193,15 +194,17 @@ class Networks:
                 actions += self.weights["log_std"].exp() * torch.randn_like(actions)
         return actions.clamp(-1, 1).flatten(0, 1).numpy().astype(np.float64)
 
-    def policy(self, index: int, environment: str) -> LearnedPolicy:
-        """The actor of one of the trainings."""
+    def policy(self, index: int, stack: Stack) -> LearnedPolicy:
+        """The actor of one of the trainings of a stack."""
         arrays = {name: value[index].detach().numpy().astype(np.float64) for name, value in self.weights.items()}
         layers = [(arrays[f"{name}.w"].T, arrays[f"{name}.b"][0]) for name in ("pi0", "pi1", "mean")]
         gain = np.full(_JOINTS, float(self._gain[index]))
         network = Network(
             np.zeros(_INPUTS), np.ones(_INPUTS), np.zeros(0), layers, "tanh", "linear", gain, np.zeros(_JOINTS)
         )
-        card = PolicyCard(environment, "action", "tanh", "linear", "PPO2", {"name": "a stacked training"}, 0, 0)
+        recipe = {"name": "a stacked training"}
+        seed = self._seeds[index]
+        card = PolicyCard(stack.environment, "action", "tanh", "linear", "PPO2", recipe, seed, stack.steps)
         return LearnedPolicy(card, network)
 
 

@@ -227,11 +227,10 @@ def _tuner(tune: Any, given: Search, state: Path, *, resume: bool, threads: int)
 def trial(given: Search, values: Mapping[str, Any], threads: int = 1) -> Iterator[tuple[int, dict[str, float]]]:
     """Train with some settings; after each segment the actions that are done, and what the judges say."""
     recipe = given.tried(values)
-    options = {name: value for name, value in recipe.options.items() if name != "end_on_reached"}
     with TemporaryDirectory(prefix="kinreach-") as name:
         identity = run_identity(recipe, given.seed, threads)
         for policy in segments(recipe, Path(name), identity, resume=False):
-            found = evaluate(policy, goals=given.goals, seed=VALIDATION, options=options).summary()
+            found = evaluate(policy, goals=given.goals, seed=VALIDATION, options=recipe.judged_in).summary()
             yield policy.card.steps, {name: judge(found) for name, (judge, _) in JUDGES.items() if name in found}
 
 

@@ -117,9 +117,7 @@ def _search(arguments: argparse.Namespace) -> int:
 
 def _judge(name: str, split: str, policy: LearnedPolicy) -> Iterator[dict[str, Any]]:
     """How a policy that was trained by a recipe does, as a job."""
-    recipe = get_recipe(name)
-    options = {name: value for name, value in recipe.options.items() if name != "end_on_reached"}
-    yield evaluate(policy, goals=GOALS, seed=SPLITS[split], options=options).summary()
+    yield evaluate(policy, goals=GOALS, seed=SPLITS[split], options=get_recipe(name).judged_in).summary()
 
 
 def _runs(

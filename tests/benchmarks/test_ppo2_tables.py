@@ -31,6 +31,7 @@ from benchmarks.studies.ppo2 import (
 from benchmarks.studies.side_by_side import Networks
 from kinreach.baselines.evaluation import HELD_OUT
 from kinreach.baselines.logs import trace
+from kinreach.baselines.policies import load_policy
 
 PAGE = Path(__file__).parents[2] / "docs" / "ppo2.md"
 
@@ -218,8 +219,9 @@ def test_policies_played_together_do_what_each_does_alone(environment):
         networks.weights["mean.b"].data[index] += one.gain**-1 * 0.3 * (index - 1)
     places = goals(HELD_OUT, 5)
     found = play(networks, 3, environment, places)
+    stack = replace(PLANS["single"].stack, environment=environment)
     for index in range(3):
-        alone = trace(networks.policy(index, environment), places, options={"backend": "kinematic"})
+        alone = trace(networks.policy(index, stack), places, options={"backend": "kinematic"})
         np.testing.assert_allclose(found.distance[index], alone.distance[-1], atol=1e-5)
         np.testing.assert_allclose(found.posture_error[index], alone.posture_error[-1], atol=1e-4)
         np.testing.assert_array_equal(found.impossible[index], alone.impossible)
@@ -237,6 +239,8 @@ def test_what_is_missing_is_trained_and_shown(tmp_path, monkeypatch, capsys):
     assert table(ppo2.rows(tmp_path, "single"), SINGLE) in printed
     runs = sorted((tmp_path / "single" / FAITHFUL.name).glob("*.json"))
     assert [json.loads(run.read_text())["seed"] for run in runs] == [0, 1]
+    cards = [load_policy(run.with_suffix(".safetensors")).card for run in runs]
+    assert [(card.environment, card.seed, card.steps) for card in cards] == [(SINGLE, 0, 512), (SINGLE, 1, 512)]
     assert len(read_curve(file)["seed"]) == 2
     before = [run.stat().st_mtime_ns for run in runs]
     assert main([str(tmp_path), "--plan", "single"]) == 0

@@ -85,6 +85,11 @@ class Recipe:
         if self.trace_after is not None:
             check_count("trace_after of a recipe", self.trace_after, least=0)
 
+    @property
+    def judged_in(self) -> dict[str, Any]:
+        """Options of the environment that its policies are judged in, where reaching ends an episode."""
+        return {name: value for name, value in self.options.items() if name != "end_on_reached"}
+
     def to_dict(self) -> dict[str, Any]:
         """As JSON types."""
         return asdict(self)

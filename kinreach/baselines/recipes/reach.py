@@ -337,7 +337,7 @@ REACH_RECIPES = (
     _sb3(
         _THESIS_MULTI,
         name="sb3-multi-long",
-        summary="thesis-multi with stable-baselines3's PPO, 128 arms, 33 times as many steps: was time lacking?.",
+        summary="thesis-multi with stable-baselines3's PPO, 128 arms, 33 times as many steps: was time lacking?",
         steps=5_000_000,
         num_envs=128,
         n_steps=32,
