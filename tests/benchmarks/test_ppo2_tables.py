@@ -53,6 +53,19 @@ def test_the_published_table_is_that_of_the_file():
     assert len(seeds) >= 7
 
 
+def test_four_times_as_many_episodes_are_those_of_the_file():
+    found = rows("thesis-single", "long.csv")
+    page = PAGE.read_text(encoding="utf-8")
+    for published in (table, seed_by_seed):
+        assert published(found, SINGLE) in page
+    whole, alone = ([row for row in found if row["natural_arm"] == row["gripper"] == paid] for paid in (1, 0))
+    assert (len(whole), len(alone)) == (20, 5)
+    assert sorted(row["reached"] for row in whole)[14:] == [0, 0.4, 2.5, 4.7, 11.6, 21.1]
+    assert 1000 < min(row["reached_training"] for row in whole) < max(row["reached_training"] for row in whole) < 3710
+    assert [row["impossible"] for row in whole].count(100) == 1
+    assert 49 < min(row["distance_end"] for row in alone) < max(row["distance_end"] for row in alone) < 255
+
+
 def test_random_actions_are_those_of_the_file():
     found = rows("thesis-single", "random.csv")
     assert table(found, SINGLE) in PAGE.read_text(encoding="utf-8")
