@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 import re
 import shutil
+import signal
 import subprocess
 import sys
 from collections.abc import Callable
@@ -24,6 +25,9 @@ from kinreach.kinematics import UR5Kinematics
 
 BROWSERS = ("chromium", "chromium-browser", "google-chrome")
 HEADED = 2  # lines of a table before its first row
+
+# A shell's background job begins with Ctrl-C ignored, and so would every program that a test starts and interrupts.
+signal.signal(signal.SIGINT, signal.default_int_handler)
 
 # The same examples every time, on machines of any speed: what fails, a change has broken.
 settings.register_profile("kinreach", derandomize=True, deadline=None)

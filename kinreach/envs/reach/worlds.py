@@ -18,7 +18,7 @@ from kinreach.kinematics.tensors import as_device, on_device
 from kinreach.robots import ArmDescription
 from kinreach.sim.controller import MoveResult, MoveStatus
 from kinreach.sim.imperfections import IDEAL, Imperfections
-from kinreach.sim.simulation import ArmSimulation, BatchSimulation
+from kinreach.sim.simulation import WARP, ArmSimulation, BatchSimulation
 
 Ids = NDArray[np.intp]
 Flags = NDArray[np.bool_]
@@ -256,8 +256,9 @@ class BatchDynamicWorld:
         self.count = count
         self._device = None if device is None else as_device(device)
         self._kinematics = kinematics_of(arm, base="world")
+        simulated_on = device if backend == WARP else None  # else it is only where tensors are wanted
         self._batch = BatchSimulation(
-            arm, count, threads=threads, imperfections=imperfections, backend=backend, device=device
+            arm, count, threads=threads, imperfections=imperfections, backend=backend, device=simulated_on
         )
 
     def reset(self, ids: Ids, goals: Floats, q: Floats | None) -> None:
