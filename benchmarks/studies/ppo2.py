@@ -2,6 +2,7 @@
 
 python -m benchmarks.studies.ppo2 results/ppo2 --plan single multi        trains what is missing, prints the tables
 python -m benchmarks.studies.ppo2 results/ppo2 --plan single --csv FILE   writes a row for each training as well
+python -m benchmarks.studies.ppo2 results/ppo2 --plan multi-longest --figure FILE   draws how near they came
 
 A file for each cell and seed: `results/ppo2/PLAN/CELL/seed-K.json`, and the policy beside it.
 """
@@ -32,7 +33,8 @@ from kinreach.baselines.policies import save_policy
 from kinreach.baselines.rewards import own
 from kinreach.baselines.rollout import rollout_batch
 from kinreach.cli import Parser, finish
-from kinreach.files import make_writable, write_text
+from kinreach.files import make_writable, replacing, write_text
+from kinreach.plots.style import FAINT, PALETTE, key, new_figure, plain
 from kinreach.registration import MULTI, SINGLE
 from kinreach.robots import get_arm
 from kinreach.thesis.reward import REACHED_DISTANCE
@@ -492,6 +494,29 @@ def _paid(row: Mapping[str, float]) -> str:
     return " + ".join(["distance", *parts])
 
 
+def draw(runs: Path, name: str, file: Path) -> None:
+    """Distance from validation goals against steps, a line a cell: medians over the seeds, and their range."""
+    cells = PLANS[name].cells
+    differ = [flag for flag in FLAGS if len({getattr(cell, flag) for cell in cells}) > 1]
+    note = f"{PROG} RUNS --plan {name}; medians over the seeds, and their range"
+    figure, (axes,) = new_figure("How near the goal, against training", size=(7.2, 4.2), note=note)
+    for cell, colour in zip(cells, PALETTE, strict=False):
+        files = sorted((runs / name / cell.name).glob("seed-*.json"))
+        looks = np.array([json.loads(file.read_text(encoding="utf-8"))["looks"] for file in files])
+        steps, distances = looks[0, :, 0] / 1e6, looks[..., 1]
+        said = ", ".join(f"{_WORDS[flag][0]}: {_word(flag, getattr(cell, flag))}" for flag in differ)
+        axes.fill_between(steps, distances.min(axis=0), distances.max(axis=0), color=colour, alpha=0.15, linewidth=0)
+        axes.plot(steps, np.median(distances, axis=0), color=colour, marker="o", ms=4, lw=1.6, label=said or cell.name)
+    axes.axhline(1e3 * REACHED_DISTANCE, color=FAINT, lw=1.2, ls="--")
+    axes.set(yscale="log", xlabel="million steps")
+    axes.set_ylim(bottom=50 * REACHED_DISTANCE)  # below it is the legend
+    axes.yaxis.set_major_formatter(plain)
+    key(axes, "median distance of 100 goals [mm]; dashed: near enough to reach")
+    axes.legend(frameon=False, loc="lower left")
+    with replacing(file) as temporary:
+        figure.savefig(temporary, format="png")
+
+
 def main(argv: list[str] | None = None) -> int:
     """Train, measure, print."""
     parser = Parser(prog=PROG, description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
@@ -501,6 +526,9 @@ def main(argv: list[str] | None = None) -> int:
     parser.add_argument("--seeds", type=int, nargs="+", help="only these")
     parser.add_argument("--no-train", action="store_true", help="only say what there is")
     parser.add_argument("--csv", type=Path, help="write a row for each training of the last plan into this file")
+    parser.add_argument(
+        "--figure", type=Path, metavar="FILE", help="PNG file: how near the trainings of the last plan came"
+    )
     arguments = parser.parse_args(argv)
     torch.set_num_threads(1)
     for name in arguments.plan:
@@ -515,6 +543,8 @@ def main(argv: list[str] | None = None) -> int:
             environment = PLANS[name].stack.environment
             tables = (make(found, environment) for make in (table, deviations, seed_by_seed))
             print(*filter(None, (*tables, pooled(found))), sep="\n\n")
+            if arguments.figure is not None:
+                draw(arguments.runs, name, arguments.figure)
     return 0
 
 

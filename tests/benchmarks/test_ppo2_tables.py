@@ -245,7 +245,9 @@ def test_what_is_missing_is_trained_and_shown(tmp_path, monkeypatch, capsys):
     monkeypatch.setattr(ppo2, "PLANS", {"single": plan})
     monkeypatch.setattr(ppo2, "GOALS", 20)
     file = tmp_path / "rows.csv"
-    assert main([str(tmp_path), "--plan", "single", "--csv", str(file)]) == 0
+    figure = tmp_path / "figure.png"
+    assert main([str(tmp_path), "--plan", "single", "--csv", str(file), "--figure", str(figure)]) == 0
+    assert figure.read_bytes().startswith(b"\x89PNG")
     printed = capsys.readouterr().out
     assert table(ppo2.rows(tmp_path, "single"), SINGLE) in printed
     runs = sorted((tmp_path / "single" / FAITHFUL.name).glob("*.json"))
