@@ -214,6 +214,14 @@ def missed_by(error: Floats) -> Floats:
     return np.sqrt(np.maximum((error[:, :3] ** 2).sum(axis=1), (error[:, 3:] ** 2).sum(axis=1)))
 
 
+def _solved(A: Floats, b: Floats) -> Floats:
+    """Solutions of A x = b, shape (m, n, k); the smallest of those that come nearest where one A is singular."""
+    try:
+        return np.asarray(np.linalg.solve(A, b), dtype=np.float64)
+    except np.linalg.LinAlgError:
+        return np.asarray(np.linalg.pinv(A) @ b, dtype=np.float64)
+
+
 def newton(chain: Chain, q: Floats, T: Floats, *, steps: int = FEW) -> tuple[Floats, Floats]:
     """Newton's method from postures (m, 6) to poses (m, 4, 4); the results, and how far they miss (m,)."""
     results, off, rows = q.copy(), np.empty(len(q)), np.arange(len(q))
@@ -224,7 +232,7 @@ def newton(chain: Chain, q: Floats, T: Floats, *, steps: int = FEW) -> tuple[Flo
         if not (left and len(going)):
             break
         q, T, rows, J, error = q[going], T[going], rows[going], J[going], error[going]
-        step = np.linalg.solve(J + NUDGE * np.eye(6), error[:, :, None])[:, :, 0]
+        step = _solved(J + NUDGE * np.eye(6), error[:, :, None])[:, :, 0]
         q = q + step * np.minimum(1.0, LONGEST / np.maximum(np.abs(step).max(axis=1), LONGEST))[:, None]
     return results, off
 
@@ -450,7 +458,7 @@ class General6R:
         """Eigenvalues x of (B - C) x^2 + 2 S x + B + C that may be real, by the companion matrix."""
         rest, known = self._bases[unknown]
         regular = B - C + NUDGE * np.eye(12)
-        image = -np.linalg.solve(regular, np.concatenate([B + C, 2.0 * S], axis=2) @ rest)
+        image = -_solved(regular, np.concatenate([B + C, 2.0 * S], axis=2) @ rest)
         values, vectors = np.linalg.eig(rest[:12].T @ rest[12:] + rest[12:].T @ image)
         pose, which = _nearly_real(values)
         value, vector = values[pose, which], vectors[pose, :, which]
@@ -493,7 +501,7 @@ class General6R:
         angles[:, :, 1], angles[:, :, 2] = np.cos(q[:, 1:4]), np.sin(q[:, 1:4])
         products = np.einsum("ma,mb,mc->mabc", angles[:, 0], angles[:, 1], angles[:, 2]).reshape(count, 27)
         right = (products @ self._near.T)[:, :, None] - far[:, :, :1]
-        found = np.linalg.solve(triangle[:, :8], base[:, :, :8].transpose(0, 2, 1) @ right)[:, :, 0]
+        found = _solved(triangle[:, :8], base[:, :, :8].transpose(0, 2, 1) @ right)[:, :, 0]
         q[:, 0], q[:, 5] = np.arctan2(found[:, 5], found[:, 2]), np.arctan2(found[:, 1], found[:, 0])
         frame = np.broadcast_to(A[0], (count, 4, 4))
         for joint in range(4):

@@ -145,6 +145,25 @@ def test_an_arm_with_a_flange_that_is_no_ur_is_taken_without_a_warning(tmp_path)
     assert apart(q, kin.all_solutions(kin.fk(q)).q) < 1e-6
 
 
+def test_a_jacobian_without_an_inverse_is_no_error(tmp_path):
+    """A wrist of three axes that meet, straight, and a straight elbow: two joints turn about one line."""
+    text = urdf(["0 0 1", "0 1 0", "0 1 0", "0 0 1", "0 1 0", "0 0 1"])
+    for origin in ("0 0 0.1", "0 0 0.2", "0 0 0.4", "0.05 0 0.18", "0 0 0.16", "0 0 0"):
+        text = text.replace("0.3 0 0.1", origin, 1)
+    tip = '<joint name="end" type="fixed"><parent link="l6"/><child link="l7"/><origin xyz="0 0 0.1"/></joint></robot>'
+    file = tmp_path / "arm.urdf"
+    file.write_text(text.replace("</robot>", f'<link name="l7"/>{tip}'))
+    kin = kinematics_of(ArmDescription.from_urdf(file))
+    assert type(kin) is SixAxisKinematics
+    rng, found = np.random.default_rng(3), 0
+    singular = [-2.1485816885391875, -1.097370350886088, 0, 2.1815157163548045, 0, -1.39991686688939]
+    for q in [singular, *(random_postures(kin, 40, 0) * [1, 1, 0, 1, 0, 1] + 1e-9 * rng.normal(size=(40, 6)))]:
+        for other in kin.all_solutions(kin.fk(q)).q:
+            np.testing.assert_allclose(kin.fk(other), kin.fk(q), atol=1e-7)
+            found += 1
+    assert found >= 41
+
+
 def test_axes_that_it_cannot_solve_are_named(tmp_path):
     """Six parallel axes move in a plane: a pose has a family of postures or none."""
     file = tmp_path / "plane.urdf"
