@@ -261,7 +261,7 @@ UR5_TASK = Task(
     arm_methods={"panda": {"ranked-single": policy_method("panda-single", SINGLE, colour="#00674C")}},
     columns=COLUMNS,
     figures=FIGURES,
-    reached="d < 10 mm and r_e < 0.15",
+    reached="d < 10 mm and, of UR arms, r_e < 0.15",
     terms={
         "goal": "ball's centre in the world, uniform on the table area, one height; tcp there, z axis down, free "
         "about it",
