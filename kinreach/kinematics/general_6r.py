@@ -351,7 +351,7 @@ class General6R:
             more, miss_by = newton(self.chain, others, T[row, None].repeat(len(others), axis=0), steps=2 * FEW)
             kept = np.vstack([kept, wrapped(more[miss_by < EXACT])])
             kept = self._distinct(kept, T[row])
-            if (not len(kept) and len(angles)) or _in_doubt(len(kept), angles, complexity):
+            if not len(kept) or _in_doubt(len(kept), angles, complexity):
                 kept = self._thoroughly(T[row], kept, tol)
             found.append(kept)
         return found

@@ -145,16 +145,32 @@ def test_an_arm_with_a_flange_that_is_no_ur_is_taken_without_a_warning(tmp_path)
     assert apart(q, kin.all_solutions(kin.fk(q)).q) < 1e-6
 
 
-def test_a_jacobian_without_an_inverse_is_no_error(tmp_path):
-    """A wrist of three axes that meet, straight, and a straight elbow: two joints turn about one line."""
+def wristed(file, shoulder, elbow):
+    """An arm with two parallel axes, a wrist of three that meet, and what its shoulder and its elbow are off [m]."""
     text = urdf(["0 0 1", "0 1 0", "0 1 0", "0 0 1", "0 1 0", "0 0 1"])
-    for origin in ("0 0 0.1", "0 0 0.2", "0 0 0.4", "0.05 0 0.18", "0 0 0.16", "0 0 0"):
+    for origin in ("0 0 0.1", f"{shoulder} 0 0.2", "0 0 0.4", f"{elbow} 0 0.18", "0 0 0.16", "0 0 0"):
         text = text.replace("0.3 0 0.1", origin, 1)
     tip = '<joint name="end" type="fixed"><parent link="l6"/><child link="l7"/><origin xyz="0 0 0.1"/></joint></robot>'
-    file = tmp_path / "arm.urdf"
     file.write_text(text.replace("</robot>", f'<link name="l7"/>{tip}'))
     kin = kinematics_of(ArmDescription.from_urdf(file))
     assert type(kin) is SixAxisKinematics
+    return kin
+
+
+def test_upright_postures_are_in_reach(tmp_path):
+    """Where the shoulder, the elbow and the wrist are straight, elimination alone says that no posture is."""
+    kin, solved = wristed(tmp_path / "arm.urdf", 0.05, 0), 0
+    for q in random_postures(kin, 60, 0) * [1, 0, 0, 1, 0, 1]:
+        found = kin.all_solutions(kin.fk(q)).q
+        solved += len(found) > 0
+        for other in found:
+            np.testing.assert_allclose(kin.fk(other), kin.fk(q), atol=1e-7)
+    assert solved == 60
+
+
+def test_a_jacobian_without_an_inverse_is_no_error(tmp_path):
+    """A straight wrist and a straight elbow: two joints turn about one line."""
+    kin = wristed(tmp_path / "arm.urdf", 0, 0.05)
     rng, found = np.random.default_rng(3), 0
     singular = [-2.1485816885391875, -1.097370350886088, 0, 2.1815157163548045, 0, -1.39991686688939]
     for q in [singular, *(random_postures(kin, 40, 0) * [1, 1, 0, 1, 0, 1] + 1e-9 * rng.normal(size=(40, 6)))]:
