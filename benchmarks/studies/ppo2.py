@@ -502,6 +502,8 @@ def draw(runs: Path, name: str, file: Path) -> None:
     figure, (axes,) = new_figure("How near the goal, against training", size=(7.2, 4.2), note=note)
     for cell, colour in zip(cells, PALETTE, strict=False):
         files = sorted((runs / name / cell.name).glob("seed-*.json"))
+        if not files:
+            continue
         looks = np.array([json.loads(file.read_text(encoding="utf-8"))["looks"] for file in files])
         steps, distances = looks[0, :, 0] / 1e6, looks[..., 1]
         said = ", ".join(f"{_WORDS[flag][0]}: {_word(flag, getattr(cell, flag))}" for flag in differ)

@@ -255,6 +255,12 @@ def test_what_is_missing_is_trained_and_shown(tmp_path, monkeypatch, capsys):
     cards = [load_policy(run.with_suffix(".safetensors")).card for run in runs]
     assert [(card.environment, card.seed, card.steps) for card in cards] == [(SINGLE, 0, 512), (SINGLE, 1, 512)]
     assert len(read_curve(file)["seed"]) == 2
+    more = replace(plan, cells=[FAITHFUL, replace(FAITHFUL, raw=False)])
+    monkeypatch.setattr(ppo2, "PLANS", {"single": more})
+    figure.unlink()
+    assert main([str(tmp_path), "--plan", "single", "--no-train", "--figure", str(figure)]) == 0
+    assert figure.exists()  # of what was trained
+    monkeypatch.setattr(ppo2, "PLANS", {"single": plan})
     before = [run.stat().st_mtime_ns for run in runs]
     assert main([str(tmp_path), "--plan", "single"]) == 0
     assert [run.stat().st_mtime_ns for run in runs] == before
