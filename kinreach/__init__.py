@@ -19,12 +19,10 @@ Units are metres, radians and seconds; z is up. `import kinreach` makes the envi
 no engine.
 """
 
-from kinreach import _moved
 from kinreach.registration import register_environments
 
 __version__ = "0.2.0"
 
 __all__ = ["__version__"]
 
-_moved.install()
 register_environments()

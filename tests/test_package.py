@@ -31,7 +31,7 @@ ROOMS["demo"] = {"compare", *ROOMS["compare"]}
 ROOMS["view"] = {"demo", *ROOMS["demo"]}
 #: Modules that every room may import, and that import none: but for the command line, which loads jobs by their names.
 FOUNDATION = {
-    "_moved", "checks", "cli", "engines", "errors", "files", "jobs", "objects", "provenance", "registration",
+    "checks", "cli", "engines", "errors", "files", "jobs", "objects", "provenance", "registration",
     "statistics", "summary",
 }  # fmt: skip
 ENGINES = ("pinocchio", "coal", "placo", "mujoco", "torch", "stable_baselines3", "cv2", "matplotlib")

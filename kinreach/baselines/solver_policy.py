@@ -11,11 +11,10 @@ import gymnasium as gym
 import numpy as np
 
 from kinreach.baselines.rollout import Policy
-from kinreach.checks import Floats, check_known, shown
+from kinreach.checks import Floats, shown
 from kinreach.errors import InputError
 from kinreach.kinematics import ArmKinematics, IKResult
-from kinreach.kinematics.solvers import ClosedFormSolver, Solver
-from kinreach.registration import MULTI, SINGLE
+from kinreach.kinematics.solvers import Solver
 
 
 class SolverPolicy:
@@ -81,30 +80,6 @@ class SolverPolicy:
         }
         self.reason = result.reason
         return result.q if result.success else None
-
-
-class AnalyticReachPolicy(SolverPolicy):
-    """The closed form on the UR5, for whichever environment of the variant it is asked in.
-
-    Args:
-        variant: `"single"` or `"multi"`: what an action means.
-
-    Raises:
-        UnknownNameError: An unknown variant.
-    """
-
-    def __init__(self, variant: str) -> None:
-        ids = {"single": SINGLE, "multi": MULTI}
-        check_known("variant", variant, ids)
-        env: Any = gym.make(ids[variant], backend="kinematic", disable_env_checker=True)
-        super().__init__(ClosedFormSolver(env.unwrapped.kinematics), env)
-
-    def act(self, observation: Any) -> Any:
-        """The action from the observed posture; None as in `SolverPolicy`."""
-        limits = self._env.kinematics
-        q = np.asarray(observation)[-1 - limits.n : -1]  # before the gripper's opening
-        self._env.reset(options={"q": np.clip(q, limits.lower, limits.upper)})  # which has an arm of its own
-        return super().act(observation)
 
 
 def _check_solver(solver: Any, wanted: ArmKinematics) -> None:

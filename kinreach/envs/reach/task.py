@@ -222,11 +222,10 @@ class Layout(NamedTuple):
         return self.gripper + 1
 
 
-#: The UR5's: goal in both cameras (6), joint angles (6), gripper opening (1), and the bound of the angles [rad].
+#: The UR5's: goal in both cameras (6), joint angles (6), gripper opening (1).
 JOINTS = 6
-GOAL, _, ANGLES, GRIPPER = UR5_LAYOUT = Layout.of(goal=6, joints=JOINTS)
-OBSERVATIONS = UR5_LAYOUT.size
-JOINT_BOUND = math.pi + BEYOND_LIMIT
+UR5_LAYOUT = Layout.of(goal=6, joints=JOINTS)
+GOAL = UR5_LAYOUT.goal
 
 
 def layout_of(arm: ArmDescription, *, directed: bool = False) -> Layout:
