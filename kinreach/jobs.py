@@ -31,13 +31,9 @@ ENGINES = (SERIAL, RAY)
 #: How often Ray runs a task again whose worker or node died.
 RETRIES = 3
 #: What is cut into jobs is cut into no more: Ray keeps a record of each.
-MOST_JOBS = 10_000
+MAX_JOBS = 10_000
 #: How long the head of a cluster may take to accept a connection [s].
-PATIENCE = 5.0
-#: What a client of HTTP/2 says first (RFC 9113, 3.4), with an empty frame of settings; and the type of that frame, with
-#: which a server answers.
-_SETTINGS = b"\x04"
-_PREFACE = b"PRI * HTTP/2.0\r\n\r\nSM\r\n\r\n" + bytes(3) + _SETTINGS + bytes(5)
+CONNECTION_TIMEOUT = 5.0
 #: That a job's values depend on, beside what every result says of its versions.
 _LEARNING = ("torch", "stable-baselines3")
 
@@ -95,8 +91,8 @@ class Ray:
         self._ray = ray
 
     def split(self, parts: Sequence[Part], least: int) -> list[Sequence[Part]]:
-        """Jobs of `least` parts, or of more where they would be more than `MOST_JOBS`."""
-        size = max(least, math.ceil(len(parts) / MOST_JOBS))
+        """Jobs of `least` parts, or of more where they would be more than `MAX_JOBS`."""
+        size = max(least, math.ceil(len(parts) / MAX_JOBS))
         return [parts[first : first + size] for first in range(0, len(parts), size)]
 
     def map(
@@ -180,7 +176,7 @@ def open_engine(name: str = SERIAL, address: str | None = None) -> Iterator[Engi
         yield Ray(ray)
         return
     if address is not None:
-        _knock(address)
+        _check_address(address)
     try:
         ray.init(address=address or "local", include_dashboard=None if address else False, log_to_driver=False,
                  logging_level="ERROR")  # fmt: skip
@@ -193,12 +189,12 @@ def open_engine(name: str = SERIAL, address: str | None = None) -> Iterator[Engi
         ray.shutdown()
 
 
-def _knock(address: str) -> None:
-    """See whether what listens where a cluster should speaks HTTP/2, as gRPC does: Ray itself would try for minutes.
+def _check_address(address: str) -> None:
+    """Check that something accepts connections where a cluster should: Ray itself would try for minutes.
 
     Raises:
-        InputError: It is no address.
-        ClusterError: Nothing does.
+        InputError: The address is malformed.
+        ClusterError: Nothing accepts a connection.
     """
     if address == "auto":
         return
@@ -206,18 +202,12 @@ def _knock(address: str) -> None:
     if not host or "/" in host or not port.isdecimal() or int(port) >= 2**16:
         raise InputError(f"the address of a Ray cluster is host:port, such as 10.0.0.1:6379, or auto; got {address!r}")
     try:
-        with socket.create_connection((host.strip("[]"), int(port)), PATIENCE) as connection:
-            if os.environ.get("RAY_USE_TLS", "0") != "0":
-                return
-            connection.sendall(_PREFACE)
-            answer = connection.recv(9)
-        reason = "" if answer[3:4] == _SETTINGS else "something else does"
+        socket.create_connection((host.strip("[]"), int(port)), CONNECTION_TIMEOUT).close()
     except OSError as error:
-        reason = error.strerror or str(error) or type(error).__name__
-    if reason:
         raise ClusterError(
-            f"no Ray cluster answers at {address} ({reason}): check the address, and that `ray start --head` runs there"
-        )
+            f"no Ray cluster answers at {address} ({error.strerror or error}): check the address, and that "
+            "`ray start --head` runs there"
+        ) from error
 
 
 def add_options(parser: argparse.ArgumentParser) -> None:

@@ -4,10 +4,8 @@ import csv
 import json
 import os
 import signal
-import socket
 import subprocess
 import sys
-import threading
 import time
 from itertools import count
 
@@ -72,7 +70,7 @@ class TestRayTask:
     def test_parts_are_cut_into_jobs(self, total, least, sizes):
         cut = jobs.Ray(None).split(range(total), least)
         assert [part for job in cut for part in job] == list(range(total))
-        assert len(cut) <= jobs.MOST_JOBS
+        assert len(cut) <= jobs.MAX_JOBS
         assert all(len(job) >= least for job in cut[:-1])
         assert sizes is None or [len(job) for job in cut] == sizes
 
@@ -87,21 +85,6 @@ class TestRayTask:
             next(jobs._values((thrice, others, 1), 1))
 
 
-def listens(answer):
-    """A server that says something to whoever connects; its address."""
-    server = socket.create_server(("127.0.0.1", 0))
-
-    def serve():
-        connection, _ = server.accept()
-        with connection, server:
-            connection.sendall(answer)
-            connection.recv(100)
-            time.sleep(0.1)
-
-    threading.Thread(target=serve, daemon=True).start()
-    return f"127.0.0.1:{server.getsockname()[1]}"
-
-
 class TestBadInput:
     @pytest.mark.parametrize(
         "address", ["nonsense", "10.0.0.1", ":6379", "10.0.0.1:x", "ray://10.0.0.1:10001", "h:70000"]
@@ -110,20 +93,11 @@ class TestBadInput:
         with pytest.raises(InputError, match="is host:port, such as"), open_engine("ray", address):
             pytest.fail("it is there")
 
-    def test_nobody_answers(self, monkeypatch):
+    def test_nobody_answers(self):
         with (
             pytest.raises(ClusterError, match=r"answers at 127\.0\.0\.1:1 \(Connection refused\)"),
             open_engine("ray", "127.0.0.1:1"),
         ):
-            pytest.fail("it is there")
-        monkeypatch.setattr(jobs, "PATIENCE", 0.2)
-        with socket.create_server(("127.0.0.1", 0)) as silent:
-            address = f"127.0.0.1:{silent.getsockname()[1]}"
-            with pytest.raises(ClusterError, match="timed out"), open_engine("ray", address):
-                pytest.fail("it is there")
-
-    def test_somebody_else_answers(self):
-        with pytest.raises(ClusterError, match="something else does"), open_engine("ray", listens(b"HTTP/1.1 400 no")):
             pytest.fail("it is there")
 
     def test_engines_that_there_are_not(self):
