@@ -21,6 +21,14 @@ class UnknownNameError(InputError):
     """A name that is not registered; the message lists the available ones."""
 
 
+class MethodError(InputError):
+    """A solver or policy of the user's own failed; the message names it, the goal, and what it raised."""
+
+
+class OtherResultsError(InputError):
+    """A folder holds the finished results of another comparison."""
+
+
 class UnknownOptionError(UnknownNameError, TypeError):
     """A keyword that an environment does not take; a `TypeError` too, which is what Python and its libraries expect."""
 

@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import argparse
-from collections.abc import Callable, Sequence
+import re
+from collections.abc import Callable, Iterator, Sequence
+from itertools import count
 from pathlib import Path
 from shlex import quote
 from textwrap import fill
@@ -16,14 +18,17 @@ from kinreach.checks import check_path
 from kinreach.cli import Parser
 from kinreach.compare.runner import CAMERA, DEFAULT_GOALS, GEOMETRIC, compare, notes
 from kinreach.compare.task import Task, get_task, register_task, task_names
-from kinreach.errors import InputError
+from kinreach.errors import InputError, OtherResultsError
 from kinreach.jobs import add_options
 from kinreach.objects import load_object
+from kinreach.provenance import digest
 from kinreach.robots import arm_named, arm_names, as_arm
 from kinreach.summary import tables
 
 #: Width that the tables for people fit into [characters].
 TABLE_WIDTH = 100
+#: Longest setting that is part of the default folder's name as it is [characters].
+LONGEST_PART = 40
 #: Options of the environments that have an argument of their own: name -> how it is said, and what it is.
 OPTIONS: dict[str, dict[str, Any]] = {
     "pipeline": {"help": "how cameras find the ball: hybrid or thesis (default: hybrid)"},
@@ -63,15 +68,13 @@ def main(argv: Sequence[str], *, prog: str) -> int:
     task = _task(arguments.task)
     methods = [name.strip() for name in arguments.methods.split(",")] if arguments.methods is not None else []
     said = {name: getattr(arguments, name) for name in OPTIONS if getattr(arguments, name) is not None}
-    suffix = "-camera" if arguments.observation == CAMERA else ""
     arm = arguments.arm if arguments.arm in (None, *arm_names()) else arm_named(arguments.arm)
-    suffix = f"-{as_arm(arm).name}{suffix}" if arm is not None else suffix
-    default = Path("results") / f"compare-{task.name}{suffix}"
-    out = default if arguments.out is None else check_path("--out", arguments.out)
-    results = _measure(
+    own = None if arguments.out is None else check_path("--out", arguments.out)
+    default = Path("results") / _default_folder(task.name, "" if arm is None else as_arm(arm).name, arguments, said)
+    out, results = _measure(
         task,
         methods,
-        out,
+        iter([own]) if own is not None else _numbered(default),
         goals=arguments.goals,
         seed=arguments.seed,
         arm=arm,
@@ -80,7 +83,7 @@ def main(argv: Sequence[str], *, prog: str) -> int:
         fresh=arguments.fresh,
         engine=arguments.engine,
         address=arguments.address,
-        command=_again(prog, arguments, said, out if arguments.out is not None else None),
+        command=_again(prog, arguments, said, own),
     )
     console = Console(width=TABLE_WIDTH, highlight=False, markup=False, emoji=False)
     for table in tables(task.columns, results["methods"], title=results["settings"]["title"], width=TABLE_WIDTH):
@@ -111,8 +114,45 @@ def _task(name: str) -> Task:
     return register_task(task) if task.name in known or task.name not in task_names() else get_task(task.name)
 
 
-def _measure(task: Task, methods: Sequence[str], out: Path, **arguments: Any) -> dict[str, Any]:
-    """Compare under a progress bar; Ctrl-C becomes a line that says what was kept."""
+def _default_folder(task: str, arm: str, arguments: argparse.Namespace, said: dict[str, Any]) -> str:
+    """Name of the folder for results: the task, and every setting that is not the default.
+
+    Text that is too long, or that no folder is named by, is replaced by a digest of it.
+    """
+    methods = "" if arguments.methods is None else arguments.methods.replace(" ", "")
+    parts = [arm, "camera" if arguments.observation == CAMERA else "", methods]
+    parts += [f"goals{arguments.goals}"] if arguments.goals != DEFAULT_GOALS else []
+    parts += [f"seed{arguments.seed}"] if arguments.seed != 0 else []
+    parts += [f"{name}{value}" for name, value in said.items()]
+    short = []
+    for part in filter(None, parts):
+        text = part.replace(",", "+")
+        plain = len(text) <= LONGEST_PART and re.fullmatch(r"[\w.+-]+", text, re.ASCII)
+        short.append(text if plain else digest(text.encode())[:8])
+    return "-".join([f"compare-{task}", *short])
+
+
+def _numbered(folder: Path) -> Iterator[Path]:
+    """A folder, then the same with a number."""
+    yield folder
+    yield from (Path(f"{folder}-{number}") for number in count(2))
+
+
+def _measure(
+    task: Task, methods: Sequence[str], folders: Iterator[Path], **arguments: Any
+) -> tuple[Path, dict[str, Any]]:
+    """Compare under a progress bar; Ctrl-C becomes a line that says what was kept.
+
+    Args:
+        task: As in `compare`.
+        methods: As in `compare`.
+        folders: The results go into the first one that does not hold those of another comparison.
+        **arguments: Of `compare`.
+
+    Returns:
+        The folder, and what `compare` returns.
+    """
+    out = next(folders)
     columns = (TextColumn("comparing"), BarColumn(), MofNCompleteColumn(), TimeElapsedColumn(), TimeRemainingColumn())
     errors = Console(stderr=True)
     # Drawn between trials, not by a thread of its own that would run into the decisions that are timed.
@@ -126,7 +166,14 @@ def _measure(task: Task, methods: Sequence[str], out: Path, **arguments: Any) ->
             bar.update(shown, completed=done, total=total, refresh=True)
 
         try:
-            return compare(task, methods, out=out, progress=show, **arguments)
+            while True:
+                try:
+                    return out, compare(task, methods, out=out, progress=show, **arguments)
+                except OtherResultsError:
+                    following = next(folders, None)
+                    if following is None:
+                        raise
+                    out = following
         except KeyboardInterrupt:
             kept = f"{bar.tasks[shown].completed:.0f} finished trials are kept in {out}"
             raise KeyboardInterrupt(f"interrupted; {kept}; the same command goes on from there") from None
@@ -202,7 +249,12 @@ def _parser(prog: str) -> Parser:
         help="what methods are told: the true goal (geometric), or what the cameras saw (camera: --task ur5 or space, "
         "needs OpenGL) (default: %(default)s)",
     )
-    parser.add_argument("--out", metavar="DIR", help="where results go (default: results/compare-TASK[-ARM][-camera])")
+    parser.add_argument(
+        "--out",
+        metavar="DIR",
+        help="where results go (default: results/compare-TASK, and the settings that are not the default, such as "
+        "results/compare-ur5-lm-goals20)",
+    )
     parser.add_argument(
         "--fresh",
         action="store_true",

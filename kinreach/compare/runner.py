@@ -9,9 +9,10 @@ from __future__ import annotations
 import json
 import math
 import os
+import traceback
 from collections import Counter
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from contextlib import ExitStack, suppress
+from contextlib import ExitStack, contextmanager, suppress
 from dataclasses import dataclass, field, replace
 from functools import partial
 from pathlib import Path
@@ -20,6 +21,7 @@ from typing import Any
 import gymnasium as gym
 import numpy as np
 
+import kinreach
 from kinreach import provenance, statistics
 from kinreach.baselines.rollout import Policy, as_policy, rollout
 from kinreach.checks import check_count, check_known, check_path, shown
@@ -28,7 +30,7 @@ from kinreach.compare.methods import colours, resolve_methods
 from kinreach.compare.task import GIVEN, SOLVER, Method, Task, arm_in, arm_version, get_task
 from kinreach.envs.reach.reachable_goals import with_goals
 from kinreach.envs.reach.task import layout_of
-from kinreach.errors import InputError, InstallationError, OutputError
+from kinreach.errors import InputError, InstallationError, KinreachError, MethodError, OtherResultsError, OutputError
 from kinreach.files import locked, make_writable, write_text
 from kinreach.jobs import SERIAL, Engine, Serial, open_engine
 from kinreach.robots import ArmDescription, as_arm
@@ -230,6 +232,8 @@ def prepare(
                 environments.policy(method)
             except (InstallationError, InputError) as error:
                 if methods:
+                    if isinstance(error, MethodError):
+                        raise MethodError(f"method {name!r} cannot be made: {error}") from error.__cause__
                     raise
                 left_out[name] = str(error)
                 del resolved[name]
@@ -287,11 +291,11 @@ def play(comparison: Comparison, goals: Sequence[tuple[int, Mapping[str, Any], S
             name: (environments.of(method), environments.policy(method)) for name, method in comparison.methods.items()
         }
         shared = task.options.get("observation") == CAMERA
-        for reset in _resets(task, WARM_UP_GOALS, WARM_UP_SEED, environments.default):
-            for _ in _one_goal(players, list(players), reset, shared=shared):
+        for index, reset in enumerate(_resets(task, WARM_UP_GOALS, WARM_UP_SEED, environments.default)):
+            for _ in _one_goal(players, list(players), reset, f"warm-up goal {index}", shared=shared):
                 pass
         for index, reset, pending in goals:
-            for name, trial in _one_goal(players, pending, reset, shared=shared):
+            for name, trial in _one_goal(players, pending, reset, f"goal {index}", shared=shared):
                 yield {"goal_index": index, "method": name, **trial}
 
 
@@ -308,6 +312,7 @@ def _one_goal(
     players: Mapping[str, tuple[gym.Env[Any, Any], Policy]],
     names: Sequence[str],
     reset: Mapping[str, Any],
+    goal: str,
     *,
     shared: bool,
 ) -> Iterator[tuple[str, Trial]]:
@@ -315,16 +320,47 @@ def _one_goal(
 
     Each decides once untimed before its episode: the simulation of the one before has left nothing of it in the
     processor's caches, which would double the time of a short decision.
+
+    Raises:
+        MethodError: A method raised; `goal` is what the message calls the goal.
     """
     for name in names:
         env, policy = players[name]
-        observation, info = env.reset(**reset)
-        policy.reset(observation, info)
-        policy.act(observation)
-        if shared:
-            reset = {**reset, "options": {**reset.get("options", {}), "view": info["view"]}}
-        (trial,) = rollout(env, policy, [reset])
+        with _naming(f"method {name!r} failed on {goal}"):
+            observation, info = env.reset(**reset)
+            policy.reset(observation, info)
+            policy.act(observation)
+            if shared:
+                reset = {**reset, "options": {**reset.get("options", {}), "view": info["view"]}}
+            (trial,) = rollout(env, policy, [reset])
         yield name, trial
+
+
+@contextmanager
+def _naming(what: str) -> Iterator[None]:
+    """Say which method failed where, with the error's type, text and place in the user's file.
+
+    Raises:
+        MethodError: Its cause is what the block raised.
+    """
+    try:
+        yield
+    except InputError as error:
+        raise MethodError(f"{what}: {error}") from error
+    except KinreachError:  # not the method's: cameras that cannot draw, a package that is missing
+        raise
+    except Exception as error:
+        raise MethodError(f"{what}: {type(error).__name__}: {error}{_place_of(error)}") from error
+
+
+def _place_of(error: Exception) -> str:
+    """File and line in the user's own code where an error comes from, as far as there is such code."""
+    package = str(Path(kinreach.__file__).parent)
+    frames = traceback.extract_tb(error.__traceback__)
+    own = [
+        frame for frame in frames if "site-packages" not in frame.filename and not frame.filename.startswith(package)
+    ]
+    return f" ({Path(own[-1].filename).name}, line {own[-1].lineno})" if own else ""
 
 
 class _Environments:
@@ -344,8 +380,18 @@ class _Environments:
         return self._get(method.environment or self._task.environment)
 
     def policy(self, method: Method) -> Policy:
-        """A method's policy."""
-        return as_policy(method.make(self.of(method)))
+        """A method's policy.
+
+        Raises:
+            MethodError: The user's own class cannot be made.
+        """
+        env = self.of(method)
+        try:
+            return as_policy(method.make(env))
+        except KinreachError:
+            raise
+        except Exception as error:
+            raise MethodError(f"{type(error).__name__}: {error}{_place_of(error)}") from error
 
     def _get(self, name: str) -> gym.Env[Any, Any]:
         if name not in self._made:
@@ -426,12 +472,18 @@ def _compare_on_disk(
         _refuse_other_results(out, comparison)
     identity = {
         "settings": comparison.settings(),
-        "versions": _versions(comparison),
+        "versions": _versions(comparison, methods=False),
+        "methods": {name: dict(method.versions) for name, method in comparison.methods.items()},
         "machine": dict(machine),
     }
     records = Records(out / RECORDS, identity, comparison, fresh=fresh)
-    for trial in run_trials(comparison, engine, done=tuple(records.trials), progress=progress):
-        records.add(trial)
+    try:
+        for trial in run_trials(comparison, engine, done=tuple(records.trials), progress=progress):
+            records.add(trial)
+    except MethodError as error:
+        if not records.trials:
+            raise
+        raise MethodError(f"{error}; {len(records.trials)} finished trials are kept in {out}") from error.__cause__
     order = list(comparison.methods)
     trials = sorted(records.trials, key=lambda trial: (trial["goal_index"], order.index(trial["method"])))
     results = results_of(comparison, trials, machine)
@@ -447,7 +499,8 @@ class Records:
     """The finished trials of one comparison, one line of JSON each, appended as they come.
 
     The first line is the identity of the comparison: settings, versions, code and machine. Trials of another identity
-    are not mixed in: the comparison starts over, as it does where the file cannot be read.
+    are not mixed in: the comparison starts over, as it does where the file cannot be read. Where only the file of a
+    method is another one, the trials of the other methods stay.
 
     Args:
         path: The file.
@@ -494,8 +547,12 @@ class Records:
 def _kept(path: Path, identity: Mapping[str, Any], comparison: Comparison) -> Iterator[Trial]:
     """Trials of this identity, each once, up to the first line that is not whole or not one of them."""
     seen = set()
+    wanted = json.loads(json.dumps(identity))
+    made_of = wanted.pop("methods", {})
     with suppress(OSError, ValueError, KeyError, TypeError, RecursionError), path.open(encoding="utf-8") as file:
-        if json.loads(file.readline()) != json.loads(json.dumps(identity)):
+        found = json.loads(file.readline())
+        was_made_of = found.pop("methods", {})
+        if found != wanted:
             return
         for line in file:
             trial = json.loads(line)
@@ -504,32 +561,52 @@ def _kept(path: Path, identity: Mapping[str, Any], comparison: Comparison) -> It
                 return
             comparison.task.columns[0].of(trial)
             seen.add(which)
-            yield trial
+            if was_made_of.get(which[1]) == made_of.get(which[1]):
+                yield trial
 
 
 def _refuse_other_results(out: Path, comparison: Comparison) -> None:
-    """Do not write over the finished results of another comparison without a word."""
-    path, wanted = out / RESULTS, json.loads(json.dumps(comparison.settings()))
+    """Do not write over the finished results of another comparison without a word.
+
+    Raises:
+        OtherResultsError: There are some; the message says how they differ.
+    """
+    path = out / RESULTS
     if not path.exists():
         return
     try:
-        found = json.loads(path.read_text(encoding="utf-8"))["settings"]
-        differ = [name for name, value in wanted.items() if name not in found or found[name] != value]
-    except (OSError, ValueError, KeyError, TypeError):
-        differ = ["all that a comparison writes down"]
-    if differ:
-        raise InputError(
-            f"{out} holds the results of another comparison ({', '.join(differ)} differ); "
+        found = json.loads(path.read_text(encoding="utf-8"))
+        differences = _differences(found["settings"], found["versions"], comparison)
+    except (OSError, ValueError, KeyError, TypeError, AttributeError):
+        differences = "it was not written by a comparison"
+    if differences:
+        raise OtherResultsError(
+            f"{out} holds the results of another comparison ({differences}); "
             "choose another directory, or overwrite it with --fresh (fresh=True)"
         )
 
 
-def _versions(comparison: Comparison) -> dict[str, Any]:
+def _differences(settings: Mapping[str, Any], versions: Mapping[str, Any], comparison: Comparison) -> str:
+    """How results differ from what a comparison will write, in words; empty where they do not.
+
+    A solver or a URDF may be edited between two runs; files of other names are other methods, though.
+    """
+    wanted = json.loads(json.dumps(comparison.settings()))
+    found = [
+        f"{name} {shown(settings.get(name))}, not {shown(value)}"
+        for name, value in wanted.items()
+        if name not in settings or settings[name] != value
+    ]
+    files = [name for method in comparison.methods.values() for name in method.versions if name not in versions]
+    return "; ".join([*found, *(f"without {name}" for name in files)])
+
+
+def _versions(comparison: Comparison, *, methods: bool = True) -> dict[str, Any]:
     found: dict[str, Any] = provenance.versions()
     if (arm := comparison.task.options.get("arm")) is not None:
         found |= arm_version(as_arm(arm))
     found |= {f"file {path}": provenance.digest(path.read_bytes()) for path in _files(comparison.task.options)}
-    for method in comparison.methods.values():
+    for method in comparison.methods.values() if methods else ():
         found |= method.versions
     return found
 

@@ -11,6 +11,8 @@ import time
 import pytest
 
 from kinreach import cli
+from kinreach.baselines.policies import load_policy, save_policy
+from kinreach.compare import runner
 from kinreach.compare.runner import RECORDS
 
 
@@ -79,6 +81,147 @@ def test_results_of_another_comparison_stay(tmp_path, capsys):
     assert call("--methods", "closed-form", "--goals", "2", "--out", str(tmp_path)) == cli.EXIT_ERROR
     assert "--fresh" in capsys.readouterr().err
     assert call("--methods", "closed-form", "--goals", "2", "--out", str(tmp_path), "--fresh") == 0
+
+
+def contents(folder):
+    return {path.relative_to(folder).as_posix(): path.read_bytes() for path in folder.rglob("*") if path.is_file()}
+
+
+OTHER_SETTINGS = [
+    ["--task", "ur5", "--methods", "closed-form,lm"],
+    ["--goals", "2"],
+    ["--seed", "7"],
+    ["--methods", "closed-form"],
+    ["--methods", "lm"],
+    ["--methods", "closed-form", "--goals", "2", "--seed", "7"],
+    ["--methods", "mine:look"],
+    ["--methods", "other/mine.safetensors"],
+    ["--methods", "another/mine.safetensors"],
+    ["--methods", "closed-form", "--arm", "ur3"],
+    ["--methods", "closed-form", "--arm", "ur3", "--goals", "2"],
+    ["--task", "button", "--methods", "random"],
+    ["--task", "button", "--methods", "random", "--max-steps", "7"],
+    ["--task", "button", "--methods", "random", "--max-steps", "8"],
+]
+
+
+def test_no_default_folder_is_that_of_other_settings(tmp_path, monkeypatch, capsys):
+    """As `make compare` and then other commands in the same folder: what was finished stays, byte for byte."""
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr("kinreach.compare.cli.DEFAULT_GOALS", 1)  # 200 take a while
+    monkeypatch.setattr("kinreach.compare.figures.write_figures", lambda *arguments: {})
+    monkeypatch.setattr("kinreach.compare.report.render_trials", lambda *arguments: [])
+    (tmp_path / "mine.py").write_text("import numpy as np\n\ndef look(observation):\n    return np.zeros(6)\n")
+    policy = load_policy("single")
+    for folder in ("other", "another"):
+        (tmp_path / folder).mkdir()
+        save_policy(tmp_path / folder / "mine.safetensors", policy.card, policy.network)
+    results = tmp_path / "results"
+    assert call() == 0
+    assert (results / "compare-ur5" / "results.json").is_file()
+    kept = contents(results)
+    for number, argv in enumerate(OTHER_SETTINGS, 2):
+        assert call(*argv) == 0, argv
+        now = contents(results)
+        assert {name: now[name] for name in kept} == kept, argv
+        assert len([name for name in now if name.endswith("results.json")]) == number, argv
+        kept = now
+    names = {path.name for path in results.iterdir()}
+    assert {"compare-ur5-closed-form+lm", "compare-ur5-goals2", "compare-ur5-closed-form-goals2-seed7"} < names
+    assert {"compare-ur5-seed7", "compare-ur5-ur3-closed-form", "compare-button-random-max_steps7"} < names
+    assert call("--methods", "lm") == 0  # the same again is measured again, in its own folder
+    assert {path.name for path in results.iterdir()} == names
+    capsys.readouterr()
+
+
+def test_what_stands_in_a_default_folder_and_is_of_something_else_stays(tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    argv = ["--methods", "closed-form", "--goals", "1"]
+    assert call(*argv, "--seed", "3", "--out", "results/compare-ur5-closed-form-goals1") == 0
+    kept = contents(tmp_path / "results")
+    for _ in range(2):
+        assert call(*argv) == 0
+        assert "In results/compare-ur5-closed-form-goals1-2:" in capsys.readouterr().out
+    assert {name: data for name, data in contents(tmp_path / "results").items() if name in kept} == kept
+    assert len(list((tmp_path / "results").iterdir())) == 2
+
+
+def test_another_file_of_the_same_name_is_another_method(tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    for name in ("single", "ppo-single"):
+        (tmp_path / name).mkdir()
+        policy = load_policy(name)
+        save_policy(tmp_path / name / "p.safetensors", policy.card, policy.network)
+    assert call("--goals", "1", "--methods", "single/p.safetensors", "--out", "here") == 0
+    assert call("--goals", "1", "--methods", "ppo-single/p.safetensors", "--out", "here") == cli.EXIT_ERROR
+    assert "another comparison" in capsys.readouterr().err
+
+
+FAILING = """
+import numpy as np
+from kinreach.kinematics import IKResult
+
+class Fails:
+    def __init__(self, kinematics):
+        self.kinematics, self.calls = kinematics, 0
+
+    def solve(self, goal, seed, *, accept=None):
+        self.calls += 1
+        if self.calls > {calls}:
+            return 1 / 0
+        return IKResult.of(self.kinematics, goal, np.array(seed), iterations=1)
+
+class Unmade(Fails):
+    def __init__(self, kinematics):
+        raise KeyError("no such thing")
+
+def wrong(observation):
+    return np.zeros(2)
+"""
+
+
+@pytest.mark.parametrize(("method", "said"), [
+    ("failing:Fails", r"method 'Fails' failed on goal 1: ZeroDivisionError: division by zero \(failing.py, line 12\)"),
+    ("failing:Unmade", r"method 'Unmade' cannot be made: KeyError: 'no such thing' \(failing.py, line 17\)"),
+    ("failing:wrong", r"method 'wrong' failed on warm-up goal 0: .*shape"),
+])  # fmt: skip
+def test_a_method_of_ones_own_that_raises_is_named_with_the_goal(method, said, tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.syspath_prepend(str(tmp_path))
+    monkeypatch.delitem(sys.modules, "failing", raising=False)
+    # 2 goals of the warm-up with an untimed and a timed decision each, then as many for goal 0
+    (tmp_path / "failing.py").write_text(FAILING.format(calls=6))
+    assert call("--methods", f"closed-form,{method}", "--goals", "3", "--out", "here") == cli.EXIT_ERROR
+    error = capsys.readouterr().err
+    assert len(error.splitlines()) == 1
+    assert re.search(said, error)
+
+
+def test_trials_that_were_finished_before_a_method_raised_are_kept(tmp_path, monkeypatch, capsys):
+    """Also once the method is mended: those of the others."""
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.syspath_prepend(str(tmp_path))
+    monkeypatch.delitem(sys.modules, "failing", raising=False)
+    module = tmp_path / "failing.py"
+    module.write_text(FAILING.format(calls=10))
+    argv = ["--methods", "closed-form,failing:Fails", "--goals", "5", "--out", "here"]
+    assert call(*argv) == cli.EXIT_ERROR
+    assert "finished trials are kept in here" in capsys.readouterr().err
+    lines = [json.loads(line) for line in (tmp_path / "here" / RECORDS).read_text().splitlines()[1:]]
+    done = [trial for trial in lines if trial["method"] == "closed-form"]
+    assert len(done) in (3, 4)
+    assert len(lines) - len(done) == 3  # 2 decisions a goal, 4 of the warm-up
+    monkeypatch.delitem(sys.modules, "failing")
+    module.write_text(FAILING.format(calls=10_000))
+    pending, play = [], runner.play
+
+    def listed(comparison, goals):
+        pending.extend(name for _, _, names in goals for name in names)
+        return play(comparison, goals)
+
+    monkeypatch.setattr(runner, "play", listed)
+    assert call(*argv) == 0
+    assert (pending.count("closed-form"), pending.count("Fails")) == (5 - len(done), 5)
 
 
 def test_help_names_every_task_and_method(capsys):

@@ -172,11 +172,11 @@ def test_a_task_may_report_what_it_likes(toy, tmp_path):
 def test_finished_results_of_another_comparison_are_not_overwritten(toy, tmp_path):
     compare(toy, goals=3, out=tmp_path)
     before = (tmp_path / "results.json").read_text()
-    with pytest.raises(InputError, match=r"another comparison \(goals, seed differ\).*fresh"):
+    with pytest.raises(InputError, match=r"another comparison \(goals 3, not 4; seed 0, not 2\).*fresh"):
         compare(toy, goals=4, seed=2, out=tmp_path)
     assert (tmp_path / "results.json").read_text() == before
     assert compare(toy, goals=3, out=tmp_path)["settings"]["goals"] == 3  # the same again is welcome
-    for unknown, said in (("mine", "all that a comparison"), ('{"settings": {"goals": 3}}', "seed")):
+    for unknown, said in (("mine", "not written by"), ('{"settings": {"goals": 3}, "versions": {}}', "seed")):
         (tmp_path / "results.json").write_text(unknown)
         with pytest.raises(InputError, match=said):
             compare(toy, goals=3, out=tmp_path)
