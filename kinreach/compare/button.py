@@ -7,6 +7,7 @@ from dataclasses import replace
 from typing import Any
 
 import gymnasium as gym
+import numpy as np
 
 from kinreach.baselines.button_controller import AnalyticButtonPolicy
 from kinreach.baselines.evaluation import HELD_OUT
@@ -22,8 +23,11 @@ from kinreach.compare.task import (
     common_columns,
     policy_version,
 )
+from kinreach.envs.button.episodes import ButtonOptions
 from kinreach.envs.button.task import PRESS_RADIUS
+from kinreach.envs.button.world import ButtonDrawing, ButtonState, torque_model
 from kinreach.registration import BUTTON
+from kinreach.sim.posed import PosedScene
 from kinreach.summary import QUANTILES, RATE, SPREAD, Column, Trial, thousandfold
 
 #: Between the environment's seeds of the first goals of two seeds of comparisons: none has as many goals.
@@ -55,6 +59,16 @@ def _column(column: Column) -> Column:
     """A column of all tasks as this one has it; the reward of a trial is the sum over its episode."""
     value = "return" if column.key == "reward_mean" else column.value
     return replace(column, value=value, show=_SHOWN.get(column.key, column.show))
+
+
+def _scene(env: gym.Env[Any, Any], trial: Trial) -> PosedScene:
+    """The arm and the button as they were after the last step."""
+    options: ButtonOptions = env.unwrapped.options  # type: ignore[attr-defined]
+    scene = PosedScene(options.arm, model=torque_model(options.arm, options.motors))
+    scene.put(trial["q"])
+    pressed = ButtonState.PRESSED if trial["pressed"] else ButtonState(int(trial["wrong_press"]))
+    ButtonDrawing(scene.model).show(scene.data.mocap_pos, np.array(trial["goal"]), pressed)
+    return scene
 
 
 def _notes(results: Mapping[str, Any]) -> list[str]:
@@ -116,6 +130,7 @@ BUTTON_TASK = Task(
         "thread, one environment; the time of a step is that of choosing the action",
     },
     notes=_notes,
+    scene=_scene,
 )
 
 TASKS = (BUTTON_TASK,)

@@ -95,9 +95,8 @@ def main(argv: Sequence[str], *, prog: str) -> int:
         *notes(task, results),
         f"Again: {results['settings']['command']}",
         f"In {out}: {', '.join(files)}",
+        f"Scene: {scene}" if scene.is_file() else "No picture of the scene: report.html says why.",
     ]
-    if task.pictures:
-        lines.append(f"Scene: {scene}" if scene.is_file() else "No picture of the scene: report.html says why.")
     for line in lines:
         console.print(line, style="dim", soft_wrap=True)
     return 0

@@ -256,7 +256,6 @@ MOVING_TASK = Task(
         "arm": "a UR5 whose joints keep their limits of speed and acceleration; no collisions",
         "distance": "the least of tip and ball's centre in the episode",
     },
-    pictures=False,
 )
 
 TASKS = (MOVING_TASK,)

@@ -17,13 +17,14 @@ from string import Template
 from typing import Any
 
 import gymnasium as gym
-import numpy as np
 from PIL import Image
 
 from kinreach.compare.figures import DPI
-from kinreach.compare.task import Task
-from kinreach.errors import OutputError
+from kinreach.compare.task import Task, arm_in
+from kinreach.errors import DrawingError, InstallationError
 from kinreach.files import replacing, write_text
+from kinreach.sim.picture import Scene, ScenePicture
+from kinreach.sim.posed import PosedScene
 from kinreach.summary import QUANTILES, SPREAD, Column, Trial, number
 
 #: Dots per inch that a browser counts with.
@@ -72,15 +73,12 @@ def write_report(
     """
     renderings: list[Rendering] | str
     try:
-        renderings = render_trials(task, trials, results) if task.pictures else []
-    except OutputError:
-        raise
-    except Exception as error:  # whatever somebody else's environment raises that cannot start in a posture
+        renderings = render_trials(task, trials, results)
+    except (InstallationError, DrawingError) as error:
         renderings = f"None: {' '.join(str(error).split())}"
     else:
-        if renderings:
-            with replacing(path.with_name("scene.png")) as temporary:
-                Image.fromarray(renderings[0].image).save(temporary, "PNG")
+        with replacing(path.with_name("scene.png")) as temporary:
+            Image.fromarray(renderings[0].image).save(temporary, "PNG")
     write_text(path, report_html(task, results, charts, renderings, notes))
 
 
@@ -147,24 +145,50 @@ def finding(results: Mapping[str, Any]) -> str:
 
 
 def render_trials(task: Task, trials: Sequence[Trial], results: Mapping[str, Any]) -> list[Rendering]:
-    """Draw the trials that `chosen` picks, method by method, in the task's own environment.
+    """Draw the trials that `chosen` picks, method by method, as `task.scene` says.
 
     Raises:
         InstallationError: There is no library to draw with; the message names the packages.
+        DrawingError: The graphics library failed, or the task has no `scene` and its environment no arm.
     """
-    drawn = {name: value for name, value in task.options.items() if name != "observation"}
-    env = gym.make(task.environment, disable_env_checker=True, render_mode="rgb_array", **drawn)
+    settings = results["settings"]
+    options = {name: value for name, value in task.options.items() if name != "observation"}
+    env = gym.make(task.environment, disable_env_checker=True, **options)
     found = []
     try:
+        resets = task.resets(settings["goals"], settings["seed"], env)
         for method in results["methods"]:
             own = [trial for trial in trials if trial["method"] == method["name"]]
             for what, trial in chosen(own).items():
-                options = {"goal": np.array(trial["goal"]), "q": np.array(trial["q"])}
-                env.reset(seed=0, options=options)
-                found.append(Rendering(trial["method"], _caption(what, trial), env.render()))
+                env.reset(**resets[trial["goal_index"]])
+                scene = (task.scene or posed_scene)(env, trial)
+                found.append(Rendering(trial["method"], _caption(what, trial), _frame(scene)))
     finally:
         env.close()
     return found
+
+
+def posed_scene(env: gym.Env[Any, Any], trial: Trial) -> PosedScene:
+    """The environment's arm in its work cell, in the posture in which a trial ended, within its limits or not.
+
+    Raises:
+        DrawingError: The environment has no `arm`, or the trial no posture `q`.
+    """
+    arm = arm_in(env)
+    if arm is None or trial.get("q") is None:
+        missing = "its environment has no `arm`" if arm is None else "a trial has no posture `q`"
+        raise DrawingError(f"{missing}, and the task has no `scene`")
+    scene = PosedScene(arm)
+    scene.put(trial["q"], ball=trial.get("goal"))
+    return scene
+
+
+def _frame(scene: Scene) -> Any:
+    picture = ScenePicture(scene, mode="rgb_array", fps=1)
+    try:
+        return picture.frame()
+    finally:
+        picture.close()
 
 
 def chosen(trials: Sequence[Trial]) -> dict[str, Trial]:
@@ -239,8 +263,6 @@ def _row(entry: Mapping[str, Any], columns: Sequence[Column], *, kind: bool) -> 
 def _renderings(found: Sequence[Rendering] | str) -> str:
     if isinstance(found, str):
         return f"<p>{escape(found)}</p>"
-    if not found:
-        return "<p>None: the trials of this task are not drawn.</p>"
     by_method: dict[str, list[str]] = {}
     for rendering in found:
         by_method.setdefault(rendering.method, []).append(_picture(rendering))

@@ -18,6 +18,7 @@ from kinreach.checks import Floats, check_known, shown
 from kinreach.errors import InputError
 from kinreach.robots import ArmDescription, BoxRegion
 from kinreach.robots.workcell import QuadrantRegion
+from kinreach.sim.picture import Scene
 from kinreach.summary import MEAN, QUANTILES, RATE, Column, Trial, success_columns, thousandfold
 
 #: What a figure is drawn from: all trials, and the contents of `results.json`.
@@ -25,6 +26,9 @@ Draw = Callable[[Sequence[Trial], Mapping[str, Any]], Figure]
 #: Keyword arguments of an environment's reset for each goal, from how many there are and a seed. Those of a smaller
 #: number are the first of a larger one.
 Resets = Callable[[int, int, gym.Env[Any, Any]], Sequence[Mapping[str, Any]]]
+
+#: What is drawn of a trial's end, from the task's environment after the reset to the trial's goal.
+MakeScene = Callable[[gym.Env[Any, Any], Trial], Scene]
 
 #: What kinds of methods there are, and what each is given, in words, for the record beside the results.
 SOLVER, POLICY, SEEDED, CONTROLLER, CHANCE = "solver", "policy", "seeded solver", "controller", "chance"
@@ -82,7 +86,8 @@ class Task:
         observations: Values of the environments' option `observation` that make sense; empty if there is none.
         terms: What every method is given alike, in words, by a short name.
         notes: From the contents of `results.json` to lines under the tables, more than the criterion.
-        pictures: Whether the report has pictures of how trials ended, drawn by the environment.
+        scene: What the report draws of how a trial ended, from the environment, reset to the trial's goal, and the
+            trial. By default the environment's `arm` in its work cell, in the posture `q` with the ball at `goal`.
     """
 
     name: str
@@ -100,7 +105,7 @@ class Task:
     observations: tuple[str, ...] = ()
     terms: Mapping[str, str] = field(default_factory=dict)
     notes: Callable[[Mapping[str, Any]], list[str]] = lambda results: []
-    pictures: bool = True
+    scene: MakeScene | None = None
 
     def with_options(self, options: Mapping[str, Any]) -> Task:
         """The same task with some options of its environments set otherwise."""

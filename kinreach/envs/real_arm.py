@@ -209,7 +209,8 @@ class RealArmEnv(gym.Env[Any, Any]):
     each, shape (balls, 14): where the ball was seen (3), where the tip was seen in the last move to it (3, zeros before
     the first), the posture of that move (6, zeros before), moves so far, and the looks allowed so far. The reward is
     minus the mean distance. `info` has the median distance of this move [m], `distance`, and those of the moves so far,
-    `error_BUDGET_AGAIN`; `is_success`: this one is below `NEAR`; `reward_terms`, which sum to the reward.
+    `error_BUDGET_AGAIN`; `is_success`: this one is below `NEAR`; where the first ball is [m], `goal`, and the posture
+    of the last move to it [rad], `q`; `reward_terms`, which sum to the reward.
 
     Attributes:
         options: As given.
@@ -276,7 +277,7 @@ class RealArmEnv(gym.Env[Any, Any]):
         self._seen = self._observed(self._balls)
         self._looks, self._level, self._moves, self._over = 0, 0, 0, False
         self._scene = None
-        self._info = {**chosen, "impossible": False}
+        self._info = {**chosen, "impossible": False, "goal": self._balls[0].copy()}
         return self._observation(), dict(self._info)
 
     @property
@@ -324,6 +325,7 @@ class RealArmEnv(gym.Env[Any, Any]):
         self._info[f"error_{self.options.budgets[self._level]}_{self._moves}"] = middle
         reward = -float(distances.mean())
         self._info |= {"distance": middle, "is_success": middle < NEAR, "reward_terms": {"distance": reward}}
+        self._info |= {"goal": self._balls[0].copy(), "q": self._q[0].copy()}
         self._moves += 1
         if self._moves > self.options.again:
             self._over = self._level + 1 == len(self.options.budgets)

@@ -77,8 +77,6 @@ def test_on_disk(tmp_path, capsys):
     found = json.loads((tmp_path / "results.json").read_text())
     assert found["settings"]["options"] == {"again": 1, "budgets": [0, 10]}
     assert (tmp_path / "looks.png").stat().st_size > 20_000
-    assert "not drawn" in (tmp_path / "report.html").read_text()
-    assert not (tmp_path / "scene.png").exists()
 
 
 def test_another_calibration_in_the_same_file_does_not_go_on(tmp_path):

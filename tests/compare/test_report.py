@@ -13,9 +13,12 @@ import numpy as np
 import pytest
 from PIL import Image
 
+from kinreach.compare import compare
 from kinreach.compare.report import Rendering, chosen, finding, render_trials, report_html, write_report
-from kinreach.compare.runner import prepare, results_of
-from kinreach.errors import InstallationError
+from kinreach.compare.runner import prepare, results_of, run_trials
+from kinreach.compare.task import _OWN
+from kinreach.errors import DrawingError, InstallationError
+from kinreach.kinematics import ArmKinematics
 
 HOSTILE = "<script>alert('x')</script>\"><img src=x onerror=alert(1)> & ${title} \N{BULLET}"
 
@@ -147,22 +150,62 @@ def test_an_ordinary_success_and_the_worst_end_are_chosen(trials):
     assert [(what, trial["goal_index"]) for what, trial in chosen(hostile).items()] == [("worst failure", 4)]
 
 
-def test_trials_are_drawn_as_they_ended(needs_gl):
-    from kinreach.compare import get_task
-    from kinreach.compare.runner import run_trials
+#: Methods that decide at once, of every task of the package; of the button one that runs into the joints' limits.
+QUICK = {
+    "ur5": ["closed-form", "ppo-single"],
+    "space": ["closed-form", "space-single"],
+    "real-arm": ["data-sheet", "policy"],
+    "moving": ["first-sight", "interception"],
+    "arm3": ["closed-form", "lm"],
+    "button": ["analytic", "random"],
+}
 
+
+def test_every_task_is_drawn_below():
+    assert set(QUICK) == set(_OWN)
+
+
+@pytest.mark.parametrize("name", QUICK)
+def test_every_task_has_pictures(name, needs_gl, tmp_path):
+    compare(name, QUICK[name], goals=3, out=tmp_path)
+    reader = Reader((tmp_path / "report.html").read_text())
+    pictures = [image["src"] for image in reader.all("img") if image["src"].startswith("data:image/jpeg")]
+    captions = reader.text("figcaption")
+    assert len(captions) == len(pictures) >= len(QUICK[name])
+    assert len(set(pictures)) == len(pictures)  # arm and ball are elsewhere in each
+    assert len([text for text in reader.text("h3") if text in QUICK[name]]) == 2
+    with Image.open(tmp_path / "scene.png") as scene:
+        assert np.asarray(scene).std() > 10
+
+
+@pytest.mark.parametrize("name", ["arm3", "real-arm", "button"])
+def test_a_posture_beyond_the_limits_is_drawn(name, needs_gl):
+    """A simulated joint is stopped by a spring: at the end of a trial it may be a little beyond its limit."""
     comparison = prepare(
-        "ur5", ["closed-form"], goals=2, seed=0, arm=None, observation=None, options=None, command=""
+        name, QUICK[name][:1], goals=1, seed=0, arm=None, observation=None, options=None, command=""
     )  # fmt: skip
-    trials = list(run_trials(comparison))
-    drawn = render_trials(get_task("ur5"), trials, results_of(comparison, trials))
-    assert len(drawn) == 2
-    assert all(picture.image.std() > 10 for picture in drawn)
-    assert not np.array_equal(drawn[0].image, drawn[1].image)
-    assert all("posture error" in picture.caption for picture in drawn)
+    (trial,) = run_trials(comparison)
+    arm = ArmKinematics(comparison.arm)
+    drawn = [
+        render_trials(comparison.task, [trial | {"q": q.tolist()}], results_of(comparison, [trial]))[0].image
+        for q in (arm.upper, arm.upper + 1e-3, arm.upper - 1.0)
+    ]
+    beyond, away = (np.abs(image - drawn[0].astype(int)).mean() for image in drawn[1:])
+    assert beyond < 0.1 * away
 
 
-@pytest.mark.parametrize("error", [InstallationError("no library"), RuntimeError("no such option")])
+def test_what_cannot_be_drawn_is_said_and_a_mistake_is_raised(task, trials, results, tmp_path, needs_gl):
+    write_report(tmp_path / "report.html", task, trials, results, {}, [])
+    assert "None: its environment has no `arm`, and the task has no `scene`" in (tmp_path / "report.html").read_text()
+
+    def mistaken(env, trial):
+        raise ValueError("a mistake")
+
+    with pytest.raises(ValueError, match="a mistake"):
+        write_report(tmp_path / "report.html", replace(task, scene=mistaken), trials, results, {}, [])
+
+
+@pytest.mark.parametrize("error", [InstallationError("no library"), DrawingError("no memory")])
 def test_without_pictures_a_sentence_says_why(error, task, trials, results, tmp_path, monkeypatch):
     def fails(*_):
         raise error

@@ -76,6 +76,8 @@ def test_an_episode():
         assert info["distance"] == moves[-1] > 1e-3
         assert reward < 0
         assert not truncated
+        np.testing.assert_array_equal(info["q"], np.pi * np.clip(q[0] / np.pi, -1, 1))
+        assert np.linalg.norm(kin.fk(info["q"])[:3, 3] - info["goal"]) < 0.05
     assert over
     np.testing.assert_allclose(observation[:, POSTURE], q)
     assert len(set(moves)) == 1  # the same postures
