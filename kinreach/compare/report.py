@@ -77,8 +77,9 @@ def write_report(
     except (InstallationError, DrawingError) as error:
         renderings = f"None: {' '.join(str(error).split())}"
     else:
-        with replacing(path.with_name("scene.png")) as temporary:
-            Image.fromarray(renderings[0].image).save(temporary, "PNG")
+        if renderings:
+            with replacing(path.with_name("scene.png")) as temporary:
+                Image.fromarray(renderings[0].image).save(temporary, "PNG")
     write_text(path, report_html(task, results, charts, renderings, notes))
 
 
