@@ -23,7 +23,8 @@ from kinreach.engines import load
 from kinreach.errors import InputError
 from kinreach.kinematics.arm import ArmKinematics, build_model
 from kinreach.robots import ArmDescription, Box, arm_names, get_arm
-from kinreach.robots.urdf import link_at
+from kinreach.robots.meshes import collision_mesh
+from kinreach.robots.urdf import link_at, without_shapes
 from kinreach.robots.workcell import as_boxes
 
 pin: Any = load("pinocchio")
@@ -251,9 +252,13 @@ def _search_data(geometry: Any, margin: float) -> Any:
 
 def _shapes(arm: ArmDescription, model: Any, obstacles: Sequence[Box]) -> Any:
     """Geometry of the links, meshes as their hulls, followed by the obstacles, fixed to the world."""
-    root = arm.package_root()
+    robot = without_shapes(arm.urdf, "visual")
+    meshes = {
+        link.get("name", ""): [_take_mesh(shape, arm) for shape in link.findall("collision")]
+        for link in robot.findall("link")
+    }
     try:
-        geometry = pin.buildGeomFromUrdfString(model, arm.urdf, pin.COLLISION, package_dirs=[root] if root else [])
+        geometry = pin.buildGeomFromUrdfString(model, ET.tostring(robot, encoding="unicode"), pin.COLLISION)
     except (RuntimeError, ValueError) as error:
         raise InputError(f"the collision shapes of arm {arm.name!r} cannot be read: {error}") from None
     if not len(geometry.geometryObjects):
@@ -263,17 +268,34 @@ def _shapes(arm: ArmDescription, model: Any, obstacles: Sequence[Box]) -> Any:
             f"works without. Arms with shapes: {', '.join(shaped)}, and from a URDF with <collision> any other"
         )
     for shape in geometry.geometryObjects:
-        if isinstance(shape.geometry, coal.BVHModelBase):
-            # buildConvexRepresentation would take the mesh for convex as it stands, and miss most contacts.
-            try:
-                shape.geometry.buildConvexHull(True, "Qt")
-            except (RuntimeError, ValueError) as error:
-                raise InputError(f"the collision mesh {shape.name!r} has no convex hull: {error}") from error
-            shape.geometry = shape.geometry.convex
+        if (points := meshes[_name(shape, model)].pop(0)) is not None:
+            shape.geometry = _hull(shape.name, points)
     for box in obstacles:
         placement = pin.SE3(np.eye(3), np.array(box.position, dtype=np.float64))
         geometry.addGeometryObject(pin.GeometryObject(box.name, WORLD, WORLD, placement, coal.Box(*box.size)))
     return geometry
+
+
+def _take_mesh(shape: ET.Element, arm: ArmDescription) -> Floats | None:
+    """Corners of a collision mesh in the shape's frame [m], with a ball in its place; None for another shape."""
+    geometry = shape.find("geometry")
+    mesh = None if geometry is None else geometry.find("mesh")
+    if geometry is None or mesh is None:
+        return None
+    scale = np.array([float(s) for s in mesh.get("scale", "1 1 1").split()])
+    vertices, _ = collision_mesh(mesh.get("filename", ""), arm.package_root(), scale)
+    geometry.remove(mesh)
+    ET.SubElement(geometry, "sphere", radius="1")
+    return vertices * scale
+
+
+def _hull(name: str, points: Floats) -> Any:
+    corners = coal.StdVec_Vec3s()
+    corners.extend(points)
+    try:
+        return coal.Convex.convexHull(corners, True, "Qt")
+    except (RuntimeError, ValueError) as error:
+        raise InputError(f"the collision mesh {name!r} has no convex hull: {error}") from error
 
 
 def _pair_up(geometry: Any, model: Any, skipped: Iterable[tuple[str, str]]) -> list[Pair]:

@@ -11,8 +11,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from kinreach.checks import Floats
-from kinreach.errors import InstallationError
 from kinreach.robots.description import ArmDescription
+from kinreach.robots.meshes import placed_parts
 from kinreach.robots.urdf import origin_of
 
 #: Of shapes whose file or material names no colour.
@@ -50,7 +50,7 @@ def link_shapes(arm: ArmDescription, kind: str = "visual", *, meshes_only: bool 
         Link by link in the order of the URDF, one for each colour of a mesh; empty for an arm without shapes.
 
     Raises:
-        InstallationError: trimesh or pycollada is missing.
+        InputError: A mesh cannot be used.
     """
     robot = ET.fromstring(arm.urdf)
     materials = {m.get("name", ""): _rgba(m) for m in robot.findall("material")}
@@ -66,11 +66,8 @@ def link_shapes(arm: ArmDescription, kind: str = "visual", *, meshes_only: bool 
 def _shapes(
     link: str, element: ET.Element, materials: dict[str, tuple[float, ...] | None], arm: ArmDescription
 ) -> Iterator[LinkShape]:
-    try:
-        import collada  # noqa: F401  (trimesh reads .dae with it, and says nothing helpful if it is missing)
-        import trimesh
-    except ImportError as error:
-        raise InstallationError(f"{error}; meshes need: pip install trimesh pycollada") from error
+    import trimesh
+
     material = element.find("material")
     rgba = None if material is None else _rgba(material) or materials.get(material.get("name", ""))
     T = origin_of(element)
@@ -83,23 +80,15 @@ def _shapes(
     elif (sphere := element.find("geometry/sphere")) is not None:
         parts.append((trimesh.creation.icosphere(3, float(sphere.get("radius", "0"))), np.eye(4), rgba or GREY))
     elif (mesh := element.find("geometry/mesh")) is not None:
-        T[:3, :3] *= np.array([float(s) for s in mesh.get("scale", "1 1 1").split()])
-        parts += _mesh_parts(mesh.get("filename", "").replace("package://", f"{arm.package_root()}/"), rgba)
+        scale = np.array([float(s) for s in mesh.get("scale", "1 1 1").split()])
+        T[:3, :3] *= scale
+        for part, T_part in placed_parts(mesh.get("filename", ""), arm.package_root(), scale):
+            merged = part.process().copy()
+            colour = getattr(merged.visual, "material", merged.visual).main_color
+            parts.append((merged, T_part, rgba or tuple((np.asarray(colour, dtype=float) / 255).tolist())))
     for part, T_part, colour in parts:
         part.apply_transform(T @ T_part)
         yield LinkShape(link, np.array(part.vertices), np.array(part.vertex_normals), np.array(part.faces), colour)
-
-
-def _mesh_parts(file: str, rgba: tuple[float, ...] | None) -> Iterator[tuple[Any, Floats, tuple[float, ...]]]:
-    """The parts of a file, where they are in it, and their colours."""
-    import trimesh
-
-    scene: Any = trimesh.load(file, force="scene")
-    for node in scene.graph.nodes_geometry:
-        T_scene_part, geometry = scene.graph[node]
-        part = scene.geometry[geometry].copy()
-        colour = getattr(part.visual, "material", part.visual).main_color
-        yield part, T_scene_part, rgba or tuple((np.asarray(colour, dtype=float) / 255).tolist())
 
 
 def _rgba(material: ET.Element) -> tuple[float, ...] | None:

@@ -41,6 +41,14 @@ def prune(robot: ET.Element, *, tags: Sequence[str] = (), links: Sequence[str] =
             robot.remove(child)
 
 
+def without_shapes(text: str, *kinds: str) -> ET.Element:
+    """A URDF without the shapes of its links that are of these kinds, `"visual"` or `"collision"`."""
+    robot = ET.fromstring(text)
+    for link in robot.iter("link"):
+        prune(link, tags=kinds)
+    return robot
+
+
 def named(robot: ET.Element, tag: str, name: str) -> ET.Element | None:
     """The link or joint of this name, whatever characters are in it."""
     return next((element for element in robot.findall(tag) if element.get("name") == name), None)

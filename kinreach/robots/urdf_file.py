@@ -16,6 +16,7 @@ import numpy as np
 from kinreach.checks import check_known, check_number, check_path, shown
 from kinreach.errors import InputError, raise_unknown
 from kinreach.robots.grippers import PARALLEL_GRIPPER, Gripper, add_parallel_gripper
+from kinreach.robots.meshes import MESHES
 from kinreach.robots.rotations import rotation, rpy, turn
 from kinreach.robots.urdf import MOST_CHARACTERS, PACKAGE, add_joint, check_urdf, link_at, named, numbers, parse_urdf
 from kinreach.robots.workcell import CameraMount
@@ -244,8 +245,6 @@ def _length(placed: ET.Element | None) -> float:
     return 0.0 if origin is None else math.hypot(*map(float, origin.get("xyz", "0 0 0").split()))
 
 
-#: Files that a URDF may name.
-MESHES = (".stl", ".obj", ".dae")
 #: Folders above a URDF in which packages are looked for.
 LEVELS_UP = 4
 WORLD = "world"
@@ -354,7 +353,7 @@ def _find(address: str, file: Path, folders: Sequence[Path]) -> Path:
     """
     allowed = (*folders, file.parent, file.parent.parent)
     for place in _candidates(address, file, folders):
-        mesh = Path(os.path.normpath(place))
+        mesh = place.resolve()  # a link counts as the file that it leads to
         if mesh.suffix.lower() in MESHES and any(mesh.is_relative_to(folder) for folder in allowed) and mesh.is_file():
             return mesh
     raise InputError(

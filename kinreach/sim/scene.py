@@ -7,6 +7,7 @@ with gravity compensation, as in the controller of a real UR5; without it should
 
 from __future__ import annotations
 
+import xml.etree.ElementTree as ET
 from collections.abc import Iterator
 from contextlib import contextmanager
 from functools import lru_cache
@@ -18,6 +19,8 @@ from kinreach.checks import check_number
 from kinreach.errors import InputError
 from kinreach.kinematics.collision import disabled_pairs
 from kinreach.robots import ArmDescription
+from kinreach.robots.meshes import collision_mesh
+from kinreach.robots.urdf import without_shapes
 from kinreach.sim.engine import mujoco
 from kinreach.sim.imperfections import IDEAL, Imperfections
 from kinreach.sim.looks import DRAWN_ONLY, HIDDEN_GROUP, add_camera, add_looks, add_visual_meshes
@@ -56,8 +59,7 @@ def build_scene(
         A `mujoco.MjSpec`.
 
     Raises:
-        InputError: A timestep that cannot be used, or an arm that MuJoCo does not take.
-        InstallationError: Packages that read the visual meshes are missing.
+        InputError: A timestep or a mesh that cannot be used, or an arm that MuJoCo does not take.
     """
     check_timestep(timestep)
     with _refusals_of(arm):
@@ -93,7 +95,7 @@ def _refusals_of(arm: ArmDescription) -> Iterator[None]:
     except ValueError as error:
         if isinstance(error, InputError):
             raise
-        raise InputError(f"MuJoCo cannot make a scene of arm {arm.name!r}: {error}") from None
+        raise InputError(f"MuJoCo cannot make a scene of arm {arm.name!r}: {' '.join(str(error).split())}") from None
 
 
 @lru_cache(maxsize=16)
@@ -109,8 +111,10 @@ def scene_model(
 
 
 def _import_urdf(arm: ArmDescription) -> Any:
-    root = arm.package_root()
-    spec = mujoco.MjSpec.from_string(arm.urdf if root is None else arm.urdf.replace("package://", f"{root}/"))
+    spec = mujoco.MjSpec.from_string(ET.tostring(without_shapes(arm.urdf, "visual"), encoding="unicode"))
+    for mesh in spec.meshes:
+        vertices, faces = collision_mesh(mesh.file, arm.package_root(), mesh.scale)
+        mesh.file, mesh.uservert, mesh.userface = "", vertices.ravel(), faces.ravel()
     spec.compiler.fusestatic = False  # otherwise tool0, tcp and base_link are no bodies
     spec.compiler.balanceinertia = True  # some files have inertias that no body has
     spec.compiler.discardvisual = False  # otherwise shapes without contact, such as the ball, are dropped

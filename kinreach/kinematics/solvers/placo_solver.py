@@ -22,6 +22,7 @@ from kinreach.kinematics.solvers.iterative import (
     SteppingSolver,
     goal_frame,
 )
+from kinreach.robots.urdf import without_shapes
 
 #: Limit [rad] for joints that turn full circle: no search gets there.
 NO_LIMIT = 100.0
@@ -149,8 +150,4 @@ class _Problem:
 
 def _skeleton(urdf: str) -> str:
     """The URDF without shapes: placo needs none of the files that they name."""
-    robot = ET.fromstring(urdf)
-    for link in robot.iter("link"):
-        for shape in link.findall("visual") + link.findall("collision"):
-            link.remove(shape)
-    return ET.tostring(robot, encoding="unicode")
+    return ET.tostring(without_shapes(urdf, "visual", "collision"), encoding="unicode")
