@@ -25,10 +25,11 @@ from kinreach.sim.simulation import ArmSimulation
 from kinreach.statistics import p95
 from kinreach.vision.ball_finder import PIPELINES, find_ball
 from kinreach.vision.cameras import RGBDCamera, SensorNoise
-from kinreach.vision.goal_view import GOAL_CAMERAS, CameraGoalView, geometric_goal_view, goals_in_world
+from kinreach.vision.goal_view import CameraGoalView, geometric_goal_view, goals_in_world
 
 PROG = "python -m benchmarks.studies.ball_detection"
 
+CAMERAS = [camera.name for camera in get_arm("ur5").goal_cameras]
 RESOLUTIONS = ((1280, 720), (640, 360), (320, 180))
 NOISE = SensorNoise(rgb_sigma=6.0, depth_sigma=0.002)
 #: The goal as both cameras together say it: the mean of what they found.
@@ -60,13 +61,13 @@ def measure(count: int, seed: int) -> Measured:
     simulation = ArmSimulation("ur5")
     radius = simulation.arm.workcell.ball_radius
     goals = goals_of(count, seed)
-    truth = geometric_goal_view("ur5", goals).reshape(count, len(GOAL_CAMERAS), 3)
+    truth = geometric_goal_view("ur5", goals).reshape(count, len(CAMERAS), 3)
     result = Measured()
     for width, height in RESOLUTIONS:
-        shape = (count, len(GOAL_CAMERAS), 3)
+        shape = (count, len(CAMERAS), 3)
         views = {(pipeline, noisy): np.full(shape, np.nan) for pipeline in PIPELINES for noisy in (False, True)}
         with FrameRenderer(simulation.model, width=width, height=height, shadows=False) as renderer:
-            for index, name in enumerate(GOAL_CAMERAS):
+            for index, name in enumerate(CAMERAS):
                 camera = RGBDCamera(simulation, name, width=width, height=height, renderer=renderer)
                 rng = np.random.default_rng(seed)
                 for row, (goal, true) in enumerate(zip(goals, truth[:, index], strict=True)):
@@ -99,7 +100,7 @@ def error_table(result: Measured) -> str:
     columns = [(pipeline, noisy) for pipeline in PIPELINES for noisy in (False, True)]
     names = [f"{pipeline}{', noise' if noisy else ''}" for pipeline, noisy in columns]
     lines = [head("camera", *names)]
-    for name in (*GOAL_CAMERAS, BOTH):
+    for name in (*CAMERAS, BOTH):
         for width, height in RESOLUTIONS:
             cells = [_error_cell(result, (*column, name, height)) for column in columns]
             lines.append(line(f"{name} {width}x{height}", *cells))
@@ -133,8 +134,8 @@ def draw(path: Path) -> None:
         look = view.look(simulation)
     truth = geometric_goal_view("ur5", PICTURE_GOAL).reshape(-1, 3)
     figure = Figure(figsize=(12.8, 4.0), dpi=150, layout="constrained")
-    axes = figure.subplots(1, len(GOAL_CAMERAS))
-    for ax, name, image, fix, true in zip(axes, GOAL_CAMERAS, look.images, look.fixes, truth, strict=True):
+    axes = figure.subplots(1, len(CAMERAS))
+    for ax, name, image, fix, true in zip(axes, CAMERAS, look.images, look.fixes, truth, strict=True):
         ax.imshow(image.rgb)
         ax.set_axis_off()
         if fix is None:

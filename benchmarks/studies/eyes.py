@@ -14,7 +14,7 @@ import numpy as np
 
 import kinreach  # noqa: F401 (registers the environments)
 from kinreach.baselines.evaluation import HELD_OUT
-from kinreach.baselines.policies import PICTURES, load_policy, needed_options
+from kinreach.baselines.policies import load_policy, needed_options, picture_names
 from kinreach.cli import Parser, finish
 from kinreach.errors import InputError
 from kinreach.files import replacing
@@ -52,7 +52,7 @@ def draw(policy: Any, path: Path) -> None:
     env.close()
     goals = np.array([info["goal"] for _, info in looks])
     pictures, dots = {}, []
-    for eye, key in zip(policy.network.eyes, PICTURES, strict=True):
+    for eye, key in zip(policy.network.eyes, picture_names(looks[0][0]), strict=True):
         seen = np.stack([observation[key] for observation, _ in looks])
         places = eye(seen)
         chosen = follow(places, goals)

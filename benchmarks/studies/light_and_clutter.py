@@ -29,7 +29,7 @@ from kinreach.sim.scene import BALL, BALL_COLOUR, build_scene
 from kinreach.statistics import median, p95
 from kinreach.vision.ball_finder import PIPELINES, find_ball
 from kinreach.vision.cameras import Intrinsics, RGBDImage, SensorNoise
-from kinreach.vision.goal_view import GOAL_CAMERAS, geometric_goal_view, goal_camera_poses
+from kinreach.vision.goal_view import geometric_goal_view, goal_camera_poses
 
 PROG = "python -m benchmarks.studies.light_and_clutter"
 
@@ -41,6 +41,7 @@ COLOURS = {"hybrid": "lime", "thesis": "deepskyblue"}
 PICTURE_SEED = 2
 AWAY = (0.0, 0.0, -50.0)
 ARM = get_arm("ur5")
+CAMERAS = [camera.name for camera in ARM.goal_cameras]
 RADIUS = ARM.workcell.ball_radius
 #: Edge of a square as large as the ball's disk [m].
 EDGE = RADIUS * np.sqrt(np.pi)
@@ -126,7 +127,7 @@ class Studio:
             self._put(BALL, goal)
         if situation.facing:
             turn = np.empty(4)
-            mujoco.mju_mat2Quat(turn, goal_camera_poses(ARM)[GOAL_CAMERAS.index(camera)][:3, :3].ravel())
+            mujoco.mju_mat2Quat(turn, goal_camera_poses(ARM)[CAMERAS.index(camera)][:3, :3].ravel())
             self._put(situation.thing, goal, turn)
         elif situation.thing is not None:
             away, angle = rng.uniform(0.06, 0.15), rng.uniform(-np.pi, np.pi)
@@ -149,7 +150,7 @@ class Studio:
 
     def _hide(self, camera: str, goal: np.ndarray, angle: float) -> None:
         """A screen between a camera and the ball, its edge in the middle of the ball and at an angle in the picture."""
-        T = goal_camera_poses(ARM)[GOAL_CAMERAS.index(camera)]
+        T = goal_camera_poses(ARM)[CAMERAS.index(camera)]
         aside = np.cos(angle) * T[:3, 0] + np.sin(angle) * T[:3, 1]
         turn = np.empty(4)
         axes = np.column_stack([aside, np.cross(T[:3, 2], aside), T[:3, 2]])
@@ -161,9 +162,9 @@ class Studio:
 def measure(studio: Studio, situation: Situation, count: int, seed: int) -> dict[tuple[str, str], np.ndarray]:
     """Errors [m] by pipeline and camera, shape (count,): NaN where nothing was found, infinite for what is no ball."""
     goals = goals_of(count, seed)
-    truth = geometric_goal_view(ARM, goals).reshape(count, len(GOAL_CAMERAS), 3)
-    errors = {(pipeline, camera): np.full(count, np.nan) for pipeline in PIPELINES for camera in GOAL_CAMERAS}
-    for index, camera in enumerate(GOAL_CAMERAS):
+    truth = geometric_goal_view(ARM, goals).reshape(count, len(CAMERAS), 3)
+    errors = {(pipeline, camera): np.full(count, np.nan) for pipeline in PIPELINES for camera in CAMERAS}
+    for index, camera in enumerate(CAMERAS):
         rng = np.random.default_rng([seed, index])
         for row, goal in enumerate(goals):
             image = studio.take(situation, camera, goal, rng)
@@ -184,7 +185,7 @@ def table(studio: Studio, count: int, seed: int) -> str:
         errors = measure(studio, situation, count, seed)
         cells = []
         for pipeline in PIPELINES:
-            mm = 1e3 * np.concatenate([errors[pipeline, camera] for camera in GOAL_CAMERAS])
+            mm = 1e3 * np.concatenate([errors[pipeline, camera] for camera in CAMERAS])
             found = mm[~np.isnan(mm)]
             right = found[found <= 1e3 * WRONG]
             spread = f"{median(right):.2f} / {p95(right):.2f}" if len(right) else "-"

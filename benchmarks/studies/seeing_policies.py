@@ -24,7 +24,6 @@ from kinreach.registration import MULTI, SINGLE, SPACE
 from kinreach.robots import as_arm
 from kinreach.statistics import median, p95
 from kinreach.vision.ball_finder import PIPELINES
-from kinreach.vision.goal_view import has_goal_cameras
 
 PROG = "python -m benchmarks.studies.seeing_policies"
 
@@ -41,7 +40,7 @@ HEADINGS = ("policy", "the goal is", "found by both cameras, %", "reached, % [95
 def sights(policy: LearnedPolicy) -> Sequence[str]:
     """In which of the `SIGHTS` a policy can act; none where no camera looks for a ball at rest."""
     reaches = policy.card.environment in (SINGLE, MULTI, SPACE)
-    if not reaches or not has_goal_cameras(as_arm(trained_arm(policy).get("arm", "ur5"))):
+    if not reaches or not as_arm(trained_arm(policy).get("arm", "ur5")).goal_cameras:
         return []
     return [sight for sight in SIGHTS if (sight == PICTURES) == bool(policy.network.eyes)]
 

@@ -11,7 +11,6 @@ from numpy.typing import NDArray
 from kinreach.checks import Floats
 from kinreach.envs.reach.observers import PixelObserver
 from kinreach.envs.reach.task import ReachTask
-from kinreach.vision.goal_view import GOAL_CAMERAS
 
 
 class Looks:
@@ -24,12 +23,14 @@ class Looks:
         count: How many looks.
 
     Attributes:
-        pictures: Of each look and camera, uint8, shape (count, 2, height, width, 3).
+        pictures: Of each look and camera, uint8, shape (count, cameras, height, width, 3).
+        names: Of the pictures, as observations have them, in the order of the cameras.
     """
 
     def __init__(self, task: ReachTask, count: int) -> None:
         self._task = ReachTask(replace(task.options, observation="pixels"), task.variant)
-        shape = (count, len(GOAL_CAMERAS), task.options.height, task.options.width, 3)
+        self.names = sorted(f"{camera.name}_rgb" for camera in task.arm.goal_cameras)
+        shape = (count, len(self.names), task.options.height, task.options.width, 3)
         self.pictures: NDArray[np.uint8] = np.random.default_rng(0).integers(0, 256, shape, dtype=np.uint8)
 
     def take(self, goals: Floats, rng: np.random.Generator) -> None:
@@ -44,9 +45,9 @@ class Looks:
             seen = observer.look(np.tile(self._task.home, (len(goals), 1)), goals, [rng] * len(goals))
         finally:
             observer.close()
-        for camera, name in enumerate(GOAL_CAMERAS):
-            self.pictures[:, camera] = seen[f"{name}_rgb"]
+        for camera, name in enumerate(self.names):
+            self.pictures[:, camera] = seen[name]
 
     def seen(self, numbers: NDArray[Any]) -> dict[str, NDArray[np.uint8]]:
         """Looks by their numbers, shape (k,), as environments with `observation="pixels"` say them."""
-        return {f"{name}_rgb": self.pictures[numbers, camera] for camera, name in enumerate(GOAL_CAMERAS)}
+        return {name: self.pictures[numbers, camera] for camera, name in enumerate(self.names)}

@@ -19,18 +19,19 @@ from numpy.typing import ArrayLike
 
 import kinreach
 from kinreach.baselines.eyes import MIDDLE, Eye
-from kinreach.baselines.policies import PICTURES, SLACK, LearnedPolicy
+from kinreach.baselines.policies import SLACK, LearnedPolicy, trained_arm
 from kinreach.checks import check_count
 from kinreach.engines import load_extra
 from kinreach.envs.reach.task import STEP_SIZE
 from kinreach.errors import InputError
 from kinreach.files import replacing
+from kinreach.robots import as_arm
 
 #: Versions of ONNX's operators and of its file format, as ONNX Runtime has had them since 1.14.
 OPSET, IR_VERSION = 18, 8
 #: Names of the model's input, (batch, observations), and output, (batch, actions), or (batch,) where they are numbered.
 INPUT, OUTPUT = "observation", "action"
-#: Where pictures are seen, the inputs are `PICTURES`, uint8, (batch, height, width, 3), and if it walks, joint angles.
+#: A policy that sees has the inputs `front_rgb` and so on, uint8, (batch, height, width, 3), and if it walks, joints.
 JOINTS = "joints"
 _LAST = np.iinfo(np.int64).max
 
@@ -83,7 +84,8 @@ def _model(policy: LearnedPolicy, observations: int) -> Any:
     graph = _Graph()
     helper, kinds = graph.onnx.helper, graph.onnx.TensorProto
     eyes, outputs = policy.network.eyes, len(policy.network.gain)
-    seen = _seen(graph, eyes) if eyes else INPUT
+    pictures = _picture_names(policy)
+    seen = _seen(graph, eyes, pictures) if eyes else INPUT
     output = _network(graph, policy, seen)
     shape: list[str | int] = ["batch"]
     if policy.card.meaning == "preferences":
@@ -102,7 +104,7 @@ def _model(policy: LearnedPolicy, observations: int) -> Any:
     graph.nodes[-1].output[0] = OUTPUT
     inputs: list[tuple[str, int, list[str | int]]] = [(INPUT, kinds.DOUBLE, [observations])]
     if eyes:
-        inputs = [(name, kinds.UINT8, ["height", "width", 3]) for name in PICTURES]
+        inputs = [(name, kinds.UINT8, ["height", "width", 3]) for name in pictures]
         inputs += [(JOINTS, kinds.DOUBLE, [outputs])] if policy.stepwise else []
     made = helper.make_graph(
         graph.nodes,
@@ -123,9 +125,15 @@ def _model(policy: LearnedPolicy, observations: int) -> Any:
     return model
 
 
-def _seen(graph: _Graph, eyes: Sequence[Eye]) -> str:
+def _picture_names(policy: LearnedPolicy) -> list[str]:
+    """Names of the pictures that a policy sees: of the cameras of its arm."""
+    arm = as_arm(trained_arm(policy).get("arm", "ur5"))
+    return sorted(f"{camera.name}_rgb" for camera in arm.goal_cameras)[: len(policy.network.eyes)]
+
+
+def _seen(graph: _Graph, eyes: Sequence[Eye], names: Sequence[str]) -> str:
     """What the eyes say of the pictures, side by side."""
-    return graph("Concat", *(_eye(graph, eye, name) for eye, name in zip(eyes, PICTURES, strict=True)), axis=1)
+    return graph("Concat", *(_eye(graph, eye, name) for eye, name in zip(eyes, names, strict=True)), axis=1)
 
 
 def _eye(graph: _Graph, eye: Eye, picture: str) -> str:

@@ -31,7 +31,6 @@ from kinreach.errors import InputError, UnknownNameError
 from kinreach.files import replacing
 from kinreach.registration import BUTTON, MOVING, MULTI, MULTI_KINEMATIC, SINGLE, SPACE
 from kinreach.robots import get_arm
-from kinreach.vision.goal_view import GOAL_CAMERAS
 
 Array = NDArray[Any]
 
@@ -68,7 +67,7 @@ class Network:
         output: Behind the last layer, a key of `OUTPUTS`.
         gain, shift: Shape (m,).
         low, high: Bounds of an action, shape (m,); None for -1 and 1.
-        eyes: One for each of `GOAL_CAMERAS`; none where observations are vectors.
+        eyes: One for each camera, by name; none where observations are vectors.
     """
 
     mean: Array
@@ -86,7 +85,7 @@ class Network:
     def __call__(self, x: Any) -> Array:
         """Outputs, shape (..., m), for observations of shape (..., at least n), or for dictionaries with pictures."""
         if self.eyes:
-            x = np.concatenate([eye(x[key]) for eye, key in zip(self.eyes, PICTURES, strict=True)], axis=-1)
+            x = np.concatenate([eye(x[key]) for eye, key in zip(self.eyes, picture_names(x), strict=True)], axis=-1)
         h = (x[..., : len(self.mean)] - self.mean) / self.scale
         if len(self.waves):
             angles = (h[..., :, None] * self.waves).reshape(*h.shape[:-1], -1)
@@ -98,8 +97,6 @@ class Network:
         return self.shift + self.gain * OUTPUTS[self.output](h @ weight.T + bias)
 
 
-#: Pictures in the observations, in the order of the eyes.
-PICTURES = tuple(f"{name}_rgb" for name in GOAL_CAMERAS)
 #: Version of the format; files of other versions are refused.
 FORMAT = 1
 #: No policy of ours is larger; a file that is, is refused before it is read [bytes].
@@ -223,10 +220,8 @@ def _network(card: PolicyCard, tensors: Mapping[str, np.ndarray[Any, Any]]) -> N
     for name, value in tensors.items():
         if value.dtype not in (np.float32, np.float64) or not np.isfinite(value).all():
             raise InputError(f"{name} must be finite floating-point numbers")
-    eyes = [_eye(tensors, f"eye{number}.") for number in range(len(PICTURES)) if f"eye{number}.strides" in tensors]
+    eyes = [_eye(tensors, f"eye{number}.") for number in range(sum(name.endswith(".strides") for name in tensors))]
     tensors = {name: value for name, value in tensors.items() if not name.startswith("eye")}
-    if len(eyes) not in (0, len(PICTURES)):
-        raise InputError(f"it must have no eyes or {len(PICTURES)}, got {len(eyes)}")
     count = sum(name.endswith(".weight") for name in tensors)
     names = {f"layer{i}.{part}" for i in range(count) for part in ("weight", "bias")}
     expected = {"mean", "scale", "waves", "gain", "shift"} | names | ({"low", "high"} & set(tensors))
@@ -385,7 +380,7 @@ class LearnedPolicy:
         """
         outputs = len(self.network.gain)
         if self.network.eyes:
-            _check_pictures(self.name, observations)
+            _check_pictures(self.name, len(self.network.eyes), observations)
             observations = spaces.Box(-np.inf, np.inf, (self.inputs,))
         vector = isinstance(observations, spaces.Box) and len(observations.shape) == 1
         if not vector or not self.takes(observations.shape[0]):  # type: ignore[index]
@@ -436,24 +431,27 @@ class LearnedPolicy:
         return x
 
     def _pictures(self, observation: Any) -> dict[str, Array]:
-        if not isinstance(observation, Mapping) or not set(PICTURES) <= set(observation):
-            raise InputError(f"{self.name} takes observations with {' and '.join(PICTURES)}, got {shown(observation)}")
-        pictures = {name: np.asarray(observation[name]) for name in PICTURES}
+        names, wanted = picture_names(observation) if isinstance(observation, Mapping) else [], len(self.network.eyes)
+        if len(names) != wanted:
+            raise InputError(f"{self.name} takes observations with {wanted} pictures, got {shown(observation)}")
+        pictures = {name: np.asarray(observation[name]) for name in names}
         for name, picture in pictures.items():
             if picture.dtype != np.uint8 or picture.ndim < 3 or picture.shape[-1] != 3 or not picture.size:
                 raise InputError(f"{name} must be uint8, shape (..., height, width, 3), got {shown(picture)}")
         return pictures
 
 
-def _check_pictures(name: str, space: spaces.Space[Any]) -> None:
-    """Refuse an environment whose observations have no pictures.
+def picture_names(observation: Mapping[str, Any]) -> list[str]:
+    """Names of the colour pictures in an observation, in the order of a policy's eyes."""
+    return sorted(name for name in observation if name.endswith("_rgb"))
 
-    Raises:
-        InputError: They have not.
-    """
-    pictures = [space.spaces.get(key) for key in PICTURES] if isinstance(space, spaces.Dict) else [None]
-    if not all(isinstance(part, spaces.Box) and len(part.shape) == 3 for part in pictures):
-        raise InputError(f'{name} takes pictures, observation="pixels", not observations of {space}')
+
+def _check_pictures(name: str, count: int, space: spaces.Space[Any]) -> None:
+    """Refuse an environment whose observations do not have so many pictures."""
+    parts = space.spaces if isinstance(space, spaces.Dict) else {}
+    pictures = [parts[key] for key in picture_names(parts)]
+    if len(pictures) != count or not all(isinstance(part, spaces.Box) and len(part.shape) == 3 for part in pictures):
+        raise InputError(f'{name} takes {count} pictures, observation="pixels", not observations of {space}')
 
 
 def pretrained_names() -> list[str]:

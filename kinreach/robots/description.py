@@ -57,8 +57,8 @@ class ArmDescription:
         joint_damping: Viscous friction of each joint [N m s/rad]; default is that of the URDF.
         gripper: The gripper, or None.
         moves_last: Joints that a two-phase move holds still until all others have arrived; default none.
-        cameras: Cameras on the arm and around it; `overview` is the viewpoint of pictures. Default is an `overview`
-            from which the whole arm is seen.
+        cameras: Cameras on the arm and around it; those with `observed=True` measure the goal, and `overview` is the
+            viewpoint of pictures. Default is an `overview` from which the whole arm is seen.
 
     Raises:
         InputError: What has to be read from the URDF is not in it, or a number or an object cannot be that of an arm;
@@ -279,6 +279,11 @@ class ArmDescription:
         text = self.build_urdf()
         check_urdf(text, self.package_root())
         return text
+
+    @property
+    def goal_cameras(self) -> tuple[CameraMount, ...]:
+        """The cameras that measure the goal, in the order of the observation."""
+        return tuple(camera for camera in self.cameras if camera.observed)
 
     @property
     def locked_joints(self) -> Mapping[str, float]:

@@ -190,9 +190,19 @@ def _cameras(cell: _Cell) -> tuple[CameraMount, ...]:
     return (
         # Under the plate and 3 cm behind the arm's axis: further forward the nearest corners of the goal area, 45
         # degrees to the side, would leave the picture.
-        CameraMount("front", "world", (-0.03, 0.0, -0.05), cell.front_target, holder=(-0.05, 0.0, -PLATE)),
+        CameraMount(
+            "front", "world", (-0.03, 0.0, -0.05), cell.front_target, holder=(-0.05, 0.0, -PLATE), observed=True
+        ),
         # Beside the fingers and far enough from them that they hide no goal; up in the picture is forward at home.
-        CameraMount("wrist", "tool0", (0.10, 0.0, 0.09), cell.wrist_target, up=(0, -1, 0), holder=(0.035, 0.0, 0.06)),
+        CameraMount(
+            "wrist",
+            "tool0",
+            (0.10, 0.0, 0.09),
+            cell.wrist_target,
+            up=(0, -1, 0),
+            holder=(0.035, 0.0, 0.06),
+            observed=True,
+        ),
         CameraMount("overview", "world", cell.overview, cell.overview_target, fovy=37.0),
     )
 

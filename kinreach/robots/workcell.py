@@ -13,7 +13,7 @@ from typing import Any, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from kinreach.checks import MOST_DISTANCE, as_vector, check_number, shown
+from kinreach.checks import MOST_DISTANCE, as_vector, check_flag, check_number, shown
 from kinreach.errors import InputError
 
 #: Edges and coordinates of obstacles are no larger [m]: the collision engines lose touches between shapes whose sizes
@@ -84,6 +84,7 @@ class CameraMount:
         fovy: Vertical field of view [degrees].
         holder: Where the holder of the device starts; device and holder are drawn and have no contact. Without it
             nothing is drawn: the camera is a viewpoint, not a device.
+        observed: Whether the camera measures the goal: the goal's position in its frame is part of the observation.
 
     Raises:
         InputError: A name is no text, a point not three finite numbers, the field of view not between 0 and 180
@@ -97,12 +98,14 @@ class CameraMount:
     up: tuple[float, float, float] = (0.0, 0.0, 1.0)
     fovy: float = 58.0
     holder: tuple[float, float, float] | None = None
+    observed: bool = False
 
     def __post_init__(self) -> None:
         _check_name("the name of a camera", self.name)
         of = f"of the camera {self.name!r}"
         _check_name(f"the link {of}", self.link)
         check_number(f"fovy {of}", self.fovy, above=0.0, most=WIDEST_VIEW)
+        check_flag(f"observed {of}", self.observed)
         position, target, up = (
             as_vector(f"the {part} {of}", getattr(self, part), 3, most=MOST_DISTANCE)
             for part in ("position", "target", "up")

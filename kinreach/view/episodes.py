@@ -24,7 +24,7 @@ from kinreach.view.mujoco_scene import Contact, MujocoScene
 from kinreach.view.names import length
 from kinreach.view.players import ARM, new_player, playable, trained_in
 from kinreach.view.snippet import robots
-from kinreach.vision.goal_view import CameraGoalView, GoalLook, has_goal_cameras
+from kinreach.vision.goal_view import CameraGoalView, GoalLook
 
 #: Frames per second of simulated time.
 FPS = 25
@@ -116,12 +116,12 @@ class Episode:
         return min(times[-1] - times[0], 1.0 / FPS) or 1.0 / FPS
 
     def look(self) -> GoalLook | None:
-        """What both cameras see of the ball from the start pose, and the circles that are found in it.
+        """What the cameras see of the ball from the start pose, and the circles that are found in it.
 
         Returns:
             None for an arm without cameras, without a goal, and where nothing can be drawn.
         """
-        if self.goal is None or not has_goal_cameras(self.arm):
+        if self.goal is None or not self.arm.goal_cameras:
             return None
         simulation = ArmSimulation(self.arm)
         simulation.place_ball(self.goal)

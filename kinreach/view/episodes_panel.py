@@ -21,7 +21,7 @@ from kinreach.view.names import plain
 from kinreach.view.panel import Panel
 from kinreach.view.players import BACKEND, OBSERVATION, playable
 from kinreach.view.setup import Setup
-from kinreach.vision.goal_view import GOAL_CAMERAS, GoalLook
+from kinreach.vision.goal_view import GoalLook
 
 PLAY, PAUSE, STEP, START = "play", "pause", "step", "start"
 #: Of a contact [m].
@@ -128,9 +128,8 @@ class EpisodesPanel(Panel):
         self._now = gui.add_html("")
         self._plot_place = gui.add_folder("Terms of the reward, step by step")
         self._plot: Any = None
-        with gui.add_folder("What the cameras see", expand_by_default=False) as self._cameras:
-            nothing = np.full((9, 16, 3), 255, dtype=np.uint8)
-            self._images = [gui.add_image(nothing, label=name, format="jpeg") for name in GOAL_CAMERAS]
+        self._cameras = gui.add_folder("What the cameras see", expand_by_default=False)
+        self._images: list[Any] = []
         with gui.add_folder("Episode"):
             self._environment = gui.add_dropdown("environment", self._setup.environments)
             self._policy = gui.add_dropdown(
@@ -286,8 +285,13 @@ class EpisodesPanel(Panel):
         with self._lock:
             if self.episode is not episode or seen is None:
                 return
-            for index, image in enumerate(self._images):
-                image.image = circled(seen, index)
+            for image in self._images:
+                image.remove()
+            with self._cameras:
+                self._images = [
+                    self._client.gui.add_image(circled(seen, index), label=camera.name, format="jpeg")
+                    for index, camera in enumerate(episode.arm.goal_cameras)
+                ]
             self._cameras.visible = True
 
     def _play(self, still: threading.Event, episode: Episode) -> None:

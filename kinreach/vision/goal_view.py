@@ -1,8 +1,8 @@
-"""The goal as the cameras see it from the start pose: six of the 13 numbers of the thesis's observation (3.4.2).
+"""The goal as the arm's cameras see it from the start pose: six of the 13 numbers of the thesis's observation (3.4.2).
 
-The six numbers are the goal's position in the frame of the front camera, then in that of the wrist camera [m]. Camera
-frames are optical: x to the picture's right, y down, z forward. The arm stands in its start pose, where the goal is
-measured once per episode; the cameras' poses are therefore constants of the arm.
+A view is the goal's position in the frame of each camera of `arm.goal_cameras`, one after the other [m]; the UR5 has a
+front and a wrist camera. Camera frames are optical: x to the picture's right, y down, z forward. The arm stands in its
+start pose, where the goal is measured once per episode; the cameras' poses are therefore constants of the arm.
 
 `geometric_goal_view` says what perfect cameras would: rigid transforms, no rendering. `CameraGoalView` renders both
 pictures and finds the ball in them. What was not found has three zeros, the place of the optical centre, where no ball
@@ -29,7 +29,7 @@ from kinreach.checks import (
     check_known,
     shown,
 )
-from kinreach.errors import InputError, raise_unknown
+from kinreach.errors import InputError
 from kinreach.kinematics.arm import build_model, link_frame, pin
 from kinreach.robots import ArmDescription, as_arm
 from kinreach.sim.looks import camera_rotation
@@ -38,33 +38,23 @@ from kinreach.sim.simulation import ArmSimulation
 from kinreach.vision.ball_finder import PIPELINES, BallFix, find_ball
 from kinreach.vision.cameras import MOST_PIXELS, OPTICAL_IN_GL, RGBDCamera, RGBDImage, SensorNoise, check_noise
 
-#: The cameras that measure the goal, in the order of the observation.
-GOAL_CAMERAS = ("front", "wrist")
-
-
-def has_goal_cameras(arm: ArmDescription) -> bool:
-    """Whether an arm has the cameras that measure the goal."""
-    return set(GOAL_CAMERAS) <= {mount.name for mount in arm.cameras}
-
 
 @lru_cache(maxsize=16)
 def goal_camera_poses(arm: ArmDescription) -> Floats:
-    """Poses of the `GOAL_CAMERAS` in the world with the arm in its start pose, optical frames, shape (2, 4, 4).
+    """Poses of the goal cameras in the world with the arm in its start pose, optical frames, shape (cameras, 4, 4).
 
-    Computed from the description by Pinocchio; shared by all who ask, and read-only.
+    Computed from the description by Pinocchio, cached and read-only.
 
     Raises:
-        UnknownNameError: The arm has no such camera; the message lists those it has.
+        InputError: No camera of the arm measures the goal.
     """
+    if not arm.goal_cameras:
+        raise InputError(f"no camera of arm {arm.name!r} measures the goal; give it a CameraMount with observed=True")
     model = build_model(arm)
     data = model.createData()
     pin.framesForwardKinematics(model, data, np.array(arm.home))
-    mounts = {mount.name: mount for mount in arm.cameras}
-    poses = np.empty((len(GOAL_CAMERAS), 4, 4))
-    for T_world_camera, name in zip(poses, GOAL_CAMERAS, strict=True):
-        if name not in mounts:
-            raise_unknown(f"camera of {arm.name}", name, mounts)
-        mount = mounts[name]
+    poses = np.empty((len(arm.goal_cameras), 4, 4))
+    for T_world_camera, mount in zip(poses, arm.goal_cameras, strict=True):
         T_link_camera = np.eye(4)
         T_link_camera[:3, :3] = camera_rotation(mount) @ OPTICAL_IN_GL
         T_link_camera[:3, 3] = mount.position
@@ -81,11 +71,11 @@ def geometric_goal_view(arm: str | ArmDescription, goals_world: ArrayLike) -> Fl
         goals_world: Centres of the ball in the world [m], shape (..., 3).
 
     Returns:
-        The six numbers of each goal, shape (..., 6).
+        The view of each goal [m], shape (..., 3 * cameras).
 
     Raises:
-        UnknownNameError: There is no such arm, or it lacks one of the cameras.
-        InputError: Wrong shape, or a value that is not finite.
+        UnknownNameError: There is no such arm.
+        InputError: Wrong shape, a value that is not finite, or no camera of the arm measures the goal.
     """
     goals = as_floats("goals_world", goals_world)
     if goals.ndim == 0 or goals.shape[-1] != 3:
@@ -99,25 +89,27 @@ def geometric_goal_view(arm: str | ArmDescription, goals_world: ArrayLike) -> Fl
 
 
 def goal_in_world(arm: str | ArmDescription, values: ArrayLike, found: ArrayLike) -> Floats | None:
-    """The goal's position from the six numbers: the mean of what the cameras that found it say.
+    """The goal's position from a view: the mean over the cameras that found it.
 
     Args:
         arm: Name of a registered arm, or a description.
-        values: The six numbers [m], shape (6,).
-        found: Which camera found the ball, bool, shape (2,).
+        values: The view [m], shape (3 * cameras,).
+        found: Which camera found the ball, bool, shape (cameras,).
 
     Returns:
         Position in the world [m], shape (3,); None if no camera found the ball.
 
     Raises:
-        UnknownNameError: There is no such arm, or it lacks one of the cameras.
-        InputError: Wrong shape, or a value that is not finite.
+        UnknownNameError: There is no such arm.
+        InputError: Wrong shape, a value that is not finite, or no camera of the arm measures the goal.
     """
-    view = as_vector("values", values, 6, most=2 * MOST_DISTANCE)
+    arm = as_arm(arm)
+    count = len(goal_camera_poses(arm))
+    view = as_vector("values", values, 3 * count, most=2 * MOST_DISTANCE)
     seen = as_array("found", found)
-    if seen.shape != (2,) or seen.dtype != np.bool_:
-        raise InputError(f"found must be two truth values, got {shown(found)}")
-    return goals_in_world(as_arm(arm), view[None], seen[None])[0] if seen.any() else None
+    if seen.shape != (count,) or seen.dtype != np.bool_:
+        raise InputError(f"found must be {count} truth values, got {shown(found)}")
+    return goals_in_world(arm, view[None], seen[None])[0] if seen.any() else None
 
 
 def in_image(views: Floats) -> Floats:
@@ -127,12 +119,12 @@ def in_image(views: Floats) -> Floats:
     cy + fy v. A ball that was not found keeps its zeros, and what is not in front of a camera has u = v = 0.
 
     Args:
-        views: The six numbers of each [m], shape (..., 6).
+        views: Views [m], shape (..., 3 * cameras).
 
     Returns:
-        u, v and depth [m] in the front camera, then in the wrist camera, shape (..., 6).
+        u, v and depth [m] in each camera, shape (..., 3 * cameras).
     """
-    points = views.reshape(*views.shape[:-1], len(GOAL_CAMERAS), 3)
+    points = views.reshape(*views.shape[:-1], -1, 3)
     depth = points[..., 2:]
     uv = np.divide(points[..., :2], depth, out=np.zeros_like(points[..., :2]), where=depth > 0.0)
     return np.concatenate([uv, depth], axis=-1).reshape(views.shape)
@@ -143,14 +135,14 @@ def goals_in_world(arm: ArmDescription, views: Floats, found: NDArray[np.bool_])
 
     Args:
         arm: The arm.
-        views: The six numbers of each [m], shape (k, 6).
-        found: Which camera found the ball, shape (k, 2).
+        views: Views [m], shape (k, 3 * cameras).
+        found: Which camera found the ball, shape (k, cameras).
 
     Returns:
         Positions in the world [m], shape (k, 3).
     """
     T = goal_camera_poses(arm)
-    points = np.einsum("nij,knj->kni", T[:, :3, :3], views.reshape(-1, 2, 3)) + T[:, :3, 3]
+    points = np.einsum("nij,knj->kni", T[:, :3, :3], views.reshape(len(views), -1, 3)) + T[:, :3, 3]
     total = np.where(found[:, :, None], points, 0.0).sum(axis=1)
     count = found.sum(axis=1)[:, None]
     return np.divide(total, count, out=np.full_like(total, np.nan), where=count > 0)
@@ -158,11 +150,11 @@ def goals_in_world(arm: ArmDescription, views: Floats, found: NDArray[np.bool_])
 
 @dataclass(frozen=True, eq=False)
 class GoalLook:
-    """What both cameras made of the ball.
+    """What the cameras made of the ball.
 
     Attributes:
-        values: The six numbers [m], shape (6,); zeros for a camera that did not find the ball.
-        found: Which camera found it, bool, shape (2,).
+        values: The view [m], shape (3 * cameras,); zeros for a camera that did not find the ball.
+        found: Which camera found it, bool, shape (cameras,).
         fixes: What each camera found, with its circle in the picture, or None.
         images: What each camera saw.
     """
@@ -176,7 +168,7 @@ class GoalLook:
 class CameraGoalView:
     """Measures the goal as the thesis does, by rendering; to be closed, or used as a context manager.
 
-    Both cameras share one renderer, made with the first look and kept as long as the scene is the same.
+    The cameras share one renderer, made with the first look and kept as long as the scene is the same.
 
     Args:
         arm: Name of a registered arm, or a description.
@@ -187,8 +179,9 @@ class CameraGoalView:
         noise: Of the cameras; none by default.
 
     Raises:
-        UnknownNameError: There is no such arm or pipeline, or the arm lacks one of the cameras.
-        InputError: A size is no positive integer, or `noise` no `SensorNoise`.
+        UnknownNameError: There is no such arm or pipeline.
+        InputError: A size is not a positive integer, `noise` is not a `SensorNoise`, or no camera of the arm measures
+            the goal.
     """
 
     def __init__(
@@ -201,7 +194,7 @@ class CameraGoalView:
         noise: SensorNoise | None = None,
     ) -> None:
         self.arm = as_arm(arm)
-        goal_camera_poses(self.arm)  # says now if a camera is missing
+        goal_camera_poses(self.arm)  # raises if it has none
         check_known("pipeline", pipeline, PIPELINES)
         check_noise(noise)
         self.width = check_count("width", width, most=MOST_PIXELS)
@@ -211,7 +204,7 @@ class CameraGoalView:
         self._renderer: FrameRenderer | None = None
 
     def look(self, simulation: ArmSimulation, rng: np.random.Generator | None = None) -> GoalLook:
-        """Take both pictures of the current state and find the ball.
+        """Take a picture with each camera and find the ball.
 
         Args:
             simulation: Of the same arm, in its start pose: only there `goal_in_world` holds.
@@ -225,11 +218,11 @@ class CameraGoalView:
         if simulation.arm is not self.arm:
             raise InputError(f"this view is of {self.arm.name}, got a simulation of {simulation.arm.name}")
         renderer = self._renderer_for(simulation)
-        values = np.zeros((len(GOAL_CAMERAS), 3))
+        values = np.zeros((len(self.arm.goal_cameras), 3))
         fixes: list[BallFix | None] = []
         images: list[RGBDImage] = []
-        for value, name in zip(values, GOAL_CAMERAS, strict=True):
-            camera = RGBDCamera(simulation, name, width=self.width, height=self.height, renderer=renderer)
+        for value, mount in zip(values, self.arm.goal_cameras, strict=True):
+            camera = RGBDCamera(simulation, mount.name, width=self.width, height=self.height, renderer=renderer)
             image = camera.capture(noise=self.noise, rng=rng)
             radius = self.arm.workcell.ball_radius
             fix = find_ball(image.rgb, image.depth, camera.intrinsics, radius, pipeline=self.pipeline)
@@ -264,8 +257,8 @@ class CameraGoalView:
 
 @lru_cache(maxsize=16)
 def _world_to_cameras(arm: ArmDescription) -> list[list[float]]:
-    """The upper rows of both transforms from the world to a camera: six rows of four numbers."""
+    """The upper three rows of the transforms from the world to each camera, stacked."""
     T = goal_camera_poses(arm)
     R = np.swapaxes(T[:, :3, :3], 1, 2)
-    rows: list[list[float]] = np.concatenate([R, -(R @ T[:, :3, 3:])], axis=2).reshape(6, 4).tolist()
+    rows: list[list[float]] = np.concatenate([R, -(R @ T[:, :3, 3:])], axis=2).reshape(-1, 4).tolist()
     return rows

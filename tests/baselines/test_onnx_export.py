@@ -10,7 +10,6 @@ from kinreach.baselines.batch import make_batch
 from kinreach.baselines.onnx_export import export_onnx
 from kinreach.baselines.policies import (
     ACTIVATIONS,
-    PICTURES,
     LearnedPolicy,
     Network,
     load_policy,
@@ -62,7 +61,9 @@ def test_a_policy_that_sees_pictures(walks, tmp_path):
     export_onnx(policy, tmp_path / "policy.onnx")
     rng = np.random.default_rng(0)
     for count, size in ((40, (72, 128)), (40, (15, 22)), (3, (1, 1))):
-        seen = {name: rng.integers(0, 256, size=(count, *size, 3), dtype=np.uint8) for name in PICTURES}
+        seen = {
+            name: rng.integers(0, 256, size=(count, *size, 3), dtype=np.uint8) for name in ("front_rgb", "wrist_rgb")
+        }
         seen["joints"] = rng.uniform(-3.0, 3.0, size=(count, 6))
         assert_equal(policy, tmp_path / "policy.onnx", seen, count)
 

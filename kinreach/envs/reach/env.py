@@ -304,7 +304,7 @@ class UR5SingleStepEnv(ReachEnv):
 
     ## Info
     After a reset: `goal` (where the ball is in the world [m]), `seen` (where the cameras put it; NaN where none found
-    it), `view` (the goal block of the observation), `ball_found` (by the front and the wrist camera), `q` [rad], `tip`
+    it), `view` (the goal block of the observation), `ball_found` (by each camera), `q` [rad], `tip`
     (the tcp in the world [m]), `distance` [m], `posture_error` (r_e). After a step all of these, and
     `reached` and `is_success`, `impossible`, `impossible_reason` (empty where possible), `status` and
     `impossible_code` (how it ended in a word and as a number, `kinreach.envs.reach.worlds`), `target` and `target_tip`

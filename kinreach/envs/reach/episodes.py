@@ -34,7 +34,7 @@ class ReachEpisodes:
     Attributes:
         task, world: As given.
         goals: Where the balls are in the world [m], shape (count, 3).
-        found: Which of the cameras found them, shape (count, 2).
+        found: Which of the cameras found them, shape (count, cameras); one column for an arm without cameras.
         seen: Where they seem to be in the world [m], shape (count, 3). New episodes have new arrays, these stay as
             they are.
         directions: Where the tools are to point, unit vectors in the world, shape (count, 3).
@@ -43,7 +43,7 @@ class ReachEpisodes:
     def __init__(self, task: ReachTask, world: ReachWorld) -> None:
         count = world.count
         self.goals = self.seen = np.zeros((count, 3))
-        self.found = np.zeros((count, 2), dtype=np.bool_)
+        self.found = np.zeros((count, max(1, len(task.arm.goal_cameras))), dtype=np.bool_)
         self.directions = np.tile(TOOL_DOWN, (count, 1))
         self.task = task
         self.world = world

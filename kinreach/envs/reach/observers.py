@@ -15,7 +15,7 @@ from kinreach.envs.reach.task import CAMERA_RANGE, ReachTask, goal_block, observ
 from kinreach.envs.reach.worlds import Ids
 from kinreach.sim.simulation import ArmSimulation
 from kinreach.vision.cameras import RGBDCamera
-from kinreach.vision.goal_view import GOAL_CAMERAS, CameraGoalView, goals_in_world, has_goal_cameras
+from kinreach.vision.goal_view import CameraGoalView, goals_in_world
 
 Flags = NDArray[np.bool_]
 
@@ -29,8 +29,8 @@ class Looks(NamedTuple):
     """What was made of k goals.
 
     Attributes:
-        views: Goal blocks of the observations [m], shape (k, 6) with cameras, else (k, 3).
-        found: Which of the two cameras found the ball, shape (k, 2).
+        views: Goal blocks of the observations [m], shape (k, 3 * cameras), without cameras (k, 3).
+        found: Which of the cameras found the ball, shape (k, cameras); one column without cameras.
         seen: Where the goals seem to be in the world [m], shape (k, 3); NaN where no camera found the ball.
     """
 
@@ -65,14 +65,14 @@ class GeometricObserver:
 
     def look(self, goals: Floats, ids: Ids, rngs: Sequence[np.random.Generator]) -> Looks:
         """The true positions; the ball is always found."""
-        return Looks(goal_block(self._task.arm, goals), np.ones((len(goals), 2), dtype=np.bool_), goals)
+        return Looks(goal_block(self._task.arm, goals), _all_found(self._task, len(goals)), goals)
 
     def close(self) -> None:
         """Nothing to let go of."""
 
 
 class CameraObserver:
-    """What is found in the rendered images of both cameras."""
+    """What is found in the rendered images of the goal cameras."""
 
     def __init__(self, task: ReachTask) -> None:
         options = task.options
@@ -82,8 +82,9 @@ class CameraObserver:
         )
 
     def look(self, goals: Floats, ids: Ids, rngs: Sequence[np.random.Generator]) -> Looks:
-        """Render both cameras for every goal; a ball that is not found has the documented value of `CameraGoalView`."""
-        views, found = np.empty((len(goals), 6)), np.empty((len(goals), 2), dtype=np.bool_)
+        """Render every camera for every goal; a ball that is not found has the documented value of `CameraGoalView`."""
+        cameras = len(self._simulation.arm.goal_cameras)
+        views, found = np.empty((len(goals), 3 * cameras)), np.empty((len(goals), cameras), dtype=np.bool_)
         for row, (goal, index) in enumerate(zip(goals, ids, strict=True)):
             self._simulation.place_ball(goal)
             seen = self._view.look(self._simulation, rngs[index])
@@ -98,7 +99,7 @@ class CameraObserver:
 class RememberedObserver:
     """What the cameras find, but for rendering: the error of the nearest of some looks taken beforehand.
 
-    The error of a look is that of its six numbers; a goal is not found where the nearest was not. The looks are the
+    The error of a look is that of its view; a goal is not found where the nearest was not. The looks are the
     same in every environment with the same options.
     """
 
@@ -134,14 +135,18 @@ def goal_observer(task: ReachTask) -> GoalObserver:
 
 def measured(task: ReachTask, views: Floats) -> Looks:
     """Looks that somebody else has taken: goal blocks, with zeros for a camera that did not find the ball."""
-    if not has_goal_cameras(task.arm):
-        return Looks(views, np.ones((len(views), 2), dtype=np.bool_), views.copy())
-    found: Flags = np.any(views.reshape(-1, 2, 3), axis=2)
+    if not task.arm.goal_cameras:
+        return Looks(views, _all_found(task, len(views)), views.copy())
+    found: Flags = np.any(views.reshape(len(views), -1, 3), axis=2)
     return Looks(views, found, goals_in_world(task.arm, views, found))
 
 
+def _all_found(task: ReachTask, count: int) -> Flags:
+    return np.ones((count, max(1, len(task.arm.goal_cameras))), dtype=np.bool_)
+
+
 class PixelObserver:
-    """RGB and depth of both cameras in the arm's present posture: the thesis's "ideal solution" (6.1).
+    """RGB and depth of the goal cameras in the arm's present posture: the thesis's "ideal solution" (6.1).
 
     With the joint angles and the gripper's opening.
 
@@ -153,15 +158,15 @@ class PixelObserver:
         self._task = task
         self._simulation = ArmSimulation(task.arm)
         self._cameras = {
-            name: RGBDCamera(self._simulation, name, width=task.options.width, height=task.options.height)
-            for name in GOAL_CAMERAS
+            mount.name: RGBDCamera(self._simulation, mount.name, width=task.options.width, height=task.options.height)
+            for mount in task.arm.goal_cameras
         }
         self.space = self._space()
 
     def _space(self) -> spaces.Dict:
         height, width = self._task.options.height, self._task.options.width
         images: dict[str, spaces.Space[Any]] = {}
-        for name in GOAL_CAMERAS:
+        for name in self._cameras:
             images[f"{name}_rgb"] = spaces.Box(0, 255, (height, width, 3), np.uint8)
             images[f"{name}_depth"] = spaces.Box(0.0, DEPTH_RANGE, (height, width, 1), np.float32)
         whole, joints = observation_space(self._task.arm), self._task.layout.q
@@ -170,7 +175,7 @@ class PixelObserver:
         return spaces.Dict(images)
 
     def look(self, postures: Floats, goals: Floats, rngs: Sequence[np.random.Generator]) -> dict[str, Any]:
-        """Both cameras' images of the arm in some postures, with the balls where they are.
+        """The cameras' images of the arm in some postures, with the balls where they are.
 
         Args:
             postures: Joint angles [rad], shape (k, n).

@@ -45,7 +45,6 @@ from kinreach.thesis.reward import (
     posture_error,
     reach_reward,
 )
-from kinreach.vision.goal_view import has_goal_cameras
 
 Flags = NDArray[np.bool_]
 Terms = Mapping[str, Floats]
@@ -214,7 +213,8 @@ def default_reward(arm: ArmDescription) -> ThesisReward | DistanceReward:
 
     What is a natural posture depends on how the arm is mounted; a UR from a file may stand anywhere.
     """
-    if arm.joints == get_arm("ur5").joints and has_goal_cameras(arm):
+    cameras = {camera.name for camera in arm.goal_cameras}
+    if arm.joints == get_arm("ur5").joints and {"front", "wrist"} <= cameras:
         return ThesisReward()
     return DistanceReward(arm.workcell.reached_distance)
 

@@ -28,7 +28,7 @@ from kinreach.sim.imperfections import IDEAL, Imperfections, as_imperfections
 from kinreach.thesis.reward import REACHED_POSTURE_ERROR
 from kinreach.vision.ball_finder import PIPELINES
 from kinreach.vision.cameras import MOST_EXPOSURE, SensorNoise
-from kinreach.vision.goal_view import geometric_goal_view, has_goal_cameras
+from kinreach.vision.goal_view import geometric_goal_view
 
 #: How the tool points at a goal, in the world: straight down.
 TOOL_DOWN = (0.0, 0.0, -1.0)
@@ -92,7 +92,7 @@ class ReachOptions:
     goal_in: str = field(
         default=CAMERA,
         metadata=about(
-            'what the goal\'s six numbers are: `"camera"` (x, y, z in each camera\'s frame [m]) or `"image"` (u = x/z, '
+            'what each camera says of the goal: `"camera"` (x, y, z in its frame [m]) or `"image"` (u = x/z, '
             "v = y/z, both held within 2, and the depth z [m])"
         ),
     )
@@ -132,14 +132,13 @@ class ReachOptions:
             raise InputError(f'imperfections are of the dynamics: use backend="mujoco", got {self.backend!r}')
         check_reward(self.reward)
         arm = as_arm(self.arm)
-        if has_goal_cameras(arm):
+        if arm.goal_cameras:
             return
         for name, plain in (("observation", "geometric"), ("goal_in", CAMERA)):
             if (value := getattr(self, name)) != plain:
-                names = ", ".join(mount.name for mount in arm.cameras) or "none"
                 raise InputError(
-                    f"{name}={value!r} needs cameras named front and wrist, arm {arm.name!r} has {names}; "
-                    f'use {name}="{plain}"'
+                    f"{name}={value!r} needs a camera that measures the goal, arm {arm.name!r} has none: give it a "
+                    f'CameraMount with observed=True, or use {name}="{plain}"'
                 )
 
     @property
@@ -194,7 +193,7 @@ class Layout(NamedTuple):
     """Where things are in an observation.
 
     Attributes:
-        goal: The goal block: the goal in the front and in the wrist camera, or in the world [m].
+        goal: The goal block: the goal in the frame of each goal camera, or without cameras in the world [m].
         direction: Where the tool is to point, a unit vector in the world; empty where it always points down.
         q: Joint angles [rad].
         gripper: Opening of the gripper [m].
@@ -235,7 +234,7 @@ def layout_of(arm: ArmDescription, *, directed: bool = False) -> Layout:
         arm: Which.
         directed: Whether goals say where the tool is to point.
     """
-    return Layout.of(6 if has_goal_cameras(arm) else 3, len(arm.joints), direction=3 if directed else 0)
+    return Layout.of(3 * len(arm.goal_cameras) or 3, len(arm.joints), direction=3 if directed else 0)
 
 
 @lru_cache(maxsize=16)
@@ -265,7 +264,7 @@ def observation_space(arm: str | ArmDescription = "ur5", *, directed: bool = Fal
     arm = as_arm(arm)
     layout, (lower, upper) = layout_of(arm, directed=directed), joint_limits(arm)
     low, high = np.empty(layout.size), np.empty(layout.size)
-    high[layout.goal] = CAMERA_RANGE if has_goal_cameras(arm) else GOAL_RANGE
+    high[layout.goal] = CAMERA_RANGE if arm.goal_cameras else GOAL_RANGE
     low[layout.goal] = -high[layout.goal]
     low[layout.direction], high[layout.direction] = -1.0, 1.0
     low[layout.q], high[layout.q] = lower - BEYOND_LIMIT, upper + BEYOND_LIMIT
@@ -275,7 +274,7 @@ def observation_space(arm: str | ArmDescription = "ur5", *, directed: bool = Fal
 
 def goal_block(arm: ArmDescription, goals: Floats) -> Floats:
     """What perfect cameras would say of goals in the world [m], shape (k, 3), or without cameras the goals."""
-    return geometric_goal_view(arm, goals) if has_goal_cameras(arm) else goals.copy()
+    return geometric_goal_view(arm, goals) if arm.goal_cameras else goals.copy()
 
 
 def tool_goal(arm: ArmDescription, position: ArrayLike, direction: ArrayLike = TOOL_DOWN) -> AxisGoal | PositionGoal:
@@ -341,7 +340,7 @@ def reset_options(
     arm = as_arm(arm)
     sizes = {"goal": 3, "q": len(arm.joints), "view": layout_of(arm).goal.stop}
     start = Start(*option_rows(options, sizes | ({"direction": 3} if directed else {}), count))
-    bound, where = (CAMERA_RANGE, "that the cameras see") if has_goal_cameras(arm) else (GOAL_RANGE, "of goals")
+    bound, where = (CAMERA_RANGE, "that the cameras see") if arm.goal_cameras else (GOAL_RANGE, "of goals")
     if start.q is not None:
         _refuse_outside_limits(arm, start.q)
     if start.goals is not None:

@@ -106,7 +106,7 @@ def test_batches_of_other_arms_are_as_many_single_ones(name, backend):
 
 @pytest.mark.parametrize("observation", ["camera", "pixels"])
 def test_cameras_that_an_arm_has_not_are_refused(observation):
-    with pytest.raises(InputError, match="front and wrist, arm 'arm3' has overview"):
+    with pytest.raises(InputError, match="a camera that measures the goal, arm 'arm3' has none"):
         gym.make(SINGLE, arm="arm3", observation=observation)
 
 
