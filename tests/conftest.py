@@ -24,6 +24,8 @@ from kinreach.errors import InstallationError
 from kinreach.kinematics import UR5Kinematics
 
 BROWSERS = ("chromium", "chromium-browser", "google-chrome")
+#: Rendering without a graphics card, and without the user namespaces that containers lack.
+BROWSER_ARGUMENTS = ["--no-sandbox", "--use-angle=swiftshader", "--enable-unsafe-swiftshader", "--ignore-gpu-blocklist"]
 HEADED = 2  # lines of a table before its first row
 
 # A shell's background job begins with Ctrl-C ignored, and so would every program that a test starts and interrupts.
@@ -68,6 +70,19 @@ def browser_path() -> str:
     if os.environ.get("KINREACH_REQUIRE_BROWSER"):
         pytest.fail(f"KINREACH_REQUIRE_BROWSER is set, and {missing}")
     pytest.skip(missing)
+
+
+@pytest.fixture(scope="session")
+def browser(browser_path):
+    """The system's Chromium, driven by Playwright, which brings none."""
+    if "KINREACH_REQUIRE_BROWSER" not in os.environ:
+        pytest.importorskip("playwright")
+    from playwright.sync_api import sync_playwright
+
+    with sync_playwright() as playwright:
+        opened = playwright.chromium.launch(executable_path=browser_path, args=BROWSER_ARGUMENTS)
+        yield opened
+        opened.close()
 
 
 def pytest_terminal_summary(terminalreporter: pytest.TerminalReporter) -> None:

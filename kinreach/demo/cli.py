@@ -184,5 +184,5 @@ def _parser(prog: str) -> Parser:
         metavar="A,B",
         help=f"any of: {', '.join(PRINTABLE)}, nothing (default for {by_task('printed')})",
     )
-    parser.add_argument("--video", metavar="FILE", help="film it into FILE.gif or FILE.mp4")
+    parser.add_argument("--video", metavar="FILE", help="film it into FILE.gif or FILE.mp4 (VP9, which browsers play)")
     return parser

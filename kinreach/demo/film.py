@@ -1,4 +1,4 @@
-"""Frames into a file: a GIF through Pillow, or a video through OpenCV."""
+"""Frames into a file: a GIF through Pillow, or a video through OpenCV, VP9 in an MP4, which every browser plays."""
 
 from __future__ import annotations
 
@@ -21,6 +21,8 @@ from kinreach.files import make_writable, replacing
 FILM_FPS = 25
 Frame = NDArray[np.uint8]
 FORMATS = (".gif", ".mp4")
+#: VP9: the wheels of OpenCV bring an encoder for it, and none for H.264; no browser plays their MPEG-4 Part 2, "mp4v".
+CODEC = "vp09"
 #: A GIF is put together in memory; a longer film has to be a video.
 LONGEST_GIF = 1000
 #: Chosen by an octree, which keeps the colour of things as small as the ball.
@@ -78,9 +80,9 @@ class Film(AbstractContextManager["Film"]):
             self._finish()
 
     def _open(self, width: int, height: int) -> Any:
-        writer = cv2.VideoWriter(str(self._temporary), cv2.VideoWriter.fourcc(*"mp4v"), self._fps, (width, height))
+        writer = cv2.VideoWriter(str(self._temporary), cv2.VideoWriter.fourcc(*CODEC), self._fps, (width, height))
         if not writer.isOpened():
-            raise OutputError(f"cannot write {self.path}: OpenCV cannot open it")
+            raise OutputError(f"cannot write {self.path}: this OpenCV has no VP9 encoder; a .gif needs none")
         self._stack.callback(writer.release)  # where the film fails; a second time does nothing
         return writer
 

@@ -3,6 +3,7 @@
 import errno
 import json
 import os
+from base64 import b64encode
 
 import cv2
 import numpy as np
@@ -123,6 +124,14 @@ def test_the_writer_is_released_whatever_happens(error, tmp_path, writers, frame
     assert os.listdir(tmp_path) == []
 
 
+def test_an_opencv_without_the_encoder_is_one_line(tmp_path, writers, frame, monkeypatch):
+    monkeypatch.setattr(cv2.VideoWriter, "isOpened", lambda self: False)
+    with pytest.raises(OutputError, match=r"film\.mp4: this OpenCV has no VP9 encoder; a \.gif"):  # noqa: SIM117
+        with Film(tmp_path / "film.mp4", fps=10) as film:
+            film.add(frame)
+    assert os.listdir(tmp_path) == []
+
+
 @pytest.mark.parametrize("error", [None, KeyboardInterrupt])
 def test_a_film_is_whole_also_with_ctrl_c(error, path, frame):
     def make():
@@ -154,3 +163,27 @@ def test_a_failed_film_leaves_the_old_one(path):
         raise KeyboardInterrupt
     assert path.read_bytes() == b"old"
     assert [p.name for p in path.parent.iterdir()] == [path.name]
+
+
+#: What a browser says of a film once it can be seen to its end.
+PLAYED = """source => new Promise(done => {
+  const video = Object.assign(document.createElement("video"), {muted: true, playbackRate: 4});
+  video.onerror = () => done(video.error.message);
+  video.onended = () => done([video.videoWidth, video.videoHeight, video.duration]);
+  document.body.append(video);
+  video.src = source;
+  video.play();
+})"""
+
+
+@pytest.mark.slow
+def test_a_browser_plays_it(browser, tmp_path):
+    path = tmp_path / "film.mp4"
+    with Film(path, fps=10) as film:
+        for level in range(0, 250, 10):
+            film.add(np.full((48, 64, 3), level, np.uint8))
+    source = f"data:video/mp4;base64,{b64encode(path.read_bytes()).decode()}"
+    page = browser.new_page()
+    said = page.evaluate(PLAYED, source)
+    page.close()
+    assert said == [64, 48, pytest.approx(2.5)]

@@ -1,30 +1,13 @@
 """The page in a real browser: the system's Chromium without a window."""
 
-import os
-
 import pytest
 
 from kinreach.view.cli import setup_of
 from kinreach.view.server import Server
 
-#: Rendering without a graphics card, and without the user namespaces that containers lack.
-ARGUMENTS = ["--no-sandbox", "--use-angle=swiftshader", "--enable-unsafe-swiftshader", "--ignore-gpu-blocklist"]
 PATIENCE = 180_000  # [ms]: a machine that is busy draws a frame in seconds
 #: A ninth of the pixels: without a graphics card a frame takes as long as it has pixels.
 SMALLER = "?fixedDpr=0.33"
-
-
-@pytest.fixture(scope="session")
-def browser(browser_path):
-    """The system's Chromium, driven by Playwright, which brings none."""
-    if "KINREACH_REQUIRE_BROWSER" not in os.environ:
-        pytest.importorskip("playwright")
-    from playwright.sync_api import sync_playwright
-
-    with sync_playwright() as playwright:
-        opened = playwright.chromium.launch(executable_path=browser_path, args=ARGUMENTS)
-        yield opened
-        opened.close()
 
 
 @pytest.fixture(scope="module")
