@@ -56,13 +56,8 @@ class Parser(argparse.ArgumentParser):
 
     def error(self, message: str) -> NoReturn:
         """Print one line on stderr and leave with `EXIT_ERROR`."""
-        _complain(f"{self.prog}: error: {_line(message)} (see {self.prog} --help)")
+        complain(f"{self.prog}: error: {message} (see {self.prog} --help)")
         raise SystemExit(EXIT_ERROR)
-
-
-def _line(text: object) -> str:
-    """Text as one line; what a terminal would not print but obey is written out."""
-    return "".join(sign if sign.isprintable() else ascii(sign)[1:-1] for sign in " ".join(str(text).split()))
 
 
 def run(module: str, argv: Sequence[str] | None = None, *, prog: str) -> int:
@@ -94,10 +89,10 @@ def finish(job: Callable[[], int], *, prog: str) -> int:
         try:
             return job()
         except KinreachError as error:
-            _complain(f"{prog}: error: {_line(error)}")
+            complain(f"{prog}: error: {error}")
             return EXIT_ERROR
         except KeyboardInterrupt as interrupt:
-            _complain(f"{prog}: {_line(interrupt) or 'interrupted'}")
+            complain(f"{prog}: {str(interrupt) or 'interrupted'}")
             return EXIT_INTERRUPTED
         finally:
             if sys.stdout is not None:  # here, where a failure can be told: that of the interpreter's end is code 120
@@ -111,12 +106,16 @@ def finish(job: Callable[[], int], *, prog: str) -> int:
         if error.errno not in _NO_ROOM:
             raise
         _discard(sys.stdout)
-        _complain(f"{prog}: error: cannot write: {error.strerror}")
+        complain(f"{prog}: error: cannot write: {error.strerror}")
         return EXIT_ERROR
 
 
-def _complain(line: str) -> None:
-    """Print a line on stderr, if anything can be printed there."""
+def complain(text: str) -> None:
+    """Print text as one line on stderr, if anything can be printed there.
+
+    What a terminal would not print but obey is written out.
+    """
+    line = "".join(sign if sign.isprintable() else ascii(sign)[1:-1] for sign in " ".join(text.split()))
     try:
         print(line, file=sys.stderr, flush=True)
     except OSError:

@@ -23,6 +23,7 @@ import msgspec
 import numpy as np
 import psutil
 import viser
+from websockets.exceptions import ConnectionClosed
 from websockets.sync.client import connect
 
 from benchmarks.studies.tables import head, line
@@ -53,17 +54,16 @@ class Tab(contextlib.AbstractContextManager["Tab"]):
 
     Args:
         server: Of the page.
-        origin: The site that the tab says it shows; none by default, as a program that is no browser.
 
     Attributes:
         page: As the server has it.
     """
 
-    def __init__(self, server: Server, *, origin: str | None = None) -> None:
+    def __init__(self, server: Server) -> None:
         before = set(server.pages)
         self._socket = connect(
             server.address.replace("http:", "ws:"), subprotocols=[f"viser-v{viser.__version__}"],  # type: ignore[list-item]
-            max_size=None, compression=None, origin=origin,  # type: ignore[arg-type]
+            max_size=None, compression=None, origin=server.address,  # type: ignore[arg-type]
         )  # fmt: skip
         self._reader = threading.Thread(target=self._read, daemon=True)
         self._reader.start()
@@ -98,8 +98,9 @@ class Tab(contextlib.AbstractContextManager["Tab"]):
         self.send({"type": "GuiUpdateMessage", "uuid": handle._impl.uuid, "updates": {"value": value}})
 
     def _read(self) -> None:
-        for _ in self._socket:
-            pass
+        with contextlib.suppress(ConnectionClosed):
+            for _ in self._socket:
+                pass
 
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None

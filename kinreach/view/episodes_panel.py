@@ -3,39 +3,33 @@
 from __future__ import annotations
 
 import threading
-from threading import RLock
+from collections.abc import Callable
 from typing import Any
 
 import numpy as np
 
-from kinreach.checks import check_count
 from kinreach.envs.reach.task import BACKENDS, OBSERVATION_KINDS
 from kinreach.errors import InputError
 from kinreach.kinematics import kinematics_of
 from kinreach.view import html
-from kinreach.view.draw import BLUE, BRANCH_COLOURS, RED, Solid, SolidArm, Surroundings, overview
+from kinreach.view.draw import BLUE, BRANCH_COLOURS, RED, Solid, SolidArm, overview
 from kinreach.view.episodes import Episode, Recording, Stopped, circled
 from kinreach.view.figure import Figure
 from kinreach.view.inputs import by_user
+from kinreach.view.messages import said
 from kinreach.view.names import plain
 from kinreach.view.panel import Panel
 from kinreach.view.players import BACKEND, OBSERVATION, playable
-from kinreach.view.setup import Setup
 from kinreach.vision.goal_view import GoalLook
 
 PLAY, PAUSE, STEP, START = "play", "pause", "step", "start"
 #: Of a contact [m].
 DOT = 0.02
+MAX_SEED = 2**31 - 1
 
 
 class EpisodesPanel(Panel):
     """Plays episodes of any environment and policy.
-
-    Args:
-        client: viser's handle of the tab.
-        setup: What the command line asked for.
-        surroundings: Boxes; hidden while MuJoCo's scene, which has its own, is there.
-        lock: Held while the scene changes.
 
     Attributes:
         episode: That is shown; None before the first.
@@ -43,21 +37,21 @@ class EpisodesPanel(Panel):
         playing: Whether it runs.
     """
 
-    def __init__(self, client: Any, setup: Setup, surroundings: Surroundings, lock: RLock) -> None:
-        super().__init__(client, setup, surroundings, lock, title="Episodes")
+    def build(self) -> None:
+        """Add the inputs, and draw what is there in the beginning."""
         self.episode: Episode | None = None
         self.at = 0
-        self._recording = Recording(setup.environments[0], "", setup.arm)
+        self._recording = Recording(self._setup.environments[0], "", self._setup.arm)
         self._still, self._gone = threading.Event(), threading.Event()
         self._still.set()
         self._step = -1
         self._solid: Solid | None = None
         self._believed: SolidArm | None = None
-        self._looked = setup.arm
+        self._looked = self._setup.arm
         self._shown = True
         with self._folder:
             self._build_gui()
-        self._points = client.scene.add_point_cloud(
+        self._points = self._client.scene.add_point_cloud(
             f"{self._root}/contacts", np.zeros((1, 3)), RED, point_size=DOT, point_shape="circle", visible=False
         )
         self._choose_environment(self._environment.value)
@@ -87,7 +81,7 @@ class EpisodesPanel(Panel):
         self.pause()
         self._button.disabled = True
         self._verdict.content = html.message("The episode is being played through ...")
-        threading.Thread(target=self._record, daemon=True).start()
+        self._start(self._record)
 
     def go(self, index: int) -> None:
         """Show the frame of an index, or the first or last one."""
@@ -110,7 +104,7 @@ class EpisodesPanel(Panel):
             if self.at == len(self.episode.frames) - 1:
                 self.go(0)
             self._still = threading.Event()
-            threading.Thread(target=self._play, args=(self._still, self.episode), daemon=True).start()
+            self._start(self._play, self._still, self.episode)
 
     def pause(self) -> None:
         """Stand still."""
@@ -143,7 +137,7 @@ class EpisodesPanel(Panel):
             self._backend = gui.add_dropdown(
                 "backend", BACKENDS, hint="With dynamics or without", initial_value="mujoco"
             )
-            self._seed = gui.add_number("seed", 0, min=0, step=1)
+            self._seed = gui.add_number("seed", 0, min=0, max=MAX_SEED, step=1)
             self._button = gui.add_button("Play this episode", icon="player-play")
         by_user(self._environment, self._choose_environment)
         by_user(self._observation, lambda value: self._choose_environment(self._environment.value))
@@ -173,17 +167,25 @@ class EpisodesPanel(Panel):
         self.pause()
         self.go(index)
 
+    def _start(self, work: Callable[..., None], *arguments: Any) -> None:
+        """Work in a thread of its own; what goes wrong is said."""
+
+        def run() -> None:
+            try:
+                work(*arguments)
+            except Exception as error:  # an environment or a policy from outside may raise anything
+                with self._lock:
+                    self._button.disabled = False
+                    self._verdict.content = said(error)
+
+        threading.Thread(target=run, daemon=True, name=f"kinreach {work.__name__}").start()
+
     def _record(self) -> None:
         """Runs in a thread of its own, because a renderer belongs to the thread that made it."""
         try:
             asked = self._asked()
             episode = asked.play(simple=self._setup.simple, stop=self._gone)
         except Stopped:
-            return
-        except Exception as error:  # an environment or a policy from outside may raise anything
-            with self._lock:
-                self._button.disabled = False
-                self._verdict.content = html.message(str(error) or type(error).__name__, bad=True)
             return
         with self._lock:
             if self._gone.is_set():
@@ -200,7 +202,7 @@ class EpisodesPanel(Panel):
         """What is to be played.
 
         Raises:
-            InputError: A seed that is none; a module, which only the command line may load.
+            InputError: A module, which only the command line may load.
         """
         environment, file = self._environment.value, self._file.value.strip()
         if ":" in file and file != self._setup.policy:
@@ -208,8 +210,8 @@ class EpisodesPanel(Panel):
         inputs = {OBSERVATION: self._observation, BACKEND: self._backend}
         choices = playable(environment).choices
         options = {name: given.value for name, given in inputs.items() if name in choices}
-        seed = check_count("seed", int(self._seed.value), least=0)
-        return Recording(environment, file or self._policy.value, self._setup.arm, seed=seed, options=options)
+        acts = file or self._policy.value
+        return Recording(environment, acts, self._setup.arm, seed=self._seed.value, options=options)
 
     def _take(self, episode: Episode) -> None:
         """Show another episode."""

@@ -30,7 +30,8 @@ def css(colour: Colour) -> str:
 
 
 def block(content: str) -> str:
-    """Content with the margins of the page's other elements."""
+    """Content with the margins of the page's other elements; signs that cannot be printed are left out."""
+    content = "".join(sign for sign in content if sign.isprintable() or sign == "\n")
     return f'<div style="padding:2px 10px 4px 10px;font-size:13px;line-height:1.4">{content}</div>'
 
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import threading
-from collections.abc import Callable
 from html import escape
 from typing import Any
 
@@ -11,6 +10,7 @@ from kinreach.robots.ur import LENGTHS
 from kinreach.view import html
 from kinreach.view.draw import Surroundings, overview
 from kinreach.view.episodes_panel import EpisodesPanel
+from kinreach.view.messages import said, watch
 from kinreach.view.panel import Panel
 from kinreach.view.real_arm_panel import RealArmPanel
 from kinreach.view.results_panel import ResultsPanel
@@ -21,9 +21,9 @@ from kinreach.view.target_panel import TargetPanel
 WIDTH, HEIGHT = 1600, 1000
 
 
-def panels(setup: Setup) -> dict[str, Callable[..., Panel]]:
+def panels(setup: Setup) -> dict[str, type[Panel]]:
     """The parts of the page that make sense for an arm, by name."""
-    kinds: dict[str, Callable[..., Panel]] = {TARGET: TargetPanel}
+    kinds: dict[str, type[Panel]] = {TARGET: TargetPanel}
     if (setup.nominal or setup.arm).name in LENGTHS:
         kinds[REAL_ARM] = RealArmPanel
     kinds[EPISODES] = EpisodesPanel
@@ -45,23 +45,36 @@ class Page:
     """
 
     def __init__(self, client: Any, setup: Setup) -> None:
-        self._client = client
+        self._client, self._setup = client, setup
         self.lock = threading.RLock()
-        overview(client, setup.arm)
-        client.scene.configure_default_lights(cast_shadow=not setup.simple)
-        client.gui.configure_theme(control_width="large", show_logo=False, show_share_button=False)
-        client.gui.add_html(html.block(f"<b>{escape(setup.arm.title)}</b>"))
-        self._setup = setup
-        self._surroundings = Surroundings(client.scene, setup.arm.workcell.obstacles)
         self.names = tuple(panels(setup))
-        if len(self.names) > 1:
-            chosen = client.gui.add_button_group("show", self.names)
-            chosen.on_click(lambda event: self.show(event.target.value))
-        self._buttons()
+        self.shown: Panel
         self._built: dict[str, Panel] = {}
         self._closed = False
+        client.gui.configure_theme(control_width="large", show_logo=False, show_share_button=False)
+        client.gui.add_html(html.block(f"<b>{escape(setup.arm.title)}</b>"))
+        self._trouble = client.gui.add_html("")
+        watch(client, self.report)
+        try:
+            self._build()
+        except Exception as error:  # a page without its arm still says why
+            self.report(error)
+
+    def _build(self) -> None:
+        client, arm = self._client, self._setup.arm
+        overview(client, arm)
+        client.scene.configure_default_lights(cast_shadow=not self._setup.simple)
+        self._surroundings = Surroundings(client.scene, arm.workcell.obstacles)
+        chosen = client.gui.add_button_group("show", self.names)
+        chosen.on_click(lambda event: self.show(event.target.value))
+        self._buttons()
         self.show(self.names[0])
-        self.show(setup.first)
+        self.show(self._setup.first)
+
+    def report(self, error: Exception | None) -> None:
+        """Say in red, and in a line on the terminal, what went wrong; None takes the sentence away."""
+        if not self._closed:
+            self._trouble.content = "" if error is None else said(error)
 
     @property
     def target(self) -> TargetPanel:
@@ -69,7 +82,10 @@ class Page:
         return self._built[TARGET]  # type: ignore[return-value]
 
     def show(self, name: str) -> Panel:
-        """Show one of `panels`, and hide the others; it is built when it is first asked for."""
+        """Show one of `panels`, and hide the others; it is built when it is first asked for.
+
+        In the place of one that cannot be built stands why.
+        """
         with self.lock:
             for other, panel in self._built.items():
                 if other != name:
@@ -77,12 +93,23 @@ class Page:
             if name in self._built:
                 self._built[name].show(True)
             else:
-                kind = panels(self._setup)[name]
-                self._built[name] = kind(self._client, self._setup, self._surroundings, self.lock)
-            self.shown = self._built[name]
+                self._built[name] = self._new(name)
+            self.shown = panel = self._built[name]
             if self._closed:
-                self.shown.close()
-            return self.shown
+                panel.close()
+            return panel
+
+    def _new(self, name: str) -> Panel:
+        arguments = self._client, self._setup, self._surroundings, self.lock
+        panel = panels(self._setup)[name](*arguments, title=name)
+        try:
+            panel.build()
+        except Exception as error:
+            panel.remove()
+            panel = Panel(*arguments, title=name)
+            with panel._folder:
+                self._client.gui.add_html(said(error))
+        return panel
 
     def close(self) -> None:
         """Let go of everything."""

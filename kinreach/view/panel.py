@@ -11,12 +11,12 @@ from kinreach.view.setup import Setup
 
 
 class Panel:
-    """One part of one tab's page.
+    """One part of one tab's page; empty until it is built.
 
     Args:
         client: viser's handle of the tab.
         setup: What the command line asked for.
-        surroundings: Boxes that turn red.
+        surroundings: Boxes that turn red, and are hidden where a part has its own.
         lock: Held while the scene changes.
         title: Of its folder; the branch of the scene has the same name.
     """
@@ -28,6 +28,9 @@ class Panel:
         self._latest = Latest(lock)
         self._folder = client.gui.add_folder(title)
 
+    def build(self) -> None:
+        """Add the inputs, and draw what is there in the beginning."""
+
     def show(self, visible: bool) -> None:
         """Show its inputs and what it draws, or hide both."""
         with self._lock:
@@ -37,8 +40,14 @@ class Panel:
 
     def program(self) -> str:
         """Python code for what is on the screen."""
-        raise NotImplementedError
+        return "# Nothing is shown.\n"
 
     def close(self) -> None:
         """Stop working, and let go of what the tab does not free itself."""
         self._latest.end()
+
+    def remove(self) -> None:
+        """Take it out of the page."""
+        self._latest.end()
+        self._folder.remove()
+        self._branch.remove()

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from threading import RLock
 from typing import Any
 
 import numpy as np
@@ -12,13 +11,12 @@ from kinreach.errors import KinreachError
 from kinreach.robots import ArmDescription
 from kinreach.robots.calibration import PUBLISHED
 from kinreach.view import html
-from kinreach.view.draw import BLUE, RED, SolidArm, Surroundings
+from kinreach.view.draw import BLUE, RED, SolidArm
 from kinreach.view.figure import Figure
 from kinreach.view.inputs import by_user, frame_of, put
 from kinreach.view.names import angle, length
 from kinreach.view.panel import Panel
 from kinreach.view.real_arm import ErrorMap, Miss, RealArm, colours
-from kinreach.view.setup import Setup
 from kinreach.view.snippet import calibrated, real_arm_program
 
 #: How many times as long as it is the tip error is drawn in the beginning, and at most.
@@ -33,28 +31,22 @@ PIXELS = 8
 class RealArmPanel(Panel):
     """Nominal and calibrated arm in the posture that the data sheet has for a target, and by how much its tip is off.
 
-    Args:
-        client: viser's handle of the tab.
-        setup: What the command line asked for.
-        surroundings: Boxes.
-        lock: Held while the scene changes.
-
     Attributes:
         model: Both arms; None until there is a calibration.
         map: Of the tip error; None as `model`.
         miss: Of the posture that is on the screen; None where the data sheet's arm has none.
     """
 
-    def __init__(self, client: Any, setup: Setup, surroundings: Surroundings, lock: RLock) -> None:
-        super().__init__(client, setup, surroundings, lock, title="Real arm")
-        self._sheet = setup.nominal or setup.arm
+    def build(self) -> None:
+        """Add the inputs, and draw what is there in the beginning."""
+        self._sheet = self._setup.nominal or self._setup.arm
         self.model: RealArm | None = None
         self.map: ErrorMap | None = None
         self.miss: Miss | None = None
         self._arms: list[SolidArm] = []
         with self._folder:
             self._build_gui()
-        scene = client.scene
+        scene = self._client.scene
         self._gizmo = scene.add_transform_controls(f"{self._root}/goal", scale=0.2, depth_test=False, visible=False)
         self._arrow = scene.add_arrows(
             f"{self._root}/error", np.zeros((1, 2, 3)), RED, shaft_radius=0.006, head_radius=0.014, head_length=0.03,
@@ -62,12 +54,12 @@ class RealArmPanel(Panel):
         )  # fmt: skip
         self._label = scene.add_label(f"{self._root}/label", "", anchor="bottom-center", visible=False)
         self._gizmo.on_update(self._dragged)
-        if setup.nominal is None:
+        if self._setup.nominal is None:
             self._verdict.content = html.message(
                 "Name the calibration file of your UR, or choose a published one, to see it beside its data sheet."
             )
         else:
-            self._take(setup.arm, setup.expression)
+            self._take(self._setup.arm, self._setup.expression)
 
     def open(self, file: str) -> None:
         """Read a calibration; what cannot be one is refused in the page, and what was there stays."""

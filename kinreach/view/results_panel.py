@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from threading import RLock
 from typing import Any
 
 import numpy as np
@@ -17,7 +16,6 @@ from kinreach.view.figure import Figure
 from kinreach.view.inputs import by_user
 from kinreach.view.panel import Panel
 from kinreach.view.results import Results, read_results
-from kinreach.view.setup import Setup
 from kinreach.view.snippet import results_program
 
 #: Radius of a goal, and by how much that of the chosen one is larger [m].
@@ -28,19 +26,13 @@ ALL = "no method"
 class ResultsPanel(Panel):
     """The goals of a comparison where they were, and the ends of one of them.
 
-    Args:
-        client: viser's handle of the tab.
-        setup: What the command line asked for.
-        surroundings: Boxes; hidden while there are those of the comparison's arm.
-        lock: Held while the scene changes.
-
     Attributes:
         results: That are shown; None before a file was opened.
         chosen: Index of the goal whose ends are shown.
     """
 
-    def __init__(self, client: Any, setup: Setup, surroundings: Surroundings, lock: RLock) -> None:
-        super().__init__(client, setup, surroundings, lock, title="Results")
+    def build(self) -> None:
+        """Add the inputs, and draw what is there in the beginning."""
         self.results: Results | None = None
         self.chosen = 0
         self._cell: Any = None
@@ -49,8 +41,8 @@ class ResultsPanel(Panel):
         with self._folder:
             self._build_gui()
         self._verdict.content = html.message("Name the results.json of a comparison, or its folder.")
-        if setup.results is not None:
-            self.open(setup.results)
+        if self._setup.results is not None:
+            self.open(self._setup.results)
 
     def show(self, visible: bool) -> None:
         """Show it, or hide it."""

@@ -186,8 +186,8 @@ class TargetModel:
 
     def limit_joints(self, bound: float) -> None:
         """Let no joint turn farther than `bound` [rad] from 0, nor farther than the arm's own limits."""
-        self.lower = np.maximum(self.kinematics.lower, -bound)
-        self.upper = np.minimum(self.kinematics.upper, bound)
+        lower, upper = self.kinematics.lower, self.kinematics.upper
+        self.lower, self.upper = np.clip(-bound, lower, upper), np.clip(bound, lower, upper)
 
     def goal(self, kind: str, T: Floats) -> Goal:
         """What a frame (4, 4) in the world asks of the tool.

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import time
-from threading import RLock
 from typing import Any
 
 import numpy as np
@@ -15,11 +14,10 @@ from kinreach.kinematics.goals import Goal
 from kinreach.kinematics.solvers import SOLVERS
 from kinreach.robots.rotations import rotation, rpy
 from kinreach.view import html
-from kinreach.view.draw import AMBER, PALE_RED, RED, VIOLET, Ghost, Ghosts, SolidArm, Surroundings
+from kinreach.view.draw import AMBER, PALE_RED, RED, VIOLET, Ghost, Ghosts, SolidArm
 from kinreach.view.inputs import Entry, by_user, frame_of, put
 from kinreach.view.names import branch_name, length, plain
 from kinreach.view.panel import Panel
-from kinreach.view.setup import Setup
 from kinreach.view.snippet import program
 from kinreach.view.target import AXIS, SAME, Answer, Finish, State
 
@@ -27,17 +25,13 @@ NEAREST = "the nearest that can be used"
 NOTHING = "nothing"
 #: Ghosts that are drawn at most: a calibrated UR has up to sixteen postures.
 MOST_GHOSTS = 16
+#: How far a coordinate may be typed [m].
+MAX_POSITION = 1000.0
 TOOL_DOWN = np.diag([1.0, -1.0, -1.0])
 
 
 class TargetPanel(Panel):
     """The target of one tab, what is said about it, and what is drawn.
-
-    Args:
-        client: viser's handle of the tab.
-        setup: What the command line asked for.
-        surroundings: Boxes that turn red.
-        lock: Held while the scene changes.
 
     Attributes:
         model: Answers.
@@ -46,9 +40,9 @@ class TargetPanel(Panel):
         draw_s: How long the last change took from the browser's message to the answer's being on its way [s].
     """
 
-    def __init__(self, client: Any, setup: Setup, surroundings: Surroundings, lock: RLock) -> None:
-        super().__init__(client, setup, surroundings, lock, title="Target")
-        self.model = setup.model()
+    def build(self) -> None:
+        """Add the inputs, and draw what is there in the beginning."""
+        self.model = self._setup.model()
         self.q = self.model.home
         self.draw_s = 0.0
         self.finishes: list[Finish] = []
@@ -120,19 +114,18 @@ class TargetPanel(Panel):
         with gui.add_folder("Goal"):
             kind = gui.add_dropdown("asks for", model.kinds, initial_value=self._kind)
             place, turn = "Of the tool's tip in the world frame, that of the scene", "About the world's x, y, z in turn"
-            self._position = gui.add_vector3("x y z [m]", (0.0, 0.0, 0.0), step=0.001, hint=place)
-            self._angles = gui.add_vector3("roll pitch yaw [°]", (0.0, 0.0, 0.0), step=0.1, hint=turn)
+            self._position = self._vector("x y z [m]", MAX_POSITION, step=0.001, hint=place)
+            self._angles = self._vector("roll pitch yaw [°]", 360.0, step=0.1, hint=turn)
             down = gui.add_button("Turn the tool down", hint="The tool's z axis down; turning about it is free")
             back = gui.add_button("Back to the start", hint="Arm and target as in the beginning")
         with gui.add_folder("Arm", expand_by_default=False):
             self._choice = gui.add_dropdown("draw solid", [NEAREST, *self._names()], initial_value=NEAREST)
             ghosts = gui.add_checkbox("others as ghosts", True)
             self._bound = gui.add_slider("all within ± [°]", 30, 360, 5, 360, hint="Narrows the limits of all joints")
+            limits = np.degrees([model.kinematics.lower, model.kinematics.upper]).round(1).T.tolist()
             self._sliders = [
-                gui.add_slider(f"{plain(name)} [°]", round(np.degrees(low), 1), round(np.degrees(high), 1), 0.1, 0.0)
-                for name, low, high in zip(
-                    model.kinematics.arm.joints, model.kinematics.lower, model.kinematics.upper, strict=True
-                )
+                gui.add_slider(f"{plain(name)} [°]", low, high, 0.1, float(np.clip(0.0, low, high)))
+                for name, (low, high) in zip(model.kinematics.arm.joints, limits, strict=True)
             ]
         with gui.add_folder("Solvers", expand_by_default=False):
             names = model.solvers
@@ -156,6 +149,9 @@ class TargetPanel(Panel):
         run.on_click(lambda _: self._solve())
         self._start_from(self.q)
         self._kind_input = kind
+
+    def _vector(self, label: str, most: float, **options: Any) -> Any:
+        return self._client.gui.add_vector3(label, (0.0,) * 3, min=(-most,) * 3, max=(most,) * 3, **options)
 
     def _names(self) -> list[str]:
         kinds: tuple[tuple[type[ArmKinematics], int], ...]

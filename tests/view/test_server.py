@@ -1,0 +1,130 @@
+"""Who may connect to the page's server, over a real socket, and what nobody may ask of it."""
+
+import contextlib
+import socket
+
+import pytest
+
+pytest.importorskip("viser")
+
+import viser
+from websockets.exceptions import InvalidStatus
+from websockets.sync.client import connect
+
+from benchmarks.studies.page import Tab, wait_for
+from kinreach.errors import InstallationError
+from kinreach.view.cli import setup_of
+from kinreach.view.server import Server
+
+SHARING = ("ShareUrlRequest", "ShareUrlDisconnect")
+
+
+@pytest.fixture(scope="module")
+def own():
+    """A server of an arm that is drawn simply."""
+    serving = Server(setup_of("arm3", simple=True), port=8480)
+    yield serving
+    serving.stop()
+
+
+def knock(server, host, **headers):
+    """Ask to connect as a browser does that found the server by the name of a host."""
+    there = socket.create_connection(server.address.removeprefix("http://").split(":"), timeout=30)
+    with contextlib.closing(there):
+        protocols = [f"viser-v{viser.__version__}"]
+        with connect(f"ws://{host}/", sock=there, subprotocols=protocols, additional_headers=headers) as answered:
+            return answered.response.status_code
+
+
+@pytest.mark.parametrize("name", ["127.0.0.1", "localhost", "[::1]"])
+@pytest.mark.parametrize("forwarded", [False, True])
+def test_the_page_itself_may_connect(own, name, forwarded):
+    port = 9000 if forwarded else own.address.rpartition(":")[2]
+    assert knock(own, f"{name}:{port}", Origin=f"http://{name}:{port}") == 101
+    assert knock(own, name, Origin=f"http://{name}") == 101
+
+
+@pytest.mark.parametrize(
+    ("host", "headers"),
+    [
+        ("127.0.0.1:{port}", {}),
+        ("127.0.0.1:{port}", {"Origin": "null"}),
+        ("127.0.0.1:{port}", {"Origin": ""}),
+        ("127.0.0.1:{port}", {"Origin": "https://example.org"}),
+        ("127.0.0.1:{port}", {"Origin": "http://example.org:{port}"}),
+        ("127.0.0.1:{port}", {"Origin": "http://127.0.0.1.example.org:{port}"}),
+        ("127.0.0.1:{port}", {"Origin": "http://127.0.0.1:{port}.example.org"}),
+        ("127.0.0.1:{port}", {"Origin": "http://127.0.0.1:{port}/"}),
+        ("127.0.0.1:{port}", {"Origin": "http://127.0.0.1:3000"}),
+        ("127.0.0.1:{port}", {"Origin": "http://127.0.0.1"}),
+        ("127.0.0.1:{port}", {"Origin": "https://127.0.0.1:{port}"}),
+        ("127.0.0.1:{port}", {"Origin": "http://127.0.0.1:{port}", "origin": "https://example.org"}),
+        ("127.0.0.1:{port}", {"Origin": "http://127.0.0.1:{port}", "Host": "example.org"}),
+        ("example.org:{port}", {"Origin": "http://example.org:{port}"}),
+        ("example.org:{port}", {"Origin": "http://127.0.0.1:{port}"}),
+        ("127.0.0.1.example.org:{port}", {"Origin": "http://127.0.0.1.example.org:{port}"}),
+        ("127x0x0x1:{port}", {"Origin": "http://127x0x0x1:{port}"}),
+    ],
+)
+def test_nobody_else_may_connect(own, host, headers, capfd):
+    """Refused at the handshake: pages of other sites, programs without an origin, and names that lead here."""
+    port = own.address.rpartition(":")[2]
+    with pytest.raises(InvalidStatus, match="403"):
+        knock(own, host.format(port=port), **{name: value.format(port=port) for name, value in headers.items()})
+    assert not own._viser._websock_server._live_connections
+    assert capfd.readouterr() == ("", "")
+
+
+@pytest.mark.parametrize(("host", "status"), [("{host}", 200), ("example.org", 403)])
+def test_files_are_for_this_machines_names(own, host, status):
+    with socket.create_connection(own.address.removeprefix("http://").split(":"), timeout=30) as there:
+        named = host.format(host=own.address.removeprefix("http://"))
+        there.sendall(f"GET / HTTP/1.1\r\nHost: {named}\r\n\r\n".encode())
+        assert there.recv(64).startswith(f"HTTP/1.1 {status} ".encode())
+
+
+def test_no_tab_opens_a_tunnel(own, monkeypatch):
+    """viser's messages that would share the page with the world have no handler."""
+    asked = []
+    for name in ("request_share_url", "disconnect_share_url"):
+        monkeypatch.setattr(own._viser, name, lambda **_: asked.append("tunnel"))
+    with Tab(own) as tab:
+        for kind in SHARING:
+            tab.send({"type": kind})
+        panel = tab.page.target
+        tab.drag(panel._gizmo, panel.T[:3, 3] + 0.01)
+        wait_for(lambda: panel.draw_s)
+        connection = tab.page._client.gui._websock_interface
+        assert not asked
+        for handlers in (own._viser._websock_server._incoming_handlers, connection._incoming_handlers):
+            assert not {kind.__name__ for kind in handlers} & set(SHARING)
+    assert not own._viser._websock_server._incoming_handlers
+
+
+def test_a_server_that_cannot_be_guarded_is_not_started(monkeypatch):
+    stopped = []
+
+    class Otherwise:
+        def __init__(self, **options):
+            pass
+
+        def stop(self):
+            stopped.append(self)
+
+    monkeypatch.setattr("viser.ViserServer", Otherwise)
+    with pytest.raises(InstallationError, match="would answer other sites"):
+        Server(setup_of("arm3", simple=True), port=8490)
+    assert len(stopped) == 1
+
+
+@pytest.mark.parametrize("sent", [b"", b"\xc1", b"\x80", "text", b"\x81\xa4type\xa4Nope", b"\xff" * 4096])
+def test_what_is_no_message_ends_its_connection_and_no_other(own, sent, capfd):
+    with Tab(own) as other:
+        with Tab(own) as broken:
+            broken._socket.send(sent)
+            broken._reader.join(60)
+            assert not broken._reader.is_alive()
+        panel = other.page.target
+        other.drag(panel._gizmo, panel.T[:3, 3] + 0.01)
+        wait_for(lambda: panel.draw_s)
+    assert capfd.readouterr() == ("", "")
