@@ -8,7 +8,7 @@ import shutil
 import signal
 import subprocess
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Generator
 from pathlib import Path
 
 # Two workers of pytest with two threads each would wait for one another on two cores: three times the processor time.
@@ -22,6 +22,7 @@ from kinreach.envs import ArmSimulation, render
 from kinreach.envs.reach.task import TOOL_DOWN
 from kinreach.errors import InstallationError
 from kinreach.kinematics import UR5Kinematics
+from tests.machine import SessionFolder, no_graphics
 
 BROWSERS = ("chromium", "chromium-browser", "google-chrome")
 #: Rendering without a graphics card, and without the user namespaces that containers lack.
@@ -38,6 +39,40 @@ settings.load_profile("kinreach")
 ROOT = Path(__file__).resolve().parents[1]
 
 PythonRunner = Callable[..., "subprocess.CompletedProcess[str]"]
+
+
+FOLDER = pytest.StashKey[SessionFolder]()
+#: The fixtures by which a test asks for graphics; to each other test the libraries are missing.
+ASKING = {"needs_gl", "browser_path"}
+
+
+def pytest_configure(config: pytest.Config) -> None:
+    for name in ("DISPLAY", "WAYLAND_DISPLAY"):  # no test opens a window on somebody's screen
+        os.environ.pop(name, None)
+    if not hasattr(config, "workerinput"):  # workers of pytest-xdist inherit the folder
+        config.stash[FOLDER] = SessionFolder(config.cache.mkdir("caches"))
+
+
+def pytest_unconfigure(config: pytest.Config) -> None:
+    if FOLDER in config.stash:
+        config.stash[FOLDER].close()
+
+
+@pytest.hookimpl(wrapper=True)
+def pytest_runtest_protocol(item: pytest.Item) -> Generator[None, object, object]:
+    """A test that draws and does not ask for it fails on every machine, not only on one without OpenGL."""
+    if ASKING.intersection(item.fixturenames):
+        return (yield)
+    with no_graphics():
+        return (yield)
+
+
+@pytest.hookimpl(trylast=True)
+def pytest_sessionfinish(session: pytest.Session) -> None:
+    """A run that leaves something behind in the home or the temporary folder fails."""
+    if FOLDER in session.config.stash and (left := session.config.stash[FOLDER].left()):
+        session.config.get_terminal_writer().line(f"\nThe tests left behind: {', '.join(left)}", red=True)
+        session.exitstatus = pytest.ExitCode.TESTS_FAILED
 
 
 @pytest.fixture(scope="session")
