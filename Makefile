@@ -4,9 +4,16 @@ PYTHON ?= $(shell command -v python3.11 || command -v python3)
 VENV ?= .venv
 ARGS ?=
 PYTEST_ARGS ?= -n auto --maxprocesses 8
+TORCH ?= cpu
 
 BIN := $(VENV)/bin
 PIP_INSTALL := $(BIN)/python -m pip install --disable-pip-version-check --root-user-action=ignore -c constraints.txt
+# torch comes before what needs it: PyPI has a GPU build, which brings some 3 GB of libraries. A torch that is there stays.
+TORCH_INDEX := https://download.pytorch.org/whl/$(TORCH)
+TORCH_VERSION := $(shell grep '^torch==' constraints.txt)
+install_torch = $(1)/bin/python -m pip install --disable-pip-version-check --root-user-action=ignore --no-deps \
+    --retries 1 --timeout 15 --index-url $(TORCH_INDEX) $(TORCH_VERSION) || \
+    echo 'No $(TORCH_VERSION) from $(TORCH_INDEX): pip takes the build that it finds; from PyPI it brings some 3 GB of GPU libraries' >&2
 CORE := $(VENV)/.installed-core
 DEV := $(VENV)/.installed-dev
 DOCS := $(VENV)/.installed-docs
@@ -21,6 +28,7 @@ CLIENTS := $(CLIENTS_VENV)/.installed
 help: ## List the targets
 	@grep -hE '^[a-z-]+:.*## ' $(MAKEFILE_LIST) | awk -F ':.*## ' '{printf "  make %-10s %s\n", $$1, $$2}'
 	@echo '  Options: ARGS="..." for compare, view and bench, PYTEST_ARGS="-n 1" for the tests, PYTHON=python3.12, VENV=DIR'
+	@echo '           TORCH=cu130 at the first set-up for that GPU build of torch instead of the CPU build'
 
 setup: $(DEV) ## Make the virtual environment with everything that tests and lint need
 
@@ -77,6 +85,7 @@ $(CORE): pyproject.toml constraints.txt | $(BIN)/python
 	@touch $@
 
 $(DEV): pyproject.toml constraints.txt | $(BIN)/python
+	$(call install_torch,$(VENV))
 	$(PIP_INSTALL) -e '.[dev]'
 	@touch $(CORE) $(VIEW) $@
 
@@ -85,11 +94,13 @@ $(VIEW): $(CORE)
 	@touch $@
 
 $(BENCH): $(CORE)
+	$(call install_torch,$(VENV))
 	$(PIP_INSTALL) -e '.[bench]'
 	@touch $@
 
 $(CLIENTS): pyproject.toml tools/clients/requirements.txt
 	$(PYTHON) -m venv $(CLIENTS_VENV)
+	$(call install_torch,$(CLIENTS_VENV))
 	$(CLIENTS_VENV)/bin/pip install --disable-pip-version-check -r tools/clients/requirements.txt -e .
 	$(CLIENTS_VENV)/bin/pip install --disable-pip-version-check --no-deps --ignore-requires-python cleanrl==1.2.0
 	@touch $@
