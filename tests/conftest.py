@@ -50,7 +50,8 @@ def pytest_configure(config: pytest.Config) -> None:
     for name in ("DISPLAY", "WAYLAND_DISPLAY"):  # no test opens a window on somebody's screen
         os.environ.pop(name, None)
     if not hasattr(config, "workerinput"):  # workers of pytest-xdist inherit the folder
-        config.stash[FOLDER] = SessionFolder(config.cache.mkdir("caches"))
+        kept = config.cache.mkdir("caches") if config.pluginmanager.hasplugin("cacheprovider") else None
+        config.stash[FOLDER] = SessionFolder(kept)
 
 
 def pytest_unconfigure(config: pytest.Config) -> None:

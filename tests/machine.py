@@ -21,14 +21,15 @@ class SessionFolder:
     """A home and a temporary folder for one run of the tests; both are empty at its end, or something was left behind.
 
     Args:
-        caches: Where matplotlib's fonts, Warp's kernels and the like are kept from run to run.
+        caches: Where matplotlib's fonts, Warp's kernels and the like are kept from run to run; None: nowhere.
     """
 
-    def __init__(self, caches: Path) -> None:
+    def __init__(self, caches: Path | None) -> None:
         self._folder = tempfile.TemporaryDirectory(prefix="kinreach-tests-", ignore_cleanup_errors=True)
         self.path = Path(self._folder.name)
         for name in ("home", "tmp", "no-graphics"):
             (self.path / name).mkdir()
+        caches = caches or self.path / "caches"
         for name in GRAPHICS:
             for version in ("", *(f".{number}" for number in range(10))):  # PyOpenGL tries them all
                 (self.path / "no-graphics" / f"lib{name}.so{version}").touch()

@@ -53,10 +53,13 @@ def test_who_asks_can(run_python, needs_gl):
     assert render(ArmSimulation("arm3"), width=8, height=8).shape == (8, 8, 3)
 
 
-@pytest.mark.parametrize(("tests", "left"), [(TIDY, None), (UNTIDY, r"home/\.telemetry, tmp/SB3-\w+$")])
-def test_a_run_that_leaves_something_behind_fails(tests, left, run_python, tmp_path):
+@pytest.mark.parametrize(
+    ("tests", "left", "options"),
+    [(TIDY, None, ("-p", "no:cacheprovider")), (UNTIDY, r"home/\.telemetry, tmp/SB3-\w+$", ("-n", "1"))],
+)
+def test_a_run_that_leaves_something_behind_fails(tests, left, options, run_python, tmp_path):
     (tmp_path / "test_own.py").write_text(tests)
-    done = run_python("-m", "pytest", "-q", "-p", "tests.conftest", "-n", "1", "test_own.py")
+    done = run_python("-m", "pytest", "-q", "-p", "tests.conftest", *options, "test_own.py")
     assert f"{1 + (tests == UNTIDY)} passed" in done.stdout
     assert done.returncode == (0 if left is None else 1)
     assert bool(left) == ("left behind" in done.stdout)
