@@ -123,7 +123,7 @@ def test_links_lead_somewhere(notebook):
 
 
 @pytest.mark.slow
-def test_they_run(path, tmp_path):
+def test_they_run(path, tmp_path, needs_gl):
     """In a kernel of their own, by the script that made them."""
     command = [sys.executable, str(FOLDER / "execute.py"), "--check", str(path)]
     done = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, timeout=1500, check=False)
