@@ -93,9 +93,9 @@ BUTTON_TASK = Task(
     variants={"button": BUTTON},
     resets=_resets,
     methods={
-        "analytic": Method(_analytic, CONTROLLER, colour="#003F66"),
-        "ppo": Method(lambda env: load_policy("button"), POLICY, versions=policy_version("button"), colour="#D55E00"),
-        "random": Method(lambda env: RandomPolicy(env.action_space), CHANCE, colour="#7A7A7A"),
+        "analytic": Method(_analytic, CONTROLLER),
+        "ppo": Method(lambda env: load_policy("button"), POLICY, versions=policy_version("button")),
+        "random": Method(lambda env: RandomPolicy(env.action_space), CHANCE),
     },
     columns=(
         Column("pressed", "reached", RATE, "pressed % [95 % CI]", "interval"),

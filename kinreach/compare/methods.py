@@ -20,6 +20,7 @@ from kinreach.envs.reach.task import CAMERA
 from kinreach.errors import InputError, raise_unknown
 from kinreach.kinematics.solvers import Solver
 from kinreach.objects import load_object
+from kinreach.plots.style import METHOD_COLOURS
 from kinreach.provenance import digest
 from kinreach.robots import ArmDescription
 
@@ -82,9 +83,9 @@ def _kinematics(env: gym.Env[Any, Any]) -> Any:
 
 
 def colours(methods: Mapping[str, Method]) -> dict[str, str]:
-    """A colour for each method, its own where it has one."""
+    """A colour for each method: the one that it names, that of its name in all figures, or another."""
     others = cycle(_COLOURS)
-    return {name: method.colour or next(others) for name, method in methods.items()}
+    return {name: method.colour or METHOD_COLOURS.get(name) or next(others) for name, method in methods.items()}
 
 
 def _label(name: object) -> str:

@@ -142,14 +142,14 @@ def _hybrid() -> Method:
     def make(env: gym.Env[Any, Any]) -> SolverPolicy:
         return SolverPolicy(new_solver("lm", _kinematics(env)), env, proposer=load_policy("single"))
 
-    return Method(make, SEEDED, SINGLE, policy_version("single"), "#CC79A7")
+    return Method(make, SEEDED, SINGLE, policy_version("single"))
 
 
 SOLVERS: Mapping[str, Method] = {
-    "closed-form": solver_method(partial(new_solver, "closed-form"), colour="#003F66"),
-    "placo": solver_method(partial(new_solver, "placo"), colour="#0072B2"),
-    "lm": solver_method(partial(new_solver, "lm"), colour="#56B4E9"),
-    "qp": solver_method(partial(new_solver, "qp"), colour="#8CCBEB"),
+    "closed-form": solver_method(partial(new_solver, "closed-form")),
+    "placo": solver_method(partial(new_solver, "placo")),
+    "lm": solver_method(partial(new_solver, "lm")),
+    "qp": solver_method(partial(new_solver, "qp")),
 }
 
 
@@ -251,14 +251,14 @@ UR5_TASK = Task(
     resets=_resets,
     methods={
         **SOLVERS,
-        "ppo-single": policy_method("ppo-single", SINGLE, colour="#D55E00"),
-        "ppo-multi": policy_method("ppo-multi", MULTI, colour="#F2A35E"),
-        "ranked-single": policy_method("single", SINGLE, colour="#00674C"),
-        "ranked-multi": policy_method("multi", MULTI, colour="#2FBF94"),
-        "thesis-ppo-single": policy_method("thesis-single", SINGLE, colour="#000000"),
+        "ppo-single": policy_method("ppo-single", SINGLE),
+        "ppo-multi": policy_method("ppo-multi", MULTI),
+        "ranked-single": policy_method("single", SINGLE),
+        "ranked-multi": policy_method("multi", MULTI),
+        "thesis-ppo-single": policy_method("thesis-single", SINGLE),
         "hybrid": _hybrid(),
     },
-    arm_methods={"panda": {"ranked-single": policy_method("panda-single", SINGLE, colour="#00674C")}},
+    arm_methods={"panda": {"ranked-single": policy_method("panda-single", SINGLE)}},
     columns=COLUMNS,
     figures=FIGURES,
     reached="d < 10 mm and, of UR arms, r_e < 0.15",
@@ -302,7 +302,7 @@ SPACE_TASK = Task(
     variants={"space": SPACE},
     observations=("geometric", "camera"),
     resets=_space_resets,
-    methods={**SOLVERS, "space-single": policy_method("space-single", SPACE, colour="#00674C")},
+    methods={**SOLVERS, "space-single": policy_method("space-single", SPACE)},
     columns=COLUMNS,
     figures=FIGURES,
     reached="d < 10 mm and tool within 0.15 rad of its direction",

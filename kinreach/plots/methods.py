@@ -15,7 +15,7 @@ from numpy.typing import ArrayLike
 from kinreach.checks import Floats, check_number, shown
 from kinreach.errors import InputError
 from kinreach.plots.checks import MOST_DRAWN, as_drawn, check_label, check_mapping
-from kinreach.plots.style import FAINT, INK, PALETTE, colours_of, key, label_ends, name_label, new_figure, plain
+from kinreach.plots.style import FAINT, INK, colours_of, key, label_ends, name_label, new_figure, plain
 from kinreach.thesis.reward import IMPOSSIBLE_REWARD, REACHED_POSTURE_ERROR
 
 
@@ -47,7 +47,7 @@ def draw_success(
         methods: By name.
         title: Of the figure.
         xlabel: What the tolerance is of, with its unit.
-        colours: Of the methods; by default those of the palette in order.
+        colours: Of the methods; by default those of `colours_of`.
         note: Small print.
 
     Raises:
@@ -256,11 +256,12 @@ def draw_posture_errors(errors: Mapping[str, ArrayLike], *, title: str, widest: 
         raise InputError("a figure of posture errors needs policies, and of each at least one step")
     figure, (ax,) = new_figure(title, size=(9.0, 3.8), note=note)
     edges = np.linspace(0, widest, 81)
-    for colour, (name, sample) in zip(PALETTE, samples.items(), strict=False):
+    colours = colours_of(samples)
+    for name, sample in samples.items():
         if sample.ndim != 1:
             raise InputError(f"the posture errors of {name!r} must have shape (n,), got {sample.shape}")
         ax.hist(
-            sample, list(edges), weights=np.full(sample.shape, 1 / sample.size), color=colour, alpha=0.55,
+            sample, list(edges), weights=np.full(sample.shape, 1 / sample.size), color=colours[name], alpha=0.55,
             label=name_label(name), histtype="stepfilled",
         )  # fmt: skip
     ax.axvline(REACHED_POSTURE_ERROR, color=INK, lw=1.2, ls="--")

@@ -3,22 +3,50 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
-from itertools import pairwise
+from itertools import cycle, pairwise
 from textwrap import fill
 from typing import Literal
 
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
+from matplotlib.patheffects import withStroke
 from numpy.typing import ArrayLike
 
 from kinreach.plots.checks import check_label
 
 PALETTE = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#000000", "#8C6D31")
+#: Methods and recipes -> their colour in every figure. What is one method by two names has one colour.
+METHOD_COLOURS = {
+    **dict.fromkeys(("closed-form", "closed form", "analytic"), "#003F66"),
+    "placo": "#0072B2",
+    "lm": "#56B4E9",
+    "qp": "#8CCBEB",
+    "hybrid": "#CC79A7",
+    "random": "#7A7A7A",
+    **dict.fromkeys(("ppo-single", "ppo", "button"), "#D55E00"),
+    "ppo-multi": "#F2A35E",
+    "ppo-multi-ending": "#6A3D9A",
+    **dict.fromkeys(("single", "ranked-single", "space-single", "panda-single"), "#00674C"),
+    **dict.fromkeys(("multi", "ranked-multi"), "#2FBF94"),
+    **dict.fromkeys(("thesis-single", "thesis-ppo-single", "thesis-multi"), "#000000"),
+    **dict.fromkeys(("sb3-single", "sb3-multi", "sb3-multi-long"), "#E69F00"),
+    **dict.fromkeys(("sac-single", "sac-multi"), "#0072B2"),
+    **dict.fromkeys(("td3-single", "td3-multi"), "#CC79A7"),
+    **dict.fromkeys(("ddpg-single", "ddpg-multi"), "#009E73"),
+    **dict.fromkeys(("button-dqn", "button-dqn-report-actuation"), "#009E73"),
+    **dict.fromkeys(("button-report", "button-report-actuation"), "#0072B2"),
+    "button-report-both": "#CC79A7",
+    "button-report-controls": "#E69F00",
+    "button-report-frames": "#56B4E9",
+    "button-guided-controls": "#000000",
+}
 INK, FAINT, GRID = "#222222", "#6b6b6b", "#e4e4e4"
 #: Colour map of magnitudes: even in lightness, and the same to colour-blind readers.
 MAGNITUDE = "cividis"
 Grid = Literal["x", "y", "both", "none"]
+#: How far from the border of the axes a line may end to be named beside them, as a share of their width.
+BORDER = 0.15
 #: Dots per inch where nothing else is asked for, as in notebooks.
 DPI = 100
 #: Panels beside each other that a figure has room for.
@@ -107,13 +135,20 @@ def name_label(name: str) -> str:
 
 
 def colours_of(names: Iterable[str]) -> dict[str, str]:
-    """A colour for each name, in the order of the palette."""
-    return {name: PALETTE[index % len(PALETTE)] for index, name in enumerate(names)}
+    """A colour for each name: a method's own, and for other names those that are left of the palette, in its order.
+
+    What follows a comma in a name, such as the seed, does not count.
+    """
+    found = {name: METHOD_COLOURS.get(name.partition(",")[0], "") for name in names}
+    others = cycle([colour for colour in PALETTE if colour not in found.values()] or PALETTE)
+    return {name: colour or next(others) for name, colour in found.items()}
 
 
 def label_ends(axes: Axes, ends: Mapping[str, ArrayLike], colours: Mapping[str, str], *, side: str = "right") -> None:
-    """Write names beside the ends of lines, moved apart where they would overlap.
+    """Write names at the ends of lines, moved apart where they would overlap.
 
+    The name of a line that ends inside the axes stands there. The others stand in a column beside the axes; a stroke
+    leads to a name that was moved, from the border of the axes on, so that nothing within them can be taken for data.
     The limits of the axes must be set.
 
     Args:
@@ -123,25 +158,32 @@ def label_ends(axes: Axes, ends: Mapping[str, ArrayLike], colours: Mapping[str, 
         side: `"right"` or `"left"`: which ends these are.
     """
     to_axes = axes.transData + axes.transAxes.inverted()
-    heights = [float(to_axes.transform(np.asarray(end, dtype=float))[1]) for end in ends.values()]
-    x, align = (1.03, "left") if side == "right" else (-0.03, "right")
-    for (name, end), height in zip(ends.items(), spread(heights, gap=0.062), strict=True):
-        axes.annotate(
-            name_label(name),
-            tuple(np.asarray(end, dtype=float)),
-            xytext=(x, height),
-            textcoords="axes fraction",
-            ha=align,
-            va="center",
-            fontsize=9,
-            color=colours[name],
-            weight="bold",
-            annotation_clip=False,
-            arrowprops={
-                "arrowstyle": "-", "color": colours[name], "lw": 0.8, "relpos": (float(side == "left"), 0.5),
-                "shrinkA": 0, "shrinkB": 0,
-            },
-        )  # fmt: skip
+    places = {name: to_axes.transform(np.asarray(end, dtype=float)) for name, end in ends.items()}
+    edge, beside, align = (1.0, 1.03, "left") if side == "right" else (0.0, -0.03, "right")
+    column = {name: place for name, place in places.items() if abs(place[0] - edge) <= BORDER}
+    for at_border, group in ((True, column), (False, {n: place for n, place in places.items() if n not in column})):
+        heights = spread([float(y) for _, y in group.values()], gap=0.062)
+        for (name, (x, y)), height in zip(group.items(), heights, strict=True):
+            moved = at_border and abs(height - y) > 0.01
+            text = axes.annotate(
+                name_label(name),
+                (edge, min(max(float(y), 0.0), 1.0)),
+                xycoords="axes fraction",
+                xytext=(beside if at_border else float(x) + beside - edge, height),
+                textcoords="axes fraction",
+                ha=align,
+                va="center",
+                fontsize=9,
+                color=colours[name],
+                weight="bold",
+                annotation_clip=False,
+                arrowprops={
+                    "arrowstyle": "-", "color": colours[name], "lw": 0.8, "relpos": (float(side == "left"), 0.5),
+                    "shrinkA": 0, "shrinkB": 2,
+                } if moved else None,
+            )  # fmt: skip
+            if not at_border:  # other lines may pass behind it
+                text.set_path_effects([withStroke(linewidth=2.5, foreground="white")])
 
 
 def spread(positions: Sequence[float], *, gap: float) -> list[float]:

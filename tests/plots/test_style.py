@@ -6,6 +6,8 @@ import numpy as np
 import pytest
 from matplotlib.colors import to_rgb
 
+from kinreach.compare import get_task
+from kinreach.compare.methods import colours as task_colours
 from kinreach.plots.style import FAINT, GRID, INK, PALETTE, colours_of, label_ends, new_figure, plain, spread
 
 #: What colours look like to people without red, green or blue cones (Machado, Oliveira, Fernandes 2009, severity 1).
@@ -72,7 +74,8 @@ def test_names_beside_lines_do_not_overlap(side):
     for seed in range(10):
         rng = np.random.default_rng(seed)
         figure, (ax,) = new_figure("title", size=(7, 4))
-        ends = {f"method {i}": (0.5, y) for i, y in enumerate(rng.uniform(0.4, 0.6, 6))}
+        at = {"left": 0.0, "right": 1.0}[side] if seed % 2 else 0.5
+        ends = {f"method {i}": (at, y) for i, y in enumerate(rng.uniform(0.4, 0.6, 6))}
         label_ends(ax, ends, colours_of(ends), side=side)
         figure.canvas.draw()
         boxes = [text.get_window_extent() for text in ax.texts]
@@ -84,6 +87,72 @@ def test_names_beside_lines_do_not_overlap(side):
         assert np.diff(heights).min() >= 0.062 - 1e-9
         cases += 1
     assert cases == 10
+
+
+@pytest.mark.parametrize("side", ["left", "right"])
+def test_no_stroke_to_a_name_is_within_the_axes(side):
+    """It would be taken for the line going on."""
+    strokes = 0
+    for seed in range(10):
+        rng = np.random.default_rng(seed)
+        figure, (ax,) = new_figure("title", size=(9, 3.8))
+        x, y = rng.uniform(0, 1, 8), rng.uniform(0.4, 0.6, 8)
+        x[:3] = side == "right"
+        ends = {f"method {i}": place for i, place in enumerate(zip(x, y, strict=True))}
+        label_ends(ax, ends, colours_of(ends), side=side)
+        figure.draw_without_rendering()
+        for text in ax.texts:
+            if text.arrow_patch is not None:
+                path = ax.transAxes.inverted().transform(text.arrow_patch.get_window_extent().get_points())
+                assert path[:, 0].min() > 0.995 if side == "right" else path[:, 0].max() < 0.005, path
+                strokes += 1
+    assert strokes >= 10
+
+
+def test_a_line_that_ends_early_is_named_there():
+    figure, (ax,) = new_figure("title", size=(9, 3.8))
+    label_ends(ax, {"early": (0.3, 0.6), "late": (1.0, 0.6)}, colours_of(["early", "late"]))
+    figure.draw_without_rendering()
+    boxes = {t.get_text(): ax.transAxes.inverted().transform(t.get_window_extent().get_points()) for t in ax.texts}
+    early, late = boxes["early"], boxes["late"]
+    assert 0.3 < early[0, 0] < 0.35
+    assert early[0, 1] < 0.6 < early[1, 1]
+    assert late[0, 0] > 1.0
+
+
+def test_a_method_has_one_colour_everywhere():
+    """In figures of trainings by its recipe's name, and in every comparison by the method's."""
+    names = ["thesis-single", "seed 1", "single", "ppo, target 1", "ppo", "seed 2"]
+    colours = colours_of(names)
+    assert colours["single"] == colours_of(["sac-single", "single"])["single"]
+    assert colours["ppo, target 1"] == colours["ppo"]
+    assert len(set(colours.values())) == 5
+    compared = {}
+    for task in ("ur5", "space", "arm3", "button"):
+        for name, colour in task_colours(get_task(task).methods).items():
+            assert compared.setdefault(name, colour) == colour == colours_of([name])[name]
+    assert len(compared) >= 14
+    assert compared["ranked-single"] == colours["single"]
+    for shown in FIGURES:
+        assert len(set(colours_of(shown).values())) == len(shown), shown
+
+
+#: Methods that a figure of a notebook shows beside each other.
+FIGURES = [
+    ["thesis-single", "sb3-single"],
+    ["ppo-single", "single"],
+    ["single", "ppo-single", "thesis-single"],
+    ["sac-single", "td3-single", "ddpg-single", "thesis-single"],
+    ["sac-multi", "td3-multi", "ddpg-multi", "thesis-multi"],
+    ["thesis-multi", "sb3-multi"],
+    ["ppo-multi", "ppo-multi-ending"],
+    ["closed form", "single", "ppo-single", "multi"],
+    ["button", "button-report", "button-dqn"],
+    [f"button-{name}" for name in ("report-actuation", "report-both", "report-controls", "report-frames",
+     "guided-controls", "dqn-report-actuation")],
+    ["analytic", "ppo", "random"],
+    [f"seed {seed}" for seed in range(5)],
+]  # fmt: skip
 
 
 @pytest.mark.parametrize(
