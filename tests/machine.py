@@ -25,7 +25,7 @@ class SessionFolder:
     """
 
     def __init__(self, caches: Path | None) -> None:
-        self._folder = tempfile.TemporaryDirectory(prefix="kinreach-tests-", ignore_cleanup_errors=True)
+        self._folder = tempfile.TemporaryDirectory(prefix="kinreach-", ignore_cleanup_errors=True)
         self.path = Path(self._folder.name)
         for name in ("home", "tmp", "no-graphics"):
             (self.path / name).mkdir()
@@ -41,12 +41,14 @@ class SessionFolder:
         self._patch.setenv("MPLCONFIGDIR", str(caches / "matplotlib"))
         self._patch.setenv("SB3_LOGDIR", str(caches / "stable-baselines3"))  # else a folder for every training
         self._patch.setenv("TORCHINDUCTOR_CACHE_DIR", str(caches / "torchinductor"))
+        self._patch.setenv("RAY_TMPDIR", str(self.path))  # logs that it keeps, and sockets, whose paths must be short
         self._patch.setenv("ORT_DISABLE_TELEMETRY", "1")  # onnxruntime's
 
     def left(self) -> list[str]:
-        """What lies in the two folders, but for pytest's own."""
+        """What lies in the two folders beside pytest's own folder and Ray's token, which it keeps for good."""
         found = [path for name in ("home", "tmp") for path in (self.path / name).iterdir()]
-        return sorted(str(path.relative_to(self.path)) for path in found if not path.name.startswith("pytest-of-"))
+        ours = [path for path in found if path.name != ".ray" and not path.name.startswith("pytest-of-")]
+        return sorted(str(path.relative_to(self.path)) for path in ours)
 
     def close(self) -> None:
         """Remove the folders."""

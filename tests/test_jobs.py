@@ -125,7 +125,8 @@ def cluster(root):
 
 def start(root, *arguments):
     """A driver as an ordinary user has it, and what it says."""
-    kept = {name: os.environ[name] for name in ("HOME", "PATH", "TMPDIR") if name in os.environ}
+    names = ("HOME", "PATH", "TMPDIR", "RAY_TMPDIR", "XDG_CACHE_HOME", "MPLCONFIGDIR")
+    kept = {name: os.environ[name] for name in names if name in os.environ}
     env = {**kept, "PYTHONPATH": str(root), "OMP_NUM_THREADS": "1"}
     return subprocess.Popen([sys.executable, *map(str, arguments)], env=env, text=True,
                             stdout=subprocess.PIPE, stderr=subprocess.STDOUT)  # fmt: skip
