@@ -1,4 +1,4 @@
-"""When the model is wrong: methods that know the data sheet, that look, that identify, that learn, on real UR5s.
+"""When the model is wrong: methods that know the data sheet, that look, that identify, that learn, on calibrated UR5s.
 
 All of them have the same looks. What they make of these is a `Learner`: from looks to an answer, "which posture for
 this point". `LookingPolicy` is the policy around one: it practises as far as the environment allows, aims, and, having
@@ -348,7 +348,7 @@ METHODS: Mapping[str, Method] = {
 
 #: Titles of the tables of single errors.
 ALONE = {
-    "links": "The links alone, of four real UR5s",
+    "links": "The links alone, of four published calibrations",
     "tool": "The tool alone, 5 mm off",
     "base": "The base alone, turned by 0.5 degrees",
     "cameras": "The cameras alone, 2 mm and 0.3 degrees off",
@@ -458,7 +458,7 @@ def _true_scene(env: gym.Env[Any, Any], trial: Trial) -> PosedScene:
 
 REAL_ARM_TASK = Task(
     name="real-arm",
-    title="A real UR5: links, tool, base and cameras a little off",
+    title="A UR5 whose links, tool, base and cameras are a little off",
     environment=REAL_ARM,
     resets=_resets,
     methods=METHODS,
@@ -473,7 +473,7 @@ REAL_ARM_TASK = Task(
     terms={
         "goal": "a workplace: a true UR5, the directions of what is off, 50 balls uniform on the table area, and noise",
         "look": "the arm goes to a posture, the cameras say where the tip is: 0.14 mm off in the median, as the ball",
-        "errors": "links: calibrations of four real UR5; tool 5 mm off; base turned by 0.5 degrees; cameras 2 mm and "
+        "errors": "links: published calibrations of four UR5; tool 5 mm off; base turned by 0.5 degrees; cameras 2 mm and "
         "0.3 degrees off; each alone and all at once",
         "error": "distance from tip to ball, median of the 50 balls; the tables have its median over workplaces",
         "there": "the tip is seen beside the ball, and goes there again: by whoever looks again",

@@ -55,7 +55,7 @@ NOISE, MEDIAN_LENGTH = 1.4e-4, 1.5382
 BUDGETS, NEAR = (0, 5, 10, 20, 50, 100), 5e-4
 #: There are no looks without an error [m].
 LEAST_NOISE = 1e-9
-#: Real UR5 whose calibrations come with the package.
+#: UR5 whose calibrations come with the package.
 UR5S = tuple(name for name in PUBLISHED if name.startswith("ur5_"))
 #: Numbers of an observation: ball and tip as they were seen, posture, moves to this ball, looks allowed so far.
 SEEN_BALL, SEEN_TIP, POSTURE, MOVES, BUDGET = slice(0, 3), slice(3, 6), slice(6, 12), 12, 13
@@ -107,7 +107,7 @@ class RealArmOptions:
 
 
 def true_arm(calibration: str | Path) -> ArmDescription:
-    """A real UR5.
+    """A UR5 as its calibration says.
 
     Args:
         calibration: Name of a published one, or a file.

@@ -1,11 +1,24 @@
 """The study of damage: faults are what they are called, and who knows them reaches."""
 
+import re
+
 import numpy as np
 import pytest
 
 pytest.importorskip("torch")
 from benchmarks.studies import relearning
-from benchmarks.studies.damage import BENT, KINDS, OFFSET, STUCK, by_looks, damage, main, numeric, reached
+from benchmarks.studies.damage import (
+    BENT,
+    KINDS,
+    OFFSET,
+    STUCK,
+    by_looks,
+    damage,
+    main,
+    numeric,
+    reached,
+    share_of_faults,
+)
 from benchmarks.studies.relearning import KNOWN, SHIPPED, curve
 from kinreach.baselines.expert import tool_down_postures
 from kinreach.baselines.random_arms import on_table, ur5
@@ -52,6 +65,15 @@ def test_looks_find_it(kind):
 def test_the_table(capsys):
     assert main(["--faults", "1", "--balls", "4"]) == 0
     assert capsys.readouterr().out.count("\n| a ") == 3 * 11
+
+
+def test_intervals_are_over_faults():
+    """Balls of one fault are reached or missed together: more balls say nothing of other faults."""
+    few = share_of_faults([0.0, 1.0, 0.0, 1.0, 0.5, 0.5])
+    low, high = map(float, re.fullmatch(r"50\.0 \[([\d.]+), ([\d.]+)\]", few).groups())
+    assert low <= 25.0
+    assert high >= 75.0
+    assert share_of_faults([1.0] * 12) == "100.0"
 
 
 def test_a_policy_learns_again(capsys):
