@@ -473,8 +473,8 @@ REAL_ARM_TASK = Task(
     terms={
         "goal": "a workplace: a true UR5, the directions of what is off, 50 balls uniform on the table area, and noise",
         "look": "the arm goes to a posture, the cameras say where the tip is: 0.14 mm off in the median, as the ball",
-        "errors": "links: published calibrations of four UR5; tool 5 mm off; base turned by 0.5 degrees; cameras 2 mm and "
-        "0.3 degrees off; each alone and all at once",
+        "errors": "links: published calibrations of four UR5; tool 5 mm off; base turned by 0.5 degrees; cameras 2 mm "
+        "and 0.3 degrees off; each alone and all at once",
         "error": "distance from tip to ball, median of the 50 balls; the tables have its median over workplaces",
         "there": "the tip is seen beside the ball, and goes there again: by whoever looks again",
         "move": "kinematic: a posture is taken as it is",
