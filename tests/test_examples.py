@@ -13,9 +13,52 @@ import pytest
 EXAMPLES = Path(__file__).parents[1] / "examples"
 
 
+PAGE = (EXAMPLES.parent / "docs" / "examples.md").read_text(encoding="utf-8")
+NUMBER = re.compile(r"-?\d+\.?\d*(?:e[+-]?\d+)?(?: [mu]s\b)?")
+#: Their numbers are of a training, which differs from processor to processor.
+TRAINED = ("03_own_policy", "06_own_algorithm", "07_stable_baselines3", "08_pytorch_loop")
+
+
+def shown(name: str) -> str:
+    """What the documentation says that an example prints."""
+    (text,) = re.findall(rf"<!-- code of examples/{name}\.py -->\n\n```text\n(.*?)```", PAGE, re.DOTALL)
+    return text
+
+
+def differences(shown: str, printed: str, *, trained: bool = False) -> list[tuple[str, str]]:
+    """Where two outputs differ: in words, or in numbers by more than their last digit.
+
+    Times may differ, and numbers of trainings; rounding errors (1e-15) by a factor of 100.
+    """
+    words = [" ".join(NUMBER.sub(" # ", text).split()) for text in (shown, printed)]
+    if words[0] != words[1]:
+        return [(words[0], words[1])]
+    pairs = zip(NUMBER.findall(shown), NUMBER.findall(printed), strict=True)
+    return [pair for pair in pairs if not trained and not alike(*pair)]
+
+
+def alike(shown: str, printed: str) -> bool:
+    if shown.endswith("s"):
+        return printed[-2:] == shown[-2:]
+    if "e" in shown:
+        return "e" in printed and 0.01 <= float(printed) / float(shown) <= 100
+    digits = len(shown.partition(".")[2])
+    return abs(float(printed) - float(shown)) <= 1.01 * 10.0**-digits
+
+
+def test_a_stale_output_is_noticed():
+    said = "a: 100 % reached, 0.03 mm and 5.1 ms, 3e-16 off, [ 0.   -2.13]"
+    assert differences(said, "a: 100 % reached, 0.04 mm and 99.0 ms, 2e-15 off, [-0.   -2.12]") == []
+    stale = [("0.03", "1.50"), ("5.1 ms", "5.1 us"), ("3e-16", "3e-11"), ("-2.13", "-2.15"), ("mm", "m"), ("100", "98")]
+    for old, new in stale:
+        assert differences(said, said.replace(old, new)), (old, new)
+    assert differences(said, said.replace("0.03", "7.50"), trained=True) == []
+    assert differences(said, said.replace("reached", "missed"), trained=True)
+
+
 @pytest.fixture
 def run(tmp_path):
-    """`run(name)`: what an example prints, run in an empty folder."""
+    """`run(name)`: what an example prints, run in an empty folder; it is what the documentation shows."""
 
     def run_example(name: str) -> str:
         done = subprocess.run(
@@ -28,6 +71,7 @@ def run(tmp_path):
             check=False,
         )
         assert done.returncode == 0, done.stderr
+        assert differences(shown(name), done.stdout, trained=name in TRAINED) == []
         return done.stdout
 
     return run_example
