@@ -174,6 +174,8 @@ class EpisodesPanel(Panel):
             try:
                 work(*arguments)
             except Exception as error:  # an environment or a policy from outside may raise anything
+                if self._gone.is_set():
+                    return
                 with self._lock:
                     self._button.disabled = False
                     self._verdict.content = said(error)

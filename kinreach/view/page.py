@@ -73,7 +73,7 @@ class Page:
 
     def report(self, error: Exception | None) -> None:
         """Say in red, and in a line on the terminal, what went wrong; None takes the sentence away."""
-        if not self._closed:
+        if not self._closed and (error is not None or self._trouble.content):
             self._trouble.content = "" if error is None else said(error)
 
     @property
