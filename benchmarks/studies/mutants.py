@@ -23,10 +23,11 @@ import sys
 import tempfile
 import time
 import tomllib
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Iterator, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, Protocol
 
 from benchmarks.studies.tables import head, line
 from kinreach.cli import Parser, finish
@@ -47,6 +48,17 @@ READERS = ("tests/benchmarks/test_mutants.py",)
 PATIENCE = 600
 PYTEST = (sys.executable, "-m", "pytest", "-q", "-m", "not slow", "--tb=no", "-p", "no:cacheprovider")
 _FAILED = re.compile(r"^(?:FAILED|ERROR) (.+?)(?: - .*)?$", re.MULTILINE)
+
+
+class Change(Protocol):
+    """A mistake in one module."""
+
+    @property
+    def file(self) -> str:
+        """Module, from the root of the checkout."""
+
+    def applied(self, text: str) -> str:
+        """The text of the module with the mistake in it."""
 
 
 @dataclass(frozen=True)
@@ -149,37 +161,50 @@ def check_passing(copy: Path, tests: Iterable[str]) -> None:
         InputError: One fails, or there is none.
     """
     chosen = list(tests)
-    if chosen and (code := _run(copy, chosen, keep_bytecode=True)).returncode:
+    if chosen and (code := _run(copy, chosen, timeout=None, PYTHONDONTWRITEBYTECODE="")).returncode:
         raise InputError(f"without a mutant the covering tests fail: {code.stdout.splitlines()[-5:]}")
 
 
 def verdict(copy: Path, mutant: Mutant, *, full: bool) -> dict[str, Any]:
     """Which test kills a mutant, what was run for it, and how long it took [s]."""
-    path = copy / mutant.file
-    times = path.stat().st_atime_ns, path.stat().st_mtime_ns
-    text = path.read_text(encoding="utf-8")
     start = time.perf_counter()
-    path.write_text(mutant.applied(text), encoding="utf-8")
-    try:
-        scope, killed_by = "covering", _killer(copy, ["-x", *mutant.tests])
+    with applied(copy, mutant):
+        scope, killed_by = "covering", killer(copy, mutant.tests)
         if killed_by is None and full:
-            scope, killed_by = "suite", _killer(copy, ["-x", *(f"--ignore={name}" for name in READERS), "tests"])
-    finally:
-        path.write_text(text, encoding="utf-8")
-        os.utime(path, ns=times)  # compiled modules are told apart by it
+            scope, killed_by = "suite", killer(copy, [*(f"--ignore={name}" for name in READERS), "tests"])
     return {"killed_by": killed_by, "scope": scope, "seconds": round(time.perf_counter() - start, 1)}
 
 
-def _killer(copy: Path, arguments: Sequence[str]) -> str | None:
+@contextmanager
+def applied(copy: Path, change: Change) -> Iterator[None]:
+    """In the block, the copy has the mistake in it."""
+    path = copy / change.file
+    times = path.stat().st_atime_ns, path.stat().st_mtime_ns
+    text = path.read_text(encoding="utf-8")
+    path.write_text(change.applied(text), encoding="utf-8")
+    try:
+        yield
+    finally:
+        path.write_text(text, encoding="utf-8")
+        os.utime(path, ns=times)  # compiled modules are told apart by it
+
+
+def killer(copy: Path, arguments: Sequence[str], *, patience: float = PATIENCE, **environment: str) -> str | None:
     """The first test that fails, None if none does.
+
+    Args:
+        copy: Where they run.
+        arguments: Of pytest.
+        patience: Longest time [s]; the whole suite has all the time that it needs.
+        **environment: More of it.
 
     Raises:
         InputError: pytest could not run them.
     """
     try:
-        done = _run(copy, arguments)
+        done = _run(copy, ["-x", *arguments], timeout=None if "tests" in arguments else patience, **environment)
     except subprocess.TimeoutExpired:
-        return f"more than {PATIENCE} s"
+        return f"more than {patience:.0f} s"
     if done.returncode == 0:
         return None
     failed = _FAILED.search(done.stdout)
@@ -190,13 +215,18 @@ def _killer(copy: Path, arguments: Sequence[str]) -> str | None:
     raise InputError(f"pytest {' '.join(arguments)} cannot run: {(done.stdout + done.stderr)[-500:]}")
 
 
-def _run(copy: Path, arguments: Sequence[str], *, keep_bytecode: bool = False) -> subprocess.CompletedProcess[str]:
-    environment = {**os.environ, "PYTHONPATH": str(copy), "OMP_NUM_THREADS": "1", "PYTEST_DISABLE_PLUGIN_AUTOLOAD": "1"}
-    if not keep_bytecode:
-        environment["PYTHONDONTWRITEBYTECODE"] = "1"
-    timeout = None if keep_bytecode or "tests" in arguments else PATIENCE
+def _run(
+    copy: Path, arguments: Sequence[str], *, timeout: float | None, **more: str
+) -> subprocess.CompletedProcess[str]:
+    settings = {"PYTHONPATH": str(copy), "OMP_NUM_THREADS": "1", "PYTEST_DISABLE_PLUGIN_AUTOLOAD": "1"}
     return subprocess.run(
-        [*PYTEST, *arguments], cwd=copy, env=environment, capture_output=True, text=True, check=False, timeout=timeout
+        [*PYTEST, *arguments],
+        cwd=copy,
+        env={**os.environ, "PYTHONDONTWRITEBYTECODE": "1", **settings, **more},
+        capture_output=True,
+        text=True,
+        check=False,
+        timeout=timeout,
     )
 
 

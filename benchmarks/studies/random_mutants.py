@@ -1,0 +1,343 @@
+"""Whether the tests notice mistakes that nobody chose: random changes of the syntax tree, one at a time.
+
+    python -m benchmarks.studies.random_mutants --seed 1 --count 100 [--map FILE] [--out FILE] [--full]
+
+A module is drawn by its number of lines, then a line of it, then a change of that line: a comparison, an operator, a
+number, a condition, an argument, a statement. Docstrings, annotations and what an error says stay as they are. The
+tests that enter the function run, those of the module's own room and fast ones first, up to the first failure.
+`--map FILE` says which they are; a run of the fast suite writes it if it is not there. With `--full` what survives them
+meets the whole fast suite. A second call with the same `--out` goes on where the first stopped.
+
+`random_mutants.toml` lists the changes that nobody can notice, with the reason. The exit code is 0 if at least `GOAL`
+of all others were killed, else 1.
+"""
+
+from __future__ import annotations
+
+import argparse
+import ast
+import copy as copies
+import json
+import random
+import tempfile
+import time
+import tomllib
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from itertools import accumulate
+from pathlib import Path
+from typing import Any
+
+from benchmarks.studies.mutants import GOAL, PATIENCE, READERS, applied, copied, killer
+from kinreach.cli import Parser, finish
+from kinreach.errors import InputError
+from kinreach.files import make_writable, write_text
+
+PROG = "python -m benchmarks.studies.random_mutants"
+
+TABLE = Path(__file__).with_name("random_mutants.toml")
+#: Time of the tests that run first, with little to import [s].
+FIRST = 20.0
+
+COMPARED: dict[type, tuple[type, ...]] = {
+    ast.Lt: (ast.LtE, ast.Gt),
+    ast.LtE: (ast.Lt, ast.Gt),
+    ast.Gt: (ast.GtE, ast.Lt),
+    ast.GtE: (ast.Gt, ast.Lt),
+    ast.Eq: (ast.NotEq,),
+    ast.NotEq: (ast.Eq,),
+    ast.Is: (ast.IsNot,),
+    ast.IsNot: (ast.Is,),
+    ast.In: (ast.NotIn,),
+    ast.NotIn: (ast.In,),
+}
+CALCULATED: dict[type, type] = {
+    ast.Add: ast.Sub,
+    ast.Sub: ast.Add,
+    ast.Mult: ast.Div,
+    ast.Div: ast.Mult,
+    ast.FloorDiv: ast.Mult,
+    ast.Mod: ast.Mult,
+    ast.Pow: ast.Mult,
+    ast.BitAnd: ast.BitOr,
+    ast.BitOr: ast.BitAnd,
+}
+_PAIRS = "any all, min max, ceil floor, minimum maximum, argmin argmax, zeros ones, sin cos, lower upper, low high"
+SWAPPED = {a: b for pair in _PAIRS.split(", ") for a, b in (pair.split(), pair.split()[::-1])}
+#: Arguments that are text for people.
+TEXTS = ("help", "description", "epilog", "metavar", "title")
+
+
+@dataclass(frozen=True)
+class RandomMutant:
+    """A change of one place.
+
+    Attributes:
+        file: Module, from the root of the checkout.
+        start, end: Place of what is replaced in the module's bytes.
+        line: Number of its first line, from 1.
+        old, new: What is replaced, and by what.
+    """
+
+    file: str
+    start: int
+    end: int
+    line: int
+    old: str
+    new: str
+
+    @property
+    def id(self) -> str:
+        """Where it is, and what it does."""
+        old, new = (" ".join(text.split()) for text in (self.old, self.new))
+        return f"{self.file}:{self.line} {old} -> {new}"
+
+    def applied(self, text: str) -> str:
+        """The text of the module with the mistake in it."""
+        given = text.encode()
+        return (given[: self.start] + self.new.encode() + given[self.end :]).decode()
+
+
+def changes(file: str, text: str) -> list[RandomMutant]:
+    """Every change that may be drawn in a module."""
+    starts = [0, *accumulate(len(line.encode()) for line in text.splitlines(keepends=True))]
+    found = {}
+    for node, new in _replacements(ast.parse(text)):
+        start = starts[node.lineno - 1] + node.col_offset
+        end = starts[node.end_lineno - 1] + node.end_col_offset
+        old = text.encode()[start:end].decode()
+        if isinstance(node, ast.expr) and not isinstance(node, ast.Constant | ast.Name | ast.Call):
+            new = f"({new})"
+        mutant = RandomMutant(file, start, end, node.lineno, old, new.replace("\n", "\n" + " " * node.col_offset))
+        found[mutant.id] = mutant
+    return list(found.values())
+
+
+def _replacements(node: ast.AST) -> Iterator[tuple[Any, str]]:
+    """Nodes below one, with the texts that may replace them."""
+    if isinstance(node, ast.Assign) and ast.unparse(node.targets[0]) == "__all__":
+        return
+    yield from ((node, ast.unparse(each)) for each in _changed(node))
+    if isinstance(node, ast.If | ast.IfExp | ast.While):
+        yield node.test, f"not ({ast.unparse(node.test)})"
+    for child in _children(node):
+        yield from _replacements(child)
+
+
+def _children(node: Any) -> Iterator[ast.AST]:
+    """Parts of a node in which something may be changed."""
+    skipped: list[Any] = [getattr(node, name, None) for name in ("annotation", "returns", "type_comment")]
+    if isinstance(node, ast.Raise | ast.JoinedStr | ast.Assert):
+        return  # what is said; a text's parts have no places of their own
+    if isinstance(node, ast.If) and ast.unparse(node.test) == "TYPE_CHECKING":
+        return
+    if isinstance(node, ast.Call):
+        skipped += [keyword for keyword in node.keywords if keyword.arg in TEXTS]
+    yield from (child for child in ast.iter_child_nodes(node) if all(child is not one for one in skipped))
+
+
+def _changed(node: Any) -> Iterator[ast.AST]:
+    """What may stand in place of a node."""
+
+    def other(**fields: Any) -> ast.AST:
+        result = copies.copy(node)
+        for name, value in fields.items():
+            setattr(result, name, value)
+        return result
+
+    match node:
+        case ast.Compare():
+            for place, op in enumerate(node.ops):
+                for kind in COMPARED[type(op)]:
+                    yield other(ops=[*node.ops[:place], kind(), *node.ops[place + 1 :]])
+        case ast.BinOp() if type(node.op) in CALCULATED:
+            yield other(op=CALCULATED[type(node.op)]())
+        case ast.AugAssign() if type(node.op) in CALCULATED:
+            yield other(op=CALCULATED[type(node.op)]())
+            yield ast.Pass()
+        case ast.BoolOp():
+            yield other(op=ast.And() if isinstance(node.op, ast.Or) else ast.Or())
+            for place in range(len(node.values)):
+                rest = [value for index, value in enumerate(node.values) if index != place]
+                yield rest[0] if len(rest) == 1 else other(values=rest)
+        case ast.UnaryOp():
+            yield node.operand
+        case ast.Constant(value=bool() as value):
+            yield ast.Constant(not value)
+        case ast.Constant(value=int() | float() as value):
+            yield ast.Constant(value + 1)
+            if value:
+                yield ast.UnaryOp(ast.USub(), node)
+        case ast.Name(id=name) if name in SWAPPED:
+            yield other(id=SWAPPED[name])
+        case ast.Call():
+            if isinstance(node.func, ast.Attribute) and node.func.attr in SWAPPED:
+                function = copies.copy(node.func)
+                function.attr = SWAPPED[node.func.attr]
+                yield other(func=function)
+            for place, keyword in enumerate(node.keywords):
+                if keyword.arg not in TEXTS:
+                    yield other(keywords=[*node.keywords[:place], *node.keywords[place + 1 :]])
+            if len(node.args) > 1:
+                yield other(args=node.args[:-1])
+        case ast.IfExp():
+            yield other(body=node.orelse, orelse=node.body)
+        case ast.Expr(value=ast.Call() | ast.Yield() | ast.Await()) | ast.Raise() | ast.Assign():
+            yield ast.Pass()
+        case ast.Return(value=value) if value is not None:
+            yield ast.Return(None)
+        case ast.Continue():
+            yield ast.Break()
+        case ast.Break():
+            yield ast.Continue()
+
+
+def draw(texts: dict[str, str], seed: int, count: int) -> list[RandomMutant]:
+    """Mutants of modules, drawn by their numbers of lines; none twice.
+
+    Args:
+        texts: Modules by their paths from the root.
+        seed: The first of more are those of fewer.
+        count: How many.
+    """
+    rng = random.Random(seed)
+    files, drawn = list(texts), dict[str, RandomMutant]()
+    weights = [len(text.splitlines()) for text in texts.values()]
+    found: dict[str, dict[int, list[RandomMutant]]] = {}
+    while len(drawn) < count:
+        (file,) = rng.choices(files, weights)
+        if file not in found:
+            found[file] = {}
+            for mutant in changes(file, texts[file]):
+                found[file].setdefault(mutant.line, []).append(mutant)
+        if found[file]:
+            mutant = rng.choice(found[file][rng.choice(list(found[file]))])
+            drawn[mutant.id] = mutant
+    return list(drawn.values())
+
+
+class Covering:
+    """Which tests to run for a mutant.
+
+    Args:
+        path: File of `benchmarks.studies.covering`.
+    """
+
+    def __init__(self, path: Path) -> None:
+        found = json.loads(path.read_text(encoding="utf-8"))
+        self.seconds: dict[str, float] = found["seconds"]
+        self._tests, self._lines = list(self.seconds), found["lines"]
+
+    def stages(self, mutant: RandomMutant, text: str) -> list[list[str]]:
+        """Tests that enter the function of a mutant, those to run first apart from the others.
+
+        Those of a mutant outside of functions are all that enter one of the module.
+        """
+        lines: dict[str, list[int]] = self._lines.get(mutant.file, {})
+        inside = any(
+            isinstance(node, ast.FunctionDef) and node.lineno <= mutant.line <= (node.end_lineno or 0)
+            for node in ast.walk(ast.parse(text))
+        )
+        numbers = (
+            lines.get(str(mutant.line), []) if inside else sorted({test for each in lines.values() for test in each})
+        )
+        room = mutant.file.replace("kinreach/", "tests/", 1).rpartition("/")[0]
+        tests = [test for test in map(self._tests.__getitem__, numbers) if not test.startswith(READERS)]
+        ordered = sorted(tests, key=lambda test: (not test.startswith(room), self.seconds[test]))
+        spent = list(accumulate(self.seconds[test] + 0.05 for test in ordered))
+        first = sum(each <= FIRST for each in spent) or 1
+        return [stage for stage in (ordered[:first], sorted(ordered[first:], key=self.seconds.__getitem__)) if stage]
+
+
+def judge(copy: Path, mutant: RandomMutant, covering: Covering, *, full: bool) -> dict[str, Any]:
+    """Which test kills a mutant, how many were asked, and how long it took [s]."""
+    start, killed_by, asked = time.perf_counter(), None, 0
+    stages = covering.stages(mutant, (copy / mutant.file).read_text(encoding="utf-8"))
+    chosen = copy / ".tests.json"
+    with applied(copy, mutant):
+        for tests in stages:
+            chosen.write_text(json.dumps(tests), encoding="utf-8")
+            asked += len(tests)
+            files = list(dict.fromkeys(test.partition("::")[0] for test in tests))
+            patience = 60.0 + 5.0 * sum(covering.seconds[test] for test in tests)
+            killed_by = killer(
+                copy,
+                ["-p", "benchmarks.studies.covering", *files],
+                patience=min(patience, PATIENCE),
+                KINREACH_TESTS=str(chosen),
+            )
+            if killed_by:
+                break
+        if killed_by is None and full:
+            killed_by = killer(copy, [*(f"--ignore={name}" for name in READERS), "tests"])
+    return {"killed_by": killed_by, "tests": asked, "seconds": round(time.perf_counter() - start, 1)}
+
+
+def main(argv: list[str] | None = None) -> int:
+    """Run the mutants, print what became of each, and the share that was killed."""
+    parser = Parser(prog=PROG, description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--seed", type=int, required=True, help="of the draw")
+    parser.add_argument("--count", type=int, default=100, help="number of mutants (100)")
+    parser.add_argument("--map", type=Path, default=Path("build/covering.json"), help="which tests enter what")
+    parser.add_argument("--out", type=Path, help="results, kept between calls (build/random_mutants_SEED.json)")
+    parser.add_argument("--full", action="store_true", help="run the whole fast suite on what covering tests let live")
+    arguments = parser.parse_args(argv)
+    out = arguments.out or Path(f"build/random_mutants_{arguments.seed}.json")
+    for path in (out, arguments.map):
+        make_writable(path.parent)
+    results = json.loads(out.read_text(encoding="utf-8")) if out.exists() else {}
+    with tempfile.TemporaryDirectory(prefix="mutants-") as folder:
+        copy = copied(Path(folder))
+        if not arguments.map.exists():
+            write_map(copy, arguments.map.resolve())
+        covering = Covering(arguments.map)
+        texts = {
+            str(path.relative_to(copy)): path.read_text(encoding="utf-8")
+            for path in sorted(copy.glob("kinreach/**/*.py"))
+        }
+        drawn = draw(texts, arguments.seed, arguments.count)
+        for mutant in drawn:
+            if mutant.id not in results:
+                results[mutant.id] = judge(copy, mutant, covering, full=arguments.full)
+                write_text(out, json.dumps(results, indent=1) + "\n")
+                print(f"{results[mutant.id]['killed_by'] or 'SURVIVES'} | {mutant.id}", flush=True)
+    return report([mutant.id for mutant in drawn], results)
+
+
+def write_map(copy: Path, path: Path) -> None:
+    """Run the fast suite in a copy, and write which tests enter what.
+
+    Raises:
+        InputError: A test fails.
+    """
+    if failed := killer(copy, ["-p", "benchmarks.studies.covering", "tests"], KINREACH_MAP=str(path)):
+        raise InputError(f"without a mutant {failed} fails")
+
+
+def equivalents() -> dict[str, str]:
+    """Changes that nobody can notice, with the reasons, by `file old -> new`."""
+    return {
+        f"{entry['file']} {entry['change']}": entry["why"] for entry in tomllib.loads(TABLE.read_text())["equivalent"]
+    }
+
+
+def report(drawn: Sequence[str], results: dict[str, Any]) -> int:
+    """Print what survives and the share that was killed."""
+    known = equivalents()
+    alive = [name for name in drawn if results[name]["killed_by"] is None]
+    missed = [name for name in alive if _anywhere(name) not in known]
+    counted = len(drawn) - len(alive) + len(missed)
+    for name in alive:
+        print(f"survives: {name}: {known.get(_anywhere(name), 'NOT NOTICED')}")
+    print(f"{counted - len(missed)} of {counted} killed; {len(alive) - len(missed)} more change nothing")
+    return 0 if counted - len(missed) >= GOAL * counted else 1
+
+
+def _anywhere(name: str) -> str:
+    """A mutant's name without the line's number, which other changes move."""
+    place, _, change = name.partition(" ")
+    return f"{place.rpartition(':')[0]} {change}"
+
+
+if __name__ == "__main__":
+    raise SystemExit(finish(main, prog=PROG))
