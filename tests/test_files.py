@@ -7,6 +7,7 @@ from pathlib import Path
 
 import pytest
 
+from kinreach import files
 from kinreach.errors import OutputError
 from kinreach.files import locked, make_writable, replacing, write_text
 
@@ -55,7 +56,7 @@ def mask(request: pytest.FixtureRequest) -> Iterator[int]:
     os.umask(before)
 
 
-def test_written_files_have_the_usual_permissions(tmp_path: Path, mask: int) -> None:
+def test_written_files_have_the_usual_permissions(tmp_path: Path, mask: int, monkeypatch: pytest.MonkeyPatch) -> None:
     (tmp_path / "plain").write_text("x")
     usual = (tmp_path / "plain").stat().st_mode
     assert usual & 0o777 == 0o666 & ~mask
@@ -78,10 +79,20 @@ def test_written_files_have_the_usual_permissions(tmp_path: Path, mask: int) -> 
         with path.open("x") as file:  # which its own mask may keep from opening it again
             file.write("x")
 
-    for write in (add, narrow, replace, create_again):
+    def close(path: Path) -> None:
+        path.chmod(0o000)
+
+    synced = []
+
+    def to_disk(path: Path) -> None:  # an ordinary user can open only what its owner may read and write
+        synced.append(path.stat().st_mode & 0o600)
+
+    monkeypatch.setattr(files, "_to_disk", to_disk)
+    for write in (add, narrow, replace, create_again, close):
         with replacing(tmp_path / "ours") as temporary:
             write(temporary)
         assert (tmp_path / "ours").stat().st_mode == usual, write.__name__
+    assert synced == [0o600] * 5
     assert sorted(os.listdir(tmp_path)) == ["ours", "plain"]
 
 

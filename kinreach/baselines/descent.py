@@ -41,7 +41,6 @@ class Descent(AdaptivePPO):
 
     def train(self) -> None:
         """One update, in minibatches."""
-        self.policy.set_training_mode(True)
         self._update_learning_rate(self.policy.optimizer)
         observations = self.seen()
         objective, seen = self.objective(observations), torch.as_tensor(observations, dtype=torch.float32)

@@ -76,7 +76,6 @@ class RandomPolicy:
     def __init__(self, action_space: spaces.Space[Any], *, seed: int = 0) -> None:
         self._space = action_space
         self._seed = seed
-        self._space.seed(seed)
 
     def reset(self, observation: Any, info: Mapping[str, Any]) -> None:
         """Start the draws of an episode."""

@@ -74,7 +74,8 @@ def random_walk(rng: np.random.Generator, speed: float, times: Floats, low: Floa
     Outside of the middle half of the area it turns the ball towards the middle.
     """
     (x, y), heading = entering(rng, low, high)
-    draws = rng.uniform(-SIDEWAYS, SIDEWAYS, math.ceil(times[-1] / HOLD) + 1)[(times / HOLD).astype(int)].tolist()
+    holds = (times / HOLD).astype(int)
+    draws = rng.uniform(-SIDEWAYS, SIDEWAYS, holds[-1] + 1)[holds].tolist()
     (left, bottom), (right, top) = (low + high) / 2 - (high - low) / 4, (low + high) / 2 + (high - low) / 4
     places = np.empty((len(times), 2))
     for index, (sideways, dt) in enumerate(zip(draws, np.diff(times, prepend=0.0).tolist(), strict=True)):
@@ -270,7 +271,7 @@ def check_actions(actions: ArrayLike, count: int | None) -> Floats:
     given, shape = as_floats("action", actions), (6,) if count is None else (count, 6)
     if given.shape != shape or not np.isfinite(given).all():
         raise InputError(f"action must be finite and have shape {shape}, got {given.shape}")
-    return given.reshape(-1, 6)
+    return np.atleast_2d(given)
 
 
 def check_start(options: Mapping[str, Any] | None, count: int | None) -> MovingStart:

@@ -11,6 +11,7 @@ from kinreach.envs.moving import (
     ANGLES,
     BALL,
     FRAMES,
+    HOLD,
     PARTS,
     PATHS,
     RADIUS,
@@ -50,6 +51,10 @@ def test_paths(path):
             assert (places <= HIGH + 1e-9).all()
         else:
             assert 0.05 < turns.max() < SIDEWAYS + 1e-6
+            each = np.split(turns, np.flatnonzero(np.diff((TIMES[2:] / HOLD).astype(int))) + 1)
+            assert [len(held) for held in each] == [58, *11 * [60], 1]
+            assert max(np.ptp(held) for held in each) < 1e-4
+            assert min(abs(np.diff([held[0] for held in each]))) > 0.0
         inside = ((places > LOW + (HIGH - LOW) / 4) & (places < HIGH - (HIGH - LOW) / 4)).all(axis=1)
         crossed += inside.any()
         assert (places[0] >= LOW - 1e-9).all()

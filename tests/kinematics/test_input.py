@@ -45,6 +45,17 @@ def test_sheared_rotations_are_refused(i, j, size):
         KIN.batch(np.array([POSE, T]))
 
 
+@given(st.floats(1e-4, 1.5), st.sampled_from([-1.0, 1.0]))
+def test_columns_at_other_than_right_angles_are_refused(angle, sign):
+    """The first two have length one, and the third is their product: of all that makes a rotation one thing is missing."""
+    T = POSE.copy()
+    T[:3, 1] = np.cos(angle) * POSE[:3, 1] + sign * np.sin(angle) * POSE[:3, 0]
+    T[:3, 2] = np.cross(T[:3, 0], T[:3, 1])
+    for ask in (KIN.all_solutions, lambda T: KIN.batch(np.array([POSE, T]))):
+        with pytest.raises(InputError, match="rotation"):
+            ask(T)
+
+
 @pytest.mark.parametrize("last", [(0, 0, 0, 2), (0, 0, 1e-3, 1), (1, 0, 0, 1), (0, 0, 0, 0)])
 def test_a_last_row_of_no_pose_is_refused(last):
     T = POSE.copy()

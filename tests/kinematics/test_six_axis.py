@@ -53,6 +53,8 @@ def test_every_posture_is_exact_and_the_generating_one_is_there(kin):
         assert apart(posture, row[valid]) < 1e-6
         alone = kin.all_solutions(pose)
         np.testing.assert_allclose(row[valid], alone.q, atol=1e-9)
+        assert (np.diff(alone.branch) > 0).all()
+        assert not alone.singularity.any()  # it tells no postures apart
         for i, found in enumerate(alone.q):
             assert max(pose_error(pose, kin.fk(found))) < 1e-9
             assert kin.within_limits(found)

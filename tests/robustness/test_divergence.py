@@ -10,6 +10,7 @@ import pytest
 
 import kinreach  # noqa: F401 (registers the environments)
 from kinreach.sim.controller import MoveStatus
+from kinreach.sim.setpoints import ARRIVED
 from kinreach.sim.simulation import ArmSimulation, BatchSimulation
 
 SPEEDS = [np.nan, np.inf, -np.inf, 1e5, 1e8, 1e12]
@@ -72,6 +73,23 @@ def test_a_move_that_diverges_is_impossible_and_puts_the_arm_back(arm, speed):
     np.testing.assert_array_equal(simulation.ball_position, GOAL)
     assert simulation.data.time == time
     assert simulation.move(simulation.arm.home).reached  # it can go on
+
+
+@pytest.mark.parametrize("beyond", [-0.51, -0.49, 0.49, 0.51])
+@pytest.mark.parametrize("joint", range(6))
+def test_one_joint_far_beyond_its_limit_is_enough(joint, beyond, monkeypatch):
+    simulation = ArmSimulation("ur5")
+    controller, before = simulation.controller, simulation.q
+    limit = (controller.lower if beyond < 0.0 else controller.upper)[joint]
+
+    def follow(plant, ids, targets, **_):
+        plant.qpos[0, controller.qpos][joint] = limit + beyond  # the joints are a slice of the state
+        return np.full(len(ids), ARRIVED)
+
+    monkeypatch.setattr(controller, "_follow", follow)
+    move = simulation.move(before)
+    assert (move.status is MoveStatus.DIVERGED) == (abs(beyond) > 0.5)
+    np.testing.assert_array_equal(move.q == before, np.arange(6) != (joint if abs(beyond) < 0.5 else -1))
 
 
 def test_in_a_batch_the_neighbours_notice_nothing():

@@ -4,7 +4,8 @@ import gymnasium as gym
 import numpy as np
 import pytest
 
-from kinreach.envs.reach.worlds import STATUSES
+from kinreach.envs.reach.episodes import ReachEpisodes
+from kinreach.envs.reach.worlds import STATUSES, KinematicWorld
 from kinreach.errors import InputError
 from kinreach.vision.goal_view import geometric_goal_view
 
@@ -58,6 +59,19 @@ def test_status_of_a_target_outside_the_limits(backend):
     info = env.step(np.array([0, 0, 0, 0, 0, 1.0]))[4]
     assert info["status"] == "out of limits"
     assert info["target"][5] > np.pi
+
+
+def test_each_arm_is_told_where_its_target_is_reached_or_not():
+    """One of several, as well as one alone."""
+    task = gym.make(SINGLE, backend="kinematic").unwrapped._task
+    episodes = ReachEpisodes(task, KinematicWorld(task, 3, explain=True))
+    episodes.begin(np.arange(3))
+    np.testing.assert_array_equal(episodes.directions, 3 * [[0.0, 0.0, -1.0]])
+    q = np.array(3 * [task.home])
+    q[1, 1] = 1.5  # into the table
+    info = episodes.step(q / np.pi).info
+    assert info["impossible"].tolist() == [False, True, False]
+    np.testing.assert_allclose(info["target_tip"], task.kinematics.positions(q), rtol=0, atol=1e-9)
 
 
 @pytest.mark.parametrize("backend", BACKENDS)
