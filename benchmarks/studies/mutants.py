@@ -212,6 +212,8 @@ def killer(copy: Path, arguments: Sequence[str], *, patience: float = PATIENCE, 
         return failed[1]
     if done.returncode < 0:
         return f"signal {-done.returncode}"
+    if "while loading conftest" in done.stderr:
+        return "tests/conftest.py"
     raise InputError(f"pytest {' '.join(arguments)} cannot run: {(done.stdout + done.stderr)[-500:]}")
 
 

@@ -231,19 +231,20 @@ class Covering:
     def stages(self, mutant: RandomMutant, text: str) -> list[list[str]]:
         """Tests that enter the function of a mutant, those to run first apart from the others.
 
-        Those of a mutant outside of functions are all that enter one of the module.
+        Where there is no such test, and outside of functions: all that enter one of the module, and those of its room.
         """
         lines: dict[str, list[int]] = self._lines.get(mutant.file, {})
         inside = any(
             isinstance(node, ast.FunctionDef) and node.lineno <= mutant.line <= (node.end_lineno or 0)
             for node in ast.walk(ast.parse(text))
         )
-        numbers = (
-            lines.get(str(mutant.line), []) if inside else sorted({test for each in lines.values() for test in each})
-        )
         room = mutant.file.replace("kinreach/", "tests/", 1).rpartition("/")[0]
-        tests = [test for test in map(self._tests.__getitem__, numbers) if not test.startswith(READERS)]
-        ordered = sorted(tests, key=lambda test: (not test.startswith(room), self.seconds[test]))
+        tests = {self._tests[number] for number in lines.get(str(mutant.line), []) if inside}
+        if not tests:
+            tests = {self._tests[number] for each in lines.values() for number in each}
+            tests |= {test for test in self._tests if test.startswith(f"{'/'.join(room.split('/')[:2])}/")}
+        kept = [test for test in tests if not test.startswith(READERS)]
+        ordered = sorted(kept, key=lambda test: (not test.startswith(room), self.seconds[test]))
         spent = list(accumulate(self.seconds[test] + 0.05 for test in ordered))
         first = sum(each <= FIRST for each in spent) or 1
         return [stage for stage in (ordered[:first], sorted(ordered[first:], key=self.seconds.__getitem__)) if stage]

@@ -47,7 +47,7 @@ def test_sheared_rotations_are_refused(i, j, size):
 
 @given(st.floats(1e-4, 1.5), st.sampled_from([-1.0, 1.0]))
 def test_columns_at_other_than_right_angles_are_refused(angle, sign):
-    """The first two have length one, and the third is their product: of all that makes a rotation one thing is missing."""
+    """The first two have length one, and the third is their product: only the right angle is missing."""
     T = POSE.copy()
     T[:3, 1] = np.cos(angle) * POSE[:3, 1] + sign * np.sin(angle) * POSE[:3, 0]
     T[:3, 2] = np.cross(T[:3, 0], T[:3, 1])

@@ -1,0 +1,112 @@
+"""Random changes of the syntax tree: each is a program, none is text for people, and the right tests are asked."""
+
+import ast
+import json
+
+import pytest
+
+from benchmarks.studies import mutants, random_mutants
+from benchmarks.studies.random_mutants import Covering, RandomMutant, changes, draw, equivalents, judge, report
+
+SOURCE = '''
+"""A module: 1 + 1."""
+from typing import Final
+__all__ = ["square"]
+MOST: Final[int] = 3
+
+def square(x: int = 2, *, least: float | None = None) -> int:
+    """The square, 2 * 2."""
+    if x < 0 and not least:
+        raise ValueError(f"x must be at least {0 + 1}, got {x}")
+    for each in range(x):
+        if any([each > MOST, x != 5]):
+            continue
+        x += 1
+    print(x, sep="", help="1 + 1")
+    return max(x, 0) * x
+'''
+
+
+def test_every_change_is_another_program_and_not_of_a_text():
+    found = changes("square.py", SOURCE)
+    programs = {ast.unparse(ast.parse(mutant.applied(SOURCE))) for mutant in found}
+    assert len(programs) == len(found) >= 30
+    assert ast.unparse(ast.parse(SOURCE)) not in programs
+    said = {" ".join(mutant.id.split()[1:]) for mutant in found}
+    assert said >= {
+        "x < 0 -> (x <= 0)", "x < 0 -> (x > 0)", "x < 0 and not least -> (x < 0 or not least)", "not least -> (least)",
+        "any -> all", "max -> min", "max(x, 0) * x -> (max(x, 0) / x)", "max(x, 0) -> max(x)", "3 -> 4", "3 -> -3",
+        "continue -> break", "x += 1 -> x -= 1", "x += 1 -> pass", "return max(x, 0) * x -> return",
+    }  # fmt: skip
+    kept = ast.unparse(ast.parse(SOURCE)).splitlines()
+    for text in ('"""A module: 1 + 1."""', '"""The square, 2 * 2."""', "__all__ = ['square']"):
+        (line,) = (line for line in kept if text in line)
+        assert all(line in program for program in programs)
+    assert all("got {x}" in program or "pass" in program for program in programs)
+    assert all("float | None" in program for program in programs)
+
+
+def test_draws_are_the_same_again_and_by_the_number_of_lines():
+    texts = {"long.py": SOURCE * 9, "short.py": SOURCE}
+    drawn = draw(texts, 3, 200)
+    assert len({mutant.id for mutant in drawn}) == 200
+    assert [mutant.id for mutant in draw(texts, 3, 50)] == [mutant.id for mutant in drawn[:50]]
+    assert {mutant.id for mutant in draw(texts, 4, 50)} != {mutant.id for mutant in drawn[:50]}
+    assert 150 < sum(mutant.file == "long.py" for mutant in drawn) < 200
+
+
+@pytest.fixture
+def toy(tmp_path):
+    """A package with a test that notices, one that does not, and one that is not asked."""
+    for folder in ("kinreach", "tests", "benchmarks/studies"):
+        (tmp_path / folder).mkdir(parents=True)
+    (tmp_path / "pytest.ini").write_text(
+        "[pytest]\nmarkers = slow\npythonpath = .\naddopts = --import-mode=importlib\n"
+    )
+    (tmp_path / "kinreach/square.py").write_text(
+        "def square(x):\n    return x * x\n\n\ndef cube(x):\n    return x**3\n"
+    )
+    for name, number, result in (("square", 1, 1), ("square", 3, 9), ("cube", 3, 27)):
+        (tmp_path / f"tests/test_{name}_{number}.py").write_text(
+            f"from kinreach.square import {name}\n\n\ndef test():\n    assert {name}({number}) == {result}\n"
+        )
+    for package in ("kinreach", "benchmarks", "benchmarks/studies"):
+        (tmp_path / package / "__init__.py").touch()
+    plugin = "benchmarks/studies/covering.py"
+    (tmp_path / plugin).write_text((mutants.ROOT / plugin).read_text(encoding="utf-8"))
+    return tmp_path
+
+
+def test_the_tests_that_enter_a_function_are_asked_and_kill(toy):
+    random_mutants.write_map(toy, toy / "map.json")
+    found = json.loads((toy / "map.json").read_text())
+    assert list(found["seconds"]) == [f"tests/test_{name}.py::test" for name in ("cube_3", "square_1", "square_3")]
+    assert found["lines"]["kinreach/square.py"]["2"] == [1, 2]
+    text = (toy / "kinreach/square.py").read_text()
+    (divided,) = (mutant for mutant in changes("kinreach/square.py", text) if mutant.new == "(x / x)")
+    row = judge(toy, divided, Covering(toy / "map.json"), full=False)
+    assert (row["killed_by"], row["tests"]) == ("tests/test_square_3.py::test", 2)
+    harmless = RandomMutant(divided.file, divided.start, divided.end, divided.line, divided.old, "x ** 2")
+    assert judge(toy, harmless, Covering(toy / "map.json"), full=False)["killed_by"] is None
+    assert (toy / "kinreach/square.py").read_text() == text
+
+
+def test_what_changes_nothing_is_not_counted(monkeypatch, capsys):
+    monkeypatch.setattr(random_mutants, "equivalents", lambda: {"a.py x < 1 -> (x <= 1)": "never one"})
+    results = {"a.py:3 x < 1 -> (x <= 1)": {"killed_by": None}, "a.py:4 any -> all": {"killed_by": "tests/t.py::t"}}
+    assert report(list(results), results) == 0
+    assert "1 of 1 killed; 1 more change nothing" in capsys.readouterr().out
+    results["a.py:5 any -> all"] = {"killed_by": None}
+    assert report(list(results), results) == 1
+
+
+def test_every_equivalent_has_its_place_and_its_reason(root):
+    entries = equivalents()
+    texts = {}
+    for name, why in entries.items():
+        file = name.partition(" ")[0]
+        if file not in texts:
+            found = changes(file, (root / file).read_text(encoding="utf-8"))
+            texts[file] = {random_mutants._anywhere(mutant.id) for mutant in found}
+        assert name in texts[file]
+        assert len(why) > 15
