@@ -11,7 +11,7 @@ def _usage() -> int:
     parser = Parser(prog=PROG, description="What there is to be done with an arm's kinematics from a shell.")
     commands = parser.add_subparsers(metavar="COMMAND", required=True)
     commands.add_parser("check", help="what an arm is and how its inverse kinematics does")
-    parser.parse_args(sys.argv[1:])
+    parser.parse_args()
     return 0
 
 

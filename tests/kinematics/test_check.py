@@ -139,6 +139,7 @@ def test_one_screen(tmp_path, capsys):
         for head in ("class", "joints", "reach", "collisions", "singular", "IK", "picture"):
             assert f"\n{head:<12} " in text
         assert "100.0 %" in text
+        assert "\n             solver        reached  singular   time, ms: median / p95   largest error, mm\n" in text
         assert len(text.splitlines()) < 25
         assert picture.read_bytes().startswith(b"\x89PNG")
 
@@ -176,11 +177,22 @@ def test_bad_input():
             main(arguments, prog="check")
 
 
-def test_as_a_module():
+@pytest.mark.parametrize(
+    ("arguments", "code", "said"),
+    [
+        (["check", "nothing"], 2, "python -m kinreach.kinematics check: error: unknown arm 'nothing'"),
+        ([], 2, "python -m kinreach.kinematics: error: the following arguments are required: COMMAND"),
+        (["--help"], 0, "what an arm is and how its inverse kinematics does"),
+    ],
+)
+def test_as_a_module(arguments, code, said):
     done = subprocess.run(
-        [sys.executable, "-m", "kinreach.kinematics", "check", "nothing"],
+        [sys.executable, "-m", "kinreach.kinematics", *arguments],
         env={**os.environ, "PYTHONPATH": str(ROOT)}, capture_output=True, text=True, timeout=120, check=False,
     )  # fmt: skip
-    assert done.returncode == 2
-    assert done.stderr.startswith("python -m kinreach.kinematics check: error: unknown arm 'nothing'")
-    assert len(done.stderr.splitlines()) == 1
+    assert done.returncode == code
+    if code:
+        assert done.stderr.startswith(said)
+        assert len(done.stderr.splitlines()) == 1
+    else:
+        assert said in done.stdout

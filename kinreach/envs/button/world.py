@@ -239,7 +239,6 @@ class SingleTorqueWorld:
         """Take over the state of another arm, and what its button shows."""
         state = np.empty(mujoco.mj_stateSize(self.model, _STATE))
         mujoco.mj_getState(other.model, other.data, state, _STATE)
-        mujoco.mj_resetData(self.model, self.data)
         mujoco.mj_setState(self.model, self.data, state, _STATE)
         mujoco.mj_fwdPosition(self.model, self.data)
         self._target = other._target.copy()
