@@ -28,7 +28,7 @@ from itertools import accumulate
 from pathlib import Path
 from typing import Any
 
-from benchmarks.studies.mutants import GOAL, PATIENCE, READERS, applied, copied, killer
+from benchmarks.studies.mutants import GOAL, READERS, applied, copied, killer
 from kinreach.cli import Parser, finish
 from kinreach.errors import InputError
 from kinreach.files import make_writable, write_text
@@ -36,8 +36,8 @@ from kinreach.files import make_writable, write_text
 PROG = "python -m benchmarks.studies.random_mutants"
 
 TABLE = Path(__file__).with_name("random_mutants.toml")
-#: Time of the tests that run first, with little to import [s].
-FIRST = 20.0
+#: Time of the tests that run first, and of those of a room in which nothing enters what is changed [s].
+FIRST, ROOM = 20.0, 60.0
 
 COMPARED: dict[type, tuple[type, ...]] = {
     ast.Lt: (ast.LtE, ast.Gt),
@@ -242,12 +242,18 @@ class Covering:
         tests = {self._tests[number] for number in lines.get(str(mutant.line), []) if inside}
         if not tests:
             tests = {self._tests[number] for each in lines.values() for number in each}
-            tests |= {test for test in self._tests if test.startswith(f"{'/'.join(room.split('/')[:2])}/")}
+            others = {test for test in self._tests if test.startswith(f"{'/'.join(room.split('/')[:2])}/")} - tests
+            tests |= set(self._fast(sorted(others, key=self.seconds.__getitem__), ROOM))
         kept = [test for test in tests if not test.startswith(READERS)]
         ordered = sorted(kept, key=lambda test: (not test.startswith(room), self.seconds[test]))
-        spent = list(accumulate(self.seconds[test] + 0.05 for test in ordered))
-        first = sum(each <= FIRST for each in spent) or 1
-        return [stage for stage in (ordered[:first], sorted(ordered[first:], key=self.seconds.__getitem__)) if stage]
+        first = self._fast(ordered, FIRST) or ordered[:1]
+        rest = sorted(ordered[len(first) :], key=self.seconds.__getitem__)
+        return [stage for stage in (first, rest) if stage]
+
+    def _fast(self, tests: list[str], seconds: float) -> list[str]:
+        """The first of some tests, that take so long together [s]."""
+        spent = accumulate(self.seconds[test] + 0.05 for test in tests)
+        return tests[: sum(each <= seconds for each in spent)]
 
 
 def judge(copy: Path, mutant: RandomMutant, covering: Covering, *, full: bool) -> dict[str, Any]:
@@ -260,11 +266,11 @@ def judge(copy: Path, mutant: RandomMutant, covering: Covering, *, full: bool) -
             chosen.write_text(json.dumps(tests), encoding="utf-8")
             asked += len(tests)
             files = list(dict.fromkeys(test.partition("::")[0] for test in tests))
-            patience = 60.0 + 5.0 * sum(covering.seconds[test] for test in tests)
+            patience = 60.0 + 20.0 * sum(covering.seconds[test] for test in tests)
             killed_by = killer(
                 copy,
                 ["-p", "benchmarks.studies.covering", *files],
-                patience=min(patience, PATIENCE),
+                patience=patience,
                 KINREACH_TESTS=str(chosen),
             )
             if killed_by:

@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 from kinreach.envs.reach.episodes import ReachEpisodes
-from kinreach.envs.reach.worlds import STATUSES, KinematicWorld
+from kinreach.envs.reach.worlds import STATUSES, KinematicWorld, Status
 from kinreach.errors import InputError
 from kinreach.vision.goal_view import geometric_goal_view
 
@@ -50,6 +50,11 @@ def test_info_agrees_with_itself(name, backend):
         seen[info["status"]] += 1
     assert seen["completed"] >= 5
     assert name == MULTI or 40 - seen["completed"] >= 5
+
+
+def test_every_status_is_called_by_its_name():
+    assert [int(status) for status in Status] == list(range(8))
+    assert [status.name.lower() for status in Status] == [said.replace("-", "_").replace(" ", "_") for said in STATUSES]
 
 
 @pytest.mark.parametrize("backend", BACKENDS)
