@@ -30,21 +30,28 @@ ENVIRONMENTS = {
 }
 #: Environment id -> the same, with `backend="kinematic"` and `info="numbers"`.
 KINEMATIC_ENVIRONMENTS = {SINGLE_KINEMATIC: _SINGLE, MULTI_KINEMATIC: _MULTI}
-#: Those without a native batch, and those of which there is only a batch.
+#: Those without a native batch.
 SINGLE_ENVIRONMENTS = {REAL_ARM: "kinreach.envs.real_arm:RealArmEnv"}
-VECTOR_ENVIRONMENTS = {RANDOM_ARM: "kinreach.baselines.random_arms:RandomArmVectorEnv"}
+#: As `ENVIRONMENTS`, only for training: nothing is drawn of them.
+TRAINING_ENVIRONMENTS = {
+    RANDOM_ARM: (
+        "kinreach.baselines.random_arms:RandomArmEnv",
+        "kinreach.baselines.random_arms:RandomArmVectorEnv",
+    ),
+}
 
 
 def register_environments() -> None:
     """Register every environment that is not registered yet."""
     plain = {"backend": "kinematic", "info": "numbers"}
-    for environments, options in ((ENVIRONMENTS, {}), (KINEMATIC_ENVIRONMENTS, plain)):
+    for environments, options in (
+        (ENVIRONMENTS, {}),
+        (KINEMATIC_ENVIRONMENTS, plain),
+        (TRAINING_ENVIRONMENTS, {}),
+    ):
         for name, (entry_point, vector_entry_point) in environments.items():
             if name not in registry:
                 register(name, entry_point=entry_point, vector_entry_point=vector_entry_point, kwargs=options)
     for name, entry_point in SINGLE_ENVIRONMENTS.items():
         if name not in registry:
             register(name, entry_point=entry_point)
-    for name, vector_entry_point in VECTOR_ENVIRONMENTS.items():
-        if name not in registry:
-            register(name, vector_entry_point=vector_entry_point)

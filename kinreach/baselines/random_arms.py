@@ -1,6 +1,6 @@
 """Arms with random errors, for training a policy that sees what looks say of the one it has.
 
-The environment `kinreach/RandomArm-v0`, of which there is only a batch: a UR5 whose frames are off as those of
+The environment `kinreach/RandomArm-v0`: a UR5 whose frames are off as those of
 `kinreach/RealArm-v0` are, with other errors in each episode, has been looked at so and so often, and goes to a ball
 once, twice or three times. What looks say of it has the same size whatever their number: the mean of how far the tip
 was seen from where the data sheet has it, and of the same times the place of the look.
@@ -14,16 +14,18 @@ from copy import deepcopy
 from functools import cache, partial
 from typing import Any, NamedTuple
 
+import gymnasium as gym
 import numpy as np
 from gymnasium import spaces
 from gymnasium.vector import AutoresetMode
+from numpy.typing import ArrayLike
 from scipy.stats import qmc
 
 from kinreach.baselines.expert import tool_down_postures
 from kinreach.checks import Floats
-from kinreach.envs.batch import Flags, Ids, NativeVectorEnv, Outcome, RowStreams, check_batch
+from kinreach.envs.batch import Flags, Ids, NativeVectorEnv, Outcome, RowStreams, check_batch, first_row
 from kinreach.envs.moving import check_actions
-from kinreach.envs.options import option_rows
+from kinreach.envs.options import check_not_over, check_seed, check_started, option_rows
 from kinreach.envs.real_arm import BUDGETS, MEDIAN_LENGTH, NEAR, NOISE
 from kinreach.kinematics import UR5Kinematics
 from kinreach.kinematics.identification import Prior, frames_of, moved_frames, slopes
@@ -189,8 +191,9 @@ class RandomArmEpisodes:
         return self._observed.copy()
 
     def start_info(self) -> dict[str, Any]:
-        """The distances of the last moves [m]."""
-        return {"distance": self._distances.copy(), "impossible": np.zeros(len(self.balls), dtype=np.bool_)}
+        """The distances of the last moves, and where the balls are [m]."""
+        impossible = np.zeros(len(self.balls), dtype=np.bool_)
+        return {"distance": self._distances.copy(), "impossible": impossible, **self.goal_info()}
 
     def goal_info(self) -> dict[str, Any]:
         """Where the balls are [m]."""
@@ -208,6 +211,52 @@ def after_move(observed: Floats, q: Floats, seen: Floats) -> Floats:
     after[:, MISSED] = seen - observed[:, BALL]
     after[:, DONE] += 1
     return after
+
+
+def _action_space() -> spaces.Box:
+    return spaces.Box(-1.0, 1.0, (6,))
+
+
+def _observation_space() -> spaces.Box:
+    return spaces.Box(-np.inf, np.inf, (SIZE,), dtype=np.float64)
+
+
+class RandomArmEnv(gym.Env[Any, Any]):
+    """One `kinreach/RandomArm-v0`; the module says what an episode is, and `RandomArmVectorEnv` the rest."""
+
+    metadata = {"render_modes": []}  # noqa: RUF012 (declared by Gymnasium)
+    render_mode = None
+
+    def __init__(self) -> None:
+        self.episodes = RandomArmEpisodes(1)
+        self.action_space, self.observation_space = _action_space(), _observation_space()
+        self._started, self._over = False, False
+
+    def reset(self, *, seed: int | None = None, options: dict[str, Any] | None = None) -> tuple[Any, dict[str, Any]]:
+        """Another arm, and another ball.
+
+        Raises:
+            InputError: A seed that is none, or any options.
+        """
+        seed, start = check_seed(seed), _no_start(options)
+        super().reset(seed=seed)
+        if seed is not None or not self._started:
+            self.episodes.seed(0, self.np_random)
+        self.episodes.begin(np.zeros(1, dtype=np.intp), start)
+        self._started, self._over = True, False
+        return self.episodes.observe()[0], first_row(self.episodes.start_info())
+
+    def step(self, action: ArrayLike) -> tuple[Any, float, bool, bool, dict[str, Any]]:
+        """A move to the ball.
+
+        Raises:
+            InputError: Wrong shape, a value that is not finite, or a step before the first reset or after the end.
+        """
+        check_started(self._started)
+        check_not_over(self._over)
+        outcome = self.episodes.step(check_actions(action, None))
+        self._over = bool(outcome.terminated[0])
+        return self.episodes.observe()[0], float(outcome.reward[0]), self._over, False, first_row(outcome.info)
 
 
 class RandomArmVectorEnv(NativeVectorEnv):
@@ -230,8 +279,8 @@ class RandomArmVectorEnv(NativeVectorEnv):
         super().__init__(
             self.episodes,
             num_envs,
-            action_space=spaces.Box(-1.0, 1.0, (6,)),
-            observation_space=spaces.Box(-np.inf, np.inf, (SIZE,), dtype=np.float64),
+            action_space=_action_space(),
+            observation_space=_observation_space(),
             check_actions=partial(check_actions, count=num_envs),
             check_start=_no_start,
             autoreset_mode=autoreset_mode,

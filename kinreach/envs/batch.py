@@ -195,6 +195,10 @@ class NativeVectorEnv(VectorEnv[Floats, ArrayLike, Floats]):
     the reward is 0. With `DISABLED` nothing starts by itself: `reset(options={"reset_mask": mask})`, bool, shape
     (num_envs,), restarts some.
 
+    As Gymnasium's own batches have it, each entry `key` of `info` has a mask `_key`, bool, shape (num_envs,): whether
+    it is of the environment's last step, or of the reset where an episode began. `reward_terms` has none inside, so
+    that its values sum to the reward. The masks of one step share their memory.
+
     With `device=`, what `reset` and `step` return are tensors of torch on that device, but for the texts in `info`;
     actions and options of `reset` may be tensors anyway.
 
@@ -254,6 +258,7 @@ class NativeVectorEnv(VectorEnv[Floats, ArrayLike, Floats]):
         self._numbers_only = made_with.get("info") == "numbers"
         self._everyone = np.arange(num_envs)
         self._started = False
+        self._starting: frozenset[str] = frozenset()
         self._ended = np.zeros(num_envs, dtype=np.bool_)
 
     def __deepcopy__(self, memo: dict[int, Any]) -> Self:
@@ -263,6 +268,7 @@ class NativeVectorEnv(VectorEnv[Floats, ArrayLike, Floats]):
             setattr(twin, name, deepcopy(getattr(self, name)))
         twin.spec = self.spec
         twin._started, twin._ended = self._started, self._ended.copy()
+        twin._starting = self._starting
         twin._episodes.copy_from(self._episodes)
         return twin
 
@@ -293,7 +299,10 @@ class NativeVectorEnv(VectorEnv[Floats, ArrayLike, Floats]):
         self._episodes.begin(ids, type(start)(*rows))
         self._started = True
         self._ended[ids] = False
-        return self._handed_out(self._episodes.observe(), self._told(self._episodes.start_info()))
+        info = self._told(self._episodes.start_info())
+        self._starting = frozenset(info)
+        (restarted,) = self._handed_out(np.ones(self.num_envs, dtype=np.bool_) if mask is None else mask.copy())
+        return self._handed_out(self._episodes.observe(), info | {f"_{name}": restarted for name in info})
 
     def step(self, actions: ArrayLike) -> tuple[Floats, Floats, Any, Any, dict[str, Any]]:
         """Act in all environments.
@@ -321,6 +330,7 @@ class NativeVectorEnv(VectorEnv[Floats, ArrayLike, Floats]):
         outcome = self._episodes.step(checked, acting)
         self._ended = outcome.terminated | outcome.truncated
         info = self._told(outcome.info | self._episodes.goal_info())
+        info = self._masked(info, restarted=None if acting is None else ~acting)
         return self._handed_out(self._episodes.observe(), outcome.reward, outcome.terminated, outcome.truncated, info)
 
     def render(self) -> tuple[Any, ...] | None:
@@ -340,13 +350,23 @@ class NativeVectorEnv(VectorEnv[Floats, ArrayLike, Floats]):
         info = self._told(outcome.info)
         over = outcome.terminated | outcome.truncated
         observation = self._episodes.observe()
+        final: dict[str, Any] = {}
         if over.any():
+            (mask,) = self._handed_out(over)
             final_info = info | self._told(self._episodes.goal_info())
-            info |= {"final_obs": observation, "_final_obs": over, "final_info": final_info, "_final_info": over}
+            final_info |= {f"_{name}": mask for name in final_info}
+            final = {"final_obs": observation, "_final_obs": mask, "final_info": final_info, "_final_info": mask}
             self._episodes.begin(np.flatnonzero(over))
             observation = self._episodes.observe()
         info |= self._told(self._episodes.goal_info())
+        info = self._masked(info, restarted=over if final else None) | final
         return self._handed_out(observation, outcome.reward, outcome.terminated, outcome.truncated, info)
+
+    def _masked(self, info: dict[str, Any], *, restarted: Flags | None) -> dict[str, Any]:
+        """The `info` of a step with Gymnasium's masks: where an episode began, only what a reset says is said of it."""
+        everyone = np.ones(self.num_envs, dtype=np.bool_)
+        always, stepped = self._handed_out(everyone, everyone if restarted is None else ~restarted)
+        return info | {f"_{name}": always if name in self._starting else stepped for name in info}
 
     def _handed_out(self, *values: Any) -> Any:
         """What `reset` or `step` returns, as it is or on the device."""

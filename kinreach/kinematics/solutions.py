@@ -143,6 +143,16 @@ ErrorOf = Callable[[Floats], tuple[float, float]]
 
 
 @dataclass(frozen=True)
+class _Known:
+    """Errors by posture, in place of the function that computed them."""
+
+    errors: dict[tuple[float, ...], tuple[float, float]]
+
+    def __call__(self, q: Floats) -> tuple[float, float]:
+        return self.errors[tuple(q.tolist())]
+
+
+@dataclass(frozen=True)
 class IKSolutions:
     """Every posture that reaches a goal, in the order of the branch index (of the distance, if a seed was given).
 
@@ -164,6 +174,11 @@ class IKSolutions:
 
     def __len__(self) -> int:
         return len(self.found)
+
+    def __getstate__(self) -> dict[str, Any]:
+        """All values, with the errors computed: functions cannot be pickled."""
+        errors = {tuple(q): tuple(error) for q, error in zip(self.q.tolist(), self.residual.tolist(), strict=True)}
+        return {**vars(self), "error_of": _Known(errors)}
 
     @property
     def success(self) -> bool:

@@ -88,6 +88,31 @@ def test_the_policy_of_the_package_is_evaluated_with_and_without_its_environment
     assert "cannot import the environment nowhere:" in capsys.readouterr().err
 
 
+def test_a_single_environment_is_that_of_the_batch(env):
+    ours = gym.make(RANDOM_ARM)
+    observation, _ = ours.reset(seed=7)
+    others, _ = env.reset(seed=7)
+    episodes = 0
+    ours.action_space.seed(0)
+    for _ in range(20):
+        np.testing.assert_allclose(observation, others[0], rtol=0, atol=1e-12)
+        action = ours.action_space.sample()
+        observation, reward, over, _, info = ours.step(action)
+        others, rewards, terminated, _, infos = env.step(np.tile(action, (COUNT, 1)))
+        assert over == terminated[0]
+        assert reward == pytest.approx(rewards[0], abs=1e-12)
+        last = infos["final_info"] if over else infos
+        assert info["distance"] == pytest.approx(last["distance"][0], abs=1e-12)
+        if over:
+            observation, _ = ours.reset()
+            episodes += 1
+    assert episodes > 5
+    with pytest.raises(InputError, match="unknown reset options"):
+        ours.reset(options={"goal": np.zeros(3)})
+    with pytest.raises(InputError, match="shape"):
+        ours.step(np.zeros(5))
+
+
 def test_nothing_of_an_episode_can_be_asked_for(env):
     with pytest.raises(InputError, match="unknown reset options"):
         env.reset(options={"goal": np.zeros((COUNT, 3))})

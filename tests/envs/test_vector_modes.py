@@ -19,16 +19,21 @@ TASKS = {
     "multi, dynamics": (MULTI, {}),
     "button": (BUTTON, {"max_steps": 7}),
 }
+OTHERS = {
+    "space": ("kinreach/Reach-v0", {"backend": "kinematic", "tilt": 30.0}),
+    "moving": ("kinreach/Moving-v0", {}),
+    "random arm": ("kinreach/RandomArm-v0", {}),
+}
 COUNT = 3
 
 
 def batch(task, count=COUNT, **options):
-    name, own = TASKS[task]
+    name, own = (TASKS | OTHERS)[task]
     return gym.make_vec(name, num_envs=count, vectorization_mode="vector_entry_point", **own, **options)
 
 
 def singles(task, mode):
-    name, own = TASKS[task]
+    name, own = (TASKS | OTHERS)[task]
     return SyncVectorEnv([lambda: gym.make(name, **own)] * COUNT, autoreset_mode=mode)
 
 
@@ -72,6 +77,58 @@ def test_next_step_is_what_gymnasium_does_with_single_environments(task):
         restarts += ended.sum()
         ended = ours[2] | ours[3]
     assert restarts >= 1
+
+
+def masks_of(info):
+    """The masks of an `info`, by name, those of `final_info` too."""
+    inner = info.get("final_info", {})
+    return {**{name: info[name] for name in info if name.startswith("_")},
+            **{f"final_info.{name}": inner[name] for name in inner if name.startswith("_")}}  # fmt: skip
+
+
+@pytest.mark.parametrize("mode", AutoresetMode)
+@pytest.mark.parametrize("task", [*TASKS, *OTHERS])
+def test_masks_say_which_environments_an_entry_is_of_as_gymnasiums_do(task, mode):
+    native, sync = batch(task, autoreset_mode=mode), singles(task, mode)
+    told = [native.reset(seed=3)[1], sync.reset(seed=3)[1]]
+    compared = ends = 0
+    over = np.zeros(COUNT, dtype=bool)
+    native.action_space.seed(0)
+    for step in range(101 if task == "moving" else 12):
+        ours, theirs = (masks_of(info) for info in told)
+        left_out = {f"{part}_target_tip" for part in ("", "final_info.")}  # kinematic batches have none
+        assert set(theirs) - left_out <= set(ours)
+        for name, mask in ours.items():
+            assert mask.shape == (COUNT,)
+            assert mask.dtype == np.bool_
+            # Where no environment has it, Gymnasium has no entry; a batch of ours may have one without a True value.
+            np.testing.assert_array_equal(mask, theirs.get(name, np.zeros(COUNT, dtype=bool)), err_msg=name)
+            compared += 1
+        for info in (told[0], told[0].get("final_info", {})):
+            entries = {name for name in info if not name.startswith("_")}
+            assert entries == {name[1:] for name in info if name.startswith("_")}
+        if mode is AutoresetMode.DISABLED and over.any():
+            told = [env.reset(seed=20 + step, options={"reset_mask": over})[1] for env in (native, sync)]
+            over = np.zeros(COUNT, dtype=bool)
+            continue
+        action = native.action_space.sample()
+        _, _, terminated, truncated, info = native.step(action)
+        told = [info, sync.step(action)[4]]
+        over = terminated | truncated
+        ends += over.sum()
+    assert compared >= 12 * 3
+    assert ends > 0 or task.startswith("multi")
+
+
+@pytest.mark.parametrize("device", [None, "cpu"])
+def test_masks_on_a_device_are_tensors(device):
+    if device is not None:
+        torch = pytest.importorskip("torch")
+    env = batch("single", device=device)
+    told = [env.reset(seed=0)[1], env.step(np.zeros((COUNT, 6)))[4]]
+    kind = np.ndarray if device is None else torch.Tensor
+    assert all(isinstance(mask, kind) for info in told for mask in masks_of(info).values())
+    assert len(masks_of(told[1])) > 40
 
 
 @pytest.mark.parametrize("task", TASKS)
