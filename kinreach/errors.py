@@ -33,6 +33,10 @@ class UnknownOptionError(UnknownNameError, TypeError):
     """A keyword that an environment does not take; a `TypeError` too, which is what Python and its libraries expect."""
 
 
+class TrainingError(KinreachError, ArithmeticError):
+    """Something became NaN or infinite while a policy was trained; the message names it."""
+
+
 class InstallationError(KinreachError, ImportError):
     """A package that kinreach needs is missing or does not fit the others."""
 

@@ -1,4 +1,7 @@
-"""Writing results: a file is either the old one or the new one, never half of one.
+"""Reading what a user hands over, and writing results.
+
+What is read must be a regular file of a bounded size: a FIFO would be waited for, a device may act when it is opened.
+What is written is either the old file or the new one, never half of one.
 
 What is being written has a name that says so, with the number of its own inode in it: neither a user's file nor a copy
 of ours has such a name, and only what has it, and is not locked by who writes it, is ever cleaned up.
@@ -15,8 +18,9 @@ import tempfile
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
+from typing import BinaryIO
 
-from kinreach.errors import OutputError
+from kinreach.errors import InputError, OutputError
 
 #: In the name of every file that is being written, between a dot with the beginning of the stem and the inode's number.
 UNFINISHED = ".kinreach-unfinished-"
@@ -27,6 +31,67 @@ LONGEST_STEM = 40
 _ROOM = 16_384
 #: Mode bits of an owner who reads and writes.
 _OWN = 0o600
+
+
+#: What a path can be beside a regular file.
+_KINDS = {
+    stat.S_IFDIR: "a folder",
+    stat.S_IFIFO: "a FIFO",
+    stat.S_IFSOCK: "a socket",
+    stat.S_IFCHR: "a device",
+    stat.S_IFBLK: "a device",
+}
+
+
+def open_input(path: Path, what: str, *, most: int) -> BinaryIO:
+    """Open a file for reading that somebody else may have made.
+
+    Args:
+        path: Of the file.
+        what: What it is, for messages, such as "the policy".
+        most: Largest size [bytes].
+
+    Raises:
+        InputError: There is no such file, it is not a regular file, or it is too large.
+    """
+    try:
+        _check_regular(os.stat(path))  # before it is opened, which may do something to a device
+        handle = os.open(path, os.O_RDONLY | os.O_NONBLOCK | os.O_CLOEXEC | os.O_NOCTTY)
+        try:
+            status = os.fstat(handle)
+            _check_regular(status)
+            if status.st_size > most:
+                raise OSError(f"it has {status.st_size} bytes, larger than {_size(most)}")
+            return os.fdopen(handle, "rb")
+        except BaseException:
+            os.close(handle)
+            raise
+    except OSError as error:
+        raise InputError(f"cannot read {what} {path}: {error.strerror or error}") from None
+
+
+def read_bytes(path: Path, what: str, *, most: int) -> bytes:
+    """The contents of a file; arguments and errors as in `open_input`."""
+    with open_input(path, what, most=most) as file:
+        return file.read(most)
+
+
+def read_text(path: Path, what: str, *, most: int) -> str:
+    """The contents of a text file in UTF-8; arguments and errors as in `open_input`."""
+    try:
+        return read_bytes(path, what, most=most).decode()
+    except UnicodeDecodeError as error:
+        raise InputError(f"cannot read {what} {path}: it is not UTF-8 text ({error})") from None
+
+
+def _check_regular(status: os.stat_result) -> None:
+    if not stat.S_ISREG(status.st_mode):
+        kind = _KINDS.get(stat.S_IFMT(status.st_mode), "something else")
+        raise OSError(f"it is {kind}, not a regular file")
+
+
+def _size(count: int) -> str:
+    return f"{count >> 20} MiB" if count >= 2**20 else f"{count} bytes"
 
 
 @contextmanager

@@ -37,7 +37,7 @@ def samples():
     far[0, 3] = 9.0
     picture = RGBDImage(np.zeros((4, 6, 3), np.uint8), np.ones((4, 6)))
     fix = BallFix((3.0, 2.0, 1.0), q[:3])
-    found = [
+    return [
         ur5, arm3, six, calibrated, ArmKinematics("panda"),
         *(kin.all_solutions(kin.fk(q)) for kin in (ur5, six, calibrated)),
         arm3.all_solutions(arm3.fk(q[:3])[:3, 3]),
@@ -50,7 +50,6 @@ def samples():
         picture, fix, GoalLook(q, np.array([True, False]), (fix, None), (picture, picture)),
         Intrinsics.from_fovy(0.8, 64, 48), SensorNoise(),
     ]  # fmt: skip
-    return found
 
 
 def same(one, other):

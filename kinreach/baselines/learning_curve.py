@@ -13,9 +13,12 @@ from gymnasium.vector import VectorEnv, VectorWrapper
 
 from kinreach.baselines.batch import last_value
 from kinreach.errors import InputError
+from kinreach.files import read_text
 
 Array = np.ndarray[Any, Any]
 
+#: A row has some 60 bytes.
+MOST_BYTES = 256 * 1024 * 1024
 #: Columns of a learning curve. Steps and episodes count from the start; the rest is of one window: the mean reward of
 #: a step and return of an episode (both of the environment, exploration included); of the episodes that ended in it,
 #: the share that reached the goal, and the means of the last distance [m] and posture error [rad]; and the share of
@@ -142,12 +145,10 @@ def read_curve(path: str | Path) -> dict[str, Array]:
     Raises:
         InputError: There is no such file, or it is no learning curve.
     """
+    text = read_text(Path(path), "the learning curve", most=MOST_BYTES)
     try:
-        with Path(path).open(encoding="utf-8", newline="") as file:
-            header, *rows = csv.reader(file)
-            values = np.array([[float(cell or "nan") for cell in row] for row in rows]).reshape(-1, len(header))
-    except OSError as error:
-        raise InputError(f"cannot read the learning curve {path}: {error.strerror}") from None
+        header, *rows = csv.reader(io.StringIO(text, newline=""))
+        values = np.array([[float(cell or "nan") for cell in row] for row in rows]).reshape(-1, len(header))
     except (ValueError, csv.Error) as error:
         raise InputError(f"{path} is no learning curve: {error}") from None
     return dict(zip(header, values.T, strict=True))

@@ -19,6 +19,7 @@ from kinreach.baselines.rollout import rollout_batch
 from kinreach.checks import Floats, as_floats, check_count, check_known, check_path, shown
 from kinreach.envs.reach.task import ReachTask
 from kinreach.errors import InputError, raise_unknown
+from kinreach.files import read_text
 from kinreach.plots.series import discounted_returns
 from kinreach.registration import MULTI, SINGLE
 
@@ -29,6 +30,8 @@ Log = dict[str, Array]
 
 #: What there can be of a seed.
 CURVE, EPISODE, REWARDS = "curve", "episode", "rewards"
+#: Size of a `run.json` [bytes].
+MOST_RUN = 16 * 1024 * 1024
 #: Most rows of a shipped learning curve, and most samples of what followed a step.
 MOST_ROWS, MOST_SAMPLES = 750, 7600
 
@@ -201,7 +204,7 @@ def _of_runs(runs: Path, what: str) -> Iterator[tuple[int, Log]]:
 def _discount(run: Path) -> float:
     """The discount factor that a run was trained with."""
     try:
-        return float(json.loads(run.read_text(encoding="utf-8"))["recipe"]["settings"]["gamma"])
+        return float(json.loads(read_text(run, "the run", most=MOST_RUN))["recipe"]["settings"]["gamma"])
     except (OSError, ValueError, LookupError, TypeError) as error:
         raise InputError(f"{run} does not say the discount factor: {error}") from None
 

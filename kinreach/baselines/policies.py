@@ -28,7 +28,7 @@ from kinreach.baselines.eyes import Eye
 from kinreach.checks import as_floats, check_entries, check_path, shown
 from kinreach.envs.reach.task import SINGLE_STEP, STEP_SIZE, action_range
 from kinreach.errors import InputError, UnknownNameError
-from kinreach.files import replacing
+from kinreach.files import open_input, replacing
 from kinreach.registration import BUTTON, MOVING, MULTI, MULTI_KINEMATIC, SINGLE, SPACE
 from kinreach.robots import get_arm
 
@@ -169,9 +169,7 @@ def read_policy(path: str | Path) -> tuple[PolicyCard, Network]:
     """
     path = check_path("policy", path)
     try:
-        size = path.stat().st_size
-        if not path.is_file() or size > MOST_BYTES:
-            raise InputError(f"{path} is no policy: it is no file, or larger than {MOST_BYTES >> 20} MiB")
+        open_input(path, "the policy", most=MOST_BYTES).close()
         with safe_open(path, framework="numpy") as file:
             header = file.metadata() or {}
             tensors = {name: file.get_tensor(name) for name in file.keys()}  # noqa: SIM118 (no mapping)

@@ -24,11 +24,14 @@ from numpy.typing import NDArray
 
 from kinreach.baselines.policies import Network, PolicyCard
 from kinreach.errors import InputError, InstallationError
+from kinreach.files import open_input
 
 Array = NDArray[Any]
 
 #: Largest parts of a zip that are read [bytes].
 MOST_DATA, MOST_WEIGHTS = 16 * 1024 * 1024, 64 * 1024 * 1024
+#: Largest zip, with the optimizer's state in it [bytes].
+MOST_ZIP = 512 * 1024 * 1024
 #: Actors: prefix of the hidden layers, the last layer if it has a name of its own, what follows it, activation of the
 #: hidden layers unless the user chose another, and the algorithms that have such an actor.
 ACTORS = (
@@ -106,8 +109,9 @@ def read_zip(path: Path) -> tuple[PolicyCard, Network]:
         InputError: It is no such file, or a policy that cannot be read from it: the message says why.
         InstallationError: torch is not installed.
     """
+    file = open_input(path, "the policy", most=MOST_ZIP)
     try:
-        with zipfile.ZipFile(path) as archive:
+        with file, zipfile.ZipFile(file) as archive:
             data = json.loads(_member(archive, "data", MOST_DATA))
             tensors = _tensors(_member(archive, "policy.pth", MOST_WEIGHTS))
         if not isinstance(data, dict):

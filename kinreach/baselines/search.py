@@ -24,7 +24,7 @@ from kinreach.baselines.training import run_identity, segments
 from kinreach.checks import check_count, check_known, shown
 from kinreach.engines import load_extra
 from kinreach.errors import InputError
-from kinreach.files import locked, make_writable, write_text
+from kinreach.files import locked, make_writable, read_text, write_text
 from kinreach.jobs import RAY
 
 TRIALS, RESULTS, STATE = "results.csv", "results.json", "tune"
@@ -100,10 +100,9 @@ def read_search(path: Path) -> Search:
     Raises:
         InputError: It cannot be read, or says what cannot be.
     """
+    text = read_text(path, "the search", most=2**20)
     try:
-        said = yaml.safe_load(path.read_text(encoding="utf-8"))
-    except OSError as error:
-        raise InputError(f"cannot read the search {path}: {error.strerror}") from None
+        said = yaml.safe_load(text)
     except (yaml.YAMLError, ValueError, RecursionError) as error:
         raise InputError(f"{path} is no YAML: {error}") from None
     names = [field.name for field in fields(Search)]

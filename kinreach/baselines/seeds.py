@@ -10,8 +10,19 @@ from tempfile import TemporaryDirectory
 from typing import Any, NamedTuple
 
 from kinreach.baselines.recipes import Recipe, get_recipe
-from kinreach.baselines.training import CHECKPOINT, RUN, Run, clear, kept_run, read_checkpoint, run_identity, segments
-from kinreach.files import locked, make_writable, replacing
+from kinreach.baselines.training import (
+    CHECKPOINT,
+    MOST_CHECKPOINT,
+    RUN,
+    Run,
+    clear,
+    kept_run,
+    make_folder,
+    read_checkpoint,
+    run_identity,
+    segments,
+)
+from kinreach.files import locked, make_writable, read_bytes, replacing
 from kinreach.jobs import Engine
 
 
@@ -94,10 +105,11 @@ def train_seeds(
             if (run := kept_run(folder, identity, resume=resume, fresh=fresh, export=export)) is not None:
                 finished.append(run)
                 continue
+            make_folder(folder)
             checkpoint = None
             if resume and (path := folder / CHECKPOINT).exists():
                 read_checkpoint(path, identity)  # refuses that of another run
-                checkpoint = path.read_bytes()
+                checkpoint = read_bytes(path, "the checkpoint", most=MOST_CHECKPOINT)
             jobs.append(Training(name, recipe, identity, export, checkpoint))
         yield from finished
         done = dict.fromkeys(range(len(jobs)), 0)

@@ -37,8 +37,8 @@ from kinreach.baselines.models import Trainee, build
 from kinreach.baselines.policies import LearnedPolicy, PolicyCard, load_policy, save_policy
 from kinreach.baselines.recipes import Recipe
 from kinreach.checks import MOST_THREADS, check_count, check_path, shown
-from kinreach.errors import InputError, OutputError
-from kinreach.files import locked, make_writable, replacing, write_text
+from kinreach.errors import InputError, OutputError, TrainingError
+from kinreach.files import locked, make_writable, open_input, read_text, replacing, write_text
 
 CHECKPOINT, POLICY, CURVE, EPISODE, RUN, MODEL = (
     "checkpoint.pt",
@@ -48,6 +48,10 @@ CHECKPOINT, POLICY, CURVE, EPISODE, RUN, MODEL = (
     "run.json",
     "model.zip",
 )
+#: Folder of TensorBoard's logs, in that of the run.
+TENSORBOARD = "tensorboard"
+#: Sizes of what is read again [bytes]; a checkpoint has the replay buffer.
+MOST_RUN, MOST_CHECKPOINT = 16 * 1024 * 1024, 64 * 1024**3
 #: Of torch's and numpy's generators.
 MOST_SEED = 2**31 - 1
 #: Called with actions done, actions planned, and the last row of the learning curve by column.
@@ -123,6 +127,7 @@ def train(
         OutputError: The folder cannot be written, or another training is writing there.
         InputError: An argument cannot be used, what the recipe trains cannot be exported, or another run stands in the
             folder.
+        TrainingError: A reward, an observation, a loss or a weight became NaN or infinite; the last checkpoint is kept.
     """
     if not isinstance(recipe, Recipe):
         raise InputError(f"recipe must be a Recipe, see `get_recipe`; got {shown(recipe)}")
@@ -183,7 +188,7 @@ def kept_run(
 
 def _run_in(folder: Path) -> Run:
     """The finished run in a folder."""
-    run = json.loads((folder / RUN).read_text(encoding="utf-8"))
+    run = json.loads(read_text(folder / RUN, "the run", most=MOST_RUN))
     policy = load_policy(folder / POLICY)
     return Run(folder, policy.card, policy, float(run["seconds"]), float(run["cpu_seconds"]))
 
@@ -198,7 +203,7 @@ def _holds(folder: Path, identity: Mapping[str, Any]) -> bool:
         return False
     otherwise = "train into another folder, or replace it with --fresh (fresh=True)"
     try:
-        run = json.loads((folder / RUN).read_text(encoding="utf-8"))
+        run = json.loads(read_text(folder / RUN, "the run", most=MOST_RUN))
         _ = float(run["seconds"]), float(run["cpu_seconds"])
     except (OSError, ValueError, KeyError, TypeError):
         raise InputError(f"{folder} holds a policy, and no {RUN} that says of which run; {otherwise}") from None
@@ -251,6 +256,16 @@ def segments(
         torch.set_num_threads(others)
 
 
+def make_folder(folder: Path) -> None:
+    """Create the folder of a run, and what is in it for logs.
+
+    Raises:
+        OutputError: One of them cannot be written, or something else has its name.
+    """
+    make_writable(folder)
+    make_writable(folder / TENSORBOARD)
+
+
 def clear(folder: Path, *, going_on: bool) -> None:
     """Remove what an earlier training left and this one will write; what it goes on from stays.
 
@@ -269,6 +284,7 @@ def _segments(
     progress: Progress,
     notice: Callable[[str], None],
 ) -> Iterator[LearnedPolicy]:
+    make_folder(folder)
     seed, source = identity["seed"], provenance.source_digest()
     clock, cpu = time.perf_counter(), time.process_time()
     checkpoint = folder / CHECKPOINT
@@ -290,7 +306,7 @@ def _segments(
         notice(f"{was}: the policy may not be that of an uninterrupted run")
     sources = sources if sources[-1:] == [source] else [*sources, source]
     model = trainee.model
-    model.set_logger(configure(str(folder / "tensorboard"), ["tensorboard"]))
+    model.set_logger(configure(str(folder / TENSORBOARD), ["tensorboard"]))
     try:
         clear(folder, going_on=first > 0)
         if first:  # the run may have been killed between its checkpoint and its curve
@@ -299,12 +315,11 @@ def _segments(
             if segment < first:
                 continue
             _begin_segment(trainee, seed, segment)
-            model.learn(
-                target - model.num_timesteps,
-                callback=_Report(trainee, recipe.steps, progress),
-                reset_num_timesteps=False,
-                log_interval=None,  # type: ignore[arg-type]
-            )
+            try:
+                _learn(trainee, target, _Report(trainee, recipe.steps, progress))
+            except TrainingError as error:
+                kept = "the last checkpoint is kept" if segment else "there is no checkpoint yet"
+                raise TrainingError(f"{error} after {model.num_timesteps} actions; {kept}") from error
             _end_segment(trainee)
             save_checkpoint(checkpoint, {**identity, "sources": sources}, segment, trainee)
             _write_curves(folder, trainee.curve)
@@ -396,17 +411,19 @@ def read_checkpoint(path: Path, identity: Mapping[str, Any]) -> dict[str, Any] |
         identity: Of the run.
 
     Raises:
-        InputError: It is the state of another run.
+        InputError: It is the state of another run, not a regular file, or too large.
     """
+    file = open_input(path, "the checkpoint", most=MOST_CHECKPOINT)
     try:
-        content = io.BytesIO(path.read_bytes())
-        if not zipfile.is_zipfile(content):  # torch would try it as a plain pickle, and warn before it refuses
+        if not zipfile.is_zipfile(file):  # torch would try it as a plain pickle, and warn before it refuses
             return None
-        content.seek(0)
-        state: dict[str, Any] = torch.load(content, weights_only=True)
+        file.seek(0)
+        state: dict[str, Any] = torch.load(file, weights_only=True)
         said = dict(state["identity"])
     except (OSError, pickle.UnpicklingError, RuntimeError, LookupError, TypeError, EOFError, ValueError):
         return None
+    finally:
+        file.close()
     if differences := _differences(said, identity):
         raise InputError(
             f"{path} belongs to a run with {differences}; train without --resume to begin anew, or into another folder"
@@ -456,6 +473,11 @@ class _Report(BaseCallback):
         self._trainee, self._planned, self._progress = trainee, planned, progress
         self._rows = len(trainee.curve.rows)
 
+    def _on_rollout_start(self) -> None:
+        for name, value in self.logger.name_to_value.items():  # of the update before
+            if "loss" in name and not math.isfinite(value):
+                raise TrainingError(f"{name} became {value:g}")
+
     def _on_step(self) -> bool:
         rows = self._trainee.curve.rows
         if len(rows) > self._rows:
@@ -467,6 +489,37 @@ class _Report(BaseCallback):
             self.logger.dump(self.num_timesteps)
             self._progress(self.num_timesteps, self._planned, row)
         return True
+
+
+def _learn(trainee: Trainee, target: int, callback: BaseCallback) -> None:
+    """Train until `target` actions are done.
+
+    Raises:
+        TrainingError: Something became NaN or infinite.
+    """
+    model = trainee.model
+    try:
+        model.learn(
+            target - model.num_timesteps,
+            callback=callback,
+            reset_num_timesteps=False,
+            log_interval=None,  # type: ignore[arg-type]
+        )
+    except ValueError:  # of torch's distributions, whose parameters must be finite
+        _check_parameters(model)
+        raise
+    _check_parameters(model)
+
+
+def _check_parameters(model: BaseAlgorithm) -> None:
+    """Refuse networks with weights that are not finite.
+
+    Raises:
+        TrainingError: There are some; the message names them.
+    """
+    for name, value in model.policy.named_parameters():
+        if not torch.isfinite(value).all():
+            raise TrainingError(f"the network's {name} became NaN or infinite")
 
 
 def _targets(recipe: Recipe, model: BaseAlgorithm) -> list[int]:

@@ -15,7 +15,7 @@ from kinreach.baselines.looks import Looks
 from kinreach.baselines.policies import paced
 from kinreach.baselines.rewards import TrainingReward, own
 from kinreach.envs.reach.task import UR5_LAYOUT, Layout, action_range
-from kinreach.errors import InputError
+from kinreach.errors import InputError, TrainingError
 from kinreach.robots import ArmDescription, as_arm
 
 Array = np.ndarray[Any, Any]
@@ -67,7 +67,8 @@ class SB3VecEnv(VecEnv):
         last_seen = np.array(observations)
         if done.any():
             last_seen[done] = np.stack(list(info["final_obs"][done]))
-        rewards = self._reward(np.asarray(rewards), {**info, "observation": last_seen})
+        rewards = self._rewarded(rewards, {**info, "observation": last_seen})
+        _check_finite("an observation", last_seen)
         infos: list[dict[str, Any]] = [{} for _ in range(self.num_envs)]
         if done.any():
             last = info["final_info"]
@@ -78,6 +79,17 @@ class SB3VecEnv(VecEnv):
                 infos[index]["terminal_observation"] = info["final_obs"][index]
                 infos[index]["TimeLimit.truncated"] = cut[index]
         return np.asarray(observations), np.asarray(rewards, dtype=np.float32), done, infos
+
+    def _rewarded(self, rewards: Any, info: Mapping[str, Any]) -> Array:
+        """What the learner sees as rewards.
+
+        Raises:
+            TrainingError: One is NaN or infinite.
+        """
+        _check_finite("the environment's reward", np.asarray(rewards))
+        seen = np.asarray(self._reward(np.asarray(rewards), info))
+        _check_finite("the training reward", seen)
+        return seen
 
     def close(self) -> None:
         """Close the environments."""
@@ -108,6 +120,16 @@ class SB3VecEnv(VecEnv):
     def env_is_wrapped(self, wrapper_class: Any, indices: VecEnvIndices = None) -> list[bool]:
         """No environment of a batch is wrapped."""
         return [False] * len(list(self._get_indices(indices)))
+
+
+def _check_finite(what: str, values: Array) -> None:
+    """Refuse numbers that are not finite, before a learner is spoilt by them.
+
+    Raises:
+        TrainingError: There are some.
+    """
+    if values.dtype.kind == "f" and not np.isfinite(values).all():
+        raise TrainingError(f"{what} became {values[~np.isfinite(values)][0]:g}")
 
 
 class TriesVecEnv(SB3VecEnv):
@@ -162,7 +184,7 @@ class TriesVecEnv(SB3VecEnv):
             _, rewards, _, _, info = self._env.step(self._actions)
         else:
             rewards, info = self._walk(self._half * np.clip(self._actions, -1, 1) + self._middle)
-        seen = self._reward(np.asarray(rewards), info).astype(np.float32)
+        seen = self._rewarded(rewards, info).astype(np.float32)
         return self._begin(), seen, self._over, self._infos
 
     def _walk(self, postures: Array) -> tuple[Any, Any]:

@@ -31,7 +31,7 @@ from kinreach.compare.task import GIVEN, SOLVER, Method, Task, arm_in, arm_versi
 from kinreach.envs.reach.reachable_goals import with_goals
 from kinreach.envs.reach.task import layout_of
 from kinreach.errors import InputError, InstallationError, KinreachError, MethodError, OtherResultsError, OutputError
-from kinreach.files import locked, make_writable, write_text
+from kinreach.files import locked, make_writable, open_input, read_bytes, read_text, write_text
 from kinreach.jobs import SERIAL, Engine, Serial, open_engine
 from kinreach.robots import ArmDescription, as_arm
 from kinreach.summary import Trial, summarise, trials_csv
@@ -52,6 +52,8 @@ GEOMETRIC, CAMERA = "geometric", "camera"
 BLOCK, TOGETHER = 500, 32
 #: The trials of an unfinished comparison, and the results of a finished one.
 RECORDS, RESULTS = "records.jsonl", "results.json"
+#: Sizes of what is read [bytes]: results, or a line of the trials, and all trials; one has some 700.
+MOST_BYTES, MOST_RECORDS = 256 * 1024 * 1024, 64 * 1024**3
 
 
 @dataclass(frozen=True)
@@ -549,12 +551,15 @@ def _kept(path: Path, identity: Mapping[str, Any], comparison: Comparison) -> It
     seen = set()
     wanted = json.loads(json.dumps(identity))
     made_of = wanted.pop("methods", {})
-    with suppress(OSError, ValueError, KeyError, TypeError, RecursionError), path.open(encoding="utf-8") as file:
-        found = json.loads(file.readline())
+    if not path.exists():
+        return
+    file = open_input(path, "the trials of an interrupted comparison", most=MOST_RECORDS)
+    with file, suppress(OSError, ValueError, KeyError, TypeError, RecursionError, AttributeError):
+        found = json.loads(file.readline(MOST_BYTES))
         was_made_of = found.pop("methods", {})
         if found != wanted:
             return
-        for line in file:
+        for line in iter(lambda: file.readline(MOST_BYTES), b""):
             trial = json.loads(line)
             which = trial["goal_index"], trial["method"]
             if which in seen or which[1] not in comparison.methods or not 0 <= which[0] < comparison.goals:
@@ -575,7 +580,7 @@ def _refuse_other_results(out: Path, comparison: Comparison) -> None:
     if not path.exists():
         return
     try:
-        found = json.loads(path.read_text(encoding="utf-8"))
+        found = json.loads(read_text(path, "the results", most=MOST_BYTES))
         differences = _differences(found["settings"], found["versions"], comparison)
     except (OSError, ValueError, KeyError, TypeError, AttributeError):
         differences = "it was not written by a comparison"
@@ -605,7 +610,10 @@ def _versions(comparison: Comparison, *, methods: bool = True) -> dict[str, Any]
     found: dict[str, Any] = provenance.versions()
     if (arm := comparison.task.options.get("arm")) is not None:
         found |= arm_version(as_arm(arm))
-    found |= {f"file {path}": provenance.digest(path.read_bytes()) for path in _files(comparison.task.options)}
+    found |= {
+        f"file {path}": provenance.digest(read_bytes(path, "the file", most=MOST_BYTES))
+        for path in _files(comparison.task.options)
+    }
     for method in comparison.methods.values() if methods else ():
         found |= method.versions
     return found

@@ -14,8 +14,10 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from kinreach import provenance
+from kinreach.baselines.sb3_zip import MOST_ZIP
 from kinreach.checks import Floats, check_known, shown
 from kinreach.errors import InputError
+from kinreach.files import read_bytes
 from kinreach.robots import ArmDescription, BoxRegion
 from kinreach.robots.workcell import QuadrantRegion
 from kinreach.sim.picture import Scene
@@ -213,7 +215,7 @@ def policy_version(policy: str) -> dict[str, str]:
         policy: Name of one that comes with the package, or path of a file.
     """
     shipped = resources.files("kinreach.baselines") / "pretrained" / f"{policy}.safetensors"
-    content = shipped.read_bytes() if shipped.is_file() else Path(policy).read_bytes()
+    content = shipped.read_bytes() if shipped.is_file() else read_bytes(Path(policy), "the policy", most=MOST_ZIP)
     return {f"policy {policy}": provenance.digest(content)}
 
 

@@ -24,6 +24,7 @@ import yaml
 
 from kinreach.checks import Floats, check_known, check_path, shown
 from kinreach.errors import InputError
+from kinreach.files import read_text
 from kinreach.robots.rotations import pose, rpy, turn
 from kinreach.robots.ur import FLIP, JOINTS, LENGTHS
 from kinreach.robots.urdf import MOST_CHARACTERS, check_urdf, link_at, origin_of, parse_urdf, set_origin
@@ -87,15 +88,7 @@ def read_calibration(file: str | Path, model: str, *, repair: bool = False) -> C
     """
     check_known("UR model", model, LENGTHS)
     path = check_path("file", file)
-    if path.exists() and not path.is_file():
-        raise InputError(f"the calibration {shown(str(path))} is no file")
-    try:
-        with path.open(encoding="utf-8") as source:
-            text = source.read(MOST_CHARACTERS + 1)
-    except (OSError, UnicodeDecodeError) as error:
-        raise InputError(f"the calibration {shown(str(path))} cannot be read: {error}") from None
-    if len(text) > MOST_CHARACTERS:
-        raise InputError(f"the calibration {shown(str(path))} has more than {MOST_CHARACTERS} characters")
+    text = read_text(path, "the calibration", most=MOST_CHARACTERS)
     if text.lstrip().startswith("<"):
         placed = _from_urdf(text)
     elif "delta_theta" in text:

@@ -15,6 +15,7 @@ import numpy as np
 
 from kinreach.checks import check_known, check_number, check_path, shown
 from kinreach.errors import InputError, raise_unknown
+from kinreach.files import read_text
 from kinreach.robots.grippers import PARALLEL_GRIPPER, Gripper, add_parallel_gripper
 from kinreach.robots.meshes import MESHES
 from kinreach.robots.rotations import rotation, rpy, turn
@@ -284,13 +285,7 @@ def read_urdf(
 ) -> UrdfSource:
     """Read an arm from a URDF file; the arguments are those of `ArmDescription.from_urdf`."""
     path = check_path("file", file)
-    if path.exists() and not path.is_file():
-        raise InputError(f"the URDF {shown(str(path))} is no file")
-    try:
-        with path.open(encoding="utf-8") as source:
-            robot = parse_urdf(source.read(MOST_CHARACTERS + 1))
-    except (OSError, UnicodeDecodeError) as error:
-        raise InputError(f"the URDF {shown(str(path))} cannot be read: {error}") from None
+    robot = parse_urdf(read_text(path, "the URDF", most=MOST_CHARACTERS))
     name = robot.get("name") or path.stem
     for tag in ("gazebo", "transmission"):
         for element in robot.findall(tag):

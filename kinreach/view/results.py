@@ -13,6 +13,7 @@ import numpy as np
 
 from kinreach.checks import MOST_ANGLE, MOST_DISTANCE, Floats, check_path, shown
 from kinreach.errors import InputError
+from kinreach.files import read_text
 from kinreach.robots import arm_names
 
 #: Files that are read; a trial has some 700 bytes.
@@ -82,7 +83,7 @@ def read_results(file: str | Path) -> Results:
     path = check_path("results", file)
     if path.is_dir():
         path = path / RESULTS
-    text = _text(path)
+    text = read_text(path, "the results", most=MOST_BYTES)
     try:
         content = json.loads(text, parse_constant=_refuse)
     except (ValueError, RecursionError) as error:
@@ -92,7 +93,7 @@ def read_results(file: str | Path) -> Results:
     except InputError as error:
         raise InputError(f"{path} was not written by a comparison: {error}") from None
     trials = path.parent / TRIALS
-    rows = csv.DictReader(_text(trials).splitlines())
+    rows = csv.DictReader(read_text(trials, "the trials", most=MOST_BYTES).splitlines())
     try:
         goals, ends = _trials(rows, colours)
     except (InputError, csv.Error) as error:
@@ -106,17 +107,6 @@ def _arm(settings: Mapping[str, Any]) -> str:
     options = settings.get("options")
     named = options.get("arm") if isinstance(options, dict) else None
     return str(settings.get("arm", named or UNNAMED.get(str(settings.get("task")), "")))
-
-
-def _text(path: Path) -> str:
-    try:
-        if path.stat().st_size > MOST_BYTES:
-            raise InputError(f"{path} is larger than {MOST_BYTES >> 20} MiB")
-        return path.read_text(encoding="utf-8")
-    except OSError as error:
-        raise InputError(f"cannot read {path}: {error.strerror or error}") from None
-    except UnicodeDecodeError:
-        raise InputError(f"{path} is no text") from None
 
 
 def _refuse(constant: str) -> NoReturn:

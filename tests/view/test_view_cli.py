@@ -25,7 +25,7 @@ from kinreach.cli import run_command
         (["--policy", "nobody:Nothing"], "cannot import the policy nobody:Nothing"),
         (["--environment", "kinreach/Nothing-v0"], "there is no environment 'kinreach/Nothing-v0'"),
         (["--environment", "nobody:a/B-v0"], "cannot import the environment nobody:a/B-v0"),
-        (["--results", "missing.json"], "cannot read missing.json"),
+        (["--results", "missing.json"], "cannot read the results missing.json"),
         (["--results", "README.md"], "is no JSON"),
         (["--tip", "elbow"], "unknown tip 'elbow'"),
     ],
