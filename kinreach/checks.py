@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import operator
+import re
 import sys
 from collections.abc import Collection
 from math import inf
@@ -22,6 +23,8 @@ Floats = NDArray[np.float64]
 #: Upper bound of a number of threads.
 MOST_THREADS = 1024
 
+#: Other characters than ASCII's printable ones and ends of lines.
+_UNUSUAL = re.compile(r"[^\n\t -~]")
 _SHORT = Repr()
 _SHORT.maxstring = _SHORT.maxother = _SHORT.maxlong = 60
 
@@ -32,6 +35,11 @@ def shown(value: object) -> str:
         return _SHORT.repr(value)
     except Exception:  # a number of too many digits, or an object whose own code fails
         return f"an object of type {type(value).__name__}"
+
+
+def printable(text: str) -> str:
+    """Text without what a terminal obeys instead of printing it: such characters are written out; lines stay lines."""
+    return _UNUSUAL.sub(lambda found: found[0] if found[0].isprintable() else ascii(found[0])[1:-1], text)
 
 
 def check_count(name: str, value: object, *, least: int = 1, most: int | None = None) -> int:

@@ -15,9 +15,11 @@ import sys
 from collections.abc import Callable, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
+from shlex import quote
 from typing import IO, NoReturn
 
 import kinreach
+from kinreach.checks import printable
 from kinreach.errors import KinreachError
 
 #: Exit codes: wrong input or installation; Ctrl-C, as shells report it; output that nobody reads any more.
@@ -58,6 +60,19 @@ class Parser(argparse.ArgumentParser):
         """Print one line on stderr and leave with `EXIT_ERROR`."""
         complain(f"{self.prog}: error: {message} (see {self.prog} --help)")
         raise SystemExit(EXIT_ERROR)
+
+
+def quoted(word: str) -> str:
+    """A word of a command as a shell takes it, in printable characters."""
+    if word.isprintable():
+        return quote(word)
+    return "$'" + "".join(map(_in_quotes, word)) + "'"
+
+
+def _in_quotes(sign: str) -> str:
+    if sign in "\\'":
+        return f"\\{sign}"
+    return sign if sign.isprintable() else "".join(f"\\x{byte:02x}" for byte in sign.encode())
 
 
 def run(module: str, argv: Sequence[str] | None = None, *, prog: str) -> int:
@@ -115,7 +130,7 @@ def complain(text: str) -> None:
 
     What a terminal would not print but obey is written out.
     """
-    line = "".join(sign if sign.isprintable() else ascii(sign)[1:-1] for sign in " ".join(text.split()))
+    line = printable(" ".join(text.split()))
     try:
         print(line, file=sys.stderr, flush=True)
     except OSError:

@@ -18,6 +18,7 @@ from rich.console import Console
 from rich.table import Table
 from rich.text import Text
 
+from kinreach.checks import printable
 from kinreach.statistics import RESAMPLES, Statistic, bootstrap_intervals, mean, median, p95, wilson_interval
 
 #: One policy in one episode: name -> number, truth value, text, list of numbers, or None where it was not measured.
@@ -199,7 +200,7 @@ def trials_csv(trials: Sequence[Trial]) -> str:
     writer.writerow(names)
     for trial in trials:
         writer.writerow([_cell(trial.get(name)) for name in names])
-    return text.getvalue()
+    return printable(text.getvalue())
 
 
 def number(value: float | None, digits: int | None = None) -> str:

@@ -7,11 +7,9 @@ from collections.abc import Sequence
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
-from shlex import join
 from typing import Any
 
 import gymnasium as gym
-from rich.console import Console
 from rich.markup import escape
 from rich.progress import Progress
 
@@ -29,12 +27,13 @@ from kinreach.baselines.policies import (
     save_policy,
 )
 from kinreach.checks import check_count, check_known, check_path
-from kinreach.cli import Parser
+from kinreach.cli import Parser, quoted
 from kinreach.engines import load_extra
 from kinreach.errors import InputError
 from kinreach.files import make_writable, write_text
 from kinreach.objects import load_module
 from kinreach.registration import BUTTON
+from kinreach.terminal import Console
 
 #: Goals, unless the user says otherwise.
 SPLIT = "held-out"
@@ -75,7 +74,7 @@ def main(argv: Sequence[str], *, prog: str) -> int:
     said = {"env": environment, **said}
     given = "".join(f" --{name.replace('_', '-')} {value}" for name, value in said.items() if value is not None)
     split = "" if arguments.split == SPLIT else f" --split {arguments.split}"
-    command = f"{prog} {join(arguments.policies)} --goals {arguments.goals}{split}{given}"
+    command = f"{prog} {' '.join(map(quoted, arguments.policies))} --goals {arguments.goals}{split}{given}"
     title = f"{arguments.goals} {arguments.split} goals{given.replace(' --', ', ')}"
     console = Console(width=TABLE_WIDTH, highlight=False, markup=False, emoji=False)
     console.print(evaluation_table(summaries, title=title))

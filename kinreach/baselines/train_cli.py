@@ -7,10 +7,8 @@ from collections.abc import Iterator, Mapping, Sequence
 from functools import partial
 from operator import itemgetter
 from pathlib import Path
-from shlex import join, quote
 from typing import TYPE_CHECKING, Any
 
-from rich.console import Console
 from rich.progress import BarColumn, Progress, TaskID, TextColumn, TimeElapsedColumn, TimeRemainingColumn
 from rich.table import Table
 
@@ -18,9 +16,10 @@ from kinreach.baselines.evaluation import SPLITS, TABLE_WIDTH, evaluate, evaluat
 from kinreach.baselines.policies import LearnedPolicy
 from kinreach.baselines.recipes import RECIPES, Recipe, get_recipe
 from kinreach.checks import MOST_THREADS, check_count, check_known, check_path
-from kinreach.cli import Parser
+from kinreach.cli import Parser, quoted
 from kinreach.errors import InputError, InstallationError
 from kinreach.jobs import RAY, SERIAL, Engine, add_options, open_engine
+from kinreach.terminal import Console
 
 if TYPE_CHECKING:
     from kinreach.baselines.training import Run
@@ -86,7 +85,7 @@ def main(argv: Sequence[str], *, prog: str) -> int:
         found = sorted(engine.map(judge, [policies[seed] for seed in seeds]), key=itemgetter(0))
     evaluations = {f"seed {seeds[number]}": summary for number, summary in found}
     console.print(evaluation_table(evaluations, title=f"{recipe.name}, {GOALS} {arguments.split} goals"))
-    again = f"kinreach evaluate {quote(str(out / recipe.name))}/seed-*/policy.safetensors"
+    again = f"kinreach evaluate {quoted(str(out / recipe.name))}/seed-*/policy.safetensors"
     console.print(f"Held-out goals, more of them, dynamics, cameras: {again}", style="dim", soft_wrap=True)
     return 0
 
@@ -163,7 +162,7 @@ def _runs(
                 bar.remove_task(shown)
                 yield run
     except KeyboardInterrupt:
-        again = f"{prog} {join(_again(arguments))}"
+        again = f"{prog} {' '.join(map(quoted, _again(arguments)))}"
         raise KeyboardInterrupt(f"interrupted; what is in {writing} is kept; go on with: {again}") from None
 
 

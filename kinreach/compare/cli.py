@@ -7,15 +7,13 @@ import re
 from collections.abc import Callable, Iterator, Sequence
 from itertools import count
 from pathlib import Path
-from shlex import quote
 from textwrap import fill
 from typing import Any
 
-from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
 
 from kinreach.checks import check_path
-from kinreach.cli import Parser
+from kinreach.cli import Parser, quoted
 from kinreach.compare.runner import CAMERA, DEFAULT_GOALS, GEOMETRIC, compare, notes
 from kinreach.compare.task import Task, get_task, register_task, task_names
 from kinreach.errors import InputError, OtherResultsError
@@ -24,6 +22,7 @@ from kinreach.objects import load_object
 from kinreach.provenance import digest
 from kinreach.robots import arm_named, arm_names, as_arm
 from kinreach.summary import tables
+from kinreach.terminal import Console
 
 #: Width that the tables for people fit into [characters].
 TABLE_WIDTH = 100
@@ -201,12 +200,12 @@ def _again(prog: str, arguments: argparse.Namespace, said: dict[str, Any], out: 
     words = [prog, "--task", arguments.task]
     for name in ("arm", "methods"):
         value = getattr(arguments, name)
-        words += [] if value is None else [f"--{name}", quote(value)]
+        words += [] if value is None else [f"--{name}", quoted(value)]
     words += ["--goals", str(arguments.goals), "--seed", str(arguments.seed)]
     words += [] if arguments.observation == GEOMETRIC else ["--observation", arguments.observation]
     for name, value in said.items():
-        words += [f"--{name.replace('_', '-')}", quote(str(value))]
-    return " ".join([*words, *([] if out is None else ["--out", quote(str(out))])])
+        words += [f"--{name.replace('_', '-')}", quoted(str(value))]
+    return " ".join([*words, *([] if out is None else ["--out", quoted(str(out))])])
 
 
 class _Parser(Parser):

@@ -19,6 +19,7 @@ from typing import Any
 import gymnasium as gym
 from PIL import Image
 
+from kinreach.checks import printable
 from kinreach.compare.figures import DPI
 from kinreach.compare.task import Task, arm_in
 from kinreach.errors import DrawingError, InstallationError
@@ -80,7 +81,7 @@ def write_report(
         if renderings:
             with replacing(path.with_name("scene.png")) as temporary:
                 Image.fromarray(renderings[0].image).save(temporary, "PNG")
-    write_text(path, report_html(task, results, charts, renderings, notes))
+    write_text(path, printable(report_html(task, results, charts, renderings, notes)))
 
 
 def report_html(

@@ -13,7 +13,7 @@ import numpy as np
 
 import kinreach  # registers the environments
 from kinreach.baselines.rollout import Policy, rollout
-from kinreach.checks import check_count, check_known
+from kinreach.checks import check_count, check_known, printable
 from kinreach.cli import Parser
 from kinreach.demo.drawn import Drawn
 from kinreach.demo.film import Film
@@ -59,7 +59,7 @@ def main(argv: Sequence[str], *, prog: str) -> int:
         env.close()
     print(f"{arguments.steps} steps, {episodes} episodes, goal reached in {reached}")
     if arguments.video:
-        print(f"Film: {arguments.video}")
+        print(printable(f"Film: {arguments.video}"))
     return 0
 
 
@@ -114,7 +114,7 @@ class _Shown(gym.Wrapper[Any, Any, Any, Any]):
         over = terminated or truncated
         said = {"action": action, "observation": observation, "reward": reward, "info": info}
         for name in self._printed:
-            print(f"{self._total} {name}: {_text(said[name])}")
+            print(printable(f"{self._total} {name}: {_text(said[name])}"))
         self._step += 1
         self._total += 1
         if self._film is not None and (over or self._step % self._steps_per_frame == 0):

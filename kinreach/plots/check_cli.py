@@ -9,7 +9,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from kinreach.checks import check_count, check_path
+from kinreach.checks import check_count, check_path, printable
 from kinreach.cli import Parser
 from kinreach.errors import InputError
 from kinreach.files import replacing
@@ -61,12 +61,12 @@ def main(argv: Sequence[str], *, prog: str) -> int:
     seed = check_count("--seed", arguments.seed, least=0, most=2**31)
     subject = _subject(arguments.arm, arguments.model, arguments.tip)
     for line in report(subject, poses=poses, seed=seed):
-        print(line, flush=True)
+        print(printable(line), flush=True)
     if arguments.picture is not None:
         path = check_path("--picture", arguments.picture)
         with replacing(path) as temporary:
             draw_workspace(*subject, seed=seed).savefig(temporary, facecolor="white", format="png")
-        print(f"picture      {path}")
+        print(printable(f"picture      {path}"))
     return 0
 
 

@@ -6,8 +6,6 @@ Engines open no mesh themselves: a vertex that is not finite, or a hull without 
 from __future__ import annotations
 
 import io
-import os
-import stat
 from collections import Counter, defaultdict
 from functools import cache
 from pathlib import Path
@@ -19,6 +17,7 @@ from numpy.typing import NDArray
 
 from kinreach.checks import Floats, shown
 from kinreach.errors import InputError
+from kinreach.files import read_bytes
 from kinreach.robots.urdf import PACKAGE
 
 #: Files that a URDF may name.
@@ -149,16 +148,11 @@ def _read(path: Path) -> Any:
     if path.suffix.lower() not in MESHES:
         raise InputError(f"is not one of {', '.join(MESHES)}")
     try:
-        handle = os.open(path, os.O_RDONLY | os.O_NONBLOCK | os.O_CLOEXEC)
-        with open(handle, "rb") as file:
-            status = os.fstat(handle)
-            if not stat.S_ISREG(status.st_mode):
-                raise InputError("is not a regular file")
-            if status.st_size > MAX_BYTES:
-                raise InputError(f"has {status.st_size} bytes, more than {MAX_BYTES}")
-            return _parsed(file.read(MAX_BYTES), path.suffix.lower()[1:])
-    except OSError as error:
-        raise InputError(f"cannot be read: {error.strerror or error}") from None
+        content = read_bytes(path, "the file", most=MAX_BYTES)
+    except InputError as error:
+        raise InputError(f"cannot be used: {error}") from None
+    try:
+        return _parsed(content, path.suffix.lower()[1:])
     except MemoryError:
         raise InputError("cannot be read: there is not enough memory") from None
 

@@ -101,7 +101,7 @@ def test_another_calibration_in_the_same_file_does_not_go_on(tmp_path):
         (["--looks", "-3"], "a budget of looks must be at least 0, got -3"),
         (["--looks", "many"], "--looks is numbers"),
         (["--again", "-1"], "again must be at least 0"),
-        (["--calibrations", "ur5e_a"], "it fits ur5e|cannot be read"),
+        (["--calibrations", "ur5e_a"], "it fits ur5e|cannot read"),
         (["--arm", "ur10"], "takes no other arm"),
     ],
 )

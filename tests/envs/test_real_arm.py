@@ -136,7 +136,7 @@ def test_the_scene_is_the_true_arm():
         ({"errors": ("gravity",)}, UnknownNameError, "gravity"),
         ({"errors": "all"}, InputError, "list"),
         ({"calibrations": (str(PUBLISHED["ur10e_a"]),)}, InputError, "it fits ur10e"),
-        ({"calibrations": ("nowhere.yaml",)}, InputError, "cannot be read"),
+        ({"calibrations": ("nowhere.yaml",)}, InputError, "cannot read"),
         ({"calibrations": (5,)}, InputError, "calibration cannot be a path, got 5"),
         ({"calibrations": (["ur5_a"],)}, InputError, "calibration cannot be a path"),
         ({"calibrations": (300 * "x",)}, InputError, "too long"),
@@ -167,7 +167,7 @@ def test_bad_input():
 @pytest.mark.parametrize(
     ("options", "said"),
     [
-        ({"errors": "tool", "calibration": "nonsense"}, "'nonsense' cannot be read"),
+        ({"errors": "tool", "calibration": "nonsense"}, "cannot read the calibration nonsense"),
         ({"errors": "all", "calibration": 300 * "x"}, "too long"),
         ({"errors": "gravity"}, "gravity"),
         ({"goal": 1}, "unknown reset options"),

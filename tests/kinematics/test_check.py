@@ -165,10 +165,10 @@ def test_what_a_calibration_changes(tmp_path, capsys):
 def test_bad_input():
     for arguments, said in (
         (["nothing"], "unknown arm 'nothing'; available: arm3"),
-        (["nowhere.urdf"], "cannot be read"),
+        (["nowhere.urdf"], "cannot read"),
         (["ur5", "--tip", "nose"], "unknown tip 'nose'"),
         (["ur5", "--poses", "0"], "--poses must be at least 1"),
-        (["nowhere.yaml", "--model", "ur5"], "cannot be read"),
+        (["nowhere.yaml", "--model", "ur5"], "cannot read"),
         ([str(PUBLISHED["ur5_a"]), "--model", "ur10"], "it fits ur5"),
         ([str(CALIBRATIONS / "ur5e_folded.yaml"), "--model", "ur5e"], "folded at"),
         (["kinematics.yaml"], "say of which UR with --model"),

@@ -182,10 +182,10 @@ def test_what_cannot_be_a_controllers_file(tmp_path, old, new, said):
 
 
 def test_files_that_are_none(tmp_path):
-    with pytest.raises(InputError, match="cannot be read"):
+    with pytest.raises(InputError, match="cannot read"):
         read_calibration(tmp_path / "none.yaml", "ur5")
     (tmp_path / "binary").write_bytes(bytes(range(256)))
-    with pytest.raises(InputError, match="cannot be read"):
+    with pytest.raises(InputError, match="cannot read"):
         read_calibration(tmp_path / "binary", "ur5")
     (tmp_path / "other.urdf").write_text('<robot name="x"><link name="a"/></robot>')
     with pytest.raises(InputError, match="one joint shoulder_pan_joint"):

@@ -211,9 +211,9 @@ def test_what_is_no_mesh_is_one_sentence_in_every_engine(tmp_path, root):
     with (tmp_path / "huge.stl").open("wb") as file:
         file.truncate(MAX_BYTES + 1)
     said = {
-        "fifo.stl": "is not a regular file", "folder.stl": "is not a regular file|Is a directory",
-        "device.stl": "outside of its package", "huge.stl": f"has {MAX_BYTES + 1} bytes, more than {MAX_BYTES}",
-        "missing.stl": "cannot be read: No such file",
+        "fifo.stl": "it is a FIFO, not a regular file", "folder.stl": "it is a folder, not a regular file",
+        "device.stl": "outside of its package", "huge.stl": f"it has {MAX_BYTES + 1} bytes, larger than 64 MiB",
+        "missing.stl": "missing.stl: No such file",
     }  # fmt: skip
     expected = {name: said for name, (_, said) in HOSTILE.items()} | said
     answers = tried(root, tmp_path, list(expected))

@@ -211,9 +211,9 @@ def test_files_that_are_no_urdf(tmp_path, content):
     file.write_bytes(content)
     with pytest.raises(InputError):
         ArmDescription.from_urdf(file)
-    with pytest.raises(InputError, match="is no file"):
+    with pytest.raises(InputError, match="not a regular file"):
         ArmDescription.from_urdf(tmp_path)
-    with pytest.raises(InputError, match="cannot be read"):
+    with pytest.raises(InputError, match="cannot read"):
         ArmDescription.from_urdf(tmp_path / "none.urdf")
 
 

@@ -152,7 +152,7 @@ def test_the_real_arm_beside_its_data_sheet(serve, root):
         wait_for(lambda: panel.miss is None)
         with tab.page.lock:
             assert "has no posture there: too far away" in panel._verdict.content
-        for file, said in (("missing.yaml", "cannot be read"), (str(root / "README.md"), "calibration")):
+        for file, said in (("missing.yaml", "cannot read"), (str(root / "README.md"), "calibration")):
             before = panel.model
             panel.open(file)
             assert said in panel._verdict.content
