@@ -139,7 +139,7 @@ def bad_vector(folder):
         (no_trials, "cannot read"),
         (one_line, "it has no trials"),
         (other_table, "it has no column 'goal_index'"),
-        (binary, "is no text"),
+        (binary, "is not UTF-8 text"),
         (bad_vector, "goal must be 3 numbers within"),
     ],
 )
