@@ -24,6 +24,7 @@ from kinreach.checks import (
 from kinreach.engines import load
 from kinreach.errors import InputError
 from kinreach.kinematics.chain import SerialChain
+from kinreach.kinematics.solutions import SLACK
 from kinreach.robots import ArmDescription, as_arm
 
 pin: Any = load("pinocchio")
@@ -188,12 +189,12 @@ class ArmKinematics:
         R = self.T_base_world[:3, :3]
         return np.vstack([R @ J[:3], R @ J[3:]])
 
-    def within_limits(self, q: ArrayLike, *, tolerance: float = 1e-9) -> bool:
+    def within_limits(self, q: ArrayLike, *, tolerance: float = SLACK) -> bool:
         """Whether every joint is within its limits."""
         q = self.as_posture("q", q)
         return bool(((q >= self.lower - tolerance) & (q <= self.upper + tolerance)).all())
 
-    def joints_outside_limits(self, q: ArrayLike, *, tolerance: float = 1e-9) -> tuple[str, ...]:
+    def joints_outside_limits(self, q: ArrayLike, *, tolerance: float = SLACK) -> tuple[str, ...]:
         """Names of the joints that are outside their limits."""
         q = self.as_posture("q", q)
         outside = (q < self.lower - tolerance) | (q > self.upper + tolerance)

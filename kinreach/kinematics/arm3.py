@@ -254,7 +254,7 @@ class Arm3Kinematics(ClosedFormKinematics):
         goal = PositionGoal(as_pose("T", target)[:3, 3] if target.shape == (4, 4) else target)
         p = self._in_joint_frame(goal.position[None])[:, 0]
         found, miss = solve_position(p.tolist(), self.geometry, tol=tol)
-        return self._solutions(found, "" if found else miss_text(miss), self._error_of(goal), start, limits)
+        return self._solutions(found, "" if found else miss_text(miss), self._error_of(goal), start, limits, tol)
 
     def solve(self, goal: Goal, seed: ArrayLike, *, accept: Accept | None = None) -> IKResult:
         """A `PositionGoal`.

@@ -15,9 +15,9 @@ from numpy.typing import NDArray
 from scipy.optimize import minimize_scalar
 
 from kinreach.checks import Floats
-from kinreach.errors import InstallationError
+from kinreach.errors import InputError, InstallationError
 from kinreach.kinematics.arm import ArmKinematics
-from kinreach.kinematics.closed_form import ClosedFormKinematics
+from kinreach.kinematics.closed_form import POSE_JOINTS, ClosedFormKinematics
 from kinreach.kinematics.collision import CollisionChecker, NoShapesError
 from kinreach.kinematics.goals import PoseGoal, PositionGoal
 from kinreach.kinematics.solvers import ClosedFormSolver, LevenbergMarquardtSolver, PlacoSolver, QPSolver, Solver
@@ -34,8 +34,6 @@ NEARLY, ROUNDS = 1e-4, 4
 OFTEN = 0.25
 #: What is judged as reached: less than this away [m], [rad].
 REACHED = (1e-4, 1e-3)
-#: Joints that a full pose takes.
-POSE_JOINTS = 6
 
 
 @dataclass(frozen=True)
@@ -121,9 +119,17 @@ def from_first_joint(kin: ArmKinematics, positions: Floats) -> Floats:
 
 
 def reach_of(kin: ArmKinematics, *, seed: int = 0) -> Reach:
-    """How far the tip gets."""
+    """How far the tip gets.
+
+    Raises:
+        InputError: It stays where it is.
+    """
     tip = from_first_joint(kin, kin.positions(random_postures(kin, POSTURES, seed)))
     distance = np.linalg.norm(tip, axis=1)
+    if distance.max() < SINGULAR:
+        raise InputError(
+            f"arm {kin.arm.name!r}: no joint moves the tip {kin.tip!r} to another place; name another link as its tip"
+        )
     return Reach(
         float(distance.max()), float(np.quantile(distance, 0.95)), float(tip[:, 2].max()), float(tip[:, 2].min())
     )

@@ -20,6 +20,7 @@ from kinreach.kinematics.solutions import (
     ANGLES,
     BRANCH,
     FLAGS,
+    NEAR_LIMIT,
     SLACK,
     Accept,
     ErrorOf,
@@ -35,6 +36,11 @@ from kinreach.kinematics.solutions import (
 )
 from kinreach.kinematics.tensors import like, namespace, on_host
 from kinreach.robots import ArmDescription
+
+#: Steps with which a posture is moved into the limits, and the error at which it has arrived [m, rad].
+STEPS, ARRIVED = 10, 1e-12
+#: Joints that a full pose takes.
+POSE_JOINTS = 6
 
 
 class ClosedFormKinematics(ArmKinematics, ABC):
@@ -92,8 +98,9 @@ class ClosedFormKinematics(ArmKinematics, ABC):
         """
         if is_tensor(T):
             return self._tensor_batch(T, check_tolerance(tol), limits=limits)
-        q, valid = self._batch(as_floats("T", T), None, check_tolerance(tol), limits=limits)
-        return self._batch_within(q, valid, limits=limits)
+        T, tol = as_floats("T", T), check_tolerance(tol)
+        q, valid = self._batch(T, None, tol, limits=limits)
+        return self._batch_within(T, q, valid, tol, limits=limits)
 
     def nearest_batch(self, T: ArrayLike, seeds: ArrayLike, *, tol: float = 1e-7) -> IKBatchNearest:
         """For each of many poses the posture nearest to its seed, over all branches and windings within the limits.
@@ -113,19 +120,36 @@ class ClosedFormKinematics(ArmKinematics, ABC):
             raise InputError(f"seeds must have shape ({count}, {self.n}) or ({self.n},), got {start.shape}")
         check_entries("seeds", start, MOST_ANGLE)
         start = np.broadcast_to(start, (count, self.n))
-        q, valid = self._batch(T, start, check_tolerance(tol), limits=True)
+        tol = check_tolerance(tol)
+        q, valid = self._batch(T, start, tol, limits=True)
         chosen, branch = np.empty((count, self.n)), np.empty(count, dtype=np.int64)
         for rows in blocks(count):
-            chosen[rows], branch[rows] = self._nearest(q[..., rows], valid[..., rows], start[rows].T[:, None])
+            chosen[rows], branch[rows] = self._nearest(T[rows], q[..., rows], valid[..., rows], start[rows], tol)
         return IKBatchNearest(chosen, branch, branch >= 0)
 
-    def _batch_within(self, q: Any, valid: Any, *, limits: bool) -> IKBatch:
-        """What `_batch` has found, in windings within the limits."""
+    def _batch_within(self, T: Any, q: Any, valid: Any, tol: float, *, limits: bool) -> IKBatch:
+        """What `_batch` has found for some poses, in windings within the limits."""
         if limits and not self._full_turn:
-            q, within = nearest_windings(q, like(q, 0.0), like(q, self.lower), like(q, self.upper))
-            valid &= within
-            q = namespace(q).where(valid, q, np.nan)
+            found, within, near = self._windings(q, like(q, 0.0), valid)
+            q = namespace(q).where(within, found, np.nan)
+            valid = within
+            for row in near:
+                exact, there = np.full((self.n, len(valid)), np.nan), np.zeros(len(valid), dtype=np.bool_)
+                for branch, _, *angles in self.all_solutions(on_host(T[row]), tol=tol).found:
+                    exact[:, branch], there[branch] = angles, True
+                q[..., row], valid[..., row] = like(q, exact), like(valid, there)
         return IKBatch(q.swapaxes(0, 2), valid.T)
+
+    def _windings(self, q: Any, start: Any, valid: Any) -> tuple[Any, Any, NDArray[np.int64]]:
+        """Nearest windings, which of them are within the limits, and which poses have one next to a limit."""
+        lower, upper = like(q, self.lower), like(q, self.upper)
+        shifted, within = nearest_windings(q, start, lower, upper, slack=NEAR_LIMIT)
+        axes = (-1, *[1] * (q.ndim - 1))
+        past = (shifted > (upper + SLACK).reshape(axes)) | (shifted < (lower - SLACK).reshape(axes))
+        near = np.flatnonzero(on_host((past.any(axis=0) & valid & within).any(axis=0)))
+        if len(near):
+            shifted, within = nearest_windings(q, start, lower, upper)
+        return shifted, within & valid, near
 
     def _tensor_batch(self, T: Any, tol: float, *, limits: bool) -> IKBatch:
         """`batch` for a tensor, by way of the processor."""
@@ -134,15 +158,22 @@ class ClosedFormKinematics(ArmKinematics, ABC):
         q = tensor(found.q, dtype=T.dtype if T.is_floating_point() else None, device=T.device)
         return IKBatch(q, tensor(found.valid, device=T.device))
 
-    def _nearest(self, q: Floats, valid: NDArray[np.bool_], start: Floats) -> tuple[Floats, NDArray[np.int64]]:
+    def _nearest(
+        self, T: Floats, q: Floats, valid: NDArray[np.bool_], seeds: Floats, tol: float
+    ) -> tuple[Floats, NDArray[np.int64]]:
         """Nearest postures (count, n), NaN where there is none, and their branches (count,), -1 there."""
-        q, within = nearest_windings(q, start, self.lower, self.upper)
+        start = seeds.T[:, None]
+        q, within, near = self._windings(q, start, valid)
         distance = ((q - start) ** 2).sum(axis=0)
-        distance[~(valid & within)] = np.inf
+        distance[~within] = np.inf
         best = distance.argmin(axis=0)
         columns = np.arange(q.shape[-1])
         found = np.isfinite(distance[best, columns])
-        return np.where(found, q[:, best, columns], np.nan).T, np.where(found, best, -1)
+        chosen, branch = np.where(found, q[:, best, columns], np.nan).T, np.where(found, best, -1)
+        for row in near:
+            rows = self.all_solutions(T[row], seed=seeds[row], tol=tol).found
+            chosen[row], branch[row] = (rows[0][ANGLES], rows[0][BRANCH]) if rows else (np.nan, -1)
+        return chosen, branch
 
     @abstractmethod
     def solve(self, goal: Goal, seed: ArrayLike, *, accept: Accept | None = None) -> IKResult:
@@ -174,6 +205,7 @@ class ClosedFormKinematics(ArmKinematics, ABC):
         error_of: ErrorOf,
         seed: Floats | None,
         limits: bool,
+        tol: float,
     ) -> IKSolutions:
         """Apply limits and windings; sort by distance where there is a seed."""
         if not found:
@@ -187,7 +219,7 @@ class ClosedFormKinematics(ArmKinematics, ABC):
         for row in found:
             if single and _inside_turn(row[ANGLES]):
                 kept.append(row)
-            elif (q := nearest_winding(row[ANGLES], wanted, low, high)) is not None:
+            elif (q := self._wound(row[ANGLES], wanted, low, high, error_of, tol)) is not None:
                 kept.append((row[BRANCH], row[FLAGS], *q))
         if not kept:
             reason = f"all {len(found)} postures are outside the joint limits ({self._limiting_joints(found)})"
@@ -195,6 +227,50 @@ class ClosedFormKinematics(ArmKinematics, ABC):
         if seed is not None:
             kept.sort(key=lambda row: dist(row[ANGLES], wanted))
         return IKSolutions(kept, Status.OK, "", error_of, self.n)
+
+    def _wound(
+        self,
+        angles: Sequence[float],
+        wanted: Sequence[float],
+        low: Sequence[float],
+        high: Sequence[float],
+        error_of: ErrorOf,
+        tol: float,
+    ) -> list[float] | None:
+        """`nearest_winding`; one that is barely past a limit is moved into the limits if it then reaches the goal."""
+        q = nearest_winding(angles, wanted, low, high, slack=NEAR_LIMIT)
+        if q is None or all(
+            bottom - SLACK <= angle <= top + SLACK for angle, bottom, top in zip(q, low, high, strict=True)
+        ):
+            return q
+        moved = self._moved_into_limits(q)
+        return moved.tolist() if max(error_of(moved)) <= tol else nearest_winding(angles, wanted, low, high)
+
+    def _moved_into_limits(self, q: Sequence[float]) -> Floats:
+        """The posture within the limits next to another, with the pose of the tip nearest to that one's: damped Newton.
+
+        Fewer than six joints keep the position alone.
+        """
+        target = self.fk(q)
+        task = slice(6 if self.n >= POSE_JOINTS else 3)
+        found = best = np.clip(q, self.lower, self.upper)
+        least = np.inf
+        for _ in range(STEPS):
+            T = self.fk(found)
+            turn = target[:3, :3] @ T[:3, :3].T
+            twist = 0.5 * np.array([turn[2, 1] - turn[1, 2], turn[0, 2] - turn[2, 0], turn[1, 0] - turn[0, 1]])
+            error = np.concatenate([target[:3, 3] - T[:3, 3], twist])[task]
+            size = float(np.abs(error).max())
+            if size < least:
+                best, least = found, size
+            if size < ARRIVED:
+                break
+            J = self.jacobian(found)[task]
+            down = J.T @ error
+            J[:, ((found <= self.lower) & (down < 0.0)) | ((found >= self.upper) & (down > 0.0))] = 0.0
+            damping = (size + ARRIVED) * np.eye(len(error))
+            found = np.clip(found + J.T @ np.linalg.solve(J @ J.T + damping, error), self.lower, self.upper)
+        return best
 
     def _limiting_joints(self, found: Sequence[Row]) -> str:
         def blocked(j: int) -> bool:
@@ -222,7 +298,7 @@ class ClosedFormKinematics(ArmKinematics, ABC):
 
 def _inside_turn(q: Sequence[float]) -> bool:
     """Whether no joint is at an end of (-pi, pi)."""
-    return max(q) < pi - SLACK and min(q) > SLACK - pi
+    return max(q) < pi - NEAR_LIMIT and min(q) > NEAR_LIMIT - pi
 
 
 def kinematics_of(arm: str | ArmDescription, *, tip: str | None = None, base: str = "base_link") -> ArmKinematics:

@@ -156,7 +156,7 @@ class SixAxisKinematics(ClosedFormKinematics):
         lists = self._postures(T, check_tolerance(tol))
         postures = [q.tolist() if last is None else [*q[:-1].tolist(), last] for found in lists for q in found]
         rows = [(index, 0, *q) for index, q in enumerate(postures)]
-        return self._solutions(rows, "" if rows else UNREACHED, self._error_of(goal), start, limits)
+        return self._solutions(rows, "" if rows else UNREACHED, self._error_of(goal), start, limits, tol)
 
     def _batch(self, T: Floats, seeds: Floats | None, tol: float, *, limits: bool) -> tuple[Floats, NDArray[np.bool_]]:
         if T.ndim != 3 or T.shape[1:] != (4, 4):

@@ -130,8 +130,11 @@ class IKResult:
         return self.status is Status.OK
 
 
-#: How far a joint may be past its limit by rounding [rad].
+#: How far a joint may be past its limit by rounding [rad]: in every solver, collision check and simulation.
 SLACK = 1e-9
+#: A closed-form posture that is past a limit by up to this [rad] is moved into the limits, and kept if it still reaches
+#: the goal within the caller's tolerance. Next to a singular posture, rounding of lengths and limits grows to this.
+NEAR_LIMIT = 1e-3
 
 #: One solution as the closed forms give it, plain and flat because it is made eight times in some microseconds: branch
 #: index, singularity flags, joint angles [rad].
@@ -237,7 +240,7 @@ class IKBatchNearest:
 
 
 def nearest_winding(
-    q: Sequence[float], seed: Sequence[float], lower: Sequence[float], upper: Sequence[float]
+    q: Sequence[float], seed: Sequence[float], lower: Sequence[float], upper: Sequence[float], *, slack: float = SLACK
 ) -> list[float] | None:
     """The posture equal to `q` modulo full turns that is nearest to `seed` within the limits.
 
@@ -249,6 +252,7 @@ def nearest_winding(
         seed: Posture to stay near to [rad].
         lower: Lower limits [rad].
         upper: Upper limits [rad].
+        slack: How far a joint may be past them [rad].
 
     Returns:
         The shifted posture, or None where a joint has no turn within its limits.
@@ -258,21 +262,21 @@ def nearest_winding(
         turns = (wanted - value) / TURN
         if not -0.5 <= turns <= 0.5:
             value += TURN * round(turns)
-        if value > high + SLACK:
-            value -= TURN * ceil((value - high - SLACK) / TURN)
-        elif value < low - SLACK:
-            value += TURN * ceil((low - SLACK - value) / TURN)
-        if not low - SLACK <= value <= high + SLACK:
+        if value > high + slack:
+            value -= TURN * ceil((value - high - slack) / TURN)
+        elif value < low - slack:
+            value += TURN * ceil((low - slack - value) / TURN)
+        if not low - slack <= value <= high + slack:
             return None
         shifted.append(value)
     return shifted
 
 
-def nearest_windings(q: Any, seed: Any, lower: Any, upper: Any) -> tuple[Any, Any]:
+def nearest_windings(q: Any, seed: Any, lower: Any, upper: Any, *, slack: float = SLACK) -> tuple[Any, Any]:
     """`nearest_winding` for arrays with the joints first, shape (n, ...); also which postures are within the limits."""
     xp = namespace(q)
-    low = (lower - SLACK).reshape(-1, *[1] * (q.ndim - 1))
-    high = (upper + SLACK).reshape(-1, *[1] * (q.ndim - 1))
+    low = (lower - slack).reshape(-1, *[1] * (q.ndim - 1))
+    high = (upper + slack).reshape(-1, *[1] * (q.ndim - 1))
     shifted = q + TURN * xp.round((seed - q) / TURN)
     shifted -= TURN * xp.ceil((shifted - high) / TURN).clip(0.0)
     shifted += TURN * xp.ceil((low - shifted) / TURN).clip(0.0)

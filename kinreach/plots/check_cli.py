@@ -21,6 +21,7 @@ from kinreach.kinematics import (
     check,
     kinematics_of,
 )
+from kinreach.kinematics.closed_form import POSE_JOINTS
 from kinreach.kinematics.ur.kinematics import CalibratedURKinematics
 from kinreach.plots.workspace import draw_workspace
 from kinreach.robots import arm_named, as_arm
@@ -59,11 +60,13 @@ def main(argv: Sequence[str], *, prog: str) -> int:
     arguments = _parser(prog).parse_args(argv)
     poses = check_count("--poses", arguments.poses, most=100_000)
     seed = check_count("--seed", arguments.seed, least=0, most=2**31)
+    path = None if arguments.picture is None else check_path("--picture", arguments.picture)
+    if path is not None and (path.is_dir() or not path.parent.is_dir()):
+        raise InputError(f"--picture must be a file in a folder that is there, got {path}")
     subject = _subject(arguments.arm, arguments.model, arguments.tip)
     for line in report(subject, poses=poses, seed=seed):
         print(printable(line), flush=True)
-    if arguments.picture is not None:
-        path = check_path("--picture", arguments.picture)
+    if path is not None:
         with replacing(path) as temporary:
             draw_workspace(*subject, seed=seed).savefig(temporary, facecolor="white", format="png")
         print(printable(f"picture      {path}"))
@@ -108,7 +111,7 @@ def _class_of(kin: ArmKinematics) -> str:
         return "any six joints: every posture of a pose exactly, by elimination"
     if isinstance(kin, Arm3Kinematics):
         return "turning base with two links: every posture of a position in closed form"
-    spare = kin.n - check.POSE_JOINTS
+    spare = kin.n - POSE_JOINTS
     because = (
         f"{spare} joint{'s' * (spare > 1)} more than a pose needs, so that each pose has a family of postures"
         if spare > 0

@@ -14,7 +14,7 @@ import numpy as np
 from kinreach.checks import MOST_ANGLE, as_floats, as_vector, check_known, check_number, shown
 from kinreach.errors import InputError
 from kinreach.robots.grippers import Gripper
-from kinreach.robots.urdf import check_urdf, parse_urdf, set_limits
+from kinreach.robots.urdf import check_limits_complete, check_urdf, parse_urdf, set_limits
 from kinreach.robots.urdf_file import WORLD, UrdfArm, check_home, read_urdf
 from kinreach.robots.workcell import CameraMount, Workcell
 
@@ -278,6 +278,7 @@ class ArmDescription:
     def _built(self) -> str:
         text = self.build_urdf()
         check_urdf(text, self.package_root())
+        check_limits_complete(parse_urdf(text))
         return text
 
     @property

@@ -158,6 +158,8 @@ def add_joint(
 
 #: Bounds of a URDF: characters, links, and how large a number in it may be.
 MOST_CHARACTERS, MOST_LINKS, MOST_NUMBER = 2**23, 500, 1e9
+#: Deepest nesting of elements, and the shortest vector that has a direction: rounding takes it from shorter ones.
+MAX_DEPTH, SHORTEST_AXIS = 100, 1e-6
 PACKAGE = "package://"
 KINDS = ("revolute", "continuous", "prismatic", "fixed")
 _MOVED = ("revolute", "continuous", "prismatic")
@@ -186,12 +188,25 @@ def parse_urdf(text: object) -> ET.Element:
     """The `<robot>` element of a URDF text.
 
     Raises:
-        InputError: It is too long, no XML or no URDF, or it has a document type.
+        InputError: It is too long or too deep, no XML or no URDF, or it has a document type.
     """
     if not isinstance(text, str) or len(text) > MOST_CHARACTERS:
         raise InputError(f"a URDF must be text of at most {MOST_CHARACTERS} characters, got {shown(text)}")
+    depth = 0
+
+    def deeper(*element: object) -> None:
+        nonlocal depth
+        depth += 1
+        if depth > MAX_DEPTH:
+            raise InputError(f"the URDF is nested deeper than {MAX_DEPTH} elements")
+
+    def higher(*element: object) -> None:
+        nonlocal depth
+        depth -= 1
+
     parser = expat.ParserCreate()
     parser.StartDoctypeDeclHandler = _refuse_declarations
+    parser.StartElementHandler, parser.EndElementHandler = deeper, higher
     try:
         parser.Parse(text.encode(), True)
         robot = ET.fromstring(text)
@@ -227,6 +242,19 @@ def check_urdf(text: object, package_root: str | None) -> None:
         _check_limits(joint)
 
 
+def check_limits_complete(robot: ET.Element) -> None:
+    """Refuse a joint that moves with a `<limit>` that leaves out what the engines ask for."""
+    for joint in robot.findall("joint"):
+        limit = joint.find("limit")
+        if limit is None or joint.get("type") not in _MOVED:
+            continue
+        for name, what in (("effort", "largest torque [N m] or force [N]"), ("velocity", "largest speed [rad/s, m/s]")):
+            if name not in limit.attrib:
+                raise InputError(
+                    f"joint {shown(joint.get('name'))} of the URDF has a <limit> without {name}=, its {what}; add it"
+                )
+
+
 def _refuse_declarations(*declared: object) -> NoReturn:
     raise InputError("a URDF must not have a document type: entities could name other files, or grow without bound")
 
@@ -257,8 +285,8 @@ def _check_tree(robot: ET.Element) -> None:
         kind, limit, axis = joint.get("type"), joint.find("limit"), joint.find("axis")
         if kind not in KINDS or (kind in _LIMITED and limit is None):
             raise InputError(f"joint {name} of the URDF must be one of {', '.join(KINDS)}, with its limits")
-        if kind in _MOVED and axis is not None and not any(_floats(axis.get("xyz", "1 0 0"))):
-            raise InputError(f"joint {name} of the URDF has an axis without direction")
+        if kind in _MOVED and axis is not None and math.hypot(*_floats(axis.get("xyz", "1 0 0"))) < SHORTEST_AXIS:
+            raise InputError(f"joint {name} of the URDF has an axis without direction: {shown(axis.get('xyz'))}")
     roots = [link for link in links if link not in held]
     if len(roots) != 1 or len(links) != len(joints) + 1:
         raise InputError(f"the links of the URDF must hang on one, got {len(roots)} that hang on none")

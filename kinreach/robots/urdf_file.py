@@ -78,7 +78,7 @@ class UrdfArm:
         for joint in joints or ():
             if joint not in self._joints:
                 raise_unknown(f"joint of arm {name!r}", joint, self._joints)
-        self.tip = tip if tip is not None else self._farthest_link()
+        self.tip = tip if tip is not None else self._farthest_link(held)
         path = [joint.get("name", "") for joint in self._path(self.tip)]
         moving = [joint for joint in path if self._kind(joint) in _MOVING and joint not in held]
         self.joints = tuple(joint for joint in moving if not joints or joint in joints)
@@ -162,14 +162,23 @@ class UrdfArm:
                 distance += _length(joint)
         return list(carried.values())
 
-    def _farthest_link(self) -> str:
+    def _farthest_link(self, held: Collection[str]) -> str:
+        def moving(link: str) -> list[str]:
+            return [joint.get("type", "") for joint in self._path(link) if joint.get("name") not in held]
+
         def rank(link: str) -> tuple[int, int, bool]:
-            kinds = [joint.get("type", "") for joint in self._path(link)]
-            turning = -1 if "prismatic" in kinds else sum(kind in _TURNING for kind in kinds)
-            return turning, len(kinds), self._links[link].find("collision") is None
+            turning = -1 if "prismatic" in moving(link) else sum(kind in _TURNING for kind in moving(link))
+            return turning, len(self._path(link)), self._links[link].find("collision") is None
 
         farthest = max(self._links, key=rank)
         turning = rank(farthest)[0]
+        for link in self._links:
+            if sum(kind in _TURNING for kind in moving(link)) > turning:
+                slides = next(joint.get("name") for joint in self._path(link) if joint.get("type") == "prismatic")
+                raise InputError(
+                    f"arm {self.name!r}: joint {slides!r} slides, and joints that turn are mounted on it; hold it "
+                    f"still with held={{{slides!r}: 0.0}} [m], or name with tip= a link before it"
+                )
         ends = {self._last_turning(link): link for link in self._links if rank(link)[0] == turning}
         if len(ends) > 1:
             raise InputError(

@@ -21,6 +21,7 @@ from numpy.typing import NDArray
 
 from kinreach.checks import Floats, check_number
 from kinreach.errors import InputError
+from kinreach.kinematics.solutions import SLACK
 from kinreach.robots import ArmDescription
 from kinreach.sim.engine import mujoco
 from kinreach.sim.plants import Ids, Plant, rows_and_columns
@@ -31,8 +32,6 @@ TOLERANCE = 0.01
 #: Bodies that are deeper than this inside each other at the end are pressed together [m]. Servos and contact share what
 #: a target is inside an obstacle, and this is the depth for some 0.03 mm of it, about as well as the tip is placed.
 PRESSED = 1e-5
-#: How far outside a joint limit a target may be, for rounding [rad].
-LIMIT_SLACK = 1e-9
 #: A simulation in which a joint ends further than this past its limit [rad] has diverged. Limits are springs in MuJoCo:
 #: links that start inside one another pushed joints of the UR5 up to 0.29 rad past theirs.
 BEYOND_LIMIT = 0.5
@@ -174,7 +173,7 @@ class JointController:
 
     def outside_limits(self, q: Floats) -> NDArray[np.bool_]:
         """Which joints are outside their limits, for one posture or many, shape (..., n)."""
-        outside: NDArray[np.bool_] = (q < self.lower - LIMIT_SLACK) | (q > self.upper + LIMIT_SLACK)
+        outside: NDArray[np.bool_] = (q < self.lower - SLACK) | (q > self.upper + SLACK)
         return outside
 
     def joints_outside_limits(self, q: Floats) -> tuple[str, ...]:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import pickle
+import re
 import shutil
 from pathlib import Path
 from xml.sax.saxutils import quoteattr
@@ -11,9 +12,11 @@ import numpy as np
 import pinocchio as pin
 import pytest
 
+from kinreach import cli
 from kinreach.errors import InputError
-from kinreach.kinematics import ArmKinematics, CollisionChecker, PoseGoal, PositionGoal
-from kinreach.kinematics.solvers import LevenbergMarquardtSolver, PlacoSolver, QPSolver
+from kinreach.kinematics import ArmKinematics, CollisionChecker, PoseGoal, PositionGoal, kinematics_of
+from kinreach.kinematics.solvers import ClosedFormSolver, LevenbergMarquardtSolver, PlacoSolver, QPSolver
+from kinreach.plots.check_cli import Subject, report
 from kinreach.robots import ArmDescription, BoxRegion, Workcell, arm_names, get_arm, register_arm, with_parallel_gripper
 from kinreach.sim.simulation import ArmSimulation
 
@@ -359,3 +362,75 @@ def test_arms_of_other_makers():
         assert (kin.n, kin.tip) == (joints, tip)
         q = np.random.default_rng(1).uniform(kin.lower, kin.upper, (50, joints))
         np.testing.assert_allclose(kin.fk(q), [kin.fk(row) for row in q], atol=2e-10)
+
+
+def chain(*joints):
+    """A URDF of joints one after the other, each a type and what is in it."""
+    links = "".join(f'<link name="l{i}"/>' for i in range(len(joints) + 1))
+    return (
+        f'<robot name="chain">{links}'
+        + "".join(
+            f'<joint name="j{i}" type="{kind}"><parent link="l{i}"/><child link="l{i + 1}"/><origin xyz="0 0.1 0.3"/>'
+            f'<axis xyz="{"0 0 1" if i % 2 else "0 1 0"}"/>{inside}</joint>'
+            for i, (kind, inside) in enumerate(joints)
+        )
+        + "</robot>"
+    )
+
+
+TURNS, SLIDES = ("revolute", LIMIT), ("prismatic", '<limit lower="0" upper="0.3" effort="1" velocity="1"/>')
+REFUSED = {
+    "slides first": (chain(SLIDES, TURNS, TURNS), "joint 'j0' slides.*held={'j0': 0.0}"),
+    "slides amid": (chain(TURNS, TURNS, SLIDES, TURNS), "joint 'j2' slides.*held={'j2': 0.0}"),
+    "no effort": (chain(TURNS, ("revolute", '<limit lower="-1" upper="1" velocity="1"/>')), "'j1'.*without effort="),
+    "endless": (chain(TURNS, ("continuous", '<limit velocity="1"/>')), "'j1'.*without effort="),
+    "text": (chain(TURNS, ("revolute", LIMIT.replace("-1", "low"))), "lower of <limit> must be 1 number.*'low'"),
+    "axis": (chain(TURNS, TURNS).replace('"0 0 1"', '"0 0 1e-320"'), "'j1'.*axis without direction: '0 0 1e-320'"),
+    "deep": ("<robot>" + "<a>" * 200_000 + "</a>" * 200_000 + "</robot>", "nested deeper than 100 elements"),
+    "loop": (
+        chain(TURNS, TURNS).replace('<child link="l1"/>', '<child link="l2"/>'), "each of which hangs on one joint"
+    ),
+    "stays": (chain(TURNS).replace("0 0.1 0.3", "0 0 0"), "no joint moves the tip 'l1' to another place"),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("name", REFUSED)
+def test_a_urdf_that_cannot_be_used_is_one_line(tmp_path, capsys, name):
+    text, said = REFUSED[name]
+    file = tmp_path / "chain.urdf"
+    file.write_text(text)
+    with pytest.raises(InputError, match=said) as caught:
+        list(report(Subject(kinematics_of(ArmDescription.from_urdf(file)), None), poses=2))
+    assert "\n" not in str(caught.value)
+    assert cli.main(["check", str(file), "--poses", "2"]) == 2
+    (line,) = capsys.readouterr().err.splitlines()
+    assert line.startswith("kinreach check: error: ")
+    assert re.search(said, line)
+
+
+def test_joints_beyond_one_that_slides_count_where_it_is_held(tmp_path):
+    file = tmp_path / "chain.urdf"
+    file.write_text(REFUSED["slides amid"][0])
+    arm = ArmDescription.from_urdf(file, held={"j2": 0.2})
+    assert arm.joints == ("j0", "j1", "j3")
+    assert ArmDescription.from_urdf(file, tip="l2").joints == ("j0", "j1")
+
+
+def test_an_arm_of_one_joint_is_checked(tmp_path, capsys):
+    file = tmp_path / "chain.urdf"
+    file.write_text(chain(TURNS, ("fixed", "")))
+    assert cli.main(["check", str(file), "--poses", "2"]) == 0
+    assert "reach        0.1" in capsys.readouterr().out
+
+
+def test_a_picture_without_a_folder_is_refused_before_the_work(tmp_path, capsys):
+    for path in (tmp_path / "nowhere/x.png", tmp_path):
+        assert cli.main(["check", "arm3", "--picture", str(path)]) == 2
+        out, err = capsys.readouterr()
+        assert not out
+        assert "--picture must be a file in a folder that is there" in err
+
+
+def test_the_closed_form_of_an_arm_without_one_is_refused_at_once(kin):
+    with pytest.raises(InputError, match="has no closed form; the solvers placo, lm and qp take any arm"):
+        ClosedFormSolver(kin)

@@ -6,6 +6,8 @@ from typing import Protocol
 
 from numpy.typing import ArrayLike
 
+from kinreach.checks import shown
+from kinreach.errors import InputError
 from kinreach.kinematics.closed_form import ClosedFormKinematics
 from kinreach.kinematics.goals import Goal
 from kinreach.kinematics.solutions import Accept, IKResult, Tolerance
@@ -56,11 +58,20 @@ class Solver(Protocol):
 
 
 class ClosedFormSolver:
-    """Takes the nearest of all exact postures. Threads may share an instance."""
+    """Takes the nearest of all exact postures. Threads may share an instance.
+
+    Args:
+        kin: Kinematics with a closed form.
+
+    Raises:
+        InputError: The arm has none.
+    """
 
     name = "closed-form"
 
     def __init__(self, kin: ClosedFormKinematics) -> None:
+        if not isinstance(kin, ClosedFormKinematics):
+            raise InputError(f"{shown(kin)} has no closed form; the solvers placo, lm and qp take any arm")
         self.kin = kin
 
     def solve(self, goal: Goal, seed: ArrayLike, *, accept: Accept | None = None) -> IKResult:

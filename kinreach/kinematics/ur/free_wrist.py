@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from kinreach.checks import Floats
-from kinreach.kinematics.solutions import Row, nearest_windings
+from kinreach.kinematics.solutions import NEAR_LIMIT, Row, nearest_windings
 from kinreach.kinematics.ur.batch import solve_elbow
 from kinreach.kinematics.ur.closed_form import MOVED, WRIST, reaches_pose, shoulders
 from kinreach.kinematics.ur.geometry import Rows, URGeometry
@@ -87,7 +87,7 @@ class _Family:
             reached, _ = solve_elbow(u, v, q234, self.g, 0.0, q[1:4])
             q[0], q[4] = self.q1, 0.0 if self.straight else pi
             q[5] = self.angle - q234 if self.straight else q234 - self.angle + pi
-            q, within = nearest_windings(q, self.seed[:, None, None], self.lower, self.upper)
+            q, within = nearest_windings(q, self.seed[:, None, None], self.lower, self.upper, slack=NEAR_LIMIT)
         return q, within & reached
 
     def nearest(self, elbow: int) -> list[float] | None:

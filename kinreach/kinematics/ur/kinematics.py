@@ -165,7 +165,7 @@ class URKinematics(ClosedFormKinematics):
         tol = check_tolerance(tol)
         found, miss = self._solve_pose(rows, start, limits=limits, tol=tol)
         unreached = "" if found else miss_text(miss)
-        return self._solutions(found, unreached, lambda q: pose_error(T, self.fk(q)), start, limits)
+        return self._solutions(found, unreached, lambda q: pose_error(T, self.fk(q)), start, limits, tol)
 
     def axis_solutions(
         self,
@@ -201,7 +201,7 @@ class URKinematics(ClosedFormKinematics):
         if limits:  # wrist_3 is free, so what the limits ask of it costs no solution
             q6 = min(max(q6, self._low[WRIST_3]), self._high[WRIST_3])
         found, miss = solve_axis(p.tolist(), a.tolist(), self.geometry, reach=self._reach, tol=tol, pitch=pitch, q6=q6)
-        return self._solutions(found, "" if found else miss_text(miss), self._error_of(goal), start, limits)
+        return self._solutions(found, "" if found else miss_text(miss), self._error_of(goal), start, limits, tol)
 
     def axis_goal(
         self, position: ArrayLike, axis: ArrayLike, seed: ArrayLike, *, accept: Accept | None = None
@@ -281,16 +281,18 @@ class URKinematics(ClosedFormKinematics):
         """As `solve_pose`; where wrist_3 is free, it takes a value with which the posture is within the limits."""
         seed = np.zeros(self.n) if start is None else start
         found, miss = solve_pose(rows, self.geometry, tol=tol, q6=float(seed[WRIST_3]))
-        if limits and not self._full_turn and not all(self._allows(row, seed) for row in found if row[FLAGS] & WRIST):
+        free = [row for row in found if row[FLAGS] & WRIST]
+        if limits and not self._full_turn and not all(self._allows(row, seed, tol) for row in free):
             fitting = free_wrist_within(rows, self.geometry, self.lower, self.upper, seed=seed, tol=tol)
-            kept = [row for row in found if not row[FLAGS] & WRIST or self._allows(row, seed)]
+            kept = [row for row in found if not row[FLAGS] & WRIST or self._allows(row, seed, tol)]
             chosen = {row[BRANCH]: row for row in (*found, *fitting, *kept)}
             found = [chosen[branch] for branch in sorted(chosen)]
         return found, miss
 
-    def _allows(self, row: Row, seed: Floats) -> bool:
+    def _allows(self, row: Row, seed: Floats, tol: float) -> bool:
         """Whether a solution has a winding within the limits."""
-        return nearest_winding(row[ANGLES], seed.tolist(), self._low, self._high) is not None
+        error_of = self._error_of(PoseGoal(self.fk(row[ANGLES])))
+        return self._wound(row[ANGLES], seed.tolist(), self._low, self._high, error_of, tol) is not None
 
     def _batch(self, T: Any, seeds: Floats | None, tol: float, *, limits: bool) -> tuple[Any, Any]:
         """Postures (6, 8, count) and their validity (8, count), before limits; tensors where `T` is one."""
@@ -317,7 +319,7 @@ class URKinematics(ClosedFormKinematics):
 
     def _tensor_batch(self, T: Any, tol: float, *, limits: bool) -> IKBatch:
         q, valid = self._batch(T.detach().double(), None, tol, limits=limits)
-        found = self._batch_within(q, valid, limits=limits)
+        found = self._batch_within(T, q, valid, tol, limits=limits)
         return IKBatch(like(T, found.q), found.valid)
 
     def _flange_rows(self, T: ArrayLike) -> Rows:
@@ -413,7 +415,7 @@ class CalibratedURKinematics(URKinematics):
             q6 = min(max(q6, self._low[WRIST_3]), self._high[WRIST_3])
         found, miss = self._solve_pose(self._flange_rows(T), None, limits=False, tol=tol)
         turned = [(*row[:-1], q6) for row in found]
-        return self._solutions(turned, "" if found else miss_text(miss), self._error_of(goal), start, limits)
+        return self._solutions(turned, "" if found else miss_text(miss), self._error_of(goal), start, limits, tol)
 
     def shortfalls(self, T: ArrayLike) -> dict[int, Shortfall]:
         """As `URKinematics.shortfalls`, of the nearest arm that has a closed form: right to about a millimetre."""
