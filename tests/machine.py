@@ -39,6 +39,8 @@ class SessionFolder:
         self._patch.setattr(tempfile, "tempdir", None)  # it was read from the environment before
         self._patch.setenv("XDG_CACHE_HOME", str(caches))
         self._patch.setenv("MPLCONFIGDIR", str(caches / "matplotlib"))
+        self._patch.setenv("XDG_CONFIG_HOME", str(self.path / "config"))  # a browser's
+        self._patch.setenv("IPYTHONDIR", str(self.path / "ipython"))
         self._patch.setenv("SB3_LOGDIR", str(caches / "stable-baselines3"))  # else a folder for every training
         self._patch.setenv("TORCHINDUCTOR_CACHE_DIR", str(caches / "torchinductor"))
         self._patch.setenv("RAY_TMPDIR", str(self.path))  # logs that it keeps, and sockets, whose paths must be short
