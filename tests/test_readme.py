@@ -27,8 +27,8 @@ CLAIMS = {
     "less than 10 mm from the ball, gripper straight down": [
         ("kinreach/thesis/reward.py", "REACHED_DISTANCE = 0.01"),
     ],
-    "A learned row is the best of five trainings on other goals (seeds 3, 2, 4, 0, 3). All five reach every goal, except "
-    "for `ppo-single` (97.5 % [91.8, 100.0], worst 89.3) and `thesis-ppo-single` (none).": [
+    "A learned row is the best of five trainings on other goals (seeds 3, 2, 4, 0, 3). All five reach every goal, "
+    "except for `ppo-single` (97.5 % [91.8, 100.0], worst 89.3) and `thesis-ppo-single` (none).": [
         (
             TRAINING,
             "Of the five seeds those with the smallest median distance on the validation goals: `single` 4, "
