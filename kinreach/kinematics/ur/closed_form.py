@@ -31,6 +31,9 @@ from kinreach.kinematics.ur.geometry import Miss, Rows, Singularity, URGeometry,
 
 #: Below this sin q5 rounding in the pose, 1e-13 say, is magnified to more than the smallest tolerance.
 NEAR_WRIST = 1e-3
+#: Two values of the shoulder or the elbow that differ by less are one [rad]: rounding of 1e-13 in the pose parts the two
+#: of a singular posture by up to this, and what is in the middle between them is off by 1e-12 of an arm's length.
+MERGED = 1e-6
 
 
 #: Shoulder and wrist values where neither is singular.
@@ -144,7 +147,7 @@ def shoulders(x: float, y: float, d4: float, tol: float) -> Sequence[tuple[int, 
     """(branch index, flags, sin q1, cos q1) of the shoulder values from x sin q1 - y cos q1 = d4."""
     r2 = x * x + y * y
     m2 = r2 - d4 * d4
-    if m2 > 0.0:
+    if m2 > MERGED * MERGED * r2:
         d, m = d4 / r2, sqrt(m2) / r2
         xd, yd, xm, ym = x * d, y * d, x * m, y * m
         return (0, 0, xd + ym, xm - yd), (4, 0, xd - ym, -yd - xm)
@@ -162,9 +165,8 @@ def _elbows(wrists: list[Wrist], g: URGeometry, tol: float) -> tuple[list[Row], 
     miss, clamped = 0, False
     for branch, flags, q1, q5, q6, q234, u, v in wrists:
         c3 = (u * u + v * v - lengths) / twice
-        if -1.0 < c3 < 1.0:
-            s3 = sqrt(1.0 - c3 * c3)
-        else:
+        s3 = sqrt(1.0 - c3 * c3) if -1.0 < c3 < 1.0 else 0.0
+        if s3 < MERGED:
             reason = _elbow_miss(hypot(u, v), g, tol)
             if reason:
                 miss |= reason
