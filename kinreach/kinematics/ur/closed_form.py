@@ -31,7 +31,7 @@ from kinreach.kinematics.ur.geometry import Miss, Rows, Singularity, URGeometry,
 
 #: Below this sin q5 rounding in the pose, 1e-13 say, is magnified to more than the smallest tolerance.
 NEAR_WRIST = 1e-3
-#: Two values of the shoulder or the elbow that differ by less are one [rad]: rounding of 1e-13 in the pose parts the two
+#: Two values of the shoulder or the elbow that differ by less are one [rad]: rounding of 1e-13 in the pose parts those
 #: of a singular posture by up to this, and what is in the middle between them is off by 1e-12 of an arm's length.
 MERGED = 1e-6
 
