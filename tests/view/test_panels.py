@@ -18,6 +18,7 @@ pytest.importorskip("viser")
 
 from benchmarks.studies.page import Tab, wait_for
 from kinreach.robots import arm_names
+from kinreach.view.draw import AMBER
 from kinreach.view.episodes import Recording
 from kinreach.view.page import panels
 from kinreach.view.panel import Panel
@@ -417,6 +418,8 @@ def test_a_goal_that_is_clicked_shows_where_each_method_ended(serve, tmp_path):
             in panel._verdict.content
         )
         assert not panel._surroundings.visible
+        np.testing.assert_allclose(panel._goals.batched_positions, panel.results.goals, atol=1e-6)
+        assert np.unique(panel._goals.batched_colors, axis=0).tolist() == [list(AMBER)]
         tab.click(panel._goals, instance=2)
         wait_for(lambda: panel.chosen == 2)
         ends = panel.results.ends[2]
