@@ -11,8 +11,7 @@ from typing import Any
 import gymnasium as gym
 import numpy as np
 
-from kinreach.baselines.policies import load_policy
-from kinreach.baselines.rollout import RandomPolicy
+from kinreach.baselines import RandomPolicy, load_policy
 from kinreach.compare import Method, Task, common_columns, compare, register_task, resets_to, solver_method
 from kinreach.kinematics.solvers import ClosedFormSolver, LevenbergMarquardtSolver
 

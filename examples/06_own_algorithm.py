@@ -9,11 +9,16 @@ is exported and evaluated, far too few to learn. On the command line the same:
 import json
 from pathlib import Path
 
-from kinreach.baselines.algorithms import Algorithm, register_algorithm
-from kinreach.baselines.evaluation import evaluate
-from kinreach.baselines.policies import load_policy
-from kinreach.baselines.recipes import Networks, Recipe, register_recipe
-from kinreach.baselines.training import train
+from kinreach.baselines import (
+    Algorithm,
+    Networks,
+    Recipe,
+    evaluate,
+    load_policy,
+    register_algorithm,
+    register_recipe,
+    train,
+)
 
 register_algorithm(Algorithm("TQC", "sb3_contrib:TQC"))
 

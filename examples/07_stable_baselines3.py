@@ -10,7 +10,7 @@ from stable_baselines3.common.evaluation import evaluate_policy
 from stable_baselines3.common.vec_env import VecMonitor
 
 import kinreach  # noqa: F401  (registers the environments)
-from kinreach.baselines.vec_envs import SB3VecEnv
+from kinreach.baselines import SB3VecEnv
 
 torch.set_num_threads(1)  # a network this small is quickest on one
 batch = gym.make_vec(

@@ -218,7 +218,7 @@ def test_policies_off_the_table_do_what_the_page_says(capsys, tmp_path, monkeypa
 
 def test_what_contributing_promises_holds(run_python):
     """An arm, a solver, a reward and a task from outside the package."""
-    code, _, _ = blocks(ROOT / "CONTRIBUTING.md").partition("from kinreach.baselines.algorithms")
+    code, _, _ = blocks(ROOT / "CONTRIBUTING.md").partition("from kinreach.baselines import")
     checks = """
 by_name = {row["name"]: row for row in results["methods"]}
 assert set(by_name) == {"lm", "PseudoInverse"}, by_name
@@ -234,11 +234,9 @@ assert paid == sum(info["reward_terms"].values()) < 0, paid
 
 @pytest.mark.slow
 def test_an_algorithm_as_contributing_adds_it(run_python):
-    _, begin, code = blocks(ROOT / "CONTRIBUTING.md").partition("from kinreach.baselines.algorithms")
+    _, begin, code = blocks(ROOT / "CONTRIBUTING.md").partition("from kinreach.baselines import")
     checks = """
-from kinreach.baselines.evaluation import evaluate
-from kinreach.baselines.policies import load_policy
-from kinreach.baselines.training import train
+from kinreach.baselines import evaluate, load_policy, train
 train(recipe, "run", seed=0)
 policy = load_policy("run/policy.safetensors")
 assert [weight.shape[0] for weight, _ in policy.network.layers] == [32, 32, 6]

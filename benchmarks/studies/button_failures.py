@@ -15,8 +15,8 @@ import kinreach  # noqa: F401  registers the environments
 from benchmarks.studies.tables import head, line
 from kinreach.baselines.batch import make_batch
 from kinreach.baselines.evaluation import HELD_OUT
+from kinreach.baselines.loop import rollout_batch
 from kinreach.baselines.policies import load_policy
-from kinreach.baselines.rollout import rollout_batch
 from kinreach.cli import Parser, finish
 from kinreach.kinematics import Arm3Kinematics
 from kinreach.registration import BUTTON

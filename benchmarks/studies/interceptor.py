@@ -21,7 +21,7 @@ import numpy as np
 
 from benchmarks.studies.tables import head, line, share
 from kinreach.baselines.expert import tool_down_postures
-from kinreach.baselines.rollout import Policy, as_policy, rollout
+from kinreach.baselines.loop import Policy, as_policy, rollout
 from kinreach.checks import Floats, check_count
 from kinreach.cli import Parser, finish
 from kinreach.compare import get_task

@@ -17,8 +17,8 @@ from benchmarks.studies.tables import head, line
 from benchmarks.studies.trainings import POLICY, finished
 from kinreach.baselines.batch import make_batch
 from kinreach.baselines.evaluation import HELD_OUT
+from kinreach.baselines.loop import rollout_batch
 from kinreach.baselines.policies import LearnedPolicy, load_policy
-from kinreach.baselines.rollout import rollout_batch
 from kinreach.cli import Parser, finish
 from kinreach.registration import MULTI
 from kinreach.thesis.reward import REACHED_DISTANCE

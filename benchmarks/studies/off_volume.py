@@ -17,8 +17,8 @@ from typing import Any
 import gymnasium as gym
 import numpy as np
 
+from kinreach.baselines.loop import rollout_batch
 from kinreach.baselines.policies import LearnedPolicy, load_policy, needed_options
-from kinreach.baselines.rollout import rollout_batch
 from kinreach.checks import Floats, check_count
 from kinreach.cli import Parser, finish
 from kinreach.files import replacing

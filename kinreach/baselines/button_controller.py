@@ -138,7 +138,7 @@ class ButtonController:
 
 
 class AnalyticButtonPolicy:
-    """`ButtonController` for one environment, as a `kinreach.baselines.rollout.Policy`.
+    """`ButtonController` for one environment, as a `kinreach.baselines.loop.Policy`.
 
     Args:
         actuation: `"tuned"` or `"report"`, as the environment has it.

@@ -11,8 +11,8 @@ import numpy as np
 from rich.table import Table
 
 from kinreach.baselines.batch import make_batch
+from kinreach.baselines.loop import rollout_batch
 from kinreach.baselines.policies import LearnedPolicy, needed_options
-from kinreach.baselines.rollout import rollout_batch
 from kinreach.checks import check_count
 from kinreach.summary import RATE, SPREAD, Column, Trial, success_columns, summarise, tables, thousandfold
 

@@ -14,8 +14,8 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from kinreach.baselines.learning_curve import COLUMNS, read_curve
+from kinreach.baselines.loop import rollout_batch
 from kinreach.baselines.policies import LearnedPolicy, load_policy, needed_options
-from kinreach.baselines.rollout import rollout_batch
 from kinreach.checks import Floats, as_floats, check_count, check_known, check_path, shown
 from kinreach.envs.reach.task import ReachTask
 from kinreach.errors import InputError, raise_unknown

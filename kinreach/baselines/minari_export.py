@@ -14,8 +14,8 @@ from gymnasium import spaces
 
 import kinreach
 from kinreach.baselines.evaluation import Evaluation
+from kinreach.baselines.loop import rollout
 from kinreach.baselines.policies import LearnedPolicy, needed_options
-from kinreach.baselines.rollout import rollout
 from kinreach.engines import load_extra
 from kinreach.errors import InputError
 

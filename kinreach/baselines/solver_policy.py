@@ -10,7 +10,7 @@ from typing import Any
 import gymnasium as gym
 import numpy as np
 
-from kinreach.baselines.rollout import Policy
+from kinreach.baselines.loop import Policy
 from kinreach.checks import Floats, shown
 from kinreach.errors import InputError
 from kinreach.kinematics import ArmKinematics, IKResult

@@ -7,7 +7,7 @@
 
 A task is data (`Task`): an environment, goals, methods, columns and figures; a method is anything that becomes a policy
 for that environment. `register_task` and `register_method` add either from outside the package. The loop between policy
-and environment is `kinreach.baselines.rollout`.
+and environment is `kinreach.baselines.loop`.
 """
 
 from kinreach.compare.methods import policy_method, solver_method

@@ -11,8 +11,8 @@ import numpy as np
 
 from kinreach.baselines.button_controller import AnalyticButtonPolicy
 from kinreach.baselines.evaluation import HELD_OUT
+from kinreach.baselines.loop import RandomPolicy
 from kinreach.baselines.policies import load_policy
-from kinreach.baselines.rollout import RandomPolicy
 from kinreach.compare import figures
 from kinreach.compare.task import (
     CHANCE,

@@ -11,8 +11,8 @@ from typing import Any
 
 import gymnasium as gym
 
+from kinreach.baselines.loop import Policy, as_policy
 from kinreach.baselines.policies import load_policy, needed_options, trained_arm
-from kinreach.baselines.rollout import Policy, as_policy
 from kinreach.baselines.solver_policy import SolverPolicy
 from kinreach.checks import check_known, shown
 from kinreach.compare.task import POLICY, SOLVER, Method, Task, policy_version

@@ -16,8 +16,8 @@ from typing import Any, NamedTuple
 import gymnasium as gym
 import numpy as np
 
+from kinreach.baselines.loop import COMPLETED
 from kinreach.baselines.policies import load_policy
-from kinreach.baselines.rollout import COMPLETED
 from kinreach.baselines.solver_policy import SolverPolicy
 from kinreach.checks import Floats
 from kinreach.compare import figures

@@ -23,7 +23,7 @@ import numpy as np
 
 import kinreach
 from kinreach import provenance, statistics
-from kinreach.baselines.rollout import Policy, as_policy, rollout
+from kinreach.baselines.loop import Policy, as_policy, rollout
 from kinreach.checks import check_count, check_known, check_path, shown
 from kinreach.compare import figures, report
 from kinreach.compare.methods import colours, resolve_methods

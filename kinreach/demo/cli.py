@@ -12,7 +12,7 @@ import gymnasium as gym
 import numpy as np
 
 import kinreach  # registers the environments
-from kinreach.baselines.rollout import Policy, rollout
+from kinreach.baselines.loop import Policy, rollout
 from kinreach.checks import check_count, check_known, printable
 from kinreach.cli import Parser
 from kinreach.demo.drawn import Drawn

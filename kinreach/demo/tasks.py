@@ -10,8 +10,8 @@ from typing import Any
 import gymnasium as gym
 
 from kinreach.baselines.button_controller import AnalyticButtonPolicy
+from kinreach.baselines.loop import Policy, RandomPolicy, as_policy
 from kinreach.baselines.policies import LearnedPolicy, load_policy, needed_options, pretrained_names, trained_arm
-from kinreach.baselines.rollout import Policy, RandomPolicy, as_policy
 from kinreach.baselines.solver_policy import SolverPolicy
 from kinreach.compare.task import Method, get_task
 from kinreach.demo.film import FILM_FPS

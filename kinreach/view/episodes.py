@@ -12,7 +12,7 @@ import gymnasium as gym
 import numpy as np
 from numpy.typing import NDArray
 
-from kinreach.baselines.rollout import rollout
+from kinreach.baselines.loop import rollout
 from kinreach.checks import Floats
 from kinreach.demo.drawn import arm_of, put, scene_of
 from kinreach.demo.tasks import options_for
@@ -202,7 +202,7 @@ class Recording:
                 "import gymnasium as gym",
                 "",
                 "import kinreach",
-                "from kinreach.baselines.rollout import rollout",
+                "from kinreach.baselines import rollout",
                 *robots(*names),
                 "from kinreach.view.players import new_player",
                 "",

@@ -10,7 +10,7 @@ from typing import Any
 import gymnasium as gym
 from gymnasium.envs.registration import load_env_creator
 
-from kinreach.baselines.rollout import Policy, RandomPolicy, as_policy
+from kinreach.baselines.loop import Policy, RandomPolicy, as_policy
 from kinreach.compare import Method, Task, get_task, task_names
 from kinreach.compare.methods import resolve_methods
 from kinreach.compare.task import POLICY

@@ -8,8 +8,8 @@ import gymnasium as gym
 import numpy as np
 from numpy.typing import ArrayLike
 
+from kinreach.baselines.loop import rollout
 from kinreach.baselines.policies import load_policy, needed_options
-from kinreach.baselines.rollout import rollout
 from kinreach.errors import InputError
 from kinreach.kinematics import ArmKinematics, IKResult
 from kinreach.kinematics.goals import Goal

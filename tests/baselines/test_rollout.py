@@ -6,7 +6,7 @@ import pytest
 from gymnasium.vector import AutoresetMode
 
 import kinreach  # noqa: F401 (registers the environments)
-from kinreach.baselines.rollout import FunctionPolicy, RandomPolicy, rollout_batch
+from kinreach.baselines.loop import FunctionPolicy, RandomPolicy, rollout_batch
 from kinreach.registration import MOVING
 from kinreach.summary import success_columns
 

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from kinreach.baselines.rollout import RandomPolicy
+from kinreach.baselines.loop import RandomPolicy
 from kinreach.compare import compare
 from kinreach.compare.button import SPACING
 from kinreach.compare.runner import MOST_GOALS, MOST_SEED

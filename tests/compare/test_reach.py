@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 import kinreach
-from kinreach.baselines.rollout import rollout
+from kinreach.baselines.loop import rollout
 from kinreach.baselines.solver_policy import SolverPolicy
 from kinreach.compare import compare, figures
 from kinreach.compare.cli import main

@@ -81,7 +81,7 @@ def test_frames_end_where_the_arm_ends(episodes):
 def test_taking_a_frame_leaves_the_simulation_as_it_is():
     """The same episode with and without frames, to the bit."""
     asked = Recording(SINGLE, "closed-form", get_arm("ur5"), seed=5)
-    from kinreach.baselines.rollout import rollout
+    from kinreach.baselines.loop import rollout
 
     env = gym.make(SINGLE, arm=get_arm("ur5"))
     (plain,) = rollout(env, new_player("closed-form", env), [{"seed": 5}])

@@ -10,8 +10,7 @@ from stable_baselines3.common.env_util import make_vec_env
 from stable_baselines3.common.evaluation import evaluate_policy
 from stable_baselines3.common.vec_env import SubprocVecEnv
 
-from kinreach.baselines.evaluation import evaluate
-from kinreach.baselines.policies import load_policy
+from kinreach.baselines import evaluate, load_policy
 
 ID = "kinreach:kinreach/UR5SingleStepKinematic-v0"
 

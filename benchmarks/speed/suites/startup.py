@@ -25,7 +25,7 @@ PROGRAMS = (
     OURS,
     KINEMATICS,
     "import kinreach.envs",
-    "from kinreach.baselines.policies import load_policy; load_policy('single')",
+    "from kinreach.baselines import load_policy; load_policy('single')",
 )
 #: Longest starts [s], and longest decision [us].
 LONGEST = {OURS: 0.3, KINEMATICS: 0.8}

@@ -11,9 +11,9 @@ from gymnasium.utils.env_checker import check_env
 
 import kinreach  # noqa: F401 (registers the environments)
 from kinreach.baselines.evaluation import evaluate
+from kinreach.baselines.loop import rollout
 from kinreach.baselines.models import build
 from kinreach.baselines.recipes import get_recipe
-from kinreach.baselines.rollout import rollout
 from kinreach.baselines.solver_policy import SolverPolicy
 from kinreach.baselines.training import train
 from kinreach.compare import compare
