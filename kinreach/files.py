@@ -17,8 +17,8 @@ import stat
 import tempfile
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
+from io import BufferedReader
 from pathlib import Path
-from typing import BinaryIO
 
 from kinreach.errors import InputError, OutputError
 
@@ -43,7 +43,7 @@ _KINDS = {
 }
 
 
-def open_input(path: Path, what: str, *, most: int) -> BinaryIO:
+def open_input(path: Path, what: str, *, most: int) -> BufferedReader:
     """Open a file for reading that somebody else may have made.
 
     Args:

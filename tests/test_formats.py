@@ -12,7 +12,8 @@ from safetensors import safe_open
 
 from benchmarks import speed as bench
 from kinreach.baselines.evaluation import evaluate
-from kinreach.baselines.policies import FORMAT, PolicyCard, load_policy
+from kinreach.baselines.policies import load_policy
+from kinreach.baselines.policy_file import FORMAT, PolicyCard
 from kinreach.baselines.training import train
 from tests.baselines.small_runs import small
 

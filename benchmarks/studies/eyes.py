@@ -14,7 +14,8 @@ import numpy as np
 
 import kinreach  # noqa: F401 (registers the environments)
 from kinreach.baselines.evaluation import HELD_OUT
-from kinreach.baselines.policies import load_policy, needed_options, picture_names
+from kinreach.baselines.eyes import picture_names
+from kinreach.baselines.policies import load_policy, needed_options
 from kinreach.cli import Parser, finish
 from kinreach.errors import InputError
 from kinreach.files import replacing

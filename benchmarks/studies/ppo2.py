@@ -30,7 +30,7 @@ from kinreach.baselines.batch import make_batch
 from kinreach.baselines.evaluation import HELD_OUT, VALIDATION
 from kinreach.baselines.learning_curve import curve_csv
 from kinreach.baselines.loop import rollout_batch
-from kinreach.baselines.policies import save_policy
+from kinreach.baselines.policy_file import save_policy
 from kinreach.baselines.rewards import own
 from kinreach.cli import Parser, finish
 from kinreach.files import make_writable, replacing, write_text

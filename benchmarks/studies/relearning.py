@@ -29,7 +29,8 @@ from benchmarks.studies.tables import head, line
 from kinreach.baselines.adaptive_ppo import AdaptiveRate, Exploration
 from kinreach.baselines.algorithms import normal_scores
 from kinreach.baselines.networks import ACTIVATIONS, ObservationFeatures, PostureHead
-from kinreach.baselines.policies import Network, load_policy
+from kinreach.baselines.policies import load_policy
+from kinreach.baselines.policy_file import Network
 from kinreach.baselines.random_arms import ur5
 from kinreach.checks import Floats, check_count
 from kinreach.cli import Parser, finish

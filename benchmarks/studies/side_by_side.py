@@ -18,7 +18,8 @@ import torch
 from torch import Tensor
 
 from kinreach.baselines.batch import make_batch
-from kinreach.baselines.policies import LearnedPolicy, Network, PolicyCard
+from kinreach.baselines.policies import LearnedPolicy
+from kinreach.baselines.policy_file import Network, PolicyCard
 from kinreach.baselines.ppo2 import ppo2_loss
 from kinreach.baselines.rewards import TrainingReward, own
 

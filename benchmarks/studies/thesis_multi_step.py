@@ -23,7 +23,8 @@ from benchmarks.studies.tables import head, line, spread
 from kinreach.baselines.evaluation import HELD_OUT
 from kinreach.baselines.learning_curve import curve_csv
 from kinreach.baselines.logs import Trace, trace
-from kinreach.baselines.policies import LearnedPolicy, read_policy
+from kinreach.baselines.policies import LearnedPolicy
+from kinreach.baselines.policy_file import read_policy
 from kinreach.baselines.recipes import Recipe, get_recipe
 from kinreach.baselines.training import train
 from kinreach.cli import Parser, finish

@@ -36,7 +36,7 @@ from kinreach.baselines.descent import AnalyticGradient, MovingGradient, RandomA
 from kinreach.baselines.looks import Looks
 from kinreach.baselines.networks import ACTIVATIONS, LookFeatures, ObservationFeatures, PosturePolicy, actor_network
 from kinreach.baselines.off_policy import ScheduledDDPG, ScheduledSAC, ScheduledTD3
-from kinreach.baselines.policies import Network
+from kinreach.baselines.policy_file import Network
 from kinreach.baselines.ppo2 import PPO2
 from kinreach.baselines.recipes import Recipe
 from kinreach.baselines.rewards import TrainingReward

@@ -18,14 +18,8 @@ from kinreach.baselines.batch import make_batch
 from kinreach.baselines.evaluation import SPLITS, TABLE_WIDTH, evaluate, evaluation_table
 from kinreach.baselines.minari_export import check_dataset, record_episodes
 from kinreach.baselines.onnx_export import export_onnx
-from kinreach.baselines.policies import (
-    LearnedPolicy,
-    load_policy,
-    needed_options,
-    pretrained_names,
-    read_policy,
-    save_policy,
-)
+from kinreach.baselines.policies import LearnedPolicy, load_policy, needed_options, pretrained_names
+from kinreach.baselines.policy_file import read_policy, save_policy
 from kinreach.checks import check_count, check_known, check_path
 from kinreach.cli import Parser, quoted
 from kinreach.engines import load_extra

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -70,3 +70,8 @@ def _convolved(x: Array, weight: Array, stride: int) -> Array:
     windows: Array = sliding_window_view(padded, (size, size), axis=(2, 3))  # type: ignore[call-overload]
     windows = windows[:, :, ::stride, ::stride].transpose(0, 2, 3, 1, 4, 5)
     return np.moveaxis(windows.reshape(*windows.shape[:3], -1) @ weight.reshape(len(weight), -1).T, -1, 1)
+
+
+def picture_names(observation: Mapping[str, Any]) -> list[str]:
+    """Names of the colour pictures in an observation, in the order of a policy's eyes."""
+    return sorted(name for name in observation if name.endswith("_rgb"))

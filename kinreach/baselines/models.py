@@ -12,7 +12,7 @@ from stable_baselines3.common.base_class import BaseAlgorithm
 from kinreach.baselines.algorithms import ALGORITHMS, Algorithm
 from kinreach.baselines.batch import make_batch
 from kinreach.baselines.learning_curve import LearningCurve
-from kinreach.baselines.policies import Network
+from kinreach.baselines.policy_file import Network
 from kinreach.baselines.recipes import Recipe
 from kinreach.baselines.rewards import training_reward
 from kinreach.baselines.vec_envs import SB3VecEnv

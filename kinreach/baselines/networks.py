@@ -18,7 +18,7 @@ from torch import Tensor, nn
 from kinreach.baselines import sb3_zip
 from kinreach.baselines.eyes import MIDDLE, Eye
 from kinreach.baselines.looks import Looks
-from kinreach.baselines.policies import Network
+from kinreach.baselines.policy_file import Network
 from kinreach.errors import InputError
 
 #: Activations of hidden layers by the name that recipes and policy files use.

@@ -1,8 +1,8 @@
 """Actors of stable-baselines3: from the names and shapes of their tensors, and from a `model.zip` as the user has it.
 
-The zip is read without running anything in it. The weights are loaded as tensors only
-(`torch.load(weights_only=True)`), the layers follow from their names and shapes, and spaces and activation from the
-readable text of the JSON entry `data`; its pickled parts are never opened. What cannot be told from that is refused.
+Nothing in the zip is executed. stable-baselines3 loads the weights, as tensors only (`torch.load(weights_only=True)`),
+and leaves the entry `data` alone; the layers follow from the tensors' names and shapes, spaces and activation from the
+readable text in that JSON entry. Its pickled parts are never opened. What cannot be read from that is refused.
 
 Statistics of normalised observations (`VecNormalize`) are not in a `model.zip`. PPO and A2C leave a trace of them, by
 which they are refused; SAC, TD3, DDPG, DQN and TQC leave none: with those, normalise inside the environment.
@@ -10,28 +10,28 @@ which they are refused; SAC, TD3, DDPG, DQN and TQC leave none: with those, norm
 
 from __future__ import annotations
 
-import io
 import json
 import pickle
 import re
 import zipfile
 from collections.abc import Mapping
+from io import BufferedReader
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from kinreach.baselines.policies import Network, PolicyCard
+from kinreach.baselines.policy_file import Network, PolicyCard
 from kinreach.errors import InputError, InstallationError
 from kinreach.files import open_input
 
 Array = NDArray[Any]
 
-#: Largest parts of a zip that are read [bytes].
-MOST_DATA, MOST_WEIGHTS = 16 * 1024 * 1024, 64 * 1024 * 1024
-#: Largest zip, with the optimizer's state in it [bytes].
-MOST_ZIP = 512 * 1024 * 1024
+#: Largest entry `data`, and largest tensor [bytes].
+MAX_DATA, MAX_WEIGHTS = 16 * 1024 * 1024, 64 * 1024 * 1024
+#: Largest zip, with the optimizer's state in it, packed and unpacked [bytes].
+MAX_ZIP = 512 * 1024 * 1024
 #: Actors: prefix of the hidden layers, the last layer if it has a name of its own, what follows it, activation of the
 #: hidden layers unless the user chose another, and the algorithms that have such an actor.
 ACTORS = (
@@ -45,7 +45,7 @@ _ALGORITHMS = "PPO, A2C, SAC, TQC, TD3, DDPG and DQN"
 TORCH_ACTIVATIONS = {"Tanh": "tanh", "SiLU": "silu", "ReLU": "relu", "ELU": "elu", "LeakyReLU": "leaky_relu"}
 #: Modules whose policies have these actors.
 _POLICIES = re.compile(r"(stable_baselines3|sb3_contrib)\.(common|sac|td3|dqn|tqc)\.policies")
-#: Beginnings of the names of tensors that an actor may have beside its layers, or that are no part of it.
+#: Beginnings of the names of other tensors: an actor's standard deviations, critics, target networks.
 _OTHERS = (
     "log_std",
     "actor.log_std",
@@ -64,7 +64,7 @@ def actor_network(
 
     Args:
         tensors: Of the whole policy, by name.
-        activation: Of the hidden layers; what stable-baselines3 takes unless told otherwise if None.
+        activation: Of the hidden layers; stable-baselines3's default if None.
         bounds: Smallest and largest actions, shape (m,); None for discrete ones.
 
     Returns:
@@ -106,57 +106,64 @@ def read_zip(path: Path) -> tuple[PolicyCard, Network]:
         A card that says what the zip says, without an environment, and the network.
 
     Raises:
-        InputError: It is no such file, or a policy that cannot be read from it: the message says why.
-        InstallationError: torch is not installed.
+        InputError: It is not such a file, or a policy that cannot be read from it: the message says why.
+        InstallationError: stable-baselines3 is not installed.
     """
-    file = open_input(path, "the policy", most=MOST_ZIP)
+    file = open_input(path, "the policy", most=MAX_ZIP)
     try:
-        with file, zipfile.ZipFile(file) as archive:
-            data = json.loads(_member(archive, "data", MOST_DATA))
-            tensors = _tensors(_member(archive, "policy.pth", MOST_WEIGHTS))
-        if not isinstance(data, dict):
-            raise InputError("its entry data is no JSON object")
+        with file:
+            data = _data(file)
+            tensors = _tensors(file)
         return _policy(path, data, tensors)
     except InputError as error:
-        raise InputError(f"{path} is no model.zip that can be used: {error}") from None
+        raise InputError(f"{path} is not a model.zip that can be used: {error}") from None
     except OSError as error:
         raise InputError(f"cannot read the policy {path}: {error.strerror or error}") from None
     except (zipfile.BadZipFile, ValueError, RecursionError, NotImplementedError, RuntimeError, EOFError) as error:
-        raise InputError(f"{path} is no model.zip of stable-baselines3: {type(error).__name__}") from None
+        raise InputError(f"{path} is not a model.zip of stable-baselines3: {type(error).__name__}") from None
 
 
-def _member(archive: zipfile.ZipFile, name: str, most: int) -> bytes:
-    """A part of a zip, if it is not larger than that."""
-    try:
-        with archive.open(name) as file:
-            content = file.read(most + 1)
-    except KeyError:
-        raise InputError(f"it has no entry {name}") from None
-    if len(content) > most:
-        raise InputError(f"its entry {name} is larger than {most >> 20} MiB")
-    return content
+def _data(file: BufferedReader) -> dict[str, Any]:
+    """The entry `data`, once it is known that nothing in the zip unpacks to more than is read."""
+    with zipfile.ZipFile(file) as archive:
+        entries = {entry.filename: entry for entry in archive.infolist()}
+        for name in ("data", "policy.pth"):
+            if name not in entries:
+                raise InputError(f"it has no entry {name}")
+        if sum(entry.file_size for entry in archive.infolist()) > MAX_ZIP:
+            raise InputError(f"its entries are larger than {MAX_ZIP >> 20} MiB")
+        if entries["data"].file_size > MAX_DATA:
+            raise InputError(f"its entry data is larger than {MAX_DATA >> 20} MiB")
+        for name in entries:
+            if name.endswith(".pth"):
+                with archive.open(name) as part, zipfile.ZipFile(part) as tensors:
+                    if any(entry.compress_type != zipfile.ZIP_STORED for entry in tensors.infolist()):
+                        raise InputError("its weights are compressed, which torch's are not")
+        data = json.loads(archive.read("data"))
+    if not isinstance(data, dict):
+        raise InputError("its entry data is not a JSON object")
+    return data
 
 
-def _tensors(content: bytes) -> dict[str, Array]:
-    """Tensors of a state dict, by name."""
+def _tensors(file: BufferedReader) -> dict[str, Array]:
+    """Tensors of the policy by name, loaded without the pickled parts of `data`."""
     try:
         import torch
-    except ImportError:
-        raise InstallationError("a model.zip needs torch to be read: pip install 'kinreach[train]'") from None
-    with zipfile.ZipFile(io.BytesIO(content)) as archive:
-        if any(entry.compress_type != zipfile.ZIP_STORED for entry in archive.infolist()):
-            raise InputError("its weights are compressed, which torch's are not")
+        from stable_baselines3.common.save_util import load_from_zip_file
+    except ImportError as error:
+        raise InstallationError(f"a model.zip needs {error.name} to be read: pip install 'kinreach[train]'") from None
     try:
-        state = torch.load(io.BytesIO(content), weights_only=True, map_location="cpu")
-    except Exception as error:  # whatever torch's reader runs into in a file that is none
+        _, states, _ = load_from_zip_file(file, load_data=False, device="cpu")
+    except Exception as error:  # whatever torch raises on a damaged file
         refused = isinstance(error, pickle.UnpicklingError)
         raise InputError(f"its weights {'hold more than tensors' if refused else 'are damaged'}") from None
+    state: Any = states["policy"]
     if not isinstance(state, dict) or not all(isinstance(value, torch.Tensor) for value in state.values()):
-        raise InputError("its weights are no state dict")
+        raise InputError("its weights are not a state dict")
     found = {}
     for name, value in state.items():
         dense = value.layout == torch.strided and value.dtype in (torch.float32, torch.float64)
-        if not dense or value.numel() * value.element_size() > MOST_WEIGHTS or not torch.isfinite(value).all():
+        if not dense or value.numel() * value.element_size() > MAX_WEIGHTS or not torch.isfinite(value).all():
             raise InputError(f"{name} must be finite floating-point numbers")
         found[str(name)] = value.detach().contiguous().numpy()
     return found
@@ -196,7 +203,7 @@ def _policy(path: Path, data: dict[str, Any], tensors: dict[str, Array]) -> tupl
 
 
 def _options(data: dict[str, Any]) -> str | None:
-    """The activation that the user chose, None if none; refuses whatever else changes what the network says."""
+    """The activation that the user chose, None if none; refuse other options that change the network's output."""
     module = _part(data, "policy_class").get("__module__")
     if not (isinstance(module, str) and _POLICIES.fullmatch(module)):
         raise InputError(f"its policy is of {module}; only MlpPolicy of {_ALGORITHMS} can be read")

@@ -34,7 +34,8 @@ from kinreach import provenance
 from kinreach.baselines.evaluation import HELD_OUT
 from kinreach.baselines.learning_curve import COLUMNS, TRACE_COLUMNS, LearningCurve, curve_csv
 from kinreach.baselines.models import Trainee, build
-from kinreach.baselines.policies import LearnedPolicy, PolicyCard, load_policy, save_policy
+from kinreach.baselines.policies import LearnedPolicy, load_policy
+from kinreach.baselines.policy_file import PolicyCard, save_policy
 from kinreach.baselines.recipes import Recipe
 from kinreach.checks import MOST_THREADS, check_count, check_path, shown
 from kinreach.errors import InputError, OutputError, TrainingError

@@ -20,7 +20,8 @@ from numpy.typing import NDArray
 
 from kinreach.baselines import random_arms as arms
 from kinreach.baselines.expert import tool_down_postures
-from kinreach.baselines.policies import LearnedPolicy, Network, load_policy
+from kinreach.baselines.policies import LearnedPolicy, load_policy
+from kinreach.baselines.policy_file import Network
 from kinreach.baselines.random_arms import on_table, ur5
 from kinreach.checks import Floats
 from kinreach.compare.figures import colours_in, origin

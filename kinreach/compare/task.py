@@ -14,7 +14,7 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from kinreach import provenance
-from kinreach.baselines.sb3_zip import MOST_ZIP
+from kinreach.baselines.sb3_zip import MAX_ZIP
 from kinreach.checks import Floats, check_known, shown
 from kinreach.errors import InputError
 from kinreach.files import read_bytes
@@ -215,7 +215,7 @@ def policy_version(policy: str) -> dict[str, str]:
         policy: Name of one that comes with the package, or path of a file.
     """
     shipped = resources.files("kinreach.baselines") / "pretrained" / f"{policy}.safetensors"
-    content = shipped.read_bytes() if shipped.is_file() else read_bytes(Path(policy), "the policy", most=MOST_ZIP)
+    content = shipped.read_bytes() if shipped.is_file() else read_bytes(Path(policy), "the policy", most=MAX_ZIP)
     return {f"policy {policy}": provenance.digest(content)}
 
 

@@ -12,7 +12,7 @@ import pytest
 from kinreach import provenance
 from kinreach.baselines import evaluate_cli, train_cli
 from kinreach.baselines.evaluation import HELD_OUT, VALIDATION, evaluate
-from kinreach.baselines.policies import read_policy, save_policy
+from kinreach.baselines.policy_file import read_policy, save_policy
 from kinreach.cli import main
 from tests.baselines.small_runs import interrupted, small
 

@@ -8,14 +8,8 @@ import pytest
 
 from kinreach.baselines.batch import make_batch
 from kinreach.baselines.onnx_export import export_onnx
-from kinreach.baselines.policies import (
-    ACTIVATIONS,
-    LearnedPolicy,
-    Network,
-    load_policy,
-    needed_options,
-    pretrained_names,
-)
+from kinreach.baselines.policies import LearnedPolicy, load_policy, needed_options, pretrained_names
+from kinreach.baselines.policy_file import ACTIVATIONS, Network
 from kinreach.cli import main
 from kinreach.errors import InputError
 

@@ -16,7 +16,8 @@ from kinreach.baselines.batch import make_batch
 from kinreach.baselines.evaluation import VALIDATION, evaluate
 from kinreach.baselines.looks import Looks
 from kinreach.baselines.networks import TorchEye
-from kinreach.baselines.policies import load_policy, read_policy, save_policy
+from kinreach.baselines.policies import load_policy
+from kinreach.baselines.policy_file import read_policy, save_policy
 from kinreach.baselines.recipes import get_recipe
 from kinreach.baselines.training import train
 from kinreach.envs.reach.task import SINGLE_STEP, ReachOptions, ReachTask

@@ -12,18 +12,8 @@ import pytest
 from gymnasium import spaces
 from safetensors.numpy import save_file
 
-from kinreach.baselines.policies import (
-    ACTIVATIONS,
-    OUTPUTS,
-    LearnedPolicy,
-    Network,
-    PolicyCard,
-    load_policy,
-    needed_options,
-    pretrained_names,
-    read_policy,
-    save_policy,
-)
+from kinreach.baselines.policies import LearnedPolicy, load_policy, needed_options, pretrained_names
+from kinreach.baselines.policy_file import ACTIVATIONS, OUTPUTS, Network, PolicyCard, read_policy, save_policy
 from kinreach.envs.reach import ReachEnv
 from kinreach.errors import InputError, OutputError, UnknownNameError
 from kinreach.registration import MULTI, MULTI_KINEMATIC, SINGLE, SPACE

@@ -1,5 +1,6 @@
 """A `model.zip` of stable-baselines3 answers as stable-baselines3 does, and nothing in it is executed."""
 
+import base64
 import io
 import json
 import os
@@ -9,6 +10,7 @@ import zipfile
 import numpy as np
 import pytest
 
+from kinreach.baselines import sb3_zip
 from kinreach.baselines.policies import load_policy
 from kinreach.errors import InputError
 
@@ -111,7 +113,7 @@ def changed(saved, path, **entries):
     """The zip with other entries; None leaves one out."""
     with zipfile.ZipFile(saved) as old, zipfile.ZipFile(path, "w") as new:
         for name in old.namelist():
-            content = entries.get(name.partition(".")[0], old.read(name))
+            content = entries.get(name.removesuffix(".pth"), old.read(name))
             if content is not None:
                 new.writestr(name, content)
     return path
@@ -147,6 +149,8 @@ def test_hostile_and_damaged_files_are_refused_and_nothing_runs(saved, tmp_path)
         {"policy": pickle.dumps(Bomb(mark))},
         {"policy": packed(Bomb(mark))},
         {"policy": packed({"action_net.weight": Bomb(mark)})},
+        {"policy.optimizer": packed(Bomb(mark))},
+        {"policy.optimizer": compressed.getvalue()},
         {"policy": packed([1, 2])},
         {"policy": packed({})},
         {"policy": packed({**tensors, "action_net.weight": huge})},
@@ -164,10 +168,23 @@ def test_hostile_and_damaged_files_are_refused_and_nothing_runs(saved, tmp_path)
         path.write_bytes(whole[:cut])
         with pytest.raises(InputError, match=r"model\.zip"):
             load_policy(path)
-    for text in ("policy_class", "observation_space"):  # pickled parts are not even looked at
-        data[text][":serialized:"] = "not base64"
-    load_policy(changed(saved, path, data=json.dumps(data)))
+    for pickled in ("not base64", base64.b64encode(pickle.dumps(Bomb(mark))).decode()):  # parts that are never opened
+        for text in ("policy_class", "observation_space", "action_space", "lr_schedule"):
+            data[text][":serialized:"] = pickled
+        load_policy(changed(saved, path, data=json.dumps(data)))
     assert not mark.exists()
+
+
+def test_what_unpacks_to_more_than_is_read_is_refused(saved, tmp_path, monkeypatch):
+    with zipfile.ZipFile(saved) as old, zipfile.ZipFile(tmp_path / "model.zip", "w", zipfile.ZIP_DEFLATED) as new:
+        for name in old.namelist():
+            new.writestr(name, old.read(name))
+        new.writestr("more", bytes(1 << 20))
+    load_policy(tmp_path / "model.zip")
+    monkeypatch.setattr(sb3_zip, "MAX_ZIP", 1 << 20)
+    assert (tmp_path / "model.zip").stat().st_size < 1 << 20
+    with pytest.raises(InputError, match="its entries are larger than 1 MiB"):
+        load_policy(tmp_path / "model.zip")
 
 
 def test_flipped_bits_are_refused_or_change_numbers_only(saved, tmp_path):

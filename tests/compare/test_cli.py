@@ -11,7 +11,8 @@ import time
 import pytest
 
 from kinreach import cli
-from kinreach.baselines.policies import load_policy, save_policy
+from kinreach.baselines.policies import load_policy
+from kinreach.baselines.policy_file import save_policy
 from kinreach.compare import runner
 from kinreach.compare.runner import RECORDS
 

@@ -201,7 +201,7 @@ def test_a_policy_of_another_arm_is_refused(tmp_path):
     from dataclasses import replace
     from importlib.resources import files
 
-    from kinreach.baselines.policies import read_policy, save_policy
+    from kinreach.baselines.policy_file import read_policy, save_policy
 
     card, network = read_policy(files("kinreach.baselines") / "pretrained" / "single.safetensors")
     recipe = {**card.recipe, "options": {"backend": "kinematic", "arm": "ur3"}}

@@ -4,7 +4,8 @@ import subprocess
 
 import pytest
 
-from kinreach.baselines.policies import load_policy, save_policy
+from kinreach.baselines.policies import load_policy
+from kinreach.baselines.policy_file import save_policy
 from kinreach.checks import printable
 from kinreach.cli import main, quoted
 

@@ -22,7 +22,7 @@ from pathlib import Path
 
 from kinreach.baselines.training import save_checkpoint
 from kinreach.baselines.models import build
-from kinreach.baselines.policies import read_policy, save_policy
+from kinreach.baselines.policy_file import read_policy, save_policy
 from kinreach.baselines.recipes import get_recipe
 from kinreach.compare.runner import Records, prepare
 from kinreach.errors import OutputError

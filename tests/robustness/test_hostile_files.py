@@ -12,7 +12,8 @@ import numpy as np
 import pytest
 from hypothesis import strategies as st
 
-from kinreach.baselines.policies import LearnedPolicy, load_policy, read_policy, save_policy
+from kinreach.baselines.policies import LearnedPolicy, load_policy
+from kinreach.baselines.policy_file import read_policy, save_policy
 from kinreach.cli import main
 from kinreach.compare.runner import Records, prepare
 from kinreach.errors import InputError, KinreachError
@@ -250,7 +251,7 @@ def test_files_that_promise_too_much_take_neither_memory_nor_time(tmp_path, whol
         file.truncate(2**40)
     code = (
         "import resource, sys\n"
-        "from kinreach.baselines.policies import load_policy\n"
+        "from kinreach.baselines import load_policy\n"
         "from kinreach.errors import KinreachError\n"
         "used = int(open('/proc/self/statm').read().split()[0]) * 4096\n"
         "resource.setrlimit(resource.RLIMIT_AS, (used + 3 * 2**29, used + 3 * 2**29))\n"

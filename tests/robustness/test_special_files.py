@@ -12,7 +12,8 @@ import pytest
 from kinreach import files
 from kinreach.baselines.learning_curve import read_curve
 from kinreach.baselines.logs import load_logs
-from kinreach.baselines.policies import load_policy, read_policy
+from kinreach.baselines.policies import load_policy
+from kinreach.baselines.policy_file import read_policy
 from kinreach.cli import main
 from kinreach.compare import compare
 from kinreach.compare.task import policy_version
@@ -175,9 +176,9 @@ def test_the_bound_is_in_the_message(tmp_path):
 
 
 #: Modules that open files otherwise, and how often: what the package or Python itself put there, what was just written,
-#: and what `open_input` has checked before (`policies.py`, `sb3_zip.py`). In `view` it is a method of that name.
+#: and what `open_input` has checked before (`policy_file.py`, `sb3_zip.py`). In `view` it is a method of that name.
 OPENING = {
-    "files.py": 5, "cli.py": 1, "provenance.py": 2, "baselines/policies.py": 1, "baselines/seeds.py": 1,
+    "files.py": 5, "cli.py": 1, "provenance.py": 2, "baselines/policy_file.py": 1, "baselines/seeds.py": 1,
     "baselines/sb3_zip.py": 4, "compare/report.py": 4, "compare/task.py": 1, "compare/runner.py": 1,
     "compare/methods.py": 1, "demo/film.py": 1, "view/cli.py": 1, "view/real_arm_panel.py": 3,
     "view/results_panel.py": 3,

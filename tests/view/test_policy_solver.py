@@ -5,7 +5,8 @@ from dataclasses import replace
 import gymnasium as gym
 import numpy as np
 
-from kinreach.baselines.policies import load_policy, save_policy
+from kinreach.baselines.policies import load_policy
+from kinreach.baselines.policy_file import save_policy
 from kinreach.kinematics import AxisGoal, UR5Kinematics
 from kinreach.registration import SINGLE
 from kinreach.view.policy_solver import PolicySolver

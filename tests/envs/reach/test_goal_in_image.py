@@ -8,7 +8,8 @@ import mujoco
 import numpy as np
 import pytest
 
-from kinreach.baselines.policies import LearnedPolicy, load_policy, needed_options, save_policy
+from kinreach.baselines.policies import LearnedPolicy, load_policy, needed_options
+from kinreach.baselines.policy_file import save_policy
 from kinreach.compare.methods import resolve_methods
 from kinreach.compare.reach import UR5_TASK
 from kinreach.envs.reach.task import CAMERA_RANGE
