@@ -1,25 +1,15 @@
-"""Intervals against hand-worked values and scipy, and that they cover what they promise to cover."""
+"""Intervals against hand-worked values, and that they cover what they promise to cover."""
 
 import numpy as np
 import pytest
-from scipy import stats
 
 from kinreach.errors import InputError
-from kinreach.statistics import bootstrap_intervals, mean, median, p95, trainings_interval, wilson_interval
+from kinreach.statistics import bootstrap_intervals, mean, median, p95, wilson_interval
 
 
 def test_wilson_by_hand() -> None:
     # k = 8 of n = 10, z = 1.96: centre (0.8 + 0.19207) / 1.38415 = 0.71674, half width 0.22660.
     assert wilson_interval(8, 10) == pytest.approx((0.4901625, 0.9433178), abs=1e-6)
-
-
-@pytest.mark.parametrize(("successes", "total"), [(0, 1), (1, 1), (0, 200), (200, 200), (3, 7), (199, 200), (50, 1000)])
-@pytest.mark.parametrize("confidence", [0.9, 0.95, 0.99])
-def test_wilson_agrees_with_scipy(successes: int, total: int, confidence: float) -> None:
-    oracle = stats.binomtest(successes, total).proportion_ci(confidence_level=confidence, method="wilson")
-    assert wilson_interval(successes, total, confidence=confidence) == pytest.approx(
-        (oracle.low, oracle.high), abs=1e-9
-    )
 
 
 def test_wilson_ends_exactly_at_the_ends() -> None:
@@ -29,27 +19,19 @@ def test_wilson_ends_exactly_at_the_ends() -> None:
 
 @pytest.mark.parametrize(("successes", "total"), [(0, 0), (-1, 5), (6, 5), (1, -1)])
 def test_wilson_refuses_what_is_no_rate(successes: int, total: int) -> None:
-    with pytest.raises(InputError, match=f"{successes} of {total}"):
+    with pytest.raises(InputError, match="must be at"):
         wilson_interval(successes, total)
 
 
-@pytest.mark.parametrize(("successes", "total"), [(1, 10**400), (10**400, 10**400), (10**400, 5)])
-def test_wilson_refuses_more_than_anybody_counts(successes: int, total: int) -> None:
-    with pytest.raises(InputError, match="must be at most"):
-        wilson_interval(successes, total)
-
-
-def test_bootstrap_agrees_with_scipy() -> None:
+def test_rows_are_drawn_together() -> None:
     values = np.random.default_rng(5).lognormal(size=200)
-    ours = bootstrap_intervals(values, (median, mean, p95))
-    for interval, statistic in zip(
-        ours, (np.median, np.mean, lambda v, axis: np.percentile(v, 95, axis=axis)), strict=True
-    ):
-        oracle = stats.bootstrap(
-            (values,), statistic, n_resamples=20_000, method="percentile", rng=1
-        ).confidence_interval
-        width = oracle.high - oracle.low
-        assert interval == pytest.approx((oracle.low, oracle.high), abs=0.12 * width)
+    one = np.array(bootstrap_intervals(values, (median, p95)))
+    np.testing.assert_allclose(bootstrap_intervals([values, values], (median, p95)), one, rtol=1e-12)
+    np.testing.assert_allclose(bootstrap_intervals([values, -values], (mean,)), [(0.0, 0.0)], atol=1e-12)
+
+
+def test_bootstrap_of_one_value_is_that_value() -> None:
+    assert bootstrap_intervals([2.5], (median, mean)) == [(2.5, 2.5)] * 2
 
 
 def test_bootstrap_of_equal_values_has_no_width() -> None:
@@ -80,7 +62,7 @@ def test_bootstrap_covers_the_true_mean_about_as_often_as_promised() -> None:
     assert 0.90 <= covered / 300 <= 0.98
 
 
-@pytest.mark.parametrize("values", [[], [1.0, np.nan], [np.inf], [[1.0, 2.0]]])
+@pytest.mark.parametrize("values", [[], [1.0, np.nan], [np.inf], [[[1.0]]], ["a"]])
 def test_bootstrap_refuses_what_it_cannot_resample(values: list[float]) -> None:
     with pytest.raises(InputError, match="bootstrap"):
         bootstrap_intervals(values, (mean,))
@@ -89,25 +71,3 @@ def test_bootstrap_refuses_what_it_cannot_resample(values: list[float]) -> None:
 def test_reducers() -> None:
     values = np.arange(101.0)
     assert (median(values), mean(values), p95(values)) == (50.0, 50.0, 95.0)
-
-
-RATE = ("wilson", lambda **options: wilson_interval(3, 10, **options))
-BOOTSTRAP = ("bootstrap", lambda **options: bootstrap_intervals(np.arange(10.0), (median,), **options))
-TRAININGS = ("trainings", lambda **options: trainings_interval(np.arange(10.0).reshape(2, 5), **options))
-SHARES = ("shares", lambda **options: trainings_interval(np.eye(2, 5, dtype=bool), **options))
-CONFIDENCES = [{"confidence": value} for value in (float("nan"), 0.0, 1.0, 1.5, -1, "x", None, True)]
-COUNTS = [{"resamples": value} for value in (0, -3, 1.5, "a", 10**9)] + [{"seed": value} for value in (-1, "a", 1.5)]
-BOUNDS = [{"least": 5.0, "most": 3.0}, {"least": float("nan")}, {"most": float("nan")}, {"most": "a"}, {"least": None}]
-
-
-@pytest.mark.parametrize(
-    ("interval", "options"),
-    [(each, options) for each in (RATE, BOOTSTRAP, TRAININGS, SHARES) for options in CONFIDENCES]
-    + [(each, options) for each in (BOOTSTRAP, TRAININGS, SHARES) for options in COUNTS]
-    + [(each, options) for each in (TRAININGS, SHARES) for options in BOUNDS],
-    ids=lambda given: given[0] if isinstance(given, tuple) else str(given),
-)
-def test_options_that_cannot_be_are_refused(interval, options) -> None:
-    with pytest.raises(InputError, match=next(iter(options))):
-        interval[1](**options)
-    interval[1]()

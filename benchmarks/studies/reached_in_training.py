@@ -14,10 +14,10 @@ import numpy as np
 
 from benchmarks.studies.tables import head, line
 from benchmarks.studies.thesis_curves import reached
+from benchmarks.studies.trainings import trainings_interval
 from kinreach.baselines.logs import load_logs
 from kinreach.baselines.recipes import RECIPES
 from kinreach.cli import Parser, finish
-from kinreach.statistics import trainings_interval
 
 PROG = "python -m benchmarks.studies.reached_in_training"
 

@@ -20,12 +20,13 @@ from typing import Any
 import numpy as np
 
 from benchmarks.studies.tables import head, line
+from benchmarks.studies.trainings import trainings_interval
 from kinreach.baselines.evaluation import evaluate
 from kinreach.baselines.learning_curve import read_curve
 from kinreach.baselines.logs import EPISODE, Log, load_logs, logged_policies
 from kinreach.baselines.policies import LearnedPolicy
 from kinreach.cli import Parser, finish
-from kinreach.statistics import Statistic, mean, median, trainings_interval
+from kinreach.statistics import Statistic, mean, median
 from kinreach.thesis.reward import IMPOSSIBLE_REWARD
 
 PROG = "python -m benchmarks.studies.thesis_curves"

@@ -10,17 +10,83 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from numpy.typing import ArrayLike
+from scipy.special import stdtrit
 
 from benchmarks.studies.tables import head, line
 from kinreach.baselines.evaluation import Evaluation, evaluate
 from kinreach.baselines.policies import load_policy
 from kinreach.errors import InputError
-from kinreach.statistics import Statistic, mean, trainings_interval
+from kinreach.statistics import CONFIDENCE, Interval, Statistic, bootstrap_intervals, mean, wilson_interval
 
 POLICY = "policy.safetensors"
 RESAMPLES = 500
 #: Under a table in which an interval has one training to go by.
 ONE_SEED = "One seed: the interval is that of the goals, and says nothing about other trainings."
+
+
+def trainings_interval(
+    values: ArrayLike,
+    statistic: Statistic = mean,
+    *,
+    least: float = -math.inf,
+    most: float = math.inf,
+    resamples: int = 2000,
+    seed: int = 0,
+    confidence: float = CONFIDENCE,
+) -> Interval:
+    r"""What a recipe achieves, from several trainings of it (seeds) that were evaluated on the same goals.
+
+    The estimate is the mean over the trainings of each one's statistic, $m$. Its interval has two parts. Chance in
+    training: Student's $m \pm t_{n - 1} s / \sqrt n$ over the n trainings, for the training is what was repeated
+    independently, not the episode (Henderson et al. 2018, arXiv:1709.06560; Colas, Sigaud and Oudeyer 2018,
+    arXiv:1806.08295; Agarwal et al. 2021, arXiv:2108.13264). Chance in the goals, which all trainings share: Wilson's
+    interval of the mean share among the goals of one training where values are truth values, otherwise the percentile
+    bootstrap that draws goals, with what all trainings did on each. Distances of the bounds from m add up by their
+    squares, on each side by itself (Zou and Donner 2008, Stat. Med. 27), so neither part is wider than the result.
+
+    One training gives the second part only, and says nothing about other trainings. Equal trainings have no spread:
+    five of them that all succeed do not exclude that one in ten fails. Where one training in five fails altogether, a
+    third of all groups of five have none that does, and the interval holds the true mean in 67 % of the groups, not in
+    95 %: give the results of the single trainings beside it.
+
+    Args:
+        values: What each training did on each goal, shape (trainings, goals), finite; the mean
+            of truth values is a share.
+        statistic: Of the values of a training.
+        least: No value can be less; the interval ends there. Of shares 0.
+        most: No value can be more. Of shares 1.
+        resamples: Of the bootstrap.
+        seed: Of the bootstrap.
+        confidence: Share of experiments whose interval holds the true value.
+
+    Returns:
+        Low and high bound of the mean over all possible trainings, on all possible goals.
+
+    Raises:
+        InputError: `values` are empty, not two-dimensional, or not finite.
+    """
+    sample = np.asarray(values, dtype=np.float64)
+    if sample.ndim != 2 or not sample.size or not np.isfinite(sample).all():
+        raise InputError(f"values must be a row of finite numbers for each training, got shape {sample.shape}")
+    shares = statistic is mean and np.asarray(values).dtype == np.bool_
+    least, most = (max(least, 0.0), min(most, 1.0)) if shares else (least, most)
+    each = np.asarray(statistic(sample, axis=1), dtype=np.float64)
+    trainings, goals = sample.shape
+    middle = float(each.mean())
+    if shares:
+        mean_successes = sample.sum() / trainings  # no integer, so the bounds are those of its neighbours
+        low = wilson_interval(math.floor(mean_successes), goals, confidence=confidence)[0]
+        high = wilson_interval(math.ceil(mean_successes), goals, confidence=confidence)[1]
+    else:
+        ((low, high),) = bootstrap_intervals(
+            sample, (statistic,), resamples=resamples, seed=seed, confidence=confidence
+        )
+    spread = 0.0
+    if trainings > 1:
+        spread = stdtrit(trainings - 1, 0.5 + confidence / 2) * float(each.std(ddof=1)) / math.sqrt(trainings)
+    below, above = math.hypot(spread, max(0.0, middle - low)), math.hypot(spread, max(0.0, high - middle))
+    return max(least, middle - below), min(most, middle + above)
 
 
 def finished(runs: Path, recipes: Iterable[str]) -> dict[str, list[Path]]:

@@ -10,11 +10,10 @@ import numpy as np
 import pytest
 
 from benchmarks.studies import button_actuation, button_failures, button_policies, loitering, trained
-from benchmarks.studies.trainings import ONE_SEED, Trainings, finished, with_interval
+from benchmarks.studies.trainings import ONE_SEED, Trainings, finished, trainings_interval, with_interval
 from kinreach.baselines.evaluation import Evaluation
 from kinreach.envs.button import ACTUATIONS
 from kinreach.errors import InputError
-from kinreach.statistics import trainings_interval
 
 PRETRAINED = resources.files("kinreach.baselines") / "pretrained"
 

@@ -9,8 +9,9 @@ from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 from scipy import stats
 
+from benchmarks.studies.trainings import trainings_interval
 from kinreach.errors import InputError
-from kinreach.statistics import bootstrap_intervals, mean, median, p95, trainings_interval, wilson_interval
+from kinreach.statistics import bootstrap_intervals, mean, median, p95, wilson_interval
 
 CASES = 400
 #: Of the share of intervals that hold the truth, 95 % by right: three of its standard deviations in that many cases.
@@ -118,7 +119,7 @@ def test_where_one_training_in_five_fails_it_holds_as_often_as_the_docs_say(root
     for failures in range(6):
         low, high = trainings_interval(np.repeat(np.arange(5) >= failures, 1000).reshape(5, 1000))
         held += comb(5, failures) * 0.2**failures * 0.8 ** (5 - failures) * (low <= 0.8 <= high)
-    for page in ("docs/numbers.md", "docs/training.md", "docs/button.md", "kinreach/statistics.py"):
+    for page in ("docs/numbers.md", "docs/training.md", "docs/button.md", "benchmarks/studies/trainings.py"):
         assert f"{100 * held:.0f} %" in (root / page).read_text(encoding="utf-8"), page
 
 
@@ -133,18 +134,10 @@ def test_the_order_of_trainings_and_of_goals_does_not_matter():
     assert trainings_interval(values[::-1, ::-1]) == pytest.approx(trainings_interval(values), abs=1e-12)
 
 
-@pytest.mark.parametrize(
-    "values",
-    [[], [[]], [1.0, 2.0], [[1.0, np.nan]], [[np.inf], [1.0]], [[1.0, 2.0], [1.0]], [["a"]], None, [[1e200]]],
-)
-def test_what_is_no_set_of_trainings_is_refused(values):
-    with pytest.raises(InputError, match="the interval of trainings"):
+@pytest.mark.parametrize("values", [[], [[]], [1.0, 2.0], [[1.0, np.nan]], [[np.inf], [1.0]]])
+def test_what_is_not_a_table_of_trainings_is_refused(values):
+    with pytest.raises(InputError, match="a row of finite numbers for each training"):
         trainings_interval(values)
-
-
-def test_values_outside_the_possible_range_are_refused():
-    with pytest.raises(InputError, match="from 0 to 1, got 0 to 2"):
-        trainings_interval([[0.0, 2.0]], least=0, most=1)
 
 
 @settings(max_examples=100, deadline=None, derandomize=True)
