@@ -29,7 +29,8 @@ from kinreach.baselines.policies import LearnedPolicy, load_policy
 from kinreach.baselines.random_arms import on_table, ur5
 from kinreach.checks import Floats, check_count
 from kinreach.cli import Parser, finish
-from kinreach.compare.real_arm import LEARNED_POLICY, Trained, Tuned
+from kinreach.compare.methods.tuned_policies import Trained, Tuned
+from kinreach.compare.real_arm import LEARNED_POLICY
 from kinreach.envs.reach.task import TOOL_DOWN
 from kinreach.envs.real_arm import MEDIAN_LENGTH, NOISE
 from kinreach.jobs import add_options

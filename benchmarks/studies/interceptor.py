@@ -25,7 +25,7 @@ from kinreach.baselines.loop import Policy, as_policy, rollout
 from kinreach.checks import Floats, check_count
 from kinreach.cli import Parser, finish
 from kinreach.compare import get_task
-from kinreach.compare.moving import Interception
+from kinreach.compare.methods.interception import Interception
 from kinreach.envs import moving as ball
 from kinreach.envs.moving import moved
 from kinreach.kinematics import CollisionChecker

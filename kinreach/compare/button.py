@@ -13,7 +13,7 @@ from kinreach.baselines.button_controller import AnalyticButtonPolicy
 from kinreach.baselines.evaluation import HELD_OUT
 from kinreach.baselines.loop import RandomPolicy
 from kinreach.baselines.policies import load_policy
-from kinreach.compare import figures
+from kinreach.compare import curves, figures
 from kinreach.compare.task import (
     CHANCE,
     CONTROLLER,
@@ -106,7 +106,7 @@ BUTTON_TASK = Task(
         Column("decision_ms", decision_ms, QUANTILES, "decision ms\nmedian / p95", "quantiles"),
     ),
     figures={
-        "pressed": figures.draw_pressed,
+        "pressed": curves.draw_pressed,
         "episodes": figures.draw_strip_grid(
             "How episodes end, and what they take",
             {

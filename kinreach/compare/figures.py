@@ -13,12 +13,11 @@ from typing import Any
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
-from matplotlib.patheffects import withStroke
 from matplotlib.ticker import FuncFormatter, NullFormatter
 
 from kinreach.compare.task import Draw
 from kinreach.files import replacing
-from kinreach.plots.style import FAINT, INK, PALETTE, key, label_ends, name_label, new_figure, plain, verbatim
+from kinreach.plots.style import FAINT, INK, PALETTE, key, name_label, new_figure, plain, verbatim
 from kinreach.statistics import median, p95
 from kinreach.summary import Trial, number
 
@@ -104,41 +103,6 @@ def draw_times(trials: Sequence[Trial], results: Mapping[str, Any]) -> Figure:
     return figure
 
 
-def draw_success(trials: Sequence[Trial], results: Mapping[str, Any]) -> Figure:
-    """Share of goals within any tolerance, a line per method; dots with 95 % intervals where the table reports it."""
-    figure, (axes,) = new_figure(
-        "Share of goals reached within a tolerance", size=(7.6, 4.6), note=origin(results), grid="both"
-    )
-    methods = results["methods"]
-    near = by_method(trials, results, lambda t: None if t["impossible"] else max(1e3 * t["distance"], 1e-6))
-    tolerances = np.array([float(mm) for mm in methods[0]["success_at_mm"]])
-    low = min([tolerances.min(), *(np.percentile(found, 2) for found in near.values() if found.size)])
-    low, high = 10 ** np.floor(np.log10(low)), 1.3 * tolerances.max()
-    for rank, (method, colour) in enumerate(zip(methods, colours_in(results), strict=True)):
-        found = np.sort(near[method["name"]])
-        shares = 100 * np.arange(1, found.size + 1) / method["goals"]
-        last = shares[-1] if found.size else 0.0
-        axes.step([low, *found, high], [0.0, *shares, last], where="post", color=colour, lw=1.6)
-        at = 100 * np.array([*method["success_at_mm"].values()])
-        bounds = 100 * np.array([*method["success_at_mm_ci"].values()])
-        error = np.maximum([at - bounds[:, 0], bounds[:, 1] - at], 0.0)
-        axes.errorbar(tolerances, at, error, color=colour, ls="", marker="o", ms=3.5, elinewidth=1, zorder=3)
-        wanted = 92 - 84 * (rank + 0.5) / len(methods)  # each name at another height, beside its own line
-        seen = found[found <= high]
-        index = min(int(np.searchsorted(shares, wanted)), max(seen.size - 1, 0))
-        place = (seen[index], shares[index]) if seen.size else (tolerances.max() / 3, 2.0)
-        axes.annotate(
-            name_label(method["name"]), place, xytext=(5, 0), textcoords="offset points", color=colour, weight="bold",
-            fontsize=8.5, va="center", path_effects=[withStroke(linewidth=3, foreground="white")], zorder=4,
-        )  # fmt: skip
-    axes.set(xscale="log", xlim=(low, high), ylim=(-3, 103), xlabel="tolerance [mm]")
-    axes.xaxis.set_major_formatter(FuncFormatter(plain))
-    axes.xaxis.set_minor_formatter(NullFormatter())
-    axes.yaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:.0f} %"))
-    key(axes, "line: all goals, sorted by distance · dot: reported, with its 95 % interval")
-    return figure
-
-
 def draw_budget(parts: Sequence[str], meaning: str) -> Draw:
     """A bar of 100 % per method, with millimetres beside it: what its mean distance consists of.
 
@@ -197,30 +161,6 @@ def _budget_bar(
         fontsize=8.5, color=INK, annotation_clip=False,
     )  # fmt: skip
     return ends[True], ends[False]
-
-
-def draw_pressed(trials: Sequence[Trial], results: Mapping[str, Any]) -> Figure:
-    """Share of goals reached so far against the steps of the episode, a line per method, in the end with interval."""
-    figure, (axes,) = new_figure("Share of goals pressed so far", size=(7.6, 4.4), note=origin(results), grid="both")
-    most = max(trial["steps"] for trial in trials)
-    reached = by_method(trials, results, lambda t: t["steps"] if t["reached"] else None)
-    colours = dict(zip(reached, colours_in(results), strict=True))
-    ends = {}
-    for rank, method in enumerate(results["methods"]):
-        name = method["name"]
-        steps = np.sort(reached[name])
-        shares = 100 * np.arange(len(steps) + 1) / method["goals"]
-        axes.step([0, *steps, most], [*shares, shares[-1]], where="post", color=colours[name], lw=1.8)
-        end = 100 * method["reached"]
-        low, high = 100 * np.array(method["reached_ci"])
-        at = most * (1 + 0.012 * (1 + rank))  # side by side, so that equal methods do not hide each other
-        axes.errorbar(at, end, [[end - low], [high - end]], color=colours[name], marker="o", ms=4, elinewidth=1.4)
-        ends[name] = (at, end)
-    axes.set(xlim=(0, most * (1.02 + 0.012 * len(ends))), ylim=(-3, 103), xlabel="steps of the episode")
-    axes.yaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:.0f} %"))
-    label_ends(axes, ends, colours)
-    key(axes, "dot: at the end of the episodes, with its 95 % interval")
-    return figure
 
 
 def draw_strip_grid(

@@ -1,17 +1,10 @@
-"""Reaching: solvers and policies bring an arm's tip to a goal; where the distance that is left comes from.
-
-From the goal to the tip it is three steps: to where the goal was seen, from there to where forward kinematics puts the
-tip in the commanded posture, and from there to where the tip is in the simulation. Lengths of vectors do not add up,
-but their components along one direction do: each step's component along the line from the goal to the tip is its part
-of the distance. The three parts sum to the distance, goal by goal and therefore also in the mean; a part is negative
-where its step takes the tip back towards the goal.
-"""
+"""Reaching: solvers and policies bring an arm's tip to a goal: the thesis's task, in space, and by the 3-DOF arm."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from functools import partial
-from typing import Any, NamedTuple
+from typing import Any
 
 import gymnasium as gym
 import numpy as np
@@ -20,107 +13,34 @@ from kinreach.baselines.loop import COMPLETED
 from kinreach.baselines.policies import load_policy
 from kinreach.baselines.solver_policy import SolverPolicy
 from kinreach.checks import Floats
-from kinreach.compare import figures
-from kinreach.compare.methods import policy_method, solver_method
-from kinreach.compare.task import (
-    SEEDED,
-    Method,
-    Task,
-    common_columns,
-    policy_version,
-    resets_to,
+from kinreach.compare import curves, figures
+from kinreach.compare.error_budget import (
+    BUDGET_COLUMNS,
+    BUDGET_MEANING,
+    BUDGET_TABLE,
+    Budget,
+    completed,
+    posture_error_mm,
+    seen_error_mm,
 )
+from kinreach.compare.methods import policy_method, solver_method
+from kinreach.compare.task import SEEDED, Method, Task, common_columns, policy_version, resets_to
 from kinreach.errors import InputError
 from kinreach.kinematics.solvers import Tolerance, new_solver
 from kinreach.registration import MULTI, SINGLE, SPACE
 from kinreach.sim.controller import TOLERANCE
-from kinreach.summary import MEAN, QUANTILES, Column, Trial, number, thousandfold
+from kinreach.summary import QUANTILES, Column, number, thousandfold
 
-#: The second table.
-BUDGET_TABLE = "Where the distance comes from"
-#: An arm that reaches none of so many goals in a row reaches none at all.
-MOST_MISSED = 1000
-#: What the numbers of a budget mean, for people.
-BUDGET_MEANING = "component of each error along the line from the goal to the tip, mean over completed moves"
+#: Goals in a row that an arm may miss before it is said to reach none.
+MAX_MISSED = 1000
 
-
-class Budget(NamedTuple):
-    """Parts of one distance [m]; their sum is the distance."""
-
-    seeing: float
-    deciding: float
-    moving: float
-
-
-def budget(goal: Floats, seen: Floats, meant: Floats, tip: Floats) -> Budget:
-    """The parts of the distance from the goal to the tip, all in the world [m], shape (3,).
-
-    Args:
-        goal: Where the goal is.
-        seen: Where the method was told that it is.
-        meant: Where the tip would be in the commanded posture.
-        tip: Where the tip is.
-    """
-    whole = tip - goal
-    distance = float(np.linalg.norm(whole))
-    if distance == 0.0:
-        return Budget(0.0, 0.0, 0.0)
-    direction = whole / distance
-    return Budget(*(float(step @ direction) for step in (seen - goal, meant - seen, tip - meant)))
-
-
-def _between(trial: Trial, start: str, end: str) -> float | None:
-    """Distance of two points of a trial [mm]; None where one is missing."""
-    a, b = trial.get(start), trial.get(end)
-    return None if a is None or b is None else 1e3 * float(np.linalg.norm(np.subtract(a, b)))
-
-
-def _part(name: str) -> Callable[[Trial], float | None]:
-    """A part of a completed trial's distance [mm]."""
-
-    def value(trial: Trial) -> float | None:
-        points = [trial.get(point) for point in ("goal", "seen", "target_tip", "tip")]
-        if trial["impossible"] or any(point is None for point in points):
-            return None
-        return 1e3 * getattr(budget(*map(np.array, points)), name)
-
-    return value
-
-
-def posture_error_mm(trial: Trial) -> float | None:
-    """What forward kinematics says the commanded posture misses of where the goal was seen [mm]; None without one."""
-    return None if trial["status"] == "forfeited" else _between(trial, "target_tip", "seen")
-
-
-def seen_error_mm(trial: Trial) -> float | None:
-    """How far from the goal the cameras saw it [mm]; None where nobody looked, or none found it."""
-    return _between(trial, "seen", "goal") or None
-
-
-def _completed(trial: Trial) -> bool:
-    return not trial["impossible"]
-
-
-def _moved(trial: Trial) -> float | None:
-    return _between(trial, "tip", "target_tip") if _completed(trial) else None
-
-
-def _distance(trial: Trial) -> float | None:
-    return None if _part("seeing")(trial) is None else 1e3 * trial["distance"]
-
-
-_COMMON = common_columns(_completed)
+_COMMON = common_columns(completed)
 COLUMNS = (
     _COMMON[0],
     Column("observed_error_mm", seen_error_mm, QUANTILES, "seen\nmm", "median"),
     *_COMMON[1:],
     Column("posture_error", "posture_error", QUANTILES, "posture\nerror, rad"),
-    Column("ik_error_mm", posture_error_mm, QUANTILES, "posture's own\nerror, mm", table=BUDGET_TABLE),
-    Column("move_error_mm", _moved, QUANTILES, "controller's\nerror, mm", table=BUDGET_TABLE),
-    Column("budget_mm.seeing", _part("seeing"), MEAN, "seeing\nmm", "mean", BUDGET_TABLE),
-    Column("budget_mm.deciding", _part("deciding"), MEAN, "+ deciding\nmm", "mean", BUDGET_TABLE),
-    Column("budget_mm.moving", _part("moving"), MEAN, "+ moving\nmm", "mean", BUDGET_TABLE),
-    Column("budget_mm.distance", _distance, MEAN, "= distance\nmean mm", "mean", BUDGET_TABLE),
+    *BUDGET_COLUMNS,
     Column("iterations", "iterations", QUANTILES, "iterations\nmedian / p95", "quantiles", BUDGET_TABLE, digits=3),
     Column("restarts", "restarts", QUANTILES, "restarts\nmedian / p95", "quantiles", BUDGET_TABLE, digits=3),
     Column("candidates", "candidates", QUANTILES, "postures\ntested", table=BUDGET_TABLE, digits=3),
@@ -128,7 +48,7 @@ COLUMNS = (
 )
 FIGURES = {
     "errors": figures.draw_errors(posture_error_mm, seen_error_mm),
-    "success": figures.draw_success,
+    "success": curves.draw_success,
     "times": figures.draw_times,
     "budget": figures.draw_budget(Budget._fields, BUDGET_MEANING),
 }
@@ -163,7 +83,7 @@ def goals_of(env: gym.Env[Any, Any], count: int, seed: int, *, reachable: bool =
         reachable: Keep only those for which the closed form, which knows all postures, finds an acceptable one.
 
     Raises:
-        InputError: The work cell has no goals, or none of `MOST_MISSED` in a row can be kept.
+        InputError: The work cell has no goals, or none of `MAX_MISSED` in a row can be kept.
     """
     world: Any = env.unwrapped
     solver = new_solver("closed-form", world.kinematics) if reachable else None
@@ -177,7 +97,7 @@ def goals_of(env: gym.Env[Any, Any], count: int, seed: int, *, reachable: bool =
             missed = 0
         else:
             missed += 1
-        if missed == MOST_MISSED:
+        if missed == MAX_MISSED:
             raise InputError(
                 f"arm {world.arm.name!r} reaches none of {missed} goals in a row; give it a Workcell with others"
             )

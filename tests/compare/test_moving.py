@@ -5,8 +5,8 @@ import pytest
 
 from kinreach.compare import compare
 from kinreach.compare.cli import main
-from kinreach.compare.moving import KalmanFilter, travel_times
-from kinreach.envs.moving import moved
+from kinreach.compare.methods.interception import KalmanFilter
+from kinreach.envs.moving import moved, travel_times
 from kinreach.errors import InputError
 
 

@@ -11,9 +11,10 @@ import pytest
 import kinreach
 from kinreach.baselines.loop import rollout
 from kinreach.baselines.solver_policy import SolverPolicy
-from kinreach.compare import compare, figures
+from kinreach.compare import compare, curves, figures
 from kinreach.compare.cli import main
-from kinreach.compare.reach import Budget, budget, goals_of
+from kinreach.compare.error_budget import Budget, budget
+from kinreach.compare.reach import goals_of
 from kinreach.compare.runner import WARM_UP_GOALS
 from kinreach.compare.task import get_task, resets_to
 from kinreach.errors import InputError
@@ -246,7 +247,7 @@ def test_figures_show_where_methods_differ(medians):
         said = {"success_at_mm": share, "success_at_mm_ci": intervals}
         methods.append({"name": str(number), "goals": 40, "colour": f"C{number}", **said})
     results = {"methods": methods, "settings": {"goals": 40, "seed": 0, "command": "again"}}
-    (axes,) = figures.draw_success(trials, results).axes
+    (axes,) = curves.draw_success(trials, results).axes
     low, high = axes.get_xlim()
     assert low <= 1e3 * min(trial["distance"] for trial in trials) * 3.0
     assert low > 1e3 * min(trial["distance"] for trial in trials) / 30.0

@@ -5,10 +5,8 @@ import json
 import numpy as np
 import pytest
 
-from kinreach.compare import compare
+from kinreach.compare import compare, get_task
 from kinreach.compare.cli import main
-from kinreach.compare.real_arm import METHODS, draw_looks
-from kinreach.compare.task import get_task
 from kinreach.errors import InputError, UnknownNameError
 from kinreach.robots.calibration import PUBLISHED
 
@@ -116,7 +114,6 @@ def test_a_figure_of_few():
         "methods": [{"name": "look-again", "colour": "#000000"}],
         "settings": {"goals": 3, "seed": 0, "command": ""},
     }
-    figure = draw_looks(trials, results)
+    figure = get_task("real-arm").figures["looks"](trials, results)
     (line,) = figure.axes[0].lines
     np.testing.assert_allclose(line.get_ydata(), [2.0])
-    assert len(METHODS) == len(get_task("real-arm").methods)

@@ -180,7 +180,7 @@ def test_the_bound_is_in_the_message(tmp_path):
 OPENING = {
     "files.py": 5, "cli.py": 1, "provenance.py": 2, "baselines/policy_file.py": 1, "baselines/seeds.py": 1,
     "baselines/sb3_zip.py": 4, "compare/report.py": 4, "compare/task.py": 1, "compare/runner.py": 1,
-    "compare/methods.py": 1, "demo/film.py": 1, "view/cli.py": 1, "view/real_arm_panel.py": 3,
+    "compare/methods/resolve.py": 1, "demo/film.py": 1, "view/cli.py": 1, "view/real_arm_panel.py": 3,
     "view/results_panel.py": 3,
 }  # fmt: skip
 
