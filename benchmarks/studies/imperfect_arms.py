@@ -21,8 +21,7 @@ from kinreach.baselines.evaluation import HELD_OUT, evaluate
 from kinreach.baselines.policies import load_policy
 from kinreach.cli import Parser, finish
 from kinreach.jobs import add_options
-from kinreach.kinematics import UR5Kinematics
-from kinreach.kinematics.fast_collision import FastCollision
+from kinreach.kinematics import CollisionChecker, UR5Kinematics
 from kinreach.sim.simulation import BatchSimulation
 from kinreach.statistics import median
 from kinreach.thesis.reward import REACHED_POSTURE_ERROR, posture_error, reach_reward
@@ -55,11 +54,11 @@ HEADINGS = (
 
 def answers(count: int) -> tuple[np.ndarray, np.ndarray]:
     """Held-out goals [m], shape (count, 3), and a natural posture of the closed form for each [rad], (count, 6)."""
-    kin, collision = UR5Kinematics(tip="tcp", base="world"), FastCollision("ur5")
+    kin, collision = UR5Kinematics(tip="tcp", base="world"), CollisionChecker("ur5")
     goals = kin.arm.workcell.draw_goals(np.random.default_rng(HELD_OUT), count)
 
     def natural(q: np.ndarray) -> bool:
-        return posture_error(q) < REACHED_POSTURE_ERROR and not collision.impossible(q[None]).any()
+        return posture_error(q) < REACHED_POSTURE_ERROR and not collision.free(q)
 
     home = np.array(kin.arm.home)
     return goals, np.array([kin.axis_goal(goal, (0.0, 0.0, -1.0), seed=home, accept=natural).q for goal in goals])

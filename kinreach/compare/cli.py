@@ -34,6 +34,11 @@ OPTIONS: dict[str, dict[str, Any]] = {
     "resolution": {"metavar": "WxH", "help": "of the cameras' pictures (default: 640x360; the thesis's: 1280x720)"},
     "rgb_noise": {"type": float, "metavar": "L", "help": "standard deviation, levels of 255 (default: 0)"},
     "depth_noise": {"type": float, "metavar": "M", "help": "standard deviation, metres (default: 0)"},
+    "collision_margin": {
+        "type": float,
+        "metavar": "M",
+        "help": "solvers' postures stay so far from collisions, metres (default: 0)",
+    },
     "max_steps": {"type": int, "metavar": "N", "help": "of an episode of the button task (default: 100)"},
     "actuation": {"help": "of the button task: tuned or report (default: tuned)"},
     "looks": {"metavar": "N,N", "help": "of the task real-arm: looks before (default: 0,5,10,20,50)"},

@@ -122,9 +122,9 @@ class ArmKinematics:
         """Pose of the tip in the base frame.
 
         Args:
-            q: Posture [rad], shape (n,), or a stack of them, shape (..., n). One posture goes through
-                Pinocchio; a stack through `SerialChain`, built from the same model. A tensor of torch also goes
-                through the latter, on its device and in its precision, and so do gradients; its values are not checked.
+            q: Posture [rad], shape (n,), or a stack of them, shape (..., n). One posture, also in a stack of one,
+                goes through Pinocchio; several go through `SerialChain`, built from the same model. So does a tensor of
+                torch, on its device and in its precision, and so do gradients; its values are not checked.
 
         Returns:
             Homogeneous transforms, shape (4, 4) or (..., 4, 4); a tensor for a tensor.
@@ -137,13 +137,19 @@ class ArmKinematics:
             return self.chain.fk(q)
         q = as_floats("q", q)
         if q.ndim == 1:
-            data = self._work.data
-            pin.forwardKinematics(self.model, data, self.as_posture("q", q))
-            T_world_tip = pin.updateFramePlacement(self.model, data, self.tip_frame).homogeneous
-            return T_world_tip if self.base == "world" else self.T_base_world @ T_world_tip
+            return self._pose(self.as_posture("q", q))
         self._check_stack(q)
+        if q.size == self.n:
+            return self._pose(q.reshape(self.n)).reshape(*q.shape[:-1], 4, 4)
         poses: Floats = self.chain.fk(q.reshape(-1, self.n))
         return poses.reshape(*q.shape[:-1], 4, 4)
+
+    def _pose(self, q: Floats) -> Floats:
+        """`fk` of one posture, by Pinocchio."""
+        data = self._work.data
+        pin.forwardKinematics(self.model, data, q)
+        T_world_tip: Floats = pin.updateFramePlacement(self.model, data, self.tip_frame).homogeneous
+        return T_world_tip if self.base == "world" else self.T_base_world @ T_world_tip
 
     def positions(self, q: ArrayLike) -> Floats:
         """Tip positions [m], shape (..., 3), for postures `q` [rad], shape (..., n).
@@ -160,6 +166,8 @@ class ArmKinematics:
             return self.chain.fk(q)[..., :3, 3]
         q = as_floats("q", q)
         self._check_stack(q)
+        if q.size == self.n:
+            return self._pose(q.reshape(self.n))[:3, 3].reshape(*q.shape[:-1], 3)
         return self.chain.positions(q.reshape(-1, self.n)).reshape(*q.shape[:-1], 3)
 
     def jacobian(self, q: ArrayLike) -> Floats:

@@ -82,11 +82,6 @@ class Frame(NamedTuple):
         """A point that is given in this frame [m], in the base frame."""
         return [plus(p, along) for p, along in zip(self.p, self.direction(offset), strict=True)]
 
-    def height(self, offset: Sequence[float]) -> Entry:
-        """The z coordinate of `point(offset)` [m]."""
-        u, v, w = offset
-        return plus(self.p[2], plus(plus(times(u, self.x[2]), times(v, self.y[2])), times(w, self.z[2])))
-
     def moved(self, T: Floats) -> Frame:
         """The frame whose pose in this one is `T`, shape (4, 4)."""
         x, y, z, p = T[:3].T.tolist()
@@ -114,8 +109,7 @@ class SerialChain:
 
     def __init__(self, placements: Sequence[Floats], axes: Sequence[Floats], tip: Floats) -> None:
         *self._constants, self._tip = map(_snapped, about_z(placements, axes, tip))
-        self._joints = [_aligned(axis).T for axis in axes]
-        self.joints = len(self._joints)
+        self.joints = len(axes)
 
     @property
     def placements(self) -> Floats:
@@ -152,17 +146,6 @@ class SerialChain:
                 p[row, block] = value
         return p.T
 
-    def frames(self, q: Vector, joints: Sequence[int], *, single: bool = False) -> list[Frame]:
-        """The own frames of some joints in the base frame.
-
-        Args:
-            q: Angle of each joint [rad], n arrays of shape (m,) or floats.
-            joints: Indices of the joints that are asked for, from 0.
-            single: The angles are in single precision, for which numpy has a fast sine.
-        """
-        frames = enumerate(self._turned(q, single))
-        return [frame.moved(self._joints[joint]) for joint, frame in frames if joint in joints]
-
     def _pose(self, q: Vector) -> Sequence[Vector]:
         """Rows of the pose of the tip."""
         frame = self._last(q).moved(self._tip)
@@ -181,7 +164,7 @@ class SerialChain:
         # each frame is made from the one before, which is then let go: few arrays stay in the cache
         return deque(self._turned(q), maxlen=1)[0]
 
-    def _turned(self, q: Vector, single: bool = False) -> Iterator[Frame]:
+    def _turned(self, q: Vector) -> Iterator[Frame]:
         """The frames in which the joints turn about z, each after its turn."""
         frame = Frame((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0), (0.0, 0.0, 0.0))
         root, total = frame, q[0]
@@ -191,7 +174,7 @@ class SerialChain:
                 root = root._replace(p=frame.point(constant[:3, 3].tolist()))
             else:
                 root, total = frame.moved(constant), angle
-            c, s = _cos_sin(total, single)
+            c, s = _cos_sin(total)
             frame = root.turned(c, s)
             yield frame
 
@@ -215,7 +198,7 @@ def _evaluated(entries: Callable[[Vector], Sequence[Vector]], q: Any, rows: int,
     return found
 
 
-def _cos_sin(angle: Entry, single: bool) -> tuple[Entry, Entry]:
+def _cos_sin(angle: Entry) -> tuple[Entry, Entry]:
     """Cosine and sine of an angle [rad].
 
     numpy has a fast tangent in double precision (where the processor has AVX-512), but no fast sine: both from the
@@ -225,8 +208,6 @@ def _cos_sin(angle: Entry, single: bool) -> tuple[Entry, Entry]:
         return float(np.cos(angle)), float(np.sin(angle))
     if is_tensor(angle):
         return angle.cos(), angle.sin()
-    if single:
-        return np.cos(angle), np.sin(angle)
     t = np.tan(0.5 * angle)
     t2 = t * t
     scale = 1.0 / (1.0 + t2)

@@ -13,8 +13,7 @@ from kinreach.baselines.models import build
 from kinreach.baselines.recipes import get_recipe
 from kinreach.baselines.training import train
 from kinreach.errors import InputError
-from kinreach.kinematics import ArmKinematics, UR5Kinematics
-from kinreach.kinematics.fast_collision import FastCollision
+from kinreach.kinematics import ArmKinematics, CollisionChecker, UR5Kinematics
 from kinreach.robots import get_arm
 from kinreach.thesis.reward import posture_error
 
@@ -36,7 +35,7 @@ def test_postures_reach_and_change_smoothly():
     assert moved.max() < 0.05  # no jump from one branch to the other
     assert q.shape == (CASES, 6)
     on_table = arm.workcell.goals.sample(rng, CASES)
-    assert not FastCollision("ur5").impossible(tool_down_postures(ur5, on_table)).any()
+    assert not CollisionChecker("ur5").impossible(tool_down_postures(ur5, on_table)).any()
 
 
 def test_rewards_make_no_difference(tmp_path):

@@ -109,7 +109,7 @@ def test_a_graze_that_loose_tolerances_miss(ur5):
     assert ur5.in_collision(q)
 
 
-@arms
+@pytest.mark.parametrize("name", ["arm3", "panda", "ur10", "ur3", "ur5"])
 def test_mujoco_finds_the_same_contacts(name):
     arm = get_arm(name)
     checker = CollisionChecker(arm)

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from kinreach.kinematics import ArmKinematics, PoseGoal, Status, UR5Kinematics, URKinematics
-from kinreach.kinematics.fast_collision import Cause, FastCollision
+from kinreach.kinematics.collision import Cause, CollisionChecker
 from kinreach.kinematics.solutions import nearest_winding, nearest_windings
 from kinreach.kinematics.solvers import LevenbergMarquardtSolver, QPSolver
 from kinreach.kinematics.ur.geometry import Singularity
@@ -180,10 +180,10 @@ def test_the_tolerance_holds_in_a_batch(kind, beyond, solved):
             p5 = T[:3, 3] - g.d6 * T[:3, 2]
             T[:2, 3] += p5[:2] * ((g.d4 - beyond) / np.linalg.norm(p5[:2]) - 1)
         else:  # along the line from wrist_1 to the shoulder
-            first = FLANGE.chain.frames([*q], [1, 3])
-            shoulder, wrist_1 = (np.array(frame.p, dtype=np.float64) for frame in first)
-            along = wrist_1 - shoulder
-            along -= (along @ np.array(first[0].y)) * np.array(first[0].y)
+            FLANGE.fk(q)
+            lift, wrist_1 = (FLANGE.T_base_world @ FLANGE.data.oMi[joint].homogeneous for joint in (2, 4))
+            along = (wrist_1 - lift)[:3, 3]
+            along -= (along @ lift[:3, 1]) * lift[:3, 1]
             T[:3, 3] += (1 if kind == "stretch" else -1) * beyond * along / np.linalg.norm(along)
         poses.append(T)
     batch = FLANGE.batch(np.array(poses))
@@ -257,11 +257,11 @@ def test_of_two_ends_of_a_turn_the_seeds_is_taken(joint, sign):
 @pytest.mark.parametrize("joint", range(6))
 @pytest.mark.parametrize("sign", [-1.0, 1.0])
 def test_a_millionth_of_a_radian_outside_is_outside(joint, sign):
-    kin, fast = ArmKinematics("ur5"), FastCollision("ur5", refine=False)
+    kin, checker = ArmKinematics("ur5"), CollisionChecker("ur5")
     q = np.tile(kin.arm.home, (6, 1))
     q[:, joint] = sign * (kin.upper[joint] + np.array([-1e-6, 5e-10, 2e-9, 1e-8, 1e-7, 9e-7]))
     outside = [False, False, True, True, True, True]
-    assert (fast.causes(q) == Cause.LIMITS).tolist() == outside
+    assert (checker.causes(q) == Cause.LIMITS).tolist() == outside
     assert [not kin.within_limits(row) for row in q] == outside
     assert [kin.arm.joints[joint] in kin.joints_outside_limits(row) for row in q] == outside
 

@@ -246,8 +246,8 @@ def test_two_tolerances_beyond_the_reach_is_out_of_reach(solver_class):
     rng, refused = np.random.default_rng(4), 0
     for _ in range(5):
         q = np.array([rng.uniform(-1, 1), rng.uniform(-1, 1), np.arctan2(*g.upper) - np.arctan2(*g.fore)])
-        shoulder, tip = kin.chain.frames([*q], [1])[0].p, kin.fk(q)[:3, 3]
-        out = tip - np.array(shoulder, dtype=np.float64)
+        tip = kin.fk(q)[:3, 3]
+        out = tip - kin.T_base_world[:3] @ [*kin.data.oMi[2].translation, 1.0]
         beyond = PositionGoal(tip + 2e-4 * out / np.linalg.norm(out))
         result = solver_class(kin, max_restarts=0).solve(beyond, q)  # from behind it would reach
         assert result.status is Status.NOT_CONVERGED

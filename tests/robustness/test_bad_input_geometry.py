@@ -9,7 +9,7 @@ from hypothesis.extra.numpy import arrays
 
 from kinreach.errors import InputError
 from kinreach.kinematics import ArmKinematics, CollisionChecker
-from kinreach.kinematics.fast_collision import FastCollision
+from kinreach.kinematics.collision import Cause
 from kinreach.robots import Box
 from kinreach.thesis.reward import distance_reward, pentagon_angles, posture_error, reach_reward
 from kinreach.vision.goal_view import geometric_goal_view, goal_in_world
@@ -70,22 +70,20 @@ def test_what_is_no_list_of_boxes_is_refused(obstacles):
         CollisionChecker("arm3", obstacles=obstacles)
 
 
-def test_fast_collision(fuzzed):
-    fast, checker, kin = FastCollision("ur5"), CHECKERS["ur5"], ArmKinematics("ur5")
+def test_causes(fuzzed):
+    checker, kin = CHECKERS["ur5"], ArmKinematics("ur5")
 
     def run(q):
-        impossible = fast.impossible(q)
+        causes = checker.causes(q)
         rows = np.asarray(q).astype(float)
-        assert impossible.shape == (len(rows),)
-        for row, said in zip(rows, impossible, strict=True):
+        assert causes.shape == (len(rows),)
+        for row, cause in zip(rows, causes, strict=True):
             if np.abs(row).max() > 1e6 or not kin.within_limits(row):
-                assert said
-            assert bool(fast.reason(row) if np.abs(row).max() <= 1e6 else said) == said
-        alone = [fast.impossible(row[None])[0] for row in rows]
-        assert alone == impossible.tolist()
-        deep = [checker.distance(row).distance for row in rows if kin.within_limits(row)]
-        wrong = sum(d < -0.03 and not said for d, said in zip(deep, impossible, strict=False))
-        assert wrong <= 1
+                assert cause == Cause.LIMITS
+            else:
+                assert (cause != Cause.NONE) == checker.in_collision(row)
+                assert bool(checker.reason(row)) == (cause != Cause.NONE)
+        assert [checker.causes(row[None])[0] for row in rows] == causes.tolist()
 
     fuzzed(bad_arrays((2, 6)) | angles(3, 6, most=3.1) | angles(2, 6, most=1e300), run)
 

@@ -13,7 +13,6 @@ import pytest
 from kinreach.baselines.policies import LearnedPolicy
 from kinreach.kinematics import Arm3Kinematics, CollisionChecker, UR5Kinematics, URKinematics
 from kinreach.kinematics.arm import ArmKinematics
-from kinreach.kinematics.fast_collision import FastCollision
 from kinreach.kinematics.solvers import ClosedFormSolver, LevenbergMarquardtSolver, PlacoSolver, QPSolver
 from kinreach.kinematics.solvers.base import Solver, Tolerance
 from kinreach.sim.simulation import ArmSimulation, BatchSimulation
@@ -121,7 +120,7 @@ def test_what_is_not_for_several_threads_says_so():
         assert "one per thread" in " ".join(each.__doc__.lower().split()), each
     shared = [
         ArmKinematics, UR5Kinematics, URKinematics, Arm3Kinematics, ClosedFormSolver, LevenbergMarquardtSolver,
-        QPSolver, PlacoSolver, CollisionChecker, Solver, FastCollision, LearnedPolicy,
+        QPSolver, PlacoSolver, CollisionChecker, Solver, LearnedPolicy,
     ]  # fmt: skip
     for each in shared:
         assert "Threads may share" in " ".join(each.__doc__.split()), each

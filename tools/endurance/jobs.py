@@ -12,7 +12,6 @@ import kinreach  # noqa: F401 (registers the environments)
 from kinreach.baselines.policies import load_policy
 from kinreach.envs.reach.task import TOOL_DOWN
 from kinreach.kinematics import Arm3Kinematics, AxisGoal, CollisionChecker, PositionGoal, UR5Kinematics
-from kinreach.kinematics.fast_collision import FastCollision
 from kinreach.kinematics.solvers import ClosedFormSolver, LevenbergMarquardtSolver, PlacoSolver, QPSolver
 from kinreach.sim.simulation import ArmSimulation, BatchSimulation
 
@@ -64,12 +63,9 @@ def _solve3(solver: Any) -> list[Any]:
 
 
 def _check(checker: Any) -> list[Any]:
-    return [part for q in _postures() for part in (checker.free(q), checker.distance(q).distance)]
-
-
-def _check_fast(checker: Any) -> list[Any]:
-    reasons = [checker.reason(q).encode() for q in _postures()]
-    return [checker.impossible(_postures()), *(np.frombuffer(reason, dtype=np.uint8) for reason in reasons)]
+    alone = [part for q in _postures() for part in (checker.free(q), checker.distance(q).distance)]
+    reasons = [np.frombuffer(checker.reason(q).encode(), dtype=np.uint8) for q in _postures()]
+    return [*alone, *reasons, checker.causes(_postures())]
 
 
 def _act(policy: Any) -> list[Any]:
@@ -128,7 +124,6 @@ JOBS: dict[str, Job] = {
     "qp": (_solver(QPSolver, _kinematics), _solve),
     "lm, 3-DOF arm": (_solver(LevenbergMarquardtSolver, lambda: Arm3Kinematics(base="world")), _solve3),
     "CollisionChecker": (lambda: CollisionChecker("ur5"), _check),
-    "FastCollision": (lambda: FastCollision("ur5"), _check_fast),
     "LearnedPolicy": (lambda: load_policy("single"), _act),
     "ArmSimulation": (lambda: ArmSimulation("ur5"), _move),
     "BatchSimulation": (lambda: BatchSimulation("ur5", 6), _move_batch),
@@ -149,7 +144,6 @@ SHARED = (
     "qp",
     "lm, 3-DOF arm",
     "CollisionChecker",
-    "FastCollision",
     "LearnedPolicy",
 )
 #: What holds threads of MuJoCo's, and is made anew by every process.

@@ -103,7 +103,7 @@ class ReachEnv(CopyableEnv):
     def accept(self, q: ArrayLike) -> bool:
         """Whether a posture [rad], shape (n,), may be taken: free of collisions, and natural where that is rewarded.
 
-        Collisions are judged by the exact checker; natural is a posture error below the thesis's 0.15.
+        Collisions are judged with the option `collision_margin`; natural is a posture error below the thesis's 0.15.
 
         Raises:
             InputError: Wrong shape, or not finite.

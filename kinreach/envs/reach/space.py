@@ -19,7 +19,7 @@ from kinreach.envs.options import about, options_from
 from kinreach.envs.reach.rewards import DirectedReward, Score
 from kinreach.envs.reach.task import JOINTS, MULTI_STEP, SINGLE_STEP, ReachOptions, ReachTask, ReachVariant, Start
 from kinreach.errors import InputError
-from kinreach.kinematics.fast_collision import FastCollision
+from kinreach.kinematics import CollisionChecker
 from kinreach.kinematics.tensors import namespace
 from kinreach.robots import as_arm
 from kinreach.robots.workcell import BoxRegion
@@ -77,15 +77,16 @@ class SpaceStarts:
 
     Args:
         options: Of the environment.
+        checker: Says which postures are possible.
     """
 
-    def __init__(self, options: SpaceOptions) -> None:
+    def __init__(self, options: SpaceOptions, checker: CollisionChecker) -> None:
         self._arm = arm = as_arm(options.arm)
         self._table: Any = arm.workcell.goals
         self._height = options.goal_height
         self._least_z = math.cos(math.radians(options.tilt))
         self._spread = options.start_spread
-        self._check = FastCollision(arm, refine=False)
+        self._checker = checker
 
     def sample(self, rng: np.random.Generator, count: int, *, margin: float = 0.0) -> Floats:
         """Draw `count` rows, shape (count, 6 + n), with goals up to `margin` [m] around the volume."""
@@ -103,7 +104,7 @@ class SpaceStarts:
             if not wanted.any():
                 break
             q[wanted] = home + rng.uniform(-self._spread, self._spread, (int(wanted.sum()), len(home)))
-            wanted[wanted] = self._check.impossible(q[wanted])
+            wanted[wanted] = self._checker.impossible(q[wanted])
         q[wanted] = home
         return q
 
@@ -120,7 +121,7 @@ class SpaceTask(ReachTask):
 
     def __init__(self, options: SpaceOptions) -> None:
         super().__init__(options, VARIANTS[options.steps])
-        self._starts = SpaceStarts(options)
+        self._starts = SpaceStarts(options, self.checker)
 
     @classmethod
     def of(cls, options: Mapping[str, Any]) -> SpaceTask:
@@ -159,7 +160,7 @@ class SpaceTask(ReachTask):
 
     def posture_error(self, q: Floats, directions: Floats) -> Floats:
         """Angle between the tool's z axis and its wanted direction [rad], shape (k,)."""
-        axes, xp = self.kinematics.chain.fk(q)[:, :3, 2], namespace(q)
+        axes, xp = self.kinematics.fk(q)[:, :3, 2], namespace(q)
         sine = xp.linalg.norm(xp.linalg.cross(axes, directions), axis=1)
         error: Floats = xp.arctan2(sine, (axes * directions).sum(axis=1))
         return error

@@ -15,7 +15,17 @@ import numpy as np
 from gymnasium import spaces
 from numpy.typing import ArrayLike, NDArray
 
-from kinreach.checks import Floats, as_floats, as_vector, check_count, check_flag, check_known, check_number, shown
+from kinreach.checks import (
+    MOST_DISTANCE,
+    Floats,
+    as_floats,
+    as_vector,
+    check_count,
+    check_flag,
+    check_known,
+    check_number,
+    shown,
+)
 from kinreach.envs.batch import RowStreams
 from kinreach.envs.options import INFOS, INFOS_TEXT, RENDER_MODES, RENDER_MODES_TEXT, about, option_rows
 from kinreach.envs.reach.goals import goal_streams
@@ -103,6 +113,13 @@ class ReachOptions:
             "joints otherwise end exactly there"
         ),
     )
+    collision_margin: float = field(
+        default=0.0,
+        metadata=about(
+            "parts that are nearer count as colliding where `accept` judges a posture and the kinematic backend a "
+            "target [m]; under dynamics contacts decide what is blocked"
+        ),
+    )
     end_on_reached: bool = field(
         default=True, metadata=about("whether reaching the goal ends an episode of several steps")
     )
@@ -127,6 +144,7 @@ class ReachOptions:
         check_number("tolerance", self.tolerance, least=0.0, most=math.pi)
         if self.tolerance and self.backend != "kinematic":
             raise InputError(f'a tolerance is for backend="kinematic", got {self.backend!r}, where the dynamics decide')
+        check_number("collision_margin [m]", self.collision_margin, least=0.0, most=MOST_DISTANCE)
         check_flag("end_on_reached", self.end_on_reached)
         if as_imperfections(self.imperfections) != IDEAL and self.backend == "kinematic":
             raise InputError(f'imperfections are of the dynamics: use backend="mujoco", got {self.backend!r}')
@@ -475,5 +493,5 @@ class ReachTask:
 
     @cached_property
     def checker(self) -> CollisionChecker:
-        """The exact verdict on collisions."""
-        return CollisionChecker(self.kinematics)
+        """The verdict on collisions."""
+        return CollisionChecker(self.kinematics, margin=self.options.collision_margin)

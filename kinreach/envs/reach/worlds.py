@@ -13,7 +13,6 @@ from numpy.typing import NDArray
 from kinreach.checks import Floats
 from kinreach.envs.reach.task import ReachTask
 from kinreach.kinematics import kinematics_of
-from kinreach.kinematics.fast_collision import FastCollision
 from kinreach.kinematics.tensors import as_device, on_device
 from kinreach.robots import ArmDescription
 from kinreach.sim.controller import MoveResult, MoveStatus
@@ -46,7 +45,7 @@ STATUSES = np.array(
     ["completed", "out of limits", "collision", "self-collision", "blocked", "timeout", "diverged", "forfeited"],
     dtype=object,
 )
-#: The status of a target that `FastCollision` judges by each `Cause`.
+#: The status of a target by its `kinreach.kinematics.collision.Cause`.
 _OF_CAUSE = np.array([Status.COMPLETED, Status.OUT_OF_LIMITS, Status.SELF_COLLISION, Status.COLLISION], dtype=np.uint8)
 _OF_MOVE = {
     MoveStatus.REACHED: Status.COMPLETED,
@@ -133,7 +132,7 @@ class KinematicWorld:
         self.count = count
         self._explain = explain
         self._kinematics = task.kinematics
-        self._check = FastCollision(task.arm, refine=False)
+        self._checker = task.checker
         self._home = task.home[:, None]
         self._home_tip = self._kinematics.positions(self._home.T).T
         # one joint or coordinate after the other, as the formulas want them
@@ -148,18 +147,18 @@ class KinematicWorld:
 
     def execute(self, targets: Floats, *, two_phase: bool, acting: Flags | None = None) -> Executed:
         """Take the targets that can be taken."""
-        status = _OF_CAUSE[self._check.causes(targets)]
+        status = _OF_CAUSE[self._checker.causes(targets)]
         if acting is not None:
             status[~acting] = Status.COMPLETED
         impossible = status != Status.COMPLETED
         moved = np.flatnonzero(~impossible)
         q = targets.T.take(moved, axis=1)
-        for array, values in ((self._q, q), (self._tip, self._kinematics.chain.positions(q.T).T)):
+        for array, values in ((self._q, q), (self._tip, self._kinematics.positions(q.T).T)):
             for row, new in zip(array, values, strict=True):
                 row[moved] = new
         if not self._explain:
             return Executed(impossible, status)
-        reasons = [self._check.reason(target) if bad else "" for target, bad in zip(targets, impossible, strict=True)]
+        reasons = [self._checker.reason(target) if bad else "" for target, bad in zip(targets, impossible, strict=True)]
         return Executed(impossible, status, reasons)
 
     def here(self) -> tuple[Floats, Floats]:

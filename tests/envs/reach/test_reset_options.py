@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 from kinreach.errors import InputError, UnknownNameError
-from kinreach.kinematics.fast_collision import FastCollision
+from kinreach.kinematics import CollisionChecker
 from kinreach.robots import get_arm
 
 MULTI = "kinreach/UR5MultiStep-v0"
@@ -15,7 +15,7 @@ GOAL = np.array([0.4, 0.1, -0.175])
 def free_postures(count):
     rng = np.random.default_rng(0)
     q = np.array(get_arm("ur5").home) + rng.uniform(-0.3, 0.3, (4 * count, 6))
-    return q[~FastCollision(get_arm("ur5")).impossible(q)][:count]
+    return q[~CollisionChecker("ur5").impossible(q)][:count]
 
 
 @pytest.mark.parametrize("backend", ["kinematic", "mujoco"])

@@ -64,7 +64,8 @@ def test_every_arm(arm):
 
 def test_what_episodes_start_with():
     arm = get_arm("ur5")
-    rows = SpaceStarts(SpaceOptions(**WIDE)).sample(np.random.default_rng(0), 2000)
+    checker = CollisionChecker(arm)
+    rows = SpaceStarts(SpaceOptions(**WIDE), checker).sample(np.random.default_rng(0), 2000)
     goals, directions, q = rows[:, :3], rows[:, 3:6], rows[:, 6:]
     box = arm.workcell.goals.wider(0.0, above=0.25)
     for axis, (low, high) in enumerate((box.x, box.y, box.z)):
@@ -78,9 +79,8 @@ def test_what_episodes_start_with():
     share = (1 - np.cos(np.radians(15))) / (1 - np.cos(np.radians(30)))
     assert abs((tilt < 15).mean() - share) < 0.04
     assert 0.29 < np.abs(q - arm.home).max() <= 0.3
-    checker = CollisionChecker(arm)
     assert sum(checker.free(posture) for posture in q[:300]) == 300
-    still = SpaceStarts(SpaceOptions()).sample(np.random.default_rng(0), 50)
+    still = SpaceStarts(SpaceOptions(), checker).sample(np.random.default_rng(0), 50)
     assert (still[:, 3:] == [0.0, 0.0, -1.0, *arm.home]).all()
 
 
