@@ -123,8 +123,9 @@ class ArmKinematics:
 
         Args:
             q: Posture [rad], shape (n,), or a stack of them, shape (..., n). One posture, also in a stack of one,
-                goes through Pinocchio; several go through `SerialChain`, built from the same model (equal to 1e-10). So does a
-                tensor of torch, on its device and in its precision, and so do gradients; its values are not checked.
+                goes through Pinocchio; several go through `SerialChain`, built from the same model (equal to 1e-10).
+                So does a tensor of torch, on its device and in its precision, and so do gradients; its values are not
+                checked.
 
         Returns:
             Homogeneous transforms, shape (4, 4) or (..., 4, 4); a tensor for a tensor.
