@@ -12,16 +12,18 @@ from pathlib import Path
 
 import pytest
 
-from kinreach import plots
 from kinreach.baselines.onnx_export import export_onnx
 from kinreach.baselines.policies import load_policy
 from kinreach.cli import main
+from notebooks import figures
 
 ROOT = Path(__file__).parents[1]
 DOCS = ROOT / "docs"
 PAGES = sorted(DOCS.rglob("*.md"))
 TOP = [ROOT / name for name in ("README.md", "CONTRIBUTING.md", "SECURITY.md")]
-SOURCE = "\n".join(path.read_text(encoding="utf-8") for path in (ROOT / "kinreach").rglob("*.py"))
+SOURCE = "\n".join(
+    path.read_text(encoding="utf-8") for room in ("kinreach", "notebooks") for path in (ROOT / room).rglob("*.py")
+)
 ENVIRONMENT = re.compile(r"kinreach/\w+-v\d")
 
 
@@ -124,8 +126,8 @@ def test_options_exist(text, capsys):
 
 
 def test_figures_of_the_thesis_have_functions():
-    names = set(re.findall(r"`(?:plots\.)?(draw_\w+)`", read(DOCS / "thesis.md")))
-    assert [name for name in sorted(names) if not hasattr(plots, name)] == []
+    names = set(re.findall(r"`(?:figures\.)?(draw_\w+)`", read(DOCS / "thesis.md")))
+    assert [name for name in sorted(names) if not hasattr(figures, name)] == []
     assert len(names) >= 10
 
 
@@ -154,7 +156,7 @@ def test_names_in_the_points_exist():
     for page in ("thesis.md", "report.md"):
         for row in re.findall(r"^\| .*\|$", read(DOCS / page), re.MULTILINE):
             where = row.split(" | ")[1] if row.count(" | ") >= 2 else ""
-            for name in re.findall(r"`(?!python )(?:plots\.|ARM\.)?([\w-]+(?:\.py)?)\b[^`/]*`", where):
+            for name in re.findall(r"`(?!python )(?:figures\.|ARM\.)?([\w-]+(?:\.py)?)\b[^`/]*`", where):
                 defined = rf"^\s*(?:def|class) {name}\b|^\s*{name}\s*[:=]|[\"']?{name}[\"']?=|[\"']{name}[\"']"
                 known = name in files or re.search(defined, SOURCE, re.MULTILINE)
                 missing += [] if known else [f"{page}: {name}"]

@@ -24,9 +24,9 @@ ROOMS["thesis"] = {"kinematics", *ROOMS["kinematics"]}
 ROOMS["sim"] = {"kinematics", *ROOMS["kinematics"]}
 ROOMS["vision"] = {"sim", *ROOMS["sim"]}
 ROOMS["envs"] = {"thesis", "vision", *ROOMS["vision"]}
-ROOMS["plots"] = {"thesis", *ROOMS["thesis"]}
-ROOMS["baselines"] = {"envs", "plots", *ROOMS["envs"]}
-ROOMS["compare"] = {"baselines", *ROOMS["baselines"]}
+ROOMS["plots"] = {"kinematics", *ROOMS["kinematics"]}
+ROOMS["baselines"] = {"envs", *ROOMS["envs"]}
+ROOMS["compare"] = {"baselines", "plots", *ROOMS["baselines"]}
 ROOMS["demo"] = {"compare", *ROOMS["compare"]}
 ROOMS["view"] = {"demo", *ROOMS["demo"]}
 #: Modules that every room may import, and that import none: but for the command line, which loads jobs by their names.

@@ -10,7 +10,7 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
 
 from benchmarks.speed.sections import Chart, Section
-from kinreach.plots.style import DPI, FAINT, INK, PALETTE, colours_of, key, plain, style_axes, verbatim
+from kinreach.plots import DPI, FAINT, INK, PALETTE, colours_of, key, plain, style_axes, verbatim
 
 #: Width of the columns of panels with bars and with lines [inches].
 WIDTHS = (8.5, 5.5)

@@ -19,9 +19,9 @@ from kinreach.baselines.policies import load_policy, needed_options
 from kinreach.cli import Parser, finish
 from kinreach.errors import InputError
 from kinreach.files import replacing
-from kinreach.plots import draw_pictures
-from kinreach.plots.style import PALETTE
+from kinreach.plots import PALETTE
 from kinreach.registration import SINGLE
+from notebooks.figures import draw_pictures
 
 PROG = "python -m benchmarks.studies.eyes"
 #: Goals of the figure; and of the measure of which channels follow the ball.

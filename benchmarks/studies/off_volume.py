@@ -22,9 +22,9 @@ from kinreach.baselines.policies import LearnedPolicy, load_policy, needed_optio
 from kinreach.checks import Floats, check_count
 from kinreach.cli import Parser, finish
 from kinreach.files import replacing
-from kinreach.plots import draw_error_maps
 from kinreach.registration import SPACE
 from kinreach.robots import get_arm
+from notebooks.figures import draw_error_maps
 
 PROG = "python -m benchmarks.studies.off_volume"
 #: Heights above where balls lie [m]; angles of the tool [degrees]; spreads of the starts [rad].

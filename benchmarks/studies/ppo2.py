@@ -34,7 +34,7 @@ from kinreach.baselines.policy_file import save_policy
 from kinreach.baselines.rewards import own
 from kinreach.cli import Parser, finish
 from kinreach.files import make_writable, replacing, write_text
-from kinreach.plots.style import FAINT, PALETTE, key, new_figure, plain
+from kinreach.plots import FAINT, PALETTE, key, new_figure, plain
 from kinreach.registration import MULTI, SINGLE
 from kinreach.robots import get_arm
 from kinreach.thesis.reward import REACHED_DISTANCE

@@ -37,7 +37,7 @@ from kinreach.cli import Parser, finish
 from kinreach.envs.reach.task import goal_block
 from kinreach.files import replacing
 from kinreach.jobs import add_options
-from kinreach.plots.style import FAINT, PALETTE, key, new_figure
+from kinreach.plots import FAINT, PALETTE, key, new_figure
 from kinreach.statistics import bootstrap_intervals, mean
 from kinreach.thesis.reward import REACHED_DISTANCE, REACHED_POSTURE_ERROR
 

@@ -16,11 +16,10 @@ from numpy.typing import ArrayLike
 from kinreach.baselines.learning_curve import COLUMNS, read_curve
 from kinreach.baselines.loop import rollout_batch
 from kinreach.baselines.policies import LearnedPolicy, load_policy, needed_options
-from kinreach.checks import Floats, as_floats, check_count, check_known, check_path, shown
+from kinreach.checks import Floats, as_floats, check_count, check_known, check_number, check_path, shown
 from kinreach.envs.reach.task import ReachTask
 from kinreach.errors import InputError, raise_unknown
 from kinreach.files import read_text
-from kinreach.plots.series import discounted_returns
 from kinreach.registration import MULTI, SINGLE
 
 Array = np.ndarray[Any, Any]
@@ -143,15 +142,32 @@ def sampled_returns(log: Mapping[str, Array], gamma: float, most: int = MOST_SAM
         `steps` and `discounted`, each of shape (n,).
 
     Raises:
-        InputError: The rows are of more than one step, or `most` is below 1.
+        InputError: The rows are of more than one step, `gamma` is outside 0 … 1, or `most` is below 1.
     """
     most = check_count("the number of samples", most)
+    gamma = check_number("gamma", gamma, least=0.0, most=1.0)
     steps, episodes = log["steps"], log["episodes"]
     if not np.array_equal(steps, np.arange(1, len(steps) + 1)):
         raise InputError("what followed a step needs a learning curve with a row for each step: train with window=1")
     returns = discounted_returns(log["reward"], np.diff(episodes, prepend=0.0) > 0, gamma)
     every = -(-len(steps) // most) or 1
     return {"steps": steps[every - 1 :: every], "discounted": returns[every - 1 :: every]}
+
+
+def discounted_returns(rewards: Array, ends: Array, gamma: float) -> Floats:
+    """Discounted sum of the rewards from each step to the end of its episode (thesis 2.4), shape (n,).
+
+    Args:
+        rewards: Of successive steps, shape (n,). What follows the last step counts as nothing.
+        ends: Whether an episode ended with the step, shape (n,).
+        gamma: Discount factor, 0 to 1.
+    """
+    returns = np.empty(len(rewards))
+    following = 0.0
+    for step in range(len(rewards) - 1, -1, -1):
+        following = rewards[step] + (0.0 if ends[step] else gamma * following)
+        returns[step] = following
+    return returns
 
 
 def reached_per_thousand(log: Mapping[str, Array], *, of: str) -> Array:

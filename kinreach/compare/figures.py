@@ -17,7 +17,7 @@ from matplotlib.ticker import FuncFormatter, NullFormatter
 
 from kinreach.compare.task import Draw
 from kinreach.files import replacing
-from kinreach.plots.style import FAINT, INK, PALETTE, key, name_label, new_figure, plain, verbatim
+from kinreach.plots import FAINT, INK, PALETTE, key, name_label, new_figure, plain, verbatim
 from kinreach.statistics import median, p95
 from kinreach.summary import Trial, number
 

@@ -1,4 +1,4 @@
-"""The common style of the figures: palette, empty axes, labels of ticks, names beside their data."""
+"""The style of the figures: palette, a colour for each method, empty axes, tick labels, names beside their data."""
 
 from __future__ import annotations
 
@@ -13,10 +13,8 @@ from matplotlib.figure import Figure
 from matplotlib.patheffects import withStroke
 from numpy.typing import ArrayLike
 
-from kinreach.plots.checks import check_label
-
 PALETTE = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#000000", "#8C6D31")
-#: Methods and recipes -> their colour in every figure. What is one method by two names has one colour.
+#: Method or recipe -> its colour in every figure. Two names of one method have the same colour.
 METHOD_COLOURS = {
     **dict.fromkeys(("closed-form", "closed form", "analytic"), "#003F66"),
     "placo": "#0072B2",
@@ -42,17 +40,15 @@ METHOD_COLOURS = {
     "button-guided-controls": "#000000",
 }
 INK, FAINT, GRID = "#222222", "#6b6b6b", "#e4e4e4"
-#: Colour map of magnitudes: even in lightness, and the same to colour-blind readers.
+#: Colour map of magnitudes: uniform in lightness, and the same for colour-blind readers.
 MAGNITUDE = "cividis"
 Grid = Literal["x", "y", "both", "none"]
-#: How far from the border of the axes a line may end to be named beside them, as a share of their width.
+#: A line that ends nearer to the border of the axes is named beside them, as a share of their width.
 BORDER = 0.15
-#: Dots per inch where nothing else is asked for, as in notebooks.
+#: Default resolution [dots per inch].
 DPI = 100
-#: Panels beside each other that a figure has room for.
-MOST_COLUMNS = 32
-#: Characters of a name that a figure has room for.
-LONGEST_NAME = 40
+#: Longest name that a figure has room for [characters].
+MAX_NAME_LENGTH = 40
 
 
 def new_figure(
@@ -66,23 +62,18 @@ def new_figure(
     grid: Grid = "both",
     bare: bool = False,
 ) -> tuple[Figure, list[Axes]]:
-    """A figure with empty axes in the common style.
+    """Make a figure with empty axes in the common style.
 
     Args:
-        title: At the top left; none if empty.
+        title: At the top left; none if empty. Dollar signs enclose formulas: pass names through `name_label`.
         size: Width and height [inches].
-        rows: Of axes; they come back row by row.
+        rows: Of axes, which are returned row by row.
         columns: Of axes.
-        widths: Of the columns, in proportion to each other; equal by default.
-        note: Small print at the bottom: where the data comes from.
+        widths: Of the columns, relative to each other; equal by default.
+        note: Small print at the bottom, such as the source of the data; dollar signs as in `title`.
         grid: `"x"`, `"y"`, `"both"` or `"none"`.
-        bare: Hide axes and ticks: for pictures.
-
-    Raises:
-        InputError: A title or a note that is no text, or in which a formula is wrong.
+        bare: Hide axes and ticks, as for pictures.
     """
-    check_label("title", title)
-    check_label("note", note)
     figure = Figure(figsize=size, dpi=DPI, layout="constrained")
     if title:
         figure.suptitle(title, x=0.01, ha="left", fontsize=13, weight="bold", color=INK)
@@ -99,12 +90,7 @@ def new_figure(
 
 
 def style_axes(axes: Axes, *, grid: Grid = "both") -> None:
-    """Bring empty axes into the common style.
-
-    Args:
-        axes: The axes.
-        grid: As of `new_figure`.
-    """
+    """Give empty axes the common style, with a grid as in `new_figure`."""
     axes.spines[["top", "right", "left"]].set_visible(False)
     axes.spines["bottom"].set_color(FAINT)
     axes.tick_params(colors=INK, length=0, labelsize=9)
@@ -114,30 +100,30 @@ def style_axes(axes: Axes, *, grid: Grid = "both") -> None:
 
 
 def key(axes: Axes, text: str) -> None:
-    """Say above the axes, at the left, what is drawn."""
+    """Write above the axes, at the left, what the marks mean."""
     axes.set_title(text, loc="left", fontsize=8.5, color=FAINT)
 
 
 def plain(value: float, _: int | None = None) -> str:
-    """A label of a log axis: a plain number as long as that is short, else a power of ten."""
+    """Format a tick of a log axis: a plain number if that is short, else a power of ten."""
     power = f"$10^{{{round(np.log10(value))}}}$" if value > 0 else ""
     return power if power and not 1e-3 <= value < 1e4 and np.isclose(np.log10(value) % 1, 0) else f"{value:g}"
 
 
 def verbatim(text: str) -> str:
-    """Text to be drawn as it stands: its dollar signs begin no formula."""
+    """Escape dollar signs, so that matplotlib reads no formula in the text."""
     return text.replace("$", r"\$")
 
 
 def name_label(name: str) -> str:
-    """A name beside its data: as it stands, but no longer than there is room for."""
-    return verbatim(name if len(name) <= LONGEST_NAME else f"{name[: LONGEST_NAME - 1]}…")
+    """Escape a name that is written beside its data, and shorten it to `MAX_NAME_LENGTH`."""
+    return verbatim(name if len(name) <= MAX_NAME_LENGTH else f"{name[: MAX_NAME_LENGTH - 1]}…")
 
 
 def colours_of(names: Iterable[str]) -> dict[str, str]:
-    """A colour for each name: a method's own, and for other names those that are left of the palette, in its order.
+    """Choose a colour for each name: a method's own, and for other names the unused ones of the palette, in its order.
 
-    What follows a comma in a name, such as the seed, does not count.
+    The part of a name after a comma, such as the seed, is ignored.
     """
     found = {name: METHOD_COLOURS.get(name.partition(",")[0], "") for name in names}
     others = cycle([colour for colour in PALETTE if colour not in found.values()] or PALETTE)
@@ -147,15 +133,15 @@ def colours_of(names: Iterable[str]) -> dict[str, str]:
 def label_ends(axes: Axes, ends: Mapping[str, ArrayLike], colours: Mapping[str, str], *, side: str = "right") -> None:
     """Write names at the ends of lines, moved apart where they would overlap.
 
-    The name of a line that ends inside the axes stands there. The others stand in a column beside the axes; a stroke
-    leads to a name that was moved, from the border of the axes on, so that nothing within them can be taken for data.
-    The limits of the axes must be set.
+    A line that ends inside the axes is named there. The other names form a column beside the axes. A stroke leads to a
+    name that was moved; it starts at the border of the axes, so that it cannot be taken for data. Set the limits of the
+    axes first.
 
     Args:
-        axes: Where the lines are.
-        ends: Where each line ends, (x, y) in data coordinates.
+        axes: The axes with the lines.
+        ends: Name -> end of its line, (x, y) in data coordinates.
         colours: Of the names.
-        side: `"right"` or `"left"`: which ends these are.
+        side: Side of the ends, `"right"` or `"left"`.
     """
     to_axes = axes.transData + axes.transAxes.inverted()
     places = {name: to_axes.transform(np.asarray(end, dtype=float)) for name, end in ends.items()}
@@ -187,7 +173,7 @@ def label_ends(axes: Axes, ends: Mapping[str, ArrayLike], colours: Mapping[str, 
 
 
 def spread(positions: Sequence[float], *, gap: float) -> list[float]:
-    """Positions from 0 up, moved apart so that neighbours keep their order and a gap."""
+    """Move positions apart, so that neighbours keep their order and a gap; none is below 0."""
     order = np.argsort(-np.array(positions), kind="stable")
     placed = np.array(positions, dtype=float)
     for above, below in pairwise(order):

@@ -1,4 +1,4 @@
-"""Where an arm is agile, and where its data sheet is wrong."""
+"""An arm's workspace: how far it is from singular, or how far its data sheet is off."""
 
 from __future__ import annotations
 
@@ -6,18 +6,15 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from kinreach.kinematics import ArmKinematics, check
-from kinreach.plots.style import MAGNITUDE, key, new_figure
-
-#: Cells of the picture along one side.
-CELLS = 40
+from kinreach.plots.style import MAGNITUDE, key, name_label, new_figure
 
 
 def draw_workspace(kinematics: ArmKinematics, believed: ArmKinematics | None = None, *, seed: int = 0) -> Figure:
-    """The workspace from the side: how far the data sheet is off, or how far from singular the arm is.
+    """Draw the workspace from the side, coloured by the distance from singularity.
 
     Args:
-        kinematics: Of the arm as it is.
-        believed: Of its data sheet, where the arm is a calibrated one.
+        kinematics: Of the arm.
+        believed: Of the data sheet of a calibrated arm; then the colour is the data sheet's error.
         seed: Of the random postures.
     """
     if believed is not None:
@@ -31,12 +28,13 @@ def draw_workspace(kinematics: ArmKinematics, believed: ArmKinematics | None = N
         values = np.array([check.smallest_singular_value(kinematics, posture, scale) for posture in q])
         title, label = "Where the arm is agile", "mean smallest singular value (arm as of 1 m)"
     figure, (axes,) = new_figure(
-        f"{title}: {kinematics.arm.name}",
+        f"{title}: {name_label(kinematics.arm.name)}",
         size=(5.0, 6.4),
-        note=f"{len(tip)} random postures within the limits, seed {seed}; tip {kinematics.tip}, from the first joint.",
+        note=f"{len(tip)} random postures within the limits, seed {seed}; "
+        f"tip {name_label(kinematics.tip)}, from the first joint.",
     )
     distance, height = np.hypot(tip[:, 0], tip[:, 1]), tip[:, 2]
-    across = CELLS // 2
+    across = 20  # cells
     up = max(1, round(across * np.ptp(height) / np.ptp(distance) / np.sqrt(3.0)))  # regular hexagons
     cells = axes.hexbin(distance, height, values, gridsize=(across, up), cmap=MAGNITUDE)
     axes.set_aspect("equal")

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from kinreach.baselines.learning_curve import COLUMNS
-from kinreach.baselines.logs import EPISODE, REWARDS, load_logs, log_names, logged_policies
+from kinreach.baselines.logs import EPISODE, REWARDS, discounted_returns, load_logs, log_names, logged_policies
 from kinreach.baselines.recipes import get_recipe
 from kinreach.errors import InputError, UnknownNameError
 from tools.build_logs import POLICIES
@@ -54,3 +54,24 @@ def test_what_is_not_there_is_named(tmp_path):
         load_logs("single", EPISODE)
     with pytest.raises(InputError):
         load_logs("single", runs=tmp_path)
+
+
+def test_discounted_returns_are_the_sums():
+    cases = 0
+    for seed in range(50):
+        rng = np.random.default_rng(seed)
+        rewards, ends, gamma = rng.normal(size=40), rng.random(40) < 0.15, float(rng.uniform())
+        returns = discounted_returns(rewards, ends, gamma)
+        for step in range(40):
+            later = np.flatnonzero(ends[step:])
+            stop = step + (later[0] + 1 if later.size else 40 - step)
+            assert returns[step] == pytest.approx(sum(gamma**k * r for k, r in enumerate(rewards[step:stop])))
+            cases += 1
+    assert cases == 2000
+
+
+def test_the_thesis_sum():
+    """Section 5.2: a reward of 2 for 100 steps with gamma 0.99 makes 126.79 (100 terms; the thesis's 101st is 0.73)."""
+    returns = discounted_returns(np.full(101, 2.0), np.arange(101) == 100, 0.99)
+    assert returns[1] == pytest.approx(126.79, abs=0.01)
+    assert returns[0] - 0.99**100 * 2 == pytest.approx(126.79, abs=0.01)

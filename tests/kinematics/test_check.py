@@ -144,6 +144,16 @@ def test_one_screen(tmp_path, capsys):
         assert picture.read_bytes().startswith(b"\x89PNG")
 
 
+def test_names_are_drawn_as_they_are(tmp_path, capsys):
+    """A dollar sign in a name begins no formula."""
+    file = arm_with_a_broken_mesh(tmp_path)
+    file.write_text(file.read_text().replace('"broken"', r'"a $\frac{$"').replace('"end"', r'"b $\frac{$"'))
+    picture = tmp_path / "workspace.png"
+    assert main([str(file), "--poses", "1", "--picture", str(picture)], prog="check") == 0
+    assert r"a $\frac{$" in capsys.readouterr().out
+    assert picture.read_bytes().startswith(b"\x89PNG")
+
+
 def test_what_a_calibration_changes(tmp_path, capsys):
     picture = tmp_path / "error.png"
     file = PUBLISHED["ur5_a"]

@@ -1,3 +1,5 @@
+"""The style of the figures: colours can be told apart, names are legible and stand beside their data."""
+
 from __future__ import annotations
 
 from itertools import combinations
@@ -8,7 +10,8 @@ from matplotlib.colors import to_rgb
 
 from kinreach.compare import get_task
 from kinreach.compare.methods import colours as task_colours
-from kinreach.plots.style import FAINT, GRID, INK, PALETTE, colours_of, label_ends, new_figure, plain, spread
+from kinreach.plots import FAINT, INK, PALETTE, colours_of, label_ends, new_figure, plain
+from kinreach.plots.style import GRID, spread
 
 #: What colours look like to people without red, green or blue cones (Machado, Oliveira, Fernandes 2009, severity 1).
 BLINDNESS = {

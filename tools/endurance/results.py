@@ -15,7 +15,7 @@ ROOT = Path(__file__).resolve().parents[2]
 TESTS = ROOT / "tests" / "robustness"
 #: Modules with fuzz tests, those first that take little time.
 FUZZED = (
-    "geometry", "policies", "solvers", "simulation", "kinematics", "environments", "vision", "commands", "plots",
+    "geometry", "policies", "solvers", "simulation", "kinematics", "environments", "vision", "commands",
 )  # fmt: skip
 HOSTILE = ("files", "urdfs")
 MODULES = (*(f"test_bad_input_{name}.py" for name in FUZZED), *(f"test_hostile_{name}.py" for name in HOSTILE))

@@ -20,7 +20,7 @@ from kinreach.envs.reach.task import CAMERA
 from kinreach.errors import InputError, raise_unknown
 from kinreach.kinematics.solvers import Solver
 from kinreach.objects import load_object
-from kinreach.plots.style import METHOD_COLOURS
+from kinreach.plots import METHOD_COLOURS
 from kinreach.provenance import digest
 from kinreach.robots import ArmDescription
 

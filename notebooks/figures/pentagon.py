@@ -1,7 +1,7 @@
-"""The arm as the thesis's pentagon (section 3.4.4, figures 3.4 to 3.7), on the joints where they really are.
+"""The arm as the thesis's pentagon (section 3.4.4, figures 3.4 to 3.7), drawn on the arm's joints.
 
-Everything lies in the arm's plane, which is vertical and holds upper arm and forearm: coordinates are (reach, height)
-[m], reach counted from the base's axis towards the tip, height that of the world.
+Coordinates are (reach, height) [m] in the arm's plane, which is vertical and contains upper arm and forearm. Reach is
+the distance from the base's axis towards the tip, height that of the world.
 
 The thesis writes the sum of the pentagon's interior angles as 3 pi = delta + pi/2 + pi/2 + gamma + (pi - beta) + alpha:
 six terms for five corners. They fit if the pentagon stands on the ground: the corner at the foot is pi/2, and that at
@@ -19,24 +19,26 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
+import pinocchio as pin
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.patches import Circle, Polygon, Wedge
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
-from kinreach.checks import Floats, check_count, check_number, shown
-from kinreach.errors import InputError
-from kinreach.kinematics.arm import pin
-from kinreach.kinematics.ur.kinematics import UR5Kinematics
-from kinreach.plots.checks import check_label, check_mapping
-from kinreach.plots.pictures import Extent, Picture, as_placed
-from kinreach.plots.style import FAINT, INK, PALETTE, new_figure
+from kinreach.kinematics import UR5Kinematics
+from kinreach.plots import FAINT, INK, PALETTE, new_figure
 from kinreach.robots import CameraMount
 from kinreach.thesis.reward import PentagonAngles, pentagon_angles
 
+from .pictures import Picture
+
+Floats = NDArray[np.float64]
+#: Left, right, bottom and top of a picture in the arm's plane [m].
+Extent = tuple[float, float, float, float]
+
 #: Joints whose origins are corners, by their number in the thesis: shoulder (j1), elbow (j2), wrist_1 (j3).
 _CORNERS = (1, 2, 3)
-#: Where an angle is written, from its corner [m].
+#: Place of an angle's label, from its corner [m].
 _OFFSETS = {"α": (-0.11, 0.03), "π−β": (0.0, 0.07), "γ": (-0.18, -0.04), "δ": (-0.18, 0.05)}
 _PAPER = {"boxstyle": "round,pad=0.15", "fc": "white", "ec": "none", "alpha": 0.8}
 _COLOURS = {"α": PALETTE[0], "π−β": PALETTE[1], "β": PALETTE[1], "γ": PALETTE[2], "δ": PALETTE[3]}
@@ -64,20 +66,15 @@ class Pentagon:
 
 
 def pentagon_of(q: ArrayLike, *, ground: float, kinematics: UR5Kinematics | None = None) -> Pentagon:
-    """The pentagon of a posture, from forward kinematics.
+    """Compute the pentagon of a posture by forward kinematics.
 
     Args:
-        q: Posture [rad], shape (6,), in which the tool does not point away from the ground.
+        q: Posture [rad], shape (6,), in which the tool points towards the ground.
         ground: Height on which the pentagon stands [m].
-        kinematics: Of the arm in the world frame, with the tip whose tool this is; by default the UR5's tcp.
-
-    Raises:
-        InputError: Wrong shape, not finite, a tool that never comes to the ground, or kinematics of another kind.
+        kinematics: Of the arm in the world frame; by default of the UR5's tcp.
     """
-    if not isinstance(kinematics, UR5Kinematics | None):
-        raise InputError(f"kinematics must be a UR5Kinematics, got {shown(kinematics)}")
     kin = kinematics or UR5Kinematics(tip="tcp", base="world")
-    posture, ground = kin.as_posture("q", q), check_number("ground", ground, least=-10.0, most=10.0)
+    posture = np.asarray(q, dtype=float)
     T_world_tip = kin.fk(posture)
     pin.forwardKinematics(kin.model, kin.data, posture)
     joints = np.array([kin.data.oMi[joint].translation for joint in range(1, 7)] + [T_world_tip[:3, 3]])
@@ -89,8 +86,6 @@ def pentagon_of(q: ArrayLike, *, ground: float, kinematics: UR5Kinematics | None
     flat = np.column_stack([(joints - joints[0]) @ forward, joints[:, 2]])
     tool = np.array([T_world_tip[:3, 2] @ forward, T_world_tip[2, 2]])
     wrist = flat[_CORNERS[-1]]
-    if tool[1] * (ground - wrist[1]) <= 0:
-        raise InputError("the tool points away from the ground: there is no pentagon")
     gripper = wrist + tool * (ground - wrist[1]) / tool[1]
     foot = np.array([flat[1, 0], ground])
     corners = np.vstack([foot, flat[list(_CORNERS)], gripper])
@@ -98,23 +93,18 @@ def pentagon_of(q: ArrayLike, *, ground: float, kinematics: UR5Kinematics | None
 
 
 def side_camera(pentagon: Pentagon, *, width: int, height: int) -> tuple[CameraMount, Extent]:
-    """A camera named `side` that looks squarely at the arm's plane from so far that it shows it nearly to scale.
+    """Place a camera named `side` that looks perpendicularly at the arm's plane from 8 m.
 
-    From 8 m, what lies 0.1 m before or behind the plane is drawn 1 % too large or too small.
+    From there, a part 0.1 m in front of or behind the plane is drawn 1 % too large or too small.
 
     Args:
-        pentagon: Of the posture that is to be drawn.
+        pentagon: Of the posture to be drawn.
         width: Of the picture [pixels].
         height: Of the picture [pixels].
 
     Returns:
-        The camera, to be added to an arm's description, and what its picture shows of the plane.
-
-    Raises:
-        InputError: No pentagon, or a size that is no number of pixels.
+        The camera, to be added to an arm's description, and the extent of its picture in the plane.
     """
-    _check_pentagon(pentagon)
-    width, height = (check_count(name, size, most=2**16) for name, size in (("width", width), ("height", height)))
     middle, half, away = (0.25, 0.12), 0.53, 8.0  # reach and height of the centre, half of what is seen, distance [m]
     target = middle[0] * pentagon.forward + (0.0, 0.0, middle[1])
     position = target + away * np.cross(pentagon.forward, (0.0, 0.0, 1.0))
@@ -131,30 +121,20 @@ def draw_pentagons(
     pictures: Mapping[str, tuple[Picture, Extent]] | None = None,
     note: str = "",
 ) -> Figure:
-    """Pentagons with their angles, beside each other (thesis, figure 3.4).
+    """Draw pentagons with their angles beside each other (thesis, figure 3.4).
 
     Args:
         pentagons: By name.
         title: Of the figure.
-        pictures: Of the arm from the side by the pentagon's name: pixels (height, width, 3) and what they show in the
-            arm's plane, (left, right, bottom, top) [m].
+        pictures: Name -> picture of the arm from the side, and its extent.
         note: Small print.
-
-    Raises:
-        InputError: No pentagon, or a picture that is none or says wrongly what it shows.
     """
-    check_mapping("pentagons", pentagons)
-    pictures = {} if pictures is None else pictures
-    check_mapping("pictures", pictures)
-    if not pentagons:
-        raise InputError("a figure of pentagons needs at least one")
+    pictures = pictures or {}
     figure, axes = new_figure(title, size=(5.0 * len(pentagons), 4.9), columns=len(pentagons), note=note, grid="none")
     for ax, (name, pentagon) in zip(axes, pentagons.items(), strict=True):
-        check_label("a pentagon's name", name)
-        _check_pentagon(pentagon)
         corners, angles = pentagon.corners, pentagon.angles
         if name in pictures:
-            pixels, extent = as_placed(f"the picture of {name!r}", pictures[name])
+            pixels, extent = pictures[name]
             ax.imshow(pixels, extent=extent, alpha=0.75)
         else:
             ax.plot(*pentagon.joints.T, color=FAINT, lw=5, alpha=0.4, solid_capstyle="round", solid_joinstyle="round")
@@ -182,16 +162,7 @@ def draw_pentagons(
 
 
 def draw_pentagon_angles(pentagon: Pentagon, *, title: str = "How the joints' angles make the pentagon's") -> Figure:
-    """The circles of alpha, beta and gamma: where a link points at which joint angle (thesis, figures 3.5 to 3.7).
-
-    Args:
-        pentagon: Of a posture.
-        title: Of the figure.
-
-    Raises:
-        InputError: No pentagon.
-    """
-    _check_pentagon(pentagon)
+    """Draw the circles of alpha, beta and gamma: each link's direction by joint angle (thesis, figures 3.5 to 3.7)."""
     figure, axes = new_figure(title, size=(9.6, 3.9), columns=3, bare=True)
     _, shoulder, elbow, wrist, gripper = pentagon.corners
     alpha, beta, gamma, _ = pentagon.angles
@@ -222,11 +193,6 @@ def draw_pentagon_angles(pentagon: Pentagon, *, title: str = "How the joints' an
     return figure
 
 
-def _check_pentagon(pentagon: object) -> None:
-    if not isinstance(pentagon, Pentagon):
-        raise InputError(f"expected a Pentagon, got {shown(pentagon)}")
-
-
 def _heading(vector: ArrayLike) -> float:
     x, y = np.asarray(vector, dtype=float)
     return math.atan2(y, x)
@@ -238,7 +204,7 @@ def _ray(axes: Axes, direction: ArrayLike, **line: Any) -> None:
 
 
 def _sector(axes: Axes, centre: Floats, start: ArrayLike, end: ArrayLike, letter: str, *, radius: float) -> None:
-    """The angle counterclockwise from one direction to another."""
+    """Fill the angle counterclockwise from one direction to another."""
     first, last = math.degrees(_heading(start)), math.degrees(_heading(end))
     axes.add_patch(Wedge(tuple(centre), radius, first, last, color=_COLOURS[letter], alpha=0.7, lw=0))
 

@@ -7,11 +7,10 @@ import math
 import numpy as np
 import pytest
 
-from kinreach.errors import InputError
 from kinreach.kinematics import UR5Kinematics
-from kinreach.plots import draw_pentagon_angles, draw_pentagons, pentagon_of, side_camera
 from kinreach.thesis.reward import posture_error
 from kinreach.vision.cameras import Intrinsics
+from notebooks.figures import draw_pentagon_angles, draw_pentagons, pentagon_of, side_camera
 
 GROUND = -0.20
 
@@ -123,11 +122,3 @@ def test_figures_write_the_angles(kin, natural, texts):
         assert f"{letter} = {math.degrees(angle):.0f}°" in written
     circles = texts(draw_pentagon_angles(pentagons["A"]))
     assert sum(text.startswith(("j1 =", "j2 =", "j3 =")) for text in circles) == 3
-
-
-def test_no_pentagon(kin):
-    up = np.array(kin.arm.home) + np.eye(6)[3] * math.pi
-    with pytest.raises(InputError, match="points away from the ground"):
-        pentagon_of(up, ground=GROUND, kinematics=kin)
-    with pytest.raises(InputError, match="at least one"):
-        draw_pentagons({})

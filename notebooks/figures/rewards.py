@@ -1,4 +1,4 @@
-"""The thesis's reward of the distance (figure 3.8), its whole reward along it, and PPO's clipped objective."""
+"""The thesis's reward against the distance (figure 3.8), and PPO's clipped objective."""
 
 from __future__ import annotations
 
@@ -9,23 +9,16 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import FuncFormatter, NullFormatter
 from numpy.typing import ArrayLike
 
-from kinreach.checks import check_number
-from kinreach.errors import InputError
-from kinreach.plots.checks import MOST_DRAWN, as_drawn, check_mapping
-from kinreach.plots.style import FAINT, INK, PALETTE, colours_of, label_ends, new_figure, plain
+from kinreach.plots import FAINT, INK, PALETTE, colours_of, label_ends, new_figure, plain
 from kinreach.thesis.reward import REACHED_DISTANCE, distance_reward
 
 
 def draw_distance_reward(*, farthest: float = 3.0) -> Figure:
-    """The reward of the distance, r_d, with its two pieces (thesis, figure 3.8).
+    """Draw the reward of the distance, r_d, with its two pieces (thesis, figure 3.8).
 
     Args:
-        farthest: Where the axis ends [m].
-
-    Raises:
-        InputError: `farthest` is not beyond 2 m, where the pieces meet.
+        farthest: End of the axis [m], beyond 2 m, where the pieces meet.
     """
-    farthest = check_number("farthest", farthest, above=2.0, most=MOST_DRAWN)
     figure, (ax,) = new_figure("The reward of the distance", size=(7.2, 3.9))
     near, far = np.geomspace(REACHED_DISTANCE, 2.0, 300), np.linspace(2.0, farthest, 50)
     ax.plot(near, distance_reward(near), color=PALETTE[0], lw=2)
@@ -45,28 +38,20 @@ def draw_distance_reward(*, farthest: float = 3.0) -> Figure:
 def draw_reward_sections(
     distances: ArrayLike, rewards: Mapping[str, ArrayLike], *, title: str, note: str = ""
 ) -> Figure:
-    """The whole reward against the distance, a line for each posture, special cases included.
+    """Draw the whole reward against the distance, a line for each posture, special cases included.
 
     Args:
         distances: Positive and increasing [m], shape (n,).
-        rewards: By the posture's name, each of shape (n,).
+        rewards: Posture -> rewards, shape (n,).
         title: Of the figure.
         note: Small print.
-
-    Raises:
-        InputError: No posture, shapes that do not fit, or distances that are not positive and increasing.
     """
-    check_mapping("rewards", rewards)
-    d = as_drawn("distances", distances)
-    if not rewards or d.ndim != 1 or len(d) < 2 or not d[0] > 0 or not (np.diff(d) > 0).all():
-        raise InputError("a section of the reward needs a posture, and two or more positive distances that increase")
+    d = np.asarray(distances)
     figure, (ax,) = new_figure(title, size=(9.0, 4.2), note=note)
     colours = colours_of(rewards)
     starts = {}
     for name, values in rewards.items():
-        r = as_drawn(f"reward of {name}", values)
-        if r.shape != d.shape:
-            raise InputError(f"the reward of {name!r} must have shape {d.shape}, got {r.shape}")
+        r = np.asarray(values)
         ax.plot(1e3 * d, r, color=colours[name], lw=1.8)
         starts[name] = (1e3 * d[0], r[0])
     ax.set(
@@ -85,20 +70,15 @@ def draw_reward_sections(
 
 
 def draw_clipped_objective(*, epsilon: float = 0.2) -> Figure:
-    """PPO's clipped objective of one action against its probability ratio (thesis, figures 2.4 and 2.5).
+    """Draw PPO's clipped objective of one action against its probability ratio (thesis, figures 2.4 and 2.5).
 
         L = min(r A, clip(r, 1 - epsilon, 1 + epsilon) A)
 
-    Left with the advantage A = 1, right with A = -1. The dotted line is what would be maximised without the clip.
+    Left for the advantage A = 1, right for A = -1. The dotted line is the objective without the clip.
 
     Args:
-        epsilon: How far the ratio may move.
-
-    Raises:
-        InputError: `epsilon` is not between 0 and 1.
+        epsilon: Clip range of the ratio, between 0 and 1.
     """
-    if not 0 < (epsilon := check_number("epsilon", epsilon)) < 1:
-        raise InputError(f"epsilon must be between 0 and 1, got {epsilon:g}")
     note = "dot: where every update begins, the new policy being the old one · dotted: without the clip"
     figure, axes = new_figure("PPO's clipped objective of one action", size=(9.0, 3.7), columns=2, note=note)
     ratio = np.array(sorted([*np.linspace(0.0, 2.0, 101), 1 - epsilon, 1 + epsilon]))
