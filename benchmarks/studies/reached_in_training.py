@@ -12,6 +12,7 @@ from pathlib import Path
 
 import numpy as np
 
+import benchmarks.learners  # noqa: F401 (registers its recipes)
 from benchmarks.studies.tables import head, line
 from benchmarks.studies.thesis_curves import reached
 from benchmarks.studies.trainings import trainings_interval

@@ -13,6 +13,7 @@ from pathlib import Path
 
 import numpy as np
 
+import benchmarks.learners  # noqa: F401 (registers its recipes)
 from benchmarks.studies.trainings import Trainings, decimals_for, finished, print_table, with_interval
 from kinreach.baselines.recipes import RECIPES
 from kinreach.cli import Parser, finish

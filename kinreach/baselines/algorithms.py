@@ -35,7 +35,6 @@ from kinreach.baselines.batch import first_observations
 from kinreach.baselines.descent import AnalyticGradient, MovingGradient, RandomArmGradient, Regression
 from kinreach.baselines.looks import Looks
 from kinreach.baselines.networks import ACTIVATIONS, LookFeatures, ObservationFeatures, PosturePolicy, actor_network
-from kinreach.baselines.off_policy import ScheduledDDPG, ScheduledSAC, ScheduledTD3
 from kinreach.baselines.policy_file import Network
 from kinreach.baselines.ppo2 import PPO2
 from kinreach.baselines.recipes import Recipe
@@ -178,19 +177,6 @@ def adaptive_arguments(recipe: Recipe, env: SB3VecEnv, planned: int) -> dict[str
         schedule = Exploration(**arguments["exploration"])
         posture = recipe.networks.posture
         arguments["exploration"] = schedule.scaled(1.0 / action_range(_arm(recipe))[0].max()) if posture else schedule
-    return arguments
-
-
-def scheduled_arguments(recipe: Recipe, env: SB3VecEnv, planned: int) -> dict[str, Any]:
-    """Those of an off-policy learner, with `Exploration` from fields, and the critic's `gain`.
-
-    It begins in the middle of its actions, or, where the output is a posture, at the start pose.
-    """
-    arguments = mlp_arguments(recipe, env, planned) | {"planned_steps": planned}
-    arguments["policy_kwargs"]["gain"] = arguments.pop("gain")
-    arguments["exploration"] = Exploration(**arguments["exploration"])
-    middle = np.zeros(env.action_space.shape or ()).tolist()
-    arguments["start"] = _action_to(arm := _arm(recipe), arm.home) if recipe.networks.posture else middle
     return arguments
 
 
@@ -374,6 +360,3 @@ register_algorithm(Algorithm("SAC", SAC))
 register_algorithm(Algorithm("TD3", TD3))
 register_algorithm(Algorithm("DDPG", DDPG))
 register_algorithm(Algorithm("DQN", DQN))
-register_algorithm(Algorithm("ScheduledSAC", ScheduledSAC, arguments=scheduled_arguments))
-register_algorithm(Algorithm("ScheduledTD3", ScheduledTD3, arguments=scheduled_arguments))
-register_algorithm(Algorithm("ScheduledDDPG", ScheduledDDPG, arguments=scheduled_arguments))

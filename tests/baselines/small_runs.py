@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+import benchmarks.learners  # noqa: F401 (registers its recipes)
 from kinreach.baselines import training
 from kinreach.baselines.policies import load_policy
 from kinreach.baselines.recipes import RECIPES, get_recipe

@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+import benchmarks.learners  # noqa: F401 (registers its recipes)
 from kinreach.baselines.evaluation import evaluate
 from kinreach.baselines.learning_curve import read_curve
 from kinreach.baselines.recipes import get_recipe

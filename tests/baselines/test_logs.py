@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+import benchmarks.learners  # noqa: F401 (registers its recipes)
 from kinreach.baselines.learning_curve import COLUMNS
 from kinreach.baselines.logs import EPISODE, REWARDS, discounted_returns, load_logs, log_names, logged_policies
 from kinreach.baselines.recipes import get_recipe

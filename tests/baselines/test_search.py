@@ -45,8 +45,9 @@ def test_a_file_is_a_search(file):
 
 def test_the_searches_of_the_docs_can_be_read(root):
     found = {path.stem: read_search(path) for path in (root / "benchmarks/studies/searches").glob("*.yaml")}
+    assert all(given.tried({}).name == name for name, given in found.items())
     assert {name: given.recipe for name, given in found.items()} == {
-        "td3-single": "td3-single", "td3-multi": "td3-multi",
+        "td3-single": "benchmarks.learners:td3_single", "td3-multi": "benchmarks.learners:td3_multi",
     }  # fmt: skip
 
 

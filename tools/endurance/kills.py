@@ -17,6 +17,7 @@ import numpy as np
 import torch
 from PIL import Image
 
+import benchmarks.learners  # noqa: F401 (registers its recipes)
 from kinreach import provenance
 from kinreach.baselines.policies import load_policy
 from kinreach.baselines.recipes import get_recipe

@@ -59,45 +59,6 @@ _DESCENT = {
 #: As many samples, updates and network inputs as ranked PPO has.
 _REGRESSED = {**_DESCENT, "tries": 1, "minibatches": 4}
 
-#: 64 environments in step: 160 000 actions, about as many as the thesis's. The standard deviation begins with the
-#: thesis's unit, 1 rad or 1 degree (an action of 1 is π rad and 5 degrees), and ends with a hundredth and a twentieth.
-_OFF_POLICY = {
-    "learning_rate": 1e-3,
-    "learning_starts": 1_000,
-    "batch_size": 256,
-    "train_freq": 1,
-    "gradient_steps": 4,
-    "decay": 0.3,
-}
-#: What a search found for TD3, which reaches nothing with it either.
-_DETERMINISTIC_MULTI = {"learning_rate": 1.3e-3, "learning_starts": 16_000, "gamma": 0.9, "gain": 0.3}
-_RADIANS = {"first": 1 / math.pi, "last": 0.01 / math.pi, "until": 0.9}
-_DEGREES = {"first": 1 / 5, "last": 0.05 / 5, "until": 0.9}
-
-
-def _off_policy(algorithm: str, environment: str, reward: str = "clipped", **settings: Any) -> Recipe:
-    """An off-policy learner with scheduled exploration, with settings that were tuned on validation goals."""
-    single = environment == SINGLE
-    own = {"buffer_size": 20_000, "gamma": 0.0, "gain": 10.0, "exploration": _RADIANS}
-    if not single:
-        own = {"buffer_size": 160_000, "gamma": 0.5, "gain": 1.0, "exploration": _DEGREES}
-    return Recipe(
-        name=f"{algorithm.lower()}-{'single' if single else 'multi'}",
-        summary=f"{algorithm} from a replay buffer, exploring in the thesis's units; tuned.",
-        environment=environment,
-        options={"backend": "kinematic", **({} if single else {"end_on_reached": False})},
-        algorithm=f"Scheduled{algorithm}",
-        steps=160_000,
-        num_envs=64,
-        reward=reward,
-        networks=Networks(
-            hidden=(128, 128), activation="relu", features="goal waves" if single else "scaled", posture=single
-        ),
-        settings={**_OFF_POLICY, **own, **settings},
-        window=3_200,
-    )
-
-
 #: The thesis has one arm, which takes 128 steps between two updates. Each is an episode, the policy stays the same
 #: meanwhile, and with γ 0 nothing of one enters what another is worth: 128 arms that take one step are the same data,
 #: in the same four minibatches of 32, in a tenth of the time.
@@ -392,10 +353,4 @@ REACH_RECIPES = (
         reward="own",
         settings=_REGRESSED,
     ),
-    _off_policy("SAC", SINGLE),
-    _off_policy("TD3", SINGLE),
-    _off_policy("DDPG", SINGLE),
-    _off_policy("SAC", MULTI),
-    _off_policy("TD3", MULTI, reward="dense-clipped", **_DETERMINISTIC_MULTI),
-    _off_policy("DDPG", MULTI, reward="dense-clipped", **_DETERMINISTIC_MULTI),
 )

@@ -10,6 +10,7 @@ from scipy.stats import norm
 from stable_baselines3 import SAC
 from stable_baselines3.common.logger import configure
 
+import benchmarks.learners  # noqa: F401 (registers its recipes)
 from kinreach.baselines.models import build
 from kinreach.baselines.recipes import get_recipe
 from kinreach.robots import get_arm
