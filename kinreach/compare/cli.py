@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import argparse
 import re
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from itertools import count
 from pathlib import Path
 from textwrap import fill
@@ -14,6 +14,7 @@ from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, T
 
 from kinreach.checks import check_path
 from kinreach.cli import Parser, quoted
+from kinreach.compare.options import Flag, add_flags, flags_of, given_options
 from kinreach.compare.runner import CAMERA, DEFAULT_GOALS, GEOMETRIC, compare, notes
 from kinreach.compare.task import Task, get_task, register_task, task_names
 from kinreach.errors import InputError, OtherResultsError
@@ -28,30 +29,7 @@ from kinreach.terminal import Console
 TABLE_WIDTH = 100
 #: Longest setting that is part of the default folder's name as it is [characters].
 LONGEST_PART = 40
-#: Options of the environments that have an argument of their own: name -> how it is said, and what it is.
-OPTIONS: dict[str, dict[str, Any]] = {
-    "pipeline": {"help": "how cameras find the ball: hybrid or thesis (default: hybrid)"},
-    "resolution": {"metavar": "WxH", "help": "of the cameras' pictures (default: 640x360; the thesis's: 1280x720)"},
-    "rgb_noise": {"type": float, "metavar": "L", "help": "standard deviation, levels of 255 (default: 0)"},
-    "depth_noise": {"type": float, "metavar": "M", "help": "standard deviation, metres (default: 0)"},
-    "collision_margin": {
-        "type": float,
-        "metavar": "M",
-        "help": "solvers' postures stay so far from collisions, metres (default: 0)",
-    },
-    "max_steps": {"type": int, "metavar": "N", "help": "of an episode of the button task (default: 100)"},
-    "actuation": {"help": "of the button task: tuned or report (default: tuned)"},
-    "looks": {"metavar": "N,N", "help": "of the task real-arm: looks before (default: 0,5,10,20,50)"},
-    "again": {
-        "type": int,
-        "metavar": "K",
-        "help": "of the task real-arm: moves after the first (default: 2)",
-    },
-    "speeds": {"metavar": "V,V", "help": "of the task moving: the balls' [m/s] (default: 0.05 to 0.6)"},
-    "calibrations": {"metavar": "A,B", "help": "of the task real-arm: files of UR5s, or published: ur5_a to ur5_d"},
-}
-#: Those that say how cameras look.
-CAMERA_OPTIONS = ("pipeline", "resolution", "rgb_noise", "depth_noise")
+HELP = ("-h", "--help")
 
 
 def main(argv: Sequence[str], *, prog: str) -> int:
@@ -68,13 +46,17 @@ def main(argv: Sequence[str], *, prog: str) -> int:
         KinreachError: Bad input, a directory that cannot be written, a missing package.
         KeyboardInterrupt: With a message that says what was kept.
     """
-    arguments = _parser(prog).parse_args(argv)
-    task = _task(arguments.task)
+    parser = _parser(prog)
+    known, _ = parser.parse_known_args([word for word in argv if word not in HELP])  # which task, before its flags
+    task = _task(known.task)
+    flags = flags_of(task.environment, task.options, taken=("help", *vars(known)))
+    add_flags(parser, f"options of the task {task.name}", flags)
+    arguments = parser.parse_args(argv)
     methods = [name.strip() for name in arguments.methods.split(",")] if arguments.methods is not None else []
-    said = {name: getattr(arguments, name) for name in OPTIONS if getattr(arguments, name) is not None}
+    texts = {name: getattr(arguments, name) for name in flags if getattr(arguments, name) is not None}
     arm = arguments.arm if arguments.arm in (None, *arm_names()) else arm_named(arguments.arm)
     own = None if arguments.out is None else check_path("--out", arguments.out)
-    default = Path("results") / _default_folder(task.name, "" if arm is None else as_arm(arm).name, arguments, said)
+    default = Path("results") / _default_folder(task.name, "" if arm is None else as_arm(arm).name, arguments, texts)
     out, results = _measure(
         task,
         methods,
@@ -83,11 +65,11 @@ def main(argv: Sequence[str], *, prog: str) -> int:
         seed=arguments.seed,
         arm=arm,
         observation=arguments.observation,
-        options=_options(said, arguments),
+        options=given_options(flags, texts, arguments.observation),
         fresh=arguments.fresh,
         engine=arguments.engine,
         address=arguments.address,
-        command=_again(prog, arguments, said, own),
+        command=_command(prog, arguments, flags, texts, own),
     )
     console = Console(width=TABLE_WIDTH, highlight=False, markup=False, emoji=False)
     for table in tables(task.columns, results["methods"], title=results["settings"]["title"], width=TABLE_WIDTH):
@@ -117,7 +99,7 @@ def _task(name: str) -> Task:
     return register_task(task) if task.name in known or task.name not in task_names() else get_task(task.name)
 
 
-def _default_folder(task: str, arm: str, arguments: argparse.Namespace, said: dict[str, Any]) -> str:
+def _default_folder(task: str, arm: str, arguments: argparse.Namespace, texts: Mapping[str, str]) -> str:
     """Name of the folder for results: the task, and every setting that is not the default.
 
     Text that is too long, or that no folder is named by, is replaced by a digest of it.
@@ -126,7 +108,7 @@ def _default_folder(task: str, arm: str, arguments: argparse.Namespace, said: di
     parts = [arm, "camera" if arguments.observation == CAMERA else "", methods]
     parts += [f"goals{arguments.goals}"] if arguments.goals != DEFAULT_GOALS else []
     parts += [f"seed{arguments.seed}"] if arguments.seed != 0 else []
-    parts += [f"{name}{value}" for name, value in said.items()]
+    parts += [f"{name}{text}" for name, text in texts.items()]
     short = []
     for part in filter(None, parts):
         text = part.replace(",", "+")
@@ -182,34 +164,18 @@ def _measure(
             raise KeyboardInterrupt(f"interrupted; {kept}; the same command goes on from there") from None
 
 
-def _options(said: dict[str, Any], arguments: argparse.Namespace) -> dict[str, Any]:
-    """Options of the environments, from those that were said."""
-    if arguments.observation != CAMERA and any(name in said for name in CAMERA_OPTIONS):
-        raise InputError(
-            f"pipeline, resolution and noise need observation '{CAMERA}', got observation '{arguments.observation}'"
-        )
-    options = dict(said)
-    if "looks" in options:
-        options["budgets"] = _numbers("--looks", options.pop("looks"), int, "0,5,20")
-    if "speeds" in options:
-        options["speeds"] = _numbers("--speeds", options["speeds"], float, "0.1,0.4")
-    if "calibrations" in options:
-        options["calibrations"] = tuple(options["calibrations"].split(","))
-    if "resolution" in options:
-        options["width"], options["height"] = _resolution(options.pop("resolution"))
-    return options
-
-
-def _again(prog: str, arguments: argparse.Namespace, said: dict[str, Any], out: Path | None) -> str:
-    """The command that gives the same again; defaults are left out."""
+def _command(
+    prog: str, arguments: argparse.Namespace, flags: Mapping[str, Flag], texts: Mapping[str, str], out: Path | None
+) -> str:
+    """Return the command that gives the same again; defaults are left out."""
     words = [prog, "--task", arguments.task]
     for name in ("arm", "methods"):
         value = getattr(arguments, name)
         words += [] if value is None else [f"--{name}", quoted(value)]
     words += ["--goals", str(arguments.goals), "--seed", str(arguments.seed)]
     words += [] if arguments.observation == GEOMETRIC else ["--observation", arguments.observation]
-    for name, value in said.items():
-        words += [f"--{name.replace('_', '-')}", quoted(str(value))]
+    for name, text in texts.items():
+        words += [flags[name].spelled, quoted(text)]
     return " ".join([*words, *([] if out is None else ["--out", quoted(str(out))])])
 
 
@@ -235,7 +201,9 @@ def _parser(prog: str) -> Parser:
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
     parser.add_argument(
-        "--task", default="ur5", help=f"one of: {', '.join(task_names())}; or module:attribute (default: %(default)s)"
+        "--task",
+        default="ur5",
+        help=f"one of: {', '.join(task_names())}; or module:attribute (default: %(default)s); its own options are below",
     )
     parser.add_argument(
         "--arm",
@@ -249,7 +217,7 @@ def _parser(prog: str) -> Parser:
     parser.add_argument(
         "--observation",
         default=GEOMETRIC,
-        help="what methods are told: the true goal (geometric), or what the cameras saw (camera: --task ur5 or space, "
+        help="what methods observe: the true goal (geometric), or what the cameras saw (camera: --task ur5 or space, "
         "needs OpenGL) (default: %(default)s)",
     )
     parser.add_argument(
@@ -264,20 +232,4 @@ def _parser(prog: str) -> Parser:
         help="do not go on from an interrupted comparison in DIR, and write over another one's results",
     )
     add_options(parser)
-    for name, settings in OPTIONS.items():
-        parser.add_argument(f"--{name.replace('_', '-')}", **settings)
     return parser
-
-
-def _resolution(text: str) -> tuple[int, int]:
-    width, _, height = text.partition("x")
-    if not (width.isdecimal() and height.isdecimal()):
-        raise InputError(f"--resolution is WIDTHxHEIGHT in pixels, such as 640x360, got {text!r}")
-    return int(width), int(height)
-
-
-def _numbers(name: str, text: str, kind: Callable[[str], Any], example: str) -> tuple[Any, ...]:
-    try:
-        return tuple(kind(part) for part in text.split(","))
-    except ValueError:
-        raise InputError(f"{name} is numbers with commas between them, such as {example}, got {text!r}") from None

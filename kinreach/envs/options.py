@@ -22,9 +22,15 @@ INFOS_TEXT = '`"all"`, or only `"numbers"`: no texts, and no dictionary of the r
 PLACE = "<table of the options>"
 
 
-def about(description: str) -> dict[str, str]:
-    """Metadata of a field of a dataclass of options: what the table in the docstring says of it."""
-    return {"description": description}
+def about(description: str, *, observation: str = "", flag: str = "") -> dict[str, str]:
+    """Metadata of a field of a dataclass of options, for the table in the docstring and for commands.
+
+    Args:
+        description: With the unit.
+        observation: The only `observation` that the option is for.
+        flag: Its name on the command line, if that is another one.
+    """
+    return {"description": description, "observation": observation, "flag": flag}
 
 
 def options_from(kind: type[Options], given: Mapping[str, Any]) -> Options:
@@ -42,7 +48,7 @@ def options_from(kind: type[Options], given: Mapping[str, Any]) -> Options:
 
 
 def takes(kind: type[Any]) -> Callable[[Environment], Environment]:
-    """Class decorator of an environment: its signature and the table in its docstring are those of its options."""
+    """Class decorator of an environment: its `Options`, its signature and the table in its docstring."""
     rows = [
         f"| `{entry.name}` | `{_quoted(entry.default)}` | {entry.metadata['description']} |"
         for entry in fields(kind)
@@ -52,6 +58,7 @@ def takes(kind: type[Any]) -> Callable[[Environment], Environment]:
 
     def decorate(environment: Environment) -> Environment:
         environment.__signature__ = inspect.signature(kind)  # type: ignore[attr-defined]
+        environment.Options = kind  # type: ignore[attr-defined]
         if environment.__doc__ is not None:
             environment.__doc__ = environment.__doc__.replace(PLACE, table)
         return environment

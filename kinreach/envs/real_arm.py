@@ -80,7 +80,7 @@ class RealArmOptions:
     )
     calibrations: tuple[str, ...] = field(default=UR5S, metadata=about("true UR5s: names of published ones, or files"))
     budgets: tuple[int, ...] = field(
-        default=BUDGETS[:-1], metadata=about(f"looks that may be taken before, some of {BUDGETS}")
+        default=BUDGETS[:-1], metadata=about(f"looks that may be taken before, some of {BUDGETS}", flag="looks")
     )
     again: int = field(default=2, metadata=about("how often the arm goes to a ball again, having seen where it was"))
     balls: int = field(default=50, metadata=about("on the tray"))

@@ -83,14 +83,22 @@ class ReachOptions:
         default=None, metadata=about("a function as `kinreach.envs.reach.rewards` describes; by default the arm's own")
     )
     pipeline: str = field(
-        default="hybrid", metadata=about('how the ball is found: `"hybrid"` or the thesis\'s own, `"thesis"`')
+        default="hybrid",
+        metadata=about('how the ball is found: `"hybrid"` or the thesis\'s own, `"thesis"`', observation=CAMERA),
     )
-    width: int = field(default=640, metadata=about("width of the cameras' images [px]"))
-    height: int = field(default=360, metadata=about("height of the cameras' images [px]"))
-    rgb_noise: float = field(default=0.0, metadata=about("standard deviation of the colours' noise [levels of 255]"))
-    depth_noise: float = field(default=0.0, metadata=about("standard deviation of the depth's noise [m]"))
+    width: int = field(default=640, metadata=about("width of the cameras' images [px]", observation=CAMERA))
+    height: int = field(default=360, metadata=about("height of the cameras' images [px]", observation=CAMERA))
+    rgb_noise: float = field(
+        default=0.0, metadata=about("standard deviation of the colours' noise [levels of 255]", observation=CAMERA)
+    )
+    depth_noise: float = field(
+        default=0.0, metadata=about("standard deviation of the depth's noise [m]", observation=CAMERA)
+    )
     exposure: float = field(
-        default=1.0, metadata=about("largest factor by which a picture is brighter or darker, another one each time")
+        default=1.0,
+        metadata=about(
+            "largest factor by which a picture is brighter or darker, another one each time", observation=CAMERA
+        ),
     )
     looks: int = field(
         default=0,
