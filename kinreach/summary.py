@@ -11,6 +11,7 @@ import csv
 import io
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from numbers import Real
 from typing import Any
 
 import numpy as np
@@ -18,7 +19,8 @@ from rich.console import Console
 from rich.table import Table
 from rich.text import Text
 
-from kinreach.checks import printable
+from kinreach.checks import check_known, printable, shown
+from kinreach.errors import InputError
 from kinreach.statistics import RESAMPLES, Statistic, bootstrap_intervals, mean, median, p95, wilson_interval
 
 #: One policy in one episode: name -> number, truth value, text, list of numbers, or None where it was not measured.
@@ -60,9 +62,28 @@ class Column:
     table: str = ""
     digits: int | None = None
 
+    def __post_init__(self) -> None:
+        check_known("summary of a column", self.summary, (RATE, *_STATISTICS))
+
     def of(self, trial: Trial) -> float | bool | None:
         """The value of a trial."""
         return trial.get(self.value) if isinstance(self.value, str) else self.value(trial)
+
+    def check(self, trial: Trial) -> None:
+        """Check that a trial's value can be summarised.
+
+        Raises:
+            InputError: It is not a truth value under a rate, not a number elsewhere, or its function fails.
+        """
+        try:
+            value = self.of(trial)
+        except Exception as error:
+            raise InputError(f"column {self.key!r} fails: {type(error).__name__}: {error}") from error
+        numeric = isinstance(value, Real | np.bool_)
+        if self.summary == RATE and not (value is None or (numeric and value in (0, 1))):
+            raise InputError(f"column {self.key!r} is a rate: values must be True, False or None, got {shown(value)}")
+        if not (value is None or numeric):
+            raise InputError(f"column {self.key!r} must have numbers or None, got {shown(value)}")
 
     def summarise(self, trials: Sequence[Trial], *, resamples: int = RESAMPLES) -> tuple[Any, Any]:
         """The summary of a method's trials and its 95 % interval; None, or a dict of None, where nothing counts."""
@@ -177,15 +198,15 @@ def tables(columns: Sequence[Column], entries: Sequence[Mapping[str, Any]], *, t
         if column.show and any(map(column.measured, entries)):
             found.setdefault(column.table, []).append(column)
     drawn = []
-    for name, shown in found.items():
+    for name, chosen in found.items():
         table = Table(
             title=name or title, title_style="bold", title_justify="left", box=None, pad_edge=False, header_style="bold"
         )
         table.add_column("method", no_wrap=True)
-        for column in shown:
+        for column in chosen:
             table.add_column(column.heading, justify="right", no_wrap=True)
         for entry in entries:
-            table.add_row(Text(entry["name"]), *(Text(column.text(entry)) for column in shown))
+            table.add_row(Text(entry["name"]), *(Text(column.text(entry)) for column in chosen))
         if Console(width=2 * width).measure(table).maximum > width:
             table.padding = (0, 1, 0, 0)
         drawn.append(table)

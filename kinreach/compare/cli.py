@@ -203,7 +203,7 @@ def _parser(prog: str) -> Parser:
     parser.add_argument(
         "--task",
         default="ur5",
-        help=f"one of: {', '.join(task_names())}; or module:attribute (default: %(default)s); its own options are below",
+        help=f"one of: {', '.join(task_names())}; or module:attribute (default: %(default)s)",
     )
     parser.add_argument(
         "--arm",

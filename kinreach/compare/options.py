@@ -20,8 +20,6 @@ from gymnasium.envs.registration import load_env_creator
 from kinreach.checks import shown
 from kinreach.errors import InputError
 
-#: Options that commands set themselves.
-HIDDEN = ("render_mode", "info")
 #: Both become `--resolution`.
 SIZE = ("width", "height")
 _TRUTH = {"true": True, "false": False}
@@ -93,14 +91,12 @@ def flags_of(environment: str, defaults: Mapping[str, Any], *, taken: Sequence[s
     found = {}
     for entry in fields(kind):
         flag = _flag(entry, hints[entry.name], given[entry.name])
-        if flag is not None and entry.name not in HIDDEN and flag.name not in taken:
+        if flag is not None and flag.name not in taken:
             found[flag.name] = flag
     if all(name in found for name in SIZE):
-        width = found["width"]
-        default = "x".join(str(given[name]) for name in SIZE)
-        help_text = f"width and height of the cameras' images [px] (default: {default})"
-        size = Flag("resolution", "WxH", help_text, "WIDTHxHEIGHT, such as 640x360", _size, width.observation)
-        found = {name: flag for name, flag in found.items() if name not in SIZE} | {size.name: size}
+        width, _ = (found.pop(name) for name in SIZE)
+        said = f"width and height of the images [px] (default: {given['width']}x{given['height']})"
+        found["resolution"] = Flag("resolution", "WxH", said, "WIDTHxHEIGHT, such as 640x360", _size, width.observation)
     return found
 
 
@@ -127,8 +123,8 @@ def given_options(flags: Mapping[str, Flag], texts: Mapping[str, str], observati
 
 
 def _flag(entry: Field[Any], hint: Any, default: Any) -> Flag | None:
-    parsed = _parser_of(hint)
-    if parsed is None:
+    parsed, name = _parser_of(hint), entry.metadata.get("flag", "")
+    if parsed is None or name is None or entry.name == "render_mode":
         return None
     parse, metavar, expects = parsed
     many = isinstance(default, list | tuple)
@@ -136,9 +132,8 @@ def _flag(entry: Field[Any], hint: Any, default: Any) -> Flag | None:
         expects += f", such as {_written(default[:2])}"
     said = re.sub(r'[`"]', "", entry.metadata.get("description", ""))
     said += "" if default is None or default is MISSING else f" (default: {_written(default)})"
-    name = entry.metadata.get("flag") or entry.name
     observation = entry.metadata.get("observation", "")
-    return Flag(name, metavar, said.strip(), expects, lambda text: {entry.name: parse(text)}, observation)
+    return Flag(name or entry.name, metavar, said.strip(), expects, lambda text: {entry.name: parse(text)}, observation)
 
 
 def _default(entry: Field[Any]) -> Any:
@@ -161,12 +156,13 @@ def _parser_of(hint: Any) -> tuple[Callable[[str], Any], str, str] | None:
             f"{metavar},{metavar}",
             f"{words} with commas between them",
         )
-    return {
+    known: Mapping[Any, tuple[Callable[[str], Any], str, str]] = {
         bool: (lambda text: _TRUTH[text.lower()], "true|false", "true or false"),
         int: (int, "N", "a whole number"),
         float: (float, "X", "a number"),
         str: (str, "NAME", "a text"),
-    }.get(hint)
+    }
+    return known.get(hint)
 
 
 def _size(text: str) -> Mapping[str, Any]:

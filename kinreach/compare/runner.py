@@ -34,7 +34,7 @@ from kinreach.errors import InputError, InstallationError, KinreachError, Method
 from kinreach.files import locked, make_writable, open_input, read_bytes, read_text, write_text
 from kinreach.jobs import SERIAL, Engine, Serial, open_engine
 from kinreach.robots import ArmDescription, as_arm
-from kinreach.summary import Trial, summarise, trials_csv
+from kinreach.summary import Column, Trial, summarise, trials_csv
 
 #: Called with the number of finished trials and the number of all trials.
 Progress = Callable[[int, int], None]
@@ -294,10 +294,12 @@ def play(comparison: Comparison, goals: Sequence[tuple[int, Mapping[str, Any], S
         }
         shared = task.options.get("observation") == CAMERA
         for index, reset in enumerate(_resets(task, WARM_UP_GOALS, WARM_UP_SEED, environments.default)):
-            for _ in _one_goal(players, list(players), reset, f"warm-up goal {index}", shared=shared):
+            for _ in _one_goal(
+                players, list(players), reset, f"warm-up goal {index}", columns=task.columns, shared=shared
+            ):
                 pass
         for index, reset, pending in goals:
-            for name, trial in _one_goal(players, pending, reset, f"goal {index}", shared=shared):
+            for name, trial in _one_goal(players, pending, reset, f"goal {index}", columns=task.columns, shared=shared):
                 yield {"goal_index": index, "method": name, **trial}
 
 
@@ -316,6 +318,7 @@ def _one_goal(
     reset: Mapping[str, Any],
     goal: str,
     *,
+    columns: Sequence[Column],
     shared: bool,
 ) -> Iterator[tuple[str, Trial]]:
     """Methods on one goal; with a shared look, what the first one's cameras measured, the others are told.
@@ -325,6 +328,7 @@ def _one_goal(
 
     Raises:
         MethodError: A method raised; `goal` is what the message calls the goal.
+        InputError: A column of the task cannot be summarised.
     """
     for name in names:
         env, policy = players[name]
@@ -335,6 +339,11 @@ def _one_goal(
             if shared:
                 reset = {**reset, "options": {**reset.get("options", {}), "view": info["view"]}}
             (trial,) = rollout(env, policy, [reset])
+        for column in columns:
+            try:
+                column.check(trial)
+            except InputError as error:
+                raise InputError(f"{error} (method {name!r}, {goal})") from error.__cause__
         yield name, trial
 
 

@@ -109,7 +109,7 @@ class MovingOptions:
     paths: tuple[str, ...] = field(default=tuple(PATHS), metadata=about(f"one of them an episode: {', '.join(PATHS)}"))
     delay: float = field(default=DELAY, metadata=about("how old what the cameras say is [s]"))
     noise: float = field(default=NOISE, metadata=about("median error of a sight [m]"))
-    sights: int = field(default=1, metadata=about("how many of the last sights are observed"))
+    sights: int = field(default=1, metadata=about("how many of the last sights are observed", flag=None))
 
     def __post_init__(self) -> None:
         for name in ("speeds", "paths"):

@@ -22,13 +22,14 @@ INFOS_TEXT = '`"all"`, or only `"numbers"`: no texts, and no dictionary of the r
 PLACE = "<table of the options>"
 
 
-def about(description: str, *, observation: str = "", flag: str = "") -> dict[str, str]:
+def about(description: str, *, observation: str = "", flag: str | None = "") -> dict[str, str | None]:
     """Metadata of a field of a dataclass of options, for the table in the docstring and for commands.
 
     Args:
         description: With the unit.
         observation: The only `observation` that the option is for.
-        flag: Its name on the command line, if that is another one.
+        flag: Its name on the command line, if that is another one. None: it has none there, because methods rely on
+            what they observe, or because a command sets it.
     """
     return {"description": description, "observation": observation, "flag": flag}
 

@@ -49,8 +49,7 @@ def resets(count, seed, env):
     return [{"seed": int(np.random.default_rng([seed % 2**32, index]).integers(2**31))} for index in range(count)]
 
 
-@pytest.fixture
-def toy():
+def toy_task():
     """A task with a method that is right, one that is 5 mm off, and one that asks for the impossible."""
     return Task(
         name="toy",
@@ -65,3 +64,8 @@ def toy():
         columns=common_columns(lambda trial: not trial["impossible"]),
         reached="d < 10 mm",
     )
+
+
+@pytest.fixture
+def toy():
+    return toy_task()

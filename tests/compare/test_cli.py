@@ -8,12 +8,14 @@ import subprocess
 import sys
 import time
 
+import gymnasium as gym
 import pytest
 
 from kinreach import cli
 from kinreach.baselines.policies import load_policy
 from kinreach.baselines.policy_file import save_policy
 from kinreach.compare import runner
+from kinreach.compare import task as registry
 from kinreach.compare.runner import RECORDS
 
 
@@ -45,11 +47,14 @@ def test_a_comparison_prints_its_tables_and_the_command_that_gives_it_again(tmp_
     (["--seed", "-1"], "seed must be at least 0"),
     (["--observation", "pixels"], "unknown ur5 observation"),
     (["--task", "arm3", "--observation", "camera"], "unknown arm3 observation"),
-    (["--pipeline", "thesis"], "need observation 'camera'"),
+    (["--pipeline", "thesis"], "--pipeline needs observation 'camera'"),
     (["--observation", "camera", "--pipeline", "best"], "available: hybrid, thesis"),
     (["--observation", "camera", "--resolution", "wide"], "WIDTHxHEIGHT"),
     (["--observation", "camera", "--depth-noise", "-1"], "depth_noise"),
-    (["--max-steps", "5"], "max_steps"),
+    (["--max-steps", "5"], "unrecognized arguments: --max-steps 5"),
+    (["--collision-margin", "thick"], "--collision-margin must be a number, got 'thick'"),
+    (["--end-on-reached", "maybe"], "--end-on-reached must be true or false, got 'maybe'"),
+    (["--task", "button", "--max-steps", "1.5"], "--max-steps must be a whole number, got '1.5'"),
     (["--task", "button", "--max-steps", "0"], "max_steps"),
     (["--task", "button", "--actuation", "strong"], "available: report, tuned"),
     (["--arm", "ur6"], "unknown arm 'ur6'"),
@@ -231,6 +236,88 @@ def test_help_names_every_task_and_method(capsys):
     said = capsys.readouterr().out
     for word in ("ur5", "arm3", "button", "closed-form", "ranked-multi", "analytic", "module:attribute", "--arm"):
         assert word in said
+
+
+FOREIGN = """
+from dataclasses import dataclass, field, replace
+
+import gymnasium as gym
+
+from tests.compare.conftest import ToyEnv, toy_task
+
+
+@dataclass(frozen=True)
+class FarOptions:
+    offset: float = field(default=0.0, metadata={"description": "added to every action [m], 100 % of them"})
+    steps: int = 1
+    names: tuple[str, ...] = ("a", "b")
+    loud: bool = False
+    wide: float | None = None
+    goals: int = 3
+    shape: object = None
+
+
+class FarEnv(ToyEnv):
+    Options = FarOptions
+
+    def __init__(self, render_mode=None, **options):
+        given = FarOptions(**options)
+        assert given.steps == 1 or (given.names, given.loud, given.wide) == (("x", "y", "z"), True, 0.5)
+        super().__init__(render_mode, given.offset)
+
+
+gym.register("far/Toy-v0", entry_point=FarEnv)
+TASK = replace(toy_task(), name="far", environment="far/Toy-v0", options={"offset": 0.001})
+"""
+
+
+@pytest.fixture
+def foreign(tmp_path, monkeypatch, root):
+    monkeypatch.syspath_prepend(str(root))
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "far_away.py").write_text(FOREIGN)
+    yield "far_away:TASK"
+    registry._TASKS.pop("far", None)
+    gym.registry.pop("far/Toy-v0", None)
+    sys.modules.pop("far_away", None)
+
+
+def test_options_of_a_foreign_task_come_from_its_dataclass(foreign, tmp_path, capsys):
+    with pytest.raises(SystemExit):
+        call("--task", foreign, "--help")
+    said = " ".join(capsys.readouterr().out.split())
+    assert "options of the task far: --offset X added to every action [m], 100 % of them (default: 0.001)" in said
+    for words in ("--steps N (default: 1)", "--names NAME,NAME (default: a,b)", "--loud true|false", "--wide X"):
+        assert words in said
+    assert said.count("--goals N") == 2  # in the usage and in its line: that of the comparison
+    assert "--shape" not in said
+    assert "--speeds" not in said
+    given = ["--offset", "0.005", "--steps", "2", "--names", "x,y,z", "--loud", "true", "--wide", "0.5"]
+    assert call("--task", foreign, "--goals", "2", "--out", "here", *given) == 0
+    assert " ".join(given) in " ".join(capsys.readouterr().out.split())
+    found = json.loads((tmp_path / "here" / "results.json").read_text())
+    assert found["settings"]["options"] == {
+        "offset": 0.005, "steps": 2, "names": ["x", "y", "z"], "loud": True, "wide": 0.5,
+    }  # fmt: skip
+    assert found["methods"][0]["distance_mm"]["median"] == pytest.approx(5.0)
+
+
+@pytest.mark.parametrize(("task", "flags"), [
+    ("ur5", ["--pipeline", "--resolution WxH", "--rgb-noise", "--depth-noise", "--collision-margin", "[px]"]),
+    ("space", ["--tilt", "[degrees]", "(default: 30)", "--start-spread", "[rad]", "--resolution"]),
+    ("button", ["--max-steps", "(default: 100)", "--actuation"]),
+    ("real-arm", ["--looks", "--again", "--calibrations", "--noise", "[m]"]),
+    ("moving", ["--speeds", "[m/s]", "--paths", "--delay", "[s]"]),
+])  # fmt: skip
+def test_help_lists_the_options_of_a_task_with_units(task, flags, capsys):
+    with pytest.raises(SystemExit):
+        call("--task", task, "--help")
+    said = " ".join(capsys.readouterr().out.split())
+    assert f"options of the task {task}:" in said
+    for words in flags:
+        assert words in said
+    for word in ("--goal-in", "--sights", "--controls", "--render-mode", "--reward", "`"):
+        assert word not in said
 
 
 def test_ctrl_c_is_one_line_and_keeps_what_is_finished(tmp_path, root):

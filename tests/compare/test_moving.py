@@ -70,10 +70,10 @@ def test_on_disk(tmp_path, capsys):
     assert (tmp_path / "speeds.png").stat().st_size > 10_000
 
 
-@pytest.mark.parametrize(
-    ("arguments", "said"),
-    [(["--speeds", "5"], "the arm's tip is no faster"), (["--speeds", "fast"], "such as 0.1,0.4")],
-)
+@pytest.mark.parametrize(("arguments", "said"), [
+    (["--speeds", "5"], "the arm's tip is no faster"),
+    (["--speeds", "fast"], "--speeds must be numbers with commas between them, such as 0.05,0.1, got 'fast'"),
+])  # fmt: skip
 def test_bad_input(arguments, said, tmp_path):
     with pytest.raises(InputError, match=said):
         main(["--task", "moving", *arguments, "--out", str(tmp_path)], prog="compare")

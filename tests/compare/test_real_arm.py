@@ -97,7 +97,7 @@ def test_another_calibration_in_the_same_file_does_not_go_on(tmp_path):
     ("arguments", "said"),
     [
         (["--looks", "-3"], "a budget of looks must be at least 0, got -3"),
-        (["--looks", "many"], "--looks is numbers"),
+        (["--looks", "many"], "--looks must be numbers"),
         (["--again", "-1"], "again must be at least 0"),
         (["--calibrations", "ur5e_a"], "it fits ur5e|cannot read"),
         (["--arm", "ur10"], "takes no other arm"),

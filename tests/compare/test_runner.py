@@ -242,3 +242,24 @@ def test_unknown_names_list_those_there_are(toy):
         compare("ur7")
     with pytest.raises(InputError, match="a task is a name or a Task"):
         compare(7)
+
+
+@pytest.mark.parametrize(("value", "summary", "said"), [
+    (lambda trial: 0.5, "rate", "column 'mine' is a rate: values must be True, False or None, got 0.5"),
+    (lambda trial: "yes", "rate", "column 'mine' is a rate: .* got 'yes'"),
+    (lambda trial: "far", "quantiles", "column 'mine' must have numbers or None, got 'far'"),
+    (lambda trial: trial["nothing"], "mean", "column 'mine' fails: KeyError: 'nothing'"),
+])  # fmt: skip
+def test_a_column_that_cannot_be_summarised_is_refused_before_anything_is_measured(toy, value, summary, said, tmp_path):
+    task = replace(toy, columns=[*toy.columns, Column("mine", value, summary)])
+    with pytest.raises(InputError, match=rf"{said} \(method '(right|near|wild)', warm-up goal 0\)"):
+        compare(task, goals=3, out=tmp_path)
+    assert len((tmp_path / RECORDS).read_text().splitlines()) == 1  # no trial
+    for good in (None, True, np.True_, 0, 1.0):
+        column = Column("mine", lambda trial, good=good: good, summary)
+        compare(replace(toy, columns=[*toy.columns, column]), ["right"], goals=1)
+
+
+def test_a_summary_that_is_unknown_is_refused():
+    with pytest.raises(UnknownNameError, match="'shares'; available: mean, quantiles, rate, spread"):
+        Column("mine", "reached", "shares")

@@ -55,10 +55,10 @@ class ButtonOptions:
         metadata=about("keep the first target (`True`), or the target itself, (x, y, z) in the world [m]"),
     )
     max_steps: int = field(default=1000, metadata=about("steps after which an episode is truncated"))
-    controls: bool = field(default=False, metadata=about("observe the three controls, too"))
-    frames: int = field(default=1, metadata=about("observe so many steps, up to 16, the newest first"))
+    controls: bool = field(default=False, metadata=about("observe the three controls, too", flag=None))
+    frames: int = field(default=1, metadata=about("observe so many steps, up to 16, the newest first", flag=None))
     render_mode: str | None = field(default=None, metadata=about(RENDER_MODES_TEXT))
-    info: str = field(default="all", metadata=about(INFOS_TEXT))
+    info: str = field(default="all", metadata=about(INFOS_TEXT, flag=None))
 
     def __post_init__(self) -> None:
         check_known("actuation", self.actuation, ACTUATIONS)

@@ -111,7 +111,8 @@ class ReachOptions:
         default=CAMERA,
         metadata=about(
             'what each camera says of the goal: `"camera"` (x, y, z in its frame [m]) or `"image"` (u = x/z, '
-            "v = y/z, both held within 2, and the depth z [m])"
+            "v = y/z, both held within 2, and the depth z [m])",
+            flag=None,
         ),
     )
     tolerance: float = field(
@@ -138,7 +139,7 @@ class ReachOptions:
             "is ideal"
         ),
     )
-    info: str = field(default="all", metadata=about(INFOS_TEXT))
+    info: str = field(default="all", metadata=about(INFOS_TEXT, flag=None))
 
     def __post_init__(self) -> None:
         check_known("observation", self.observation, OBSERVATION_KINDS)
