@@ -2,7 +2,7 @@
 
     python -m benchmarks.studies.reached_in_training thesis-single [RECIPE ...] [--runs results/train]
 
-Of the logs that come with the package, or of own trainings.
+Of the logs in `benchmarks/logs`, or of own trainings.
 """
 
 from __future__ import annotations
@@ -13,10 +13,10 @@ from pathlib import Path
 import numpy as np
 
 import benchmarks.learners  # noqa: F401 (registers its recipes)
+from benchmarks.logs import load_logs
 from benchmarks.studies.tables import head, line
 from benchmarks.studies.thesis_curves import reached
 from benchmarks.studies.trainings import trainings_interval
-from kinreach.baselines.logs import load_logs
 from kinreach.baselines.recipes import RECIPES
 from kinreach.cli import Parser, finish
 
@@ -37,7 +37,7 @@ def main(argv: list[str] | None = None) -> int:
     """Print the table."""
     parser = Parser(prog=PROG, description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("recipes", nargs="+", choices=RECIPES, metavar="RECIPE")
-    parser.add_argument("--runs", type=Path, help="own trainings (default: those that come with the package)")
+    parser.add_argument("--runs", type=Path, help="own trainings (default: benchmarks/logs)")
     arguments = parser.parse_args(argv)
     print(head("recipe", "seeds", "episodes", "goals reached in training, by seed", "mean [95 % CI over seeds]"))
     for recipe in arguments.recipes:

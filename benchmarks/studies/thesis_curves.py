@@ -2,7 +2,7 @@
 
     python -m benchmarks.studies.thesis_curves [--runs results/train]
 
-By default of the logs and policies that come with the package, in seconds; with `--runs` of own trainings of
+By default of the logs and policies in `benchmarks/logs`, in seconds; with `--runs` of own trainings of
 `thesis-single` and `thesis-multi`. What the policies do without exploration is of 1000 held-out goals of the table.
 The third table is of trainings of single-step that `benchmarks.studies.ppo2` and `thesis_world` made side by side.
 """
@@ -13,17 +13,16 @@ import argparse
 import math
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
-from importlib import resources
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
+from benchmarks.logs import EPISODE, FOLDER, Log, load_logs, logged_policies
 from benchmarks.studies.tables import head, line
 from benchmarks.studies.trainings import trainings_interval
 from kinreach.baselines.evaluation import evaluate
 from kinreach.baselines.learning_curve import read_curve
-from kinreach.baselines.logs import EPISODE, Log, load_logs, logged_policies
 from kinreach.baselines.policies import LearnedPolicy
 from kinreach.cli import Parser, finish
 from kinreach.statistics import Statistic, mean, median
@@ -177,8 +176,7 @@ def policy_rows(policies: Mapping[int, LearnedPolicy]) -> Iterator[Row]:
 
 def side_by_side_rows() -> Iterator[Row]:
     """Of five more trainings in the most faithful reading, and of what differs from it in one thing."""
-    folder = resources.files("kinreach.baselines") / "logs" / "thesis-single"
-    readings, worlds = (read_curve(Path(str(folder / name))) for name in ("readings.csv", "worlds.csv"))
+    readings, worlds = (read_curve(FOLDER / "thesis-single" / name) for name in ("readings.csv", "worlds.csv"))
 
     def of(columns: Mapping[str, Any], where: Mapping[str, int], column: str) -> np.ndarray[Any, Any]:
         rows = np.all([columns[name] == value for name, value in where.items()], axis=0)
@@ -200,7 +198,7 @@ def side_by_side_rows() -> Iterator[Row]:
 
 
 def tables(runs: Path | None = None) -> list[str]:
-    """Those of single-step and of multi-step, and of the package's logs that of five more trainings, as Markdown."""
+    """Those of single-step and of multi-step, and of `benchmarks/logs` that of five more trainings, as Markdown."""
     single, multi = (load_logs(name, runs=runs) for name in ("thesis-single", "thesis-multi"))
     curves = (single_rows(single), multi_rows(multi, load_logs("thesis-multi", EPISODE, runs=runs)))
     measured = {}
@@ -215,7 +213,7 @@ def tables(runs: Path | None = None) -> list[str]:
 def main(argv: list[str] | None = None) -> int:
     """Print the tables."""
     parser = Parser(prog=PROG, description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--runs", type=Path, help="folder of own trainings instead of the package's logs")
+    parser.add_argument("--runs", type=Path, help="folder of own trainings instead of benchmarks/logs")
     print("\n\n".join(tables(parser.parse_args(argv).runs)))
     return 0
 

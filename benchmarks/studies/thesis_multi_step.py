@@ -18,11 +18,11 @@ from pathlib import Path
 import numpy as np
 import torch
 
+from benchmarks.logs import Trace, trace
 from benchmarks.studies.parts import each
 from benchmarks.studies.tables import head, line, spread
 from kinreach.baselines.evaluation import HELD_OUT
 from kinreach.baselines.learning_curve import curve_csv
-from kinreach.baselines.logs import Trace, trace
 from kinreach.baselines.policies import LearnedPolicy
 from kinreach.baselines.policy_file import read_policy
 from kinreach.baselines.recipes import Recipe, get_recipe

@@ -11,9 +11,9 @@ import sys
 import numpy as np
 import pytest
 
+from benchmarks.logs import log_names, logged_policies
 from kinreach.baselines.evaluate_cli import main
 from kinreach.baselines.evaluation import HELD_OUT, evaluate
-from kinreach.baselines.logs import log_names, logged_policies
 from kinreach.baselines.policies import load_policy, pretrained_names
 from kinreach.baselines.recipes import RECIPES
 from kinreach.baselines.training import goal_seeds

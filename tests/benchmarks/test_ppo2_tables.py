@@ -3,7 +3,6 @@
 import json
 import math
 from dataclasses import replace
-from importlib import resources
 from pathlib import Path
 
 import numpy as np
@@ -14,6 +13,7 @@ from kinreach.registration import MULTI, SINGLE
 
 pytest.importorskip("stable_baselines3")
 
+from benchmarks.logs import FOLDER, trace
 from benchmarks.studies import ppo2
 from benchmarks.studies.ppo2 import (
     FAITHFUL,
@@ -30,14 +30,13 @@ from benchmarks.studies.ppo2 import (
 )
 from benchmarks.studies.side_by_side import Networks
 from kinreach.baselines.evaluation import HELD_OUT
-from kinreach.baselines.logs import trace
 from kinreach.baselines.policies import load_policy
 
 PAGE = Path(__file__).parents[2] / "docs" / "ppo2.md"
 
 
 def rows(*path):
-    columns = read_curve(Path(str(resources.files("kinreach.baselines").joinpath("logs", *path))))
+    columns = read_curve(FOLDER.joinpath(*path))
     return [dict(zip(columns, values, strict=True)) for values in zip(*columns.values(), strict=True)]
 
 

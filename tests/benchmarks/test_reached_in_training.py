@@ -5,9 +5,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from benchmarks.logs import load_logs
 from benchmarks.studies.reached_in_training import main, row
 from kinreach.baselines.learning_curve import COLUMNS, curve_csv
-from kinreach.baselines.logs import load_logs
 
 PAGE = Path(__file__).parents[2] / "docs" / "ppo2.md"
 KNOWN = ("steps", "episodes", "reached")

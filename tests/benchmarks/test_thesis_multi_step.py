@@ -1,24 +1,24 @@
 """Why the thesis's multi-step did not reach: the table of the docs, and the file that it and a notebook come from."""
 
 import json
-from importlib import resources
 from pathlib import Path
 
 import numpy as np
 import pytest
 
+from benchmarks.logs import FOLDER
 from kinreach.baselines.learning_curve import read_curve
 
 pytest.importorskip("stable_baselines3")
 
 from benchmarks.studies.thesis_multi_step import COLUMNS, VARIANTS, table
 
-FILE = resources.files("kinreach.baselines") / "logs" / "sb3-multi-long" / "variants.csv"
+FILE = FOLDER / "sb3-multi-long" / "variants.csv"
 PAGE = Path(__file__).parents[2] / "docs" / "multi_step.md"
 
 
 def rows() -> list[dict[str, float]]:
-    columns = read_curve(Path(str(FILE)))
+    columns = read_curve(FILE)
     assert tuple(columns) == COLUMNS
     return [dict(zip(columns, values, strict=True)) for values in zip(*columns.values(), strict=True)]
 

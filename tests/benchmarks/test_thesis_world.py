@@ -1,12 +1,12 @@
 """A world less exact: the table of the docs is that of the file, and trainings differ by the world that they are in."""
 
 from dataclasses import replace
-from importlib import resources
 from pathlib import Path
 
 import numpy as np
 import pytest
 
+from benchmarks.logs import FOLDER
 from kinreach.baselines.learning_curve import read_curve
 
 pytest.importorskip("stable_baselines3")
@@ -17,12 +17,12 @@ from kinreach.baselines.evaluation import HELD_OUT
 from kinreach.baselines.recipes import get_recipe
 from kinreach.vision.goal_view import geometric_goal_view
 
-FILE = resources.files("kinreach.baselines") / "logs" / "thesis-single" / "worlds.csv"
+FILE = FOLDER / "thesis-single" / "worlds.csv"
 PAGE = Path(__file__).parents[2] / "docs" / "ppo2.md"
 
 
 def rows():
-    columns = read_curve(Path(str(FILE)))
+    columns = read_curve(FILE)
     assert tuple(columns) == COLUMNS
     return [dict(zip(columns, values, strict=True)) for values in zip(*columns.values(), strict=True)]
 
@@ -39,7 +39,7 @@ def test_what_was_told_is_what_the_readings_say():
     """The same trainings as those of the most faithful reading in the other tables."""
     compared = 0
     for multi, name in enumerate(("thesis-single", "thesis-multi")):
-        columns = read_curve(Path(str(resources.files("kinreach.baselines") / "logs" / name / "readings.csv")))
+        columns = read_curve(FOLDER / name / "readings.csv")
         faithful = np.flatnonzero(
             [all(columns[flag][i] == getattr(ppo2.FAITHFUL, flag) for flag in ppo2.FLAGS)
              and columns["natural_arm"][i] and columns["gripper"][i] for i in range(len(columns["seed"]))]

@@ -5,11 +5,11 @@ import pytest
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
+from benchmarks.logs import trace
 from kinreach.baselines import training
 from kinreach.baselines.batch import make_batch
 from kinreach.baselines.evaluation import evaluate
 from kinreach.baselines.learning_curve import read_curve
-from kinreach.baselines.logs import load_logs, log_names, logged_policies, sampled_returns, thinned, trace
 from kinreach.baselines.policies import load_policy, pretrained_names
 from kinreach.baselines.recipes import get_recipe
 from kinreach.compare import Settings
@@ -81,24 +81,6 @@ def test_arguments_of_a_training(fuzzed, tmp_path, monkeypatch):
     fuzzed(st.integers(0, 4).flatmap(lambda k: st.tuples(*good[:k], bad[k], *good[k + 1 :])) | st.tuples(*good), run)
     with pytest.raises(InputError, match="recipe"):
         get_recipe(None)
-    with pytest.raises(InputError, match="samples"):
-        sampled_returns({}, 0.5, most=0)
-    with pytest.raises(InputError, match="columns"):
-        thinned(None)
-
-
-def test_logs(fuzzed):
-    def run(case):
-        recipe, what, runs = case
-        for seed, log in load_logs(recipe, what, runs=runs).items():
-            assert seed >= 0
-            assert all(column.ndim == 1 for column in log.values())
-        logged_policies(recipe, runs=runs)
-
-    recipes = st.sampled_from(log_names()) | PATHS | st.sampled_from(["..", "../logs/single", "/etc", "single/"])
-    recipes |= st.just("ppo-multi-ending")  # few others have policies
-    kinds = st.sampled_from(["curve", "episode", "rewards"]) | things()
-    fuzzed(st.tuples(recipes, kinds, st.none() | st.none() | PATHS), run)
 
 
 def test_learning_curves(fuzzed, tmp_path):

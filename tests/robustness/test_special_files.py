@@ -11,7 +11,6 @@ import pytest
 
 from kinreach import files
 from kinreach.baselines.learning_curve import read_curve
-from kinreach.baselines.logs import load_logs
 from kinreach.baselines.policies import load_policy
 from kinreach.baselines.policy_file import read_policy
 from kinreach.cli import main
@@ -100,14 +99,6 @@ def read_trials(path):
     read_results(path.parent)
 
 
-def read_gamma(path):
-    folder = path.parent
-    (folder / "curve.csv").write_text("steps,episodes,reward\n1,1,0.5\n")
-    folder.rename(folder.parent / "seed-0")
-    (folder.parent.parent / "mine").symlink_to(folder.parent)
-    load_logs("mine", "rewards", runs=folder.parent.parent)
-
-
 def compared(path):
     compare("ur5", ["closed-form"], goals=1, out=path.parent, options={"backend": "kinematic"})
 
@@ -120,7 +111,6 @@ READERS = {
     lambda path: load_policy(path): "model.zip",
     read_checkpoint: "checkpoint.pt",
     read_run: "run.json",
-    read_gamma: "run.json",
     read_search: "search.yaml",
     read_curve: "curve.csv",
     read_results: "results.json",

@@ -1,14 +1,14 @@
-"""The learning curves that come with the package."""
+"""The learning curves of the published trainings."""
 
 import numpy as np
 import pytest
 
 import benchmarks.learners  # noqa: F401 (registers its recipes)
+from benchmarks.logs import EPISODE, REWARDS, discounted_returns, load_logs, log_names, logged_policies
+from benchmarks.logs.build import POLICIES
 from kinreach.baselines.learning_curve import COLUMNS
-from kinreach.baselines.logs import EPISODE, REWARDS, discounted_returns, load_logs, log_names, logged_policies
 from kinreach.baselines.recipes import get_recipe
 from kinreach.errors import InputError, UnknownNameError
-from tools.build_logs import POLICIES
 
 
 def test_logs_are_whole_learning_curves_of_their_recipes():

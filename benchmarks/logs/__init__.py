@@ -1,11 +1,13 @@
-"""Learning curves that come with the package or were trained, and what a policy does step by step."""
+"""Learning curves and policies of the published trainings, one folder a recipe, and episodes of a policy step by step.
+
+`python -m benchmarks.logs.build` makes them from training runs.
+"""
 
 from __future__ import annotations
 
 import json
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
-from importlib import resources
 from pathlib import Path
 from typing import Any
 
@@ -16,10 +18,9 @@ from numpy.typing import ArrayLike
 from kinreach.baselines.learning_curve import COLUMNS, read_curve
 from kinreach.baselines.loop import rollout_batch
 from kinreach.baselines.policies import LearnedPolicy, load_policy, needed_options
-from kinreach.checks import Floats, as_floats, check_count, check_known, check_number, check_path, shown
+from kinreach.checks import Floats, as_floats, check_known
 from kinreach.envs.reach.task import ReachTask
-from kinreach.errors import InputError, raise_unknown
-from kinreach.files import read_text
+from kinreach.errors import InputError
 from kinreach.registration import MULTI, SINGLE
 
 Array = np.ndarray[Any, Any]
@@ -27,17 +28,16 @@ Array = np.ndarray[Any, Any]
 #: Columns by name.
 Log = dict[str, Array]
 
-#: What there can be of a seed.
+#: Kinds of logs of a seed.
 CURVE, EPISODE, REWARDS = "curve", "episode", "rewards"
-#: Size of a `run.json` [bytes].
-MOST_RUN = 16 * 1024 * 1024
-#: Most rows of a shipped learning curve, and most samples of what followed a step.
-MOST_ROWS, MOST_SAMPLES = 750, 7600
+#: Most rows of a learning curve, and most samples of discounted rewards.
+MAX_ROWS, MAX_SAMPLES = 750, 7600
+FOLDER = Path(__file__).resolve().parent
 
 
 def log_names() -> list[str]:
-    """Recipes whose logs come with the package."""
-    return sorted(folder.name for folder in _shipped().iterdir() if folder.is_dir())
+    """Recipes whose logs are here."""
+    return sorted(folder.name for folder in FOLDER.iterdir() if any(folder.glob("seed-*.csv")))
 
 
 def load_logs(recipe: str, what: str = CURVE, *, runs: str | Path | None = None) -> dict[int, Log]:
@@ -45,9 +45,10 @@ def load_logs(recipe: str, what: str = CURVE, *, runs: str | Path | None = None)
 
     Args:
         recipe: Its name.
-        what: `"curve"`: the learning curve; `"episode"`: one episode step by step; `"rewards"`: what followed a step.
-        runs: Folder of own training runs, `<recipe>/seed-<k>/`, instead of what comes with the package; unfinished
-            ones do not count. There, `"rewards"` needs a learning curve with a row for each step.
+        what: `"curve"`: the learning curve; `"episode"`: one episode step by step; `"rewards"`: the discounted rewards
+            after a step.
+        runs: Folder of your own training runs, `<recipe>/seed-<k>/`, instead of the logs here; unfinished runs are left
+            out. There, `"rewards"` needs a learning curve with a row for each step.
 
     Returns:
         Columns by seed and name; what is empty is NaN.
@@ -58,41 +59,32 @@ def load_logs(recipe: str, what: str = CURVE, *, runs: str | Path | None = None)
     """
     check_known("kind of log", what, (CURVE, EPISODE, REWARDS))
     if runs is not None:
-        found = dict(_of_runs(_own(runs, recipe), what))
+        found = dict(_of_runs(Path(runs) / recipe, what))
     else:
         check_known("logs of the recipe", recipe, log_names())
-        with resources.as_file(_shipped() / recipe) as folder:
-            ending = ".csv" if what == CURVE else f"-{what}.csv"
-            files = {path.name.removesuffix(ending).removeprefix("seed-"): path for path in folder.glob(f"*{ending}")}
-            found = {int(seed): read_curve(path) for seed, path in sorted(files.items()) if seed.isdecimal()}
+        ending = ".csv" if what == CURVE else f"-{what}.csv"
+        paths = sorted((FOLDER / recipe).glob(f"seed-*{ending}"))
+        seeds = {path.name.removesuffix(ending).removeprefix("seed-"): path for path in paths}
+        found = {int(seed): read_curve(path) for seed, path in seeds.items() if seed.isdecimal()}
     if not found:
         raise InputError(f"there is no {what} of {recipe!r}")
     return found
 
 
 def logged_policies(recipe: str, *, runs: str | Path | None = None) -> dict[int, LearnedPolicy]:
-    """Policies of all seeds of a recipe, where they come with the logs.
-
-    Args:
-        recipe: Its name.
-        runs: As for `load_logs`.
+    """Policies of all seeds of a recipe, as far as they are kept with the logs; arguments as of `load_logs`.
 
     Raises:
         InputError: There are none, or a file is damaged.
     """
-    with resources.as_file(_shipped() / _folder(recipe)) as folder:
-        where = folder if runs is None else _own(runs, recipe)
-        pattern = "seed-*.safetensors" if runs is None else "seed-*/policy.safetensors"
-        found = {}
-        for file in sorted(where.glob(pattern)):
-            policy = load_policy(file)
-            found[policy.card.seed] = policy
-    if not found:
+    pattern = f"{recipe}/seed-*.safetensors" if runs is None else f"{recipe}/seed-*/policy.safetensors"
+    policies = [load_policy(file) for file in sorted(Path(runs or FOLDER).glob(pattern))]
+    if not policies:
         raise InputError(f"there are no policies with the logs of {recipe!r}")
-    return found
+    return {policy.card.seed: policy for policy in policies}
 
 
-def thinned(log: Mapping[str, Array], most: int = MOST_ROWS) -> Log:
+def thinned(log: Mapping[str, Array], most: int = MAX_ROWS) -> Log:
     """A learning curve in wider windows, all of the same number of rows; an incomplete last one is left out.
 
     Steps and episodes are those at the end of a window. What is of a step is averaged over the steps of the window,
@@ -101,14 +93,7 @@ def thinned(log: Mapping[str, Array], most: int = MOST_ROWS) -> Log:
     Args:
         log: Columns by name, those of `COLUMNS`.
         most: Most rows.
-
-    Raises:
-        InputError: Columns are missing, or `most` is below 1.
     """
-    given: object = log
-    if missing := [name for name in COLUMNS if not isinstance(given, Mapping) or name not in given]:
-        raise InputError(f"a learning curve needs the columns {', '.join(missing)}")
-    most = check_count("the number of rows", most)
     rows = len(log["steps"])
     width = -(-rows // most) or 1
     shape = (rows // width, width)
@@ -130,8 +115,8 @@ def thinned(log: Mapping[str, Array], most: int = MOST_ROWS) -> Log:
     return found
 
 
-def sampled_returns(log: Mapping[str, Array], gamma: float, most: int = MOST_SAMPLES) -> Log:
-    """What followed single steps of training, discounted; with γ = 0 just their rewards.
+def sampled_returns(log: Mapping[str, Array], gamma: float, most: int = MAX_SAMPLES) -> Log:
+    """Discounted rewards from single steps of training to the end of their episodes; with γ = 0 their rewards.
 
     Args:
         log: A learning curve with a row for each step.
@@ -142,13 +127,11 @@ def sampled_returns(log: Mapping[str, Array], gamma: float, most: int = MOST_SAM
         `steps` and `discounted`, each of shape (n,).
 
     Raises:
-        InputError: The rows are of more than one step, `gamma` is outside 0 … 1, or `most` is below 1.
+        InputError: The rows are of more than one step.
     """
-    most = check_count("the number of samples", most)
-    gamma = check_number("gamma", gamma, least=0.0, most=1.0)
     steps, episodes = log["steps"], log["episodes"]
     if not np.array_equal(steps, np.arange(1, len(steps) + 1)):
-        raise InputError("what followed a step needs a learning curve with a row for each step: train with window=1")
+        raise InputError("discounted rewards need a learning curve with a row for each step: train with window=1")
     returns = discounted_returns(log["reward"], np.diff(episodes, prepend=0.0) > 0, gamma)
     every = -(-len(steps) // most) or 1
     return {"steps": steps[every - 1 :: every], "discounted": returns[every - 1 :: every]}
@@ -187,23 +170,6 @@ def reached_per_thousand(log: Mapping[str, Array], *, of: str) -> Array:
     return 1000 * np.divide(counts, per, out=np.full(len(per), np.nan), where=per > 0)
 
 
-def _shipped() -> Any:
-    return resources.files("kinreach.baselines") / "logs"
-
-
-def _folder(recipe: str) -> str:
-    """The name of a recipe, which is that of a folder and leads to no other."""
-    given: object = recipe
-    if not isinstance(given, str) or given != Path(given).name or "\0" in given:
-        raise_unknown("logs of the recipe", shown(given), log_names())
-    return given
-
-
-def _own(runs: str | Path, recipe: str) -> Path:
-    """Folder of own runs of a recipe, if files in it can have a path at all."""
-    return check_path("runs", check_path("runs", runs) / _folder(recipe) / "seed-0" / "policy.safetensors").parents[1]
-
-
 def _of_runs(runs: Path, what: str) -> Iterator[tuple[int, Log]]:
     for folder in sorted(runs.glob("seed-*")):
         seed = folder.name.removeprefix("seed-")
@@ -213,16 +179,8 @@ def _of_runs(runs: Path, what: str) -> Iterator[tuple[int, Log]]:
             continue
         log = read_curve(file)
         if what == REWARDS:
-            log = sampled_returns(log, _discount(folder / "run.json"))
+            log = sampled_returns(log, json.loads((folder / "run.json").read_text())["recipe"]["settings"]["gamma"])
         yield int(seed), thinned(log) if what == CURVE else log
-
-
-def _discount(run: Path) -> float:
-    """The discount factor that a run was trained with."""
-    try:
-        return float(json.loads(read_text(run, "the run", most=MOST_RUN))["recipe"]["settings"]["gamma"])
-    except (OSError, ValueError, LookupError, TypeError) as error:
-        raise InputError(f"{run} does not say the discount factor: {error}") from None
 
 
 @dataclass(frozen=True, eq=False)

@@ -6,7 +6,7 @@ import gymnasium as gym
 import numpy as np
 import pytest
 
-from kinreach.baselines.logs import trace
+from benchmarks.logs import trace
 from kinreach.baselines.policies import LearnedPolicy, load_policy
 from kinreach.errors import InputError
 from kinreach.kinematics import UR5Kinematics, kinematics_of

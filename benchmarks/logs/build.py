@@ -1,7 +1,7 @@
-"""Make the package's learning curves from training runs: `python -m tools.build_logs RUNS [RECIPE ...]`.
+"""Make the learning curves of this folder from training runs: `python -m benchmarks.logs.build RUNS [RECIPE ...]`.
 
-RUNS is what `python -m kinreach.train RECIPE --seeds K --out RUNS` leaves: `<recipe>/seed-<k>/curve.csv`. What followed
-each step (`--rewards`) needs runs whose learning curves have a row for each step.
+RUNS is what `python -m kinreach.train RECIPE --seeds K --out RUNS` leaves: `<recipe>/seed-<k>/curve.csv`. Discounted
+rewards (`--rewards`) need runs whose learning curves have a row for each step.
 """
 
 from __future__ import annotations
@@ -10,13 +10,11 @@ import argparse
 import sys
 from pathlib import Path
 
-import kinreach
+from benchmarks.logs import CURVE, EPISODE, FOLDER, REWARDS, Log, load_logs
 from kinreach.baselines.learning_curve import curve_csv
-from kinreach.baselines.logs import CURVE, EPISODE, REWARDS, Log, load_logs
 from kinreach.errors import InputError
 from kinreach.files import make_writable, replacing, write_text
 
-FOLDER = Path(kinreach.__file__).parent / "baselines" / "logs"
 #: Significant digits; counts are exact.
 DIGITS = 4
 COUNTS = ("steps", "episodes")
