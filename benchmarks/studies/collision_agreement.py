@@ -1,26 +1,36 @@
-"""How often a simulated move ends as the kinematic verdict on its target says.
+"""Whether `CollisionChecker`, which environments and solvers ask, agrees with MuJoCo: contacts of postures, and moves.
 
-    python -m benchmarks.studies.collision_agreement [--moves 300] [--seed 0]
+    python -m benchmarks.studies.collision_agreement [--postures 20000] [--edges 5000] [--moves 300] [--seed 0]
 
-Classes of postures: uniform in [-pi, pi]^6, and near solutions: closed-form postures, tool down, at goals of the work
-cell, on either natural branch, plus Gaussian noise. The verdict is `CollisionChecker.impossible`. Moves are two-phase
-moves from home in MuJoCo with full dynamics. One that ends off a free target was blocked on the way.
+Contacts: uniform postures within the limits of four arms, and postures at the edge of a collision, half on either side
+of it; counted are those in which MuJoCo finds a contact and the checker none, or the other way round, and those whose
+verdict is another in a batch than alone.
+
+Moves: two-phase moves of a UR5 from home in MuJoCo with full dynamics, to postures uniform in [-pi, pi]^6, and near
+solutions: closed-form postures, tool down, at goals of the work cell, on either natural branch, plus Gaussian noise. A
+move that ends off a free target was blocked on the way.
 """
 
 from __future__ import annotations
 
 import argparse
 
+import mujoco
 import numpy as np
 
 from benchmarks.studies.tables import head, line
 from kinreach.cli import Parser, finish
 from kinreach.kinematics import CollisionChecker, UR5Kinematics
+from kinreach.robots import get_arm
+from kinreach.sim.scene import build_scene
 from kinreach.sim.simulation import ArmSimulation
 from kinreach.thesis.reward import posture_error
 
 PROG = "python -m benchmarks.studies.collision_agreement"
 
+ARMS = ("ur3", "ur5", "ur10", "panda")
+#: Halvings of the way from a free posture to one in collision.
+HALVINGS = 12
 NOISES = (0.02, 0.05, 0.1, 0.2)
 
 
@@ -44,8 +54,50 @@ def classes(rng: np.random.Generator, count: int) -> dict[str, np.ndarray]:
     return {**near, "random": rng.uniform(-np.pi, np.pi, (count, 6))}
 
 
-def row(name: str, q: np.ndarray, checker: CollisionChecker, simulation: ArmSimulation) -> str:
-    """A row of the table, as Markdown."""
+def uniform(checker: CollisionChecker, rng: np.random.Generator, count: int) -> np.ndarray:
+    """Postures within the limits, shape (count, n)."""
+    kin = checker.kinematics
+    return rng.uniform(kin.lower, kin.upper, (count, kin.n))
+
+
+def edges(checker: CollisionChecker, rng: np.random.Generator, count: int) -> tuple[np.ndarray, np.ndarray]:
+    """Free postures and, less than a thousandth of a radian from each, one in collision, each of shape (count, n)."""
+    free, hit = np.empty((2, 0, checker.kinematics.n))
+    while len(free) < count:
+        start = uniform(checker, rng, count)
+        end = np.clip(start + rng.normal(0.0, 0.3, start.shape), checker.kinematics.lower, checker.kinematics.upper)
+        rows = ~checker.impossible(start) & checker.impossible(end)
+        free, hit = np.concatenate([free, start[rows]]), np.concatenate([hit, end[rows]])
+    free, hit = free[:count], hit[:count]
+    for _ in range(HALVINGS):
+        middle = (free + hit) / 2
+        inside = checker.impossible(middle)[:, None]
+        free, hit = np.where(inside, free, middle), np.where(inside, middle, hit)
+    return free, hit
+
+
+def contacts(arm: str, q: np.ndarray) -> np.ndarray:
+    """In which postures MuJoCo finds a contact, shape (m,)."""
+    model = build_scene(get_arm(arm), visual=False).compile()
+    data, held = mujoco.MjData(model), model.key("home").qpos[q.shape[1] :]
+    found = []
+    for posture in q:
+        data.qpos[:] = [*posture, *held]
+        mujoco.mj_kinematics(model, data)
+        mujoco.mj_collision(model, data)
+        found.append(data.ncon > 0)
+    return np.array(found)
+
+
+def contact_row(arm: str, kind: str, q: np.ndarray, checker: CollisionChecker) -> str:
+    """A row of the first table, as Markdown."""
+    together, alone = checker.impossible(q), np.array([checker.in_collision(posture) for posture in q])
+    other = (together != alone, alone != contacts(arm, q))
+    return line(arm, kind, len(q), f"{100 * alone.mean():.1f} %", *(int(differs.sum()) for differs in other))
+
+
+def move_row(name: str, q: np.ndarray, checker: CollisionChecker, simulation: ArmSimulation) -> str:
+    """A row of the second table, as Markdown."""
     attained = []
     for target in q:
         simulation.reset()
@@ -56,16 +108,26 @@ def row(name: str, q: np.ndarray, checker: CollisionChecker, simulation: ArmSimu
 
 
 def main(argv: list[str] | None = None) -> int:
-    """Measure and print a Markdown table."""
+    """Measure and print Markdown tables."""
     parser = Parser(prog=PROG, description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--postures", type=int, default=20_000, help="uniform postures of each arm")
+    parser.add_argument("--edges", type=int, default=5_000, help="postures of each arm at the edge of a collision")
     parser.add_argument("--moves", type=int, default=300, help="per class")
     parser.add_argument("--seed", type=int, default=0)
     args = parser.parse_args(argv)
+    print(head("arm", "postures", "count", "in collision", "another verdict in a batch", "another in MuJoCo"))
+    for arm in ARMS:
+        judge, rng = CollisionChecker(arm), np.random.default_rng(args.seed)
+        for kind, q in (
+            ("uniform", uniform(judge, rng, args.postures)),
+            ("at the edge", np.concatenate(edges(judge, rng, args.edges // 2))),
+        ):
+            print(contact_row(arm, kind, q, judge), flush=True)
     checker, simulation = CollisionChecker("ur5"), ArmSimulation("ur5")
     columns = ("count", "impossible", "agreement", "free, blocked on the way", "impossible, attained")
-    print(head("moves from home", *columns))
+    print(f"\n{head('moves from home', *columns)}")
     for name, q in classes(np.random.default_rng(args.seed), args.moves).items():
-        print(row(name, q, checker, simulation), flush=True)
+        print(move_row(name, q, checker, simulation), flush=True)
     return 0
 
 

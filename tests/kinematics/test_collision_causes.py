@@ -13,7 +13,7 @@ import pinocchio as pin
 import pytest
 
 import kinreach  # noqa: F401 (registers the environments)
-from benchmarks.studies.collision_agreement import near_solutions
+from benchmarks.studies.collision_agreement import edges, near_solutions
 from kinreach.errors import InputError
 from kinreach.kinematics import CollisionChecker, UR5Kinematics, kinematics_of
 from kinreach.kinematics.collision import Cause
@@ -44,23 +44,9 @@ def random_postures(kin, count, *, beyond=1.0, seed=10):
     return np.random.default_rng(seed).uniform(beyond * kin.lower, beyond * kin.upper, (count, kin.n))
 
 
-def grazing_postures(checker, count):
-    """Pairs of postures a thousandth of a radian apart, the first free and the second in collision."""
-    rng, kin = np.random.default_rng(11), checker.kinematics
-    free = np.array([q for q in random_postures(kin, 30 * count) if checker.free(q)])
-    hit = np.clip(free + rng.normal(0.0, 0.3, free.shape), kin.lower, kin.upper)
-    rows = [row for row, q in enumerate(hit) if checker.in_collision(q)][:count]
-    free, hit = free[rows], hit[rows]
-    for _ in range(12):
-        middle = (free + hit) / 2
-        inside = np.array([checker.in_collision(q) for q in middle])[:, None]
-        free, hit = np.where(inside, free, middle), np.where(inside, middle, hit)
-    return free, hit
-
-
 def test_the_verdict_on_one_and_on_many_is_the_same(checker):
     kin = checker.kinematics
-    near = np.concatenate(grazing_postures(checker, 40))
+    near = np.concatenate(edges(checker, np.random.default_rng(11), 40))
     q = np.concatenate([random_postures(kin, 500, beyond=1.05), random_postures(kin, 500), near])
     together = checker.causes(q)
     alone = [
@@ -80,7 +66,7 @@ def test_the_verdict_on_one_and_on_many_is_the_same(checker):
 @pytest.mark.parametrize("arm", ["ur3", "ur5", "panda"])
 def test_environments_of_any_size_and_solvers_say_what_the_checker_says(arm):
     checker, kin = CollisionChecker(arm), kinematics_of(arm)
-    free, hit = grazing_postures(checker, 30)
+    free, hit = edges(checker, np.random.default_rng(11), 30)
     q = np.concatenate([free, hit, random_postures(kin, 240)])
     single = gym.make(SINGLE, arm=arm, backend="kinematic").unwrapped
     actions = np.array([single.action_for(row) for row in q])
@@ -198,7 +184,7 @@ def test_the_margin_of_environments_is_the_checkers():
     batch = gym.make_vec(
         MULTI, num_envs=4, vectorization_mode="vector_entry_point", backend="kinematic", collision_margin=margin
     )
-    for q in grazing_postures(wide, 40)[1]:
+    for q in edges(wide, np.random.default_rng(11), 40)[1]:
         said = []
         for env in envs:
             env.reset(seed=0)
