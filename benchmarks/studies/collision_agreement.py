@@ -61,7 +61,7 @@ def uniform(checker: CollisionChecker, rng: np.random.Generator, count: int) -> 
 
 
 def edges(checker: CollisionChecker, rng: np.random.Generator, count: int) -> tuple[np.ndarray, np.ndarray]:
-    """Free postures and, less than a thousandth of a radian from each, one in collision, each of shape (count, n)."""
+    """Free postures and, some 1e-4 rad from each, one in collision, each of shape (count, n)."""
     free, hit = np.empty((2, 0, checker.kinematics.n))
     while len(free) < count:
         start = uniform(checker, rng, count)
