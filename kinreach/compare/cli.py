@@ -13,7 +13,7 @@ from typing import Any
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
 
 from kinreach.checks import check_path
-from kinreach.cli import Parser, quoted
+from kinreach.cli import HELP, Parser, quoted
 from kinreach.compare.options import Flag, add_flags, flags_of, given_options
 from kinreach.compare.runner import CAMERA, DEFAULT_GOALS, GEOMETRIC, compare, notes
 from kinreach.compare.task import Task, get_task, register_task, task_names
@@ -28,8 +28,7 @@ from kinreach.terminal import Console
 #: Width that the tables for people fit into [characters].
 TABLE_WIDTH = 100
 #: Longest setting that is part of the default folder's name as it is [characters].
-LONGEST_PART = 40
-HELP = ("-h", "--help")
+MAX_PART = 40
 
 
 def main(argv: Sequence[str], *, prog: str) -> int:
@@ -95,7 +94,7 @@ def _task(name: str) -> Task:
         return get_task(name)
     task = load_object("task", name)
     if not isinstance(task, Task):
-        raise InputError(f"{name} is no Task")
+        raise InputError(f"{name} is not a Task")
     return register_task(task) if task.name in known or task.name not in task_names() else get_task(task.name)
 
 
@@ -112,7 +111,7 @@ def _default_folder(task: str, arm: str, arguments: argparse.Namespace, texts: M
     short = []
     for part in filter(None, parts):
         text = part.replace(",", "+")
-        plain = len(text) <= LONGEST_PART and re.fullmatch(r"[\w.+-]+", text, re.ASCII)
+        plain = len(text) <= MAX_PART and re.fullmatch(r"[\w.+-]+", text, re.ASCII)
         short.append(text if plain else digest(text.encode())[:8])
     return "-".join([f"compare-{task}", *short])
 
@@ -143,24 +142,24 @@ def _measure(
     # Drawn between trials, not by a thread of its own that would run into the decisions that are timed.
     hidden = not errors.is_terminal
     with Progress(*columns, console=errors, transient=True, auto_refresh=False, disable=hidden) as bar:
-        shown = bar.add_task("comparing", total=None)
+        trials = bar.add_task("comparing", total=None)
 
-        def show(done: int, total: int) -> None:
-            if bar.tasks[shown].total is None and done:
+        def update(done: int, total: int) -> None:
+            if bar.tasks[trials].total is None and done:
                 errors.print(f"Going on from an interrupted run: {done} of {total} trials kept (--fresh starts over).")
-            bar.update(shown, completed=done, total=total, refresh=True)
+            bar.update(trials, completed=done, total=total, refresh=True)
 
         try:
             while True:
                 try:
-                    return out, compare(task, methods, out=out, progress=show, **arguments)
+                    return out, compare(task, methods, out=out, progress=update, **arguments)
                 except OtherResultsError:
                     following = next(folders, None)
                     if following is None:
                         raise
                     out = following
         except KeyboardInterrupt:
-            kept = f"{bar.tasks[shown].completed:.0f} finished trials are kept in {out}"
+            kept = f"{bar.tasks[trials].completed:.0f} finished trials are kept in {out}"
             raise KeyboardInterrupt(f"interrupted; {kept}; the same command goes on from there") from None
 
 

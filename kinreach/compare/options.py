@@ -95,8 +95,10 @@ def flags_of(environment: str, defaults: Mapping[str, Any], *, taken: Sequence[s
             found[flag.name] = flag
     if all(name in found for name in SIZE):
         width, _ = (found.pop(name) for name in SIZE)
-        said = f"width and height of the images [px] (default: {given['width']}x{given['height']})"
-        found["resolution"] = Flag("resolution", "WxH", said, "WIDTHxHEIGHT, such as 640x360", _size, width.observation)
+        description = f"width and height of the images [px] (default: {given['width']}x{given['height']})"
+        found["resolution"] = Flag(
+            "resolution", "WxH", description, "WIDTHxHEIGHT, such as 640x360", _size, width.observation
+        )
     return found
 
 
@@ -107,8 +109,15 @@ def add_flags(parser: argparse.ArgumentParser, title: str, flags: Mapping[str, F
         group.add_argument(flag.spelled, metavar=flag.metavar, help=flag.help.replace("%", "%%"))
 
 
-def given_options(flags: Mapping[str, Flag], texts: Mapping[str, str], observation: str) -> dict[str, Any]:
+def given_options(
+    flags: Mapping[str, Flag], texts: Mapping[str, str], observation: str | None = None
+) -> dict[str, Any]:
     """Return the options of the environment from the texts of the flags that were given.
+
+    Args:
+        flags: Of the environment.
+        texts: By the flag's name.
+        observation: Of the environment; flags for another one are refused.
 
     Raises:
         InputError: A text cannot be parsed, or its option is for another observation.
@@ -116,7 +125,7 @@ def given_options(flags: Mapping[str, Flag], texts: Mapping[str, str], observati
     options: dict[str, Any] = {}
     for name, text in texts.items():
         flag = flags[name]
-        if flag.observation not in ("", observation):
+        if observation is not None and flag.observation not in ("", observation):
             raise InputError(f"{flag.spelled} needs observation {flag.observation!r}, got observation {observation!r}")
         options.update(flag.options(text))
     return options
@@ -130,10 +139,12 @@ def _flag(entry: Field[Any], hint: Any, default: Any) -> Flag | None:
     many = isinstance(default, list | tuple)
     if many:
         expects += f", such as {_written(default[:2])}"
-    said = re.sub(r'[`"]', "", entry.metadata.get("description", ""))
-    said += "" if default is None or default is MISSING else f" (default: {_written(default)})"
+    description = re.sub(r'[`"]', "", entry.metadata.get("description", ""))
+    description += "" if default is None or default is MISSING else f" (default: {_written(default)})"
     observation = entry.metadata.get("observation", "")
-    return Flag(name or entry.name, metavar, said.strip(), expects, lambda text: {entry.name: parse(text)}, observation)
+    return Flag(
+        name or entry.name, metavar, description.strip(), expects, lambda text: {entry.name: parse(text)}, observation
+    )
 
 
 def _default(entry: Field[Any]) -> Any:
@@ -141,7 +152,7 @@ def _default(entry: Field[Any]) -> Any:
 
 
 def _parser_of(hint: Any) -> tuple[Callable[[str], Any], str, str] | None:
-    """From text to a value of a type, with what help and messages call it; None if there is none."""
+    """Return the parser of a type with its metavar and its name in messages; None for other types."""
     origin, arguments = get_origin(hint), [kind for kind in get_args(hint) if kind not in (NoneType, Ellipsis)]
     if origin in (Union, UnionType) and len(arguments) == 1:
         return _parser_of(arguments[0])

@@ -26,7 +26,7 @@ from kinreach.compare.error_budget import (
 from kinreach.compare.methods import policy_method, solver_method
 from kinreach.compare.task import SEEDED, Method, Task, common_columns, policy_version, resets_to
 from kinreach.errors import InputError
-from kinreach.kinematics.solvers import Tolerance, new_solver
+from kinreach.kinematics.solvers import SOLVERS, Tolerance, new_solver
 from kinreach.registration import MULTI, SINGLE, SPACE
 from kinreach.sim.controller import TOLERANCE
 from kinreach.summary import QUANTILES, Column, number, thousandfold
@@ -65,12 +65,7 @@ def _hybrid() -> Method:
     return Method(make, SEEDED, SINGLE, policy_version("single"))
 
 
-SOLVERS: Mapping[str, Method] = {
-    "closed-form": solver_method(partial(new_solver, "closed-form")),
-    "placo": solver_method(partial(new_solver, "placo")),
-    "lm": solver_method(partial(new_solver, "lm")),
-    "qp": solver_method(partial(new_solver, "qp")),
-}
+METHODS: Mapping[str, Method] = {name: solver_method(partial(new_solver, name)) for name in SOLVERS}
 
 
 def goals_of(env: gym.Env[Any, Any], count: int, seed: int, *, reachable: bool = False) -> Floats:
@@ -153,7 +148,7 @@ _TERMS = {
     "execution": "from the start posture, in MuJoCo: one move, two-phase; a policy of several steps moves all joints "
     f"at once and decides after each move; a move is done when every joint rests within {TOLERANCE:g} rad",
     "timing": "methods take turns in random order on every goal, each after one untimed decision on it; one process, "
-    "one thread, one goal at a time; the clock runs while a method is told of the goal and decides, summed over its "
+    "one thread, one goal at a time; the clock runs while a method is reset to the goal and decides, summed over its "
     "decisions",
     "error_budget": f"seeing, deciding and moving: {BUDGET_MEANING}; the parts sum to the distance",
     "seed_posture": "the start posture of the arm, the same for every goal",
@@ -170,7 +165,7 @@ UR5_TASK = Task(
     observations=("geometric", "camera"),
     resets=_resets,
     methods={
-        **SOLVERS,
+        **METHODS,
         "ppo-single": policy_method("ppo-single", SINGLE),
         "ppo-multi": policy_method("ppo-multi", MULTI),
         "ranked-single": policy_method("single", SINGLE),
@@ -200,7 +195,7 @@ ARM3_TASK = Task(
     options={"arm": "arm3"},
     variants={"single": SINGLE, "multi": MULTI},
     resets=_reachable_resets,
-    methods=SOLVERS,
+    methods=METHODS,
     columns=[column for column in COLUMNS if column.key != "posture_error"],
     figures=FIGURES,
     reached="d < 50 mm, the press radius",
@@ -222,7 +217,7 @@ SPACE_TASK = Task(
     variants={"space": SPACE},
     observations=("geometric", "camera"),
     resets=_space_resets,
-    methods={**SOLVERS, "space-single": policy_method("space-single", SPACE)},
+    methods={**METHODS, "space-single": policy_method("space-single", SPACE)},
     columns=COLUMNS,
     figures=FIGURES,
     reached="d < 10 mm and tool within 0.15 rad of its direction",

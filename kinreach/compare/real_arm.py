@@ -20,7 +20,7 @@ from kinreach.registration import REAL_ARM
 from kinreach.sim.posed import PosedScene
 from kinreach.summary import QUANTILES, RATE, Column, Trial, thousandfold
 
-#: What kinds of methods there are.
+#: Kinds of methods.
 MODEL, LEARNED, BOTH = "model", "policy", "model and learning"
 #: The policies that are put to the test: of the data sheet, and of arms with random errors.
 LEARNED_POLICY, INFORMED_POLICY = "space-single", "random-arms"
@@ -136,7 +136,7 @@ REAL_ARM_TASK = Task(
         "errors": "links: published calibrations of four UR5; tool 5 mm off; base turned by 0.5 degrees; cameras 2 mm "
         "and 0.3 degrees off; each alone and all at once",
         "error": "distance from tip to ball, median of the 50 balls; the tables have its median over workplaces",
-        "there": "the tip is seen beside the ball, and goes there again: by whoever looks again",
+        "there": "the tip is seen beside the ball, and goes there again, for methods that look again",
         "move": "kinematic: a posture is taken as it is",
     },
     notes=lambda results: [

@@ -1,7 +1,7 @@
 """A whole comparison: every method on every goal, results on disk, resumable trial by trial.
 
 All methods meet one goal before the next, each time in another random order: load from other programs meets all of
-them alike. A goal is looked at once: what the first method's cameras measured, the others are told.
+them alike. A goal is looked at once: the other methods observe what the first one's cameras measured.
 """
 
 from __future__ import annotations
@@ -41,19 +41,19 @@ Progress = Callable[[int, int], None]
 
 DEFAULT_GOALS = 200
 #: More are refused before anything is measured: a comparison of so many would take a month, and its results gigabytes.
-MOST_GOALS = 10**7
-MOST_SEED = 2**63 - 1
+MAX_GOALS = 10**7
+MAX_SEED = 2**63 - 1
 #: Seed of the goals on which every method acts untimed first: the first look loads the graphics library, and first
 #: decisions fill caches. It is above all seeds of comparisons, so that none of these goals is ever compared.
 WARM_UP_SEED, WARM_UP_GOALS = 2**63, 2
-#: What observations there are where a task has the option; the second needs a library to draw with.
+#: Observations of tasks that have the option; the second needs a library to draw with.
 GEOMETRIC, CAMERA = "geometric", "camera"
 #: Trials of a job that are worth its start, half a second of making environments; trials that it sends at once.
 BLOCK, TOGETHER = 500, 32
 #: The trials of an unfinished comparison, and the results of a finished one.
 RECORDS, RESULTS = "records.jsonl", "results.json"
 #: Sizes of what is read [bytes]: results, or a line of the trials, and all trials; one has some 700.
-MOST_BYTES, MOST_RECORDS = 256 * 1024 * 1024, 64 * 1024**3
+MAX_BYTES, MAX_RECORDS = 256 * 1024 * 1024, 64 * 1024**3
 
 
 @dataclass(frozen=True)
@@ -66,7 +66,7 @@ class Settings:
         goals: Number of goals.
         seed: Of the goals and of the cameras' noise. The first N goals of a seed, and what is seen of them, are the
             same for every number of goals.
-        observation: What the methods are told: `"geometric"`, the true goal, or `"camera"`, what the cameras saw.
+        observation: What the methods observe: `"geometric"`, the true goal, or `"camera"`, what the cameras saw.
         options: Of the task's environments, such as `pipeline` or `max_steps`.
 
     Raises:
@@ -84,8 +84,8 @@ class Settings:
     def __post_init__(self) -> None:
         task = get_task(self.task)
         names = resolve_methods(task, self.methods)
-        said: Any = self.methods
-        given = (said,) if isinstance(said, str) else tuple(said)
+        methods: Any = self.methods
+        given = (methods,) if isinstance(methods, str) else tuple(methods)
         object.__setattr__(self, "methods", given or tuple(names))
         _check_numbers(self.goals, self.seed)
         _check_observation(task, self.observation)
@@ -164,7 +164,7 @@ def compare(
             but for the times of decisions: machines that do several things at once measure them.
         address: Of a running Ray cluster, `host:port` or `auto`; without it Ray is started on this machine.
         command: How to get the same again, written into the results.
-        progress: Told how far it is.
+        progress: Called with the number of finished and of all trials.
 
     Returns:
         The contents of `results.json`.
@@ -172,10 +172,10 @@ def compare(
     Raises:
         OutputError: `out` cannot be written, or another comparison is writing there.
         InstallationError: The packages of a method are missing, or cameras are to look and nothing can be drawn.
-        ClusterError: There is no cluster at the address, or it died; finished trials are kept in `out`.
+        ClusterError: No cluster answers at the address, or it died; finished trials are kept in `out`.
         InputError: A number is out of range, an option does not exist, a policy cannot be used, or `out` holds the
             results of another comparison.
-        UnknownNameError: There is no such task, method, arm or observation.
+        UnknownNameError: The task, method, arm or observation is unknown.
     """
     if isinstance(task, Settings):
         given, out = task, methods if isinstance(methods, str | Path) else out
@@ -259,7 +259,7 @@ def run_trials(
         comparison: What is compared.
         engine: That runs them, in blocks of goals; here, if None.
         done: Trials to leave out.
-        progress: Told how far it is.
+        progress: Called with the number of finished and of all trials.
     """
     task, names, engine = comparison.task, list(comparison.methods), engine or Serial()
     finished = {(trial["goal_index"], trial["method"]) for trial in done}
@@ -304,7 +304,7 @@ def play(comparison: Comparison, goals: Sequence[tuple[int, Mapping[str, Any], S
 
 
 def _resets(task: Task, count: int, seed: int, env: gym.Env[Any, Any]) -> Sequence[Mapping[str, Any]]:
-    """The task's resets, as many as there are goals."""
+    """Return the task's resets, one a goal."""
     resets: Any = task.resets(count, seed, env)
     if not isinstance(resets, Sequence) or len(resets) != count:
         got = f"{len(resets)} of them" if isinstance(resets, Sequence) else shown(resets)
@@ -321,7 +321,7 @@ def _one_goal(
     columns: Sequence[Column],
     shared: bool,
 ) -> Iterator[tuple[str, Trial]]:
-    """Methods on one goal; with a shared look, what the first one's cameras measured, the others are told.
+    """Run methods on one goal; with a shared look, the others observe what the first one's cameras measured.
 
     Each decides once untimed before its episode: the simulation of the one before has left nothing of it in the
     processor's caches, which would double the time of a short decision.
@@ -365,7 +365,7 @@ def _naming(what: str) -> Iterator[None]:
 
 
 def _place_of(error: Exception) -> str:
-    """File and line in the user's own code where an error comes from, as far as there is such code."""
+    """Return file and line of an error in the user's own code; empty if it is not from there."""
     package = str(Path(kinreach.__file__).parent)
     frames = traceback.extract_tb(error.__traceback__)
     own = [
@@ -536,7 +536,7 @@ class Records:
         """Keep a finished trial, in memory and on disk.
 
         Raises:
-            OutputError: The file system refused; what was there before is there still.
+            OutputError: The file system refused; the file is as it was before.
         """
         line, end = json.dumps(trial, allow_nan=False) + "\n", None
         try:
@@ -562,13 +562,13 @@ def _kept(path: Path, identity: Mapping[str, Any], comparison: Comparison) -> It
     made_of = wanted.pop("methods", {})
     if not path.exists():
         return
-    file = open_input(path, "the trials of an interrupted comparison", most=MOST_RECORDS)
+    file = open_input(path, "the trials of an interrupted comparison", most=MAX_RECORDS)
     with file, suppress(OSError, ValueError, KeyError, TypeError, RecursionError, AttributeError):
-        found = json.loads(file.readline(MOST_BYTES))
+        found = json.loads(file.readline(MAX_BYTES))
         was_made_of = found.pop("methods", {})
         if found != wanted:
             return
-        for line in iter(lambda: file.readline(MOST_BYTES), b""):
+        for line in iter(lambda: file.readline(MAX_BYTES), b""):
             trial = json.loads(line)
             which = trial["goal_index"], trial["method"]
             if which in seen or which[1] not in comparison.methods or not 0 <= which[0] < comparison.goals:
@@ -589,7 +589,7 @@ def _refuse_other_results(out: Path, comparison: Comparison) -> None:
     if not path.exists():
         return
     try:
-        found = json.loads(read_text(path, "the results", most=MOST_BYTES))
+        found = json.loads(read_text(path, "the results", most=MAX_BYTES))
         differences = _differences(found["settings"], found["versions"], comparison)
     except (OSError, ValueError, KeyError, TypeError, AttributeError):
         differences = "it was not written by a comparison"
@@ -620,7 +620,7 @@ def _versions(comparison: Comparison, *, methods: bool = True) -> dict[str, Any]
     if (arm := comparison.task.options.get("arm")) is not None:
         found |= arm_version(as_arm(arm))
     found |= {
-        f"file {path}": provenance.digest(read_bytes(path, "the file", most=MOST_BYTES))
+        f"file {path}": provenance.digest(read_bytes(path, "the file", most=MAX_BYTES))
         for path in _files(comparison.task.options)
     }
     for method in comparison.methods.values() if methods else ():
@@ -637,8 +637,8 @@ def _files(options: Mapping[str, Any]) -> Iterator[Path]:
 
 
 def _check_numbers(goals: object, seed: object) -> None:
-    check_count("the number of goals", goals, most=MOST_GOALS)
-    check_count("the seed", seed, least=0, most=MOST_SEED)
+    check_count("the number of goals", goals, most=MAX_GOALS)
+    check_count("the seed", seed, least=0, most=MAX_SEED)
 
 
 def _check_observation(task: Task, observation: str) -> None:

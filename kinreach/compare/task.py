@@ -32,7 +32,7 @@ Resets = Callable[[int, int, gym.Env[Any, Any]], Sequence[Mapping[str, Any]]]
 #: What is drawn of a trial's end, from the task's environment after the reset to the trial's goal.
 MakeScene = Callable[[gym.Env[Any, Any], Trial], Scene]
 
-#: What kinds of methods there are, and what each is given, in words, for the record beside the results.
+#: Kinds of methods, and what each is given, in words, for the record beside the results.
 SOLVER, POLICY, SEEDED, CONTROLLER, CHANCE = "solver", "policy", "seeded solver", "controller", "chance"
 GIVEN: Mapping[str, str] = {
     SOLVER: "where the environment saw the goal, in the world (the true position, or the cameras' mean), the start "
@@ -133,7 +133,7 @@ def register_task(task: Task) -> Task:
     """Make a task known by its name, to `compare` and to the command line.
 
     Raises:
-        InputError: It is no task, or another one has that name already.
+        InputError: It is not a `Task`, or another one has that name already.
     """
     given: Any = task
     if not isinstance(given, Task):
@@ -149,7 +149,7 @@ def get_task(name: str) -> Task:
     """A registered task.
 
     Raises:
-        UnknownNameError: There is none of that name; the message lists those there are.
+        UnknownNameError: The name is unknown; the message lists the known ones.
     """
     check_known("task", name, task_names())
     if name not in _TASKS:
@@ -166,8 +166,8 @@ def register_method(task: str, name: str, method: Method) -> None:
     """Add a method to a registered task; later comparisons of all its methods include it.
 
     Raises:
-        UnknownNameError: There is no such task.
-        InputError: It is no method, or the task has one of that name already.
+        UnknownNameError: The task is unknown.
+        InputError: It is not a `Method`, or the task has one of that name already.
     """
     given: Any = method
     if not isinstance(given, Method):

@@ -14,12 +14,11 @@ import numpy as np
 import kinreach  # registers the environments
 from kinreach.baselines.loop import Policy, rollout
 from kinreach.checks import check_count, check_known, printable
-from kinreach.cli import Parser
+from kinreach.cli import HELP, Parser
+from kinreach.compare.options import add_flags, flags_of, given_options
 from kinreach.demo.drawn import Drawn
 from kinreach.demo.film import Film
 from kinreach.demo.tasks import POLICIES, TASKS, DemoTask, make_policy, options_for, trained_for
-from kinreach.envs.button import ACTUATIONS
-from kinreach.envs.reach.task import BACKENDS, OBSERVATION_KINDS
 from kinreach.errors import InputError
 from kinreach.kinematics.solvers import SOLVERS
 
@@ -48,8 +47,7 @@ def main(argv: Sequence[str], *, prog: str) -> int:
     mode = "rgb_array_list" if arguments.video else "human" if screen else None
     if mode is None:
         print("No screen here: nothing is drawn. --video FILE.gif or FILE.mp4 films it.", file=sys.stderr)
-    given = {name: getattr(arguments, name) for name in task.options}
-    env = _make(task, mode, given | options_for(arguments.policy, task.name))
+    env = _make(task, mode, arguments.options | options_for(arguments.policy, task.name))
     try:
         policy = make_policy(arguments.policy, task, env, seed=arguments.seed)
         film = Film(arguments.video, fps=task.fps) if arguments.video else nullcontext()
@@ -64,7 +62,7 @@ def main(argv: Sequence[str], *, prog: str) -> int:
 
 
 def _make(task: DemoTask, mode: str | None, options: Mapping[str, Any]) -> gym.Env[Any, Any]:
-    """The environment, drawn as far as it is to be."""
+    """Make the environment, drawn in the render mode."""
     options = {**task.settings, **options}
     if task.drawn:
         return gym.make(task.name, render_mode=mode, **options)
@@ -75,25 +73,25 @@ def _make(task: DemoTask, mode: str | None, options: Mapping[str, Any]) -> gym.E
 def _run(
     env: gym.Env[Any, Any], policy: Policy, arguments: Any, printed: Sequence[str], film: Film | None
 ) -> tuple[int, int]:
-    """Play episodes; how many ended at the goal, and how many there were."""
+    """Play episodes; return how many ended at the goal, and their number."""
     reached = episodes = steps = 0
-    shown = _Shown(env, printed, film, TASKS[arguments.env].fps)
+    watched = _Watched(env, printed, film, TASKS[arguments.env].fps)
 
     def resets() -> Iterator[Mapping[str, Any]]:
         seed = arguments.seed  # of the first episode; the others go on from its generators
         while steps < arguments.steps:
-            shown.limit = min(arguments.reset_every, arguments.steps - steps)
+            watched.limit = min(arguments.reset_every, arguments.steps - steps)
             yield {"seed": seed}
             seed = None
 
-    for trial in rollout(shown, policy, resets()):
+    for trial in rollout(watched, policy, resets()):
         reached += trial["is_success"]
         steps += trial["steps"]
         episodes += 1
     return reached, episodes
 
 
-class _Shown(gym.Wrapper[Any, Any, Any, Any]):
+class _Watched(gym.Wrapper[Any, Any, Any, Any]):
     """Prints and films every step, and ends an episode after `limit` of them."""
 
     def __init__(self, env: gym.Env[Any, Any], printed: Sequence[str], film: Film | None, fps: int) -> None:
@@ -109,12 +107,12 @@ class _Shown(gym.Wrapper[Any, Any, Any, Any]):
         return self.env.reset(**options)
 
     def step(self, action: Any) -> tuple[Any, Any, bool, bool, dict[str, Any]]:
-        """One step of the environment, to be seen."""
+        """Step, print and film."""
         observation, reward, terminated, truncated, info = self.env.step(action)
         over = terminated or truncated
-        said = {"action": action, "observation": observation, "reward": reward, "info": info}
+        values = {"action": action, "observation": observation, "reward": reward, "info": info}
         for name in self._printed:
-            print(printable(f"{self._total} {name}: {_text(said[name])}"))
+            print(printable(f"{self._total} {name}: {_text(values[name])}"))
         self._step += 1
         self._total += 1
         if self._film is not None and (over or self._step % self._steps_per_frame == 0):
@@ -138,10 +136,16 @@ def _printed(names: str) -> list[str]:
 
 
 def _arguments(argv: Sequence[str], prog: str) -> Any:
-    """What the user wants, with the task's own defaults where nothing was said."""
-    arguments = _parser(prog).parse_args(argv)
-    check_known("env", arguments.env, TASKS)
-    task = TASKS[arguments.env]
+    """Parse the arguments; defaults are the task's, `options` those of its environment."""
+    parser = _parser(prog)
+    known, _ = parser.parse_known_args([word for word in argv if word not in HELP])  # which task, before its flags
+    check_known("env", known.env, TASKS)
+    task = TASKS[known.env]
+    flags = flags_of(task.name, task.settings, taken=("help", *vars(known)))
+    add_flags(parser, f"options of {known.env}", flags)
+    arguments = parser.parse_args(argv)
+    texts = {name: getattr(arguments, name) for name in flags if getattr(arguments, name) is not None}
+    arguments.options = given_options(flags, texts)
     for name, default in (("policy", task.policy), ("steps", task.steps), ("print", task.printed)):
         if getattr(arguments, name) is None:
             setattr(arguments, name, default)
@@ -168,17 +172,6 @@ def _parser(prog: str) -> Parser:
         "--reset-every", type=int, default=1000, metavar="N", help="or when an episode ends (default: %(default)s)"
     )
     parser.add_argument("--seed", type=int, default=0, metavar="S", help="default: %(default)s")
-    parser.add_argument(
-        "--backend", default="mujoco", help=f"of single, multi and space: {', '.join(BACKENDS)} (default: %(default)s)"
-    )
-    parser.add_argument(
-        "--observation",
-        default="geometric",
-        help=f"of single, multi and space: {', '.join(OBSERVATION_KINDS)} (default: %(default)s)",
-    )
-    parser.add_argument(
-        "--actuation", default="tuned", help=f"of button: {', '.join(ACTUATIONS)} (default: %(default)s)"
-    )
     parser.add_argument(
         "--print",
         metavar="A,B",

@@ -1,4 +1,4 @@
-"""Environments that do not draw themselves: in their own scene, or in one that follows what they say."""
+"""Draw environments that do not draw themselves: in their own scene, or in one that follows their `info`."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from kinreach.sim.posed import PosedScene
 
 
 def scene_of(env: gym.Env[Any, Any], info: Mapping[str, Any]) -> tuple[Any, bool]:
-    """What there is to be drawn of an environment, and whether it has to be put where `info` says.
+    """Return the scene of an environment, and whether it has to follow `info`.
 
     Args:
         env: After its reset.
@@ -33,10 +33,10 @@ def scene_of(env: gym.Env[Any, Any], info: Mapping[str, Any]) -> tuple[Any, bool
 
 
 def arm_of(env: gym.Env[Any, Any]) -> ArmDescription:
-    """The arm that is drawn: what is believed of it, where that is another.
+    """Return the arm that is drawn: the believed one, if the true one differs.
 
     Raises:
-        InputError: There is none.
+        InputError: The environment has none.
     """
     arm = arm_in(env)
     if arm is None:
@@ -45,7 +45,7 @@ def arm_of(env: gym.Env[Any, Any]) -> ArmDescription:
 
 
 def put(scene: PosedScene, info: Mapping[str, Any], *, time: float) -> None:
-    """Put a scene where `info` says; its clock is at `time` [s] where that has none."""
+    """Put a scene where `info` says; without a clock in it, at `time` [s]."""
     scene.put(info["q"], ball=info.get("goal"), time=float(info.get("time", time)))
 
 
@@ -54,10 +54,10 @@ def _name(env: gym.Env[Any, Any]) -> str:
 
 
 class Drawn(gym.Wrapper[Any, Any, Any, Any]):
-    """Draws an environment that does not draw itself.
+    """Draw an environment that does not draw itself.
 
     Args:
-        env: It.
+        env: The environment.
         mode: As of `ScenePicture`.
         fps: Frames per second of simulated time.
     """
@@ -69,9 +69,9 @@ class Drawn(gym.Wrapper[Any, Any, Any, Any]):
         self._steps = 0
 
     def reset(self, **options: Any) -> tuple[Any, dict[str, Any]]:
-        """Begin an episode; there may be another arm to be drawn."""
+        """Begin an episode, perhaps with another arm."""
         observation, info = self.env.reset(**options)
-        self._let_go()
+        self._close_picture()
         self._scene, self._follows = scene_of(self.env, info)
         self._picture = ScenePicture(self._scene, mode=self._mode, fps=self._fps)
         self._steps = 0
@@ -79,19 +79,19 @@ class Drawn(gym.Wrapper[Any, Any, Any, Any]):
         return observation, info
 
     def step(self, action: Any) -> tuple[Any, Any, bool, bool, dict[str, Any]]:
-        """One step, to be seen."""
+        """Step, and draw."""
         result = self.env.step(action)
         self._steps += 1
         self._follow(result[4])
         return result
 
     def render(self) -> Any:
-        """As of `ScenePicture.frame`."""
+        """Return what `ScenePicture.frame` does."""
         return None if self._picture is None else self._picture.frame()
 
     def close(self) -> None:
-        """Close what draws, too."""
-        self._let_go()
+        """Close the picture and the environment."""
+        self._close_picture()
         super().close()
 
     def _follow(self, info: Mapping[str, Any]) -> None:
@@ -100,7 +100,7 @@ class Drawn(gym.Wrapper[Any, Any, Any, Any]):
             if self._scene.watch is not None:
                 self._scene.watch()
 
-    def _let_go(self) -> None:
+    def _close_picture(self) -> None:
         if self._picture is not None:
             self._picture.close()
         self._picture = None

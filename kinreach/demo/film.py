@@ -1,4 +1,4 @@
-"""Frames into a file: a GIF through Pillow, or a video through OpenCV, VP9 in an MP4, which every browser plays."""
+"""Write frames into a file: a GIF with Pillow, or VP9 in an MP4 with OpenCV, which every browser plays."""
 
 from __future__ import annotations
 
@@ -21,16 +21,16 @@ from kinreach.files import make_writable, replacing
 FILM_FPS = 25
 Frame = NDArray[np.uint8]
 FORMATS = (".gif", ".mp4")
-#: VP9: the wheels of OpenCV bring an encoder for it, and none for H.264; no browser plays their MPEG-4 Part 2, "mp4v".
+#: VP9: the wheels of OpenCV have an encoder for it, but not for H.264; browsers do not play their MPEG-4 Part 2, mp4v.
 CODEC = "vp09"
-#: A GIF is put together in memory; a longer film has to be a video.
-LONGEST_GIF = 1000
-#: Chosen by an octree, which keeps the colour of things as small as the ball.
+#: Frames of a GIF, which is put together in memory; a longer film has to be a video.
+MAX_GIF_FRAMES = 1000
+#: Colours of a GIF, chosen by an octree, which keeps that of things as small as the ball.
 GIF_COLOURS = 256
 
 
 class Film(AbstractContextManager["Film"]):
-    """Takes frames; the file appears when the block ends well, or with Ctrl-C, and is whole then.
+    """Collect frames; the file appears, complete, when the block ends without an error or with Ctrl-C.
 
     Args:
         path: A file that ends in `.gif` or `.mp4`.
@@ -60,8 +60,8 @@ class Film(AbstractContextManager["Film"]):
         """Append a frame, uint8 RGB, shape (height, width, 3)."""
         self.frames += 1
         if self.path.suffix == ".gif":
-            if self.frames > LONGEST_GIF:
-                raise InputError(f"a GIF has at most {LONGEST_GIF} frames here; name the film {self.path.stem}.mp4")
+            if self.frames > MAX_GIF_FRAMES:
+                raise InputError(f"a GIF has at most {MAX_GIF_FRAMES} frames here; name the film {self.path.stem}.mp4")
             self._images.append(Image.fromarray(frame).quantize(GIF_COLOURS, Image.Quantize.FASTOCTREE))
             return
         if self._writer is None:
@@ -89,15 +89,15 @@ class Film(AbstractContextManager["Film"]):
     def _finish(self) -> None:
         if self._writer is not None:
             self._writer.release()
-            if not _is_whole(self._temporary):
+            if not _is_complete(self._temporary):
                 raise OutputError(f"cannot write {self.path}: the video is not whole; the disk may be full")
             return
         first, *rest = self._images
         first.save(self._temporary, "GIF", save_all=True, append_images=rest, duration=round(1000 / self._fps), loop=0)
 
 
-def _is_whole(video: Path) -> bool:
-    """Whether an MP4 has all its parts, of which the index comes last: OpenCV does not say what it could not write.
+def _is_complete(video: Path) -> bool:
+    """Return whether an MP4 has all its parts, the index last: OpenCV does not report what it could not write.
 
     Each part begins with its size in 4 bytes, or 1 and its size in the 8 after the name, and 4 letters that name it
     (ISO/IEC 14496-12, 4.2).

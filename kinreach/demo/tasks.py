@@ -1,4 +1,4 @@
-"""Environments that can be watched, and who may act in them, by the names of the command line and of the page."""
+"""Environments that can be watched, and their policies, by the names of the command line and of the page."""
 
 from __future__ import annotations
 
@@ -33,9 +33,8 @@ class DemoTask:
 
     Attributes:
         name: Its id at Gymnasium.
-        options: Arguments of the command line that are arguments of the environment.
         analytic: Makes its analytic policy from the environment.
-        policy, steps, printed: What the command line does if it is not told.
+        policy, steps, printed: Defaults of the command line.
         solvers: Names of solvers that can act in it.
         comparison: The task of `kinreach.compare` in it, whose options it has and whose methods can act; or none.
         drawn: Whether the environment draws itself.
@@ -43,7 +42,6 @@ class DemoTask:
     """
 
     name: str
-    options: tuple[str, ...]
     analytic: Callable[[Environment], Policy]
     policy: str = "analytic"
     steps: int = 20
@@ -55,7 +53,7 @@ class DemoTask:
 
     @property
     def settings(self) -> Mapping[str, Any]:
-        """Options of the environment that nobody is asked for."""
+        """Defaults of the options of its environment."""
         return SHORTER.get(self.name, get_task(self.comparison).options if self.comparison else {})
 
     @property
@@ -72,7 +70,6 @@ def solver_policy(name: str, env: Environment) -> SolverPolicy:
 def _reach(name: str, comparison: str = "") -> DemoTask:
     return DemoTask(
         name,
-        ("observation", "backend"),
         lambda env: solver_policy("closed-form", env),
         solvers=tuple(SOLVERS),
         comparison=comparison,
@@ -82,7 +79,6 @@ def _reach(name: str, comparison: str = "") -> DemoTask:
 def _compared(name: str, comparison: str, *, policy: str, steps: int, fps: int = FILM_FPS) -> DemoTask:
     return DemoTask(
         name,
-        (),
         lambda env: as_policy(get_task(comparison).methods[policy].make(env)),
         policy=policy,
         steps=steps,
@@ -101,14 +97,13 @@ TASKS: Mapping[str, DemoTask] = {
     # By default this is the test that the course report describes.
     "button": DemoTask(
         BUTTON,
-        ("actuation",),
         lambda env: AnalyticButtonPolicy(env.get_wrapper_attr("options").actuation),
         policy="random",
         steps=10_000,
         printed="action,observation",
     ),
 }
-#: Policies that nobody trained, by name; each is made from the task, the environment and the seed.
+#: Policies without training, by name; each is made from the task, the environment and the seed.
 POLICIES: Mapping[str, Callable[[DemoTask, Environment, int], Policy]] = {
     "random": lambda task, env, seed: RandomPolicy(env.action_space, seed=seed),
     "analytic": lambda task, env, seed: task.analytic(env),
@@ -121,7 +116,7 @@ def trained_for(environment: str, arm: str | None = None, *, eyes: bool = False)
     Args:
         environment: Its id.
         arm: Name of the arm.
-        eyes: Those that see pictures, instead of those that are told of the goal.
+        eyes: Those that observe pictures, instead of those that observe the goal.
     """
     found = {name: load_policy(name) for name in pretrained_names()}
     return [
@@ -142,7 +137,7 @@ def trained_policy(name: str, environment: str) -> LearnedPolicy | None:
     """A policy of the package for an environment, or from a file; None where the name is of neither.
 
     Raises:
-        InputError: The file is no policy, or it is for another environment.
+        InputError: The file does not hold a policy, or it is for another environment.
     """
     known = name in all_trained(environment) or bool(Path(name).suffix)
     return load_policy(name, environment=environment) if known else None
@@ -156,7 +151,7 @@ def options_for(name: str, environment: str) -> dict[str, Any]:
         environment: Id of the one that it was trained in.
 
     Raises:
-        InputError: The file is no policy, or it is for another environment.
+        InputError: The file does not hold a policy, or it is for another environment.
     """
     policy = trained_policy(name, environment)
     return {} if policy is None else needed_options(policy)
@@ -173,7 +168,7 @@ def make_policy(name: str, task: DemoTask, env: Environment, *, seed: int = 0) -
         seed: Of what it draws.
 
     Raises:
-        InputError: There is none of that name, the file is no policy, or it is for another environment.
+        InputError: The name is unknown, the file does not hold a policy, or it is for another environment.
     """
     if name in POLICIES:
         return POLICIES[name](task, env, seed)

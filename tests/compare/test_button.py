@@ -6,7 +6,7 @@ import pytest
 from kinreach.baselines.loop import RandomPolicy
 from kinreach.compare import compare
 from kinreach.compare.button import SPACING
-from kinreach.compare.runner import MOST_GOALS, MOST_SEED
+from kinreach.compare.runner import MAX_GOALS, MAX_SEED
 from kinreach.envs.button.task import action_space
 
 
@@ -49,8 +49,8 @@ def test_the_environments_options_are_the_tasks():
 
 
 def test_no_two_goals_of_two_seeds_share_an_episode():
-    assert MOST_GOALS < SPACING
-    assert MOST_SEED * SPACING < 2**127  # what numpy's generators take
+    assert MAX_GOALS < SPACING
+    assert MAX_SEED * SPACING < 2**127  # what numpy's generators take
 
 
 def test_chance_is_another_in_every_episode_and_the_same_in_the_same():

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from kinreach.compare import compare
-from kinreach.compare.runner import MOST_SEED, RECORDS, WARM_UP_SEED, prepare, run_trials
+from kinreach.compare.runner import MAX_SEED, RECORDS, WARM_UP_SEED, prepare, run_trials
 from kinreach.errors import InputError, OutputError, UnknownNameError
 from kinreach.files import locked
 from kinreach.robots import get_arm
@@ -75,7 +75,7 @@ def test_the_first_goals_do_not_depend_on_how_many_there_are(toy):
 
 
 def test_the_warm_up_is_never_compared():
-    assert WARM_UP_SEED > MOST_SEED
+    assert WARM_UP_SEED > MAX_SEED
 
 
 def test_what_is_measured(toy):

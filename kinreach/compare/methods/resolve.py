@@ -31,7 +31,7 @@ _COLOURS = ("#8C6D31", "#6A3D9A", "#B8A100", "#A6761D", "#666666")
 
 
 def resolve_methods(task: Task, given: Iterable[Any] | Mapping[str, Any]) -> dict[str, Method]:
-    """Methods by the names that results call them, in the given order; all of the task's own if nothing is given.
+    """Return methods by their names in results, in the given order; all of the task's own if nothing is given.
 
     Args:
         task: What they will do.
@@ -42,7 +42,7 @@ def resolve_methods(task: Task, given: Iterable[Any] | Mapping[str, Any]) -> dic
 
     Raises:
         InputError: A name occurs twice, or something is none of these.
-        UnknownNameError: There is no method of that name.
+        UnknownNameError: The name is unknown.
     """
     if isinstance(given, Mapping):
         found = [(_label(name), _method(task, value)) for name, value in given.items()]
@@ -58,7 +58,7 @@ def resolve_methods(task: Task, given: Iterable[Any] | Mapping[str, Any]) -> dic
 
 
 def solver_method(new: Callable[[Any], Solver], *, colour: str = "") -> Method:
-    """A solver of inverse kinematics as a method.
+    """Make a method of a solver of inverse kinematics.
 
     Args:
         new: From a kinematics to a solver for it.
@@ -68,7 +68,7 @@ def solver_method(new: Callable[[Any], Solver], *, colour: str = "") -> Method:
 
 
 def policy_method(policy: str, environment: str, *, colour: str = "") -> Method:
-    """A trained policy that comes with the package, or a file, as a method.
+    """Make a method of a trained policy that comes with the package, or of a file.
 
     Args:
         policy: Name, or path of a file.
@@ -131,12 +131,12 @@ def _from_file(task: Task, path: str, variant: str) -> Method:
     policy = load_policy(path)
     if variant:
         check_known(f"{task.name} environment", variant, task.variants)
-    said = task.variants[variant] if variant else ""
-    environment = policy.card.environment or said or next(iter(task.variants.values()))
-    if environment not in task.variants.values() or (said and said != environment):
+    asked = task.variants[variant] if variant else ""
+    environment = policy.card.environment or asked or next(iter(task.variants.values()))
+    if environment not in task.variants.values() or (asked and asked != environment):
         raise InputError(f"the policy {path} is for {environment}, not for one of: {', '.join(task.variants.values())}")
-    trained, asked = trained_arm(policy).get("arm", "ur5"), task.options.get("arm", task.arm)
-    name = asked.name if isinstance(asked, ArmDescription) else asked
+    trained, arm = trained_arm(policy).get("arm", "ur5"), task.options.get("arm", task.arm)
+    name = arm.name if isinstance(arm, ArmDescription) else arm
     if task.arm and policy.card.environment and name != trained:
         raise InputError(f"the policy {path} was trained on the arm {trained!r}, not on {name!r}")
     if needed_options(policy).get("goal_in", CAMERA) != CAMERA:
@@ -162,7 +162,7 @@ def _policy(given: Any, env: gym.Env[Any, Any]) -> Policy:
 
 
 def _source(given: Any) -> dict[str, str]:
-    """Which code a user's object is: its class and a digest of the file that defines it, as far as there is one."""
+    """Return which code a user's object is: its class and a digest of the file that defines it, if any."""
     cls = given if isinstance(given, type) or inspect.isroutine(given) else type(given)
     try:
         text = Path(inspect.getfile(cls)).read_bytes()
