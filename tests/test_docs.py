@@ -22,7 +22,9 @@ DOCS = ROOT / "docs"
 PAGES = sorted(DOCS.rglob("*.md"))
 TOP = [ROOT / name for name in ("README.md", "CONTRIBUTING.md", "SECURITY.md")]
 SOURCE = "\n".join(
-    path.read_text(encoding="utf-8") for room in ("kinreach", "notebooks") for path in (ROOT / room).rglob("*.py")
+    path.read_text(encoding="utf-8")
+    for room in ("kinreach", "notebooks", "benchmarks/logs")
+    for path in (ROOT / room).rglob("*.py")
 )
 ENVIRONMENT = re.compile(r"kinreach/\w+-v\d")
 
@@ -152,7 +154,7 @@ def test_every_point_of_the_thesis_has_a_verdict():
 
 
 def test_names_in_the_points_exist():
-    """What the column "where" names is defined somewhere in the package, or is a file of it or a notebook."""
+    """What the column "where" names is defined in the package, the figures or the logs, or is a file of the package or a notebook."""
     files = {path.name for path in ((ROOT / "kinreach").rglob("*.py"))} | {
         p.stem for p in (ROOT / "notebooks").iterdir()
     }
