@@ -1,4 +1,4 @@
-"""The command line that checks an arm: one screen of text, and a picture of its workspace."""
+"""`kinreach check`: describe and test an arm in one screen of text, and draw its workspace."""
 
 from __future__ import annotations
 
@@ -26,18 +26,18 @@ from kinreach.kinematics.ur.kinematics import CalibratedURKinematics
 from kinreach.plots.workspace import draw_workspace
 from kinreach.robots import arm_named, as_arm
 
-#: Files that hold a calibration of a UR.
+#: Endings of the files with a UR's calibration.
 CALIBRATIONS = (".yaml", ".yml", ".conf")
-#: Poses that solvers are tried on, and singular ones at most.
-POSES, MOST_SINGULAR = 200, 60
+#: Poses to solve by default, and the most singular ones.
+POSES, MAX_SINGULAR = 200, 60
 
 
 class Subject(NamedTuple):
-    """What is checked.
+    """The arm to check.
 
     Attributes:
-        kinematics: Of the arm as it is.
-        believed: Of its data sheet, where the arm is a calibrated one.
+        kinematics: Of the arm.
+        believed: Of the data sheet of a calibrated arm, else None.
     """
 
     kinematics: ArmKinematics
@@ -45,7 +45,7 @@ class Subject(NamedTuple):
 
 
 def main(argv: Sequence[str], *, prog: str) -> int:
-    """Check an arm and print what was found.
+    """Check an arm and print the report.
 
     Args:
         argv: Arguments without the program's name.
@@ -74,7 +74,7 @@ def main(argv: Sequence[str], *, prog: str) -> int:
 
 
 def report(subject: Subject, *, poses: int = POSES, seed: int = 0) -> Iterator[str]:
-    """The lines of the screen, each as soon as it is measured."""
+    """Yield the lines of the report, each as soon as it is measured."""
     kin = subject.kinematics
     yield f"{kin.arm.name}: {kin.arm.title}, tip {kin.tip}"
     yield f"class        {_class_of(kin)}"
@@ -89,7 +89,7 @@ def report(subject: Subject, *, poses: int = POSES, seed: int = 0) -> Iterator[s
         yield from _deviation(check.deviation(kin, subject.believed, seed=seed))
     singular = check.singular_postures(kin, reach.farthest, seed=seed)
     yield f"singular     {_singular(kin, singular)}"
-    chosen = np.random.default_rng(seed).permutation(singular.q)[:MOST_SINGULAR]
+    chosen = np.random.default_rng(seed).permutation(singular.q)[:MAX_SINGULAR]
     yield f"IK           {poses} poses of random postures and {len(chosen)} singular ones, from the start posture"
     yield "             solver        reached  singular   time, ms: median / p95   largest error, mm"
     postures = check.random_postures(kin, poses, seed + 1)
@@ -121,7 +121,7 @@ def _class_of(kin: ArmKinematics) -> str:
 
 
 def _joints(kin: ArmKinematics) -> Iterator[str]:
-    """A line for each joint: its limits and the range's share of a turn."""
+    """A line for each joint: limits, speed and start."""
     width = max(map(len, kin.arm.joints))
     rows = zip(kin.arm.joints, kin.lower, kin.upper, kin.velocity_limit, kin.arm.home, strict=True)
     for index, (name, low, high, speed, home) in enumerate(rows):
@@ -156,20 +156,19 @@ def _deviation(found: check.Deviation) -> Iterator[str]:
 
 
 def _singular(kin: ArmKinematics, found: check.Singular) -> str:
-    """Where an arm is singular, in words."""
     if not len(found.q):
         return "no posture found"
-    told, rest = [], np.ones(len(found.q), dtype=np.bool_)
+    places, rest = [], np.ones(len(found.q), dtype=np.bool_)
     for joint, name in enumerate(kin.arm.joints):
         if angles := found.recurring(joint):
-            told.append(f"{name} at {' or '.join(f'{angle:g}' for angle in angles)}")
+            places.append(f"{name} at {' or '.join(f'{angle:g}' for angle in angles)}")
             rest &= (np.abs(found.q[:, joint, None] - angles) > 0.01).all(axis=1)
-    told += [f"{rest.sum()} where it depends on several joints"] if rest.any() else []
-    return f"{len(found.q)} postures found: {'; '.join(told)}"
+    places += [f"{rest.sum()} where it depends on several joints"] if rest.any() else []
+    return f"{len(found.q)} postures found: {'; '.join(places)}"
 
 
 def _subject(given: str, model: str | None, tip: str | None) -> Subject:
-    """The arm that `arm_named` finds, or that of a calibration file with its model."""
+    """The arm of a name or URDF; with a model, that of a calibration file."""
     if model is not None:
         real = as_arm(model).calibrated(given)
         return Subject(kinematics_of(real, tip=tip), kinematics_of(model, tip=tip))
