@@ -154,7 +154,7 @@ def test_every_point_of_the_thesis_has_a_verdict():
 
 
 def test_names_in_the_points_exist():
-    """The column "where" names what the package, the figures or the logs define, a file of the package, or a notebook."""
+    """The column "where" names what the package, figures or logs define, a file of the package, or a notebook."""
     files = {path.name for path in ((ROOT / "kinreach").rglob("*.py"))} | {
         p.stem for p in (ROOT / "notebooks").iterdir()
     }
