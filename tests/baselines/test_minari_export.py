@@ -27,8 +27,8 @@ def test_the_dataset_is_the_evaluation(policy, minari, tmp_path):
         json.loads((tmp_path / name).read_text())["policies"][policy] for name in ("plain.json", "found.json")
     )
     assert (found["goals"], found["reached"], found["steps"]) == (GOALS, plain["reached"], plain["steps"])
-    for name in ("return", "distance_mm"):  # a batch of rows is summed up in another order than one
-        assert found.get(name) == pytest.approx(plain.get(name), rel=1e-9)
+    for name in ("return", "distance_mm"):  # the tips of a batch and of one arm are equal to 1e-10 m
+        assert found.get(name) == pytest.approx(plain.get(name), rel=1e-9, abs=1e-7)
     dataset = minari.load_dataset(f"kinreach/{policy}-v0")
     assert dataset.total_episodes == GOALS
     episodes = list(dataset.iterate_episodes())
