@@ -25,7 +25,7 @@ class Exploration:
     until: float
 
     def scaled(self, factor: float) -> Exploration:
-        """The same in other units."""
+        """Return the schedule in other units."""
         return replace(self, first=factor * self.first, last=factor * self.last)
 
     def at(self, progress: float) -> float:

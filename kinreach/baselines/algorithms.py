@@ -338,7 +338,7 @@ def register_algorithm(algorithm: Algorithm) -> Algorithm:
     """Make an algorithm known to recipes.
 
     Raises:
-        InputError: It is no algorithm, or another one has its name.
+        InputError: It is not an algorithm, or another one has its name.
     """
     given: Any = algorithm
     if not isinstance(given, Algorithm):

@@ -68,9 +68,9 @@ def _make(environment: str, num_envs: int, options: Mapping[str, Any], **how: An
 
 
 def last_value(info: Mapping[str, Any], name: str) -> Any:
-    """What the last step of each environment said by that name, shape (n,); None where it said nothing.
+    """The value by that name in the `info` of each environment's last step, shape (n,); None if there is none.
 
-    After a reset in the same step, Gymnasium's own batches keep what the step said in `final_info`.
+    After a reset in the same step, Gymnasium's own batches keep the step's values in `final_info`.
     """
     final = info.get("final_info", {})
     if name not in final:

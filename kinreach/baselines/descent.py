@@ -183,7 +183,7 @@ class MovingGradient(SimulatorGradient):
 
 
 class RandomArmGradient(SimulatorGradient):
-    """Learns to reach with arms of which it knows what looks have said."""
+    """Learns to reach with arms that it knows from looks alone."""
 
     world: RandomArmEpisodes
 

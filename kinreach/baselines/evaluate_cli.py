@@ -46,7 +46,7 @@ def main(argv: Sequence[str], *, prog: str) -> int:
         Exit code 0; anything else is raised.
 
     Raises:
-        KinreachError: Bad input, a file that is no policy, cameras that cannot draw.
+        KinreachError: Bad input, a file that is not a policy, cameras that cannot draw.
     """
     arguments = _parser(prog).parse_args(argv)
     check_count("--goals", arguments.goals, most=10**7)

@@ -95,7 +95,7 @@ def evaluate(
         seed: Of the first goal; goal i is that of the environment's seed `seed + i`.
         environment: Id; that of the policy's card if None.
         options: Of the environment; arm and goals are those which the policy was trained on, unless they say otherwise.
-        progress: Told how many goals are done.
+        progress: Called with the number of finished goals.
 
     Raises:
         InputError: No goals, or options that the environment does not take.

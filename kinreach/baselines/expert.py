@@ -1,4 +1,4 @@
-"""The closed form as a smooth map from goals to postures, for whoever imitates it or asks it for many at once."""
+"""The closed form as a smooth map from goals to postures, to imitate or to evaluate in batches."""
 
 from __future__ import annotations
 

@@ -38,7 +38,7 @@ class Eye:
 
     @property
     def places(self) -> int:
-        """How many numbers it says."""
+        """Number of outputs."""
         return 2 * len(self.layers[-1][1])
 
     def __call__(self, pictures: Array) -> Array:

@@ -18,7 +18,7 @@ from kinreach.files import read_text
 Array = np.ndarray[Any, Any]
 
 #: A row has some 60 bytes.
-MOST_BYTES = 256 * 1024 * 1024
+MAX_BYTES = 256 * 1024 * 1024
 #: Columns of a learning curve. Steps and episodes count from the start; the rest is of one window: the mean reward of
 #: a step and return of an episode (both of the environment, exploration included); of the episodes that ended in it,
 #: the share that reached the goal, and the means of the last distance [m] and posture error [rad]; and the share of
@@ -79,7 +79,7 @@ class LearningCurve(VectorWrapper[Any, Any, Any]):
         self._end(self._begun.copy())
 
     def step(self, actions: Any) -> tuple[Any, Any, Any, Any, dict[str, Any]]:
-        """Step, and count."""
+        """Step the environments and add the step to the curve."""
         observations, rewards, terminated, truncated, self._info = self.env.step(actions)
         self.steps += self.num_envs
         self._counted += self.num_envs
@@ -143,12 +143,12 @@ def read_curve(path: str | Path) -> dict[str, Array]:
     """Columns of a learning curve by name; what is empty is NaN.
 
     Raises:
-        InputError: There is no such file, or it is no learning curve.
+        InputError: There is no such file, or it is not a learning curve.
     """
-    text = read_text(Path(path), "the learning curve", most=MOST_BYTES)
+    text = read_text(Path(path), "the learning curve", most=MAX_BYTES)
     try:
         header, *rows = csv.reader(io.StringIO(text, newline=""))
         values = np.array([[float(cell or "nan") for cell in row] for row in rows]).reshape(-1, len(header))
     except (ValueError, csv.Error) as error:
-        raise InputError(f"{path} is no learning curve: {error}") from None
+        raise InputError(f"{path} is not a learning curve: {error}") from None
     return dict(zip(header, values.T, strict=True))

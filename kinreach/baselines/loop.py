@@ -39,11 +39,11 @@ class Policy(Protocol):
     """
 
     def reset(self, observation: Any, info: Mapping[str, Any]) -> None:
-        """A new episode begins; both arguments are what the environment's reset returned."""
+        """Begin an episode; both arguments are what the environment's reset returned."""
         ...
 
     def act(self, observation: Any) -> Any:
-        """The action for an observation; None where the policy finds none, which forfeits the episode."""
+        """Return the action for an observation, or None to forfeit the episode."""
         ...
 
 
@@ -58,10 +58,10 @@ class FunctionPolicy:
         self._function = function
 
     def reset(self, observation: Any, info: Mapping[str, Any]) -> None:
-        """Nothing is remembered."""
+        """Do nothing."""
 
     def act(self, observation: Any) -> Any:
-        """What the function returns."""
+        """Return the function's action."""
         return self._function(observation)
 
 
@@ -82,13 +82,13 @@ class RandomPolicy:
         if isinstance(observation, Mapping):  # pictures, mostly
             start = [crc32(np.ascontiguousarray(part).tobytes()) for part in observation.values()]
         else:
-            said = np.ascontiguousarray(observation).tobytes()
-            start = [crc32(said)] if len(said) % 4 else np.frombuffer(said, dtype=np.uint32).tolist()
+            content = np.ascontiguousarray(observation).tobytes()
+            start = [crc32(content)] if len(content) % 4 else np.frombuffer(content, dtype=np.uint32).tolist()
         entropy = np.random.SeedSequence([self._seed, *start])
         self._space.seed(int(entropy.generate_state(1)[0]))
 
     def act(self, observation: Any) -> Any:
-        """Any action."""
+        """Draw an action."""
         return self._space.sample()
 
 

@@ -59,7 +59,7 @@ def record_episodes(
         seed: Of the first goal.
         environment: Id.
         options: Of the environment.
-        progress: Told how many goals are done.
+        progress: Called with the number of finished goals.
 
     Raises:
         InputError: Options that the environment does not take.
@@ -110,10 +110,8 @@ class _Recorder(gym.Wrapper[Any, Any, Any, Any]):
 
     def step(self, action: Any) -> tuple[Any, Any, bool, bool, dict[str, Any]]:
         observation, reward, terminated, truncated, info = self.env.step(action)
-        said = (observation, action, float(reward), terminated, truncated)
-        for name, value in zip(
-            ("observations", "actions", "rewards", "terminations", "truncations"), said, strict=True
-        ):
+        row = (observation, action, float(reward), terminated, truncated)
+        for name, value in zip(("observations", "actions", "rewards", "terminations", "truncations"), row, strict=True):
             self.episodes[-1][name].append(value)
         return observation, reward, terminated, truncated, info
 

@@ -90,7 +90,7 @@ def check_trainable(observations: spaces.Space[Any], actions: spaces.Space[Any])
     """Refuse spaces that policies cannot have.
 
     Raises:
-        InputError: Observations are no vectors of numbers, or actions neither `Box` nor `Discrete` from 0.
+        InputError: Observations are not vectors of numbers, or actions neither `Box` nor `Discrete` from 0.
     """
     if not isinstance(observations, spaces.Box) or len(observations.shape) != 1:
         raise InputError(f"training needs observations that are vectors of numbers, got {observations}")

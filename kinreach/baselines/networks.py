@@ -86,7 +86,7 @@ class TorchEye(nn.Module):
         return torch.stack([weights.sum(dim=2) @ across, weights.sum(dim=3) @ down], dim=2).flatten(1)
 
     def exported(self) -> Eye:
-        """The same in numpy."""
+        """Export to numpy."""
         state = {name: value.numpy() for name, value in self.state_dict().items()}
         layers = [(state[f"layers.{i}.weight"], state[f"layers.{i}.bias"]) for i in range(len(self.layers))]
         return Eye(layers, self.STRIDES, self.sharpness.item())

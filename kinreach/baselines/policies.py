@@ -49,7 +49,7 @@ def paced(way: Array) -> Array:
 
 
 #: No environment observes larger numbers.
-MOST_OBSERVED = 1e6
+MAX_OBSERVED = 1e6
 _SUFFIX = ".safetensors"
 
 
@@ -74,7 +74,7 @@ class LearnedPolicy:
         self.stepwise = card.meaning == "posture" and _walks(card)
 
     def reset(self, observation: Any = None, info: Any = None) -> None:
-        """A trained policy remembers nothing."""
+        """Do nothing."""
 
     def act(self, observation: ArrayLike | Mapping[str, ArrayLike]) -> Any:
         """The deterministic action for an observation, shape (n,), or for a batch of them, shape (count, n).
@@ -136,7 +136,7 @@ class LearnedPolicy:
             actions: Likewise.
 
         Raises:
-            InputError: The observations are no vector, or too short, or the actions are of another kind or number.
+            InputError: The observations are not a vector, or too short, or the actions are of another kind or number.
         """
         outputs = len(self.network.gain)
         if self.network.eyes:
@@ -153,7 +153,7 @@ class LearnedPolicy:
         else:
             fits, kind = isinstance(actions, spaces.Box) and actions.shape == (outputs,), f"{outputs} numbers"
         if not fits:
-            raise InputError(f"{self.name} answers with {kind}, which is no action of {actions}")
+            raise InputError(f"{self.name} answers with {kind}, which is not an action of {actions}")
 
     @property
     def inputs(self) -> int:
@@ -174,7 +174,7 @@ class LearnedPolicy:
         with np.errstate(over="ignore", invalid="ignore", divide="ignore"):
             output = self.network(x)
         if not np.isfinite(output).all():
-            raise InputError(f"the network of {self.name} answers with what is no number")
+            raise InputError(f"the network of {self.name} answers with NaN or infinity")
         return output
 
     def _joints(self, observation: Any) -> Array:
@@ -187,7 +187,7 @@ class LearnedPolicy:
         x = as_floats("observation", observation)
         if x.ndim == 0 or not self.takes(x.shape[-1]):
             raise InputError(f"an observation must have {self._wanted} numbers, got shape {x.shape}")
-        check_entries("observation", x, MOST_OBSERVED)
+        check_entries("observation", x, MAX_OBSERVED)
         return x
 
     def _pictures(self, observation: Any) -> dict[str, Array]:

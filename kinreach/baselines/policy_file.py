@@ -93,7 +93,7 @@ class Network:
 #: Version of the format; files of other versions are refused.
 FORMAT = 1
 #: No policy of ours is larger; a file that is, is refused before it is read [bytes].
-MOST_BYTES = 16 * 1024 * 1024
+MAX_BYTES = 16 * 1024 * 1024
 #: What a network's output means: an action of the environment, a posture, or the preference of each discrete action.
 MEANINGS = ("action", "posture", "preferences")
 #: Fields that a card may lack, because there are files which were written before there were such fields.
@@ -162,19 +162,19 @@ def read_policy(path: str | Path) -> tuple[PolicyCard, Network]:
     """
     path = check_path("policy", path)
     try:
-        open_input(path, "the policy", most=MOST_BYTES).close()
+        open_input(path, "the policy", most=MAX_BYTES).close()
         with safe_open(path, framework="numpy") as file:
             header = file.metadata() or {}
             tensors = {name: file.get_tensor(name) for name in file.keys()}  # noqa: SIM118 (no mapping)
     except OSError as error:
         raise InputError(f"cannot read the policy {path}: {error.strerror or error}") from None
     except SafetensorError as error:
-        raise InputError(f"{path} is no policy: {error}") from None
+        raise InputError(f"{path} is not a policy: {error}") from None
     try:
         card = _card(header)
         return card, _network(card, tensors)
     except InputError as error:
-        raise InputError(f"{path} is no policy: {error}") from None
+        raise InputError(f"{path} is not a policy: {error}") from None
 
 
 def _refuse(constant: str) -> NoReturn:

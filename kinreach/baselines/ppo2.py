@@ -30,7 +30,7 @@ def ppo2_loss(
     value_clip: float | Tensor | None,
     vf_coef: float,
 ) -> Tensor:
-    """PPO2's loss but for the entropy; tensors of shape (..., n) hold the n steps of a minibatch.
+    """PPO2's loss without the entropy; tensors of shape (..., n) hold the n steps of a minibatch.
 
     Args:
         log_ratio: Logarithm of the new probability of each action over the old one.

@@ -1,7 +1,7 @@
 """Arms with random errors, for training a policy that sees what looks say of the one it has.
 
 The environment `kinreach/RandomArm-v0`: a UR5 whose frames are off as those of
-`kinreach/RealArm-v0` are, with other errors in each episode, has been looked at so and so often, and goes to a ball
+`kinreach/RealArm-v0` are, with other errors in each episode, has been observed in a number of looks, and goes to a ball
 once, twice or three times. What looks say of it has the same size whatever their number: the mean of how far the tip
 was seen from where the data sheet has it, and of the same times the place of the look.
 """
@@ -48,7 +48,7 @@ _PARTS = (42, 3, 1, 1, 9, 3, 3 * MOVES)
 
 @cache
 def ur5() -> UR5Kinematics:
-    """The data sheet."""
+    """Return the kinematics of the data sheet."""
     return UR5Kinematics(tip="tcp", base="world")
 
 
@@ -173,7 +173,7 @@ class RandomArmEpisodes:
         return frames_of(np.swapaxes(self.placements[rows], 0, 1), q)[-1][:, :3, 3]
 
     def step(self, actions: Floats, acting: Flags | None = None) -> Outcome:
-        """A move to each ball."""
+        """Move each arm to its ball."""
         acting = np.ones(len(actions), dtype=np.bool_) if acting is None else acting
         q = math.pi * np.clip(actions, -1.0, 1.0)
         tips = self.tips(q)
@@ -196,11 +196,11 @@ class RandomArmEpisodes:
         return {"distance": self._distances.copy(), "impossible": impossible, **self.goal_info()}
 
     def goal_info(self) -> dict[str, Any]:
-        """Where the balls are [m]."""
+        """Return the positions of the balls [m]."""
         return {"goal": self.balls.copy()}
 
     def close(self) -> None:
-        """Nothing to let go of."""
+        """Do nothing."""
 
 
 def after_move(observed: Floats, q: Floats, seen: Floats) -> Floats:

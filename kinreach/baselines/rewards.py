@@ -28,7 +28,7 @@ DENSE_DISTANCE, DENSE_POSTURE, DENSE_IMPOSSIBLE = 1e-5, 5.0, -200.0
 
 
 def own(rewards: Array, info: Mapping[str, Any]) -> Array:
-    """The environment's."""
+    """Return the environment's reward."""
     return rewards
 
 

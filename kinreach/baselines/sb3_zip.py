@@ -234,7 +234,6 @@ def _part(data: dict[str, Any], name: str) -> dict[str, Any]:
 
 
 def _kind(space: dict[str, Any]) -> str:
-    """Name of a space's class."""
     return str(space.get(":type:")).rpartition(".")[2].rstrip("'>")
 
 

@@ -104,7 +104,7 @@ def read_search(path: Path) -> Search:
     try:
         said = yaml.safe_load(text)
     except (yaml.YAMLError, ValueError, RecursionError) as error:
-        raise InputError(f"{path} is no YAML: {error}") from None
+        raise InputError(f"{path} is not YAML: {error}") from None
     names = [field.name for field in fields(Search)]
     if not isinstance(said, dict) or not {"recipe", "ranges"} <= set(said):
         raise InputError(f"{path} must say at least recipe and ranges, got {shown(said)}")
@@ -114,7 +114,6 @@ def read_search(path: Path) -> Search:
 
 
 def _check_range(field: object, said: object) -> None:
-    """Refuse what is no range."""
     form = "choice: [...], uniform: [low, high], loguniform: [low, high] or randint: [low, high]"
     if not isinstance(field, str) or not isinstance(said, Mapping) or len(said) != 1:
         raise InputError(f"a range of {shown(field)} is one of {form}; got {shown(said)}")

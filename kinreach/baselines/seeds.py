@@ -12,7 +12,7 @@ from typing import Any, NamedTuple
 from kinreach.baselines.recipes import Recipe, get_recipe
 from kinreach.baselines.training import (
     CHECKPOINT,
-    MOST_CHECKPOINT,
+    MAX_CHECKPOINT,
     RUN,
     Run,
     clear,
@@ -51,7 +51,7 @@ class Kept(NamedTuple):
     Attributes:
         done: Actions.
         files: Contents of the files of its folder, by their paths in there.
-        notices: What was to be said.
+        notices: Sentences for `notice`.
     """
 
     done: int
@@ -86,8 +86,8 @@ def train_seeds(
         fresh: As in `train`, of each.
         threads: Of torch, in each training.
         export: As in `train`.
-        progress: Told how many actions are done, and planned, of all seeds.
-        notice: Told what `train` says.
+        progress: Called with the numbers of finished and of planned actions of all seeds.
+        notice: As in `train`.
 
     Raises:
         OutputError, InputError: As `train`.
@@ -109,7 +109,7 @@ def train_seeds(
             checkpoint = None
             if resume and (path := folder / CHECKPOINT).exists():
                 read_checkpoint(path, identity)  # refuses that of another run
-                checkpoint = read_bytes(path, "the checkpoint", most=MOST_CHECKPOINT)
+                checkpoint = read_bytes(path, "the checkpoint", most=MAX_CHECKPOINT)
             jobs.append(Training(name, recipe, identity, export, checkpoint))
         yield from finished
         done = dict.fromkeys(range(len(jobs)), 0)

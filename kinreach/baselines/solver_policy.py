@@ -20,7 +20,7 @@ from kinreach.kinematics.solvers import Solver
 class SolverPolicy:
     """Asks a solver for a posture and returns the action that takes the arm there, or as far as one action goes.
 
-    It is told what an agent is told: where the cameras saw the goal (`info["seen"]`), not where it is. A posture must
+    It gets what an agent gets: where the cameras saw the goal (`info["seen"]`), not where it is. A posture must
     pass the environment's acceptance test; one that is refused sends the solver on to another branch or a restart.
 
     Args:
@@ -48,7 +48,7 @@ class SolverPolicy:
         self._target: Floats | None = None
 
     def reset(self, observation: Any, info: Mapping[str, Any]) -> None:
-        """A new goal."""
+        """Take the goal of a new episode."""
         self._seed, self._seen = np.asarray(info["q"]), np.asarray(info["seen"])
         self._target = None
         if self._proposer is not None:

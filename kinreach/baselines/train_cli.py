@@ -168,13 +168,13 @@ def _runs(
 
 def _again(arguments: argparse.Namespace) -> list[str]:
     """The arguments that go on with what was interrupted."""
-    said = [arguments.recipe, "--seed", str(arguments.seed)]
+    words = [arguments.recipe, "--seed", str(arguments.seed)]
     defaults = {"seeds": 1, "steps": None, "threads": 1, "split": SPLIT, "engine": SERIAL, "address": None}
     for name, default in defaults.items():
         value = getattr(arguments, name)
-        said += [] if value == default else [f"--{name}", str(value)]
-    said += ["--export"] if arguments.export else []
-    return [*said, "--out", str(arguments.out), "--resume"]
+        words += [] if value == default else [f"--{name}", str(value)]
+    words += ["--export"] if arguments.export else []
+    return [*words, "--out", str(arguments.out), "--resume"]
 
 
 def _figures(row: dict[str, float | None]) -> str:

@@ -52,9 +52,9 @@ CHECKPOINT, POLICY, CURVE, EPISODE, RUN, MODEL = (
 #: Folder of TensorBoard's logs, in that of the run.
 TENSORBOARD = "tensorboard"
 #: Sizes of what is read again [bytes]; a checkpoint has the replay buffer.
-MOST_RUN, MOST_CHECKPOINT = 16 * 1024 * 1024, 64 * 1024**3
+MAX_RUN, MAX_CHECKPOINT = 16 * 1024 * 1024, 64 * 1024**3
 #: Of torch's and numpy's generators.
-MOST_SEED = 2**31 - 1
+MAX_SEED = 2**31 - 1
 #: Called with actions done, actions planned, and the last row of the learning curve by column.
 Progress = Callable[[int, int, dict[str, float | None]], None]
 #: Attributes of algorithms that change during training, as far as an algorithm has them.
@@ -120,8 +120,8 @@ def train(
         threads: Of torch. Another number gives another policy, from the same seed.
         export: Write stable-baselines3's own `model.zip` too. Loading such a file with stable-baselines3 can run code:
             do so only with your own.
-        progress: Told how far it is.
-        notice: Told that a checkpoint was made by other code of kinreach, or cannot be read; by default a
+        progress: Called with the numbers of finished and of planned actions, and the last row of the learning curve.
+        notice: Called with a sentence if a checkpoint was made by other code or cannot be read; by default a
             `UserWarning`.
 
     Raises:
@@ -132,7 +132,7 @@ def train(
     """
     if not isinstance(recipe, Recipe):
         raise InputError(f"recipe must be a Recipe, see `get_recipe`; got {shown(recipe)}")
-    seed = check_count("seed", seed, least=0, most=MOST_SEED)
+    seed = check_count("seed", seed, least=0, most=MAX_SEED)
     threads = check_count("threads", threads, most=MOST_THREADS)
     steps = None if steps is None else check_count("steps", steps)
     folder = check_path("folder", folder)
@@ -153,7 +153,7 @@ def run_identity(recipe: Recipe, seed: int, threads: int) -> dict[str, Any]:
     """What a run depends on, as JSON values.
 
     Raises:
-        InputError: The recipe has settings or options that are no JSON values.
+        InputError: The recipe has settings or options that are not JSON values.
     """
     try:
         written = json.dumps(
@@ -189,7 +189,7 @@ def kept_run(
 
 def _run_in(folder: Path) -> Run:
     """The finished run in a folder."""
-    run = json.loads(read_text(folder / RUN, "the run", most=MOST_RUN))
+    run = json.loads(read_text(folder / RUN, "the run", most=MAX_RUN))
     policy = load_policy(folder / POLICY)
     return Run(folder, policy.card, policy, float(run["seconds"]), float(run["cpu_seconds"]))
 
@@ -204,7 +204,7 @@ def _holds(folder: Path, identity: Mapping[str, Any]) -> bool:
         return False
     otherwise = "train into another folder, or replace it with --fresh (fresh=True)"
     try:
-        run = json.loads(read_text(folder / RUN, "the run", most=MOST_RUN))
+        run = json.loads(read_text(folder / RUN, "the run", most=MAX_RUN))
         _ = float(run["seconds"]), float(run["cpu_seconds"])
     except (OSError, ValueError, KeyError, TypeError):
         raise InputError(f"{folder} holds a policy, and no {RUN} that says of which run; {otherwise}") from None
@@ -414,7 +414,7 @@ def read_checkpoint(path: Path, identity: Mapping[str, Any]) -> dict[str, Any] |
     Raises:
         InputError: It is the state of another run, not a regular file, or too large.
     """
-    file = open_input(path, "the checkpoint", most=MOST_CHECKPOINT)
+    file = open_input(path, "the checkpoint", most=MAX_CHECKPOINT)
     try:
         if not zipfile.is_zipfile(file):  # torch would try it as a plain pickle, and warn before it refuses
             return None
@@ -456,7 +456,7 @@ def restore(trainee: Trainee, state: Mapping[str, Any]) -> tuple[int, list[str]]
 
 
 def _variables(model: BaseAlgorithm) -> list[str]:
-    """Names of tensors that are no parameters of a module, such as SAC's entropy coefficient."""
+    """Names of tensors that are not parameters of a module, such as SAC's entropy coefficient."""
     return list(model._get_torch_save_params()[1])
 
 

@@ -31,7 +31,7 @@ class SB3VecEnv(VecEnv):
         env: For example `gym.make_vec("kinreach/UR5SingleStep-v0", num_envs=1024,
             vectorization_mode="vector_entry_point")`.
         reward: What the learner sees instead of the environment's reward.
-        bootstrap: Whether learners are told that an episode was cut off; else it ended.
+        bootstrap: Whether a truncated episode is one for the learner; else it counts as terminated.
 
     Raises:
         InputError: The environment resets in another way.

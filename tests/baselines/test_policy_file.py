@@ -68,7 +68,7 @@ def test_every_truncation_is_refused(file):
     assert len(cuts) == 300
     for cut in cuts:
         file.write_bytes(whole[:cut])
-        with pytest.raises(InputError, match="is no policy"):
+        with pytest.raises(InputError, match="is not a policy"):
             read_policy(file)
 
 
@@ -100,7 +100,7 @@ def test_files_of_other_kinds_are_refused_and_nothing_runs(tmp_path, capsys):
     contents = [b"", b"{}", pickle.dumps(Bomb()), b"\xff" * 64, (2**63).to_bytes(8, "little") + b"{}"]
     for content in contents:
         path.write_bytes(content)
-        with pytest.raises(InputError, match="is no policy"):
+        with pytest.raises(InputError, match="is not a policy"):
             read_policy(path)
     with zipfile.ZipFile(path, "w", zipfile.ZIP_DEFLATED) as archive:
         archive.writestr("data.pkl", pickle.dumps(Bomb()))
@@ -230,7 +230,7 @@ def test_cards_of_before_there_were_seeds_of_goals_are_read(tmp_path):
 def test_headers_that_are_no_card_are_refused(tmp_path, text):
     tensors, _ = tensors_and_header(network())
     save_file(tensors, tmp_path / "p.safetensors", metadata={"kinreach": text})
-    with pytest.raises(InputError, match="is no policy"):
+    with pytest.raises(InputError, match="is not a policy"):
         read_policy(tmp_path / "p.safetensors")
 
 

@@ -292,7 +292,7 @@ def test_an_episode_is_played_stepped_and_scrubbed(serve):
         tab.set(panel._file, "README.md")
         wait_for(lambda: panel._file.value == "README.md")
         tab.set(panel._button, True)
-        wait_for(lambda: "is no policy" in panel._verdict.content)
+        wait_for(lambda: "is not a policy" in panel._verdict.content)
         assert panel.episode is first
         wait_for(lambda: not panel._button.disabled)
         tab.set(panel._file, "os:system")

@@ -21,7 +21,7 @@ from kinreach.cli import run_command
         (["--calibration", "missing.yaml"], "missing.yaml"),
         (["--arm", "arm3", "--calibration", "missing.yaml"], "unknown UR model 'arm3'"),
         (["--policy", "wisdom"], "there is no policy 'wisdom'"),
-        (["--policy", "README.md"], "is no policy"),
+        (["--policy", "README.md"], "is not a policy"),
         (["--policy", "nobody:Nothing"], "cannot import the policy nobody:Nothing"),
         (["--environment", "kinreach/Nothing-v0"], "there is no environment 'kinreach/Nothing-v0'"),
         (["--environment", "nobody:a/B-v0"], "cannot import the environment nobody:a/B-v0"),

@@ -26,7 +26,7 @@ def register_recipe(recipe: Recipe) -> Recipe:
     """Make a recipe known by its name.
 
     Raises:
-        InputError: It is no recipe, or there is another one of its name.
+        InputError: It is not a recipe, or there is another one of its name.
     """
     given: Any = recipe
     if not isinstance(given, Recipe):
@@ -44,7 +44,7 @@ def get_recipe(name: str) -> Recipe:
 
     Raises:
         UnknownNameError: There is none of that name; the message lists those that there are.
-        InputError: There is no such module or attribute, or it is no recipe.
+        InputError: There is no such module or attribute, or it is not a recipe.
     """
     given: Any = name
     if isinstance(given, str) and ":" in given:
