@@ -47,7 +47,7 @@ def _pressed(trial: Trial) -> bool:
 
 
 def decision_ms(trial: Trial) -> float:
-    """Wall time of a decision, mean over the episode [ms]."""
+    """Return the wall time of a decision, mean over the episode [ms]."""
     return 1e3 * float(trial["solve_s"]) / int(trial["steps"])
 
 
@@ -56,13 +56,13 @@ _SHOWN = {"reached": "", "distance_mm": "", "success_at_mm.1": "", "impossible":
 
 
 def _column(column: Column) -> Column:
-    """A column of all tasks as this one has it; the reward of a trial is the sum over its episode."""
+    """Return a column of all tasks as this one shows it; its reward is the sum over the episode."""
     value = "return" if column.key == "reward_mean" else column.value
     return replace(column, value=value, show=_SHOWN.get(column.key, column.show))
 
 
 def _scene(env: gym.Env[Any, Any], trial: Trial) -> PosedScene:
-    """The arm and the button as they were after the last step."""
+    """Return the arm and the button after the last step."""
     options: ButtonOptions = env.unwrapped.options  # type: ignore[attr-defined]
     scene = PosedScene(options.arm, model=torque_model(options.arm, options.motors))
     scene.put(trial["q"])
@@ -72,7 +72,7 @@ def _scene(env: gym.Env[Any, Any], trial: Trial) -> PosedScene:
 
 
 def _notes(results: Mapping[str, Any]) -> list[str]:
-    """What the table's numbers mean."""
+    """Return what the table's numbers mean."""
     diverged = {m["name"]: m["outcomes"]["diverged"] for m in results["methods"] if "diverged" in m["outcomes"]}
     options = results["settings"]["options"]
     return [

@@ -32,7 +32,7 @@ MAX_PART = 40
 
 
 def main(argv: Sequence[str], *, prog: str) -> int:
-    """Run a comparison and show its tables.
+    """Run a comparison and print its tables.
 
     Args:
         argv: Arguments without the program's name.
@@ -88,7 +88,7 @@ def main(argv: Sequence[str], *, prog: str) -> int:
 
 
 def _task(name: str) -> Task:
-    """A registered task, or one of a module of the user's: `"module:attribute"`."""
+    """Return a registered task, or one of a module of the user's: `"module:attribute"`."""
     known = task_names()
     if ":" not in name:
         return get_task(name)
@@ -99,9 +99,9 @@ def _task(name: str) -> Task:
 
 
 def _default_folder(task: str, arm: str, arguments: argparse.Namespace, texts: Mapping[str, str]) -> str:
-    """Name of the folder for results: the task, and every setting that is not the default.
+    """Return the name of the folder for results: the task, and every setting that is not the default.
 
-    Text that is too long, or that no folder is named by, is replaced by a digest of it.
+    Text that is too long, or that is not fit for a name, is replaced by a digest of it.
     """
     methods = "" if arguments.methods is None else arguments.methods.replace(" ", "")
     parts = [arm, "camera" if arguments.observation == CAMERA else "", methods]
@@ -117,7 +117,7 @@ def _default_folder(task: str, arm: str, arguments: argparse.Namespace, texts: M
 
 
 def _numbered(folder: Path) -> Iterator[Path]:
-    """A folder, then the same with a number."""
+    """Yield a folder, then the same with a number."""
     yield folder
     yield from (Path(f"{folder}-{number}") for number in count(2))
 
@@ -125,12 +125,12 @@ def _numbered(folder: Path) -> Iterator[Path]:
 def _measure(
     task: Task, methods: Sequence[str], folders: Iterator[Path], **arguments: Any
 ) -> tuple[Path, dict[str, Any]]:
-    """Compare under a progress bar; Ctrl-C becomes a line that says what was kept.
+    """Compare under a progress bar; Ctrl-C becomes a line that says what is kept.
 
     Args:
         task: As in `compare`.
         methods: As in `compare`.
-        folders: The results go into the first one that does not hold those of another comparison.
+        folders: Results go into the first one without those of another comparison.
         **arguments: Of `compare`.
 
     Returns:
@@ -179,10 +179,10 @@ def _command(
 
 
 class _Parser(Parser):
-    """Lists the methods of all tasks where help is asked for; only then are they all loaded."""
+    """A parser whose help lists the methods of all tasks, which are loaded only then."""
 
     def format_help(self) -> str:
-        """The help with its list of methods."""
+        """Return the help with its list of methods."""
         lines = [f"methods of {name}: {', '.join(get_task(name).methods)}" for name in task_names()]
         lines.append(
             "other methods: a policy's file (policy.safetensors, a stable-baselines3 model.zip, model.zip@multi), or "

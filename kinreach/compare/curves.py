@@ -1,4 +1,4 @@
-"""The comparison as curves: shares and errors of each method against a tolerance, steps, speeds or looks."""
+"""Draw a comparison as curves: shares and errors of each method against a tolerance, steps, speeds or looks."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from kinreach.summary import Trial
 
 
 def draw_success(trials: Sequence[Trial], results: Mapping[str, Any]) -> Figure:
-    """Share of goals within any tolerance, a line per method; dots with 95 % intervals where the table reports it."""
+    """Draw the share of goals within any tolerance, with dots and 95 % intervals where the table reports it."""
     figure, (axes,) = new_figure(
         "Share of goals reached within a tolerance", size=(7.6, 4.6), note=origin(results), grid="both"
     )
@@ -53,7 +53,7 @@ def draw_success(trials: Sequence[Trial], results: Mapping[str, Any]) -> Figure:
 
 
 def draw_pressed(trials: Sequence[Trial], results: Mapping[str, Any]) -> Figure:
-    """Share of goals reached so far against the steps of the episode, a line per method, in the end with interval."""
+    """Draw the share of goals reached so far against the steps of the episode, with its interval at the end."""
     figure, (axes,) = new_figure("Share of goals pressed so far", size=(7.6, 4.4), note=origin(results), grid="both")
     most = max(trial["steps"] for trial in trials)
     reached = by_method(trials, results, lambda t: t["steps"] if t["reached"] else None)
@@ -77,7 +77,7 @@ def draw_pressed(trials: Sequence[Trial], results: Mapping[str, Any]) -> Figure:
 
 
 def draw_speeds(trials: Sequence[Trial], results: Mapping[str, Any]) -> Figure:
-    """Share of balls that are touched against their speed, a line a method, with Wilson's 95 % interval."""
+    """Draw the share of balls that are touched against their speed, with Wilson's 95 % interval."""
     figure, (axes,) = new_figure("Rolling balls that are touched", size=(7.6, 4.4), note=origin(results), grid="both")
     names = [method["name"] for method in results["methods"]]
     colours = dict(zip(names, colours_in(results), strict=True))
@@ -103,7 +103,7 @@ def draw_speeds(trials: Sequence[Trial], results: Mapping[str, Any]) -> Figure:
 
 
 def draw_looks(budgets: Sequence[int], error_mm: Callable[[int, int], Value]) -> Draw:
-    """Error against looks before, a line a method; with the median's 95 % interval over robots, directions and balls.
+    """Draw the error against looks before, with the median's 95 % interval over robots, directions and balls.
 
     Left: in the first move to a ball. Right: in the second, having seen the tip beside it.
 

@@ -1,6 +1,6 @@
-"""The comparison as pictures: a row of dots per method, shares, budgets; a task says which of them it has.
+"""Draw a comparison: a row of dots per method, and the bars of the error budget; a task names its figures.
 
-A method keeps its colour whichever others are beside it, and is always named next to its data. Every function takes
+A method has the same colour in every figure and is named next to its data. Every function takes
 all trials and the contents of `results.json`; those with parameters return such a function.
 """
 
@@ -27,8 +27,8 @@ DPI = 160
 SMALLEST_ERROR_MM = 1e-13
 #: Name of the row of what the cameras saw.
 CAMERAS = "cameras"
-#: Shares of a budget below this are not labelled: there is no room [%].
-LABELLED = 9.0
+#: Least share of a budget that has room for its label [%].
+MIN_LABELLED = 9.0
 
 Value = Callable[[Trial], float | None]
 
@@ -54,9 +54,9 @@ def write_figures(
 
 
 def draw_errors(posture_error_mm: Value, seen_error_mm: Value) -> Draw:
-    """Distance to the goal of every trial: of the posture by itself, and after the arm has moved there.
+    """Draw every trial's distance to the goal: of the posture by itself, and after the move.
 
-    Where cameras looked, the first row is how far from the goal they saw it, and its median a line through both.
+    With cameras, the first row is how far from the goal they saw it, and its median a line through both panels.
 
     Args:
         posture_error_mm: What a trial's commanded posture misses by itself [mm].
@@ -91,7 +91,7 @@ def draw_errors(posture_error_mm: Value, seen_error_mm: Value) -> Draw:
 
 
 def draw_times(trials: Sequence[Trial], results: Mapping[str, Any]) -> Figure:
-    """Wall time that the decisions on every goal took, and the median of what is left without the acceptance tests."""
+    """Draw the wall time of the decisions on every goal, and its median without the acceptance tests."""
     figure, (axes,) = _strips_figure(results, "Time to decide per goal, acceptance tests included")
     whole = by_method(trials, results, lambda t: 1e3 * t["solve_s"])
     own = by_method(trials, results, lambda t: 1e3 * (t["solve_s"] - (t.get("accept_s") or 0.0)))
@@ -104,7 +104,7 @@ def draw_times(trials: Sequence[Trial], results: Mapping[str, Any]) -> Figure:
 
 
 def draw_budget(parts: Sequence[str], meaning: str) -> Draw:
-    """A bar of 100 % per method, with millimetres beside it: what its mean distance consists of.
+    """Draw what each method's mean distance consists of, as a bar of 100 % with millimetres beside it.
 
     Shares, because the distances of methods differ by orders of magnitude. A part that takes the tip back towards the
     goal is drawn to the left of zero; the others then are more than 100 %.
@@ -141,7 +141,7 @@ def draw_budget(parts: Sequence[str], meaning: str) -> Draw:
 def _budget_bar(
     axes: Axes, row: int, budget: Mapping[str, float | None], colours: Mapping[str, str]
 ) -> tuple[float, float]:
-    """One method's bar; how far it reaches to the left and to the right [%]."""
+    """Draw one method's bar; return how far it reaches to the left and to the right [%]."""
     distance = budget["distance"]
     if not distance:
         axes.annotate("none" if distance is None else "0", (2, row), va="center", fontsize=8.5, color=FAINT)
@@ -151,7 +151,7 @@ def _budget_bar(
     for name, part in parts.items():
         share, negative = 100 * part / distance, part < 0
         axes.barh(row, share, left=ends[negative], height=0.6, color=colours[name])
-        if abs(share) >= LABELLED:
+        if abs(share) >= MIN_LABELLED:
             at = ends[negative] + share / 2
             axes.annotate(f"{share:.0f} %", (at, row), ha="center", va="center", fontsize=8, color=INK)
         ends[negative] += share
@@ -166,7 +166,7 @@ def _budget_bar(
 def draw_strip_grid(
     title: str, strips: Mapping[str, tuple[Value, bool]], *, marks: Mapping[str, float], legend: str
 ) -> Draw:
-    """A row of dots per method for each of several values, two side by side.
+    """Draw a row of dots per method for each of several values, two side by side.
 
     Args:
         title: Of the figure.
@@ -194,7 +194,7 @@ def draw_strip_grid(
 def draw_strips(
     axes: Axes, values: Mapping[str, Any], colours: Sequence[str], label: str, *, counts: bool = False
 ) -> None:
-    """One row of dots per name on a log axis, with the median marked and median and 95th percentile in numbers.
+    """Draw a row of dots per name on a log axis, with median and 95th percentile in numbers.
 
     Args:
         axes: Empty.
@@ -211,9 +211,9 @@ def draw_strips(
         y = row + jitter.uniform(-0.2, 0.2, sample.size)
         axes.scatter(sample, y, s=9, color=colour, alpha=0.5, linewidths=0)
         axes.plot([median(sample)] * 2, [row - 0.3, row + 0.3], color=INK, lw=2)
-        said = [number(value, 3 if counts else None) for value in (median(sample), p95(sample))]
+        numbers = [number(value, 3 if counts else None) for value in (median(sample), p95(sample))]
         axes.annotate(
-            f"median {said[0]} · p95 {said[1]}", (median(sample), row - 0.33),
+            f"median {numbers[0]} · p95 {numbers[1]}", (median(sample), row - 0.33),
             ha="center", va="bottom", fontsize=8, color=INK,
         )  # fmt: skip
     axes.set(xlabel=label, ylim=(len(values) - 0.45, -0.75))
@@ -233,7 +233,7 @@ def draw_strips(
 
 
 def by_method(trials: Sequence[Trial], results: Mapping[str, Any], value: Value) -> dict[str, Any]:
-    """A value of each trial that has one, in an array for each method, in the order of the results."""
+    """Return the values of the trials that have one, an array a method, in the order of the results."""
     found: dict[str, list[float]] = {method["name"]: [] for method in results["methods"]}
     for trial in trials:
         measured = value(trial)
@@ -243,12 +243,12 @@ def by_method(trials: Sequence[Trial], results: Mapping[str, Any], value: Value)
 
 
 def colours_in(results: Mapping[str, Any]) -> list[str]:
-    """A colour for each method."""
+    """Return a colour for each method."""
     return [method["colour"] for method in results["methods"]]
 
 
 def origin(results: Mapping[str, Any]) -> str:
-    """Small print: where the numbers are from."""
+    """Return where the numbers are from, for the small print."""
     settings = results["settings"]
     return f"{settings['goals']} goals, seed {settings['seed']} · {verbatim(settings['command'])}"
 

@@ -24,7 +24,7 @@ SIGHTS = 6
 
 
 def _resets(count: int, seed: int, env: gym.Env[Any, Any]) -> list[dict[str, Any]]:
-    """All paths at the first speed, then at the next, and so on with other balls."""
+    """Return all paths at the first speed, then at the next, and so on with other balls."""
     options: ball.MovingOptions = env.unwrapped.options  # type: ignore[attr-defined]
     cases = [(speed, path) for speed in options.speeds for path in options.paths]
     return [
@@ -37,7 +37,7 @@ def _resets(count: int, seed: int, env: gym.Env[Any, Any]) -> list[dict[str, Any
 
 
 def touched(*, speed: float | None = None, path: str | None = None) -> Callable[[Trial], bool | None]:
-    """Whether a trial's ball was touched; None where it rolled otherwise."""
+    """Return a function of a trial: whether the ball was touched, None if it rolled otherwise."""
 
     def value(trial: Trial) -> bool | None:
         other = (speed is not None and trial["speed"] != speed) or (path is not None and trial["path"] != path)
@@ -47,7 +47,7 @@ def touched(*, speed: float | None = None, path: str | None = None) -> Callable[
 
 
 def _touched_at(trial: Trial) -> float | None:
-    """When the ball was touched [s]."""
+    """Return when the ball was touched [s]."""
     return trial["time"] if trial["reached"] else None
 
 

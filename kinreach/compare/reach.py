@@ -69,7 +69,7 @@ METHODS: Mapping[str, Method] = {name: solver_method(partial(new_solver, name)) 
 
 
 def goals_of(env: gym.Env[Any, Any], count: int, seed: int, *, reachable: bool = False) -> Floats:
-    """Goals in the arm's own region, in the world [m], shape (count, 3); the first ones do not depend on `count`.
+    """Draw goals in the arm's own region, in the world [m], shape (count, 3); the first ones do not depend on `count`.
 
     Args:
         env: A reach environment.
@@ -117,7 +117,7 @@ def _reachable_resets(count: int, seed: int, env: gym.Env[Any, Any]) -> Sequence
 
 
 def _notes(results: Mapping[str, Any]) -> list[str]:
-    """What the tables' numbers mean."""
+    """Return what the tables' numbers mean."""
     entries, settings = results["methods"], results["settings"]
     causes = {
         entry["name"]: [f"{count} {status}" for status, count in entry["outcomes"].items() if status != COMPLETED]

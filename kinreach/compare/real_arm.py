@@ -94,7 +94,7 @@ def _columns() -> tuple[Column, ...]:
 
 
 def _resets(count: int, seed: int, env: gym.Env[Any, Any]) -> list[dict[str, Any]]:
-    """All errors of the first robot, then of the next, and so on with other directions, balls and noise."""
+    """Return all errors of the first robot, then of the next, and so on with other directions, balls and noise."""
     options: RealArmOptions = env.unwrapped.options  # type: ignore[attr-defined]
     errors, robots = options.errors, options.calibrations
     return [
@@ -110,7 +110,7 @@ def _resets(count: int, seed: int, env: gym.Env[Any, Any]) -> list[dict[str, Any
 
 
 def _true_scene(env: gym.Env[Any, Any], trial: Trial) -> PosedScene:
-    """The true arm at the first ball, as the last move to it ended."""
+    """Return the true arm at the first ball, after the last move to it."""
     scene: PosedScene = env.unwrapped.scene  # type: ignore[attr-defined]
     scene.put(trial["q"], ball=trial["goal"])
     return scene

@@ -1,4 +1,4 @@
-"""The comparison as one HTML file that needs nothing else: figures and pictures are in it, nothing is fetched.
+"""Write a comparison as one HTML file that contains its figures and pictures and fetches nothing.
 
 Every text is escaped; and should one slip through, the page's policy lets no script run but the one that sorts.
 """
@@ -40,7 +40,7 @@ class Rendering:
 
     Attributes:
         method: Whose trial.
-        caption: What there is to see.
+        caption: What it shows.
         image: uint8, shape (height, width, 3).
     """
 
@@ -59,7 +59,7 @@ def write_report(
 ) -> None:
     """Write the report, and `scene.png` beside it: how the first method's ordinary success looks.
 
-    Pictures of the arm are drawn where there is OpenGL; elsewhere a sentence says that there is none.
+    Pictures of the arm need OpenGL; without it, a sentence says so.
 
     Args:
         path: The HTML file.
@@ -91,7 +91,7 @@ def report_html(
     renderings: Sequence[Rendering] | str,
     notes: Sequence[str],
 ) -> str:
-    """The page; arguments as in `write_report`, and renderings of trials, or in a sentence why there are none."""
+    """Return the page; arguments as in `write_report`, and renderings of trials, or a sentence why they are missing."""
     settings = results["settings"]
     folder = resources.files("kinreach.compare")
     script = folder.joinpath("report_sort.js").read_text(encoding="utf-8")
@@ -116,9 +116,9 @@ def report_html(
 
 
 def finding(results: Mapping[str, Any]) -> str:
-    """What was found, in a sentence: who reaches how many goals, who comes nearest, who decides soonest.
+    """Return the finding in a sentence: which methods reach how many goals, come nearest and decide soonest.
 
-    As far as the task's columns say it; nothing where they say nothing of goals that were reached.
+    It is empty if the task has no column of goals that were reached.
     """
     entries = results["methods"]
     if any(entry.get("reached") is None for entry in entries):
@@ -150,7 +150,7 @@ def render_trials(task: Task, trials: Sequence[Trial], results: Mapping[str, Any
     """Draw the trials that `chosen` picks, method by method, as `task.scene` says.
 
     Raises:
-        InstallationError: There is no library to draw with; the message names the packages.
+        InstallationError: No library can draw; the message names the packages.
         DrawingError: The graphics library failed, or the task has no `scene` and its environment no arm.
     """
     settings = results["settings"]
@@ -171,7 +171,7 @@ def render_trials(task: Task, trials: Sequence[Trial], results: Mapping[str, Any
 
 
 def posed_scene(env: gym.Env[Any, Any], trial: Trial) -> PosedScene:
-    """The environment's arm in its work cell, in the posture in which a trial ended, within its limits or not.
+    """Return the environment's arm in its work cell, in the posture in which a trial ended, within its limits or not.
 
     Raises:
         DrawingError: The environment has no `arm`, or the trial no posture `q`.
@@ -194,7 +194,7 @@ def _frame(scene: Scene) -> Any:
 
 
 def chosen(trials: Sequence[Trial]) -> dict[str, Trial]:
-    """A method's ordinary success and its worst trial, by what to call them.
+    """Return a method's ordinary success and its worst trial, by their captions.
 
     The ordinary success has the median distance of all goals that were reached. The worst trial is the failure that
     left the tip farthest from the goal, impossible ones first; without a failure it is the success with the largest
@@ -227,7 +227,7 @@ def _caption(what: str, trial: Trial) -> str:
 
 
 def _tables(columns: Sequence[Column], entries: Sequence[Mapping[str, Any]]) -> Iterable[str]:
-    """The columns with a heading as HTML tables, one a title; a column in which nothing was measured is left out."""
+    """Yield the columns with a heading as HTML tables, one a title, without columns in which nothing was measured."""
     found: dict[str, list[Column]] = {}
     for column in columns:
         if column.heading and (column.show or "." not in column.key) and any(map(column.measured, entries)):
@@ -274,7 +274,7 @@ def _renderings(found: Sequence[Rendering] | str) -> str:
 
 
 def _chart(file: Path, title: str) -> str:
-    """A figure, which says in itself what it shows, with its text as large as the page's."""
+    """Return a figure with its text as large as the page's."""
     with Image.open(file) as picture:
         width = round(PAGE_DPI / DPI * picture.width)
     uri = _data_uri("image/png", file.read_bytes())
@@ -297,7 +297,7 @@ def _terms(pairs: Iterable[tuple[str, str]]) -> str:
 
 
 def _flat(settings: Mapping[str, Any]) -> Iterable[tuple[str, str]]:
-    """Names and texts, groups dissolved into their members."""
+    """Yield names and texts, with groups dissolved into their members."""
     for name, value in settings.items():
         if isinstance(value, Mapping):
             yield from ((f"{name}: {inner}", text) for inner, text in _flat(value))

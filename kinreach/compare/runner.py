@@ -58,7 +58,7 @@ MAX_BYTES, MAX_RECORDS = 256 * 1024 * 1024, 64 * 1024**3
 
 @dataclass(frozen=True)
 class Settings:
-    """A comparison as data: the same settings give the same numbers, times aside.
+    """Settings of a comparison: the same ones give the same numbers, times aside.
 
     Attributes:
         task: Name of a registered task.
@@ -113,7 +113,7 @@ class Comparison:
     arm: str
 
     def settings(self) -> dict[str, Any]:
-        """As JSON types."""
+        """Return its settings as JSON types."""
         options = {name: _as_json(value) for name, value in self.task.options.items()}
         return {
             "task": self.task.name,
@@ -280,7 +280,7 @@ def run_trials(
 
 
 def play(comparison: Comparison, goals: Sequence[tuple[int, Mapping[str, Any], Sequence[str]]]) -> Iterator[Trial]:
-    """The trials of some goals, after an untimed warm-up.
+    """Yield the trials of some goals, after an untimed warm-up.
 
     Args:
         comparison: What they are of.
@@ -349,7 +349,7 @@ def _one_goal(
 
 @contextmanager
 def _naming(what: str) -> Iterator[None]:
-    """Say which method failed where, with the error's type, text and place in the user's file.
+    """Name the method that failed, with the error's type, text and place in the user's file.
 
     Raises:
         MethodError: Its cause is what the block raised.
@@ -383,15 +383,15 @@ class _Environments:
 
     @property
     def default(self) -> gym.Env[Any, Any]:
-        """The task's own."""
+        """The environment of the task."""
         return self._get(self._task.environment)
 
     def of(self, method: Method) -> gym.Env[Any, Any]:
-        """The one that a method acts in."""
+        """Return the environment of a method."""
         return self._get(method.environment or self._task.environment)
 
     def policy(self, method: Method) -> Policy:
-        """A method's policy.
+        """Make a method's policy.
 
         Raises:
             MethodError: The user's own class cannot be made.
@@ -418,7 +418,7 @@ class _Environments:
 def results_of(
     comparison: Comparison, trials: Sequence[Trial], machine: Mapping[str, Any] | None = None
 ) -> dict[str, Any]:
-    """The contents of `results.json`.
+    """Return the contents of `results.json`.
 
     Args:
         comparison: What was compared.
@@ -460,7 +460,7 @@ def results_of(
 
 
 def notes(comparison_task: Task, results: Mapping[str, Any]) -> list[str]:
-    """What the numbers mean, line by line."""
+    """Return what the numbers mean, line by line."""
     settings = results["settings"]
     return [
         f"{settings['goals']} goals, seed {settings['seed']}. Reached: {settings['terms']['reached']}; its 95 % "
@@ -533,7 +533,7 @@ class Records:
         write_text(path, "".join(json.dumps(line) + "\n" for line in (identity, *self.trials)))
 
     def add(self, trial: Trial) -> None:
-        """Keep a finished trial, in memory and on disk.
+        """Append a finished trial, in memory and on disk.
 
         Raises:
             OutputError: The file system refused; the file is as it was before.
@@ -556,7 +556,7 @@ class Records:
 
 
 def _kept(path: Path, identity: Mapping[str, Any], comparison: Comparison) -> Iterator[Trial]:
-    """Trials of this identity, each once, up to the first line that is not whole or not one of them."""
+    """Yield trials of this identity, each once, up to the first line that is damaged or not one of them."""
     seen = set()
     wanted = json.loads(json.dumps(identity))
     made_of = wanted.pop("methods", {})
@@ -580,10 +580,10 @@ def _kept(path: Path, identity: Mapping[str, Any], comparison: Comparison) -> It
 
 
 def _refuse_other_results(out: Path, comparison: Comparison) -> None:
-    """Do not write over the finished results of another comparison without a word.
+    """Refuse to overwrite the finished results of another comparison.
 
     Raises:
-        OtherResultsError: There are some; the message says how they differ.
+        OtherResultsError: `out` holds some; the message says how they differ.
     """
     path = out / RESULTS
     if not path.exists():
@@ -601,7 +601,7 @@ def _refuse_other_results(out: Path, comparison: Comparison) -> None:
 
 
 def _differences(settings: Mapping[str, Any], versions: Mapping[str, Any], comparison: Comparison) -> str:
-    """How results differ from what a comparison will write, in words; empty where they do not.
+    """Return how results differ from what a comparison will write, in words; empty if they do not.
 
     A solver or a URDF may be edited between two runs; files of other names are other methods, though.
     """
@@ -629,7 +629,7 @@ def _versions(comparison: Comparison, *, methods: bool = True) -> dict[str, Any]
 
 
 def _files(options: Mapping[str, Any]) -> Iterator[Path]:
-    """The files that options name, such as calibrations."""
+    """Yield the files that options name, such as calibrations."""
     for value in options.values():
         for name in (value,) if isinstance(value, str) else value if isinstance(value, Sequence) else ():
             if isinstance(name, str) and (path := Path(name)).is_file():
@@ -646,7 +646,7 @@ def _check_observation(task: Task, observation: str) -> None:
 
 
 def _as_json(value: Any) -> Any:
-    """An option as JSON has it; an arm by its name, an object by its class or function."""
+    """Convert an option to JSON types: an arm to its name, an object to its class or function."""
     if isinstance(value, ArmDescription):
         return value.name
     if value is None or isinstance(value, bool | int | float | str):

@@ -1,4 +1,4 @@
-"""What a comparison is made of: a task is data, and so is a method."""
+"""Tasks and methods of a comparison, as data, and their registry."""
 
 from __future__ import annotations
 
@@ -110,7 +110,7 @@ class Task:
     scene: MakeScene | None = None
 
     def with_options(self, options: Mapping[str, Any]) -> Task:
-        """The same task with some options of its environments set otherwise."""
+        """Return the same task with some other options of its environments."""
         return replace(self, options={**self.options, **options})
 
 
@@ -130,7 +130,7 @@ _OWN = {
 
 
 def register_task(task: Task) -> Task:
-    """Make a task known by its name, to `compare` and to the command line.
+    """Register a task by its name, for `compare` and the command line.
 
     Raises:
         InputError: It is not a `Task`, or another one has that name already.
@@ -146,7 +146,7 @@ def register_task(task: Task) -> Task:
 
 
 def get_task(name: str) -> Task:
-    """A registered task.
+    """Return a registered task.
 
     Raises:
         UnknownNameError: The name is unknown; the message lists the known ones.
@@ -158,7 +158,7 @@ def get_task(name: str) -> Task:
 
 
 def task_names() -> list[str]:
-    """Names of the registered tasks, the package's own first."""
+    """Return the names of the registered tasks, the package's own first."""
     return list(dict.fromkeys((*_OWN, *_TASKS)))
 
 
@@ -179,7 +179,7 @@ def register_method(task: str, name: str, method: Method) -> None:
 
 
 def common_columns(completed: Callable[[Trial], bool]) -> tuple[Column, ...]:
-    """What every task reports of a method: rates over all goals, distances [mm], reward, times.
+    """Return the columns of every task: rates over all goals, distances [mm], reward, times.
 
     An impossible goal counts with the distance at which the arm stood. Times of moves are of completed trials.
 
@@ -198,7 +198,7 @@ def common_columns(completed: Callable[[Trial], bool]) -> tuple[Column, ...]:
 
 
 def resets_to(goals: Floats, seed: int) -> list[dict[str, Any]]:
-    """Resets of a reach environment that put the goals there, each with its own seed of the cameras' noise."""
+    """Return resets of a reach environment to goals, each with its own seed of the cameras' noise."""
     return [
         {
             "seed": int(np.random.SeedSequence(seed, spawn_key=(index,)).generate_state(1)[0]),
@@ -209,7 +209,7 @@ def resets_to(goals: Floats, seed: int) -> list[dict[str, Any]]:
 
 
 def policy_version(policy: str) -> dict[str, str]:
-    """What a policy's file is: a digest, by name.
+    """Return the digest of a policy's file, by name.
 
     Args:
         policy: Name of one that comes with the package, or path of a file.
@@ -220,13 +220,13 @@ def policy_version(policy: str) -> dict[str, str]:
 
 
 def arm_in(env: gym.Env[Any, Any]) -> ArmDescription | None:
-    """The arm of an environment: what is believed of it, where that is another; None if it names none."""
+    """Return the arm of an environment, the believed one if the true one differs; None if it names none."""
     named = (env.get_wrapper_attr(part) for part in ("believed", "arm") if env.has_wrapper_attr(part))
     return next((arm for arm in named if isinstance(arm, ArmDescription)), None)
 
 
 def arm_version(arm: ArmDescription) -> dict[str, str]:
-    """What an arm is: a digest of its URDF and of what else describes it, by name."""
+    """Return a digest of an arm's URDF and of the rest of its description, by name."""
     cell = arm.workcell
     goals = cell.goals if isinstance(cell.goals, BoxRegion | QuadrantRegion) else type(cell.goals).__qualname__
     facts = [getattr(arm, entry.name) for entry in fields(arm) if entry.name not in _OUTSIDE]

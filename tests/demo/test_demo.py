@@ -173,3 +173,25 @@ def test_bad_input_is_one_line(arguments, message, capsys):
     err = capsys.readouterr().err.strip().splitlines()[-1]
     assert message in err
     assert "Traceback" not in err
+
+
+@pytest.mark.parametrize(("env", "flags"), [
+    ("single", ["--observation", "--backend", "--resolution", "--collision-margin"]),
+    ("moving", ["--speeds", "--paths", "[m/s]"]),
+    ("button", ["--actuation", "--max-steps"]),
+])  # fmt: skip
+def test_help_lists_the_options_of_the_environment(env, flags, capsys):
+    with pytest.raises(SystemExit):
+        main(["demo", "--env", env, "--help"])
+    said = capsys.readouterr().out
+    assert f"options of {env}:" in said
+    for words in flags:
+        assert words in said
+
+
+def test_options_of_the_environment_are_its_own(capsys):
+    command = ["demo", "--env", "moving", "--steps", "2", "--print", "nothing"]
+    assert main([*command, "--speeds", "0.1,0.2"]) == 0
+    assert "2 steps" in capsys.readouterr().out
+    assert main([*command, "--speeds", "5"]) == 2
+    assert "the arm's tip is no faster" in capsys.readouterr().err

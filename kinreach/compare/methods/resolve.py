@@ -1,4 +1,4 @@
-"""From what a user names or hands over to methods: names, files of policies, classes, objects, functions."""
+"""Make methods of what users name or hand over: names, files of policies, classes, objects, functions."""
 
 from __future__ import annotations
 
@@ -83,13 +83,13 @@ def _kinematics(env: gym.Env[Any, Any]) -> Any:
 
 
 def colours(methods: Mapping[str, Method]) -> dict[str, str]:
-    """A colour for each method: the one that it names, that of its name in all figures, or another."""
+    """Return a colour for each method: the one that it names, that of its name in all figures, or another."""
     others = cycle(_COLOURS)
     return {name: method.colour or METHOD_COLOURS.get(name) or next(others) for name, method in methods.items()}
 
 
 def _label(name: object) -> str:
-    """A name; what is printed, drawn and written to files must be text that can be."""
+    """Check a name, which is printed, drawn and written to files."""
     if not isinstance(name, str) or not name or not name.isprintable():
         raise InputError(f"methods must be named in printable text, got {shown(name)}")
     return name
@@ -127,7 +127,7 @@ def _method(task: Task, given: Any) -> Method:
 
 
 def _from_file(task: Task, path: str, variant: str) -> Method:
-    """A policy's file. Whose task it is, its card says; of a file without a card, the user."""
+    """Make a method of a policy's file, for the environment of its card; without a card, for the user's variant."""
     policy = load_policy(path)
     if variant:
         check_known(f"{task.name} environment", variant, task.variants)
@@ -145,7 +145,7 @@ def _from_file(task: Task, path: str, variant: str) -> Method:
 
 
 def _construct(cls: Callable[..., Any], env: gym.Env[Any, Any]) -> Any:
-    """An object of a user's class; one that takes an argument gets the kinematics (solvers) or the environment."""
+    """Construct a user's class; one with an argument gets the kinematics (solvers) or the environment."""
     needed = [
         parameter
         for parameter in inspect.signature(cls).parameters.values()
