@@ -65,13 +65,14 @@ class Flag:
 def options_class(environment: str) -> type[Any] | None:
     """Return the dataclass of options of a registered environment; None if it names none."""
     module, _, name = environment.rpartition(":")
-    if module:
-        importlib.import_module(module)
     try:
+        if module:
+            importlib.import_module(module)
         entry = gym.spec(name).entry_point
-    except gym.error.Error:
+        creator = load_env_creator(entry) if isinstance(entry, str) else entry
+    except (gym.error.Error, ImportError, AttributeError):  # the comparison says what is wrong when it makes it
         return None
-    found = getattr(load_env_creator(entry) if isinstance(entry, str) else entry, "Options", None)
+    found = getattr(creator, "Options", None)
     return found if isinstance(found, type) and is_dataclass(found) else None
 
 
@@ -82,11 +83,17 @@ def flags_of(environment: str, defaults: Mapping[str, Any], *, taken: Sequence[s
         environment: Its id.
         defaults: Options that are set otherwise than by the dataclass.
         taken: Names of flags that the command has already.
+
+    Raises:
+        InputError: A type of the dataclass is not defined in its module.
     """
     kind = options_class(environment)
     if kind is None:
         return {}
-    hints = get_type_hints(kind)
+    try:
+        hints = get_type_hints(kind)
+    except NameError as error:
+        raise InputError(f"the types of {kind.__name__}, options of {environment}, cannot be read: {error}") from error
     given = {entry.name: defaults.get(entry.name, _default(entry)) for entry in fields(kind)}
     found = {}
     for entry in fields(kind):
