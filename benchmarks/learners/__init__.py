@@ -6,5 +6,22 @@ Importing this package registers them under the names that the studies and the l
 """
 
 from benchmarks.learners.off_policy import ddpg_multi, ddpg_single, sac_multi, sac_single, td3_multi, td3_single
+from benchmarks.learners.thesis_world import (
+    thesis_multi_camera,
+    thesis_single_camera,
+    thesis_single_image,
+    thesis_single_tolerance,
+)
 
-__all__ = ["ddpg_multi", "ddpg_single", "sac_multi", "sac_single", "td3_multi", "td3_single"]
+__all__ = [
+    "ddpg_multi",
+    "ddpg_single",
+    "sac_multi",
+    "sac_single",
+    "td3_multi",
+    "td3_single",
+    "thesis_multi_camera",
+    "thesis_single_camera",
+    "thesis_single_image",
+    "thesis_single_tolerance",
+]

@@ -6,6 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+import benchmarks.learners  # noqa: F401 (registers its recipes)
 from benchmarks.logs import FOLDER
 from kinreach.baselines.learning_curve import read_curve
 

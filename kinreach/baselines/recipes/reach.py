@@ -87,8 +87,6 @@ _THESIS_MULTI = Recipe(
     options={"backend": "kinematic"},
     settings={**_THESIS_PPO2, "gain": 1 / 5, "gamma": 0.99, "n_steps": 1024, "learning_rate": 2.5e-4},
 )
-#: The thesis's cameras (3.4.2): of the errors of its pipeline those of rendered looks.
-_SEEN = {"observation": "camera", "pipeline": "thesis", "looks": 1000}
 
 
 def _sb3(recipe: Recipe, *, n_steps: int, **changed: Any) -> Recipe:
@@ -221,24 +219,6 @@ REACH_RECIPES = (
         settings={**_MOVING_GRADIENT.settings, "n_epochs": 8, "minibatches": 4},
     ),
     _THESIS_SINGLE,
-    replace(
-        _THESIS_SINGLE,
-        name="thesis-single-camera",
-        summary="thesis-single from goals as the thesis's pipeline sees them: with errors of 1000 rendered looks.",
-        options={**_THESIS_SINGLE.options, **_SEEN},
-    ),
-    replace(
-        _THESIS_SINGLE,
-        name="thesis-single-image",
-        summary="thesis-single from goals as places in both pictures and depths, in place of points in metres.",
-        options={**_THESIS_SINGLE.options, "goal_in": "image"},
-    ),
-    replace(
-        _THESIS_SINGLE,
-        name="thesis-single-tolerance",
-        summary="thesis-single with joints that end up to 0.01 rad from where they were sent, the thesis's tolerance.",
-        options={**_THESIS_SINGLE.options, "tolerance": 0.01},
-    ),
     _sb3(
         _THESIS_SINGLE,
         name="sb3-single",
@@ -249,12 +229,6 @@ REACH_RECIPES = (
         window=100,
     ),
     _THESIS_MULTI,
-    replace(
-        _THESIS_MULTI,
-        name="thesis-multi-camera",
-        summary="thesis-multi from goals as the thesis's pipeline sees them: with errors of 1000 rendered looks.",
-        options={**_THESIS_MULTI.options, **_SEEN},
-    ),
     _sb3(
         _THESIS_MULTI,
         name="sb3-multi",
