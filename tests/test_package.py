@@ -32,7 +32,7 @@ ROOMS["view"] = {"demo", *ROOMS["demo"]}
 #: Modules that every room may import, and that import none: but for the command line, which loads jobs by their names.
 FOUNDATION = {
     "checks", "cli", "engines", "errors", "files", "jobs", "objects", "provenance", "registration",
-    "statistics", "summary",
+    "statistics",
 }  # fmt: skip
 ENGINES = ("pinocchio", "coal", "placo", "mujoco", "torch", "stable_baselines3", "cv2", "matplotlib")
 LEARNING = {"torch", "stable_baselines3", "tensorboard"}

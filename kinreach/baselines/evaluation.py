@@ -14,7 +14,7 @@ from kinreach.baselines.batch import make_batch
 from kinreach.baselines.loop import rollout_batch
 from kinreach.baselines.policies import LearnedPolicy, needed_options
 from kinreach.checks import check_count
-from kinreach.summary import RATE, SPREAD, Column, Trial, success_columns, summarise, tables, thousandfold
+from kinreach.statistics import RATE, SPREAD, Column, Trial, success_columns, summarise, tables, thousandfold
 
 Array = np.ndarray[Any, Any]
 

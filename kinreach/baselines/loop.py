@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 
 from kinreach.checks import shown
 from kinreach.errors import InputError
-from kinreach.summary import Trial
+from kinreach.statistics import Trial
 
 #: Status of a trial whose episode ended without the goal and without anything impossible.
 COMPLETED, MISSED = "completed", "missed"

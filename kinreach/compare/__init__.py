@@ -22,7 +22,7 @@ from kinreach.compare.task import (
     resets_to,
     task_names,
 )
-from kinreach.summary import Column, Trial
+from kinreach.statistics import Column, Trial
 
 __all__ = [
     "Column",

@@ -28,7 +28,7 @@ from kinreach.envs.button.task import PRESS_RADIUS
 from kinreach.envs.button.world import ButtonDrawing, ButtonState, torque_model
 from kinreach.registration import BUTTON
 from kinreach.sim.posed import PosedScene
-from kinreach.summary import QUANTILES, RATE, SPREAD, Column, Trial, thousandfold
+from kinreach.statistics import QUANTILES, RATE, SPREAD, Column, Trial, thousandfold
 
 #: Between the environment's seeds of the first goals of two seeds of comparisons: none has as many goals.
 SPACING = 2**32

@@ -22,7 +22,7 @@ from kinreach.jobs import add_options
 from kinreach.objects import load_object
 from kinreach.provenance import digest
 from kinreach.robots import arm_named, arm_names, as_arm
-from kinreach.summary import tables
+from kinreach.statistics import tables
 from kinreach.terminal import Console
 
 #: Width that the tables for people fit into [characters].

@@ -13,8 +13,7 @@ from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
 from kinreach.compare.figures import Value, by_method, colours_in, origin
 from kinreach.compare.task import Draw
 from kinreach.plots import key, label_ends, name_label, new_figure, plain
-from kinreach.statistics import bootstrap_intervals, median, wilson_interval
-from kinreach.summary import Trial
+from kinreach.statistics import Trial, bootstrap_intervals, median, wilson_interval
 
 
 def draw_success(trials: Sequence[Trial], results: Mapping[str, Any]) -> Figure:

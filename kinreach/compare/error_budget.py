@@ -15,7 +15,7 @@ from typing import NamedTuple
 import numpy as np
 
 from kinreach.checks import Floats
-from kinreach.summary import MEAN, QUANTILES, Column, Trial
+from kinreach.statistics import MEAN, QUANTILES, Column, Trial
 
 #: Title of the table.
 BUDGET_TABLE = "Where the distance comes from"

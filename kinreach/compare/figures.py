@@ -18,8 +18,7 @@ from matplotlib.ticker import FuncFormatter, NullFormatter
 from kinreach.compare.task import Draw
 from kinreach.files import replacing
 from kinreach.plots import FAINT, INK, PALETTE, key, name_label, new_figure, plain, verbatim
-from kinreach.statistics import median, p95
-from kinreach.summary import Trial, number
+from kinreach.statistics import Trial, median, number, p95
 
 #: Of the files.
 DPI = 160

@@ -15,7 +15,7 @@ from kinreach.compare.methods.interception import FirstSight, Interception, Last
 from kinreach.compare.task import CONTROLLER, Method, Task
 from kinreach.envs import moving as ball
 from kinreach.registration import MOVING
-from kinreach.summary import QUANTILES, RATE, Column, Trial, thousandfold
+from kinreach.statistics import QUANTILES, RATE, Column, Trial, thousandfold
 
 #: Title of the second table.
 TIME_TABLE = "Distances and times"

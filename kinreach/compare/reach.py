@@ -29,7 +29,7 @@ from kinreach.errors import InputError
 from kinreach.kinematics.solvers import SOLVERS, Tolerance, new_solver
 from kinreach.registration import MULTI, SINGLE, SPACE
 from kinreach.sim.controller import TOLERANCE
-from kinreach.summary import QUANTILES, Column, number, thousandfold
+from kinreach.statistics import QUANTILES, Column, number, thousandfold
 
 #: Goals in a row that an arm may miss before it is said to reach none.
 MAX_MISSED = 1000

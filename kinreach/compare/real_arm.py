@@ -18,7 +18,7 @@ from kinreach.compare.task import Method, Task, policy_version
 from kinreach.envs.real_arm import BUDGETS, NEAR, RealArmOptions
 from kinreach.registration import REAL_ARM
 from kinreach.sim.posed import PosedScene
-from kinreach.summary import QUANTILES, RATE, Column, Trial, thousandfold
+from kinreach.statistics import QUANTILES, RATE, Column, Trial, thousandfold
 
 #: Kinds of methods.
 MODEL, LEARNED, BOTH = "model", "policy", "model and learning"

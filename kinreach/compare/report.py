@@ -26,7 +26,7 @@ from kinreach.errors import DrawingError, InstallationError
 from kinreach.files import replacing, write_text
 from kinreach.sim.picture import Scene, ScenePicture
 from kinreach.sim.posed import PosedScene
-from kinreach.summary import QUANTILES, SPREAD, Column, Trial, number
+from kinreach.statistics import QUANTILES, SPREAD, Column, Trial, number
 
 #: Dots per inch that a browser counts with.
 PAGE_DPI = 96

@@ -34,7 +34,7 @@ from kinreach.errors import InputError, InstallationError, KinreachError, Method
 from kinreach.files import locked, make_writable, open_input, read_bytes, read_text, write_text
 from kinreach.jobs import SERIAL, Engine, Serial, open_engine
 from kinreach.robots import ArmDescription, as_arm
-from kinreach.summary import Column, Trial, summarise, trials_csv
+from kinreach.statistics import Column, Trial, summarise, trials_csv
 
 #: Called with the number of finished trials and the number of all trials.
 Progress = Callable[[int, int], None]

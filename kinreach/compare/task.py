@@ -21,7 +21,7 @@ from kinreach.files import read_bytes
 from kinreach.robots import ArmDescription, BoxRegion
 from kinreach.robots.workcell import QuadrantRegion
 from kinreach.sim.picture import Scene
-from kinreach.summary import MEAN, QUANTILES, RATE, Column, Trial, success_columns, thousandfold
+from kinreach.statistics import MEAN, QUANTILES, RATE, Column, Trial, success_columns, thousandfold
 
 #: What a figure is drawn from: all trials, and the contents of `results.json`.
 Draw = Callable[[Sequence[Trial], Mapping[str, Any]], Figure]

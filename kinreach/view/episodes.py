@@ -19,7 +19,7 @@ from kinreach.demo.tasks import options_for
 from kinreach.errors import KinreachError
 from kinreach.robots import ArmDescription
 from kinreach.sim.simulation import ArmSimulation
-from kinreach.summary import Trial
+from kinreach.statistics import Trial
 from kinreach.view.mujoco_scene import Contact, MujocoScene
 from kinreach.view.names import length
 from kinreach.view.players import ARM, new_player, playable, trained_in

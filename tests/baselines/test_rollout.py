@@ -8,7 +8,7 @@ from gymnasium.vector import AutoresetMode
 import kinreach  # noqa: F401 (registers the environments)
 from kinreach.baselines.loop import FunctionPolicy, RandomPolicy, rollout_batch
 from kinreach.registration import MOVING
-from kinreach.summary import success_columns
+from kinreach.statistics import success_columns
 
 
 def test_whoever_watches_gymnasiums_own_batch_sees_the_last_observations():

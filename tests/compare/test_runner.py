@@ -12,7 +12,7 @@ from kinreach.compare.runner import MAX_SEED, RECORDS, WARM_UP_SEED, prepare, ru
 from kinreach.errors import InputError, OutputError, UnknownNameError
 from kinreach.files import locked
 from kinreach.robots import get_arm
-from kinreach.summary import Column, success_columns, summarise
+from kinreach.statistics import Column, success_columns, summarise
 
 #: Not the same in two runs: clocks.
 CLOCKS = {"solve_s", "accept_s"}
