@@ -132,6 +132,13 @@ def test_import_loads_no_engine(run_python):
     assert done.stdout.strip() == "[] True"
 
 
+def test_kinematics_loads_no_simulator_and_no_learner(run_python):
+    heavy = {"mujoco", "torch", "stable_baselines3", "cv2", "matplotlib", "placo", "trimesh", "scipy.stats"}
+    code = f"import sys; from kinreach.kinematics import UR5Kinematics; print(sorted({heavy} & set(sys.modules)))"
+    done = run_python("-c", code)
+    assert (done.returncode, done.stdout.strip()) == (0, "[]"), done.stderr
+
+
 class TestIncompatibleInstallation:
     """`pip install pin placo` without versions: what the user then sees."""
 
