@@ -166,9 +166,12 @@ class UrdfArm:
         def moving(link: str) -> list[str]:
             return [joint.get("type", "") for joint in self._path(link) if joint.get("name") not in held]
 
-        def rank(link: str) -> tuple[int, int, bool]:
+        def rank(link: str) -> tuple[int, bool, int, bool]:
+            path = self._path(link)
             turning = -1 if "prismatic" in moving(link) else sum(kind in _TURNING for kind in moving(link))
-            return turning, len(self._path(link)), self._links[link].find("collision") is None
+            last = max((place for place, joint in enumerate(path) if joint.get("type") in _TURNING), default=-1)
+            finger = any(joint.get("name") in held for joint in path[last + 1 :])
+            return turning, not finger, len(path), self._links[link].find("collision") is None
 
         farthest = max(self._links, key=rank)
         turning = rank(farthest)[0]
