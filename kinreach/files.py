@@ -73,7 +73,7 @@ def open_input(path: Path, what: str, *, most: int) -> BufferedReader:
 def read_bytes(path: Path, what: str, *, most: int) -> bytes:
     """The contents of a file; arguments and errors as in `open_input`."""
     with open_input(path, what, most=most) as file:
-        return file.read()
+        return file.read(os.fstat(file.fileno()).st_size)  # not `most`, for which memory would be set aside
 
 
 def read_text(path: Path, what: str, *, most: int) -> str:
