@@ -1,5 +1,7 @@
 """Long runs, shortened."""
 
+from contextlib import nullcontext
+
 import numpy as np
 import pytest
 
@@ -48,6 +50,17 @@ def test_memory_is_held_to_the_slack_of_the_run(slack, monkeypatch):
     monkeypatch.setattr(long_runs.Usage, "now", usage(slack + 2**16))
     with pytest.raises(BrokenPromiseError, match="memory has grown"):
         long_runs._endure(steps, 10, "steps", slack=slack)
+
+
+@pytest.mark.parametrize(
+    ("runs", "passes"), [((100, 172, 172), True), ((100, 172, 244, 250), True), ((100, 172, 244, 316), False)]
+)
+def test_only_what_every_run_leaves_behind_is_a_leak(runs, passes, monkeypatch):
+    held = (run * 2**20 for run in runs for _ in range(long_runs.PARTS))
+    monkeypatch.setattr(long_runs.Usage, "now", lambda: long_runs.Usage(next(held), 5, 5))
+    with nullcontext() if passes else pytest.raises(BrokenPromiseError, match="every run leaves memory behind"):
+        long_runs._endure(lambda: (float(i) for i in range(100)), 10, "steps")
+    assert next(held, None) is None
 
 
 def test_an_open_handle_is_found(tmp_path):
