@@ -12,7 +12,7 @@ from kinreach.kinematics import ArmKinematics, AxisGoal, CollisionChecker
 from kinreach.kinematics.solvers import LevenbergMarquardtSolver, PlacoSolver, QPSolver
 from kinreach.robots import ArmDescription
 from kinreach.robots.workcell import Box, BoxRegion, Workcell
-from kinreach.sim.simulation import ArmSimulation
+from kinreach.sim import ArmSimulation
 
 file = "panda_description/urdf/panda.urdf"
 table = Box("table", size=(0.6, 1.0, 0.04), position=(0.55, 0.0, 0.08))

@@ -14,7 +14,7 @@ from stable_baselines3 import PPO
 import kinreach  # noqa: F401  (registers the environments)
 from kinreach.compare import compare
 from kinreach.kinematics import UR5Kinematics
-from kinreach.vision.goal_view import geometric_goal_view
+from kinreach.vision import geometric_goal_view
 
 kin = UR5Kinematics(tip="tcp", base="world")
 goals = kin.arm.workcell.goals.sample(np.random.default_rng(1), 5000)  # not those of the comparison

@@ -8,9 +8,8 @@ from pathlib import Path
 import cv2
 import numpy as np
 
-from kinreach.sim.simulation import ArmSimulation
-from kinreach.vision.ball_finder import find_ball
-from kinreach.vision.cameras import RGBDCamera, SensorNoise
+from kinreach.sim import ArmSimulation
+from kinreach.vision import RGBDCamera, SensorNoise, find_ball
 
 simulation = ArmSimulation("ur5")
 radius = simulation.arm.workcell.ball_radius

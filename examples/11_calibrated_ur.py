@@ -11,7 +11,7 @@ import numpy as np
 from kinreach.kinematics import CollisionChecker, URKinematics
 from kinreach.robots import get_arm
 from kinreach.robots.calibration import PUBLISHED, read_calibration
-from kinreach.sim.simulation import ArmSimulation
+from kinreach.sim import ArmSimulation
 
 file, model = sys.argv[1:] if len(sys.argv) == 3 else (PUBLISHED["ur5_a"], "ur5")
 

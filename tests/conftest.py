@@ -18,10 +18,10 @@ import numpy as np
 import pytest
 from hypothesis import settings
 
-from kinreach.envs import ArmSimulation, render
 from kinreach.envs.reach.task import TOOL_DOWN
 from kinreach.errors import InstallationError
 from kinreach.kinematics import UR5Kinematics
+from kinreach.sim import ArmSimulation, render
 from tests.machine import SessionFolder, no_graphics
 
 BROWSERS = ("chromium", "chromium-browser", "google-chrome")

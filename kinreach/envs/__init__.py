@@ -1,31 +1,43 @@
-"""Gymnasium environments: `reach` is the thesis's task on any arm, `button` the course report's.
+"""Gymnasium environments: the thesis's reaching tasks (`reach`), the course report's button, and a moving ball.
 
-`import kinreach` registers them. `RecordMotion` films an episode with the motion of every step. The simulation that the
-environments run on is `kinreach.sim`, whose names can be imported from here too, as in version 0.1.
+`import kinreach` registers them for `gymnasium.make`. `RecordMotion` records a video with the motion of every step.
 """
 
-from kinreach.envs.single import RecordMotion
-from kinreach.sim import (
-    ArmSimulation,
-    BatchSimulation,
-    FrameRenderer,
-    JointController,
-    MoveResult,
-    MoveStatus,
-    build_scene,
-    render,
-    scene_model,
-)
+from __future__ import annotations
+
+import importlib
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from kinreach.envs.button.env import ButtonPressEnv
+    from kinreach.envs.button.task import PRESS_RADIUS
+    from kinreach.envs.reach.env import SpaceReachEnv, UR5MultiStepEnv, UR5SingleStepEnv
+    from kinreach.envs.reach.task import STEP_SIZE
+    from kinreach.envs.single import RecordMotion
+
+#: Name -> its module, imported when the name is first used: a kinematic environment loads no renderer.
+_MODULES = {
+    "ButtonPressEnv": "button.env",
+    "PRESS_RADIUS": "button.task",
+    "RecordMotion": "single",
+    "STEP_SIZE": "reach.task",
+    "SpaceReachEnv": "reach.env",
+    "UR5MultiStepEnv": "reach.env",
+    "UR5SingleStepEnv": "reach.env",
+}
 
 __all__ = [
-    "ArmSimulation",
-    "BatchSimulation",
-    "FrameRenderer",
-    "JointController",
-    "MoveResult",
-    "MoveStatus",
+    "PRESS_RADIUS",
+    "STEP_SIZE",
+    "ButtonPressEnv",
     "RecordMotion",
-    "build_scene",
-    "render",
-    "scene_model",
+    "SpaceReachEnv",
+    "UR5MultiStepEnv",
+    "UR5SingleStepEnv",
 ]
+
+
+def __getattr__(name: str) -> Any:
+    if name not in _MODULES:
+        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+    return getattr(importlib.import_module(f"{__name__}.{_MODULES[name]}"), name)

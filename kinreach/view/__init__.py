@@ -1,15 +1,39 @@
 """The interactive page: `python -m kinreach.view` shows arms, all their postures, and why there are none.
 
-What is on the screen is computed by modules without a browser, and the panels draw it:
+From Python, without a browser:
 
-- `target`: all postures for a target; `policy_solver`: trained policies as solvers.
-- `real_arm`: a calibrated UR beside its data sheet.
-- `episodes`: episodes, frame by frame; `players`: who can act in which environment.
-- `results`: a comparison, goal by goal.
-- `figure`, `mujoco_scene`: the shapes of an arm and of MuJoCo's scene; `names`, `html`, `snippet`: what is said of them
-  in words, in the page's text, and as a program.
+- `TargetModel`: all postures for a target; `POSE`, `AXIS` and `POINT` are what a target may fix.
+- `new_player`: a policy, solver or method by name, for an environment.
+- `read_results`: a comparison, goal by goal.
 
-- `target_panel`, `real_arm_panel`, `episodes_panel`, `results_panel`: the parts of the page, each a `panel`; `draw` and
-  `inputs` are their scene and their inputs.
-- `page`: one tab; `server`: all tabs; `setup`: what `cli` was asked to show.
+The modules are internal: `target`, `real_arm`, `episodes` and `results` compute what the panels of the same names draw;
+`page` is one tab, `server` all tabs.
 """
+
+from __future__ import annotations
+
+import importlib
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from kinreach.view.players import new_player
+    from kinreach.view.results import read_results
+    from kinreach.view.target import AXIS, POINT, POSE, TargetModel
+
+#: Name -> its module, imported when the name is first used.
+_MODULES = {
+    "AXIS": "target",
+    "POINT": "target",
+    "POSE": "target",
+    "TargetModel": "target",
+    "new_player": "players",
+    "read_results": "results",
+}
+
+__all__ = ["AXIS", "POINT", "POSE", "TargetModel", "new_player", "read_results"]
+
+
+def __getattr__(name: str) -> Any:
+    if name not in _MODULES:
+        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+    return getattr(importlib.import_module(f"{__name__}.{_MODULES[name]}"), name)

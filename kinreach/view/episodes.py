@@ -204,7 +204,7 @@ class Recording:
                 "import kinreach",
                 "from kinreach.baselines import rollout",
                 *robots(*names),
-                "from kinreach.view.players import new_player",
+                "from kinreach.view import new_player",
                 "",
                 f"env = gym.make({self.name!r}{given})",
                 f"player = new_player({self.player!r}, env, seed={self.seed})",

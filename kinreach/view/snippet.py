@@ -104,7 +104,7 @@ def results_program(results: Results, index: int) -> str:
     """
     return "\n".join(
         [
-            "from kinreach.view.results import read_results",
+            "from kinreach.view import read_results",
             "",
             f"results = read_results({str(results.file)!r})",
             f"print(results.goals[{index}])",

@@ -2,6 +2,7 @@
 
 from kinreach.vision.ball_finder import BallFix, find_ball
 from kinreach.vision.cameras import Intrinsics, RGBDCamera, RGBDImage, SensorNoise
+from kinreach.vision.circles import circle_votes, edge_steps
 from kinreach.vision.goal_view import CameraGoalView, GoalLook, geometric_goal_view, goal_in_world
 
 __all__ = [
@@ -12,6 +13,8 @@ __all__ = [
     "RGBDCamera",
     "RGBDImage",
     "SensorNoise",
+    "circle_votes",
+    "edge_steps",
     "find_ball",
     "geometric_goal_view",
     "goal_in_world",

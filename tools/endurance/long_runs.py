@@ -13,8 +13,8 @@ import gymnasium as gym
 import numpy as np
 
 import kinreach  # noqa: F401 (registers the environments)
-from kinreach.envs import ArmSimulation, render
 from kinreach.registration import BUTTON, MULTI, SINGLE
+from kinreach.sim import ArmSimulation, render
 from tools.endurance.outcome import Outcome, demand
 
 #: In how many parts a run is cut; the process is looked at after each.

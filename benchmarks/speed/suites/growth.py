@@ -17,9 +17,9 @@ from benchmarks.speed.sections import Cell, Chart, Options, Progress, Section
 from benchmarks.speed.suites import PROFILED
 from benchmarks.speed.suites.episodes import batched, goals_and_targets
 from benchmarks.speed.tables import median_ratio, samples
-from kinreach.envs import BatchSimulation
 from kinreach.kinematics import UR5Kinematics
 from kinreach.registration import SINGLE
+from kinreach.sim import BatchSimulation
 
 AGAIN = "python -m benchmarks.speed --suite growth"
 #: Sizes, and those of `--quick`.
@@ -53,7 +53,7 @@ env.step(np.zeros(({n}, 6)))
 DYNAMICS_CODE = """\
 import numpy as np
 from benchmarks.speed.suites.episodes import batched, goals_and_targets
-from kinreach.envs import BatchSimulation
+from kinreach.sim import BatchSimulation
 batched(BatchSimulation("ur5", {n}), goals_and_targets({n}, 0)[1])
 """
 
