@@ -53,15 +53,17 @@ def test_every_posture_is_found_again(name):
     np.testing.assert_allclose(nearest.q, q, atol=1e-8)
 
 
-def test_the_oracle_knows_the_same_models():
-    theirs = pytest.importorskip("ur_analytic_ik")
-    assert {name for name in dir(theirs) if name.startswith("ur")} == set(LENGTHS)
-    assert len(LENGTHS) == 14
+def test_every_model_of_the_oracle_is_known():
+    theirs = {name for name in dir(pytest.importorskip("ur_analytic_ik")) if name.startswith("ur")}
+    assert theirs <= set(LENGTHS)
+    assert len(theirs) >= 14
 
 
 @pytest.mark.parametrize("name", LENGTHS)
 def test_forward_kinematics_is_the_oracles(name):
-    oracle = getattr(pytest.importorskip("ur_analytic_ik"), name)
+    oracle = getattr(pytest.importorskip("ur_analytic_ik"), name, None)
+    if oracle is None:
+        pytest.skip(f"ur_analytic_ik has no {name}")
     kin, rng = URKinematics(name), np.random.default_rng(1)
     q = rng.uniform(kin.lower, kin.upper, (200, 6))
     expected = np.array([FLIP @ oracle.forward_kinematics(*posture) for posture in q])
@@ -94,15 +96,13 @@ def test_no_singular_pose_comes_back_empty_or_wrong(name):
 
 
 def test_the_table_of_the_docs_is_what_its_command_prints(capsys):
-    """But for the largest errors, which grow with the number of poses."""
+    """Except for the largest errors, which grow with the number of poses."""
     assert ur_family.main(["--poses", "5"]) == 0
     printed = [line.rpartition(" | ")[0] for line in capsys.readouterr().out.splitlines()]
-    page = [
-        line.rpartition(" | ")[0]
-        for line in (Path(__file__).parents[2] / "docs/arms.md").read_text(encoding="utf-8").splitlines()
-    ]
-    assert len(printed) == 16
-    assert set(printed) <= set(page)
+    text = (Path(__file__).parents[2] / "docs/arms.md").read_text(encoding="utf-8")
+    table = text[text.index(printed[0]) :].split("\n\n")[0].splitlines()
+    assert {line.rpartition(" | ")[0] for line in table} <= set(printed)
+    assert len(table) >= 16
 
 
 @pytest.mark.parametrize("name", ["ur3e", "ur20", "ur5"])
@@ -128,7 +128,7 @@ def test_the_nearest_of_all_windings(name):
 def test_arms_without_meshes_say_so():
     assert set(LENGTHS) <= set(arm_names())
     without = [name for name in LENGTHS if name not in WITH_MESHES]
-    assert len(without) == 11
+    assert len(without) >= 11
     for name in without:
         for use in (CollisionChecker, ArmSimulation, lambda arm: gym.make("kinreach/UR5SingleStep-v0", arm=arm)):
             with pytest.raises(InputError, match=f"'{name}' has no collision shapes.*arm3, panda, ur10, ur3, ur5"):
@@ -158,7 +158,7 @@ def test_every_class_takes_the_arm_first_and_files(kind):
 def test_arms_of_another_kind():
     with pytest.raises(UnknownNameError, match="tool0"):
         URKinematics("arm3", tip="end_effector")
-    with pytest.raises(UnknownNameError, match=r"ur10, ur10e, ur12e, ur15, ur16e.*ur3, ur30, ur3e, ur5, ur5e, ur7e"):
+    with pytest.raises(UnknownNameError, match=", ".join(sorted(arm_names()))):
         URKinematics("ur16")
     panda = UR_FILES.parents[1] / "panda_description/urdf/panda.urdf"
     arm = ArmDescription.from_urdf(panda, joints=[f"panda_joint{i}" for i in range(1, 7)], tip="panda_link6")
