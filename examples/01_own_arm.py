@@ -8,10 +8,15 @@ import numpy as np
 from example_robot_data.robots_loader import getModelPath
 
 from kinreach.compare import compare
-from kinreach.kinematics import ArmKinematics, AxisGoal, CollisionChecker
-from kinreach.kinematics.solvers import LevenbergMarquardtSolver, PlacoSolver, QPSolver
-from kinreach.robots import ArmDescription
-from kinreach.robots.workcell import Box, BoxRegion, Workcell
+from kinreach.kinematics import (
+    ArmKinematics,
+    AxisGoal,
+    CollisionChecker,
+    LevenbergMarquardtSolver,
+    PlacoSolver,
+    QPSolver,
+)
+from kinreach.robots import ArmDescription, Box, BoxRegion, Workcell
 from kinreach.sim import ArmSimulation
 
 file = "panda_description/urdf/panda.urdf"

@@ -10,8 +10,7 @@ from numpy.typing import ArrayLike
 from scipy.optimize import least_squares
 
 from kinreach.compare import compare
-from kinreach.kinematics import ArmKinematics, AxisGoal, IKResult
-from kinreach.kinematics.solutions import Accept
+from kinreach.kinematics import Accept, ArmKinematics, AxisGoal, IKResult
 
 
 class LeastSquares:

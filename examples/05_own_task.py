@@ -13,7 +13,7 @@ import numpy as np
 
 from kinreach.baselines import RandomPolicy, load_policy
 from kinreach.compare import Method, Task, common_columns, compare, register_task, resets_to, solver_method
-from kinreach.kinematics.solvers import ClosedFormSolver, LevenbergMarquardtSolver
+from kinreach.kinematics import ClosedFormSolver, LevenbergMarquardtSolver
 
 
 class WithinAMillimetre:

@@ -9,11 +9,10 @@ import sys
 import numpy as np
 
 from kinreach.kinematics import CollisionChecker, URKinematics
-from kinreach.robots import get_arm
-from kinreach.robots.calibration import PUBLISHED, read_calibration
+from kinreach.robots import PUBLISHED_CALIBRATIONS, get_arm, read_calibration
 from kinreach.sim import ArmSimulation
 
-file, model = sys.argv[1:] if len(sys.argv) == 3 else (PUBLISHED["ur5_a"], "ur5")
+file, model = sys.argv[1:] if len(sys.argv) == 3 else (PUBLISHED_CALIBRATIONS["ur5_a"], "ur5")
 
 calibration = read_calibration(file, model)
 print(

@@ -10,9 +10,15 @@ import numpy as np
 from example_robot_data.robots_loader import getModelPath
 
 from kinreach.compare import compare
-from kinreach.kinematics import CollisionChecker, PoseGoal, check, kinematics_of
-from kinreach.kinematics.closed_form import ClosedFormKinematics
-from kinreach.kinematics.solvers import LevenbergMarquardtSolver, QPSolver
+from kinreach.kinematics import (
+    ClosedFormKinematics,
+    CollisionChecker,
+    LevenbergMarquardtSolver,
+    PoseGoal,
+    QPSolver,
+    check,
+    kinematics_of,
+)
 from kinreach.robots import ArmDescription
 
 xarm = "xarm_description/urdf/xarm7.urdf"

@@ -18,8 +18,7 @@ from kinreach.kinematics import (
     SixAxisKinematics,
     URKinematics,
 )
-from kinreach.robots import PARALLEL_GRIPPER, get_arm
-from kinreach.robots.calibration import PUBLISHED
+from kinreach.robots import PUBLISHED_CALIBRATIONS, get_arm
 from kinreach.vision import BallFix, GoalLook, Intrinsics, RGBDImage, SensorNoise
 
 #: Packages whose exported dataclasses are tried.
@@ -29,7 +28,7 @@ FACES = ("kinreach.kinematics", "kinreach.robots", "kinreach.vision")
 def samples():
     """Instances of every exported dataclass, and the kinematics that make some of them."""
     ur5, cell = URKinematics("ur5"), get_arm("ur5").workcell
-    calibrated = URKinematics.from_calibration(PUBLISHED["ur5_a"], model="ur5")
+    calibrated = URKinematics.from_calibration(PUBLISHED_CALIBRATIONS["ur5_a"], model="ur5")
     arm3, six = Arm3Kinematics(), SixAxisKinematics("ur5")
     assert isinstance(calibrated, CalibratedURKinematics)
     q = np.array([0.3, -1.2, 1.4, 0.2, 0.9, -0.4])
@@ -45,8 +44,8 @@ def samples():
         ur5.nearest_batch(ur5.fk(q)[None], q[None]),
         PoseGoal(far), AxisGoal(q[:3]), PositionGoal(q[:3]),
         *(get_arm(name) for name in ("ur5", "arm3", "panda")),
-        get_arm("ur5").calibrated(PUBLISHED["ur5_a"]),
-        cell, *cell.obstacles, cell.goals, *get_arm("ur5").cameras, PARALLEL_GRIPPER,
+        get_arm("ur5").calibrated(PUBLISHED_CALIBRATIONS["ur5_a"]),
+        cell, *cell.obstacles, cell.goals, *get_arm("ur5").cameras, get_arm("ur5").gripper,
         picture, fix, GoalLook(q, np.array([True, False]), (fix, None), (picture, picture)),
         Intrinsics.from_fovy(0.8, 64, 48), SensorNoise(),
     ]  # fmt: skip

@@ -28,7 +28,7 @@ from kinreach.kinematics.goals import AxisGoal
 from kinreach.kinematics.solvers import LevenbergMarquardtSolver, PlacoSolver, QPSolver
 from kinreach.registration import BUTTON, MULTI, SINGLE
 from kinreach.sim.simulation import ArmSimulation, BatchSimulation
-from kinreach.thesis.reward import posture_error
+from kinreach.thesis import posture_error
 
 #: What is rounded away before the second digest: metres, radians and rewards to a billionth.
 DIGITS = 9

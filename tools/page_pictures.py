@@ -22,7 +22,7 @@ from playwright.sync_api import sync_playwright
 from kinreach.cli import Parser, finish
 from kinreach.demo.film import Film
 from kinreach.registration import MULTI
-from kinreach.robots.calibration import PUBLISHED
+from kinreach.robots import PUBLISHED_CALIBRATIONS
 from kinreach.robots.rotations import pose
 from kinreach.view.cli import setup_of
 from kinreach.view.server import Server
@@ -31,7 +31,7 @@ from kinreach.view.target_panel import TargetPanel
 PROG = "python -m tools.page_pictures"
 ROOT = Path(__file__).parents[1]
 IMAGES = ROOT / "docs/images"
-CALIBRATION = PUBLISHED["ur5_a"]
+CALIBRATION = PUBLISHED_CALIBRATIONS["ur5_a"]
 ARGUMENTS = ["--no-sandbox", "--use-angle=swiftshader", "--enable-unsafe-swiftshader", "--ignore-gpu-blocklist"]
 WIDTH, HEIGHT = 1200, 750
 #: Nothing takes longer [ms].

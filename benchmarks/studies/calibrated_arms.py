@@ -3,7 +3,7 @@
     python -m benchmarks.studies.calibrated_arms                  # minutes: ssik's branches are read from a file
     python -m benchmarks.studies.calibrated_arms --oracle FILE    # ssik prepares each robot anew: 2 to 12 minutes each
 
-The robots are those of `kinreach.robots.calibration.PUBLISHED`: figures of real arms from public repositories.
+The robots are those of `kinreach.robots.PUBLISHED_CALIBRATIONS`: figures of real arms from public repositories.
 """
 
 from __future__ import annotations
@@ -22,12 +22,12 @@ from kinreach.cli import Parser, finish
 from kinreach.errors import InputError
 from kinreach.kinematics import CalibratedURKinematics, URKinematics
 from kinreach.kinematics.goals import pose_error
-from kinreach.robots.calibration import PUBLISHED
+from kinreach.robots import PUBLISHED_CALIBRATIONS
 
 PROG = "python -m benchmarks.studies.calibrated_arms"
 DATA = Path(__file__).resolve().parents[2] / "tests" / "data"
 ORACLE = DATA / "calibrated_branches.npz"
-ROBOTS = tuple(PUBLISHED)
+ROBOTS = tuple(PUBLISHED_CALIBRATIONS)
 #: Two postures are the same if no joint differs by more [rad]: the stored ones are in single precision.
 SAME = 1e-3
 VALID = 1e-9
@@ -40,7 +40,7 @@ COLUMNS = (
 
 def arm_of(robot: str) -> CalibratedURKinematics:
     """Kinematics of one of the robots, from the driver's file."""
-    kin = URKinematics.from_calibration(PUBLISHED[robot], model=robot.split("_")[0])
+    kin = URKinematics.from_calibration(PUBLISHED_CALIBRATIONS[robot], model=robot.split("_")[0])
     assert isinstance(kin, CalibratedURKinematics)
     return kin
 

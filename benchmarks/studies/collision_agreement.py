@@ -24,7 +24,7 @@ from kinreach.kinematics import CollisionChecker, UR5Kinematics
 from kinreach.robots import get_arm
 from kinreach.sim.scene import build_scene
 from kinreach.sim.simulation import ArmSimulation
-from kinreach.thesis.reward import posture_error
+from kinreach.thesis import posture_error
 
 PROG = "python -m benchmarks.studies.collision_agreement"
 

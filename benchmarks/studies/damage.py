@@ -41,7 +41,7 @@ from kinreach.robots import ArmDescription, get_arm
 from kinreach.robots.rotations import pose, rpy
 from kinreach.robots.urdf import parse_urdf, set_origin
 from kinreach.statistics import bootstrap_intervals, mean
-from kinreach.thesis.reward import REACHED_DISTANCE, REACHED_POSTURE_ERROR
+from kinreach.thesis import REACHED_DISTANCE, REACHED_POSTURE_ERROR
 
 PROG = "python -m benchmarks.studies.damage"
 STUCK, OFFSET, BENT = "a joint stuck", "a joint 2° off", "a link bent by 3° and 5 mm"

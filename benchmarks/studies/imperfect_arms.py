@@ -24,7 +24,7 @@ from kinreach.jobs import add_options
 from kinreach.kinematics import CollisionChecker, UR5Kinematics
 from kinreach.sim.simulation import BatchSimulation
 from kinreach.statistics import median
-from kinreach.thesis.reward import REACHED_POSTURE_ERROR, posture_error, reach_reward
+from kinreach.thesis import REACHED_POSTURE_ERROR, posture_error, reach_reward
 
 PROG = "python -m benchmarks.studies.imperfect_arms"
 

@@ -21,7 +21,7 @@ from kinreach.baselines.loop import rollout_batch
 from kinreach.baselines.policies import LearnedPolicy, load_policy
 from kinreach.cli import Parser, finish
 from kinreach.registration import MULTI
-from kinreach.thesis.reward import REACHED_DISTANCE
+from kinreach.thesis import REACHED_DISTANCE
 
 PROG = "python -m benchmarks.studies.loitering"
 

@@ -29,13 +29,13 @@ from websockets.sync.client import connect
 from benchmarks.studies.tables import head, line
 from kinreach.checks import Floats
 from kinreach.cli import Parser, finish
-from kinreach.robots.calibration import PUBLISHED
+from kinreach.robots import PUBLISHED_CALIBRATIONS
 from kinreach.view.cli import setup_of
 from kinreach.view.page import Page
 from kinreach.view.server import Server
 
 PROG = "python -m benchmarks.studies.page"
-CALIBRATION = PUBLISHED["ur5_a"]
+CALIBRATION = PUBLISHED_CALIBRATIONS["ur5_a"]
 PORT = 8700
 #: How far a drag goes from one message to the next [m].
 STEP = 0.004

@@ -37,7 +37,7 @@ from kinreach.files import make_writable, replacing, write_text
 from kinreach.plots import FAINT, PALETTE, key, new_figure, plain
 from kinreach.registration import MULTI, SINGLE
 from kinreach.robots import get_arm
-from kinreach.thesis.reward import REACHED_DISTANCE
+from kinreach.thesis import REACHED_DISTANCE
 
 PROG = "python -m benchmarks.studies.ppo2"
 

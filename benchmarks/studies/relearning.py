@@ -39,7 +39,7 @@ from kinreach.files import replacing
 from kinreach.jobs import add_options
 from kinreach.plots import FAINT, PALETTE, key, new_figure
 from kinreach.statistics import bootstrap_intervals, mean
-from kinreach.thesis.reward import REACHED_DISTANCE, REACHED_POSTURE_ERROR
+from kinreach.thesis import REACHED_DISTANCE, REACHED_POSTURE_ERROR
 
 PROG = "python -m benchmarks.studies.relearning"
 POLICY, SHIPPED, NOTHING, KNOWN = "single", "the policy", "nothing", "IK, fault known"

@@ -13,8 +13,7 @@ from typing import Any
 import numpy as np
 
 from kinreach.baselines.rewards import FLOOR, TrainingReward
-from kinreach.thesis.posture import posture_errors
-from kinreach.thesis.reward import (
+from kinreach.thesis import (
     IMPOSSIBLE_REWARD,
     NEAR_REWARD,
     REACHED_DISTANCE,
@@ -22,6 +21,7 @@ from kinreach.thesis.reward import (
     REACHED_REWARD,
     distance_reward,
 )
+from kinreach.thesis.posture import posture_errors
 
 Array = np.ndarray[Any, Any]
 

@@ -26,7 +26,7 @@ from kinreach.baselines.learning_curve import read_curve
 from kinreach.baselines.policies import LearnedPolicy
 from kinreach.cli import Parser, finish
 from kinreach.statistics import Statistic, mean, median
-from kinreach.thesis.reward import IMPOSSIBLE_REWARD
+from kinreach.thesis import IMPOSSIBLE_REWARD
 
 PROG = "python -m benchmarks.studies.thesis_curves"
 

@@ -32,7 +32,7 @@ from kinreach.envs.reach.task import MULTI_STEP
 from kinreach.files import write_text
 from kinreach.jobs import add_options
 from kinreach.kinematics import UR5Kinematics
-from kinreach.thesis.reward import IMPOSSIBLE_REWARD, REACHED_DISTANCE, REACHED_REWARD
+from kinreach.thesis import IMPOSSIBLE_REWARD, REACHED_DISTANCE, REACHED_REWARD
 
 PROG = "python -m benchmarks.studies.thesis_multi_step"
 

@@ -16,7 +16,7 @@ from benchmarks.studies.tables import head, line
 from kinreach.cli import Parser, finish
 from kinreach.jobs import add_options
 from kinreach.kinematics import URKinematics
-from kinreach.robots.ur import LENGTHS
+from kinreach.robots import UR_LENGTHS
 
 PROG = "python -m benchmarks.studies.ur_family"
 
@@ -40,7 +40,7 @@ def main(argv: list[str] | None = None) -> int:
     add_options(parser)
     arguments = parser.parse_args(argv)
     print(head("model", *CASES, "largest error"))
-    for found in each(arguments, row, [(name, arguments.poses, arguments.seed) for name in LENGTHS]):
+    for found in each(arguments, row, [(name, arguments.poses, arguments.seed) for name in UR_LENGTHS]):
         print(found, flush=True)
     return 0
 

@@ -30,8 +30,7 @@ from kinreach.errors import InputError
 from kinreach.kinematics import ArmKinematics
 from kinreach.kinematics.chain import SerialChain
 from kinreach.kinematics.identification import frames_of
-from kinreach.robots import ArmDescription, get_arm
-from kinreach.robots.calibration import PUBLISHED
+from kinreach.robots import PUBLISHED_CALIBRATIONS, ArmDescription, get_arm
 from kinreach.robots.rotations import turn
 from kinreach.sim.engine import mujoco
 from kinreach.sim.posed import PosedScene
@@ -56,7 +55,7 @@ BUDGETS, NEAR = (0, 5, 10, 20, 50, 100), 5e-4
 #: There are no looks without an error [m].
 LEAST_NOISE = 1e-9
 #: UR5 whose calibrations come with the package.
-UR5S = tuple(name for name in PUBLISHED if name.startswith("ur5_"))
+UR5S = tuple(name for name in PUBLISHED_CALIBRATIONS if name.startswith("ur5_"))
 #: Numbers of an observation: ball and tip as they were seen, posture, moves to this ball, looks allowed so far.
 SEEN_BALL, SEEN_TIP, POSTURE, MOVES, BUDGET = slice(0, 3), slice(3, 6), slice(6, 12), 12, 13
 SIZE = 14
@@ -116,7 +115,7 @@ def true_arm(calibration: str | Path) -> ArmDescription:
         InputError: It is no path, or the file is no calibration, or that of another model.
     """
     path = check_path("calibration", calibration)
-    file = PUBLISHED.get(str(path), path)
+    file = PUBLISHED_CALIBRATIONS.get(str(path), path)
     return _calibrated(file, file.stat().st_mtime_ns if file.exists() else 0)
 
 

@@ -1,29 +1,60 @@
-"""Analytic and numeric kinematics: FK, Jacobians, limits, closed-form IK, collisions."""
+"""Analytic and numeric kinematics: FK, Jacobians, limits, closed-form IK, solvers, collisions.
+
+- `ArmKinematics.of`, `ArmKinematics.from_urdf`: the kinematics of an arm, as the class that lists all postures of a
+  pose where there is one: `URKinematics`, `CalibratedURKinematics`, `SixAxisKinematics`, `Arm3Kinematics`.
+- `PoseGoal`, `AxisGoal`, `PositionGoal`: what a solver is asked for; `IKResult` and `IKSolutions`: what it returns.
+- `ClosedFormSolver`, `PlacoSolver`, `LevenbergMarquardtSolver`, `QPSolver`: solvers, interchangeable by `Solver`.
+- `CollisionChecker`: which links touch each other, or an obstacle.
+
+The iterative solvers are imported when they are first asked for. The modules are internal, except `check`.
+"""
+
+from __future__ import annotations
+
+import importlib
+from typing import TYPE_CHECKING, Any
 
 from kinreach.kinematics.arm import ArmKinematics
 from kinreach.kinematics.arm3 import Arm3Kinematics
-from kinreach.kinematics.closed_form import kinematics_of
+from kinreach.kinematics.closed_form import ClosedFormKinematics, kinematics_of
 from kinreach.kinematics.collision import CollisionChecker
 from kinreach.kinematics.goals import AxisGoal, PoseGoal, PositionGoal
 from kinreach.kinematics.six_axis import SixAxisKinematics
-from kinreach.kinematics.solutions import IKBatch, IKBatchNearest, IKResult, IKSolutions, Status
+from kinreach.kinematics.solutions import Accept, IKBatch, IKBatchNearest, IKResult, IKSolutions, Status
+from kinreach.kinematics.solvers import ClosedFormSolver, Solver
 from kinreach.kinematics.ur.kinematics import CalibratedURKinematics, UR5Kinematics, URKinematics
 
+if TYPE_CHECKING:
+    from kinreach.kinematics.solvers import LevenbergMarquardtSolver, PlacoSolver, QPSolver
+
 __all__ = [
+    "Accept",
     "Arm3Kinematics",
     "ArmKinematics",
     "AxisGoal",
     "CalibratedURKinematics",
+    "ClosedFormKinematics",
+    "ClosedFormSolver",
     "CollisionChecker",
     "IKBatch",
     "IKBatchNearest",
     "IKResult",
     "IKSolutions",
+    "LevenbergMarquardtSolver",
+    "PlacoSolver",
     "PoseGoal",
     "PositionGoal",
+    "QPSolver",
     "SixAxisKinematics",
+    "Solver",
     "Status",
     "UR5Kinematics",
     "URKinematics",
     "kinematics_of",
 ]
+
+
+def __getattr__(name: str) -> Any:
+    if name not in ("LevenbergMarquardtSolver", "PlacoSolver", "QPSolver"):
+        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+    return getattr(importlib.import_module(f"{__name__}.solvers"), name)

@@ -1,15 +1,25 @@
 """What an arm is: description, mount, tool centre point, home, limits, gripper; and the work cell around it.
 
-Data only: nothing here imports a robotics engine. Every arm is one URDF that feeds Pinocchio, placo and MuJoCo.
+- `get_arm`, `arm_names`, `register_arm`: arms by name.
+- `ArmDescription`: an arm of your own, also from its URDF file; `Gripper`, `CameraMount`, `Workcell`, `Box` and
+  `BoxRegion` are its parts.
+- `read_calibration`: the factory calibration of a UR; `PUBLISHED_CALIBRATIONS` are files of real ones.
+- `UR_LENGTHS`: the UR models and their Denavit-Hartenberg lengths.
+
+Data only: nothing here imports a robotics engine. Every arm is one URDF that feeds Pinocchio, placo and MuJoCo. The
+modules are internal.
 """
 
+from kinreach.robots.calibration import PUBLISHED_CALIBRATIONS, read_calibration
 from kinreach.robots.description import ArmDescription
-from kinreach.robots.grippers import PARALLEL_GRIPPER, Gripper, with_parallel_gripper
+from kinreach.robots.grippers import Gripper
 from kinreach.robots.registry import arm_named, arm_names, as_arm, get_arm, register_arm
+from kinreach.robots.ur import UR_LENGTHS
 from kinreach.robots.workcell import Box, BoxRegion, CameraMount, Workcell
 
 __all__ = [
-    "PARALLEL_GRIPPER",
+    "PUBLISHED_CALIBRATIONS",
+    "UR_LENGTHS",
     "ArmDescription",
     "Box",
     "BoxRegion",
@@ -20,6 +30,6 @@ __all__ = [
     "arm_names",
     "as_arm",
     "get_arm",
+    "read_calibration",
     "register_arm",
-    "with_parallel_gripper",
 ]

@@ -26,7 +26,7 @@ from kinreach.checks import Floats, check_known, check_path, shown
 from kinreach.errors import InputError
 from kinreach.files import read_text
 from kinreach.robots.rotations import pose, rpy, turn
-from kinreach.robots.ur import FLIP, JOINTS, LENGTHS
+from kinreach.robots.ur import FLIP, JOINTS, UR_LENGTHS
 from kinreach.robots.urdf import MOST_CHARACTERS, check_urdf, link_at, origin_of, parse_urdf, set_origin
 
 #: Names of the links in the driver's file, one for each joint of `JOINTS`.
@@ -42,7 +42,7 @@ _TWISTS = (math.pi / 2, 0.0, 0.0, math.pi / 2, -math.pi / 2, 0.0)
 _DELTA_LINE = re.compile(r"^\s*(delta_\w+)\s*=\s*\[([^\]]*)\]\s*$", re.MULTILINE)
 #: Calibrations of eight real arms whose owners published them, by name, such as "ur5_a" (the model, then a letter):
 #: the driver's files. Each says in its first line where its figures are from.
-PUBLISHED = {file.stem: file for file in sorted((Path(__file__).parent / "calibrations").glob("*.yaml"))}
+PUBLISHED_CALIBRATIONS = {file.stem: file for file in sorted((Path(__file__).parent / "calibrations").glob("*.yaml"))}
 
 
 @dataclass(frozen=True, eq=False)
@@ -50,7 +50,7 @@ class Calibration:
     """The links of one real arm.
 
     Attributes:
-        model: Which UR it is, a key of `kinreach.robots.ur.LENGTHS`.
+        model: Which UR it is, a key of `kinreach.robots.UR_LENGTHS`.
         placements: A0 to A6 of `T = A0 Rz(q1) A1 ... Rz(q6) A6`, from the DH base (the driver's `base_link_inertia`,
             which is base_link turned by pi about z) to `tool0`, shape (7, 4, 4).
         file: Where it was read.
@@ -86,7 +86,7 @@ def read_calibration(file: str | Path, model: str, *, repair: bool = False) -> C
         InputError: The file cannot be read, is none of the three, lacks a joint, has a number that is not finite or
             in another unit, is folded (unless `repair`), or is of another model; the message names joint, value, bound.
     """
-    check_known("UR model", model, LENGTHS)
+    check_known("UR model", model, UR_LENGTHS)
     path = check_path("file", file)
     text = read_text(path, "the calibration", most=MOST_CHARACTERS)
     if text.lstrip().startswith("<"):
@@ -112,7 +112,7 @@ def read_calibration(file: str | Path, model: str, *, repair: bool = False) -> C
 
 def nominal_placements(model: str) -> Floats:
     """The data sheet's chain from the DH base to tool0, as in `Calibration`, shape (7, 4, 4)."""
-    d1, a2, a3, d4, d5, d6 = LENGTHS[model]
+    d1, a2, a3, d4, d5, d6 = UR_LENGTHS[model]
     right = math.pi / 2
     steps = (
         ((0.0, 0.0, d1), (0.0, 0.0, 0.0)),
@@ -217,7 +217,7 @@ def _from_controller(text: str, model: str) -> _Placed:
             )
         bound, unit = (MOST_FILE_ANGLE, "rad") if key in ("delta_theta", "delta_alpha") else (MOST_SLIDE, "m")
         values.append([_number(f"{key} of {joint}", w, bound, unit) for w, joint in zip(words, JOINTS, strict=True)])
-    d1, a2, a3, d4, d5, d6 = LENGTHS[model]
+    d1, a2, a3, d4, d5, d6 = UR_LENGTHS[model]
     steps, z, x = [np.eye(4)] * 7, np.array((0.0, 0.0, 1.0)), np.array((1.0, 0.0, 0.0))
     nominal = zip((d1, 0.0, 0.0, d4, d5, d6), (0.0, a2, a3, 0.0, 0.0, 0.0), _TWISTS, *values, strict=True)
     for index, (d, a, alpha, theta, more_a, more_d, more_alpha) in enumerate(nominal):
@@ -325,7 +325,9 @@ def _unfolded(placed: _Placed, model: str) -> tuple[str, Floats]:
 
 def _better_model(placed: _Placed, model: str) -> str:
     """Which other models the arm would fit, in words."""
-    fitting = [other for other in LENGTHS if other != model and not _what_is_wrong(_placements(placed, other), other)]
+    fitting = [
+        other for other in UR_LENGTHS if other != model and not _what_is_wrong(_placements(placed, other), other)
+    ]
     return f"; it fits {' or '.join(fitting)}" if fitting else ""
 
 

@@ -5,8 +5,7 @@ from __future__ import annotations
 import xml.etree.ElementTree as ET
 from dataclasses import dataclass
 
-from kinreach.errors import InputError
-from kinreach.robots.urdf import Solid, add_joint, add_link, named, parse_urdf
+from kinreach.robots.urdf import Solid, add_joint, add_link
 
 #: Distance from the flange to the point between the finger tips, along the flange's z axis [m].
 TCP_OFFSET = 0.20
@@ -43,32 +42,16 @@ PARALLEL_GRIPPER_PAIRS = (
 )
 
 
-def with_parallel_gripper(urdf: str, flange: str) -> str:
-    """A URDF with the parallel gripper on one of its links.
+def add_parallel_gripper(robot: ET.Element, flange: str) -> None:
+    """Mount the parallel gripper on a link of a parsed URDF, in place. `PARALLEL_GRIPPER` describes it.
 
-    The gripper has the proportions of an OnRobot RG6, made of boxes: palm and rail, and two fingers that slide along
-    the flange's y axis. The link `tcp` lies between the finger tips, 0.20 m along z from the flange.
+    It has the proportions of an OnRobot RG6, made of boxes: palm and rail, and two fingers that slide along the
+    flange's y axis. The link `tcp` lies between the finger tips, 0.20 m along z from the flange.
 
     Args:
-        urdf: Text of a URDF.
+        robot: The URDF.
         flange: Name of the link that carries the gripper; the fingers point along its z axis.
-
-    Returns:
-        Text of the new URDF. `PARALLEL_GRIPPER` describes the gripper in it.
-
-    Raises:
-        InputError: `urdf` is not a URDF, or has no link of that name.
     """
-    robot = parse_urdf(urdf)
-    if named(robot, "link", flange) is None:
-        raise InputError(f"the URDF has no link {flange!r} for the gripper")
-    add_parallel_gripper(robot, flange)
-    ET.indent(robot)
-    return ET.tostring(robot, encoding="unicode")
-
-
-def add_parallel_gripper(robot: ET.Element, flange: str) -> None:
-    """As `with_parallel_gripper`, in place on a parsed URDF."""
     palm = Solid((0.07, 0.10, 0.085), (0, 0, 0.0425))
     rail = Solid((0.03, 0.20, 0.02), (0, 0, 0.095))
     add_link(robot, "gripper_palm", mass=0.9, solids=(palm, rail), rgba="0.62 0.64 0.67 1")

@@ -56,7 +56,7 @@ class Lengths(NamedTuple):
 
 #: The lengths of every model, as Universal Robots publishes them (DH parameters for calculations of kinematics and
 #: dynamics). UR7e and UR12e are the UR5e and the UR10e under new names.
-LENGTHS: Mapping[str, Lengths] = {
+UR_LENGTHS: Mapping[str, Lengths] = {
     "ur3": Lengths(0.1519, -0.24365, -0.21325, 0.11235, 0.08535, 0.0819),
     "ur3e": Lengths(0.15185, -0.24355, -0.2132, 0.13105, 0.08535, 0.0921),
     "ur5": Lengths(0.089159, -0.425, -0.39225, 0.10915, 0.09465, 0.0823),
@@ -239,9 +239,9 @@ def nominal_urdf(name: str) -> str:
     """URDF of a model by its lengths, without shapes and masses; its links are those of example-robot-data's URDFs.
 
     Args:
-        name: Key of `LENGTHS`.
+        name: Key of `UR_LENGTHS`.
     """
-    d1, a2, a3, d4, d5, d6 = LENGTHS[name]
+    d1, a2, a3, d4, d5, d6 = UR_LENGTHS[name]
     y, z, quarter, turn = (0, 1, 0), (0, 0, 1), (0, math.pi / 2, 0), 2 * math.pi
     steps = (
         ("shoulder_link", (0, 0, d1), (0, 0, 0), z),
@@ -281,4 +281,4 @@ def _describe_nominal(name: str) -> ArmDescription:
 
 
 _WITH_MESHES = {cell.name: _describe(cell) for cell in _CELLS}
-ARMS = tuple(_WITH_MESHES.get(name) or _describe_nominal(name) for name in LENGTHS)
+ARMS = tuple(_WITH_MESHES.get(name) or _describe_nominal(name) for name in UR_LENGTHS)

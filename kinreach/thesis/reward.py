@@ -2,7 +2,7 @@
 
 `d` is the distance from the tcp to the goal [m], `q` a posture of the UR5 in the base_link convention [rad] or a stack
 of them, shape (..., 6). Results have the broadcast leading dimensions; for one posture they are numbers, for tensors of
-torch tensors on their device, unchecked. The posture's part is in `posture`, whose functions are exported here too.
+torch tensors on their device, unchecked.
 
 Where the thesis leaves something open:
 
@@ -25,33 +25,7 @@ from numpy.typing import ArrayLike, NDArray
 from kinreach.checks import Floats, as_flags, as_floats, check_tensor, is_tensor, torch_module
 from kinreach.errors import InputError
 from kinreach.kinematics.tensors import flags_like, like, namespace, where
-from kinreach.thesis.posture import (
-    UNNATURAL_ERROR,
-    PentagonAngles,
-    gripper_angle_error,
-    natural_arm_error,
-    pentagon_angles,
-    posture_error,
-    posture_errors,
-)
-
-__all__ = [
-    "IMPOSSIBLE_REWARD",
-    "NEAR_REWARD",
-    "REACHED_DISTANCE",
-    "REACHED_POSTURE_ERROR",
-    "REACHED_REWARD",
-    "UNNATURAL_ERROR",
-    "PentagonAngles",
-    "ReachReward",
-    "RewardTerms",
-    "distance_reward",
-    "gripper_angle_error",
-    "natural_arm_error",
-    "pentagon_angles",
-    "posture_error",
-    "reach_reward",
-]
+from kinreach.thesis.posture import posture_errors
 
 #: Distance below which the arm is at the goal [m], and posture error below which the goal is then reached [rad].
 REACHED_DISTANCE = 0.01

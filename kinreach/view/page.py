@@ -6,7 +6,7 @@ import threading
 from html import escape
 from typing import Any
 
-from kinreach.robots.ur import LENGTHS
+from kinreach.robots import UR_LENGTHS
 from kinreach.view import html
 from kinreach.view.draw import Surroundings, overview
 from kinreach.view.episodes_panel import EpisodesPanel
@@ -24,7 +24,7 @@ WIDTH, HEIGHT = 1600, 1000
 def panels(setup: Setup) -> dict[str, type[Panel]]:
     """The parts of the page that make sense for an arm, by name."""
     kinds: dict[str, type[Panel]] = {TARGET: TargetPanel}
-    if (setup.nominal or setup.arm).name in LENGTHS:
+    if (setup.nominal or setup.arm).name in UR_LENGTHS:
         kinds[REAL_ARM] = RealArmPanel
     kinds[EPISODES] = EpisodesPanel
     kinds[RESULTS] = ResultsPanel

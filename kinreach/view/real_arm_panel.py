@@ -8,8 +8,7 @@ import numpy as np
 
 from kinreach.checks import Floats
 from kinreach.errors import KinreachError
-from kinreach.robots import ArmDescription
-from kinreach.robots.calibration import PUBLISHED
+from kinreach.robots import PUBLISHED_CALIBRATIONS, ArmDescription
 from kinreach.view import html
 from kinreach.view.draw import BLUE, RED, SolidArm
 from kinreach.view.figure import Figure
@@ -96,10 +95,10 @@ class RealArmPanel(Panel):
         self._scale = gui.add_html("")
         self._file = gui.add_text("calibration", "", hint="kinematics.yaml, calibration.conf, or a calibrated URDF")
         opened = gui.add_button("Open calibration")
-        published = [name for name in PUBLISHED if name.startswith(f"{self._sheet.name}_")]
+        published = [name for name in PUBLISHED_CALIBRATIONS if name.startswith(f"{self._sheet.name}_")]
         if published:
             self._example = gui.add_dropdown("or a published", [NONE, *published], hint="Of real arms, in the package")
-            by_user(self._example, lambda name: None if name == NONE else self.open(str(PUBLISHED[name])))
+            by_user(self._example, lambda name: None if name == NONE else self.open(str(PUBLISHED_CALIBRATIONS[name])))
         self._times.visible = self._over_table.visible = False
         by_user(self._times, lambda value: self.move(self.T))
         by_user(self._over_table, self._show_map)

@@ -12,7 +12,7 @@ from matplotlib.ticker import FuncFormatter, LogLocator
 from numpy.typing import ArrayLike, NDArray
 
 from kinreach.plots import FAINT, INK, PALETTE, colours_of, key, label_ends, new_figure, plain
-from kinreach.thesis.reward import REACHED_DISTANCE
+from kinreach.thesis import REACHED_DISTANCE
 
 #: One seed: increasing positions on the horizontal axis, and the values there.
 Run = tuple[ArrayLike, ArrayLike]

@@ -15,7 +15,7 @@ from matplotlib.ticker import FuncFormatter, NullFormatter
 from numpy.typing import ArrayLike, NDArray
 
 from kinreach.plots import FAINT, INK, MAGNITUDE, PALETTE, colours_of, key, name_label, new_figure, plain
-from kinreach.thesis.reward import IMPOSSIBLE_REWARD, NEAR_REWARD, REACHED_REWARD
+from kinreach.thesis import IMPOSSIBLE_REWARD, NEAR_REWARD, REACHED_REWARD
 
 #: Bounds of x and y [m].
 Area = tuple[tuple[float, float], tuple[float, float]]

@@ -12,7 +12,7 @@ from matplotlib.ticker import FuncFormatter, NullFormatter, PercentFormatter
 from numpy.typing import ArrayLike, NDArray
 
 from kinreach.plots import FAINT, INK, colours_of, key, label_ends, name_label, new_figure, plain
-from kinreach.thesis.reward import IMPOSSIBLE_REWARD, REACHED_POSTURE_ERROR
+from kinreach.thesis import IMPOSSIBLE_REWARD, REACHED_POSTURE_ERROR
 
 Floats = NDArray[np.float64]
 

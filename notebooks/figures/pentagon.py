@@ -28,7 +28,7 @@ from numpy.typing import ArrayLike, NDArray
 from kinreach.kinematics import UR5Kinematics
 from kinreach.plots import FAINT, INK, PALETTE, new_figure
 from kinreach.robots import CameraMount
-from kinreach.thesis.reward import PentagonAngles, pentagon_angles
+from kinreach.thesis import PentagonAngles, pentagon_angles
 
 from .pictures import Picture
 

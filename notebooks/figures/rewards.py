@@ -10,7 +10,7 @@ from matplotlib.ticker import FuncFormatter, NullFormatter
 from numpy.typing import ArrayLike
 
 from kinreach.plots import FAINT, INK, PALETTE, colours_of, label_ends, new_figure, plain
-from kinreach.thesis.reward import REACHED_DISTANCE, distance_reward
+from kinreach.thesis import REACHED_DISTANCE, distance_reward
 
 
 def draw_distance_reward(*, farthest: float = 3.0) -> Figure:

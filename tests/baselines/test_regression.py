@@ -15,7 +15,7 @@ from kinreach.baselines.training import train
 from kinreach.errors import InputError
 from kinreach.kinematics import ArmKinematics, CollisionChecker, UR5Kinematics
 from kinreach.robots import get_arm
-from kinreach.thesis.reward import posture_error
+from kinreach.thesis import posture_error
 
 CASES = 5000
 

@@ -8,8 +8,8 @@ pytest.importorskip("stable_baselines3")
 from benchmarks.studies import reward_parts
 from benchmarks.studies.reward_parts import PARTS
 from kinreach.baselines.rewards import FLOOR, training_reward
+from kinreach.thesis import distance_reward, reach_reward
 from kinreach.thesis.posture import posture_errors
-from kinreach.thesis.reward import distance_reward, reach_reward
 
 CASES = 4000
 

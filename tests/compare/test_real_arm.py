@@ -8,7 +8,7 @@ import pytest
 from kinreach.compare import compare, get_task
 from kinreach.compare.cli import main
 from kinreach.errors import InputError, UnknownNameError
-from kinreach.robots.calibration import PUBLISHED
+from kinreach.robots import PUBLISHED_CALIBRATIONS
 
 GOALS = 10
 
@@ -86,7 +86,7 @@ def test_another_calibration_in_the_same_file_does_not_go_on(tmp_path):
             raise KeyboardInterrupt
 
     for name in ("ur5_a", "ur5_a", "ur5_b"):
-        file.write_text(PUBLISHED[name].read_text())
+        file.write_text(PUBLISHED_CALIBRATIONS[name].read_text())
         compare_two = {"goals": 3, "options": {"calibrations": [str(file)]}, "out": tmp_path / "out"}
         with pytest.raises(KeyboardInterrupt):
             compare("real-arm", ["look-again"], **compare_two, progress=stop_at_two)

@@ -14,8 +14,7 @@ from kinreach.envs.real_arm import BUDGET, ERRORS, MOVES, POSTURE, SEEN_BALL, SE
 from kinreach.errors import InputError, UnknownNameError
 from kinreach.kinematics import ArmKinematics, UR5Kinematics, kinematics_of
 from kinreach.registration import REAL_ARM
-from kinreach.robots import get_arm
-from kinreach.robots.calibration import PUBLISHED
+from kinreach.robots import PUBLISHED_CALIBRATIONS, get_arm
 
 
 def make(**options):
@@ -28,7 +27,7 @@ def test_what_is_off(errors):
     seen = 0
     for robot in UR5S:
         links = errors in ("links", "all")
-        arm = get_arm("ur5").calibrated(PUBLISHED[robot]) if links else "ur5"
+        arm = get_arm("ur5").calibrated(PUBLISHED_CALIBRATIONS[robot]) if links else "ur5"
         kin = ArmKinematics(arm, tip="tcp", base="world")
         for seed in range(5):
             place = workplace(errors, robot, np.random.default_rng(seed))
@@ -135,7 +134,7 @@ def test_the_scene_is_the_true_arm():
         ({"noise": 0.0}, InputError, "noise"),
         ({"errors": ("gravity",)}, UnknownNameError, "gravity"),
         ({"errors": "all"}, InputError, "list"),
-        ({"calibrations": (str(PUBLISHED["ur10e_a"]),)}, InputError, "it fits ur10e"),
+        ({"calibrations": (str(PUBLISHED_CALIBRATIONS["ur10e_a"]),)}, InputError, "it fits ur10e"),
         ({"calibrations": ("nowhere.yaml",)}, InputError, "cannot read"),
         ({"calibrations": (5,)}, InputError, "calibration cannot be a path, got 5"),
         ({"calibrations": (["ur5_a"],)}, InputError, "calibration cannot be a path"),
@@ -187,7 +186,7 @@ def test_a_calibration_that_was_edited_is_read_again(tmp_path):
     file = tmp_path / "arm.yaml"
     homes = []
     for name in ("ur5_a", "ur5_b"):
-        file.write_bytes(PUBLISHED[name].read_bytes())
+        file.write_bytes(PUBLISHED_CALIBRATIONS[name].read_bytes())
         os.utime(file, ns=(len(homes), len(homes)))
         homes.append(kinematics_of(true_arm(str(file))).fk(np.zeros(6)))
     assert np.abs(homes[0] - homes[1]).max() > 1e-4

@@ -14,7 +14,7 @@ from kinreach.envs.reach.task import MULTI_STEP, SINGLE_STEP, ReachOptions, Reac
 from kinreach.envs.reach.worlds import BatchDynamicWorld
 from kinreach.errors import InputError, InstallationError
 from kinreach.kinematics.tensors import on_device, on_host
-from kinreach.thesis.reward import pentagon_angles, reach_reward
+from kinreach.thesis import pentagon_angles, reach_reward
 
 torch = pytest.importorskip("torch")
 

@@ -13,8 +13,7 @@ from kinreach.errors import InputError
 from kinreach.kinematics import CalibratedURKinematics, Status, URKinematics, kinematics_of
 from kinreach.kinematics.goals import pose_error
 from kinreach.kinematics.ur.kinematics import FLIP
-from kinreach.robots import get_arm
-from kinreach.robots.calibration import PUBLISHED
+from kinreach.robots import PUBLISHED_CALIBRATIONS, get_arm
 from kinreach.robots.urdf import parse_urdf, set_origin
 
 DATA = Path(__file__).parents[1] / "data"
@@ -24,7 +23,7 @@ ROBOTS = sorted({name.split()[0] for name in ORACLE})
 
 
 def of(robot, **options):
-    return URKinematics.from_calibration(PUBLISHED[robot], model=robot.split("_")[0], **options)
+    return URKinematics.from_calibration(PUBLISHED_CALIBRATIONS[robot], model=robot.split("_")[0], **options)
 
 
 def wrapped(q):
@@ -177,7 +176,7 @@ def test_goals_seeds_limits_and_reasons():
 
 
 def test_a_calibrated_arm_is_recognised_by_its_joints():
-    arm = get_arm("ur5").calibrated(PUBLISHED["ur5_c"])
+    arm = get_arm("ur5").calibrated(PUBLISHED_CALIBRATIONS["ur5_c"])
     assert isinstance(kinematics_of(arm), CalibratedURKinematics)
     with pytest.raises(InputError, match="CalibratedURKinematics"):
         URKinematics(arm)

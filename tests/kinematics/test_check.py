@@ -15,8 +15,7 @@ from scipy.spatial.transform import Rotation
 from kinreach.errors import InputError
 from kinreach.kinematics import Arm3Kinematics, ArmKinematics, URKinematics, check
 from kinreach.plots.check_cli import main
-from kinreach.robots import ArmDescription, get_arm
-from kinreach.robots.calibration import PUBLISHED
+from kinreach.robots import PUBLISHED_CALIBRATIONS, ArmDescription, get_arm
 from kinreach.view.target import TargetModel
 
 ROOT = Path(__file__).parents[2]
@@ -156,7 +155,7 @@ def test_names_are_drawn_as_they_are(tmp_path, capsys):
 
 def test_what_a_calibration_changes(tmp_path, capsys):
     picture = tmp_path / "error.png"
-    file = PUBLISHED["ur5_a"]
+    file = PUBLISHED_CALIBRATIONS["ur5_a"]
     assert main([str(file), "--model", "ur5", "--poses", "10", "--picture", str(picture)], prog="check") == 0
     text = capsys.readouterr().out
     assert "UR with its calibration" in text
@@ -179,7 +178,7 @@ def test_bad_input():
         (["ur5", "--tip", "nose"], "unknown tip 'nose'"),
         (["ur5", "--poses", "0"], "--poses must be at least 1"),
         (["nowhere.yaml", "--model", "ur5"], "cannot read"),
-        ([str(PUBLISHED["ur5_a"]), "--model", "ur10"], "it fits ur5"),
+        ([str(PUBLISHED_CALIBRATIONS["ur5_a"]), "--model", "ur10"], "it fits ur5"),
         ([str(CALIBRATIONS / "ur5e_folded.yaml"), "--model", "ur5e"], "folded at"),
         (["kinematics.yaml"], "say of which UR with --model"),
     ):

@@ -9,7 +9,7 @@ from kinreach.kinematics import URKinematics
 from kinreach.kinematics.angles import wrapped
 from kinreach.kinematics.general_6r import ILL, Chain, General6R, miss, missed_by, newton
 from kinreach.kinematics.ur.kinematics import FLIP
-from kinreach.robots.calibration import PUBLISHED
+from kinreach.robots import PUBLISHED_CALIBRATIONS
 
 
 def some_arm(rng, *, parallel=False):
@@ -95,7 +95,7 @@ def test_the_problem_of_size_16_has_the_eigenvalues_of_the_one_of_size_24():
 
 def test_an_ill_conditioned_pose_is_noticed_and_solved():
     """Near sin q5 = 0 the equations hardly depend on the eigenvalue: an inverse is large, two postures were missed."""
-    kin = URKinematics.from_calibration(PUBLISHED["ur10e_a"], model="ur10e")
+    kin = URKinematics.from_calibration(PUBLISHED_CALIBRATIONS["ur10e_a"], model="ur10e")
     q = np.array([1.281906, 1.761483, -0.484367, -1.026086, -3.025442, 0.440775])
     general, T = kin._solver.general, FLIP @ kin.fk(q)
     assert general._candidates(T[None], *general.CHOICES[0], general.PHASES[0])[3][0] > ILL

@@ -5,17 +5,16 @@ import pytest
 
 from kinreach.kinematics import ArmKinematics
 from kinreach.kinematics.identification import IdentifiedArm, Prior
-from kinreach.robots import get_arm
-from kinreach.robots.calibration import PUBLISHED
+from kinreach.robots import PUBLISHED_CALIBRATIONS, get_arm
 
 PRIOR = Prior(base=(0.02, 0.02), links=(1e-3, 2e-3), tool=(0.01, 0.0))
-UR5S = [name for name in PUBLISHED if name.startswith("ur5_")]
+UR5S = [name for name in PUBLISHED_CALIBRATIONS if name.startswith("ur5_")]
 
 
 def chain_of(calibration=None):
     arm = get_arm("ur5")
     return ArmKinematics(
-        arm if calibration is None else arm.calibrated(PUBLISHED[calibration]), tip="tcp", base="world"
+        arm if calibration is None else arm.calibrated(PUBLISHED_CALIBRATIONS[calibration]), tip="tcp", base="world"
     ).chain
 
 

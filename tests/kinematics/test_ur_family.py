@@ -20,9 +20,8 @@ from kinreach.errors import InputError, UnknownNameError
 from kinreach.kinematics import ArmKinematics, CollisionChecker, UR5Kinematics, URKinematics, kinematics_of
 from kinreach.kinematics.ur.geometry import URGeometry
 from kinreach.kinematics.ur.kinematics import FLIP
-from kinreach.robots import ArmDescription, arm_names, get_arm
-from kinreach.robots.calibration import PUBLISHED
-from kinreach.robots.ur import LENGTHS, nominal_urdf
+from kinreach.robots import PUBLISHED_CALIBRATIONS, ArmDescription, arm_names, get_arm
+from kinreach.robots.ur import UR_LENGTHS, nominal_urdf
 from kinreach.robots.urdf import add_joint, add_link
 from kinreach.sim.simulation import ArmSimulation
 
@@ -36,7 +35,7 @@ def of(name):
     return URKinematics(name, tip="tcp", base="world")
 
 
-@pytest.mark.parametrize("name", [*LENGTHS, "ur10_robot.urdf", "ur3_robot.urdf"])
+@pytest.mark.parametrize("name", [*UR_LENGTHS, "ur10_robot.urdf", "ur3_robot.urdf"])
 def test_every_posture_is_found_again(name):
     kin = of(name)
     rng = np.random.default_rng(0)
@@ -55,11 +54,11 @@ def test_every_posture_is_found_again(name):
 
 def test_every_model_of_the_oracle_is_known():
     theirs = {name for name in dir(pytest.importorskip("ur_analytic_ik")) if name.startswith("ur")}
-    assert theirs <= set(LENGTHS)
+    assert theirs <= set(UR_LENGTHS)
     assert len(theirs) >= 14
 
 
-@pytest.mark.parametrize("name", LENGTHS)
+@pytest.mark.parametrize("name", UR_LENGTHS)
 def test_forward_kinematics_is_the_oracles(name):
     oracle = getattr(pytest.importorskip("ur_analytic_ik"), name, None)
     if oracle is None:
@@ -69,7 +68,7 @@ def test_forward_kinematics_is_the_oracles(name):
     expected = np.array([FLIP @ oracle.forward_kinematics(*posture) for posture in q])
     np.testing.assert_allclose(kin.fk(q), expected, atol=1e-10)
     np.testing.assert_allclose([kin.fk(posture) for posture in q], expected, atol=1e-10)
-    assert kin.geometry == URGeometry(*LENGTHS[name])
+    assert kin.geometry == URGeometry(*UR_LENGTHS[name])
 
 
 @pytest.mark.parametrize("name", WITH_MESHES)
@@ -83,7 +82,7 @@ def test_forward_kinematics_is_that_of_the_urdfs(name):
         np.testing.assert_allclose(T, data.oMf[frame].homogeneous, atol=1e-10)
 
 
-@pytest.mark.parametrize("name", LENGTHS)
+@pytest.mark.parametrize("name", UR_LENGTHS)
 def test_no_singular_pose_comes_back_empty_or_wrong(name):
     kin = URKinematics(name)
     assert len(CASES) == 9
@@ -126,8 +125,8 @@ def test_the_nearest_of_all_windings(name):
 
 
 def test_arms_without_meshes_say_so():
-    assert set(LENGTHS) <= set(arm_names())
-    without = [name for name in LENGTHS if name not in WITH_MESHES]
+    assert set(UR_LENGTHS) <= set(arm_names())
+    without = [name for name in UR_LENGTHS if name not in WITH_MESHES]
     assert len(without) >= 11
     for name in without:
         for use in (CollisionChecker, ArmSimulation, lambda arm: gym.make("kinreach/UR5SingleStep-v0", arm=arm)):
@@ -168,7 +167,7 @@ def test_arms_of_another_kind():
 
 def drivers_urdf(name):
     """A UR with the frames of the ROS driver's description: every joint turns about its own z, as in DH."""
-    d1, a2, a3, d4, d5, d6 = LENGTHS[name]
+    d1, a2, a3, d4, d5, d6 = UR_LENGTHS[name]
     right, robot = np.pi / 2, ET.Element("robot", name="mine")
     steps = (
         ((0, 0, d1), (0, 0, 0)),
@@ -245,7 +244,7 @@ def test_nothing_in_reach_is_nearer_than_the_nearest(name):
 
 
 def test_the_nearest_of_a_calibrated_arm_is_right_to_a_few_millimetres():
-    real = URKinematics.from_calibration(PUBLISHED["ur5_a"], tip="tcp", base="world")
+    real = URKinematics.from_calibration(PUBLISHED_CALIBRATIONS["ur5_a"], tip="tcp", base="world")
     rng, near = np.random.default_rng(6), 0
     for T in out_of_reach(real, 15, rng):
         nearest = real.nearest_in_reach(T)

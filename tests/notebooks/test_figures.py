@@ -7,7 +7,7 @@ import pytest
 from matplotlib.patches import Circle
 
 from kinreach.plots import PALETTE
-from kinreach.thesis.reward import IMPOSSIBLE_REWARD, reach_reward
+from kinreach.thesis import IMPOSSIBLE_REWARD, reach_reward
 from notebooks import figures
 from notebooks.figures import Success, moving_mean, seed_band
 

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from kinreach.kinematics import UR5Kinematics
-from kinreach.thesis.reward import posture_error
+from kinreach.thesis import posture_error
 from kinreach.vision.cameras import Intrinsics
 from notebooks.figures import draw_pentagon_angles, draw_pentagons, pentagon_of, side_camera
 

@@ -13,7 +13,7 @@ from kinreach.errors import InputError
 from kinreach.kinematics import ArmKinematics, CollisionChecker, UR5Kinematics
 from kinreach.robots import ArmDescription, CameraMount, Workcell, arm_named, get_arm, register_arm
 from kinreach.sim.simulation import ArmSimulation
-from kinreach.thesis.reward import posture_error
+from kinreach.thesis import posture_error
 from kinreach.vision.goal_view import goal_camera_poses
 
 FAMILY = ("ur3", "ur5", "ur10")

@@ -11,11 +11,11 @@ import yaml
 from kinreach.errors import InputError, KinreachError, UnknownNameError
 from kinreach.kinematics import ArmKinematics
 from kinreach.robots import get_arm
-from kinreach.robots.calibration import LINKS, PUBLISHED, nominal_placements, read_calibration
-from kinreach.robots.ur import JOINTS, LENGTHS
+from kinreach.robots.calibration import LINKS, PUBLISHED_CALIBRATIONS, nominal_placements, read_calibration
+from kinreach.robots.ur import JOINTS, UR_LENGTHS
 
 FILES = Path(__file__).parents[1] / "data" / "calibrations"
-ROBOTS = sorted(PUBLISHED)
+ROBOTS = sorted(PUBLISHED_CALIBRATIONS)
 FLIP = np.diag([-1.0, -1.0, 1.0, 1.0])
 
 
@@ -49,7 +49,7 @@ def axis_turn(axis, angle):
 
 @pytest.mark.parametrize("robot", ROBOTS)
 def test_the_arm_is_the_one_in_the_file(robot):
-    file, arm = PUBLISHED[robot], get_arm(model_of(robot))
+    file, arm = PUBLISHED_CALIBRATIONS[robot], get_arm(model_of(robot))
     kin, nominal = ArmKinematics(arm.calibrated(file), tip="tool0"), ArmKinematics(arm, tip="tool0")
     q = np.random.default_rng(0).uniform(-np.pi, np.pi, (50, 6))
     off = []
@@ -80,7 +80,7 @@ def test_the_controllers_own_poses():
 
 @pytest.mark.parametrize("robot", ["ur5_a", "ur3e_a"])
 def test_a_calibrated_urdf_says_the_same(robot, tmp_path):
-    file, model = PUBLISHED[robot], model_of(robot)
+    file, model = PUBLISHED_CALIBRATIONS[robot], model_of(robot)
     urdf = tmp_path / "real.urdf"
     urdf.write_text(get_arm(model).calibrated(file).urdf)
     read = read_calibration(urdf, model)
@@ -89,7 +89,7 @@ def test_a_calibrated_urdf_says_the_same(robot, tmp_path):
 
 def test_a_urdf_of_the_driver_with_a_prefix(tmp_path):
     """Joints as in the driver's description: all about z, behind base_link_inertia."""
-    links = yaml.safe_load(PUBLISHED["ur5e_a"].read_text())["kinematics"]
+    links = yaml.safe_load(PUBLISHED_CALIBRATIONS["ur5e_a"].read_text())["kinematics"]
     names = ["left_base_link_inertia", *(f"left_{link}_link" for link in LINKS)]
     text = "".join(f'<link name="{name}"/>' for name in ["left_base_link", *names])
     text += '<joint name="fixed" type="fixed"><origin rpy="0 0 3.141592653589793" xyz="0 0 0"/>'
@@ -103,7 +103,7 @@ def test_a_urdf_of_the_driver_with_a_prefix(tmp_path):
         text += '<limit lower="-6" upper="6" effort="1" velocity="1"/></joint>'
     file = tmp_path / "driver.urdf"
     file.write_text(f'<robot name="left">{text}</robot>')
-    expected = read_calibration(PUBLISHED["ur5e_a"], "ur5e").placements
+    expected = read_calibration(PUBLISHED_CALIBRATIONS["ur5e_a"], "ur5e").placements
     np.testing.assert_allclose(read_calibration(file, "ur5e").placements, expected, atol=1e-12)
 
 
@@ -120,8 +120,8 @@ def test_a_folded_file_is_named_and_repaired_only_when_asked():
 
 
 def test_the_data_sheet_is_a_calibration_of_itself(tmp_path):
-    assert len(LENGTHS) >= 14
-    for model in LENGTHS:
+    assert len(UR_LENGTHS) >= 14
+    for model in UR_LENGTHS:
         urdf = tmp_path / f"{model}.urdf"
         urdf.write_text(get_arm(model).urdf)
         np.testing.assert_allclose(read_calibration(urdf, model).placements, nominal_placements(model), atol=1e-10)
@@ -132,10 +132,10 @@ def test_the_data_sheet_is_a_calibration_of_itself(tmp_path):
 )
 def test_another_model(robot, model):
     with pytest.raises(InputError, match=rf"_joint is .* mm from where a {model} .*15 mm.*it fits .*{model_of(robot)}"):
-        read_calibration(PUBLISHED[robot], model)
+        read_calibration(PUBLISHED_CALIBRATIONS[robot], model)
 
 
-def changed(tmp_path, old, new, source=PUBLISHED["ur5_a"]):
+def changed(tmp_path, old, new, source=PUBLISHED_CALIBRATIONS["ur5_a"]):
     text = source.read_text()
     edited = re.sub(old, new, text, count=1, flags=re.DOTALL)
     assert edited != text
@@ -191,6 +191,6 @@ def test_files_that_are_none(tmp_path):
     with pytest.raises(InputError, match="one joint shoulder_pan_joint"):
         read_calibration(tmp_path / "other.urdf", "ur5")
     with pytest.raises(UnknownNameError, match=r"unknown UR model 'ur6'.*ur30"):
-        read_calibration(PUBLISHED["ur5_a"], "ur6")
+        read_calibration(PUBLISHED_CALIBRATIONS["ur5_a"], "ur6")
     with pytest.raises(UnknownNameError, match="UR model 'arm3'"):
-        get_arm("arm3").calibrated(PUBLISHED["ur5_a"])
+        get_arm("arm3").calibrated(PUBLISHED_CALIBRATIONS["ur5_a"])

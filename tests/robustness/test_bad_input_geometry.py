@@ -11,7 +11,7 @@ from kinreach.errors import InputError
 from kinreach.kinematics import ArmKinematics, CollisionChecker
 from kinreach.kinematics.collision import Cause
 from kinreach.robots import Box
-from kinreach.thesis.reward import distance_reward, pentagon_angles, posture_error, reach_reward
+from kinreach.thesis import distance_reward, pentagon_angles, posture_error, reach_reward
 from kinreach.vision.goal_view import geometric_goal_view, goal_in_world
 from tests.robustness.fuzzing import NUMBERS, bad_arrays, things
 

@@ -5,11 +5,10 @@ import numpy as np
 
 import kinreach  # noqa: F401 (registers the environments)
 from kinreach.kinematics import CollisionChecker, URKinematics
-from kinreach.robots import get_arm
-from kinreach.robots.calibration import PUBLISHED
+from kinreach.robots import PUBLISHED_CALIBRATIONS, get_arm
 from kinreach.sim.simulation import ArmSimulation
 
-FILE = PUBLISHED["ur5_a"]
+FILE = PUBLISHED_CALIBRATIONS["ur5_a"]
 GOAL, DOWN = np.array([0.45, 0.1, -0.15]), (0.0, 0.0, -1.0)
 
 

@@ -9,7 +9,7 @@ pytest.importorskip("viser")
 
 from benchmarks.studies.page import Tab, wait_for
 from kinreach.compare import compare
-from kinreach.robots.calibration import PUBLISHED
+from kinreach.robots import PUBLISHED_CALIBRATIONS
 from kinreach.view.cli import setup_of
 from kinreach.view.server import Server
 
@@ -25,7 +25,7 @@ def tab(tmp_path_factory):
     """A tab with all its parts open, of a calibrated arm and a comparison."""
     folder = tmp_path_factory.mktemp("comparison")
     compare("ur5", methods=["closed-form"], goals=2, out=folder)
-    setup = setup_of("ur5", calibration=str(PUBLISHED["ur5_a"]), simple=True, results=str(folder))
+    setup = setup_of("ur5", calibration=str(PUBLISHED_CALIBRATIONS["ur5_a"]), simple=True, results=str(folder))
     server = Server(setup, port=8500)
     with Tab(server) as opened:
         for name in opened.page.names:

@@ -11,7 +11,7 @@ import pytest
 
 from kinreach.compare import compare
 from kinreach.registration import BUTTON, MOVING, REAL_ARM
-from kinreach.robots.calibration import PUBLISHED
+from kinreach.robots import PUBLISHED_CALIBRATIONS
 from kinreach.view.cli import setup_of
 
 pytest.importorskip("viser")
@@ -40,7 +40,7 @@ def serve():
         yield serving
 
 
-CALIBRATION = str(PUBLISHED["ur5_a"])
+CALIBRATION = str(PUBLISHED_CALIBRATIONS["ur5_a"])
 
 
 def test_two_tabs_have_targets_of_their_own(serve):
@@ -159,7 +159,7 @@ def test_the_real_arm_beside_its_data_sheet(serve, root):
             assert said in panel._verdict.content
             assert "kinreach-verdict" in panel._verdict.content
             assert panel.model is before
-        panel.open(str(PUBLISHED["ur5_b"]))
+        panel.open(str(PUBLISHED_CALIBRATIONS["ur5_b"]))
         assert panel.miss is not None
         assert panel.model is not before
         tab.page.show("Target")

@@ -6,8 +6,7 @@ import pytest
 
 from kinreach.errors import InputError
 from kinreach.kinematics import URKinematics
-from kinreach.robots import get_arm
-from kinreach.robots.calibration import PUBLISHED
+from kinreach.robots import PUBLISHED_CALIBRATIONS, get_arm
 from kinreach.view import html
 from kinreach.view.real_arm import RealArm, colours
 from kinreach.view.snippet import calibrated, real_arm_program
@@ -18,13 +17,15 @@ FILES = {"ur5": "ur5_a", "ur3": "ur3_a", "ur10e": "ur10e_a"}
 @pytest.fixture(scope="module", params=FILES)
 def pair(request):
     arm = get_arm(request.param)
-    return RealArm(arm, arm.calibrated(PUBLISHED[FILES[request.param]]))
+    return RealArm(arm, arm.calibrated(PUBLISHED_CALIBRATIONS[FILES[request.param]]))
 
 
 def test_the_miss_is_what_both_chains_say(pair):
     """The real tip by the other way to a calibrated arm; the angle by Pinocchio's logarithm."""
     name = pair.nominal.arm.name
-    twin = URKinematics.from_calibration(PUBLISHED[FILES[name]], model=name, tip=pair.real.tip, base="world")
+    twin = URKinematics.from_calibration(
+        PUBLISHED_CALIBRATIONS[FILES[name]], model=name, tip=pair.real.tip, base="world"
+    )
     rng, off = np.random.default_rng(0), []
     for _ in range(50):
         miss = pair.miss(rng.uniform(-3, 3, 6))
@@ -83,7 +84,7 @@ def test_a_copied_program_says_the_same(pair, capsys):
     name = pair.nominal.arm.name
     seed = np.array(pair.nominal.arm.home)
     T = pair.nominal.fk(seed + np.array([0.2, -0.1, 0.3, 0.1, -0.2, 0.4]))
-    arm = calibrated(repr(name), str(PUBLISHED[FILES[name]]))
+    arm = calibrated(repr(name), str(PUBLISHED_CALIBRATIONS[FILES[name]]))
     code = real_arm_program(pair, T, seed, sheet=repr(name), arm=arm)
     exec(compile(code, "copied", "exec"), {})
     first, second = capsys.readouterr().out.splitlines()

@@ -10,8 +10,7 @@ from example_robot_data.robots_loader import getModelPath
 from kinreach.errors import InputError
 from kinreach.kinematics import AxisGoal, CollisionChecker, URKinematics, kinematics_of
 from kinreach.kinematics.solvers import SOLVERS
-from kinreach.robots import ArmDescription, arm_names
-from kinreach.robots.calibration import PUBLISHED
+from kinreach.robots import PUBLISHED_CALIBRATIONS, ArmDescription, arm_names
 from kinreach.robots.shapes import link_shapes
 from kinreach.view import html
 from kinreach.view.cli import setup_of
@@ -21,7 +20,7 @@ from kinreach.view.real_arm import RealArm
 from kinreach.view.snippet import program, real_arm_program
 from kinreach.view.target import AXIS, POINT, POSE, State, TargetModel
 
-CALIBRATION = PUBLISHED["ur5_a"]
+CALIBRATION = PUBLISHED_CALIBRATIONS["ur5_a"]
 
 
 @pytest.fixture(scope="module")

@@ -33,7 +33,7 @@ WHY = (
 )
 
 TEXT = """\
-{poses} poses of tool0 in random postures of a real UR10e (`kinreach.robots.calibration.PUBLISHED`: {robot}), whose
+{poses} poses of tool0 in random postures of a real UR10e (`kinreach.robots.PUBLISHED_CALIBRATIONS`: {robot}), whose
 axes neither meet nor are parallel. kinreach fits the nearest arm with a closed form when it is made
 ({preparation:.2g} s), and finds each branch by Newton's method, or all by elimination where branches may merge
 ([how](your_robot.md#what-you-can-rely-on)). ssik prepares a solver for one arm first{prepared}. EAIK has no class for

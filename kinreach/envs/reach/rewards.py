@@ -36,7 +36,7 @@ from kinreach.checks import Floats, as_flags, as_floats, check_entries, check_nu
 from kinreach.errors import InputError
 from kinreach.kinematics.tensors import like, on_host, where
 from kinreach.robots import ArmDescription, get_arm
-from kinreach.thesis.reward import (
+from kinreach.thesis import (
     IMPOSSIBLE_REWARD,
     NEAR_REWARD,
     REACHED_POSTURE_ERROR,

@@ -23,7 +23,7 @@ from kinreach.kinematics import CollisionChecker
 from kinreach.kinematics.tensors import namespace
 from kinreach.robots import as_arm
 from kinreach.robots.workcell import BoxRegion
-from kinreach.thesis.reward import REACHED_DISTANCE
+from kinreach.thesis import REACHED_DISTANCE
 
 #: What an option `steps` means.
 VARIANTS: Mapping[str, ReachVariant] = {"single": SINGLE_STEP, "multi": MULTI_STEP}

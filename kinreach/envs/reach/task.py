@@ -35,7 +35,7 @@ from kinreach.kinematics import ArmKinematics, AxisGoal, CollisionChecker, Posit
 from kinreach.robots import ArmDescription, BoxRegion, as_arm
 from kinreach.sim.controller import BEYOND_LIMIT
 from kinreach.sim.imperfections import IDEAL, Imperfections, as_imperfections
-from kinreach.thesis.reward import REACHED_POSTURE_ERROR
+from kinreach.thesis import REACHED_POSTURE_ERROR
 from kinreach.vision.ball_finder import PIPELINES
 from kinreach.vision.cameras import MOST_EXPOSURE, SensorNoise
 from kinreach.vision.goal_view import geometric_goal_view

@@ -65,7 +65,7 @@ class URKinematics(ClosedFormKinematics):
     Link lengths are read from the URDF.
 
     Args:
-        arm: Name of a UR, one of `kinreach.robots.ur.LENGTHS` from "ur3" to "ur30", or the description of a UR-type
+        arm: Name of a UR, one of `kinreach.robots.UR_LENGTHS` from "ur3" to "ur30", or the description of a UR-type
             arm that has a tip `tool0`.
         tip: `"tool0"` (the flange) or `"tcp"` (between the finger tips, 0.20 m in front of it); None for the arm's own.
         base: `"base_link"` or `"world"`.

@@ -13,7 +13,7 @@ import kinreach
 from kinreach.envs.reach import UR5SingleStepEnv
 from kinreach.errors import InputError
 from kinreach.kinematics import UR5Kinematics
-from kinreach.thesis.reward import reach_reward
+from kinreach.thesis import reach_reward
 
 SINGLE, MULTI = "kinreach/UR5SingleStep-v0", "kinreach/UR5MultiStep-v0"
 IDS = [SINGLE, MULTI]
