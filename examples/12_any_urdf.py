@@ -11,13 +11,13 @@ from example_robot_data.robots_loader import getModelPath
 
 from kinreach.compare import compare
 from kinreach.kinematics import (
+    ArmKinematics,
     ClosedFormKinematics,
     CollisionChecker,
     LevenbergMarquardtSolver,
     PoseGoal,
     QPSolver,
     check,
-    kinematics_of,
 )
 from kinreach.robots import ArmDescription
 
@@ -25,7 +25,7 @@ xarm = "xarm_description/urdf/xarm7.urdf"
 file = sys.argv[1] if len(sys.argv) > 1 else f"{getModelPath(xarm)}/{xarm}"
 arm = ArmDescription.from_urdf(file, tip=sys.argv[2] if len(sys.argv) > 2 else None)
 
-kin = kinematics_of(arm)
+kin = ArmKinematics.of(arm)
 kind = "closed form" if isinstance(kin, ClosedFormKinematics) else "no closed form"
 reach = check.reach_of(kin)
 print(f"{arm.name}: {kin.n} joints, tip {kin.tip}, {kind}, reaches {reach.farthest:.2f} m")

@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING, Any
 
 from kinreach.kinematics.arm import ArmKinematics
 from kinreach.kinematics.arm3 import Arm3Kinematics
-from kinreach.kinematics.closed_form import ClosedFormKinematics, kinematics_of
+from kinreach.kinematics.closed_form import ClosedFormKinematics
 from kinreach.kinematics.collision import CollisionChecker
 from kinreach.kinematics.goals import AxisGoal, PoseGoal, PositionGoal
 from kinreach.kinematics.six_axis import SixAxisKinematics
@@ -50,8 +50,9 @@ __all__ = [
     "Status",
     "UR5Kinematics",
     "URKinematics",
-    "kinematics_of",
 ]
+
+ArmKinematics._closed_forms = (Arm3Kinematics, URKinematics, CalibratedURKinematics, SixAxisKinematics)
 
 
 def __getattr__(name: str) -> Any:

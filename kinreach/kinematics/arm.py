@@ -6,7 +6,7 @@ import threading
 from collections.abc import Sequence
 from functools import cached_property
 from pathlib import Path
-from typing import Any, Self
+from typing import Any, ClassVar, Self
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -65,6 +65,9 @@ class ArmKinematics:
         InstallationError: Pinocchio cannot be loaded.
     """
 
+    #: Classes with a closed form, in the order in which `of` tries them; the package sets them.
+    _closed_forms: ClassVar[Sequence[Any]] = ()
+
     def __init__(self, arm: str | ArmDescription, *, tip: str | None = None, base: str = "base_link") -> None:
         self.arm = as_arm(arm)
         self.tip = tip if tip is not None else self.arm.default_tip
@@ -88,6 +91,30 @@ class ArmKinematics:
         return self._work.data
 
     @classmethod
+    def of(cls, arm: str | ArmDescription, *, tip: str | None = None, base: str = "base_link") -> Self:
+        """Kinematics of an arm, as the class that lists every posture of a pose, if there is one.
+
+        Args:
+            arm: Name of a registered arm, or a description.
+            tip: Short name of the tip frame; default is the arm's own tool centre point.
+            base: `"base_link"` or `"world"`.
+
+        Raises:
+            UnknownNameError: The arm, the tip or the base does not exist.
+
+        Note:
+            The tip of `ArmKinematics.of("ur5")` is `"tcp"`; that of `URKinematics("ur5")` is `"tool0"`.
+        """
+        plain = cls(arm, tip=tip, base=base)
+        for kind in cls._closed_forms:
+            if kind.joints == plain.n:
+                try:
+                    return kind(plain.arm, tip=plain.tip, base=base)
+                except InputError:  # as many joints, another geometry
+                    continue
+        return plain
+
+    @classmethod
     def from_urdf(
         cls,
         file: str | Path,
@@ -97,7 +124,7 @@ class ArmKinematics:
         base: str = "base_link",
         **facts: Any,
     ) -> Self:
-        """Kinematics of the arm in a URDF file.
+        """Kinematics of the arm in a URDF file, as the class that `of` gives it.
 
         Args:
             file: Path of the URDF.
@@ -109,7 +136,7 @@ class ArmKinematics:
         Raises:
             InputError: The file is not a URDF of an arm of this kind.
         """
-        return cls(ArmDescription.from_urdf(file, tip=tip, joints=joints, **facts), tip=tip, base=base)
+        return cls.of(ArmDescription.from_urdf(file, tip=tip, joints=joints, **facts), tip=tip, base=base)
 
     def __repr__(self) -> str:
         return f"{type(self).__name__}(arm={self.arm.name!r}, tip={self.tip!r}, base={self.base!r})"

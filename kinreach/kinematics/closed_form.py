@@ -51,6 +51,7 @@ class ClosedFormKinematics(ArmKinematics, ABC):
     """
 
     joints: ClassVar[int]
+    _closed_forms = ()
 
     def __init__(self, arm: str | ArmDescription, *, tip: str | None, base: str) -> None:
         super().__init__(arm, tip=tip, base=base)
@@ -299,36 +300,3 @@ class ClosedFormKinematics(ArmKinematics, ABC):
 def _inside_turn(q: Sequence[float]) -> bool:
     """Whether no joint is at an end of (-pi, pi)."""
     return max(q) < pi - NEAR_LIMIT and min(q) > NEAR_LIMIT - pi
-
-
-def kinematics_of(arm: str | ArmDescription, *, tip: str | None = None, base: str = "base_link") -> ArmKinematics:
-    """Kinematics of an arm, with all postures of a pose where it has six joints, or three in the right places.
-
-    Args:
-        arm: Name of a registered arm, or a description.
-        tip: Short name of the tip frame; the arm's own tool centre point by default.
-        base: `"base_link"` or `"world"`.
-
-    Raises:
-        UnknownNameError: The arm, the tip or the base does not exist.
-
-    Note:
-        The tip of `kinematics_of("ur5")` is `"tcp"`; that of `URKinematics("ur5")` is `"tool0"`.
-    """
-    from kinreach.kinematics.arm3 import Arm3Kinematics  # which are made of what is above
-    from kinreach.kinematics.six_axis import SixAxisKinematics
-    from kinreach.kinematics.ur.kinematics import CalibratedURKinematics, URKinematics
-
-    plain = ArmKinematics(arm, tip=tip, base=base)
-    if plain.n == Arm3Kinematics.joints:
-        try:
-            return Arm3Kinematics(plain.arm, tip=plain.tip, base=base)
-        except InputError:  # as many joints, another geometry
-            return plain
-    kinds: tuple[type[ClosedFormKinematics], ...] = (URKinematics, CalibratedURKinematics, SixAxisKinematics)
-    for kind in kinds if plain.n == URKinematics.joints else ():
-        try:
-            return kind(plain.arm, tip=plain.tip, base=base)
-        except InputError:
-            continue
-    return plain

@@ -19,7 +19,6 @@ from kinreach.kinematics import (
     SixAxisKinematics,
     URKinematics,
     check,
-    kinematics_of,
 )
 from kinreach.kinematics.closed_form import POSE_JOINTS
 from kinreach.kinematics.ur.kinematics import CalibratedURKinematics
@@ -171,10 +170,10 @@ def _subject(given: str, model: str | None, tip: str | None) -> Subject:
     """The arm of a name or URDF; with a model, that of a calibration file."""
     if model is not None:
         real = as_arm(model).calibrated(given)
-        return Subject(kinematics_of(real, tip=tip), kinematics_of(model, tip=tip))
+        return Subject(ArmKinematics.of(real, tip=tip), ArmKinematics.of(model, tip=tip))
     if Path(given).suffix.lower() in CALIBRATIONS:
         raise InputError(f"{given} is a calibration: say of which UR with --model, such as --model ur5e")
-    return Subject(kinematics_of(arm_named(given, tip=tip), tip=tip), None)
+    return Subject(ArmKinematics.of(arm_named(given, tip=tip), tip=tip), None)
 
 
 def _parser(prog: str) -> Parser:

@@ -10,7 +10,7 @@ import numpy as np
 
 from kinreach.envs.reach.task import BACKENDS, OBSERVATION_KINDS
 from kinreach.errors import InputError
-from kinreach.kinematics import kinematics_of
+from kinreach.kinematics import ArmKinematics
 from kinreach.view import html
 from kinreach.view.draw import BLUE, BRANCH_COLOURS, RED, Solid, SolidArm, overview
 from kinreach.view.episodes import Episode, Recording, Stopped, circled
@@ -223,7 +223,7 @@ class EpisodesPanel(Panel):
         scene = self._client.scene
         self._solid, self._believed = Solid(scene, f"{self._root}/scene", episode.scene), None
         if episode.frames[0].believed is not None:
-            figure = Figure(kinematics_of(episode.arm, base="world"), simple=True)
+            figure = Figure(ArmKinematics.of(episode.arm, base="world"), simple=True)
             self._believed = SolidArm(scene, f"{self._root}/believed", figure, colour=BLUE, opacity=0.4)
         self.episode, self.at, self._step = episode, 0, -1
         self._slider.max = max(1, len(episode.frames) - 1)

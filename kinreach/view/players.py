@@ -16,7 +16,7 @@ from kinreach.compare.methods import resolve_methods
 from kinreach.compare.task import POLICY
 from kinreach.demo.tasks import SHORTER, all_trained, solver_policy, trained_for, trained_policy
 from kinreach.errors import InputError, raise_unknown
-from kinreach.kinematics import kinematics_of
+from kinreach.kinematics import ArmKinematics
 from kinreach.kinematics.closed_form import ClosedFormKinematics
 from kinreach.kinematics.solvers import SOLVERS
 from kinreach.objects import load_module
@@ -70,7 +70,7 @@ class Playable:
             observation: What is observed; of pictures only who sees them can make something, or who needs none.
         """
         eyes, environment = observation == PIXELS, trained_in(self.name)
-        closed = self.solvable and isinstance(kinematics_of(arm), ClosedFormKinematics)
+        closed = self.solvable and isinstance(ArmKinematics.of(arm), ClosedFormKinematics)
         solvers = [name for name in SOLVERS if self.solvable and (closed or name != "closed-form")]
         trained = trained_for(environment, arm.name if ARM in self.choices else None, eyes=eyes)
         shipped = {f"policy {name}" for name in trained_for(environment)}

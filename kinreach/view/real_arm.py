@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from kinreach.checks import Floats
 from kinreach.errors import InputError
-from kinreach.kinematics import IKResult, URKinematics, kinematics_of
+from kinreach.kinematics import ArmKinematics, IKResult, URKinematics
 from kinreach.kinematics.closed_form import ClosedFormKinematics
 from kinreach.robots import ArmDescription, BoxRegion
 
@@ -92,7 +92,7 @@ class RealArm:
     """
 
     def __init__(self, nominal: ArmDescription, real: ArmDescription, *, tip: str | None = None) -> None:
-        arms = [kinematics_of(arm, tip=tip, base="world") for arm in (nominal, real)]
+        arms = [ArmKinematics.of(arm, tip=tip, base="world") for arm in (nominal, real)]
         for arm in arms:
             if not isinstance(arm, URKinematics):
                 raise InputError(f"only a UR has a factory calibration, got the arm {nominal.name!r}")

@@ -8,7 +8,7 @@ import numpy as np
 import trimesh
 
 from kinreach.errors import KinreachError
-from kinreach.kinematics import kinematics_of
+from kinreach.kinematics import ArmKinematics
 from kinreach.robots import get_arm
 from kinreach.view import html
 from kinreach.view.draw import AMBER, GREEN, RED, Colour, Ghost, Ghosts, SolidArm, Surroundings, overview
@@ -101,7 +101,7 @@ class ResultsPanel(Panel):
         if results.arm:
             arm = get_arm(results.arm)
             Surroundings(scene, arm.workcell.obstacles, root=f"{self._root}/cell/world")
-            kinematics = kinematics_of(arm, base="world")
+            kinematics = ArmKinematics.of(arm, base="world")
             written = [end.q for ends in results.ends for end in ends.values() if end.q is not None]
             if written and all(len(q) == kinematics.n for q in written):
                 figure = Figure(kinematics, simple=self._setup.simple)

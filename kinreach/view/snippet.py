@@ -23,13 +23,12 @@ def program(model: TargetModel, goal: Goal, seed: Floats, *, arm: str) -> str:
     """
     kinematics, complete = model.kinematics, model.complete(goal)
     arm = _limited(model, arm)
-    names = ["kinematics_of"] if model.checker is None else ["CollisionChecker", "kinematics_of"]
-    names += [] if complete else [type(goal).__name__]
+    names = ["ArmKinematics"] if model.checker is None else ["ArmKinematics", "CollisionChecker"]
+    names += [] if complete else [type(goal).__name__, "LevenbergMarquardtSolver"]
     lines = ["import numpy as np", ""]
     lines.append(f"from kinreach.kinematics import {', '.join(sorted(names, key=str.lower))}")
-    lines += [] if complete else ["from kinreach.kinematics.solvers import LevenbergMarquardtSolver"]
     lines += robots(arm)
-    lines += ["", f"kin = kinematics_of({arm}, tip={kinematics.tip!r}, base='world')"]
+    lines += ["", f"kin = ArmKinematics.of({arm}, tip={kinematics.tip!r}, base='world')"]
     lines += [f"seed = np.array({_numbers(seed)})", *_question(goal, complete=complete)]
     lines += [] if model.checker is None else ["checker = CollisionChecker(kin)"]
     postures = "zip(solution.branch, solution.q)" if complete else "[(0, solution.q)] if solution.success else []"
@@ -82,11 +81,11 @@ def real_arm_program(model: RealArm, T: Floats, seed: Floats, *, sheet: str, arm
     lines = [
         "import numpy as np",
         "",
-        "from kinreach.kinematics import kinematics_of",
+        "from kinreach.kinematics import ArmKinematics",
         *robots(sheet, arm),
         "",
-        f"sheet = kinematics_of({sheet}, {where})",
-        f"real = kinematics_of({arm}, {where})",
+        f"sheet = ArmKinematics.of({sheet}, {where})",
+        f"real = ArmKinematics.of({arm}, {where})",
         *_frame(T),
         f"result = sheet.nearest(T, {_numbers(seed)})",
         "print(result.status.value, result.reason)",

@@ -13,6 +13,7 @@ import numpy as np
 
 from kinreach.checks import Floats, check_known
 from kinreach.kinematics import (
+    ArmKinematics,
     AxisGoal,
     CollisionChecker,
     IKResult,
@@ -20,7 +21,6 @@ from kinreach.kinematics import (
     PositionGoal,
     SixAxisKinematics,
     URKinematics,
-    kinematics_of,
 )
 from kinreach.kinematics.chain import rotation_to
 from kinreach.kinematics.closed_form import ClosedFormKinematics
@@ -166,7 +166,7 @@ class TargetModel:
     """
 
     def __init__(self, arm: str | ArmDescription, *, tip: str | None = None, policies: Sequence[str] = ()) -> None:
-        self.kinematics = kinematics_of(arm, tip=tip, base="world")
+        self.kinematics = ArmKinematics.of(arm, tip=tip, base="world")
         try:
             self.checker: CollisionChecker | None = CollisionChecker(self.kinematics)
         except NoShapesError:

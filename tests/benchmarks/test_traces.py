@@ -9,7 +9,7 @@ import pytest
 from benchmarks.logs import trace
 from kinreach.baselines.policies import LearnedPolicy, load_policy
 from kinreach.errors import InputError
-from kinreach.kinematics import UR5Kinematics, kinematics_of
+from kinreach.kinematics import ArmKinematics, UR5Kinematics
 from kinreach.robots import get_arm
 
 
@@ -68,7 +68,7 @@ def test_the_trace_of_another_arm():
     traced = trace(load_policy("panda-single"), goals, options={"backend": "kinematic"})
     assert traced.q.shape == (2, 4, 7)
     np.testing.assert_allclose(traced.q[0], np.tile(get_arm("panda").home, (4, 1)), atol=1e-12)
-    tips = kinematics_of("panda", base="world").positions(traced.q.reshape(-1, 7)).reshape(2, 4, 3)
+    tips = ArmKinematics.of("panda", base="world").positions(traced.q.reshape(-1, 7)).reshape(2, 4, 3)
     np.testing.assert_allclose(traced.distance, np.linalg.norm(tips - goals, axis=2), atol=1e-9)
     assert traced.reached.all()
 

@@ -12,7 +12,7 @@ import kinreach  # noqa: F401
 from kinreach.baselines.expert import tool_down_postures
 from kinreach.envs.real_arm import BUDGET, ERRORS, MOVES, POSTURE, SEEN_BALL, SEEN_TIP, UR5S, true_arm, workplace
 from kinreach.errors import InputError, UnknownNameError
-from kinreach.kinematics import ArmKinematics, UR5Kinematics, kinematics_of
+from kinreach.kinematics import ArmKinematics, UR5Kinematics
 from kinreach.registration import REAL_ARM
 from kinreach.robots import PUBLISHED_CALIBRATIONS, get_arm
 
@@ -188,5 +188,5 @@ def test_a_calibration_that_was_edited_is_read_again(tmp_path):
     for name in ("ur5_a", "ur5_b"):
         file.write_bytes(PUBLISHED_CALIBRATIONS[name].read_bytes())
         os.utime(file, ns=(len(homes), len(homes)))
-        homes.append(kinematics_of(true_arm(str(file))).fk(np.zeros(6)))
+        homes.append(ArmKinematics.of(true_arm(str(file))).fk(np.zeros(6)))
     assert np.abs(homes[0] - homes[1]).max() > 1e-4

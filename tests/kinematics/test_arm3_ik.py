@@ -13,7 +13,6 @@ from kinreach.kinematics import (
     PoseGoal,
     PositionGoal,
     Status,
-    kinematics_of,
 )
 from kinreach.kinematics.arm3 import Singularity
 from kinreach.robots import ArmDescription, get_arm
@@ -127,7 +126,9 @@ def test_arms_from_files(tmp_path):
     kin = Arm3Kinematics.from_urdf(next(tmp_path.glob("*.urdf")), base="world")
     assert (kin.tip, kin.base, KIN.tip) == ("tip", "world", "end_effector")
     assert Arm3Kinematics("arm3").arm is KIN.arm
-    np.testing.assert_allclose(kin.fk(np.zeros(3)), kinematics_of(arm_of(tmp_path, straight), base="world").fk([0] * 3))
+    np.testing.assert_allclose(
+        kin.fk(np.zeros(3)), ArmKinematics.of(arm_of(tmp_path, straight), base="world").fk([0] * 3)
+    )
 
 
 def test_an_arm_of_another_kind_is_refused():
@@ -157,7 +158,7 @@ def test_an_arm_that_stands_somewhere_else_and_askew(tmp_path):
     for _ in range(5):
         foot = rng.uniform(-1, 1, 3), rng.uniform(-1, 1, 3)
         arm = arm_of(tmp_path, (foot, ((0.05, 0.02, 0.1), (0, 0, 0)), ((0.03, -0.01, 0.4), (0, 0, 0))))
-        kin = kinematics_of(arm)
+        kin = ArmKinematics.of(arm)
         assert isinstance(kin, Arm3Kinematics)
         for q in rng.uniform(-3, 3, (20, 3)):
             solutions = kin.all_solutions(kin.fk(q))
@@ -174,4 +175,4 @@ def test_an_arm_with_turned_frames_has_no_closed_form(tmp_path, turned, axis):
     arm = arm_of(tmp_path, list(zip(np.array([(0, 0, 0.1), (0.05, 0, 0.1), (0, 0, 0.4)]), rpy, strict=True)))
     with pytest.raises(InputError, match="turned"):
         Arm3Kinematics(arm=arm, tip="tip")
-    assert type(kinematics_of(arm)) is ArmKinematics
+    assert type(ArmKinematics.of(arm)) is ArmKinematics

@@ -8,8 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from kinreach.kinematics import ArmKinematics, CollisionChecker, PoseGoal
-from kinreach.kinematics.closed_form import ClosedFormKinematics, kinematics_of
+from kinreach.kinematics import ArmKinematics, ClosedFormKinematics, CollisionChecker, PoseGoal
 from kinreach.kinematics.solutions import SLACK
 from kinreach.kinematics.solvers import LevenbergMarquardtSolver, Tolerance
 from kinreach.robots import ArmDescription, arm_names, get_arm
@@ -30,10 +29,10 @@ CASES = 40
 @cache
 def kinematics(name: str) -> ArmKinematics:
     if name.endswith(".urdf"):
-        return kinematics_of(ArmDescription.from_urdf(ROBOTS / name))
+        return ArmKinematics.of(ArmDescription.from_urdf(ROBOTS / name))
     if name == "calibrated":
-        return kinematics_of(get_arm("ur5e").calibrated(CALIBRATION))
-    return kinematics_of(name)
+        return ArmKinematics.of(get_arm("ur5e").calibrated(CALIBRATION))
+    return ArmKinematics.of(name)
 
 
 def at_limits(kin, beyond, count=CASES):

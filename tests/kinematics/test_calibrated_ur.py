@@ -10,7 +10,7 @@ import pytest
 from benchmarks.studies.calibrated_arms import CASES as SINGULAR
 from benchmarks.studies.calibrated_arms import SAME, main, recall, singular_postures
 from kinreach.errors import InputError
-from kinreach.kinematics import CalibratedURKinematics, Status, URKinematics, kinematics_of
+from kinreach.kinematics import ArmKinematics, CalibratedURKinematics, Status, URKinematics
 from kinreach.kinematics.goals import pose_error
 from kinreach.kinematics.ur.kinematics import FLIP
 from kinreach.robots import PUBLISHED_CALIBRATIONS, get_arm
@@ -177,7 +177,7 @@ def test_goals_seeds_limits_and_reasons():
 
 def test_a_calibrated_arm_is_recognised_by_its_joints():
     arm = get_arm("ur5").calibrated(PUBLISHED_CALIBRATIONS["ur5_c"])
-    assert isinstance(kinematics_of(arm), CalibratedURKinematics)
+    assert isinstance(ArmKinematics.of(arm), CalibratedURKinematics)
     with pytest.raises(InputError, match="CalibratedURKinematics"):
         URKinematics(arm)
     with pytest.raises(InputError, match="no UR"):

@@ -15,7 +15,7 @@ import pytest
 import kinreach  # noqa: F401 (registers the environments)
 from benchmarks.studies.collision_agreement import edges, near_solutions
 from kinreach.errors import InputError
-from kinreach.kinematics import CollisionChecker, UR5Kinematics, kinematics_of
+from kinreach.kinematics import ArmKinematics, CollisionChecker, UR5Kinematics
 from kinreach.kinematics.collision import Cause
 from kinreach.registration import MULTI, SINGLE
 from kinreach.robots import ArmDescription, Box, Workcell, get_arm
@@ -65,7 +65,7 @@ def test_the_verdict_on_one_and_on_many_is_the_same(checker):
 
 @pytest.mark.parametrize("arm", ["ur3", "ur5", "panda"])
 def test_environments_of_any_size_and_solvers_say_what_the_checker_says(arm):
-    checker, kin = CollisionChecker(arm), kinematics_of(arm)
+    checker, kin = CollisionChecker(arm), ArmKinematics.of(arm)
     free, hit = edges(checker, np.random.default_rng(11), 30)
     q = np.concatenate([free, hit, random_postures(kin, 240)])
     single = gym.make(SINGLE, arm=arm, backend="kinematic").unwrapped

@@ -16,7 +16,6 @@ from kinreach.kinematics import (
     PositionGoal,
     SixAxisKinematics,
     Status,
-    kinematics_of,
 )
 from kinreach.kinematics.check import random_postures
 from kinreach.kinematics.goals import pose_error
@@ -37,7 +36,7 @@ def described(name):
 
 @pytest.fixture(scope="module", params=ARMS)
 def kin(request):
-    return kinematics_of(described(request.param))
+    return ArmKinematics.of(described(request.param))
 
 
 def apart(q, others):
@@ -76,7 +75,7 @@ def test_postures_at_right_angles_are_solved(kin):
 def test_as_many_as_eaik_finds():
     """The Z1's second to fourth axes are parallel, and its last two meet: EAIK decomposes that in closed form."""
     pytest.importorskip("eaik")
-    kin = kinematics_of(described("z1"))
+    kin = ArmKinematics.of(described("z1"))
     peer = eaik_of(kin)
     compared = 0
     for T in kin.fk(np.random.default_rng(1).uniform(-np.pi, np.pi, (60, 6))):
@@ -113,8 +112,8 @@ def test_a_last_joint_that_turns_against_the_tool_is_free_too():
     (axis,) = (joint.find("axis") for joint in robot.iter("joint") if joint.get("name") == arm.joints[-1])
     assert axis.get("xyz") == "0 0 1"
     axis.set("xyz", "0 0 -1")
-    kin = kinematics_of(arm)
-    turned = kinematics_of(replace(arm, build_urdf=partial(str, ET.tostring(robot, encoding="unicode"))))
+    kin = ArmKinematics.of(arm)
+    turned = ArmKinematics.of(replace(arm, build_urdf=partial(str, ET.tostring(robot, encoding="unicode"))))
     count = 0
     for q in random_postures(kin, 20, seed=4):
         T = kin.fk(q)
@@ -141,7 +140,7 @@ def test_an_arm_with_a_flange_that_is_no_ur_is_taken_without_a_warning(tmp_path)
     file = tmp_path / "arm.urdf"
     text = urdf(["0 0 1", "0 1 0", "0 1 0", "1 0 0", "0 1 0", "0 1 0"])
     file.write_text(text.replace('"l6"', '"tool0"').replace("0.3 0 0.1", "0.3 0.05 0.1"))
-    kin = kinematics_of(ArmDescription.from_urdf(file))
+    kin = ArmKinematics.of(ArmDescription.from_urdf(file))
     assert type(kin) is SixAxisKinematics
     q = np.array([0.3, -0.4, 0.9, 0.5, -0.7, 0.2])
     assert apart(q, kin.all_solutions(kin.fk(q)).q) < 1e-6
@@ -154,7 +153,7 @@ def wristed(file, shoulder, elbow):
         text = text.replace("0.3 0 0.1", origin, 1)
     tip = '<joint name="end" type="fixed"><parent link="l6"/><child link="l7"/><origin xyz="0 0 0.1"/></joint></robot>'
     file.write_text(text.replace("</robot>", f'<link name="l7"/>{tip}'))
-    kin = kinematics_of(ArmDescription.from_urdf(file))
+    kin = ArmKinematics.of(ArmDescription.from_urdf(file))
     assert type(kin) is SixAxisKinematics
     return kin
 
@@ -187,7 +186,7 @@ def test_axes_that_it_cannot_solve_are_named(tmp_path):
     file = tmp_path / "plane.urdf"
     file.write_text(urdf(["0 0 1"] * 6))
     arm = ArmDescription.from_urdf(file)
-    assert type(kinematics_of(arm)) is ArmKinematics
+    assert type(ArmKinematics.of(arm)) is ArmKinematics
     with pytest.raises(InputError, match=r"elimination singular; of random postures it finds \d+ % again"):
         SixAxisKinematics(arm)
     with pytest.raises(InputError, match="3 joints; six are needed"):

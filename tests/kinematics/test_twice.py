@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from kinreach.kinematics import Arm3Kinematics, SixAxisKinematics, UR5Kinematics, URKinematics, kinematics_of
+from kinreach.kinematics import Arm3Kinematics, ArmKinematics, SixAxisKinematics, UR5Kinematics, URKinematics
 from kinreach.kinematics.angles import TURN
 
 #: Postures nearer to each other than this are the same [rad].
@@ -62,7 +62,7 @@ def test_a_posture_of_the_three_joint_arm_is_listed_once():
 
 
 def test_two_elbows_a_little_apart_are_two_postures():
-    kin = kinematics_of("ur5")
+    kin = ArmKinematics.of("ur5")
     rng = np.random.default_rng(2)
     pairs = 0
     for q in rng.uniform(-np.pi, np.pi, (50, 6)):

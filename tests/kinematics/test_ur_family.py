@@ -17,7 +17,7 @@ from benchmarks.speed.poses import CASES
 from benchmarks.speed.suites.ik_edge_cases import judge
 from benchmarks.studies import ur_family
 from kinreach.errors import InputError, UnknownNameError
-from kinreach.kinematics import ArmKinematics, CollisionChecker, UR5Kinematics, URKinematics, kinematics_of
+from kinreach.kinematics import ArmKinematics, CollisionChecker, UR5Kinematics, URKinematics
 from kinreach.kinematics.ur.geometry import URGeometry
 from kinreach.kinematics.ur.kinematics import FLIP
 from kinreach.robots import PUBLISHED_CALIBRATIONS, ArmDescription, arm_names, get_arm
@@ -147,7 +147,7 @@ def test_the_ur5_by_its_old_name():
 def test_every_class_takes_the_arm_first_and_files(kind):
     assert kind("ur10").arm is kind(arm="ur10").arm is get_arm("ur10")
     assert kind("ur10", tip="tcp").tip == "tcp"
-    assert (kind().arm, kind().tip, kinematics_of("ur5").tip) == (get_arm("ur5"), "tool0", "tcp")
+    assert (kind().arm, kind().tip, ArmKinematics.of("ur5").tip) == (get_arm("ur5"), "tool0", "tcp")
     kin = kind.from_urdf(UR_FILES / "ur5_robot.urdf", tip="tool0")
     assert type(kin) is kind
     q = np.random.default_rng(0).uniform(-3.0, 3.0, (20, 6))
@@ -195,7 +195,7 @@ def drivers_urdf(name):
 def test_the_closed_form_of_a_ur_whatever_its_frames_are(name, tmp_path):
     file = tmp_path / "mine.urdf"
     file.write_text(drivers_urdf(name))
-    kin, nominal = kinematics_of(ArmDescription.from_urdf(file)), URKinematics(name)
+    kin, nominal = ArmKinematics.from_urdf(file), URKinematics(name)
     assert type(kin) is URKinematics
     assert kin.geometry == nominal.geometry
     q = np.random.default_rng(6).uniform(-np.pi, np.pi, (200, 6))

@@ -14,7 +14,7 @@ import pytest
 
 from kinreach import cli
 from kinreach.errors import InputError
-from kinreach.kinematics import ArmKinematics, CollisionChecker, PoseGoal, PositionGoal, kinematics_of
+from kinreach.kinematics import ArmKinematics, CollisionChecker, PoseGoal, PositionGoal
 from kinreach.kinematics.solvers import ClosedFormSolver, LevenbergMarquardtSolver, PlacoSolver, QPSolver
 from kinreach.plots.check_cli import Subject, report
 from kinreach.robots import ArmDescription, BoxRegion, Workcell, arm_names, get_arm, register_arm
@@ -399,7 +399,7 @@ def test_a_urdf_that_cannot_be_used_is_one_line(tmp_path, capsys, name):
     file = tmp_path / "chain.urdf"
     file.write_text(text)
     with pytest.raises(InputError, match=said) as caught:
-        list(report(Subject(kinematics_of(ArmDescription.from_urdf(file)), None), poses=2))
+        list(report(Subject(ArmKinematics.of(ArmDescription.from_urdf(file)), None), poses=2))
     assert "\n" not in str(caught.value)
     assert cli.main(["check", str(file), "--poses", "2"]) == 2
     (line,) = capsys.readouterr().err.splitlines()

@@ -7,7 +7,7 @@ import pytest
 
 import kinreach  # noqa: F401
 from kinreach.errors import InputError
-from kinreach.kinematics import kinematics_of
+from kinreach.kinematics import ArmKinematics
 from kinreach.registration import BUTTON, MOVING, MULTI, REAL_ARM, SINGLE, SPACE
 from kinreach.robots import get_arm
 from kinreach.view import html
@@ -65,7 +65,7 @@ def test_frames_end_where_the_arm_ends(episodes):
 
     for name in ("single", "multi", "space"):
         _, episode = episodes[name]
-        figure = Figure(kinematics_of(episode.arm, base="world"), simple=True)
+        figure = Figure(ArmKinematics.of(episode.arm, base="world"), simple=True)
         expected, frame, compared = figure.poses(np.array(episode.trial["q"])), episode.frames[-1], 0
         for link, pose in zip(figure.links, expected, strict=True):
             if link in episode.scene.links and not link.startswith("finger"):
@@ -192,7 +192,7 @@ def test_an_environment_from_outside_is_played(monkeypatch):
         assert episode.verdict == "Not reached after 30 steps."
         assert episode.goal is None
         assert html.moment(episode, episode.frames[-1]).count("reward 1.5") == 1
-        angle = kinematics_of("panda", base="world")
+        angle = ArmKinematics.of("panda", base="world")
         figure = Figure(angle, simple=True)
         hand = episode.scene.links.index("panda_hand")
         expected = figure.poses(np.array(get_arm("panda").home) + 3.0)[figure.links.index("panda_hand"), :3]

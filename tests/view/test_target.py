@@ -8,7 +8,7 @@ import pytest
 from example_robot_data.robots_loader import getModelPath
 
 from kinreach.errors import InputError
-from kinreach.kinematics import AxisGoal, CollisionChecker, URKinematics, kinematics_of
+from kinreach.kinematics import ArmKinematics, AxisGoal, CollisionChecker, URKinematics
 from kinreach.kinematics.solvers import SOLVERS
 from kinreach.robots import PUBLISHED_CALIBRATIONS, ArmDescription, arm_names
 from kinreach.robots.shapes import link_shapes
@@ -230,7 +230,7 @@ def test_other_arms(arm):
 
 def test_names_are_different():
     for arm in ("ur5", "arm3"):
-        kinematics = kinematics_of(arm)
+        kinematics = ArmKinematics.of(arm)
         count = 8 if kinematics.n == 6 else 4
         assert len({branch_name(kinematics, branch) for branch in range(count)}) == count
 
@@ -257,7 +257,7 @@ def test_postures_of_other_arms_with_three_joints_have_names_of_their_own(tmp_pa
 
 
 def test_a_figure_follows_the_arm():
-    kinematics = kinematics_of("arm3", base="world")
+    kinematics = ArmKinematics.of("arm3", base="world")
     figure = Figure(kinematics)
     rng = np.random.default_rng(0)
     data, frames = kinematics.model.createData(), [kinematics.model.getFrameId(link) for link in figure.links]
@@ -273,7 +273,7 @@ def test_a_figure_follows_the_arm():
 
 
 def test_arms_without_shapes_are_drawn_as_tubes():
-    kinematics = kinematics_of("ur5e", base="world")
+    kinematics = ArmKinematics.of("ur5e", base="world")
     assert link_shapes(kinematics.arm) == []
     figure = Figure(kinematics)
     q = np.array(kinematics.arm.home)
@@ -366,7 +366,7 @@ def test_an_arm_with_any_six_joints_has_all_its_postures():
 def test_copied_programs_of_an_arm_from_a_file(capsys):
     file = "ur_description/urdf/ur5_robot.urdf"
     setup = setup_of(arm=f"{getModelPath(file)}/{file}", calibration=str(CALIBRATION))
-    T = kinematics_of(setup.arm, base="world").fk(setup.arm.home)
+    T = ArmKinematics.of(setup.arm, base="world").fk(setup.arm.home)
     model = TargetModel(setup.arm)
     for code in (
         program(model, model.goal(POSE, T), model.home, arm=setup.expression),

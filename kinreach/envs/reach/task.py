@@ -31,7 +31,7 @@ from kinreach.envs.options import INFOS, INFOS_TEXT, RENDER_MODES, RENDER_MODES_
 from kinreach.envs.reach.goals import goal_streams
 from kinreach.envs.reach.rewards import RewardFunction, Score, Scorer, check_reward, default_reward, scorer_of
 from kinreach.errors import InputError
-from kinreach.kinematics import ArmKinematics, AxisGoal, CollisionChecker, PositionGoal, kinematics_of
+from kinreach.kinematics import ArmKinematics, AxisGoal, CollisionChecker, PositionGoal
 from kinreach.robots import ArmDescription, BoxRegion, as_arm
 from kinreach.sim.controller import BEYOND_LIMIT
 from kinreach.sim.imperfections import IDEAL, Imperfections, as_imperfections
@@ -418,7 +418,7 @@ class ReachTask:
         self.options = options
         self.variant = variant
         self.arm = arm = as_arm(options.arm)
-        self.kinematics = kinematics_of(arm, base="world")
+        self.kinematics = ArmKinematics.of(arm, base="world")
         self.scorer = scorer_of(options.reward, self.default_reward())
         self.home = np.array(arm.home)
         self.layout = layout_of(arm, directed=self.directed)

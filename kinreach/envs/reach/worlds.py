@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from kinreach.checks import Floats
 from kinreach.envs.reach.task import ReachTask
-from kinreach.kinematics import kinematics_of
+from kinreach.kinematics import ArmKinematics
 from kinreach.kinematics.tensors import as_device, on_device
 from kinreach.robots import ArmDescription
 from kinreach.sim.controller import MoveResult, MoveStatus
@@ -254,7 +254,7 @@ class BatchDynamicWorld:
     ) -> None:
         self.count = count
         self._device = None if device is None else as_device(device)
-        self._kinematics = kinematics_of(arm, base="world")
+        self._kinematics = ArmKinematics.of(arm, base="world")
         simulated_on = device if backend == WARP else None  # else it is only where tensors are wanted
         self._batch = BatchSimulation(
             arm, count, threads=threads, imperfections=imperfections, backend=backend, device=simulated_on

@@ -79,7 +79,7 @@ class URKinematics(ClosedFormKinematics):
 
     Note:
         The tip is the flange unless another one is named, as for the controller of a UR without a tool; that of
-        `kinematics_of` is the arm's own, `"tcp"` of the `ur5`.
+        `ArmKinematics.of` is the arm's own, `"tcp"` of the `ur5`.
     """
 
     joints = 6
