@@ -286,7 +286,7 @@ class UR5SingleStepEnv(ReachEnv):
 
     ## Rewards
     With d the distance from the tcp to the ball's centre and r_e the posture error (natural arm plus gripper angle,
-    `kinreach.thesis.reward`): r_d - r_e with r_d = 1 - d/2 for d >= 2 m, else 0.5 - 0.5 log2(d);
+    `kinreach.thesis`): r_d - r_e with r_d = 1 - d/2 for d >= 2 m, else 0.5 - 0.5 log2(d);
     10 - r_e for d < 0.01 m; 20 for d < 0.01 m and r_e < 0.15 (reached); -100 where the action is impossible: a target
     outside the limits, or one that the arm does not attain because something is in the way (`info["impossible_reason"]`
     says what). `info["reward_terms"]` has the terms `natural_arm`, `gripper_angle`, `distance` and `special`; their sum

@@ -87,7 +87,7 @@ class Scorer(Protocol):
 
 
 class ThesisReward:
-    """The reward of the thesis (section 3.4.4), see `kinreach.thesis.reward`; for arms with the joints of a UR."""
+    """The reward of the thesis (section 3.4.4), see `kinreach.thesis`; for arms with the joints of a UR."""
 
     def __call__(self, distance: Floats, q: Floats, impossible: Flags) -> tuple[Floats, Terms]:
         """The reward of k steps and its terms."""
