@@ -5,19 +5,62 @@
 Importing this package registers them under the names that the studies and the logs use.
 """
 
-from benchmarks.learners.off_policy import ddpg_multi, ddpg_single, sac_multi, sac_single, td3_multi, td3_single
+from benchmarks.learners.button import (
+    button_dqn,
+    button_dqn_report_actuation,
+    button_guided_controls,
+    button_report_actuation,
+    button_report_both,
+    button_report_controls,
+    button_report_frames,
+)
+from benchmarks.learners.off_policy import (
+    ddpg_multi,
+    ddpg_single,
+    sac_multi,
+    sac_single,
+    td3_multi,
+    td3_single,
+)
+from benchmarks.learners.regression import (
+    ik_net,
+)
+from benchmarks.learners.sb3_ppo import (
+    sb3_multi,
+    sb3_multi_long,
+    sb3_single,
+)
 from benchmarks.learners.thesis_world import (
     thesis_multi_camera,
     thesis_single_camera,
     thesis_single_image,
     thesis_single_tolerance,
 )
+from benchmarks.learners.variants import (
+    pixels_light,
+    ppo_multi_ending,
+    space_ranked,
+)
 
 __all__ = [
+    "button_dqn",
+    "button_dqn_report_actuation",
+    "button_guided_controls",
+    "button_report_actuation",
+    "button_report_both",
+    "button_report_controls",
+    "button_report_frames",
     "ddpg_multi",
     "ddpg_single",
+    "ik_net",
+    "pixels_light",
+    "ppo_multi_ending",
     "sac_multi",
     "sac_single",
+    "sb3_multi",
+    "sb3_multi_long",
+    "sb3_single",
+    "space_ranked",
     "td3_multi",
     "td3_single",
     "thesis_multi_camera",

@@ -9,6 +9,7 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
+import benchmarks.learners  # noqa: F401 (registers its recipes)
 from benchmarks.studies.trainings import Trainings, finished, print_table, with_interval
 from kinreach.baselines.recipes import RECIPES
 from kinreach.cli import Parser, finish

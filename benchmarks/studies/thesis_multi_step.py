@@ -18,6 +18,7 @@ from pathlib import Path
 import numpy as np
 import torch
 
+from benchmarks.learners import sb3_multi_long
 from benchmarks.logs import Trace, trace
 from benchmarks.studies.parts import each
 from benchmarks.studies.tables import head, line, spread
@@ -25,7 +26,7 @@ from kinreach.baselines.evaluation import HELD_OUT
 from kinreach.baselines.learning_curve import curve_csv
 from kinreach.baselines.policies import LearnedPolicy
 from kinreach.baselines.policy_file import read_policy
-from kinreach.baselines.recipes import Recipe, get_recipe
+from kinreach.baselines.recipes import Recipe
 from kinreach.baselines.training import train
 from kinreach.cli import Parser, finish
 from kinreach.envs.reach.task import MULTI_STEP
@@ -39,7 +40,6 @@ PROG = "python -m benchmarks.studies.thesis_multi_step"
 #: Held-out goals of each policy, and decimals of what is measured on them.
 GOALS, DIGITS = 1000, 3
 _KINEMATICS = UR5Kinematics(tip="tcp", base="world")
-_LONG = get_recipe("sb3-multi-long")
 #: The standard deviation begins with the thesis's degree and ends with a quarter of it, as that of `ppo-multi`; the
 #: learning rate stays the thesis's, which AdaptivePPO would otherwise adapt.
 _SCHEDULE = {
@@ -60,10 +60,10 @@ def _scheduled(recipe: Recipe) -> Recipe:
 
 #: Recipes by the name of their folder: the thesis's rules, each of two changed alone, and both.
 VARIANTS: Mapping[str, Recipe] = {
-    "sb3-multi-long": _LONG,
-    "sb3-multi-long-going-on": _going_on(_LONG),
-    "sb3-multi-long-shrinking": _scheduled(_LONG),
-    "sb3-multi-long-both": _scheduled(_going_on(_LONG)),
+    "sb3-multi-long": sb3_multi_long,
+    "sb3-multi-long-going-on": _going_on(sb3_multi_long),
+    "sb3-multi-long-shrinking": _scheduled(sb3_multi_long),
+    "sb3-multi-long-both": _scheduled(_going_on(sb3_multi_long)),
 }
 #: Columns of the file; distances in mm, shares in percent, posture error in rad, standard deviations in degrees.
 COLUMNS = (

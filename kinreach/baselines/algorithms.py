@@ -1,4 +1,4 @@
-"""Algorithms: PPO with schedules, ranked PPO, regression, and the registry of all that a recipe can be trained with.
+"""Algorithms: PPO with schedules, ranked PPO, and the registry of all that a recipe can be trained with.
 
 Ranked PPO is for tasks where the outcome of one action can be judged at once, as the reward of reaching can: there, a
 critic that predicts the mean outcome of a state is the largest source of error of PPO. K actions are tried from every
@@ -32,7 +32,7 @@ from stable_baselines3.common.noise import NormalActionNoise, VectorizedActionNo
 
 from kinreach.baselines.adaptive_ppo import AdaptivePPO, AdaptiveRate, Exploration
 from kinreach.baselines.batch import first_observations
-from kinreach.baselines.descent import AnalyticGradient, MovingGradient, RandomArmGradient, Regression
+from kinreach.baselines.descent import AnalyticGradient, MovingGradient, RandomArmGradient
 from kinreach.baselines.looks import Looks
 from kinreach.baselines.networks import ACTIVATIONS, LookFeatures, ObservationFeatures, PosturePolicy, actor_network
 from kinreach.baselines.policy_file import Network
@@ -46,7 +46,7 @@ from kinreach.envs.button.task import CONTROL_LIMIT, JOINTS
 from kinreach.envs.reach.space import SpaceTask
 from kinreach.envs.reach.task import CAMERA, ReachTask, action_range, layout_of
 from kinreach.errors import InputError
-from kinreach.registration import SINGLE, SINGLE_KINEMATIC, SPACE
+from kinreach.registration import SPACE
 from kinreach.robots import ArmDescription, as_arm, get_arm
 
 
@@ -196,26 +196,6 @@ def ranked_arguments(recipe: Recipe, env: SB3VecEnv, planned: int) -> dict[str, 
     return arguments
 
 
-def regression_arguments(recipe: Recipe, env: SB3VecEnv, planned: int) -> dict[str, Any]:
-    """Those of an actor; `tries` is what the environments take.
-
-    Raises:
-        InputError: The task is not the UR5's single-step task, whose postures the closed form gives.
-    """
-    if recipe.environment not in (SINGLE, SINGLE_KINEMATIC) or _arm(recipe) != get_arm("ur5"):
-        raise InputError(
-            f"regression is on postures of the UR5 in {SINGLE}, not of {_arm(recipe).name!r} in {recipe.environment}"
-        )
-    return _without_tries(recipe, env, planned)
-
-
-def _without_tries(recipe: Recipe, env: SB3VecEnv, planned: int) -> dict[str, Any]:
-    """Those of an actor, without what is the environments'."""
-    arguments = actor_arguments(recipe, env, planned)
-    del arguments["tries"]
-    return arguments
-
-
 def analytic_arguments(recipe: Recipe, env: SB3VecEnv, planned: int) -> dict[str, Any]:
     """Those of an actor, and the task; `around` is the posture [rad] that outputs are changes of.
 
@@ -224,7 +204,8 @@ def analytic_arguments(recipe: Recipe, env: SB3VecEnv, planned: int) -> dict[str
     """
     if recipe.environment != SPACE or not recipe.networks.posture:
         raise InputError(f"analytic gradients are for postures in {SPACE}, not for {recipe.environment}")
-    arguments = _without_tries(recipe, env, planned) | {"task": SpaceTask.of(recipe.options)}
+    arguments = actor_arguments(recipe, env, planned) | {"task": SpaceTask.of(recipe.options)}
+    del arguments["tries"]  # of the environments
     if "around" in arguments:
         arguments["policy_kwargs"]["head"]["shift"] = _action_to(_arm(recipe), arguments.pop("around"))
     return arguments
@@ -352,7 +333,6 @@ register_algorithm(Algorithm("PPO", PPO, arguments=ppo_arguments))
 register_algorithm(Algorithm("PPO2", PPO2, arguments=ppo2_arguments, vec_env=step_by_step_to_the_end))
 register_algorithm(Algorithm("AdaptivePPO", AdaptivePPO, arguments=adaptive_arguments))
 register_algorithm(Algorithm("RankedPPO", RankedPPO, arguments=ranked_arguments, vec_env=in_tries))
-register_algorithm(Algorithm("Regression", Regression, arguments=regression_arguments, vec_env=in_tries))
 register_algorithm(Algorithm("AnalyticGradient", AnalyticGradient, arguments=analytic_arguments, vec_env=in_tries))
 register_algorithm(Algorithm("MovingGradient", MovingGradient, arguments=simulator_arguments))
 register_algorithm(Algorithm("RandomArmGradient", RandomArmGradient, arguments=simulator_arguments))

@@ -1,4 +1,4 @@
-"""Learners that try nothing: the actor goes down the gradient of its distance from the closed form or from a goal."""
+"""Learners that try nothing: the actor goes down the gradient of its distance from a goal."""
 
 from __future__ import annotations
 
@@ -10,14 +10,12 @@ import numpy as np
 import torch
 
 from kinreach.baselines.adaptive_ppo import AdaptivePPO
-from kinreach.baselines.expert import tool_down_postures
-from kinreach.baselines.random_arms import RandomArmEpisodes, ur5
+from kinreach.baselines.random_arms import RandomArmEpisodes
 from kinreach.checks import Floats
 from kinreach.envs.moving import FRAMES, PARTS, MovingEpisodes, travel_times
 from kinreach.envs.reach.observers import measured
 from kinreach.envs.reach.space import SpaceTask
-from kinreach.envs.reach.task import GOAL, SINGLE_STEP, TOOL_DOWN, action_range
-from kinreach.vision.goal_view import goals_in_world
+from kinreach.envs.reach.task import TOOL_DOWN, action_range
 
 #: From the mean actions of some rows of a batch, and their indices, to what is to be made small.
 Objective = Callable[[torch.Tensor, torch.Tensor], torch.Tensor]
@@ -54,18 +52,6 @@ class Descent(AdaptivePPO):
         self._n_updates += self.n_epochs
         self.logger.record("train/loss", loss.item())
         self._explore()
-
-
-class Regression(Descent):
-    """The actor is regressed on the closed form's postures. It is for the UR5's single-step task."""
-
-    def objective(self, observations: Floats) -> Objective:
-        """The mean squared error of the postures, as actions."""
-        views = observations[:, GOAL]
-        goals = goals_in_world(ur5().arm, views, np.ones((len(views), 2), dtype=np.bool_))
-        postures = tool_down_postures(ur5(), goals) / SINGLE_STEP.scale
-        wanted = torch.as_tensor(postures, dtype=torch.float32)
-        return lambda means, rows: (means - wanted[rows]).square().mean()
 
 
 class AnalyticGradient(Descent):

@@ -7,6 +7,7 @@ import gymnasium as gym
 import numpy as np
 import pytest
 
+import benchmarks.learners  # noqa: F401 (registers its recipes)
 from kinreach.baselines import training
 from kinreach.baselines.evaluation import evaluate
 from kinreach.baselines.learning_curve import LearningCurve

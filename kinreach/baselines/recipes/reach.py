@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from dataclasses import replace
-from typing import Any
 
 from kinreach.baselines.recipes.base import Networks, Recipe
 from kinreach.registration import MOVING, MULTI, RANDOM_ARM, SINGLE, SPACE
@@ -56,8 +55,6 @@ _DESCENT = {
     "adaptive": {"first": 3e-3, "target_kl": 1.0, "decay": 1.0},
     "adam": {"betas": (0.9, 0.99), "eps": 1e-5},
 }
-#: As many samples, updates and network inputs as ranked PPO has.
-_REGRESSED = {**_DESCENT, "tries": 1, "minibatches": 4}
 
 #: The thesis has one arm, which takes 128 steps between two updates. Each is an episode, the policy stays the same
 #: meanwhile, and with γ 0 nothing of one enters what another is worth: 128 arms that take one step are the same data,
@@ -87,14 +84,6 @@ _THESIS_MULTI = Recipe(
     options={"backend": "kinematic"},
     settings={**_THESIS_PPO2, "gain": 1 / 5, "gamma": 0.99, "n_steps": 1024, "learning_rate": 2.5e-4},
 )
-
-
-def _sb3(recipe: Recipe, *, n_steps: int, **changed: Any) -> Recipe:
-    """A thesis recipe with stable-baselines3's PPO: values free, means in units of half the range."""
-    settings = {name: value for name, value in recipe.settings.items() if name not in ("clip_range_vf", "gain")}
-    return replace(recipe, algorithm="PPO", settings={**settings, "n_steps": n_steps}, **changed)
-
-
 _PPO_MULTI = Recipe(
     name="ppo-multi",
     summary="PPO with scheduled exploration and an adaptive rate, γ 0.7; the thesis's reward, not below -30.",
@@ -136,41 +125,25 @@ _SINGLE = Recipe(
     window=20_480,
     options={"backend": "kinematic"},
 )
-_PIXELS_SINGLE = replace(
+#: Corners of the finger tips, from the tip [m].
+_FINGERS = [[x, y, 0.01] for x in (-0.011, 0.011) for y in (-0.062, 0.062)]
+_RIGHT = math.pi / 2
+_SPACE_SINGLE = replace(
     _SINGLE,
-    name="pixels-single",
-    summary="As single, from both cameras' pictures: convolutions that say where something is, 32 tries for a look.",
-    steps=2_048_000,
-    num_envs=512,
-    blur=0.0,
-    networks=Networks(hidden=(128, 128), activation="silu", features="looks", posture=True),
-    settings=_LOOKS,
-    options={"backend": "kinematic", "width": 128, "height": 72},
-)
-_SPACE_RANKED = replace(
-    _SINGLE,
-    name="space-ranked",
-    summary="As single, with goals in a volume, tool directions up to 30 degrees off the vertical and other starts.",
+    name="space-single",
+    summary="Analytic policy gradient through forward kinematics: goals in a volume, tool directions, other starts.",
     environment=SPACE,
-    steps=8_000_000,
+    algorithm="AnalyticGradient",
+    reward="own",
+    steps=1_000_000,
     num_envs=4096,
     blur=0.0,
     networks=replace(_GOAL_WAVES, hidden=(128, 128)),
     window=40_960,
     options={"backend": "kinematic", "tilt": 30.0, "start_spread": 0.3},
-)
-#: Corners of the finger tips, from the tip [m].
-_FINGERS = [[x, y, 0.01] for x in (-0.011, 0.011) for y in (-0.062, 0.062)]
-_RIGHT = math.pi / 2
-_SPACE_SINGLE = replace(
-    _SPACE_RANKED,
-    name="space-single",
-    summary="Analytic policy gradient through forward kinematics: goals in a volume, tool directions, other starts.",
-    algorithm="AnalyticGradient",
-    reward="own",
-    steps=1_000_000,
     settings={
-        **_REGRESSED,
+        **_DESCENT,
+        "tries": 1,
         "n_epochs": 8,
         "minibatches": 8,
         # the thesis's other branch, where wrist_1 stays within its limits; in that of the start pose 4 % of the goals
@@ -219,24 +192,7 @@ REACH_RECIPES = (
         settings={**_MOVING_GRADIENT.settings, "n_epochs": 8, "minibatches": 4},
     ),
     _THESIS_SINGLE,
-    _sb3(
-        _THESIS_SINGLE,
-        name="sb3-single",
-        summary="thesis-single with stable-baselines3's PPO as it comes, which begins to explore half the range.",
-        num_envs=1,
-        n_steps=128,
-        networks=Networks(),
-        window=100,
-    ),
     _THESIS_MULTI,
-    _sb3(
-        _THESIS_MULTI,
-        name="sb3-multi",
-        summary="thesis-multi with stable-baselines3's PPO as it comes, which begins to explore half the range.",
-        num_envs=1,
-        n_steps=4096,
-        networks=Networks(),
-    ),
     Recipe(
         name="ppo-single",
         summary="PPO with scheduled exploration and an adaptive rate; the thesis's reward, not below -30.",
@@ -263,22 +219,6 @@ REACH_RECIPES = (
         window=20_480,
     ),
     _PPO_MULTI,
-    replace(
-        _PPO_MULTI,
-        name="ppo-multi-ending",
-        summary="As ppo-multi, but reaching ends the episode in training too, as in the thesis: what loitering pays.",
-        options={"backend": "kinematic"},
-    ),
-    _sb3(
-        _THESIS_MULTI,
-        name="sb3-multi-long",
-        summary="thesis-multi with stable-baselines3's PPO, 128 arms, 33 times as many steps: was time lacking?",
-        steps=5_000_000,
-        num_envs=128,
-        n_steps=32,
-        window=20_480,
-        trace_after=None,
-    ),
     _SINGLE,
     replace(
         _SINGLE,
@@ -288,14 +228,18 @@ REACH_RECIPES = (
         blur=0.0,
         options={"backend": "kinematic", "arm": "panda"},
     ),
-    _PIXELS_SINGLE,
     replace(
-        _PIXELS_SINGLE,
-        name="pixels-light",
-        summary="As pixels-single, with pictures up to four times as dark or as bright.",
-        options={**_PIXELS_SINGLE.options, "exposure": 4.0},
+        _SINGLE,
+        name="pixels-single",
+        summary="As single, from both cameras' pictures: convolutions that say where something is, "
+        "32 tries for a look.",
+        steps=2_048_000,
+        num_envs=512,
+        blur=0.0,
+        networks=Networks(hidden=(128, 128), activation="silu", features="looks", posture=True),
+        settings=_LOOKS,
+        options={"backend": "kinematic", "width": 128, "height": 72},
     ),
-    _SPACE_RANKED,
     _SPACE_SINGLE,
     replace(
         _SPACE_SINGLE,
@@ -318,13 +262,5 @@ REACH_RECIPES = (
         num_envs=1024,
         walk=16,  # any posture which the arm has reason to take: 80 degrees at 5 degrees a step
         window=163_840,
-    ),
-    replace(
-        _SINGLE,
-        name="ik-net",
-        summary="No reinforcement learning: the network of `single`, regressed on the closed form's postures.",
-        algorithm="Regression",
-        reward="own",
-        settings=_REGRESSED,
     ),
 )

@@ -97,6 +97,7 @@ def test_a_policy_that_learned_so_is_given_goals_so(tmp_path):
 
 def test_learners_that_read_metres_refuse(tmp_path):
     pytest.importorskip("stable_baselines3")
+    import benchmarks.learners  # noqa: F401 (registers its recipes)
     from kinreach.baselines.recipes import get_recipe
     from kinreach.baselines.training import train
 

@@ -9,6 +9,7 @@ import pinocchio as pin
 import pytest
 from gymnasium.utils.env_checker import check_env
 
+import benchmarks.learners  # noqa: F401 (registers its recipes)
 import kinreach  # noqa: F401 (registers the environments)
 from kinreach.baselines.evaluation import evaluate
 from kinreach.baselines.loop import rollout

@@ -7,10 +7,10 @@ import pytest
 
 pytest.importorskip("stable_baselines3")
 
+from benchmarks.learners import ik_net
 from kinreach.baselines.evaluation import VALIDATION, evaluate
 from kinreach.baselines.expert import tool_down_postures
 from kinreach.baselines.models import build
-from kinreach.baselines.recipes import get_recipe
 from kinreach.baselines.training import train
 from kinreach.errors import InputError
 from kinreach.kinematics import ArmKinematics, CollisionChecker, UR5Kinematics
@@ -24,7 +24,7 @@ def test_postures_reach_and_change_smoothly():
     """By Pinocchio's forward kinematics; over all of what is drawn from in training, which is more than the table."""
     arm, ur5 = get_arm("ur5"), UR5Kinematics(tip="tcp", base="world")
     rng = np.random.default_rng(0)
-    goals = arm.workcell.goals.wider(get_recipe("ik-net").margin).sample(rng, CASES)
+    goals = arm.workcell.goals.wider(ik_net.margin).sample(rng, CASES)
     q = tool_down_postures(ur5, goals)
     kinematics = ArmKinematics(arm, tip="tcp", base="world")
     off = [np.linalg.norm(kinematics.fk(one)[:3, 3] - goal) for one, goal in zip(q[:300], goals[:300], strict=True)]
@@ -40,7 +40,7 @@ def test_postures_reach_and_change_smoothly():
 
 def test_rewards_make_no_difference(tmp_path):
     policies = [
-        train(replace(get_recipe("ik-net"), num_envs=256, reward=reward), tmp_path / reward, seed=0, steps=2048).policy
+        train(replace(ik_net, num_envs=256, reward=reward), tmp_path / reward, seed=0, steps=2048).policy
         for reward in ("own", "dense")
     ]
     observations = np.random.default_rng(1).uniform(-1, 1, (50, 13))
@@ -49,7 +49,7 @@ def test_rewards_make_no_difference(tmp_path):
 
 
 def test_it_learns_in_seconds(tmp_path):
-    run = train(replace(get_recipe("ik-net"), num_envs=512), tmp_path, seed=0, steps=60_000)
+    run = train(replace(ik_net, num_envs=512), tmp_path, seed=0, steps=60_000)
     found = evaluate(run.policy, goals=300, seed=VALIDATION, options={"backend": "kinematic"})
     assert np.median(found.measures["distance"]) < 0.01
     assert np.median(found.measures["posture_error"]) < 0.05
@@ -65,4 +65,4 @@ def test_it_learns_in_seconds(tmp_path):
 )
 def test_tasks_with_other_postures_are_refused(change):
     with pytest.raises(InputError, match="postures of the UR5"):
-        build(replace(get_recipe("ik-net"), num_envs=64, **change), 0, steps=100)
+        build(replace(ik_net, num_envs=64, **change), 0, steps=100)
