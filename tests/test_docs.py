@@ -23,7 +23,7 @@ PAGES = sorted(DOCS.rglob("*.md"))
 TOP = [ROOT / name for name in ("README.md", "CONTRIBUTING.md", "SECURITY.md")]
 SOURCE = "\n".join(
     path.read_text(encoding="utf-8")
-    for room in ("kinreach", "notebooks", "benchmarks/logs")
+    for room in ("kinreach", "notebooks", "benchmarks/learners", "benchmarks/logs")
     for path in (ROOT / room).rglob("*.py")
 )
 ENVIRONMENT = re.compile(r"kinreach/\w+-v\d")
