@@ -11,6 +11,7 @@ import sys
 import numpy as np
 import pytest
 
+import benchmarks.learners  # noqa: F401 (registers its recipes)
 from benchmarks.logs import log_names, logged_policies
 from kinreach.baselines.evaluate_cli import main
 from kinreach.baselines.evaluation import HELD_OUT, evaluate
