@@ -57,7 +57,8 @@ def test_who_asks_can(run_python, needs_gl):
     ("tests", "left", "options"),
     [(TIDY, None, ("-p", "no:cacheprovider")), (UNTIDY, r"home/\.telemetry, tmp/SB3-\w+$", ("-n", "1"))],
 )
-def test_a_run_that_leaves_something_behind_fails(tests, left, options, run_python, tmp_path):
+def test_a_run_that_leaves_something_behind_fails(tests, left, options, run_python, tmp_path, monkeypatch):
+    monkeypatch.delenv("PYTEST_DISABLE_PLUGIN_AUTOLOAD", raising=False)  # "-n" needs one
     (tmp_path / "test_own.py").write_text(tests)
     done = run_python("-m", "pytest", "-q", "-p", "tests.conftest", *options, "test_own.py")
     assert f"{1 + (tests == UNTIDY)} passed" in done.stdout

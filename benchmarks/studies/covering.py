@@ -18,7 +18,8 @@ from typing import Any
 
 import pytest
 
-MAP, TESTS = os.environ.get("KINREACH_MAP"), os.environ.get("KINREACH_TESTS")
+#: Taken out of the environment: what a test starts itself writes no map and runs no list.
+MAP, TESTS = os.environ.pop("KINREACH_MAP", None), os.environ.pop("KINREACH_TESTS", None)
 ROOT = f"{Path(__file__).resolve().parents[2]}/"
 
 #: Functions by what was going on when they were entered: a test, a fixture that several tests share, or `""`.
