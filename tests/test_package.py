@@ -7,6 +7,7 @@ import re
 import sys
 import tomllib
 from collections.abc import Iterator
+from graphlib import TopologicalSorter
 from importlib.util import resolve_name
 from pathlib import Path
 
@@ -65,10 +66,18 @@ def part_of(module: str) -> str:
     return module.split(".")[1] if module.startswith("kinreach.") else ""
 
 
+def tree(path: Path) -> ast.Module:
+    return ast.parse(path.read_text(encoding="utf-8"))
+
+
 def imports(path: Path) -> Iterator[str]:
     """Every module or name that a file imports, also within functions, by its full name."""
+    return imports_in(tree(path), path)
+
+
+def imports_in(part: ast.AST, path: Path) -> Iterator[str]:
     package = module_name(path) if path.name == "__init__.py" else module_name(path).rpartition(".")[0]
-    for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+    for node in ast.walk(part):
         if isinstance(node, ast.Import):
             yield from (alias.name for alias in node.names)
         elif isinstance(node, ast.ImportFrom):
@@ -91,6 +100,24 @@ def test_imports_point_downwards_only():
     assert wrong == []
     assert seen >= {*ROOMS, *FOUNDATION}
     assert edges > 200
+
+
+def is_for_types(node: ast.AST) -> bool:
+    return isinstance(node, ast.If) and ast.unparse(node.test) == "TYPE_CHECKING"
+
+
+def test_no_circle_of_imports():
+    """Within functions, too; what is imported for its types alone does not count."""
+    modules = {module_name(path) for path in MODULES}
+    graph: dict[str, set[str]] = {}
+    for path in MODULES:
+        importer = module_name(path)
+        typed = {name for node in ast.walk(tree(path)) if is_for_types(node) for name in imports_in(node, path)}
+        found = set(imports(path)) - typed
+        graph[importer] = {name if name in modules else name.rpartition(".")[0] for name in found} & modules
+        graph[importer].discard(importer)
+    TopologicalSorter(graph).prepare()  # CycleError names the circle
+    assert sum(map(len, graph.values())) > 500
 
 
 def test_every_folder_is_a_room():

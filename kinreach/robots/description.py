@@ -13,6 +13,7 @@ import numpy as np
 
 from kinreach.checks import MOST_ANGLE, as_floats, as_vector, check_known, check_number, shown
 from kinreach.errors import InputError
+from kinreach.robots.calibration import calibrated_urdf, read_calibration
 from kinreach.robots.grippers import Gripper
 from kinreach.robots.urdf import check_limits_complete, check_urdf, parse_urdf, set_limits
 from kinreach.robots.urdf_file import WORLD, UrdfArm, check_home, read_urdf
@@ -242,17 +243,12 @@ class ArmDescription:
         Args:
             file: The ROS driver's `kinematics.yaml`, the controller's `calibration.conf`, or a calibrated URDF.
             model: Which UR it is, "ur3" to "ur30"; default is this arm's name.
-            repair: Put right what an old exporter folded (`kinreach.robots.calibration.read_calibration`).
+            repair: Put right what an old exporter folded (`kinreach.robots.read_calibration`).
 
         Raises:
             UnknownNameError: There is no such model.
             InputError: The file is none of these, is folded, or does not fit the model.
         """
-        from kinreach.robots.calibration import (
-            calibrated_urdf,
-            read_calibration,
-        )  # which knows the models, made of this
-
         calibration = read_calibration(file, self.name if model is None else model, repair=repair)
         check_known(f"tip of arm {self.name!r}", "tool0", self.tips)
         urdf = calibrated_urdf(self.urdf, calibration, base=self.base, tip=self.tips["tool0"])

@@ -7,7 +7,7 @@ from dataclasses import replace
 from pathlib import Path
 
 from kinreach.robots.description import ArmDescription
-from kinreach.robots.ur import example_robot_data
+from kinreach.robots.ur_arms import example_robot_data
 from kinreach.robots.workcell import Box, BoxRegion, Workcell
 
 URDF_FILE = "example-robot-data/robots/panda_description/urdf/panda.urdf"

@@ -9,7 +9,7 @@ from typing import Any
 from kinreach.checks import check_known, shown
 from kinreach.errors import InputError
 from kinreach.objects import load_object
-from kinreach.robots import arm3, panda, ur
+from kinreach.robots import arm3, panda, ur_arms
 from kinreach.robots.description import ArmDescription
 
 #: How the names of files that describe an arm end.
@@ -20,7 +20,7 @@ _FROM_FILES: dict[str, Callable[[], ArmDescription]] = {"panda": panda.describe}
 
 @cache
 def _arms() -> dict[str, ArmDescription]:
-    return {arm.name: arm for arm in (*ur.ARMS, arm3.ARM)}
+    return {arm.name: arm for arm in (*ur_arms.ARMS, arm3.ARM)}
 
 
 def register_arm(arm: ArmDescription) -> ArmDescription:

@@ -125,7 +125,7 @@ class URKinematics(ClosedFormKinematics):
             model: Which UR it is, "ur3" to "ur30", or a description of one.
             tip: As for `URKinematics`.
             base: As for `URKinematics`.
-            repair: Put right what an old exporter folded (`kinreach.robots.calibration.read_calibration`).
+            repair: Put right what an old exporter folded (`kinreach.robots.read_calibration`).
 
         Returns:
             A `CalibratedURKinematics`; a `URKinematics` if the file only says what the data sheet says.
