@@ -14,9 +14,17 @@ import numpy as np
 from kinreach.checks import MOST_ANGLE, as_floats, as_vector, check_known, check_number, shown
 from kinreach.errors import InputError
 from kinreach.robots.calibration import calibrated_urdf, read_calibration
-from kinreach.robots.grippers import Gripper
-from kinreach.robots.urdf import check_limits_complete, check_urdf, parse_urdf, set_limits
-from kinreach.robots.urdf_file import WORLD, UrdfArm, check_home, read_urdf
+from kinreach.robots.grippers import PARALLEL_GRIPPER, Gripper, add_parallel_gripper
+from kinreach.robots.urdf import (
+    WORLD,
+    UrdfArm,
+    check_home,
+    check_limits_complete,
+    check_urdf,
+    parse_urdf,
+    read_urdf,
+    set_limits,
+)
 from kinreach.robots.workcell import CameraMount, Workcell
 
 #: Attributes with one number for each joint.
@@ -190,21 +198,25 @@ class ArmDescription:
                 the folders it may be in; or a joint or link is not in it; or a joint has no range, or `home` is
                 outside of one.
         """
-        source = read_urdf(
-            file, tip=tip, joints=joints, held=held or {}, package_dirs=package_dirs, gripper_on=gripper_on
-        )
+        source = read_urdf(file, tip=tip, joints=joints, held=held or {}, package_dirs=package_dirs)
+        tips, gripper = source.tips, None
+        if gripper_on is not None:
+            check_known(f"link of arm {source.name!r} that can carry a gripper", gripper_on, tips)
+            add_parallel_gripper(source.robot, gripper_on)
+            tips, gripper = {"tcp": "tcp", **tips}, PARALLEL_GRIPPER
+        root = source.package_root
         return cls(
             name=name or source.name,
             title=name or source.name,
-            build_urdf=source.build,
-            package_root=source.package_root,
+            build_urdf=partial(str, ET.tostring(source.robot, encoding="unicode")),
+            package_root=no_package if root is None else partial(str, root),
             joints=source.joints,
             home=() if home is None else tuple(home),
             base=base or "",
-            tips=source.tips,
-            default_tip=source.tip,
+            tips=tips,
+            default_tip=source.tip if gripper is None else "tcp",
             workcell=workcell or Workcell(),
-            gripper=source.gripper,
+            gripper=gripper,
             **facts,  # type: ignore[arg-type]
         )
 

@@ -18,10 +18,8 @@ from numpy.typing import NDArray
 from kinreach.checks import Floats, shown
 from kinreach.errors import InputError
 from kinreach.files import read_bytes
-from kinreach.robots.urdf import PACKAGE
+from kinreach.robots.urdf import MESHES, PACKAGE
 
-#: Files that a URDF may name.
-MESHES = (".stl", ".obj", ".dae")
 #: Largest file [bytes], largest coordinate after scaling [m], and most triangles of a file.
 MAX_BYTES, MAX_COORDINATE, MAX_FACES = 2**26, 100.0, 2_000_000
 #: Most shapes that the scene of a COLLADA file places.
