@@ -1,4 +1,4 @@
-"""Makes the environments known to Gymnasium; importing this loads no engine.
+"""Makes the environments known to Gymnasium; importing this loads no engine, and not Gymnasium.
 
 Gymnasium 1.x reads no plugin entry points: `import kinreach` before `gym.make`, or have Gymnasium do it, in worker
 processes too, by naming the module in the id, `gym.make("kinreach:kinreach/UR5SingleStep-v0")`.
@@ -6,7 +6,12 @@ processes too, by naming the module in the id, `gym.make("kinreach:kinreach/UR5S
 
 from __future__ import annotations
 
-from gymnasium.envs.registration import register, registry
+import sys
+from collections.abc import Sequence
+from importlib.abc import MetaPathFinder
+from importlib.machinery import ModuleSpec
+from types import ModuleType
+from typing import Any
 
 _REACH, _BUTTON = "kinreach.envs.reach", "kinreach.envs.button"
 #: Ids of the environments.
@@ -42,7 +47,34 @@ TRAINING_ENVIRONMENTS = {
 
 
 def register_environments() -> None:
-    """Register every environment that is not registered yet."""
+    """Register every environment, now or as soon as Gymnasium is imported: kinematics alone does not wait for it."""
+    if "gymnasium" in sys.modules:
+        _register()
+    else:
+        sys.meta_path.insert(0, _RegisterAfterImport())
+
+
+class _RegisterAfterImport(MetaPathFinder):
+    def find_spec(self, name: str, path: Sequence[str] | None, target: ModuleType | None = None) -> ModuleSpec | None:
+        if name != "gymnasium":
+            return None
+        others = (finder for finder in sys.meta_path if finder is not self)
+        spec = next((found for finder in others if (found := finder.find_spec(name, path, target))), None)
+        loader: Any = spec and spec.loader
+        if loader:
+            load = loader.exec_module
+
+            def load_and_register(module: ModuleType) -> None:
+                load(module)
+                _register()
+
+            loader.exec_module = load_and_register
+        return spec
+
+
+def _register() -> None:
+    from gymnasium.envs.registration import register, registry
+
     plain = {"backend": "kinematic", "info": "numbers"}
     for environments, options in (
         (ENVIRONMENTS, {}),

@@ -160,10 +160,35 @@ def test_import_loads_no_engine(run_python):
 
 
 def test_kinematics_loads_no_simulator_and_no_learner(run_python):
-    heavy = {"mujoco", "torch", "stable_baselines3", "cv2", "matplotlib", "placo", "trimesh", "scipy.stats"}
+    heavy = {
+        "mujoco",
+        "gymnasium",
+        "torch",
+        "stable_baselines3",
+        "cv2",
+        "matplotlib",
+        "placo",
+        "trimesh",
+        "scipy.stats",
+    }
     code = f"import sys; from kinreach.kinematics import UR5Kinematics; print(sorted({heavy} & set(sys.modules)))"
     done = run_python("-c", code)
     assert (done.returncode, done.stdout.strip()) == (0, "[]"), done.stderr
+
+
+@pytest.mark.parametrize(
+    "imports",
+    [
+        "import kinreach, gymnasium",
+        "import gymnasium, kinreach",
+        "import kinreach; from importlib.util import find_spec; find_spec('gymnasium'); import gymnasium",
+        "import kinreach.kinematics; from gymnasium.envs.registration import register; import gymnasium",
+    ],
+)
+def test_environments_are_registered_whichever_comes_first(imports, run_python):
+    code = f"{imports}; print(sum(name.startswith('kinreach/') for name in gymnasium.registry))"
+    done = run_python("-c", code)
+    assert (done.returncode, done.stdout.strip()) == (0, "9"), done.stderr
 
 
 class TestIncompatibleInstallation:
