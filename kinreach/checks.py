@@ -21,7 +21,7 @@ from kinreach.errors import InputError, raise_unknown
 Floats = NDArray[np.float64]
 
 #: Upper bound of a number of threads.
-MOST_THREADS = 1024
+MAX_THREADS = 1024
 
 #: Other characters than ASCII's printable ones and ends of lines.
 _UNUSUAL = re.compile(r"[^\n\t -~]")
@@ -126,10 +126,10 @@ def check_path(name: str, value: Any) -> Path:
 ROTATION_TOLERANCE = 1e-5
 #: Bounds of what is taken for a joint angle [rad] and for a coordinate [m]. Far beyond any arm, and near enough that
 #: what is lost by rounding does not count: sines are exact to 1e-10, and no square overflows.
-MOST_ANGLE, MOST_DISTANCE = 1e6, 1e6
+MAX_ANGLE, MAX_DISTANCE = 1e6, 1e6
 
 #: Bounds of a closed form's tolerance [m, rad].
-LEAST_TOLERANCE, MOST_TOLERANCE = 1e-9, 1.0
+MIN_TOLERANCE, MAX_TOLERANCE = 1e-9, 1.0
 
 
 def as_vector(name: str, value: ArrayLike, size: int, *, most: float = float_info.max) -> Floats:
@@ -168,10 +168,10 @@ def as_pose(name: str, value: ArrayLike) -> Floats:
 
 
 def check_poses(name: str, T: Floats) -> None:
-    """Refuse a stack of transforms, shape (n, 4, 4), if one is not a rigid motion or goes beyond `MOST_DISTANCE`."""
+    """Refuse a stack of transforms, shape (n, 4, 4), if one is not a rigid motion or goes beyond `MAX_DISTANCE`."""
     if not np.isfinite(T).all():
         raise InputError(f"{name} must be finite; {_where(~np.isfinite(T).all(axis=(1, 2)))} is not")
-    check_entries(f"every entry of {name}", T, MOST_DISTANCE)
+    check_entries(f"every entry of {name}", T, MAX_DISTANCE)
     bad_row = (np.abs(T[:, 3] - (0.0, 0.0, 0.0, 1.0)) > ROTATION_TOLERANCE).any(axis=1)
     if bad_row.any():
         raise InputError(f"{name} must have the last row 0 0 0 1; {_where(bad_row)} has {T[bad_row.argmax(), 3]}")
@@ -242,8 +242,8 @@ def as_flags(name: str, value: ArrayLike) -> NDArray[np.bool_]:
 
 def check_tolerance(tol: float) -> float:
     """A tolerance within bounds: below them rounding decides, and above them lies the size of any arm."""
-    inside = type(tol) is float and LEAST_TOLERANCE <= tol <= MOST_TOLERANCE
-    return tol if inside else check_number("tol", tol, least=LEAST_TOLERANCE, most=MOST_TOLERANCE)
+    inside = type(tol) is float and MIN_TOLERANCE <= tol <= MAX_TOLERANCE
+    return tol if inside else check_number("tol", tol, least=MIN_TOLERANCE, most=MAX_TOLERANCE)
 
 
 def _where(bad: ArrayLike) -> str:

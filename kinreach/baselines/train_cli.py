@@ -15,7 +15,7 @@ from rich.table import Table
 from kinreach.baselines.evaluation import SPLITS, TABLE_WIDTH, evaluate, evaluation_table
 from kinreach.baselines.policies import LearnedPolicy
 from kinreach.baselines.recipes import RECIPES, Recipe, get_recipe
-from kinreach.checks import MOST_THREADS, check_count, check_known, check_path
+from kinreach.checks import MAX_THREADS, check_count, check_known, check_path
 from kinreach.cli import Parser, quoted
 from kinreach.errors import InputError, InstallationError
 from kinreach.jobs import RAY, SERIAL, Engine, add_options, open_engine
@@ -65,7 +65,7 @@ def main(argv: Sequence[str], *, prog: str) -> int:
     if arguments.seed < 0:
         raise InputError(f"--seed must not be negative, got {arguments.seed}")
     check_count("--seed plus --seeds", arguments.seed + arguments.seeds, most=2**31)
-    check_count("--threads", arguments.threads, most=MOST_THREADS)
+    check_count("--threads", arguments.threads, most=MAX_THREADS)
     check_known("split", arguments.split, SPLITS)
     if arguments.resume and arguments.fresh:
         raise InputError("--resume goes on with a run, --fresh replaces it: one of them")
@@ -98,7 +98,7 @@ def _search(arguments: argparse.Namespace) -> int:
         raise InstallationError(f"training needs more packages ({error.name}): pip install 'kinreach[train]'") from None
     file = check_path("--search", arguments.search)
     given = read_search(file)
-    check_count("--threads", arguments.threads, most=MOST_THREADS)
+    check_count("--threads", arguments.threads, most=MAX_THREADS)
     out = check_path("--out", arguments.out) / f"search-{file.stem}"
     with open_engine(RAY, arguments.address):
         results = search(given, out, resume=arguments.resume, threads=arguments.threads)

@@ -37,7 +37,7 @@ from kinreach.baselines.models import Trainee, build
 from kinreach.baselines.policies import LearnedPolicy, load_policy
 from kinreach.baselines.policy_file import PolicyCard, save_policy
 from kinreach.baselines.recipes import Recipe
-from kinreach.checks import MOST_THREADS, check_count, check_path, shown
+from kinreach.checks import MAX_THREADS, check_count, check_path, shown
 from kinreach.errors import InputError, OutputError, TrainingError
 from kinreach.files import locked, make_writable, open_input, read_text, replacing, write_text
 
@@ -133,7 +133,7 @@ def train(
     if not isinstance(recipe, Recipe):
         raise InputError(f"recipe must be a Recipe, see `get_recipe`; got {shown(recipe)}")
     seed = check_count("seed", seed, least=0, most=MAX_SEED)
-    threads = check_count("threads", threads, most=MOST_THREADS)
+    threads = check_count("threads", threads, most=MAX_THREADS)
     steps = None if steps is None else check_count("steps", steps)
     folder = check_path("folder", folder)
     if resume and fresh:

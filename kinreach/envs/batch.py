@@ -14,7 +14,7 @@ from gymnasium.vector import AutoresetMode, VectorEnv
 from gymnasium.vector.utils import batch_space
 from numpy.typing import ArrayLike, NDArray
 
-from kinreach.checks import MOST_THREADS, Floats, as_flags, check_count, check_known, is_tensor, shown
+from kinreach.checks import MAX_THREADS, Floats, as_flags, check_count, check_known, is_tensor, shown
 from kinreach.envs.options import check_seed, check_started
 from kinreach.errors import InputError
 from kinreach.kinematics.tensors import as_device, on_device, on_host
@@ -407,7 +407,7 @@ def check_batch(num_envs: int, threads: int, render_mode: object) -> int:
         InputError: No environments, more than fit, or more than are drawn; no threads; a mode that no batch has.
     """
     num_envs = check_count("num_envs", num_envs, most=MOST_ENVIRONMENTS)
-    check_count("threads", threads, most=MOST_THREADS)
+    check_count("threads", threads, most=MAX_THREADS)
     if render_mode is not None:
         check_known("render_mode of a native batch", render_mode, NativeVectorEnv.metadata["render_modes"])
         if num_envs > MOST_DRAWN:

@@ -7,7 +7,7 @@ from collections.abc import Callable, Collection, Mapping
 from dataclasses import MISSING, fields
 from typing import Any, TypeVar
 
-from kinreach.checks import MOST_DISTANCE, Floats, as_floats, check_count, check_entries, shown
+from kinreach.checks import MAX_DISTANCE, Floats, as_floats, check_count, check_entries, shown
 from kinreach.errors import InputError, UnknownOptionError
 
 Options = TypeVar("Options")
@@ -112,7 +112,7 @@ def option_rows(
         shape = (size,) if count is None else (count, size)
         if values.shape != shape:
             raise InputError(f"{name} must have shape {shape}, got {values.shape}")
-        check_entries(name, values, MOST_DISTANCE)
+        check_entries(name, values, MAX_DISTANCE)
         rows.append(values.reshape(-1, size))
     return tuple(rows)
 

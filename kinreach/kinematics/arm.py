@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from kinreach.checks import (
-    MOST_ANGLE,
+    MAX_ANGLE,
     Floats,
     as_floats,
     as_vector,
@@ -143,7 +143,7 @@ class ArmKinematics:
 
     def as_posture(self, name: str, q: ArrayLike) -> Floats:
         """A posture of shape (n,), each angle within ±1e6 rad, or an `InputError`."""
-        return as_vector(name, q, self.n, most=MOST_ANGLE)
+        return as_vector(name, q, self.n, most=MAX_ANGLE)
 
     def fk(self, q: ArrayLike) -> Floats:
         """Pose of the tip in the base frame.
@@ -239,7 +239,7 @@ class ArmKinematics:
     def _check_stack(self, q: Floats) -> None:
         if q.ndim == 0 or q.shape[-1] != self.n:
             raise InputError(f"q must have shape (..., {self.n}), got {q.shape}")
-        check_entries("q", q, MOST_ANGLE)
+        check_entries("q", q, MAX_ANGLE)
 
     @cached_property
     def chain(self) -> SerialChain:

@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from kinreach.checks import (
-    MOST_DISTANCE,
+    MAX_DISTANCE,
     Floats,
     as_floats,
     as_pose,
@@ -272,7 +272,7 @@ class Arm3Kinematics(ClosedFormKinematics):
             T = T[:, :3, 3]
         if T.ndim != 2 or T.shape[1] != 3:
             raise InputError(f"targets must have shape (count, 3) or (count, 4, 4), got {T.shape}")
-        check_entries("targets", T, MOST_DISTANCE)
+        check_entries("targets", T, MAX_DISTANCE)
         return solve_positions(self._in_joint_frame(T), self.geometry, tol=tol)
 
     def _in_joint_frame(self, p: Floats) -> Floats:

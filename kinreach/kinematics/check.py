@@ -29,9 +29,9 @@ STARTS, ANGLES = 12, 25
 #: A smallest singular value below this is that of a singular posture; the arm is taken as one of 1 m.
 SINGULAR = 1e-6
 #: The same for arms with more than six joints, and how often each of their joints is turned.
-NEARLY, ROUNDS = 1e-4, 4
+NEARLY_SINGULAR, ROUNDS = 1e-4, 4
 #: An angle of a joint recurs if it is singular next to this share of the random postures.
-OFTEN = 0.25
+RECURRING = 0.25
 #: What is judged as reached: less than this away [m], [rad].
 REACHED = (1e-4, 1e-3)
 
@@ -175,14 +175,14 @@ class Singular:
             for angle, start in zip(self.q[:, joint], self.start, strict=True)
         }
         counts = Counter(angle for angle, _ in pairs)
-        return sorted(angle for angle, count in counts.items() if count >= OFTEN * STARTS)
+        return sorted(angle for angle, count in counts.items() if count >= RECURRING * STARTS)
 
 
 def singular_postures(kin: ArmKinematics, scale: float, *, seed: int = 0) -> Singular:
     """Singular postures next to random ones: a joint is turned to where the arm is least agile.
 
     With up to six joints one turn is enough. An arm with more is singular where several joints are at certain angles:
-    they are turned one after the other, and postures count from `NEARLY` on.
+    they are turned one after the other, and postures count from `NEARLY_SINGULAR` on.
 
     Args:
         kin: The arm.
@@ -198,7 +198,7 @@ def singular_postures(kin: ArmKinematics, scale: float, *, seed: int = 0) -> Sin
             q, value = start, np.inf
             for joint in way:
                 q, value = _least_agile(kin, q, joint, scale)
-            if value < (NEARLY if spare else SINGULAR):
+            if value < (NEARLY_SINGULAR if spare else SINGULAR):
                 found.append(q)
                 starts.append(number)
     return Singular(np.array(found).reshape(-1, kin.n), np.array(starts, dtype=np.int64))

@@ -10,7 +10,7 @@ from typing import Any, ClassVar
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from kinreach.checks import MOST_ANGLE, Floats, as_floats, check_entries, check_tolerance, is_tensor, torch_module
+from kinreach.checks import MAX_ANGLE, Floats, as_floats, check_entries, check_tolerance, is_tensor, torch_module
 from kinreach.errors import InputError
 from kinreach.kinematics.angles import TURN
 from kinreach.kinematics.arm import ArmKinematics
@@ -119,7 +119,7 @@ class ClosedFormKinematics(ArmKinematics, ABC):
         start = as_floats("seeds", seeds)
         if start.shape not in ((self.n,), (count, self.n)):
             raise InputError(f"seeds must have shape ({count}, {self.n}) or ({self.n},), got {start.shape}")
-        check_entries("seeds", start, MOST_ANGLE)
+        check_entries("seeds", start, MAX_ANGLE)
         start = np.broadcast_to(start, (count, self.n))
         tol = check_tolerance(tol)
         q, valid = self._batch(T, start, tol, limits=True)

@@ -20,7 +20,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from kinreach.checks import MOST_DISTANCE, Floats, as_floats, check_entries, check_number
+from kinreach.checks import MAX_DISTANCE, Floats, as_floats, check_entries, check_number
 from kinreach.engines import load
 from kinreach.errors import InputError
 from kinreach.kinematics.arm import ArmKinematics, build_model
@@ -135,7 +135,7 @@ class CollisionChecker:
         obstacles: Sequence[Box] | None = None,
         margin: float = 0.0,
     ) -> None:
-        margin = check_number("margin", margin, least=0.0, most=MOST_DISTANCE)
+        margin = check_number("margin", margin, least=0.0, most=MAX_DISTANCE)
         self.kinematics = arm if isinstance(arm, ArmKinematics) else ArmKinematics(arm)
         description = self.kinematics.arm
         boxes = description.workcell.obstacles if obstacles is None else as_boxes(obstacles)

@@ -61,20 +61,20 @@ NUDGE = 1e-14
 APART = 1e-4
 #: Eigenvalues whose angles differ by less may be equal ones [rad].
 CLUSTER = 0.05
-#: Two postures nearer than this in every joint are one [rad]; up to `ONE_VALLEY` if what is between them reaches, too.
-ONE, ONE_VALLEY = 1e-6, 2e-2
+#: Two postures nearer than this in every joint are one [rad]; up to `SAME_VALLEY` if what is between them reaches, too.
+SAME, SAME_VALLEY = 1e-6, 2e-2
 #: What has not come nearer than this to its pose in twice as many steps does not reach it [m, rad].
-ASTRAY = 1e-3
+DIVERGED = 1e-3
 #: Where a singular value is less, what is missing in that direction is rounding, and no step is taken in it.
 FLAT = 1e-8
 #: Two bad starts nearer than this lead to the same [rad].
-ONE_START = 1e-3
+SAME_START = 1e-3
 #: Steps of Newton's method from a good start, and from a bad one; the longest step of a joint [rad].
-FEW, MANY, LONGEST = 6, 40, 0.3
+STEPS, MAX_STEPS, MAX_JOINT_STEP = 6, 40, 0.3
 #: An eigenvalue that comes for this share of random poses has nothing to do with them.
-OFTEN = 0.9
+IDLE_SHARE = 0.9
 #: Most postures that a six-joint arm has for a pose.
-MOST = 16
+MAX_POSTURES = 16
 POSES = 512  # at once
 AROUND = 256  # starting points around known solutions
 #: Smallest singular value of the Jacobian at a solution that may have others near it.
@@ -222,7 +222,7 @@ def _solved(A: Floats, b: Floats) -> Floats:
         return np.asarray(np.linalg.pinv(A) @ b, dtype=np.float64)
 
 
-def newton(chain: Chain, q: Floats, T: Floats, *, steps: int = FEW) -> tuple[Floats, Floats]:
+def newton(chain: Chain, q: Floats, T: Floats, *, steps: int = STEPS) -> tuple[Floats, Floats]:
     """Newton's method from postures (m, 6) to poses (m, 4, 4); the results, and how far they miss (m,)."""
     results, off, rows = q.copy(), np.empty(len(q)), np.arange(len(q))
     for left in range(steps, -1, -1):
@@ -233,25 +233,25 @@ def newton(chain: Chain, q: Floats, T: Floats, *, steps: int = FEW) -> tuple[Flo
             break
         q, T, rows, J, error = q[going], T[going], rows[going], J[going], error[going]
         step = _solved(J + NUDGE * np.eye(6), error[:, :, None])[:, :, 0]
-        q = q + step * np.minimum(1.0, LONGEST / np.maximum(np.abs(step).max(axis=1), LONGEST))[:, None]
+        q = q + step * np.minimum(1.0, MAX_JOINT_STEP / np.maximum(np.abs(step).max(axis=1), MAX_JOINT_STEP))[:, None]
     return results, off
 
 
 def nearest_by_newton(chain: Chain, q: Floats, T: Floats) -> tuple[Floats, Floats]:
     """As `newton`, for bad starts and singular arms: by singular values, the best posture on each way."""
     best, best_off, rows = q.copy(), np.full(len(q), np.inf), np.arange(len(q))
-    for step in range(MANY):
+    for step in range(MAX_STEPS):
         error, J, off = chain.step(q, T)
         better = off < best_off[rows]
         best[rows[better]], best_off[rows[better]] = q[better], off[better]
-        going = np.flatnonzero((off >= ARRIVED) & (best_off[rows] < (np.inf if step < 2 * FEW else ASTRAY)))
+        going = np.flatnonzero((off >= ARRIVED) & (best_off[rows] < (np.inf if step < 2 * STEPS else DIVERGED)))
         if not len(going):
             break
         q, T, rows, error = q[going], T[going], rows[going], error[going]
         U, s, V = np.linalg.svd(J[going])
         inverse = np.divide(1.0, s, out=np.zeros_like(s), where=s > FLAT)
         way = (((error[:, None] @ U)[:, 0] * inverse)[:, None] @ V)[:, 0]
-        q = q + way * np.minimum(1.0, LONGEST / np.maximum(np.abs(way).max(axis=1), LONGEST))[:, None]
+        q = q + way * np.minimum(1.0, MAX_JOINT_STEP / np.maximum(np.abs(way).max(axis=1), MAX_JOINT_STEP))[:, None]
     return best, best_off
 
 
@@ -317,12 +317,12 @@ class General6R:
         except np.linalg.LinAlgError:
             return 0.0
         found, off = newton(self.chain, start, T[pose])
-        astray = np.flatnonzero(off >= EXACT)
-        angles = start[astray, 1]
+        diverged = np.flatnonzero(off >= EXACT)
+        angles = start[diverged, 1]
         same = np.abs(wrapped(angles[:, None] - angles)) < APART
-        often = np.array([len(np.unique(pose[astray[row]])) for row in same]) > OFTEN * len(q)
-        self._idle = angles[often][_first_of_each(angles[often, None], APART)]
-        back = (off < EXACT) & (np.abs(wrapped(found - q[pose])).max(axis=1) < ONE)
+        recurring = np.array([len(np.unique(pose[diverged[row]])) for row in same]) > IDLE_SHARE * len(q)
+        self._idle = angles[recurring][_first_of_each(angles[recurring, None], APART)]
+        back = (off < EXACT) & (np.abs(wrapped(found - q[pose])).max(axis=1) < SAME)
         return len(np.unique(pose[back])) / len(q)
 
     def _solve_some(self, T: Floats, tol: float) -> list[Floats]:
@@ -348,7 +348,7 @@ class General6R:
                     regular[row, None], *self.CHOICES[0], self.PHASES[0], stable=True
                 )
                 angles, others = again[:, 1], np.vstack([others, again])
-            more, miss_by = newton(self.chain, others, T[row, None].repeat(len(others), axis=0), steps=2 * FEW)
+            more, miss_by = newton(self.chain, others, T[row, None].repeat(len(others), axis=0), steps=2 * STEPS)
             kept = np.vstack([kept, wrapped(more[miss_by < EXACT])])
             kept = self._distinct(kept, T[row])
             if not len(kept) or _in_doubt(len(kept), angles, complexity):
@@ -362,9 +362,9 @@ class General6R:
         starts = [self._candidates(regular, *choice, phase)[1] for choice in self.CHOICES for phase in self.PHASES]
         seeds = np.vstack(starts)
         poses = np.broadcast_to(T, (len(seeds), 4, 4))
-        q, off = newton(self.chain, seeds, poses, steps=2 * FEW)
+        q, off = newton(self.chain, seeds, poses, steps=2 * STEPS)
         late = np.flatnonzero(off >= EXACT)  # from there to where two postures are one, or almost
-        late = late[_first_of_each(seeds[late], ONE_START)]
+        late = late[_first_of_each(seeds[late], SAME_START)]
         q[late], off[late] = nearest_by_newton(self.chain, seeds[late], poses[late])
         found = self._distinct(np.vstack([known, wrapped(q[off < EXACT])]), T)
         merging = found[np.linalg.svd(self.chain.jacobian(found)[1])[1][:, -1] < MERGING] if len(found) else found
@@ -372,21 +372,21 @@ class General6R:
             rng = np.random.default_rng(0)
             away = rng.normal(size=(AROUND, 6)) * 10.0 ** rng.uniform(-4.0, -1.5, (AROUND, 1))
             around = merging[rng.integers(len(merging), size=AROUND)] + away
-            q, off = newton(self.chain, around, np.broadcast_to(T, (AROUND, 4, 4)), steps=MANY)
-            found = self._distinct(np.vstack([found, wrapped(q[off < EXACT])]), T)[:MOST]
+            q, off = newton(self.chain, around, np.broadcast_to(T, (AROUND, 4, 4)), steps=MAX_STEPS)
+            found = self._distinct(np.vstack([found, wrapped(q[off < EXACT])]), T)[:MAX_POSTURES]
         elif not len(found) and (off <= tol).any():
             order = np.argsort(off)
             nearest = wrapped(q[order][off[order] <= tol])
-            found = nearest[_first_of_each(nearest, ONE_VALLEY)]
+            found = nearest[_first_of_each(nearest, SAME_VALLEY)]
         return found
 
     def _distinct(self, q: Floats, T: Floats) -> Floats:
         """Postures (m, 6) without repetition: two are one if they are close, or if all between them reaches, too."""
-        q = q[_first_of_each(q, ONE)]
+        q = q[_first_of_each(q, SAME)]
         if len(q) < 2:
             return q
         away = wrapped(q[:, None] - q)
-        near = (np.abs(away).max(axis=2) < ONE_VALLEY) & np.tri(len(q), k=-1, dtype=np.bool_)
+        near = (np.abs(away).max(axis=2) < SAME_VALLEY) & np.tri(len(q), k=-1, dtype=np.bool_)
         if not near.any():
             return q
         later, earlier = np.nonzero(near)

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from kinreach.checks import MOST_DISTANCE, Floats, as_pose, as_vector
+from kinreach.checks import MAX_DISTANCE, Floats, as_pose, as_vector
 from kinreach.errors import InputError
 from kinreach.kinematics.tensors import like
 
@@ -38,7 +38,7 @@ class AxisGoal:
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "position", _as_point(self.position))
-        axis = as_vector("axis", self.axis, 3, most=MOST_DISTANCE)
+        axis = as_vector("axis", self.axis, 3, most=MAX_DISTANCE)
         length = float(np.linalg.norm(axis))
         if length < 1e-9:
             raise InputError("axis must not be the zero vector")
@@ -57,7 +57,7 @@ class PositionGoal:
 
 def _as_point(position: ArrayLike) -> Floats:
     """A point of the goal's own: what the caller does with its array later does not move it."""
-    return as_vector("position", position, 3, most=MOST_DISTANCE).copy()
+    return as_vector("position", position, 3, most=MAX_DISTANCE).copy()
 
 
 Goal = PoseGoal | AxisGoal | PositionGoal

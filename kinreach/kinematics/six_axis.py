@@ -14,13 +14,13 @@ from kinreach.errors import InputError
 from kinreach.kinematics.angles import wrapped
 from kinreach.kinematics.chain import about_z, rotation_to
 from kinreach.kinematics.closed_form import ClosedFormKinematics
-from kinreach.kinematics.general_6r import MOST, Chain, General6R
+from kinreach.kinematics.general_6r import MAX_POSTURES, Chain, General6R
 from kinreach.kinematics.goals import AxisGoal, Goal, PoseGoal, PositionGoal, nearest_rotations
 from kinreach.kinematics.solutions import Accept, IKResult, IKSolutions
 from kinreach.robots import ArmDescription
 
 #: Random postures by which the direction is chosen, and the share of them that has to be found again.
-TRIED, LEAST = 100, 0.98
+TRIALS, MIN_SHARE = 100, 0.98
 #: How far the tip may be from the last joint's axis for that joint to turn about it [m, and sine of an angle].
 ON_AXIS = 1e-9
 #: Turns about the tip's z axis that are tried where the last joint does not do them alone [rad].
@@ -57,16 +57,16 @@ class SixAxisKinematics(ClosedFormKinematics):
 
     def _direction(self) -> tuple[bool, General6R]:
         """Whether the arm is solved from its tip, and the method."""
-        q = np.random.default_rng(0).uniform(-np.pi, np.pi, (TRIED, self.joints))
+        q = np.random.default_rng(0).uniform(-np.pi, np.pi, (TRIALS, self.joints))
         back: Floats = np.asarray(np.linalg.inv(self._placements[::-1]), dtype=np.float64)
         ways = (self._placements, q), (back, -q[:, ::-1])
         methods = [General6R(Chain(placements)) for placements, _ in ways]
         shares = [method.tried(postures) for method, (_, postures) in zip(methods, ways, strict=True)]
         best = int(np.argmax(shares))
-        if shares[best] < LEAST:
+        if shares[best] < MIN_SHARE:
             raise InputError(
                 f"arm {self.arm.name!r}: its axes make the elimination singular; of random postures it finds "
-                f"{100 * shares[best]:.0f} % again, and {100 * LEAST:.0f} % are needed"
+                f"{100 * shares[best]:.0f} % again, and {100 * MIN_SHARE:.0f} % are needed"
             )
         return bool(best), methods[best]
 
@@ -162,7 +162,10 @@ class SixAxisKinematics(ClosedFormKinematics):
         if T.ndim != 3 or T.shape[1:] != (4, 4):
             raise InputError(f"T must have shape (count, 4, 4), got {T.shape}")
         check_poses("T", T)
-        q, valid = np.full((self.joints, MOST, len(T)), np.nan), np.zeros((MOST, len(T)), dtype=np.bool_)
+        q, valid = (
+            np.full((self.joints, MAX_POSTURES, len(T)), np.nan),
+            np.zeros((MAX_POSTURES, len(T)), dtype=np.bool_),
+        )
         for row, found in enumerate(self._postures(T, tol)):
             q[:, : len(found), row], valid[: len(found), row] = found.T, True
         return q, valid

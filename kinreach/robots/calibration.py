@@ -27,15 +27,15 @@ from kinreach.errors import InputError
 from kinreach.files import read_text
 from kinreach.robots.rotations import pose, rpy, turn
 from kinreach.robots.ur import FLIP, JOINTS, UR_LENGTHS
-from kinreach.robots.urdf import MOST_CHARACTERS, check_urdf, link_at, origin_of, parse_urdf, set_origin
+from kinreach.robots.urdf import MAX_CHARACTERS, check_urdf, link_at, origin_of, parse_urdf, set_origin
 
 #: Names of the links in the driver's file, one for each joint of `JOINTS`.
 LINKS = ("shoulder", "upper_arm", "forearm", "wrist_1", "wrist_2", "wrist_3")
 #: How far a joint's axis may be from where the data sheet has it: tilt [rad], distance [m]. Calibrations of real arms
 #: reach 0.4 degrees and 3 mm, and the models differ from each other by 18 mm or more.
-MOST_TILT, MOST_OFFSET = math.radians(5.0), 0.015
+MAX_TILT, MAX_OFFSET = math.radians(5.0), 0.015
 #: Bounds of the numbers in a file: lengths of a link [m], angles [rad], and lengths that may cancel each other [m].
-MOST_LENGTH, MOST_FILE_ANGLE, MOST_SLIDE = 3.0, 4 * math.pi, 1e4
+MAX_LENGTH, MAX_FILE_ANGLE, MAX_SLIDE = 3.0, 4 * math.pi, 1e4
 _XYZ, _RPY = ("x", "y", "z"), ("roll", "pitch", "yaw")
 _DELTAS = ("delta_theta", "delta_a", "delta_d", "delta_alpha")
 _TWISTS = (math.pi / 2, 0.0, 0.0, math.pi / 2, -math.pi / 2, 0.0)
@@ -88,7 +88,7 @@ def read_calibration(file: str | Path, model: str, *, repair: bool = False) -> C
     """
     check_known("UR model", model, UR_LENGTHS)
     path = check_path("file", file)
-    text = read_text(path, "the calibration", most=MOST_CHARACTERS)
+    text = read_text(path, "the calibration", most=MAX_CHARACTERS)
     if text.lstrip().startswith("<"):
         placed = _from_urdf(text)
     elif "delta_theta" in text:
@@ -199,8 +199,8 @@ def _from_driver(text: str) -> _Placed:
         for key in (*_XYZ, *_RPY):
             if key not in figures:
                 raise InputError(f"the calibration lacks {key} of {link} ({joint})")
-        xyz = [_number(f"{key} of {link} ({joint})", figures[key], MOST_LENGTH, "m") for key in _XYZ]
-        angles = [_number(f"{key} of {link} ({joint})", figures[key], MOST_FILE_ANGLE, "rad") for key in _RPY]
+        xyz = [_number(f"{key} of {link} ({joint})", figures[key], MAX_LENGTH, "m") for key in _XYZ]
+        angles = [_number(f"{key} of {link} ({joint})", figures[key], MAX_FILE_ANGLE, "rad") for key in _RPY]
         steps[index] = pose(xyz, angles)
     return _Placed(np.array(steps), np.tile((0.0, 0.0, 1.0), (6, 1)))
 
@@ -215,7 +215,7 @@ def _from_controller(text: str, model: str) -> _Placed:
             raise InputError(
                 f"the calibration must have six numbers {key} = [...], one for each joint, got {len(words)}"
             )
-        bound, unit = (MOST_FILE_ANGLE, "rad") if key in ("delta_theta", "delta_alpha") else (MOST_SLIDE, "m")
+        bound, unit = (MAX_FILE_ANGLE, "rad") if key in ("delta_theta", "delta_alpha") else (MAX_SLIDE, "m")
         values.append([_number(f"{key} of {joint}", w, bound, unit) for w, joint in zip(words, JOINTS, strict=True)])
     d1, a2, a3, d4, d5, d6 = UR_LENGTHS[model]
     steps, z, x = [np.eye(4)] * 7, np.array((0.0, 0.0, 1.0)), np.array((1.0, 0.0, 0.0))
@@ -292,14 +292,14 @@ def _what_is_wrong(placements: Floats, model: str) -> str:
     """Which joint is farther from the data sheet than any calibration; empty if none is."""
     tilts, offsets = _differences(placements, nominal_placements(model))
     for what, tilt, offset in zip((*JOINTS, "tool0"), tilts, offsets, strict=True):
-        if not tilt <= MOST_TILT:
+        if not tilt <= MAX_TILT:
             return (
                 f"the axis of {what} is tilted by {math.degrees(tilt):.3g} degrees against that of a {model}, more "
-                f"than the {math.degrees(MOST_TILT):g} of any calibration"
+                f"than the {math.degrees(MAX_TILT):g} of any calibration"
             )
-        if not offset <= MOST_OFFSET:
+        if not offset <= MAX_OFFSET:
             return (
-                f"{what} is {1000 * offset:.4g} mm from where a {model} has it, more than the {1000 * MOST_OFFSET:g} "
+                f"{what} is {1000 * offset:.4g} mm from where a {model} has it, more than the {1000 * MAX_OFFSET:g} "
                 "mm of any calibration"
             )
     return ""

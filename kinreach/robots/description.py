@@ -11,7 +11,7 @@ from types import UnionType
 
 import numpy as np
 
-from kinreach.checks import MOST_ANGLE, as_floats, as_vector, check_known, check_number, shown
+from kinreach.checks import MAX_ANGLE, as_floats, as_vector, check_known, check_number, shown
 from kinreach.errors import InputError
 from kinreach.robots.calibration import calibrated_urdf, read_calibration
 from kinreach.robots.grippers import PARALLEL_GRIPPER, Gripper, add_parallel_gripper
@@ -233,12 +233,12 @@ class ArmDescription:
             InputError: A limit is no finite number, or a lower one is not below its upper one.
         """
         if not isinstance(limits, Mapping):
-            bound = check_number("limits", limits, above=0.0, most=MOST_ANGLE)
+            bound = check_number("limits", limits, above=0.0, most=MAX_ANGLE)
             limits = dict.fromkeys(self.joints, (-bound, bound))
         robot = parse_urdf(self.urdf)
         for name, pair in limits.items():
             check_known(f"joint of arm {self.name!r}", name, self.joints)
-            lower, upper = as_vector(f"the limits of joint {name!r}", pair, 2, most=MOST_ANGLE).tolist()
+            lower, upper = as_vector(f"the limits of joint {name!r}", pair, 2, most=MAX_ANGLE).tolist()
             set_limits(robot, name, lower, upper)
         text = ET.tostring(robot, encoding="unicode")
         check_urdf(text, self.package_root())

@@ -161,9 +161,9 @@ def add_joint(
 
 
 #: Bounds of a URDF: characters, links, and how large a number in it may be.
-MOST_CHARACTERS, MOST_LINKS, MOST_NUMBER = 2**23, 500, 1e9
+MAX_CHARACTERS, MAX_LINKS, MAX_NUMBER = 2**23, 500, 1e9
 #: Deepest nesting of elements, and the shortest vector that has a direction: rounding takes it from shorter ones.
-MAX_DEPTH, SHORTEST_AXIS = 100, 1e-6
+MAX_DEPTH, MIN_AXIS = 100, 1e-6
 PACKAGE = "package://"
 #: Mesh files that a URDF may name, by their ends.
 MESHES = (".stl", ".obj", ".dae")
@@ -197,8 +197,8 @@ def parse_urdf(text: object) -> ET.Element:
     Raises:
         InputError: It is too long or too deep, no XML or no URDF, or it has a document type.
     """
-    if not isinstance(text, str) or len(text) > MOST_CHARACTERS:
-        raise InputError(f"a URDF must be text of at most {MOST_CHARACTERS} characters, got {shown(text)}")
+    if not isinstance(text, str) or len(text) > MAX_CHARACTERS:
+        raise InputError(f"a URDF must be text of at most {MAX_CHARACTERS} characters, got {shown(text)}")
     depth = 0
 
     def deeper(*element: object) -> None:
@@ -270,8 +270,8 @@ def _check_tree(robot: ET.Element) -> None:
     """Every joint connects two links, no link hangs on two, and all hang on one: some engines leave out a loop."""
     links = [link.get("name", "") for link in robot.findall("link")]
     joints = robot.findall("joint")
-    if not 1 <= len(links) <= MOST_LINKS:
-        raise InputError(f"the URDF must have 1 to {MOST_LINKS} links, got {len(links)}")
+    if not 1 <= len(links) <= MAX_LINKS:
+        raise InputError(f"the URDF must have 1 to {MAX_LINKS} links, got {len(links)}")
     for name, count in Counter(links).items():
         if not name.isprintable() or not name or count > 1:
             raise InputError(f"the URDF names {shown(name)} {count} times" if name else "the URDF has a nameless part")
@@ -292,7 +292,7 @@ def _check_tree(robot: ET.Element) -> None:
         kind, limit, axis = joint.get("type"), joint.find("limit"), joint.find("axis")
         if kind not in KINDS or (kind in _LIMITED and limit is None):
             raise InputError(f"joint {name} of the URDF must be one of {', '.join(KINDS)}, with its limits")
-        if kind in _MOVED and axis is not None and math.hypot(*_floats(axis.get("xyz", "1 0 0"))) < SHORTEST_AXIS:
+        if kind in _MOVED and axis is not None and math.hypot(*_floats(axis.get("xyz", "1 0 0"))) < MIN_AXIS:
             raise InputError(f"joint {name} of the URDF has an axis without direction: {shown(axis.get('xyz'))}")
     roots = [link for link in links if link not in held]
     if len(roots) != 1 or len(links) != len(joints) + 1:
@@ -325,8 +325,8 @@ def _floats(text: str) -> list[float]:
 
 def _check_numbers(what: str, text: str, count: int, name: str) -> None:
     values = _floats(text)
-    if len(values) != count or not all(math.isfinite(value) and abs(value) <= MOST_NUMBER for value in values):
-        raise InputError(f"{what} must be {count} numbers within ±{MOST_NUMBER:g}, got {shown(text)}")
+    if len(values) != count or not all(math.isfinite(value) and abs(value) <= MAX_NUMBER for value in values):
+        raise InputError(f"{what} must be {count} numbers within ±{MAX_NUMBER:g}, got {shown(text)}")
     least = min(values)
     if (name in _POSITIVE and least <= 0) or (name in _NOT_NEGATIVE and least < 0):
         raise InputError(f"{what} must not be negative, and a size not zero; got {shown(text)}")
@@ -345,9 +345,9 @@ def _check_file(name: str, package_root: str | None) -> None:
 #: Answer of a default position servo [1/s]: stiffness is this squared times the inertia.
 SERVO_RATE = 30.0
 #: Largest speed [rad/s] and acceleration [rad/s^2] that are taken for a default.
-MOST_SPEED, MOST_ACCELERATION = 3.0, 10.0
+MAX_SPEED, MAX_ACCELERATION = 3.0, 10.0
 #: Branches that an error message names.
-MOST_NAMED = 6
+MAX_NAMED = 6
 #: Field of view of the default `overview` camera [degrees].
 OVERVIEW_FOVY = 40.0
 
@@ -444,13 +444,13 @@ class UrdfArm:
     def speed_limit(self) -> float:
         """The slowest joint's limit [rad/s]."""
         given = [speed for joint in self.joints if (speed := self._number(joint, "limit", "velocity")) > 0.0]
-        return min([MOST_SPEED, *given])
+        return min([MAX_SPEED, *given])
 
     def acceleration_limit(self, armature: float) -> float:
         """What every joint can do with half of its torque [rad/s^2], with this rotor inertia [kg m^2]."""
         torques = [self._number(joint, "limit", "effort") for joint in self.joints]
         loads = [inertia + armature for inertia in self._inertias]
-        return min([MOST_ACCELERATION, *(t / (2.0 * load) for t, load in zip(torques, loads, strict=True) if t > 0.0)])
+        return min([MAX_ACCELERATION, *(t / (2.0 * load) for t, load in zip(torques, loads, strict=True) if t > 0.0)])
 
     def position_gains(self, armature: float) -> tuple[float, ...]:
         """Stiffness with which each servo answers at `SERVO_RATE` [N m/rad], with this rotor inertia [kg m^2]."""
@@ -503,7 +503,7 @@ class UrdfArm:
         if len(ends) > 1:
             raise InputError(
                 f"arm {self.name!r} has {len(ends)} branches of {turning} joints, which end in "
-                f"{', '.join(list(ends.values())[:MOST_NAMED])}{', ...' * (len(ends) > MOST_NAMED)}; say with tip= "
+                f"{', '.join(list(ends.values())[:MAX_NAMED])}{', ...' * (len(ends) > MAX_NAMED)}; say with tip= "
                 "which one is meant"
             )
         return farthest
@@ -611,7 +611,7 @@ def read_urdf(
 ) -> UrdfSource:
     """Read an arm from a URDF file; the arguments are those of `ArmDescription.from_urdf`."""
     path = check_path("file", file)
-    robot = parse_urdf(read_text(path, "the URDF", most=MOST_CHARACTERS))
+    robot = parse_urdf(read_text(path, "the URDF", most=MAX_CHARACTERS))
     name = robot.get("name") or path.stem
     for tag in ("gazebo", "transmission"):
         for element in robot.findall(tag):
@@ -627,7 +627,7 @@ def read_urdf(
         _limit_to_a_turn(endless)
     for limit in robot.findall("joint/limit"):
         if float(limit.get("velocity", "0")) == 0.0:  # not given: it would hold the joint still in a solver's steps
-            limit.set("velocity", repr(MOST_SPEED))
+            limit.set("velocity", repr(MAX_SPEED))
     if named(robot, "link", WORLD) is None:
         root_link = UrdfArm(name, robot, tip=arm.tip).base
         robot.append(ET.Element("link", name=WORLD))

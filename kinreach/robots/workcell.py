@@ -13,16 +13,16 @@ from typing import Any, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from kinreach.checks import MOST_DISTANCE, as_vector, check_flag, check_number, shown
+from kinreach.checks import MAX_DISTANCE, as_vector, check_flag, check_number, shown
 from kinreach.errors import InputError
 
 #: Edges and coordinates of obstacles are no larger [m]: the collision engines lose touches between shapes whose sizes
 #: are too far apart.
-WIDEST = 1000.0
+MAX_SIZE = 1000.0
 #: Largest vertical field of view of a camera [degrees].
-WIDEST_VIEW = 179.0
+MAX_FOVY = 179.0
 #: Smallest sine of the angle between a camera's line of sight and its up direction.
-LEAST_SINE = 1e-6
+MIN_SINE = 1e-6
 
 
 @dataclass(frozen=True)
@@ -52,8 +52,8 @@ class Box:
             if not isinstance(values, Sequence | np.ndarray) or len(values) != 3:
                 raise InputError(f"the {part} of the box {self.name!r} must be three numbers, got {shown(values)}")
             for value in values:
-                check_number(f"the {part} of the box {self.name!r}", value, above=above, least=-WIDEST, most=WIDEST)
-        check_number(f"the legs of the box {self.name!r}", self.legs, least=0.0, most=WIDEST)
+                check_number(f"the {part} of the box {self.name!r}", value, above=above, least=-MAX_SIZE, most=MAX_SIZE)
+        check_number(f"the legs of the box {self.name!r}", self.legs, least=0.0, most=MAX_SIZE)
 
 
 def as_boxes(obstacles: Sequence[Box]) -> tuple[Box, ...]:
@@ -104,16 +104,16 @@ class CameraMount:
         _check_name("the name of a camera", self.name)
         of = f"of the camera {self.name!r}"
         _check_name(f"the link {of}", self.link)
-        check_number(f"fovy {of}", self.fovy, above=0.0, most=WIDEST_VIEW)
+        check_number(f"fovy {of}", self.fovy, above=0.0, most=MAX_FOVY)
         check_flag(f"observed {of}", self.observed)
         position, target, up = (
-            as_vector(f"the {part} {of}", getattr(self, part), 3, most=MOST_DISTANCE)
+            as_vector(f"the {part} {of}", getattr(self, part), 3, most=MAX_DISTANCE)
             for part in ("position", "target", "up")
         )
         if self.holder is not None:
-            as_vector(f"the holder {of}", self.holder, 3, most=MOST_DISTANCE)
+            as_vector(f"the holder {of}", self.holder, 3, most=MAX_DISTANCE)
         sight = target - position
-        if not np.linalg.norm(np.cross(sight, up)) > LEAST_SINE * np.linalg.norm(sight) * np.linalg.norm(up):
+        if not np.linalg.norm(np.cross(sight, up)) > MIN_SINE * np.linalg.norm(sight) * np.linalg.norm(up):
             raise InputError(f"the target {of} must not be where it stands, nor up or down from there: {self.target}")
 
 
@@ -179,7 +179,7 @@ class QuadrantRegion:
 
 
 def _check_range(name: str, ends: tuple[float, float]) -> None:
-    low, high = as_vector(name, ends, 2, most=WIDEST)
+    low, high = as_vector(name, ends, 2, most=MAX_SIZE)
     if low > high:
         raise InputError(f"the range {name} of goals ends below its beginning: {low} to {high}")
 
@@ -213,8 +213,8 @@ class Workcell:
             raise InputError(f"touching must be pairs of an obstacle and a link, got {shown(touching)}")
         if self.goals is not None and not callable(getattr(self.goals, "sample", None)):
             raise InputError(f"goals must be a region such as BoxRegion(x, y, z), got {shown(self.goals)}")
-        check_number("ball_radius", self.ball_radius, above=0.0, most=WIDEST)
-        check_number("reached_distance", self.reached_distance, above=0.0, most=WIDEST)
+        check_number("ball_radius", self.ball_radius, above=0.0, most=MAX_SIZE)
+        check_number("reached_distance", self.reached_distance, above=0.0, most=MAX_SIZE)
 
     def draw_goals(self, rng: np.random.Generator, count: int) -> NDArray[np.float64]:
         """Draw `count` goal positions in the world frame [m], shape (count, 3).

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from kinreach.checks import MOST_DISTANCE, Floats, as_vector
+from kinreach.checks import MAX_DISTANCE, Floats, as_vector
 from kinreach.robots import ArmDescription
 from kinreach.sim.engine import mujoco
 from kinreach.sim.scene import BALL, scene_model
@@ -58,7 +58,7 @@ class PosedScene:
         """
         self.data.qpos[self._qpos] = as_vector("q", q, len(self.arm.joints))
         if ball is not None:
-            self.data.mocap_pos[self._ball] = as_vector("ball", ball, 3, most=MOST_DISTANCE)
+            self.data.mocap_pos[self._ball] = as_vector("ball", ball, 3, most=MAX_DISTANCE)
         if time is not None:
             self.data.time = time
 

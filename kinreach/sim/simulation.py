@@ -10,8 +10,8 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from kinreach.checks import (
-    MOST_DISTANCE,
-    MOST_THREADS,
+    MAX_DISTANCE,
+    MAX_THREADS,
     Floats,
     as_array,
     as_floats,
@@ -100,7 +100,7 @@ class ArmSimulation:
         Raises:
             InputError: Wrong shape, not finite, or further away.
         """
-        self.data.mocap_pos[self._ball] = as_vector("position", position, 3, most=MOST_DISTANCE)
+        self.data.mocap_pos[self._ball] = as_vector("position", position, 3, most=MAX_DISTANCE)
 
     def move(self, q_target: ArrayLike, *, two_phase: bool = True) -> MoveResult:
         """Move to a posture by dynamics; see `JointController.move`.
@@ -220,7 +220,7 @@ class BatchSimulation:
             raise InputError(f"device is for backend={WARP!r}; {backend!r} runs on the processor, got {shown(device)}")
         count, threads = (
             check_count("count", count, most=MOST_COUNT),
-            check_count("threads", threads, most=MOST_THREADS),
+            check_count("threads", threads, most=MAX_THREADS),
         )
         check_timestep(timestep)
         self.arm = as_arm(arm)
@@ -273,7 +273,7 @@ class BatchSimulation:
         """
         ids = self._as_ids(ids)
         rows = self._as_rows("positions", positions, len(ids), 3, repeat=True)
-        check_entries("positions", rows, MOST_DISTANCE)
+        check_entries("positions", rows, MAX_DISTANCE)
         self._balls[ids] = rows
 
     def move(self, ids: ArrayLike, targets: ArrayLike, *, two_phase: bool = True) -> list[MoveResult]:

@@ -25,7 +25,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from kinreach.checks import MOST_ANGLE, Floats, as_floats, check_entries, check_tensor, is_tensor
+from kinreach.checks import MAX_ANGLE, Floats, as_floats, check_entries, check_tensor, is_tensor
 from kinreach.errors import InputError
 from kinreach.kinematics.tensors import like, namespace, where
 
@@ -159,7 +159,7 @@ def _joints(q: Any) -> _Joints:
     q = as_floats("q", q)
     if q.ndim == 0 or q.shape[-1] != _DOF:
         raise InputError(f"q must have shape (..., {_DOF}), got {q.shape}")
-    check_entries("q", q, MOST_ANGLE)
+    check_entries("q", q, MAX_ANGLE)
     return _Joints(*(q[..., joint] for joint in range(_DOF - 1)))
 
 

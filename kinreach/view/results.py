@@ -11,7 +11,7 @@ from typing import Any, NoReturn
 
 import numpy as np
 
-from kinreach.checks import MOST_ANGLE, MOST_DISTANCE, Floats, check_path, shown
+from kinreach.checks import MAX_ANGLE, MAX_DISTANCE, Floats, check_path, shown
 from kinreach.errors import InputError
 from kinreach.files import read_text
 from kinreach.robots import arm_names
@@ -161,14 +161,14 @@ def _trials(rows: csv.DictReader[str], methods: Mapping[str, Any]) -> tuple[Floa
 def _trial(row: Mapping[str, str], methods: Mapping[str, Any]) -> Iterator[tuple[int, str, Floats, End]]:
     """Index of the goal, method, goal and end of a row; nothing of a method that the summary leaves out."""
     if row["method"] in methods:
-        (index,) = _vector(row, "goal_index", MOST_DISTANCE, size=1)
-        distance = _vector(row, "distance", MOST_DISTANCE, size=1) if row["distance"] else np.array([np.nan])
+        (index,) = _vector(row, "goal_index", MAX_DISTANCE, size=1)
+        distance = _vector(row, "distance", MAX_DISTANCE, size=1) if row["distance"] else np.array([np.nan])
         known = [name for name in ("tip", "q") if row.get(name)]
-        tip = _vector(row, "tip", MOST_DISTANCE, size=3) if "tip" in known else None
-        q = _vector(row, "q", MOST_ANGLE) if "q" in known else None
+        tip = _vector(row, "tip", MAX_DISTANCE, size=3) if "tip" in known else None
+        q = _vector(row, "q", MAX_ANGLE) if "q" in known else None
         reached = row["reached"] in ("1", "True")
         end = End(reached, float(distance[0]), row.get("impossible_reason") or "", tip, q)
-        yield int(index), row["method"], _vector(row, "goal", MOST_DISTANCE, size=3), end
+        yield int(index), row["method"], _vector(row, "goal", MAX_DISTANCE, size=3), end
 
 
 def _vector(row: Mapping[str, str], name: str, most: float, *, size: int | None = None) -> Floats:

@@ -24,7 +24,7 @@ from types import MappingProxyType
 import numpy as np
 from numpy.typing import NDArray
 
-from kinreach.checks import MOST_DISTANCE, Floats, as_array, as_floats, check_known, check_number, shown
+from kinreach.checks import MAX_DISTANCE, Floats, as_array, as_floats, check_known, check_number, shown
 from kinreach.errors import InputError
 from kinreach.vision.cameras import Intrinsics
 from kinreach.vision.circles import Circle, grey_circles, red_circles, red_mask
@@ -214,7 +214,7 @@ def _touches_edge(rows: NDArray[np.intp], columns: NDArray[np.intp], shape: tupl
 
 
 def _measured(depth: Floats) -> NDArray[np.bool_]:
-    return (depth > 0) & (depth < MOST_DISTANCE)
+    return (depth > 0) & (depth < MAX_DISTANCE)
 
 
 def _radii(camera: Intrinsics, radius: float) -> tuple[float, float]:

@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from kinreach.checks import MOST_DISTANCE, Floats, as_floats, check_count, check_entries, check_number, shown
+from kinreach.checks import MAX_DISTANCE, Floats, as_floats, check_count, check_entries, check_number, shown
 from kinreach.errors import InputError
 from kinreach.sim.engine import mujoco
 from kinreach.sim.rendering import FrameRenderer, camera_id
@@ -95,7 +95,7 @@ class Intrinsics:
         p = as_floats("p_camera", p_camera)
         if p.ndim == 0 or p.shape[-1] != 3:
             raise InputError(f"p_camera must have shape (..., 3), got {p.shape}")
-        check_entries("p_camera", p, MOST_DISTANCE)
+        check_entries("p_camera", p, MAX_DISTANCE)
         if not (p[..., 2] >= LEAST_DEPTH).all():
             raise InputError(
                 f"points to project must be in front of the camera, z > 0; got z = {p[..., 2].min():.6g} m"

@@ -19,7 +19,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from kinreach.checks import (
-    MOST_DISTANCE,
+    MAX_DISTANCE,
     Floats,
     as_array,
     as_floats,
@@ -80,7 +80,7 @@ def geometric_goal_view(arm: str | ArmDescription, goals_world: ArrayLike) -> Fl
     goals = as_floats("goals_world", goals_world)
     if goals.ndim == 0 or goals.shape[-1] != 3:
         raise InputError(f"goals_world must have shape (..., 3), got {goals.shape}")
-    check_entries("goals_world", goals, MOST_DISTANCE)
+    check_entries("goals_world", goals, MAX_DISTANCE)
     # not a matrix product, whose last bit depends on how many goals there are
     x, y, z = np.ascontiguousarray(goals.reshape(-1, 3).T)
     rows = _world_to_cameras(as_arm(arm))
@@ -105,7 +105,7 @@ def goal_in_world(arm: str | ArmDescription, values: ArrayLike, found: ArrayLike
     """
     arm = as_arm(arm)
     count = len(goal_camera_poses(arm))
-    view = as_vector("values", values, 3 * count, most=2 * MOST_DISTANCE)
+    view = as_vector("values", values, 3 * count, most=2 * MAX_DISTANCE)
     seen = as_array("found", found)
     if seen.shape != (count,) or seen.dtype != np.bool_:
         raise InputError(f"found must be {count} truth values, got {shown(found)}")

@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from dataclasses import asdict, dataclass, field
 from typing import Any
 
-from kinreach.checks import MOST_DISTANCE, check_count, check_number
+from kinreach.checks import MAX_DISTANCE, check_count, check_number
 
 
 @dataclass(frozen=True)
@@ -81,7 +81,7 @@ class Recipe:
         for name in ("steps", "num_envs", "walk", "segments", "window"):
             check_count(f"{name} of a recipe", getattr(self, name))
         for name in ("blur", "margin"):
-            check_number(f"{name} of a recipe [m]", getattr(self, name), least=0.0, most=MOST_DISTANCE)
+            check_number(f"{name} of a recipe [m]", getattr(self, name), least=0.0, most=MAX_DISTANCE)
         if self.trace_after is not None:
             check_count("trace_after of a recipe", self.trace_after, least=0)
 

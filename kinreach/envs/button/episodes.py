@@ -9,7 +9,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from gymnasium import spaces
 
-from kinreach.checks import MOST_DISTANCE, Floats, as_vector, check_count, check_flag, check_known
+from kinreach.checks import MAX_DISTANCE, Floats, as_vector, check_count, check_flag, check_known
 from kinreach.envs.batch import Outcome, RowStreams
 from kinreach.envs.button.task import (
     ACTUATIONS,
@@ -95,7 +95,7 @@ class ButtonOptions:
         """The target of all episodes in the world [m], shape (3,), if one was given."""
         if isinstance(self.fixed_target, bool):
             return None
-        return as_vector("fixed_target", self.fixed_target, 3, most=MOST_DISTANCE)
+        return as_vector("fixed_target", self.fixed_target, 3, most=MAX_DISTANCE)
 
 
 class ButtonStarts:

@@ -16,7 +16,7 @@ from gymnasium import spaces
 from numpy.typing import ArrayLike, NDArray
 
 from kinreach.checks import (
-    MOST_DISTANCE,
+    MAX_DISTANCE,
     Floats,
     as_floats,
     as_vector,
@@ -153,7 +153,7 @@ class ReachOptions:
         check_number("tolerance", self.tolerance, least=0.0, most=math.pi)
         if self.tolerance and self.backend != "kinematic":
             raise InputError(f'a tolerance is for backend="kinematic", got {self.backend!r}, where the dynamics decide')
-        check_number("collision_margin [m]", self.collision_margin, least=0.0, most=MOST_DISTANCE)
+        check_number("collision_margin [m]", self.collision_margin, least=0.0, most=MAX_DISTANCE)
         check_flag("end_on_reached", self.end_on_reached)
         if as_imperfections(self.imperfections) != IDEAL and self.backend == "kinematic":
             raise InputError(f'imperfections are of the dynamics: use backend="mujoco", got {self.backend!r}')

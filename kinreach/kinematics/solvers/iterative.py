@@ -150,10 +150,10 @@ def _fold(angle: float, lower: float, upper: float, full_circle: bool) -> float:
 DEFAULT_TOLERANCE = Tolerance()
 
 #: Most steps of an attempt, and most attempts: a goal that cannot be reached takes them all.
-MOST_ATTEMPTS = 10_000
+MAX_COUNT = 10_000
 
 #: Largest duration of a step [s]: with it, speed limits limit nothing.
-LONGEST_STEP = 1e3
+MAX_DT = 1e3
 
 #: A step below this [rad] ends an attempt: the limits or a singular posture hold it.
 STALLED = 1e-5
@@ -227,8 +227,8 @@ class IterativeSolver(ABC):
             check_number(f"the tolerance of the {part}", getattr(tolerance, part), above=0.0)
         self.kin = kin
         self.tolerance = tolerance
-        self.max_iterations = check_count("max_iterations", max_iterations, most=MOST_ATTEMPTS)
-        self.max_restarts = check_count("max_restarts", max_restarts, least=0, most=MOST_ATTEMPTS)
+        self.max_iterations = check_count("max_iterations", max_iterations, most=MAX_COUNT)
+        self.max_restarts = check_count("max_restarts", max_restarts, least=0, most=MAX_COUNT)
         self.rng_seed = check_count("rng_seed", rng_seed, least=0)
         self.joint_space = JointSpace(kin)
 
@@ -323,7 +323,7 @@ class SteppingSolver(IterativeSolver):
         super().__init__(
             kin, tolerance=tolerance, max_iterations=max_iterations, max_restarts=max_restarts, rng_seed=rng_seed
         )
-        self.dt = check_number("dt", dt, above=0.0, most=LONGEST_STEP)
+        self.dt = check_number("dt", dt, above=0.0, most=MAX_DT)
         self._prepare()
 
     @abstractmethod

@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from kinreach.checks import MOST_DISTANCE, Floats, is_tensor
+from kinreach.checks import MAX_DISTANCE, Floats, is_tensor
 from kinreach.kinematics.angles import TURN
 from kinreach.kinematics.tensors import empty, like, namespace, parts
 from kinreach.kinematics.ur.closed_form import NEAR_WRIST
@@ -72,7 +72,7 @@ def _not_a_rotation(m: Any) -> Any:
     off += abs(ny * oz - nz * oy - ax)
     off += abs(nz * ox - nx * oz - ay)
     off += abs(nx * oy - ny * ox - az)
-    near = abs(px) + abs(py) + abs(pz) < MOST_DISTANCE
+    near = abs(px) + abs(py) + abs(pz) < MAX_DISTANCE
     return ~(near & (off < ROUNDING))
 
 

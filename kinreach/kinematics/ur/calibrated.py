@@ -35,8 +35,8 @@ from kinreach.kinematics.angles import wrapped
 from kinreach.kinematics.chain import blocks
 from kinreach.kinematics.general_6r import (
     EXACT,
-    FEW,
-    MOST,
+    MAX_POSTURES,
+    STEPS,
     Chain,
     General6R,
     miss,
@@ -56,7 +56,7 @@ CAUTION = 1.5
 #: How many times what the difference changes with the free angle sin q5 must be for branches to be told apart.
 WRIST_MARGIN = 3.0
 #: An arm that differs more from the closed form's kind is none [m, rad].
-MOST_MISFIT = 0.1
+MAX_MISFIT = 0.1
 #: How far q4 and q6 may move for the correction of a pose out of reach to be trusted [rad].
 STEADY = 0.3
 
@@ -114,7 +114,7 @@ def fit(chain: Chain, start: URGeometry) -> Fit:
     error = miss(_chain(x, before, after).fk(q + zeros), T)
     position = CAUTION * float(np.linalg.norm(error[:, :3], axis=1).max())
     orientation = CAUTION * float(np.linalg.norm(error[:, 3:], axis=1).max())
-    if not max(position, orientation) < MOST_MISFIT:
+    if not max(position, orientation) < MAX_MISFIT:
         raise InputError("the arm is no UR, not even one out of adjustment")
     return Fit(URGeometry(*x.tolist()), zeros, before, after, _chain(x, before, after), position, orientation)
 
@@ -156,8 +156,8 @@ class CalibratedSolver:
             Postures (6, 16, count) [rad], NaN where there is none, and which there are (16, count).
         """
         count = len(T)
-        q = np.full((6, MOST, count), np.nan)
-        valid = np.zeros((MOST, count), dtype=np.bool_)
+        q = np.full((6, MAX_POSTURES, count), np.nan)
+        valid = np.zeros((MAX_POSTURES, count), dtype=np.bool_)
         doubtful = np.empty(count, dtype=np.bool_)
         for part in blocks(count):
             q[:, :BRANCHES, part], valid[:BRANCHES, part], doubtful[part] = self._by_branches(T[part])
@@ -167,7 +167,8 @@ class CalibratedSolver:
         if lists:
             postures, pose = np.vstack(lists), np.repeat(np.arange(len(rows)), [len(found) for found in lists])
             index = self._index(postures.T)[0]
-            shared = np.bincount(MOST * pose + index, minlength=MOST * len(rows)).reshape(-1, MOST).max(axis=1) > 1
+            counts = np.bincount(MAX_POSTURES * pose + index, minlength=MAX_POSTURES * len(rows))
+            shared = counts.reshape(-1, MAX_POSTURES).max(axis=1) > 1
             for which in np.flatnonzero(shared):
                 index[pose == which] = self.branches(lists[which])
             q[:, index, rows[pose]], valid[index, rows[pose]] = postures.T, True
@@ -190,7 +191,7 @@ class CalibratedSolver:
     def _refined_few(self, q: Floats, T: Floats) -> tuple[Floats, float]:
         """Newton's method from few near starts (m, 6) to one pose (1, 4, 4), and how far the worst result misses."""
         start, missing = q, np.inf
-        for _ in range(FEW):
+        for _ in range(STEPS):
             error, J, off = self.chain.step(q, T)
             missing = float(off.max())
             if not 0.01 * EXACT < missing < STEADY:
@@ -253,7 +254,7 @@ class CalibratedSolver:
         for which in np.argsort(-margin):
             taken.setdefault(int(index[which]), int(which))
         mine = {which: branch for branch, which in taken.items()}
-        spare = iter([*range(BRANCHES, MOST), *(set(range(BRANCHES)) - set(taken))])
+        spare = iter([*range(BRANCHES, MAX_POSTURES), *(set(range(BRANCHES)) - set(taken))])
         return [mine[which] if which in mine else next(spare) for which in range(len(q))]
 
     def _index(self, q: Floats) -> tuple[NDArray[np.int64], Floats]:

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from kinreach.checks import (
-    MOST_DISTANCE,
+    MAX_DISTANCE,
     Floats,
     as_floats,
     as_pose,
@@ -335,9 +335,9 @@ class URKinematics(ClosedFormKinematics):
             and -ROUNDING < ny * oz - nz * oy - ax < ROUNDING
             and -ROUNDING < nz * ox - nx * oz - ay < ROUNDING
             and -ROUNDING < nx * oy - ny * ox - az < ROUNDING
-            and -MOST_DISTANCE < px < MOST_DISTANCE
-            and -MOST_DISTANCE < py < MOST_DISTANCE
-            and -MOST_DISTANCE < pz < MOST_DISTANCE
+            and -MAX_DISTANCE < px < MAX_DISTANCE
+            and -MAX_DISTANCE < py < MAX_DISTANCE
+            and -MAX_DISTANCE < pz < MAX_DISTANCE
             and last == [0.0, 0.0, 0.0, 1.0]
         )
         if exact and self._plain:
