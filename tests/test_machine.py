@@ -18,7 +18,7 @@ except InstallationError as error:
     print(error)
 """
 
-TIDY = """
+TESTS = """
 import tempfile
 from pathlib import Path
 
@@ -26,9 +26,8 @@ def test_tidy(tmp_path):
     (tmp_path / "kept").touch()
     with tempfile.TemporaryDirectory():
         pass
-"""
 
-UNTIDY = f"""{TIDY}
+
 def test_untidy():
     (Path.home() / ".telemetry").touch()
     tempfile.mkdtemp(prefix="SB3-")
@@ -53,15 +52,9 @@ def test_who_asks_can(run_python, needs_gl):
     assert render(ArmSimulation("arm3"), width=8, height=8).shape == (8, 8, 3)
 
 
-@pytest.mark.parametrize(
-    ("tests", "left", "options"),
-    [(TIDY, None, ("-p", "no:cacheprovider")), (UNTIDY, r"home/\.telemetry, tmp/SB3-\w+$", ("-n", "1"))],
-)
-def test_a_run_that_leaves_something_behind_fails(tests, left, options, run_python, tmp_path, monkeypatch):
-    monkeypatch.delenv("PYTEST_DISABLE_PLUGIN_AUTOLOAD", raising=False)  # "-n" needs one
-    (tmp_path / "test_own.py").write_text(tests)
-    done = run_python("-m", "pytest", "-q", "-p", "tests.conftest", *options, "test_own.py")
-    assert f"{1 + (tests == UNTIDY)} passed" in done.stdout
-    assert done.returncode == (0 if left is None else 1)
-    assert bool(left) == ("left behind" in done.stdout)
-    assert left is None or re.search(f"left behind: {left}", done.stdout, re.MULTILINE)
+def test_a_run_that_leaves_something_behind_fails(run_python, tmp_path):
+    (tmp_path / "test_own.py").write_text(TESTS)
+    done = run_python("-m", "pytest", "-q", "-p", "tests.conftest", "-p", "no:cacheprovider", "test_own.py")
+    assert "2 passed" in done.stdout
+    assert done.returncode == 1
+    assert re.search(r"left behind: home/\.telemetry, tmp/SB3-\w+$", done.stdout, re.MULTILINE)

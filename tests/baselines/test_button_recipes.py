@@ -42,10 +42,10 @@ def small(name):
 
 
 def test_postures_are_of_the_closed_form_and_on_the_first_branch_there_is():
-    _, info = batch(2000).reset(seed=0)
+    _, info = batch(500).reset(seed=0)
     goals, kinematics = info["goal"], Arm3Kinematics(base="world")
     q = goal_postures(goals)
-    assert q.shape == (2000, 3)
+    assert q.shape == (500, 3)
     reached = np.array([kinematics.fk(row)[:3, 3] for row in q])
     np.testing.assert_allclose(reached, goals, atol=1e-9)
     assert ((q >= kinematics.lower) & (q <= kinematics.upper)).all()
@@ -56,8 +56,8 @@ def test_postures_are_of_the_closed_form_and_on_the_first_branch_there_is():
         found = list(solutions.branch).index(branches[0])
         np.testing.assert_allclose(posture, solutions.q[found], atol=1e-9)
         taken[branches[0]] += 1
-    assert taken[BRANCH_ORDER[0]] > 1900
-    assert taken[BRANCH_ORDER[1]] > 20
+    assert taken[BRANCH_ORDER[0]] > 475
+    assert taken[BRANCH_ORDER[1]] > 5
     assert np.isnan(goal_postures(np.array([[3.0, 0, 0]]))).all()
 
 

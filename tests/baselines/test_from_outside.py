@@ -13,6 +13,7 @@ from kinreach.baselines.models import build
 from kinreach.baselines.policies import load_policy
 from kinreach.baselines.recipes import RECIPES, Networks, Recipe, get_recipe, register_recipe
 from kinreach.baselines.training import train
+from kinreach.cli import main
 from kinreach.errors import InputError, UnknownNameError
 
 #: As a user would write it.
@@ -56,19 +57,18 @@ def registries(monkeypatch):
         registry.update(kept)
 
 
-def test_a_recipe_and_an_algorithm_of_a_users_module_on_the_command_line(run_python, tmp_path):
+def test_a_recipe_and_an_algorithm_of_a_users_module_on_the_command_line(run_python, tmp_path, capsys):
     pytest.importorskip("sb3_contrib")
     (tmp_path / "mine.py").write_text(MINE)
     done = run_python("-c", "import sys; sys.path.remove(''); from kinreach.cli import main; "
                       "sys.exit(main(['train', 'mine:RECIPE', '--out', 'out']))")  # fmt: skip
     assert done.returncode == 0, done.stderr
-    policy = load_policy(tmp_path / "out/tqc-single/seed-0/policy.safetensors")
+    policy_file = tmp_path / "out/tqc-single/seed-0/policy.safetensors"
+    policy = load_policy(policy_file)
     assert (policy.card.algorithm, policy.card.meaning) == ("TQC", "action")
     assert [weight.shape for weight, _ in policy.network.layers] == [(256, 13), (256, 256), (6, 256)]
-    done = run_python("-m", "kinreach.evaluate", "out/tqc-single/seed-0/policy.safetensors", "--goals", "3",
-                      "--backend", "kinematic")  # fmt: skip
-    assert done.returncode == 0, done.stderr
-    assert "tqc-single/seed-0" in done.stdout
+    assert main(["evaluate", str(policy_file), "--goals", "3", "--backend", "kinematic"]) == 0
+    assert "tqc-single/seed-0" in capsys.readouterr().out
 
 
 RECIPE = Recipe(

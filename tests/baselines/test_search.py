@@ -87,7 +87,6 @@ def test_a_trial_is_judged_after_every_segment():
     assert steps == sorted(set(steps))
     assert steps[-1] >= 400
     assert all(set(scores) == set(JUDGES) for _, scores in found)
-    assert list(trial(given, {"num_envs": 8})) == found
 
 
 def test_one_of_the_two(capsys):

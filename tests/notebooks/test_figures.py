@@ -11,6 +11,8 @@ from kinreach.thesis import IMPOSSIBLE_REWARD, reach_reward
 from notebooks import figures
 from notebooks.figures import Success, moving_mean, seed_band
 
+pytestmark = pytest.mark.slow
+
 CASES = 50
 HEIGHTS = np.linspace(0.0, 0.1, 11)
 TARGET = [0.3, -0.4, 0.25]

@@ -1,0 +1,18 @@
+"""Tests of studies are slow: they need what a study measures, and `make test` is about the package."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+#: What guards the package and its pages on every run.
+QUICK = {"test_mutants.py", "test_trainings_interval.py"}
+
+
+@pytest.hookimpl(tryfirst=True)
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    """Mark what is beside this file, except `QUICK`."""
+    for item in items:
+        if item.path.parent == Path(__file__).parent and item.path.name not in QUICK:
+            item.add_marker(pytest.mark.slow)
