@@ -14,7 +14,6 @@ from copy import deepcopy
 from functools import cache, partial
 from typing import Any, NamedTuple
 
-import gymnasium as gym
 import numpy as np
 from gymnasium import spaces
 from gymnasium.vector import AutoresetMode
@@ -23,10 +22,11 @@ from scipy.stats import qmc
 
 from kinreach.baselines.expert import tool_down_postures
 from kinreach.checks import Floats
-from kinreach.envs.batch import Flags, Ids, NativeVectorEnv, Outcome, RowStreams, check_batch, first_row
+from kinreach.envs.batch import Flags, Ids, NativeVectorEnv, Outcome, RowStreams, check_batch
 from kinreach.envs.moving import check_actions
-from kinreach.envs.options import check_not_over, check_seed, check_started, option_rows
+from kinreach.envs.options import check_not_over, option_rows
 from kinreach.envs.real_arm import BUDGETS, MEDIAN_LENGTH, NEAR, NOISE
+from kinreach.envs.single import SingleEnv
 from kinreach.kinematics import UR5Kinematics
 from kinreach.kinematics.identification import Prior, frames_of, moved_frames, slopes
 
@@ -221,42 +221,22 @@ def _observation_space() -> spaces.Box:
     return spaces.Box(-np.inf, np.inf, (SIZE,), dtype=np.float64)
 
 
-class RandomArmEnv(gym.Env[Any, Any]):
+class RandomArmEnv(SingleEnv):
     """One `kinreach/RandomArm-v0`; the module says what an episode is, and `RandomArmVectorEnv` the rest."""
 
     metadata = {"render_modes": []}  # noqa: RUF012 (declared by Gymnasium)
     render_mode = None
 
     def __init__(self) -> None:
-        self.episodes = RandomArmEpisodes(1)
+        self.episodes = self._episodes = RandomArmEpisodes(1)
         self.action_space, self.observation_space = _action_space(), _observation_space()
-        self._started, self._over = False, False
 
-    def reset(self, *, seed: int | None = None, options: dict[str, Any] | None = None) -> tuple[Any, dict[str, Any]]:
-        """Another arm, and another ball.
+    def _check_start(self, options: Mapping[str, Any] | None) -> RandomArmStart:
+        return _no_start(options)
 
-        Raises:
-            InputError: A seed that is none, or any options.
-        """
-        seed, start = check_seed(seed), _no_start(options)
-        super().reset(seed=seed)
-        if seed is not None or not self._started:
-            self.episodes.seed(0, self.np_random)
-        self.episodes.begin(np.zeros(1, dtype=np.intp), start)
-        self._started, self._over = True, False
-        return self.episodes.observe()[0], first_row(self.episodes.start_info())
-
-    def step(self, action: ArrayLike) -> tuple[Any, float, bool, bool, dict[str, Any]]:
-        """A move to the ball.
-
-        Raises:
-            InputError: Wrong shape, a value that is not finite, or a step before the first reset or after the end.
-        """
-        check_started(self._started)
+    def _check_action(self, action: ArrayLike) -> Floats:
         check_not_over(self._over)
-        outcome = self.episodes.step(check_actions(action, None))
-        self._over = bool(outcome.terminated[0])
-        return self.episodes.observe()[0], float(outcome.reward[0]), self._over, False, first_row(outcome.info)
+        return check_actions(action, None)
 
 
 class RandomArmVectorEnv(NativeVectorEnv):

@@ -14,16 +14,16 @@ from dataclasses import dataclass, field
 from functools import partial
 from typing import Any, NamedTuple
 
-import gymnasium as gym
 import numpy as np
 from gymnasium import spaces
 from gymnasium.vector import AutoresetMode
 from numpy.typing import ArrayLike, NDArray
 
 from kinreach.checks import Floats, as_floats, check_count, check_known, check_number, shown
-from kinreach.envs.batch import Flags, Ids, NativeVectorEnv, Outcome, check_batch, first_row
-from kinreach.envs.options import about, check_not_over, check_seed, check_started, given_options, options_from, takes
+from kinreach.envs.batch import Flags, Ids, NativeVectorEnv, Outcome, check_batch
+from kinreach.envs.options import about, check_not_over, given_options, options_from, takes
 from kinreach.envs.real_arm import MEDIAN_LENGTH, NOISE
+from kinreach.envs.single import SingleEnv
 from kinreach.errors import InputError
 from kinreach.kinematics import ArmKinematics
 from kinreach.robots import ArmDescription, get_arm
@@ -300,7 +300,7 @@ def observation_space(options: MovingOptions) -> spaces.Box:
 
 
 @takes(MovingOptions)
-class MovingBallEnv(gym.Env[Any, Any]):
+class MovingBallEnv(SingleEnv):
     """A UR5 that is to touch a rolling ball; the module says what an episode is.
 
     An action is a posture to go to, each angle divided by pi, shape (6,). An observation, shape (16,): where the ball
@@ -309,6 +309,7 @@ class MovingBallEnv(gym.Env[Any, Any]):
     step is minus the least distance of tip and ball during it [m], and 1 more for touching. `info`: `goal`, where the
     ball is [m], `q`, where the joints are [rad], `distance`, the least so far [m], `time` [s], `speed` [m/s] and `path`
     of the ball; `is_success`: it was touched; after a step `reward_terms`, which sum to the reward.
+    `reset(options={"speed": speed, "path": path})` sets a speed [m/s] or a path instead of a random one.
 
     <table of the options>
     """
@@ -324,37 +325,13 @@ class MovingBallEnv(gym.Env[Any, Any]):
         self.speed_limit, self.acceleration_limit = world.speed_limit, world.acceleration_limit
         self.observation_space = observation_space(self.options)
         self.action_space = spaces.Box(-1.0, 1.0, (6,))
-        self._started = False
 
-    def reset(self, *, seed: int | None = None, options: dict[str, Any] | None = None) -> tuple[Any, dict[str, Any]]:
-        """Another ball; the arm rests in its start posture.
+    def _check_start(self, options: Mapping[str, Any] | None) -> MovingStart:
+        return check_start(options, None)
 
-        Args:
-            seed: Of the path and the cameras' noise.
-            options: `"speed"` [m/s] and `"path"`: instead of drawn ones.
-
-        Raises:
-            InputError: A seed that is none, an unknown option, or a speed that the arm cannot follow.
-            UnknownNameError: A path that there is not.
-        """
-        seed, start = check_seed(seed), check_start(options, None)
-        super().reset(seed=seed)
-        self._episodes.seed(0, self.np_random)
-        self._episodes.begin(np.zeros(1, dtype=np.intp), start)
-        self._started, self._over = True, False
-        return self._episodes.observe()[0], first_row(self._episodes.start_info())
-
-    def step(self, action: ArrayLike) -> tuple[Any, float, bool, bool, dict[str, Any]]:
-        """A frame.
-
-        Raises:
-            InputError: Wrong shape, a value that is not finite, or a step before the first reset or after the end.
-        """
-        check_started(self._started)
+    def _check_action(self, action: ArrayLike) -> Floats:
         check_not_over(self._over)
-        outcome = self._episodes.step(check_actions(action, None))
-        self._over = bool(outcome.terminated[0])
-        return self._episodes.observe()[0], float(outcome.reward[0]), self._over, False, first_row(outcome.info)
+        return check_actions(action, None)
 
 
 class MovingVectorEnv(NativeVectorEnv):

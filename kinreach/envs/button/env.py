@@ -2,23 +2,23 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import Any
 
-import numpy as np
 from gymnasium import spaces
 from gymnasium.utils import EzPickle
 from numpy.typing import ArrayLike
 
 from kinreach.checks import Floats
+from kinreach.envs.batch import Outcome
 from kinreach.envs.button.episodes import ButtonEpisodes, ButtonOptions
 from kinreach.envs.button.task import action_space, check_actions
 from kinreach.envs.button.world import ButtonState, SingleTorqueWorld
-from kinreach.envs.options import RENDER_MODES, check_seed, check_started, options_from, takes
+from kinreach.envs.options import RENDER_MODES, options_from, takes
 from kinreach.envs.single import CopyableEnv
 from kinreach.robots import ArmDescription
 from kinreach.sim.picture import Scene, ScenePicture
 
-ONE = np.zeros(1, dtype=np.intp)
 #: Frames per second of simulated time in the viewer and in films.
 FPS = 25
 
@@ -143,7 +143,6 @@ class ButtonPressEnv(CopyableEnv):
         self._world = SingleTorqueWorld(self.options.arm, motors, visual=mode is not None)
         self._episodes = ButtonEpisodes(self.options, self._world)
         self._picture = None if mode is None else ScenePicture(self._world, mode=mode, fps=FPS)
-        self._started = False
         self.action_space = action_space()
         self.observation_space: spaces.Space[Any] = self.options.observation_space
 
@@ -168,45 +167,22 @@ class ButtonPressEnv(CopyableEnv):
         Raises:
             InputError: A seed that is not an integer at least 0, an unknown or malformed option, a target out of reach.
         """
-        seed, start = check_seed(seed), self._episodes.check_start(options, None)
-        super().reset(seed=seed)
-        if seed is not None or not self._started:
-            self._episodes.seed(0, self.np_random)
-        self._episodes.begin(ONE, start)
-        self._started = True
+        return super().reset(seed=seed, options=options)
+
+    def _check_start(self, options: Mapping[str, Any] | None) -> Any:
+        return self._episodes.check_start(options, None)
+
+    def _check_action(self, action: ArrayLike) -> Any:
+        return check_actions(action, None)
+
+    def _follow(self) -> None:
         if self.render_mode == "human":
             self.render()
-        return self._episodes.observe()[0], self._told(self._episodes.start_info())
 
-    def step(self, action: ArrayLike) -> tuple[Floats, float, bool, bool, dict[str, Any]]:
-        """Act once.
-
-        Args:
-            action: An integer from 0 to 53.
-
-        Raises:
-            InputError: No such action, or a step before the first reset.
-        """
-        check_started(self._started)
-        outcome = self._episodes.step(check_actions(action, None))
-        info = self._told(outcome.info)
-        state = ButtonState.PRESSED if info["pressed"] else ButtonState(int(info["wrong_press"]))
-        self._world.show(state)
+    def _answer(self, outcome: Outcome) -> tuple[Floats, float, bool, bool, dict[str, Any]]:
+        answer = super()._answer(outcome)
+        info = answer[-1]
+        self._world.show(ButtonState.PRESSED if info["pressed"] else ButtonState(int(info["wrong_press"])))
         if self.render_mode == "human" and outcome.terminated[0]:
             self.render()
-        terminated, truncated = bool(outcome.terminated[0]), bool(outcome.truncated[0])
-        return self._episodes.observe()[0], float(outcome.reward[0]), terminated, truncated, info
-
-    def render(self) -> Any:
-        """A frame of the scene as `render_mode` says; with "human" the viewer is brought up to date.
-
-        Returns:
-            "rgb_array": uint8, (height, width, 3); "rgb_array_list": a list of such, those of the motion since the
-            last call; "depth_array": float32 [m], (height, width); else None.
-        """
-        return None if self._picture is None else self._picture.frame()
-
-    def close(self) -> None:
-        """Close the viewer and free the renderers; further calls do nothing."""
-        if self._picture is not None:
-            self._picture.close()
+        return answer

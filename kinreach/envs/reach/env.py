@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import replace
 from typing import Any, ClassVar, Self
 
 import numpy as np
@@ -11,7 +12,7 @@ from numpy.typing import ArrayLike
 
 from kinreach.checks import Floats, as_vector
 from kinreach.envs.batch import Outcome
-from kinreach.envs.options import RENDER_MODES, check_seed, check_started, options_from, takes
+from kinreach.envs.options import RENDER_MODES, check_started, options_from, takes
 from kinreach.envs.reach.episodes import ReachEpisodes
 from kinreach.envs.reach.space import SpaceOptions, SpaceTask
 from kinreach.envs.reach.task import (
@@ -30,8 +31,6 @@ from kinreach.kinematics import ArmKinematics, AxisGoal, PositionGoal
 from kinreach.robots import ArmDescription
 from kinreach.sim.picture import Scene, ScenePicture
 from kinreach.sim.simulation import ArmSimulation
-
-ONE = np.zeros(1, dtype=np.intp)
 
 
 class ReachEnv(CopyableEnv):
@@ -168,26 +167,7 @@ class ReachEnv(CopyableEnv):
         Raises:
             InputError: A seed that is not an integer at least 0, an unknown option, or one that is malformed.
         """
-        seed, start = check_seed(seed), self._task.reset_options(options, None)
-        super().reset(seed=seed)
-        if seed is not None or not self._started:
-            self._episodes.seed(0, self.np_random)
-        self._episodes.begin(ONE, start)
-        self._started = True
-        self._show()
-        return self._observe(), self._told(self._episodes.start_info())
-
-    def step(self, action: ArrayLike) -> tuple[Any, float, bool, bool, dict[str, Any]]:
-        """Act once.
-
-        Args:
-            action: One number in [-1, 1] for each joint; what is outside is clipped.
-
-        Raises:
-            InputError: Wrong shape, a value that is not finite, or a step before the first reset.
-        """
-        check_started(self._started)
-        return self._said(self._episodes.step(check_actions(action, None, len(self.arm.joints))[None]))
+        return super().reset(seed=seed, options=options)
 
     def forfeit(self, reason: str) -> tuple[Any, float, bool, bool, dict[str, Any]]:
         """End the episode of an agent that finds no action: impossible, and the arm stays where it is.
@@ -199,38 +179,21 @@ class ReachEnv(CopyableEnv):
             As `step`.
         """
         check_started(self._started)
-        return self._said(self._episodes.forfeit(str(reason)))
+        return self._answer(self._episodes.forfeit(str(reason)))
 
-    def render(self) -> Any:
-        """A frame of the scene as `render_mode` says; with "human" the viewer is brought up to date.
+    def _check_start(self, options: Mapping[str, Any] | None) -> Any:
+        return self._task.reset_options(options, None)
 
-        Returns:
-            "rgb_array": uint8, (height, width, 3); "rgb_array_list": a list of such, those of the motion since the
-            last call; "depth_array": float32 [m], (height, width); else None.
-        """
-        return None if self._picture is None else self._picture.frame()
+    def _check_action(self, action: ArrayLike) -> Floats:
+        return check_actions(action, None, len(self.arm.joints))[None]
 
-    def close(self) -> None:
-        """Close the viewer and free the renderers; further calls do nothing."""
-        self._episodes.close()
-        if self._picture is not None:
-            self._picture.close()
-
-    def _said(self, outcome: Outcome) -> tuple[Any, float, bool, bool, dict[str, Any]]:
-        """The answer to an action."""
-        self._show()
+    def _answer(self, outcome: Outcome) -> tuple[Any, float, bool, bool, dict[str, Any]]:
+        self._follow()
         if self.render_mode == "human":
             self.render()
-        info = self._told({**self._episodes.goal_info(), **outcome.info})
-        return (
-            self._observe(), float(outcome.reward[0]), bool(outcome.terminated[0]), bool(outcome.truncated[0]), info,
-        )  # fmt: skip
+        return super()._answer(replace(outcome, info=self._episodes.goal_info() | outcome.info))
 
-    def _observe(self) -> Any:
-        seen = self._episodes.observe()
-        return {name: rows[0] for name, rows in seen.items()} if isinstance(seen, Mapping) else seen[0]
-
-    def _show(self) -> None:
+    def _follow(self) -> None:
         """Let the scene that is drawn follow a world that has no scene of its own."""
         if self._picture is not None and not self._world.dynamic:
             limits = self._simulation.controller
