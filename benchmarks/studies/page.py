@@ -1,8 +1,8 @@
 """How soon the page answers, and what open and closed tabs leave behind: `python -m benchmarks.studies.page`.
 
-No browser: a connection that says what a browser says, so that what is measured is the server. Printed are, for the
-nominal and the calibrated UR5, the times from the message of a dragged target to the answer's being on its way, with
-all postures; then memory and threads of the server after tabs that were opened, used and closed.
+The tabs have no browser, so that what is measured is the server. Printed are, for the nominal and the calibrated UR5,
+the times from the message of a dragged target to the answer's being on its way, with all postures; then memory and
+threads of the server after tabs that were opened, used and closed.
 
 Options: `--drags N`, `--tabs N`.
 """
@@ -10,28 +10,20 @@ Options: `--drags N`, `--tabs N`.
 from __future__ import annotations
 
 import argparse
-import contextlib
 import gc
 import threading
-import time
-from collections.abc import Callable
 from pathlib import Path
-from types import TracebackType
 from typing import Any
 
-import msgspec
 import numpy as np
 import psutil
-import viser
-from websockets.exceptions import ConnectionClosed
-from websockets.sync.client import connect
 
+from benchmarks.studies.tab import Tab, wait_for
 from benchmarks.studies.tables import head, line
 from kinreach.checks import Floats
 from kinreach.cli import Parser, finish
 from kinreach.robots import PUBLISHED_CALIBRATIONS
 from kinreach.view.cli import setup_of
-from kinreach.view.page import Page
 from kinreach.view.server import Server
 
 PROG = "python -m benchmarks.studies.page"
@@ -39,88 +31,8 @@ CALIBRATION = PUBLISHED_CALIBRATIONS["ur5_a"]
 PORT = 8700
 #: How far a drag goes from one message to the next [m].
 STEP = 0.004
-#: Targets leave this box in front of the UR5 nowhere [m].
+#: All targets are in this box in front of the UR5 [m].
 LOW, HIGH = np.array([0.25, -0.45, -0.15]), np.array([0.75, 0.45, 0.45])
-#: Nothing of the page takes longer [s].
-PATIENCE = 120.0
-_CAMERA = {
-    "type": "ViewerCameraMessage", "wxyz": (1.0, 0.0, 0.0, 0.0), "position": (2.0, 0.0, 1.0), "fov": 0.8, "near": 0.01,
-    "far": 100.0, "image_height": 600, "image_width": 800, "look_at": (0.0, 0.0, 0.0), "up_direction": (0.0, 0.0, 1.0),
-}  # fmt: skip
-
-
-class Tab(contextlib.AbstractContextManager["Tab"]):
-    """A tab without a browser: connects, says what a browser says, and takes what comes.
-
-    Args:
-        server: Of the page.
-
-    Attributes:
-        page: As the server has it.
-    """
-
-    def __init__(self, server: Server) -> None:
-        before = set(server.pages)
-        self._socket = connect(
-            server.address.replace("http:", "ws:"), subprotocols=[f"viser-v{viser.__version__}"],  # type: ignore[list-item]
-            max_size=None, compression=None, origin=server.address,  # type: ignore[arg-type]
-        )  # fmt: skip
-        self._reader = threading.Thread(target=self._read, daemon=True)
-        self._reader.start()
-        self.send(_CAMERA)
-        try:
-            wait_for(lambda: set(server.pages) - before)
-        except TimeoutError:
-            self._socket.close()
-            raise
-        (number,) = set(server.pages) - before
-        self.page: Page = server.pages[number]
-
-    def send(self, message: dict[str, Any]) -> None:
-        """Say something to the server."""
-        self._socket.send(msgspec.msgpack.encode(message))
-
-    def drag(self, handle: Any, position: Floats) -> None:
-        """Drag arrows of the scene to a position [m]."""
-        w, x, y, z = (float(value) for value in handle.wxyz)
-        place = tuple(float(value) for value in position)
-        message = {"type": "TransformControlsUpdateMessage", "name": handle.name, "wxyz": (w, x, y, z)}
-        self.send({**message, "position": place, "owner": handle._impl.api._owner_id})
-
-    def click(self, handle: Any, *, instance: int) -> None:
-        """Click one of the instances of a batch in the scene."""
-        ray = {"ray_origin": (0.0, 0.0, 1.0), "ray_direction": (0.0, 0.0, -1.0), "screen_pos": (0.5, 0.5)}
-        message = {"type": "SceneNodeClickMessage", "name": handle.name, "instance_index": instance, "modifier": None}
-        self.send({**message, **ray, "owner": handle._impl.api._owner_id})
-
-    def set(self, handle: Any, value: Any) -> None:
-        """Change an input, or click a button with `True`."""
-        self.send({"type": "GuiUpdateMessage", "uuid": handle._impl.uuid, "updates": {"value": value}})
-
-    def _read(self) -> None:
-        with contextlib.suppress(ConnectionClosed):
-            for _ in self._socket:
-                pass
-
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
-        with self.page.lock:  # not while it draws
-            self._socket.close()
-        self._reader.join(PATIENCE)
-
-
-def wait_for(condition: Callable[[], object]) -> None:
-    """Until something holds.
-
-    Raises:
-        TimeoutError: It does not for `PATIENCE`.
-    """
-    deadline = time.monotonic() + PATIENCE
-    while not condition():
-        if time.monotonic() > deadline:
-            raise TimeoutError("the page does not answer")
-        time.sleep(0.002)
 
 
 def drags(arm: str, calibration: Path | None, count: int) -> Floats:
@@ -138,7 +50,7 @@ def drags(arm: str, calibration: Path | None, count: int) -> Floats:
                 way = 0.9 * way + 0.4 * rng.normal(size=3)
                 position = np.clip(position + STEP * way / np.linalg.norm(way), LOW, HIGH)
                 panel.draw_s = 0.0
-                tab.drag(panel._gizmo, position)
+                tab.drag("/target/goal", position)
                 wait_for(lambda: panel.draw_s)
                 seconds.append(panel.draw_s)
     finally:
@@ -155,7 +67,7 @@ def tabs(count: int, *, every: int) -> list[tuple[int, float, int]]:
             with Tab(server) as tab:
                 target = tab.page.target
                 target.draw_s = 0.0
-                tab.drag(target._gizmo, target.T[:3, 3] + (0.05, 0.05, 0.0))
+                tab.drag("/target/goal", target.T[:3, 3] + (0.05, 0.05, 0.0))
                 wait_for(lambda target=target: target.draw_s)
                 tab.page.show("Real arm")
                 panel: Any = tab.page.show("Episodes")

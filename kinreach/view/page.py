@@ -39,13 +39,14 @@ class Page:
         setup: What the command line asked for.
 
     Attributes:
+        client: As given.
         names: Of the parts that can be shown.
         shown: The part that is on the screen.
         lock: Held while the scene changes.
     """
 
     def __init__(self, client: Any, setup: Setup) -> None:
-        self._client, self._setup = client, setup
+        self.client, self._setup = client, setup
         self.lock = threading.RLock()
         self.names = tuple(panels(setup))
         self.shown: Panel
@@ -61,7 +62,7 @@ class Page:
             self.report(error)
 
     def _build(self) -> None:
-        client, arm = self._client, self._setup.arm
+        client, arm = self.client, self._setup.arm
         overview(client, arm)
         client.scene.configure_default_lights(cast_shadow=not self._setup.simple)
         self._surroundings = Surroundings(client.scene, arm.workcell.obstacles)
@@ -75,6 +76,11 @@ class Page:
         """Say in red, and in a line on the terminal, what went wrong; None takes the sentence away."""
         if not self._closed and (error is not None or self._trouble.content):
             self._trouble.content = "" if error is None else said(error)
+
+    @property
+    def trouble(self) -> str:
+        """What went wrong with the last input, as HTML; empty if nothing did."""
+        return str(self._trouble.content)
 
     @property
     def target(self) -> TargetPanel:
@@ -100,7 +106,7 @@ class Page:
             return panel
 
     def _new(self, name: str) -> Panel:
-        arguments = self._client, self._setup, self._surroundings, self.lock
+        arguments = self.client, self._setup, self._surroundings, self.lock
         panel = panels(self._setup)[name](*arguments, title=name)
         try:
             panel.build()
@@ -108,7 +114,7 @@ class Page:
             panel.remove()
             panel = Panel(*arguments, title=name)
             with panel._folder:
-                self._client.gui.add_html(said(error))
+                self.client.gui.add_html(said(error))
         return panel
 
     def close(self) -> None:
@@ -119,7 +125,7 @@ class Page:
                 panel.close()
 
     def _buttons(self) -> None:
-        gui = self._client.gui
+        gui = self.client.gui
         take = gui.add_button("Screenshot", icon="camera", hint="Save the scene as a PNG")
         copy = gui.add_button("Copy as Python", icon="code", hint="The program that reproduces what is on the screen")
 
@@ -128,7 +134,7 @@ class Page:
 
     def show_program(self) -> None:
         """Open a window with the program that reproduces what is on the screen."""
-        gui = self._client.gui
+        gui = self.client.gui
         with gui.add_modal("What is on the screen, as a program") as modal:
             gui.add_html(html.code(self.shown.program()))
             close = gui.add_button("Close")
@@ -136,7 +142,7 @@ class Page:
 
     def picture(self, height: int, width: int) -> Any:
         """The scene as the browser draws it, RGBA, shape (height, width, 4)."""
-        return self._client.get_render(height, width, transport_format="png", timeout=60.0)
+        return self.client.get_render(height, width, transport_format="png", timeout=60.0)
 
     def screenshot(self) -> None:
         """Send the scene to the browser as a PNG file."""
@@ -144,4 +150,4 @@ class Page:
 
         picture = self.picture(HEIGHT, WIDTH)
         _, data = cv2.imencode(".png", cv2.cvtColor(picture, cv2.COLOR_RGBA2BGRA))
-        self._client.send_file_download("kinreach.png", data.tobytes(), save_immediately=True)
+        self.client.send_file_download("kinreach.png", data.tobytes(), save_immediately=True)

@@ -44,7 +44,7 @@ def red_pixels(tab, page):
 
 def on_screen(page, point, height, width):
     """Where a point of the world is in a picture of the scene, or in the window, of a size in pixels."""
-    camera = page.target._client.camera
+    camera = page.client.camera
     forward = camera.look_at - camera.position
     forward /= np.linalg.norm(forward)
     right = np.cross(forward, (0, 0, 1))
@@ -60,10 +60,11 @@ def drag_down(tab, page):
 
     A browser that has not drawn a frame since the mouse moved does not know yet what is under it.
     """
-    T = page.target.T
+    T, home = page.target.T, page.target.model.kinematics.fk(page.target.model.home)
+    length = 0.8 * 0.25 * np.linalg.norm(home[:3, 3])
     size = tab.viewport_size["height"], tab.viewport_size["width"]
     x, y = on_screen(page, T[:3, 3], *size)
-    end_x, end_y = on_screen(page, T[:3, 3] + 0.8 * page.target._gizmo.scale * T[:3, 2], *size)
+    end_x, end_y = on_screen(page, T[:3, 3] + length * T[:3, 2], *size)
     tab.mouse.move(end_x, end_y)
     tab.evaluate("() => new Promise(done => requestAnimationFrame(() => requestAnimationFrame(done)))")
     tab.mouse.down()

@@ -16,10 +16,11 @@ from kinreach.view.cli import setup_of
 
 pytest.importorskip("viser")
 
-from benchmarks.studies.page import Tab, wait_for
+from benchmarks.studies.tab import Tab, wait_for
 from kinreach.robots import arm_names
 from kinreach.view.draw import AMBER
 from kinreach.view.episodes import Recording
+from kinreach.view.names import plain
 from kinreach.view.page import panels
 from kinreach.view.panel import Panel
 from kinreach.view.server import Server
@@ -49,7 +50,7 @@ def test_two_tabs_have_targets_of_their_own(serve):
         targets = [tab.page.target for tab in (one, other)]
         before = [panel.T.copy() for panel in targets]
         said = targets[1].answer
-        one.drag(targets[0]._gizmo, before[0][:3, 3] + (0.05, 0.02, -0.03))
+        one.drag("/target/goal", before[0][:3, 3] + (0.05, 0.02, -0.03))
         wait_for(lambda: np.abs(targets[0].T - before[0]).max() > 0.01)
         np.testing.assert_allclose(targets[0].T[:3, 3] - before[0][:3, 3], (0.05, 0.02, -0.03), atol=1e-12)
         np.testing.assert_array_equal(targets[1].T, before[1])
@@ -61,16 +62,14 @@ def test_what_is_typed_is_not_rewritten(serve):
     """On the way to -0.2 there is -0, which is 0 already."""
     with Tab(serve("ur5")) as tab:
         panel = tab.page.target
-        tab.set(panel._position, (0.4, 0.2, 0.3))
+        tab.set("x y z [m]", (0.4, 0.2, 0.3))
         wait_for(lambda: panel.T[1, 3] == 0.2)
-        with tab.page.lock:  # the answer is drawn, and nothing more is written
-            assert panel._position.value == (0.4, 0.2, 0.3)
-        tab.set(panel._position, (0.4, -0.0, 0.3))
+        tab.set("x y z [m]", (0.4, -0.0, 0.3))
         wait_for(lambda: panel.T[1, 3] == 0.0)
-        with tab.page.lock:
-            assert np.signbit(panel._position.value[1])
+        before = tab.element("roll pitch yaw [°]")["value"]
         panel.move(panel.T @ np.diag([1.0, -1.0, -1.0, 1.0]))
-        assert panel._angles.value != (0.0, 0.0, 0.0)
+        wait_for(lambda: tab.element("roll pitch yaw [°]")["value"] != before)  # all before it has arrived, too
+        assert np.signbit(tab.element("x y z [m]")["value"][1])
 
 
 @pytest.mark.parametrize("what", ["position", "joint"])
@@ -78,25 +77,28 @@ def test_what_is_typed_while_an_answer_is_drawn_is_kept(serve, what):
     """The answer to a number comes when the next one has been typed."""
     with Tab(serve("ur5")) as tab:
         panel = tab.page.target
-        handle, first, second = {
-            "position": (panel._position, (0.4, 0.2, 0.3), (0.4, 0.2, 0.35)),
-            "joint": (panel._sliders[0], -80.0, -70.0),
+        label, first, second = {
+            "position": ("x y z [m]", (0.4, 0.2, 0.3), (0.4, 0.2, 0.35)),
+            "joint": ("shoulder pan [°]", -80.0, -70.0),
         }[what]
-        answer, seen = panel.model.answer, []
+        answer, element, seen = panel.model.answer, tab.element(label), []
+
+        def value():
+            return tab.state_at_server(element)["value"]
 
         def slow(goal, seed):
-            seen.append(handle.value)
+            seen.append(value())
             if len(seen) == 1:
-                tab.set(handle, second)
-                wait_for(lambda: handle.value == second)
+                tab.set(label, second)
+                wait_for(lambda: value() == second)
             return answer(goal, seed)
 
         panel.model.answer = slow
-        tab.set(handle, first)
+        tab.set(label, first)
         wait_for(lambda: len(seen) == 2)
         with tab.page.lock:
             assert seen == [first, second]
-            assert handle.value == second
+            assert value() == second
             reached = panel.T[2, 3] if what == "position" else np.degrees(panel.q[0])
             assert reached == pytest.approx(0.35 if what == "position" else -70.0)
 
@@ -107,22 +109,26 @@ def test_solvers_start_where_they_are_told_to(serve):
         panel = tab.page.target
         panel.move(panel.T + np.array([[0, 0, 0, 0.05], [0, 0, 0, 0.1], [0, 0, 0, 0.1], [0, 0, 0, 0]]))
         assert np.abs(panel.q - panel.model.home).max() > 0.05
-        assert "from the start posture -90° -90°" in panel._from.content
-        panel._solve()
+        wait_for(lambda: "from the start posture -90° -90°" in tab.text)
+        tab.set("Solve", True)
+        wait_for(lambda: panel.finishes)
         iterations = {finish.solver: finish.result.iterations for finish in panel.finishes}
         assert min(iterations[name] for name in ("placo", "lm", "qp")) > 1
-        panel._start_from(panel.q)
-        assert "from the posture" in panel._from.content
-        panel._solve()
+        tab.set("Start them from this posture", True)
+        wait_for(lambda: "from the posture" in tab.text)
+        before = panel.finishes
+        tab.set("Solve", True)
+        wait_for(lambda: panel.finishes is not before)
         after = {finish.solver: finish.result.iterations for finish in panel.finishes}
         assert max(after[name] for name in ("placo", "lm", "qp")) <= 1
-        panel._go_back()
-        assert "from the start posture" in panel._from.content
+        tab.set("Back to the start", True)
+        wait_for(lambda: "from the start posture" in tab.text)
 
 
 def test_the_program_opens_in_a_window(serve):
     with Tab(serve("ur5")) as tab:
-        tab.page.show_program()
+        tab.set("Copy as Python", True)
+        wait_for(lambda: "kinreach-code" in tab.text)
 
 
 def test_a_target_that_is_dragged_is_answered(serve):
@@ -131,52 +137,49 @@ def test_a_target_that_is_dragged_is_answered(serve):
         for _ in range(10):
             position = panel.T[:3, 3] + rng.uniform(-0.1, 0.1, 3)
             panel.draw_s = 0.0
-            tab.drag(panel._gizmo, position)
+            tab.drag("/target/goal", position)
             wait_for(lambda: panel.draw_s > 0)
             np.testing.assert_allclose(panel.answer.goal.T[:3, 3], position, atol=1e-12)
-            answers += panel.answer.verdict in panel._verdict.content
+            wait_for(lambda: panel.answer.verdict in tab.text)
+            answers += 1
         assert answers == 10
 
 
 def test_the_real_arm_beside_its_data_sheet(serve, root):
     with Tab(serve("ur5", CALIBRATION)) as tab:
         panel = tab.page.show("Real arm")
-        assert not tab.page.target._folder.visible
+        wait_for(lambda: tab.shows("Real arm") and not tab.shows("Target"))
         first = panel.miss
         assert 0.001 < first.distance < 0.01
-        assert f"{1000 * first.distance:.2f} mm" in panel._verdict.content
-        tab.drag(panel._gizmo, panel.T[:3, 3] - (0.1, 0, 0.1))
+        wait_for(lambda: f"{1000 * first.distance:.2f} mm" in tab.text)
+        tab.drag("/real_arm/goal", panel.T[:3, 3] - (0.1, 0, 0.1))
         wait_for(lambda: panel.miss is not first)
-        with tab.page.lock:  # until it is all drawn
-            assert "&lt; 1 µm off" in panel._numbers.content
-        tab.drag(panel._gizmo, (2.5, 0.0, 0.0))
-        wait_for(lambda: panel.miss is None)
-        with tab.page.lock:
-            assert "has no posture there: too far away" in panel._verdict.content
+        wait_for(lambda: "&lt; 1 µm off" in tab.text)
+        tab.drag("/real_arm/goal", (2.5, 0.0, 0.0))
+        wait_for(lambda: "has no posture there: too far away" in tab.text)
+        assert panel.miss is None
         for file, said in (("missing.yaml", "cannot read"), (str(root / "README.md"), "calibration")):
             before = panel.model
             panel.open(file)
-            assert said in panel._verdict.content
-            assert "kinreach-verdict" in panel._verdict.content
+            wait_for(lambda said=said: re.search(f"kinreach-verdict.*{said}", tab.text))
             assert panel.model is before
         panel.open(str(PUBLISHED_CALIBRATIONS["ur5_b"]))
         assert panel.miss is not None
         assert panel.model is not before
         tab.page.show("Target")
-        assert tab.page.target._folder.visible
-        assert not panel._branch.visible
+        wait_for(lambda: tab.shows("Target") and not tab.shows("Real arm"))
+        assert not tab.nodes["/real_arm"]["visible"]
 
 
 def test_a_published_calibration_is_chosen(serve):
     with Tab(serve("ur5")) as tab:
         panel = tab.page.show("Real arm")
         assert panel.model is None
-        assert panel._example.options == ("none", "ur5_a", "ur5_b", "ur5_c", "ur5_d")
-        tab.set(panel._example, "ur5_c")
-        wait_for(lambda: panel.miss)
-        with tab.page.lock:
-            assert "ur5_c.yaml" in panel.program()
-            assert panel._times.visible
+        assert tab.element("or a published")["options"] == ["none", "ur5_a", "ur5_b", "ur5_c", "ur5_d"]
+        assert not tab.shows("error drawn ×")
+        tab.set("or a published", "ur5_c")
+        wait_for(lambda: tab.shows("error drawn ×"))
+        assert "ur5_c.yaml" in panel.program()
 
 
 @pytest.fixture
@@ -198,39 +201,51 @@ def without_zero(tmp_path):
 @pytest.mark.parametrize("arm", [*arm_names(), "without_zero"])
 def test_every_arm_has_a_page(arm, request, capfd):
     """With all its parts; its sliders say how it stands, and the narrowest limits are answered, too."""
-    server = Server(setup_of(request.getfixturevalue(arm) if arm == "without_zero" else arm, simple=True), port=8470)
+    setup = setup_of(request.getfixturevalue(arm) if arm == "without_zero" else arm, simple=True)
+    server = Server(setup, port=8470)
     try:
         with Tab(server) as tab:
-            for part, kind in panels(server._setup).items():
+            for part, kind in panels(setup).items():
                 assert type(tab.page.show(part)) is kind
-            target = tab.page.target
-            assert len(target._sliders) == target.model.kinematics.n
-            for slider, q in zip(target._sliders, np.degrees(target.q), strict=True):
-                assert slider.min <= slider.value <= slider.max
-                assert slider.value == pytest.approx(q, abs=0.06)
-            target._limit(30)
+            target = tab.page.show("Target")
+            for joint, q in zip(setup.arm.joints, np.degrees(target.q), strict=True):
+                slider = tab.element(f"{plain(joint)} [°]")
+                assert slider["min"] <= slider["value"] <= slider["max"]
+                assert slider["value"] == pytest.approx(q, abs=0.06)
+            tab.set("all within ± [°]", 30)
+            within = target.model.kinematics.upper - target.model.kinematics.lower
+            wait_for(lambda: (target.model.upper - target.model.lower <= np.minimum(within, np.radians(60.1))).all())
             assert (target.model.lower <= target.model.upper).all()
             assert len(target.model.answer(target.goal, target.model.home).postures)
-            assert not tab.page._trouble.content
+            assert not tab.page.trouble
     finally:
         server.stop()
     assert capfd.readouterr().err == ""
 
 
-@pytest.mark.parametrize("broken", [("Target", "_draw"), ("Episodes", "record"), ("Results", "_build_gui")])
+@pytest.mark.parametrize(
+    "broken",
+    [
+        ("Target", "kinreach.view.target_panel.put"),
+        ("Episodes", "kinreach.view.episodes_panel.EpisodesPanel.record"),
+        ("Results", "kinreach.view.results_panel.by_user"),
+    ],
+)
 def test_a_part_that_cannot_be_built_says_why(serve, monkeypatch, capfd, broken):
     """In its place, in red, and in one line on the terminal; nothing else of it is left, and the others work."""
-    part, method = broken
+    part, function = broken
 
-    def fail(panel):
+    def fail(*arguments):
         raise ValueError("a <part>\x1b[2J\nis broken")
 
-    monkeypatch.setattr(panels(serve("arm3")._setup)[part], method, fail)
+    monkeypatch.setattr(function, fail)
     with Tab(serve("arm3")) as tab:
         shown = {name: tab.page.show(name) for name in tab.page.names}
-        (sentence,) = shown[part]._folder._children.values()
-        assert "ValueError: a &lt;part&gt;" in sentence.content
-        assert "\x1b" not in sentence.content
+        tab.page.show(part)
+        wait_for(lambda: "ValueError: a &lt;part&gt;" in tab.text)
+        folder = tab.element(part)
+        (sentence,) = (element for element in tab.elements.values() if element["container"] == folder["uuid"])
+        assert "\x1b" not in sentence["content"]
         assert type(shown[part]) is Panel
         assert shown[part].program() == "# Nothing is shown.\n"
         assert all(type(panel) is not Panel for name, panel in shown.items() if name != part)
@@ -242,7 +257,7 @@ def test_a_part_that_cannot_be_built_says_why(serve, monkeypatch, capfd, broken)
 def test_a_page_that_cannot_be_built_says_why(serve, monkeypatch, capfd):
     monkeypatch.setattr("kinreach.view.page.Surroundings", None)
     with Tab(serve("arm3")) as tab:
-        assert "TypeError: &#x27;NoneType&#x27; object is not callable" in tab.page._trouble.content
+        assert "TypeError: &#x27;NoneType&#x27; object is not callable" in tab.page.trouble
     assert capfd.readouterr().err == "kinreach view: TypeError: 'NoneType' object is not callable\n"
 
 
@@ -252,9 +267,9 @@ def test_an_episode_that_breaks_says_why(serve, monkeypatch, capfd):
 
     monkeypatch.setattr(Recording, "play", fail)
     with Tab(serve("arm3")) as tab:
-        panel = tab.page.show("Episodes")
-        wait_for(lambda: "RuntimeError: no" in panel._verdict.content)
-        assert not panel._button.disabled
+        tab.page.show("Episodes")
+        wait_for(lambda: "RuntimeError: no" in tab.text)
+        wait_for(lambda: not tab.element("Play this episode")["disabled"])
     assert capfd.readouterr().err == "kinreach view: RuntimeError: no luck\n"
 
 
@@ -270,49 +285,49 @@ def test_an_episode_is_played_stepped_and_scrubbed(serve):
         wait_for(lambda: panel.episode)
         first, last = panel.episode, len(panel.episode.frames) - 1
         assert first.trial["reached"]
-        with tab.page.lock:
-            assert "Reached after 1 step" in panel._verdict.content
+        wait_for(lambda: "Reached after 1 step" in tab.text)
         wait_for(lambda: panel.at == last and not panel.playing)
-        assert f"reward {first.steps[0].reward:.3g} (" in panel._now.content
-        assert [len(column) for column in panel._plot.data] == [2] * (2 + len(first.steps[0].terms))
-        tab.set(panel._slider, last // 2)
+        wait_for(lambda: f"reward {first.steps[0].reward:.3g} (" in tab.text)
+        columns = 2 + len(first.steps[0].terms)
+        wait_for(lambda: plotted(tab) == [2] * columns)
+        tab.set("frame", last // 2)
         wait_for(lambda: panel.at == last // 2)
-        with tab.page.lock:
-            assert [len(column) for column in panel._plot.data] == [1] * (2 + len(first.steps[0].terms))
-            np.testing.assert_allclose(panel._solid._links[-1].position, first.frames[panel.at].poses[-1, :3])
-        tab.set(panel._player, "step")
+        wait_for(lambda: plotted(tab) == [1] * columns)
+        link = tab.nodes[f"/episodes/scene/{first.scene.links[-1]}"]
+        wait_for(lambda: np.allclose(link["position"], first.frames[panel.at].poses[-1, :3]))
+        tab.set("player", "step")
         wait_for(lambda: first.frames[panel.at].step == 1)
-        tab.set(panel._player, "start")
+        tab.set("player", "start")
         wait_for(lambda: panel.at == 0)
-        tab.set(panel._player, "play")
+        tab.set("player", "play")
         wait_for(lambda: panel.at > 3)
-        tab.set(panel._player, "pause")
+        tab.set("player", "pause")
         wait_for(lambda: not panel.playing)
         assert "closed-form" in tab.page.shown.program()
-        tab.set(panel._file, "README.md")
-        wait_for(lambda: panel._file.value == "README.md")
-        tab.set(panel._button, True)
-        wait_for(lambda: "is not a policy" in panel._verdict.content)
-        assert panel.episode is first
-        wait_for(lambda: not panel._button.disabled)
-        tab.set(panel._file, "os:system")
-        wait_for(lambda: panel._file.value == "os:system")
-        tab.set(panel._button, True)
-        wait_for(lambda: "a module is named on the command line" in panel._verdict.content)
-        wait_for(lambda: not panel._button.disabled)
-        tab.set(panel._observation, "pixels")
-        wait_for(lambda: "pixels-single" in panel._policy.options)
-        tab.set(panel._environment, BUTTON)
-        wait_for(lambda: panel._policy.value == "analytic")
-        tab.set(panel._file, "")
-        wait_for(lambda: panel._file.value == "")
-        tab.set(panel._button, True)
+        for file, said in (("README.md", "is not a policy"), ("os:system", "a module is named on the command line")):
+            tab.set("or a file", file)
+            tab.set("Play this episode", True)
+            wait_for(lambda said=said: said in tab.text)
+            assert panel.episode is first
+            wait_for(lambda: not tab.element("Play this episode")["disabled"])
+        tab.set("observation", "pixels")
+        wait_for(lambda: "pixels-single" in tab.element("who acts")["options"])
+        tab.set("environment", BUTTON)
+        wait_for(lambda: tab.element("who acts")["value"] == "analytic")
+        tab.set("or a file", "")
+        tab.set("Play this episode", True)
         wait_for(lambda: panel.episode is not first)
         wait_for(lambda: panel.at > 2)
-        assert not panel._surroundings.visible
+        wait_for(lambda: not tab.nodes["/world"]["visible"])
         tab.page.show("Target")
-        assert panel._surroundings.visible
+        wait_for(lambda: tab.nodes["/world"]["visible"])
         assert not panel.playing
+
+
+def plotted(tab):
+    """How many numbers each line of the plot has."""
+    (plot,) = (element for element in tab.elements.values() if element["type"] == "GuiUplotMessage")
+    return [len(column) for column in plot["data"]]
 
 
 def test_an_episode_that_is_recorded_while_hidden_stands_still(serve, monkeypatch):
@@ -342,21 +357,20 @@ def test_a_real_arm_beside_the_one_that_is_believed_in(serve):
         panel = tab.page.show("Episodes")
         wait_for(lambda: panel.episode)
         first = panel.episode
-        tab.set(panel._environment, REAL_ARM)
-        wait_for(lambda: panel._policy.value == "data-sheet")
-        wait_for(lambda: panel._observation.disabled)
-        tab.set(panel._button, True)
+        tab.set("environment", REAL_ARM)
+        wait_for(lambda: tab.element("who acts")["value"] == "data-sheet")
+        wait_for(lambda: tab.element("observation")["disabled"])
+        tab.set("Play this episode", True)
         wait_for(lambda: panel.episode is not first)
         panel.go(40)
-        with tab.page.lock:
-            assert "blue: the arm as its user believes it to be" in panel._now.content
-            names = panel._believed._names
-            own, true = (
-                dict(zip(solid._names, solid._links, strict=True))["wrist_3_link"].position
-                for solid in (panel._believed, panel._solid)
-            )
-            assert "forearm_link" in names
-            assert 0 < np.linalg.norm(own - true) < 0.02
+        wait_for(lambda: "blue: the arm as its user believes it to be" in tab.text)
+        assert "/episodes/believed/forearm_link" in tab.nodes
+
+        def apart():
+            own, true = (tab.nodes[f"/episodes/{arm}/wrist_3_link"]["position"] for arm in ("believed", "scene"))
+            return np.linalg.norm(np.subtract(own, true))
+
+        wait_for(lambda: 0 < apart() < 0.02)
 
 
 def test_programs_of_all_parts_run(serve, tmp_path, capsys):
@@ -411,26 +425,25 @@ def test_a_goal_that_is_clicked_shows_where_each_method_ended(serve, tmp_path):
     with Tab(serve("arm3")) as tab:
         panel = tab.page.show("Results")
         panel.open(str(tmp_path / "nothing.json"))
-        assert "cannot read" in panel._verdict.content
+        wait_for(lambda: "cannot read" in tab.text)
         panel.open(f" {tmp_path} ")
-        assert (
-            "of 3 goals 0 reached by all 2 methods (green), 3 by some (amber), 0 by none (red)"
-            in panel._verdict.content
-        )
-        assert not panel._surroundings.visible
-        np.testing.assert_allclose(panel._goals.batched_positions, panel.results.goals, atol=1e-6)
-        assert np.unique(panel._goals.batched_colors, axis=0).tolist() == [list(AMBER)]
-        tab.click(panel._goals, instance=2)
+        counts = "of 3 goals 0 reached by all 2 methods (green), 3 by some (amber), 0 by none (red)"
+        wait_for(lambda: counts in tab.text)
+        wait_for(lambda: not tab.nodes["/world"]["visible"])
+        goals = tab.nodes["/results/cell/goals"]
+        np.testing.assert_allclose(goals["batched_positions"].reshape(-1, 3), panel.results.goals, atol=1e-6)
+        assert np.unique(goals["batched_colors"].reshape(-1, 3), axis=0).tolist() == [list(AMBER)]
+        tab.click("/results/cell/goals", instance=2)
         wait_for(lambda: panel.chosen == 2)
         ends = panel.results.ends[2]
-        with tab.page.lock:
-            np.testing.assert_allclose(panel._tips.batched_positions, [end.tip for end in ends.values()], atol=1e-6)
-            assert f"{1000 * ends['thesis-ppo-single'].distance:.0f} mm" in panel._table.content
-            assert panel._solid.visible
-        tab.set(panel._drawn, "no method")
-        wait_for(lambda: not panel._solid.visible)
+        wait_for(lambda: f"{1000 * ends['thesis-ppo-single'].distance:.0f} mm" in tab.text)
+        tips = tab.nodes["/results/cell/tips"]["batched_positions"]
+        np.testing.assert_allclose(tips.reshape(-1, 3), [end.tip for end in ends.values()], atol=1e-6)
+        assert tab.nodes["/results/cell/arm"]["visible"]
+        tab.set("draw solid", "no method")
+        wait_for(lambda: not tab.nodes["/results/cell/arm"]["visible"])
         panel.open(str(tmp_path / "report.html"))
-        assert "is no JSON" in panel._verdict.content
+        wait_for(lambda: "is no JSON" in tab.text)
         assert panel.results is not None
         tab.page.show("Target")
-        assert panel._surroundings.visible
+        wait_for(lambda: tab.nodes["/world"]["visible"])

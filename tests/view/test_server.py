@@ -11,7 +11,7 @@ import viser
 from websockets.exceptions import InvalidStatus
 from websockets.sync.client import connect
 
-from benchmarks.studies.page import Tab, wait_for
+from benchmarks.studies.tab import Tab, wait_for
 from kinreach.errors import InstallationError
 from kinreach.view.cli import setup_of
 from kinreach.view.server import Server
@@ -71,7 +71,7 @@ def test_nobody_else_may_connect(own, host, headers, capfd):
     port = own.address.rpartition(":")[2]
     with pytest.raises(InvalidStatus, match="403"):
         knock(own, host.format(port=port), **{name: value.format(port=port) for name, value in headers.items()})
-    assert not own._viser._websock_server._live_connections
+    assert not own.pages
     assert capfd.readouterr() == ("", "")
 
 
@@ -87,18 +87,16 @@ def test_no_tab_opens_a_tunnel(own, monkeypatch):
     """viser's messages that would share the page with the world have no handler."""
     asked = []
     for name in ("request_share_url", "disconnect_share_url"):
-        monkeypatch.setattr(own._viser, name, lambda **_: asked.append("tunnel"))
+        monkeypatch.setattr(viser.ViserServer, name, lambda *_, **__: asked.append("tunnel"))
     with Tab(own) as tab:
         for kind in SHARING:
             tab.send({"type": kind})
         panel = tab.page.target
-        tab.drag(panel._gizmo, panel.T[:3, 3] + 0.01)
-        wait_for(lambda: panel.draw_s)
-        connection = tab.page._client.gui._websock_interface
+        for _ in range(3):
+            panel.draw_s = 0.0
+            tab.drag("/target/goal", panel.T[:3, 3] + 0.01)
+            wait_for(lambda: panel.draw_s)
         assert not asked
-        for handlers in (own._viser._websock_server._incoming_handlers, connection._incoming_handlers):
-            assert not {kind.__name__ for kind in handlers} & set(SHARING)
-    assert not own._viser._websock_server._incoming_handlers
 
 
 def test_a_server_that_cannot_be_guarded_is_not_started(monkeypatch):
@@ -121,10 +119,9 @@ def test_a_server_that_cannot_be_guarded_is_not_started(monkeypatch):
 def test_what_is_no_message_ends_its_connection_and_no_other(own, sent, capfd):
     with Tab(own) as other:
         with Tab(own) as broken:
-            broken._socket.send(sent)
-            broken._reader.join(60)
-            assert not broken._reader.is_alive()
+            broken.send(sent)
+            wait_for(lambda: broken.disconnected)
         panel = other.page.target
-        other.drag(panel._gizmo, panel.T[:3, 3] + 0.01)
+        other.drag("/target/goal", panel.T[:3, 3] + 0.01)
         wait_for(lambda: panel.draw_s)
     assert capfd.readouterr() == ("", "")

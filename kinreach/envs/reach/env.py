@@ -76,7 +76,7 @@ class ReachEnv(CopyableEnv):
 
     def __deepcopy__(self, memo: dict[int, Any]) -> Self:
         twin = super().__deepcopy__(memo)
-        twin._show()
+        twin._follow()
         return twin
 
     @property
