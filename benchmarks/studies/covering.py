@@ -56,6 +56,7 @@ if MAP:
         fixtures = [_key(one) for each in item._fixtureinfo.name2fixturedefs.values() for one in each]
         _tests[item.nodeid] = {"fixtures": fixtures, "seconds": 0.0}
         _now = item.nodeid
+        sys.settrace(_trace)  # a test may have taken it away
         yield
         _now = ""
 
