@@ -22,7 +22,7 @@ from kinreach.compare.task import (
     resets_to,
     task_names,
 )
-from kinreach.statistics import Column, Trial
+from kinreach.statistics import Column, Trial, wilson_interval
 
 __all__ = [
     "Column",
@@ -39,4 +39,5 @@ __all__ = [
     "resets_to",
     "solver_method",
     "task_names",
+    "wilson_interval",
 ]

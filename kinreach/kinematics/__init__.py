@@ -50,6 +50,7 @@ __all__ = [
     "Status",
     "UR5Kinematics",
     "URKinematics",
+    "check",
 ]
 
 ArmKinematics._closed_forms = (Arm3Kinematics, URKinematics, CalibratedURKinematics, SixAxisKinematics)
