@@ -12,6 +12,8 @@ from kinreach.baselines.recipes import get_recipe
 from kinreach.baselines.rewards import REWARDS
 from kinreach.baselines.training import train
 
+pytestmark = pytest.mark.slow
+
 #: Recipe -> steps after which the tip is a good part of its way to the goals.
 COME_NEAR = {
     "single": 100_000,
@@ -28,12 +30,6 @@ PRESS_BETTER = {"button": 64_000, "button-dqn": 32_000}
 PRESS_LESS = {"button-report-both": {"n_steps": 20}}
 #: Recipe -> settings with which the trivial task takes seconds.
 PRESS_NOTHING = {"button-dqn-report-actuation": {"learning_starts": 1000, "target_update_interval": 640}}
-#: Those that stand for the others where time is short.
-QUICK = ("multi",)
-
-
-def names(recipes):
-    return [name if name in QUICK else pytest.param(name, marks=pytest.mark.slow) for name in recipes]
 
 
 def changed(name, num_envs=None, **settings):
@@ -41,7 +37,7 @@ def changed(name, num_envs=None, **settings):
     return replace(recipe, num_envs=num_envs or recipe.num_envs, settings={**recipe.settings, **settings})
 
 
-@pytest.mark.parametrize("name", names(COME_NEAR))
+@pytest.mark.parametrize("name", COME_NEAR)
 def test_the_tip_comes_near(name, tmp_path):
     """The start pose is 0.4 m from a goal."""
     recipe = replace(get_recipe(name), num_envs=256, window=2560)
@@ -50,7 +46,7 @@ def test_the_tip_comes_near(name, tmp_path):
     assert np.median(distance) < 0.2
 
 
-@pytest.mark.parametrize("name", names(AVOID_THE_IMPOSSIBLE))
+@pytest.mark.parametrize("name", AVOID_THE_IMPOSSIBLE)
 def test_what_is_impossible_becomes_rarer(name, tmp_path):
     train(get_recipe(name), tmp_path, seed=0, steps=8000)
     curve = read_curve(tmp_path / "curve.csv")
@@ -59,14 +55,14 @@ def test_what_is_impossible_becomes_rarer(name, tmp_path):
     assert curve["impossible"][-10:].mean() < 0.8 * curve["impossible"][:10].mean()
 
 
-@pytest.mark.parametrize("name", names(EARN_MORE))
+@pytest.mark.parametrize("name", EARN_MORE)
 def test_rewards_rise(name, tmp_path):
     train(changed(name, **EARN_MORE[name]), tmp_path, seed=0, steps=20_000)
     reward = read_curve(tmp_path / "curve.csv")["reward"]
     assert reward[-len(reward) // 5 :].mean() > reward[: max(1, len(reward) // 5)].mean()
 
 
-@pytest.mark.parametrize("name", names(TURN))
+@pytest.mark.parametrize("name", TURN)
 def test_off_policy_learners_turn_the_base_to_the_left(name, tmp_path, monkeypatch):
     """A trivial version of the task, which takes them tens of thousands of steps: only the first joint counts."""
     angles = []
@@ -82,7 +78,7 @@ def test_off_policy_learners_turn_the_base_to_the_left(name, tmp_path, monkeypat
     assert np.mean(angles[-30:]) < np.mean(angles[:30]) - 0.1
 
 
-@pytest.mark.parametrize("name", names(PRESS_BETTER))
+@pytest.mark.parametrize("name", PRESS_BETTER)
 def test_returns_of_the_button_task_rise(name, tmp_path):
     """Long before anything is pressed, chance presses less often in the wrong place and comes nearer."""
     train(replace(get_recipe(name), window=6400), tmp_path, seed=1, steps=PRESS_BETTER[name])
@@ -91,7 +87,7 @@ def test_returns_of_the_button_task_rise(name, tmp_path):
     assert returns[-1] > returns[0] + 8
 
 
-@pytest.mark.parametrize("name", names(PRESS_LESS))
+@pytest.mark.parametrize("name", PRESS_LESS)
 def test_rewards_of_the_button_task_rise(name, tmp_path):
     train(replace(changed(name, **PRESS_LESS[name]), window=2560), tmp_path, seed=0, steps=25_600)
     reward = read_curve(tmp_path / "curve.csv")["reward"]
@@ -99,7 +95,7 @@ def test_rewards_of_the_button_task_rise(name, tmp_path):
     assert reward[-3:].mean() > reward[:3].mean() + 0.1
 
 
-@pytest.mark.parametrize("name", names(PRESS_NOTHING))
+@pytest.mark.parametrize("name", PRESS_NOTHING)
 def test_with_the_actuation_of_the_report_wrong_presses_become_rare(name, tmp_path, monkeypatch):
     """A trivial version of a task that nobody learns there: only wrong presses count, and chance presses every second
     time."""

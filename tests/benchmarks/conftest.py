@@ -1,4 +1,4 @@
-"""Tests of studies are slow: they need what a study measures, and `make test` is about the package."""
+"""Tests of benchmarks and studies are slow: `make test` is about the package."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ QUICK = {"test_mutants.py", "test_trainings_interval.py"}
 
 @pytest.hookimpl(tryfirst=True)
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    """Mark what is beside this file, except `QUICK`."""
+    """Mark what is in this folder, except `QUICK`."""
     for item in items:
-        if item.path.parent == Path(__file__).parent and item.path.name not in QUICK:
+        if Path(__file__).parent in item.path.parents and item.path.name not in QUICK:
             item.add_marker(pytest.mark.slow)

@@ -32,6 +32,7 @@ def test_gymnasium_imports_kinreach_by_the_id(run_python):
     assert done.stdout.strip() == "(13,)"
 
 
+@pytest.mark.slow
 def test_worker_processes_of_stable_baselines3(run_python, tmp_path):
     """Spawned workers have imported nothing: the id has to say where it is registered."""
     pytest.importorskip("stable_baselines3")

@@ -272,8 +272,14 @@ def test_gymnasiums_vector_wrappers(task):
 
 
 @pytest.mark.filterwarnings("ignore:.*autoreset mode is same-step")
-@pytest.mark.parametrize("mode", [AutoresetMode.SAME_STEP, AutoresetMode.NEXT_STEP])
-@pytest.mark.parametrize("task", ["single", "multi, dynamics", "button"])
+@pytest.mark.parametrize(
+    ("task", "mode"),
+    [
+        ("single", AutoresetMode.SAME_STEP),
+        ("multi, dynamics", AutoresetMode.SAME_STEP),
+        ("button", AutoresetMode.NEXT_STEP),
+    ],
+)
 def test_batches_can_be_filmed(task, mode, tmp_path, films, needs_gl):
     native = wrappers.RecordVideo(
         batch(task, render_mode="rgb_array", autoreset_mode=mode), str(tmp_path / "films"), video_length=5

@@ -1,11 +1,10 @@
 """Processes that are killed: nothing half-written stays, and going on gives the uninterrupted result."""
 
 import fcntl
-import multiprocessing
 import os
 import shutil
-import signal
-import time
+import subprocess
+import sys
 from dataclasses import replace
 
 import pytest
@@ -14,11 +13,10 @@ from kinreach.baselines import training
 from kinreach.baselines.learning_curve import read_curve
 from kinreach.baselines.recipes import get_recipe
 from kinreach.baselines.training import train
-from kinreach.files import UNFINISHED, make_writable, replacing, write_text
+from kinreach.files import UNFINISHED, make_writable, write_text
 from tools.endurance import kills
 from tools.endurance.outcome import BrokenPromiseError
 
-SPAWN = multiprocessing.get_context("spawn")
 RECIPE = replace(get_recipe("single"), num_envs=32, steps=32 * 48, segments=3, window=256)
 
 
@@ -28,10 +26,13 @@ def test_killed_at_random_moments_a_job_goes_on_to_the_same_end(name, tmp_path):
     assert kills.kill_and_go_on(kills.WORKS[name], tmp_path, kills=1).count >= 1
 
 
-def test_what_is_not_whole_is_found(tmp_path):
+@pytest.fixture(scope="module")
+def whole(tmp_path_factory):
+    return train(RECIPE, tmp_path_factory.mktemp("whole"), seed=1).folder
+
+
+def test_what_is_not_whole_is_found(whole):
     """The check can fail: half of each file is refused."""
-    whole = tmp_path / "whole"
-    train(RECIPE, whole, seed=1)
     assert kills.whole_files(whole) == 3
     for path in ("policy.safetensors", "curve.csv", "run.json"):
         content = (whole / path).read_bytes()
@@ -43,9 +44,8 @@ def test_what_is_not_whole_is_found(tmp_path):
 
 @pytest.mark.parametrize("segment", [0, 2])
 def test_a_run_that_dies_between_its_checkpoint_and_its_curve_has_a_whole_curve_in_the_end(
-    segment, tmp_path, monkeypatch
+    segment, whole, tmp_path, monkeypatch
 ):
-    train(RECIPE, tmp_path / "whole", seed=1)
     written = 0
 
     def die(path, text):
@@ -62,28 +62,32 @@ def test_a_run_that_dies_between_its_checkpoint_and_its_curve_has_a_whole_curve_
             train(RECIPE, tmp_path / "killed", seed=1)
     train(RECIPE, tmp_path / "killed", seed=1, resume=True)
     for name in ("policy.safetensors", "curve.csv"):
-        assert (tmp_path / "killed" / name).read_bytes() == (tmp_path / "whole" / name).read_bytes()
+        assert (tmp_path / "killed" / name).read_bytes() == (whole / name).read_bytes()
     assert len(read_curve(tmp_path / "killed" / "curve.csv")["steps"]) > 3
 
 
-def hold_a_file_open(path, started):
-    with replacing(path) as temporary:
-        temporary.write_text("half of the ne")
-        started.set()
-        time.sleep(600)
+HOLD_A_FILE_OPEN = """
+import sys, time
+from pathlib import Path
+from kinreach.files import replacing
+with replacing(Path(sys.argv[1])) as temporary:
+    temporary.write_text("half of the ne")
+    print("started", flush=True)
+    time.sleep(600)
+"""
 
 
 @pytest.fixture
-def writer(tmp_path):
+def writer(tmp_path, root):
     """A process in the middle of writing `results.json`, in which `old` stands."""
-    path, started = tmp_path / "results.json", SPAWN.Event()
+    path = tmp_path / "results.json"
     path.write_text("old")
-    process = SPAWN.Process(target=hold_a_file_open, args=(path, started))
-    process.start()
-    assert started.wait(60)
-    yield process, path
-    process.kill()
-    process.join(60)
+    command = [sys.executable, "-c", HOLD_A_FILE_OPEN, str(path)]
+    environment = {**os.environ, "PYTHONPATH": str(root)}
+    with subprocess.Popen(command, stdout=subprocess.PIPE, text=True, env=environment) as process:
+        assert process.stdout.readline() == "started\n"
+        yield process, path
+        process.kill()
 
 
 def unfinished(path):
@@ -93,8 +97,8 @@ def unfinished(path):
 def test_what_a_killed_writer_leaves_is_swept_up_by_the_next_one(writer):
     process, path = writer
     assert len(unfinished(path)) == 1
-    os.kill(process.pid, signal.SIGKILL)
-    process.join(60)
+    process.kill()
+    process.wait(60)
     assert path.read_text() == "old"
     assert len(unfinished(path)) == 1
     write_text(path, "new")
@@ -107,8 +111,8 @@ def test_what_somebody_is_writing_is_left_alone(writer):
     make_writable(path.parent)
     write_text(path, "other")
     assert len(unfinished(path)) == 1
-    os.kill(process.pid, signal.SIGKILL)
-    process.join(60)
+    process.kill()
+    process.wait(60)
     make_writable(path.parent)
     assert unfinished(path) == []
     assert path.read_text() == "other"
@@ -131,8 +135,8 @@ def test_names_that_look_like_patterns_and_files_of_others_survive(tmp_path):
 
 def test_a_copy_of_what_a_killed_writer_left_is_somebody_elses(writer):
     process, path = writer
-    os.kill(process.pid, signal.SIGKILL)
-    process.join(60)
+    process.kill()
+    process.wait(60)
     (left,) = unfinished(path)
     shutil.copy(path.parent / left, path.parent / f"{left}.kept")
     (path.parent / left).rename(path.parent / "moved")
