@@ -8,7 +8,7 @@ PROG = "python -m kinreach.kinematics"
 
 
 def _usage() -> int:
-    parser = Parser(prog=PROG, description="What there is to be done with an arm's kinematics from a shell.")
+    parser = Parser(prog=PROG, description="Commands for an arm's kinematics.")
     commands = parser.add_subparsers(metavar="COMMAND", required=True)
     commands.add_parser("check", help="what an arm is and how its inverse kinematics does")
     parser.parse_args()

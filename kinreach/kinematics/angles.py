@@ -1,4 +1,4 @@
-"""A full turn, and angles without those that they have too many."""
+"""Angles modulo full turns."""
 
 from __future__ import annotations
 
@@ -13,10 +13,10 @@ TURN = 2 * pi
 
 
 def wrap(angle: float) -> float:
-    """The angle in [-pi, pi]; one that is there already stays as it is, to the last digit."""
+    """Wrap an angle into [-pi, pi]; one within it stays as it is, to the last digit."""
     return angle - TURN * round(angle / TURN) if not -pi <= angle <= pi else angle
 
 
 def wrapped(q: Floats) -> Floats:
-    """Angles in [-pi, pi], of any shape."""
+    """Wrap angles of any shape into [-pi, pi]."""
     return q - TURN * np.rint(q / TURN)

@@ -1,4 +1,4 @@
-"""Forward kinematics, Jacobian and joint limits of any described arm; Pinocchio is the reference."""
+"""Forward kinematics, Jacobian and joint limits of any described arm, by Pinocchio."""
 
 from __future__ import annotations
 
@@ -92,7 +92,7 @@ class ArmKinematics:
 
     @classmethod
     def of(cls, arm: str | ArmDescription, *, tip: str | None = None, base: str = "base_link") -> Self:
-        """Kinematics of an arm, as the class that lists every posture of a pose, if there is one.
+        """Return the kinematics of an arm, of the class that lists every posture of a pose, if there is one.
 
         Args:
             arm: Name of a registered arm, or a description.
@@ -124,7 +124,7 @@ class ArmKinematics:
         base: str = "base_link",
         **facts: Any,
     ) -> Self:
-        """Kinematics of the arm in a URDF file, as the class that `of` gives it.
+        """Return the kinematics of the arm in a URDF file, of the class that `of` chooses.
 
         Args:
             file: Path of the URDF.
@@ -142,11 +142,11 @@ class ArmKinematics:
         return f"{type(self).__name__}(arm={self.arm.name!r}, tip={self.tip!r}, base={self.base!r})"
 
     def as_posture(self, name: str, q: ArrayLike) -> Floats:
-        """A posture of shape (n,), each angle within ±1e6 rad, or an `InputError`."""
+        """Check a posture: shape (n,), each angle within ±1e6 rad; anything else is an `InputError`."""
         return as_vector(name, q, self.n, most=MAX_ANGLE)
 
     def fk(self, q: ArrayLike) -> Floats:
-        """Pose of the tip in the base frame.
+        """Compute the pose of the tip in the base frame.
 
         Args:
             q: Posture [rad], shape (n,), or a stack of them, shape (..., n). One posture, also in a stack of one,
@@ -180,7 +180,7 @@ class ArmKinematics:
         return T_world_tip if self.base == "world" else self.T_base_world @ T_world_tip
 
     def positions(self, q: ArrayLike) -> Floats:
-        """Tip positions [m], shape (..., 3), for postures `q` [rad], shape (..., n).
+        """Compute tip positions [m], shape (..., 3), for postures `q` [rad], shape (..., n).
 
         Many postures take three quarters of the time of `fk`.
 
@@ -199,7 +199,7 @@ class ArmKinematics:
         return self.chain.positions(q.reshape(-1, self.n)).reshape(*q.shape[:-1], 3)
 
     def jacobian(self, q: ArrayLike) -> Floats:
-        """Geometric Jacobian of the tip, shape (6, n): rows 0-2 linear [m/rad], rows 3-5 angular [rad/rad].
+        """Compute the geometric Jacobian of the tip, (6, n): rows 0-2 linear [m/rad], rows 3-5 angular [rad/rad].
 
         Both are expressed along the axes of the base frame (Siciliano et al., Robotics, section 3.1).
 
@@ -226,12 +226,12 @@ class ArmKinematics:
         return np.vstack([R @ J[:3], R @ J[3:]])
 
     def within_limits(self, q: ArrayLike, *, tolerance: float = SLACK) -> bool:
-        """Whether every joint is within its limits."""
+        """Return whether every joint is within its limits."""
         q = self.as_posture("q", q)
         return bool(((q >= self.lower - tolerance) & (q <= self.upper + tolerance)).all())
 
     def joints_outside_limits(self, q: ArrayLike, *, tolerance: float = SLACK) -> tuple[str, ...]:
-        """Names of the joints that are outside their limits."""
+        """Return the names of the joints that are outside their limits."""
         q = self.as_posture("q", q)
         outside = (q < self.lower - tolerance) | (q > self.upper + tolerance)
         return tuple(name for name, out in zip(self.arm.joints, outside, strict=True) if out)
@@ -256,12 +256,12 @@ class ArmKinematics:
 
 
 def link_frame(model: Any, link: str) -> int:
-    """Index of a link's frame in a Pinocchio model; a joint may have the same name."""
+    """Return the index of a link's frame in a Pinocchio model; a joint may have the same name."""
     return int(model.getFrameId(link, pin.BODY))
 
 
 def build_model(arm: ArmDescription) -> Any:
-    """Pinocchio model of an arm with the joints that are not part of `q` held in place."""
+    """Build the Pinocchio model of an arm, with the joints that are not part of `q` held in place."""
     urdf = arm.urdf
     try:
         full = pin.buildModelFromXML(urdf)
@@ -279,7 +279,7 @@ def build_model(arm: ArmDescription) -> Any:
     if tuple(model.names)[1:] != arm.joints:
         raise InputError(
             f"arm {arm.name!r}: URDF joints {tuple(model.names)[1:]}, described {arm.joints}; "
-            "ArmDescription.from_urdf holds joints that are no part of the arm"
+            "ArmDescription.from_urdf holds joints that are not part of the arm"
         )
     for index, name in enumerate(arm.joints, start=1):
         kind = model.joints[index].shortname()

@@ -63,7 +63,7 @@ _MISS_TEXT = {
 
 
 def miss_text(miss: int) -> str:
-    """What kept the arm from a target, in words; empty for no flags."""
+    """Describe what kept the arm from a target; empty for no flags."""
     return "; ".join(text for flag, text in _MISS_TEXT.items() if miss & flag)
 
 
@@ -114,7 +114,7 @@ class YawPlanarGeometry:
 
 
 def solve_position(p: Sequence[float], g: YawPlanarGeometry, *, tol: float = 1e-7) -> tuple[list[Row], int]:
-    """All postures that put the tip at a point.
+    """Compute all postures that put the tip at a point.
 
     Args:
         p: Point in the first joint's frame [m], three numbers.
@@ -163,7 +163,7 @@ BRANCHES = 4
 
 
 def solve_positions(p: Floats, g: YawPlanarGeometry, *, tol: float = 1e-7) -> tuple[Floats, NDArray[np.bool_]]:
-    """All postures that put the tip at each of many points; the formulas are those of `solve_position`.
+    """Compute all postures that put the tip at each of many points, by the formulas of `solve_position`.
 
     Args:
         p: Points in the first joint's frame [m], shape (3, count).
@@ -234,7 +234,7 @@ class Arm3Kinematics(ClosedFormKinematics):
     def all_solutions(
         self, T: ArrayLike, *, seed: ArrayLike | None = None, limits: bool = True, tol: float = 1e-7
     ) -> IKSolutions:
-        """Every posture that brings the tip to a point.
+        """Compute every posture that brings the tip to a point.
 
         Args:
             T: Position of the tip in the base frame [m], shape (3,), or a pose (4, 4) whose translation is used.
@@ -257,7 +257,7 @@ class Arm3Kinematics(ClosedFormKinematics):
         return self._solutions(found, "" if found else miss_text(miss), self._error_of(goal), start, limits, tol)
 
     def solve(self, goal: Goal, seed: ArrayLike, *, accept: Accept | None = None) -> IKResult:
-        """A `PositionGoal`.
+        """Solve a `PositionGoal`.
 
         Raises:
             InputError: Any other goal, which asks for an orientation that three joints cannot choose.

@@ -52,7 +52,7 @@ def plus(a: Entry, b: Entry) -> Entry:
 
 
 def minus(a: Entry, b: Entry) -> Entry:
-    """The difference, likewise."""
+    """Subtract; nothing is computed where the second is 0 for all postures."""
     if isinstance(a, float) and a == 0.0:
         return -b
     return a if isinstance(b, float) and b == 0.0 else a - b
@@ -72,14 +72,14 @@ class Frame(NamedTuple):
     p: Vector
 
     def direction(self, weights: Sequence[float]) -> Vector:
-        """A vector that is given in this frame, in the base frame."""
+        """Express a vector of this frame in the base frame."""
         u, v, w = weights
         return [
             plus(plus(times(u, x), times(v, y)), times(w, z)) for x, y, z in zip(self.x, self.y, self.z, strict=True)
         ]
 
     def point(self, offset: Sequence[float]) -> Vector:
-        """A point that is given in this frame [m], in the base frame."""
+        """Express a point of this frame [m] in the base frame."""
         return [plus(p, along) for p, along in zip(self.p, self.direction(offset), strict=True)]
 
     def moved(self, T: Floats) -> Frame:
@@ -117,7 +117,7 @@ class SerialChain:
         return np.array([*self._constants, self._tip])
 
     def fk(self, q: Any) -> Any:
-        """Poses of the tip in the base frame, shape (m, 4, 4).
+        """Compute poses of the tip in the base frame, shape (m, 4, 4).
 
         Args:
             q: Postures [rad], shape (m, n), or as a tensor (..., n).
@@ -125,7 +125,7 @@ class SerialChain:
         return _evaluated(self._pose, q, 4, 4)
 
     def jacobian(self, q: Any) -> Any:
-        """Geometric Jacobians of the tip along the axes of the base frame, shape (m, 6, n), linear rows first.
+        """Compute geometric Jacobians of the tip along the base's axes, shape (m, 6, n), linear rows first.
 
         Args:
             q: As in `fk`.
@@ -133,7 +133,7 @@ class SerialChain:
         return _evaluated(self._jacobian, q, 6, self.joints)
 
     def positions(self, q: Floats) -> Floats:
-        """Positions of the tip in the base frame [m], shape (m, 3), for postures `q` [rad], shape (m, n).
+        """Compute positions of the tip in the base frame [m], shape (m, 3), for postures `q` [rad], shape (m, n).
 
         They equal those in `fk`, and take three quarters of its time for many postures.
         """
@@ -236,7 +236,7 @@ def _aligned(axis: Floats) -> Floats:
 
 
 def _snapped(T: Floats) -> Floats:
-    """The transform with whole numbers where it almost has them, but for a rotation that would be none."""
+    """The transform with whole numbers where it almost has them, unless the rotation would not be one."""
     whole = np.rint(T)
     snapped = np.where(np.abs(T - whole) < SNAP, whole, T)
     R = snapped[:3, :3]
@@ -246,7 +246,7 @@ def _snapped(T: Floats) -> Floats:
 
 
 def rotation_to(axis: Floats) -> Floats:
-    """A rotation whose third column is the given unit axis."""
+    """Return a rotation whose third column is the given unit axis."""
     helper = np.eye(3)[int(np.argmin(np.abs(axis)))]
     x = np.cross(helper, axis)
     x /= np.linalg.norm(x)

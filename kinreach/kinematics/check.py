@@ -1,4 +1,4 @@
-"""What is worth knowing of an arm before one relies on it, measured: reach, inverse kinematics, singular postures.
+"""Measurements of an arm before you rely on it: reach, inverse kinematics, singular postures.
 
 Everything is measured on random postures within the limits, with a seed, and judged by forward kinematics.
 """
@@ -101,7 +101,7 @@ class Deviation:
 
 
 def random_postures(kin: ArmKinematics, count: int, seed: int) -> Floats:
-    """Postures within the limits, and within a turn of each joint [rad], shape (count, n)."""
+    """Draw postures within the limits, and within a turn of each joint [rad], shape (count, n)."""
     return np.random.default_rng(seed).uniform(*_ranges(kin), (count, kin.n))
 
 
@@ -113,13 +113,13 @@ def _ranges(kin: ArmKinematics) -> tuple[Floats, Floats]:
 
 
 def from_first_joint(kin: ArmKinematics, positions: Floats) -> Floats:
-    """Positions in the base frame, from the first joint's origin [m]."""
+    """Express positions of the base frame from the first joint's origin [m]."""
     shoulder = kin.model.jointPlacements[1].translation
     return positions - (kin.T_base_world[:3, :3] @ shoulder + kin.T_base_world[:3, 3])
 
 
 def reach_of(kin: ArmKinematics, *, seed: int = 0) -> Reach:
-    """How far the tip gets.
+    """Measure how far the tip reaches.
 
     Raises:
         InputError: It stays where it is.
@@ -136,7 +136,7 @@ def reach_of(kin: ArmKinematics, *, seed: int = 0) -> Reach:
 
 
 def collisions_of(kin: ArmKinematics, *, seed: int = 0) -> Collisions | None:
-    """Self-collisions of the arm alone, without its work cell; None for an arm without shapes.
+    """Measure self-collisions of the arm without its work cell; None for an arm without shapes.
 
     Raises:
         InputError: Its shapes cannot be read.
@@ -150,7 +150,10 @@ def collisions_of(kin: ArmKinematics, *, seed: int = 0) -> Collisions | None:
 
 
 def smallest_singular_value(kin: ArmKinematics, q: Floats, scale: float) -> float:
-    """Of the Jacobian in a posture, lengths in units of `scale` [m]; the positional part with fewer than six joints."""
+    """Return the smallest singular value of the Jacobian, lengths in units of `scale` [m].
+
+    With fewer than six joints it is that of the positional part.
+    """
     J = kin.jacobian(q)
     J[:3] /= scale
     return float(np.linalg.svd(J if kin.n >= POSE_JOINTS else J[:3], compute_uv=False)[-1])
@@ -179,7 +182,7 @@ class Singular:
 
 
 def singular_postures(kin: ArmKinematics, scale: float, *, seed: int = 0) -> Singular:
-    """Singular postures next to random ones: a joint is turned to where the arm is least agile.
+    """Find singular postures next to random ones by turning a joint to where the smallest singular value is least.
 
     With up to six joints one turn is enough. An arm with more is singular where several joints are at certain angles:
     they are turned one after the other, and postures count from `NEARLY_SINGULAR` on.
@@ -238,7 +241,7 @@ def solvers_of(kin: ArmKinematics) -> list[Solver]:
 
 
 def goal_of(kin: ArmKinematics, q: Floats) -> PoseGoal | PositionGoal:
-    """The pose of the tip in a posture; its position alone with fewer than six joints."""
+    """Return the pose of the tip in a posture as a goal; its position with fewer than six joints."""
     T = kin.fk(q)
     return PoseGoal(T) if kin.n >= POSE_JOINTS else PositionGoal(T[:3, 3])
 
@@ -282,6 +285,6 @@ def deviation(real: ArmKinematics, believed: ArmKinematics, *, seed: int = 0, co
 
 
 def quantiles(values: Floats | Sequence[float]) -> tuple[float, float, float]:
-    """Median, 95 % quantile and largest."""
+    """Return the median, the 95 % quantile and the largest value."""
     median, late, most = np.quantile(values, (0.5, 0.95, 1.0)).tolist()
     return median, late, most

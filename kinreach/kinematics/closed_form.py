@@ -1,4 +1,4 @@
-"""What every arm with a closed-form inverse kinematics offers; the formulas themselves are elsewhere."""
+"""Limits, windings and batches of every arm with a closed-form inverse kinematics, without the formulas."""
 
 from __future__ import annotations
 
@@ -66,10 +66,10 @@ class ClosedFormKinematics(ArmKinematics, ABC):
     def all_solutions(
         self, T: ArrayLike, *, seed: ArrayLike | None = None, limits: bool = True, tol: float = 1e-7
     ) -> IKSolutions:
-        """Every posture that reaches a goal."""
+        """Compute every posture that reaches a goal."""
 
     def nearest(self, T: ArrayLike, seed: ArrayLike, *, accept: Accept | None = None) -> IKResult:
-        """The posture for a goal that is nearest to a seed, over all branches and windings.
+        """Compute the posture for a goal that is nearest to a seed, over all branches and windings.
 
         Args:
             T: Goal as in `all_solutions`.
@@ -83,7 +83,7 @@ class ClosedFormKinematics(ArmKinematics, ABC):
         return self._choose(self.all_solutions(T, seed=start), start, accept)
 
     def batch(self, T: ArrayLike, *, limits: bool = True, tol: float = 1e-7) -> IKBatch:
-        """Every posture of many poses.
+        """Compute every posture of many poses.
 
         Args:
             T: Goals in the base frame: poses of the tip, shape (count, 4, 4), or for a 3-DOF arm positions (count, 3).
@@ -91,7 +91,7 @@ class ClosedFormKinematics(ArmKinematics, ABC):
             tol: As in `all_solutions`.
 
         Returns:
-            Postures, and which are there; as tensors on the device of `T` and in its precision where `T` is a tensor of
+            Postures, and which exist; as tensors on the device of `T` and in its precision where `T` is a tensor of
             torch. Nothing is differentiated here: the gradient of a solution is the inverse of `jacobian`.
 
         Raises:
@@ -104,7 +104,7 @@ class ClosedFormKinematics(ArmKinematics, ABC):
         return self._batch_within(T, q, valid, tol, limits=limits)
 
     def nearest_batch(self, T: ArrayLike, seeds: ArrayLike, *, tol: float = 1e-7) -> IKBatchNearest:
-        """For each of many poses the posture nearest to its seed, over all branches and windings within the limits.
+        """Compute for each of many poses the posture nearest to its seed, over all branches and windings.
 
         Args:
             T: Goals in the base frame: poses of the tip, shape (count, 4, 4), or for a 3-DOF arm positions (count, 3).
@@ -178,7 +178,7 @@ class ClosedFormKinematics(ArmKinematics, ABC):
 
     @abstractmethod
     def solve(self, goal: Goal, seed: ArrayLike, *, accept: Accept | None = None) -> IKResult:
-        """The posture for a goal that is nearest to a seed.
+        """Compute the posture for a goal that is nearest to a seed.
 
         Args:
             goal: In the base frame, for the tip.

@@ -161,7 +161,7 @@ class CollisionChecker:
         return partial(CollisionChecker, obstacles=self._obstacles, margin=self._margin), (self.kinematics,)
 
     def in_collision(self, q: ArrayLike) -> bool:
-        """Whether any pair touches or is nearer than the margin; stops at the first.
+        """Return whether any pair touches or is nearer than the margin; stops at the first.
 
         Args:
             q: Posture [rad], shape (n,).
@@ -174,11 +174,11 @@ class CollisionChecker:
         return bool(pin.computeCollisions(self.model, search.data, search.any_pair, q, True))
 
     def free(self, q: ArrayLike) -> bool:
-        """The opposite of `in_collision`; fits where a solver takes `accept`."""
+        """Return the opposite of `in_collision`; pass it to a solver as `accept`."""
         return not self.in_collision(q)
 
     def causes(self, q: ArrayLike) -> NDArray[np.uint8]:
-        """Why postures are impossible. The verdict on one depends neither on the others nor on how many there are.
+        """Return why postures are impossible. The verdict on one does not depend on the others, nor on their number.
 
         Args:
             q: Postures [rad], shape (m, n).
@@ -203,7 +203,7 @@ class CollisionChecker:
         return causes
 
     def impossible(self, q: ArrayLike) -> NDArray[np.bool_]:
-        """Which postures are outside the joint limits or collide, shape (m,).
+        """Return which postures are outside the joint limits or collide, shape (m,).
 
         Args:
             q: Postures [rad], shape (m, n).
@@ -214,7 +214,7 @@ class CollisionChecker:
         return self.causes(q) != Cause.NONE
 
     def reason(self, q: ArrayLike) -> str:
-        """What makes a posture impossible, for people; empty if nothing does.
+        """Describe what makes a posture impossible; empty if nothing does.
 
         Joints outside their limits, or of the pairs of the `Cause` the nearest, or deepest in one another
         ("finger_left - table").
@@ -239,7 +239,7 @@ class CollisionChecker:
         return f"{self.shapes[deepest.first].name} - {self.shapes[deepest.second].name}"
 
     def contacts(self, q: ArrayLike) -> tuple[Pair, ...]:
-        """All pairs that touch or are nearer than the margin, each once, in alphabetical order.
+        """Return all pairs that touch or are nearer than the margin, each once, in alphabetical order.
 
         Args:
             q: Posture [rad], shape (n,).
@@ -255,7 +255,7 @@ class CollisionChecker:
         return tuple(sorted(touching))
 
     def distance(self, q: ArrayLike) -> Clearance:
-        """The smallest distance of all pairs; the margin plays no part.
+        """Return the smallest distance of all pairs; the margin plays no part.
 
         Args:
             q: Posture [rad], shape (n,).

@@ -16,7 +16,7 @@ from kinreach.kinematics.tensors import like
 
 @dataclass(frozen=True)
 class PoseGoal:
-    """The tip takes a full pose: position [m] and orientation. `T` has shape (4, 4)."""
+    """A full pose of the tip: position [m] and orientation. `T` has shape (4, 4)."""
 
     T: Floats
 
@@ -64,7 +64,7 @@ Goal = PoseGoal | AxisGoal | PositionGoal
 
 
 def goal_error(goal: Goal, T: Floats) -> tuple[float, float]:
-    """How far a tip pose is from a goal: position [m] and orientation [rad] (0 where it is free)."""
+    """Return how far a tip pose is from a goal: position [m] and orientation [rad] (0 where it is free)."""
     if isinstance(goal, PoseGoal):
         return pose_error(goal.T, T)
     position = dist(goal.position.tolist(), T[:3, 3].tolist())
@@ -74,20 +74,20 @@ def goal_error(goal: Goal, T: Floats) -> tuple[float, float]:
 
 
 def pose_error(T_wanted: Floats, T: Floats) -> tuple[float, float]:
-    """Distance [m] and angle [rad] between two poses, shape (4, 4)."""
+    """Return the distance [m] and the angle [rad] between two poses, shape (4, 4)."""
     position = dist(T_wanted[:3, 3].tolist(), T[:3, 3].tolist())
     return position, rotation_angle(T[:3, :3], T_wanted[:3, :3])
 
 
 def nearest_rotations(R: Any) -> Any:
-    """The rotations nearest to matrices (..., 3, 3) that almost are some, by two Newton steps of the polar form."""
+    """Return the rotations nearest to matrices (..., 3, 3) that almost are, by two Newton steps of the polar form."""
     for _ in range(2):
         R = R @ (1.5 * like(R, np.eye(3)) - 0.5 * R.swapaxes(-1, -2) @ R)
     return R
 
 
 def rotation_angle(R_a: Floats, R_b: Floats) -> float:
-    """Angle [rad] of the rotation from `R_a` to `R_b`, exact also where it is tiny."""
+    """Return the angle [rad] of the rotation from `R_a` to `R_b`, exact also where it is tiny."""
     (_, b, c), (d, _, f), (g, h, _) = rows = (R_a.T @ R_b).tolist()
     sine = hypot(h - f, c - g, d - b)
     return atan2(sine, rows[0][0] + rows[1][1] + rows[2][2] - 1.0)

@@ -25,14 +25,14 @@ TRIALS, MIN_SHARE = 100, 0.98
 ON_AXIS = 1e-9
 #: Turns about the tip's z axis that are tried where the last joint does not do them alone [rad].
 TURNS = np.linspace(-np.pi, np.pi, 36, endpoint=False)
-UNREACHED = "no posture brings the tip there"
+UNREACHED = "no posture reaches the goal"
 
 
 class SixAxisKinematics(ClosedFormKinematics):
     """Kinematics of an arm with any six revolute joints. Threads may share an instance.
 
     Postures miss their pose by less than 1e-9 m and rad, unless none does that: then those that miss it by up to `tol`
-    are returned. The branch index counts the postures of a pose and says nothing more; there are up to sixteen.
+    are returned. The branch index only counts the postures of a pose; there are up to sixteen.
 
     Args:
         arm: Name of a registered arm, or a description.
@@ -73,7 +73,7 @@ class SixAxisKinematics(ClosedFormKinematics):
     def all_solutions(
         self, T: ArrayLike, *, seed: ArrayLike | None = None, limits: bool = True, tol: float = 1e-7
     ) -> IKSolutions:
-        """Every posture that brings the tip to a pose.
+        """Compute every posture that brings the tip to a pose.
 
         Args:
             T: Pose of the tip in the base frame, shape (4, 4).
@@ -101,7 +101,7 @@ class SixAxisKinematics(ClosedFormKinematics):
         limits: bool = True,
         tol: float = 1e-7,
     ) -> IKSolutions:
-        """Postures that bring the tip to a point with its z axis along a direction (rotation about it is free).
+        """Compute postures with the tip at a point and its z axis along a direction; rotation about it is free.
 
         If the tip is on the last joint's axis, they are all there are. If not, they are those at 36 turns about the
         direction, 10 degrees apart.
@@ -135,7 +135,7 @@ class SixAxisKinematics(ClosedFormKinematics):
         return self._among(goal, T, start, last, limits=limits, tol=tol)
 
     def solve(self, goal: Goal, seed: ArrayLike, *, accept: Accept | None = None) -> IKResult:
-        """The posture nearest to a seed for a `PoseGoal` or an `AxisGoal`.
+        """Compute the posture nearest to a seed for a `PoseGoal` or an `AxisGoal`.
 
         Raises:
             InputError: A `PositionGoal`, which leaves three of six joints free, or an object of another kind.

@@ -27,7 +27,7 @@ class Status(Enum):
     """How a request for a posture ended."""
 
     OK = "ok"
-    #: No posture of this geometry gets there; `reason` names the part that cannot.
+    #: No posture of this geometry reaches the goal; `reason` names the part that cannot.
     OUT_OF_REACH = "out of reach"
     #: There are postures, all of them outside the joint limits.
     OUT_OF_LIMITS = "out of limits"
@@ -114,15 +114,15 @@ class IKResult:
         q = kinematics.as_posture("q", q).copy()
         position, orientation = goal_error(goal, kinematics.fk(q))
         if position > tolerance.position or orientation > tolerance.orientation:
-            status, said = Status.NOT_CONVERGED, f"{position:.3g} m and {orientation:.3g} rad from the goal"
+            status, text = Status.NOT_CONVERGED, f"{position:.3g} m and {orientation:.3g} rad from the goal"
         elif outside := kinematics.joints_outside_limits(q):
-            status, said = Status.OUT_OF_LIMITS, f"outside the joint limits ({', '.join(outside)})"
+            status, text = Status.OUT_OF_LIMITS, f"outside the joint limits ({', '.join(outside)})"
         elif accept is not None and not accept(q.copy()):
-            status, said = Status.REJECTED, "accept refused the posture"
+            status, text = Status.REJECTED, "accept refused the posture"
         else:
-            status, said = Status.OK, ""
-        said = reason if reason and status is Status.NOT_CONVERGED else said
-        return cls(q, status, position, orientation, said, branch, iterations, restarts)
+            status, text = Status.OK, ""
+        text = reason if reason and status is Status.NOT_CONVERGED else text
+        return cls(q, status, position, orientation, text, branch, iterations, restarts)
 
     @property
     def success(self) -> bool:
@@ -147,7 +147,7 @@ ErrorOf = Callable[[Floats], tuple[float, float]]
 
 @dataclass(frozen=True)
 class _Known:
-    """Errors by posture, in place of the function that computed them."""
+    """Errors by posture, instead of the function that computed them."""
 
     errors: dict[tuple[float, ...], tuple[float, float]]
 

@@ -55,7 +55,7 @@ def on_host(values: Any) -> Any:
 
 
 def as_device(device: object) -> Any:
-    """A device of torch (`torch.device`) that is there.
+    """Return a device of torch (`torch.device`) that this machine has.
 
     Raises:
         InstallationError: Torch is not installed.
@@ -63,12 +63,12 @@ def as_device(device: object) -> Any:
     """
     torch = load_extra("torch", "train")
     try:
-        there = torch.device(device)
-        torch.empty(1, device=there).cpu()
+        found = torch.device(device)
+        torch.empty(1, device=found).cpu()
     except Exception as error:  # of half a dozen kinds, by what torch was compiled for
         reason = (str(error).strip() or type(error).__name__).splitlines()[0]
         raise InputError(f"torch has no device {shown(device)} here: {reason}") from None
-    return there
+    return found
 
 
 def on_device(values: Any, device: Any) -> Any:

@@ -1,6 +1,6 @@
-"""What a UR's factory calibration says about its links: read from files, checked, and put into a description.
+"""The factory calibration of a UR: read from files, checked, and put into a description.
 
-Three kinds of file say it: the `kinematics.yaml` that the ROS driver's `ur_calibration` writes (a transform for each
+Three kinds of file have it: the `kinematics.yaml` that the ROS driver's `ur_calibration` writes (a transform for each
 link), the `calibration.conf` that the controller keeps (what is to be added to the Denavit-Hartenberg parameters), and
 a URDF that was made with either. All of them end up as the same thing, a chain of seven transforms whose frames lie as
 near to those of the data sheet as the axes allow: a frame may be slid along its joint's axis without changing the arm,
@@ -41,7 +41,7 @@ _DELTAS = ("delta_theta", "delta_a", "delta_d", "delta_alpha")
 _TWISTS = (math.pi / 2, 0.0, 0.0, math.pi / 2, -math.pi / 2, 0.0)
 _DELTA_LINE = re.compile(r"^\s*(delta_\w+)\s*=\s*\[([^\]]*)\]\s*$", re.MULTILINE)
 #: Calibrations of eight real arms whose owners published them, by name, such as "ur5_a" (the model, then a letter):
-#: the driver's files. Each says in its first line where its figures are from.
+#: the driver's files. The first line of each names the source of its figures.
 PUBLISHED_CALIBRATIONS = {file.stem: file for file in sorted((Path(__file__).parent / "calibrations").glob("*.yaml"))}
 
 
@@ -111,7 +111,7 @@ def read_calibration(file: str | Path, model: str, *, repair: bool = False) -> C
 
 
 def nominal_placements(model: str) -> Floats:
-    """The data sheet's chain from the DH base to tool0, as in `Calibration`, shape (7, 4, 4)."""
+    """Return the data sheet's chain from the DH base to tool0, as in `Calibration`, shape (7, 4, 4)."""
     d1, a2, a3, d4, d5, d6 = UR_LENGTHS[model]
     right = math.pi / 2
     steps = (
@@ -127,7 +127,7 @@ def nominal_placements(model: str) -> Floats:
 
 
 def calibrated_urdf(text: str, calibration: Calibration, *, base: str, tip: str) -> str:
-    """A URDF of the model with its joints where the calibration has them; shapes and masses stay in their links.
+    """Return a URDF of the model with its joints where the calibration has them; shapes and masses stay in their links.
 
     Args:
         text: URDF of the arm by its data sheet; the joints have the names in `kinreach.robots.ur.JOINTS`.
@@ -183,8 +183,8 @@ def _from_driver(text: str) -> _Placed:
     try:
         content = yaml.load(text, Loader=yaml.BaseLoader)  # texts only: no tags, and no merging that multiplies
     except (yaml.YAMLError, RecursionError, ValueError) as error:
-        said = " ".join(str(error).split())
-        raise InputError(f"the calibration is no YAML: {shown(said)}") from None
+        text = " ".join(str(error).split())
+        raise InputError(f"the calibration is not YAML: {shown(text)}") from None
     links = content.get("kinematics") if isinstance(content, Mapping) else None
     if not isinstance(links, Mapping):
         raise InputError(
@@ -346,7 +346,7 @@ def _link_frames(robot: ET.Element) -> dict[str, Floats]:
     children = {link_at(joint, "child") for joint in joints}
     frames = {name: np.eye(4) for link in robot.findall("link") if (name := link.get("name", "")) not in children}
     todo = list(frames)
-    for parent in todo:  # grows until all links were there
+    for parent in todo:  # grows until it has all links
         for joint in joints:
             if link_at(joint, "parent") == parent:
                 frames[link_at(joint, "child")] = frames[parent] @ origin_of(joint)

@@ -1,4 +1,4 @@
-"""What an arm is: one URDF and the facts that a URDF does not carry. Data only, no engine is imported here."""
+"""An arm as data: one URDF and the facts that a URDF does not carry. No engine is imported here."""
 
 from __future__ import annotations
 
@@ -32,14 +32,14 @@ PER_JOINT = ("home", "position_gains", "joint_damping")
 
 
 def no_package() -> None:
-    """For an arm whose URDF names no files."""
+    """Return None: the package of an arm whose URDF names no files."""
 
 
 @dataclass(frozen=True, eq=False)
 class ArmDescription:
     """One robot arm, described once for Pinocchio, placo and MuJoCo. Compared and hashed by identity.
 
-    Only `name`, `title` and `build_urdf` must be given. What is left empty is read from the URDF, as each line says.
+    Only `name`, `title` and `build_urdf` must be given. What is left empty is read from the URDF, as described below.
 
     Attributes:
         name: Key in the registry, as in `get_arm("ur5")`.
@@ -144,9 +144,9 @@ class ArmDescription:
             "workcell": (Workcell, "a Workcell"),
             "gripper": (Gripper | None, "a Gripper or None"),
         }
-        for name, (kind, said) in kinds.items():
+        for name, (kind, wanted) in kinds.items():
             if not isinstance(getattr(self, name), kind):
-                raise InputError(f"{name} of an arm must be {said}, got {shown(getattr(self, name))}")
+                raise InputError(f"{name} of an arm must be {wanted}, got {shown(getattr(self, name))}")
         if not all(isinstance(camera, CameraMount) for camera in self.cameras):
             raise InputError(f"cameras of arm {self.name!r} must be CameraMounts, got {shown(self.cameras)}")
         check_number(f"armature of arm {self.name!r}", self.armature, least=0.0)
@@ -221,7 +221,7 @@ class ArmDescription:
         )
 
     def with_limits(self, limits: float | Mapping[str, tuple[float, float]]) -> ArmDescription:
-        """The same arm with other joint limits, such as those that are set on its pendant.
+        """Return the same arm with other joint limits, such as those that are set on its pendant.
 
         Where the start posture is beyond them, it moves to the limit.
 
@@ -230,7 +230,7 @@ class ArmDescription:
 
         Raises:
             UnknownNameError: The arm has no joint of that name.
-            InputError: A limit is no finite number, or a lower one is not below its upper one.
+            InputError: A limit is not a finite number, or a lower one is not below its upper one.
         """
         if not isinstance(limits, Mapping):
             bound = check_number("limits", limits, above=0.0, most=MAX_ANGLE)
@@ -247,7 +247,7 @@ class ArmDescription:
         return replace(self, build_urdf=partial(str, text), home=tuple(np.clip(self.home, lower, upper).tolist()))
 
     def calibrated(self, file: str | Path, *, model: str | None = None, repair: bool = False) -> ArmDescription:
-        """The same arm as it left the factory: its joints are where its calibration has them.
+        """Return the same arm with its joints where its factory calibration has them.
 
         Simulation, collision checker and environments take it as any other arm; a method that is given the arm
         without its calibration believes in the data sheet.
@@ -255,7 +255,7 @@ class ArmDescription:
         Args:
             file: The ROS driver's `kinematics.yaml`, the controller's `calibration.conf`, or a calibrated URDF.
             model: Which UR it is, "ur3" to "ur30"; default is this arm's name.
-            repair: Put right what an old exporter folded (`kinreach.robots.read_calibration`).
+            repair: Correct what an old exporter folded (`kinreach.robots.read_calibration`).
 
         Raises:
             UnknownNameError: There is no such model.

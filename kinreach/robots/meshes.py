@@ -87,9 +87,9 @@ def placed_parts(address: str, package_root: str | None, scale: Floats) -> list[
 
 
 def _check_part(name: str, part: Any, T: Floats, scale: Floats) -> None:
-    """Refuse vertices that are not finite or far away, and triangles of vertices that are not there."""
+    """Refuse vertices that are not finite or far away, and triangles of vertices that do not exist."""
     if part.faces.min() < 0 or part.faces.max() >= len(part.vertices):
-        raise InputError(f"the mesh {name} has a triangle of a vertex that is not there")
+        raise InputError(f"the mesh {name} has a triangle of a vertex that it does not have")
     with np.errstate(over="ignore", invalid="ignore"):
         placed = (part.vertices @ T[:3, :3].T + T[:3, 3]) * scale
         largest = float(np.abs(placed).max())
@@ -166,12 +166,12 @@ def _parsed(content: bytes, kind: str) -> Any:
         return trimesh.load_scene(io.BytesIO(content), file_type=kind, resolver={}, process=False)
     except MemoryError:
         raise
-    except Exception as error:  # whatever a parser raises at what is no mesh
+    except Exception as error:  # whatever a parser raises at what is not a mesh
         raise InputError(f"cannot be read: {type(error).__name__}: {shown(str(error))}") from None
 
 
 def _check_collada(content: bytes) -> None:
-    """Refuse what is no XML, entities, and a scene that places parts within parts until there are very many."""
+    """Refuse what is not XML, entities, and a scene that places parts within parts until there are very many."""
     inside: list[str] = []  # open nodes
     placed: Counter[str] = Counter()
     used: defaultdict[str, list[str]] = defaultdict(list)
@@ -199,7 +199,7 @@ def _check_collada(content: bytes) -> None:
     try:
         parser.Parse(content, True)
     except expat.ExpatError as error:
-        raise InputError(f"is no XML: {error}") from None
+        raise InputError(f"is not XML: {error}") from None
 
     @cache
     def count(node: str) -> int:

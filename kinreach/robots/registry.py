@@ -1,4 +1,4 @@
-"""Arms by name: those of kinreach, and those that join with `register_arm`."""
+"""Arms by name: those of kinreach, and those of `register_arm`."""
 
 from __future__ import annotations
 
@@ -24,10 +24,10 @@ def _arms() -> dict[str, ArmDescription]:
 
 
 def register_arm(arm: ArmDescription) -> ArmDescription:
-    """Make an arm that lives outside kinreach available by its name; it is returned.
+    """Make an arm of your own available by its name, and return it.
 
     Raises:
-        InputError: It is no `ArmDescription`, or another arm has that name already.
+        InputError: It is not an `ArmDescription`, or another arm has that name already.
     """
     given: Any = arm
     if not isinstance(given, ArmDescription):
@@ -39,7 +39,7 @@ def register_arm(arm: ArmDescription) -> ArmDescription:
 
 
 def get_arm(name: str) -> ArmDescription:
-    """The arm with this name.
+    """Return the arm with this name.
 
     Raises:
         UnknownNameError: There is none; the message lists the available names.
@@ -52,7 +52,7 @@ def get_arm(name: str) -> ArmDescription:
 
 
 def as_arm(arm: str | ArmDescription) -> ArmDescription:
-    """The arm with this name, or the description itself.
+    """Return the arm with this name, or the description itself.
 
     Raises:
         UnknownNameError: There is no such arm.
@@ -61,7 +61,7 @@ def as_arm(arm: str | ArmDescription) -> ArmDescription:
 
 
 def arm_named(text: str, *, tip: str | None = None) -> ArmDescription:
-    """The arm that a command line names: a registered one, a URDF file, or one of a module of the user's.
+    """Return the arm that a command line names: a registered one, a URDF file, or an attribute of a module.
 
     Args:
         text: Its name; the path of a file that ends in .urdf or .xml; or `module:attribute`, whose module is run.
@@ -69,7 +69,7 @@ def arm_named(text: str, *, tip: str | None = None) -> ArmDescription:
 
     Raises:
         UnknownNameError: There is no such arm.
-        InputError: The file is no arm, the module cannot be imported, or what it has there is no `ArmDescription`.
+        InputError: The file is not an arm, the module cannot be imported, or its attribute is not an `ArmDescription`.
     """
     if text.lower().endswith(FILES):
         return ArmDescription.from_urdf(text, tip=tip)
@@ -77,10 +77,10 @@ def arm_named(text: str, *, tip: str | None = None) -> ArmDescription:
         return get_arm(text)
     arm = load_object("arm", text)
     if not isinstance(arm, ArmDescription):
-        raise InputError(f"{text} is no ArmDescription")
+        raise InputError(f"{text} is not an ArmDescription")
     return arm
 
 
 def arm_names() -> tuple[str, ...]:
-    """Names of all registered arms, sorted."""
+    """Return the names of all registered arms, sorted."""
     return tuple(sorted({*_arms(), *_FROM_FILES}))

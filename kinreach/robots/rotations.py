@@ -24,7 +24,7 @@ def turn(axis: Floats, angle: float) -> Floats:
 
 
 def rpy(R: Floats) -> tuple[float, float, float]:
-    """Roll, pitch and yaw of a rotation; yaw is 0 where the pitch is a right angle.
+    """Return roll, pitch and yaw of a rotation; yaw is 0 where the pitch is a right angle.
 
     Roll is what is left of the rotation without yaw, so that the three make it up also near that pitch.
     """
@@ -35,7 +35,7 @@ def rpy(R: Floats) -> tuple[float, float, float]:
 
 
 def pose(xyz: Sequence[float], angles: Sequence[float]) -> Floats:
-    """The transform of a translation [m] after a rotation by roll, pitch and yaw [rad], shape (4, 4)."""
+    """Return the transform of a translation [m] after a rotation by roll, pitch and yaw [rad], shape (4, 4)."""
     T = np.eye(4)
     T[:3, :3] = rotation(angles)
     T[:3, 3] = xyz

@@ -1,4 +1,4 @@
-"""The shapes of an arm's links as triangles, for whoever draws them."""
+"""The shapes of an arm's links as triangles, to be drawn."""
 
 from __future__ import annotations
 

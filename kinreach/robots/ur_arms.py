@@ -187,7 +187,6 @@ def _describe(cell: _Cell) -> ArmDescription:
 
 
 def _describe_nominal(name: str) -> ArmDescription:
-    """A model without meshes."""
     return ArmDescription(
         name=name,
         title=f"{name.upper()}, kinematics only",

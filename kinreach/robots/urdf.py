@@ -32,7 +32,7 @@ class Solid:
 
 
 def numbers(values: Sequence[float]) -> str:
-    """Numbers as URDF writes them, without loss."""
+    """Write numbers as in a URDF, without loss."""
     return " ".join(repr(float(v)) for v in values)
 
 
@@ -46,7 +46,7 @@ def prune(robot: ET.Element, *, tags: Sequence[str] = (), links: Sequence[str] =
 
 
 def without_shapes(text: str, *kinds: str) -> ET.Element:
-    """A URDF without the shapes of its links that are of these kinds, `"visual"` or `"collision"`."""
+    """Parse a URDF and remove the shapes of its links that are of these kinds, `"visual"` or `"collision"`."""
     robot = ET.fromstring(text)
     for link in robot.iter("link"):
         prune(link, tags=kinds)
@@ -54,18 +54,18 @@ def without_shapes(text: str, *kinds: str) -> ET.Element:
 
 
 def named(robot: ET.Element, tag: str, name: str) -> ET.Element | None:
-    """The link or joint of this name, whatever characters are in it."""
+    """Find the link or joint of this name, whatever characters are in it."""
     return next((element for element in robot.findall(tag) if element.get("name") == name), None)
 
 
 def link_at(joint: ET.Element, end: str) -> str:
-    """Name of the link at a joint's end, `"parent"` or `"child"`; empty where none is named."""
+    """Return the name of the link at a joint's end, `"parent"` or `"child"`; empty where none is named."""
     element = joint.find(end)
     return "" if element is None else element.get("link", "")
 
 
 def origin_of(element: ET.Element) -> Floats:
-    """Pose of a joint or a shape in its parent's frame, shape (4, 4); the unit matrix without an `<origin>`."""
+    """Return the pose of a joint or a shape in its parent's frame (4, 4); the unit matrix without an `<origin>`."""
     origin = element.find("origin")
     if origin is None:
         return np.eye(4)
@@ -192,10 +192,10 @@ _NOT_NEGATIVE = ("value", "effort", "velocity", "damping", "friction")
 
 
 def parse_urdf(text: object) -> ET.Element:
-    """The `<robot>` element of a URDF text.
+    """Return the `<robot>` element of a URDF text.
 
     Raises:
-        InputError: It is too long or too deep, no XML or no URDF, or it has a document type.
+        InputError: It is too long or too deep, not XML or not a URDF, or it has a document type.
     """
     if not isinstance(text, str) or len(text) > MAX_CHARACTERS:
         raise InputError(f"a URDF must be text of at most {MAX_CHARACTERS} characters, got {shown(text)}")
@@ -220,21 +220,21 @@ def parse_urdf(text: object) -> ET.Element:
     except (expat.ExpatError, ET.ParseError, ValueError, RecursionError) as error:
         if isinstance(error, InputError):
             raise
-        raise InputError(f"the URDF is no XML: {error}") from None
+        raise InputError(f"the URDF is not XML: {error}") from None
     if robot.tag != "robot":
         raise InputError(f"the URDF must begin with <robot>, got <{shown(robot.tag)}>")
     return robot
 
 
 def check_urdf(text: object, package_root: str | None) -> None:
-    """Refuse what is no URDF of one arm, and what would make a reader open other files or take much memory.
+    """Refuse what is not a URDF of one arm, and what would make a reader open other files or take much memory.
 
     Args:
         text: The URDF.
         package_root: Folder that `package://` stands for; None if there is none.
 
     Raises:
-        InputError: It is too long or no XML; it declares entities; links and joints are no tree; a number is not
+        InputError: It is too long or not XML; it declares entities; links and joints are not a tree; a number is not
             finite, too large or of the wrong sign; a lower limit is above the upper one; a mesh is outside the package.
     """
     robot = parse_urdf(text)
@@ -298,7 +298,7 @@ def _check_tree(robot: ET.Element) -> None:
     if len(roots) != 1 or len(links) != len(joints) + 1:
         raise InputError(f"the links of the URDF must hang on one, got {len(roots)} that hang on none")
     hanging = roots[:]
-    for link in hanging:  # grows until all that hang on the root were there
+    for link in hanging:  # grows until it has all that hang on the root
         hanging += children[link]
     if len(hanging) < len(links):
         loose = [link for link in links if link not in hanging]
@@ -333,7 +333,7 @@ def _check_numbers(what: str, text: str, count: int, name: str) -> None:
 
 
 def _check_file(name: str, package_root: str | None) -> None:
-    """A file is within the package: nothing else of this machine is read because a URDF says so."""
+    """A file is within the package: a URDF cannot have anything else of this machine read."""
     path = PurePosixPath(name.removeprefix(PACKAGE))
     inside = name.startswith(PACKAGE) and not path.is_absolute() and ".." not in path.parts and name.isprintable()
     if package_root is None or not inside:
@@ -365,7 +365,7 @@ class UrdfArm:
         tip: Link at the end; default is the link with the most turning, then the most joints between it and the root,
             with no sliding joint among them; of equals one without a shape, which is a mere frame.
         joints: Names of the joints of `q`; default are all that move between root and tip.
-        held: Names of joints that are no part of `q`, and may move.
+        held: Names of joints that are not part of `q`, and may move.
 
     Attributes:
         tip: Link at the end of the arm.
@@ -666,7 +666,7 @@ def _find(address: str, file: Path, folders: Sequence[Path]) -> Path:
         if mesh.suffix.lower() in MESHES and any(mesh.is_relative_to(folder) for folder in allowed) and mesh.is_file():
             return mesh
     raise InputError(
-        f"the URDF {shown(str(file))} names the mesh {shown(address)}, which is not there: meshes must be "
+        f"the URDF {shown(str(file))} names the mesh {shown(address)}, which does not exist: meshes must be "
         f"{', '.join(MESHES)} files beside the URDF, in the folder above it, or in a package within package_dirs"
     )
 

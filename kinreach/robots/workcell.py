@@ -57,7 +57,7 @@ class Box:
 
 
 def as_boxes(obstacles: Sequence[Box]) -> tuple[Box, ...]:
-    """Obstacles with names of their own.
+    """Check obstacles, and that each has a name of its own.
 
     Raises:
         InputError: One is not a `Box`, or two have the same name.
@@ -87,7 +87,7 @@ class CameraMount:
         observed: Whether the camera measures the goal: the goal's position in its frame is part of the observation.
 
     Raises:
-        InputError: A name is no text, a point not three finite numbers, the field of view not between 0 and 180
+        InputError: A name is not text, a point not three finite numbers, the field of view not between 0 and 180
             degrees, the target is where the camera is, or `up` is along the line of sight.
     """
 
@@ -147,7 +147,7 @@ class BoxRegion:
             _check_range(name, getattr(self, name))
 
     def wider(self, margin: float, *, above: float = 0.0) -> BoxRegion:
-        """The box with a margin on every side, and more above [m]."""
+        """Return the box with a margin on every side, and more above [m]."""
         (x0, x1), (y0, y1), (z0, z1) = self.x, self.y, self.z
         return BoxRegion((x0 - margin, x1 + margin), (y0 - margin, y1 + margin), (z0, z1 + above))
 
@@ -196,7 +196,7 @@ class Workcell:
         reached_distance: How near to a goal the tip has to come [m].
 
     Raises:
-        InputError: An obstacle is no `Box` or has the name of another, `touching` is not pairs of names, `goals`
+        InputError: An obstacle is not a `Box` or has the name of another, `touching` is not pairs of names, `goals`
             cannot be drawn from, or a length is not positive.
     """
 

@@ -65,7 +65,7 @@ class _Joints(NamedTuple):
 
 
 def natural_arm_error(q: ArrayLike) -> Floats:
-    """How far wrist_2 is from where the gripper points down in a natural posture (section 3.4.4).
+    """Compute how far wrist_2 is from where the gripper points down in a natural posture (section 3.4.4).
 
         |j4 + pi/2|      j0 <= 0 and j2 >= 0     (branch A)
         |j4 - pi/2|      j0 >= 0 and j2 <= 0     (branch B)
@@ -84,7 +84,7 @@ def natural_arm_error(q: ArrayLike) -> Floats:
 
 
 def pentagon_angles(q: ArrayLike) -> PentagonAngles:
-    """Angles of the pentagon that the arm makes with the ground (section 3.4.4, figures 3.4-3.7).
+    """Compute the angles of the pentagon that the arm makes with the ground (section 3.4.4, figures 3.4-3.7).
 
         alpha, beta, gamma = -j1, j2, -j3                on branch A
         alpha, beta, gamma = pi + j1, -j2, pi + j3       on branch B
@@ -111,7 +111,7 @@ def pentagon_angles(q: ArrayLike) -> PentagonAngles:
 
 
 def gripper_angle_error(q: ArrayLike) -> Floats:
-    """How far the gripper is from perpendicular to the ground (section 3.4.4): |pi/2 - delta|.
+    """Compute how far the gripper is from perpendicular to the ground (section 3.4.4): |pi/2 - delta|.
 
     It is |j1 + j2 + j3 + pi/2| on branch A and |j1 + j2 + j3 + 3 pi/2| on branch B. With wrist_2 at the branch's
     ∓pi/2 it is the tilt of the tool axis from straight down, plus whole turns.
@@ -129,7 +129,7 @@ def gripper_angle_error(q: ArrayLike) -> Floats:
 
 
 def posture_errors(q: ArrayLike) -> tuple[Floats, Floats]:
-    """Natural-arm error and gripper-angle error in one pass, as `natural_arm_error` and `gripper_angle_error` say."""
+    """Compute `natural_arm_error` and `gripper_angle_error` in one pass."""
     j0, _, j2, _, _ = joints = _joints(q)
     wrist, angle = _errors_on(_on_branch_b(joints), joints)
     natural = ((j0 <= 0.0) & (j2 >= 0.0)) | ((j0 >= 0.0) & (j2 <= 0.0))
@@ -137,7 +137,7 @@ def posture_errors(q: ArrayLike) -> tuple[Floats, Floats]:
 
 
 def posture_error(q: ArrayLike) -> Floats:
-    """Error of the posture, r_e = natural-arm error + gripper-angle error (section 3.4.4).
+    """Compute the error of the posture, r_e = natural-arm error + gripper-angle error (section 3.4.4).
 
     Args:
         q: Postures [rad], shape (..., 6).

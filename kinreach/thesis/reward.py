@@ -76,7 +76,7 @@ class ReachReward:
 
 
 def distance_reward(d: ArrayLike) -> Floats:
-    """Reward of the distance, r_d (section 3.4.4, figure 3.8).
+    """Compute the reward of the distance, r_d (section 3.4.4, figure 3.8).
 
         r_d = 1 - d / 2              d >= 2
         r_d = 0.5 - 0.5 log2(d)      d <  2
@@ -97,7 +97,7 @@ def distance_reward(d: ArrayLike) -> Floats:
 
 
 def reach_reward(d: ArrayLike, q: ArrayLike, *, impossible: ArrayLike = False) -> ReachReward:
-    """The thesis's reward with its special cases (section 3.4.4).
+    """Compute the thesis's reward with its special cases (section 3.4.4).
 
         r = -100            the action was impossible
         r = 20              d < 0.01 and r_e < 0.15: the goal is reached

@@ -180,7 +180,7 @@ def test_a_calibrated_arm_is_recognised_by_its_joints():
     assert isinstance(ArmKinematics.of(arm), CalibratedURKinematics)
     with pytest.raises(InputError, match="CalibratedURKinematics"):
         URKinematics(arm)
-    with pytest.raises(InputError, match="no UR"):
+    with pytest.raises(InputError, match="not a UR"):
         CalibratedURKinematics(skewed(arm))
 
 

@@ -36,7 +36,7 @@ def test_an_arm_is_named_as_a_file_or_in_a_module_too(tmp_path):
         ("ur6", "unknown arm 'ur6'"),
         ("nowhere.urdf", "nowhere.urdf"),
         ("kinreach.robots.arm3:NONE", "cannot import the arm"),
-        ("kinreach.robots:get_arm", "kinreach.robots:get_arm is no ArmDescription"),
+        ("kinreach.robots:get_arm", "kinreach.robots:get_arm is not an ArmDescription"),
     ):
         with pytest.raises(InputError, match=said):
             arm_named(name)

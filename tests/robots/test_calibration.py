@@ -158,7 +158,7 @@ def changed(tmp_path, old, new, source=PUBLISHED_CALIBRATIONS["ur5_a"]):
         (r"x: -0.4262\S*", "x: true", r"x of forearm .*"),
         (r"kinematics:", "kinematics: !!python/object/apply:os.system ['false']\nrest:", "driver's kinematics.yaml"),
         (r"kinematics:", "others:", "must be the driver's kinematics.yaml"),
-        (r"kinematics:", "kinematics: [", "no YAML"),
+        (r"kinematics:", "kinematics: [", "not YAML"),
     ],
 )  # fmt: skip
 def test_what_cannot_be_a_calibration(tmp_path, old, new, said):

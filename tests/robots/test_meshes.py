@@ -160,14 +160,14 @@ HOSTILE = {
     "point.obj": (obj(WIDE * 0), "has no surface"),
     "nothing.stl": (b"", "cannot be read|no triangles"),
     "nothing.obj": (b"", "cannot be read|no triangles"),
-    "nothing.dae": (b"", "is no XML"),
+    "nothing.dae": (b"", "is not XML"),
     "points.obj": (obj(WIDE, ()), "no triangles"),
-    "far.obj": (obj(WIDE, [(0, 1, 99_999)]), "cannot be read|a vertex that is not there"),
-    "before.obj": (obj(WIDE, [(0, 1, -99_999)]), "cannot be read|a vertex that is not there"),
+    "far.obj": (obj(WIDE, [(0, 1, 99_999)]), "cannot be read|a vertex that it does not have"),
+    "before.obj": (obj(WIDE, [(0, 1, -99_999)]), "cannot be read|a vertex that it does not have"),
     "doctype.dae": (b'<!DOCTYPE r SYSTEM "file:///etc/passwd">' + DAE[DAE.index(b"<COLLADA") :], "document type"),
     "laughing.dae": (laughing_dae(), "places more than"),
-    "deep.dae": (b"<node>" * 200_000, "cannot be read|is no XML"),
-    "zip.dae": (b"PK\3\4" + bytes(100), "is no XML"),
+    "deep.dae": (b"<node>" * 200_000, "cannot be read|is not XML"),
+    "zip.dae": (b"PK\3\4" + bytes(100), "is not XML"),
     "other.3ds": (stl(BOX.vertices, BOX.faces), "is not one of .stl, .obj, .dae"),
 }  # fmt: skip
 #: Prints what each engine says of each mesh; a process that dies says nothing.
@@ -254,7 +254,7 @@ def test_a_link_out_of_the_package_is_refused(tmp_path):
             with pytest.raises(InputError, match=r"is a link to .*box.stl.*, outside of its package"):
                 use(arm)
         urdf.write_text(arm.urdf.replace("package://", ""))
-        with pytest.raises(InputError, match="which is not there"):
+        with pytest.raises(InputError, match="which does not exist"):
             ArmDescription.from_urdf(urdf, package_dirs=[])
     urdf.write_text(with_mesh(package, "meshes/inside.stl").urdf.replace("package://", ""))
     assert CollisionChecker(ArmDescription.from_urdf(urdf, package_dirs=[], workcell=Workcell())).pairs

@@ -204,7 +204,7 @@ def test_meshes_elsewhere_are_refused(tmp_path, address):
     file = write(tmp_path)
     shape = f'<link name="end"><collision><geometry><mesh filename="{address}"/></geometry></collision></link>'
     file.write_text(file.read_text().replace('<link name="end"/>', shape))
-    with pytest.raises(InputError, match="which is not there"):
+    with pytest.raises(InputError, match="which does not exist"):
         ArmDescription.from_urdf(file)
 
 

@@ -42,7 +42,7 @@ SOLVERS = {
 
 
 def new_solver(name: str, kinematics: ArmKinematics) -> Solver:
-    """A solver by its short name, one of `SOLVERS`; its package is loaded now.
+    """Make a solver by its short name, one of `SOLVERS`; its package is loaded now.
 
     Raises:
         UnknownNameError: There is no such solver.

@@ -37,7 +37,7 @@ class Solver(Protocol):
 
     @property
     def name(self) -> str:
-        """As the command line calls it."""
+        """Name of the solver, as on the command line."""
         ...
 
     def solve(self, goal: Goal, seed: ArrayLike, *, accept: Accept | None = None) -> IKResult:
@@ -58,7 +58,7 @@ class Solver(Protocol):
 
 
 class ClosedFormSolver:
-    """Takes the nearest of all exact postures. Threads may share an instance.
+    """Return the nearest of all exact postures. Threads may share an instance.
 
     Args:
         kin: Kinematics with a closed form.
@@ -75,5 +75,5 @@ class ClosedFormSolver:
         self.kin = kin
 
     def solve(self, goal: Goal, seed: ArrayLike, *, accept: Accept | None = None) -> IKResult:
-        """The posture nearest to the seed that reaches the goal and is accepted."""
+        """Compute the posture nearest to the seed that reaches the goal and is accepted."""
         return self.kin.solve(goal, seed, accept=accept)

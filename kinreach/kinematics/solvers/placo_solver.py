@@ -24,7 +24,7 @@ from kinreach.kinematics.solvers.iterative import (
 )
 from kinreach.robots.urdf import without_shapes
 
-#: Limit [rad] for joints that turn full circle: no search gets there.
+#: Limit [rad] for joints that turn full circle: no search reaches it.
 NO_LIMIT = 100.0
 
 

@@ -57,7 +57,7 @@ class QPSolver(SteppingSolver):
                 H = J.T.dot(J) + (DAMPING * e.dot(e) + DAMPING_BIAS) * identity
                 lb = np.maximum(lower - q, -largest_step)
                 ub = np.minimum(upper - q, largest_step)
-                if len(q) == 1:  # daqp takes no problem of one variable
+                if len(q) == 1:  # daqp refuses problems of one variable
                     dq = np.clip(J.T.dot(e) / H[0], lb, ub)
                 else:
                     dq = solve_qp(H, -J.T.dot(e), lb=lb, ub=ub, solver="daqp")

@@ -115,7 +115,7 @@ def fit(chain: Chain, start: URGeometry) -> Fit:
     position = CAUTION * float(np.linalg.norm(error[:, :3], axis=1).max())
     orientation = CAUTION * float(np.linalg.norm(error[:, 3:], axis=1).max())
     if not max(position, orientation) < MAX_MISFIT:
-        raise InputError("the arm is no UR, not even one out of adjustment")
+        raise InputError("the arm is not a UR, not even one out of adjustment")
     return Fit(URGeometry(*x.tolist()), zeros, before, after, _chain(x, before, after), position, orientation)
 
 
@@ -278,7 +278,7 @@ class CalibratedSolver:
         return q, valid, doubtful
 
     def _near_singular(self, T: Floats, valid: NDArray[np.bool_]) -> NDArray[np.bool_]:
-        """For which poses (count, 4, 4) a pose within the bounds of the fit is singular, but for folds that are found.
+        """For which poses (count, 4, 4) a pose within the bounds of the fit is singular, except folds that are found.
 
         Args:
             T: The poses.

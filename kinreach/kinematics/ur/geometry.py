@@ -62,7 +62,7 @@ class URGeometry:
             flange: Origin of the flange there [m], shape (3,).
 
         Raises:
-            InputError: These are no six axes, or not the lengths of a UR.
+            InputError: These are not six axes, or not the lengths of a UR.
         """
         if len(axes) != 6:
             raise InputError(f"a UR-type arm has 6 joints, the model has {len(axes)}")
@@ -81,7 +81,7 @@ class URGeometry:
 
 
 def ur_fk(q: Sequence[float], g: URGeometry) -> Rows:
-    """Pose of the flange in the DH base frame, as rows of a 4x4 transform without the last.
+    """Compute the pose of the flange in the DH base frame, as rows of a 4x4 transform without the last.
 
     With X along the arm's plane, Z normal to it, and q234 the pitch of the forearm's end,
     the flange's columns are n = c6 (c5 X + s5 Z) + s6 Y, o = c6 Y - s6 (c5 X + s5 Z), a = c5 Z - s5 X.
@@ -144,5 +144,5 @@ _MISS_TEXT = {
 
 
 def miss_text(miss: int) -> str:
-    """What kept the arm from a target, in words; empty for no flags."""
+    """Describe what kept the arm from a target; empty for no flags."""
     return "; ".join(text for flag, text in _MISS_TEXT.items() if miss & flag)

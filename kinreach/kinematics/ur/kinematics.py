@@ -118,7 +118,7 @@ class URKinematics(ClosedFormKinematics):
         base: str = "base_link",
         repair: bool = False,
     ) -> URKinematics:
-        """Kinematics of a real arm, from what its factory calibration says.
+        """Return the kinematics of a real arm with its factory calibration.
 
         Args:
             file: The ROS driver's `kinematics.yaml`, the controller's `calibration.conf`, or a calibrated URDF.
@@ -128,11 +128,11 @@ class URKinematics(ClosedFormKinematics):
             repair: Put right what an old exporter folded (`kinreach.robots.read_calibration`).
 
         Returns:
-            A `CalibratedURKinematics`; a `URKinematics` if the file only says what the data sheet says.
+            A `CalibratedURKinematics`; a `URKinematics` if the file has the figures of the data sheet.
 
         Raises:
             UnknownNameError: There is no such model, tip or base.
-            InputError: The file is no calibration of this model.
+            InputError: The file is not a calibration of this model.
         """
         arm = as_arm(model).calibrated(file, repair=repair)
         try:
@@ -143,7 +143,7 @@ class URKinematics(ClosedFormKinematics):
     def all_solutions(
         self, T: ArrayLike, *, seed: ArrayLike | None = None, limits: bool = True, tol: float = 1e-7
     ) -> IKSolutions:
-        """Every posture that brings the tip to a pose, singular cases included.
+        """Compute every posture that brings the tip to a pose, singular cases included.
 
         Args:
             T: Pose of the tip in the base frame, shape (4, 4).
@@ -176,7 +176,7 @@ class URKinematics(ClosedFormKinematics):
         limits: bool = True,
         tol: float = 1e-7,
     ) -> IKSolutions:
-        """Every posture that brings the tip to a point with its z axis along a direction (rotation about it is free).
+        """Compute every posture with the tip at a point and its z axis along a direction; rotation about it is free.
 
         Args:
             position: In the base frame [m], shape (3,).
@@ -206,7 +206,7 @@ class URKinematics(ClosedFormKinematics):
     def axis_goal(
         self, position: ArrayLike, axis: ArrayLike, seed: ArrayLike, *, accept: Accept | None = None
     ) -> IKResult:
-        """The posture nearest to a seed among `axis_solutions`.
+        """Compute the posture nearest to a seed among `axis_solutions`.
 
         Args:
             position: In the base frame [m], shape (3,).
@@ -234,7 +234,7 @@ class URKinematics(ClosedFormKinematics):
         return result
 
     def shortfalls(self, T: ArrayLike) -> dict[int, Shortfall]:
-        """Why branches do not reach a pose: which part of the arm keeps them from it, and by how much.
+        """Explain which part of the arm keeps each branch from a pose, and by how much.
 
         Args:
             T: Pose of the tip in the base frame, shape (4, 4).
@@ -248,7 +248,7 @@ class URKinematics(ClosedFormKinematics):
         return shortfalls(self._flange_rows(T), self.geometry)
 
     def nearest_in_reach(self, T: ArrayLike) -> Floats:
-        """The pose nearest to one that the arm reaches with the tool turned the same, whatever the joint limits.
+        """Compute the nearest pose with the same orientation that the arm reaches, whatever the joint limits.
 
         Args:
             T: Pose of the tip in the base frame, shape (4, 4).
@@ -264,7 +264,7 @@ class URKinematics(ClosedFormKinematics):
         return nearest
 
     def solve(self, goal: Goal, seed: ArrayLike, *, accept: Accept | None = None) -> IKResult:
-        """Any goal this arm has a closed form for: `PoseGoal` or `AxisGoal`.
+        """Compute the posture nearest to a seed for a `PoseGoal` or an `AxisGoal`.
 
         Raises:
             InputError: A `PositionGoal`, which leaves three of six joints free, or an object of another kind.
@@ -385,7 +385,7 @@ class CalibratedURKinematics(URKinematics):
 
     Raises:
         UnknownNameError: There is no such arm, tip or base.
-        InputError: The arm is no UR, not even one out of adjustment.
+        InputError: The arm is not a UR, not even one out of adjustment.
     """
 
     def axis_solutions(

@@ -39,7 +39,7 @@ class Shortfall:
 
 
 def shortfalls(rows: Rows, g: URGeometry) -> dict[int, Shortfall]:
-    """Why branches have no posture, for those that have none; nothing is said where the wrist is singular.
+    """Explain why branches have no posture, for those that have none; empty where the wrist is singular.
 
     Args:
         rows: Pose of the flange in the DH base frame, the three upper rows.
@@ -68,7 +68,7 @@ def shortfalls(rows: Rows, g: URGeometry) -> dict[int, Shortfall]:
 
 
 def way_into_reach(rows: Rows, g: URGeometry) -> Floats:
-    """The shortest way from a pose to one that the flange reaches with the same orientation, whatever the limits.
+    """Compute the shortest way from a pose to one in reach with the same orientation, whatever the limits.
 
     For an angle of the first joint, and for either sign of sin q5, the places are a ring in a plane: the wrist centre
     is d4 from the plane through the first axis, and wrist_1, whose direction from it the orientation gives, is between
