@@ -135,10 +135,10 @@ class ClosedFormKinematics(ArmKinematics, ABC):
             q = namespace(q).where(within, found, np.nan)
             valid = within
             for row in near:
-                exact, there = np.full((self.n, len(valid)), np.nan), np.zeros(len(valid), dtype=np.bool_)
+                exact, exists = np.full((self.n, len(valid)), np.nan), np.zeros(len(valid), dtype=np.bool_)
                 for branch, _, *angles in self.all_solutions(on_host(T[row]), tol=tol).found:
-                    exact[:, branch], there[branch] = angles, True
-                q[..., row], valid[..., row] = like(q, exact), like(valid, there)
+                    exact[:, branch], exists[branch] = angles, True
+                q[..., row], valid[..., row] = like(q, exact), like(valid, exists)
         return IKBatch(q.swapaxes(0, 2), valid.T)
 
     def _windings(self, q: Any, start: Any, valid: Any) -> tuple[Any, Any, NDArray[np.int64]]:

@@ -307,14 +307,14 @@ class URKinematics(ClosedFormKinematics):
             T[:, :3, :3] = rotations
             q, valid, singular, _ = solve_poses(T, left, right, g, tol=tol)
         if len(rows := np.flatnonzero(on_host(singular))):
-            exact, there = np.full((self.n, BRANCHES, len(rows)), np.nan), np.zeros((BRANCHES, len(rows)), np.bool_)
+            exact, exists = np.full((self.n, BRANCHES, len(rows)), np.nan), np.zeros((BRANCHES, len(rows)), np.bool_)
             for column, (row, pose) in enumerate(zip(rows, on_host(T[rows]), strict=True)):
                 start = None if seeds is None else seeds[row]
                 found, _ = self._solve_pose(self._flange_rows(pose), start, limits=limits, tol=tol)
                 for branch, _, *angles in found:
                     exact[:, branch, column] = angles
-                    there[branch, column] = True
-            q[:, :, rows], valid[:, rows] = like(q, exact), like(valid, there)
+                    exists[branch, column] = True
+            q[:, :, rows], valid[:, rows] = like(q, exact), like(valid, exists)
         return q, valid
 
     def _tensor_batch(self, T: Any, tol: float, *, limits: bool) -> IKBatch:
