@@ -100,6 +100,7 @@ def test_own_arm(run):
     assert "compare, lm: 100 % reached" in text
 
 
+@pytest.mark.slow
 def test_own_solver(run):
     text = run("02_own_solver")
     assert reached(text) == {"closed-form": 100, "scipy": 100}
@@ -116,6 +117,7 @@ def test_own_policy(run):
     assert shares["model"] == 0
 
 
+@pytest.mark.slow
 def test_own_reward(run):
     text = run("04_own_reward")
     ways = numbers(r"([\d.]+) rad from home", text)
@@ -130,6 +132,7 @@ def test_own_reward(run):
     assert mean < best < 0
 
 
+@pytest.mark.slow
 def test_own_task(run):
     assert reached(run("05_own_task")) == {"closed-form": 100, "lm": 100, "ranked-single": 0, "random": 0}
 
@@ -160,6 +163,7 @@ def test_pytorch_loop(run):
 
 
 @pytest.mark.usefixtures("needs_gl")
+@pytest.mark.slow
 def test_seeing(run, tmp_path):
     text = run("09_seeing")
     errors = numbers(r"([\d.]+) mm off", text)
@@ -176,6 +180,7 @@ def test_million(run):
     assert len(re.findall(r"a pose takes fk [\d.]+ us, batch [\d.]+ us, nearest_batch [\d.]+ us", text)) == 2
 
 
+@pytest.mark.slow
 def test_calibrated_ur(run):
     text = run("11_calibrated_ur")
     assert "the data sheet is 3.5 mm off in the median" in text

@@ -246,20 +246,25 @@ def damaged(path):
 
 
 def test_with_a_checkpoint_that_cannot_be_read_the_training_starts_over(uninterrupted, tmp_path):
+    def stop(done, planned, row):
+        raise KeyboardInterrupt
+
     recipe, checked = small("single"), 0
     interrupted(recipe, tmp_path, 1)
     for content in list(damaged(tmp_path / "checkpoint.pt")):
         (tmp_path / "checkpoint.pt").write_bytes(content)
         said = []
-        train(recipe, tmp_path, seed=4, resume=True, notice=said.append)
+        with pytest.raises(KeyboardInterrupt):
+            train(recipe, tmp_path, seed=4, resume=True, notice=said.append, progress=stop)
         assert len(said) == 1
         assert said[0].endswith("the training starts over")
-        for name in ("policy.safetensors", "curve.csv"):
-            assert (tmp_path / name).read_bytes() == (uninterrupted["single"].folder / name).read_bytes()
-        (tmp_path / "policy.safetensors").unlink()
         checked += 1
     assert checked == 8
     assert not Bomb.executed
+    (tmp_path / "checkpoint.pt").write_bytes(b"")
+    train(recipe, tmp_path, seed=4, resume=True, notice=said.append)
+    for name in ("policy.safetensors", "curve.csv"):
+        assert (tmp_path / name).read_bytes() == (uninterrupted["single"].folder / name).read_bytes()
 
 
 class Bomb:

@@ -78,6 +78,7 @@ def test_it_prints_what_is_asked(capsys):
     assert "12 steps, 3 episodes" in lines[-1]
 
 
+@pytest.mark.slow
 def test_the_reports_test_runs_by_default(capsys):
     """Report, section 2.3: 10000 random steps, a reset every 1000 or when done, action and observation printed."""
     assert main(["demo", "--env", "button"]) == 0
@@ -119,6 +120,7 @@ def test_it_films(ending, tmp_path, needs_gl, capsys):
             assert film.n_frames > 15  # the move takes more than a second
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("env", "policy", "steps", "least"), [("moving", "ppo", 25, 20), ("real-arm", None, 1, 30)])
 def test_it_films_what_does_not_draw_itself(env, policy, steps, least, tmp_path, needs_gl, capsys):
     path = tmp_path / "film.gif"

@@ -83,6 +83,7 @@ def path(request, tmp_path):
     return path
 
 
+@pytest.mark.slow
 def test_a_disk_that_is_full_at_any_moment(run_python, tmp_path):
     done = run_python("-c", LIMITED)
     assert done.returncode == 0, done.stderr

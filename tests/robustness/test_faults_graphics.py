@@ -157,6 +157,7 @@ if __name__ == "__main__":
 """
 
 
+@pytest.mark.slow
 def test_a_child_that_was_forked_after_drawing_says_so_and_does_not_hang(run_python, tmp_path, needs_gl):
     (tmp_path / "forked.py").write_text(FORKED, encoding="utf-8")
     done = run_python("forked.py")
