@@ -39,7 +39,7 @@ from kinreach.robots import ArmDescription
 
 #: Steps with which a posture is moved into the limits, and the error at which it has arrived [m, rad].
 STEPS, ARRIVED = 10, 1e-12
-#: Joints that a full pose takes.
+#: Joints that a full pose needs.
 POSE_JOINTS = 6
 
 
@@ -147,9 +147,7 @@ class ClosedFormKinematics(ArmKinematics, ABC):
         shifted, within = nearest_windings(q, start, lower, upper, slack=NEAR_LIMIT)
         axes = (-1, *[1] * (q.ndim - 1))
         past = (shifted > (upper + SLACK).reshape(axes)) | (shifted < (lower - SLACK).reshape(axes))
-        near = np.flatnonzero(on_host((past.any(axis=0) & valid & within).any(axis=0)))
-        if len(near):
-            shifted, within = nearest_windings(q, start, lower, upper)
+        near = np.flatnonzero(on_host((past.any(axis=0) & valid & within).any(axis=0)))  # the caller solves them alone
         return shifted, within & valid, near
 
     def _tensor_batch(self, T: Any, tol: float, *, limits: bool) -> IKBatch:
