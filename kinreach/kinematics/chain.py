@@ -31,7 +31,7 @@ Vector = Sequence[Entry]
 
 
 def times(a: Entry, b: Entry) -> Entry:
-    """The product; nothing is computed where a factor is 0, 1 or -1 for all postures."""
+    """Multiply; nothing is computed where a factor is 0, 1 or -1 for all postures."""
     if isinstance(b, float):
         a, b = b, a
     if isinstance(a, float):
@@ -45,7 +45,7 @@ def times(a: Entry, b: Entry) -> Entry:
 
 
 def plus(a: Entry, b: Entry) -> Entry:
-    """The sum; nothing is computed where a summand is 0 for all postures."""
+    """Add; nothing is computed where a summand is 0 for all postures."""
     if isinstance(a, float) and a == 0.0:
         return b
     return a if isinstance(b, float) and b == 0.0 else a + b
@@ -59,7 +59,7 @@ def minus(a: Entry, b: Entry) -> Entry:
 
 
 def cross(a: Vector, b: Vector) -> list[Entry]:
-    """The cross product of two vectors."""
+    """Compute the cross product of two vectors."""
     return [minus(times(a[i - 2], b[i - 1]), times(a[i - 1], b[i - 2])) for i in range(3)]
 
 
@@ -180,7 +180,7 @@ class SerialChain:
 
 
 def blocks(count: int) -> Iterator[slice]:
-    """Slices of at most BLOCK rows that make up `count` rows: few enough that their numbers stay in the cache."""
+    """Yield slices of at most BLOCK rows that make up `count` rows: few enough that their numbers stay in the cache."""
     return (slice(start, start + BLOCK) for start in range(0, count, BLOCK))
 
 

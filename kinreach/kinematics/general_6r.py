@@ -287,7 +287,7 @@ class General6R:
         self._both = np.kron(_COEFFICIENTS, _COEFFICIENTS)
 
     def solve(self, T: Floats, *, tol: float = EXACT) -> list[Floats]:
-        """All postures for each of many poses.
+        """Compute all postures for each of many poses.
 
         Args:
             T: Poses of the tip, shape (count, 4, 4).
@@ -419,7 +419,7 @@ class General6R:
     def _candidates(
         self, T: Floats, unknown: int, factor: int, phase: float, *, stable: bool = False
     ) -> tuple[NDArray[np.int64], Floats, Floats, Floats]:
-        """Where Newton's method may start.
+        """Compute where Newton's method may start.
 
         Args:
             T: Poses, shape (count, 4, 4).
@@ -537,7 +537,7 @@ def _nearly_real(values: NDArray[Any]) -> tuple[NDArray[np.int64], NDArray[np.in
 
 
 def _scaled(rows: NDArray[Any], by: NDArray[Any]) -> Floats:
-    """Real parts of rows (m, k) over numbers (m,), but for those that are 0."""
+    """Real parts of rows (m, k) over numbers (m,), except those that are 0."""
     return np.asarray((rows / np.where(by == 0.0, 1.0, by)[:, None]).real)
 
 

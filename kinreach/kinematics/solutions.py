@@ -242,7 +242,7 @@ class IKBatchNearest:
 def nearest_winding(
     q: Sequence[float], seed: Sequence[float], lower: Sequence[float], upper: Sequence[float], *, slack: float = SLACK
 ) -> list[float] | None:
-    """The posture equal to `q` modulo full turns that is nearest to `seed` within the limits.
+    """Compute the posture equal to `q` modulo full turns that is nearest to `seed` within the limits.
 
     Joints do not interact here, so taking the best turn of each joint is exact for any norm that grows with
     every joint's distance; nothing is enumerated.
@@ -273,7 +273,7 @@ def nearest_winding(
 
 
 def nearest_windings(q: Any, seed: Any, lower: Any, upper: Any, *, slack: float = SLACK) -> tuple[Any, Any]:
-    """`nearest_winding` for arrays with the joints first, shape (n, ...); also which postures are within the limits."""
+    """Compute `nearest_winding` for arrays (n, ...), joints first; and which postures are within the limits."""
     xp = namespace(q)
     low = (lower - slack).reshape(-1, *[1] * (q.ndim - 1))
     high = (upper + slack).reshape(-1, *[1] * (q.ndim - 1))

@@ -18,24 +18,24 @@ from kinreach.kinematics.chain import blocks
 
 
 def namespace(values: Any) -> Any:
-    """The module that computes with values: numpy or torch."""
+    """Return the module that computes with values: numpy or torch."""
     return torch_module() if is_tensor(values) else np
 
 
 def like(values: Any, constant: ArrayLike) -> Any:
-    """A constant of the kind of values, in their precision and on their device."""
+    """Return a constant of the kind of values, in their precision and on their device."""
     if is_tensor(values):
         return torch_module().as_tensor(constant, dtype=values.dtype, device=values.device)
     return np.asarray(constant)
 
 
 def flags_like(values: Any, flags: Any) -> Any:
-    """Truth values of the kind of values, on their device."""
+    """Return truth values of the kind of values, on their device."""
     return torch_module().as_tensor(flags, device=values.device) if is_tensor(values) else flags
 
 
 def where(condition: Any, chosen: Any, other: Any) -> Any:
-    """Entries of one where a condition holds, else of the other; beside a tensor the other may be a number."""
+    """Choose entries of one where a condition holds, else of the other; beside a tensor that may be a number."""
     values = chosen if is_tensor(chosen) else other
     if not is_tensor(values):
         return np.where(condition, chosen, other)
@@ -43,14 +43,14 @@ def where(condition: Any, chosen: Any, other: Any) -> Any:
 
 
 def empty(values: Any, *shape: int, flags: bool = False) -> Any:
-    """An array of the kind of values for numbers, or for flags, not filled in."""
+    """Allocate an array of the kind of values for numbers, or for flags."""
     if is_tensor(values):
         return values.new_empty(shape, dtype=torch_module().bool if flags else None)
     return np.empty(shape, dtype=np.bool_ if flags else np.float64)
 
 
 def on_host(values: Any) -> Any:
-    """The values as an array of numpy."""
+    """Return the values as an array of numpy."""
     return values.detach().cpu().numpy() if is_tensor(values) else values
 
 
@@ -72,7 +72,7 @@ def as_device(device: object) -> Any:
 
 
 def on_device(values: Any, device: Any) -> Any:
-    """Arrays as tensors on a device of torch, by DLPack: on the processor they share their memory.
+    """Return arrays as tensors on a device of torch, by DLPack: on the processor they share their memory.
 
     Args:
         values: An array, or arrays by name, also nested; texts and tensors stay what they are.
@@ -86,7 +86,7 @@ def on_device(values: Any, device: Any) -> Any:
 
 
 def parts(values: Any) -> Iterator[slice]:
-    """Slices of rows to compute at a time: blocks that stay in a processor's cache, all rows on another device."""
+    """Return slices of rows to compute at a time: ones that stay in a processor's cache, all rows on another device."""
     if is_tensor(values) and values.device.type != "cpu":
         return iter((slice(None),))
     return blocks(len(values))

@@ -43,7 +43,7 @@ class Mesh(NamedTuple):
 
 
 def collision_mesh(address: str, package_root: str | None, scale: Floats) -> Mesh:
-    """The mesh of a collision shape, with a hull that has a volume.
+    """Read the mesh of a collision shape, with a hull that has a volume.
 
     Args:
         address: `package://` address.
@@ -64,7 +64,7 @@ def collision_mesh(address: str, package_root: str | None, scale: Floats) -> Mes
 
 
 def placed_parts(address: str, package_root: str | None, scale: Floats) -> list[tuple[Any, Floats]]:
-    """The parts of a mesh file as trimesh's meshes, in the file's unit, each with its pose in the file (4, 4).
+    """Read the parts of a mesh file as trimesh's meshes, in the file's unit, each with its pose in the file (4, 4).
 
     Raises:
         InputError: The file is not a mesh that can be used.

@@ -16,7 +16,7 @@ BALL_RADIUS = 0.025
 
 
 def describe() -> ArmDescription:
-    """The Panda with its hand closed, on the edge of a table on which the goals are.
+    """Describe the Panda with its hand closed, on the edge of a table with the goals.
 
     Raises:
         InstallationError: example-robot-data is not installed.

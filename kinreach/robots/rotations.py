@@ -11,13 +11,13 @@ from kinreach.checks import Floats
 
 
 def rotation(rpy: Sequence[float]) -> Floats:
-    """Rz(yaw) Ry(pitch) Rx(roll), shape (3, 3)."""
+    """Return Rz(yaw) Ry(pitch) Rx(roll), shape (3, 3)."""
     x, y, z = (turn(axis, angle) for axis, angle in zip(np.eye(3), rpy, strict=True))
     return z @ y @ x
 
 
 def turn(axis: Floats, angle: float) -> Floats:
-    """Rodrigues' formula: the rotation about a unit axis, shape (3, 3)."""
+    """Return the rotation about a unit axis by Rodrigues' formula, shape (3, 3)."""
     x, y, z = axis
     K = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
     return np.eye(3) + math.sin(angle) * K + (1.0 - math.cos(angle)) * K @ K

@@ -39,7 +39,7 @@ class LinkShape:
 
 
 def link_shapes(arm: ArmDescription, kind: str = "visual", *, meshes_only: bool = False) -> list[LinkShape]:
-    """The shapes of all links, as they are drawn or as they collide.
+    """Return the shapes of all links, as they are drawn or as they collide.
 
     Args:
         arm: Whose shapes.

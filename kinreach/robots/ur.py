@@ -60,7 +60,7 @@ _NOMINAL_SPEED = math.pi
 
 
 def nominal_urdf(name: str) -> str:
-    """URDF of a model by its lengths, without shapes and masses; its links are those of example-robot-data's URDFs.
+    """Build the URDF of a model from its lengths, without shapes and masses; links as in example-robot-data.
 
     Args:
         name: Key of `UR_LENGTHS`.

@@ -84,7 +84,7 @@ _CELLS = (
 
 
 def example_robot_data() -> str:
-    """The `share` folder of example-robot-data, found without importing an engine."""
+    """Find the `share` folder of example-robot-data without importing an engine."""
     spec = importlib.util.find_spec("example_robot_data")
     if spec is not None and spec.origin is not None:
         for parent in Path(spec.origin).resolve().parents:

@@ -65,7 +65,7 @@ class GoalTask:
         self._rows = 6 if isinstance(goal, PoseGoal) else 5 if self._axis_only else 3
 
     def linearise(self, q: Floats) -> tuple[Floats, Floats]:
-        """Error (m,) and Jacobian (m, n) at `q`, with m = 6, 5 or 3 rows for a pose, an axis or a position goal."""
+        """Compute error (m,) and Jacobian (m, n) at `q`: 6, 5 or 3 rows for a pose, an axis or a position goal."""
         pin.computeJointJacobians(self._model, self._data, q)
         J = pin.getFrameJacobian(self._model, self._data, self._frame, pin.LOCAL)
         ahead = pin.updateFramePlacement(self._model, self._data, self._frame).actInv(self._target)
@@ -78,14 +78,14 @@ class GoalTask:
         return e, J[: self._rows]
 
     def reached(self, e: Floats) -> bool:
-        """Whether an error is within the tolerance."""
+        """Return whether an error is within the tolerance."""
         position, orientation = e[:3], e[3:]
         near = position.dot(position) <= self._position_bound
         return bool(near and orientation.dot(orientation) <= self._orientation_bound)
 
 
 def goal_frame(goal: Goal) -> Floats:
-    """A transform (4, 4) that meets the goal; what the goal leaves free is chosen.
+    """Return a transform (4, 4) that meets the goal; what the goal leaves free is chosen.
 
     Raises:
         InputError: `goal` is not a goal.
@@ -127,7 +127,7 @@ class JointSpace:
         self._joints = list(zip(kin.lower.tolist(), kin.upper.tolist(), full_circle.tolist(), strict=True))
 
     def fold(self, q: Floats) -> Floats:
-        """The posture within the limits that is the same as `q`, or the nearest where none is.
+        """Return the posture within the limits that equals `q` modulo turns, or the nearest if none does.
 
         Args:
             q: Posture [rad], shape (n,).
@@ -328,4 +328,4 @@ class SteppingSolver(IterativeSolver):
 
     @abstractmethod
     def _prepare(self) -> None:
-        """Make what every goal needs."""
+        """Prepare what all goals share."""

@@ -140,7 +140,7 @@ class _Problem:
             self._orientation.targetAxis_world = T_world_goal[:3, 2]
 
     def reached(self) -> bool:
-        """Whether the robot, its kinematics updated, is within the tolerance."""
+        """Return whether the robot, its kinematics updated, is within the tolerance."""
         for task, bound in self._bounds:
             task.update()  # otherwise the error is that of the last call of solve
             if task.error_norm() > bound:

@@ -25,7 +25,7 @@ SHOULDER_PAN, SHOULDER_LIFT, _ELBOW, WRIST_1, WRIST_2, WRIST_3 = range(6)
 
 
 def solve_poses(T: Any, left: Floats, right: Floats, g: URGeometry, *, tol: float) -> tuple[Any, Any, Any, Any]:
-    """All postures for many tip poses.
+    """Compute all postures for many tip poses.
 
     Args:
         T: Poses of the tip, shape (count, 4, 4); only the three upper rows are read. An array or a tensor of doubles;
@@ -52,7 +52,7 @@ def solve_poses(T: Any, left: Floats, right: Floats, g: URGeometry, *, tol: floa
 
 
 def flange_entries(m: Any, left: Floats, right: Floats) -> Any:
-    """Entries nx, ox, ax, px, ny ... pz of left @ T @ right, shape (12, count), from those of T."""
+    """Compute entries nx, ox, ax, px, ny ... pz of left @ T @ right, shape (12, count), from those of T."""
     left = like(m, left)
     rows = (left[:3, :3] @ m.reshape(3, -1)).reshape(3, 4, -1)
     rows[:, 3] += left[:3, 3:]

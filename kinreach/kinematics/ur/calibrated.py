@@ -142,11 +142,11 @@ class CalibratedSolver:
 
     @cached_property
     def general(self) -> General6R:
-        """The method that needs no branches."""
+        """The elimination, which needs no branches."""
         return General6R(self.chain)
 
     def solve(self, T: Floats, *, tol: float) -> tuple[Floats, NDArray[np.bool_]]:
-        """All postures for many poses of the flange in the chain's base.
+        """Compute all postures for many poses of the flange in the chain's base.
 
         Args:
             T: Poses, shape (count, 4, 4), rotations exact.
@@ -248,7 +248,7 @@ class CalibratedSolver:
         return rows
 
     def branches(self, q: Floats) -> list[int]:
-        """The index of each posture (k, 6) of one pose, all different."""
+        """Return the index of each posture (k, 6) of one pose, all different."""
         index, margin = self._index(q.T)
         taken: dict[int, int] = {}
         for which in np.argsort(-margin):
@@ -394,7 +394,7 @@ class _Sheet:
         self.rho = np.sqrt(self._u * self._u + self._v * self._v)
 
     def clamped(self, g: URGeometry) -> Floats:
-        """The posture with the elbow stretched or folded, whichever is nearer [rad], shape (count, 6)."""
+        """Return the posture with the elbow stretched or folded, whichever is nearer [rad], shape (count, 6)."""
         folded = self.rho < 0.5 * (g.stretched + g.folded)
         q3 = np.where(folded, np.pi, 0.0)
         q2 = np.arctan2(self._v, self._u) - np.where(folded & (g.a2 > g.a3), np.pi, 0.0)

@@ -45,7 +45,7 @@ Wrist = tuple[int, int, float, float, float, float, float, float]
 
 
 def solve_pose(rows: Rows, g: URGeometry, *, tol: float = 1e-7, q6: float = 0.0) -> tuple[list[Row], int]:
-    """All postures that put the flange at a pose.
+    """Compute all postures that put the flange at a pose.
 
     Args:
         rows: Pose of the flange in the DH base frame, three rows of four numbers, rotation orthonormal.
@@ -102,7 +102,7 @@ def solve_axis(
     pitch: float = 0.0,
     q6: float = 0.0,
 ) -> tuple[list[Row], int]:
-    """All postures that put a point of the tool axis somewhere and point the tool along a direction.
+    """Compute all postures with a point of the tool axis at a position and the tool along a direction.
 
     Rotation about the tool is free and belongs to wrist_3 alone, so q6 keeps the given value and
     q1 ... q5 take up to eight values. With a = c5 Z - s5 X, the direction gives q5 and q234.
@@ -144,7 +144,7 @@ def solve_axis(
 
 
 def shoulders(x: float, y: float, d4: float, tol: float) -> Sequence[tuple[int, int, float, float]]:
-    """(branch index, flags, sin q1, cos q1) of the shoulder values from x sin q1 - y cos q1 = d4."""
+    """Return (branch index, flags, sin q1, cos q1) of the shoulder values from x sin q1 - y cos q1 = d4."""
     r2 = x * x + y * y
     m2 = r2 - d4 * d4
     if m2 > MERGED * MERGED * r2:
@@ -235,7 +235,7 @@ def _near_wrists(
 
 
 def reachable_pitch(wanted: float, u: float, v: float, g: URGeometry) -> float:
-    """The pitch q234 nearest to `wanted` [rad] from which the elbow reaches, P5 being at (u, v) [m].
+    """Return the pitch q234 nearest to `wanted` [rad] from which the elbow reaches, P5 being at (u, v) [m].
 
     The squared distance from the shoulder to wrist_1 is D^2 + d5^2 + 2 D d5 cos(eta) with
     eta = q234 + atan2(u, v), so the reachable part is lower <= |eta| <= upper. Where nothing is reachable
@@ -262,7 +262,7 @@ def _verified(found: list[Row], miss: int, reaches: Callable[[Sequence[float]], 
 
 
 def reaches_pose(q: Sequence[float], g: URGeometry, wanted: Rows, tol: float) -> bool:
-    """Whether position [m] and orientation, by the largest difference of a rotation entry, are within `tol`."""
+    """Return whether position [m] and orientation (largest difference of a rotation entry) are within `tol`."""
     got = ur_fk(q, g)
     position = hypot(*(g[3] - w[3] for g, w in zip(got, wanted, strict=True)))
     return max(position, *(abs(g[j] - w[j]) for g, w in zip(got, wanted, strict=True) for j in range(3))) <= tol

@@ -27,7 +27,7 @@ STEPS, STEPS_AROUND, ROUNDS = 8192, 129, 5
 def free_wrist_within(
     rows: Rows, g: URGeometry, lower: Floats, upper: Floats, *, seed: Floats, tol: float
 ) -> list[Row]:
-    """For each branch with a free wrist_3 the posture within the limits whose q6 is nearest to the seed's.
+    """Find for each branch with a free wrist_3 the posture within the limits whose q6 is nearest to the seed's.
 
     Args:
         rows: Pose of the flange in the DH base frame, three rows of four numbers.
@@ -65,7 +65,7 @@ class _Family:
         g, lower, upper, seed: As for `free_wrist_within`.
         q1: Angle of the shoulder [rad].
         straight: Whether q5 is 0; else it is pi.
-        angle: What q234 and q6 have to add up to, or differ by, but for pi [rad].
+        angle: What q234 and q6 have to add up to, or differ by, up to pi [rad].
         u, v: From P5 to the shoulder, in the arm's plane [m].
     """
 
@@ -91,7 +91,7 @@ class _Family:
         return q, within & reached
 
     def nearest(self, elbow: int) -> list[float] | None:
-        """The allowed member whose q6 is nearest to the seed's; None if there is none."""
+        """Return the allowed member whose q6 is nearest to the seed's, or None."""
         q234 = np.linspace(-pi, pi, STEPS + 1)
         for _ in range(ROUNDS):
             q, allowed = self.members(q234)
