@@ -19,7 +19,7 @@ from kinreach.kinematics import (
     URKinematics,
 )
 from kinreach.robots import PUBLISHED_CALIBRATIONS, get_arm
-from kinreach.vision import BallFix, GoalLook, Intrinsics, RGBDImage, SensorNoise
+from kinreach.vision import BallFix, GoalMeasurement, Intrinsics, RGBDImage, SensorNoise
 
 #: Packages whose exported dataclasses are tried.
 FACES = ("kinreach.kinematics", "kinreach.robots", "kinreach.vision")
@@ -46,7 +46,7 @@ def samples():
         *(get_arm(name) for name in ("ur5", "arm3", "panda")),
         get_arm("ur5").calibrated(PUBLISHED_CALIBRATIONS["ur5_a"]),
         cell, *cell.obstacles, cell.goals, *get_arm("ur5").cameras, get_arm("ur5").gripper,
-        picture, fix, GoalLook(q, np.array([True, False]), (fix, None), (picture, picture)),
+        picture, fix, GoalMeasurement(q, np.array([True, False]), (fix, None), (picture, picture)),
         Intrinsics.from_fovy(0.8, 64, 48), SensorNoise(),
     ]  # fmt: skip
 

@@ -131,7 +131,7 @@ def draw(path: Path) -> None:
     simulation = ArmSimulation("ur5")
     simulation.place_ball(PICTURE_GOAL)
     with CameraGoalView("ur5") as view:
-        look = view.look(simulation)
+        look = view.measure(simulation)
     truth = geometric_goal_view("ur5", PICTURE_GOAL).reshape(-1, 3)
     figure = Figure(figsize=(12.8, 4.0), dpi=150, layout="constrained")
     axes = figure.subplots(1, len(CAMERAS))

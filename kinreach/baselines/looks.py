@@ -42,7 +42,7 @@ class Looks:
         """
         observer = PixelObserver(self._task)
         try:
-            seen = observer.look(np.tile(self._task.home, (len(goals), 1)), goals, [rng] * len(goals))
+            seen = observer.measure(np.tile(self._task.home, (len(goals), 1)), goals, [rng] * len(goals))
         finally:
             observer.close()
         for camera, name in enumerate(self.names):

@@ -25,16 +25,16 @@ AHEAD = 256
 #: size has a use when it is freed, too: from then on glibc keeps the memory that every step takes and gives back.
 TOGETHER = 256
 #: More environments in one batch are refused before memory is asked for.
-MOST_ENVIRONMENTS = 2**17
+MAX_ENVIRONMENTS = 2**17
 #: More environments than this are not drawn.
-MOST_DRAWN = 64
+MAX_DRAWN = 64
 
 Ids = NDArray[np.intp]
 Flags = NDArray[np.bool_]
 
 
 def first_row(info: Mapping[str, Any]) -> dict[str, Any]:
-    """The `info` of a single environment from that of a batch of one."""
+    """Return the `info` of a single environment from that of a batch of one."""
     return {
         name: first_row(value)
         if isinstance(value, Mapping)
@@ -46,7 +46,7 @@ def first_row(info: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def numbers_of(info: Mapping[str, Any]) -> dict[str, Any]:
-    """What of an `info` is a number or an array of numbers: no texts, no nested entries."""
+    """Return the entries of an `info` that are numbers or arrays of numbers."""
     return {
         name: value
         for name, value in info.items()
@@ -55,7 +55,7 @@ def numbers_of(info: Mapping[str, Any]) -> dict[str, Any]:
 
 
 class Sampler(Protocol):
-    """What rows of numbers are drawn from; a `GoalRegion` is one, with rows of three."""
+    """Draws rows of numbers; a `GoalRegion` is one, with rows of three."""
 
     def sample(self, rng: np.random.Generator, count: int) -> Floats:
         """Draw `count` rows, shape (count, size)."""
@@ -85,11 +85,11 @@ class RowStreams:
         self._next[index] = AHEAD
 
     def copy_from(self, other: RowStreams) -> None:
-        """Go on as another object with as many sequences will."""
+        """Copy the state of another object with as many sequences."""
         self._rngs, self._ahead, self._next = deepcopy((other._rngs, other._ahead, other._next))
 
     def draw(self, ids: np.ndarray) -> Floats:
-        """The next row of each of the given environments, shape (len(ids), size)."""
+        """Draw the next row of each of the given environments, shape (len(ids), size)."""
         return self._taken(ids).copy()
 
     def _taken(self, ids: np.ndarray) -> Floats:
@@ -107,7 +107,6 @@ class RowStreams:
         return rows
 
     def _drawn(self, ids: np.ndarray) -> Floats:
-        """The next AHEAD rows of some environments, shape (len(ids), AHEAD, size)."""
         return np.array([self._sampler.sample(self._rngs[index], AHEAD) for index in ids])
 
 
@@ -115,7 +114,7 @@ class Picture(Protocol):
     """Draws the environments of a batch."""
 
     def frame(self, index: int) -> Any:
-        """A frame of one environment, uint8, shape (height, width, 3)."""
+        """Draw one environment: uint8, shape (height, width, 3)."""
         ...
 
     def close(self) -> None:
@@ -124,14 +123,14 @@ class Picture(Protocol):
 
 
 class Episodes(Protocol):
-    """The episodes of a number of environments: a task but for Gymnasium's interface."""
+    """The episodes of a number of environments: a task without Gymnasium's interface."""
 
     def seed(self, index: int, rng: np.random.Generator) -> None:
         """Give an environment its own generator."""
         ...
 
     def copy_from(self, other: Any) -> None:
-        """Go on as another object of the same kind and size will."""
+        """Copy the state of another object of the same kind and size."""
         ...
 
     def begin(self, ids: Ids, start: Any = ...) -> None:
@@ -139,33 +138,33 @@ class Episodes(Protocol):
         ...
 
     def step(self, actions: Any, acting: Flags | None = None) -> Outcome:
-        """Act in all environments, or in those that are said to."""
+        """Act in all environments, or in those where `acting` is True."""
         ...
 
     def observe(self) -> Floats:
-        """The observations of all environments."""
+        """Return the observations of all environments."""
         ...
 
     def start_info(self) -> dict[str, Any]:
-        """What is said after a reset, as arrays."""
+        """Return the `info` of a reset, as arrays."""
         ...
 
     def goal_info(self) -> dict[str, Any]:
-        """What is said of the goals of the present episodes, as arrays."""
+        """Return the entries of `info` about the goals of the present episodes, as arrays."""
         ...
 
     def close(self) -> None:
-        """Let go of what the episodes hold."""
+        """Free the renderers of the episodes."""
         ...
 
 
 @dataclass(frozen=True, eq=False)
 class Outcome:
-    """What one step of all environments led to; every array has the number of environments first.
+    """Result of one step of all environments; every array has the number of environments first.
 
     Attributes:
         reward, terminated, truncated: As Gymnasium has them, shape (count,).
-        info: All that is said of the step. It and the reward may be tensors already.
+        info: Of the step. It and the reward may be tensors already.
     """
 
     reward: Floats
@@ -174,7 +173,7 @@ class Outcome:
     info: dict[str, Any]
 
     def of(self, acting: Flags) -> Outcome:
-        """The same, with nothing earned and nothing ended where an environment did not act."""
+        """Return the outcome with reward 0 and no end where an environment did not act."""
         still = ~acting
         terms = {name: np.where(still, 0.0, on_host(term)) for name, term in self.info["reward_terms"].items()}
         info = self.info | {"reward_terms": terms} | {f"reward_{name}": term for name, term in terms.items()}
@@ -299,7 +298,7 @@ class NativeVectorEnv(VectorEnv[Floats, ArrayLike, Floats]):
         self._episodes.begin(ids, type(start)(*rows))
         self._started = True
         self._ended[ids] = False
-        info = self._told(self._episodes.start_info())
+        info = self._selected(self._episodes.start_info())
         self._starting = frozenset(info)
         (restarted,) = self._handed_out(np.ones(self.num_envs, dtype=np.bool_) if mask is None else mask.copy())
         return self._handed_out(self._episodes.observe(), info | {f"_{name}": restarted for name in info})
@@ -329,7 +328,7 @@ class NativeVectorEnv(VectorEnv[Floats, ArrayLike, Floats]):
             acting = ~self._ended
         outcome = self._episodes.step(checked, acting)
         self._ended = outcome.terminated | outcome.truncated
-        info = self._told(outcome.info | self._episodes.goal_info())
+        info = self._selected(outcome.info | self._episodes.goal_info())
         info = self._masked(info, restarted=None if acting is None else ~acting)
         return self._handed_out(self._episodes.observe(), outcome.reward, outcome.terminated, outcome.truncated, info)
 
@@ -347,36 +346,36 @@ class NativeVectorEnv(VectorEnv[Floats, ArrayLike, Floats]):
 
     def _step_and_restart(self, actions: Any) -> tuple[Floats, Floats, Any, Any, dict[str, Any]]:
         outcome = self._episodes.step(actions)
-        info = self._told(outcome.info)
+        info = self._selected(outcome.info)
         over = outcome.terminated | outcome.truncated
         observation = self._episodes.observe()
         final: dict[str, Any] = {}
         if over.any():
             (mask,) = self._handed_out(over)
-            final_info = info | self._told(self._episodes.goal_info())
+            final_info = info | self._selected(self._episodes.goal_info())
             final_info |= {f"_{name}": mask for name in final_info}
             final = {"final_obs": observation, "_final_obs": mask, "final_info": final_info, "_final_info": mask}
             self._episodes.begin(np.flatnonzero(over))
             observation = self._episodes.observe()
-        info |= self._told(self._episodes.goal_info())
+        info |= self._selected(self._episodes.goal_info())
         info = self._masked(info, restarted=over if final else None) | final
         return self._handed_out(observation, outcome.reward, outcome.terminated, outcome.truncated, info)
 
     def _masked(self, info: dict[str, Any], *, restarted: Flags | None) -> dict[str, Any]:
-        """The `info` of a step with Gymnasium's masks: where an episode began, only what a reset says is said of it."""
+        """Add Gymnasium's masks to the `info` of a step: where an episode began, only entries of a reset are valid."""
         everyone = np.ones(self.num_envs, dtype=np.bool_)
         always, stepped = self._handed_out(everyone, everyone if restarted is None else ~restarted)
         return info | {f"_{name}": always if name in self._starting else stepped for name in info}
 
     def _handed_out(self, *values: Any) -> Any:
-        """What `reset` or `step` returns, as it is or on the device."""
+        """Return values on the device that was asked for."""
         return values if self._device is None else tuple(on_device(value, self._device) for value in values)
 
-    def _told(self, info: dict[str, Any]) -> dict[str, Any]:
+    def _selected(self, info: dict[str, Any]) -> dict[str, Any]:
         return numbers_of(info) if self._numbers_only else info
 
     def _checked_seeds(self, seed: int | Sequence[int | None] | None) -> list[int | None]:
-        """The seed of each environment, or None."""
+        """Return the seed of each environment, or None."""
         if seed is None:
             return [None] * self.num_envs
         if isinstance(seed, Sequence | np.ndarray) and not isinstance(seed, str | bytes):
@@ -389,7 +388,7 @@ class NativeVectorEnv(VectorEnv[Floats, ArrayLike, Floats]):
         return seeds
 
     def _reset_mask(self, options: Mapping[str, Any] | None) -> tuple[Flags | None, Mapping[str, Any] | None]:
-        """Which environments a reset is for (None: all), and its other options."""
+        """Return which environments a reset is for (None: all), and its other options."""
         if not isinstance(options, Mapping) or options.get("reset_mask") is None:
             return None, options
         mask = as_flags("reset_mask", options["reset_mask"])
@@ -401,15 +400,15 @@ class NativeVectorEnv(VectorEnv[Floats, ArrayLike, Floats]):
 
 
 def check_batch(num_envs: int, threads: int, render_mode: object) -> int:
-    """The number of environments of a batch.
+    """Check the number of environments of a batch and return it.
 
     Raises:
         InputError: No environments, more than fit, or more than are drawn; no threads; a mode that no batch has.
     """
-    num_envs = check_count("num_envs", num_envs, most=MOST_ENVIRONMENTS)
+    num_envs = check_count("num_envs", num_envs, most=MAX_ENVIRONMENTS)
     check_count("threads", threads, most=MAX_THREADS)
     if render_mode is not None:
         check_known("render_mode of a native batch", render_mode, NativeVectorEnv.metadata["render_modes"])
-        if num_envs > MOST_DRAWN:
-            raise InputError(f"a native batch draws at most {MOST_DRAWN} environments, got {num_envs}")
+        if num_envs > MAX_DRAWN:
+            raise InputError(f"a native batch draws at most {MAX_DRAWN} environments, got {num_envs}")
     return num_envs

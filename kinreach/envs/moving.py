@@ -41,7 +41,7 @@ INSIDE = 0.02
 #: Numbers of an observation: the ball as it was last seen, its age [s], joint angles and speeds, and sights before.
 BALL, AGE, ANGLES, RATES = slice(0, 3), 3, slice(4, 10), slice(10, 16)
 #: No more sights than an episode has frames.
-MOST_SIGHTS = round(SECONDS * FRAMES)
+MAX_SIGHTS = round(SECONDS * FRAMES)
 #: The first joint turns a tip at the far end of the table no faster [m/s].
 FASTEST = 2.0
 
@@ -101,7 +101,7 @@ class MovingOptions:
     """Options of `kinreach/Moving-v0`.
 
     Raises:
-        UnknownNameError: A path that there is not.
+        UnknownNameError: An unknown path.
         InputError: A speed that the arm cannot follow, or another number out of range.
     """
 
@@ -123,14 +123,14 @@ class MovingOptions:
             check_known("path", path, PATHS)
         check_number("delay [s]", self.delay, least=0.0, most=1.0)
         check_number("noise [m]", self.noise, least=0.0, most=0.1)
-        check_count("sights", self.sights, most=MOST_SIGHTS)
+        check_count("sights", self.sights, most=MAX_SIGHTS)
 
 
 def check_speed(speed: object) -> float:
-    """A speed of the ball [m/s] that the arm can follow.
+    """Check a speed of the ball [m/s] and return it.
 
     Raises:
-        InputError: It is none.
+        InputError: The arm cannot follow it.
     """
     value = check_number("the ball's speed [m/s]", speed, above=0.0)
     if value > FASTEST:
@@ -195,13 +195,13 @@ class MovingEpisodes:
         self._rngs[index] = rng
 
     def copy_from(self, other: MovingEpisodes) -> None:
-        """Go on as another object of as many environments will."""
+        """Copy the state of another object with as many environments."""
         self.__dict__.update(
             deepcopy({name: value for name, value in vars(other).items() if name not in ("arm", "chain")})
         )
 
     def begin(self, ids: Ids, start: MovingStart = ANYTHING) -> None:
-        """Other balls; the arms rest in their start posture."""
+        """Draw other balls; the arms rest in their start posture."""
         for row, index in enumerate(ids):
             rng = self._rngs[index]
             speed, path = rng.choice(self.options.speeds), str(rng.choice(list(self.options.paths)))
@@ -217,7 +217,7 @@ class MovingEpisodes:
         self.frames[ids], self.q[ids], self.v[ids], self._nearest[ids] = 0, self.home, 0.0, np.inf
 
     def step(self, actions: Floats, acting: Flags | None = None) -> Outcome:
-        """A frame, in all environments or in those that act."""
+        """Simulate one frame in all environments, or where `acting` is True."""
         targets, dt = math.pi * np.clip(actions, -1.0, 1.0), 1.0 / (FRAMES * PARTS)
         acting = np.ones(len(targets), dtype=np.bool_) if acting is None else acting
         q, v, postures = self.q, self.v, np.empty((len(targets), PARTS, 6))
@@ -240,7 +240,7 @@ class MovingEpisodes:
         return Outcome(terms["distance"] + terms["touch"], touched | gone, np.zeros(len(touched), dtype=np.bool_), info)
 
     def observe(self) -> Floats:
-        """The sights that have just come in, what was seen before, and the arms."""
+        """Return the newest sights, those before, and the arms."""
         everyone, frames = np.arange(len(self.frames)), self.frames
         seen = self._sights[everyone, frames]
         age = (frames * PARTS - self._taken[frames]) / (FRAMES * PARTS)
@@ -249,21 +249,21 @@ class MovingEpisodes:
         return np.concatenate([seen, age[:, None], self.q, self.v, moved_by.reshape(len(seen), -1)], axis=1)
 
     def start_info(self) -> dict[str, Any]:
-        """What is said of all balls and arms."""
-        said = {"speed": self._speeds.copy(), "path": self._paths.astype(str), "distance": self._nearest.copy()}
-        return {**said, "impossible": np.zeros(len(self.q), dtype=np.bool_), **self.goal_info()}
+        """Return the `info` of a reset."""
+        info = {"speed": self._speeds.copy(), "path": self._paths.astype(str), "distance": self._nearest.copy()}
+        return {**info, "impossible": np.zeros(len(self.q), dtype=np.bool_), **self.goal_info()}
 
     def goal_info(self) -> dict[str, Any]:
-        """Where balls and arms are now."""
+        """Return where balls and arms are now."""
         now = np.minimum(self.frames * PARTS, self._ends)
         return {"goal": self.rolls[np.arange(len(now)), now], "q": self.q.copy(), "time": self.frames / FRAMES}
 
     def close(self) -> None:
-        """Nothing to let go of."""
+        """Do nothing."""
 
 
 def check_actions(actions: ArrayLike, count: int | None) -> Floats:
-    """Postures to go to as actions, shape (count, 6); for None those of a single environment, shape (6,).
+    """Check actions: postures to go to, shape (count, 6); for None that of a single environment, shape (6,).
 
     Raises:
         InputError: Wrong shape or a value that is not finite.
@@ -279,7 +279,7 @@ def check_start(options: Mapping[str, Any] | None, count: int | None) -> MovingS
 
     Raises:
         InputError: An unknown option, other numbers of them than balls, or a speed that the arm cannot follow.
-        UnknownNameError: A path that there is not.
+        UnknownNameError: An unknown path.
     """
     rows: dict[str, list[Any]] = {}
     for name, value in given_options(options, ("speed", "path")).items():
@@ -371,7 +371,7 @@ class MovingVectorEnv(NativeVectorEnv):
 def moved(
     q: Floats, v: Floats, target: Floats, dt: float, *, speed: float, acceleration: float
 ) -> tuple[Floats, Floats]:
-    """Angles and speeds after a short time on the way to a target, each joint as fast as it can and still stop there.
+    """Return angles and speeds after a short time on the way to a target, where each joint can still stop.
 
     Args:
         q: Angles now [rad].
@@ -391,7 +391,7 @@ def moved(
 
 
 def passing_times(q: Floats, v: Floats, targets: Floats, *, speed: float, acceleration: float) -> tuple[Floats, Floats]:
-    """Least times in which joints with limits pass targets [s], and with which speeds [rad/s]; both of shape (m, n).
+    """Return the least times in which joints with limits pass targets [s], and their speeds [rad/s], both shape (m, n).
 
     Args:
         q: Where they are [rad], shape (n,) or (m, n).
@@ -409,7 +409,7 @@ def passing_times(q: Floats, v: Floats, targets: Floats, *, speed: float, accele
 
 
 def travel_times(q: Floats, v: Floats, targets: Floats, *, speed: float, acceleration: float) -> Floats:
-    """Least times in which joints with limits come to rest at targets [s], shape (m, n).
+    """Return the least times in which joints with limits come to rest at targets [s], shape (m, n).
 
     Args:
         q: Where they are [rad], shape (n,) or (m, n).

@@ -28,23 +28,23 @@ def about(description: str, *, observation: str = "", flag: str | None = "") -> 
     Args:
         description: With the unit.
         observation: The only `observation` that the option is for.
-        flag: Its name on the command line, if that is another one. None: it has none there, because methods rely on
-            what they observe, or because a command sets it.
+        flag: Its name on the command line, if that is another one. None: it has none,
+            because methods rely on what they observe, or because a command sets it.
     """
     return {"description": description, "observation": observation, "flag": flag}
 
 
 def options_from(kind: type[Options], given: Mapping[str, Any]) -> Options:
-    """The options of an environment from the keywords that it was made with.
+    """Make the options of an environment from its keywords.
 
     Raises:
-        UnknownOptionError: A keyword that is no option.
+        UnknownOptionError: A keyword that is not an option.
         InputError: A value that cannot be.
     """
     available = [entry.name for entry in fields(kind)]  # type: ignore[arg-type]
     if unknown := [name for name in given if name not in available]:
-        said = ", ".join(map(repr, unknown))  # the wording is Python's: TorchRL looks for it
-        raise UnknownOptionError(f"got an unexpected keyword argument {said}; available: {', '.join(available)}")
+        names = ", ".join(map(repr, unknown))  # the wording is Python's: TorchRL looks for it
+        raise UnknownOptionError(f"got an unexpected keyword argument {names}; available: {', '.join(available)}")
     return kind(**given)
 
 
@@ -72,10 +72,10 @@ def _quoted(value: object) -> str:
 
 
 def given_options(options: Mapping[str, Any] | None, names: Collection[str]) -> dict[str, Any]:
-    """The options of `reset(options=...)`, some of those that there are.
+    """Check the names of the options of `reset(options=...)` and return them.
 
     Raises:
-        InputError: They are no mapping, or one of them is unknown.
+        InputError: They are not a mapping, or one of them is unknown.
     """
     if options is not None and not isinstance(options, Mapping):
         raise InputError(f"reset options must be a mapping of {', '.join(names)}, got {shown(options)}")
@@ -88,7 +88,7 @@ def given_options(options: Mapping[str, Any] | None, names: Collection[str]) -> 
 def option_rows(
     options: Mapping[str, Any] | None, sizes: Mapping[str, int], count: int | None
 ) -> tuple[Floats | None, ...]:
-    """The options of `reset(options=...)` as arrays with a row for each environment.
+    """Return the options of `reset(options=...)` as arrays with a row for each environment.
 
     Args:
         options: As given by the user.
@@ -118,10 +118,10 @@ def option_rows(
 
 
 def check_seed(seed: object) -> int | None:
-    """The seed of an environment, as Gymnasium takes it; NumPy's integers are taken too.
+    """Check the seed of an environment; NumPy's integers are valid too.
 
     Raises:
-        InputError: It is no integer, or negative.
+        InputError: It is not an integer, or negative.
     """
     return None if seed is None else check_count("seed", seed, least=0)
 

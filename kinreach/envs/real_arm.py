@@ -53,7 +53,7 @@ NOISE, MEDIAN_LENGTH = 1.4e-4, 1.5382
 #: Looks that may be taken before, a choice of these; half of the balls have to be nearer than this in the end [m].
 BUDGETS, NEAR = (0, 5, 10, 20, 50, 100), 5e-4
 #: There are no looks without an error [m].
-LEAST_NOISE = 1e-9
+MIN_NOISE = 1e-9
 #: UR5 whose calibrations come with the package.
 UR5S = tuple(name for name in PUBLISHED_CALIBRATIONS if name.startswith("ur5_"))
 #: Numbers of an observation: ball and tip as they were seen, posture, moves to this ball, looks allowed so far.
@@ -61,7 +61,7 @@ SEEN_BALL, SEEN_TIP, POSTURE, MOVES, BUDGET = slice(0, 3), slice(3, 6), slice(6,
 SIZE = 14
 #: No tip is seen farther away [m].
 REACH = 2.0
-MOST_AGAIN, MOST_BALLS = 20, 100_000
+MAX_AGAIN, MAX_BALLS = 20, 100_000
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -98,9 +98,9 @@ class RealArmOptions:
             check_known("budget of looks", str(count), [str(known) for known in BUDGETS])
         if list(self.budgets) != sorted(set(self.budgets)):
             raise InputError(f"budgets of looks must increase, got {shown(self.budgets)}")
-        check_count("again", self.again, least=0, most=MOST_AGAIN)
-        check_count("balls", self.balls, most=MOST_BALLS)
-        check_number("noise [m]", self.noise, least=LEAST_NOISE, most=1.0)
+        check_count("again", self.again, least=0, most=MAX_AGAIN)
+        check_count("balls", self.balls, most=MAX_BALLS)
+        check_number("noise [m]", self.noise, least=MIN_NOISE, most=1.0)
         for calibration in self.calibrations:
             true_arm(calibration)
 
@@ -112,7 +112,7 @@ def true_arm(calibration: str | Path) -> ArmDescription:
         calibration: Name of a published one, or a file.
 
     Raises:
-        InputError: It is no path, or the file is no calibration, or that of another model.
+        InputError: It is not a path, or the file is not a calibration of a UR5.
     """
     path = check_path("calibration", calibration)
     file = PUBLISHED_CALIBRATIONS.get(str(path), path)
@@ -241,7 +241,7 @@ class RealArmEnv(gym.Env[Any, Any]):
 
     @property
     def scene(self) -> PosedScene:
-        """The true arm of this episode. Whoever watches sees it go to every look and every ball; in truth it jumps.
+        """The true arm of this episode; when it is watched it moves to every look and every ball, else it jumps.
 
         Raises:
             InputError: Before the first reset.
@@ -338,7 +338,7 @@ class RealArmEnv(gym.Env[Any, Any]):
         return self._place
 
     def _show(self, postures: Floats, balls: Iterable[Floats] = ()) -> None:
-        """Let who watches see the arm go from one to the next."""
+        """Move the drawn arm from one to the next, if it is watched."""
         if self._scene is not None and self._scene.watch is not None:
             for q, ball in zip_longest(postures, balls):
                 self._scene.go(q, ball=ball)

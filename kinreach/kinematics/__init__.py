@@ -57,6 +57,8 @@ ArmKinematics._closed_forms = (Arm3Kinematics, URKinematics, CalibratedURKinemat
 
 
 def __getattr__(name: str) -> Any:
+    if name == "check":
+        return importlib.import_module(f"{__name__}.check")
     if name not in ("LevenbergMarquardtSolver", "PlacoSolver", "QPSolver"):
         raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
     return getattr(importlib.import_module(f"{__name__}.solvers"), name)

@@ -2,8 +2,8 @@
 
 A move has *attained* its target when every joint is within the tolerance of it, the arm stands still, and it is not
 pressed at anything there. A target that is not attained is what the thesis calls impossible; `MoveResult.reason` says
-why. Touching something on the way does not make a target impossible, being held off by it does: whoever wants motion
-free of contact asks a collision checker before the move.
+why. Touching something on the way does not make a target impossible, being held off by it does. For motion
+free of contact, ask a collision checker before the move.
 
 How the servos are led to a target is in `kinreach.sim.setpoints`; what is moved, one simulation or many, in
 `kinreach.sim.plants`.
@@ -209,7 +209,7 @@ class JointController:
             ends[inside] = self._follow(plant, ids[inside], targets[inside], two_phase=two_phase)
         q = plant.qpos[rows_and_columns(ids, self.qpos)]
         lost = plant.diverged(ids) | ((q < self.lower - BEYOND_LIMIT) | (q > self.upper + BEYOND_LIMIT)).any(axis=1)
-        if lost.any():  # MuJoCo has started them afresh, and where they went from there is nobody's move
+        if lost.any():  # MuJoCo has started them afresh, and their motion since then is not the move's
             plant.put_back(ids[lost], before[lost])
             ends[lost] = DIVERGED
         durations = plant.time[ids] - began

@@ -9,7 +9,7 @@ from typing import Any
 from kinreach.errors import InstallationError
 
 _GRAPHICS = "MUJOCO_GL"
-#: Where MuJoCo's warnings go if nobody says otherwise: into a file of the folder that the process stands in.
+#: Where MuJoCo's warnings go by default: a file in the current folder.
 _DEFAULT_LOG = "MUJOCO_LOG.TXT"
 
 
@@ -37,10 +37,10 @@ def _load() -> Any:
 
 
 def _without_log_file(module: Any) -> Any:
-    """Keep MuJoCo's warnings out of a file that nobody asked for; they are still printed to stderr.
+    """Keep MuJoCo's warnings out of its default log file; they are still printed to stderr.
 
-    This is a setting of the whole process and of its native threads. Who has named a log file before keeps it, and who
-    names one later gets it.
+    This is a setting of the whole process and of its native threads. A log file that was named before, or is named
+    later, is used.
     """
     settings = module.MjLogConfig.get()
     if settings.logfile == _DEFAULT_LOG:

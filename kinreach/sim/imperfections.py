@@ -1,4 +1,4 @@
-"""What a real arm has and an ideal one has not: friction, damping, a load nobody told it of, noise of its encoders.
+"""Imperfections of real arms: friction, damping, an unknown load, noise of the encoders.
 
 The controller knows of none of it: it plans for the ideal arm, and compensates the gravity of that.
 """
@@ -15,7 +15,7 @@ from kinreach.checks import Floats, check_known, check_number, shown
 from kinreach.errors import InputError
 
 #: Largest values: all of a joint's torque, an arm's own weight, a turn that no servo bears.
-MOST = {"friction": 1.0, "damping": 10.0, "payload": 100.0, "encoder_noise": 0.1}
+LIMITS = {"friction": 1.0, "damping": 10.0, "payload": 100.0, "encoder_noise": 0.1}
 
 
 @dataclass(frozen=True)
@@ -40,7 +40,7 @@ class Imperfections:
 
     def __post_init__(self) -> None:
         for entry in fields(self):
-            value = check_number(entry.name, getattr(self, entry.name), least=0.0, most=MOST[entry.name])
+            value = check_number(entry.name, getattr(self, entry.name), least=0.0, most=LIMITS[entry.name])
             object.__setattr__(self, entry.name, value)
 
 
@@ -59,9 +59,9 @@ def as_imperfections(given: Imperfections | Mapping[str, float] | None) -> Imper
     if isinstance(given, Imperfections):
         return given
     if not isinstance(given, Mapping):
-        raise InputError(f"imperfections must be a mapping of {', '.join(MOST)}, got {shown(given)}")
+        raise InputError(f"imperfections must be a mapping of {', '.join(LIMITS)}, got {shown(given)}")
     for name in given:
-        check_known("imperfection", name, MOST)
+        check_known("imperfection", name, LIMITS)
     return Imperfections(**given)
 
 

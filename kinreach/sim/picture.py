@@ -1,4 +1,4 @@
-"""What a person sees of a simulation: MuJoCo's viewer, or frames."""
+"""Draw a simulation: in MuJoCo's viewer, or as frames."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ class SceneViewer:
     Args:
         model: A scene (`mujoco.MjModel`).
         data: Its state, which `sync` shows.
-        camera: From where the scene is looked at in the beginning, the name of one of its cameras.
+        camera: Name of the camera whose view the window begins with.
 
     Raises:
         InstallationError: There is no screen, or no library to open a window with.
@@ -71,10 +71,10 @@ def _check_screen() -> None:
     except ImportError as error:
         reason = str(error)
     else:
-        said: list[str] = []
+        errors: list[str] = []
 
         def note(code: int, what: bytes) -> None:
-            said.append(f"({code}) {what.decode(errors='replace')}")
+            errors.append(f"({code}) {what.decode(errors='replace')}")
 
         before = glfw.set_error_callback(note)  # by default it warns, and warnings are caught for all threads or none
         try:
@@ -82,7 +82,7 @@ def _check_screen() -> None:
                 return
         finally:
             glfw.set_error_callback(before)
-        reason = "; ".join(said)
+        reason = "; ".join(errors)
     raise InstallationError(
         f'cannot open a window: {reason}. Without a screen use render_mode="rgb_array", or a virtual screen: '
         "apt install xvfb, then xvfb-run python ..."
@@ -93,8 +93,8 @@ class Scene(Protocol):
     """A simulation that can be drawn.
 
     Attributes:
-        model, data: MuJoCo's model, with its good looks on, and state.
-        watch: Called in the course of a motion; set by who draws.
+        model, data: MuJoCo's model, with visuals, and state.
+        watch: Called in the course of a motion, to draw it.
     """
 
     model: Any

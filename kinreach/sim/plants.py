@@ -1,4 +1,4 @@
-"""What a controller moves: one simulation or many of them, behind the same arrays."""
+"""Plants of a controller: one simulation or many of them, behind the same arrays."""
 
 from __future__ import annotations
 
@@ -62,12 +62,12 @@ class Plant(Protocol):
         ...
 
     def follow(self, ids: Ids, servos: Any, setpoints: Floats, substeps: int) -> None:
-        """Simulate some forward while their servos are told one setpoint after the other.
+        """Simulate some forward while their servos get one setpoint after the other.
 
         Args:
             ids: Which, ascending, shape (k,).
             servos: Where the servos are in `ctrl`: a slice or an array of integers.
-            setpoints: What they are told, shape (periods, k, servos); the last remains.
+            setpoints: Of the servos, shape (periods, k, servos); the last remains.
             substeps: Timesteps between two setpoints.
         """
         ...

@@ -1,4 +1,4 @@
-"""An arm that is put where it is to be: the scene of what has no dynamics of its own."""
+"""Scene of an arm without dynamics: it is put into postures."""
 
 from __future__ import annotations
 
@@ -18,11 +18,11 @@ PERIOD = 0.02
 
 
 class PosedScene:
-    """An arm, its work cell and the ball, drawn as they are said to be; nothing moves by itself.
+    """An arm, its work cell and the ball, drawn where they are put; nothing moves by itself.
 
     Args:
         arm: The arm.
-        model: A scene of it (`mujoco.MjModel`); default is that of `scene_model`, with its good looks on.
+        model: A scene of it (`mujoco.MjModel`); default is that of `scene_model`, with visuals.
 
     Attributes:
         arm, model: As given.

@@ -55,7 +55,7 @@ class FrameRenderer:
         frames: How many were drawn.
 
     Raises:
-        InputError: A size is no positive integer, or larger than the scene's off-screen buffer.
+        InputError: A size is not a positive integer, or larger than the scene's off-screen buffer.
         DrawingError: The library refused, or this process was forked from one that had drawn.
         InstallationError: There is no library to draw with; the message names the packages.
     """

@@ -23,7 +23,7 @@ from kinreach.robots.meshes import collision_mesh
 from kinreach.robots.urdf import without_shapes
 from kinreach.sim.engine import mujoco
 from kinreach.sim.imperfections import IDEAL, Imperfections
-from kinreach.sim.looks import DRAWN_ONLY, HIDDEN_GROUP, add_camera, add_looks, add_visual_meshes
+from kinreach.sim.visuals import DRAWN_ONLY, HIDDEN_GROUP, add_camera, add_visual_meshes, add_visuals
 
 #: Step of the simulation [s]. From 0.002 on, 400 of 400 random targets get the same verdict; at 0.01 an arm that runs
 #: into the table sinks in by the table's thickness, at 0.008 by half of it.
@@ -77,7 +77,7 @@ def build_scene(
             add_camera(spec, camera, housing=visual)
         if visual:
             add_visual_meshes(spec, arm)
-        add_looks(spec, arm.workcell.obstacles, visual=visual)
+        add_visuals(spec, arm.workcell.obstacles, visual=visual)
         _add_home(spec, arm)
     return spec
 
@@ -102,9 +102,9 @@ def _refusals_of(arm: ArmDescription) -> Iterator[None]:
 def scene_model(
     arm: ArmDescription, *, timestep: float = TIMESTEP, visual: bool = True, imperfections: Imperfections = IDEAL
 ) -> Any:
-    """The compiled scene (`mujoco.MjModel`), shared by all who ask for the same one: do not change it.
+    """The compiled scene (`mujoco.MjModel`), shared: do not change it.
 
-    Arguments and errors are those of `build_scene`. Whoever wants to vary a model compiles their own.
+    Arguments and errors are those of `build_scene`. To vary a model, compile your own.
     """
     with _refusals_of(arm):
         return build_scene(arm, timestep=timestep, visual=visual, imperfections=imperfections).compile()

@@ -1,4 +1,4 @@
-"""What the servos are told in the course of a move: planned ahead, and followed until the arm stands.
+"""Setpoints of the servos in a move: planned ahead, and followed until the arm stands.
 
 `SetpointPlanner` lays a synchronous trapezoid profile over the way of all joints; `Following` gives its setpoints to
 the servos, one every control period, and finds out whether the arm arrives, is blocked, or is late.
@@ -22,17 +22,17 @@ from kinreach.sim.plants import Ids, Plant, rows_and_columns
 
 #: Time between two setpoints [s].
 CONTROL_PERIOD = 0.008
-#: Setpoints between two looks whether an arm has arrived, and between two whether it is held up.
-ARRIVAL_LOOK, STALL_LOOK = 2, 10
+#: Setpoints between two checks whether an arm has arrived, and between two whether it is held up.
+ARRIVAL_CHECK, STALL_CHECK = 2, 10
 #: An arm in which no joint is faster than this has come to rest [rad/s]. The slowest servo still creeps by this times
 #: its time constant of 0.07 s, 4e-5 rad; at 0.002 rad/s the tip would be read up to 0.5 mm from where it will stay.
 REST_SPEED = 0.0005
-#: An arm in which no joint is faster than this [rad/s] at so many looks in a row (0.2 s), off its target, is blocked.
+#: An arm in which no joint is faster than this [rad/s] at so many checks in a row (0.2 s), off its target, is blocked.
 STALL_SPEED = 0.02
-STALL_LOOKS = 3
+STALL_CHECKS = 3
 #: How long the arm may take to arrive after its setpoint has [s].
 PATIENCE = 2.0
-#: How following ended; that a simulation has diverged is found by who asked for the move.
+#: How following ended; `JointController.move` finds that a simulation has diverged.
 MOVING, ARRIVED, STALLED, LATE, DIVERGED = range(5)
 #: A time that does not come.
 NEVER = np.iinfo(np.intp).max // 2
@@ -94,9 +94,9 @@ class Plan:
 class SetpointPlanner:
     """Plans the setpoints of an arm's servos so that the joints follow a trapezoid profile without delay.
 
-    A servo with stiffness k and damping b moves an inertia M along q(t) if told q + b/k q' + M/k q''. M is that at the
-    target: there it matters, what is missing on the way is gone on arrival. Only elementwise arithmetic is used, so
-    that a plan does not depend, to the bit, on what else is planned with it.
+    A servo with stiffness k and damping b moves an inertia M along q(t) with the setpoint q + b/k q' + M/k q''. M is
+    that at the target: an error on the way is gone on arrival. Only elementwise arithmetic is used, so that a plan does
+    not depend, to the bit, on what else is planned with it.
 
     Args:
         arm: The arm, whose limits of speed and acceleration are kept.
@@ -163,7 +163,7 @@ class Following:
         tolerance: How far from its target a joint may come to rest [rad].
         timestep: Step of the simulation [s].
         encoder_noise: Standard deviation of what the servos read of their joints [rad]. A servo that reads its joint
-            too far on is one that is told too little.
+            too far on gets too small a setpoint.
     """
 
     qpos: Any
@@ -259,47 +259,47 @@ class _Run:
         while rows.size:
             soonest, nothing_new = self.arrival.min(), True
             while nothing_new:
-                until = self.next_look(soonest)
+                until = self.next_check(soonest)
                 setpoints = self.line[self.time : until]
                 if len(setpoints) < until - self.time:  # the last remains
                     setpoints = self.line[np.minimum(np.arange(self.time, until), len(self.line) - 1)]
                 setpoints = setpoints if rows.size == self.end.size else setpoints[:, rows]
                 self.plant.follow(self.ids[rows], self.rule.servos, setpoints, self.rule.substeps)
                 self.time = until
-                nothing_new = not self.look()
+                nothing_new = not self.check()
             rows = np.flatnonzero(self.end == MOVING)
         return self.end
 
-    def next_look(self, soonest: int) -> int:
+    def next_check(self, soonest: int) -> int:
         """When something may have to be decided next; until then all setpoints are known."""
-        stall_look = self.time - self.time % STALL_LOOK + STALL_LOOK
+        stall_check = self.time - self.time % STALL_CHECK + STALL_CHECK
         after = max(self.time, soonest) + 1
-        return min(stall_look, after + -after % ARRIVAL_LOOK)
+        return min(stall_check, after + -after % ARRIVAL_CHECK)
 
-    def look(self) -> bool:
+    def check(self) -> bool:
         """Decide what is to be decided; returns whether a phase or a move was over.
 
-        Before its setpoint has arrived an arm is judged at stall looks only: others may give occasion to a look between
-        them, and must not matter.
+        Before its setpoint has arrived an arm is judged at stall checks only: others may cause a check between
+        them, which must not matter.
         """
         speed = np.maximum.reduce(np.abs(self.plant.qvel[self.at_dof]), axis=1)
-        if self.time % STALL_LOOK == 0:
+        if self.time % STALL_CHECK == 0:
             self.calm = np.where(speed < STALL_SPEED, self.calm + 1, 0)
-            self.stalled = self.calm >= STALL_LOOKS
+            self.stalled = self.calm >= STALL_CHECKS
         arrived, late = self.time > self.arrival, self.time >= self.deadline
         stands = self.stalled | (arrived & (speed <= self.rest_speed))
         if not (stands | late).any():
             return False
         off = np.maximum.reduce(np.abs(self.plant.qpos[self.at_qpos] - self.goal), axis=1)
         near = off <= self.rule.tolerance
-        there = near & arrived & stands
+        done = near & arrived & stands
         held = self.stalled & ~near
-        late &= ~(there | held)
-        over = there | held | late
+        late &= ~(done | held)
+        over = done | held | late
         if not over.any():
             return False
         last = self.phase == len(self.phases) - 1
-        for rows, end in ((there & last, ARRIVED), (held, STALLED), (late, LATE)):
+        for rows, end in ((done & last, ARRIVED), (held, STALLED), (late, LATE)):
             self.end_moves(rows.nonzero()[0], end)
-        self.begin_phase((there & ~last).nonzero()[0])
+        self.begin_phase((done & ~last).nonzero()[0])
         return True

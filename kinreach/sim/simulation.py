@@ -33,7 +33,7 @@ from kinreach.sim.warp_plant import WarpPlant
 #: What steps a batch.
 MUJOCO, WARP = "mujoco", "warp"
 #: More simulations than this are refused before memory is asked for; each takes some hundred kB.
-MOST_COUNT = 2**17
+MAX_COUNT = 2**17
 
 
 class ArmSimulation:
@@ -174,7 +174,7 @@ class ArmSimulation:
 class BatchSimulation:
     """A number of independent `ArmSimulation`, each bit for bit what it would be alone, on any number of threads.
 
-    Those are its own; who uses it from threads makes one per thread. It cannot be pickled. With `backend="warp"` they
+    Those are its own; use one batch per thread. It cannot be pickled. With `backend="warp"` they
     are stepped by MuJoCo Warp, and only nearly what they would be alone: see `kinreach.sim.warp_plant`.
 
     Simulations are named by their ids, 0 to `count` - 1; wherever ids are given they are distinct and ascending. All
@@ -219,7 +219,7 @@ class BatchSimulation:
         if device is not None and backend != WARP:
             raise InputError(f"device is for backend={WARP!r}; {backend!r} runs on the processor, got {shown(device)}")
         count, threads = (
-            check_count("count", count, most=MOST_COUNT),
+            check_count("count", count, most=MAX_COUNT),
             check_count("threads", threads, most=MAX_THREADS),
         )
         check_timestep(timestep)

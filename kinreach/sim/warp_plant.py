@@ -50,8 +50,8 @@ class WarpPlant:
         try:
             self.device = self._warp.get_device(device)
         except (ValueError, RuntimeError) as error:
-            there = ", ".join(str(name) for name in self._warp.get_devices())
-            raise InputError(f"there is no device {device!r} here: {error}; available: {there}") from None
+            available = ", ".join(str(name) for name in self._warp.get_devices())
+            raise InputError(f"there is no device {device!r} here: {error}; available: {available}") from None
         start = mujoco.MjData(model)
         self._home = model.key("home").id
         mujoco.mj_resetDataKeyframe(model, start, self._home)
@@ -107,12 +107,12 @@ class WarpPlant:
 
     def follow(self, ids: Ids, servos: Any, setpoints: Floats, substeps: int) -> None:
         """Simulate forward; see `Plant.follow`."""
-        data, told = self._data, rows_and_columns(ids, servos)
+        data, rows = self._data, rows_and_columns(ids, servos)
         with self._warp.ScopedDevice(self.device):
             for name, array in self._arrays.items():
                 getattr(data, name).assign(array.astype(np.float32))
             for setpoint in setpoints:
-                self.ctrl[told] = setpoint
+                self.ctrl[rows] = setpoint
                 data.ctrl.assign(self.ctrl.astype(np.float32))
                 for _ in range(substeps):
                     self._mjw.step(self._model, data)

@@ -14,7 +14,7 @@ from kinreach.view.server import Server, import_viser
 from kinreach.view.setup import Setup
 from kinreach.view.snippet import calibrated
 
-PORT, MOST_PORT = 8080, 65535
+PORT, MAX_PORT = 8080, 65535
 
 
 def main(argv: Sequence[str], *, prog: str) -> int:
@@ -32,7 +32,7 @@ def main(argv: Sequence[str], *, prog: str) -> int:
     """
     arguments = _parser(prog).parse_args(argv)
     import_viser()
-    check_count("port", arguments.port, least=1, most=MOST_PORT)
+    check_count("port", arguments.port, least=1, most=MAX_PORT)
     setup = setup_of(
         arguments.arm,
         calibration=arguments.calibration,
@@ -84,7 +84,7 @@ def setup_of(
         expression = calibrated(sheet, calibration)
         nominal, description = description, description.calibrated(calibration)
     setup = Setup(description, expression, sheet, tip, simple, nominal, policy, results, environment)
-    setup.environments  # noqa: B018  (refuses what is no policy or environment)
+    setup.environments  # noqa: B018  (refuses an unknown policy or environment)
     if results is not None:
         read_results(results)
     return setup

@@ -21,7 +21,7 @@ PALE_RED: Colour = (235, 150, 150)
 AMBER: Colour = (240, 160, 30)
 BLUE: Colour = (40, 110, 200)
 VIOLET: Colour = (130, 70, 190)
-#: One colour for each posture, told apart also by readers who see red and green alike (Okabe and Ito, 2008).
+#: One colour for each posture, also for colour-blind readers (Okabe and Ito, 2008).
 BRANCH_COLOURS: tuple[Colour, ...] = (
     (0, 114, 178), (86, 180, 233), (0, 158, 115), (150, 200, 80), (204, 121, 167), (120, 94, 240), (170, 120, 60),
     (90, 90, 90),

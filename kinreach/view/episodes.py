@@ -24,14 +24,14 @@ from kinreach.view.mujoco_scene import Contact, MujocoScene
 from kinreach.view.names import length
 from kinreach.view.players import ARM, new_player, playable, trained_in
 from kinreach.view.snippet import robots
-from kinreach.vision.goal_view import CameraGoalView, GoalLook
+from kinreach.vision.goal_view import CameraGoalView, GoalMeasurement
 
 #: Frames per second of simulated time.
 FPS = 25
 #: More frames than this are not kept; every second one of those before is left out instead.
-MOST_FRAMES = 3000
+MAX_FRAMES = 3000
 #: An episode that does not end is cut off.
-MOST_STEPS = 10_000
+MAX_STEPS = 10_000
 #: What of an `info` is about the moment, not about the episode.
 CHANGING = {"distance", "posture_error", "time", "status", "impossible_reason"}
 #: The ring around a ball that was found: its width [pixels] and colour.
@@ -39,7 +39,7 @@ RING, YELLOW = 3, (255, 255, 0)
 
 
 class Stopped(Exception):
-    """Who waited for the episode is gone."""
+    """The episode was cancelled."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -63,7 +63,7 @@ class Frame:
 
 @dataclass(frozen=True, eq=False)
 class Step:
-    """What the environment said after an action: reward, its terms, distance [m] if there is one, why impossible."""
+    """The `info` after an action: reward, its terms, distance [m] if there is one, why impossible."""
 
     reward: float
     terms: Mapping[str, float]
@@ -77,12 +77,12 @@ class Episode:
 
     Attributes:
         scene: What is drawn.
-        arm: Who acts, as its user believes it to be.
+        arm: That acts, as its user believes it to be.
         frames: From the reset to the end.
         steps: One an action.
         goal: Where it is in the world in the beginning [m], shape (3,); None where there is not just one.
         trial: As `rollout` has it.
-        facts: Texts and single numbers that the environment said of it in the beginning, by name.
+        facts: Texts and single numbers of the first `info`, by name.
     """
 
     scene: MujocoScene
@@ -115,8 +115,8 @@ class Episode:
         times = [frame.time for frame in self.frames[index : index + 2]]
         return min(times[-1] - times[0], 1.0 / FPS) or 1.0 / FPS
 
-    def look(self) -> GoalLook | None:
-        """What the cameras see of the ball from the start pose, and the circles that are found in it.
+    def measure_goal(self) -> GoalMeasurement | None:
+        """Measure the ball with the cameras from the start pose.
 
         Returns:
             None for an arm without cameras, without a goal, and where nothing can be drawn.
@@ -127,7 +127,7 @@ class Episode:
         simulation.place_ball(self.goal)
         try:
             with CameraGoalView(self.arm) as view:
-                return view.look(simulation)
+                return view.measure(simulation)
         except KinreachError:
             return None
 
@@ -167,7 +167,7 @@ class Recording:
 
         Args:
             simple: As `MujocoScene`.
-            stop: Set where nobody waits any more.
+            stop: Set to cancel.
 
         Raises:
             Stopped: `stop` was set.
@@ -178,7 +178,7 @@ class Recording:
         options = {**self.made_with, **({ARM: self.arm} if ARM in known.choices else {})}
         if known.drawn:
             options["render_mode"] = "rgb_array"
-        env = gym.make(known.name, max_episode_steps=MOST_STEPS, disable_env_checker=True, **options)
+        env = gym.make(known.name, max_episode_steps=MAX_STEPS, disable_env_checker=True, **options)
         try:
             player = new_player(self.player, env, seed=self.seed)
             recorder = _Recorder(env, simple=simple, stop=stop or Event())
@@ -216,10 +216,10 @@ class Recording:
         )
 
 
-def circled(look: GoalLook, index: int) -> NDArray[np.uint8]:
+def circled(measured: GoalMeasurement, index: int) -> NDArray[np.uint8]:
     """What one of the two cameras saw, RGB, with a ring around the ball that was found."""
-    picture = look.images[index].rgb.copy()
-    fix = look.fixes[index]
+    picture = measured.images[index].rgb.copy()
+    fix = measured.fixes[index]
     if fix is not None:
         u, v, r = fix.circle
         cv2.circle(picture, (round(u), round(v)), round(r) + RING, YELLOW, RING)
@@ -288,7 +288,7 @@ class _Recorder(gym.Wrapper[Any, Any, Any, Any]):
         poses, contacts = self.episode.scene.take(self._scene.data)
         believed = self._scene.q if self._believed else None
         frames.append(Frame(now, len(self.episode.steps), poses, tuple(contacts), believed))
-        if len(frames) > MOST_FRAMES:
+        if len(frames) > MAX_FRAMES:
             del frames[1:-1:2]
             self._period *= 2
 

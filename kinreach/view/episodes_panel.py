@@ -16,11 +16,11 @@ from kinreach.view.draw import BLUE, BRANCH_COLOURS, RED, Solid, SolidArm, overv
 from kinreach.view.episodes import Episode, Recording, Stopped, circled
 from kinreach.view.figure import Figure
 from kinreach.view.inputs import by_user
-from kinreach.view.messages import said
+from kinreach.view.messages import error_message
 from kinreach.view.names import plain
 from kinreach.view.panel import Panel
 from kinreach.view.players import BACKEND, OBSERVATION, playable
-from kinreach.vision.goal_view import GoalLook
+from kinreach.vision.goal_view import GoalMeasurement
 
 PLAY, PAUSE, STEP, START = "play", "pause", "step", "start"
 #: Of a contact [m].
@@ -38,7 +38,7 @@ class EpisodesPanel(Panel):
     """
 
     def build(self) -> None:
-        """Add the inputs, and draw what is there in the beginning."""
+        """Add the inputs, and draw the initial state."""
         self.episode: Episode | None = None
         self.at = 0
         self._recording = Recording(self._setup.environments[0], "", self._setup.arm)
@@ -168,7 +168,7 @@ class EpisodesPanel(Panel):
         self.go(index)
 
     def _start(self, work: Callable[..., None], *arguments: Any) -> None:
-        """Work in a thread of its own; what goes wrong is said."""
+        """Work in a thread of its own; the page shows its errors."""
 
         def run() -> None:
             try:
@@ -178,7 +178,7 @@ class EpisodesPanel(Panel):
                     return
                 with self._lock:
                     self._button.disabled = False
-                    self._verdict.content = said(error)
+                    self._verdict.content = error_message(error)
 
         threading.Thread(target=run, daemon=True, name=f"kinreach {work.__name__}").start()
 
@@ -196,9 +196,9 @@ class EpisodesPanel(Panel):
             self._take(episode)
             if self._shown:
                 self.run()
-        seen = episode.look()
+        seen = episode.measure_goal()
         if not self._gone.is_set():
-            self._show_look(episode, seen)
+            self._show_cameras(episode, seen)
 
     def _asked(self) -> Recording:
         """What is to be played.
@@ -285,7 +285,7 @@ class EpisodesPanel(Panel):
             self._step = frame.step
             self._plot.data = self._terms(episode, frame.step)
 
-    def _show_look(self, episode: Episode, seen: GoalLook | None) -> None:
+    def _show_cameras(self, episode: Episode, seen: GoalMeasurement | None) -> None:
         with self._lock:
             if self.episode is not episode or seen is None:
                 return

@@ -45,7 +45,7 @@ def message(text: str, *, bad: bool = False) -> str:
 
 
 def verdict(answer: Answer) -> str:
-    """What is said of a target."""
+    """Return the verdict on a target."""
     return message(answer.verdict, bad=not answer.usable)
 
 
@@ -86,11 +86,11 @@ def _row(posture: Posture, q: Floats, *, solid: bool, joints: Sequence[str]) -> 
     usable = posture.state is State.USABLE
     values = " ".join(f"{round(degrees(value))}°" for value in q)
     titles = ", ".join(f"{plain(name)} {degrees(value):.1f}°" for name, value in zip(joints, q, strict=True))
-    said = "" if usable else _reason(posture.reason)
+    reason = "" if usable else _reason(posture.reason)
     name = f"<b>{escape(posture.name)}</b>" if solid else escape(posture.name)
     word, back = ("solid", "#343a40") if usable else ("shown", _RED)
     mark = f' <span style="background:{back};color:#fff;border-radius:3px;padding:0 4px;font-size:10px">{word}</span>'
-    detail = f'{said}<span style="{_SMALL};font-family:monospace" title="{escape(titles)}">{values}</span>'
+    detail = f'{reason}<span style="{_SMALL};font-family:monospace" title="{escape(titles)}">{values}</span>'
     colour = css(branch_colour(posture.branch)) if usable else _RED
     return _entry("●" if usable else "✗", colour, name + (mark if solid else ""), detail)
 
@@ -182,18 +182,18 @@ def _ended(end: End) -> str:
 
 
 def moment(episode: Episode, frame: Frame) -> str:
-    """What is to be said of a frame: time, steps, reward and its terms, what touches."""
-    said = [f"{frame.time:.2f} s, {frame.step} of {len(episode.steps)} steps"]
+    """Describe a frame: time, steps, reward and its terms, what touches."""
+    parts = [f"{frame.time:.2f} s, {frame.step} of {len(episode.steps)} steps"]
     if frame.step:
         step = episode.steps[frame.step - 1]
         terms = ", ".join(f"{name.replace('_', ' ')} {value:.3g}" for name, value in step.terms.items())
-        said.append(f"reward {step.reward:.3g}{f' ({terms})' if terms else ''}")
-        said += [] if step.distance is None else [f"{length(step.distance)} from the goal"]
-        said += [step.impossible_reason] if step.impossible_reason else []
-    said += [", ".join(f"{plain(name)} {value}" for name, value in episode.facts.items())] if episode.facts else []
-    said += [] if frame.believed is None else ["blue: the arm as its user believes it to be"]
+        parts.append(f"reward {step.reward:.3g}{f' ({terms})' if terms else ''}")
+        parts += [] if step.distance is None else [f"{length(step.distance)} from the goal"]
+        parts += [step.impossible_reason] if step.impossible_reason else []
+    parts += [", ".join(f"{plain(name)} {value}" for name, value in episode.facts.items())] if episode.facts else []
+    parts += [] if frame.believed is None else ["blue: the arm as its user believes it to be"]
     pairs = dict.fromkeys(f"{plain(a)} touches {plain(b)}" for a, b in (contact.bodies for contact in frame.contacts))
-    lines = "<br>".join([*map(escape, said), *(f'<span style="color:{_RED}">{escape(pair)}</span>' for pair in pairs)])
+    lines = "<br>".join([*map(escape, parts), *(f'<span style="color:{_RED}">{escape(pair)}</span>' for pair in pairs)])
     return block(f'<div class="kinreach-moment" style="font-size:12px">{lines}</div>')
 
 

@@ -1,4 +1,4 @@
-"""Inputs of a page, and who changed them."""
+"""Inputs of a page, and changes by the user."""
 
 from __future__ import annotations
 
@@ -60,8 +60,8 @@ class Entry:
         except IndexError:
             return None
 
-    def say(self, value: Any) -> None:
-        """Show a value, unless it is there already: whoever is typing "-0.2" has typed "-0" on the way."""
+    def show(self, value: Any) -> None:
+        """Show a value, unless it is shown already: on the way to "-0.2" a user types "-0"."""
         if not self._written and not np.array_equal(self._handle.value, value):
             self._handle.value = value
 

@@ -38,8 +38,8 @@ def watch(client: Any, report: Report) -> None:
             connection.register_handler(kind, _checking(gui, handlers, report))
 
 
-def said(error: Exception) -> str:
-    """What went wrong, as a red sentence of the page; the terminal shows it, too, as a line."""
+def error_message(error: Exception) -> str:
+    """Return an error as a red sentence of the page, and print it as a line on the terminal."""
     text = str(error) if isinstance(error, KinreachError) else f"{type(error).__name__}: {error}"
     complain(f"kinreach view: {text}")
     return html.message(text, bad=True)

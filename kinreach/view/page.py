@@ -10,7 +10,7 @@ from kinreach.robots import UR_LENGTHS
 from kinreach.view import html
 from kinreach.view.draw import Surroundings, overview
 from kinreach.view.episodes_panel import EpisodesPanel
-from kinreach.view.messages import said, watch
+from kinreach.view.messages import error_message, watch
 from kinreach.view.panel import Panel
 from kinreach.view.real_arm_panel import RealArmPanel
 from kinreach.view.results_panel import ResultsPanel
@@ -75,7 +75,7 @@ class Page:
     def report(self, error: Exception | None) -> None:
         """Say in red, and in a line on the terminal, what went wrong; None takes the sentence away."""
         if not self._closed and (error is not None or self._trouble.content):
-            self._trouble.content = "" if error is None else said(error)
+            self._trouble.content = "" if error is None else error_message(error)
 
     @property
     def trouble(self) -> str:
@@ -114,7 +114,7 @@ class Page:
             panel.remove()
             panel = Panel(*arguments, title=name)
             with panel._folder:
-                self.client.gui.add_html(said(error))
+                self.client.gui.add_html(error_message(error))
         return panel
 
     def close(self) -> None:

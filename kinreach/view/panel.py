@@ -29,7 +29,7 @@ class Panel:
         self._folder = client.gui.add_folder(title)
 
     def build(self) -> None:
-        """Add the inputs, and draw what is there in the beginning."""
+        """Add the inputs, and draw the initial state."""
 
     def show(self, visible: bool) -> None:
         """Show its inputs and what it draws, or hide both."""

@@ -37,7 +37,7 @@ class Playable:
         name: Its id.
         choices: Of `ARM`, `OBSERVATION` and `BACKEND`, those that it takes.
         solvable: Whether solvers of inverse kinematics can act in it.
-        drawn: Whether it has to be told that it will be drawn.
+        drawn: Whether it has a `render_mode`.
         tasks: Comparisons in it.
     """
 
@@ -67,7 +67,7 @@ class Playable:
 
         Args:
             arm: Who acts, where the environment takes an arm.
-            observation: What is observed; of pictures only who sees them can make something, or who needs none.
+            observation: What is observed; pictures are only for policies that see them, or that need no observation.
         """
         eyes, environment = observation == PIXELS, trained_in(self.name)
         closed = self.solvable and isinstance(ArmKinematics.of(arm), ClosedFormKinematics)
@@ -124,7 +124,7 @@ def new_player(name: str, env: gym.Env[Any, Any], *, seed: int = 0) -> Policy:
         seed: Of what it draws.
 
     Raises:
-        InputError: There is none of that name, the file is no policy, or it is for another environment.
+        InputError: There is none of that name, the file is not a policy, or it is for another environment.
     """
     known = playable(env.spec.id)  # type: ignore[union-attr]
     methods, environment = known.methods(), trained_in(known.name)

@@ -1,4 +1,4 @@
-"""Trained policies beside the solvers: where one takes the arm that is told of a goal."""
+"""Trained policies as solvers."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ from kinreach.registration import MULTI, SINGLE
 class PolicySolver:
     """A policy as a solver: an episode without dynamics, from the start pose that it was trained from.
 
-    It is told where the goal is, and brings the tool there pointing down; what it misses of another direction counts
+    It knows where the goal is, and brings the tool there pointing down; its error to another direction counts
     like any other error.
 
     Args:

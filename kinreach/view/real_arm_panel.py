@@ -19,7 +19,7 @@ from kinreach.view.real_arm import ErrorMap, Miss, RealArm, colours
 from kinreach.view.snippet import calibrated, real_arm_program
 
 #: How many times as long as it is the tip error is drawn in the beginning, and at most.
-TIMES, MOST_TIMES = 30, 100
+TIMES, MAX_TIMES = 30, 100
 #: The map is this far above the table [m].
 ABOVE = 0.002
 NONE = "none"
@@ -37,7 +37,7 @@ class RealArmPanel(Panel):
     """
 
     def build(self) -> None:
-        """Add the inputs, and draw what is there in the beginning."""
+        """Add the inputs, and draw the initial state."""
         self._sheet = self._setup.nominal or self._setup.arm
         self.model: RealArm | None = None
         self.map: ErrorMap | None = None
@@ -89,7 +89,7 @@ class RealArmPanel(Panel):
         self._verdict = gui.add_html("")
         self._numbers = gui.add_html("")
         self._times = gui.add_slider(
-            "error drawn ×", 1, MOST_TIMES, 1, TIMES, hint="Millimetres cannot be seen beside a metre"
+            "error drawn ×", 1, MAX_TIMES, 1, TIMES, hint="Millimetres cannot be seen beside a metre"
         )
         self._over_table = gui.add_checkbox("map over the table", True)
         self._scale = gui.add_html("")

@@ -18,9 +18,9 @@ from kinreach.robots import arm_names
 
 #: Files that are read; a trial has some 700 bytes.
 RESULTS, TRIALS = "results.json", "results.csv"
-MOST_BYTES = 256 * 1024 * 1024
+MAX_BYTES = 256 * 1024 * 1024
 #: Goals and methods that can be shown.
-MOST_GOALS, MOST_METHODS = 20_000, 64
+MAX_GOALS, MAX_METHODS = 20_000, 64
 #: Task -> its arm, for files that do not name it.
 UNNAMED = {"ur5": "ur5", "space": "ur5", "real-arm": "ur5", "moving": "ur5", "arm3": "arm3", "button": "arm3"}
 _NEEDED = ("goal_index", "method", "goal", "distance", "reached")
@@ -83,7 +83,7 @@ def read_results(file: str | Path) -> Results:
     path = check_path("results", file)
     if path.is_dir():
         path = path / RESULTS
-    text = read_text(path, "the results", most=MOST_BYTES)
+    text = read_text(path, "the results", most=MAX_BYTES)
     try:
         content = json.loads(text, parse_constant=_refuse)
     except (ValueError, RecursionError) as error:
@@ -93,7 +93,7 @@ def read_results(file: str | Path) -> Results:
     except InputError as error:
         raise InputError(f"{path} was not written by a comparison: {error}") from None
     trials = path.parent / TRIALS
-    rows = csv.DictReader(read_text(trials, "the trials", most=MOST_BYTES).splitlines())
+    rows = csv.DictReader(read_text(trials, "the trials", most=MAX_BYTES).splitlines())
     try:
         goals, ends = _trials(rows, colours)
     except (InputError, csv.Error) as error:
@@ -126,8 +126,8 @@ def _summary(content: Any) -> tuple[dict[str, tuple[int, int, int]], dict[str, A
         if not isinstance(name, str) or not name.isprintable() or name in colours:
             raise InputError(f"a method needs a name of its own, got {shown(name)}")
         colours[name] = _colour(entry.get("colour"))
-    if not 0 < len(colours) <= MOST_METHODS:
-        raise InputError(f"it must have 1 to {MOST_METHODS} methods, got {len(colours)}")
+    if not 0 < len(colours) <= MAX_METHODS:
+        raise InputError(f"it must have 1 to {MAX_METHODS} methods, got {len(colours)}")
     return colours, settings
 
 
@@ -150,8 +150,8 @@ def _trials(rows: csv.DictReader[str], methods: Mapping[str, Any]) -> tuple[Floa
         for index, method, goal, end in _trial(row, methods):
             goals.setdefault(index, goal)
             ends.setdefault(index, {})[method] = end
-        if len(goals) > MOST_GOALS:
-            raise InputError(f"it has more than {MOST_GOALS} goals")
+        if len(goals) > MAX_GOALS:
+            raise InputError(f"it has more than {MAX_GOALS} goals")
     if not goals:
         raise InputError("it has no trials")
     order = sorted(goals)

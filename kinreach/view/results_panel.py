@@ -32,7 +32,7 @@ class ResultsPanel(Panel):
     """
 
     def build(self) -> None:
-        """Add the inputs, and draw what is there in the beginning."""
+        """Add the inputs, and draw the initial state."""
         self.results: Results | None = None
         self.chosen = 0
         self._cell: Any = None

@@ -16,13 +16,13 @@ from kinreach.errors import InstallationError, OutputError
 from kinreach.view.page import Page
 from kinreach.view.setup import Setup
 
-#: The only address that is listened to: who is not on this machine cannot connect.
+#: The only address that is listened to: only this machine can connect.
 HOST = "127.0.0.1"
 #: Names of this machine that a browser may have asked for, in an address of the page.
 OWN_NAMES = (HOST, "localhost", "[::1]")
 #: Held while viser starts a server.
 _STARTING = threading.Lock()
-#: What viser warns of where a tab is closed while something is drawn in it, which is no fault.
+#: What viser warns of where a tab is closed while something is drawn in it, which is not a fault.
 CLOSED = r"Queued a \w+ on a closed connection"
 
 
@@ -70,7 +70,7 @@ def _guarding() -> Iterator[threading.Event]:
     def guarded_serve(*arguments: Any, process_request: Any, **options: Any) -> Any:
         def checking(connection: Any, request: Any) -> Any:
             if not is_own_host(request.headers):
-                return connection.respond(http.HTTPStatus.FORBIDDEN, "This is no name of the page.\n")
+                return connection.respond(http.HTTPStatus.FORBIDDEN, "This is not a name of the page.\n")
             response = process_request(connection, request)
             if response is None and not is_own_origin(request.headers):  # None opens the connection
                 return connection.respond(http.HTTPStatus.FORBIDDEN, "Only the page itself may connect.\n")

@@ -56,7 +56,7 @@ class State(Enum):
 
 
 #: Of several postures.
-_SAID = {
+_PLURAL = {
     State.COLLIDES: "collide",
     State.LIMITS: "are outside the joint limits",
     State.UNREACHED: "do not reach",
@@ -109,7 +109,7 @@ class Approach:
 
 @dataclass(frozen=True)
 class Answer:
-    """All that is to be said about a target.
+    """The answer to a target.
 
     Attributes:
         goal: What was asked.
@@ -258,12 +258,12 @@ class TargetModel:
         g = self.kinematics.geometry
         _, q2, q3, q4, q5, _ = q.tolist()
         out = g.a2 * np.cos(q2) + g.a3 * np.cos(q2 + q3) + g.d5 * np.sin(q2 + q3 + q4)
-        _, said = min(
+        _, name = min(
             (abs(np.sin(q5)), "wrist: the axes of wrist 1 and wrist 3 are parallel"),
             (abs(np.sin(q3)), "elbow: it is stretched or folded"),
             (abs(out) / g.stretched, "shoulder: the wrist is above the first axis"),
         )
-        return said
+        return name
 
     def _solver(self, name: str) -> Solver:
         if name not in self._solvers:
@@ -360,11 +360,11 @@ class TargetModel:
         return f"{plain(a)} touches {plain(b)}"
 
     def _why_outside(self, q: Floats) -> str:
-        said = [
+        joints = [
             f"{plain(name)} would be at {angle(value)}, allowed is {angle(low)} to {angle(high)}"
             for name, value, low, high in self._outside(q)
         ]
-        return f"joint limit: {listed(said)}"
+        return f"joint limit: {listed(joints)}"
 
     def _outside(self, q: Floats) -> Iterator[tuple[str, float, float, float]]:
         """Joints without a turn within their limits: name, the angle nearest to these, and the limits [rad]."""
@@ -387,8 +387,8 @@ class TargetModel:
             searched = "" if self.complete(goal) else " They were found by a search; there may be more."
             return f"{usable} of {total} postures can be used.{searched}"
         parts = [
-            f"{'all ' if counts[state] == total else ''}{counts[state]} {_SAID[state]}"
-            for state in _SAID
+            f"{'all ' if counts[state] == total else ''}{counts[state]} {_PLURAL[state]}"
+            for state in _PLURAL
             if counts[state]
         ]
         reached = ((posture, posture.q) for posture in postures if posture.q is not None)

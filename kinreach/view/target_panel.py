@@ -24,14 +24,14 @@ from kinreach.view.target import AXIS, SAME, Answer, Finish, State
 NEAREST = "the nearest that can be used"
 NOTHING = "nothing"
 #: Ghosts that are drawn at most: a calibrated UR has up to sixteen postures.
-MOST_GHOSTS = 16
+MAX_GHOSTS = 16
 #: How far a coordinate may be typed [m].
 MAX_POSITION = 1000.0
 TOOL_DOWN = np.diag([1.0, -1.0, -1.0])
 
 
 class TargetPanel(Panel):
-    """The target of one tab, what is said about it, and what is drawn.
+    """The target of one tab: its answer and its drawing.
 
     Attributes:
         model: Answers.
@@ -41,7 +41,7 @@ class TargetPanel(Panel):
     """
 
     def build(self) -> None:
-        """Add the inputs, and draw what is there in the beginning."""
+        """Add the inputs, and draw the initial state."""
         self.model = self._setup.model()
         self.q = self.model.home
         self.draw_s = 0.0
@@ -93,7 +93,7 @@ class TargetPanel(Panel):
     def _build_scene(self) -> None:
         scene, figure = self._client.scene, self._setup.figure
         self._arm = SolidArm(scene, f"{self._root}/arm", figure)
-        self._ghosts = Ghosts(scene, f"{self._root}/ghosts", figure, most=MOST_GHOSTS)
+        self._ghosts = Ghosts(scene, f"{self._root}/ghosts", figure, most=MAX_GHOSTS)
         self._reaching = SolidArm(scene, f"{self._root}/reaching", figure, colour=AMBER, opacity=0.55)
         self._solved = SolidArm(scene, f"{self._root}/solved", figure, colour=VIOLET, opacity=0.5)
         self._reaching.visible = self._solved.visible = False
@@ -218,7 +218,7 @@ class TargetPanel(Panel):
         self._latest(work)
 
     def _start_from(self, q: Floats) -> None:
-        """Let solvers start from a posture, until they are told otherwise."""
+        """Let solvers start from a posture, until the next call."""
         self._start = q
         values = " ".join(f"{round(value)}°" for value in np.degrees(q))
         home = np.abs(q - self.model.home).max() < SAME
@@ -289,10 +289,10 @@ class TargetPanel(Panel):
         self._verdict.content = html.verdict(answer)
         self._list.content = html.legend(answer, shown=solid, joints=self.model.kinematics.arm.joints)
         self._gauge.content = html.gauge(self.model.slowest_motion(q), self.model.nearest_singularity(q))
-        self._place.say(tuple(self.T[:3, 3].round(4).tolist()))
-        self._turn.say(tuple(np.degrees(rpy(self.T[:3, :3])).round(2).tolist()))
+        self._place.show(tuple(self.T[:3, 3].round(4).tolist()))
+        self._turn.show(tuple(np.degrees(rpy(self.T[:3, :3])).round(2).tolist()))
         for entry, slider, value in zip(self._joints, self._sliders, np.degrees(q).tolist(), strict=True):
-            entry.say(float(np.clip(round(value, 1), slider.min, slider.max)))
+            entry.show(float(np.clip(round(value, 1), slider.min, slider.max)))
 
     def _draw_gap(self) -> None:
         """The nearest that the arm comes to a target out of reach, and what is missing."""

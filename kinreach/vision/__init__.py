@@ -3,12 +3,12 @@
 from kinreach.vision.ball_finder import BallFix, find_ball
 from kinreach.vision.cameras import Intrinsics, RGBDCamera, RGBDImage, SensorNoise
 from kinreach.vision.circles import circle_votes, edge_steps
-from kinreach.vision.goal_view import CameraGoalView, GoalLook, geometric_goal_view, goal_in_world
+from kinreach.vision.goal_view import CameraGoalView, GoalMeasurement, geometric_goal_view, goal_in_world
 
 __all__ = [
     "BallFix",
     "CameraGoalView",
-    "GoalLook",
+    "GoalMeasurement",
     "Intrinsics",
     "RGBDCamera",
     "RGBDImage",

@@ -9,7 +9,7 @@ Two pipelines:
   third of the radius, the centroid by 0.15 pixels at most.
 
 In both the depth is that of the ball's surface: its centre is farther by the radius, *along the ray*. A circle that
-contradicts the depth (the ball would have another size) is no ball; `hybrid` also asks whether the surface is round.
+contradicts the depth (the ball would have another size) is refused; `hybrid` also asks whether the surface is round.
 `python -m benchmarks.studies.ball_detection` measures both, `python -m benchmarks.studies.light_and_clutter` in other
 light and beside other things.
 """
@@ -31,8 +31,8 @@ from kinreach.vision.circles import Circle, grey_circles, red_circles, red_mask
 
 #: How near and how far the ball may be [m]: bounds the radius of the circle. The goals are 0.33 to 0.71 m away.
 NEAREST, FARTHEST = 0.25, 1.0
-#: Radius of a ball [m]: a smaller one is no pixel, and a larger one would reach the camera.
-LEAST_RADIUS, MOST_RADIUS = 1e-4, 0.2
+#: Radius of a ball [m]: a smaller one has no pixel, and a larger one would reach the camera.
+MIN_RADIUS, MAX_RADIUS = 1e-4, 0.2
 #: Largest ratio, either way, between the radius of the thesis's circle and the one that the depth asks for: OpenCV's
 #: radius is off by ratios from 0.69 to 1.31.
 RADIUS_TOLERANCE = 1.6
@@ -94,7 +94,7 @@ def find_ball(
     check_known("pipeline", pipeline, PIPELINES)
     if not isinstance(intrinsics, Intrinsics):
         raise InputError(f"intrinsics must be Intrinsics, got {shown(intrinsics)}")
-    radius = check_number("the ball's radius", radius, least=LEAST_RADIUS, most=MOST_RADIUS)
+    radius = check_number("the ball's radius", radius, least=MIN_RADIUS, most=MAX_RADIUS)
     rgb, depth = as_array("rgb", rgb), as_array("depth", depth)
     if depth.dtype.kind != "f":
         depth = as_floats("depth", depth)

@@ -23,19 +23,19 @@ from kinreach.sim.rendering import FrameRenderer, camera_id
 from kinreach.sim.simulation import ArmSimulation
 
 #: Largest width and height of a picture [pixels].
-MOST_PIXELS = 2**16
+MAX_PIXELS = 2**16
 #: Bounds of focal lengths, and of how far from the upper left pixel the optical axis may be [pixels].
-LEAST_FOCAL_LENGTH, MOST_LENGTH = 1e-6, 1e9
+MIN_FOCAL_LENGTH, MAX_LENGTH = 1e-6, 1e9
 #: Largest field of view [degrees].
-MOST_FOVY = 179.9
+MAX_FOVY = 179.9
 #: Nearest point that is projected [m].
-LEAST_DEPTH = 1e-6
+MIN_DEPTH = 1e-6
 #: From the optical frame to the frame that MuJoCo and OpenGL give a camera.
 OPTICAL_IN_GL: Floats = np.diag([1.0, -1.0, -1.0])
 #: Largest standard deviation of a sensor's noise, in the unit of either picture: far more than leaves a picture.
-MOST_SIGMA = 1e3
+MAX_SIGMA = 1e3
 #: Largest factor of an exposure: of 255 levels hardly one is left.
-MOST_EXPOSURE = 100.0
+MAX_EXPOSURE = 100.0
 
 
 @dataclass(frozen=True)
@@ -48,7 +48,7 @@ class Intrinsics:
         cx, cy: Pixel coordinates of the optical axis.
 
     Raises:
-        InputError: A size is no positive integer, a focal length not positive, or a number not finite.
+        InputError: A size is not a positive integer, a focal length not positive, or a number not finite.
     """
 
     width: int
@@ -60,11 +60,11 @@ class Intrinsics:
 
     def __post_init__(self) -> None:
         for name in ("width", "height"):
-            check_count(name, getattr(self, name), most=MOST_PIXELS)
+            check_count(name, getattr(self, name), most=MAX_PIXELS)
         for name in ("fx", "fy"):
-            check_number(name, getattr(self, name), least=LEAST_FOCAL_LENGTH, most=MOST_LENGTH)
+            check_number(name, getattr(self, name), least=MIN_FOCAL_LENGTH, most=MAX_LENGTH)
         for name in ("cx", "cy"):
-            check_number(name, getattr(self, name), least=-MOST_LENGTH, most=MOST_LENGTH)
+            check_number(name, getattr(self, name), least=-MAX_LENGTH, most=MAX_LENGTH)
 
     @classmethod
     def from_fovy(cls, fovy: float, width: int, height: int) -> Intrinsics:
@@ -78,8 +78,8 @@ class Intrinsics:
         Raises:
             InputError: The field of view is not above 0 and at most 179.9 degrees, or the picture is empty.
         """
-        fovy = check_number("fovy", fovy, above=0.0, most=MOST_FOVY)
-        width, height = (check_count("width", width, most=MOST_PIXELS), check_count("height", height, most=MOST_PIXELS))
+        fovy = check_number("fovy", fovy, above=0.0, most=MAX_FOVY)
+        width, height = (check_count("width", width, most=MAX_PIXELS), check_count("height", height, most=MAX_PIXELS))
         f = height / 2 / math.tan(math.radians(fovy) / 2)
         return cls(width, height, f, f, (width - 1) / 2, (height - 1) / 2)
 
@@ -96,7 +96,7 @@ class Intrinsics:
         if p.ndim == 0 or p.shape[-1] != 3:
             raise InputError(f"p_camera must have shape (..., 3), got {p.shape}")
         check_entries("p_camera", p, MAX_DISTANCE)
-        if not (p[..., 2] >= LEAST_DEPTH).all():
+        if not (p[..., 2] >= MIN_DEPTH).all():
             raise InputError(
                 f"points to project must be in front of the camera, z > 0; got z = {p[..., 2].min():.6g} m"
             )
@@ -121,8 +121,8 @@ class Intrinsics:
             raise InputError(
                 f"u, v and depth must fit together, got the shapes {columns.shape}, {rows.shape} and {z.shape}"
             ) from None
-        check_entries("u", columns, MOST_LENGTH)
-        check_entries("v", rows, MOST_LENGTH)
+        check_entries("u", columns, MAX_LENGTH)
+        check_entries("v", rows, MAX_LENGTH)
         with np.errstate(over="ignore", invalid="ignore"):
             return np.stack([(columns - self.cx) / self.fx * z, (rows - self.cy) / self.fy * z, z], axis=-1)
 
@@ -160,8 +160,8 @@ class SensorNoise:
 
     def __post_init__(self) -> None:
         for name in ("rgb_sigma", "depth_sigma"):
-            check_number(name, getattr(self, name), least=0.0, most=MOST_SIGMA)
-        check_number("exposure", self.exposure, least=1.0, most=MOST_EXPOSURE)
+            check_number(name, getattr(self, name), least=0.0, most=MAX_SIGMA)
+        check_number("exposure", self.exposure, least=1.0, most=MAX_EXPOSURE)
 
     def apply(self, image: RGBDImage, rng: np.random.Generator) -> RGBDImage:
         """The picture with noise; colours are rounded and kept in 0 … 255, depths at or above 0."""
@@ -194,10 +194,10 @@ class RGBDCamera:
     It loads no graphics library before its first picture.
 
     Args:
-        simulation: What it looks at, always in the current state.
+        simulation: That it sees, always in the current state.
         name: Of one of the arm's cameras.
         width, height: Size of the pictures [pixels].
-        renderer: Draws for this camera and others of the same scene and size, and is closed by whoever made it. By
+        renderer: Draws for this camera and others of the same scene and size, and is closed by its maker. By
             default the camera makes its own with the first picture, which takes 0.4 s.
 
     Attributes:

@@ -31,7 +31,7 @@ CANNY = 100.0
 #: and 320x180, with noise and without; from 18 on the smallest ones, 6 pixels in radius, begin to be missed.
 VOTES = 12.0
 #: Of circles that are drawn around every edge [pixels]; wider than any picture that is looked at.
-MOST_RADIUS_PIXELS = 1024.0
+MAX_RADIUS_PIXELS = 1024.0
 
 
 class Circle(NamedTuple):
@@ -137,9 +137,9 @@ def circle_votes(edges: NDArray[np.bool_], radius: float) -> NDArray[np.intp]:
         Shape (height, width).
 
     Raises:
-        InputError: Edges of another type or shape, or a radius below half a pixel or above `MOST_RADIUS_PIXELS`.
+        InputError: Edges of another type or shape, or a radius below half a pixel or above `MAX_RADIUS_PIXELS`.
     """
-    edges, radius = as_array("edges", edges), check_number("radius", radius, least=0.5, most=MOST_RADIUS_PIXELS)
+    edges, radius = as_array("edges", edges), check_number("radius", radius, least=0.5, most=MAX_RADIUS_PIXELS)
     if edges.dtype != np.bool_ or edges.ndim != 2:
         raise InputError(f"edges must be bool of shape (height, width), got {edges.dtype} {edges.shape}")
     reach = int(np.ceil(radius + 0.5))

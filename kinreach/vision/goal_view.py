@@ -32,11 +32,11 @@ from kinreach.checks import (
 from kinreach.errors import InputError
 from kinreach.kinematics.arm import build_model, link_frame, pin
 from kinreach.robots import ArmDescription, as_arm
-from kinreach.sim.looks import camera_rotation
 from kinreach.sim.rendering import FrameRenderer
 from kinreach.sim.simulation import ArmSimulation
+from kinreach.sim.visuals import camera_rotation
 from kinreach.vision.ball_finder import PIPELINES, BallFix, find_ball
-from kinreach.vision.cameras import MOST_PIXELS, OPTICAL_IN_GL, RGBDCamera, RGBDImage, SensorNoise, check_noise
+from kinreach.vision.cameras import MAX_PIXELS, OPTICAL_IN_GL, RGBDCamera, RGBDImage, SensorNoise, check_noise
 
 
 @lru_cache(maxsize=16)
@@ -113,7 +113,7 @@ def goal_in_world(arm: str | ArmDescription, values: ArrayLike, found: ArrayLike
 
 
 def in_image(views: Floats) -> Floats:
-    """Where goals are in the pictures, and how deep: (u, v, z) for each camera in place of (x, y, z).
+    """Where goals are in the pictures, and how deep: (u, v, z) for each camera instead of (x, y, z).
 
     u = x/z and v = y/z are normalised image coordinates: with the camera's intrinsics the column is cx + fx u, the row
     cy + fy v. A ball that was not found keeps its zeros, and what is not in front of a camera has u = v = 0.
@@ -149,7 +149,7 @@ def goals_in_world(arm: ArmDescription, views: Floats, found: NDArray[np.bool_])
 
 
 @dataclass(frozen=True, eq=False)
-class GoalLook:
+class GoalMeasurement:
     """What the cameras made of the ball.
 
     Attributes:
@@ -197,13 +197,13 @@ class CameraGoalView:
         goal_camera_poses(self.arm)  # raises if it has none
         check_known("pipeline", pipeline, PIPELINES)
         check_noise(noise)
-        self.width = check_count("width", width, most=MOST_PIXELS)
-        self.height = check_count("height", height, most=MOST_PIXELS)
+        self.width = check_count("width", width, most=MAX_PIXELS)
+        self.height = check_count("height", height, most=MAX_PIXELS)
         self.pipeline = pipeline
         self.noise = noise
         self._renderer: FrameRenderer | None = None
 
-    def look(self, simulation: ArmSimulation, rng: np.random.Generator | None = None) -> GoalLook:
+    def measure(self, simulation: ArmSimulation, rng: np.random.Generator | None = None) -> GoalMeasurement:
         """Take a picture with each camera and find the ball.
 
         Args:
@@ -231,7 +231,7 @@ class CameraGoalView:
             fixes.append(fix)
             images.append(image)
         found = np.array([fix is not None for fix in fixes])
-        return GoalLook(values.ravel(), found, tuple(fixes), tuple(images))
+        return GoalMeasurement(values.ravel(), found, tuple(fixes), tuple(images))
 
     def _renderer_for(self, simulation: ArmSimulation) -> FrameRenderer:
         if self._renderer is not None and self._renderer.model is not simulation.model:

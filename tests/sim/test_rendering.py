@@ -11,8 +11,8 @@ import pytest
 from kinreach.errors import InputError, InstallationError, UnknownNameError
 from kinreach.robots import get_arm
 from kinreach.sim import ArmSimulation, FrameRenderer, render, rendering
-from kinreach.sim.looks import camera_rotation
 from kinreach.sim.scene import BALL_GROUP
+from kinreach.sim.visuals import camera_rotation
 
 WIDTH, HEIGHT = 320, 180
 

@@ -185,7 +185,7 @@ def test_an_environment_from_outside_is_played(monkeypatch):
     gym.register("outside/Pointing-v0", entry_point=Pointing)
     gym.register("outside/Blind-v0", entry_point=Blind)
     gym.register("outside/Armed-v0", entry_point=Blind, kwargs={"has_arm": True})
-    monkeypatch.setattr("kinreach.view.episodes.MOST_STEPS", 30)
+    monkeypatch.setattr("kinreach.view.episodes.MAX_STEPS", 30)
     try:
         episode = Recording("outside/Pointing-v0", f"{__name__}:turn", get_arm("panda")).play(simple=True)
         assert (len(episode.steps), episode.trial["return"]) == (30, 45.0)
@@ -240,7 +240,7 @@ def test_a_copied_program_plays_the_same(episodes, capsys):
 
 def test_the_cameras_look_at_the_ball(episodes, needs_gl):
     _, episode = episodes["single"]
-    seen = episode.look()
+    seen = episode.measure_goal()
     assert seen.found.all()
     for index in range(2):
         picture = circled(seen, index)
@@ -250,4 +250,4 @@ def test_the_cameras_look_at_the_ball(episodes, needs_gl):
         assert len(changed) > 30
         assert fix.r < distances.min() + 1
         assert distances.max() < fix.r + 8
-    assert episodes["button"][1].look() is None
+    assert episodes["button"][1].measure_goal() is None

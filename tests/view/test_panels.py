@@ -62,6 +62,7 @@ def test_what_is_typed_is_not_rewritten(serve):
     """On the way to -0.2 there is -0, which is 0 already."""
     with Tab(serve("ur5")) as tab:
         panel = tab.page.target
+        wait_for(lambda: tab.element("x y z [m]")["value"][1] == pytest.approx(panel.T[1, 3], abs=1e-4))
         tab.set("x y z [m]", (0.4, 0.2, 0.3))
         wait_for(lambda: panel.T[1, 3] == 0.2)
         tab.set("x y z [m]", (0.4, -0.0, 0.3))

@@ -32,7 +32,7 @@ def looks(view, goals):
     looks = []
     for goal in goals:
         simulation.place_ball(goal)
-        looks.append(view.look(simulation))
+        looks.append(view.measure(simulation))
     return looks
 
 
@@ -103,7 +103,7 @@ def test_unusable_requests_are_refused(ur5):
     with pytest.raises(InputError, match="noise must be a SensorNoise or None, got 'x'"):
         RGBDCamera(ArmSimulation("ur5"), "front").capture(noise="x", rng=np.random.default_rng(0))
     with pytest.raises(InputError, match="view is of ur5, got a simulation of arm3"):
-        CameraGoalView("ur5").look(ArmSimulation("arm3"))
+        CameraGoalView("ur5").measure(ArmSimulation("arm3"))
 
 
 def test_poses_of_the_cameras_are_read_only():
@@ -142,9 +142,9 @@ def test_the_thesis_pipeline_finds_every_goal_within_bounds(looks, goals):
 
 def test_seeded_looks_repeat(ur5, needs_gl):
     with CameraGoalView("ur5", width=320, height=180, noise=NOISE) as view:
-        one, same, other = (view.look(ur5, np.random.default_rng(seed)) for seed in (1, 1, 2))
+        one, same, other = (view.measure(ur5, np.random.default_rng(seed)) for seed in (1, 1, 2))
         with pytest.raises(InputError, match="Generator"):
-            view.look(ur5)
+            view.measure(ur5)
     np.testing.assert_array_equal(one.values, same.values)
     assert one.found.all()
     assert other.found.all()
@@ -153,14 +153,14 @@ def test_seeded_looks_repeat(ur5, needs_gl):
 
 def test_what_is_not_found_is_zero(ur5, view):
     ur5.place_ball(NOWHERE)
-    look = view.look(ur5)
+    look = view.measure(ur5)
     np.testing.assert_array_equal(look.values, np.zeros(6))
     np.testing.assert_array_equal(look.found, (False, False))
     assert look.fixes == (None, None)
     assert [image.rgb.shape for image in look.images] == [(360, 640, 3)] * 2
     only_front = (0.80, 0.0, -0.175)
     ur5.place_ball(only_front)
-    look = view.look(ur5)
+    look = view.measure(ur5)
     np.testing.assert_array_equal(look.found, (True, False))
     np.testing.assert_array_equal(look.values[3:], np.zeros(3))
     np.testing.assert_allclose(goal_in_world("ur5", look.values, look.found), only_front, atol=0.002)
@@ -171,12 +171,12 @@ def test_one_view_serves_many_scenes_and_closes_twice(goals, needs_gl):
     plain, drawn = ArmSimulation("ur5"), ArmSimulation("ur5", visual=True)
     for simulation in (plain, drawn, plain):
         simulation.place_ball(goals[5])
-        look = view.look(simulation)
+        look = view.measure(simulation)
         assert look.found.all()
         assert errors_mm(look.values, goals[5]).max() < 1.5
     view.close()
     view.close()
-    assert view.look(plain).found.all()
+    assert view.measure(plain).found.all()
     view.close()
 
 

@@ -35,7 +35,7 @@ SPREAD = 0.1
 #: Numbers of a start: target (3), joint angles (3), joint velocities (3).
 SIZE = 3 + 2 * JOINTS
 #: More is a mistake: the report's gears move the arm in less.
-MOST_FRAMES = 16
+MAX_FRAMES = 16
 #: Why a step was impossible.
 REASON = f"diverged: a joint became faster than {SPEED_BOUND:g} rad/s"
 
@@ -65,7 +65,7 @@ class ButtonOptions:
         check_known("info", self.info, INFOS)
         check_count("max_steps", self.max_steps)
         check_flag("controls", self.controls)
-        check_count("frames", self.frames, most=MOST_FRAMES)
+        check_count("frames", self.frames, most=MAX_FRAMES)
         if self.render_mode is not None:
             check_known("render_mode", self.render_mode, RENDER_MODES)
         _ = self.target
@@ -229,14 +229,14 @@ class ButtonEpisodes:
             counter[ids] = 0
         self.world.reset(ids, targets, postures, speeds)
         self._state[:, ids] = self.world.q[ids], self.world.qd[ids], self.world.tip[ids]
-        self._seen[ids] = self._look()[ids, None]
+        self._seen[ids] = self._present()[ids, None]
 
     def observe(self) -> Floats:
         """What every arm observes, shape (count, size)."""
         return self._seen.reshape(len(self._seen), -1).copy()
 
-    def _look(self) -> Floats:
-        """What there is to see now, shape (count, 19), or (count, 22) with the controls."""
+    def _present(self) -> Floats:
+        """Return the present observations, shape (count, 19), or (count, 22) with the controls."""
         q, qd, tip = self._state
         seen = observation(q, qd, tip, self.goals, self._pushed)
         return np.hstack([seen, self._control]) if self._controls else seen
@@ -247,7 +247,7 @@ class ButtonEpisodes:
         return np.sqrt(((self._state[2] - self.goals) ** 2).sum(axis=1))
 
     def step(self, actions: Actions, acting: Flags | None = None) -> Outcome:
-        """Act with every arm, or with those that are said to.
+        """Act with every arm, or where `acting` is True.
 
         Args:
             actions: Checked, shape (count,).
@@ -259,7 +259,7 @@ class ButtonEpisodes:
         self._control = control if acting is None else np.where(acting[:, None], control, self._control)
         diverged = self._simulate(acting)
         older = self._seen[:, :-1]
-        seen = np.concatenate([self._look()[:, None], older], axis=1)
+        seen = np.concatenate([self._present()[:, None], older], axis=1)
         self._seen = seen if acting is None else np.where(acting[:, None, None], seen, self._seen)
         reward, terms = button_reward(self.distance, self._pushed)
         pressed, wrong = terms.press > 0, terms.wrong_press < 0
@@ -286,12 +286,12 @@ class ButtonEpisodes:
         return outcome if acting is None else outcome.of(acting)
 
     def start_info(self) -> dict[str, Any]:
-        """What is said after a reset, as arrays."""
+        """Return the `info` of a reset, as arrays."""
         q, _, tip = self._state
         return self.goal_info() | {"distance": self.distance, "q": q.copy(), "tip": tip.copy()}
 
     def goal_info(self) -> dict[str, Any]:
-        """What is said of the targets, as arrays."""
+        """Return the entries of `info` about the targets, as arrays."""
         return {"goal": self.goals.copy()}
 
     def close(self) -> None:

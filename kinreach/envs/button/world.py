@@ -15,9 +15,9 @@ from kinreach.checks import Floats
 from kinreach.envs.button.task import CONTROL_LIMIT, Actuation
 from kinreach.robots import ArmDescription, CameraMount
 from kinreach.sim.engine import mujoco
-from kinreach.sim.looks import DRAWN_ONLY, add_camera
 from kinreach.sim.picture import CAMERA
 from kinreach.sim.scene import BALL, build_scene
+from kinreach.sim.visuals import DRAWN_ONLY, add_camera
 
 Ids = NDArray[np.intp]
 Flags = NDArray[np.bool_]
@@ -93,7 +93,7 @@ def build_torque_scene(arm: ArmDescription, actuation: Actuation, *, visual: boo
 
 @lru_cache(maxsize=8)
 def torque_model(arm: ArmDescription, actuation: Actuation, *, visual: bool = True) -> Any:
-    """The compiled scene (`mujoco.MjModel`), shared by all who ask for the same one: do not change it."""
+    """The compiled scene (`mujoco.MjModel`), shared: do not change it."""
     return build_torque_scene(arm, actuation, visual=visual).compile()
 
 
@@ -101,7 +101,7 @@ class ButtonDrawing:
     """Puts the ball to the target, and the button below it in one of its states.
 
     Args:
-        model: A scene of `build_torque_scene`; without the good looks there is only the ball.
+        model: A scene of `build_torque_scene`; without its drawings there is only the ball.
     """
 
     def __init__(self, model: Any) -> None:
@@ -244,7 +244,7 @@ class SingleTorqueWorld:
         self._target = other._target.copy()
 
     def show(self, state: ButtonState) -> None:
-        """Let the button show a state, and whoever watches see it."""
+        """Draw the button in a state, and call `watch`."""
         self._drawing.show(self.data.mocap_pos, self._target, state)
         if self.watch is not None:
             self.watch()

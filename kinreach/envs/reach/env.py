@@ -158,8 +158,8 @@ class ReachEnv(CopyableEnv):
         Args:
             seed: Of the goals and of the cameras' noise.
             options: `"goal"`, shape (3,), puts the ball there, in the world frame [m]; `"q"`, shape (n,), starts the
-                arm in this posture [rad]; `"view"` is the observation's goal block as somebody has already measured it
-                (zeros for a camera that did not find the ball): no look is taken.
+                arm in this posture [rad]; `"view"` is the observation's goal block from an earlier measurement
+                (zeros for a camera that did not find the ball): nothing is measured.
 
         Returns:
             The observation, and `info` as the class describes it.
@@ -276,7 +276,7 @@ class UR5SingleStepEnv(ReachEnv):
 
     ## Other Arms
     `arm=` takes any registered arm or an `ArmDescription`. An action has one number for each joint, mapped linearly
-    onto its limits. An arm without cameras named front and wrist observes the goal in the world (3 numbers) in place of
+    onto its limits. An arm without cameras named front and wrist observes the goal in the world (3 numbers) instead of
     the six. The reward of arms with other joints than a UR's is minus the distance, and the goal is reached within
     `arm.workcell.reached_distance`.
 

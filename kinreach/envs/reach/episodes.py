@@ -90,7 +90,7 @@ class ReachEpisodes:
         goals, start = self.task.completed(start, self._streams, ids)
         self.world.reset(ids, goals, start.q)
         if start.views is None:
-            views, found, seen = self._observer.look(goals, ids, self._sensors)
+            views, found, seen = self._observer.measure(goals, ids, self._sensors)
         else:
             views, found, seen = measured(self.task, start.views)
         if len(ids) == self.world.count:
@@ -126,7 +126,7 @@ class ReachEpisodes:
     def _looked(self, pixels: PixelObserver) -> dict[str, NDArray[Any]]:
         """The pictures of every arm, new ones of those that have acted or begun since: every look draws noise."""
         rows = np.flatnonzero(self._changed)
-        taken = pixels.look(self.world.q[rows], self.goals[rows], [self._sensors[row] for row in rows])
+        taken = pixels.measure(self.world.q[rows], self.goals[rows], [self._sensors[row] for row in rows])
         self._pictures = self._pictures or taken
         for name, part in taken.items():
             self._pictures[name][rows] = part
@@ -134,13 +134,13 @@ class ReachEpisodes:
         return {name: part.copy() for name, part in self._pictures.items()}
 
     def goal_info(self) -> dict[str, Any]:
-        """What is said of the goals of the present episodes, as arrays."""
+        """Return the entries of `info` about the goals of the present episodes, as arrays."""
         view = self._observation[:, self.task.layout.goal].copy()
         info = {"goal": self.goals.copy(), "seen": self.seen.copy(), "view": view, "ball_found": self.found.copy()}
         return info | {"direction": self.directions.copy()} if self.task.directed else info
 
     def start_info(self) -> dict[str, Any]:
-        """What is said after a reset, as arrays."""
+        """Return the `info` of a reset, as arrays."""
         q, tip = self.world.here()
         error = self.task.posture_error(q, like(q, self.directions))
         return {
@@ -152,7 +152,7 @@ class ReachEpisodes:
         }
 
     def step(self, actions: Floats, acting: Flags | None = None) -> Outcome:
-        """Act with every arm, or with those that are said to.
+        """Act with every arm, or where `acting` is True.
 
         Args:
             actions: In [-1, 1], shape (count, n).
@@ -199,7 +199,7 @@ class ReachEpisodes:
         return Outcome(score.reward, everyone, ~everyone, info)
 
     def _judge(self, targets: Floats, executed: Executed) -> tuple[Score, dict[str, Any]]:
-        """The score of what the arms did, and what is said of it."""
+        """Score what the arms did."""
         q, tip = self.world.here()
         distance = self._distance(tip)
         score = self.task.score(distance, q, flags_like(distance, executed.impossible), like(distance, self.directions))

@@ -1,4 +1,4 @@
-"""What is seen of a goal: true geometry, what the cameras find, or the pictures themselves."""
+"""Observations of a goal: true geometry, measurements of the cameras, or their pictures."""
 
 from __future__ import annotations
 
@@ -21,12 +21,12 @@ Flags = NDArray[np.bool_]
 
 #: What is further away, the sky for example, has this depth [m]; the range of a RealSense D435.
 DEPTH_RANGE = 10.0
-#: Of the goals of looks that are taken beforehand.
+#: Of the goals that are measured beforehand.
 _LOOKS_SEED = 0
 
 
-class Looks(NamedTuple):
-    """What was made of k goals.
+class Measurements(NamedTuple):
+    """Measurements of k goals.
 
     Attributes:
         views: Goal blocks of the observations [m], shape (k, 3 * cameras), without cameras (k, 3).
@@ -40,9 +40,9 @@ class Looks(NamedTuple):
 
 
 class GoalObserver(Protocol):
-    """Looks for balls, the arm being in its start pose."""
+    """Measures where balls are, with the arm in its start pose."""
 
-    def look(self, goals: Floats, ids: Ids, rngs: Sequence[np.random.Generator]) -> Looks:
+    def measure(self, goals: Floats, ids: Ids, rngs: Sequence[np.random.Generator]) -> Measurements:
         """Measure goals.
 
         Args:
@@ -53,26 +53,26 @@ class GoalObserver(Protocol):
         ...
 
     def close(self) -> None:
-        """Let go of what the observer holds."""
+        """Free the renderers."""
         ...
 
 
 class GeometricObserver:
-    """What perfect cameras would say, or the goals themselves for an arm without cameras; nothing is rendered."""
+    """Goals as perfect cameras measure them, or in the world for an arm without cameras; nothing is rendered."""
 
     def __init__(self, task: ReachTask) -> None:
         self._task = task
 
-    def look(self, goals: Floats, ids: Ids, rngs: Sequence[np.random.Generator]) -> Looks:
-        """The true positions; the ball is always found."""
-        return Looks(goal_block(self._task.arm, goals), _all_found(self._task, len(goals)), goals)
+    def measure(self, goals: Floats, ids: Ids, rngs: Sequence[np.random.Generator]) -> Measurements:
+        """Return the true positions; the ball is always found."""
+        return Measurements(goal_block(self._task.arm, goals), _all_found(self._task, len(goals)), goals)
 
     def close(self) -> None:
-        """Nothing to let go of."""
+        """Do nothing."""
 
 
 class CameraObserver:
-    """What is found in the rendered images of the goal cameras."""
+    """Goals as they are found in rendered images of the goal cameras."""
 
     def __init__(self, task: ReachTask) -> None:
         options = task.options
@@ -81,15 +81,15 @@ class CameraObserver:
             task.arm, width=options.width, height=options.height, pipeline=options.pipeline, noise=options.noise
         )
 
-    def look(self, goals: Floats, ids: Ids, rngs: Sequence[np.random.Generator]) -> Looks:
+    def measure(self, goals: Floats, ids: Ids, rngs: Sequence[np.random.Generator]) -> Measurements:
         """Render every camera for every goal; a ball that is not found has the documented value of `CameraGoalView`."""
         cameras = len(self._simulation.arm.goal_cameras)
         views, found = np.empty((len(goals), 3 * cameras)), np.empty((len(goals), cameras), dtype=np.bool_)
         for row, (goal, index) in enumerate(zip(goals, ids, strict=True)):
             self._simulation.place_ball(goal)
-            seen = self._view.look(self._simulation, rngs[index])
+            seen = self._view.measure(self._simulation, rngs[index])
             views[row], found[row] = seen.values, seen.found
-        return Looks(views, found, goals_in_world(self._simulation.arm, views, found))
+        return Measurements(views, found, goals_in_world(self._simulation.arm, views, found))
 
     def close(self) -> None:
         """Free the renderer."""
@@ -97,10 +97,10 @@ class CameraObserver:
 
 
 class RememberedObserver:
-    """What the cameras find, but for rendering: the error of the nearest of some looks taken beforehand.
+    """Goals with the error of the nearest of some measurements of the cameras, taken beforehand.
 
-    The error of a look is that of its view; a goal is not found where the nearest was not. The looks are the
-    same in every environment with the same options.
+    A goal is not found where the nearest was not. The measurements are the same in every environment with the same
+    options.
     """
 
     def __init__(self, task: ReachTask) -> None:
@@ -109,36 +109,36 @@ class RememberedObserver:
         goals = task.arm.workcell.draw_goals(rng, task.options.looks)
         observer = CameraObserver(task)
         try:
-            taken = observer.look(goals, np.zeros(len(goals), dtype=np.intp), [rng])
+            taken = observer.measure(goals, np.zeros(len(goals), dtype=np.intp), [rng])
         finally:
             observer.close()
         self._nearest = cKDTree(goals)
         self._errors, self._found = taken.views - goal_block(task.arm, goals), taken.found
 
-    def look(self, goals: Floats, ids: Ids, rngs: Sequence[np.random.Generator]) -> Looks:
-        """The true positions with the errors of the nearest looks; nothing is drawn from the generators."""
+    def measure(self, goals: Floats, ids: Ids, rngs: Sequence[np.random.Generator]) -> Measurements:
+        """Return the true positions with the errors of the nearest measurements; the generators are not used."""
         rows = self._nearest.query(goals)[1]
         found = self._found[rows]
         views = np.where(np.repeat(found, 3, axis=1), goal_block(self._arm, goals) + self._errors[rows], 0.0)
-        return Looks(views, found, goals_in_world(self._arm, views, found))
+        return Measurements(views, found, goals_in_world(self._arm, views, found))
 
     def close(self) -> None:
-        """Nothing to let go of."""
+        """Do nothing."""
 
 
 def goal_observer(task: ReachTask) -> GoalObserver:
-    """What measures the goal; with pixels the agent has to find it, and the true geometry is kept for `info`."""
+    """Return the observer of a task; with pixels it is the true geometry, kept for `info`."""
     if task.options.observation != "camera":
         return GeometricObserver(task)
     return RememberedObserver(task) if task.options.looks else CameraObserver(task)
 
 
-def measured(task: ReachTask, views: Floats) -> Looks:
-    """Looks that somebody else has taken: goal blocks, with zeros for a camera that did not find the ball."""
+def measured(task: ReachTask, views: Floats) -> Measurements:
+    """Return given goal blocks as measurements; zeros are a camera that did not find the ball."""
     if not task.arm.goal_cameras:
-        return Looks(views, _all_found(task, len(views)), views.copy())
+        return Measurements(views, _all_found(task, len(views)), views.copy())
     found: Flags = np.any(views.reshape(len(views), -1, 3), axis=2)
-    return Looks(views, found, goals_in_world(task.arm, views, found))
+    return Measurements(views, found, goals_in_world(task.arm, views, found))
 
 
 def _all_found(task: ReachTask, count: int) -> Flags:
@@ -174,8 +174,8 @@ class PixelObserver:
         images["gripper"] = spaces.Box(0.0, CAMERA_RANGE, (1,), np.float64)
         return spaces.Dict(images)
 
-    def look(self, postures: Floats, goals: Floats, rngs: Sequence[np.random.Generator]) -> dict[str, Any]:
-        """The cameras' images of the arm in some postures, with the balls where they are.
+    def measure(self, postures: Floats, goals: Floats, rngs: Sequence[np.random.Generator]) -> dict[str, Any]:
+        """Render the cameras' images of the arm in some postures.
 
         Args:
             postures: Joint angles [rad], shape (k, n).

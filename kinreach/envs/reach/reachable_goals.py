@@ -18,7 +18,7 @@ from kinreach.robots import ArmDescription
 #: body, and from where it is stretched.
 NEAREST, FARTHEST = 0.35, 0.75
 #: Random postures that the largest distance is taken of, and those drawn for one goal before the search is given up.
-POSTURES, MOST_TRIES = 2000, 500
+POSTURES, MAX_TRIES = 2000, 500
 
 
 @dataclass(frozen=True, eq=False)
@@ -44,7 +44,7 @@ class ReachableGoals:
 
     def _one(self, rng: np.random.Generator) -> Floats:
         kin, home = self._kinematics, np.array(self.arm.home)
-        for _ in range(MOST_TRIES):
+        for _ in range(MAX_TRIES):
             point = kin.positions(rng.uniform(kin.lower, kin.upper))
             away = np.hypot(*(point - self._base)[:2])
             if point[2] < self._base[2] or not NEAREST * self._reach < away < FARTHEST * self._reach:
@@ -52,7 +52,7 @@ class ReachableGoals:
             if self._solver.solve(tool_goal(self.arm, point), home, accept=self._checker.free).success:
                 return point
         raise InputError(
-            f"no goal that arm {self.arm.name!r} reaches without a collision was found in {MOST_TRIES} tries; give it "
+            f"no goal that arm {self.arm.name!r} reaches without a collision was found in {MAX_TRIES} tries; give it "
             "a Workcell with goals=BoxRegion(x, y, z)"
         )
 

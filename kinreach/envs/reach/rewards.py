@@ -111,7 +111,7 @@ class DistanceReward:
         radius: Distance below which the goal is reached [m].
 
     Raises:
-        InputError: The radius is no positive number.
+        InputError: The radius is not a positive number.
     """
 
     def __init__(self, radius: float) -> None:
@@ -132,13 +132,13 @@ class DistanceReward:
 
 
 class DirectedReward:
-    """The thesis's reward with the angle between the tool and its wanted direction in place of the posture error.
+    """The thesis's reward with the angle between the tool and its wanted direction instead of the posture error.
 
     Args:
         radius: Distance below which the tip is at the goal [m].
 
     Raises:
-        InputError: The radius is no positive number.
+        InputError: The radius is not a positive number.
     """
 
     def __init__(self, radius: float) -> None:

@@ -1,6 +1,6 @@
 """Reaching in space: goals in a volume, the tool in any direction near the vertical, starts all around the start pose.
 
-The task of `kinreach/Reach-v0`. What differs from the thesis's tasks is said here; the rest is theirs.
+The task of `kinreach/Reach-v0`. The rest is as in the thesis's tasks.
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ VARIANTS: Mapping[str, ReachVariant] = {"single": SINGLE_STEP, "multi": MULTI_ST
 #: Bounds of the options: height of the volume [m], tilt of the tool [degrees], spread of the starts [rad].
 HIGHEST, STEEPEST, WIDEST = 2.0, 90.0, math.pi
 #: A start that is drawn this often and always impossible gives way to the start pose.
-MOST_DRAWS = 20
+MAX_DRAWS = 20
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -100,7 +100,7 @@ class SpaceStarts:
         home = np.array(self._arm.home)
         q = np.tile(home, (count, 1))
         wanted = np.full(count, self._spread > 0.0)
-        for _ in range(MOST_DRAWS):
+        for _ in range(MAX_DRAWS):
             if not wanted.any():
                 break
             q[wanted] = home + rng.uniform(-self._spread, self._spread, (int(wanted.sum()), len(home)))

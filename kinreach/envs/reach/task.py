@@ -37,7 +37,7 @@ from kinreach.sim.controller import BEYOND_LIMIT
 from kinreach.sim.imperfections import IDEAL, Imperfections, as_imperfections
 from kinreach.thesis import REACHED_POSTURE_ERROR
 from kinreach.vision.ball_finder import PIPELINES
-from kinreach.vision.cameras import MOST_EXPOSURE, SensorNoise
+from kinreach.vision.cameras import MAX_EXPOSURE, SensorNoise
 from kinreach.vision.goal_view import geometric_goal_view
 
 #: How the tool points at a goal, in the world: straight down.
@@ -48,7 +48,7 @@ STEP_SIZE = math.radians(5.0)
 CAMERA_RANGE = 2.0
 #: The same for an arm without cameras, whose goals are given in the world [m].
 GOAL_RANGE = 10.0
-#: A direction that somebody gives is not shorter.
+#: Least length of a direction.
 SHORTEST_DIRECTION = 1e-9
 #: URDFs write pi with eleven digits; a limit this near to it is pi [rad].
 NEAR_PI = 1e-9
@@ -60,7 +60,7 @@ CAMERA, IMAGE = GOAL_FRAMES = ("camera", "image")
 #: Images are no wider or higher; graphics libraries draw the line somewhere below [px].
 LARGEST_PICTURE = 16384
 #: Looks that are taken beforehand are no more; a million take some hours.
-MOST_LOOKS = 10**6
+MAX_LOOKS = 10**6
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -148,7 +148,7 @@ class ReachOptions:
         if self.render_mode is not None:
             check_known("render_mode", self.render_mode, RENDER_MODES)
         check_cameras(self.pipeline, self.width, self.height, self.rgb_noise, self.depth_noise, self.exposure)
-        check_count("looks", self.looks, least=0, most=MOST_LOOKS)
+        check_count("looks", self.looks, least=0, most=MAX_LOOKS)
         check_known("goal_in", self.goal_in, GOAL_FRAMES)
         check_number("tolerance", self.tolerance, least=0.0, most=math.pi)
         if self.tolerance and self.backend != "kinematic":
@@ -188,7 +188,7 @@ def check_cameras(
         check_count(f"{name} [px]", size, least=16, most=LARGEST_PICTURE)
     check_number("rgb_noise", rgb_noise, least=0.0, most=255.0)
     check_number("depth_noise", depth_noise, least=0.0, most=1.0)
-    check_number("exposure", exposure, least=1.0, most=MOST_EXPOSURE)
+    check_number("exposure", exposure, least=1.0, most=MAX_EXPOSURE)
 
 
 @dataclass(frozen=True)
@@ -341,7 +341,7 @@ class Start(NamedTuple):
     Attributes:
         goals: Where the balls are in the world [m], shape (count, 3).
         q: Postures [rad], shape (count, n).
-        views: Goal blocks as somebody has measured them [m], shape (count, size of the block).
+        views: Goal blocks [m], shape (count, size of the block).
         directions: Where the tools are to point, unit vectors in the world, shape (count, 3).
     """
 

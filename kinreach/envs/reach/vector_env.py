@@ -28,7 +28,7 @@ from kinreach.sim.picture import ScenePicture
 from kinreach.sim.simulation import ArmSimulation
 
 #: Two pictures of three bytes and a depth; what all environments see may take so much [bytes].
-_PIXEL_BYTES, MOST_BYTES = 2 * (3 + 4), 2**32
+_PIXEL_BYTES, MAX_BYTES = 2 * (3 + 4), 2**32
 
 
 class ReachVectorEnv(NativeVectorEnv):
@@ -70,7 +70,7 @@ class ReachVectorEnv(NativeVectorEnv):
         given = task.options
         num_envs = check_batch(num_envs, threads, given.render_mode)
         if given.observation == "pixels":
-            check_count("bytes of all pictures", num_envs * given.width * given.height * _PIXEL_BYTES, most=MOST_BYTES)
+            check_count("bytes of all pictures", num_envs * given.width * given.height * _PIXEL_BYTES, most=MAX_BYTES)
         arm = task.arm
         world: ReachWorld = (
             KinematicWorld(task, num_envs)

@@ -27,9 +27,9 @@ def remembered(task):
 def test_goals_are_seen_as_well_as_by_rendering(task, remembered):
     goals = task.arm.workcell.draw_goals(np.random.default_rng(5), LOOKS)
     rendering = CameraObserver(task)
-    rendered = rendering.look(goals, np.zeros(LOOKS, dtype=np.intp), [np.random.default_rng(1)])
+    rendered = rendering.measure(goals, np.zeros(LOOKS, dtype=np.intp), [np.random.default_rng(1)])
     rendering.close()
-    found = remembered.look(goals, np.arange(LOOKS), [])
+    found = remembered.measure(goals, np.arange(LOOKS), [])
     true = goal_block(task.arm, goals).reshape(-1, 2, 3)
     compared = 0
     for camera in (0, 1):
@@ -48,9 +48,9 @@ def test_where_a_look_was_taken_the_goal_is_seen_as_it_was(task, remembered):
     rng = np.random.default_rng(0)
     goals = task.arm.workcell.draw_goals(rng, LOOKS)
     rendering = CameraObserver(task)
-    rendered = rendering.look(goals, np.zeros(LOOKS, dtype=np.intp), [rng])
+    rendered = rendering.measure(goals, np.zeros(LOOKS, dtype=np.intp), [rng])
     rendering.close()
-    found = remembered.look(goals, np.arange(LOOKS), [])
+    found = remembered.measure(goals, np.arange(LOOKS), [])
     np.testing.assert_allclose(found.views, rendered.views, atol=1e-12)
     np.testing.assert_array_equal(found.found, rendered.found)
     np.testing.assert_allclose(found.seen, rendered.seen, atol=1e-12)

@@ -1,4 +1,4 @@
-"""What a scene looks like: light, materials, cameras and their housings, the links' visual meshes.
+"""Visuals of a scene: light, materials, cameras and their housings, the links' visual meshes.
 
 None of it has mass or contact.
 """
@@ -21,8 +21,8 @@ HIDDEN_GROUP = 3
 #: What makes a geom a drawing: no mass, no contact.
 DRAWN_ONLY: Mapping[str, Any] = {"group": 2, "contype": 0, "conaffinity": 0, "mass": 0.0}
 _LEG = 0.05  # edge of a table leg [m]
-_DEFAULT_LOOK = "metal"
-#: Colour, shininess and reflectance of the materials; obstacles of these names wear them, all others are metal.
+_DEFAULT_MATERIAL = "metal"
+#: Colour, shininess and reflectance of the materials; obstacles of other names are metal.
 _MATERIALS = {
     "floor": ((0.80, 0.82, 0.85, 1.0), 0.1, 0.03),
     "table": ((0.78, 0.71, 0.60, 1.0), 0.1, 0.0),
@@ -32,12 +32,12 @@ _MATERIALS = {
 HOUSING = (0.09, 0.025, 0.025)
 _GREY, _BLACK = (0.72, 0.73, 0.75, 1.0), (0.03, 0.03, 0.04, 1.0)
 #: A mesh of fewer is refused by MuJoCo; a triangle is drawn twice.
-LEAST_VERTICES = 4
+MIN_VERTICES = 4
 #: The files' colours are darker than the arm is; they are raised to this power.
 _GAMMA = 0.75
 
 
-def add_looks(spec: Any, boxes: Sequence[Box], *, visual: bool) -> None:
+def add_visuals(spec: Any, boxes: Sequence[Box], *, visual: bool) -> None:
     """Sky, lights, materials of the obstacles and picture quality.
 
     With `visual` also what is only drawn, table legs and a floor without end, and smooth edges. Without, a frame takes
@@ -46,7 +46,7 @@ def add_looks(spec: Any, boxes: Sequence[Box], *, visual: bool) -> None:
     _add_light(spec)
     _add_materials(spec)
     for box in boxes:
-        spec.geom(box.name).material = box.name if box.name in _MATERIALS else _DEFAULT_LOOK
+        spec.geom(box.name).material = box.name if box.name in _MATERIALS else _DEFAULT_MATERIAL
         if visual and box.name == "floor":
             _draw_endless(spec, box)
         if visual and box.legs > 0:
@@ -99,7 +99,7 @@ def _add_materials(spec: Any) -> None:
 
 
 def _draw_endless(spec: Any, box: Box) -> None:
-    """Draw a floor to the horizon in place of the box that ends in the middle of the picture."""
+    """Draw a floor to the horizon instead of the box that ends in the middle of the picture."""
     spec.geom(box.name).group = HIDDEN_GROUP
     spec.body(box.name).add_geom(
         type=mujoco.mjtGeom.mjGEOM_PLANE, size=(0, 0, 1), pos=(0, 0, box.size[2] / 2), material="floor", **DRAWN_ONLY
@@ -114,7 +114,7 @@ def _draw_legs(spec: Any, box: Box) -> None:
                 type=mujoco.mjtGeom.mjGEOM_BOX,
                 size=(_LEG / 2, _LEG / 2, box.legs / 2),
                 pos=(sx * (x - _LEG), sy * (y - _LEG), -z - box.legs / 2),
-                material=_DEFAULT_LOOK,
+                material=_DEFAULT_MATERIAL,
                 **DRAWN_ONLY,
             )
 
@@ -170,7 +170,7 @@ def add_visual_meshes(spec: Any, arm: ArmDescription) -> None:
 
 
 def _add_mesh(spec: Any, body: str, name: str, colour: tuple[float, ...], meshes: list[LinkShape]) -> None:
-    if sum(len(mesh.vertices) for mesh in meshes) < LEAST_VERTICES:
+    if sum(len(mesh.vertices) for mesh in meshes) < MIN_VERTICES:
         meshes = meshes * 2
     offsets = np.cumsum([0] + [len(mesh.vertices) for mesh in meshes[:-1]])
     faces = np.concatenate([mesh.faces + offset for mesh, offset in zip(meshes, offsets, strict=True)])
