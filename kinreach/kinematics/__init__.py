@@ -1,12 +1,13 @@
 """Analytic and numeric kinematics: FK, Jacobians, limits, closed-form IK, solvers, collisions.
 
-- `ArmKinematics.of`, `ArmKinematics.from_urdf`: the kinematics of an arm, as the class that lists all postures of a
-  pose where there is one: `URKinematics`, `CalibratedURKinematics`, `SixAxisKinematics`, `Arm3Kinematics`.
+- `ArmKinematics.of`, `ArmKinematics.from_urdf`: the kinematics of an arm, of the class that lists all postures of
+  a pose where there is one: `URKinematics`, `CalibratedURKinematics`, `SixAxisKinematics`, `Arm3Kinematics`.
 - `PoseGoal`, `AxisGoal`, `PositionGoal`: what a solver is asked for; `IKResult` and `IKSolutions`: what it returns.
 - `ClosedFormSolver`, `PlacoSolver`, `LevenbergMarquardtSolver`, `QPSolver`: solvers, interchangeable by `Solver`.
 - `CollisionChecker`: which links touch each other, or an obstacle.
+- `check`: measurements of an arm before you rely on it.
 
-The iterative solvers are imported when they are first asked for. The modules are internal, except `check`.
+The iterative solvers and `check` are imported when they are first asked for. The modules are internal.
 """
 
 from __future__ import annotations
@@ -20,11 +21,12 @@ from kinreach.kinematics.closed_form import ClosedFormKinematics
 from kinreach.kinematics.collision import CollisionChecker
 from kinreach.kinematics.goals import AxisGoal, PoseGoal, PositionGoal
 from kinreach.kinematics.six_axis import SixAxisKinematics
-from kinreach.kinematics.solutions import Accept, IKBatch, IKBatchNearest, IKResult, IKSolutions, Status
+from kinreach.kinematics.solutions import Accept, IKResult, IKSolutions, Status
 from kinreach.kinematics.solvers import ClosedFormSolver, Solver
 from kinreach.kinematics.ur.kinematics import CalibratedURKinematics, UR5Kinematics, URKinematics
 
 if TYPE_CHECKING:
+    from kinreach.kinematics import check
     from kinreach.kinematics.solvers import LevenbergMarquardtSolver, PlacoSolver, QPSolver
 
 __all__ = [
@@ -36,8 +38,6 @@ __all__ = [
     "ClosedFormKinematics",
     "ClosedFormSolver",
     "CollisionChecker",
-    "IKBatch",
-    "IKBatchNearest",
     "IKResult",
     "IKSolutions",
     "LevenbergMarquardtSolver",
