@@ -30,7 +30,7 @@ _SHORT.maxstring = _SHORT.maxother = _SHORT.maxlong = 60
 
 
 def shown(value: object) -> str:
-    """A value as an error message shows it: short, whatever it is."""
+    """Return a value as an error message shows it: short, whatever it is."""
     try:
         return _SHORT.repr(value)
     except Exception:  # a number of too many digits, or an object whose own code fails
@@ -43,7 +43,7 @@ def printable(text: str) -> str:
 
 
 def check_count(name: str, value: object, *, least: int = 1, most: int | None = None) -> int:
-    """An integer within bounds.
+    """Check for an integer within bounds.
 
     Raises:
         InputError: Not an integer (floats and truth values are refused), or outside the bounds.
@@ -72,7 +72,7 @@ def check_flag(name: str, value: object) -> None:
 
 
 def check_number(name: str, value: object, *, least: float = -inf, most: float = inf, above: float = -inf) -> float:
-    """A finite number within bounds, of which `above` is excluded.
+    """Check for a finite number within bounds, of which `above` is excluded.
 
     Raises:
         InputError: Not a number (truth values are refused), not finite, or outside the bounds.
@@ -84,12 +84,12 @@ def check_number(name: str, value: object, *, least: float = -inf, most: float =
     if number is None:
         raise InputError(f"{name} must be a number, got {shown(value)}")
     if not (least <= number <= most and above < number and -inf < number < inf):
-        said = (
+        parts = (
             (f"at least {least:g}", least > above),
             (f"above {above:g}", above > -inf),
             (f"at most {most:g}", most < inf),
         )
-        bounds = " and ".join(["finite", *(text for text, bound in said if bound)])
+        bounds = " and ".join(["finite", *(text for text, bound in parts if bound)])
         raise InputError(f"{name} must be {bounds}, got {shown(value)}")
     return number
 
@@ -105,7 +105,7 @@ def check_known(kind: str, value: object, available: Collection[str]) -> None:
 
 
 def check_path(name: str, value: Any) -> Path:
-    """A path whose file system can be asked about it.
+    """Check for a path whose file system can be asked about it.
 
     Raises:
         InputError: Not a path, too long, not encodable as text, or through a folder that may not be entered.
@@ -133,7 +133,7 @@ MIN_TOLERANCE, MAX_TOLERANCE = 1e-9, 1.0
 
 
 def as_vector(name: str, value: ArrayLike, size: int, *, most: float = float_info.max) -> Floats:
-    """A finite float vector of the given size with entries up to `most`, or an `InputError` that says what is wrong."""
+    """Return a finite float vector of the given size with entries up to `most`, or raise an `InputError`."""
     vector = as_floats(name, value)
     if vector.shape != (size,):
         raise InputError(f"{name} must have shape ({size},), got {vector.shape}")
@@ -159,7 +159,7 @@ def _refuse_entries(name: str, values: Floats, most: float) -> None:
 
 
 def as_pose(name: str, value: ArrayLike) -> Floats:
-    """A homogeneous transform, shape (4, 4), or an `InputError` that says what is wrong."""
+    """Return a homogeneous transform, shape (4, 4), or raise an `InputError`."""
     T = as_floats(name, value)
     if T.shape != (4, 4):
         raise InputError(f"{name} must be a 4x4 homogeneous transform, got shape {T.shape}")
@@ -187,7 +187,7 @@ def check_poses(name: str, T: Floats) -> None:
 
 
 def as_floats(name: str, value: ArrayLike) -> Floats:
-    """An array of doubles, or an `InputError`: text, complex numbers, dates and None are refused."""
+    """Return an array of doubles, or raise an `InputError`: text, complex numbers, dates and None are refused."""
     array = as_array(name, value)
     if array.dtype == np.float64:
         return array
@@ -206,7 +206,7 @@ def torch_module() -> Any:
 
 
 def is_tensor(value: object) -> bool:
-    """Whether it is a tensor of torch."""
+    """Return whether it is a tensor of torch."""
     torch = torch_module()
     return torch is not None and isinstance(value, torch.Tensor)
 
@@ -223,7 +223,7 @@ def check_tensor(name: str, value: Any, shape: tuple[int, ...]) -> None:
 
 
 def as_array(name: str, value: ArrayLike) -> NDArray[Any]:
-    """An array of whatever it may be, or an `InputError`."""
+    """Return an array of any type, or raise an `InputError`."""
     try:
         return np.asarray(value)
     except Exception as error:  # whatever the conversion of somebody else's object raises
@@ -231,7 +231,7 @@ def as_array(name: str, value: ArrayLike) -> NDArray[Any]:
 
 
 def as_flags(name: str, value: ArrayLike) -> NDArray[np.bool_]:
-    """An array of truth values, or an `InputError`; 0 and 1 are taken for such, other numbers are not."""
+    """Return an array of truth values, or raise an `InputError`; 0 and 1 count as such, other numbers do not."""
     if isinstance(value, np.ndarray | bool) and np.asarray(value).dtype == np.bool_:
         return np.asarray(value)
     values = as_floats(name, value)
@@ -241,7 +241,7 @@ def as_flags(name: str, value: ArrayLike) -> NDArray[np.bool_]:
 
 
 def check_tolerance(tol: float) -> float:
-    """A tolerance within bounds: below them rounding decides, and above them lies the size of any arm."""
+    """Check for a tolerance within bounds: below them rounding decides, and above them lies the size of any arm."""
     inside = type(tol) is float and MIN_TOLERANCE <= tol <= MAX_TOLERANCE
     return tol if inside else check_number("tol", tol, least=MIN_TOLERANCE, most=MAX_TOLERANCE)
 

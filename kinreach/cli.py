@@ -65,7 +65,7 @@ class Parser(argparse.ArgumentParser):
 
 
 def quoted(word: str) -> str:
-    """A word of a command as a shell takes it, in printable characters."""
+    """Return a word of a command as a shell takes it, in printable characters."""
     if word.isprintable():
         return quote(word)
     return "$'" + "".join(map(_in_quotes, word)) + "'"
@@ -140,7 +140,7 @@ def complain(text: str) -> None:
 
 
 def _is_unread(stream: IO[str]) -> bool:
-    """Whether a stream is a pipe that nobody reads any more."""
+    """Return whether a stream is a pipe that nobody reads any more."""
     poll = select.poll()
     poll.register(stream, 0)  # errors are always reported
     return bool(poll.poll(0))
@@ -185,7 +185,7 @@ def main(argv: Sequence[str] | None = None, *, prog: str = "kinreach") -> int:
 
 
 def _general(argv: Sequence[str], prog: str) -> int:
-    """The version, the help, or an error that lists the subcommands."""
+    """Print the version, the help, or an error that lists the subcommands."""
     parser = Parser(prog=prog, description="Analytic kinematics and learning, on the same reaching tasks.")
     parser.add_argument("--version", action="store_true", help="show the version and exit")
     commands = parser.add_subparsers(metavar="COMMAND")

@@ -55,5 +55,5 @@ class DrawingError(KinreachError, RuntimeError):
 
 def raise_unknown(kind: str, name: str, available: Iterable[str]) -> NoReturn:
     """Raise `UnknownNameError` that names the value and what could have been said instead."""
-    said = name if len(name) <= LONGEST_NAME else f"{name[:LONGEST_NAME]}…"
-    raise UnknownNameError(f"unknown {kind} {said!r}; available: {', '.join(sorted(available))}")
+    short = name if len(name) <= LONGEST_NAME else f"{name[:LONGEST_NAME]}…"
+    raise UnknownNameError(f"unknown {kind} {short!r}; available: {', '.join(sorted(available))}")

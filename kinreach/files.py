@@ -71,13 +71,13 @@ def open_input(path: Path, what: str, *, most: int) -> BufferedReader:
 
 
 def read_bytes(path: Path, what: str, *, most: int) -> bytes:
-    """The contents of a file; arguments and errors as in `open_input`."""
+    """Return the contents of a file; arguments and errors as in `open_input`."""
     with open_input(path, what, most=most) as file:
         return file.read(os.fstat(file.fileno()).st_size)  # not `most`, for which memory would be set aside
 
 
 def read_text(path: Path, what: str, *, most: int) -> str:
-    """The contents of a text file in UTF-8; arguments and errors as in `open_input`."""
+    """Return the contents of a text file in UTF-8; arguments and errors as in `open_input`."""
     try:
         return read_bytes(path, what, most=most).decode()
     except UnicodeDecodeError as error:
@@ -96,7 +96,7 @@ def _size(count: int) -> str:
 
 @contextmanager
 def replacing(path: Path) -> Iterator[Path]:
-    """A temporary path beside `path` to write to; it takes `path`'s place when the block ends well.
+    """Yield a temporary path beside `path` to write to; it takes `path`'s place when the block ends well.
 
     If the block raises, the old file stays as it was. If the process is killed in the block, the temporary file stays
     behind until the same file is written again, or `make_writable` is called for its directory.
@@ -194,12 +194,12 @@ def _sweep(directory: Path, beginning: str) -> None:
 
 
 def _prefix(path: Path) -> str:
-    """What the names of a file's temporaries begin with; of a long name the beginning, for theirs would be too long."""
+    """Return what the names of a file's temporaries begin with, of a long name its beginning."""
     return f".{path.stem[:LONGEST_STEM]}{UNFINISHED}"
 
 
 def _locked_temporary(path: Path) -> tuple[int, Path, int]:
-    """A new temporary file, the handle that holds its lock, and the mode that the system gives a new file here.
+    """Make a temporary file; return its lock's handle, its path, and the mode that the system gives a new file here.
 
     It gets the name under which it may be swept up when it is locked. The lock ends with the process whatever ends
     that. The mode is that of the file itself: to ask for the process's mask is to change it for a moment, for all

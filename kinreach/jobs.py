@@ -68,7 +68,7 @@ class Serial:
     """One job after the other, in this process."""
 
     def split(self, parts: Sequence[Part], least: int) -> list[Sequence[Part]]:
-        """All is one job."""
+        """Return everything as one job."""
         return [parts]
 
     def map(
@@ -127,7 +127,7 @@ class Ray:
 def _values(
     shared: tuple[Callable[[Job], Iterator[Value]], Mapping[str, Any], int], job: Job
 ) -> Iterator[tuple[Value, ...]]:
-    """A job's values, so many at once; in the same order and groups however often Ray runs it.
+    """Yield a job's values, so many at once; in the same order and groups however often Ray runs it.
 
     Raises:
         InstallationError: The node has other versions than the driver.
@@ -135,8 +135,8 @@ def _values(
     function, versions, together = shared
     for name, here in _versions().items():
         if here != versions[name]:
-            said = f"{here or 'no'} {name}, the driver {versions[name] or 'none'}"
-            raise InstallationError(f"the node {platform.node()} has {said}: install the same on all")
+            version = f"{here or 'no'} {name}, the driver {versions[name] or 'none'}"
+            raise InstallationError(f"the node {platform.node()} has {version}: install the same on all")
     values = function(job)
     while group := tuple(islice(values, together)):
         yield group
@@ -149,7 +149,7 @@ def _versions() -> dict[str, str | None]:
 
 @contextmanager
 def open_engine(name: str = SERIAL, address: str | None = None) -> Iterator[Engine]:
-    """An engine, as long as the block lasts.
+    """Open an engine for the length of the block.
 
     A process that is connected to a Ray cluster already uses that one.
 

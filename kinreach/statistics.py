@@ -40,17 +40,17 @@ _BLOCK = 2_000_000
 
 
 def median(values: Floats, *, axis: int = -1) -> Any:
-    """The value in the middle."""
+    """Return the value in the middle."""
     return np.median(values, axis=axis)
 
 
 def p95(values: Floats, *, axis: int = -1) -> Any:
-    """The 95th percentile, interpolated linearly."""
+    """Return the 95th percentile, interpolated linearly."""
     return np.percentile(values, 95, axis=axis)
 
 
 def mean(values: Floats, *, axis: int = -1) -> Any:
-    """The arithmetic mean."""
+    """Return the arithmetic mean."""
     return np.mean(values, axis=axis)
 
 
@@ -179,7 +179,7 @@ class Column:
         check_known("summary of a column", self.summary, (RATE, *_STATISTICS))
 
     def of(self, trial: Trial) -> float | bool | None:
-        """The value of a trial."""
+        """Return the value of a trial."""
         return trial.get(self.value) if isinstance(self.value, str) else self.value(trial)
 
     def check(self, trial: Trial) -> None:
@@ -199,7 +199,7 @@ class Column:
             raise InputError(f"column {self.key!r} must have numbers or None, got {shown(value)}")
 
     def summarise(self, trials: Sequence[Trial], *, resamples: int = RESAMPLES) -> tuple[Any, Any]:
-        """The summary of a method's trials and its 95 % interval; None, or a dict of None, where nothing counts."""
+        """Return the summary of a method's trials and its 95 % interval; None, or a dict of None, if nothing counts."""
         values = [value for value in map(self.of, trials) if value is not None]
         if self.summary == RATE:
             return (
@@ -218,27 +218,27 @@ class Column:
         return (estimates["mean"], intervals["mean"]) if self.summary == MEAN else (estimates, intervals)
 
     def read(self, entry: Mapping[str, Any]) -> Any:
-        """Its summary from an entry of the results; None where the entry lacks it."""
+        """Return its summary from an entry of the results; None where the entry lacks it."""
         return _read(entry, self.key)
 
     def interval(self, entry: Mapping[str, Any]) -> Any:
-        """The 95 % interval of its summary from an entry of the results."""
+        """Return the 95 % interval of its summary from an entry of the results."""
         return _read(entry, _ci(self.key))
 
     def measured(self, entry: Mapping[str, Any]) -> bool:
-        """Whether a trial of the entry had a value."""
+        """Return whether a trial of the entry had a value."""
         found = self.read(entry)
         return found is not None and (not isinstance(found, Mapping) or found["median"] is not None)
 
     def number(self, entry: Mapping[str, Any], part: str = "") -> float | None:
-        """What a table sorts by: the rate in percent, the mean, or a part of the quantiles, the median by default."""
+        """Return the number to sort by: the rate in percent, the mean, or a part of the quantiles, or the median."""
         found = self.read(entry)
         if found is None or self.summary == MEAN:
             return found
         return 100 * found if self.summary == RATE else found[part or "median"]
 
     def text(self, entry: Mapping[str, Any], show: str = "") -> str:
-        """What a table shows of an entry of the results, `-` where nothing was measured."""
+        """Return what a table shows of an entry of the results, `-` where nothing was measured."""
         show = show or self.show
         if not self.measured(entry):
             return "-"
@@ -252,7 +252,7 @@ class Column:
 
 
 def summarise(columns: Sequence[Column], trials: Sequence[Trial], *, resamples: int = RESAMPLES) -> dict[str, Any]:
-    """One entry of the results: the summaries of a method's trials, and their intervals, by the columns' keys."""
+    """Return one entry of the results: summaries of a method's trials, and their intervals, by the columns' keys."""
     entry: dict[str, Any] = {}
     for column in columns:
         for key, value in zip(
@@ -267,7 +267,7 @@ def summarise(columns: Sequence[Column], trials: Sequence[Trial], *, resamples: 
 
 
 def thousandfold(name: str) -> Callable[[Trial], float | None]:
-    """A trial's entry in millimetres or milliseconds, from metres or seconds."""
+    """Return a trial's entry in millimetres or milliseconds, from metres or seconds."""
 
     def value(trial: Trial) -> float | None:
         found = trial.get(name)
@@ -327,7 +327,7 @@ def tables(columns: Sequence[Column], entries: Sequence[Mapping[str, Any]], *, t
 
 
 def trials_csv(trials: Sequence[Trial]) -> str:
-    """All trials as CSV with a header; a list is one column, its numbers separated by spaces."""
+    """Return all trials as CSV with a header; a list is one column, its numbers separated by spaces."""
     text = io.StringIO()
     writer = csv.writer(text, lineterminator="\n")
     names = list(dict.fromkeys(name for trial in trials for name in trial))

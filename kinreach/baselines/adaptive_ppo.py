@@ -29,13 +29,13 @@ class Exploration:
         return replace(self, first=factor * self.first, last=factor * self.last)
 
     def at(self, progress: float) -> float:
-        """The standard deviation when `progress`, in [0, 1], of the training is done."""
+        """Return the standard deviation when `progress`, in [0, 1], of the training is done."""
         share = min(progress / self.until, 1.0)
         return math.exp((1 - share) * math.log(self.first) + share * math.log(self.last))
 
 
 def share_left(progress: float, decay: float) -> float:
-    """What is left of a learning rate that falls to zero linearly over the last `decay` of a training."""
+    """Return what is left of a learning rate that falls to zero linearly over the last `decay` of a training."""
     return min(1.0, max(1.0 - progress, 0.0) / decay) if decay > 0 else 1.0
 
 
@@ -62,7 +62,7 @@ class AdaptiveRate:
     decay: float = 0.0
 
     def after(self, rate: float, divergence: float) -> float:
-        """The rate after an update with a rate and a divergence."""
+        """Return the rate after an update with a rate and a divergence."""
         if divergence > 1.5 * self.target_kl:
             rate /= self.factor
         elif divergence < self.target_kl / 1.5:
@@ -70,7 +70,7 @@ class AdaptiveRate:
         return min(max(rate, self.lowest), self.highest)
 
     def share(self, progress: float) -> float:
-        """What the decay leaves of the rate when `progress` of the training is done."""
+        """Return what the decay leaves of the rate when `progress` of the training is done."""
         return share_left(progress, self.decay)
 
 
@@ -113,7 +113,7 @@ class AdaptivePPO(PPO):
         return min(self.num_timesteps / self.planned_steps, 1.0)
 
     def train(self) -> None:
-        """One update, then the rate and the standard deviation of the next."""
+        """Do one update, then set the rate and the standard deviation of the next."""
         super().train()
         self.rate = self.adaptive.after(self.rate, float(self.logger.name_to_value["train/approx_kl"]))
         self._explore()

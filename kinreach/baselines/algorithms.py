@@ -146,7 +146,7 @@ def mlp_arguments(recipe: Recipe, env: SB3VecEnv, planned: int) -> dict[str, Any
 
 
 def ppo_arguments(recipe: Recipe, env: SB3VecEnv, planned: int) -> dict[str, Any]:
-    """Those of PPO: `minibatches` of an update stand for a batch size, and the actor may have a `PostureHead`."""
+    """Return the arguments of PPO: `minibatches` give the batch size, and the actor may have a `PostureHead`."""
     arguments = mlp_arguments(recipe, env, planned)
     networks, policy = recipe.networks, arguments["policy_kwargs"]
     policy["net_arch"] = {"pi": list(networks.hidden), "vf": list(networks.hidden)}
@@ -162,7 +162,7 @@ def ppo_arguments(recipe: Recipe, env: SB3VecEnv, planned: int) -> dict[str, Any
 
 
 def ppo2_arguments(recipe: Recipe, env: SB3VecEnv, planned: int) -> dict[str, Any]:
-    """Those of PPO; `gain` is what the actor's unit is as an action: 1/π for radians where an action of 1 is π."""
+    """Return the arguments of PPO; `gain` is the actor's unit as an action: 1/π for radians if 1 means π."""
     arguments = ppo_arguments(recipe, env, planned)
     size = (env.action_space.shape or (0,))[0]
     arguments["policy_kwargs"]["head"] = {"gain": size * [arguments.pop("gain")], "shift": size * [0.0]}
@@ -170,7 +170,7 @@ def ppo2_arguments(recipe: Recipe, env: SB3VecEnv, planned: int) -> dict[str, An
 
 
 def adaptive_arguments(recipe: Recipe, env: SB3VecEnv, planned: int) -> dict[str, Any]:
-    """Those of PPO, with `Exploration` (in radians where the output is a posture) and `AdaptiveRate` from fields."""
+    """Return the arguments of PPO, with `Exploration` (in radians for outputs that are postures) and `AdaptiveRate`."""
     arguments = ppo_arguments(recipe, env, planned) | {"planned_steps": planned}
     arguments["adaptive"] = AdaptiveRate(**arguments["adaptive"])
     if arguments["exploration"] is not None:
@@ -181,14 +181,14 @@ def adaptive_arguments(recipe: Recipe, env: SB3VecEnv, planned: int) -> dict[str
 
 
 def actor_arguments(recipe: Recipe, env: SB3VecEnv, planned: int) -> dict[str, Any]:
-    """Those of adaptive PPO, without a critic."""
+    """Return the arguments of adaptive PPO, without a critic."""
     arguments = adaptive_arguments(recipe, env, planned)
     arguments["policy_kwargs"]["net_arch"] = {"pi": list(recipe.networks.hidden), "vf": []}
     return arguments
 
 
 def ranked_arguments(recipe: Recipe, env: SB3VecEnv, planned: int) -> dict[str, Any]:
-    """Those of an actor, with samples in antithetic pairs."""
+    """Return the arguments of an actor, with samples in antithetic pairs."""
     arguments = actor_arguments(recipe, env, planned)
     arguments.pop("looks", None)
     if recipe.networks.posture:
@@ -197,7 +197,7 @@ def ranked_arguments(recipe: Recipe, env: SB3VecEnv, planned: int) -> dict[str, 
 
 
 def analytic_arguments(recipe: Recipe, env: SB3VecEnv, planned: int) -> dict[str, Any]:
-    """Those of an actor, and the task; `around` is the posture [rad] that outputs are changes of.
+    """Return the arguments of an actor, and the task; `around` is the posture [rad] that outputs are changes of.
 
     Raises:
         InputError: The environment is another one than `kinreach/Reach-v0`, or actions do not mean postures.
@@ -212,7 +212,7 @@ def analytic_arguments(recipe: Recipe, env: SB3VecEnv, planned: int) -> dict[str
 
 
 def simulator_arguments(recipe: Recipe, env: SB3VecEnv, planned: int) -> dict[str, Any]:
-    """Those of an actor, and the simulation that it acts in."""
+    """Return the arguments of an actor, and the simulation that it acts in."""
     return actor_arguments(recipe, env, planned) | {"world": env.get_attr("unwrapped")[0].episodes}
 
 
@@ -243,17 +243,17 @@ def _features(recipe: Recipe) -> dict[str, Any]:
 
 
 def step_by_step(batch: VectorEnv[Any, Any, Any], recipe: Recipe, reward: TrainingReward) -> SB3VecEnv:
-    """A batch in which the learner takes every step."""
+    """Return a batch in which the learner takes every step."""
     return SB3VecEnv(batch, reward=reward)
 
 
 def step_by_step_to_the_end(batch: VectorEnv[Any, Any, Any], recipe: Recipe, reward: TrainingReward) -> SB3VecEnv:
-    """The same, with a step limit that ends an episode like anything else: all that PPO2 knows is `done`."""
+    """Return the same, with a step limit that ends an episode like anything else: all that PPO2 knows is `done`."""
     return SB3VecEnv(batch, reward=reward, bootstrap=False)
 
 
 def in_tries(batch: VectorEnv[Any, Any, Any], recipe: Recipe, reward: TrainingReward) -> SB3VecEnv:
-    """A batch in which several postures are tried for each goal; goals are drawn where the task has them and around.
+    """Return a batch in which several postures are tried for each goal, drawn where the task has goals and around.
 
     Where the features are `"looks"`, so many as the setting of that name says are taken for a segment of the training.
 
@@ -280,12 +280,11 @@ def in_tries(batch: VectorEnv[Any, Any, Any], recipe: Recipe, reward: TrainingRe
 
 
 def _arm(recipe: Recipe) -> ArmDescription:
-    """The arm that a recipe for reaching is for."""
     return as_arm(recipe.options.get("arm", "ur5"))
 
 
 def _action_to(arm: ArmDescription, q: ArrayLike) -> list[float]:
-    """The action that means a posture [rad], shape (n,)."""
+    """Return the action that means a posture [rad], shape (n,)."""
     half, middle = action_range(arm)
     return ((np.asarray(q) - middle) / half).tolist()
 

@@ -17,7 +17,7 @@ SAMPLE, _SAMPLE_ENVS = 2048, 16
 
 
 def make_batch(environment: str, num_envs: int, options: Mapping[str, Any]) -> VectorEnv[Any, Any, Any]:
-    """Environments in step that reset in the same step as they end.
+    """Make environments in step that reset in the same step as they end.
 
     Args:
         environment: Id; `module:id` imports the module that registers it.
@@ -44,7 +44,6 @@ def first_observations(environment: str, options: Mapping[str, Any], *, seed: in
 
 
 def _native(environment: str, num_envs: int, options: Mapping[str, Any]) -> VectorEnv[Any, Any, Any] | None:
-    """The environment's own batch, if it has one that resets in the same step."""
     module, _, name = environment.rpartition(":")
     try:
         if module:
@@ -68,7 +67,7 @@ def _make(environment: str, num_envs: int, options: Mapping[str, Any], **how: An
 
 
 def last_value(info: Mapping[str, Any], name: str) -> Any:
-    """The value by that name in the `info` of each environment's last step, shape (n,); None if there is none.
+    """Return the value by that name in the `info` of each environment's last step, shape (n,); None if there is none.
 
     After a reset in the same step, Gymnasium's own batches keep the step's values in `final_info`.
     """

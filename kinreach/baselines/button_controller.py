@@ -84,7 +84,7 @@ class ButtonController:
         self._fresh[ids] = True
 
     def actions(self, observations: Floats) -> NDArray[np.intp]:
-        """One action for each environment.
+        """Return one action for each environment.
 
         Args:
             observations: Shape (count, 19).
@@ -120,7 +120,7 @@ class ButtonController:
             self._target[new] = self._soonest(goals[new], angles[new])
 
     def _soonest(self, goals: Floats, start: Floats) -> Floats:
-        """Of the postures that reach each target the one that takes the least time; the start where there is none."""
+        """Return for each target the posture that reaches it soonest; the start where no posture does."""
         postures = self._kinematics.batch(goals)
         time = (np.abs(postures.q - start[:, None]) / self._speed).max(axis=2)
         time[~postures.valid] = np.inf
@@ -129,7 +129,7 @@ class ButtonController:
         return np.where(found[:, None], postures.q[rows, best], start)
 
     def _next_tip(self, q: Floats, qd: Floats, torque: Floats) -> Floats:
-        """Where the end effector is after one step of the environment under a torque [m], shape (3,)."""
+        """Return where the end effector is after one step of the environment under a torque [m], shape (3,)."""
         dt = self._actuation.timestep
         for _ in range(self._actuation.frame_skip):
             qd = qd + dt * pin.aba(self._model, self._data, q, qd, torque - self._damping * qd)
@@ -155,5 +155,5 @@ class AnalyticButtonPolicy:
         self._controller.restart()
 
     def act(self, observation: Floats) -> int:
-        """The action for an observation."""
+        """Return the action for an observation."""
         return int(self._controller.actions(np.asarray(observation)[None])[0])

@@ -29,16 +29,16 @@ class Descent(AdaptivePPO):
     """
 
     def objective(self, observations: Floats) -> Objective:
-        """What is to be made small for a batch of observations, shape (n, m)."""
+        """Return the objective to minimise for a batch of observations, shape (n, m)."""
         raise NotImplementedError
 
     def seen(self) -> Floats:
-        """What is learned from, shape (n, m): all that was observed since the last update."""
+        """Return the observations to learn from, shape (n, m): all that was observed since the last update."""
         rolled: Any = self.rollout_buffer
         return np.asarray(rolled.observations.reshape(-1, rolled.obs_shape[0]).astype(np.float64))
 
     def train(self) -> None:
-        """One update, in minibatches."""
+        """Do one update, in minibatches."""
         self._update_learning_rate(self.policy.optimizer)
         observations = self.seen()
         objective, seen = self.objective(observations), torch.as_tensor(observations, dtype=torch.float32)
@@ -125,11 +125,11 @@ class SimulatorGradient(Descent):
         return [*super()._excluded_save_params(), "world"]
 
     def seen(self) -> Floats:
-        """What is observed now: what the world is like belongs to it."""
+        """Return the current observations, to which the state of the world belongs."""
         return np.array(self._last_obs, dtype=np.float64)
 
     def missed(self, means: torch.Tensor, places: Callable[[Floats], tuple[Floats, Floats]]) -> torch.Tensor:
-        """Mean distance of the tips from their goals, and `DOWN` times the angle of the tool.
+        """Return the mean distance of the tips from their goals, and `DOWN` times the angle of the tool.
 
         Args:
             means: Actions.
@@ -150,7 +150,7 @@ class MovingGradient(SimulatorGradient):
     world: MovingEpisodes
 
     def objective(self, observations: Floats) -> Objective:
-        """The distance of the tip from the ball at the time when the slowest joint has arrived."""
+        """Return the distance of the tip from the ball at the time when the slowest joint has arrived."""
         world, rate = self.world, FRAMES * PARTS
         q, v, frames, rolls = world.q.copy(), world.v.copy(), world.frames.copy(), world.rolls.astype(np.float32)
         limits = {"speed": world.speed_limit, "acceleration": world.acceleration_limit}
@@ -174,7 +174,7 @@ class RandomArmGradient(SimulatorGradient):
     world: RandomArmEpisodes
 
     def objective(self, observations: Floats) -> Objective:
-        """The distance of the true arm's tip from the ball."""
+        """Return the distance of the true arm's tip from the ball."""
         balls = self.world.balls.copy()
 
         def error(means: torch.Tensor, rows: torch.Tensor) -> torch.Tensor:

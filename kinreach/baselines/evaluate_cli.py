@@ -64,9 +64,9 @@ def main(argv: Sequence[str], *, prog: str) -> int:
     summaries = {
         names[name]: _evaluate(policy, names[name], arguments, options[name]) for name, policy in policies.items()
     }
-    said = {name: getattr(arguments, name) for name in ("backend", "observation", "exposure", "max_steps")}
-    said = {"env": environment, **said}
-    given = "".join(f" --{name.replace('_', '-')} {value}" for name, value in said.items() if value is not None)
+    keys = ("backend", "observation", "exposure", "max_steps")
+    chosen = {"env": environment, **{key: getattr(arguments, key) for key in keys}}
+    given = "".join(f" --{name.replace('_', '-')} {value}" for name, value in chosen.items() if value is not None)
     split = "" if arguments.split == SPLIT else f" --split {arguments.split}"
     command = f"{prog} {' '.join(map(quoted, arguments.policies))} --goals {arguments.goals}{split}{given}"
     title = f"{arguments.goals} {arguments.split} goals{given.replace(' --', ', ')}"
@@ -118,8 +118,8 @@ def _environment(policy: LearnedPolicy, name: str, arguments: Any) -> str:
     environment = arguments.env or policy.card.environment
     if environment not in gym.registry:
         known = [known for known in gym.registry if known.startswith("kinreach/")]
-        said = repr(environment) if environment else "none"
-        raise InputError(f"{name} is for the environment {said}; name it with --env, such as {', '.join(known)}")
+        its = repr(environment) if environment else "none"
+        raise InputError(f"{name} is for the environment {its}; name it with --env, such as {', '.join(known)}")
     return environment
 
 
@@ -129,17 +129,17 @@ def _options(policy: LearnedPolicy, arguments: Any) -> dict[str, Any]:
     The length of an episode and the actuation of the button task belong to what a policy was trained for: they are
     those of its card, as far as the card has them and the command line does not say otherwise.
     """
-    said = {name: getattr(arguments, name) for name in ("backend", "observation", "exposure")}
+    given = {name: getattr(arguments, name) for name in ("backend", "observation", "exposure")}
     trained: dict[str, Any] = {}
     if (arguments.env or policy.card.environment) == BUTTON:
-        if any(value is not None for value in said.values()):
+        if any(value is not None for value in given.values()):
             raise InputError("--backend, --observation and --exposure are for reach policies")
         card = policy.card.recipe.get("options")
         trained = {name: card[name] for name in TASK_OPTIONS if name in card} if isinstance(card, dict) else {}
-        said = {"max_steps": arguments.max_steps}
+        given = {"max_steps": arguments.max_steps}
     elif arguments.max_steps is not None:
         raise InputError("--max-steps is for policies of the button task")
-    return trained | {name: value for name, value in said.items() if value is not None}
+    return trained | {name: value for name, value in given.items() if value is not None}
 
 
 def _evaluate(policy: LearnedPolicy, name: str, arguments: Any, options: dict[str, Any]) -> dict[str, Any]:
@@ -159,13 +159,12 @@ def _evaluate(policy: LearnedPolicy, name: str, arguments: Any, options: dict[st
 
 
 def _short_names(policies: Sequence[str]) -> dict[str, str]:
-    """Names for the table, by what the user said; where two would be the same, that itself."""
+    """Return names for the table, by what the user typed; where two would be the same, that itself."""
     short = [_short(name) for name in policies]
     return {name: text if short.count(text) == 1 else name for name, text in zip(policies, short, strict=True)}
 
 
 def _short(name: str) -> str:
-    """A name for the table: recipe and seed where the path is that of a training run."""
     path = Path(name)
     return "/".join(path.parts[-3:-1]) if path.name == "policy.safetensors" else path.stem
 

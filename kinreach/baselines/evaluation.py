@@ -116,7 +116,7 @@ def evaluate(
 
 
 def evaluation_table(summaries: Mapping[str, Mapping[str, Any]], *, title: str) -> Table:
-    """One row per policy; which columns depends on what the environments measure.
+    """Return a table with one row per policy; which columns depends on what the environments measure.
 
     Args:
         summaries: `Evaluation.summary()` by the name of the policy.

@@ -11,7 +11,7 @@ _QUARTER_TURN = np.array([[0.0, -1.0], [1.0, 0.0]])
 
 
 def tool_down_postures(kinematics: URKinematics, goals: Floats) -> Floats:
-    """Postures that reach goals with the gripper straight down, turned outwards as the goal is.
+    """Return postures that reach goals with the gripper straight down, turned outwards as the goal is.
 
     Of all there are, the one nearest to the start pose: over the table area they are of one branch, and change
     smoothly.

@@ -63,7 +63,7 @@ class Eye:
 
 
 def _convolved(x: Array, weight: Array, stride: int) -> Array:
-    """The convolution of x, shape (n, in, height, width), without its bias."""
+    """Return the convolution of x, shape (n, in, height, width), without its bias."""
     size = weight.shape[2]
     edge = (size // 2, size // 2)
     padded: Any = np.pad(x, ((0, 0), (0, 0), edge, edge))
@@ -73,5 +73,5 @@ def _convolved(x: Array, weight: Array, stride: int) -> Array:
 
 
 def picture_names(observation: Mapping[str, Any]) -> list[str]:
-    """Names of the colour pictures in an observation, in the order of a policy's eyes."""
+    """Return names of the colour pictures in an observation, in the order of a policy's eyes."""
     return sorted(name for name in observation if name.endswith("_rgb"))

@@ -131,7 +131,7 @@ class LearningCurve(VectorWrapper[Any, Any, Any]):
 
 
 def curve_csv(rows: Sequence[Sequence[float | None]], columns: Sequence[str] = COLUMNS) -> str:
-    """A learning curve, or a traced episode, as CSV with a header."""
+    """Return a learning curve, or a traced episode, as CSV with a header."""
     text = io.StringIO()
     writer = csv.writer(text, lineterminator="\n")
     writer.writerow(columns)

@@ -34,7 +34,7 @@ class Looks:
         self.pictures: NDArray[np.uint8] = np.random.default_rng(0).integers(0, 256, shape, dtype=np.uint8)
 
     def take(self, goals: Floats, rng: np.random.Generator) -> None:
-        """Look anew.
+        """Take new looks.
 
         Args:
             goals: Where the balls are in the world [m], shape (count, 3).

@@ -93,7 +93,7 @@ class RandomPolicy:
 
 
 def as_policy(given: Any) -> Policy:
-    """A policy from what a user has.
+    """Make a policy from what a user has.
 
     Args:
         given: A policy; a model with stable-baselines3's `predict(observation, deterministic=True)`; or a callable from
@@ -168,7 +168,7 @@ def _episode(env: gym.Env[Any, Any], policy: Policy, reset: Mapping[str, Any], w
 
 
 def forfeit(env: gym.Env[Any, Any], reason: str, info: Mapping[str, Any]) -> tuple[Any, float, bool, bool, Any]:
-    """The end of an episode in which a policy found no action, as the environment's own `forfeit` says it.
+    """Return the end of an episode in which a policy found no action, by the environment's own `forfeit`.
 
     An environment without one ends with the last `info`, nothing reached, and no reward.
     """
@@ -230,7 +230,7 @@ def rollout_batch(
 
 
 def _row(info: Mapping[str, Any], index: int) -> dict[str, Any]:
-    """What a batch says of one environment's last step."""
+    """Return what a batch's info holds of one environment's last step."""
     last = info.get("final_info", info)
     return {
         name: values[index]

@@ -47,7 +47,7 @@ def record_episodes(
     options: Mapping[str, Any],
     progress: Callable[[int], None] = lambda done: None,
 ) -> Evaluation:
-    """As `kinreach.baselines.evaluation.evaluate`, with the same episodes, which become a Minari dataset.
+    """Evaluate as `kinreach.baselines.evaluation.evaluate` does, and write the episodes as a Minari dataset.
 
     The dataset has the policy's card in its description, and every episode its seed. Actions are in double precision,
     as they were executed, even where the environment's space is of single precision.

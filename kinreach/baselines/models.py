@@ -48,7 +48,7 @@ class Trainee:
 
 
 def build(recipe: Recipe, seed: int, *, steps: int) -> Trainee:
-    """A fresh model and its environments.
+    """Make a model and its environments.
 
     Args:
         recipe: What to train.

@@ -56,7 +56,7 @@ class ObservationFeatures(BaseFeaturesExtractor):
         self.register_buffer("waves", torch.tensor(waves, dtype=torch.float32))
 
     def forward(self, observations: Tensor) -> Tensor:
-        """Features, shape (n, features_dim)."""
+        """Return features, shape (n, features_dim)."""
         z = (observations[:, : len(self.mean)] - self.mean) / self.scale
         if not len(self.waves):
             return z
@@ -107,7 +107,7 @@ class LookFeatures(BaseFeaturesExtractor):
         self.eyes: Any = nn.ModuleList(TorchEye() for _ in range(cameras))
 
     def forward(self, observations: Tensor) -> Tensor:
-        """Features, shape (n, features_dim)."""
+        """Return features, shape (n, features_dim)."""
         numbers, rows = np.unique(observations[:, 0].long().numpy(), return_inverse=True)
         pictures = torch.from_numpy(self._looks.pictures[numbers]).movedim(-1, -3)
         return torch.cat([eye(pictures[:, camera]) for camera, eye in enumerate(self.eyes)], dim=1)[rows]
@@ -117,7 +117,7 @@ class PairedGaussian(DiagGaussianDistribution):
     """A normal distribution whose samples come in antithetic pairs: rows 2i and 2i + 1 have opposite noise."""
 
     def sample(self) -> Tensor:
-        """One sample a row; the number of rows must be even."""
+        """Return one sample a row; the number of rows must be even."""
         mean = self.distribution.mean
         noise = torch.randn(len(mean) // 2, mean.shape[1])
         return mean + self.distribution.stddev * torch.stack([noise, -noise], dim=1).flatten(0, 1)
@@ -142,7 +142,7 @@ class PostureHead(nn.Linear):
         nn.init.zeros_(self.bias)
 
     def forward(self, hidden: Tensor) -> Tensor:
-        """Mean actions, shape (n, outputs)."""
+        """Return mean actions, shape (n, outputs)."""
         return self.shift + self.gain * super().forward(hidden)
 
 
@@ -169,7 +169,7 @@ class PosturePolicy(ActorCriticPolicy):
 
 
 def actor_network(model: BaseAlgorithm) -> Network:
-    """The deterministic actor of a model of stable-baselines3 with a multilayer perceptron; a DQN's is its Q-network.
+    """Return the deterministic actor of a stable-baselines3 model with `MlpPolicy`; a DQN's is its Q-network.
 
     Raises:
         InputError: An actor, an activation or a features extractor that is not known here.

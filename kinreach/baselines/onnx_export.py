@@ -51,7 +51,7 @@ def export_onnx(policy: LearnedPolicy, path: str | Path, *, observations: int | 
         OutputError: The file system refused.
     """
     count = policy.inputs if observations is None else check_count("observations", observations)
-    if not policy.takes(count):
+    if not policy.accepts(count):
         raise InputError(f"{policy.name} does not take observations of {count} numbers")
     model = _model(policy, count)
     with replacing(Path(path)) as temporary:
@@ -67,13 +67,13 @@ class _Graph:
         self.constants: list[Any] = []
 
     def constant(self, value: ArrayLike) -> str:
-        """The name of a constant."""
+        """Return the name of a constant."""
         name = f"constant{len(self.constants)}"
         self.constants.append(self.onnx.numpy_helper.from_array(np.asarray(value), name))
         return name
 
     def __call__(self, operator: str, *inputs: str | ArrayLike, **attributes: Any) -> str:
-        """The name of what an operator makes of names and constants."""
+        """Return the name of what an operator makes of names and constants."""
         names = [value if isinstance(value, str) else self.constant(value) for value in inputs]
         output = f"{operator.lower()}{len(self.nodes)}"
         self.nodes.append(self.onnx.helper.make_node(operator, names, [output], **attributes))
@@ -126,18 +126,17 @@ def _model(policy: LearnedPolicy, observations: int) -> Any:
 
 
 def _picture_names(policy: LearnedPolicy) -> list[str]:
-    """Names of the pictures that a policy sees: of the cameras of its arm."""
+    """Return names of the pictures that a policy sees: of the cameras of its arm."""
     arm = as_arm(trained_arm(policy).get("arm", "ur5"))
     return sorted(f"{camera.name}_rgb" for camera in arm.goal_cameras)[: len(policy.network.eyes)]
 
 
 def _seen(graph: _Graph, eyes: Sequence[Eye], names: Sequence[str]) -> str:
-    """What the eyes say of the pictures, side by side."""
+    """Return the outputs of the eyes for the pictures, side by side."""
     return graph("Concat", *(_eye(graph, eye, name) for eye, name in zip(eyes, names, strict=True)), axis=1)
 
 
 def _eye(graph: _Graph, eye: Eye, picture: str) -> str:
-    """`Eye.__call__`, channels last."""
     h = graph("Sub", graph("Div", graph("Cast", picture, to=graph.onnx.TensorProto.DOUBLE), MIDDLE), 1.0)
     for index, ((weight, bias), stride) in enumerate(zip(eye.layers, eye.strides, strict=True)):
         if index:
@@ -167,7 +166,6 @@ def _from_minus_one_to_one(graph: _Graph, pictures: str, axis: int) -> str:
 
 
 def _network(graph: _Graph, policy: LearnedPolicy, observation: str) -> str:
-    """`Network.__call__`."""
     network = policy.network
     first = graph("Slice", observation, [0], [len(network.mean)], [1])
     h = graph("Div", graph("Sub", first, network.mean), network.scale)
@@ -183,7 +181,6 @@ def _network(graph: _Graph, policy: LearnedPolicy, observation: str) -> str:
 
 
 def _activated(graph: _Graph, x: str, activation: str) -> str:
-    """One of `policies.ACTIVATIONS` or `policies.OUTPUTS`."""
     if activation == "linear":
         return x
     if activation == "silu":
@@ -197,7 +194,6 @@ def _activated(graph: _Graph, x: str, activation: str) -> str:
 
 
 def _paced(graph: _Graph, way: str) -> str:
-    """`policies.paced`."""
     longest = graph("ReduceMax", graph("Abs", way), [1], keepdims=1)
     steps = graph("Ceil", graph("Sub", graph("Div", longest, STEP_SIZE), SLACK))
     return graph("Div", graph("Div", way, STEP_SIZE), graph("Max", steps, 1.0))

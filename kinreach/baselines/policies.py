@@ -33,7 +33,7 @@ SLACK = 1e-6
 
 
 def paced(way: Array) -> Array:
-    """The next multi-step action on the straight way in joint space, in equal steps as few as can be.
+    """Return the next multi-step action on the straight way in joint space, in equal steps as few as can be.
 
     Equal steps end at the posture with a long one. An arm that creeps up to it would come within the thesis's 10 mm
     somewhere on the way, where the episode ends.
@@ -77,7 +77,7 @@ class LearnedPolicy:
         """Do nothing."""
 
     def act(self, observation: ArrayLike | Mapping[str, ArrayLike]) -> Any:
-        """The deterministic action for an observation, shape (n,), or for a batch of them, shape (count, n).
+        """Return the deterministic action for an observation, shape (n,), or for a batch of them, shape (count, n).
 
         A policy that sees pictures takes a dictionary as environments with `observation="pixels"` give it.
 
@@ -97,7 +97,7 @@ class LearnedPolicy:
         return paced(half * action + middle - self._joints(observation))
 
     def posture(self, observation: ArrayLike | Mapping[str, ArrayLike]) -> Array:
-        """The posture that a reach policy aims at [rad], shape (..., m).
+        """Return the posture that a reach policy aims at [rad], shape (..., m).
 
         Raises:
             InputError: The policy's output means something else, is none of its arm's postures, or as for `act`.
@@ -143,7 +143,7 @@ class LearnedPolicy:
             _check_pictures(self.name, len(self.network.eyes), observations)
             observations = spaces.Box(-np.inf, np.inf, (self.inputs,))
         vector = isinstance(observations, spaces.Box) and len(observations.shape) == 1
-        if not vector or not self.takes(observations.shape[0]):  # type: ignore[index]
+        if not vector or not self.accepts(observations.shape[0]):  # type: ignore[index]
             raise InputError(
                 f"{self.name} takes a vector of {self._wanted} numbers, not observations of {observations}"
             )
@@ -164,12 +164,12 @@ class LearnedPolicy:
     def _wanted(self) -> str:
         return f"{'' if self._exact else 'at least '}{self.inputs}"
 
-    def takes(self, count: int) -> bool:
-        """Whether an observation may have so many numbers."""
+    def accepts(self, count: int) -> bool:
+        """Return whether an observation may have so many numbers."""
         return count == self.inputs if self._exact else count >= self.inputs
 
     def _output(self, observation: ArrayLike | Mapping[str, ArrayLike]) -> Array:
-        """What the network says of observations, once they and its answer are found to be numbers."""
+        """Evaluate the network; check that observations and its answer are numbers."""
         x: Any = self._pictures(observation) if self.network.eyes else self._numbers(observation)
         with np.errstate(over="ignore", invalid="ignore", divide="ignore"):
             output = self.network(x)
@@ -185,7 +185,7 @@ class LearnedPolicy:
 
     def _numbers(self, observation: Any) -> Array:
         x = as_floats("observation", observation)
-        if x.ndim == 0 or not self.takes(x.shape[-1]):
+        if x.ndim == 0 or not self.accepts(x.shape[-1]):
             raise InputError(f"an observation must have {self._wanted} numbers, got shape {x.shape}")
         check_entries("observation", x, MAX_OBSERVED)
         return x
@@ -210,7 +210,7 @@ def _check_pictures(name: str, count: int, space: spaces.Space[Any]) -> None:
 
 
 def pretrained_names() -> list[str]:
-    """Names of the policies that come with the package."""
+    """Return names of the policies that come with the package."""
     folder = resources.files("kinreach.baselines") / "pretrained"
     return sorted(file.name.removesuffix(_SUFFIX) for file in folder.iterdir() if file.name.endswith(_SUFFIX))
 
@@ -222,7 +222,7 @@ def _options(card: PolicyCard) -> Mapping[str, Any]:
 
 
 def _walks(card: PolicyCard) -> bool:
-    """Whether a posture is walked to: where the environment takes steps, or the recipe says that it was in training."""
+    """Return whether a posture is walked to: the environment takes steps, or it was walked to in training."""
     walk = card.recipe.get("walk")
     return (
         card.environment in (MULTI, MULTI_KINEMATIC)
@@ -232,7 +232,7 @@ def _walks(card: PolicyCard) -> bool:
 
 
 def trained_arm(policy: LearnedPolicy) -> dict[str, Any]:
-    """The option `arm` of the environment that a policy was trained in, as far as its card names one."""
+    """Return the option `arm` of the environment that a policy was trained in, as far as its card names one."""
     arm = _options(policy.card).get("arm")
     return {"arm": arm} if isinstance(arm, str) else {}
 

@@ -178,7 +178,7 @@ def read_policy(path: str | Path) -> tuple[PolicyCard, Network]:
 
 
 def _refuse(constant: str) -> NoReturn:
-    """What Python's parser takes for a number and JSON does not: NaN and the infinities."""
+    """Refuse what Python's parser takes for a number and JSON does not: NaN and the infinities."""
     raise ValueError(constant)
 
 

@@ -61,7 +61,7 @@ class PPO2(PPO):
     """stable-baselines3's PPO with the update of PPO2; without `clip_range_vf`, values are not clipped."""
 
     def train(self) -> None:
-        """One update from the rollout buffer."""
+        """Do one update from the rollout buffer."""
         self.policy.set_training_mode(True)
         self._update_learning_rate(self.policy.optimizer)
         progress: Any = self._current_progress_remaining

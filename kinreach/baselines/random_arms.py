@@ -65,7 +65,7 @@ def on_table(count: int) -> Floats:
 
 
 def _table() -> Floats:
-    """The corners of the area of the balls [m], shape (2, 3)."""
+    """Return the corners of the area of the balls [m], shape (2, 3)."""
     region: Any = ur5().arm.workcell.goals
     return np.array([region.x, region.y, region.z]).T
 
@@ -77,7 +77,7 @@ def _basis(points: Floats) -> Floats:
 
 
 def summary(places: Floats, off: Floats) -> Floats:
-    """What looks say: the mean of how far the tip was off, and of that times either coordinate on the table.
+    """Summarise looks: the mean of how far the tip was off, and of that times either coordinate on the table.
 
     Args:
         places: Where the data sheet has the tip [m], shape (m, 3).
@@ -169,7 +169,7 @@ class RandomArmEpisodes:
         self._noise[ids] = SIGMA * noise.reshape(len(ids), MOVES, 3)
 
     def tips(self, q: Floats, rows: Any = slice(None)) -> Floats:
-        """Where the true arms' tips are in postures, one for each of some rows [m], shape (m, 3)."""
+        """Return where the true arms' tips are in postures, one for each of some rows [m], shape (m, 3)."""
         return frames_of(np.swapaxes(self.placements[rows], 0, 1), q)[-1][:, :3, 3]
 
     def step(self, actions: Floats, acting: Flags | None = None) -> Outcome:
@@ -187,11 +187,11 @@ class RandomArmEpisodes:
         return Outcome(-np.where(acting, self._distances, 0.0), over, np.zeros_like(over), info)
 
     def observe(self) -> Floats:
-        """The observations of all environments."""
+        """Return the observations of all environments."""
         return self._observed.copy()
 
     def start_info(self) -> dict[str, Any]:
-        """The distances of the last moves, and where the balls are [m]."""
+        """Return the distances of the last moves, and where the balls are [m]."""
         impossible = np.zeros(len(self.balls), dtype=np.bool_)
         return {"distance": self._distances.copy(), "impossible": impossible, **self.goal_info()}
 

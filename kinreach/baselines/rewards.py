@@ -33,7 +33,7 @@ def own(rewards: Array, info: Mapping[str, Any]) -> Array:
 
 
 def floored(rewards: Array, info: Mapping[str, Any]) -> Array:
-    """The environment's, not below `FLOOR`."""
+    """Return the environment's, not below `FLOOR`."""
     return np.maximum(rewards, FLOOR)
 
 
@@ -48,12 +48,12 @@ def dense(rewards: Array, info: Mapping[str, Any]) -> Array:
 
 
 def clipped(rewards: Array, info: Mapping[str, Any]) -> Array:
-    """The environment's, not below `CRITIC_FLOOR`."""
+    """Return the environment's, not below `CRITIC_FLOOR`."""
     return np.maximum(rewards, CRITIC_FLOOR)
 
 
 def dense_clipped(rewards: Array, info: Mapping[str, Any]) -> Array:
-    """The dense one, not below `CRITIC_DENSE_FLOOR`."""
+    """Return the dense one, not below `CRITIC_DENSE_FLOOR`."""
     return np.maximum(dense(rewards, info), CRITIC_DENSE_FLOOR)
 
 
@@ -76,7 +76,7 @@ def _kinematics() -> Arm3Kinematics:
 
 
 def goal_postures(goals: Array) -> Array:
-    """The posture of the closed form that training leads to for targets in the world [m], shape (n, 3).
+    """Return the posture of the closed form that training leads to for targets in the world [m], shape (n, 3).
 
     Returns:
         Joint angles [rad], shape (n, 3); NaN where no posture within the joint limits reaches the target.
@@ -88,12 +88,12 @@ def goal_postures(goals: Array) -> Array:
 
 
 def scaled(rewards: Array, info: Mapping[str, Any]) -> Array:
-    """The environment's reward in other units."""
+    """Return the environment's reward in other units."""
     return SCALE * rewards
 
 
 def guided(rewards: Array, info: Mapping[str, Any]) -> Array:
-    """The environment's reward, less 0.3 times the distance in joint space to a posture that reaches the target.
+    """Return the environment's reward, less 0.3 times the distance in joint space to a posture that reaches the target.
 
     The penalty of a wrong press grows with the square of the share of episodes that reach the goal.
 
@@ -122,7 +122,7 @@ REWARDS: Mapping[str, TrainingReward] = {
 
 
 def training_reward(name: str) -> TrainingReward:
-    """A training reward by name, or one of your own as `module:function`.
+    """Return a training reward by name, or one of your own as `module:function`.
 
     Raises:
         InputError: There is none of that name; the message lists those that there are.

@@ -60,7 +60,7 @@ _OTHERS = (
 def actor_network(
     tensors: Mapping[str, Array], *, activation: str | None = None, bounds: tuple[Array, Array] | None = None
 ) -> tuple[Network, str]:
-    """The deterministic actor in a state dict of a multilayer perceptron of stable-baselines3.
+    """Return the deterministic actor in a state dict of a multilayer perceptron of stable-baselines3.
 
     Args:
         tensors: Of the whole policy, by name.
@@ -124,7 +124,7 @@ def read_zip(path: Path) -> tuple[PolicyCard, Network]:
 
 
 def _data(file: BufferedReader) -> dict[str, Any]:
-    """The entry `data`, once it is known that nothing in the zip unpacks to more than is read."""
+    """Return the entry `data`, once it is known that nothing in the zip unpacks to more than is read."""
     with zipfile.ZipFile(file) as archive:
         entries = {entry.filename: entry for entry in archive.infolist()}
         for name in ("data", "policy.pth"):
@@ -203,7 +203,7 @@ def _policy(path: Path, data: dict[str, Any], tensors: dict[str, Array]) -> tupl
 
 
 def _options(data: dict[str, Any]) -> str | None:
-    """The activation that the user chose, None if none; refuse other options that change the network's output."""
+    """Return the user's activation, None if none; refuse other options that change the network's output."""
     module = _part(data, "policy_class").get("__module__")
     if not (isinstance(module, str) and _POLICIES.fullmatch(module)):
         raise InputError(f"its policy is of {module}; only MlpPolicy of {_ALGORITHMS} can be read")
@@ -226,7 +226,7 @@ def _options(data: dict[str, Any]) -> str | None:
 
 
 def _part(data: dict[str, Any], name: str) -> dict[str, Any]:
-    """An object that stable-baselines3 describes in readable text."""
+    """Return an object that stable-baselines3 describes in readable text."""
     part = data.get(name)
     if not isinstance(part, dict):
         raise InputError(f"its data does not describe its {name}")

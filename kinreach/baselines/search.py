@@ -77,12 +77,12 @@ class Search:
         ranges: Any = self.ranges
         if not isinstance(ranges, Mapping) or not ranges:
             raise InputError(f"ranges are a range by the field of the recipe, got {shown(ranges)}")
-        for field, said in self.ranges.items():
-            _check_range(field, said)
-            self.tried({field: _example(said)})
+        for field, content in self.ranges.items():
+            _check_range(field, content)
+            self.tried({field: _example(content)})
 
     def tried(self, values: Mapping[str, Any]) -> Recipe:
-        """The recipe with some of its fields set otherwise.
+        """Return the recipe with some of its fields set otherwise.
 
         Raises:
             InputError: It has no such field.
@@ -95,32 +95,32 @@ class Search:
 
 
 def read_search(path: Path) -> Search:
-    """A search from a file of YAML or JSON with the fields of `Search`.
+    """Read a search from a file of YAML or JSON with the fields of `Search`.
 
     Raises:
         InputError: It cannot be read, or says what cannot be.
     """
     text = read_text(path, "the search", most=2**20)
     try:
-        said = yaml.safe_load(text)
+        content = yaml.safe_load(text)
     except (yaml.YAMLError, ValueError, RecursionError) as error:
         raise InputError(f"{path} is not YAML: {error}") from None
     names = [field.name for field in fields(Search)]
-    if not isinstance(said, dict) or not {"recipe", "ranges"} <= set(said):
-        raise InputError(f"{path} must say at least recipe and ranges, got {shown(said)}")
-    for name in said:
+    if not isinstance(content, dict) or not {"recipe", "ranges"} <= set(content):
+        raise InputError(f"{path} must say at least recipe and ranges, got {shown(content)}")
+    for name in content:
         check_known(f"entry of {path}", name, names)
-    return Search(**said)
+    return Search(**content)
 
 
-def _check_range(field: object, said: object) -> None:
+def _check_range(field: object, content: object) -> None:
     form = "choice: [...], uniform: [low, high], loguniform: [low, high] or randint: [low, high]"
-    if not isinstance(field, str) or not isinstance(said, Mapping) or len(said) != 1:
-        raise InputError(f"a range of {shown(field)} is one of {form}; got {shown(said)}")
-    ((kind, values),) = said.items()
+    if not isinstance(field, str) or not isinstance(content, Mapping) or len(content) != 1:
+        raise InputError(f"a range of {shown(field)} is one of {form}; got {shown(content)}")
+    ((kind, values),) = content.items()
     check_known(f"range of {field}", kind, ("choice", "uniform", "loguniform", "randint"))
     if not isinstance(values, list) or not values:
-        raise InputError(f"the range of {field} is {form}; got {shown(said)}")
+        raise InputError(f"the range of {field} is {form}; got {shown(content)}")
     if kind == "choice":
         return
     numbers = all(isinstance(value, int | float) and not isinstance(value, bool) for value in values)
@@ -129,12 +129,12 @@ def _check_range(field: object, said: object) -> None:
         raise InputError(f"the range of {field} needs two numbers, the lower one first; got {shown(values)}{hint}")
 
 
-def _example(said: Mapping[str, Any]) -> Any:
-    return next(iter(said.values()))[0]
+def _example(content: Mapping[str, Any]) -> Any:
+    return next(iter(content.values()))[0]
 
 
 def _with(recipe: Recipe, field: str, value: Any) -> Recipe:
-    """A recipe with one of its fields, or an entry of one, set otherwise."""
+    """Return a recipe with one of its fields, or an entry of one, set otherwise."""
     name, _, entry = field.partition(".")
     known = [each.name for each in fields(Recipe) if each.name not in _NAMES]
     check_known("field of a recipe", name, known)
@@ -211,7 +211,7 @@ def _tuner(tune: Any, given: Search, state: Path, *, resume: bool, threads: int)
     return tune.Tuner(
         trainable,
         param_space={field: getattr(tune, kind)(*([values] if kind == "choice" else values))
-                     for field, said in given.ranges.items() for kind, values in said.items()},
+                     for field, content in given.ranges.items() for kind, values in content.items()},
         tune_config=tune.TuneConfig(
             metric=given.judge, mode=mode, num_samples=given.trials, search_alg=searcher, scheduler=scheduler
         ),
@@ -233,7 +233,7 @@ def trial(given: Search, values: Mapping[str, Any], threads: int = 1) -> Iterato
 
 
 def _rows(result: Any, given: Search) -> Iterator[tuple[str, Any]]:
-    """A trial's row: settings, steps, scores, and how it ended."""
+    """Return a trial's row: settings, steps, scores, and how it ended."""
     metrics = result.metrics or {}
     yield from ((field, result.config[field]) for field in given.ranges)
     yield "steps", metrics.get("steps")

@@ -55,7 +55,7 @@ class SolverPolicy:
             self._proposer.reset(observation, info)
 
     def act(self, observation: Any) -> Any:
-        """The action; None where no camera found the goal or the solver finds no posture."""
+        """Return the action; None where no camera found the goal or the solver finds no posture."""
         self.diagnostics = {"iterations": 0}
         if self._target is None:
             self._target = self._solve(observation)

@@ -115,7 +115,7 @@ def _search(arguments: argparse.Namespace) -> int:
 
 
 def _judge(name: str, split: str, policy: LearnedPolicy) -> Iterator[dict[str, Any]]:
-    """How a policy that was trained by a recipe does, as a job."""
+    """Evaluate a policy that was trained by a recipe, as a job."""
     yield evaluate(policy, goals=GOALS, seed=SPLITS[split], options=get_recipe(name).judged_in).summary()
 
 
@@ -167,7 +167,7 @@ def _runs(
 
 
 def _again(arguments: argparse.Namespace) -> list[str]:
-    """The arguments that go on with what was interrupted."""
+    """Return the arguments that go on with what was interrupted."""
     words = [arguments.recipe, "--seed", str(arguments.seed)]
     defaults = {"seeds": 1, "steps": None, "threads": 1, "split": SPLIT, "engine": SERIAL, "address": None}
     for name, default in defaults.items():
@@ -178,7 +178,7 @@ def _again(arguments: argparse.Namespace) -> list[str]:
 
 
 def _figures(row: dict[str, float | None]) -> str:
-    """The last row of the learning curve, as far as it has something to say."""
+    """Return the last row of the learning curve, without what is None."""
     parts = []
     if row["reward"] is not None:
         parts.append(f"reward {row['reward']:.2f}")

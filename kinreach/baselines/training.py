@@ -150,7 +150,7 @@ def train(
 
 
 def run_identity(recipe: Recipe, seed: int, threads: int) -> dict[str, Any]:
-    """What a run depends on, as JSON values.
+    """Return what a run depends on, as JSON values.
 
     Raises:
         InputError: The recipe has settings or options that are not JSON values.
@@ -167,7 +167,7 @@ def run_identity(recipe: Recipe, seed: int, threads: int) -> dict[str, Any]:
 def kept_run(
     folder: Path, identity: Mapping[str, Any], *, resume: bool = True, fresh: bool = False, export: bool = False
 ) -> Run | None:
-    """The run in a folder, if it is finished and to be kept; what is to be replaced is still there.
+    """Return the run in a folder, if it is finished and to be kept; remove nothing.
 
     Args:
         folder: Of the run.
@@ -188,14 +188,14 @@ def kept_run(
 
 
 def _run_in(folder: Path) -> Run:
-    """The finished run in a folder."""
+    """Return the finished run in a folder."""
     run = json.loads(read_text(folder / RUN, "the run", most=MAX_RUN))
     policy = load_policy(folder / POLICY)
     return Run(folder, policy.card, policy, float(run["seconds"]), float(run["cpu_seconds"]))
 
 
 def _holds(folder: Path, identity: Mapping[str, Any]) -> bool:
-    """Whether this run is in a folder, finished.
+    """Return whether this run is in a folder, finished.
 
     Raises:
         InputError: It is another run: it is not for us to remove.
@@ -214,13 +214,13 @@ def _holds(folder: Path, identity: Mapping[str, Any]) -> bool:
 
 
 def _differences(run: Mapping[str, Any], identity: Mapping[str, Any]) -> str:
-    """What another run has instead of what this one has, in words; empty where they are the same."""
-    said, wanted = dict(_flat(run)), dict(_flat(identity))
-    names = [*wanted, *(name for name in said if name not in wanted and name.partition(".")[0] in identity)]
+    """Return what another run has instead of what this one has, in words; empty where they are the same."""
+    other, wanted = dict(_flat(run)), dict(_flat(identity))
+    names = [*wanted, *(name for name in other if name not in wanted and name.partition(".")[0] in identity)]
     found = [
-        f"{name} {shown(said.get(name))}, not {shown(wanted.get(name))}"
+        f"{name} {shown(other.get(name))}, not {shown(wanted.get(name))}"
         for name in names
-        if (name in said) != (name in wanted) or said.get(name) != wanted.get(name)
+        if (name in other) != (name in wanted) or other.get(name) != wanted.get(name)
     ]
     return "; ".join([*found[:3], f"{len(found) - 3} more"] if len(found) > 3 else found)
 
@@ -342,7 +342,7 @@ def _segments(
 
 
 def _card(recipe: Recipe, identity: Mapping[str, Any], trainee: Trainee) -> PolicyCard:
-    """What the policy is that has been trained so far."""
+    """Return the card of the policy that has been trained so far."""
     model, network = trainee.model, trainee.network
     discrete = isinstance(model.action_space, spaces.Discrete)
     return PolicyCard(
@@ -405,7 +405,7 @@ def save_checkpoint(path: Path, identity: dict[str, Any], segment: int, trainee:
 
 
 def read_checkpoint(path: Path, identity: Mapping[str, Any]) -> dict[str, Any] | None:
-    """The state after the last segment, or None where it cannot be read.
+    """Return the state after the last segment, or None where it cannot be read.
 
     Args:
         path: Of the file.
@@ -420,12 +420,12 @@ def read_checkpoint(path: Path, identity: Mapping[str, Any]) -> dict[str, Any] |
             return None
         file.seek(0)
         state: dict[str, Any] = torch.load(file, weights_only=True)
-        said = dict(state["identity"])
+        other = dict(state["identity"])
     except (OSError, pickle.UnpicklingError, RuntimeError, LookupError, TypeError, EOFError, ValueError):
         return None
     finally:
         file.close()
-    if differences := _differences(said, identity):
+    if differences := _differences(other, identity):
         raise InputError(
             f"{path} belongs to a run with {differences}; train without --resume to begin anew, or into another folder"
         )
@@ -456,7 +456,7 @@ def restore(trainee: Trainee, state: Mapping[str, Any]) -> tuple[int, list[str]]
 
 
 def _variables(model: BaseAlgorithm) -> list[str]:
-    """Names of tensors that are not parameters of a module, such as SAC's entropy coefficient."""
+    """Return names of tensors that are not parameters of a module, such as SAC's entropy coefficient."""
     return list(model._get_torch_save_params()[1])
 
 

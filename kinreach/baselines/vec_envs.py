@@ -46,7 +46,7 @@ class SB3VecEnv(VecEnv):
         super().__init__(env.num_envs, env.single_observation_space, env.single_action_space)
 
     def seen(self, observations: Array) -> Any:
-        """What a policy in the environment itself would observe, in double precision where it is numbers."""
+        """Return what a policy in the environment itself would observe, in double precision where it is numbers."""
         return observations.astype(np.float64)
 
     def reset(self) -> VecEnvObs:
@@ -81,7 +81,7 @@ class SB3VecEnv(VecEnv):
         return np.asarray(observations), np.asarray(rewards, dtype=np.float32), done, infos
 
     def _rewarded(self, rewards: Any, info: Mapping[str, Any]) -> Array:
-        """What the learner sees as rewards.
+        """Return what the learner sees as rewards.
 
         Raises:
             TrainingError: One is NaN or infinite.
@@ -96,7 +96,7 @@ class SB3VecEnv(VecEnv):
         self._env.close()
 
     def get_attr(self, attr_name: str, indices: VecEnvIndices = None) -> list[Any]:
-        """An attribute of the batch, once for each of the environments asked for."""
+        """Return an attribute of the batch, once for each of the environments asked for."""
         return [getattr(self._env, attr_name)] * len(list(self._get_indices(indices)))
 
     def set_attr(self, attr_name: str, value: Any, indices: VecEnvIndices = None) -> None:
@@ -221,7 +221,7 @@ class LooksVecEnv(TriesVecEnv):
         self._goals = np.zeros((len(looks.pictures), 3))
 
     def seen(self, observations: Array) -> Any:
-        """The pictures of the looks."""
+        """Return the pictures of the looks."""
         return self.looks.seen(observations[:, 0].astype(int))
 
     def reset(self) -> VecEnvObs:

@@ -69,7 +69,7 @@ def _between(trial: Trial, start: str, end: str) -> float | None:
 
 
 def _part(name: str) -> Callable[[Trial], float | None]:
-    """A part of a completed trial's distance [mm]."""
+    """Return a part of a completed trial's distance [mm]."""
 
     def value(trial: Trial) -> float | None:
         points = [trial.get(point) for point in ("goal", "seen", "target_tip", "tip")]

@@ -66,7 +66,7 @@ TIME_TABLE = "Time"
 
 
 def error_mm(errors: str, budget: int, again: int) -> Callable[[Trial], float | None]:
-    """A trial's median distance of the balls after so many looks [mm]; None where something else was wrong."""
+    """Return a trial's median distance of the balls after so many looks [mm]; None where something else was wrong."""
     value = thousandfold(f"error_{budget}_{again}")
     return lambda trial: value(trial) if trial["errors"] == errors else None
 

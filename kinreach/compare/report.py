@@ -128,9 +128,9 @@ def finding(results: Mapping[str, Any]) -> str:
     rest = [entry for entry in entries if entry["reached"] < most]
     share = "every goal" if most == 1 else f"{100 * most:.1f} % of the goals" if most else "none of the goals"
     if len(best) == 1:
-        said = [f"{best[0]['name']} reaches {share}"]
+        parts = [f"{best[0]['name']} reaches {share}"]
     else:
-        said = [f"{len(best)} of {len(entries)} methods reach {share}" if rest else f"All methods reach {share}"]
+        parts = [f"{len(best)} of {len(entries)} methods reach {share}" if rest else f"All methods reach {share}"]
         if most:
             for key, words in (
                 ("distance_mm", "ends nearest, {} mm in the median"),
@@ -139,11 +139,11 @@ def finding(results: Mapping[str, Any]) -> str:
                 medians: dict[str, Any] = {entry["name"]: (entry.get(key) or {}).get("median") for entry in best}
                 if None not in medians.values():
                     least = min(medians, key=medians.__getitem__)
-                    said.append(f"{least} {words.format(number(medians[least]))}")
+                    parts.append(f"{least} {words.format(number(medians[least]))}")
     if rest:
         shares = (f"{entry['name']} {100 * entry['reached']:.1f} %" for entry in rest)
-        said.append(f"the others: {', '.join(shares)}")
-    return "; ".join(said) + "."
+        parts.append(f"the others: {', '.join(shares)}")
+    return "; ".join(parts) + "."
 
 
 def render_trials(task: Task, trials: Sequence[Trial], results: Mapping[str, Any]) -> list[Rendering]:
@@ -216,14 +216,14 @@ def chosen(trials: Sequence[Trial]) -> dict[str, Trial]:
 
 
 def _caption(what: str, trial: Trial) -> str:
-    said = [f"{what[0].upper()}{what[1:]}", f"goal {trial['goal_index']}", f"{number(1e3 * trial['distance'])} mm"]
+    parts = [f"{what[0].upper()}{what[1:]}", f"goal {trial['goal_index']}", f"{number(1e3 * trial['distance'])} mm"]
     if trial.get("posture_error") is not None:
-        said.append(f"posture error {number(trial['posture_error'])} rad")
+        parts.append(f"posture error {number(trial['posture_error'])} rad")
     if trial["steps"] > 1:
-        said.append(f"{trial['steps']} steps")
+        parts.append(f"{trial['steps']} steps")
     if trial["impossible"]:
-        said.append(trial.get("impossible_reason") or trial["status"])
-    return " · ".join(said)
+        parts.append(trial.get("impossible_reason") or trial["status"])
+    return " · ".join(parts)
 
 
 def _tables(columns: Sequence[Column], entries: Sequence[Mapping[str, Any]]) -> Iterable[str]:

@@ -120,7 +120,7 @@ def _class_of(kin: ArmKinematics) -> str:
 
 
 def _joints(kin: ArmKinematics) -> Iterator[str]:
-    """A line for each joint: limits, speed and start."""
+    """Return a line for each joint: limits, speed and start."""
     width = max(map(len, kin.arm.joints))
     rows = zip(kin.arm.joints, kin.lower, kin.upper, kin.velocity_limit, kin.arm.home, strict=True)
     for index, (name, low, high, speed, home) in enumerate(rows):
@@ -167,7 +167,7 @@ def _singular(kin: ArmKinematics, found: check.Singular) -> str:
 
 
 def _subject(given: str, model: str | None, tip: str | None) -> Subject:
-    """The arm of a name or URDF; with a model, that of a calibration file."""
+    """Return the arm of a name or URDF; with a model, that of a calibration file."""
     if model is not None:
         real = as_arm(model).calibrated(given)
         return Subject(ArmKinematics.of(real, tip=tip), ArmKinematics.of(model, tip=tip))

@@ -40,7 +40,7 @@ def register_recipe(recipe: Recipe) -> Recipe:
 
 
 def get_recipe(name: str) -> Recipe:
-    """A recipe by name, or one of your own as `module:attribute`, which it is imported from and registered.
+    """Return a recipe by name, or one of your own as `module:attribute`, which it is imported from and registered.
 
     Raises:
         UnknownNameError: There is none of that name; the message lists those that there are.

@@ -91,5 +91,5 @@ class Recipe:
         return {name: value for name, value in self.options.items() if name != "end_on_reached"}
 
     def to_dict(self) -> dict[str, Any]:
-        """As JSON types."""
+        """Return it as JSON types."""
         return asdict(self)
