@@ -120,7 +120,7 @@ class LearnedPolicy:
         half, middle = action_range(get_arm(name))
         if half.shape != self.network.gain.shape:
             numbers = len(self.network.gain)
-            raise InputError(f"{numbers} numbers are no posture of arm {name!r}, which has {len(half)} joints")
+            raise InputError(f"a posture of the arm {name!r} has {len(half)} numbers, got {numbers}")
         return half, middle
 
     @property

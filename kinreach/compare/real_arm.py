@@ -141,7 +141,7 @@ REAL_ARM_TASK = Task(
     },
     notes=lambda results: [
         "Tables: median error in mm. Looks before; + 1 there: in the second move to a ball, having seen the first.",
-        "The balls themselves are seen 0.14 mm off in the median: nobody can do better in the first move.",
+        "The balls themselves are seen 0.14 mm off in the median: no method can do better in the first move.",
     ],
     scene=_true_scene,
 )

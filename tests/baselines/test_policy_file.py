@@ -190,7 +190,7 @@ def test_a_posture_is_what_the_environment_makes_of_it(arm, name, steps):
 
 def test_a_posture_takes_an_arm_with_as_many_joints():
     card = replace(CARD, environment=MULTI, recipe={"name": "mine", "options": {"arm": "panda"}})
-    with pytest.raises(InputError, match="6 numbers are no posture of arm 'panda', which has 7 joints"):
+    with pytest.raises(InputError, match="a posture of the arm 'panda' has 7 numbers, got 6"):
         LearnedPolicy(card, network()).act(np.zeros(13))
     card = replace(CARD, recipe={"name": "mine", "options": {"arm": "nobody's"}})
     with pytest.raises(UnknownNameError, match="nobody's"):
