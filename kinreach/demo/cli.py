@@ -102,12 +102,10 @@ class _Watched(gym.Wrapper[Any, Any, Any, Any]):
         self._step = self._total = 0
 
     def reset(self, **options: Any) -> tuple[Any, dict[str, Any]]:
-        """Begin an episode."""
         self._step = 0
         return self.env.reset(**options)
 
     def step(self, action: Any) -> tuple[Any, Any, bool, bool, dict[str, Any]]:
-        """Step, print and film."""
         observation, reward, terminated, truncated, info = self.env.step(action)
         over = terminated or truncated
         values = {"action": action, "observation": observation, "reward": reward, "info": info}

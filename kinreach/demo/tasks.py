@@ -63,7 +63,7 @@ class DemoTask:
 
 
 def solver_policy(name: str, env: Environment) -> SolverPolicy:
-    """A solver of a name, for the arm of a reach environment."""
+    """Return a solver of a name, for the arm of a reach environment."""
     return SolverPolicy(new_solver(name, env.get_wrapper_attr("kinematics")), env)
 
 
@@ -111,7 +111,7 @@ POLICIES: Mapping[str, Callable[[DemoTask, Environment, int], Policy]] = {
 
 
 def trained_for(environment: str, arm: str | None = None, *, eyes: bool = False) -> list[str]:
-    """Names of the package's policies for an environment, of all arms or of the arm of a name.
+    """Return names of the package's policies for an environment, of all arms or of the arm of a name.
 
     Args:
         environment: Its id.
@@ -129,12 +129,12 @@ def trained_for(environment: str, arm: str | None = None, *, eyes: bool = False)
 
 
 def all_trained(environment: str) -> list[str]:
-    """Names of the package's policies for an environment, of every arm and with eyes or without."""
+    """Return names of the package's policies for an environment, of every arm and with eyes or without."""
     return [*trained_for(environment), *trained_for(environment, eyes=True)]
 
 
 def trained_policy(name: str, environment: str) -> LearnedPolicy | None:
-    """A policy of the package for an environment, or from a file; None where the name is of neither.
+    """Return a policy of the package for an environment, or from a file; None where the name is of neither.
 
     Raises:
         InputError: The file does not hold a policy, or it is for another environment.
@@ -144,7 +144,7 @@ def trained_policy(name: str, environment: str) -> LearnedPolicy | None:
 
 
 def options_for(name: str, environment: str) -> dict[str, Any]:
-    """What an environment must be made with for a policy that was trained: `needed_options`; nothing for any other.
+    """Return the options that a trained policy needs (`needed_options`); none for other policies.
 
     Args:
         name: As `trained_policy` takes it.
@@ -158,7 +158,7 @@ def options_for(name: str, environment: str) -> dict[str, Any]:
 
 
 def make_policy(name: str, task: DemoTask, env: Environment, *, seed: int = 0) -> Policy:
-    """A policy by name, or a trained one: of the package, or from a file.
+    """Return a policy by name, or a trained one: of the package, or from a file.
 
     Args:
         name: Of `POLICIES`, of the task's `solvers` or `methods`, or of a policy of the package; or the path of a

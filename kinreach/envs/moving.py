@@ -47,7 +47,7 @@ FASTEST = 2.0
 
 
 def entering(rng: np.random.Generator, low: Floats, high: Floats) -> tuple[Floats, float]:
-    """Where a line through a point in the middle half of the area comes in, shape (2,), and its heading [rad]."""
+    """Draw a line through the middle half of the area: where it enters, shape (2,), and its heading [rad]."""
     size = high - low
     through, heading = rng.uniform(low + size / 4, high - size / 4), rng.uniform(0.0, 2.0 * math.pi)
     ahead = np.array([math.cos(heading), math.sin(heading)])
@@ -56,20 +56,20 @@ def entering(rng: np.random.Generator, low: Floats, high: Floats) -> tuple[Float
 
 
 def straight(rng: np.random.Generator, speed: float, times: Floats, low: Floats, high: Floats) -> Floats:
-    """Across the area, shape (len(times), 2)."""
+    """Roll across the area; return the path, shape (len(times), 2)."""
     start, heading = entering(rng, low, high)
     return np.asarray(start + speed * times[:, None] * np.array([math.cos(heading), math.sin(heading)]))
 
 
 def circle(rng: np.random.Generator, speed: float, times: Floats, low: Floats, high: Floats) -> Floats:
-    """A circle within the area, either way round."""
+    """Roll in a circle within the area, in either direction."""
     centre, first = rng.uniform(low + RADIUS, high - RADIUS), rng.uniform(0.0, 2.0 * math.pi)
     angle = first + rng.choice((-1.0, 1.0)) * speed / RADIUS * times
     return np.asarray(centre + RADIUS * np.column_stack([np.cos(angle), np.sin(angle)]))
 
 
 def random_walk(rng: np.random.Generator, speed: float, times: Floats, low: Floats, high: Floats) -> Floats:
-    """As `straight` to begin with; then with a sideways acceleration that is drawn anew again and again.
+    """Roll as `straight`, then with a sideways acceleration that is drawn every `HOLD` seconds.
 
     Outside of the middle half of the area it turns the ball towards the middle.
     """
@@ -293,7 +293,7 @@ def check_start(options: Mapping[str, Any] | None, count: int | None) -> MovingS
 
 
 def observation_space(options: MovingOptions) -> spaces.Box:
-    """Of one environment."""
+    """Return the space of one environment."""
     before = 3 * (options.sights - 1) * [4.0]
     high = np.array([2.0, 2.0, 2.0, 2.0, *6 * [math.pi], *6 * [get_arm("ur5").speed_limit], *before])
     return spaces.Box(np.where(np.arange(len(high)) == AGE, 0.0, -high), high, dtype=np.float64)

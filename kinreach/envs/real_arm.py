@@ -106,7 +106,7 @@ class RealArmOptions:
 
 
 def true_arm(calibration: str | Path) -> ArmDescription:
-    """A UR5 as its calibration says.
+    """Return a calibrated UR5.
 
     Args:
         calibration: Name of a published one, or a file.
@@ -146,16 +146,16 @@ class Workplace:
     cameras: Floats
 
     def tips(self, q: Floats) -> Floats:
-        """Where the tip is in postures (m, 6) [m], shape (m, 3)."""
+        """Return where the tip is in postures (m, 6) [m], shape (m, 3)."""
         T = frames_of(_chain(self.arm).placements, q)[-1]  # for few balls quicker than the chain
         return np.asarray((T[:, :3, :3] @ self.tool + T[:, :3, 3]) @ turn(np.array((0.0, 0.0, 1.0)), self.base).T)
 
     def seen(self, points: Floats) -> Floats:
-        """Where the cameras see points (m, 3) of the world, but for their noise [m]."""
+        """Return where the cameras see points (m, 3) of the world, without noise [m]."""
         return np.asarray(points @ self.cameras[:3, :3].T + self.cameras[:3, 3])
 
     def scene(self) -> PosedScene:
-        """The arm as it truly stands in its work cell, its tool where it truly is."""
+        """Return the arm as it truly stands in its work cell, its tool where it truly is."""
         return PosedScene(self.arm, model=_true_model(self.arm, tuple(self.tool.tolist()), self.base))
 
 
@@ -173,7 +173,7 @@ def _true_model(arm: ArmDescription, tool: tuple[float, ...], turned: float) -> 
 
 
 def workplace(errors: str, calibration: str, rng: np.random.Generator) -> Workplace:
-    """A workplace in which something is wrong, by as much as the constants of this module say, in a random direction.
+    """Draw a workplace with errors as large as the constants of this module, in a random direction.
 
     Args:
         errors: A key of `ERRORS`.
@@ -252,7 +252,7 @@ class RealArmEnv(gym.Env[Any, Any]):
         return self._scene
 
     def reset(self, *, seed: int | None = None, options: dict[str, Any] | None = None) -> tuple[Any, dict[str, Any]]:
-        """Another workplace, and a tray of balls on the arm's table.
+        """Draw another workplace, and a tray of balls on the arm's table.
 
         Args:
             seed: Of the directions of errors, the balls and the looks' noise.

@@ -98,7 +98,7 @@ class CopyableEnv(SingleEnv, EzPickle):
         return twin
 
     def render(self) -> Any:
-        """A frame of the scene as `render_mode` says; with "human" the viewer is brought up to date.
+        """Draw a frame as `render_mode` says; with "human" update the viewer.
 
         Returns:
             "rgb_array": uint8, (height, width, 3); "rgb_array_list": a list of such, those of the motion since the

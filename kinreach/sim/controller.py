@@ -105,7 +105,7 @@ class Touch:
 
 
 def touches(model: Any, data: Any, obstacles: Collection[str]) -> tuple[Touch, ...]:
-    """Bodies in contact in the last computed step, deepest first, each pair once.
+    """Return bodies in contact in the last computed step, deepest first, each pair once.
 
     Args:
         model: The scene.
@@ -172,12 +172,12 @@ class JointController:
         self._scratch = mujoco.MjData(model)
 
     def outside_limits(self, q: Floats) -> NDArray[np.bool_]:
-        """Which joints are outside their limits, for one posture or many, shape (..., n)."""
+        """Return which joints are outside their limits, for one posture or many, shape (..., n)."""
         outside: NDArray[np.bool_] = (q < self.lower - SLACK) | (q > self.upper + SLACK)
         return outside
 
     def joints_outside_limits(self, q: Floats) -> tuple[str, ...]:
-        """Names of the joints that are outside their limits."""
+        """Return names of the joints that are outside their limits."""
         return tuple(name for name, out in zip(self.arm.joints, self.outside_limits(q), strict=True) if out)
 
     def refuse_outside_limits(self, q: Floats) -> None:
@@ -253,7 +253,7 @@ class JointController:
 
 
 def as_index(addresses: Sequence[int]) -> slice | NDArray[np.intp]:
-    """Where the joints are in one of MuJoCo's arrays; a slice (a view, and faster) if they lie side by side."""
+    """Return where the joints are in one of MuJoCo's arrays; a slice (a view, and faster) if they lie side by side."""
     index = np.array(addresses, dtype=np.intp)
     if (np.diff(index) == 1).all():
         return slice(int(index[0]), int(index[-1]) + 1)

@@ -48,7 +48,7 @@ IDEAL = Imperfections()
 
 
 def as_imperfections(given: Imperfections | Mapping[str, float] | None) -> Imperfections:
-    """Imperfections, from themselves or by name; None is an ideal arm.
+    """Check imperfections, given as such or by name; None is an ideal arm.
 
     Raises:
         UnknownNameError: There is no imperfection of a name.
@@ -66,12 +66,12 @@ def as_imperfections(given: Imperfections | Mapping[str, float] | None) -> Imper
 
 
 def in_scene(flaws: Imperfections) -> Imperfections:
-    """Those that the scene has: arms that differ in the noise of their encoders alone share one."""
+    """Return the imperfections without encoder noise: arms that differ in that alone share a scene."""
     return replace(flaws, encoder_noise=0.0)
 
 
 def encoder_errors(sigma: float, start: Floats, target: Floats, periods: int) -> Floats:
-    """What the servos misread in each period of a move [rad], shape (periods, n).
+    """Draw the encoder errors in each period of a move [rad], shape (periods, n).
 
     The generator follows from where the move starts and ends: the same move is the same again, alone or in a batch,
     and no other move has the same noise.

@@ -132,7 +132,7 @@ class ScenePicture:
             scene.watch = self._moving
 
     def frame(self) -> Any:
-        """The present frame, or the frames of the motion since the last call; None in the viewer."""
+        """Draw the present frame, or return those of the motion since the last call; None in the viewer."""
         if self._mode == "human":
             return self._update_viewer()
         if self._mode == "depth_array":

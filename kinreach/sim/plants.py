@@ -46,7 +46,7 @@ class Plant(Protocol):
         ...
 
     def states(self, ids: Ids) -> Floats:
-        """All that determines how some go on, to be kept for `put_back`, shape (k, size)."""
+        """Copy the full states of some, for `put_back`, shape (k, size)."""
         ...
 
     def put(self, ids: Ids, states: Floats) -> None:
@@ -54,11 +54,11 @@ class Plant(Protocol):
         ...
 
     def put_back(self, ids: Ids, states: Floats) -> None:
-        """As `put`, but at rest."""
+        """Put some into states as `put`, but at rest."""
         ...
 
     def diverged(self, ids: Ids) -> NDArray[np.bool_]:
-        """Which of some MuJoCo has found unstable since they were last reset or put back, shape (k,)."""
+        """Return which were found unstable since they were last reset or put back, shape (k,)."""
         ...
 
     def follow(self, ids: Ids, servos: Any, setpoints: Floats, substeps: int) -> None:
@@ -97,7 +97,7 @@ class SinglePlant:
         return np.array([self.data.time])
 
     def states(self, ids: Ids) -> Floats:
-        """What to put back; see `Plant.states`."""
+        """Copy states; see `Plant.states`."""
         state = np.empty(mujoco.mj_stateSize(self.model, _STATE))
         mujoco.mj_getState(self.model, self.data, state, _STATE)
         return state[None]
@@ -113,7 +113,7 @@ class SinglePlant:
         self.data.qvel[:] = self.data.qacc_warmstart[:] = 0.0
 
     def diverged(self, ids: Ids) -> NDArray[np.bool_]:
-        """Whether the simulation was unstable; see `Plant.diverged`."""
+        """Return whether the simulation was unstable; see `Plant.diverged`."""
         return np.array([any(self.data.warning[kind].number for kind in _UNSTABLE)])
 
     def follow(self, ids: Ids, servos: Any, setpoints: Floats, substeps: int) -> None:
@@ -154,7 +154,7 @@ class BatchPlant:
         self.batch.reset(ids=ids, keyframe=self._home, stage=mujoco.mjtStage.mjSTAGE_NONE)
 
     def states(self, ids: Ids) -> Floats:
-        """What to put back; see `Plant.states`."""
+        """Copy states; see `Plant.states`."""
         states: Floats = self.batch.state[ids]
         return states
 
@@ -169,7 +169,7 @@ class BatchPlant:
         self.qvel[ids] = self._warmstart[ids] = 0.0
 
     def diverged(self, ids: Ids) -> NDArray[np.bool_]:
-        """Which simulations were unstable; see `Plant.diverged`."""
+        """Return which simulations were unstable; see `Plant.diverged`."""
         unstable: NDArray[np.bool_] = self.batch.warning[ids][:, _UNSTABLE, _NUMBER].any(axis=1)
         return unstable
 

@@ -32,7 +32,7 @@ _PROBE_SIZE = 8
 
 
 def camera_id(model: Any, name: str) -> int:
-    """Number of a camera of a scene.
+    """Return number of a camera of a scene.
 
     Raises:
         UnknownNameError: There is no such camera; the message lists those there are.
@@ -77,7 +77,7 @@ class FrameRenderer:
             self._renderer.scene.flags[flag] = shadows
 
     def rgb(self, data: Any, camera: str) -> NDArray[np.uint8]:
-        """A colour picture of a state (`mujoco.MjData`), shape (height, width, 3).
+        """Draw a colour picture of a state (`mujoco.MjData`), shape (height, width, 3).
 
         Raises:
             UnknownNameError: There is no such camera; the message lists those there are.
@@ -87,7 +87,7 @@ class FrameRenderer:
         return self._draw(data, camera)
 
     def depth(self, data: Any, camera: str) -> NDArray[np.float32]:
-        """How far what each pixel shows is from a camera, along its optical axis [m], shape (height, width).
+        """Draw the depth of each pixel along a camera's optical axis [m], shape (height, width).
 
         Raises:
             UnknownNameError: There is no such camera; the message lists those there are.
@@ -146,7 +146,7 @@ def _refuse_after_fork() -> None:
 def render(
     simulation: ArmSimulation, camera: str = "overview", *, width: int = 1280, height: int = 720, shadows: bool = True
 ) -> NDArray[np.uint8]:
-    """One picture of a simulation, shape (height, width, 3); for many of them keep a `FrameRenderer`.
+    """Draw one picture of a simulation, shape (height, width, 3); for many keep a `FrameRenderer`.
 
     Raises:
         UnknownNameError: There is no such camera.

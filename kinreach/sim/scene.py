@@ -45,7 +45,7 @@ GRIPPER_ARMATURE = 0.1
 def build_scene(
     arm: ArmDescription, *, timestep: float = TIMESTEP, visual: bool = True, imperfections: Imperfections = IDEAL
 ) -> Any:
-    """The scene of an arm, ready to compile or to edit further.
+    """Return the scene of an arm, ready to compile or to edit further.
 
     Args:
         arm: The arm and its work cell.
@@ -102,7 +102,7 @@ def _refusals_of(arm: ArmDescription) -> Iterator[None]:
 def scene_model(
     arm: ArmDescription, *, timestep: float = TIMESTEP, visual: bool = True, imperfections: Imperfections = IDEAL
 ) -> Any:
-    """The compiled scene (`mujoco.MjModel`), shared: do not change it.
+    """Return the compiled scene (`mujoco.MjModel`), shared: do not change it.
 
     Arguments and errors are those of `build_scene`. To vary a model, compile your own.
     """

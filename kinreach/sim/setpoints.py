@@ -66,7 +66,7 @@ class TrapezoidalProfile:
         return cruise + self.ramp
 
     def sample(self, times: Floats) -> tuple[Floats, Floats]:
-        """How much of the way is covered [rad] and how fast [rad/s], both of shape (k, m), at k times [s]."""
+        """Return how much of the way is covered [rad] and how fast [rad/s], both of shape (k, m), at k times [s]."""
         ramp, end = self.ramp, self.duration
         t = np.minimum(np.maximum(times, 0.0)[:, None], end)
         up, down = np.minimum(t, ramp), np.minimum(end - t, ramp)
@@ -254,7 +254,6 @@ class _Run:
         self.calm[rows], self.stalled[rows] = -NEVER, False
 
     def finish(self) -> NDArray[np.int8]:
-        """Run until the last has ended."""
         rows = np.arange(len(self.ids))
         while rows.size:
             soonest, nothing_new = self.arrival.min(), True

@@ -149,7 +149,7 @@ class ArmSimulation:
         return self.T_world_frame(self.arm.tips[self.arm.default_tip])[:3, 3]
 
     def T_world_frame(self, name: str) -> Floats:
-        """Pose of a frame of the URDF, or of an obstacle, shape (4, 4).
+        """Return pose of a frame of the URDF, or of an obstacle, shape (4, 4).
 
         Raises:
             UnknownNameError: There is no such frame; the message lists those there are.
@@ -166,7 +166,7 @@ class ArmSimulation:
         return T
 
     def contacts(self) -> tuple[Touch, ...]:
-        """What touches what in the current posture, deepest first; nothing is moved."""
+        """Return the contacts in the current posture, deepest first; nothing is moved."""
         mujoco.mj_fwdPosition(self.model, self.data)
         return touches(self.model, self.data, self.controller.obstacles)
 

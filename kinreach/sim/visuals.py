@@ -120,7 +120,7 @@ def _draw_legs(spec: Any, box: Box) -> None:
 
 
 def camera_rotation(mount: CameraMount) -> Floats:
-    """Orientation of a camera in its link's frame, shape (3, 3).
+    """Return orientation of a camera in its link's frame, shape (3, 3).
 
     Columns are the picture's right, its up, and the direction from the target to the camera (OpenGL's convention).
     """

@@ -82,7 +82,7 @@ class WarpPlant:
         self._diverged[ids] = False
 
     def states(self, ids: Ids) -> Floats:
-        """What to put back; see `Plant.states`."""
+        """Copy states; see `Plant.states`."""
         parts = [array[ids] for array in self._arrays.values()]
         return np.concatenate([*parts, self.mocap[ids].reshape(len(ids), -1), self._time[ids, None]], axis=1)
 
@@ -102,7 +102,7 @@ class WarpPlant:
         self.qvel[ids] = self._arrays["qacc_warmstart"][ids] = 0.0
 
     def diverged(self, ids: Ids) -> NDArray[np.bool_]:
-        """Which simulations were unstable; see `Plant.diverged`."""
+        """Return which simulations were unstable; see `Plant.diverged`."""
         return self._diverged[ids]
 
     def follow(self, ids: Ids, servos: Any, setpoints: Floats, substeps: int) -> None:

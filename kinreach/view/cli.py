@@ -63,7 +63,7 @@ def setup_of(
     results: str | None = None,
     environment: str | None = None,
 ) -> Setup:
-    """What every tab begins with.
+    """Check the arguments and return the setup of every tab.
 
     Args:
         arm: Name of a registered arm, the path of a URDF, or `module:attribute`.

@@ -39,7 +39,7 @@ _IDENTITY = (1.0, 0.0, 0.0, 0.0)
 
 
 def box_colour(name: str) -> Colour:
-    """The colour of a box of a work cell, by its name."""
+    """Return the colour of a box of a work cell, by its name."""
     return _BOX_COLOURS.get(name, _METAL)
 
 

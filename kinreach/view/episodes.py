@@ -111,7 +111,7 @@ class Episode:
         return next((i for i, frame in enumerate(self.frames) if frame.step >= step), len(self.frames) - 1)
 
     def pause_after(self, index: int) -> float:
-        """How long the frame of an index is shown [s]: until the next one is due; of a jump, as long as of a motion."""
+        """Return the time until the next frame is due [s]; of a jump, as long as of a motion."""
         times = [frame.time for frame in self.frames[index : index + 2]]
         return min(times[-1] - times[0], 1.0 / FPS) or 1.0 / FPS
 
@@ -189,7 +189,7 @@ class Recording:
             env.close()
 
     def program(self, arm: str) -> str:
-        """Python code that plays the episode.
+        """Write Python code that plays the episode.
 
         Args:
             arm: An expression for the arm, such as `"'ur5'"`.
@@ -217,7 +217,7 @@ class Recording:
 
 
 def circled(measured: GoalMeasurement, index: int) -> NDArray[np.uint8]:
-    """What one of the two cameras saw, RGB, with a ring around the ball that was found."""
+    """Draw a ring around the ball that was found in the picture of a camera, RGB."""
     picture = measured.images[index].rgb.copy()
     fix = measured.fixes[index]
     if fix is not None:
@@ -242,13 +242,11 @@ class _Recorder(gym.Wrapper[Any, Any, Any, Any]):
         self._reward = 0.0
 
     def step(self, action: Any) -> tuple[Any, Any, bool, bool, dict[str, Any]]:
-        """As the environment's; the reward is kept."""
         result = self.env.step(action)
         self._reward = float(result[1])
         return result
 
     def watched(self, env: gym.Env[Any, Any], info: Mapping[str, Any]) -> None:
-        """After a reset or a step."""
         if not hasattr(self, "episode"):
             self._begin(info)
         else:
@@ -276,7 +274,6 @@ class _Recorder(gym.Wrapper[Any, Any, Any, Any]):
         put(self._scene, info, time=len(self.episode.steps) / FPS)
 
     def _moving(self) -> None:
-        """In the course of a motion."""
         if self._scene.data.time >= self._due:
             self._take()
 

@@ -111,7 +111,7 @@ class EpisodesPanel(Panel):
         self._still.set()
 
     def program(self) -> str:
-        """Python code that plays the episode."""
+        """Write Python code that plays the episode."""
         return self._recording.program(self._setup.expression)
 
     def _build_gui(self) -> None:
@@ -216,7 +216,6 @@ class EpisodesPanel(Panel):
         return Recording(environment, acts, self._setup.arm, seed=self._seed.value, options=options)
 
     def _take(self, episode: Episode) -> None:
-        """Show another episode."""
         for old in (self._solid, self._believed):
             if old is not None:
                 old.remove()

@@ -64,7 +64,7 @@ class Figure:
         self.coarse = [piece for piece in _merged(coarse, self.links, by_colour=False) if moved[piece.link]]
 
     def poses(self, q: Floats) -> Floats:
-        """Where the links are in a posture (n,): positions [m] and quaternions w x y z in the world, shape (k, 7)."""
+        """Return positions [m] and quaternions w x y z of the links in the world in a posture (n,), shape (k, 7)."""
         model, data = self._kinematics.model, self._kinematics.data
         pin.forwardKinematics(model, data, q)
         poses = [pin.SE3ToXYZQUAT(pin.updateFramePlacement(model, data, frame)) for frame in self._frames]
@@ -90,7 +90,7 @@ def _merged(shapes: list[LinkShape], links: tuple[str, ...], *, by_colour: bool)
 
 
 def shade(rgba: Sequence[float]) -> tuple[int, int, int]:
-    """A colour of a file, 0 to 1, as it is drawn, 0 to 255."""
+    """Turn a colour of a file, 0 to 1, into the drawn one, 0 to 255."""
     red, green, blue = (round(255 * float(value) ** GAMMA) for value in rgba[:3])
     return red, green, blue
 

@@ -25,18 +25,18 @@ FULL, LOW, VERY_LOW = 0.12, 0.04, 0.015
 
 
 def css(colour: Colour) -> str:
-    """A colour as a style sheet writes it."""
+    """Write a colour for a style sheet."""
     return "rgb({},{},{})".format(*colour)
 
 
 def block(content: str) -> str:
-    """Content with the margins of the page's other elements; signs that cannot be printed are left out."""
+    """Wrap content in the margins of the page's elements, without signs that cannot be printed."""
     content = "".join(sign for sign in content if sign.isprintable() or sign == "\n")
     return f'<div style="padding:2px 10px 4px 10px;font-size:13px;line-height:1.4">{content}</div>'
 
 
 def message(text: str, *, bad: bool = False) -> str:
-    """A sentence in a box, red or green."""
+    """Write a sentence in a box, red or green."""
     colour, back = (_RED, "#fff0f0") if bad else (_GREEN, "#eefbf0")
     return block(
         f'<div class="kinreach-verdict" style="border-left:4px solid {colour};background:{back};padding:6px 8px;'
@@ -50,7 +50,7 @@ def verdict(answer: Answer) -> str:
 
 
 def legend(answer: Answer, *, shown: int, joints: Sequence[str]) -> str:
-    """The list of all postures, the nearest that can be used first; refused ones say why.
+    """List all postures, the nearest that can be used first, and why others are refused.
 
     Args:
         answer: Of the target.
@@ -78,7 +78,7 @@ def legend(answer: Answer, *, shown: int, joints: Sequence[str]) -> str:
 
 
 def branch_colour(branch: int) -> Colour:
-    """The colour of a branch's ghost."""
+    """Return the colour of a branch's ghost."""
     return BRANCH_COLOURS[branch % len(BRANCH_COLOURS)]
 
 
@@ -107,7 +107,7 @@ def _entry(sign: str, colour: str, title: str, detail: str) -> str:
 
 
 def gauge(stiffness: float, what: str) -> str:
-    """How far a posture is from a singular one.
+    """Draw how far a posture is from a singular one.
 
     Args:
         stiffness: `TargetModel.slowest_motion` [m/rad].
@@ -128,7 +128,7 @@ def gauge(stiffness: float, what: str) -> str:
 
 
 def solvers(finishes: Sequence[Finish]) -> str:
-    """Where each solver ended, and how long it took."""
+    """List where each solver ended, and how long it took."""
     rows = []
     for finish in finishes:
         result = finish.result
@@ -154,7 +154,7 @@ def _off(value: float) -> str:
 
 
 def ends(results: Results, index: int) -> str:
-    """Where each method ended on a goal.
+    """List where each method ended on a goal.
 
     Args:
         results: Of a comparison.
@@ -198,7 +198,7 @@ def moment(episode: Episode, frame: Frame) -> str:
 
 
 def miss(found: Miss, exact: IKResult) -> str:
-    """A tip error by its parts, and what the calibrated arm's own posture leaves of it.
+    """Write a tip error by its parts, and that of the calibrated arm's own posture.
 
     Args:
         found: Of the data sheet's posture.
@@ -217,7 +217,7 @@ def miss(found: Miss, exact: IKResult) -> str:
 
 
 def scale(colours: NDArray[np.uint8], least: str, most: str, title: str) -> str:
-    """The colours of a map, RGBA of shape (k, 4), with what they mean."""
+    """Draw the colours of a map, RGBA of shape (k, 4), with their meaning."""
     stops = ",".join(css(colour) for colour in colours[:, :3].tolist())
     return block(
         f'<div style="{_SMALL}">{escape(title)}</div>'
@@ -228,12 +228,12 @@ def scale(colours: NDArray[np.uint8], least: str, most: str, title: str) -> str:
 
 
 def small(text: str) -> str:
-    """A remark."""
+    """Write a remark."""
     return block(f'<span style="{_SMALL}">{escape(text)}</span>')
 
 
 def code(text: str) -> str:
-    """A program with a button that copies it."""
+    """Write a program with a button that copies it."""
     return block(
         '<button style="padding:4px 10px;cursor:pointer" onclick="navigator.clipboard.writeText('
         "this.nextElementSibling.innerText);this.innerText='Copied'\">Copy</button>"

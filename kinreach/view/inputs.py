@@ -54,7 +54,7 @@ class Entry:
         by_user(handle, lambda value: react())
 
     def take(self) -> Any:
-        """What the user has written since the last time; None for nothing."""
+        """Return what the user has written since the last call; None for nothing."""
         try:
             return self._written.pop()
         except IndexError:
@@ -94,7 +94,7 @@ class Latest:
 
 
 def frame_of(gizmo: Any) -> Floats:
-    """The frame (4, 4) to which the user has dragged arrows and arcs."""
+    """Return the frame (4, 4) to which the user has dragged arrows and arcs."""
     T = np.eye(4)
     T[:3, :3] = pin.Quaternion(*map(float, gizmo.wxyz)).normalized().matrix()
     T[:3, 3] = np.clip(gizmo.position, -FARTHEST, FARTHEST)

@@ -46,7 +46,7 @@ def error_message(error: Exception) -> str:
 
 
 def checked(handle: Any, value: Any) -> Any:
-    """A value as an input takes it; a number may be text, because that is what it is while it is typed.
+    """Check a value of an input and return it; a number may be text, because it is while it is typed.
 
     Args:
         handle: viser's, of the input.
@@ -116,7 +116,6 @@ class _Reporting(Executor):
         self._executor, self._report = executor, report
 
     def submit(self, work: Callable[..., Any], /, *args: Any, **options: Any) -> Future[Any]:
-        """Do this in a thread."""
 
         def run() -> None:
             try:

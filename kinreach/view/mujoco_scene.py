@@ -50,7 +50,7 @@ class MujocoScene:
         ]
 
     def take(self, data: Any) -> tuple[Floats, list[Contact]]:
-        """Where the bodies are in a state, and what touches; the state stays as it is.
+        """Return poses of the bodies and contacts in a state, which is not changed.
 
         Args:
             data: A state of the model (`mujoco.MjData`).

@@ -11,7 +11,7 @@ _UR_BRANCHES = 8
 
 
 def branch_name(kinematics: ArmKinematics, branch: int) -> str:
-    """A posture's name by its branch index.
+    """Name a posture by its branch index.
 
     Those of a UR say on which side of the first axis the upper arm passes, seen along the arm; whether the elbow is
     above or below the line from shoulder to wrist, as it is seen while the arm does not reach over itself; and which
@@ -28,22 +28,22 @@ def branch_name(kinematics: ArmKinematics, branch: int) -> str:
 
 
 def plain(name: str) -> str:
-    """A link or joint as a reader calls it."""
+    """Return the name of a link or joint without its suffix."""
     for ending in ("_link", "_joint"):
         name = name.removesuffix(ending)
     return name.replace("_", " ")
 
 
 def angle(value: float, digits: int = 0) -> str:
-    """An angle [rad] in degrees."""
+    """Write an angle [rad] in degrees."""
     return f"{degrees(value):.{digits}f}°"
 
 
 def length(value: float) -> str:
-    """A length [m] in millimetres."""
+    """Write a length [m] in millimetres."""
     return f"{1000 * value:.{0 if abs(value) >= 0.01 else 2}f} mm"
 
 
 def listed(words: Sequence[str]) -> str:
-    """Words as a sentence lists them."""
+    """Join words as in a sentence."""
     return words[0] if len(words) == 1 else f"{', '.join(words[:-1])} and {words[-1]}"

@@ -22,7 +22,7 @@ WIDTH, HEIGHT = 1600, 1000
 
 
 def panels(setup: Setup) -> dict[str, type[Panel]]:
-    """The parts of the page that make sense for an arm, by name."""
+    """Return the parts of the page for an arm, by name."""
     kinds: dict[str, type[Panel]] = {TARGET: TargetPanel}
     if (setup.nominal or setup.arm).name in UR_LENGTHS:
         kinds[REAL_ARM] = RealArmPanel
@@ -141,7 +141,7 @@ class Page:
         close.on_click(lambda _: modal.close())
 
     def picture(self, height: int, width: int) -> Any:
-        """The scene as the browser draws it, RGBA, shape (height, width, 4)."""
+        """Return the scene as the browser draws it, RGBA, shape (height, width, 4)."""
         return self.client.get_render(height, width, transport_format="png", timeout=60.0)
 
     def screenshot(self) -> None:

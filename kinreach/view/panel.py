@@ -39,7 +39,7 @@ class Panel:
                 self._surroundings.mark(())
 
     def program(self) -> str:
-        """Python code for what is on the screen."""
+        """Write Python code for what is on the screen."""
         return "# Nothing is shown.\n"
 
     def close(self) -> None:

@@ -54,7 +54,7 @@ class Playable:
         return SHORTER.get(self.name, next(own, {}))
 
     def methods(self, arm: str | None = None) -> dict[str, Method]:
-        """What acts in it in comparisons, by name: of all arms, or of the arm of a name and of tasks that have one."""
+        """Return the methods of comparisons in it, by name: of all arms, or of one arm and of tasks without one."""
         return {
             name: method
             for task in self.tasks
@@ -63,7 +63,7 @@ class Playable:
         }
 
     def players(self, arm: ArmDescription, *, observation: str = "") -> tuple[str, ...]:
-        """Names that `new_player` takes, solvers first.
+        """Return names that `new_player` takes, solvers first.
 
         Args:
             arm: Who acts, where the environment takes an arm.
@@ -89,7 +89,7 @@ def playable_names() -> tuple[str, ...]:
 
 
 def playable(name: str) -> Playable:
-    """What is known of an environment.
+    """Look up an environment.
 
     Args:
         name: Its id; of `module:id` the module is loaded first.
@@ -115,7 +115,7 @@ def playable(name: str) -> Playable:
 
 
 def new_player(name: str, env: gym.Env[Any, Any], *, seed: int = 0) -> Policy:
-    """Who acts in an environment.
+    """Make a player for an environment.
 
     Args:
         name: One of `Playable.players`; of a policy of the package; the path of a policy's file; or

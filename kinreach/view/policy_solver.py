@@ -48,7 +48,7 @@ class PolicySolver:
         self._policy.check_spaces(self._env.observation_space, self._env.action_space)
 
     def solve(self, goal: Goal, seed: ArrayLike, *, accept: Accept | None = None) -> IKResult:
-        """Where the policy ends; the seed is not used."""
+        """Play the policy and return where it ends; the seed is not used."""
         (trial,) = rollout(self._env, self._policy, [{"seed": 0, "options": {"goal": goal.position}}])
         self.seconds = trial["solve_s"]
         q = np.array(trial["target"] if trial["steps"] == 1 else trial["q"])

@@ -100,15 +100,15 @@ class RealArm:
         self.real: ClosedFormKinematics = arms[1]  # type: ignore[assignment]
 
     def miss(self, q: Floats) -> Miss:
-        """Where the tip is, and where the data sheet has it, in a posture [rad], shape (6,)."""
+        """Return where the tip is, and where the data sheet has it, in a posture [rad], shape (6,)."""
         return Miss(q, self.nominal.fk(q), self.real.fk(q))
 
     def believed(self, T: Floats, seed: Floats) -> IKResult:
-        """The data sheet's posture for a frame (4, 4) in the world, the one nearest to a seed [rad], shape (6,)."""
+        """Solve for a frame (4, 4) in the world by the data sheet: the posture nearest to a seed [rad], shape (6,)."""
         return self.nominal.nearest(T, seed)
 
     def map(self) -> ErrorMap:
-        """The tip error over the table; over the floor around an arm without one."""
+        """Map the tip error over the table, or over the floor around an arm without one."""
         centre, size = _surface(self.nominal)
         cell = max(size) / CELLS
         columns, rows = (max(1, round(edge / cell)) for edge in size)

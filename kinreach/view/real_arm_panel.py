@@ -79,7 +79,7 @@ class RealArmPanel(Panel):
         self._latest(work)
 
     def program(self) -> str:
-        """Python code for the tip error that is on the screen."""
+        """Write Python code for the tip error that is on the screen."""
         if self.model is None:
             return "# There is no calibration yet.\n"
         return real_arm_program(self.model, self.T, self.q, sheet=self._setup.sheet, arm=self._expression)
@@ -105,7 +105,6 @@ class RealArmPanel(Panel):
         opened.on_click(lambda _: self.open(self._file.value))
 
     def _take(self, arm: ArmDescription, expression: str) -> None:
-        """Show a calibrated arm."""
         self._expression = expression
         model = RealArm(self._sheet, arm, tip=self._setup.tip)
         found = model.map()

@@ -70,7 +70,7 @@ class ResultsPanel(Panel):
                 self._draw(self.results)
 
     def program(self) -> str:
-        """Python code that prints the ends on the chosen goal."""
+        """Write Python code that prints the ends on the chosen goal."""
         if self.results is None:
             return "# No results are open.\n"
         return results_program(self.results, self.chosen)

@@ -40,12 +40,12 @@ def import_viser() -> Any:
 
 
 def is_own_host(headers: Any) -> bool:
-    """Whether a request names this machine; the name of a site may lead here, too (DNS rebinding)."""
+    """Check that a request names this machine; the name of a site may lead here, too (DNS rebinding)."""
     return _own_host(headers) is not None
 
 
 def is_own_origin(headers: Any) -> bool:
-    """Whether a request comes from a page of this server, at the port that it was asked for."""
+    """Check that a request comes from a page of this server, at the port that it was asked for."""
     host, origins = _own_host(headers), headers.get_all("Origin")
     return host is not None and len(origins) == 1 and origins[0] in [f"http://{name}{host[1]}" for name in OWN_NAMES]
 

@@ -52,7 +52,7 @@ class Setup:
         return TARGET if self.policy is None and self.environment is None else EPISODES
 
     def model(self) -> TargetModel:
-        """A model of a tab's own."""
+        """Make a model for one tab."""
         return TargetModel(self.arm, tip=self.tip, policies=self.policies)
 
     @property

@@ -13,7 +13,7 @@ from kinreach.view.target import TargetModel
 
 
 def program(model: TargetModel, goal: Goal, seed: Floats, *, arm: str) -> str:
-    """Python code that prints the postures of a target and what touches in them.
+    """Write Python code that prints the postures of a target and what touches in them.
 
     Args:
         model: Of the arm, with the joint limits that count.
@@ -52,23 +52,23 @@ def _limited(model: TargetModel, arm: str) -> str:
 
 
 def described(arm: str) -> str:
-    """An expression for an arm's description, from one for the arm, which may be its name."""
+    """Return an expression for an arm's description, from one for the arm, which may be its name."""
     return arm if "(" in arm else f"get_arm({arm})"
 
 
 def calibrated(sheet: str, file: str) -> str:
-    """An expression for a calibrated arm, from one for its data sheet's arm and the path of the calibration."""
+    """Return an expression for a calibrated arm, from one for its data sheet's arm and the path of the calibration."""
     return f"{described(sheet)}.calibrated({file!r})"
 
 
 def robots(*arms: str) -> list[str]:
-    """The line that imports what expressions for arms need; none where they are names."""
+    """Return the line that imports what expressions for arms need; none where they are names."""
     names = [name for name in ("arm_named", "get_arm") if any(name in arm for arm in arms)]
     return [f"from kinreach.robots import {', '.join(names)}"] if names else []
 
 
 def real_arm_program(model: RealArm, T: Floats, seed: Floats, *, sheet: str, arm: str) -> str:
-    """Python code that prints by how much a calibrated arm's tip is off in the data sheet's posture.
+    """Write Python code that prints by how much a calibrated arm's tip is off in the data sheet's posture.
 
     Args:
         model: Both arms.
@@ -95,7 +95,7 @@ def real_arm_program(model: RealArm, T: Floats, seed: Floats, *, sheet: str, arm
 
 
 def results_program(results: Results, index: int) -> str:
-    """Python code that prints where each method ended on a goal.
+    """Write Python code that prints where each method ended on a goal.
 
     Args:
         results: Of a comparison.

@@ -190,7 +190,7 @@ class TargetModel:
         self.lower, self.upper = np.clip(-bound, lower, upper), np.clip(bound, lower, upper)
 
     def goal(self, kind: str, T: Floats) -> Goal:
-        """What a frame (4, 4) in the world asks of the tool.
+        """Make a goal from a frame (4, 4) in the world.
 
         Raises:
             UnknownNameError: The arm cannot be asked for that.
@@ -201,7 +201,7 @@ class TargetModel:
         return AxisGoal(T[:3, 3], T[:3, 2]) if kind == AXIS else PositionGoal(T[:3, 3])
 
     def answer(self, goal: Goal, seed: Floats) -> Answer:
-        """All postures for a goal, judged; the arm goes to the one nearest to where it stands.
+        """Find and judge all postures for a goal; the arm goes to the nearest one.
 
         Args:
             goal: For the tip, in the world.
@@ -242,7 +242,7 @@ class TargetModel:
         return finishes
 
     def slowest_motion(self, q: Floats) -> float:
-        """How far the tool moves while the joints turn by one radian in all, in its slowest direction [m/rad].
+        """Return how far the tool moves while the joints turn by one radian in all, in its slowest direction [m/rad].
 
         It is the smallest singular value of the Jacobian, 0 in a singular posture. Turning counts as what it moves
         at a lever of `LEVER`; of an arm with fewer than six joints only the position counts.
@@ -252,7 +252,7 @@ class TargetModel:
         return float(np.linalg.svd(J, compute_uv=False)[-1])
 
     def nearest_singularity(self, q: Floats) -> str:
-        """Which singularity a posture is nearest to, and what it is; empty for an arm whose are not known by name."""
+        """Name the singularity that a posture is nearest to; empty for an arm other than a UR."""
         if not isinstance(self.kinematics, URKinematics):
             return ""
         g = self.kinematics.geometry
@@ -282,7 +282,7 @@ class TargetModel:
                 yield Posture(branch, name, State.UNREACHED, _why_short(lack), lack=lack)
 
     def complete(self, goal: Goal) -> bool:
-        """Whether all postures for a goal are found, not just some."""
+        """Return whether all postures for a goal are found, not just some."""
         if isinstance(self.kinematics, SixAxisKinematics):
             return isinstance(goal, PoseGoal)
         return isinstance(self.kinematics, ClosedFormKinematics)
@@ -312,7 +312,6 @@ class TargetModel:
                 kept.append(result.q)
 
     def _ends(self, goal: Goal, seed: Floats) -> list[IKResult]:
-        """Where searches from several starts end."""
         rng, kinematics = np.random.default_rng(0), self.kinematics
         starts = [seed, self.home, *rng.uniform(kinematics.lower, kinematics.upper, (STARTS - 2, kinematics.n))]
         return [self._search.solve(goal, start) for start in starts]
@@ -336,7 +335,6 @@ class TargetModel:
         return Approach(q, *goal_error(goal, self.kinematics.fk(q)), least)
 
     def _like(self, goal: Goal, T: Floats) -> Goal:
-        """What is asked at another place."""
         return PoseGoal(T) if isinstance(goal, PoseGoal) else AxisGoal(T[:3, 3], T[:3, 2])
 
     def _missing(self, goal: Goal) -> dict[int, Shortfall]:
@@ -427,7 +425,6 @@ def _frame(goal: Goal) -> Floats:
 
 
 def _why_short(lack: Shortfall) -> str:
-    """A shortfall in words."""
     missing = length(lack.lack)
     if lack.part is Miss.SHOULDER_CYLINDER:
         return (

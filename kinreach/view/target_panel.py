@@ -69,7 +69,7 @@ class TargetPanel(Panel):
         return self.answer.shown
 
     def program(self) -> str:
-        """Python code for what is on the screen."""
+        """Write Python code for what is on the screen."""
         return program(self.model, self.goal, self.q, arm=self._setup.expression)
 
     def show(self, visible: bool) -> None:
@@ -244,7 +244,6 @@ class TargetPanel(Panel):
                 self._solved.take(q)
 
     def _update(self, start: float) -> None:
-        """Answer the target and draw the answer."""
         try:
             answer = self.model.answer(self.goal, self.q)
         except KinreachError as error:

@@ -68,7 +68,7 @@ class Intrinsics:
 
     @classmethod
     def from_fovy(cls, fovy: float, width: int, height: int) -> Intrinsics:
-        """A camera with square pixels and the optical axis in the middle, as MuJoCo's are.
+        """Make a camera with square pixels and the optical axis in the middle, as MuJoCo's.
 
         Args:
             fovy: Vertical field of view [degrees].
@@ -84,7 +84,7 @@ class Intrinsics:
         return cls(width, height, f, f, (width - 1) / 2, (height - 1) / 2)
 
     def project(self, p_camera: ArrayLike) -> Floats:
-        """Pixel coordinates of points, shape (..., 2) as (u, v).
+        """Project points; return pixel coordinates (u, v), shape (..., 2).
 
         Args:
             p_camera: Points in the camera frame [m], shape (..., 3), in front of the camera.
@@ -103,7 +103,7 @@ class Intrinsics:
         return p[..., :2] / p[..., 2:] * (self.fx, self.fy) + (self.cx, self.cy)
 
     def deproject(self, u: ArrayLike, v: ArrayLike, depth: ArrayLike) -> Floats:
-        """Points in the camera frame [m], shape (..., 3), from pixels and their depths; inverse of `project`.
+        """Return points in the camera frame [m], shape (..., 3), of pixels and their depths; inverse of `project`.
 
         Args:
             u: Column; may be between pixels. All three shapes broadcast together.
@@ -164,7 +164,7 @@ class SensorNoise:
         check_number("exposure", self.exposure, least=1.0, most=MAX_EXPOSURE)
 
     def apply(self, image: RGBDImage, rng: np.random.Generator) -> RGBDImage:
-        """The picture with noise; colours are rounded and kept in 0 … 255, depths at or above 0."""
+        """Add noise to a picture; colours are rounded and kept in 0 … 255, depths at or above 0."""
         rgb, depth = image.rgb, image.depth
         if self.exposure > 1:
             factor = np.float32(self.exposure ** rng.uniform(-1.0, 1.0))

@@ -43,7 +43,7 @@ class Circle(NamedTuple):
 
 
 def red_mask(rgb: NDArray[np.uint8]) -> NDArray[np.bool_]:
-    """Which pixels are red, single stray ones removed; shape (height, width)."""
+    """Return which pixels are red, single stray ones removed; shape (height, width)."""
     red, green, blue = cv2.split(
         cv2.medianBlur(rgb, 3)
     )  # in a quarter of the light, noise is as large as a third of red
@@ -125,7 +125,7 @@ def edge_steps(rgb: NDArray[np.uint8]) -> EdgeSteps:
 
 
 def circle_votes(edges: NDArray[np.bool_], radius: float) -> NDArray[np.intp]:
-    """How many edge pixels have each pixel at a distance: the circles of that radius around them, drawn and added up.
+    """Add up circles of a radius around all edge pixels: how many edge pixels are so far from each pixel.
 
     Where most of them cross is the centre of a circle of that radius, r^2 = (x - a)^2 + (y - b)^2 (section 2.2.2).
 

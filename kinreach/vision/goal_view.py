@@ -64,7 +64,7 @@ def goal_camera_poses(arm: ArmDescription) -> Floats:
 
 
 def geometric_goal_view(arm: str | ArmDescription, goals_world: ArrayLike) -> Floats:
-    """What perfect cameras would say.
+    """Measure a goal as perfect cameras.
 
     Args:
         arm: Name of a registered arm, or a description.
@@ -89,7 +89,7 @@ def geometric_goal_view(arm: str | ArmDescription, goals_world: ArrayLike) -> Fl
 
 
 def goal_in_world(arm: str | ArmDescription, values: ArrayLike, found: ArrayLike) -> Floats | None:
-    """The goal's position from a view: the mean over the cameras that found it.
+    """Return the goal's position from a view: the mean over the cameras that found it.
 
     Args:
         arm: Name of a registered arm, or a description.
@@ -113,7 +113,7 @@ def goal_in_world(arm: str | ArmDescription, values: ArrayLike, found: ArrayLike
 
 
 def in_image(views: Floats) -> Floats:
-    """Where goals are in the pictures, and how deep: (u, v, z) for each camera instead of (x, y, z).
+    """Return where goals are in the pictures, and how deep: (u, v, z) for each camera instead of (x, y, z).
 
     u = x/z and v = y/z are normalised image coordinates: with the camera's intrinsics the column is cx + fx u, the row
     cy + fy v. A ball that was not found keeps its zeros, and what is not in front of a camera has u = v = 0.
@@ -131,7 +131,7 @@ def in_image(views: Floats) -> Floats:
 
 
 def goals_in_world(arm: ArmDescription, views: Floats, found: NDArray[np.bool_]) -> Floats:
-    """As `goal_in_world`, for many goals: NaN where no camera found the ball.
+    """Do as `goal_in_world` for many goals; NaN where no camera found the ball.
 
     Args:
         arm: The arm.

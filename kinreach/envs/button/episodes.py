@@ -106,14 +106,14 @@ class ButtonStarts:
         self._home = np.array(self._kinematics.arm.home)
 
     def reachable(self, targets: Floats) -> Flags:
-        """Whether the closed form has a posture within the joint limits for targets [m], shape (n, 3).
+        """Return whether the closed form has a posture within the joint limits for targets [m], shape (n, 3).
 
         Collisions need no look: each of 4971 such targets of the region had a posture free of them.
         """
         return np.any(self._kinematics.batch(targets).valid, axis=1)
 
     def within_limits(self, q: Floats) -> Flags:
-        """Whether postures [rad], shape (n, 3), are within the joint limits."""
+        """Return whether postures [rad], shape (n, 3), are within the joint limits."""
         return np.all((q >= self._kinematics.lower) & (q <= self._kinematics.upper), axis=1)
 
     def sample(self, rng: np.random.Generator, count: int) -> Floats:
@@ -195,7 +195,7 @@ class ButtonEpisodes:
             setattr(self, name, getattr(other, name).copy())
 
     def check_start(self, options: Mapping[str, Any] | None, count: int | None) -> Start:
-        """What `reset(options=)` asks for.
+        """Check the options of `reset`.
 
         Raises:
             InputError: An unknown option, a malformed one, a target out of reach, a joint outside its limits.
@@ -232,7 +232,7 @@ class ButtonEpisodes:
         self._seen[ids] = self._present()[ids, None]
 
     def observe(self) -> Floats:
-        """What every arm observes, shape (count, size)."""
+        """Return the observations, shape (count, size)."""
         return self._seen.reshape(len(self._seen), -1).copy()
 
     def _present(self) -> Floats:
@@ -295,7 +295,7 @@ class ButtonEpisodes:
         return {"goal": self.goals.copy()}
 
     def close(self) -> None:
-        """Nothing to let go of."""
+        """Do nothing."""
 
     def _simulate(self, acting: Flags | None) -> Flags:
         """Step the world; which arms have diverged. Their last good state stays."""

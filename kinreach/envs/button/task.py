@@ -100,12 +100,12 @@ ACTUATIONS = {actuation.name: actuation for actuation in (TUNED, REPORT)}
 
 
 def action_space() -> spaces.Discrete:
-    """The 54 actions."""
+    """Return the space of the 54 actions."""
     return spaces.Discrete(ACTIONS)
 
 
 def observation_space(*, controls: bool = False, frames: int = 1) -> spaces.Box:
-    """The 19 numbers in metres and radians per second, the three controls where they are observed, of so many steps."""
+    """Return the space of the 19 numbers, with the controls where they are observed, of so many steps."""
     bounds = (1.0, 1.0, POSITION_BOUND, POSITION_BOUND, SPEED_BOUND, DIFFERENCE_BOUND)
     high = np.array([*np.repeat(bounds, 3), 1.0, *[CONTROL_LIMIT] * JOINTS * controls])
     low = -high
@@ -130,7 +130,7 @@ def check_actions(actions: ArrayLike, count: int | None) -> Actions:
 
 
 def meaning(actions: Actions) -> tuple[Floats, Flags]:
-    """What checked actions add to the controls, shape (n, 3), and whether they press, shape (n,)."""
+    """Return what checked actions add to the controls, shape (n, 3), and whether they press, shape (n,)."""
     return INCREMENTS[actions % len(INCREMENTS)], actions >= len(INCREMENTS)
 
 
@@ -141,7 +141,7 @@ def action_of(change: Floats, press: Flags) -> Actions:
 
 
 def observation(q: Floats, qd: Floats, tip: Floats, goals: Floats, pushed: Flags) -> Floats:
-    """The 19 numbers, shape (n, 19), from joint angles, velocities, end effectors, targets (n, 3) and pushes (n,)."""
+    """Lay out the 19 numbers, shape (n, 19), of angles, velocities, end effectors, targets (n, 3) and pushes (n,)."""
     return np.concatenate([np.cos(q), np.sin(q), goals, tip, qd, tip - goals, pushed[:, None]], axis=1)
 
 
@@ -155,7 +155,7 @@ class RewardTerms(NamedTuple):
 
 
 def button_reward(distance: Floats, press: Flags) -> tuple[Floats, RewardTerms]:
-    """Reward of one step, and its parts.
+    """Return reward of one step, and its parts.
 
     Args:
         distance: From the end effector to the target after the step [m], shape (n,).

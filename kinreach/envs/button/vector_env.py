@@ -69,7 +69,7 @@ class ButtonPicture:
         self._picture = ScenePicture(self._scene, mode="rgb_array", fps=NativeVectorEnv.metadata["render_fps"])
 
     def frame(self, index: int) -> Any:
-        """A frame of one environment, uint8, shape (height, width, 3)."""
+        """Return a frame of one environment, uint8, shape (height, width, 3)."""
         q = self._episodes.world.q[[index]]
         self._scene.reset(np.zeros(1, dtype=np.intp), self._episodes.goals[[index]], q, np.zeros_like(q))
         return self._picture.frame()

@@ -53,7 +53,7 @@ _CAPS = {
 
 
 def build_torque_scene(arm: ArmDescription, actuation: Actuation, *, visual: bool = True) -> Any:
-    """The scene of an arm whose joints are driven by torque, with gravity, ready to compile.
+    """Return the scene of an arm whose joints are driven by torque, with gravity, ready to compile.
 
     Args:
         arm: The arm and its work cell.
@@ -93,7 +93,7 @@ def build_torque_scene(arm: ArmDescription, actuation: Actuation, *, visual: boo
 
 @lru_cache(maxsize=8)
 def torque_model(arm: ArmDescription, actuation: Actuation, *, visual: bool = True) -> Any:
-    """The compiled scene (`mujoco.MjModel`), shared: do not change it."""
+    """Return the compiled scene (`mujoco.MjModel`), shared: do not change it."""
     return build_torque_scene(arm, actuation, visual=visual).compile()
 
 
@@ -295,4 +295,4 @@ class BatchTorqueWorld:
         self._batch.forward(stage=mujoco.mjtStage.mjSTAGE_POS)
 
     def show(self, state: ButtonState) -> None:
-        """Nothing is drawn of a batch."""
+        """Do nothing: a batch is not drawn."""

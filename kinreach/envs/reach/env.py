@@ -100,7 +100,7 @@ class ReachEnv(CopyableEnv):
         return self._task.home.copy()
 
     def accept(self, q: ArrayLike) -> bool:
-        """Whether a posture [rad], shape (n,), may be taken: free of collisions, and natural where that is rewarded.
+        """Return whether a posture [rad], shape (n,), is free of collisions, and natural where that is rewarded.
 
         Collisions are judged with the option `collision_margin`; natural is a posture error below the thesis's 0.15.
 
@@ -110,7 +110,7 @@ class ReachEnv(CopyableEnv):
         return self._task.natural(q, self._episodes.directions[0]) and self._task.checker.free(q)
 
     def posture_for(self, action: ArrayLike) -> Floats:
-        """The posture [rad], shape (n,), that an action asks for from where the arm stands: inverse of `action_for`.
+        """Return the posture [rad], shape (n,), that an action asks for: inverse of `action_for`.
 
         Raises:
             InputError: Wrong shape, or not finite.
@@ -118,7 +118,7 @@ class ReachEnv(CopyableEnv):
         return self._task.targets(self._world.q, check_actions(action, None, len(self.arm.joints))[None])[0]
 
     def action_for(self, q: ArrayLike) -> Floats:
-        """The action that takes the arm to a posture, or in several steps straight towards it.
+        """Return the action that takes the arm to a posture, or in several steps straight towards it.
 
         Args:
             q: Posture [rad], shape (n,).
@@ -132,7 +132,7 @@ class ReachEnv(CopyableEnv):
         return self._task.action_for(self._world.q[0], as_vector("q", q, len(self.arm.joints)))
 
     def ik_goal(self, position: ArrayLike) -> AxisGoal | PositionGoal:
-        """What a solver is asked for to bring the tip to a point of the world [m], shape (3,).
+        """Return what a solver is asked for to bring the tip to a point of the world [m], shape (3,).
 
         The tool points down; with fewer than six joints its direction is free.
 
@@ -142,7 +142,7 @@ class ReachEnv(CopyableEnv):
         return self._task.ik_goal(position, self._episodes.directions[0])
 
     def starts(self, rng: np.random.Generator, count: int) -> dict[str, Floats]:
-        """Options of `reset` for a number of episodes, drawn as the environment draws them, each of `count` rows.
+        """Draw options of `reset` for a number of episodes, as the environment does, each of `count` rows.
 
         Those of a smaller number are the first of a larger one.
 

@@ -113,7 +113,7 @@ class ReachEpisodes:
         return self.task.observation_space if self._pixels is None else self._pixels.space
 
     def observe(self) -> Any:
-        """The observation of every arm, shape (count, size); with pixels, a dictionary of arrays with as many rows."""
+        """Return the observations, shape (count, size); with pixels, a dictionary of arrays with as many rows."""
         if self._pixels is not None:
             return self._looked(self._pixels)
         self._observation[:, self.task.layout.q] = self.world.q
@@ -189,7 +189,7 @@ class ReachEpisodes:
         return np.where(inside, np.clip(targets + errors, low, high), targets)
 
     def forfeit(self, reason: str) -> Outcome:
-        """The verdict on agents that find no action: impossible, the arms stay, the episodes end."""
+        """Return the verdict on agents that find no action: impossible, the arms stay, the episodes end."""
         count = self.world.count
         everyone = np.ones(count, dtype=np.bool_)
         statuses = np.full(count, Status.FORFEITED, dtype=np.uint8)
@@ -199,7 +199,6 @@ class ReachEpisodes:
         return Outcome(score.reward, everyone, ~everyone, info)
 
     def _judge(self, targets: Floats, executed: Executed) -> tuple[Score, dict[str, Any]]:
-        """Score what the arms did."""
         q, tip = self.world.here()
         distance = self._distance(tip)
         score = self.task.score(distance, q, flags_like(distance, executed.impossible), like(distance, self.directions))

@@ -23,7 +23,7 @@ class GoalStreams(RowStreams):
         self._size = high - self._low
 
     def draw(self, ids: np.ndarray) -> Floats:
-        """The next goal of each of the given environments, in the world frame [m], shape (len(ids), 3)."""
+        """Return the next goal of each of the given environments, in the world frame [m], shape (len(ids), 3)."""
         goals = self._size * self._taken(ids)
         goals += self._low
         return goals
@@ -52,5 +52,5 @@ class CellGoals:
 
 
 def goal_streams(cell: Workcell, count: int) -> RowStreams:
-    """The goals of a number of environments."""
+    """Return the goals of a number of environments."""
     return GoalStreams(cell.goals, count) if isinstance(cell.goals, BoxRegion) else RowStreams(CellGoals(cell), count)

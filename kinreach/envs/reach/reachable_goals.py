@@ -82,7 +82,7 @@ class ReachableGoals:
 
 
 def with_goals(arm: ArmDescription) -> ArmDescription:
-    """The same arm with `ReachableGoals`, unless its work cell has goals already."""
+    """Return the same arm with `ReachableGoals`, unless its work cell has goals already."""
     if arm.workcell.goals is not None:
         return arm
     return replace(arm, workcell=replace(arm.workcell, goals=ReachableGoals(arm)))

@@ -54,7 +54,7 @@ class RewardFunction(Protocol):
     """What `reward=` takes; the module describes it."""
 
     def __call__(self, distance: Floats, q: Floats, impossible: Flags, *angle: Floats) -> tuple[Floats, Terms]:
-        """The reward of k steps, shape (k,), and the terms that add up to it."""
+        """Return the reward of k steps, shape (k,), and the terms that add up to it."""
         ...
 
 
@@ -90,7 +90,7 @@ class ThesisReward:
     """The reward of the thesis (section 3.4.4), see `kinreach.thesis`; for arms with the joints of a UR."""
 
     def __call__(self, distance: Floats, q: Floats, impossible: Flags) -> tuple[Floats, Terms]:
-        """The reward of k steps and its terms."""
+        """Return the reward of k steps and its terms."""
         score = self.score(distance, q, impossible)
         return score.reward, score.terms
 
@@ -100,7 +100,7 @@ class ThesisReward:
         return Score(result.reward, result.terms._asdict(), result.posture_error, result.reached)
 
     def posture_error(self, q: Floats) -> Floats:
-        """r_e of postures [rad]."""
+        """Return r_e of postures [rad]."""
         return posture_error(q)
 
 
@@ -118,7 +118,7 @@ class DistanceReward:
         self.radius = check_number("radius [m]", radius, above=0.0)
 
     def __call__(self, distance: Floats, q: Floats, impossible: Flags) -> tuple[Floats, Terms]:
-        """The reward of k steps and its only term."""
+        """Return the reward of k steps and its only term."""
         return -distance, {"distance": -distance}
 
     def score(self, distance: Floats, q: Floats, impossible: Flags, *angle: Floats) -> Score:
@@ -145,7 +145,7 @@ class DirectedReward:
         self.radius = check_number("radius [m]", radius, above=0.0)
 
     def __call__(self, distance: Floats, q: Floats, impossible: Flags, *angle: Floats) -> tuple[Floats, Terms]:
-        """The reward of k steps and its terms."""
+        """Return the reward of k steps and its terms."""
         score = self.score(distance, q, impossible, *angle)
         return score.reward, score.terms
 
@@ -181,7 +181,7 @@ class OwnReward:
         self._reached = getattr(function, "reached", None)
 
     def score(self, distance: Floats, q: Floats, impossible: Flags, *angle: Floats) -> Score:
-        """What the function says.
+        """Call the user's function.
 
         Raises:
             InputError: It returned something else than the module describes.
@@ -204,12 +204,12 @@ class OwnReward:
         return default._replace(reward=reward, terms=terms, reached=reached)
 
     def posture_error(self, q: Floats) -> Floats:
-        """That of the arm's own reward."""
+        """Return the posture error of the arm's own reward."""
         return self._default.posture_error(q)
 
 
 def default_reward(arm: ArmDescription) -> ThesisReward | DistanceReward:
-    """The thesis's reward for a UR in a work cell with the thesis's cameras, for others minus the distance.
+    """Return the thesis's reward for a UR in a work cell with the thesis's cameras, for others minus the distance.
 
     What is a natural posture depends on how the arm is mounted; a UR from a file may stand anywhere.
     """
@@ -230,7 +230,7 @@ def check_reward(reward: object) -> None:
 
 
 def scorer_of(reward: RewardFunction | None, default: Scorer) -> Scorer:
-    """What judges the steps of an environment whose option `reward` this is.
+    """Return the scorer for an option `reward`.
 
     Args:
         reward: The option.
@@ -249,7 +249,7 @@ def scorer_of(reward: RewardFunction | None, default: Scorer) -> Scorer:
 
 
 def nothing(q: Floats) -> Floats:
-    """Zeros for k postures, shape (k,)."""
+    """Return zeros, shape (k,)."""
     zeros: Floats = like(q, np.zeros(len(q)))
     return zeros
 

@@ -125,11 +125,11 @@ class SpaceTask(ReachTask):
 
     @classmethod
     def of(cls, options: Mapping[str, Any]) -> SpaceTask:
-        """The task with the options that an environment was made with."""
+        """Return the task with the options that an environment was made with."""
         return cls(options_from(SpaceOptions, options))
 
     def default_reward(self) -> DirectedReward:
-        """The distance and the direction count, and no branch is preferred."""
+        """Return the distance and the direction count, and no branch is preferred."""
         return DirectedReward(REACHED_DISTANCE)
 
     def training_starts(self, rng: np.random.Generator, count: int, *, margin: float) -> dict[str, Floats]:
@@ -138,7 +138,7 @@ class SpaceTask(ReachTask):
         return {"goal": rows[:, :3], "direction": rows[:, 3:6], "q": rows[:, 6:]}
 
     def streams(self, count: int) -> RowStreams:
-        """Rows of `SpaceStarts`."""
+        """Return streams of `SpaceStarts`."""
         return RowStreams(self._starts, count, size=6 + len(self.arm.joints))
 
     def completed(self, start: Start, streams: RowStreams, ids: NDArray[np.intp]) -> tuple[Floats, Start]:
@@ -154,7 +154,7 @@ class SpaceTask(ReachTask):
         )
 
     def score(self, distance: Floats, q: Floats, impossible: NDArray[np.bool_], directions: Floats) -> Score:
-        """As in `ReachTask`; functions of a user's own are given the angle, too."""
+        """Score as `ReachTask`; a user's function gets the angle, too."""
         error = self.posture_error(q, directions)
         return self.scorer.score(distance, q, impossible, error)._replace(posture_error=error)
 

@@ -233,7 +233,7 @@ class Layout(NamedTuple):
 
     @classmethod
     def of(cls, goal: int, joints: int, *, direction: int = 0) -> Layout:
-        """Goal blocks, directions and postures of these sizes, one after the other."""
+        """Lay goal block, direction and posture of these sizes one after the other."""
         first = goal + direction
         return cls(slice(0, goal), slice(goal, first), slice(first, first + joints), first + joints)
 
@@ -255,7 +255,7 @@ GOAL = UR5_LAYOUT.goal
 
 
 def layout_of(arm: ArmDescription, *, directed: bool = False) -> Layout:
-    """Where things are in the observation of an arm with cameras that see the goal, or without.
+    """Return the layout of the observation of an arm, with or without goal cameras.
 
     Args:
         arm: Which.
@@ -276,7 +276,7 @@ def joint_limits(arm: ArmDescription) -> tuple[Floats, Floats]:
 
 
 def action_range(arm: ArmDescription) -> tuple[Floats, Floats]:
-    """What an action of 1 means for each joint, from the middle of its range, and the middle [rad], of shape (n,)."""
+    """Return the change by an action of 1, from the middle of each joint's range, and the middle [rad], shape (n,)."""
     low, high = joint_limits(arm)
     return (high - low) / 2, (high + low) / 2
 
@@ -300,12 +300,12 @@ def observation_space(arm: str | ArmDescription = "ur5", *, directed: bool = Fal
 
 
 def goal_block(arm: ArmDescription, goals: Floats) -> Floats:
-    """What perfect cameras would say of goals in the world [m], shape (k, 3), or without cameras the goals."""
+    """Measure goals in the world [m], shape (k, 3), as perfect cameras; without cameras return the goals."""
     return geometric_goal_view(arm, goals) if arm.goal_cameras else goals.copy()
 
 
 def tool_goal(arm: ArmDescription, position: ArrayLike, direction: ArrayLike = TOOL_DOWN) -> AxisGoal | PositionGoal:
-    """What a solver is asked for: the tip at a point of the world [m], the tool in a direction of the world.
+    """Return what a solver is asked for: the tip at a point of the world [m], the tool in a direction of the world.
 
     With fewer than six joints the direction is left open.
 
@@ -358,7 +358,7 @@ def reset_options(
     *,
     directed: bool = False,
 ) -> Start:
-    """What `reset(options=)` asks for.
+    """Check the options of `reset`.
 
     Raises:
         InputError: An unknown option, a wrong shape, a value that is not finite, a joint outside its limits, a
@@ -431,7 +431,7 @@ class ReachTask:
             self._middle = middle if middle.any() else None
 
     def default_reward(self) -> Scorer:
-        """What judges steps unless the options say otherwise."""
+        """Return the default reward."""
         return default_reward(self.arm)
 
     @property
@@ -440,15 +440,15 @@ class ReachTask:
         return observation_space(self.arm, directed=self.directed)
 
     def reset_options(self, options: Mapping[str, Any] | None, count: int | None) -> Start:
-        """What `reset(options=)` asks for, as the function of this name says."""
+        """Check the options of `reset`, as the function of this name."""
         return reset_options(options, count, self.arm, directed=self.directed)
 
     def streams(self, count: int) -> RowStreams:
-        """What the episodes of a number of environments start with."""
+        """Return the streams that episodes start from."""
         return goal_streams(self.arm.workcell, count)
 
     def training_starts(self, rng: np.random.Generator, count: int, *, margin: float) -> dict[str, Floats]:
-        """Options of `reset` for learners that draw their own goals, in the arm's region and a margin [m] around it.
+        """Draw options of `reset` for learners, in the arm's region and a margin [m] around it.
 
         Raises:
             InputError: The arm's goals are not in a box.
@@ -474,7 +474,7 @@ class ReachTask:
         return self.scorer.score(distance, q, impossible)
 
     def posture_error(self, q: Floats, directions: Floats) -> Floats:
-        """How far postures [rad], shape (k, n), are from what the task asks of them, shape (k,)."""
+        """Return how far postures [rad], shape (k, n), are from what the task asks of them, shape (k,)."""
         return self.scorer.posture_error(q)
 
     def targets(self, q: Floats, actions: Floats) -> Floats:
@@ -485,7 +485,7 @@ class ReachTask:
         return targets if self._middle is None else targets + self._middle
 
     def action_for(self, q: Floats, target: Floats) -> Floats:
-        """The action that takes an arm from a posture `q` to a target [rad], or straight towards it; shape (n,)."""
+        """Return the action from a posture `q` to a target [rad], or straight towards it; shape (n,)."""
         if self.variant.relative:
             way = (target - q) / self._scale
             return np.asarray(way / max(1.0, float(np.abs(way).max())))
@@ -496,7 +496,7 @@ class ReachTask:
         return tool_goal(self.arm, position, direction)
 
     def natural(self, q: ArrayLike, direction: Floats) -> bool:
-        """Whether a posture [rad], shape (n,), has the posture error that reaching asks for."""
+        """Return whether a posture [rad], shape (n,), has the posture error that reaching asks for."""
         posture = as_vector("q", q, len(self.arm.joints))
         return bool(self.posture_error(posture[None], direction[None])[0] < REACHED_POSTURE_ERROR)
 

@@ -115,7 +115,7 @@ class ReachPicture:
         self._picture = ScenePicture(self._scene, mode="rgb_array", fps=NativeVectorEnv.metadata["render_fps"])
 
     def frame(self, index: int) -> Any:
-        """A frame of one environment, uint8, shape (height, width, 3)."""
+        """Return a frame of one environment, uint8, shape (height, width, 3)."""
         limits = self._scene.controller
         self._scene.reset(np.clip(self._episodes.world.q[index], limits.lower, limits.upper))
         self._scene.place_ball(self._episodes.goals[index])

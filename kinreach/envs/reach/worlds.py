@@ -101,7 +101,7 @@ class ReachWorld(Protocol):
         ...
 
     def here(self) -> tuple[Any, Any]:
-        """Postures [rad] and positions of the tips [m], as `q` and `tip`, to be kept; tensors where they are wanted."""
+        """Copy postures [rad] and positions of the tips [m], as `q` and `tip`; as tensors where asked for."""
         ...
 
     @property
@@ -162,7 +162,7 @@ class KinematicWorld:
         return Executed(impossible, status, reasons)
 
     def here(self) -> tuple[Floats, Floats]:
-        """Postures and tips."""
+        """Return postures and tips."""
         return self.q.copy(order="K"), self.tip.copy(order="K")
 
     def copy_from(self, other: KinematicWorld) -> None:
@@ -210,7 +210,7 @@ class SingleDynamicWorld:
         return _executed([self.simulation.move(targets[0], two_phase=two_phase)])
 
     def here(self) -> tuple[Floats, Floats]:
-        """Posture and tip."""
+        """Return posture and tip."""
         return self.q, self.tip
 
     def copy_from(self, other: SingleDynamicWorld) -> None:
@@ -279,7 +279,7 @@ class BatchDynamicWorld:
         return Executed(status != Status.COMPLETED, status, reasons, durations)
 
     def here(self) -> tuple[Any, Any]:
-        """Postures and tips; as tensors, tips are computed from the postures on the device."""
+        """Return postures and tips; as tensors, tips are computed on the device."""
         if self._device is None:
             return self.q, self.tip
         q = on_device(self.q, self._device)
