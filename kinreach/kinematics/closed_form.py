@@ -129,7 +129,7 @@ class ClosedFormKinematics(ArmKinematics, ABC):
         return IKBatchNearest(chosen, branch, branch >= 0)
 
     def _batch_within(self, T: Any, q: Any, valid: Any, tol: float, *, limits: bool) -> IKBatch:
-        """What `_batch` has found for some poses, in windings within the limits."""
+        """Wind the postures of `_batch` into the limits."""
         if limits and not self._full_turn:
             found, within, near = self._windings(q, like(q, 0.0), valid)
             q = namespace(q).where(within, found, np.nan)
@@ -246,7 +246,7 @@ class ClosedFormKinematics(ArmKinematics, ABC):
         return moved.tolist() if max(error_of(moved)) <= tol else nearest_winding(angles, wanted, low, high)
 
     def _moved_into_limits(self, q: Sequence[float]) -> Floats:
-        """The posture within the limits next to another, with the pose of the tip nearest to that one's: damped Newton.
+        """Return the posture within the limits whose pose of the tip is nearest to that of another, by damped Newton.
 
         Fewer than six joints keep the position alone.
         """
@@ -279,7 +279,7 @@ class ClosedFormKinematics(ArmKinematics, ABC):
         return ", ".join(name for j, name in enumerate(self.arm.joints) if blocked(j))
 
     def _choose(self, solutions: IKSolutions, seed: Floats, accept: Accept | None) -> IKResult:
-        """The first of the sorted solutions that the caller accepts."""
+        """Return the first of the sorted solutions that the caller accepts."""
         check_accept(accept)
         for row in solutions.found:
             q = np.array(row[ANGLES])
