@@ -160,17 +160,8 @@ def test_import_loads_no_engine(run_python):
 
 
 def test_kinematics_loads_no_simulator_and_no_learner(run_python):
-    heavy = {
-        "mujoco",
-        "gymnasium",
-        "torch",
-        "stable_baselines3",
-        "cv2",
-        "matplotlib",
-        "placo",
-        "trimesh",
-        "scipy.stats",
-    }
+    heavy = {"gymnasium", "mujoco", "torch", "stable_baselines3", "cv2", "matplotlib", "placo", "trimesh"}
+    heavy |= {"scipy.stats"}
     code = f"import sys; from kinreach.kinematics import UR5Kinematics; print(sorted({heavy} & set(sys.modules)))"
     done = run_python("-c", code)
     assert (done.returncode, done.stdout.strip()) == (0, "[]"), done.stderr
