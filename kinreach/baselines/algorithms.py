@@ -235,7 +235,7 @@ def _features(recipe: Recipe) -> dict[str, Any]:
         return {"mean": ARMS_MEAN, "scale": ARMS_SCALE, "waves": WAVES}
     observations = first_observations(recipe.environment, recipe.options, seed=_SCALE_SEED)
     if kind == "goal waves":
-        observations = observations[:, layout_of(_arm(recipe), directed=recipe.environment == SPACE).told]
+        observations = observations[:, layout_of(_arm(recipe), directed=recipe.environment == SPACE).fixed]
     scale = observations.std(axis=0)
     scale = np.where(scale < 1e-6, 1.0, scale)
     waves = WAVES if "waves" in kind else ()

@@ -21,7 +21,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from kinreach.checks import Floats, as_floats, check_count, check_known, check_number, shown
 from kinreach.envs.batch import Flags, Ids, NativeVectorEnv, Outcome, check_batch
-from kinreach.envs.options import about, check_not_over, given_options, options_from, takes
+from kinreach.envs.options import about, check_not_over, given_options, options_from, with_options
 from kinreach.envs.real_arm import MEDIAN_LENGTH, NOISE
 from kinreach.envs.single import SingleEnv
 from kinreach.errors import InputError
@@ -299,7 +299,7 @@ def observation_space(options: MovingOptions) -> spaces.Box:
     return spaces.Box(np.where(np.arange(len(high)) == AGE, 0.0, -high), high, dtype=np.float64)
 
 
-@takes(MovingOptions)
+@with_options(MovingOptions)
 class MovingBallEnv(SingleEnv):
     """A UR5 that is to touch a rolling ball; the module says what an episode is.
 

@@ -48,7 +48,7 @@ def options_from(kind: type[Options], given: Mapping[str, Any]) -> Options:
     return kind(**given)
 
 
-def takes(kind: type[Any]) -> Callable[[Environment], Environment]:
+def with_options(kind: type[Any]) -> Callable[[Environment], Environment]:
     """Class decorator of an environment: its `Options`, its signature and the table in its docstring."""
     rows = [
         f"| `{entry.name}` | `{_quoted(entry.default)}` | {entry.metadata['description']} |"

@@ -25,7 +25,7 @@ from gymnasium import spaces
 from numpy.typing import ArrayLike
 
 from kinreach.checks import Floats, as_floats, check_count, check_known, check_number, check_path, shown
-from kinreach.envs.options import about, check_not_over, check_seed, given_options, options_from, takes
+from kinreach.envs.options import about, check_not_over, check_seed, given_options, options_from, with_options
 from kinreach.errors import InputError
 from kinreach.kinematics import ArmKinematics
 from kinreach.kinematics.chain import SerialChain
@@ -52,7 +52,7 @@ TOOL_OFF, BASE_TURN, CAMERAS_OFF, CAMERAS_TURN = 5e-3, math.radians(0.5), 2e-3, 
 NOISE, MEDIAN_LENGTH = 1.4e-4, 1.5382
 #: Looks that may be taken before, a choice of these; half of the balls have to be nearer than this in the end [m].
 BUDGETS, NEAR = (0, 5, 10, 20, 50, 100), 5e-4
-#: There are no looks without an error [m].
+#: Least error of a look [m].
 MIN_NOISE = 1e-9
 #: UR5 whose calibrations come with the package.
 UR5S = tuple(name for name in PUBLISHED_CALIBRATIONS if name.startswith("ur5_"))
@@ -200,7 +200,7 @@ def _direction(rng: np.random.Generator) -> Floats:
     return np.asarray(vector / np.linalg.norm(vector))
 
 
-@takes(RealArmOptions)
+@with_options(RealArmOptions)
 class RealArmEnv(gym.Env[Any, Any]):
     """A UR5 that is not its data sheet; the module says what an episode is.
 

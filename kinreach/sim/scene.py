@@ -115,7 +115,7 @@ def _import_urdf(arm: ArmDescription) -> Any:
     for mesh in spec.meshes:
         vertices, faces = collision_mesh(mesh.file, arm.package_root(), mesh.scale)
         mesh.file, mesh.uservert, mesh.userface = "", vertices.ravel(), faces.ravel()
-    spec.compiler.fusestatic = False  # otherwise tool0, tcp and base_link are no bodies
+    spec.compiler.fusestatic = False  # otherwise tool0, tcp and base_link are not bodies
     spec.compiler.balanceinertia = True  # some files have inertias that no body has
     spec.compiler.discardvisual = False  # otherwise shapes without contact, such as the ball, are dropped
     for body in spec.bodies[1:]:

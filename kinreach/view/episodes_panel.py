@@ -47,7 +47,7 @@ class EpisodesPanel(Panel):
         self._step = -1
         self._solid: Solid | None = None
         self._believed: SolidArm | None = None
-        self._looked = self._setup.arm
+        self._viewed_arm = self._setup.arm
         self._shown = True
         with self._folder:
             self._build_gui()
@@ -238,9 +238,9 @@ class EpisodesPanel(Panel):
         taken = self.episode is not None and self._shown
         self._surroundings.visible = not taken
         arm = self.episode.arm if taken else self._setup.arm  # type: ignore[union-attr]
-        if arm is not self._looked:
+        if arm is not self._viewed_arm:
             overview(self._client, arm)
-            self._looked = arm
+            self._viewed_arm = arm
 
     def _new_plot(self, episode: Episode) -> None:
         if self._plot is not None:

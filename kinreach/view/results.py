@@ -87,7 +87,7 @@ def read_results(file: str | Path) -> Results:
     try:
         content = json.loads(text, parse_constant=_refuse)
     except (ValueError, RecursionError) as error:
-        raise InputError(f"{path} is no JSON: {error}") from None
+        raise InputError(f"{path} is not JSON: {error}") from None
     try:
         colours, settings = _summary(content)
     except InputError as error:
@@ -110,7 +110,7 @@ def _arm(settings: Mapping[str, Any]) -> str:
 
 
 def _refuse(constant: str) -> NoReturn:
-    raise ValueError(f"{constant} is no JSON number")
+    raise ValueError(f"{constant} is not a JSON number")
 
 
 def _summary(content: Any) -> tuple[dict[str, tuple[int, int, int]], dict[str, Any]]:

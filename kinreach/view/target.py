@@ -317,7 +317,7 @@ class TargetModel:
         return [self._search.solve(goal, start) for start in starts]
 
     def _approach(self, goal: Goal, seed: Floats) -> Approach:
-        """The nearest that the arm comes; of an arm that is no UR, the nearest of several searches' ends."""
+        """The nearest that the arm comes; of an arm that is not a UR, the nearest of several searches' ends."""
         if isinstance(self.kinematics, URKinematics):
             T = _frame(goal)
             nearest = self.kinematics.nearest_in_reach(T)
@@ -400,7 +400,7 @@ class TargetModel:
             near = f"With the tool turned as asked the tip comes within {off} of it (amber)."
             return f"No posture reaches this target. {short}. {near}" if short else f"No posture reaches it. {near}"
         turned = f" and {angle(approach.turned)}" if approach.turned > SAME else ""
-        proof = "" if self.complete(goal) else ", which is no proof"
+        proof = "" if self.complete(goal) else ", which is not a proof"
         return (
             f"No posture reaches this target: the nearest of {STARTS} searches ends {off}{turned} away (amber){proof}."
         )

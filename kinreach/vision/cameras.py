@@ -151,7 +151,7 @@ class SensorNoise:
             picture is drawn from 1/exposure to exposure, uniformly in its logarithm.
 
     Raises:
-        InputError: A sigma is negative, above 1000, or no number; or an exposure below 1 or above 100.
+        InputError: A sigma is negative, above 1000, or not a number; or an exposure below 1 or above 100.
     """
 
     rgb_sigma: float = 0.0

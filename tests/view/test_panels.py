@@ -444,7 +444,7 @@ def test_a_goal_that_is_clicked_shows_where_each_method_ended(serve, tmp_path):
         tab.set("draw solid", "no method")
         wait_for(lambda: not tab.nodes["/results/cell/arm"]["visible"])
         panel.open(str(tmp_path / "report.html"))
-        wait_for(lambda: "is no JSON" in tab.text)
+        wait_for(lambda: "is not JSON" in tab.text)
         assert panel.results is not None
         tab.page.show("Target")
         wait_for(lambda: tab.nodes["/world"]["visible"])

@@ -132,10 +132,10 @@ def bad_vector(folder):
     ("spoil", "said"),
     [
         (no_methods, "was not written by a comparison: it must have 1 to 64 methods, got 0"),
-        (no_json, "is no JSON"),
-        (deep, "is no JSON"),
+        (no_json, "is not JSON"),
+        (deep, "is not JSON"),
         (other_json, "it has no list 'methods'"),
-        (not_a_number, "NaN is no JSON number"),
+        (not_a_number, "NaN is not a JSON number"),
         (no_trials, "cannot read"),
         (one_line, "it has no trials"),
         (other_table, "it has no column 'goal_index'"),

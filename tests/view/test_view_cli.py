@@ -26,7 +26,7 @@ from kinreach.cli import run_command
         (["--environment", "kinreach/Nothing-v0"], "there is no environment 'kinreach/Nothing-v0'"),
         (["--environment", "nobody:a/B-v0"], "cannot import the environment nobody:a/B-v0"),
         (["--results", "missing.json"], "cannot read the results missing.json"),
-        (["--results", "README.md"], "is no JSON"),
+        (["--results", "README.md"], "is not JSON"),
         (["--tip", "elbow"], "unknown tip 'elbow'"),
     ],
 )

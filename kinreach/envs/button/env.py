@@ -14,7 +14,7 @@ from kinreach.envs.batch import Outcome
 from kinreach.envs.button.episodes import ButtonEpisodes, ButtonOptions
 from kinreach.envs.button.task import action_space, check_actions
 from kinreach.envs.button.world import ButtonState, SingleTorqueWorld
-from kinreach.envs.options import RENDER_MODES, options_from, takes
+from kinreach.envs.options import RENDER_MODES, options_from, with_options
 from kinreach.envs.single import CopyableEnv
 from kinreach.robots import ArmDescription
 from kinreach.sim.picture import Scene, ScenePicture
@@ -23,7 +23,7 @@ from kinreach.sim.picture import Scene, ScenePicture
 FPS = 25
 
 
-@takes(ButtonOptions)
+@with_options(ButtonOptions)
 class ButtonPressEnv(CopyableEnv):
     """A 3-DOF arm under torque that has to press a button.
 

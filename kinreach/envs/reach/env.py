@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike
 
 from kinreach.checks import Floats, as_vector
 from kinreach.envs.batch import Outcome
-from kinreach.envs.options import RENDER_MODES, check_started, options_from, takes
+from kinreach.envs.options import RENDER_MODES, check_started, options_from, with_options
 from kinreach.envs.reach.episodes import ReachEpisodes
 from kinreach.envs.reach.space import SpaceOptions, SpaceTask
 from kinreach.envs.reach.task import (
@@ -201,7 +201,7 @@ class ReachEnv(CopyableEnv):
             self._simulation.place_ball(self._episodes.goals[0])
 
 
-@takes(ReachOptions)
+@with_options(ReachOptions)
 class UR5SingleStepEnv(ReachEnv):
     """Single-step reaching with a UR5: one action is one posture.
 
@@ -291,7 +291,7 @@ class UR5SingleStepEnv(ReachEnv):
     variant = SINGLE_STEP
 
 
-@takes(ReachOptions)
+@with_options(ReachOptions)
 class UR5MultiStepEnv(ReachEnv):
     """Multi-step reaching with a UR5: every action turns the joints by up to 5 degrees.
 
@@ -363,7 +363,7 @@ class UR5MultiStepEnv(ReachEnv):
     variant = MULTI_STEP
 
 
-@takes(SpaceOptions)
+@with_options(SpaceOptions)
 class SpaceReachEnv(ReachEnv):
     """Reaching in space: a ball in the air, a tool direction, a start from anywhere near the start pose.
 

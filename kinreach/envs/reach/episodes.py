@@ -115,7 +115,7 @@ class ReachEpisodes:
     def observe(self) -> Any:
         """Return the observations, shape (count, size); with pixels, a dictionary of arrays with as many rows."""
         if self._pixels is not None:
-            return self._looked(self._pixels)
+            return self._taken_pictures(self._pixels)
         self._observation[:, self.task.layout.q] = self.world.q
         observation = self._observation.copy()
         if self.task.options.goal_in == IMAGE:
@@ -123,7 +123,7 @@ class ReachEpisodes:
             block[:] = np.clip(in_image(block), -CAMERA_RANGE, CAMERA_RANGE)
         return observation
 
-    def _looked(self, pixels: PixelObserver) -> dict[str, NDArray[Any]]:
+    def _taken_pictures(self, pixels: PixelObserver) -> dict[str, NDArray[Any]]:
         """The pictures of every arm, new ones of those that have acted or begun since: every look draws noise."""
         rows = np.flatnonzero(self._changed)
         taken = pixels.measure(self.world.q[rows], self.goals[rows], [self._sensors[row] for row in rows])
@@ -141,7 +141,7 @@ class ReachEpisodes:
 
     def start_info(self) -> dict[str, Any]:
         """Return the `info` of a reset, as arrays."""
-        q, tip = self.world.here()
+        q, tip = self.world.snapshot()
         error = self.task.posture_error(q, like(q, self.directions))
         return {
             **self.goal_info(),
@@ -199,7 +199,7 @@ class ReachEpisodes:
         return Outcome(score.reward, everyone, ~everyone, info)
 
     def _judge(self, targets: Floats, executed: Executed) -> tuple[Score, dict[str, Any]]:
-        q, tip = self.world.here()
+        q, tip = self.world.snapshot()
         distance = self._distance(tip)
         score = self.task.score(distance, q, flags_like(distance, executed.impossible), like(distance, self.directions))
         status = STATUSES[executed.status]

@@ -57,9 +57,9 @@ OBSERVATION_KINDS = ("camera", "geometric", "pixels")
 BACKENDS = ("mujoco", "kinematic", "warp")
 #: In what an observation says where the goal is: metres in the cameras' frames, or places in their pictures and depth.
 CAMERA, IMAGE = GOAL_FRAMES = ("camera", "image")
-#: Images are no wider or higher; graphics libraries draw the line somewhere below [px].
+#: Largest width and height of images [px]; graphics libraries have lower limits.
 LARGEST_PICTURE = 16384
-#: Looks that are taken beforehand are no more; a million take some hours.
+#: Most measurements beforehand; a million take some hours.
 MAX_LOOKS = 10**6
 
 
@@ -238,8 +238,8 @@ class Layout(NamedTuple):
         return cls(slice(0, goal), slice(goal, first), slice(first, first + joints), first + joints)
 
     @property
-    def told(self) -> slice:
-        """What an episode is about and what stays as it is: goal block and direction."""
+    def fixed(self) -> slice:
+        """Goal block and direction, which stay the same during an episode."""
         return slice(0, self.direction.stop)
 
     @property

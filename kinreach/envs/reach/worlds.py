@@ -100,7 +100,7 @@ class ReachWorld(Protocol):
         """Take over the state of another world of the same kind and size."""
         ...
 
-    def here(self) -> tuple[Any, Any]:
+    def snapshot(self) -> tuple[Any, Any]:
         """Copy postures [rad] and positions of the tips [m], as `q` and `tip`; as tensors where asked for."""
         ...
 
@@ -161,7 +161,7 @@ class KinematicWorld:
         reasons = [self._checker.reason(target) if bad else "" for target, bad in zip(targets, impossible, strict=True)]
         return Executed(impossible, status, reasons)
 
-    def here(self) -> tuple[Floats, Floats]:
+    def snapshot(self) -> tuple[Floats, Floats]:
         """Return postures and tips."""
         return self.q.copy(order="K"), self.tip.copy(order="K")
 
@@ -209,7 +209,7 @@ class SingleDynamicWorld:
         """Move by dynamics; a target that is not attained is impossible, and the arm stays where it got to."""
         return _executed([self.simulation.move(targets[0], two_phase=two_phase)])
 
-    def here(self) -> tuple[Floats, Floats]:
+    def snapshot(self) -> tuple[Floats, Floats]:
         """Return posture and tip."""
         return self.q, self.tip
 
@@ -237,7 +237,7 @@ class BatchDynamicWorld:
         threads: Threads that step them.
         imperfections: Of the arms.
         backend: `"mujoco"` or `"warp"`.
-        device: Of Warp and of the tensors that `here` gives; with None those are arrays.
+        device: Of Warp and of the tensors that `snapshot` gives; with None those are arrays.
     """
 
     dynamic = True
@@ -278,7 +278,7 @@ class BatchDynamicWorld:
             reasons[index] = reason
         return Executed(status != Status.COMPLETED, status, reasons, durations)
 
-    def here(self) -> tuple[Any, Any]:
+    def snapshot(self) -> tuple[Any, Any]:
         """Return postures and tips; as tensors, tips are computed on the device."""
         if self._device is None:
             return self.q, self.tip
