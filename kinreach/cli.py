@@ -10,13 +10,14 @@ import argparse
 import errno
 import importlib
 import os
+import re
 import select
 import sys
 from collections.abc import Callable, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
 from shlex import quote
-from typing import IO, NoReturn
+from typing import IO, Any, NoReturn
 
 import kinreach
 from kinreach.checks import printable
@@ -45,14 +46,29 @@ COMMANDS = {
     "compare": Command("kinreach.compare.cli", "put all methods on the same goals and report how they do"),
     "train": Command("kinreach.baselines.train_cli", "train a policy by a recipe"),
     "evaluate": Command("kinreach.baselines.evaluate_cli", "try policies on goals they were not trained on"),
+    "ik": Command("kinreach.kinematics.ik_cli", "joint angles for poses of an arm's tool"),
     "check": Command("kinreach.plots.check_cli", "what an arm is and how its inverse kinematics does"),
     "demo": Command("kinreach.demo.cli", "watch an environment with a policy, or film it"),
     "view": Command("kinreach.view.cli", "see postures, and why there are none, in the browser"),
 }
 
 
+#: Arguments that an error names as Python has them, where the command line has a flag.
+_KEYWORD = re.compile(r"\b(repair|tip|joints|package_dirs|tool|base)=(?:True\b)?")
+#: A list of numbers of which the first is negative.
+_NEGATIVE = re.compile(r"-[\d.][\d.eE+-]*,")
+
+
 class Parser(argparse.ArgumentParser):
     """An argument parser that reports bad input in one line instead of a page of usage."""
+
+    def parse_known_args(self, args: Any = None, namespace: Any = None) -> tuple[Any, list[str]]:
+        """Parse; a value such as -0.4,0.1 after a flag is a value, where argparse sees a flag."""
+        words = list(sys.argv[1:] if args is None else args)
+        for place in range(len(words) - 1, 0, -1):
+            if _NEGATIVE.match(words[place]) and words[place - 1].startswith("--") and "=" not in words[place - 1]:
+                words[place - 1 : place + 1] = [f"{words[place - 1]}={words[place]}"]
+        return super().parse_known_args(words, namespace)
 
     def print_help(self, file: IO[str] | None = None) -> None:  # type: ignore[override]
         """Print the help; argparse's own hides that it cannot be written."""
@@ -106,7 +122,7 @@ def finish(job: Callable[[], int], *, prog: str) -> int:
         try:
             return job()
         except KinreachError as error:
-            complain(f"{prog}: error: {error}")
+            complain(f"{prog}: error: {_KEYWORD.sub(_as_flag, str(error))}")
             return EXIT_ERROR
         except KeyboardInterrupt as interrupt:
             complain(f"{prog}: {str(interrupt) or 'interrupted'}")
@@ -125,6 +141,10 @@ def finish(job: Callable[[], int], *, prog: str) -> int:
         _discard(sys.stdout)
         complain(f"{prog}: error: cannot write: {error.strerror}")
         return EXIT_ERROR
+
+
+def _as_flag(keyword: re.Match[str]) -> str:
+    return f"--{keyword[1].replace('_dirs', '_dir').replace('_', '-')}"
 
 
 def complain(text: str) -> None:

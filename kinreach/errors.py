@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
+from difflib import get_close_matches
 from typing import NoReturn
 
 #: More of a name is not repeated to who said it [characters].
@@ -55,5 +56,8 @@ class DrawingError(KinreachError, RuntimeError):
 
 def raise_unknown(kind: str, name: str, available: Iterable[str]) -> NoReturn:
     """Raise `UnknownNameError` that names the value and what could have been said instead."""
+    available = sorted(available)
+    near = get_close_matches(name.lower(), available, n=1) if len(name) <= LONGEST_NAME else []
+    guess = f"; did you mean {near[0]}?" if near else ""
     short = name if len(name) <= LONGEST_NAME else f"{name[:LONGEST_NAME]}…"
-    raise UnknownNameError(f"unknown {kind} {short!r}; available: {', '.join(sorted(available))}")
+    raise UnknownNameError(f"unknown {kind} {short!r}; available: {', '.join(available)}{guess}")

@@ -23,7 +23,7 @@ from kinreach.cli import Parser, finish
 from kinreach.demo.film import Film
 from kinreach.registration import MULTI
 from kinreach.robots import PUBLISHED_CALIBRATIONS
-from kinreach.robots.rotations import pose
+from kinreach.robots.rotations import placement
 from kinreach.view.cli import setup_of
 from kinreach.view.server import Server
 from kinreach.view.target_panel import TargetPanel
@@ -83,7 +83,7 @@ def film(camera: Camera, target: TargetPanel) -> None:
         for start, end in pairwise(WAY):
             for share in np.linspace(0, 1, PART)[start != WAY[0] :]:  # it is there already
                 position = (1 - share) * np.array(start) + share * np.array(end)
-                target.move(pose(position.tolist(), (np.pi, 0, 0)))
+                target.move(placement(position.tolist(), (np.pi, 0, 0)))
                 picture = camera.take().resize((WIDTH * 3 // 4, HEIGHT * 3 // 4), Image.Resampling.LANCZOS)
                 for _ in range(FPS if share == 1 else 1):
                     reel.add(np.array(picture))
@@ -106,7 +106,7 @@ def main(argv: list[str] | None = None) -> int:
         camera = Camera(browser, server, FASTER if arguments.only == "film" else "")
         page = camera.page
         page.show("Target")
-        page.target.move(pose((0.5, 0.1, -0.05), (np.pi, 0, 0)))
+        page.target.move(placement((0.5, 0.1, -0.05), (np.pi, 0, 0)))
         if wanted("target"):
             camera.take().save(IMAGES / "view.jpg", quality=QUALITY)
         if wanted("real-arm"):

@@ -38,7 +38,7 @@ from kinreach.kinematics import ArmKinematics
 from kinreach.kinematics.chain import SerialChain
 from kinreach.kinematics.identification import IdentifiedArm, Prior
 from kinreach.robots import ArmDescription, get_arm
-from kinreach.robots.rotations import pose, rpy
+from kinreach.robots.rotations import placement, rpy
 from kinreach.robots.urdf import parse_urdf, set_origin
 from kinreach.statistics import bootstrap_intervals, mean
 from kinreach.thesis import REACHED_DISTANCE, REACHED_POSTURE_ERROR
@@ -102,8 +102,8 @@ def damage(kind: str, rng: np.random.Generator) -> Damage:
     robot = parse_urdf(arm.urdf)
     origin = next(j for j in robot.findall("joint") if j.get("name") == arm.joints[joint]).find("origin")
     given = {} if origin is None else origin.attrib
-    before = pose(*([float(v) for v in given.get(key, "0 0 0").split()] for key in ("xyz", "rpy")))
-    T = before @ pose(shift.tolist(), turn.tolist())
+    before = placement(*([float(v) for v in given.get(key, "0 0 0").split()] for key in ("xyz", "rpy")))
+    T = before @ placement(shift.tolist(), turn.tolist())
     set_origin(robot, arm.joints[joint], T[:3, 3], rpy(T[:3, :3]))
     broken = replace(arm, name=f"ur5_{joint}_off", build_urdf=partial(str, ET.tostring(robot, encoding="unicode")))
     return Damage(broken, ArmKinematics(broken, tip="tcp", base="world").chain)

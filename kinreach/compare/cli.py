@@ -21,7 +21,8 @@ from kinreach.errors import InputError, OtherResultsError
 from kinreach.jobs import add_options
 from kinreach.objects import load_object
 from kinreach.provenance import digest
-from kinreach.robots import arm_named, arm_names, as_arm
+from kinreach.robots import ArmDescription, arm_names, as_arm
+from kinreach.robots.flags import ARM_FLAGS, add_arm_flags, arm_of
 from kinreach.statistics import tables
 from kinreach.terminal import Console
 
@@ -53,7 +54,7 @@ def main(argv: Sequence[str], *, prog: str) -> int:
     arguments = parser.parse_args(argv)
     methods = [name.strip() for name in arguments.methods.split(",")] if arguments.methods is not None else []
     texts = {name: getattr(arguments, name) for name in flags if getattr(arguments, name) is not None}
-    arm = arguments.arm if arguments.arm in (None, *arm_names()) else arm_named(arguments.arm)
+    arm = _arm(arguments)
     own = None if arguments.out is None else check_path("--out", arguments.out)
     default = Path("results") / _default_folder(task.name, "" if arm is None else as_arm(arm).name, arguments, texts)
     out, results = _measure(
@@ -98,13 +99,25 @@ def _task(name: str) -> Task:
     return register_task(task) if task.name in known or task.name not in task_names() else get_task(task.name)
 
 
+def _arm(arguments: argparse.Namespace) -> str | ArmDescription | None:
+    """Return the arm that the flags describe: its name where it is a registered one as it is."""
+    changed = [name for name in ARM_FLAGS if getattr(arguments, name)]
+    if arguments.arm is None:
+        if changed:
+            raise InputError(f"--{changed[0].replace('_', '-')} needs --arm")
+        return None
+    return arguments.arm if not changed and arguments.arm in arm_names() else arm_of(arguments.arm, arguments)
+
+
 def _default_folder(task: str, arm: str, arguments: argparse.Namespace, texts: Mapping[str, str]) -> str:
     """Return the name of the folder for results: the task, and every setting that is not the default.
 
     Text that is too long, or that is not fit for a name, is replaced by a digest of it.
     """
     methods = "" if arguments.methods is None else arguments.methods.replace(" ", "")
-    parts = [arm, "camera" if arguments.observation == CAMERA else "", methods]
+    given = [getattr(arguments, name) for name in ARM_FLAGS]
+    about = digest(repr(given).encode())[:8] if any(given) else ""
+    parts = [arm, about, "camera" if arguments.observation == CAMERA else "", methods]
     parts += [f"goals{arguments.goals}"] if arguments.goals != DEFAULT_GOALS else []
     parts += [f"seed{arguments.seed}"] if arguments.seed != 0 else []
     parts += [f"{name}{text}" for name, text in texts.items()]
@@ -171,6 +184,9 @@ def _command(
     for name in ("arm", "methods"):
         value = getattr(arguments, name)
         words += [] if value is None else [f"--{name}", quoted(value)]
+    for name in ARM_FLAGS:
+        if value := getattr(arguments, name):
+            words += [f"--{name.replace('_', '-')}", *([] if value is True else [quoted(value)])]
     words += ["--goals", str(arguments.goals), "--seed", str(arguments.seed)]
     words += [] if arguments.observation == GEOMETRIC else ["--observation", arguments.observation]
     for name, text in texts.items():
@@ -210,6 +226,7 @@ def _parser(prog: str) -> Parser:
         help="another arm for the tasks ur5, space and arm3: its name, a URDF file, or module:attribute; by default "
         "with solvers, and the policies that were trained for it",
     )
+    add_arm_flags(parser)
     parser.add_argument("--methods", metavar="A,B", help="methods to compare, see below (default: all of the task's)")
     parser.add_argument("--goals", type=int, default=DEFAULT_GOALS, metavar="N", help="default: %(default)s")
     parser.add_argument("--seed", type=int, default=0, metavar="S", help="of the goals (default: %(default)s)")

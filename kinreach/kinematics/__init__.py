@@ -4,6 +4,7 @@
   a pose where there is one: `URKinematics`, `CalibratedURKinematics`, `SixAxisKinematics`, `Arm3Kinematics`.
 - `PoseGoal`, `AxisGoal`, `PositionGoal`: what a solver is asked for; `IKResult` and `IKSolutions`: what it returns.
 - `ClosedFormSolver`, `PlacoSolver`, `LevenbergMarquardtSolver`, `QPSolver`: solvers, interchangeable by `Solver`.
+- `pose`, `pose_vector`: poses as six numbers, as a UR's pendant writes them.
 - `CollisionChecker`: which links touch each other, or an obstacle.
 - `check`: measurements of an arm before you rely on it.
 
@@ -24,6 +25,7 @@ from kinreach.kinematics.six_axis import SixAxisKinematics
 from kinreach.kinematics.solutions import Accept, IKResult, IKSolutions, Status
 from kinreach.kinematics.solvers import ClosedFormSolver, Solver
 from kinreach.kinematics.ur.kinematics import CalibratedURKinematics, UR5Kinematics, URKinematics
+from kinreach.robots.rotations import pose, pose_vector
 
 if TYPE_CHECKING:
     from kinreach.kinematics import check
@@ -51,6 +53,8 @@ __all__ = [
     "UR5Kinematics",
     "URKinematics",
     "check",
+    "pose",
+    "pose_vector",
 ]
 
 ArmKinematics._closed_forms = (Arm3Kinematics, URKinematics, CalibratedURKinematics, SixAxisKinematics)

@@ -25,7 +25,10 @@ from kinreach.engines import load
 from kinreach.errors import InputError
 from kinreach.kinematics.chain import SerialChain
 from kinreach.kinematics.solutions import SLACK
-from kinreach.robots import ArmDescription, as_arm
+from kinreach.robots import ArmDescription, Tool, as_arm
+from kinreach.robots.rotations import as_frame
+from kinreach.robots.tools import FLANGE, TOOL
+from kinreach.robots.ur import FLIP, JOINTS
 
 pin: Any = load("pinocchio")
 
@@ -49,11 +52,15 @@ class ArmKinematics:
     Args:
         arm: Name of a registered arm, or a description.
         tip: Short name of the tip frame, one of `arm.tips`; default is the arm's own tool centre point.
-        base: `"base_link"` (the arm's own base) or `"world"`; all poses and goals are expressed in it.
+        base: The frame in which all poses and goals are expressed: `"base_link"`, the arm's own; `"base"`, that of a
+            UR's controller and pendant (base_link turned by pi about z, REP 199); `"world"`; or a frame of your own by
+            its pose in base_link, as a 4x4 transform or `[x, y, z, rx, ry, rz]`.
+        tool: A tool on the flange, as in `ArmDescription.with_tool`; its centre point is the tip.
 
     Attributes:
-        arm: The description.
-        tip, base: As given.
+        arm: The description, with the tool.
+        tip: As given, `"tool"` with a tool.
+        base: As given, `"own"` for a frame of your own.
         model: Pinocchio model with the gripper locked; its joint order is that of `q`.
         lower, upper: Joint limits [rad], shape (n,).
         velocity_limit: Joint speed limits of the URDF [rad/s], shape (n,).
@@ -68,12 +75,21 @@ class ArmKinematics:
     #: Classes with a closed form, in the order in which `of` tries them; the package sets them.
     _closed_forms: ClassVar[Sequence[Any]] = ()
 
-    def __init__(self, arm: str | ArmDescription, *, tip: str | None = None, base: str = "base_link") -> None:
+    def __init__(
+        self,
+        arm: str | ArmDescription,
+        *,
+        tip: str | None = None,
+        base: str | ArrayLike = "base_link",
+        tool: Tool | ArrayLike | None = None,
+    ) -> None:
         self.arm = as_arm(arm)
+        if tool is not None:
+            if tip not in (None, FLANGE):
+                raise InputError(f"give a tip or a tool, not both; got the tip {tip!r}")
+            self.arm, tip = self.arm.with_tool(tool), TOOL
         self.tip = tip if tip is not None else self.arm.default_tip
-        self.base = base
         check_known("tip", self.tip, self.arm.tips)
-        check_known("base", base, ("base_link", "world"))
         self.model = build_model(self.arm)
         self._work = _WorkSpace(self.model)
         self.n: int = self.model.nq
@@ -81,9 +97,21 @@ class ArmKinematics:
         self.upper: Floats = self.model.upperPositionLimit.copy()
         self.velocity_limit: Floats = self.model.velocityLimit.copy()
         self.tip_frame: int = link_frame(self.model, self.arm.tips[self.tip])
-        T_world_arm = self.model.frames[link_frame(self.model, self.arm.base)].placement.homogeneous
-        self.T_world_base: Floats = T_world_arm if base == "base_link" else np.eye(4)
+        self.T_world_arm: Floats = self.model.frames[link_frame(self.model, self.arm.base)].placement.homogeneous
+        self.base, self.T_world_base = self._base_frame(base)
         self.T_base_world: Floats = np.linalg.inv(self.T_world_base)
+
+    def _base_frame(self, base: str | ArrayLike) -> tuple[str, Floats]:
+        """Name and pose in the world of the frame that poses are given in."""
+        if not isinstance(base, str):
+            return "own", self.T_world_arm @ as_frame("base", base)
+        frames = {"base_link": self.T_world_arm, "world": np.eye(4)}
+        if self.model.existFrame("base", pin.BODY):
+            frames["base"] = self.model.frames[link_frame(self.model, "base")].placement.homogeneous
+        elif self.arm.joints == JOINTS:
+            frames["base"] = self.T_world_arm @ FLIP
+        check_known("base", base, frames)
+        return base, frames[base]
 
     @property
     def data(self) -> Any:
@@ -91,21 +119,30 @@ class ArmKinematics:
         return self._work.data
 
     @classmethod
-    def of(cls, arm: str | ArmDescription, *, tip: str | None = None, base: str = "base_link") -> Self:
+    def of(
+        cls,
+        arm: str | ArmDescription,
+        *,
+        tip: str | None = None,
+        base: str | ArrayLike = "base_link",
+        tool: Tool | ArrayLike | None = None,
+    ) -> Self:
         """Return the kinematics of an arm, of the class that lists every posture of a pose, if there is one.
 
         Args:
             arm: Name of a registered arm, or a description.
-            tip: Short name of the tip frame; default is the arm's own tool centre point.
-            base: `"base_link"` or `"world"`.
+            tip: As in the class.
+            base: As in the class.
+            tool: As in the class.
 
         Raises:
             UnknownNameError: The arm, the tip or the base does not exist.
+            InputError: A tool or a base that is not a rigid motion, or a tip beside a tool.
 
         Note:
             The tip of `ArmKinematics.of("ur5")` is `"tcp"`; that of `URKinematics("ur5")` is `"tool0"`.
         """
-        plain = cls(arm, tip=tip, base=base)
+        plain = cls(arm, tip=tip, base=base, tool=tool)
         for kind in cls._closed_forms:
             if kind.joints == plain.n:
                 try:
@@ -121,7 +158,8 @@ class ArmKinematics:
         *,
         tip: str | None = None,
         joints: Sequence[str] | None = None,
-        base: str = "base_link",
+        base: str | ArrayLike = "base_link",
+        tool: Tool | ArrayLike | None = None,
         **facts: Any,
     ) -> Self:
         """Return the kinematics of the arm in a URDF file, of the class that `of` chooses.
@@ -130,13 +168,15 @@ class ArmKinematics:
             file: Path of the URDF.
             tip: Link that is the tip; default is the one farthest from the root, counted in joints.
             joints: Names of the joints of `q`; default are those that move between root and tip.
-            base: `"base_link"` (the URDF's root) or `"world"`.
+            base: As in the class; `"base_link"` is the URDF's root.
+            tool: As in the class; on the link `tool0`, and on the tip of arms without one.
             facts: Further arguments of `ArmDescription.from_urdf`, such as `home=` and `workcell=`.
 
         Raises:
             InputError: The file is not a URDF of an arm of this kind.
         """
-        return cls.of(ArmDescription.from_urdf(file, tip=tip, joints=joints, **facts), tip=tip, base=base)
+        arm = ArmDescription.from_urdf(file, tip=tip, joints=joints, **facts)
+        return cls.of(arm, tip=tip if tool is None else None, base=base, tool=tool)
 
     def __repr__(self) -> str:
         return f"{type(self).__name__}(arm={self.arm.name!r}, tip={self.tip!r}, base={self.base!r})"

@@ -32,7 +32,7 @@ from kinreach.kinematics.angles import wrap, wrapped
 from kinreach.kinematics.closed_form import ClosedFormKinematics
 from kinreach.kinematics.goals import Goal, PositionGoal
 from kinreach.kinematics.solutions import Accept, IKResult, IKSolutions, Row
-from kinreach.robots import ArmDescription
+from kinreach.robots import ArmDescription, Tool
 
 #: Frames are parallel whose rotations differ by less in every entry.
 PARALLEL = 1e-9
@@ -226,8 +226,15 @@ class Arm3Kinematics(ClosedFormKinematics):
 
     joints = 3
 
-    def __init__(self, arm: str | ArmDescription = "arm3", *, tip: str | None = None, base: str = "base_link") -> None:
-        super().__init__(arm, tip=tip, base=base)
+    def __init__(
+        self,
+        arm: str | ArmDescription = "arm3",
+        *,
+        tip: str | None = None,
+        base: str | ArrayLike = "base_link",
+        tool: Tool | ArrayLike | None = None,
+    ) -> None:
+        super().__init__(arm, tip=tip, base=base, tool=tool)
         self.geometry = YawPlanarGeometry.from_model(self.model, self.tip_frame)
         self._T_joint_base: Floats = self.model.jointPlacements[1].inverse().homogeneous @ self.T_world_base
 

@@ -35,7 +35,7 @@ from kinreach.kinematics.solutions import (
     nearest_windings,
 )
 from kinreach.kinematics.tensors import like, namespace, on_host
-from kinreach.robots import ArmDescription
+from kinreach.robots import ArmDescription, Tool
 
 #: Steps with which a posture is moved into the limits, and the error at which it has arrived [m, rad].
 STEPS, ARRIVED = 10, 1e-12
@@ -53,8 +53,15 @@ class ClosedFormKinematics(ArmKinematics, ABC):
     joints: ClassVar[int]
     _closed_forms = ()
 
-    def __init__(self, arm: str | ArmDescription, *, tip: str | None, base: str) -> None:
-        super().__init__(arm, tip=tip, base=base)
+    def __init__(
+        self,
+        arm: str | ArmDescription,
+        *,
+        tip: str | None,
+        base: str | ArrayLike,
+        tool: Tool | ArrayLike | None,
+    ) -> None:
+        super().__init__(arm, tip=tip, base=base, tool=tool)
         self._low: list[float] = self.lower.tolist()
         self._high: list[float] = self.upper.tolist()
         # where every joint covers a full turn, a principal value is always within the limits,

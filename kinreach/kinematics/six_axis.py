@@ -17,7 +17,7 @@ from kinreach.kinematics.closed_form import ClosedFormKinematics
 from kinreach.kinematics.general_6r import MAX_POSTURES, Chain, General6R
 from kinreach.kinematics.goals import AxisGoal, Goal, PoseGoal, PositionGoal, nearest_rotations
 from kinreach.kinematics.solutions import Accept, IKResult, IKSolutions
-from kinreach.robots import ArmDescription
+from kinreach.robots import ArmDescription, Tool
 
 #: Random postures by which the direction is chosen, and the share of them that has to be found again.
 TRIALS, MIN_SHARE = 100, 0.98
@@ -46,8 +46,15 @@ class SixAxisKinematics(ClosedFormKinematics):
 
     joints = 6
 
-    def __init__(self, arm: str | ArmDescription, *, tip: str | None = None, base: str = "base_link") -> None:
-        super().__init__(arm, tip=tip, base=base)
+    def __init__(
+        self,
+        arm: str | ArmDescription,
+        *,
+        tip: str | None = None,
+        base: str | ArrayLike = "base_link",
+        tool: Tool | ArrayLike | None = None,
+    ) -> None:
+        super().__init__(arm, tip=tip, base=base, tool=tool)
         if self.n != self.joints:
             raise InputError(f"arm {self.arm.name!r} has {self.n} joints; six are needed")
         placements, axes = self._joint_frames()

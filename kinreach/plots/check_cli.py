@@ -23,7 +23,7 @@ from kinreach.kinematics import (
 from kinreach.kinematics.closed_form import POSE_JOINTS
 from kinreach.kinematics.ur.kinematics import CalibratedURKinematics
 from kinreach.plots.workspace import draw_workspace
-from kinreach.robots import arm_named, as_arm
+from kinreach.robots.flags import add_arm_flags, arm_of
 
 #: Endings of the files with a UR's calibration.
 CALIBRATIONS = (".yaml", ".yml", ".conf")
@@ -62,7 +62,7 @@ def main(argv: Sequence[str], *, prog: str) -> int:
     path = None if arguments.picture is None else check_path("--picture", arguments.picture)
     if path is not None and (path.is_dir() or not path.parent.is_dir()):
         raise InputError(f"--picture must be a file in a folder that is there, got {path}")
-    subject = _subject(arguments.arm, arguments.model, arguments.tip)
+    subject = _subject(arguments)
     for line in report(subject, poses=poses, seed=seed):
         print(printable(line), flush=True)
     if path is not None:
@@ -77,17 +77,14 @@ def report(subject: Subject, *, poses: int = POSES, seed: int = 0) -> Iterator[s
     kin = subject.kinematics
     yield f"{kin.arm.name}: {kin.arm.title}, tip {kin.tip}"
     yield f"class        {_class_of(kin)}"
-    yield from _joints(kin)
+    if subject.believed is not None:
+        yield from _deviation(check.deviation(kin, subject.believed, seed=seed))
     reach = check.reach_of(kin, seed=seed)
     yield (
         f"reach        {reach.farthest:.3f} m from the first joint, 95 % within {reach.usual:.3f} m, "
         f"{reach.lowest:+.3f} to {reach.highest:+.3f} m high"
     )
-    yield f"collisions   {_collisions(kin, seed)}"
-    if subject.believed is not None:
-        yield from _deviation(check.deviation(kin, subject.believed, seed=seed))
     singular = check.singular_postures(kin, reach.farthest, seed=seed)
-    yield f"singular     {_singular(kin, singular)}"
     chosen = np.random.default_rng(seed).permutation(singular.q)[:MAX_SINGULAR]
     yield f"IK           {poses} poses of random postures and {len(chosen)} singular ones, from the start posture"
     yield "             solver        reached  singular   time, ms: median / p95   largest error, mm"
@@ -99,6 +96,9 @@ def report(subject: Subject, *, poses: int = POSES, seed: int = 0) -> Iterator[s
         times = f"{median:12.3f} / {late:<9.3f}"
         shares = f"{100 * done.success:6.1f} %   {singular_share}"
         yield f"             {done.name:<12} {shares}   {times}  {1e3 * done.error:.1e}"
+    yield f"singular     {_singular(kin, singular)}"
+    yield f"collisions   {_collisions(kin, seed)}"
+    yield from _joints(kin)
 
 
 def _class_of(kin: ArmKinematics) -> str:
@@ -166,14 +166,19 @@ def _singular(kin: ArmKinematics, found: check.Singular) -> str:
     return f"{len(found.q)} postures found: {'; '.join(places)}"
 
 
-def _subject(given: str, model: str | None, tip: str | None) -> Subject:
-    """Return the arm of a name or URDF; with a model, that of a calibration file."""
-    if model is not None:
-        real = as_arm(model).calibrated(given)
-        return Subject(ArmKinematics.of(real, tip=tip), ArmKinematics.of(model, tip=tip))
-    if Path(given).suffix.lower() in CALIBRATIONS:
-        raise InputError(f"{given} is a calibration: say of which UR with --model, such as --model ur5e")
-    return Subject(ArmKinematics.of(arm_named(given, tip=tip), tip=tip), None)
+def _subject(arguments: argparse.Namespace) -> Subject:
+    """The arm of a name or URDF with its calibration and tool; with a model, that of a calibration file."""
+    if arguments.model is not None:
+        if arguments.calibration is not None:
+            raise InputError("give a calibration with --model, or an arm with --calibration")
+        arguments.arm, arguments.calibration = arguments.model, arguments.arm
+    elif Path(arguments.arm).suffix.lower() in CALIBRATIONS:
+        raise InputError(f"{arguments.arm} is a calibration: name its UR too, such as check ur5e --calibration FILE")
+    real = ArmKinematics.of(arm_of(arguments.arm, arguments))
+    if arguments.calibration is None:
+        return Subject(real, None)
+    arguments.calibration = None
+    return Subject(real, ArmKinematics.of(arm_of(arguments.arm, arguments)))
 
 
 def _parser(prog: str) -> Parser:
@@ -181,7 +186,6 @@ def _parser(prog: str) -> Parser:
         prog=prog,
         description="What an arm is and how its inverse kinematics does: class, limits, reach, collisions, singular "
         "postures, solvers; of a calibrated UR also how far its data sheet is off.",
-        formatter_class=argparse.ArgumentDefaultsHelpFormatter,
     )
     parser.add_argument(
         "arm",
@@ -192,8 +196,10 @@ def _parser(prog: str) -> Parser:
         "--model",
         help="the file is the calibration of this UR, ur3 to ur30: kinematics.yaml, calibration.conf or a URDF",
     )
-    parser.add_argument("--tip", help="link that is the tip")
-    parser.add_argument("--poses", type=int, default=POSES, help="that the solvers are tried on")
-    parser.add_argument("--seed", type=int, default=0, help="of the random postures")
+    parser.add_argument(
+        "--poses", type=int, default=POSES, help=f"number of poses that the solvers are tried on ({POSES})"
+    )
+    parser.add_argument("--seed", type=int, default=0, help="of the random postures (0)")
+    add_arm_flags(parser)
     parser.add_argument("--picture", metavar="FILE.png", help="draw the workspace from the side")
     return parser

@@ -3,6 +3,7 @@
 - `get_arm`, `arm_names`, `register_arm`: arms by name.
 - `ArmDescription`: an arm of your own, also from its URDF file; `Gripper`, `CameraMount`, `Workcell`, `Box` and
   `BoxRegion` are its parts.
+- `Tool`: what is mounted on an arm's flange; `Solid` is one of its shapes.
 - `read_calibration`: the factory calibration of a UR; `PUBLISHED_CALIBRATIONS` are files of real ones.
 - `UR_LENGTHS`: the UR models and their Denavit-Hartenberg lengths.
 
@@ -14,7 +15,9 @@ from kinreach.robots.calibration import PUBLISHED_CALIBRATIONS, read_calibration
 from kinreach.robots.description import ArmDescription
 from kinreach.robots.grippers import Gripper
 from kinreach.robots.registry import arm_named, arm_names, as_arm, get_arm, register_arm
+from kinreach.robots.tools import Tool
 from kinreach.robots.ur import UR_LENGTHS
+from kinreach.robots.urdf import Solid
 from kinreach.robots.workcell import Box, BoxRegion, CameraMount, Workcell
 
 __all__ = [
@@ -25,6 +28,8 @@ __all__ = [
     "BoxRegion",
     "CameraMount",
     "Gripper",
+    "Solid",
+    "Tool",
     "Workcell",
     "arm_named",
     "arm_names",

@@ -25,7 +25,7 @@ import yaml
 from kinreach.checks import Floats, check_known, check_path, shown
 from kinreach.errors import InputError
 from kinreach.files import read_text
-from kinreach.robots.rotations import pose, rpy, turn
+from kinreach.robots.rotations import placement, rpy, turn
 from kinreach.robots.ur import FLIP, JOINTS, UR_LENGTHS
 from kinreach.robots.urdf import MAX_CHARACTERS, check_urdf, link_at, origin_of, parse_urdf, set_origin
 
@@ -123,7 +123,7 @@ def nominal_placements(model: str) -> Floats:
         ((0.0, d6, 0.0), (-right, 0.0, 0.0)),
         ((0.0, 0.0, 0.0), (0.0, 0.0, 0.0)),
     )
-    return np.array([pose(*step) for step in steps])
+    return np.array([placement(*step) for step in steps])
 
 
 def calibrated_urdf(text: str, calibration: Calibration, *, base: str, tip: str) -> str:
@@ -201,7 +201,7 @@ def _from_driver(text: str) -> _Placed:
                 raise InputError(f"the calibration lacks {key} of {link} ({joint})")
         xyz = [_number(f"{key} of {link} ({joint})", figures[key], MAX_LENGTH, "m") for key in _XYZ]
         angles = [_number(f"{key} of {link} ({joint})", figures[key], MAX_FILE_ANGLE, "rad") for key in _RPY]
-        steps[index] = pose(xyz, angles)
+        steps[index] = placement(xyz, angles)
     return _Placed(np.array(steps), np.tile((0.0, 0.0, 1.0), (6, 1)))
 
 

@@ -10,18 +10,24 @@ from pathlib import Path
 from types import UnionType
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from kinreach.checks import MAX_ANGLE, as_floats, as_vector, check_known, check_number, shown
 from kinreach.errors import InputError
 from kinreach.robots.calibration import calibrated_urdf, read_calibration
 from kinreach.robots.grippers import PARALLEL_GRIPPER, Gripper, add_parallel_gripper
+from kinreach.robots.tools import FLANGE, TOOL, TOOL_BODY, Tool, add_tool
 from kinreach.robots.urdf import (
     WORLD,
     UrdfArm,
     check_home,
     check_limits_complete,
     check_urdf,
+    link_before,
+    links_below,
+    named,
     parse_urdf,
+    prune,
     read_urdf,
     set_limits,
 )
@@ -245,6 +251,43 @@ class ArmDescription:
         arm = UrdfArm(self.name, robot, tip=self.tips[self.default_tip], joints=self.joints)
         lower, upper = zip(*arm.limits, strict=True)
         return replace(self, build_urdf=partial(str, text), home=tuple(np.clip(self.home, lower, upper).tolist()))
+
+    def with_tool(self, tool: Tool | ArrayLike) -> ArmDescription:
+        """The same arm with a tool on its flange, whose centre point becomes the tip `"tool"`.
+
+        It takes the place of a gripper, such as kinreach's own on UR3, UR5 and UR10.
+
+        Args:
+            tool: A `Tool`, or only its centre point: `[x, y, z, rx, ry, rz]` as on the pendant, or a 4x4 transform,
+                in the frame of the tip `tool0`, and of the default tip of arms without one.
+
+        Raises:
+            InputError: As `Tool`.
+        """
+        tool = Tool.of(tool)
+        robot, tips, disabled = parse_urdf(self.urdf), dict(self.tips), self.disabled_collisions
+        flange = tips.get(FLANGE, tips[self.default_tip])
+        if self.gripper is not None:
+            prune(robot, links=links_below(robot, flange))
+        for link in (TOOL, TOOL_BODY):
+            if named(robot, "link", link) is not None:
+                raise InputError(f"arm {self.name!r} has a link {link!r} already")
+        add_tool(robot, flange, tool)
+        links = {link.get("name") for link in robot.findall("link")}
+        if disabled is not None:
+            disabled = tuple(pair for pair in disabled if links.issuperset(pair))
+            disabled += ((link_before(robot, flange), TOOL_BODY),)  # joint to joint, they touch
+        return replace(
+            self,
+            name=f"{self.name}_tool",
+            title=f"{self.title.removesuffix(' with parallel gripper')} with tool",
+            build_urdf=partial(str, ET.tostring(robot, encoding="unicode")),
+            tips={**{name: link for name, link in tips.items() if link in links}, TOOL: TOOL},
+            default_tip=TOOL,
+            disabled_collisions=disabled,
+            gripper=None,
+            cameras=tuple(camera for camera in self.cameras if camera.link in {WORLD, *links}),
+        )
 
     def calibrated(self, file: str | Path, *, model: str | None = None, repair: bool = False) -> ArmDescription:
         """Return the same arm with its joints where its factory calibration has them.

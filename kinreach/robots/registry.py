@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from functools import cache
 from typing import Any
 
@@ -39,12 +39,14 @@ def register_arm(arm: ArmDescription) -> ArmDescription:
 
 
 def get_arm(name: str) -> ArmDescription:
-    """Return the arm with this name.
+    """Return the arm with this name, whatever its case.
 
     Raises:
         UnknownNameError: There is none; the message lists the available names.
         InstallationError: The package with its URDF is not installed.
     """
+    if isinstance(name, str) and name not in arm_names():
+        name = next((known for known in arm_names() if known.lower() == name.lower()), name)
     check_known("arm", name, arm_names())
     if name not in _arms():
         _arms()[name] = _FROM_FILES[name]()
@@ -60,19 +62,20 @@ def as_arm(arm: str | ArmDescription) -> ArmDescription:
     return arm if isinstance(arm, ArmDescription) else get_arm(arm)
 
 
-def arm_named(text: str, *, tip: str | None = None) -> ArmDescription:
+def arm_named(text: str, *, tip: str | None = None, joints: Sequence[str] | None = None) -> ArmDescription:
     """Return the arm that a command line names: a registered one, a URDF file, or an attribute of a module.
 
     Args:
         text: Its name; the path of a file that ends in .urdf or .xml; or `module:attribute`, whose module is run.
         tip: Link of a file's arm that is the tip; by default the last one.
+        joints: Of a file's arm; by default those that move between root and tip.
 
     Raises:
         UnknownNameError: There is no such arm.
         InputError: The file is not an arm, the module cannot be imported, or its attribute is not an `ArmDescription`.
     """
     if text.lower().endswith(FILES):
-        return ArmDescription.from_urdf(text, tip=tip)
+        return ArmDescription.from_urdf(text, tip=tip, joints=joints)
     if ":" not in text:
         return get_arm(text)
     arm = load_object("arm", text)

@@ -10,6 +10,7 @@ from typing import NamedTuple
 import numpy as np
 
 from kinreach.robots.grippers import TCP_OFFSET
+from kinreach.robots.ur_shapes import UR_SHAPES, link_solids
 from kinreach.robots.urdf import add_joint, add_link
 
 MOUNT_YAW = math.pi / 2
@@ -55,12 +56,9 @@ UR_LENGTHS: Mapping[str, Lengths] = {
     "ur30": Lengths(0.2363, -0.637, -0.5037, 0.201, 0.1593, 0.1543),
 }
 
-#: Speed that the URDFs of arms without meshes name for every joint [rad/s]: an upper bound of a numeric solver's steps.
-_NOMINAL_SPEED = math.pi
-
 
 def nominal_urdf(name: str) -> str:
-    """Build the URDF of a model from its lengths, without shapes and masses; links as in example-robot-data.
+    """Build the URDF of a model from its lengths and its shapes; links as in example-robot-data.
 
     Args:
         name: Key of `UR_LENGTHS`.
@@ -75,13 +73,16 @@ def nominal_urdf(name: str) -> str:
         ("wrist_2_link", (0, 0, 0), (0, 0, 0), z),
         ("wrist_3_link", (0, 0, d5), (0, 0, 0), y),
     )
+    shape = UR_SHAPES[name]
+    solids = link_solids(shape, UR_LENGTHS[name])
+    masses = dict(zip([step[0] for step in steps], shape.masses, strict=True))
     robot = ET.Element("robot", name=name)
     for link in ("world", "base_link", *(step[0] for step in steps), "tool0", "tcp"):
-        add_link(robot, link)
+        add_link(robot, link, mass=masses.get(link, 0.0), solids=solids.get(link, ()), rgba="0.62 0.64 0.67 1")
     add_joint(robot, "world_joint", "world", "base_link", rpy=(0, 0, MOUNT_YAW))
     parent = "base_link"
-    for joint, (link, xyz, rpy, axis) in zip(JOINTS, steps, strict=True):
-        limit = (-turn, turn, 0.0, _NOMINAL_SPEED)
+    for joint, (link, xyz, rpy, axis), torque, speed in zip(JOINTS, steps, shape.torques, shape.speeds, strict=True):
+        limit = (-turn, turn, torque, speed)
         add_joint(robot, joint, parent, link, kind="revolute", xyz=xyz, rpy=rpy, axis=axis, limit=limit)
         parent = link
     add_joint(robot, "tool0_joint", parent, "tool0", xyz=(0, d6, 0), rpy=(-math.pi / 2, 0, 0))

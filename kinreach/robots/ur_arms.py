@@ -186,16 +186,33 @@ def _describe(cell: _Cell) -> ArmDescription:
     )
 
 
+def _table(name: str) -> Workcell:
+    """The arm on the edge of a table, with goals on it; sizes in proportion to what it reaches."""
+    lengths = UR_LENGTHS[name]
+    reach = -lengths.a2 - lengths.a3
+    return Workcell(
+        obstacles=(
+            Box("table", (1.5 * reach, 1.7 * reach, 0.04), (0.5 * reach, 0.0, -0.02), legs=-0.04 - FLOOR),
+            Box("floor", (6.0, 6.0, 0.10), (0.0, 0.0, FLOOR - 0.05)),
+        ),
+        touching=(("table", "base_link"),),
+        goals=BoxRegion(x=(0.45 * reach, 0.8 * reach), y=(-0.37 * reach, 0.37 * reach), z=(BALL_RADIUS,) * 2),
+        ball_radius=BALL_RADIUS,
+    )
+
+
 def _describe_nominal(name: str) -> ArmDescription:
+    """A model without meshes: the bare arm on a table."""
     return ArmDescription(
         name=name,
-        title=f"{name.upper()}, kinematics only",
+        title=name.upper(),
         build_urdf=partial(nominal_urdf, name),
         joints=JOINTS,
         home=HOME,
         base="base_link",
         tips={"tool0": "tool0", "tcp": "tcp"},
-        default_tip="tcp",
+        default_tip="tool0",
+        workcell=_table(name),
     )
 
 

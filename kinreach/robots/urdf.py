@@ -18,7 +18,7 @@ import numpy as np
 from kinreach.checks import Floats, check_known, check_number, check_path, shown
 from kinreach.errors import InputError, raise_unknown
 from kinreach.files import read_text
-from kinreach.robots.rotations import pose, rotation, rpy, turn
+from kinreach.robots.rotations import placement, rotation, rpy, turn
 from kinreach.robots.workcell import CameraMount
 
 
@@ -64,13 +64,29 @@ def link_at(joint: ET.Element, end: str) -> str:
     return "" if element is None else element.get("link", "")
 
 
+def links_below(robot: ET.Element, link: str) -> list[str]:
+    """Names of all links that a link carries, itself not among them."""
+    found = [link]
+    for parent in found:  # which grows
+        found += [link_at(joint, "child") for joint in robot.findall("joint") if link_at(joint, "parent") == parent]
+    return found[1:]
+
+
+def link_before(robot: ET.Element, link: str) -> str:
+    """Name of the link beyond the first joint that moves on the way from a link to the root; empty if there is none."""
+    above = {link_at(joint, "child"): joint for joint in robot.findall("joint")}
+    while link in above and above[link].get("type") == "fixed":
+        link = link_at(above[link], "parent")
+    return link_at(above[link], "parent") if link in above else ""
+
+
 def origin_of(element: ET.Element) -> Floats:
     """Return the pose of a joint or a shape in its parent's frame (4, 4); the unit matrix without an `<origin>`."""
     origin = element.find("origin")
     if origin is None:
         return np.eye(4)
     xyz, rpy = ([float(v) for v in origin.get(key, "0 0 0").split()] for key in ("xyz", "rpy"))
-    return pose(xyz, rpy)
+    return placement(xyz, rpy)
 
 
 def set_origin(robot: ET.Element, joint: str, xyz: Sequence[float], rpy: Sequence[float]) -> None:
@@ -99,14 +115,32 @@ def set_limits(robot: ET.Element, joint: str, lower: float, upper: float) -> Non
     limit.set("upper", repr(upper))
 
 
-def add_link(robot: ET.Element, name: str, *, mass: float = 0.0, solids: Sequence[Solid] = (), rgba: str = "") -> None:
-    """Add a link; its inertia is that of the first solid with the given mass [kg], spread evenly."""
+def add_link(
+    robot: ET.Element,
+    name: str,
+    *,
+    mass: float = 0.0,
+    centre: Sequence[float] | None = None,
+    solids: Sequence[Solid] = (),
+    rgba: str = "",
+) -> None:
+    """Add a link; its inertia is that of the first solid with the given mass [kg], spread evenly.
+
+    Args:
+        robot: Changed in place.
+        name: Of the link.
+        mass: [kg]; 0 for a link without inertia.
+        centre: Centre of mass [m]; that of the first solid by default.
+        solids: Its shapes; a mass without any is a cube of 5 cm.
+        rgba: Colour of the shapes, as URDF writes it.
+    """
     link = ET.SubElement(robot, "link", name=name)
     if mass > 0:
+        solid = solids[0] if solids else Solid((0.05, 0.05, 0.05))
         inertial = ET.SubElement(link, "inertial")
-        ET.SubElement(inertial, "origin", xyz=numbers(solids[0].xyz), rpy=numbers(solids[0].rpy))
+        ET.SubElement(inertial, "origin", xyz=numbers(solid.xyz if centre is None else centre), rpy=numbers(solid.rpy))
         ET.SubElement(inertial, "mass", value=repr(mass))
-        ET.SubElement(inertial, "inertia", _inertia(mass, solids[0]))
+        ET.SubElement(inertial, "inertia", _inertia(mass, solid))
     for kind in ("visual", "collision"):
         for index, solid in enumerate(solids):
             element = ET.SubElement(link, kind, name=f"{name}_{kind}_{index}")

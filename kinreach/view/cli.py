@@ -8,11 +8,13 @@ from collections.abc import Sequence
 
 from kinreach.checks import check_count
 from kinreach.cli import Parser
-from kinreach.robots import arm_named, arm_names
+from kinreach.errors import InputError
+from kinreach.robots import Tool, arm_named, arm_names
+from kinreach.robots.flags import add_arm_flags, joints_of, tool_of
 from kinreach.view.results import read_results
 from kinreach.view.server import Server, import_viser
 from kinreach.view.setup import Setup
-from kinreach.view.snippet import calibrated
+from kinreach.view.snippet import calibrated, with_tool
 
 PORT, MAX_PORT = 8080, 65535
 
@@ -36,7 +38,10 @@ def main(argv: Sequence[str], *, prog: str) -> int:
     setup = setup_of(
         arguments.arm,
         calibration=arguments.calibration,
+        repair=arguments.repair,
+        tool=tool_of(arguments),
         tip=arguments.tip,
+        joints=joints_of(arguments),
         simple=arguments.simple,
         policy=arguments.policy,
         results=arguments.results,
@@ -57,7 +62,10 @@ def setup_of(
     arm: str,
     *,
     calibration: str | None = None,
+    repair: bool = False,
+    tool: Tool | None = None,
     tip: str | None = None,
+    joints: Sequence[str] | None = None,
     simple: bool = False,
     policy: str | None = None,
     results: str | None = None,
@@ -68,7 +76,10 @@ def setup_of(
     Args:
         arm: Name of a registered arm, the path of a URDF, or `module:attribute`.
         calibration: Path of a UR's calibration.
-        tip: Short name of the tip; default is the arm's own.
+        repair: Put right a calibration that is folded.
+        tool: On the flange.
+        tip: Short name of the tip; default is the arm's own, that of the tool if there is one.
+        joints: Of a URDF.
         simple: Draw the arm by its collision shapes.
         policy: Name or file of a policy to begin with, or `module:attribute` of a policy or solver.
         results: Path of a comparison to begin with.
@@ -77,12 +88,18 @@ def setup_of(
     Raises:
         InputError: There is no such arm, tip, policy or environment, or a file or module cannot be used.
     """
-    description = arm_named(arm)
-    expression = repr(arm) if arm in arm_names() else f"arm_named({arm!r})"
+    if tool is not None and tip is not None:
+        raise InputError("give --tip or --tool, not both")
+    description = arm_named(arm, joints=joints)
+    expression = repr(description.name) if description.name in arm_names() else f"arm_named({arm!r})"
     nominal, sheet = None, expression
     if calibration is not None:
-        expression = calibrated(sheet, calibration)
-        nominal, description = description, description.calibrated(calibration)
+        expression = calibrated(sheet, calibration, repair=repair)
+        nominal, description = description, description.calibrated(calibration, repair=repair)
+    if tool is not None:
+        nominal = None if nominal is None else nominal.with_tool(tool)
+        description = description.with_tool(tool)
+        sheet, expression = with_tool(sheet, tool), with_tool(expression, tool)
     setup = Setup(description, expression, sheet, tip, simple, nominal, policy, results, environment)
     setup.environments  # noqa: B018  (refuses an unknown policy or environment)
     if results is not None:
@@ -98,10 +115,6 @@ def _parser(prog: str) -> Parser:
         metavar="NAME",
         help=f"one of: {', '.join(arm_names())}; a URDF file; or module:attribute (default: %(default)s)",
     )
-    parser.add_argument("--tip", metavar="NAME", help="tip frame, such as tcp or tool0 (default: the arm's own)")
-    parser.add_argument(
-        "--calibration", metavar="FILE", help="factory calibration of a UR, to be laid over the data sheet"
-    )
     parser.add_argument(
         "--policy",
         metavar="FILE",
@@ -116,4 +129,5 @@ def _parser(prog: str) -> Parser:
     )
     parser.add_argument("--simple", action="store_true", help="draw fewer triangles, without a graphics card")
     parser.add_argument("--open", action="store_true", help="open a browser")
+    add_arm_flags(parser)
     return parser

@@ -4,9 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from kinreach.checks import Floats
+from kinreach.checks import Floats, as_floats
 from kinreach.kinematics import AxisGoal, PoseGoal
 from kinreach.kinematics.goals import Goal
+from kinreach.robots import Tool
 from kinreach.view.real_arm import RealArm
 from kinreach.view.results import Results
 from kinreach.view.target import TargetModel
@@ -56,14 +57,21 @@ def described(arm: str) -> str:
     return arm if "(" in arm else f"get_arm({arm})"
 
 
-def calibrated(sheet: str, file: str) -> str:
-    """Return an expression for a calibrated arm, from one for its data sheet's arm and the path of the calibration."""
-    return f"{described(sheet)}.calibrated({file!r})"
+def calibrated(sheet: str, file: str, *, repair: bool = False) -> str:
+    """An expression for a calibrated arm, from one for its data sheet's arm and the path of the calibration."""
+    return f"{described(sheet)}.calibrated({file!r}{', repair=True' * repair})"
+
+
+def with_tool(arm: str, tool: Tool) -> str:
+    """An expression for an arm with a tool, from one for the arm."""
+    if not (tool.mass or tool.shapes):
+        return f"{described(arm)}.with_tool({as_floats('tool', tool.centre).tolist()})"
+    return f"{described(arm)}.with_tool({tool!r})"
 
 
 def robots(*arms: str) -> list[str]:
-    """Return the line that imports what expressions for arms need; none where they are names."""
-    names = [name for name in ("arm_named", "get_arm") if any(name in arm for arm in arms)]
+    """The line that imports what expressions for arms need; none where they are names."""
+    names = [name for name in ("Solid", "Tool", "arm_named", "get_arm") if any(f"{name}(" in arm for arm in arms)]
     return [f"from kinreach.robots import {', '.join(names)}"] if names else []
 
 

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from kinreach.robots.rotations import pose
+from kinreach.robots.rotations import placement
 
 pytestmark = pytest.mark.slow
 
@@ -99,10 +99,10 @@ def test_dragging_moves_the_target_and_the_list_says_so(browser_page):
 
 def test_what_collides_is_red_and_named(browser_page):
     tab, page, _ = browser_page
-    page.target.move(pose((0.5, 0.1, 0.0), (np.pi, 0, 0)))
+    page.target.move(placement((0.5, 0.1, 0.0), (np.pi, 0, 0)))
     wait_for(tab, lambda: tab.inner_text(".kinreach-verdict") == page.target.answer.verdict)
     usable = red_pixels(tab, page)
-    page.target.move(pose((0.5, 0.1, -0.25), (np.pi, 0, 0)))
+    page.target.move(placement((0.5, 0.1, -0.25), (np.pi, 0, 0)))
     wait_for(tab, lambda: "finger left touches table" in tab.inner_text(".kinreach-verdict"))
     assert page.target.answer.usable == 0
     assert red_pixels(tab, page) > usable + 2000  # the table

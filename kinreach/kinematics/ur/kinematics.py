@@ -13,12 +13,12 @@ from kinreach.checks import (
     Floats,
     as_floats,
     as_pose,
-    check_known,
     check_poses,
     check_tolerance,
     is_tensor,
     shown,
 )
+from kinreach.engines import load
 from kinreach.errors import InputError
 from kinreach.kinematics.arm import link_frame
 from kinreach.kinematics.chain import about_z, rotation_to
@@ -43,14 +43,15 @@ from kinreach.kinematics.ur.closed_form import WRIST, solve_axis, solve_pose
 from kinreach.kinematics.ur.free_wrist import free_wrist_within
 from kinreach.kinematics.ur.geometry import BRANCHES, Rows, URGeometry, miss_text, ur_fk
 from kinreach.kinematics.ur.reach import Shortfall, shortfalls, way_into_reach
-from kinreach.robots import ArmDescription, as_arm
+from kinreach.robots import ArmDescription, Tool, as_arm
+from kinreach.robots.tools import FLANGE
 from kinreach.robots.ur import FLIP
+
+pin: Any = load("pinocchio")
 
 FIT_TOLERANCE = 1e-8
 #: Turns about the tool that are tried where all postures with the seed's are refused [rad], the smallest first.
 TURNS = np.radians([45, -45, 90, -90, 135, -135, 180])
-#: The tip at which the closed form ends.
-FLANGE = "tool0"
 #: How far the flange may be from the last joint's axis for wrist_3 to turn about it [m, and sine of an angle].
 AXIS_TOLERANCE = 1e-9
 
@@ -66,9 +67,11 @@ class URKinematics(ClosedFormKinematics):
 
     Args:
         arm: Name of a UR, one of `kinreach.robots.UR_LENGTHS` from "ur3" to "ur30", or the description of a UR-type
-            arm that has a tip `tool0`.
-        tip: `"tool0"` (the flange) or `"tcp"` (between the finger tips, 0.20 m in front of it); None for the arm's own.
-        base: `"base_link"` or `"world"`.
+            arm.
+        tip: `"tool0"`, the flange, or another tip of the arm; None for the arm's own.
+        base: `"base_link"`, `"base"` (the controller's), `"world"`, or a frame of your own (`ArmKinematics`).
+        tool: A tool on the flange; its centre point is the tip. `[x, y, z, rx, ry, rz]` as on the pendant (metres,
+            rotation vector in radians), a 4x4 transform, or a `kinreach.robots.Tool` with mass and shapes.
 
     Attributes:
         geometry: Denavit-Hartenberg lengths [m].
@@ -84,29 +87,45 @@ class URKinematics(ClosedFormKinematics):
 
     joints = 6
 
-    def __init__(self, arm: str | ArmDescription = "ur5", *, tip: str | None = FLANGE, base: str = "base_link") -> None:
-        super().__init__(arm, tip=tip, base=base)
-        check_known(f"tip of arm {self.arm.name!r}", FLANGE, self.arm.tips)
-        flange = link_frame(self.model, self.arm.tips[FLANGE])
-        T_flange_tip = self.model.frames[flange].placement.inverse() * self.model.frames[self.tip_frame].placement
-        T_world_arm = self.model.frames[link_frame(self.model, self.arm.base)].placement.homogeneous
-        self.geometry = self._lengths(np.linalg.inv(T_world_arm), self.model.frames[flange].placement.translation)
-        self._T_dh_base: Floats = FLIP @ np.linalg.inv(T_world_arm) @ self.T_world_base
+    def __init__(
+        self,
+        arm: str | ArmDescription = "ur5",
+        *,
+        tip: str | None = FLANGE,
+        base: str | ArrayLike = "base_link",
+        tool: Tool | ArrayLike | None = None,
+    ) -> None:
+        super().__init__(arm, tip=tip, base=base, tool=tool)
+        self.geometry, self._flange = self._lengths()
+        T_flange_tip = self._flange.inverse() * self.model.frames[self.tip_frame].placement
+        self._T_dh_base: Floats = FLIP @ np.linalg.inv(self.T_world_arm) @ self.T_world_base
         self._T_tip_flange: Floats = T_flange_tip.inverse().homogeneous
         # with tool0 in base_link only two rows change their sign
         self._plain = bool((self._T_dh_base == FLIP).all() and (self._T_tip_flange == np.eye(4)).all())
         self._reach = _reach_along_tool(T_flange_tip.homogeneous)
         self._check_fit()
 
-    def _lengths(self, T_arm_world: Floats, flange: Floats) -> URGeometry:
-        """Lengths by the joints' axes; `flange` is its origin in the last joint's frame [m]."""
-        origins, directions, frame = [], [], T_arm_world
+    def _lengths(self) -> tuple[URGeometry, Any]:
+        """Lengths by the joints' axes, and the flange in the last joint's frame (a pin.SE3).
+
+        An arm without a tip `tool0` has its flange where the tip's perpendicular meets the last axis.
+        """
+        origins, directions, frame = [], [], np.linalg.inv(self.T_world_arm)
         for placement, axis in zip(*self._joint_frames(), strict=True):
             frame = frame @ placement
             origins.append(frame[:3, 3])
             directions.append(frame[:3, :3] @ axis)
-        end = frame[:3, :3] @ flange + frame[:3, 3]
-        return URGeometry.from_axes(np.array(origins), np.array(directions), end)
+        named = FLANGE in self.arm.tips
+        link = link_frame(self.model, self.arm.tips[FLANGE]) if named else self.tip_frame
+        flange = self.model.frames[link].placement
+        end = frame[:3, :3] @ flange.translation + frame[:3, 3]
+        if not named:
+            end = origins[-1] + directions[-1] * (directions[-1] @ (end - origins[-1]))
+        geometry = URGeometry.from_axes(np.array(origins), np.array(directions), end)
+        if not named:
+            T_dh_flange = np.array([*ur_fk([0.0] * self.n, geometry), (0.0, 0.0, 0.0, 1.0)])
+            flange = pin.SE3(np.linalg.inv(FLIP @ frame) @ T_dh_flange)
+        return geometry, flange
 
     @classmethod
     def from_calibration(
@@ -115,7 +134,8 @@ class URKinematics(ClosedFormKinematics):
         *,
         model: str | ArmDescription = "ur5",
         tip: str | None = FLANGE,
-        base: str = "base_link",
+        base: str | ArrayLike = "base_link",
+        tool: Tool | ArrayLike | None = None,
         repair: bool = False,
     ) -> URKinematics:
         """Return the kinematics of a real arm with its factory calibration.
@@ -125,6 +145,7 @@ class URKinematics(ClosedFormKinematics):
             model: Which UR it is, "ur3" to "ur30", or a description of one.
             tip: As for `URKinematics`.
             base: As for `URKinematics`.
+            tool: As for `URKinematics`.
             repair: Put right what an old exporter folded (`kinreach.robots.read_calibration`).
 
         Returns:
@@ -136,9 +157,9 @@ class URKinematics(ClosedFormKinematics):
         """
         arm = as_arm(model).calibrated(file, repair=repair)
         try:
-            return URKinematics(arm, tip=tip, base=base)
+            return URKinematics(arm, tip=tip, base=base, tool=tool)
         except NotOfThisKind:
-            return CalibratedURKinematics(arm, tip=tip, base=base)
+            return CalibratedURKinematics(arm, tip=tip, base=base, tool=tool)
 
     def all_solutions(
         self, T: ArrayLike, *, seed: ArrayLike | None = None, limits: bool = True, tol: float = 1e-7
@@ -377,8 +398,7 @@ class CalibratedURKinematics(URKinematics):
 
     Args:
         arm: Description of the arm, such as `get_arm("ur5").calibrated(FILE)`.
-        tip: `"tool0"` (the flange) or `"tcp"` (between the finger tips, 0.20 m in front of it).
-        base: `"base_link"` or `"world"`.
+        tip, base, tool: As for `URKinematics`.
 
     Attributes:
         geometry: Lengths of the nearest arm that has a closed form [m].
@@ -447,10 +467,8 @@ class CalibratedURKinematics(URKinematics):
     def _check_fit(self) -> None:
         """Fit the nearest arm with a closed form."""
         placements, axes = self._joint_frames()
-        world = self.model.frames[link_frame(self.model, self.arm.base)].placement.homogeneous
-        placements[0] = np.linalg.inv(world @ FLIP) @ placements[0]
-        flange = self.model.frames[link_frame(self.model, self.arm.tips[FLANGE])].placement.homogeneous
-        self._solver = CalibratedSolver(about_z(placements, axes, flange), self.geometry)
+        placements[0] = np.linalg.inv(self.T_world_arm @ FLIP) @ placements[0]
+        self._solver = CalibratedSolver(about_z(placements, axes, self._flange.homogeneous), self.geometry)
         self.geometry = self._solver.fit.geometry
 
 
