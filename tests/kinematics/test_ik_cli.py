@@ -1,0 +1,140 @@
+"""`kinreach ik`, as it is typed."""
+
+import csv
+import re
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from kinreach.cli import main
+from kinreach.kinematics import ArmKinematics, URKinematics, pose, pose_vector
+from kinreach.robots import PUBLISHED_CALIBRATIONS
+
+FOLDED = Path(__file__).parents[1] / "data/calibrations/ur5e_folded.yaml"
+REAL = PUBLISHED_CALIBRATIONS["ur5e_a"]
+TOOL = [0.0, 0.0, 0.15, 0.0, 0.0, 0.0]
+
+
+def poses_file(path, numbers, header="x,y,z,rx,ry,rz"):
+    path.write_text("\n".join([header, *(",".join(map(repr, row)) for row in numbers.tolist())]) + "\n")
+    return path
+
+
+def ik(*arguments):
+    return main(["ik", *map(str, arguments)])
+
+
+def reachable(kin, count, seed=0):
+    q = np.random.default_rng(seed).uniform(-2.5, 2.5, (count, kin.n))
+    return pose_vector(kin.fk(q))
+
+
+def test_one_pose(capsys):
+    assert (
+        ik("--arm", "UR5e", "--calibration", REAL, "--tool", "0,0,0.15,0,0,0", "--pose", "-0.4,-0.1,0.3,3.14,0,0") == 0
+    )
+    lines = capsys.readouterr().out.splitlines()
+    assert lines[0].endswith("tip tool in base, angles in rad")
+    kin = URKinematics.from_calibration(REAL, model="ur5e", tool=TOOL, base="base")
+    T, seed = pose([-0.4, -0.1, 0.3, 3.14, 0, 0]), np.array(kin.arm.home)
+    expected = kin.all_solutions(T, seed=seed)
+    rows = [line.lstrip("* ").split()[1:7] for line in lines[2:-1]]
+    np.testing.assert_allclose(np.array(rows, dtype=float), expected.q, atol=1e-5)
+    assert len(rows) >= 2
+    assert sum(line.startswith("*") for line in lines[2:-1]) == 1
+    assert ik("--arm", "ur5e", "--pose", "0.4,0.1,3,3.14,0,0") == 1
+    assert "no posture: too far away" in capsys.readouterr().out
+
+
+def test_degrees_and_a_frame_of_ones_own(capsys):
+    mount = "0.1,0.2,-0.3,0,0,1.5"
+    assert ik("--arm", "ur10e", "--base", mount, "--pose", "0.5,0.1,0.6,3.14,0,0", "--degrees",
+              "--seed", "-90,-90,90,-90,-90,0") == 0  # fmt: skip
+    lines = capsys.readouterr().out.splitlines()
+    nearest = next(line for line in lines if line.startswith("*"))
+    kin = URKinematics("ur10e", base=[0.1, 0.2, -0.3, 0, 0, 1.5])
+    T = kin.fk(np.radians([float(word) for word in nearest.split()[2:8]]))
+    np.testing.assert_allclose(pose_vector(T)[:3], [0.5, 0.1, 0.6], atol=1e-4)
+
+
+@pytest.mark.parametrize(("arm", "base"), [("ur5e", "base"), ("ur3", "world"), ("panda", "base_link")])
+def test_a_file_of_poses(arm, base, tmp_path, capsys):
+    kin = ArmKinematics.of(arm, tip="tool0" if arm == "ur3" else None, base=base)
+    numbers = np.vstack([reachable(kin, 20), [[9.0, 0, 0, 0, 0, 0]]])
+    source, out = poses_file(tmp_path / "in.csv", numbers), tmp_path / "out.csv"
+    tip = ["--tip", "tool0"] if arm == "ur3" else []
+    assert ik("--arm", arm, "--base", base, "--poses", source, "--out", out, *tip) == 0
+    with out.open() as file:
+        rows = list(csv.DictReader(file))
+    assert list(rows[0]) == ["pose", *(f"q{j}" for j in range(1, kin.n + 1)), "branch", "reason"]
+    assert [int(row["pose"]) for row in rows] == list(range(1, 22))
+    assert rows[-1]["q1"] == ""
+    assert rows[-1]["reason"]
+    solved = 0
+    for row, given in zip(rows, numbers, strict=True):
+        if row["q1"]:
+            q = np.array([float(row[f"q{j}"]) for j in range(1, kin.n + 1)])
+            np.testing.assert_allclose(kin.fk(q), pose(given), atol=2e-4)
+            solved += 1
+        else:
+            assert row["reason"]
+            assert row["branch"] == ""
+    assert f"{solved} of 21 poses" in capsys.readouterr().out
+    assert solved >= 10
+
+
+def test_every_posture_of_each_pose(tmp_path):
+    kin = URKinematics("ur5e", base="base")
+    numbers = reachable(kin, 15, seed=4)
+    source, out = poses_file(tmp_path / "in.csv", numbers), tmp_path / "out.csv"
+    assert ik("--arm", "ur5e", "--poses", source, "--out", out, "--all") == 0
+    with out.open() as file:
+        rows = list(csv.DictReader(file))
+    seed = np.array(kin.arm.home)
+    expected = [len(kin.all_solutions(pose(given), seed=seed)) for given in numbers]
+    assert [sum(int(row["pose"]) == number for row in rows) for number in range(1, 16)] == expected
+    assert any(row["reason"].startswith("collides: ") for row in rows)
+    assert sum(expected) >= 60
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        (["--arm", "ur5e"], "give --pose or --poses"),
+        (["--arm", "ur5ee", "--pose", "0,0,1,0,0,0"], "unknown arm 'ur5ee'.*did you mean ur5e"),
+        (["--arm", "ur5e", "--pose", "1,2,3"], "--pose must be 6 numbers"),
+        (["--arm", "ur5e", "--pose", "0,0,1,0,0,0", "--tool", "0,0,150,0,0,0"], "metres, not millimetres"),
+        (["--arm", "ur5e", "--pose", "0,0,1,0,0,0", "--tool-radius", "0.1"], "need --tool"),
+        (["--arm", "ur5e", "--pose", "0,0,1,0,0,0", "--tip", "tcp", "--tool", "0,0,1,0,0,0"], "--tip or --tool"),
+        (["--arm", "ur5e", "--pose", "0,0,1,0,0,0", "--calibration", str(FOLDED)], "--repair does that"),
+        (["--arm", "ur10e", "--pose", "0,0,1,0,0,0", "--calibration", str(REAL)], "it fits ur5e"),
+        (["--arm", "ur5e", "--poses", "missing.csv", "--out", "o.csv"], "cannot read the poses missing.csv"),
+        (["--arm", "ur5e", "--poses", "missing.csv"], "belong together"),
+        (["--arm", "ur5e", "--pose", "0,0,1,0,0,0", "--seed", "1,2"], "--seed must be 6 numbers"),
+        (["--arm", "ur5e", "--pose", "0,0,1,0,0,0", "--base", "floor"], "unknown base 'floor'"),
+    ],
+)
+def test_bad_input_is_one_line(arguments, message, capsys):
+    assert ik(*arguments) == 2
+    (line,) = capsys.readouterr().err.splitlines()
+
+    assert re.search(message, line), line
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("", "has no column x"),
+        ("x,y,z\n1,2,3\n", "has no column rx, ry, rz"),
+        ("x,y,z,rx,ry,rz\n", "1 to 1000000 poses, got 0"),
+        ("x,y,z,rx,ry,rz\n1,2,3,4,5\n", "line 2: six numbers"),
+        ("x,y,z,rx,ry,rz\n0,0,1,0,0,0\n1,2,three,4,5,6\n", "line 3: six numbers"),
+        ("x,y,z,rx,ry,rz\n1,2,3,4,5,nan\n", "line 2: the numbers must be finite"),
+    ],
+)
+def test_bad_files_name_the_line(text, message, tmp_path, capsys):
+    (tmp_path / "in.csv").write_text(text)
+    assert ik("--arm", "ur5e", "--poses", tmp_path / "in.csv", "--out", tmp_path / "out.csv") == 2
+    assert message in capsys.readouterr().err
+    assert not (tmp_path / "out.csv").exists()
