@@ -6,6 +6,7 @@ import os
 import re
 import subprocess
 import sys
+import xml.etree.ElementTree as ET
 from pathlib import Path
 
 import numpy as np
@@ -16,6 +17,7 @@ from kinreach.errors import InputError
 from kinreach.kinematics import Arm3Kinematics, ArmKinematics, URKinematics, check
 from kinreach.plots.check_cli import main
 from kinreach.robots import PUBLISHED_CALIBRATIONS, ArmDescription, get_arm
+from kinreach.robots.urdf import without_shapes
 from kinreach.view.target import TargetModel
 
 ROOT = Path(__file__).parents[2]
@@ -76,7 +78,7 @@ def test_reach_of_a_stretched_arm():
     assert 0.9 * most < reach.farthest <= most + g.d6
     assert reach.usual < reach.farthest
     assert reach.lowest < -0.7 < 0.7 < reach.highest
-    assert check.collisions_of(URKinematics("ur5e")) is None
+    assert check.collisions_of(URKinematics("ur5e")).home_free
     assert check.collisions_of(URKinematics("ur5")).home_free
 
 
@@ -105,7 +107,9 @@ def test_shapes_that_cannot_be_read_are_not_taken_for_none(tmp_path, capsys):
     assert main([str(file), "--poses", "2"], prog="check") == 0
     (line,) = [line for line in capsys.readouterr().out.splitlines() if line.startswith("collisions")]
     assert line.startswith("collisions   not known: the mesh 'package://link.stl' has no triangles")
-    assert main(["ur5e", "--poses", "2"], prog="check") == 0
+    bare = tmp_path / "bare.urdf"
+    bare.write_bytes(ET.tostring(without_shapes(get_arm("ur5e").urdf, "visual", "collision")))
+    assert main([str(bare), "--poses", "2"], prog="check") == 0
     assert "collisions   not known: the arm has no shapes\n" in capsys.readouterr().out
 
 
@@ -180,7 +184,7 @@ def test_bad_input():
         (["nowhere.yaml", "--model", "ur5"], "cannot read"),
         ([str(PUBLISHED_CALIBRATIONS["ur5_a"]), "--model", "ur10"], "it fits ur5"),
         ([str(CALIBRATIONS / "ur5e_folded.yaml"), "--model", "ur5e"], "folded at"),
-        (["kinematics.yaml"], "say of which UR with --model"),
+        (["kinematics.yaml"], "name its UR too"),
     ):
         with pytest.raises(InputError, match=said):
             main(arguments, prog="check")

@@ -18,12 +18,14 @@ from benchmarks.speed.suites.ik_edge_cases import judge
 from benchmarks.studies import ur_family
 from kinreach.errors import InputError, UnknownNameError
 from kinreach.kinematics import ArmKinematics, CollisionChecker, UR5Kinematics, URKinematics
+from kinreach.kinematics.arm import link_frame
 from kinreach.kinematics.ur.geometry import URGeometry
 from kinreach.kinematics.ur.kinematics import FLIP
 from kinreach.robots import PUBLISHED_CALIBRATIONS, ArmDescription, arm_names, get_arm
+from kinreach.robots.shapes import link_shapes
 from kinreach.robots.ur import UR_LENGTHS, nominal_urdf
-from kinreach.robots.urdf import add_joint, add_link
-from kinreach.sim.simulation import ArmSimulation
+from kinreach.robots.urdf import add_joint, add_link, origin_of
+from kinreach.sim import ArmSimulation, MoveStatus
 
 WITH_MESHES = ("ur3", "ur5", "ur10")
 UR_FILES = Path(str(get_arm("ur5").package_root())) / "example-robot-data/robots/ur_description/urdf"
@@ -124,14 +126,54 @@ def test_the_nearest_of_all_windings(name):
     assert beyond > 30
 
 
-def test_arms_without_meshes_say_so():
-    assert set(UR_LENGTHS) <= set(arm_names())
-    without = [name for name in UR_LENGTHS if name not in WITH_MESHES]
-    assert len(without) >= 11
-    for name in without:
-        for use in (CollisionChecker, ArmSimulation, lambda arm: gym.make("kinreach/UR5SingleStep-v0", arm=arm)):
-            with pytest.raises(InputError, match=f"'{name}' has no collision shapes.*arm3, panda, ur10, ur3, ur5"):
-                use(name)
+@pytest.mark.parametrize("name", [name for name in UR_LENGTHS if name not in WITH_MESHES])
+def test_arms_without_meshes_have_shapes(name):
+    """They collide, are simulated, and reach every goal on their table with the tool down."""
+    kin = URKinematics(name, base="world")
+    checker, arm, rng, down = CollisionChecker(kin), kin.arm, np.random.default_rng(0), np.diag([1.0, -1.0, -1.0, 1.0])
+    assert checker.free(np.array(arm.home))
+    assert 0.3 < checker.impossible(rng.uniform(-np.pi, np.pi, (500, 6))).mean() < 0.7
+    for T, goal in ((down.copy(), goal) for goal in arm.workcell.draw_goals(rng, 50)):
+        T[:3, 3] = goal
+        assert kin.nearest(T, np.array(arm.home), accept=checker.free).success
+    simulation = ArmSimulation(arm)
+    simulation.reset()
+    assert simulation.move(np.array(arm.home) + 0.2).status is MoveStatus.REACHED
+    _, info = gym.make("kinreach/UR5SingleStep-v0", arm=name).reset(seed=0)
+    assert info["distance"] > 0.05
+
+
+@pytest.mark.parametrize(("name", "largest"), [("ur3", 0.012), ("ur5", 0.016), ("ur10", 0.018)])
+def test_shapes_are_those_of_the_meshes(name, largest):
+    """Few points of the meshes are out of the cylinders, and not far; other models have theirs by the same rule."""
+    drawn = ArmKinematics(get_arm(name), tip="tool0")
+    ruled = ArmKinematics(ArmDescription(name, name, partial(nominal_urdf, name)), tip="tool0")
+    q, counted = np.zeros(6), 0
+    for link in ("shoulder_link", "upper_arm_link", "forearm_link", "wrist_1_link", "wrist_2_link", "wrist_3_link"):
+        frames = []
+        for kin in (drawn, ruled):
+            pin.framesForwardKinematics(kin.model, kin.data, q)
+            frames.append(kin.T_base_world @ kin.data.oMf[link_frame(kin.model, link)].homogeneous)
+        T = np.linalg.inv(frames[1]) @ frames[0]
+        points = np.vstack([s.vertices for s in link_shapes(drawn.arm, "collision") if s.link == link])
+        points = points @ T[:3, :3].T + T[:3, 3]
+        element = next(e for e in ET.fromstring(ruled.arm.urdf).iter("link") if e.get("name") == link)
+        out = np.min(
+            [outside(points, origin_of(c), c.find("geometry/cylinder")) for c in element.iter("collision")], axis=0
+        )
+        assert out.max() < largest, link
+        assert np.percentile(out, 90) < 0.012
+        counted += len(points)
+    assert counted > 1000
+
+
+def outside(points, T, cylinder):
+    """Distance of points from a cylinder; negative inside."""
+    local = (points - T[:3, 3]) @ T[:3, :3]
+    across = np.hypot(local[:, 0], local[:, 1]) - float(cylinder.get("radius"))
+    along = np.abs(local[:, 2]) - float(cylinder.get("length")) / 2
+    inside = np.maximum(across, along)
+    return np.where(inside < 0, inside, np.hypot(np.maximum(across, 0), np.maximum(along, 0)))
 
 
 def test_the_ur5_by_its_old_name():
@@ -155,14 +197,14 @@ def test_every_class_takes_the_arm_first_and_files(kind):
 
 
 def test_arms_of_another_kind():
-    with pytest.raises(UnknownNameError, match="tool0"):
+    with pytest.raises(InputError, match="a UR-type arm has 6 joints, the model has 3"):
         URKinematics("arm3", tip="end_effector")
     with pytest.raises(UnknownNameError, match=", ".join(sorted(arm_names()))):
         URKinematics("ur16")
     panda = UR_FILES.parents[1] / "panda_description/urdf/panda.urdf"
     arm = ArmDescription.from_urdf(panda, joints=[f"panda_joint{i}" for i in range(1, 7)], tip="panda_link6")
-    with pytest.raises(InputError, match="tool0"):
-        URKinematics(arm)
+    with pytest.raises(InputError, match="UR-type"):
+        URKinematics(arm, tip=None)
 
 
 def drivers_urdf(name):

@@ -1,6 +1,7 @@
 """What the page says of a target, without a browser."""
 
 import re
+import xml.etree.ElementTree as ET
 from dataclasses import replace
 
 import numpy as np
@@ -10,8 +11,9 @@ from example_robot_data.robots_loader import getModelPath
 from kinreach.errors import InputError
 from kinreach.kinematics import ArmKinematics, AxisGoal, CollisionChecker, URKinematics
 from kinreach.kinematics.solvers import SOLVERS
-from kinreach.robots import PUBLISHED_CALIBRATIONS, ArmDescription, arm_names
+from kinreach.robots import PUBLISHED_CALIBRATIONS, ArmDescription, arm_names, get_arm
 from kinreach.robots.shapes import link_shapes
+from kinreach.robots.urdf import without_shapes
 from kinreach.view import html
 from kinreach.view.cli import setup_of
 from kinreach.view.figure import Figure
@@ -224,7 +226,7 @@ def test_other_arms(arm):
     approach = model.answer(model.goal(model.kinds[0], T), model.home).approach
     assert approach.least == (arm == "ur5e")
     assert 0 < approach.distance < np.linalg.norm(T[:3, 3])
-    assert (model.checker is None) == (arm == "ur5e")
+    assert model.checker is not None
     assert (model.kinds == (POINT,)) == (arm == "arm3")
 
 
@@ -272,9 +274,11 @@ def test_a_figure_follows_the_arm():
             np.testing.assert_allclose(pin.Quaternion(w, x, y, z).matrix(), data.oMf[frame].rotation, atol=1e-12)
 
 
-def test_arms_without_shapes_are_drawn_as_tubes():
-    kinematics = ArmKinematics.of("ur5e", base="world")
+def test_arms_without_shapes_are_drawn_as_tubes(tmp_path):
+    (tmp_path / "bare.urdf").write_bytes(ET.tostring(without_shapes(get_arm("ur5e").urdf, "visual", "collision")))
+    kinematics = ArmKinematics.from_urdf(tmp_path / "bare.urdf", tip="tool0", base="world")
     assert link_shapes(kinematics.arm) == []
+    assert TargetModel(kinematics.arm).checker is None
     figure = Figure(kinematics)
     q = np.array(kinematics.arm.home)
     corners = np.concatenate([piece.vertices for piece in figure.fine if piece.link == len(figure.links) - 1])
