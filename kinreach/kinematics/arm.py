@@ -98,6 +98,8 @@ class ArmKinematics:
         self.velocity_limit: Floats = self.model.velocityLimit.copy()
         self.tip_frame: int = link_frame(self.model, self.arm.tips[self.tip])
         self.T_world_arm: Floats = self.model.frames[link_frame(self.model, self.arm.base)].placement.homogeneous
+        self.base: str
+        self.T_world_base: Floats
         self.base, self.T_world_base = self._base_frame(base)
         self.T_base_world: Floats = np.linalg.inv(self.T_world_base)
 

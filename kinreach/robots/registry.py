@@ -45,8 +45,7 @@ def get_arm(name: str) -> ArmDescription:
         UnknownNameError: There is none; the message lists the available names.
         InstallationError: The package with its URDF is not installed.
     """
-    if isinstance(name, str) and name not in arm_names():
-        name = next((known for known in arm_names() if known.lower() == name.lower()), name)
+    name = next((known for known in arm_names() if known.lower() == str(name).lower()), name)
     check_known("arm", name, arm_names())
     if name not in _arms():
         _arms()[name] = _FROM_FILES[name]()
