@@ -101,7 +101,7 @@ class ArmKinematics:
         self.base: str
         self.T_world_base: Floats
         self.base, self.T_world_base = self._base_frame(base)
-        self.T_base_world: Floats = np.linalg.inv(self.T_world_base)
+        self.T_base_world: Floats = np.asarray(np.linalg.inv(self.T_world_base), dtype=np.float64)
 
     def _base_frame(self, base: str | ArrayLike) -> tuple[str, Floats]:
         """Name and pose in the world of the frame that poses are given in."""
