@@ -17,7 +17,9 @@ from kinreach.kinematics import (
     LevenbergMarquardtSolver,
     PoseGoal,
     QPSolver,
-    check,
+)
+from kinreach.kinematics import (
+    _check as check,
 )
 from kinreach.robots import ArmDescription
 

@@ -19,7 +19,7 @@ Units are metres, radians and seconds; z is up. `import kinreach` makes the envi
 no engine.
 """
 
-from kinreach.registration import register_environments
+from kinreach._registration import register_environments
 
 __version__ = "0.2.0"
 

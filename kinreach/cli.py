@@ -20,7 +20,7 @@ from shlex import quote
 from typing import IO, Any, NoReturn
 
 import kinreach
-from kinreach.checks import printable
+from kinreach._checks import printable
 from kinreach.errors import KinreachError
 
 #: Exit codes: wrong input or installation; Ctrl-C, as shells report it; output that nobody reads any more.
@@ -29,7 +29,7 @@ EXIT_INTERRUPTED = 130
 EXIT_UNREAD = 1
 #: Flags that ask for help.
 HELP = ("-h", "--help")
-#: What a file system says that takes no more. Results are written through `kinreach.files`, which names the file; this
+#: What a file system says that takes no more. Results are written through `kinreach._files`, which names the file; this
 #: is for the rest, such as the terminal's output in a file, and the logs of libraries.
 _NO_ROOM = (errno.ENOSPC, errno.EDQUOT, errno.EROFS, errno.EFBIG)
 
@@ -43,13 +43,13 @@ class Command:
 
 
 COMMANDS = {
-    "compare": Command("kinreach.compare.cli", "put all methods on the same goals and report how they do"),
-    "train": Command("kinreach.baselines.train_cli", "train a policy by a recipe"),
-    "evaluate": Command("kinreach.baselines.evaluate_cli", "try policies on goals they were not trained on"),
-    "ik": Command("kinreach.kinematics.ik_cli", "joint angles for poses of an arm's tool"),
-    "check": Command("kinreach.plots.check_cli", "what an arm is and how its inverse kinematics does"),
-    "demo": Command("kinreach.demo.cli", "watch an environment with a policy, or film it"),
-    "view": Command("kinreach.view.cli", "see postures, and why there are none, in the browser"),
+    "compare": Command("kinreach.compare._cli", "put all methods on the same goals and report how they do"),
+    "train": Command("kinreach.baselines._train_cli", "train a policy by a recipe"),
+    "evaluate": Command("kinreach.baselines._evaluate_cli", "try policies on goals they were not trained on"),
+    "ik": Command("kinreach.kinematics._ik_cli", "joint angles for poses of an arm's tool"),
+    "check": Command("kinreach.plots._check_cli", "what an arm is and how its inverse kinematics does"),
+    "demo": Command("kinreach.demo._cli", "watch an environment with a policy, or film it"),
+    "view": Command("kinreach.view._cli", "see postures, and why there are none, in the browser"),
 }
 
 

@@ -18,7 +18,7 @@ import numpy as np
 import pytest
 from hypothesis import settings
 
-from kinreach.envs.reach.task import TOOL_DOWN
+from kinreach.envs._reach.task import TOOL_DOWN
 from kinreach.errors import InstallationError
 from kinreach.kinematics import UR5Kinematics
 from kinreach.sim import ArmSimulation, render

@@ -10,8 +10,8 @@ from typing import NoReturn
 import pytest
 
 from kinreach.errors import InstallationError
-from kinreach.sim import rendering
-from kinreach.sim.engine import mujoco
+from kinreach.sim import _rendering as rendering
+from kinreach.sim._engine import mujoco
 
 #: The shared libraries that draw, or open a window.
 GRAPHICS = ("EGL", "GL", "OSMesa", "X11")

@@ -7,9 +7,9 @@ from pathlib import Path
 
 import pytest
 
-from kinreach import files
+from kinreach import _files as files
+from kinreach._files import locked, make_writable, replacing, write_text
 from kinreach.errors import OutputError
-from kinreach.files import locked, make_writable, replacing, write_text
 
 
 def test_a_failed_write_leaves_the_old_file_and_no_litter(tmp_path: Path) -> None:

@@ -11,10 +11,10 @@ import pytest
 from safetensors import safe_open
 
 from benchmarks import speed as bench
-from kinreach.baselines.evaluation import evaluate
-from kinreach.baselines.policies import load_policy
-from kinreach.baselines.policy_file import FORMAT, PolicyCard
-from kinreach.baselines.training import train
+from kinreach.baselines._evaluation import evaluate
+from kinreach.baselines._policies import load_policy
+from kinreach.baselines._policy_file import FORMAT, PolicyCard
+from kinreach.baselines._training import train
 from tests.baselines.small_runs import small
 
 PAGE = (Path(__file__).parents[1] / "docs" / "formats.md").read_text(encoding="utf-8")

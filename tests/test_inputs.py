@@ -6,11 +6,11 @@ from fractions import Fraction
 import numpy as np
 import pytest
 
-from kinreach.checks import check_count, check_number
+from kinreach._checks import check_count, check_number
 from kinreach.errors import InputError
 from kinreach.kinematics import CollisionChecker, UR5Kinematics
 from kinreach.sim import ArmSimulation
-from kinreach.vision.cameras import Intrinsics, SensorNoise
+from kinreach.vision._cameras import Intrinsics, SensorNoise
 
 NO_NUMBERS = [True, False, np.True_, np.False_, np.array(True), None, "1", 1j, [1.0], Decimal(1), np.array([1.0])]
 

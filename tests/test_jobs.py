@@ -11,12 +11,12 @@ from itertools import count
 
 import pytest
 
-from kinreach import jobs
-from kinreach.baselines.recipes import get_recipe
+from kinreach import _jobs as jobs
+from kinreach._jobs import Serial, open_engine
+from kinreach.baselines._recipes import get_recipe
 from kinreach.cli import main
 from kinreach.compare import compare
 from kinreach.errors import ClusterError, InputError, InstallationError, UnknownNameError
-from kinreach.jobs import Serial, open_engine
 from tests.ray_cluster import running_cluster
 
 #: Not the same in two runs: clocks.
@@ -27,7 +27,7 @@ TRAIN = ("-m", "kinreach.train", "thesis-single", "--seeds", "2", "--steps", "26
 METHODS, GOALS = ["closed-form", "placo"], 150
 #: A comparison with small blocks, so that there are more than nodes.
 COMPARE = (
-    "import sys; from kinreach.compare import compare, runner; runner.BLOCK = 50; "
+    "import sys; from kinreach.compare import compare, _runner as runner; runner.BLOCK = 50; "
     f"compare(methods={METHODS}, goals={GOALS}, out=sys.argv[1], engine='ray', address=sys.argv[2])"
 )
 #: A search of Optuna's; on two nodes two of its trials run at a time.
@@ -167,7 +167,7 @@ def numbers(folder):
 
 @pytest.mark.slow
 def test_trainings_survive_their_driver_and_a_node(cluster, root, tmp_path):
-    train = pytest.importorskip("kinreach.baselines.training").train
+    train = pytest.importorskip("kinreach.baselines._training").train
     out = tmp_path / "ray" / "thesis-single"
     driver = start(root, *TRAIN, "--engine", "ray", "--address", cluster.address, "--out", out.parent)
     wait_until(lambda: list(out.glob("*/checkpoint.pt")), driver)

@@ -16,7 +16,7 @@ from packaging.requirements import Requirement
 from packaging.utils import canonicalize_name
 
 import kinreach
-from kinreach import engines
+from kinreach import _engines as engines
 
 #: The rooms, and those that each may import from.
 ROOMS: dict[str, set[str]] = {"robots": set()}
@@ -63,7 +63,7 @@ def module_name(path: Path) -> str:
 
 def part_of(module: str) -> str:
     """The room, or the module beside the rooms, that a module is in; empty for the package itself."""
-    return module.split(".")[1] if module.startswith("kinreach.") else ""
+    return module.split(".")[1].lstrip("_") if module.startswith("kinreach.") else ""
 
 
 def tree(path: Path) -> ast.Module:
@@ -150,7 +150,7 @@ def test_every_module_says_what_it_is():
 
 def test_import_loads_no_engine(run_python):
     code = (
-        "import sys, kinreach, kinreach.robots, kinreach.errors, kinreach.engines, kinreach.cli\n"
+        "import sys, kinreach, kinreach.robots, kinreach.errors, kinreach._engines, kinreach.cli\n"
         "[kinreach.robots.get_arm(name).urdf for name in ('ur5', 'arm3')]\n"
         f"print(sorted({set(ENGINES)} & set(sys.modules)), 'numpy' in sys.modules)"
     )
@@ -209,7 +209,7 @@ class TestIncompatibleInstallation:
 
     def test_error_names_the_versions(self, run_python, broken):
         code = (
-            "from kinreach import engines, errors\n"
+            "from kinreach import _engines as engines, errors\n"
             "try:\n    engines.load('pinocchio')\n"
             "except errors.InstallationError as error:\n    print(error)\n"
         )

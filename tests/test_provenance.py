@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 import kinreach
-from kinreach import provenance
+from kinreach import _provenance as provenance
 
 
 def test_versions_are_those_that_are_installed() -> None:

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from kinreach.compare import get_task
-from kinreach.compare.cli import main as compare
+from kinreach.compare._cli import main as compare
 from kinreach.kinematics import UR5Kinematics
 
 ROOT = Path(__file__).parents[1]
@@ -25,7 +25,7 @@ CLAIMS = {
         ("tests/test_readme.py", "def test_the_table_is_what_its_command_measures"),
     ],
     "less than 10 mm from the ball, gripper straight down": [
-        ("kinreach/thesis/reward.py", "REACHED_DISTANCE = 0.01"),
+        ("kinreach/thesis/_reward.py", "REACHED_DISTANCE = 0.01"),
     ],
     "A learned row is the best of five trainings on other goals (seeds 3, 2, 4, 0, 3). All five reach every goal, "
     "except for `ppo-single` (97.5 % [91.8, 100.0], worst 89.3) and `thesis-ppo-single` (none).": [

@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
+from kinreach._statistics import bootstrap_intervals, mean, median, p95, wilson_interval
 from kinreach.errors import InputError
-from kinreach.statistics import bootstrap_intervals, mean, median, p95, wilson_interval
 
 
 def test_wilson_by_hand() -> None:
@@ -48,7 +48,7 @@ def test_bootstrap_of_two_values_by_hand() -> None:
 def test_bootstrap_is_the_same_for_the_same_seed_and_in_any_number_of_blocks(monkeypatch: pytest.MonkeyPatch) -> None:
     values = np.random.default_rng(1).normal(size=101)
     whole = bootstrap_intervals(values, (median, p95), seed=3)
-    monkeypatch.setattr("kinreach.statistics._BLOCK", 7 * values.size)
+    monkeypatch.setattr("kinreach._statistics._BLOCK", 7 * values.size)
     assert bootstrap_intervals(values, (median, p95), seed=3) == whole
     assert bootstrap_intervals(values, (median, p95), seed=4) != whole
 

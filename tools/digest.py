@@ -21,13 +21,13 @@ import mujoco
 import numpy as np
 
 import kinreach
-from kinreach.baselines.policies import load_policy
-from kinreach.envs.reach.task import TOOL_DOWN
+from kinreach._registration import BUTTON, MULTI, SINGLE
+from kinreach.baselines._policies import load_policy
+from kinreach.envs._reach.task import TOOL_DOWN
 from kinreach.kinematics import Arm3Kinematics, CollisionChecker, UR5Kinematics
-from kinreach.kinematics.goals import AxisGoal
-from kinreach.kinematics.solvers import LevenbergMarquardtSolver, PlacoSolver, QPSolver
-from kinreach.registration import BUTTON, MULTI, SINGLE
-from kinreach.sim.simulation import ArmSimulation, BatchSimulation
+from kinreach.kinematics._goals import AxisGoal
+from kinreach.kinematics._solvers import LevenbergMarquardtSolver, PlacoSolver, QPSolver
+from kinreach.sim._simulation import ArmSimulation, BatchSimulation
 from kinreach.thesis import posture_error
 
 #: What is rounded away before the second digest: metres, radians and rewards to a billionth.

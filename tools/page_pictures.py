@@ -19,14 +19,14 @@ import numpy as np
 from PIL import Image
 from playwright.sync_api import sync_playwright
 
+from kinreach._registration import MULTI
 from kinreach.cli import Parser, finish
-from kinreach.demo.film import Film
-from kinreach.registration import MULTI
+from kinreach.demo._film import Film
 from kinreach.robots import PUBLISHED_CALIBRATIONS
-from kinreach.robots.rotations import placement
-from kinreach.view.cli import setup_of
-from kinreach.view.server import Server
-from kinreach.view.target_panel import TargetPanel
+from kinreach.robots._rotations import placement
+from kinreach.view._cli import setup_of
+from kinreach.view._server import Server
+from kinreach.view._target_panel import TargetPanel
 
 PROG = "python -m tools.page_pictures"
 ROOT = Path(__file__).parents[1]

@@ -22,11 +22,11 @@ from stable_baselines3.td3.policies import TD3Policy
 from torch import Tensor, nn
 from torch.optim import Optimizer
 
+from kinreach._registration import MULTI, SINGLE
 from kinreach.baselines import Algorithm, Networks, Recipe, SB3VecEnv, register_algorithm, register_recipe
-from kinreach.baselines.adaptive_ppo import Exploration, share_left
-from kinreach.baselines.algorithms import mlp_arguments
-from kinreach.envs.reach.task import action_range
-from kinreach.registration import MULTI, SINGLE
+from kinreach.baselines._adaptive_ppo import Exploration, share_left
+from kinreach.baselines._algorithms import mlp_arguments
+from kinreach.envs._reach.task import action_range
 from kinreach.robots import get_arm
 
 #: What the weights of an actor's last layer are multiplied by to begin with.

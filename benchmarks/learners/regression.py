@@ -8,16 +8,16 @@ from typing import Any
 import numpy as np
 import torch
 
+from kinreach._checks import Floats
+from kinreach._registration import SINGLE, SINGLE_KINEMATIC
 from kinreach.baselines import Algorithm, Recipe, SB3VecEnv, get_recipe, register_algorithm, register_recipe
-from kinreach.baselines.algorithms import actor_arguments, in_tries
-from kinreach.baselines.descent import Descent, Objective
-from kinreach.baselines.expert import tool_down_postures
-from kinreach.baselines.random_arms import ur5
-from kinreach.checks import Floats
-from kinreach.envs.reach.task import GOAL, SINGLE_STEP
+from kinreach.baselines._algorithms import actor_arguments, in_tries
+from kinreach.baselines._descent import Descent, Objective
+from kinreach.baselines._expert import tool_down_postures
+from kinreach.baselines._random_arms import ur5
+from kinreach.envs._reach.task import GOAL, SINGLE_STEP
 from kinreach.errors import InputError
-from kinreach.registration import SINGLE, SINGLE_KINEMATIC
-from kinreach.vision.goal_view import goals_in_world
+from kinreach.vision._goal_view import goals_in_world
 
 
 class Regression(Descent):

@@ -15,13 +15,13 @@ import gymnasium as gym
 import numpy as np
 from numpy.typing import ArrayLike
 
-from kinreach.baselines.learning_curve import COLUMNS, read_curve
-from kinreach.baselines.loop import rollout_batch
-from kinreach.baselines.policies import LearnedPolicy, load_policy, needed_options
-from kinreach.checks import Floats, as_floats, check_known
-from kinreach.envs.reach.task import ReachTask
+from kinreach._checks import Floats, as_floats, check_known
+from kinreach._registration import MULTI, SINGLE
+from kinreach.baselines._learning_curve import COLUMNS, read_curve
+from kinreach.baselines._loop import rollout_batch
+from kinreach.baselines._policies import LearnedPolicy, load_policy, needed_options
+from kinreach.envs._reach.task import ReachTask
 from kinreach.errors import InputError
-from kinreach.registration import MULTI, SINGLE
 
 Array = np.ndarray[Any, Any]
 

@@ -11,9 +11,9 @@ import sys
 from pathlib import Path
 
 from benchmarks.logs import CURVE, EPISODE, FOLDER, REWARDS, Log, load_logs
-from kinreach.baselines.learning_curve import curve_csv
+from kinreach._files import make_writable, replacing, write_text
+from kinreach.baselines._learning_curve import curve_csv
 from kinreach.errors import InputError
-from kinreach.files import make_writable, replacing, write_text
 
 #: Significant digits; counts are exact.
 DIGITS = 4

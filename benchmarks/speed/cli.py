@@ -18,10 +18,10 @@ from benchmarks.speed.report import TARGET_COLUMNS, picture_of, sections_of, sho
 from benchmarks.speed.run import run_suites
 from benchmarks.speed.sections import Options, Section, Target
 from benchmarks.speed.suites import SUITES, chosen
-from kinreach.checks import check_count, check_path
+from kinreach._checks import check_count, check_path
+from kinreach._files import make_writable
 from kinreach.cli import Parser
 from kinreach.errors import InputError
-from kinreach.files import make_writable
 
 ROUNDS, QUICK_ROUNDS = 7, 3
 OUT = Path("results") / "bench"

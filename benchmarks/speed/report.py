@@ -9,8 +9,8 @@ from pathlib import Path
 from typing import Any
 
 from benchmarks.speed.sections import Cell, Section, Target
-from kinreach.files import make_writable, replacing, write_text
-from kinreach.provenance import DISTRIBUTIONS
+from kinreach._files import make_writable, replacing, write_text
+from kinreach._provenance import DISTRIBUTIONS
 
 FORMAT = 1
 #: Whose versions are told.

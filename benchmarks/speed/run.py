@@ -12,8 +12,8 @@ from typing import Any
 from benchmarks.speed.report import FORMAT, PACKAGES, write_results
 from benchmarks.speed.sections import Options, Progress, Section
 from benchmarks.speed.suites import load_suite
-from kinreach.files import make_writable, write_text
-from kinreach.provenance import machine, versions
+from kinreach._files import make_writable, write_text
+from kinreach._provenance import machine, versions
 
 #: Sections of a suite, and how long it took [s].
 Finished = tuple[list[Section], float]

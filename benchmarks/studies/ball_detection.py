@@ -17,15 +17,15 @@ from pathlib import Path
 import numpy as np
 
 from benchmarks.studies.tables import head, line
+from kinreach._files import replacing
+from kinreach._statistics import p95
 from kinreach.cli import Parser, finish
-from kinreach.files import replacing
 from kinreach.robots import get_arm
-from kinreach.sim.rendering import FrameRenderer
-from kinreach.sim.simulation import ArmSimulation
-from kinreach.statistics import p95
-from kinreach.vision.ball_finder import PIPELINES, find_ball
-from kinreach.vision.cameras import RGBDCamera, SensorNoise
-from kinreach.vision.goal_view import CameraGoalView, geometric_goal_view, goals_in_world
+from kinreach.sim._rendering import FrameRenderer
+from kinreach.sim._simulation import ArmSimulation
+from kinreach.vision._ball_finder import PIPELINES, find_ball
+from kinreach.vision._cameras import RGBDCamera, SensorNoise
+from kinreach.vision._goal_view import CameraGoalView, geometric_goal_view, goals_in_world
 
 PROG = "python -m benchmarks.studies.ball_detection"
 

@@ -17,12 +17,12 @@ import numpy as np
 import kinreach
 from benchmarks.studies.parts import each
 from benchmarks.studies.tables import head, line
-from kinreach.baselines.button_controller import ButtonController
+from kinreach._jobs import add_options
+from kinreach._registration import BUTTON
+from kinreach.baselines._button_controller import ButtonController
 from kinreach.cli import Parser, finish
-from kinreach.envs.button import ACTUATIONS, Actuation
-from kinreach.envs.button.task import PRESS_RADIUS
-from kinreach.jobs import add_options
-from kinreach.registration import BUTTON
+from kinreach.envs._button import ACTUATIONS, Actuation
+from kinreach.envs._button.task import PRESS_RADIUS
 
 PROG = "python -m benchmarks.studies.button_actuation"
 

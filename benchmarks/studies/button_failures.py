@@ -13,13 +13,13 @@ import numpy as np
 
 import kinreach  # noqa: F401  registers the environments
 from benchmarks.studies.tables import head, line
-from kinreach.baselines.batch import make_batch
-from kinreach.baselines.evaluation import HELD_OUT
-from kinreach.baselines.loop import rollout_batch
-from kinreach.baselines.policies import load_policy
+from kinreach._registration import BUTTON
+from kinreach.baselines._batch import make_batch
+from kinreach.baselines._evaluation import HELD_OUT
+from kinreach.baselines._loop import rollout_batch
+from kinreach.baselines._policies import load_policy
 from kinreach.cli import Parser, finish
 from kinreach.kinematics import Arm3Kinematics
-from kinreach.registration import BUTTON
 
 PROG = "python -m benchmarks.studies.button_failures"
 

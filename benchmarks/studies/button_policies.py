@@ -11,10 +11,10 @@ from pathlib import Path
 
 import benchmarks.learners  # noqa: F401 (registers its recipes)
 from benchmarks.studies.trainings import Trainings, finished, print_table, with_interval
-from kinreach.baselines.recipes import RECIPES
+from kinreach._registration import BUTTON
+from kinreach._statistics import median
+from kinreach.baselines._recipes import RECIPES
 from kinreach.cli import Parser, finish
-from kinreach.registration import BUTTON
-from kinreach.statistics import median
 
 PROG = "python -m benchmarks.studies.button_policies"
 

@@ -17,11 +17,11 @@ import numpy as np
 
 from benchmarks.speed.peers.analytic import eaik_of, general_ssik_of
 from benchmarks.studies.tables import head, line
-from kinreach.checks import Floats
+from kinreach._checks import Floats
 from kinreach.cli import Parser, finish
 from kinreach.errors import InputError
 from kinreach.kinematics import CalibratedURKinematics, URKinematics
-from kinreach.kinematics.goals import pose_error
+from kinreach.kinematics._goals import pose_error
 from kinreach.robots import PUBLISHED_CALIBRATIONS
 
 PROG = "python -m benchmarks.studies.calibrated_arms"

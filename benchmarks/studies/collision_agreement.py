@@ -22,8 +22,8 @@ from benchmarks.studies.tables import head, line
 from kinreach.cli import Parser, finish
 from kinreach.kinematics import CollisionChecker, UR5Kinematics
 from kinreach.robots import get_arm
-from kinreach.sim.scene import build_scene
-from kinreach.sim.simulation import ArmSimulation
+from kinreach.sim._scene import build_scene
+from kinreach.sim._simulation import ArmSimulation
 from kinreach.thesis import posture_error
 
 PROG = "python -m benchmarks.studies.collision_agreement"

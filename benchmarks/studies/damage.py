@@ -24,23 +24,23 @@ import numpy as np
 
 from benchmarks.studies.parts import each
 from benchmarks.studies.tables import head, line
-from kinreach.baselines.expert import tool_down_postures
-from kinreach.baselines.policies import LearnedPolicy, load_policy
-from kinreach.baselines.random_arms import on_table, ur5
-from kinreach.checks import Floats, check_count
+from kinreach._checks import Floats, check_count
+from kinreach._jobs import add_options
+from kinreach._statistics import bootstrap_intervals, mean
+from kinreach.baselines._expert import tool_down_postures
+from kinreach.baselines._policies import LearnedPolicy, load_policy
+from kinreach.baselines._random_arms import on_table, ur5
 from kinreach.cli import Parser, finish
-from kinreach.compare.methods.tuned_policies import Trained, Tuned
-from kinreach.compare.real_arm import LEARNED_POLICY
-from kinreach.envs.reach.task import TOOL_DOWN
-from kinreach.envs.real_arm import MEDIAN_LENGTH, NOISE
-from kinreach.jobs import add_options
+from kinreach.compare._methods.tuned_policies import Trained, Tuned
+from kinreach.compare._real_arm import LEARNED_POLICY
+from kinreach.envs._reach.task import TOOL_DOWN
+from kinreach.envs._real_arm import MEDIAN_LENGTH, NOISE
 from kinreach.kinematics import ArmKinematics
-from kinreach.kinematics.chain import SerialChain
-from kinreach.kinematics.identification import IdentifiedArm, Prior
+from kinreach.kinematics._chain import SerialChain
+from kinreach.kinematics._identification import IdentifiedArm, Prior
 from kinreach.robots import ArmDescription, get_arm
-from kinreach.robots.rotations import placement, rpy
-from kinreach.robots.urdf import parse_urdf, set_origin
-from kinreach.statistics import bootstrap_intervals, mean
+from kinreach.robots._rotations import placement, rpy
+from kinreach.robots._urdf import parse_urdf, set_origin
 from kinreach.thesis import REACHED_DISTANCE, REACHED_POSTURE_ERROR
 
 PROG = "python -m benchmarks.studies.damage"

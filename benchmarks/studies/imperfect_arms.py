@@ -17,13 +17,13 @@ import numpy as np
 
 from benchmarks.studies.parts import each
 from benchmarks.studies.tables import head, line, share
-from kinreach.baselines.evaluation import HELD_OUT, evaluate
-from kinreach.baselines.policies import load_policy
+from kinreach._jobs import add_options
+from kinreach._statistics import median
+from kinreach.baselines._evaluation import HELD_OUT, evaluate
+from kinreach.baselines._policies import load_policy
 from kinreach.cli import Parser, finish
-from kinreach.jobs import add_options
 from kinreach.kinematics import CollisionChecker, UR5Kinematics
-from kinreach.sim.simulation import BatchSimulation
-from kinreach.statistics import median
+from kinreach.sim._simulation import BatchSimulation
 from kinreach.thesis import REACHED_POSTURE_ERROR, posture_error, reach_reward
 
 PROG = "python -m benchmarks.studies.imperfect_arms"

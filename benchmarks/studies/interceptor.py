@@ -20,14 +20,14 @@ import gymnasium as gym
 import numpy as np
 
 from benchmarks.studies.tables import head, line, share
-from kinreach.baselines.expert import tool_down_postures
-from kinreach.baselines.loop import Policy, as_policy, rollout
-from kinreach.checks import Floats, check_count
+from kinreach._checks import Floats, check_count
+from kinreach.baselines._expert import tool_down_postures
+from kinreach.baselines._loop import Policy, as_policy, rollout
 from kinreach.cli import Parser, finish
 from kinreach.compare import get_task
-from kinreach.compare.methods.interception import Interception
-from kinreach.envs import moving as ball
-from kinreach.envs.moving import moved
+from kinreach.compare._methods.interception import Interception
+from kinreach.envs import _moving as ball
+from kinreach.envs._moving import moved
 from kinreach.kinematics import CollisionChecker
 
 PROG = "python -m benchmarks.studies.interceptor"

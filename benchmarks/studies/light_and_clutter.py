@@ -20,16 +20,16 @@ import numpy as np
 
 from benchmarks.studies.ball_detection import NOISE, PICTURE_GOAL, goals_of
 from benchmarks.studies.tables import head, line, share
+from kinreach._files import replacing
+from kinreach._statistics import median, p95
 from kinreach.cli import Parser, finish
-from kinreach.files import replacing
 from kinreach.robots import get_arm
-from kinreach.sim.engine import mujoco
-from kinreach.sim.rendering import FrameRenderer
-from kinreach.sim.scene import BALL, BALL_COLOUR, build_scene
-from kinreach.statistics import median, p95
-from kinreach.vision.ball_finder import PIPELINES, find_ball
-from kinreach.vision.cameras import Intrinsics, RGBDImage, SensorNoise
-from kinreach.vision.goal_view import geometric_goal_view, goal_camera_poses
+from kinreach.sim._engine import mujoco
+from kinreach.sim._rendering import FrameRenderer
+from kinreach.sim._scene import BALL, BALL_COLOUR, build_scene
+from kinreach.vision._ball_finder import PIPELINES, find_ball
+from kinreach.vision._cameras import Intrinsics, RGBDImage, SensorNoise
+from kinreach.vision._goal_view import geometric_goal_view, goal_camera_poses
 
 PROG = "python -m benchmarks.studies.light_and_clutter"
 

@@ -15,12 +15,12 @@ import numpy as np
 
 from benchmarks.studies.tables import head, line
 from benchmarks.studies.trainings import POLICY, finished
-from kinreach.baselines.batch import make_batch
-from kinreach.baselines.evaluation import HELD_OUT
-from kinreach.baselines.loop import rollout_batch
-from kinreach.baselines.policies import LearnedPolicy, load_policy
+from kinreach._registration import MULTI
+from kinreach.baselines._batch import make_batch
+from kinreach.baselines._evaluation import HELD_OUT
+from kinreach.baselines._loop import rollout_batch
+from kinreach.baselines._policies import LearnedPolicy, load_policy
 from kinreach.cli import Parser, finish
-from kinreach.registration import MULTI
 from kinreach.thesis import REACHED_DISTANCE
 
 PROG = "python -m benchmarks.studies.loitering"

@@ -30,9 +30,9 @@ from pathlib import Path
 from typing import Any, Protocol
 
 from benchmarks.studies.tables import head, line
+from kinreach._files import make_writable, write_text
 from kinreach.cli import Parser, finish
 from kinreach.errors import InputError
-from kinreach.files import make_writable, write_text
 
 PROG = "python -m benchmarks.studies.mutants"
 

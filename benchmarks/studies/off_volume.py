@@ -17,12 +17,12 @@ from typing import Any
 import gymnasium as gym
 import numpy as np
 
-from kinreach.baselines.loop import rollout_batch
-from kinreach.baselines.policies import LearnedPolicy, load_policy, needed_options
-from kinreach.checks import Floats, check_count
+from kinreach._checks import Floats, check_count
+from kinreach._files import replacing
+from kinreach._registration import SPACE
+from kinreach.baselines._loop import rollout_batch
+from kinreach.baselines._policies import LearnedPolicy, load_policy, needed_options
 from kinreach.cli import Parser, finish
-from kinreach.files import replacing
-from kinreach.registration import SPACE
 from kinreach.robots import get_arm
 from notebooks.figures import draw_error_maps
 

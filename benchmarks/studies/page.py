@@ -20,11 +20,11 @@ import psutil
 
 from benchmarks.studies.tab import Tab, wait_for
 from benchmarks.studies.tables import head, line
-from kinreach.checks import Floats
+from kinreach._checks import Floats
 from kinreach.cli import Parser, finish
 from kinreach.robots import PUBLISHED_CALIBRATIONS
-from kinreach.view.cli import setup_of
-from kinreach.view.server import Server
+from kinreach.view._cli import setup_of
+from kinreach.view._server import Server
 
 PROG = "python -m benchmarks.studies.page"
 CALIBRATION = PUBLISHED_CALIBRATIONS["ur5_a"]

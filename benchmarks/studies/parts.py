@@ -7,7 +7,7 @@ from collections.abc import Callable, Iterator, Sequence
 from functools import partial
 from typing import Any, TypeVar
 
-from kinreach.jobs import open_engine
+from kinreach._jobs import open_engine
 
 Value = TypeVar("Value")
 
@@ -16,7 +16,7 @@ def each(arguments: argparse.Namespace, function: Callable[..., Value], parts: S
     """Yield what a function makes of each part, in their order, as soon as it is known.
 
     Args:
-        arguments: With those of `kinreach.jobs.add_options`.
+        arguments: With those of `kinreach._jobs.add_options`.
         function: Of the arguments that a part is.
         parts: Tuples.
 

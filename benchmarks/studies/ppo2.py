@@ -26,16 +26,16 @@ import torch
 from benchmarks.studies.reward_parts import PARTS
 from benchmarks.studies.side_by_side import Networks, Stack, Trained, train_stack
 from benchmarks.studies.tables import head, line, spread
-from kinreach.baselines.batch import make_batch
-from kinreach.baselines.evaluation import HELD_OUT, VALIDATION
-from kinreach.baselines.learning_curve import curve_csv
-from kinreach.baselines.loop import rollout_batch
-from kinreach.baselines.policy_file import save_policy
-from kinreach.baselines.rewards import own
+from kinreach._files import make_writable, replacing, write_text
+from kinreach._registration import MULTI, SINGLE
+from kinreach.baselines._batch import make_batch
+from kinreach.baselines._evaluation import HELD_OUT, VALIDATION
+from kinreach.baselines._learning_curve import curve_csv
+from kinreach.baselines._loop import rollout_batch
+from kinreach.baselines._policy_file import save_policy
+from kinreach.baselines._rewards import own
 from kinreach.cli import Parser, finish
-from kinreach.files import make_writable, replacing, write_text
 from kinreach.plots import FAINT, PALETTE, key, new_figure, plain
-from kinreach.registration import MULTI, SINGLE
 from kinreach.robots import get_arm
 from kinreach.thesis import REACHED_DISTANCE
 

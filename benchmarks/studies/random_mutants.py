@@ -29,9 +29,9 @@ from pathlib import Path
 from typing import Any
 
 from benchmarks.studies.mutants import GOAL, READERS, applied, copied, killer
+from kinreach._files import make_writable, write_text
 from kinreach.cli import Parser, finish
 from kinreach.errors import InputError
-from kinreach.files import make_writable, write_text
 
 PROG = "python -m benchmarks.studies.random_mutants"
 

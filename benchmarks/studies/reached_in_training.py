@@ -17,7 +17,7 @@ from benchmarks.logs import load_logs
 from benchmarks.studies.tables import head, line
 from benchmarks.studies.thesis_curves import reached
 from benchmarks.studies.trainings import trainings_interval
-from kinreach.baselines.recipes import RECIPES
+from kinreach.baselines._recipes import RECIPES
 from kinreach.cli import Parser, finish
 
 PROG = "python -m benchmarks.studies.reached_in_training"

@@ -26,19 +26,19 @@ from gymnasium import spaces
 from benchmarks.studies.damage import KINDS, SIGMA, Damage, damage, numeric, reached
 from benchmarks.studies.parts import each
 from benchmarks.studies.tables import head, line
-from kinreach.baselines.adaptive_ppo import AdaptiveRate, Exploration
-from kinreach.baselines.algorithms import normal_scores
-from kinreach.baselines.networks import ACTIVATIONS, ObservationFeatures, PostureHead
-from kinreach.baselines.policies import load_policy
-from kinreach.baselines.policy_file import Network
-from kinreach.baselines.random_arms import ur5
-from kinreach.checks import Floats, check_count
+from kinreach._checks import Floats, check_count
+from kinreach._files import replacing
+from kinreach._jobs import add_options
+from kinreach._statistics import bootstrap_intervals, mean
+from kinreach.baselines._adaptive_ppo import AdaptiveRate, Exploration
+from kinreach.baselines._algorithms import normal_scores
+from kinreach.baselines._networks import ACTIVATIONS, ObservationFeatures, PostureHead
+from kinreach.baselines._policies import load_policy
+from kinreach.baselines._policy_file import Network
+from kinreach.baselines._random_arms import ur5
 from kinreach.cli import Parser, finish
-from kinreach.envs.reach.task import goal_block
-from kinreach.files import replacing
-from kinreach.jobs import add_options
+from kinreach.envs._reach.task import goal_block
 from kinreach.plots import FAINT, PALETTE, key, new_figure
-from kinreach.statistics import bootstrap_intervals, mean
 from kinreach.thesis import REACHED_DISTANCE, REACHED_POSTURE_ERROR
 
 PROG = "python -m benchmarks.studies.relearning"

@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from kinreach.baselines.rewards import FLOOR, TrainingReward
+from kinreach.baselines._rewards import FLOOR, TrainingReward
 from kinreach.thesis import (
     IMPOSSIBLE_REWARD,
     NEAR_REWARD,
@@ -21,7 +21,7 @@ from kinreach.thesis import (
     REACHED_REWARD,
     distance_reward,
 )
-from kinreach.thesis.posture import posture_errors
+from kinreach.thesis._posture import posture_errors
 
 Array = np.ndarray[Any, Any]
 

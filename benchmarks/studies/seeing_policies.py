@@ -16,14 +16,14 @@ import numpy as np
 
 from benchmarks.studies.parts import each
 from benchmarks.studies.tables import head, line, share
-from kinreach.baselines.evaluation import evaluate
-from kinreach.baselines.policies import LearnedPolicy, load_policy, pretrained_names, trained_arm
+from kinreach._jobs import add_options
+from kinreach._registration import MULTI, SINGLE, SPACE
+from kinreach._statistics import median, p95
+from kinreach.baselines._evaluation import evaluate
+from kinreach.baselines._policies import LearnedPolicy, load_policy, pretrained_names, trained_arm
 from kinreach.cli import Parser, finish
-from kinreach.jobs import add_options
-from kinreach.registration import MULTI, SINGLE, SPACE
 from kinreach.robots import as_arm
-from kinreach.statistics import median, p95
-from kinreach.vision.ball_finder import PIPELINES
+from kinreach.vision._ball_finder import PIPELINES
 
 PROG = "python -m benchmarks.studies.seeing_policies"
 

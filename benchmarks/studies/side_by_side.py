@@ -1,6 +1,6 @@
 """Many trainings by PPO2 of the reach tasks at once: their networks are stacked, their arms are one native batch.
 
-A training here is what `kinreach.baselines.ppo2.PPO2` does with the same settings; stacked, one takes a tenth of the
+A training here is what `kinreach.baselines._ppo2.PPO2` does with the same settings; stacked, one takes a tenth of the
 time, because what a step of a small network costs is mostly calling it. Trainings of a stack are of one task with
 one number of arms, and may differ in what `Trained` says. Those with the same seed have the same initial weights, the
 same noise and the same goals, so that cells of a table differ by what they are about.
@@ -17,11 +17,11 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from kinreach.baselines.batch import make_batch
-from kinreach.baselines.policies import LearnedPolicy
-from kinreach.baselines.policy_file import Network, PolicyCard
-from kinreach.baselines.ppo2 import ppo2_loss
-from kinreach.baselines.rewards import TrainingReward, own
+from kinreach.baselines._batch import make_batch
+from kinreach.baselines._policies import LearnedPolicy
+from kinreach.baselines._policy_file import Network, PolicyCard
+from kinreach.baselines._ppo2 import ppo2_loss
+from kinreach.baselines._rewards import TrainingReward, own
 
 Array = np.ndarray[Any, Any]
 

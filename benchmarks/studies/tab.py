@@ -17,9 +17,9 @@ import zstandard
 from websockets.exceptions import ConnectionClosed
 from websockets.sync.client import connect
 
-from kinreach.checks import Floats
-from kinreach.view.page import Page
-from kinreach.view.server import Server
+from kinreach._checks import Floats
+from kinreach.view._page import Page
+from kinreach.view._server import Server
 
 #: Nothing of the page takes longer [s].
 PATIENCE = 120.0

@@ -6,7 +6,7 @@ import math
 from collections.abc import Sequence
 from statistics import median
 
-from kinreach.statistics import wilson_interval
+from kinreach._statistics import wilson_interval
 
 
 def head(*names: str) -> str:

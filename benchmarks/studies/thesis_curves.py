@@ -21,11 +21,11 @@ import numpy as np
 from benchmarks.logs import EPISODE, FOLDER, Log, load_logs, logged_policies
 from benchmarks.studies.tables import head, line
 from benchmarks.studies.trainings import trainings_interval
-from kinreach.baselines.evaluation import evaluate
-from kinreach.baselines.learning_curve import read_curve
-from kinreach.baselines.policies import LearnedPolicy
+from kinreach._statistics import Statistic, mean, median
+from kinreach.baselines._evaluation import evaluate
+from kinreach.baselines._learning_curve import read_curve
+from kinreach.baselines._policies import LearnedPolicy
 from kinreach.cli import Parser, finish
-from kinreach.statistics import Statistic, mean, median
 from kinreach.thesis import IMPOSSIBLE_REWARD
 
 PROG = "python -m benchmarks.studies.thesis_curves"

@@ -22,16 +22,16 @@ from benchmarks.learners import sb3_multi_long
 from benchmarks.logs import Trace, trace
 from benchmarks.studies.parts import each
 from benchmarks.studies.tables import head, line, spread
-from kinreach.baselines.evaluation import HELD_OUT
-from kinreach.baselines.learning_curve import curve_csv
-from kinreach.baselines.policies import LearnedPolicy
-from kinreach.baselines.policy_file import read_policy
-from kinreach.baselines.recipes import Recipe
-from kinreach.baselines.training import train
+from kinreach._files import write_text
+from kinreach._jobs import add_options
+from kinreach.baselines._evaluation import HELD_OUT
+from kinreach.baselines._learning_curve import curve_csv
+from kinreach.baselines._policies import LearnedPolicy
+from kinreach.baselines._policy_file import read_policy
+from kinreach.baselines._recipes import Recipe
+from kinreach.baselines._training import train
 from kinreach.cli import Parser, finish
-from kinreach.envs.reach.task import MULTI_STEP
-from kinreach.files import write_text
-from kinreach.jobs import add_options
+from kinreach.envs._reach.task import MULTI_STEP
 from kinreach.kinematics import UR5Kinematics
 from kinreach.thesis import IMPOSSIBLE_REWARD, REACHED_DISTANCE, REACHED_REWARD
 

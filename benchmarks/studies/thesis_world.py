@@ -24,13 +24,13 @@ import torch
 from benchmarks.studies.ppo2 import FAITHFUL, GOALS, PLANS, goals, play
 from benchmarks.studies.side_by_side import Networks, train_stack
 from benchmarks.studies.tables import head, line, spread
-from kinreach.baselines.evaluation import HELD_OUT
-from kinreach.baselines.learning_curve import curve_csv
+from kinreach._files import make_writable, write_text
+from kinreach._registration import MULTI, SINGLE
+from kinreach.baselines._evaluation import HELD_OUT
+from kinreach.baselines._learning_curve import curve_csv
 from kinreach.cli import Parser, finish
-from kinreach.envs.reach.observers import CameraObserver
-from kinreach.envs.reach.task import SINGLE_STEP, ReachOptions, ReachTask
-from kinreach.files import make_writable, write_text
-from kinreach.registration import MULTI, SINGLE
+from kinreach.envs._reach.observers import CameraObserver
+from kinreach.envs._reach.task import SINGLE_STEP, ReachOptions, ReachTask
 
 PROG = "python -m benchmarks.studies.thesis_world"
 

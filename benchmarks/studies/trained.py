@@ -15,10 +15,10 @@ import numpy as np
 
 import benchmarks.learners  # noqa: F401 (registers its recipes)
 from benchmarks.studies.trainings import Trainings, decimals_for, finished, print_table, with_interval
-from kinreach.baselines.recipes import RECIPES
+from kinreach._registration import BUTTON
+from kinreach._statistics import median, p95
+from kinreach.baselines._recipes import RECIPES
 from kinreach.cli import Parser, finish
-from kinreach.registration import BUTTON
-from kinreach.statistics import median, p95
 
 PROG = "python -m benchmarks.studies.trained"
 

@@ -14,10 +14,10 @@ from numpy.typing import ArrayLike
 from scipy.special import stdtrit
 
 from benchmarks.studies.tables import head, line
-from kinreach.baselines.evaluation import Evaluation, evaluate
-from kinreach.baselines.policies import load_policy
+from kinreach._statistics import CONFIDENCE, Interval, Statistic, bootstrap_intervals, mean, wilson_interval
+from kinreach.baselines._evaluation import Evaluation, evaluate
+from kinreach.baselines._policies import load_policy
 from kinreach.errors import InputError
-from kinreach.statistics import CONFIDENCE, Interval, Statistic, bootstrap_intervals, mean, wilson_interval
 
 POLICY = "policy.safetensors"
 RESAMPLES = 500

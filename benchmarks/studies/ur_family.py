@@ -13,8 +13,8 @@ from benchmarks.speed.poses import CASES
 from benchmarks.speed.suites.ik_edge_cases import judge
 from benchmarks.studies.parts import each
 from benchmarks.studies.tables import head, line
+from kinreach._jobs import add_options
 from kinreach.cli import Parser, finish
-from kinreach.jobs import add_options
 from kinreach.kinematics import URKinematics
 from kinreach.robots import UR_LENGTHS
 

@@ -18,38 +18,38 @@ from typing import TYPE_CHECKING, Any
 from kinreach.errors import InstallationError
 
 if TYPE_CHECKING:
-    from kinreach.baselines.algorithms import Algorithm, register_algorithm
-    from kinreach.baselines.button_controller import AnalyticButtonPolicy
-    from kinreach.baselines.evaluation import HELD_OUT, VALIDATION, evaluate
-    from kinreach.baselines.learning_curve import read_curve
-    from kinreach.baselines.loop import Policy, RandomPolicy, rollout
-    from kinreach.baselines.policies import load_policy
-    from kinreach.baselines.recipes import RECIPES, Networks, Recipe, get_recipe, register_recipe
-    from kinreach.baselines.solver_policy import SolverPolicy
-    from kinreach.baselines.training import train
-    from kinreach.baselines.vec_envs import SB3VecEnv
+    from kinreach.baselines._algorithms import Algorithm, register_algorithm
+    from kinreach.baselines._button_controller import AnalyticButtonPolicy
+    from kinreach.baselines._evaluation import HELD_OUT, VALIDATION, evaluate
+    from kinreach.baselines._learning_curve import read_curve
+    from kinreach.baselines._loop import Policy, RandomPolicy, rollout
+    from kinreach.baselines._policies import load_policy
+    from kinreach.baselines._recipes import RECIPES, Networks, Recipe, get_recipe, register_recipe
+    from kinreach.baselines._solver_policy import SolverPolicy
+    from kinreach.baselines._training import train
+    from kinreach.baselines._vec_envs import SB3VecEnv
 
 #: Name -> its module, imported when the name is first asked for: acting does not wait for torch.
 _MODULES = {
-    "Algorithm": "algorithms",
-    "AnalyticButtonPolicy": "button_controller",
-    "HELD_OUT": "evaluation",
-    "Networks": "recipes",
-    "Policy": "loop",
-    "RECIPES": "recipes",
-    "RandomPolicy": "loop",
-    "Recipe": "recipes",
-    "SB3VecEnv": "vec_envs",
-    "SolverPolicy": "solver_policy",
-    "VALIDATION": "evaluation",
-    "evaluate": "evaluation",
-    "get_recipe": "recipes",
-    "load_policy": "policies",
-    "read_curve": "learning_curve",
-    "register_algorithm": "algorithms",
-    "register_recipe": "recipes",
-    "rollout": "loop",
-    "train": "training",
+    "Algorithm": "_algorithms",
+    "AnalyticButtonPolicy": "_button_controller",
+    "HELD_OUT": "_evaluation",
+    "Networks": "_recipes",
+    "Policy": "_loop",
+    "RECIPES": "_recipes",
+    "RandomPolicy": "_loop",
+    "Recipe": "_recipes",
+    "SB3VecEnv": "_vec_envs",
+    "SolverPolicy": "_solver_policy",
+    "VALIDATION": "_evaluation",
+    "evaluate": "_evaluation",
+    "get_recipe": "_recipes",
+    "load_policy": "_policies",
+    "read_curve": "_learning_curve",
+    "register_algorithm": "_algorithms",
+    "register_recipe": "_recipes",
+    "rollout": "_loop",
+    "train": "_training",
 }
 
 __all__ = [

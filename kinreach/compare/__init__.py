@@ -7,12 +7,13 @@
 
 A task is data (`Task`): an environment, goals, methods, columns and figures; a method is anything that becomes a policy
 for that environment. `register_task` and `register_method` add either from outside the package. The loop between policy
-and environment is `kinreach.baselines.loop`.
+and environment is `kinreach.baselines._loop`.
 """
 
-from kinreach.compare.methods import policy_method, solver_method
-from kinreach.compare.runner import Settings, compare
-from kinreach.compare.task import (
+from kinreach._statistics import Column, Trial, wilson_interval
+from kinreach.compare._methods import policy_method, solver_method
+from kinreach.compare._runner import Settings, compare
+from kinreach.compare._task import (
     Method,
     Task,
     common_columns,
@@ -22,7 +23,6 @@ from kinreach.compare.task import (
     resets_to,
     task_names,
 )
-from kinreach.statistics import Column, Trial, wilson_interval
 
 __all__ = [
     "Column",

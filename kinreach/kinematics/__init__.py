@@ -16,20 +16,20 @@ from __future__ import annotations
 import importlib
 from typing import TYPE_CHECKING, Any
 
-from kinreach.kinematics.arm import ArmKinematics
-from kinreach.kinematics.arm3 import Arm3Kinematics
-from kinreach.kinematics.closed_form import ClosedFormKinematics
-from kinreach.kinematics.collision import CollisionChecker
-from kinreach.kinematics.goals import AxisGoal, PoseGoal, PositionGoal
-from kinreach.kinematics.six_axis import SixAxisKinematics
-from kinreach.kinematics.solutions import Accept, IKResult, IKSolutions, Status
-from kinreach.kinematics.solvers import ClosedFormSolver, Solver
-from kinreach.kinematics.ur.kinematics import CalibratedURKinematics, UR5Kinematics, URKinematics
-from kinreach.robots.rotations import pose, pose_vector
+from kinreach.kinematics._arm import ArmKinematics
+from kinreach.kinematics._arm3 import Arm3Kinematics
+from kinreach.kinematics._closed_form import ClosedFormKinematics
+from kinreach.kinematics._collision import CollisionChecker
+from kinreach.kinematics._goals import AxisGoal, PoseGoal, PositionGoal
+from kinreach.kinematics._six_axis import SixAxisKinematics
+from kinreach.kinematics._solutions import Accept, IKResult, IKSolutions, Status
+from kinreach.kinematics._solvers import ClosedFormSolver, Solver
+from kinreach.kinematics._ur.kinematics import CalibratedURKinematics, UR5Kinematics, URKinematics
+from kinreach.robots._rotations import pose, pose_vector
 
 if TYPE_CHECKING:
-    from kinreach.kinematics import check
-    from kinreach.kinematics.solvers import LevenbergMarquardtSolver, PlacoSolver, QPSolver
+    from kinreach.kinematics import _check as check
+    from kinreach.kinematics._solvers import LevenbergMarquardtSolver, PlacoSolver, QPSolver
 
 __all__ = [
     "Accept",
@@ -62,7 +62,7 @@ ArmKinematics._closed_forms = (Arm3Kinematics, URKinematics, CalibratedURKinemat
 
 def __getattr__(name: str) -> Any:
     if name == "check":
-        return importlib.import_module(f"{__name__}.check")
+        return importlib.import_module(f"{__name__}._check")
     if name not in ("LevenbergMarquardtSolver", "PlacoSolver", "QPSolver"):
         raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
-    return getattr(importlib.import_module(f"{__name__}.solvers"), name)
+    return getattr(importlib.import_module(f"{__name__}._solvers"), name)

@@ -5,7 +5,7 @@
 - `workspace`: an arm's workspace from the side; `check_cli`: `kinreach check`, which draws it.
 """
 
-from kinreach.plots.style import (
+from kinreach.plots._style import (
     DPI,
     FAINT,
     INK,

@@ -11,14 +11,14 @@ Data only: nothing here imports a robotics engine. Every arm is one URDF that fe
 modules are internal.
 """
 
-from kinreach.robots.calibration import PUBLISHED_CALIBRATIONS, read_calibration
-from kinreach.robots.description import ArmDescription
-from kinreach.robots.grippers import Gripper
-from kinreach.robots.registry import arm_named, arm_names, as_arm, get_arm, register_arm
-from kinreach.robots.tools import Tool
-from kinreach.robots.ur import UR_LENGTHS
-from kinreach.robots.urdf import Solid
-from kinreach.robots.workcell import Box, BoxRegion, CameraMount, Workcell
+from kinreach.robots._calibration import PUBLISHED_CALIBRATIONS, read_calibration
+from kinreach.robots._description import ArmDescription
+from kinreach.robots._grippers import Gripper
+from kinreach.robots._registry import arm_named, arm_names, as_arm, get_arm, register_arm
+from kinreach.robots._tools import Tool
+from kinreach.robots._ur import UR_LENGTHS
+from kinreach.robots._urdf import Solid
+from kinreach.robots._workcell import Box, BoxRegion, CameraMount, Workcell
 
 __all__ = [
     "PUBLISHED_CALIBRATIONS",

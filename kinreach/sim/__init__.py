@@ -4,11 +4,11 @@
 `BatchSimulation` is any number of them, stepped together.
 """
 
-from kinreach.sim.controller import JointController, MoveResult, MoveStatus
-from kinreach.sim.imperfections import Imperfections
-from kinreach.sim.rendering import FrameRenderer, render
-from kinreach.sim.scene import build_scene, scene_model
-from kinreach.sim.simulation import ArmSimulation, BatchSimulation
+from kinreach.sim._controller import JointController, MoveResult, MoveStatus
+from kinreach.sim._imperfections import Imperfections
+from kinreach.sim._rendering import FrameRenderer, render
+from kinreach.sim._scene import build_scene, scene_model
+from kinreach.sim._simulation import ArmSimulation, BatchSimulation
 
 __all__ = [
     "ArmSimulation",

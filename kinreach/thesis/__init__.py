@@ -1,6 +1,6 @@
 """The thesis's reward and the geometry of postures behind it: pure functions on arrays."""
 
-from kinreach.thesis.posture import (
+from kinreach.thesis._posture import (
     UNNATURAL_ERROR,
     PentagonAngles,
     gripper_angle_error,
@@ -8,7 +8,7 @@ from kinreach.thesis.posture import (
     pentagon_angles,
     posture_error,
 )
-from kinreach.thesis.reward import (
+from kinreach.thesis._reward import (
     IMPOSSIBLE_REWARD,
     NEAR_REWARD,
     REACHED_DISTANCE,

@@ -16,18 +16,18 @@ import importlib
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from kinreach.view.players import new_player
-    from kinreach.view.results import read_results
-    from kinreach.view.target import AXIS, POINT, POSE, TargetModel
+    from kinreach.view._players import new_player
+    from kinreach.view._results import read_results
+    from kinreach.view._target import AXIS, POINT, POSE, TargetModel
 
 #: Name -> its module, imported when the name is first used.
 _MODULES = {
-    "AXIS": "target",
-    "POINT": "target",
-    "POSE": "target",
-    "TargetModel": "target",
-    "new_player": "players",
-    "read_results": "results",
+    "AXIS": "_target",
+    "POINT": "_target",
+    "POSE": "_target",
+    "TargetModel": "_target",
+    "new_player": "_players",
+    "read_results": "_results",
 }
 
 __all__ = ["AXIS", "POINT", "POSE", "TargetModel", "new_player", "read_results"]

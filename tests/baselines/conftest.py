@@ -13,7 +13,7 @@ def observations_are_drawn_once():
     if find_spec("stable_baselines3") is None:
         yield
         return
-    from kinreach.baselines import algorithms
+    from kinreach.baselines import _algorithms as algorithms
 
     draw, drawn = algorithms.first_observations, {}
 

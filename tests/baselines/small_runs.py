@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 
 import benchmarks.learners  # noqa: F401 (registers its recipes)
-from kinreach.baselines import training
-from kinreach.baselines.policies import load_policy
-from kinreach.baselines.recipes import RECIPES, get_recipe
-from kinreach.baselines.training import train
+from kinreach.baselines import _training as training
+from kinreach.baselines._policies import load_policy
+from kinreach.baselines._recipes import RECIPES, get_recipe
+from kinreach.baselines._training import train
 
 #: Small versions of one on-policy, one ranked and one off-policy recipe, of three segments each.
 SMALL = {

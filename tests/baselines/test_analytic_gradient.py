@@ -9,15 +9,15 @@ import pytest
 pytest.importorskip("stable_baselines3")
 import torch
 
-from kinreach.baselines.descent import DOWN, LEVER
-from kinreach.baselines.evaluation import VALIDATION, evaluate
-from kinreach.baselines.models import build
-from kinreach.baselines.recipes import get_recipe
-from kinreach.baselines.training import train
-from kinreach.envs.reach.space import SpaceTask
+from kinreach.baselines._descent import DOWN, LEVER
+from kinreach.baselines._evaluation import VALIDATION, evaluate
+from kinreach.baselines._models import build
+from kinreach.baselines._recipes import get_recipe
+from kinreach.baselines._training import train
+from kinreach.envs._reach.space import SpaceTask
 from kinreach.errors import InputError
 from kinreach.kinematics import ArmKinematics
-from kinreach.vision.goal_view import goal_in_world
+from kinreach.vision._goal_view import goal_in_world
 
 RECIPE = get_recipe("space-single")
 SMALL = replace(RECIPE, num_envs=256, window=2560, settings={**RECIPE.settings, "n_epochs": 4, "minibatches": 2})

@@ -6,8 +6,8 @@ import pytest
 
 import kinreach
 from benchmarks.studies.button_actuation import analytic
-from kinreach.baselines.button_controller import AnalyticButtonPolicy, ButtonController
-from kinreach.envs.button import ACTUATIONS
+from kinreach.baselines._button_controller import AnalyticButtonPolicy, ButtonController
+from kinreach.envs._button import ACTUATIONS
 from kinreach.errors import InputError, UnknownNameError
 
 NAME = "kinreach/ButtonPress-v0"

@@ -8,18 +8,18 @@ import numpy as np
 import pytest
 
 import benchmarks.learners  # noqa: F401 (registers its recipes)
-from kinreach.baselines import training
-from kinreach.baselines.evaluation import evaluate
-from kinreach.baselines.learning_curve import LearningCurve
-from kinreach.baselines.models import build
-from kinreach.baselines.networks import actor_network
-from kinreach.baselines.policies import load_policy
-from kinreach.baselines.recipes import get_recipe
-from kinreach.baselines.rewards import BRANCH_ORDER, POSTURE_WEIGHT, REWARDS, SCALE, goal_postures
-from kinreach.baselines.training import train
-from kinreach.baselines.vec_envs import SB3VecEnv
+from kinreach._registration import BUTTON
+from kinreach.baselines import _training as training
+from kinreach.baselines._evaluation import evaluate
+from kinreach.baselines._learning_curve import LearningCurve
+from kinreach.baselines._models import build
+from kinreach.baselines._networks import actor_network
+from kinreach.baselines._policies import load_policy
+from kinreach.baselines._recipes import get_recipe
+from kinreach.baselines._rewards import BRANCH_ORDER, POSTURE_WEIGHT, REWARDS, SCALE, goal_postures
+from kinreach.baselines._training import train
+from kinreach.baselines._vec_envs import SB3VecEnv
 from kinreach.kinematics import Arm3Kinematics
-from kinreach.registration import BUTTON
 from tests.baselines.small_runs import weights
 
 GOAL = np.array([0.45, 0.35, 0.3])

@@ -7,12 +7,12 @@ import numpy as np
 import pytest
 import torch
 
-from kinreach.baselines import algorithms
-from kinreach.baselines.algorithms import Algorithm, register_algorithm
-from kinreach.baselines.models import build
-from kinreach.baselines.policies import load_policy
-from kinreach.baselines.recipes import RECIPES, Networks, Recipe, get_recipe, register_recipe
-from kinreach.baselines.training import train
+from kinreach.baselines import _algorithms as algorithms
+from kinreach.baselines._algorithms import Algorithm, register_algorithm
+from kinreach.baselines._models import build
+from kinreach.baselines._policies import load_policy
+from kinreach.baselines._recipes import RECIPES, Networks, Recipe, get_recipe, register_recipe
+from kinreach.baselines._training import train
 from kinreach.cli import main
 from kinreach.errors import InputError, UnknownNameError
 
@@ -21,8 +21,8 @@ MINE = """
 import gymnasium as gym
 import numpy as np
 
-from kinreach.baselines.algorithms import Algorithm, register_algorithm
-from kinreach.baselines.recipes import Networks, Recipe
+from kinreach.baselines._algorithms import Algorithm, register_algorithm
+from kinreach.baselines._recipes import Networks, Recipe
 
 register_algorithm(Algorithm("TQC", "sb3_contrib:TQC", defaults={"learning_starts": 32, "batch_size": 16}))
 RECIPE = Recipe(

@@ -9,10 +9,11 @@ from pathlib import Path
 
 import pytest
 
-from kinreach import provenance
-from kinreach.baselines import evaluate_cli, train_cli
-from kinreach.baselines.evaluation import HELD_OUT, VALIDATION, evaluate
-from kinreach.baselines.policy_file import read_policy, save_policy
+from kinreach import _provenance as provenance
+from kinreach.baselines import _evaluate_cli as evaluate_cli
+from kinreach.baselines import _train_cli as train_cli
+from kinreach.baselines._evaluation import HELD_OUT, VALIDATION, evaluate
+from kinreach.baselines._policy_file import read_policy, save_policy
 from kinreach.cli import main
 from tests.baselines.small_runs import interrupted, small
 
@@ -194,7 +195,7 @@ def test_going_on_with_other_code_is_one_line(tmp_path, monkeypatch, capsys):
 
 
 def test_without_the_extra_training_says_what_to_install(monkeypatch, capsys):
-    monkeypatch.setitem(__import__("sys").modules, "kinreach.baselines.training", None)
+    monkeypatch.setitem(__import__("sys").modules, "kinreach.baselines._training", None)
     assert main(["train", "single"]) == 2
     assert "pip install 'kinreach[train]'" in capsys.readouterr().err
 

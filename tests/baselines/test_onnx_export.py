@@ -6,10 +6,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from kinreach.baselines.batch import make_batch
-from kinreach.baselines.onnx_export import export_onnx
-from kinreach.baselines.policies import LearnedPolicy, load_policy, needed_options, pretrained_names
-from kinreach.baselines.policy_file import ACTIVATIONS, Network
+from kinreach.baselines._batch import make_batch
+from kinreach.baselines._onnx_export import export_onnx
+from kinreach.baselines._policies import LearnedPolicy, load_policy, needed_options, pretrained_names
+from kinreach.baselines._policy_file import ACTIVATIONS, Network
 from kinreach.cli import main
 from kinreach.errors import InputError
 

@@ -12,17 +12,17 @@ pytest.importorskip("stable_baselines3")
 
 import torch
 
-from kinreach.baselines.batch import make_batch
-from kinreach.baselines.evaluation import VALIDATION, evaluate
-from kinreach.baselines.looks import Looks
-from kinreach.baselines.networks import TorchEye
-from kinreach.baselines.policies import load_policy
-from kinreach.baselines.policy_file import read_policy, save_policy
-from kinreach.baselines.recipes import get_recipe
-from kinreach.baselines.training import train
-from kinreach.envs.reach.task import SINGLE_STEP, ReachOptions, ReachTask
+from kinreach._registration import SINGLE
+from kinreach.baselines._batch import make_batch
+from kinreach.baselines._evaluation import VALIDATION, evaluate
+from kinreach.baselines._looks import Looks
+from kinreach.baselines._networks import TorchEye
+from kinreach.baselines._policies import load_policy
+from kinreach.baselines._policy_file import read_policy, save_policy
+from kinreach.baselines._recipes import get_recipe
+from kinreach.baselines._training import train
+from kinreach.envs._reach.task import SINGLE_STEP, ReachOptions, ReachTask
 from kinreach.errors import InputError
-from kinreach.registration import SINGLE
 
 SIZE = {"width": 48, "height": 32}
 PIXELS = {"backend": "kinematic", "observation": "pixels", **SIZE}

@@ -12,11 +12,11 @@ import pytest
 from gymnasium import spaces
 from safetensors.numpy import save_file
 
-from kinreach.baselines.policies import LearnedPolicy, load_policy, needed_options, pretrained_names
-from kinreach.baselines.policy_file import ACTIVATIONS, OUTPUTS, Network, PolicyCard, read_policy, save_policy
-from kinreach.envs.reach import ReachEnv
+from kinreach._registration import MULTI, MULTI_KINEMATIC, SINGLE, SPACE
+from kinreach.baselines._policies import LearnedPolicy, load_policy, needed_options, pretrained_names
+from kinreach.baselines._policy_file import ACTIVATIONS, OUTPUTS, Network, PolicyCard, read_policy, save_policy
+from kinreach.envs._reach import ReachEnv
 from kinreach.errors import InputError, OutputError, UnknownNameError
-from kinreach.registration import MULTI, MULTI_KINEMATIC, SINGLE, SPACE
 
 CARD = PolicyCard(SINGLE, "posture", "silu", "linear", "RankedPPO", {"name": "single"}, 3, 1000, {"reached": 1.0})
 

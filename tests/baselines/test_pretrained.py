@@ -13,14 +13,14 @@ import pytest
 
 import benchmarks.learners  # noqa: F401 (registers its recipes)
 from benchmarks.logs import log_names, logged_policies
-from kinreach.baselines.evaluate_cli import main
-from kinreach.baselines.evaluation import HELD_OUT, evaluate
-from kinreach.baselines.policies import load_policy, pretrained_names
-from kinreach.baselines.recipes import RECIPES
-from kinreach.baselines.training import goal_seeds
+from kinreach._registration import BUTTON
+from kinreach._statistics import wilson_interval
+from kinreach.baselines._evaluate_cli import main
+from kinreach.baselines._evaluation import HELD_OUT, evaluate
+from kinreach.baselines._policies import load_policy, pretrained_names
+from kinreach.baselines._recipes import RECIPES
+from kinreach.baselines._training import goal_seeds
 from kinreach.errors import InputError
-from kinreach.registration import BUTTON
-from kinreach.statistics import wilson_interval
 
 CARDS = {name: load_policy(name).card for name in pretrained_names()}
 #: Those that the documentation's tables are about.
@@ -137,7 +137,7 @@ def test_cards_are_those_of_the_recipes_as_they_are():
 
 def test_policies_run_without_the_libraries_that_trained_them():
     code = (
-        "import sys; from kinreach.baselines.evaluate_cli import main; "
+        "import sys; from kinreach.baselines._evaluate_cli import main; "
         "main(['single', '--goals', '5', '--backend', 'kinematic'], prog='evaluate'); "
         "found = {'torch', 'stable_baselines3', 'tensorboard'} & set(sys.modules); "
         "print(found); sys.exit(len(found))"

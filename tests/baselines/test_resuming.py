@@ -13,11 +13,11 @@ import numpy as np
 import pytest
 import torch
 
-from kinreach import provenance
-from kinreach.baselines import training
-from kinreach.baselines.training import train
+from kinreach import _provenance as provenance
+from kinreach._provenance import source_digest
+from kinreach.baselines import _training as training
+from kinreach.baselines._training import train
 from kinreach.errors import InputError, OutputError
-from kinreach.provenance import source_digest
 from tests.baselines.small_runs import SMALL, interrupted, small, weights
 
 

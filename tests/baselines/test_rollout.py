@@ -6,9 +6,9 @@ import pytest
 from gymnasium.vector import AutoresetMode
 
 import kinreach  # noqa: F401 (registers the environments)
-from kinreach.baselines.loop import FunctionPolicy, RandomPolicy, rollout_batch
-from kinreach.registration import MOVING
-from kinreach.statistics import success_columns
+from kinreach._registration import MOVING
+from kinreach._statistics import success_columns
+from kinreach.baselines._loop import FunctionPolicy, RandomPolicy, rollout_batch
 
 
 def test_whoever_watches_gymnasiums_own_batch_sees_the_last_observations():

@@ -10,8 +10,8 @@ import zipfile
 import numpy as np
 import pytest
 
-from kinreach.baselines import sb3_zip
-from kinreach.baselines.policies import load_policy
+from kinreach.baselines import _sb3_zip as sb3_zip
+from kinreach.baselines._policies import load_policy
 from kinreach.errors import InputError
 
 torch = pytest.importorskip("torch")

@@ -5,8 +5,8 @@ import json
 
 import pytest
 
-from kinreach.baselines.recipes import get_recipe
-from kinreach.baselines.search import JUDGES, Search, read_search, trial
+from kinreach.baselines._recipes import get_recipe
+from kinreach.baselines._search import JUDGES, Search, read_search, trial
 from kinreach.cli import main
 from kinreach.errors import KinreachError
 from tests.ray_cluster import private_folder

@@ -7,18 +7,18 @@ import numpy as np
 import pytest
 import torch
 
-from kinreach.baselines import evaluation
-from kinreach.baselines.evaluation import evaluate
-from kinreach.baselines.learning_curve import read_curve
-from kinreach.baselines.models import build
-from kinreach.baselines.networks import actor_network
-from kinreach.baselines.policies import LearnedPolicy, load_policy
-from kinreach.baselines.recipes import get_recipe
-from kinreach.baselines.rewards import REWARDS
-from kinreach.baselines.training import train
+from kinreach._registration import MULTI
+from kinreach._statistics import wilson_interval
+from kinreach.baselines import _evaluation as evaluation
+from kinreach.baselines._evaluation import evaluate
+from kinreach.baselines._learning_curve import read_curve
+from kinreach.baselines._models import build
+from kinreach.baselines._networks import actor_network
+from kinreach.baselines._policies import LearnedPolicy, load_policy
+from kinreach.baselines._recipes import get_recipe
+from kinreach.baselines._rewards import REWARDS
+from kinreach.baselines._training import train
 from kinreach.errors import InputError, UnknownNameError
-from kinreach.registration import MULTI
-from kinreach.statistics import wilson_interval
 from tests.baselines.small_runs import SMALL, small
 
 

@@ -20,8 +20,8 @@ from benchmarks.studies.damage import (
     share_of_faults,
 )
 from benchmarks.studies.relearning import KNOWN, SHIPPED, curve
-from kinreach.baselines.expert import tool_down_postures
-from kinreach.baselines.random_arms import on_table, ur5
+from kinreach.baselines._expert import tool_down_postures
+from kinreach.baselines._random_arms import on_table, ur5
 from kinreach.errors import InputError
 
 

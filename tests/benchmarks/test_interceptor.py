@@ -7,7 +7,7 @@ import pytest
 
 pytest.importorskip("torch")
 from benchmarks.studies.interceptor import METHODS, TurnRateFit, main
-from kinreach.compare.methods.interception import KalmanFilter
+from kinreach.compare._methods.interception import KalmanFilter
 
 
 def forecast_error(method, rate, noise, *, sights=12, ahead=0.4):

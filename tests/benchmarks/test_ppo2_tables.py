@@ -8,8 +8,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from kinreach.baselines.learning_curve import read_curve
-from kinreach.registration import MULTI, SINGLE
+from kinreach._registration import MULTI, SINGLE
+from kinreach.baselines._learning_curve import read_curve
 
 pytest.importorskip("stable_baselines3")
 
@@ -29,8 +29,8 @@ from benchmarks.studies.ppo2 import (
     table,
 )
 from benchmarks.studies.side_by_side import Networks
-from kinreach.baselines.evaluation import HELD_OUT
-from kinreach.baselines.policies import load_policy
+from kinreach.baselines._evaluation import HELD_OUT
+from kinreach.baselines._policies import load_policy
 
 PAGE = Path(__file__).parents[2] / "docs" / "ppo2.md"
 

@@ -7,9 +7,9 @@ pytest.importorskip("stable_baselines3")
 
 from benchmarks.studies import reward_parts
 from benchmarks.studies.reward_parts import PARTS
-from kinreach.baselines.rewards import FLOOR, training_reward
+from kinreach.baselines._rewards import FLOOR, training_reward
 from kinreach.thesis import distance_reward, reach_reward
-from kinreach.thesis.posture import posture_errors
+from kinreach.thesis._posture import posture_errors
 
 CASES = 4000
 

@@ -4,7 +4,7 @@ import re
 from pathlib import Path
 
 from benchmarks.studies.seeing_policies import SIGHTS, row, sights
-from kinreach.baselines.policies import load_policy, pretrained_names
+from kinreach.baselines._policies import load_policy, pretrained_names
 
 PAGE = Path(__file__).parents[2] / "docs" / "cameras.md"
 

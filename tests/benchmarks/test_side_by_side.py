@@ -14,9 +14,9 @@ from stable_baselines3.common.logger import Logger
 
 from benchmarks.studies import side_by_side
 from benchmarks.studies.side_by_side import Batch, Networks, Stack, Trained, advantages, learn, train_stack
-from kinreach.baselines.models import build
-from kinreach.baselines.recipes import get_recipe
-from kinreach.registration import MULTI, SINGLE
+from kinreach._registration import MULTI, SINGLE
+from kinreach.baselines._models import build
+from kinreach.baselines._recipes import get_recipe
 
 STEPS, SPREAD = 64, 3.0
 

@@ -17,7 +17,7 @@ from benchmarks.studies.thesis_curves import (
     reached,
     tables,
 )
-from kinreach.statistics import median
+from kinreach._statistics import median
 
 PAGE = Path(__file__).parents[2] / "docs" / "thesis.md"
 

@@ -8,15 +8,15 @@ import pytest
 
 import benchmarks.learners  # noqa: F401 (registers its recipes)
 from benchmarks.logs import FOLDER
-from kinreach.baselines.learning_curve import read_curve
+from kinreach.baselines._learning_curve import read_curve
 
 pytest.importorskip("stable_baselines3")
 
 from benchmarks.studies import ppo2, thesis_world
 from benchmarks.studies.thesis_world import COLUMNS, TASKS, WORLDS, table, trained
-from kinreach.baselines.evaluation import HELD_OUT
-from kinreach.baselines.recipes import get_recipe
-from kinreach.vision.goal_view import geometric_goal_view
+from kinreach.baselines._evaluation import HELD_OUT
+from kinreach.baselines._recipes import get_recipe
+from kinreach.vision._goal_view import geometric_goal_view
 
 FILE = FOLDER / "thesis-single" / "worlds.csv"
 PAGE = Path(__file__).parents[2] / "docs" / "ppo2.md"

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from benchmarks.logs import trace
-from kinreach.baselines.policies import LearnedPolicy, load_policy
+from kinreach.baselines._policies import LearnedPolicy, load_policy
 from kinreach.errors import InputError
 from kinreach.kinematics import ArmKinematics, UR5Kinematics
 from kinreach.robots import get_arm

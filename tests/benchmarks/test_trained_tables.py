@@ -11,8 +11,8 @@ import pytest
 
 from benchmarks.studies import button_actuation, button_failures, button_policies, loitering, trained
 from benchmarks.studies.trainings import ONE_SEED, Trainings, finished, trainings_interval, with_interval
-from kinreach.baselines.evaluation import Evaluation
-from kinreach.envs.button import ACTUATIONS
+from kinreach.baselines._evaluation import Evaluation
+from kinreach.envs._button import ACTUATIONS
 from kinreach.errors import InputError
 
 PRETRAINED = resources.files("kinreach.baselines") / "pretrained"

@@ -10,8 +10,8 @@ from hypothesis.extra.numpy import arrays
 from scipy import stats
 
 from benchmarks.studies.trainings import trainings_interval
+from kinreach._statistics import bootstrap_intervals, mean, median, p95, wilson_interval
 from kinreach.errors import InputError
-from kinreach.statistics import bootstrap_intervals, mean, median, p95, wilson_interval
 
 CASES = 400
 #: Of the share of intervals that hold the truth, 95 % by right: three of its standard deviations in that many cases.

@@ -3,11 +3,11 @@
 import numpy as np
 import pytest
 
-from kinreach.baselines.loop import RandomPolicy
+from kinreach.baselines._loop import RandomPolicy
 from kinreach.compare import compare
-from kinreach.compare.button import SPACING
-from kinreach.compare.runner import MAX_GOALS, MAX_SEED
-from kinreach.envs.button.task import action_space
+from kinreach.compare._button import SPACING
+from kinreach.compare._runner import MAX_GOALS, MAX_SEED
+from kinreach.envs._button.task import action_space
 
 
 @pytest.fixture(scope="module")

@@ -12,11 +12,11 @@ import gymnasium as gym
 import pytest
 
 from kinreach import cli
-from kinreach.baselines.policies import load_policy
-from kinreach.baselines.policy_file import save_policy
-from kinreach.compare import runner
-from kinreach.compare import task as registry
-from kinreach.compare.runner import RECORDS
+from kinreach.baselines._policies import load_policy
+from kinreach.baselines._policy_file import save_policy
+from kinreach.compare import _runner as runner
+from kinreach.compare import _task as registry
+from kinreach.compare._runner import RECORDS
 
 
 def call(*argv):
@@ -114,9 +114,9 @@ OTHER_SETTINGS = [
 def test_no_default_folder_is_that_of_other_settings(tmp_path, monkeypatch, capsys):
     """As `make compare` and then other commands in the same folder: what was finished stays, byte for byte."""
     monkeypatch.chdir(tmp_path)
-    monkeypatch.setattr("kinreach.compare.cli.DEFAULT_GOALS", 1)  # 200 take a while
-    monkeypatch.setattr("kinreach.compare.figures.write_figures", lambda *arguments: {})
-    monkeypatch.setattr("kinreach.compare.report.render_trials", lambda *arguments: [])
+    monkeypatch.setattr("kinreach.compare._cli.DEFAULT_GOALS", 1)  # 200 take a while
+    monkeypatch.setattr("kinreach.compare._figures.write_figures", lambda *arguments: {})
+    monkeypatch.setattr("kinreach.compare._report.render_trials", lambda *arguments: [])
     (tmp_path / "mine.py").write_text("import numpy as np\n\ndef look(observation):\n    return np.zeros(6)\n")
     policy = load_policy("single")
     for folder in ("other", "another"):

@@ -5,10 +5,10 @@ import textwrap
 import numpy as np
 import pytest
 
-from kinreach.baselines.policies import pretrained_names
+from kinreach.baselines._policies import pretrained_names
 from kinreach.compare import compare, get_task, register_method, register_task
-from kinreach.compare.methods import resolve_methods
-from kinreach.compare.task import POLICY, SOLVER, Method
+from kinreach.compare._methods import resolve_methods
+from kinreach.compare._task import POLICY, SOLVER, Method
 from kinreach.errors import InputError
 from kinreach.kinematics import UR5Kinematics
 
@@ -130,7 +130,7 @@ def test_a_task_and_a_method_from_outside_are_known_by_name(toy):
         with pytest.raises(InputError, match="a task must be a Task, got 'toy'"):
             register_task("toy")
     finally:
-        from kinreach.compare import task as registry
+        from kinreach.compare import _task as registry
 
         registry._TASKS.pop("toy")
 
@@ -201,7 +201,7 @@ def test_a_policy_of_another_arm_is_refused(tmp_path):
     from dataclasses import replace
     from importlib.resources import files
 
-    from kinreach.baselines.policy_file import read_policy, save_policy
+    from kinreach.baselines._policy_file import read_policy, save_policy
 
     card, network = read_policy(files("kinreach.baselines") / "pretrained" / "single.safetensors")
     recipe = {**card.recipe, "options": {"backend": "kinematic", "arm": "ur3"}}

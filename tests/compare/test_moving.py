@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 
 from kinreach.compare import compare
-from kinreach.compare.cli import main
-from kinreach.compare.methods.interception import KalmanFilter
-from kinreach.envs.moving import moved, travel_times
+from kinreach.compare._cli import main
+from kinreach.compare._methods.interception import KalmanFilter
+from kinreach.envs._moving import moved, travel_times
 from kinreach.errors import InputError
 
 

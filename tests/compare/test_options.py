@@ -5,10 +5,10 @@ from dataclasses import field, make_dataclass
 import gymnasium as gym
 import pytest
 
-from kinreach.compare.options import flags_of, given_options, options_class
-from kinreach.envs.reach.task import ReachOptions
+from kinreach._registration import SINGLE
+from kinreach.compare._options import flags_of, given_options, options_class
+from kinreach.envs._reach.task import ReachOptions
 from kinreach.errors import InputError
-from kinreach.registration import SINGLE
 from tests.compare.conftest import TOY, ToyEnv
 
 

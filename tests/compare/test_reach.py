@@ -9,19 +9,21 @@ import numpy as np
 import pytest
 
 import kinreach
-from kinreach.baselines.loop import rollout
-from kinreach.baselines.solver_policy import SolverPolicy
-from kinreach.compare import compare, curves, figures
-from kinreach.compare.cli import main
-from kinreach.compare.error_budget import Budget, budget
-from kinreach.compare.reach import goals_of
-from kinreach.compare.runner import WARM_UP_GOALS
-from kinreach.compare.task import get_task, resets_to
+from kinreach._registration import SINGLE
+from kinreach.baselines._loop import rollout
+from kinreach.baselines._solver_policy import SolverPolicy
+from kinreach.compare import _curves as curves
+from kinreach.compare import _figures as figures
+from kinreach.compare import compare
+from kinreach.compare._cli import main
+from kinreach.compare._error_budget import Budget, budget
+from kinreach.compare._reach import goals_of
+from kinreach.compare._runner import WARM_UP_GOALS
+from kinreach.compare._task import get_task, resets_to
 from kinreach.errors import InputError
 from kinreach.kinematics import UR5Kinematics
-from kinreach.registration import SINGLE
 from kinreach.robots import BoxRegion, get_arm
-from kinreach.vision.goal_view import CameraGoalView
+from kinreach.vision._goal_view import CameraGoalView
 
 PRETRAINED = Path(kinreach.__file__).parent / "baselines/pretrained"
 SOLVERS = ["closed-form", "lm", "qp"]
@@ -193,7 +195,7 @@ def test_one_missing_package_disables_its_own_method_only(run_python):
     code = """
 import sys
 sys.modules["placo"] = None
-from kinreach.compare import compare, figures
+from kinreach.compare import compare, _figures as figures
 from kinreach.errors import InstallationError
 results = compare("ur5", goals=1)
 print([entry["name"] for entry in results["methods"]])

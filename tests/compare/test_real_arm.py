@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from kinreach.compare import compare, get_task
-from kinreach.compare.cli import main
+from kinreach.compare._cli import main
 from kinreach.errors import InputError, UnknownNameError
 from kinreach.robots import PUBLISHED_CALIBRATIONS
 

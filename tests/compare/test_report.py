@@ -14,9 +14,9 @@ import pytest
 from PIL import Image
 
 from kinreach.compare import compare
-from kinreach.compare.report import Rendering, chosen, finding, render_trials, report_html, write_report
-from kinreach.compare.runner import prepare, results_of, run_trials
-from kinreach.compare.task import _OWN
+from kinreach.compare._report import Rendering, chosen, finding, render_trials, report_html, write_report
+from kinreach.compare._runner import prepare, results_of, run_trials
+from kinreach.compare._task import _OWN
 from kinreach.errors import DrawingError, InstallationError
 from kinreach.kinematics import ArmKinematics
 
@@ -212,7 +212,7 @@ def test_without_pictures_a_sentence_says_why(error, task, trials, results, tmp_
     def fails(*_):
         raise error
 
-    monkeypatch.setattr("kinreach.compare.report.render_trials", fails)
+    monkeypatch.setattr("kinreach.compare._report.render_trials", fails)
     write_report(tmp_path / "report.html", task, trials, results, {}, [])
     assert f"None: {error}" in (tmp_path / "report.html").read_text()
     assert not (tmp_path / "scene.png").exists()

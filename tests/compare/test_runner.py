@@ -7,12 +7,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from kinreach._files import locked
+from kinreach._statistics import Column, success_columns, summarise
 from kinreach.compare import compare
-from kinreach.compare.runner import MAX_SEED, RECORDS, WARM_UP_SEED, prepare, run_trials
+from kinreach.compare._runner import MAX_SEED, RECORDS, WARM_UP_SEED, prepare, run_trials
 from kinreach.errors import InputError, OutputError, UnknownNameError
-from kinreach.files import locked
 from kinreach.robots import get_arm
-from kinreach.statistics import Column, success_columns, summarise
 
 #: Not the same in two runs: clocks.
 CLOCKS = {"solve_s", "accept_s"}

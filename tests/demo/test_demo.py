@@ -9,10 +9,10 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from kinreach.baselines.policies import load_policy
-from kinreach.baselines.policy_file import save_policy
+from kinreach.baselines._policies import load_policy
+from kinreach.baselines._policy_file import save_policy
 from kinreach.cli import main
-from kinreach.demo.drawn import Drawn
+from kinreach.demo._drawn import Drawn
 from kinreach.robots import get_arm
 
 

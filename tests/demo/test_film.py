@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from kinreach.demo.film import Film
+from kinreach.demo._film import Film
 from kinreach.errors import InputError, OutputError
 
 #: Films of noise under a limit to the size of files, a stand-in for a full disk that needs no rights.
@@ -20,7 +20,7 @@ from pathlib import Path
 
 import numpy as np
 
-from kinreach.demo.film import Film
+from kinreach.demo._film import Film
 from kinreach.errors import OutputError
 
 hard = resource.getrlimit(resource.RLIMIT_FSIZE)[1]

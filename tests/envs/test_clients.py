@@ -8,9 +8,9 @@ import pytest
 from gymnasium.wrappers import RecordVideo
 
 import kinreach  # noqa: F401 (registers the environments)
+from kinreach._registration import BUTTON, MULTI, MULTI_KINEMATIC, SINGLE, SINGLE_KINEMATIC, SPACE
 from kinreach.envs import RecordMotion
 from kinreach.errors import InputError, UnknownOptionError
-from kinreach.registration import BUTTON, MULTI, MULTI_KINEMATIC, SINGLE, SINGLE_KINEMATIC, SPACE
 
 PAIRS = {SINGLE_KINEMATIC: SINGLE, MULTI_KINEMATIC: MULTI}
 

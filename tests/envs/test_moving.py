@@ -6,7 +6,8 @@ import pytest
 from gymnasium.utils.env_checker import check_env
 
 import kinreach  # noqa: F401
-from kinreach.envs.moving import (
+from kinreach._registration import MOVING
+from kinreach.envs._moving import (
     AGE,
     ANGLES,
     BALL,
@@ -24,7 +25,6 @@ from kinreach.envs.moving import (
     travel_times,
 )
 from kinreach.errors import InputError, UnknownNameError
-from kinreach.registration import MOVING
 
 LOW, HIGH = np.array([0.32, -0.28]), np.array([0.63, 0.28])
 TIMES = np.arange(round(SECONDS * FRAMES) * PARTS + 1) / (FRAMES * PARTS)
@@ -94,7 +94,7 @@ def test_touching_ends_it():
         _, info = env.reset(seed=seed, options={"speed": 0.05, "path": "circle"})
         over = False
         while not over:
-            from kinreach.baselines.expert import tool_down_postures
+            from kinreach.baselines._expert import tool_down_postures
             from kinreach.kinematics import UR5Kinematics
 
             q = tool_down_postures(UR5Kinematics(tip="tcp", base="world"), info["goal"][None])[0]

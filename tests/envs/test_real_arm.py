@@ -9,11 +9,11 @@ import pytest
 from gymnasium.utils.env_checker import check_env
 
 import kinreach  # noqa: F401
-from kinreach.baselines.expert import tool_down_postures
-from kinreach.envs.real_arm import BUDGET, ERRORS, MOVES, POSTURE, SEEN_BALL, SEEN_TIP, UR5S, true_arm, workplace
+from kinreach._registration import REAL_ARM
+from kinreach.baselines._expert import tool_down_postures
+from kinreach.envs._real_arm import BUDGET, ERRORS, MOVES, POSTURE, SEEN_BALL, SEEN_TIP, UR5S, true_arm, workplace
 from kinreach.errors import InputError, UnknownNameError
 from kinreach.kinematics import ArmKinematics, UR5Kinematics
-from kinreach.registration import REAL_ARM
 from kinreach.robots import PUBLISHED_CALIBRATIONS, get_arm
 
 

@@ -7,13 +7,13 @@ import gymnasium as gym
 import numpy as np
 import pytest
 
-from kinreach.envs.reach.episodes import ReachEpisodes
-from kinreach.envs.reach.rewards import DirectedReward, DistanceReward, ThesisReward
-from kinreach.envs.reach.space import SpaceTask
-from kinreach.envs.reach.task import MULTI_STEP, SINGLE_STEP, ReachOptions, ReachTask
-from kinreach.envs.reach.worlds import BatchDynamicWorld
+from kinreach.envs._reach.episodes import ReachEpisodes
+from kinreach.envs._reach.rewards import DirectedReward, DistanceReward, ThesisReward
+from kinreach.envs._reach.space import SpaceTask
+from kinreach.envs._reach.task import MULTI_STEP, SINGLE_STEP, ReachOptions, ReachTask
+from kinreach.envs._reach.worlds import BatchDynamicWorld
 from kinreach.errors import InputError, InstallationError
-from kinreach.kinematics.tensors import on_device, on_host
+from kinreach.kinematics._tensors import on_device, on_host
 from kinreach.thesis import pentagon_angles, reach_reward
 
 torch = pytest.importorskip("torch")

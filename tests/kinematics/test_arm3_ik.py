@@ -14,7 +14,7 @@ from kinreach.kinematics import (
     PositionGoal,
     Status,
 )
-from kinreach.kinematics.arm3 import Singularity
+from kinreach.kinematics._arm3 import Singularity
 from kinreach.robots import ArmDescription, get_arm
 
 KIN = Arm3Kinematics(base="world")

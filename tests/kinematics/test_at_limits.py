@@ -9,10 +9,10 @@ import numpy as np
 import pytest
 
 from kinreach.kinematics import ArmKinematics, ClosedFormKinematics, CollisionChecker, PoseGoal
-from kinreach.kinematics.solutions import SLACK
-from kinreach.kinematics.solvers import LevenbergMarquardtSolver, Tolerance
+from kinreach.kinematics._solutions import SLACK
+from kinreach.kinematics._solvers import LevenbergMarquardtSolver, Tolerance
 from kinreach.robots import ArmDescription, arm_names, get_arm
-from kinreach.sim.simulation import ArmSimulation
+from kinreach.sim._simulation import ArmSimulation
 
 ROBOTS = Path(str(get_arm("ur5").package_root())) / "example-robot-data/robots"
 FILES = (

@@ -11,10 +11,10 @@ from benchmarks.studies.calibrated_arms import CASES as SINGULAR
 from benchmarks.studies.calibrated_arms import SAME, main, recall, singular_postures
 from kinreach.errors import InputError
 from kinreach.kinematics import ArmKinematics, CalibratedURKinematics, Status, URKinematics
-from kinreach.kinematics.goals import pose_error
-from kinreach.kinematics.ur.kinematics import FLIP
+from kinreach.kinematics._goals import pose_error
+from kinreach.kinematics._ur.kinematics import FLIP
 from kinreach.robots import PUBLISHED_CALIBRATIONS, get_arm
-from kinreach.robots.urdf import parse_urdf, set_origin
+from kinreach.robots._urdf import parse_urdf, set_origin
 
 DATA = Path(__file__).parents[1] / "data"
 #: Branches that ssik's general_6r found; benchmarks/studies/calibrated_arms.py --oracle made it.

@@ -14,11 +14,12 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from kinreach.errors import InputError
-from kinreach.kinematics import Arm3Kinematics, ArmKinematics, URKinematics, check
-from kinreach.plots.check_cli import main
+from kinreach.kinematics import Arm3Kinematics, ArmKinematics, URKinematics
+from kinreach.kinematics import _check as check
+from kinreach.plots._check_cli import main
 from kinreach.robots import PUBLISHED_CALIBRATIONS, ArmDescription, get_arm
-from kinreach.robots.urdf import without_shapes
-from kinreach.view.target import TargetModel
+from kinreach.robots._urdf import without_shapes
+from kinreach.view._target import TargetModel
 
 ROOT = Path(__file__).parents[2]
 CALIBRATIONS = ROOT / "tests/data/calibrations"

@@ -14,10 +14,10 @@ import pytest
 
 import kinreach  # noqa: F401 (registers the environments)
 from benchmarks.studies.collision_agreement import edges, near_solutions
+from kinreach._registration import MULTI, SINGLE
 from kinreach.errors import InputError
 from kinreach.kinematics import ArmKinematics, CollisionChecker, UR5Kinematics
-from kinreach.kinematics.collision import Cause
-from kinreach.registration import MULTI, SINGLE
+from kinreach.kinematics._collision import Cause
 from kinreach.robots import ArmDescription, Box, Workcell, get_arm
 
 ARMS = ("ur3", "ur5", "ur10", "panda", "arm3")

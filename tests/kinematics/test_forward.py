@@ -7,7 +7,7 @@ import pytest
 
 from kinreach.errors import InputError, UnknownNameError
 from kinreach.kinematics import Arm3Kinematics, ArmKinematics, UR5Kinematics
-from kinreach.kinematics.goals import pose_error
+from kinreach.kinematics._goals import pose_error
 
 ARMS = [("ur5", "tool0"), ("ur5", "tcp"), ("arm3", "end_effector")]
 

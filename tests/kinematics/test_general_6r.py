@@ -6,9 +6,9 @@ from scipy.linalg import eigvals
 from scipy.spatial.transform import Rotation
 
 from kinreach.kinematics import URKinematics
-from kinreach.kinematics.angles import wrapped
-from kinreach.kinematics.general_6r import ILL, Chain, General6R, miss, missed_by, newton
-from kinreach.kinematics.ur.kinematics import FLIP
+from kinreach.kinematics._angles import wrapped
+from kinreach.kinematics._general_6r import ILL, Chain, General6R, miss, missed_by, newton
+from kinreach.kinematics._ur.kinematics import FLIP
 from kinreach.robots import PUBLISHED_CALIBRATIONS
 
 

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from kinreach.kinematics import ArmKinematics
-from kinreach.kinematics.identification import IdentifiedArm, Prior
+from kinreach.kinematics._identification import IdentifiedArm, Prior
 from kinreach.robots import PUBLISHED_CALIBRATIONS, get_arm
 
 PRIOR = Prior(base=(0.02, 0.02), links=(1e-3, 2e-3), tool=(0.01, 0.0))

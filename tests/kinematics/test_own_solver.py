@@ -15,7 +15,7 @@ sys.modules[{hidden!r}] = None
 import numpy as np
 from kinreach.errors import InstallationError
 from kinreach.kinematics import PoseGoal, UR5Kinematics
-from kinreach.kinematics.solvers import ClosedFormSolver, LevenbergMarquardtSolver, PlacoSolver, QPSolver
+from kinreach.kinematics._solvers import ClosedFormSolver, LevenbergMarquardtSolver, PlacoSolver, QPSolver
 kin = UR5Kinematics()
 goal, home = PoseGoal(kin.fk([0.3, -1.2, 1.1, -0.7, 0.9, 0.2])), kin.arm.home
 for solver in {working}:

@@ -5,8 +5,8 @@ import pytest
 
 from benchmarks.speed.poses import CASES, FLANGE
 from benchmarks.speed.suites.ik_edge_cases import judge
-from kinreach.kinematics.goals import pose_error
-from kinreach.kinematics.ur.geometry import Singularity
+from kinreach.kinematics._goals import pose_error
+from kinreach.kinematics._ur.geometry import Singularity
 
 COUNT = 1000
 

@@ -17,8 +17,8 @@ from kinreach.kinematics import (
     SixAxisKinematics,
     Status,
 )
-from kinreach.kinematics.check import random_postures
-from kinreach.kinematics.goals import pose_error
+from kinreach.kinematics._check import random_postures
+from kinreach.kinematics._goals import pose_error
 from kinreach.robots import ArmDescription
 
 #: A file of example-robot-data, and the tip: two arms with six joints, one of them with a hand beside the last axis.

@@ -6,16 +6,16 @@ import numpy as np
 import pytest
 
 from kinreach.errors import InputError
-from kinreach.kinematics.arm import ArmKinematics
-from kinreach.kinematics.arm3 import Arm3Kinematics
-from kinreach.kinematics.collision import CollisionChecker
-from kinreach.kinematics.goals import AxisGoal, PoseGoal, PositionGoal, goal_error
-from kinreach.kinematics.solutions import Status
-from kinreach.kinematics.solvers.base import Tolerance
-from kinreach.kinematics.solvers.iterative import GoalTask, JointSpace
-from kinreach.kinematics.solvers.levenberg_marquardt import LevenbergMarquardtSolver
-from kinreach.kinematics.solvers.placo_solver import PlacoSolver
-from kinreach.kinematics.solvers.qp_solver import QPSolver
+from kinreach.kinematics._arm import ArmKinematics
+from kinreach.kinematics._arm3 import Arm3Kinematics
+from kinreach.kinematics._collision import CollisionChecker
+from kinreach.kinematics._goals import AxisGoal, PoseGoal, PositionGoal, goal_error
+from kinreach.kinematics._solutions import Status
+from kinreach.kinematics._solvers.base import Tolerance
+from kinreach.kinematics._solvers.iterative import GoalTask, JointSpace
+from kinreach.kinematics._solvers.levenberg_marquardt import LevenbergMarquardtSolver
+from kinreach.kinematics._solvers.placo_solver import PlacoSolver
+from kinreach.kinematics._solvers.qp_solver import QPSolver
 
 SOLVERS = (PlacoSolver, LevenbergMarquardtSolver, QPSolver)
 GOALS = (PoseGoal, AxisGoal, PositionGoal)

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from kinreach.kinematics import Arm3Kinematics, ArmKinematics, SixAxisKinematics, UR5Kinematics, URKinematics
-from kinreach.kinematics.angles import TURN
+from kinreach.kinematics._angles import TURN
 
 #: Postures nearer to each other than this are the same [rad].
 SAME = 1e-6

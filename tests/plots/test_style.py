@@ -9,9 +9,9 @@ import pytest
 from matplotlib.colors import to_rgb
 
 from kinreach.compare import get_task
-from kinreach.compare.methods import colours as task_colours
+from kinreach.compare._methods import colours as task_colours
 from kinreach.plots import FAINT, INK, PALETTE, colours_of, label_ends, new_figure, plain
-from kinreach.plots.style import GRID, spread
+from kinreach.plots._style import GRID, spread
 
 #: What colours look like to people without red, green or blue cones (Machado, Oliveira, Fernandes 2009, severity 1).
 BLINDNESS = {

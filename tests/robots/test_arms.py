@@ -12,9 +12,9 @@ import pytest
 from kinreach.errors import InputError
 from kinreach.kinematics import ArmKinematics, CollisionChecker, UR5Kinematics
 from kinreach.robots import ArmDescription, CameraMount, Workcell, arm_named, get_arm, register_arm
-from kinreach.sim.simulation import ArmSimulation
+from kinreach.sim._simulation import ArmSimulation
 from kinreach.thesis import posture_error
-from kinreach.vision.goal_view import goal_camera_poses
+from kinreach.vision._goal_view import goal_camera_poses
 
 FAMILY = ("ur3", "ur5", "ur10")
 HALF_PICTURE = np.tan(np.deg2rad(29.0))
@@ -27,7 +27,7 @@ def test_the_ur5_has_not_changed():
 
 def test_an_arm_is_named_as_a_file_or_in_a_module_too(tmp_path):
     assert arm_named("ur5") is get_arm("ur5")
-    assert arm_named("kinreach.robots.arm3:ARM") is get_arm("arm3")
+    assert arm_named("kinreach.robots._arm3:ARM") is get_arm("arm3")
     for name in ("mine.urdf", "MINE.URDF", "a:b.Xml"):
         (tmp_path / name).write_text(get_arm("arm3").urdf)
         assert arm_named(str(tmp_path / name)).joints == get_arm("arm3").joints
@@ -35,7 +35,7 @@ def test_an_arm_is_named_as_a_file_or_in_a_module_too(tmp_path):
     for name, said in (
         ("ur6", "unknown arm 'ur6'"),
         ("nowhere.urdf", "nowhere.urdf"),
-        ("kinreach.robots.arm3:NONE", "cannot import the arm"),
+        ("kinreach.robots._arm3:NONE", "cannot import the arm"),
         ("kinreach.robots:get_arm", "kinreach.robots:get_arm is not an ArmDescription"),
     ):
         with pytest.raises(InputError, match=said):

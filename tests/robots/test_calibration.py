@@ -11,8 +11,8 @@ import yaml
 from kinreach.errors import InputError, KinreachError, UnknownNameError
 from kinreach.kinematics import ArmKinematics
 from kinreach.robots import get_arm
-from kinreach.robots.calibration import LINKS, PUBLISHED_CALIBRATIONS, nominal_placements, read_calibration
-from kinreach.robots.ur import JOINTS, UR_LENGTHS
+from kinreach.robots._calibration import LINKS, PUBLISHED_CALIBRATIONS, nominal_placements, read_calibration
+from kinreach.robots._ur import JOINTS, UR_LENGTHS
 
 FILES = Path(__file__).parents[1] / "data" / "calibrations"
 ROBOTS = sorted(PUBLISHED_CALIBRATIONS)

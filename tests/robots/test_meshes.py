@@ -15,9 +15,9 @@ import trimesh
 from kinreach.errors import InputError
 from kinreach.kinematics import CollisionChecker
 from kinreach.robots import ArmDescription, Workcell, get_arm
-from kinreach.robots.meshes import MAX_BYTES, MIN_THICKNESS, collision_mesh
-from kinreach.robots.shapes import link_shapes
-from kinreach.sim.scene import build_scene
+from kinreach.robots._meshes import MAX_BYTES, MIN_THICKNESS, collision_mesh
+from kinreach.robots._shapes import link_shapes
+from kinreach.sim._scene import build_scene
 
 ARM3 = get_arm("arm3")
 WIDE = np.array([(-0.1, -0.1, 0.5), (0.1, -0.1, 0.5), (0.1, 0.1, 0.5), (-0.1, 0.1, 0.5)])  # across the last link
@@ -176,8 +176,8 @@ import resource, sys
 from pathlib import Path
 from kinreach.errors import KinreachError
 from kinreach.kinematics import CollisionChecker
-from kinreach.robots.shapes import link_shapes
-from kinreach.sim.scene import build_scene
+from kinreach.robots._shapes import link_shapes
+from kinreach.sim._scene import build_scene
 from tests.robots.test_meshes import with_mesh
 resource.setrlimit(resource.RLIMIT_AS, (2**33, 2**33))
 folder, *names = sys.argv[1:]

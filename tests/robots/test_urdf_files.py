@@ -15,10 +15,10 @@ import pytest
 from kinreach import cli
 from kinreach.errors import InputError
 from kinreach.kinematics import ArmKinematics, CollisionChecker, PoseGoal, PositionGoal
-from kinreach.kinematics.solvers import ClosedFormSolver, LevenbergMarquardtSolver, PlacoSolver, QPSolver
-from kinreach.plots.check_cli import Subject, report
+from kinreach.kinematics._solvers import ClosedFormSolver, LevenbergMarquardtSolver, PlacoSolver, QPSolver
+from kinreach.plots._check_cli import Subject, report
 from kinreach.robots import ArmDescription, BoxRegion, Workcell, arm_names, get_arm, register_arm
-from kinreach.sim.simulation import ArmSimulation
+from kinreach.sim._simulation import ArmSimulation
 
 SHARE = Path(str(get_arm("ur5").package_root()))
 PANDA = SHARE / "example-robot-data/robots/panda_description/urdf/panda.urdf"

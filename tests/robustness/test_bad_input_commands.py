@@ -45,13 +45,13 @@ def begin(*_arguments, **_options):
 @pytest.fixture(autouse=True)
 def nothing_is_measured(monkeypatch, tmp_path):
     """The arguments are what is tested, not the work."""
-    import kinreach.baselines.training  # noqa: F401 (so that its function can be replaced)
+    import kinreach.baselines._training  # noqa: F401 (so that its function can be replaced)
 
     monkeypatch.chdir(tmp_path)
     monkeypatch.delenv("DISPLAY", raising=False)
     for name in (
-        "kinreach.compare.cli.compare", "kinreach.baselines.evaluate_cli.evaluate", "kinreach.demo.cli._run",
-        "kinreach.baselines.training.train", "benchmarks.speed.cli.run_suites",
+        "kinreach.compare._cli.compare", "kinreach.baselines._evaluate_cli.evaluate", "kinreach.demo._cli._run",
+        "kinreach.baselines._training.train", "benchmarks.speed.cli.run_suites",
     ):  # fmt: skip
         monkeypatch.setattr(name, begin)
 

@@ -6,15 +6,15 @@ from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
 from benchmarks.logs import trace
-from kinreach.baselines import training
-from kinreach.baselines.batch import make_batch
-from kinreach.baselines.evaluation import evaluate
-from kinreach.baselines.learning_curve import read_curve
-from kinreach.baselines.policies import load_policy, pretrained_names
-from kinreach.baselines.recipes import get_recipe
+from kinreach._statistics import bootstrap_intervals, median, wilson_interval
+from kinreach.baselines import _training as training
+from kinreach.baselines._batch import make_batch
+from kinreach.baselines._evaluation import evaluate
+from kinreach.baselines._learning_curve import read_curve
+from kinreach.baselines._policies import load_policy, pretrained_names
+from kinreach.baselines._recipes import get_recipe
 from kinreach.compare import Settings
 from kinreach.errors import InputError
-from kinreach.statistics import bootstrap_intervals, median, wilson_interval
 from tests.robustness.fuzzing import NUMBERS, bad_arrays, things
 
 NAMES = pretrained_names()

@@ -7,8 +7,8 @@ from hypothesis.extra.numpy import arrays
 
 from kinreach.errors import InputError
 from kinreach.sim import ArmSimulation
-from kinreach.sim.controller import MoveStatus
-from kinreach.sim.simulation import BatchSimulation
+from kinreach.sim._controller import MoveStatus
+from kinreach.sim._simulation import BatchSimulation
 from tests.robustness.fuzzing import NUMBERS, bad_arrays, things
 
 SIZES = {"arm3": 3, "ur5": 6}

@@ -7,8 +7,8 @@ from hypothesis.extra.numpy import arrays
 
 from kinreach.errors import InputError
 from kinreach.kinematics import Arm3Kinematics, AxisGoal, PoseGoal, PositionGoal, UR5Kinematics
-from kinreach.kinematics.goals import goal_error
-from kinreach.kinematics.solvers import ClosedFormSolver, LevenbergMarquardtSolver, PlacoSolver, QPSolver, Tolerance
+from kinreach.kinematics._goals import goal_error
+from kinreach.kinematics._solvers import ClosedFormSolver, LevenbergMarquardtSolver, PlacoSolver, QPSolver, Tolerance
 from tests.robustness.fuzzing import NUMBERS, bad_arrays, things
 
 UR5, ARM3 = UR5Kinematics(tip="tcp", base="world"), Arm3Kinematics()

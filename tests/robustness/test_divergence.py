@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 
 import kinreach  # noqa: F401 (registers the environments)
-from kinreach.sim.controller import MoveStatus
-from kinreach.sim.setpoints import ARRIVED
-from kinreach.sim.simulation import ArmSimulation, BatchSimulation
+from kinreach.sim._controller import MoveStatus
+from kinreach.sim._setpoints import ARRIVED
+from kinreach.sim._simulation import ArmSimulation, BatchSimulation
 
 SPEEDS = [np.nan, np.inf, -np.inf, 1e5, 1e8, 1e12]
 GOAL = (0.45, 0.05, -0.175)
@@ -20,8 +20,8 @@ GOAL = (0.45, 0.05, -0.175)
 #: What a fresh process runs: moves that diverge, alone and in native threads, in which it counts them.
 DIVERGING = """
 import numpy as np
-from kinreach.sim.simulation import BatchSimulation
-from kinreach.sim.simulation import ArmSimulation
+from kinreach.sim._simulation import BatchSimulation
+from kinreach.sim._simulation import ArmSimulation
 arm, batch = ArmSimulation("ur5"), BatchSimulation("ur5", 4, threads=2)
 arm._plant.qvel[0], batch._plant.qvel[:] = 1e12, np.nan
 moves = [arm.move(arm.arm.home), *batch.move(np.arange(4), np.tile(batch.arm.home, (4, 1)))]
@@ -40,7 +40,7 @@ def blow_up(plant, row, speed):
 
 
 @pytest.mark.parametrize(("before", "after", "written"), [
-    ("", "", []), (OWN_LOG, "", ["own.txt"]), ("import kinreach.sim.engine", OWN_LOG, ["own.txt"]),
+    ("", "", []), (OWN_LOG, "", ["own.txt"]), ("import kinreach.sim._engine", OWN_LOG, ["own.txt"]),
 ])  # fmt: skip
 def test_a_move_that_diverges_writes_no_file_but_the_log_that_was_asked_for(before, after, written, tmp_path):
     code = "\n".join([before, after, DIVERGING])

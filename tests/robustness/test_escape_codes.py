@@ -4,9 +4,9 @@ import subprocess
 
 import pytest
 
-from kinreach.baselines.policies import load_policy
-from kinreach.baselines.policy_file import save_policy
-from kinreach.checks import printable
+from kinreach._checks import printable
+from kinreach.baselines._policies import load_policy
+from kinreach.baselines._policy_file import save_policy
 from kinreach.cli import main, quoted
 
 #: Clears the screen, sets the title, and turns text red; the second byte form of the same.

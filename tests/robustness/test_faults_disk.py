@@ -9,8 +9,8 @@ import sys
 import pytest
 
 from kinreach import cli
+from kinreach._files import make_writable, write_text
 from kinreach.errors import OutputError
-from kinreach.files import make_writable, write_text
 from tools.endurance import storage
 
 #: Sets the largest size of a file that the process can write, a stand-in for a full disk that needs no rights.
@@ -20,13 +20,13 @@ from dataclasses import replace
 from importlib.resources import files
 from pathlib import Path
 
-from kinreach.baselines.training import save_checkpoint
-from kinreach.baselines.models import build
-from kinreach.baselines.policy_file import read_policy, save_policy
-from kinreach.baselines.recipes import get_recipe
-from kinreach.compare.runner import Records, prepare
+from kinreach.baselines._training import save_checkpoint
+from kinreach.baselines._models import build
+from kinreach.baselines._policy_file import read_policy, save_policy
+from kinreach.baselines._recipes import get_recipe
+from kinreach.compare._runner import Records, prepare
 from kinreach.errors import OutputError
-from kinreach.files import write_text
+from kinreach._files import write_text
 
 out = Path.cwd()
 trainee = build(replace(get_recipe("single"), num_envs=16), 0, steps=64)
@@ -100,7 +100,7 @@ def test_commands_end_in_one_line_whoever_could_not_write(number, monkeypatch, c
     def main(argv, *, prog):
         raise OSError(number, os.strerror(number))
 
-    monkeypatch.setattr("kinreach.compare.cli.main", main)
+    monkeypatch.setattr("kinreach.compare._cli.main", main)
     assert cli.run_command("compare", [], prog="kinreach compare") == cli.EXIT_ERROR
     said = capsys.readouterr().err
     assert said == f"kinreach compare: error: cannot write: {os.strerror(number)}\n"
@@ -110,7 +110,7 @@ def test_other_errors_of_the_system_are_not_hidden(monkeypatch):
     def main(argv, *, prog):
         raise ConnectionResetError(errno.ECONNRESET, "reset")
 
-    monkeypatch.setattr("kinreach.compare.cli.main", main)
+    monkeypatch.setattr("kinreach.compare._cli.main", main)
     with pytest.raises(ConnectionResetError):
         cli.run_command("compare", [], prog="kinreach compare")
 
@@ -158,7 +158,7 @@ def test_a_broken_pipe_to_somebody_else_is_not_hidden(monkeypatch):
     def main(argv, *, prog):
         raise BrokenPipeError(errno.EPIPE, "a worker has died")
 
-    monkeypatch.setattr("kinreach.compare.cli.main", main)
+    monkeypatch.setattr("kinreach.compare._cli.main", main)
     with open(os.devnull, "w") as stdout:
         monkeypatch.setattr("sys.stdout", stdout)
         with pytest.raises(BrokenPipeError):

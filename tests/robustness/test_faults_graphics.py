@@ -125,7 +125,7 @@ def test_results_do_not_depend_on_the_pictures_of_the_report(failing_frame, no_s
 @pytest.fixture
 def no_source_changes(monkeypatch):
     """The same code, even if somebody edits a module in between."""
-    monkeypatch.setattr("kinreach.provenance.source_digest", lambda: "0" * 12)
+    monkeypatch.setattr("kinreach._provenance.source_digest", lambda: "0" * 12)
 
 
 def _without_times(path):

@@ -9,11 +9,11 @@ from dataclasses import replace
 
 import pytest
 
-from kinreach.baselines import training
-from kinreach.baselines.learning_curve import read_curve
-from kinreach.baselines.recipes import get_recipe
-from kinreach.baselines.training import train
-from kinreach.files import UNFINISHED, make_writable, write_text
+from kinreach._files import UNFINISHED, make_writable, write_text
+from kinreach.baselines import _training as training
+from kinreach.baselines._learning_curve import read_curve
+from kinreach.baselines._recipes import get_recipe
+from kinreach.baselines._training import train
 from tools.endurance import kills
 from tools.endurance.outcome import BrokenPromiseError
 
@@ -69,7 +69,7 @@ def test_a_run_that_dies_between_its_checkpoint_and_its_curve_has_a_whole_curve_
 HOLD_A_FILE_OPEN = """
 import sys, time
 from pathlib import Path
-from kinreach.files import replacing
+from kinreach._files import replacing
 with replacing(Path(sys.argv[1])) as temporary:
     temporary.write_text("half of the ne")
     print("started", flush=True)

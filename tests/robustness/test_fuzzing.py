@@ -3,7 +3,7 @@
 import pytest
 from hypothesis import strategies as st
 
-from kinreach.checks import shown
+from kinreach._checks import shown
 from kinreach.errors import InputError
 from tests.robustness.fuzzing import fuzz
 

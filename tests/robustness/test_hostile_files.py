@@ -12,10 +12,10 @@ import numpy as np
 import pytest
 from hypothesis import strategies as st
 
-from kinreach.baselines.policies import LearnedPolicy, load_policy
-from kinreach.baselines.policy_file import read_policy, save_policy
+from kinreach.baselines._policies import LearnedPolicy, load_policy
+from kinreach.baselines._policy_file import read_policy, save_policy
 from kinreach.cli import main
-from kinreach.compare.runner import Records, prepare
+from kinreach.compare._runner import Records, prepare
 from kinreach.errors import InputError, KinreachError
 from kinreach.kinematics import URKinematics
 from kinreach.robots import ArmDescription
@@ -149,8 +149,8 @@ def test_pickles_under_any_name_are_not_executed(tmp_path, capsys):
         (tmp_path / name).write_bytes(content)
     torch = pytest.importorskip("torch")
     torch.save({"identity": Bomb(mark), "segment": 0}, tmp_path / "zipped.pt")
-    from kinreach.baselines.learning_curve import read_curve
-    from kinreach.baselines.training import read_checkpoint
+    from kinreach.baselines._learning_curve import read_curve
+    from kinreach.baselines._training import read_checkpoint
 
     with pytest.raises(InputError):
         load_policy(tmp_path / "p.safetensors")

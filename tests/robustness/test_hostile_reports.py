@@ -7,8 +7,8 @@ from pathlib import Path
 
 import pytest
 
-from kinreach.baselines.policies import load_policy
-from kinreach.baselines.policy_file import save_policy
+from kinreach.baselines._policies import load_policy
+from kinreach.baselines._policy_file import save_policy
 from kinreach.cli import main
 from kinreach.compare import Settings, compare
 

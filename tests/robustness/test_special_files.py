@@ -9,17 +9,17 @@ from contextlib import contextmanager
 
 import pytest
 
-from kinreach import files
-from kinreach.baselines.learning_curve import read_curve
-from kinreach.baselines.policies import load_policy
-from kinreach.baselines.policy_file import read_policy
+from kinreach import _files as files
+from kinreach.baselines._learning_curve import read_curve
+from kinreach.baselines._policies import load_policy
+from kinreach.baselines._policy_file import read_policy
 from kinreach.cli import main
 from kinreach.compare import compare
-from kinreach.compare.task import policy_version
+from kinreach.compare._task import policy_version
 from kinreach.errors import InputError, KinreachError
 from kinreach.kinematics import URKinematics
 from kinreach.robots import ArmDescription
-from kinreach.view.results import read_results
+from kinreach.view._results import read_results
 
 #: A reader that waits for a FIFO would wait for ever [s].
 LIMIT = 60
@@ -73,14 +73,14 @@ KINDS = {
 def read_checkpoint(path):
     pytest.importorskip("torch")
     pytest.importorskip("stable_baselines3")
-    from kinreach.baselines.training import read_checkpoint
+    from kinreach.baselines._training import read_checkpoint
 
     read_checkpoint(path, {})
 
 
 def read_run(path):
     pytest.importorskip("stable_baselines3")
-    from kinreach.baselines.training import kept_run
+    from kinreach.baselines._training import kept_run
 
     (path.parent / "policy.safetensors").write_bytes(b"")
     kept_run(path.parent, {})
@@ -88,7 +88,7 @@ def read_run(path):
 
 def read_search(path):
     pytest.importorskip("stable_baselines3")
-    from kinreach.baselines.search import read_search
+    from kinreach.baselines._search import read_search
 
     read_search(path)
 
@@ -176,7 +176,7 @@ OPENING = {
 
 
 def test_nothing_else_opens_what_a_user_hands_over(root):
-    """A new place that opens a file goes through `kinreach.files`, or is listed above with its reason."""
+    """A new place that opens a file goes through `kinreach._files`, or is listed above with its reason."""
     opening = re.compile(
         r"\.read_text\(|\.read_bytes\(|\bopen\(|np\.load\(|ZipFile\(|safe_open\(|torch\.load\((?!io|file)"
     )

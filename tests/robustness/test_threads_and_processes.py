@@ -10,12 +10,12 @@ import cloudpickle
 import numpy as np
 import pytest
 
-from kinreach.baselines.policies import LearnedPolicy
+from kinreach.baselines._policies import LearnedPolicy
 from kinreach.kinematics import Arm3Kinematics, CollisionChecker, UR5Kinematics, URKinematics
-from kinreach.kinematics.arm import ArmKinematics
-from kinreach.kinematics.solvers import ClosedFormSolver, LevenbergMarquardtSolver, PlacoSolver, QPSolver
-from kinreach.kinematics.solvers.base import Solver, Tolerance
-from kinreach.sim.simulation import ArmSimulation, BatchSimulation
+from kinreach.kinematics._arm import ArmKinematics
+from kinreach.kinematics._solvers import ClosedFormSolver, LevenbergMarquardtSolver, PlacoSolver, QPSolver
+from kinreach.kinematics._solvers.base import Solver, Tolerance
+from kinreach.sim._simulation import ArmSimulation, BatchSimulation
 from tools.endurance import workers
 from tools.endurance.jobs import JOBS, SHARED, UNPICKLED
 

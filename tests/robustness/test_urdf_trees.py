@@ -11,7 +11,7 @@ from scipy.sparse.csgraph import connected_components
 from kinreach.errors import InputError
 from kinreach.kinematics import ArmKinematics
 from kinreach.robots import arm_names, get_arm
-from kinreach.robots.urdf import check_urdf
+from kinreach.robots._urdf import check_urdf
 
 ARM3 = get_arm("arm3")
 

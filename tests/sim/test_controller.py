@@ -5,10 +5,10 @@ import numpy as np
 import pytest
 
 from kinreach.errors import InputError
-from kinreach.kinematics.collision import CollisionChecker
+from kinreach.kinematics._collision import CollisionChecker
 from kinreach.sim import ArmSimulation, BatchSimulation, JointController, MoveStatus
-from kinreach.sim.plants import SinglePlant
-from kinreach.sim.scene import TIMESTEP
+from kinreach.sim._plants import SinglePlant
+from kinreach.sim._scene import TIMESTEP
 
 TABLE_TOP = -0.20
 TIP_TO_FINGERTIP = 0.01

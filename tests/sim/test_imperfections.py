@@ -8,8 +8,8 @@ import kinreach  # noqa: F401 (registers the environments)
 from kinreach.errors import InputError, UnknownNameError
 from kinreach.kinematics import UR5Kinematics
 from kinreach.robots import get_arm
-from kinreach.sim.imperfections import IDEAL, Imperfections, as_imperfections
-from kinreach.sim.simulation import ArmSimulation, BatchSimulation
+from kinreach.sim._imperfections import IDEAL, Imperfections, as_imperfections
+from kinreach.sim._simulation import ArmSimulation, BatchSimulation
 
 GRAVITY = 9.81
 COUNT = 12

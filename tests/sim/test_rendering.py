@@ -10,9 +10,10 @@ import pytest
 
 from kinreach.errors import InputError, InstallationError, UnknownNameError
 from kinreach.robots import get_arm
-from kinreach.sim import ArmSimulation, FrameRenderer, render, rendering
-from kinreach.sim.scene import BALL_GROUP
-from kinreach.sim.visuals import camera_rotation
+from kinreach.sim import ArmSimulation, FrameRenderer, render
+from kinreach.sim import _rendering as rendering
+from kinreach.sim._scene import BALL_GROUP
+from kinreach.sim._visuals import camera_rotation
 
 WIDTH, HEIGHT = 320, 180
 

@@ -4,10 +4,10 @@ import pinocchio as pin
 import pytest
 
 from kinreach.kinematics import ArmKinematics
-from kinreach.kinematics.collision import CollisionChecker
+from kinreach.kinematics._collision import CollisionChecker
 from kinreach.robots import get_arm
 from kinreach.sim import ArmSimulation, build_scene, scene_model
-from kinreach.sim.scene import TIMESTEP
+from kinreach.sim._scene import TIMESTEP
 
 ARMS = ("arm3", "ur10", "ur3", "ur5")
 

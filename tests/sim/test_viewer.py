@@ -53,7 +53,7 @@ env.close()
 ASKED = """
 import sys, warnings
 import glfw
-from kinreach.sim import picture as viewer
+from kinreach.sim import _picture as viewer
 from kinreach.errors import InstallationError
 
 def forbidden(*_, **__):

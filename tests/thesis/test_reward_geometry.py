@@ -9,6 +9,7 @@ import pytest
 
 from kinreach.errors import InputError
 from kinreach.kinematics import ArmKinematics
+from kinreach.thesis import _reward as reward_geometry
 from kinreach.thesis import (
     distance_reward,
     gripper_angle_error,
@@ -17,7 +18,6 @@ from kinreach.thesis import (
     posture_error,
     reach_reward,
 )
-from kinreach.thesis import reward as reward_geometry
 
 PI = math.pi
 #: Tool straight down in a natural posture, on either branch.

@@ -2,8 +2,8 @@
 
 import pytest
 
-from kinreach.view.cli import setup_of
-from kinreach.view.server import Server
+from kinreach.view._cli import setup_of
+from kinreach.view._server import Server
 
 PATIENCE = 180_000  # [ms]: a machine that is busy draws a frame in seconds
 #: A ninth of the pixels: without a graphics card a frame takes as long as it has pixels.

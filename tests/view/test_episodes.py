@@ -6,15 +6,15 @@ import numpy as np
 import pytest
 
 import kinreach  # noqa: F401
+from kinreach._registration import BUTTON, MOVING, MULTI, REAL_ARM, SINGLE, SPACE
 from kinreach.errors import InputError
 from kinreach.kinematics import ArmKinematics
-from kinreach.registration import BUTTON, MOVING, MULTI, REAL_ARM, SINGLE, SPACE
 from kinreach.robots import get_arm
-from kinreach.view import html
-from kinreach.view.episodes import Recording, Stopped, circled
-from kinreach.view.figure import Figure
-from kinreach.view.mujoco_scene import MujocoScene
-from kinreach.view.players import new_player
+from kinreach.view import _html as html
+from kinreach.view._episodes import Recording, Stopped, circled
+from kinreach.view._figure import Figure
+from kinreach.view._mujoco_scene import MujocoScene
+from kinreach.view._players import new_player
 
 
 @pytest.fixture(scope="module")
@@ -81,7 +81,7 @@ def test_frames_end_where_the_arm_ends(episodes):
 def test_taking_a_frame_leaves_the_simulation_as_it_is():
     """The same episode with and without frames, to the bit."""
     asked = Recording(SINGLE, "closed-form", get_arm("ur5"), seed=5)
-    from kinreach.baselines.loop import rollout
+    from kinreach.baselines._loop import rollout
 
     env = gym.make(SINGLE, arm=get_arm("ur5"))
     (plain,) = rollout(env, new_player("closed-form", env), [{"seed": 5}])
@@ -185,7 +185,7 @@ def test_an_environment_from_outside_is_played(monkeypatch):
     gym.register("outside/Pointing-v0", entry_point=Pointing)
     gym.register("outside/Blind-v0", entry_point=Blind)
     gym.register("outside/Armed-v0", entry_point=Blind, kwargs={"has_arm": True})
-    monkeypatch.setattr("kinreach.view.episodes.MAX_STEPS", 30)
+    monkeypatch.setattr("kinreach.view._episodes.MAX_STEPS", 30)
     try:
         episode = Recording("outside/Pointing-v0", f"{__name__}:turn", get_arm("panda")).play(simple=True)
         assert (len(episode.steps), episode.trial["return"]) == (30, 45.0)

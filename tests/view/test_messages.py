@@ -11,8 +11,8 @@ from benchmarks.studies.tab import Tab, wait_for
 from kinreach.compare import compare
 from kinreach.errors import InputError
 from kinreach.robots import PUBLISHED_CALIBRATIONS
-from kinreach.view.cli import setup_of
-from kinreach.view.server import Server
+from kinreach.view._cli import setup_of
+from kinreach.view._server import Server
 
 #: What no input takes.
 BAD = (

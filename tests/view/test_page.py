@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from kinreach.robots.rotations import placement
+from kinreach.robots._rotations import placement
 
 pytestmark = pytest.mark.slow
 

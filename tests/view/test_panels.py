@@ -9,21 +9,21 @@ import weakref
 import numpy as np
 import pytest
 
+from kinreach._registration import BUTTON, MOVING, REAL_ARM
 from kinreach.compare import compare
-from kinreach.registration import BUTTON, MOVING, REAL_ARM
 from kinreach.robots import PUBLISHED_CALIBRATIONS
-from kinreach.view.cli import setup_of
+from kinreach.view._cli import setup_of
 
 pytest.importorskip("viser")
 
 from benchmarks.studies.tab import Tab, wait_for
 from kinreach.robots import arm_names
-from kinreach.view.draw import AMBER
-from kinreach.view.episodes import Recording
-from kinreach.view.names import plain
-from kinreach.view.page import panels
-from kinreach.view.panel import Panel
-from kinreach.view.server import Server
+from kinreach.view._draw import AMBER
+from kinreach.view._episodes import Recording
+from kinreach.view._names import plain
+from kinreach.view._page import panels
+from kinreach.view._panel import Panel
+from kinreach.view._server import Server
 
 
 @pytest.fixture(scope="module")
@@ -227,9 +227,9 @@ def test_every_arm_has_a_page(arm, request, capfd):
 @pytest.mark.parametrize(
     "broken",
     [
-        ("Target", "kinreach.view.target_panel.put"),
-        ("Episodes", "kinreach.view.episodes_panel.EpisodesPanel.record"),
-        ("Results", "kinreach.view.results_panel.by_user"),
+        ("Target", "kinreach.view._target_panel.put"),
+        ("Episodes", "kinreach.view._episodes_panel.EpisodesPanel.record"),
+        ("Results", "kinreach.view._results_panel.by_user"),
     ],
 )
 def test_a_part_that_cannot_be_built_says_why(serve, monkeypatch, capfd, broken):
@@ -256,7 +256,7 @@ def test_a_part_that_cannot_be_built_says_why(serve, monkeypatch, capfd, broken)
 
 
 def test_a_page_that_cannot_be_built_says_why(serve, monkeypatch, capfd):
-    monkeypatch.setattr("kinreach.view.page.Surroundings", None)
+    monkeypatch.setattr("kinreach.view._page.Surroundings", None)
     with Tab(serve("arm3")) as tab:
         assert "TypeError: &#x27;NoneType&#x27; object is not callable" in tab.page.trouble
     assert capfd.readouterr().err == "kinreach view: TypeError: 'NoneType' object is not callable\n"

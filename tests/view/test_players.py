@@ -4,13 +4,13 @@ import gymnasium as gym
 import pytest
 
 import kinreach  # noqa: F401
+from kinreach._registration import BUTTON, MOVING, REAL_ARM, SINGLE, SINGLE_KINEMATIC, TRAINING_ENVIRONMENTS
 from kinreach.compare import get_task, task_names
 from kinreach.errors import InputError
-from kinreach.kinematics.solvers import SOLVERS
-from kinreach.registration import BUTTON, MOVING, REAL_ARM, SINGLE, SINGLE_KINEMATIC, TRAINING_ENVIRONMENTS
+from kinreach.kinematics._solvers import SOLVERS
 from kinreach.robots import get_arm
-from kinreach.view.episodes import Recording
-from kinreach.view.players import new_player, playable, playable_names
+from kinreach.view._episodes import Recording
+from kinreach.view._players import new_player, playable, playable_names
 
 #: Beside the page's own: these episodes are watched by nobody.
 SHORT = {REAL_ARM: {"balls": 1, "budgets": (0, 5), "again": 0}, MOVING: {"speeds": (0.6,)}}
@@ -71,7 +71,7 @@ def test_everybody_plays_by_pictures(observation, needs_gl):
 
 def test_a_player_of_ones_own():
     env = gym.make(SINGLE, backend="kinematic")
-    assert new_player("kinreach.kinematics.solvers:ClosedFormSolver", env).reset
+    assert new_player("kinreach.kinematics._solvers:ClosedFormSolver", env).reset
     for name, said in (("nobody:Nothing", "cannot import"), ("wisdom", "unknown policy for"), ("button", "unknown")):
         with pytest.raises(InputError, match=said):
             new_player(name, env)

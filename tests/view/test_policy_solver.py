@@ -5,11 +5,11 @@ from dataclasses import replace
 import gymnasium as gym
 import numpy as np
 
-from kinreach.baselines.policies import load_policy
-from kinreach.baselines.policy_file import save_policy
+from kinreach._registration import SINGLE
+from kinreach.baselines._policies import load_policy
+from kinreach.baselines._policy_file import save_policy
 from kinreach.kinematics import AxisGoal, UR5Kinematics
-from kinreach.registration import SINGLE
-from kinreach.view.policy_solver import PolicySolver
+from kinreach.view._policy_solver import PolicySolver
 
 
 def test_a_policy_is_asked_as_it_was_trained(tmp_path):

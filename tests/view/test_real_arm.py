@@ -7,9 +7,9 @@ import pytest
 from kinreach.errors import InputError
 from kinreach.kinematics import URKinematics
 from kinreach.robots import PUBLISHED_CALIBRATIONS, get_arm
-from kinreach.view import html
-from kinreach.view.real_arm import RealArm, colours
-from kinreach.view.snippet import calibrated, real_arm_program
+from kinreach.view import _html as html
+from kinreach.view._real_arm import RealArm, colours
+from kinreach.view._snippet import calibrated, real_arm_program
 
 FILES = {"ur5": "ur5_a", "ur3": "ur3_a", "ur10e": "ur10e_a"}
 

@@ -8,9 +8,9 @@ import pytest
 
 from kinreach.compare import compare
 from kinreach.errors import InputError
-from kinreach.view import html
-from kinreach.view.results import read_results
-from kinreach.view.snippet import results_program
+from kinreach.view import _html as html
+from kinreach.view._results import read_results
+from kinreach.view._snippet import results_program
 
 
 @pytest.fixture(scope="module")

@@ -13,8 +13,8 @@ from websockets.sync.client import connect
 
 from benchmarks.studies.tab import Tab, wait_for
 from kinreach.errors import InstallationError
-from kinreach.view.cli import setup_of
-from kinreach.view.server import Server
+from kinreach.view._cli import setup_of
+from kinreach.view._server import Server
 
 SHARING = ("ShareUrlRequest", "ShareUrlDisconnect")
 

@@ -10,17 +10,17 @@ from example_robot_data.robots_loader import getModelPath
 
 from kinreach.errors import InputError
 from kinreach.kinematics import ArmKinematics, AxisGoal, CollisionChecker, URKinematics
-from kinreach.kinematics.solvers import SOLVERS
+from kinreach.kinematics._solvers import SOLVERS
 from kinreach.robots import PUBLISHED_CALIBRATIONS, ArmDescription, arm_names, get_arm
-from kinreach.robots.shapes import link_shapes
-from kinreach.robots.urdf import without_shapes
-from kinreach.view import html
-from kinreach.view.cli import setup_of
-from kinreach.view.figure import Figure
-from kinreach.view.names import branch_name
-from kinreach.view.real_arm import RealArm
-from kinreach.view.snippet import program, real_arm_program
-from kinreach.view.target import AXIS, POINT, POSE, State, TargetModel
+from kinreach.robots._shapes import link_shapes
+from kinreach.robots._urdf import without_shapes
+from kinreach.view import _html as html
+from kinreach.view._cli import setup_of
+from kinreach.view._figure import Figure
+from kinreach.view._names import branch_name
+from kinreach.view._real_arm import RealArm
+from kinreach.view._snippet import program, real_arm_program
+from kinreach.view._target import AXIS, POINT, POSE, State, TargetModel
 
 CALIBRATION = PUBLISHED_CALIBRATIONS["ur5_a"]
 
@@ -381,7 +381,7 @@ def test_copied_programs_of_an_arm_from_a_file(capsys):
 
 
 def test_copied_programs_of_an_arm_of_ones_own_run(capsys):
-    setup = setup_of("kinreach.robots.arm3:ARM")
+    setup = setup_of("kinreach.robots._arm3:ARM")
     model = setup.model()
     goal = model.goal(POINT, model.kinematics.fk(model.home))
     assert setup.arm is model.kinematics.arm

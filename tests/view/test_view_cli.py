@@ -64,12 +64,12 @@ def test_it_is_served_here_and_nowhere_else():
 
 def test_an_environment_of_ones_own_comes_first(tmp_path, monkeypatch):
     """Its module is loaded here, and named in the program that is copied."""
-    from kinreach.view.cli import setup_of
-    from kinreach.view.episodes import Recording
+    from kinreach.view._cli import setup_of
+    from kinreach.view._episodes import Recording
 
     (tmp_path / "own_arms.py").write_text(
         "import gymnasium as gym\n"
-        "from kinreach.envs.reach.env import UR5SingleStepEnv\n"
+        "from kinreach.envs._reach.env import UR5SingleStepEnv\n"
         "gym.register('own/Reach-v0', entry_point=UR5SingleStepEnv)\n"
     )
     monkeypatch.syspath_prepend(tmp_path)

@@ -8,7 +8,7 @@ import pytest
 from scipy import ndimage
 
 from kinreach.errors import InputError
-from kinreach.vision.circles import CANNY, SMOOTHING, circle_votes, edge_steps
+from kinreach.vision._circles import CANNY, SMOOTHING, circle_votes, edge_steps
 
 
 def disk(u: float, v: float, r: float) -> np.ndarray:

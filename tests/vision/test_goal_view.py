@@ -6,9 +6,9 @@ from benchmarks.studies import ball_detection, light_and_clutter
 from kinreach.errors import InputError, UnknownNameError
 from kinreach.robots import get_arm
 from kinreach.sim import ArmSimulation
-from kinreach.vision.ball_finder import find_ball
-from kinreach.vision.cameras import Intrinsics, RGBDCamera, SensorNoise
-from kinreach.vision.goal_view import (
+from kinreach.vision._ball_finder import find_ball
+from kinreach.vision._cameras import Intrinsics, RGBDCamera, SensorNoise
+from kinreach.vision._goal_view import (
     CameraGoalView,
     geometric_goal_view,
     goal_camera_poses,

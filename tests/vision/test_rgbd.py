@@ -3,9 +3,9 @@ import pytest
 
 from kinreach.errors import InputError, InstallationError, UnknownNameError
 from kinreach.sim import ArmSimulation
-from kinreach.sim.rendering import FrameRenderer
-from kinreach.vision import cameras as rgbd
-from kinreach.vision.cameras import Intrinsics, RGBDCamera, RGBDImage, SensorNoise
+from kinreach.sim._rendering import FrameRenderer
+from kinreach.vision import _cameras as rgbd
+from kinreach.vision._cameras import Intrinsics, RGBDCamera, RGBDImage, SensorNoise
 
 WIDTH, HEIGHT = 320, 180
 CAMERAS = ("front", "wrist")

@@ -9,11 +9,11 @@ import gymnasium as gym
 import numpy as np
 
 import kinreach  # noqa: F401 (registers the environments)
-from kinreach.baselines.policies import load_policy
-from kinreach.envs.reach.task import TOOL_DOWN
+from kinreach.baselines._policies import load_policy
+from kinreach.envs._reach.task import TOOL_DOWN
 from kinreach.kinematics import Arm3Kinematics, AxisGoal, CollisionChecker, PositionGoal, UR5Kinematics
-from kinreach.kinematics.solvers import ClosedFormSolver, LevenbergMarquardtSolver, PlacoSolver, QPSolver
-from kinreach.sim.simulation import ArmSimulation, BatchSimulation
+from kinreach.kinematics._solvers import ClosedFormSolver, LevenbergMarquardtSolver, PlacoSolver, QPSolver
+from kinreach.sim._simulation import ArmSimulation, BatchSimulation
 
 SEED = 7
 #: Postures or goals that a job looks at.

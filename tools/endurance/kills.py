@@ -18,10 +18,10 @@ import torch
 from PIL import Image
 
 import benchmarks.learners  # noqa: F401 (registers its recipes)
-from kinreach import provenance
-from kinreach.baselines.policies import load_policy
-from kinreach.baselines.recipes import get_recipe
-from kinreach.baselines.training import train
+from kinreach import _provenance as provenance
+from kinreach.baselines._policies import load_policy
+from kinreach.baselines._recipes import get_recipe
+from kinreach.baselines._training import train
 from kinreach.compare import Settings, compare
 from tools.endurance.outcome import Outcome, demand
 

@@ -13,7 +13,7 @@ import gymnasium as gym
 import numpy as np
 
 import kinreach  # noqa: F401 (registers the environments)
-from kinreach.registration import BUTTON, MULTI, SINGLE
+from kinreach._registration import BUTTON, MULTI, SINGLE
 from kinreach.sim import ArmSimulation, render
 from tools.endurance.outcome import Outcome, demand
 

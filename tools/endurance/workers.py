@@ -17,7 +17,7 @@ import numpy as np
 import torch  # noqa: F401 (processes are forked from one that has it, as in training)
 from gymnasium.vector.async_vector_env import AsyncState
 
-from kinreach.registration import MULTI
+from kinreach._registration import MULTI
 from tools.endurance.jobs import JOBS, SHARED, UNPICKLED
 from tools.endurance.outcome import Outcome, demand
 

@@ -9,10 +9,10 @@ from typing import Any
 import numpy as np
 
 from benchmarks.speed.peers.base import IKPeer
-from kinreach.checks import Floats
+from kinreach._checks import Floats
 from kinreach.errors import InputError
-from kinreach.kinematics.arm import ArmKinematics
-from kinreach.kinematics.chain import about_z
+from kinreach.kinematics._arm import ArmKinematics
+from kinreach.kinematics._chain import about_z
 
 
 def make_eaik(*, least_squares: bool = False) -> IKPeer:

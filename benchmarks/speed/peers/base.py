@@ -8,9 +8,9 @@ from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 from typing import Any, TypeVar
 
-from kinreach.checks import Floats
+from kinreach._checks import Floats
 from kinreach.errors import InputError, InstallationError
-from kinreach.kinematics.arm import ArmKinematics
+from kinreach.kinematics._arm import ArmKinematics
 
 T = TypeVar("T")
 _AXES = ("JointModelRX", "JointModelRY", "JointModelRZ")

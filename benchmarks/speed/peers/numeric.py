@@ -10,13 +10,13 @@ from typing import Any, ClassVar
 import numpy as np
 
 from benchmarks.speed.peers.base import IKPeer, coordinate_axis
-from kinreach.checks import Floats
-from kinreach.engines import load
-from kinreach.kinematics.arm import ArmKinematics
-from kinreach.kinematics.goals import Goal
-from kinreach.kinematics.solvers import Tolerance
-from kinreach.kinematics.solvers.iterative import STALLED, Descend, Descent, IterativeSolver, goal_frame
-from kinreach.kinematics.solvers.placo_solver import NO_LIMIT
+from kinreach._checks import Floats
+from kinreach._engines import load
+from kinreach.kinematics._arm import ArmKinematics
+from kinreach.kinematics._goals import Goal
+from kinreach.kinematics._solvers import Tolerance
+from kinreach.kinematics._solvers.iterative import STALLED, Descend, Descent, IterativeSolver, goal_frame
+from kinreach.kinematics._solvers.placo_solver import NO_LIMIT
 
 #: Searches that it may start, as the other solvers with restarts: one from the seed and 20 from random postures.
 SEARCHES = 21

@@ -7,7 +7,7 @@ from collections.abc import Callable, Sequence
 from typing import cast
 
 from benchmarks.speed.sections import Options, Progress, Section
-from kinreach.checks import check_known
+from kinreach._checks import check_known
 from kinreach.errors import InputError
 
 #: Measures, telling now and then how far it is, and returns the sections of the report. Raises a `KinreachError` where

@@ -9,7 +9,7 @@ from pathlib import Path
 from benchmarks.speed.child import run_child
 from benchmarks.speed.sections import Cell, Chart, Options, Progress, Section, Target
 from benchmarks.speed.suites import PROFILED
-from kinreach.compare.runner import DEFAULT_GOALS
+from kinreach.compare._runner import DEFAULT_GOALS
 
 AGAIN = "python -m benchmarks.speed --suite compare"
 #: Goals with `--quick`, for which the target does not hold; and the longest that the default may take [s].

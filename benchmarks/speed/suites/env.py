@@ -19,8 +19,8 @@ from benchmarks.speed.peers.gym_peer import PANDA, REACHER, gym_peers
 from benchmarks.speed.sections import Chart, Options, Progress, Section, Target
 from benchmarks.speed.suites import PROFILED, episodes
 from benchmarks.speed.tables import median_rates, median_ratio, rate_row, samples, short_of_cores, time_row
+from kinreach._registration import BUTTON, MULTI, SINGLE
 from kinreach.errors import DrawingError, InstallationError
-from kinreach.registration import BUTTON, MULTI, SINGLE
 
 AGAIN = "python -m benchmarks.speed --suite env"
 #: Environments of a kinematic batch, and how many times as fast as PandaReach-v3 it has to be.
@@ -163,7 +163,7 @@ def _batch(opened: ExitStack, seed: int, name: str, task: str, count: int, steps
 def _learners_batch(opened: ExitStack, seed: int, steps: float, missing: dict[str, str]) -> list[Contender]:
     """A native batch as stable-baselines3 sees it."""
     try:
-        from kinreach.baselines.vec_envs import SB3VecEnv
+        from kinreach.baselines._vec_envs import SB3VecEnv
     except ImportError as error:
         missing["stable-baselines3"] = f"the batch behind its interface is left out: {error}"
         return []

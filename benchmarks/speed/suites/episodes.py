@@ -14,11 +14,11 @@ from benchmarks.speed.measure import Contender, interleaved
 from benchmarks.speed.sections import Options, Progress, Section, Target
 from benchmarks.speed.suites import PROFILED
 from benchmarks.speed.tables import rate_row, samples, short_of_cores
-from kinreach.checks import Floats
-from kinreach.envs.reach.task import TOOL_DOWN
+from kinreach._checks import Floats
+from kinreach._registration import SINGLE
+from kinreach.envs._reach.task import TOOL_DOWN
 from kinreach.errors import KinreachError
 from kinreach.kinematics import UR5Kinematics
-from kinreach.registration import SINGLE
 from kinreach.sim import ArmSimulation, BatchSimulation
 
 #: Least number of episodes per second of the environment on two cores.

@@ -13,8 +13,8 @@ from benchmarks.speed.peers.numeric import elementary_transforms
 from benchmarks.speed.sections import Chart, Options, Progress, Section
 from benchmarks.speed.suites import PROFILED
 from benchmarks.speed.tables import batch_rows, calls, median_ratio, medians, samples, times_as_fast
-from kinreach.checks import Floats
-from kinreach.engines import load
+from kinreach._checks import Floats
+from kinreach._engines import load
 from kinreach.errors import KinreachError
 from kinreach.kinematics import ArmKinematics
 

@@ -17,8 +17,8 @@ from benchmarks.speed.sections import Cell, Chart, Options, Progress, Section
 from benchmarks.speed.suites import PROFILED
 from benchmarks.speed.suites.episodes import batched, goals_and_targets
 from benchmarks.speed.tables import median_ratio, samples
+from kinreach._registration import SINGLE
 from kinreach.kinematics import UR5Kinematics
-from kinreach.registration import SINGLE
 from kinreach.sim import BatchSimulation
 
 AGAIN = "python -m benchmarks.speed --suite growth"

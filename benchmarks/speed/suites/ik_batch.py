@@ -15,7 +15,7 @@ from benchmarks.speed.poses import FLANGE, random_poses
 from benchmarks.speed.sections import Chart, Options, Progress, Section, Target
 from benchmarks.speed.suites import PROFILED
 from benchmarks.speed.tables import batch_rows, calls, median_ratio, medians, samples, short_of_cores, times_as_fast
-from kinreach.checks import Floats
+from kinreach._checks import Floats
 
 AGAIN = "python -m benchmarks.speed --suite ik-batch"
 OURS, NEAREST = "kinreach, batch", "kinreach, nearest_batch"

@@ -14,7 +14,7 @@ from benchmarks.speed.peers.base import IKPeer, installed
 from benchmarks.speed.sections import Cell, Chart, Options, Progress, Section, Target
 from benchmarks.speed.tables import calls, medians, samples, time_cells
 from benchmarks.studies.calibrated_arms import arm_of
-from kinreach.checks import Floats
+from kinreach._checks import Floats
 from kinreach.errors import InputError
 from kinreach.kinematics import CalibratedURKinematics, URKinematics
 

@@ -11,9 +11,9 @@ from benchmarks.speed.peers.analytic import WITH_APPROXIMATE
 from benchmarks.speed.peers.base import installed, silent
 from benchmarks.speed.poses import CASES, FLANGE
 from benchmarks.speed.sections import Cell, Options, Progress, Section, Target
-from kinreach.checks import Floats
-from kinreach.kinematics.arm import ArmKinematics
-from kinreach.kinematics.goals import pose_error
+from kinreach._checks import Floats
+from kinreach.kinematics._arm import ArmKinematics
+from kinreach.kinematics._goals import pose_error
 
 AGAIN = "python -m benchmarks.speed --suite ik-edge-cases"
 TOLERANCE = 1e-6
@@ -29,7 +29,7 @@ a case, each of which a posture within +-pi reaches to 1e-8.
 
 kinreach clamps what leaves its domain by rounding, chooses the free wrist angle so that the elbow can still reach, and
 checks by forward kinematics every solution in which something was clamped or moved
-(`kinreach/kinematics/ur/closed_form.py`)."""
+(`kinreach/kinematics/_ur/closed_form.py`)."""
 
 
 @dataclass(frozen=True)

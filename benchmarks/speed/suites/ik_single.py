@@ -16,13 +16,13 @@ from benchmarks.speed.poses import FLANGE, random_poses
 from benchmarks.speed.sections import Cell, Chart, Options, Progress, Section, Target
 from benchmarks.speed.suites import PROFILED
 from benchmarks.speed.tables import calls, median_ratio, medians, samples, time_cells
-from kinreach.checks import Floats
+from kinreach._checks import Floats
 from kinreach.kinematics import PoseGoal, UR5Kinematics
-from kinreach.kinematics.goals import pose_error
-from kinreach.kinematics.solvers import LevenbergMarquardtSolver, Solver, Tolerance
-from kinreach.kinematics.solvers.placo_solver import PlacoSolver
-from kinreach.kinematics.solvers.qp_solver import QPSolver
-from kinreach.kinematics.ur.closed_form import solve_pose
+from kinreach.kinematics._goals import pose_error
+from kinreach.kinematics._solvers import LevenbergMarquardtSolver, Solver, Tolerance
+from kinreach.kinematics._solvers.placo_solver import PlacoSolver
+from kinreach.kinematics._solvers.qp_solver import QPSolver
+from kinreach.kinematics._ur.closed_form import solve_pose
 
 AGAIN = "python -m benchmarks.speed --suite ik-single"
 REFERENCE = "EAIK"
@@ -35,7 +35,7 @@ BRANCHES_TEXT = """\
 (reading the clock takes {clock:.2g} us of it). A pose is turned into the peer's own frames before the clock runs.
 
 The formulas, with 20 arctangents and 7 square roots, run in pure Python on floats
-(`kinreach.kinematics.ur.closed_form`); the peers are C++. What bounds the formulas is the interpreter. The public call
+(`kinreach.kinematics._ur.closed_form`); the peers are C++. What bounds the formulas is the interpreter. The public call
 also checks that the pose is a finite rigid motion, and applies joint limits; it takes {public:.3g} times as long as the
 formulas. The array of the postures is made when it is asked for, which takes {array:.2g} times as long as the formulas
 once more.

@@ -11,7 +11,7 @@ from benchmarks.speed.child import ChildRun, peak_memory, run_child
 from benchmarks.speed.measure import LAP, Contender, EachContender, Timings, interleaved, interleaved_each
 from benchmarks.speed.sections import Cell, Options, Progress, Section, Target
 from benchmarks.speed.tables import samples, short_of_cores, slow, time_row
-from kinreach.baselines.policies import load_policy
+from kinreach.baselines._policies import load_policy
 
 AGAIN = "python -m benchmarks.speed --suite startup"
 #: Fresh processes of each kind, at least, but with `--quick`.

@@ -13,9 +13,9 @@ from benchmarks.speed.peers.gym_child import learning_seconds, ppo_seconds
 from benchmarks.speed.peers.gym_peer import PANDA, gym_peers
 from benchmarks.speed.sections import Cell, Options, Progress, Section
 from benchmarks.speed.suites import PROFILED
-from kinreach.baselines.recipes import get_recipe
+from kinreach._registration import MULTI
+from kinreach.baselines._recipes import get_recipe
 from kinreach.errors import InstallationError
-from kinreach.registration import MULTI
 
 AGAIN = "python -m benchmarks.speed --suite train"
 #: Actions of an update, environments of ours and of the peer's, and what both are told besides.
@@ -66,7 +66,7 @@ def run(options: Options, progress: Progress) -> list[Section]:
 def _ours(options: Options) -> dict[str, Run]:
     import torch  # noqa: F401 (whoever lacks it is told so)
 
-    from kinreach.baselines import vec_envs  # noqa: F401
+    from kinreach.baselines import _vec_envs as vec_envs  # noqa: F401
 
     actions = QUICK_ACTIONS if options.quick else ACTIONS
     return {RECIPE: partial(_recipe, actions, options.seed), BATCH: partial(_batch, actions, options.seed)}
@@ -116,7 +116,7 @@ def _rows(times: dict[str, list[dict[str, float]]]) -> list[list[Cell]]:
 
 
 def _recipe(actions: int, seed: int) -> dict[str, float]:
-    from kinreach.baselines.models import build
+    from kinreach.baselines._models import build
 
     trainee = build(get_recipe("single"), seed, steps=actions)
     try:
@@ -127,7 +127,7 @@ def _recipe(actions: int, seed: int) -> dict[str, float]:
 
 
 def _batch(actions: int, seed: int) -> dict[str, float]:
-    from kinreach.baselines.vec_envs import SB3VecEnv
+    from kinreach.baselines._vec_envs import SB3VecEnv
 
     batch = gym.make_vec(MULTI, num_envs=OURS, vectorization_mode="vector_entry_point", backend="kinematic")
     env = SB3VecEnv(batch)

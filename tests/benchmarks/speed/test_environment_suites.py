@@ -82,7 +82,7 @@ class TestEnvironments:
         assert target.met
 
     def test_without_stable_baselines3(self, monkeypatch):
-        monkeypatch.setitem(sys.modules, "kinreach.baselines.vec_envs", None)
+        monkeypatch.setitem(sys.modules, "kinreach.baselines._vec_envs", None)
         missing: dict[str, str] = {}
         assert env._learners_batch(contextlib.ExitStack(), 0, 1, missing) == []
         assert list(missing) == ["stable-baselines3"]

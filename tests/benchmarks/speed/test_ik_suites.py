@@ -17,7 +17,7 @@ from benchmarks.speed.sections import Options
 from benchmarks.speed.suites import fk_batch, ik_batch, ik_calibrated, ik_edge_cases, ik_single, load_suite
 from kinreach.errors import InstallationError
 from kinreach.kinematics import ArmKinematics
-from kinreach.kinematics.goals import pose_error
+from kinreach.kinematics._goals import pose_error
 
 for module in ("eaik", "ssik", "ur_analytic_ik"):
     pytest.importorskip(module)

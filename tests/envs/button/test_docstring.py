@@ -5,8 +5,8 @@ import inspect
 
 import numpy as np
 
-from kinreach.envs.button import ACTUATIONS, ButtonPressEnv
-from kinreach.envs.button.task import ACTIONS, INCREMENTS, PRESS_RADIUS, button_reward
+from kinreach.envs._button import ACTUATIONS, ButtonPressEnv
+from kinreach.envs._button.task import ACTIONS, INCREMENTS, PRESS_RADIUS, button_reward
 
 
 def test_actions(doc_tables):

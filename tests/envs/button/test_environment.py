@@ -9,9 +9,9 @@ import pytest
 from gymnasium.utils.env_checker import check_env, data_equivalence
 
 import kinreach
-from kinreach.envs.button import ACTUATIONS, ButtonPressEnv
-from kinreach.envs.button.episodes import ButtonEpisodes, ButtonOptions
-from kinreach.envs.button.world import SingleTorqueWorld
+from kinreach.envs._button import ACTUATIONS, ButtonPressEnv
+from kinreach.envs._button.episodes import ButtonEpisodes, ButtonOptions
+from kinreach.envs._button.world import SingleTorqueWorld
 from kinreach.errors import InputError
 from kinreach.kinematics import Arm3Kinematics
 

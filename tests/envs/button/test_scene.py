@@ -9,8 +9,8 @@ import pinocchio as pin
 import pytest
 
 import kinreach
-from kinreach.envs.button import ACTUATIONS
-from kinreach.envs.button.world import AWAY, ButtonState, torque_model
+from kinreach.envs._button import ACTUATIONS
+from kinreach.envs._button.world import AWAY, ButtonState, torque_model
 from kinreach.kinematics import Arm3Kinematics
 from kinreach.robots import get_arm
 
@@ -138,7 +138,7 @@ def test_the_viewer_runs_no_faster_than_the_clock(monkeypatch):
     """With a viewer that opens no window and a clock that only sleeping moves."""
     clock, syncs = [0.0], []
     viewer = SimpleNamespace(sync=lambda: syncs.append(clock[0]), close=lambda: syncs.append("closed"))
-    monkeypatch.setattr("kinreach.sim.picture.SceneViewer", lambda model, data, *, camera: viewer)
+    monkeypatch.setattr("kinreach.sim._picture.SceneViewer", lambda model, data, *, camera: viewer)
     monkeypatch.setattr("time.monotonic", lambda: clock[0])
     monkeypatch.setattr("time.sleep", lambda seconds: clock.__setitem__(0, clock[0] + seconds))
     env = make(render_mode="human", actuation="report")

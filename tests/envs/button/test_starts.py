@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 import kinreach
-from kinreach.envs.button.episodes import ButtonStarts
+from kinreach.envs._button.episodes import ButtonStarts
 from kinreach.errors import InputError
 from kinreach.kinematics import Arm3Kinematics
 

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from kinreach.envs.button.task import (
+from kinreach.envs._button.task import (
     ACTIONS,
     INCREMENTS,
     action_of,

@@ -8,15 +8,15 @@ import mujoco
 import numpy as np
 import pytest
 
-from kinreach.baselines.policies import LearnedPolicy, load_policy, needed_options
-from kinreach.baselines.policy_file import save_policy
-from kinreach.compare.methods import resolve_methods
-from kinreach.compare.reach import UR5_TASK
-from kinreach.envs.reach.task import CAMERA_RANGE
+from kinreach._registration import MULTI, SINGLE, SPACE
+from kinreach.baselines._policies import LearnedPolicy, load_policy, needed_options
+from kinreach.baselines._policy_file import save_policy
+from kinreach.compare._methods import resolve_methods
+from kinreach.compare._reach import UR5_TASK
+from kinreach.envs._reach.task import CAMERA_RANGE
 from kinreach.errors import InputError, UnknownNameError
-from kinreach.registration import MULTI, SINGLE, SPACE
 from kinreach.robots import get_arm
-from kinreach.vision.goal_view import geometric_goal_view, in_image
+from kinreach.vision._goal_view import geometric_goal_view, in_image
 
 IMAGE = {"backend": "kinematic", "goal_in": "image"}
 GOALS = get_arm("ur5").workcell.draw_goals(np.random.default_rng(3), 200)
@@ -98,8 +98,8 @@ def test_a_policy_that_learned_so_is_given_goals_so(tmp_path):
 def test_learners_that_read_metres_refuse(tmp_path):
     pytest.importorskip("stable_baselines3")
     import benchmarks.learners  # noqa: F401 (registers its recipes)
-    from kinreach.baselines.recipes import get_recipe
-    from kinreach.baselines.training import train
+    from kinreach.baselines._recipes import get_recipe
+    from kinreach.baselines._training import train
 
     for name in ("single", "ik-net", "space-single"):
         recipe = get_recipe(name)

@@ -5,11 +5,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from kinreach.envs.reach.goals import GoalStreams, goal_streams
-from kinreach.envs.reach.reachable_goals import with_goals
+from kinreach.envs._reach.goals import GoalStreams, goal_streams
+from kinreach.envs._reach.reachable_goals import with_goals
 from kinreach.errors import InputError
 from kinreach.kinematics import ArmKinematics, AxisGoal, CollisionChecker
-from kinreach.kinematics.solvers import QPSolver
+from kinreach.kinematics._solvers import QPSolver
 from kinreach.robots import ArmDescription, Workcell, get_arm
 
 REGION = get_arm("ur5").workcell.goals
@@ -83,8 +83,8 @@ def test_an_arm_without_goals_is_given_some_of_its_size(file):
 
 
 def test_goals_that_nothing_reaches(monkeypatch):
-    monkeypatch.setattr("kinreach.envs.reach.reachable_goals.MAX_TRIES", 3)
-    monkeypatch.setattr("kinreach.envs.reach.reachable_goals.FARTHEST", 0.0)
+    monkeypatch.setattr("kinreach.envs._reach.reachable_goals.MAX_TRIES", 3)
+    monkeypatch.setattr("kinreach.envs._reach.reachable_goals.FARTHEST", 0.0)
     arm = with_goals(ArmDescription.from_urdf(ROBOTS / "xarm_description/urdf/xarm7.urdf"))
     with pytest.raises(InputError, match="no goal that arm 'UF_ROBOT' reaches"):
         arm.workcell.draw_goals(np.random.default_rng(0), 1)

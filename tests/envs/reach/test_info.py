@@ -4,10 +4,10 @@ import gymnasium as gym
 import numpy as np
 import pytest
 
-from kinreach.envs.reach.episodes import ReachEpisodes
-from kinreach.envs.reach.worlds import STATUSES, KinematicWorld, Status
+from kinreach.envs._reach.episodes import ReachEpisodes
+from kinreach.envs._reach.worlds import STATUSES, KinematicWorld, Status
 from kinreach.errors import InputError
-from kinreach.vision.goal_view import geometric_goal_view
+from kinreach.vision._goal_view import geometric_goal_view
 
 SINGLE, MULTI = "kinreach/UR5SingleStep-v0", "kinreach/UR5MultiStep-v0"
 BACKENDS = ["kinematic", "mujoco"]

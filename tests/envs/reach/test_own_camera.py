@@ -8,7 +8,7 @@ import pytest
 from gymnasium.utils.env_checker import check_env
 
 from kinreach.robots import CameraMount, get_arm
-from kinreach.vision.goal_view import geometric_goal_view, goal_camera_poses, goal_in_world
+from kinreach.vision._goal_view import geometric_goal_view, goal_camera_poses, goal_in_world
 
 SINGLE = "kinreach/UR5SingleStep-v0"
 UR5 = get_arm("ur5")

@@ -11,19 +11,19 @@ from gymnasium.utils.env_checker import check_env
 
 import benchmarks.learners  # noqa: F401 (registers its recipes)
 import kinreach  # noqa: F401 (registers the environments)
-from kinreach.baselines.evaluation import evaluate
-from kinreach.baselines.loop import rollout
-from kinreach.baselines.models import build
-from kinreach.baselines.recipes import get_recipe
-from kinreach.baselines.solver_policy import SolverPolicy
-from kinreach.baselines.training import train
+from kinreach._registration import SPACE
+from kinreach.baselines._evaluation import evaluate
+from kinreach.baselines._loop import rollout
+from kinreach.baselines._models import build
+from kinreach.baselines._recipes import get_recipe
+from kinreach.baselines._solver_policy import SolverPolicy
+from kinreach.baselines._training import train
 from kinreach.compare import compare
-from kinreach.envs.reach.rewards import DirectedReward, ThesisReward
-from kinreach.envs.reach.space import SpaceOptions, SpaceStarts
+from kinreach.envs._reach.rewards import DirectedReward, ThesisReward
+from kinreach.envs._reach.space import SpaceOptions, SpaceStarts
 from kinreach.errors import InputError, UnknownNameError
 from kinreach.kinematics import CollisionChecker, UR5Kinematics
-from kinreach.kinematics.solvers import ClosedFormSolver, LevenbergMarquardtSolver
-from kinreach.registration import SPACE
+from kinreach.kinematics._solvers import ClosedFormSolver, LevenbergMarquardtSolver
 from kinreach.robots import get_arm
 
 #: One arm takes the URDF's angles as they are written, many take right angles where almost right ones are written.

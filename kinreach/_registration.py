@@ -1,0 +1,89 @@
+"""Makes the environments known to Gymnasium; importing this loads no engine, and not Gymnasium.
+
+Gymnasium 1.x reads no plugin entry points: `import kinreach` before `gym.make`, or have Gymnasium do it, in worker
+processes too, by naming the module in the id, `gym.make("kinreach:kinreach/UR5SingleStep-v0")`.
+"""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Sequence
+from importlib.abc import MetaPathFinder
+from importlib.machinery import ModuleSpec
+from types import ModuleType
+from typing import Any
+
+_REACH, _BUTTON = "kinreach.envs._reach", "kinreach.envs._button"
+#: Ids of the environments.
+SINGLE, MULTI, BUTTON = "kinreach/UR5SingleStep-v0", "kinreach/UR5MultiStep-v0", "kinreach/ButtonPress-v0"
+SPACE = "kinreach/Reach-v0"
+REAL_ARM, MOVING = "kinreach/RealArm-v0", "kinreach/Moving-v0"
+RANDOM_ARM = "kinreach/RandomArm-v0"
+#: Those of the reach tasks without dynamics, with numbers only in `info`: for clients that cannot pass
+#: `backend="kinematic"` on, or cannot read texts.
+SINGLE_KINEMATIC, MULTI_KINEMATIC = "kinreach/UR5SingleStepKinematic-v0", "kinreach/UR5MultiStepKinematic-v0"
+
+_SINGLE = (f"{_REACH}.env:UR5SingleStepEnv", f"{_REACH}.vector_env:single_step")
+_MULTI = (f"{_REACH}.env:UR5MultiStepEnv", f"{_REACH}.vector_env:multi_step")
+#: Environment id -> entry points of the single environment and of its native batch. Steps are limited inside.
+ENVIRONMENTS = {
+    SINGLE: _SINGLE,
+    MULTI: _MULTI,
+    SPACE: (f"{_REACH}.env:SpaceReachEnv", f"{_REACH}.vector_env:in_space"),
+    BUTTON: (f"{_BUTTON}.env:ButtonPressEnv", f"{_BUTTON}.vector_env:ButtonPressVectorEnv"),
+    MOVING: ("kinreach.envs._moving:MovingBallEnv", "kinreach.envs._moving:MovingVectorEnv"),
+}
+#: Environment id -> the same, with `backend="kinematic"` and `info="numbers"`.
+KINEMATIC_ENVIRONMENTS = {SINGLE_KINEMATIC: _SINGLE, MULTI_KINEMATIC: _MULTI}
+#: Those without a native batch.
+SINGLE_ENVIRONMENTS = {REAL_ARM: "kinreach.envs._real_arm:RealArmEnv"}
+#: As `ENVIRONMENTS`, only for training: nothing is drawn of them.
+TRAINING_ENVIRONMENTS = {
+    RANDOM_ARM: (
+        "kinreach.baselines._random_arms:RandomArmEnv",
+        "kinreach.baselines._random_arms:RandomArmVectorEnv",
+    ),
+}
+
+
+def register_environments() -> None:
+    """Register every environment, now or as soon as Gymnasium is imported: kinematics alone does not wait for it."""
+    if "gymnasium" in sys.modules:
+        _register()
+    else:
+        sys.meta_path.insert(0, _RegisterAfterImport())
+
+
+class _RegisterAfterImport(MetaPathFinder):
+    def find_spec(self, name: str, path: Sequence[str] | None, target: ModuleType | None = None) -> ModuleSpec | None:
+        if name != "gymnasium":
+            return None
+        others = (finder for finder in sys.meta_path if finder is not self)
+        spec = next((found for finder in others if (found := finder.find_spec(name, path, target))), None)
+        loader: Any = spec and spec.loader
+        if loader:
+            load = loader.exec_module
+
+            def load_and_register(module: ModuleType) -> None:
+                load(module)
+                _register()
+
+            loader.exec_module = load_and_register
+        return spec
+
+
+def _register() -> None:
+    from gymnasium.envs.registration import register, registry
+
+    plain = {"backend": "kinematic", "info": "numbers"}
+    for environments, options in (
+        (ENVIRONMENTS, {}),
+        (KINEMATIC_ENVIRONMENTS, plain),
+        (TRAINING_ENVIRONMENTS, {}),
+    ):
+        for name, (entry_point, vector_entry_point) in environments.items():
+            if name not in registry:
+                register(name, entry_point=entry_point, vector_entry_point=vector_entry_point, kwargs=options)
+    for name, entry_point in SINGLE_ENVIRONMENTS.items():
+        if name not in registry:
+            register(name, entry_point=entry_point)

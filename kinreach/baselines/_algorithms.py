@@ -1,0 +1,341 @@
+"""Algorithms: PPO with schedules, ranked PPO, and the registry of all that a recipe can be trained with.
+
+Ranked PPO is for tasks where the outcome of one action can be judged at once, as the reward of reaching can: there, a
+critic that predicts the mean outcome of a state is the largest source of error of PPO. K actions are tried from every
+state and compared with one another: the advantage of each is the normal score of its rank among the K. There is no
+critic, and no scale of the reward to tune. The rest is PPO: clipped ratios, several epochs, minibatches. Group-relative
+advantages are those of GRPO (Shao et al. 2024, DeepSeekMath, section 4.1), with ranks instead of standardised rewards;
+rank-based shaping with normal scores is that of evolution strategies.
+
+An algorithm from outside is one entry, for example of sb3-contrib:
+
+    register_algorithm(Algorithm("TQC", "sb3_contrib:TQC"))
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from functools import partial
+from typing import Any
+
+import numpy as np
+import torch
+from gymnasium.vector import VectorEnv
+from numpy.typing import ArrayLike
+from scipy.special import ndtri
+from stable_baselines3 import DDPG, DQN, PPO, SAC, TD3
+from stable_baselines3.common.base_class import BaseAlgorithm
+from stable_baselines3.common.buffers import RolloutBuffer
+from stable_baselines3.common.noise import NormalActionNoise, VectorizedActionNoise
+
+from kinreach._checks import check_known, shown
+from kinreach._registration import SPACE
+from kinreach.baselines._adaptive_ppo import AdaptivePPO, AdaptiveRate, Exploration
+from kinreach.baselines._batch import first_observations
+from kinreach.baselines._descent import AnalyticGradient, MovingGradient, RandomArmGradient
+from kinreach.baselines._looks import Looks
+from kinreach.baselines._networks import ACTIVATIONS, LookFeatures, ObservationFeatures, PosturePolicy, actor_network
+from kinreach.baselines._policy_file import Network
+from kinreach.baselines._ppo2 import PPO2
+from kinreach.baselines._recipes import Recipe
+from kinreach.baselines._rewards import TrainingReward
+from kinreach.baselines._vec_envs import LooksVecEnv, SB3VecEnv, TriesVecEnv
+from kinreach.envs._button.episodes import ButtonOptions
+from kinreach.envs._button.task import CONTROL_LIMIT, JOINTS
+from kinreach.envs._reach.space import SpaceTask
+from kinreach.envs._reach.task import CAMERA, ReachTask, action_range, layout_of
+from kinreach.errors import InputError
+from kinreach.robots import ArmDescription, as_arm, get_arm
+
+
+def normal_scores(rewards: np.ndarray[Any, Any]) -> np.ndarray[Any, Any]:
+    """Normal scores of the ranks within each row, shape (n, k): mean 0, variance 1; equal rewards share a rank."""
+    k = rewards.shape[1]
+    left, right = rewards[:, :, None], rewards[:, None, :]
+    doubled = 2 * (left > right).sum(axis=2) + (left == right).sum(axis=2) - 1  # twice the mean rank from 0
+    scores = ndtri((np.arange(2 * k - 1) + 1) / (2 * k))
+    return (scores / scores[::2].std())[doubled]
+
+
+class RankedRolloutBuffer(RolloutBuffer):
+    """A rollout buffer whose advantages are ranks among the `tries` that share a state.
+
+    Args:
+        tries: How many consecutive environments share their states.
+        *args, **kwargs: Of `RolloutBuffer`.
+    """
+
+    def __init__(self, *args: Any, tries: int, **kwargs: Any) -> None:
+        self.tries = tries
+        super().__init__(*args, **kwargs)
+
+    def compute_returns_and_advantage(self, last_values: torch.Tensor, dones: np.ndarray[Any, Any]) -> None:
+        """Rank the rewards; values are of no use."""
+        outcomes = self.rewards.reshape(-1, self.tries)
+        self.advantages = normal_scores(outcomes).astype(np.float32).reshape(self.rewards.shape)
+        self.returns = np.zeros_like(self.rewards)
+
+
+class RankedPPO(AdaptivePPO):
+    """PPO with ranks among several tries instead of a critic.
+
+    Args:
+        tries: Actions tried from each state; the environment must be a `TriesVecEnv` of as many.
+        **kwargs: Of `AdaptivePPO`.
+    """
+
+    def __init__(self, *args: Any, tries: int, **kwargs: Any) -> None:
+        super().__init__(
+            *args,
+            rollout_buffer_class=RankedRolloutBuffer,
+            rollout_buffer_kwargs={"tries": tries},
+            vf_coef=0.0,
+            normalize_advantage=False,
+            **kwargs,
+        )
+
+
+#: Angular frequencies of the waves of normalised observations.
+WAVES = (0.5, 1.0, 2.0)
+#: Seed of the observations whose mean and spread scale the network's inputs.
+_SCALE_SEED = 1
+#: What the features `"button"` divide by: cosines and sines, two positions [m], joint velocities [rad/s], difference of
+#: the positions [m], push state.
+BUTTON_SCALE = (*(1.0,) * 6, *(2 / 3,) * 6, *(2.5,) * 3, *(0.5,) * 3, 1.0)
+#: What `"sights"` subtract and divide by: a ball [m], the age of its sight [s], joint angles [rad] and speeds [rad/s],
+#: earlier sights less the last [m], which are further away the earlier they are.
+SIGHTS_MEAN = (0.475, 0.0, -0.175, 0.05, *get_arm("ur5").home, *(0.0,) * 6)
+SIGHTS_SCALE = (0.09, 0.17, 1.0, 0.05, *(0.5,) * 6, *(1.0,) * 6)
+SIGHT_SCALE = 0.01
+#: What `"arms"` subtract and divide by: a ball [m], two errors beside it [m], moves, looks, and of three coordinates
+#: the mean error [m] and its slopes [m].
+ARMS_MEAN = (0.475, 0.0, -0.175, *(0.0,) * 6, 1.0, 20.0, *(0.0,) * 9)
+ARMS_SCALE = (0.1, 0.18, 0.006, *(5e-3,) * 6, 1.0, 20.0, *(5e-3, 7e-4, 7e-4) * 3)
+
+
+def mlp_arguments(recipe: Recipe, env: SB3VecEnv, planned: int) -> dict[str, Any]:
+    """Keyword arguments of a model with `MlpPolicy`, from the settings and the networks of a recipe.
+
+    In the settings, `adam` are keyword arguments of the optimiser, `action_noise` is a standard deviation, and
+    `policy_kwargs` are added to what follows from the networks.
+
+    Args:
+        recipe: What to train.
+        env: What the model acts in.
+        planned: Actions of the whole training.
+    """
+    networks, settings = recipe.networks, dict(recipe.settings)
+    check_known("activation", networks.activation, ACTIVATIONS)
+    policy: dict[str, Any] = {"net_arch": list(networks.hidden), "activation_fn": ACTIVATIONS[networks.activation]}
+    if networks.features == "looks":
+        looks = getattr(env, "looks", None)
+        if looks is None:
+            raise InputError(f"{recipe.algorithm} does not learn from looks; ranked PPO does")
+        policy |= {"features_extractor_class": LookFeatures, "features_extractor_kwargs": {"looks": looks}}
+    elif networks.features != "raw":
+        policy |= {"features_extractor_class": ObservationFeatures, "features_extractor_kwargs": _features(recipe)}
+    if "adam" in settings:
+        policy["optimizer_kwargs"] = dict(settings.pop("adam"))
+    if "action_noise" in settings:
+        size = env.action_space.shape or ()
+        noise = NormalActionNoise(np.zeros(size), np.full(size, settings["action_noise"]))
+        settings["action_noise"] = VectorizedActionNoise(noise, recipe.num_envs)
+    return {"policy": "MlpPolicy", **settings, "policy_kwargs": policy | settings.get("policy_kwargs", {})}
+
+
+def ppo_arguments(recipe: Recipe, env: SB3VecEnv, planned: int) -> dict[str, Any]:
+    """Return the arguments of PPO: `minibatches` give the batch size, and the actor may have a `PostureHead`."""
+    arguments = mlp_arguments(recipe, env, planned)
+    networks, policy = recipe.networks, arguments["policy_kwargs"]
+    policy["net_arch"] = {"pi": list(networks.hidden), "vf": list(networks.hidden)}
+    if networks.std != 1.0:
+        policy["log_std_init"] = math.log(networks.std)
+    if networks.posture:
+        arm = _arm(recipe)
+        arguments["policy"] = PosturePolicy
+        policy["head"] = {"gain": (1.0 / action_range(arm)[0]).tolist(), "shift": _action_to(arm, arm.home)}
+    if "minibatches" in arguments:
+        arguments["batch_size"] = recipe.num_envs * arguments["n_steps"] // arguments.pop("minibatches")
+    return arguments
+
+
+def ppo2_arguments(recipe: Recipe, env: SB3VecEnv, planned: int) -> dict[str, Any]:
+    """Return the arguments of PPO; `gain` is the actor's unit as an action: 1/π for radians if 1 means π."""
+    arguments = ppo_arguments(recipe, env, planned)
+    size = (env.action_space.shape or (0,))[0]
+    arguments["policy_kwargs"]["head"] = {"gain": size * [arguments.pop("gain")], "shift": size * [0.0]}
+    return {**arguments, "policy": PosturePolicy}
+
+
+def adaptive_arguments(recipe: Recipe, env: SB3VecEnv, planned: int) -> dict[str, Any]:
+    """Return the arguments of PPO, with `Exploration` (in radians for outputs that are postures) and `AdaptiveRate`."""
+    arguments = ppo_arguments(recipe, env, planned) | {"planned_steps": planned}
+    arguments["adaptive"] = AdaptiveRate(**arguments["adaptive"])
+    if arguments["exploration"] is not None:
+        schedule = Exploration(**arguments["exploration"])
+        posture = recipe.networks.posture
+        arguments["exploration"] = schedule.scaled(1.0 / action_range(_arm(recipe))[0].max()) if posture else schedule
+    return arguments
+
+
+def actor_arguments(recipe: Recipe, env: SB3VecEnv, planned: int) -> dict[str, Any]:
+    """Return the arguments of adaptive PPO, without a critic."""
+    arguments = adaptive_arguments(recipe, env, planned)
+    arguments["policy_kwargs"]["net_arch"] = {"pi": list(recipe.networks.hidden), "vf": []}
+    return arguments
+
+
+def ranked_arguments(recipe: Recipe, env: SB3VecEnv, planned: int) -> dict[str, Any]:
+    """Return the arguments of an actor, with samples in antithetic pairs."""
+    arguments = actor_arguments(recipe, env, planned)
+    arguments.pop("looks", None)
+    if recipe.networks.posture:
+        arguments["policy_kwargs"]["paired"] = True
+    return arguments
+
+
+def analytic_arguments(recipe: Recipe, env: SB3VecEnv, planned: int) -> dict[str, Any]:
+    """Return the arguments of an actor, and the task; `around` is the posture [rad] that outputs are changes of.
+
+    Raises:
+        InputError: The environment is another one than `kinreach/Reach-v0`, or actions do not mean postures.
+    """
+    if recipe.environment != SPACE or not recipe.networks.posture:
+        raise InputError(f"analytic gradients are for postures in {SPACE}, not for {recipe.environment}")
+    arguments = actor_arguments(recipe, env, planned) | {"task": SpaceTask.of(recipe.options)}
+    del arguments["tries"]  # of the environments
+    if "around" in arguments:
+        arguments["policy_kwargs"]["head"]["shift"] = _action_to(_arm(recipe), arguments.pop("around"))
+    return arguments
+
+
+def simulator_arguments(recipe: Recipe, env: SB3VecEnv, planned: int) -> dict[str, Any]:
+    """Return the arguments of an actor, and the simulation that it acts in."""
+    return actor_arguments(recipe, env, planned) | {"world": env.get_attr("unwrapped")[0].episodes}
+
+
+def _features(recipe: Recipe) -> dict[str, Any]:
+    """Constants of the normalisation, and the waves.
+
+    Mean and spread of first observations; what does not vary among them is only shifted. Those of the button task all
+    begin upright and almost at rest: their spread says nothing, `BUTTON_SCALE` stands in for it.
+    """
+    kind = recipe.networks.features
+    check_known("features", kind, ("raw", "scaled", "waves", "goal waves", "button", "sights", "arms"))
+    if kind == "button":
+        options = ButtonOptions(**recipe.options)
+        frame = (*BUTTON_SCALE, *(CONTROL_LIMIT,) * JOINTS * options.controls)
+        return {"mean": [0.0] * len(frame) * options.frames, "scale": frame * options.frames}
+    if kind == "sights":
+        earlier = [SIGHT_SCALE * k for k in range(1, recipe.options["sights"]) for _ in range(3)]
+        return {"mean": [*SIGHTS_MEAN, *(0.0 for _ in earlier)], "scale": [*SIGHTS_SCALE, *earlier], "waves": WAVES}
+    if kind == "arms":
+        return {"mean": ARMS_MEAN, "scale": ARMS_SCALE, "waves": WAVES}
+    observations = first_observations(recipe.environment, recipe.options, seed=_SCALE_SEED)
+    if kind == "goal waves":
+        observations = observations[:, layout_of(_arm(recipe), directed=recipe.environment == SPACE).fixed]
+    scale = observations.std(axis=0)
+    scale = np.where(scale < 1e-6, 1.0, scale)
+    waves = WAVES if "waves" in kind else ()
+    return {"mean": observations.mean(axis=0).tolist(), "scale": scale.tolist(), "waves": waves}
+
+
+def step_by_step(batch: VectorEnv[Any, Any, Any], recipe: Recipe, reward: TrainingReward) -> SB3VecEnv:
+    """Return a batch in which the learner takes every step."""
+    return SB3VecEnv(batch, reward=reward)
+
+
+def step_by_step_to_the_end(batch: VectorEnv[Any, Any, Any], recipe: Recipe, reward: TrainingReward) -> SB3VecEnv:
+    """Return the same, with a step limit that ends an episode like anything else: all that PPO2 knows is `done`."""
+    return SB3VecEnv(batch, reward=reward, bootstrap=False)
+
+
+def in_tries(batch: VectorEnv[Any, Any, Any], recipe: Recipe, reward: TrainingReward) -> SB3VecEnv:
+    """Return a batch in which several postures are tried for each goal, drawn where the task has goals and around.
+
+    Where the features are `"looks"`, so many as the setting of that name says are taken for a segment of the training.
+
+    Raises:
+        InputError: The environments are none for reaching, their goals are not in a box, or are observed in pictures.
+    """
+    task = getattr(batch.unwrapped, "task", None)
+    if not isinstance(task, ReachTask):
+        raise InputError(f"ranked PPO tries postures in an environment for reaching, not in {recipe.environment}")
+    if task.options.goal_in != CAMERA:
+        raise InputError(f"{recipe.algorithm} takes goals in metres, not goal_in={task.options.goal_in!r}")
+    tries: dict[str, Any] = {
+        "tries": recipe.settings["tries"],
+        "draw": partial(task.training_starts, margin=recipe.margin),
+        "steps": recipe.walk,
+        "reward": reward,
+        "blur": recipe.blur,
+        "layout": task.layout,
+        "arm": task.arm,
+    }
+    if recipe.networks.features == "looks":
+        return LooksVecEnv(batch, looks=Looks(task, recipe.settings["looks"]), **tries)
+    return TriesVecEnv(batch, **tries)
+
+
+def _arm(recipe: Recipe) -> ArmDescription:
+    return as_arm(recipe.options.get("arm", "ur5"))
+
+
+def _action_to(arm: ArmDescription, q: ArrayLike) -> list[float]:
+    """Return the action that means a posture [rad], shape (n,)."""
+    half, middle = action_range(arm)
+    return ((np.asarray(q) - middle) / half).tolist()
+
+
+@dataclass(frozen=True)
+class Algorithm:
+    """Everything that training needs to know of an algorithm.
+
+    Attributes:
+        name: As recipes say it.
+        model: A class with stable-baselines3's interface, or where to import it from, as `module:Class`.
+        exporter: The deterministic actor of such a model as a `Network`. It is tried before the training begins.
+        arguments: Keyword arguments of the class, from the recipe, the environments and the planned actions.
+        vec_env: What the model acts in, from a native batch, the recipe and the training reward.
+        defaults: Settings that hold unless the recipe says otherwise.
+    """
+
+    name: str
+    model: str | Callable[..., BaseAlgorithm]
+    exporter: Callable[[BaseAlgorithm], Network] = actor_network
+    arguments: Callable[[Recipe, SB3VecEnv, int], dict[str, Any]] = mlp_arguments
+    vec_env: Callable[[VectorEnv[Any, Any, Any], Recipe, TrainingReward], SB3VecEnv] = step_by_step
+    defaults: Mapping[str, Any] = field(default_factory=dict)
+
+
+#: Algorithms by name.
+ALGORITHMS: dict[str, Algorithm] = {}
+
+
+def register_algorithm(algorithm: Algorithm) -> Algorithm:
+    """Make an algorithm known to recipes.
+
+    Raises:
+        InputError: It is not an algorithm, or another one has its name.
+    """
+    given: Any = algorithm
+    if not isinstance(given, Algorithm):
+        raise InputError(f"an algorithm must be an Algorithm, got {shown(given)}")
+    if ALGORITHMS.setdefault(algorithm.name, algorithm) != algorithm:
+        raise InputError(f"there is an algorithm {algorithm.name!r} already")
+    return algorithm
+
+
+register_algorithm(Algorithm("PPO", PPO, arguments=ppo_arguments))
+register_algorithm(Algorithm("PPO2", PPO2, arguments=ppo2_arguments, vec_env=step_by_step_to_the_end))
+register_algorithm(Algorithm("AdaptivePPO", AdaptivePPO, arguments=adaptive_arguments))
+register_algorithm(Algorithm("RankedPPO", RankedPPO, arguments=ranked_arguments, vec_env=in_tries))
+register_algorithm(Algorithm("AnalyticGradient", AnalyticGradient, arguments=analytic_arguments, vec_env=in_tries))
+register_algorithm(Algorithm("MovingGradient", MovingGradient, arguments=simulator_arguments))
+register_algorithm(Algorithm("RandomArmGradient", RandomArmGradient, arguments=simulator_arguments))
+register_algorithm(Algorithm("SAC", SAC))
+register_algorithm(Algorithm("TD3", TD3))
+register_algorithm(Algorithm("DDPG", DDPG))
+register_algorithm(Algorithm("DQN", DQN))

@@ -1,0 +1,159 @@
+"""The button task solved by a model: closed-form inverse kinematics, and torque computed for a way in joint space.
+
+The posture for the target comes from the closed form. Each joint is to run at v = clip(k (q_target - q), +-v_max);
+the acceleration that brings it to this speed within a time constant T, a = (v - qd) / T, takes the torque
+RNEA(q, qd, a) + damping qd. An action moves each control by at most one unit towards torque / gear. The button is
+pressed when the model says that this very action brings the end effector to the target.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from kinreach._checks import Floats, check_known
+from kinreach._engines import load
+from kinreach.envs._button import ACTUATIONS
+from kinreach.envs._button.task import CONTROL_LIMIT, JOINTS, PRESS_RADIUS, action_of
+from kinreach.errors import InputError
+from kinreach.kinematics import Arm3Kinematics
+from kinreach.kinematics._angles import wrapped
+
+pin: Any = load("pinocchio")
+
+#: What the press radius is shortened by when the model decides whether to press [m].
+PRESS_MARGIN = 0.005
+#: Only nearer to the target than this is it looked at whether to press [m]; no step of a controlled arm is as long.
+LOOK_RADIUS = 0.3
+
+
+@dataclass(frozen=True)
+class Gains:
+    """How a joint's error becomes an acceleration.
+
+    Attributes:
+        stiffness: k [1/s].
+        speed: v_max [rad/s].
+        time_constant: T [s].
+    """
+
+    stiffness: tuple[float, float, float]
+    speed: tuple[float, float, float]
+    time_constant: tuple[float, float, float]
+
+
+#: By actuation. One unit of the report's first control is 825 N m: that joint has to be at its speed within a step.
+GAINS = {
+    "tuned": Gains((3.0, 3.0, 3.0), (3.0, 2.0, 3.0), (0.12, 0.12, 0.12)),
+    "report": Gains((60.0, 10.0, 10.0), (6.0, 3.0, 4.0), (0.004, 0.02, 0.02)),
+}
+
+
+class ButtonController:
+    """Controls a number of arms by what their environments observe; it adds up the controls that it asked for.
+
+    Args:
+        actuation: `"tuned"` or `"report"`, as the environments have it.
+        count: Number of environments.
+
+    Raises:
+        UnknownNameError: There is no such actuation.
+    """
+
+    def __init__(self, actuation: str = "tuned", *, count: int = 1) -> None:
+        check_known("actuation", actuation, ACTUATIONS)
+        self._actuation = ACTUATIONS[actuation]
+        gains = GAINS[actuation]
+        self._stiffness, self._speed, self._time_constant = map(
+            np.array, (gains.stiffness, gains.speed, gains.time_constant)
+        )
+        self._gears, self._damping = np.array(self._actuation.gears), np.array(self._actuation.damping)
+        self._kinematics = Arm3Kinematics(base="world")
+        self._model = self._kinematics.model.copy()
+        self._model.armature = np.full(JOINTS, self._actuation.armature)
+        self._data = self._model.createData()
+        self._fresh = np.ones(count, dtype=np.bool_)
+        self._control, self._q, self._target = np.zeros((3, count, JOINTS))
+
+    def restart(self, ids: Any = slice(None)) -> None:
+        """New episodes begin in these environments; all of them by default."""
+        self._fresh[ids] = True
+
+    def actions(self, observations: Floats) -> NDArray[np.intp]:
+        """Return one action for each environment.
+
+        Args:
+            observations: Shape (count, 19).
+
+        Raises:
+            InputError: Another number of observations.
+        """
+        if len(observations) != len(self._fresh):
+            raise InputError(f"needs {len(self._fresh)} observations, got {len(observations)}")
+        qd, goals = observations[:, 12:15], observations[:, 6:9]
+        self._follow(np.arctan2(observations[:, 3:6], observations[:, :3]), goals)
+        speed = np.clip(self._stiffness * (self._target - self._q), -self._speed, self._speed)
+        acceleration = (speed - qd) / self._time_constant
+        torque = self._damping * qd
+        for row, state in zip(torque, zip(self._q, qd, acceleration, strict=True), strict=True):
+            row += pin.rnea(self._model, self._data, *state)
+        wanted = np.clip(torque / self._gears, -CONTROL_LIMIT, CONTROL_LIMIT)
+        change = np.clip(np.rint(wanted - self._control), -1, 1)
+        self._control += change
+        press = np.zeros(len(qd), dtype=np.bool_)
+        for row in np.flatnonzero(np.linalg.norm(observations[:, 15:18], axis=1) < LOOK_RADIUS):
+            tip = self._next_tip(self._q[row], qd[row], self._control[row] * self._gears)
+            press[row] = np.linalg.norm(tip - goals[row]) < PRESS_RADIUS - PRESS_MARGIN
+        return action_of(change, press)
+
+    def _follow(self, angles: Floats, goals: Floats) -> None:
+        """Keep up with the joints across +-pi, and choose a posture for each new target."""
+        self._q += wrapped(angles - self._q)
+        new = np.flatnonzero(self._fresh)
+        if len(new):
+            self._fresh[new] = False
+            self._control[new], self._q[new] = 0.0, angles[new]
+            self._target[new] = self._soonest(goals[new], angles[new])
+
+    def _soonest(self, goals: Floats, start: Floats) -> Floats:
+        """Return for each target the posture that reaches it soonest; the start where no posture does."""
+        postures = self._kinematics.batch(goals)
+        time = (np.abs(postures.q - start[:, None]) / self._speed).max(axis=2)
+        time[~postures.valid] = np.inf
+        rows, best = np.arange(len(goals)), time.argmin(axis=1)
+        found = np.isfinite(time[rows, best])
+        return np.where(found[:, None], postures.q[rows, best], start)
+
+    def _next_tip(self, q: Floats, qd: Floats, torque: Floats) -> Floats:
+        """Return where the end effector is after one step of the environment under a torque [m], shape (3,)."""
+        dt = self._actuation.timestep
+        for _ in range(self._actuation.frame_skip):
+            qd = qd + dt * pin.aba(self._model, self._data, q, qd, torque - self._damping * qd)
+            q = q + dt * qd
+        return self._kinematics.fk(q)[:3, 3]
+
+
+class AnalyticButtonPolicy:
+    """`ButtonController` for one environment, as a `kinreach.baselines._loop.Policy`.
+
+    Args:
+        actuation: `"tuned"` or `"report"`, as the environment has it.
+
+    Raises:
+        UnknownNameError: There is no such actuation.
+    """
+
+    def __init__(self, actuation: str = "tuned") -> None:
+        self._controller = ButtonController(actuation)
+
+    def reset(self, observation: Floats, info: Mapping[str, Any]) -> None:
+        """Forget the last target; the next one is read off the first observation."""
+        self._controller.restart()
+
+    def act(self, observation: Floats) -> int:
+        """Return the action for an observation."""
+        return int(self._controller.actions(np.asarray(observation)[None])[0])

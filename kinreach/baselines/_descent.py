@@ -1,0 +1,200 @@
+"""Learners that try nothing: the actor goes down the gradient of its distance from a goal."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+from typing import Any
+
+import numpy as np
+import torch
+
+from kinreach._checks import Floats
+from kinreach.baselines._adaptive_ppo import AdaptivePPO
+from kinreach.baselines._random_arms import RandomArmEpisodes
+from kinreach.envs._moving import FRAMES, PARTS, MovingEpisodes, travel_times
+from kinreach.envs._reach.observers import measured
+from kinreach.envs._reach.space import SpaceTask
+from kinreach.envs._reach.task import TOOL_DOWN, action_range
+
+#: From the mean actions of some rows of a batch, and their indices, to what is to be made small.
+Objective = Callable[[torch.Tensor, torch.Tensor], torch.Tensor]
+
+
+class Descent(AdaptivePPO):
+    """No trial and error: the actor goes down the gradient of an objective for the goals that it sees.
+
+    What it does meanwhile is rolled out as in the other algorithms, so that its learning curve is one of theirs;
+    nothing is learned from the rewards.
+    """
+
+    def objective(self, observations: Floats) -> Objective:
+        """Return the objective to minimise for a batch of observations, shape (n, m)."""
+        raise NotImplementedError
+
+    def seen(self) -> Floats:
+        """Return the observations to learn from, shape (n, m): all that was observed since the last update."""
+        rolled: Any = self.rollout_buffer
+        return np.asarray(rolled.observations.reshape(-1, rolled.obs_shape[0]).astype(np.float64))
+
+    def train(self) -> None:
+        """Do one update, in minibatches."""
+        self._update_learning_rate(self.policy.optimizer)
+        observations = self.seen()
+        objective, seen = self.objective(observations), torch.as_tensor(observations, dtype=torch.float32)
+        for _ in range(self.n_epochs):
+            for rows in torch.split(torch.randperm(len(seen)), self.batch_size):
+                distribution: Any = self.policy.get_distribution(seen[rows])
+                loss = objective(distribution.distribution.mean, rows)
+                self.policy.optimizer.zero_grad()
+                loss.backward()  # type: ignore[no-untyped-call]
+                self.policy.optimizer.step()
+        self._n_updates += self.n_epochs
+        self.logger.record("train/loss", loss.item())
+        self._explore()
+
+
+class AnalyticGradient(Descent):
+    """Analytic policy gradient: the actor goes down the gradient of its own error, through forward kinematics.
+
+    As in differentiable simulators (Freeman et al. 2021, Brax, arXiv:2106.13281, section 4.2), for one step. It knows
+    the arm's kinematics, and no closed form; its branch is that of the posture which it begins with. A collision has no
+    gradient: all that it feels of one is how deep some points of the tool are in the table, and how far joints are
+    beyond angles at which links meet.
+
+    Args:
+        task: What the actor is to do; postures are its output.
+        feelers: Points fixed to the tip that are to stay above the table [m], shape (k, 3).
+        largest: Angles that joints are to stay within on either side of zero [rad], shape (n,); none: any.
+    """
+
+    def __init__(
+        self,
+        *args: Any,
+        task: SpaceTask,
+        feelers: Sequence[Sequence[float]] = (),
+        largest: Sequence[float] = (),
+        **kwargs: Any,
+    ) -> None:
+        self.task = task
+        self.feelers = torch.tensor(feelers, dtype=torch.float32).reshape(-1, 3)
+        self.largest = torch.tensor(largest or math.inf, dtype=torch.float32)
+        super().__init__(*args, **kwargs)
+
+    def _excluded_save_params(self) -> list[str]:
+        return [*super()._excluded_save_params(), "task"]
+
+    def objective(self, observations: Floats) -> Objective:
+        """Distance of the tip from the goal, `LEVER` times the angle of the tool, depth of the feelers [m]; mean.
+
+        And `FOLDED` times what joints are beyond their largest angles.
+        """
+        task, chain = self.task, self.task.kinematics.chain
+        half, middle = (torch.as_tensor(part, dtype=torch.float32) for part in action_range(task.arm))
+        goals = torch.as_tensor(measured(task, observations[:, task.layout.goal]).seen, dtype=torch.float32)
+        directions = torch.as_tensor(observations[:, task.layout.direction], dtype=torch.float32)
+
+        tops = [box.position[2] + box.size[2] / 2 for box in task.arm.workcell.obstacles if box.name == "table"]
+        least = max(tops, default=-math.inf) + CLEARANCE
+
+        def error(means: torch.Tensor, rows: torch.Tensor) -> torch.Tensor:
+            q = middle + half * means
+            tips = chain.fk(q)
+            miss = (tips[:, :3, 3] - goals[rows]).square().sum(1)
+            turn = (tips[:, :3, 2] - directions[rows]).square().sum(1)  # the angle squared, where it is small
+            heights = tips[:, 2, :3] @ self.feelers.T + tips[:, 2, 3:]
+            depth = (least - heights).clamp(min=0.0).sum(1)
+            beyond = (q.abs() - self.largest).clamp(min=0.0).sum(1)
+            return ((miss + ROOT_OF).sqrt() + LEVER * (turn + ROOT_OF).sqrt() + depth + FOLDED * beyond).mean()
+
+        return error
+
+
+class SimulatorGradient(Descent):
+    """Goes down the gradient of what its next actions lead to, in a simulation that knows what the actor cannot see.
+
+    Args:
+        world: The episodes of the batch.
+    """
+
+    def __init__(self, *args: Any, world: Any, **kwargs: Any) -> None:
+        self.world = world
+        super().__init__(*args, **kwargs)
+
+    def _excluded_save_params(self) -> list[str]:
+        return [*super()._excluded_save_params(), "world"]
+
+    def seen(self) -> Floats:
+        """Return the current observations, to which the state of the world belongs."""
+        return np.array(self._last_obs, dtype=np.float64)
+
+    def missed(self, means: torch.Tensor, places: Callable[[Floats], tuple[Floats, Floats]]) -> torch.Tensor:
+        """Return the mean distance of the tips from their goals, and `DOWN` times the angle of the tool.
+
+        Args:
+            means: Actions.
+            places: From postures [rad] to how far the tips are from where the data sheet has them, and to where they
+                should be [m]; both are taken as they are, without a gradient.
+        """
+        q = math.pi * means
+        tips = self.world.chain.fk(q)
+        off, goals = (torch.as_tensor(part, dtype=torch.float32) for part in places(q.detach().numpy().astype(float)))
+        miss = (tips[:, :3, 3] + off - goals).square().sum(1)
+        turn = (tips[:, :3, 2] - torch.tensor(TOOL_DOWN)).square().sum(1)
+        return ((miss + ROOT_OF).sqrt() + DOWN * (turn + ROOT_OF).sqrt()).mean()
+
+
+class MovingGradient(SimulatorGradient):
+    """Learns to meet a rolling ball: where it will be when the arm can be there, which the simulation knows."""
+
+    world: MovingEpisodes
+
+    def objective(self, observations: Floats) -> Objective:
+        """Return the distance of the tip from the ball at the time when the slowest joint has arrived."""
+        world, rate = self.world, FRAMES * PARTS
+        q, v, frames, rolls = world.q.copy(), world.v.copy(), world.frames.copy(), world.rolls.astype(np.float32)
+        limits = {"speed": world.speed_limit, "acceleration": world.acceleration_limit}
+
+        def error(means: torch.Tensor, rows: torch.Tensor) -> torch.Tensor:
+            own = rows.numpy()
+
+            def places(targets: Floats) -> tuple[Floats, Floats]:
+                needed = travel_times(q[own], v[own], targets, **limits).max(axis=1)
+                at = np.minimum(np.round(frames[own] * PARTS + needed * rate).astype(int), rolls.shape[1] - 1)
+                return np.zeros((len(own), 3)), rolls[own, at]
+
+            return self.missed(means, places)
+
+        return error
+
+
+class RandomArmGradient(SimulatorGradient):
+    """Learns to reach with arms that it knows from looks alone."""
+
+    world: RandomArmEpisodes
+
+    def objective(self, observations: Floats) -> Objective:
+        """Return the distance of the true arm's tip from the ball."""
+        balls = self.world.balls.copy()
+
+        def error(means: torch.Tensor, rows: torch.Tensor) -> torch.Tensor:
+            own = rows.numpy()
+
+            def places(q: Floats) -> tuple[Floats, Floats]:
+                return self.world.tips(q, own) - self.world.chain.positions(q), balls[own]
+
+            return self.missed(means, places)
+
+        return error
+
+
+#: Weight of the tool's angle beside the distance [m/rad].
+LEVER = 0.1
+#: The same where no direction is asked for, and one keeps the arm from wandering [m/rad].
+DOWN = 0.02
+#: Weight of an angle beyond the largest [m/rad]; ten times that of the tool's, which gives way.
+FOLDED = 1.0
+#: How far above the table feelers are to stay [m].
+CLEARANCE = 0.01
+#: Keeps the slope of a root finite where an error is zero.
+ROOT_OF = 1e-10

@@ -1,0 +1,223 @@
+"""The command line of the evaluation of policies."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Sequence
+from dataclasses import replace
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+import gymnasium as gym
+from rich.markup import escape
+from rich.progress import Progress
+
+from kinreach import _provenance as provenance
+from kinreach._checks import check_count, check_known, check_path
+from kinreach._engines import load_extra
+from kinreach._files import make_writable, write_text
+from kinreach._objects import load_module
+from kinreach._registration import BUTTON
+from kinreach._terminal import Console
+from kinreach.baselines._batch import make_batch
+from kinreach.baselines._evaluation import SPLITS, TABLE_WIDTH, evaluate, evaluation_table
+from kinreach.baselines._minari_export import check_dataset, record_episodes
+from kinreach.baselines._onnx_export import export_onnx
+from kinreach.baselines._policies import LearnedPolicy, load_policy, needed_options, pretrained_names
+from kinreach.baselines._policy_file import read_policy, save_policy
+from kinreach.cli import Parser, quoted
+from kinreach.errors import InputError
+
+#: Goals, unless the user says otherwise.
+SPLIT = "held-out"
+#: Options of the environment that belong to what a policy of the button task was trained for.
+TASK_OPTIONS = ("actuation", "max_steps")
+
+
+def main(argv: Sequence[str], *, prog: str) -> int:
+    """Evaluate policies on goals that no training has seen.
+
+    Args:
+        argv: Arguments without the program's name.
+        prog: How the user called it, for messages.
+
+    Returns:
+        Exit code 0; anything else is raised.
+
+    Raises:
+        KinreachError: Bad input, a file that is not a policy, cameras that cannot draw.
+    """
+    arguments = _parser(prog).parse_args(argv)
+    check_count("--goals", arguments.goals, most=10**7)
+    check_known("split", arguments.split, SPLITS)
+    environment = arguments.env
+    if environment is not None:
+        module, _, arguments.env = environment.rpartition(":")
+        if module:
+            load_module("environment", module, environment)
+        check_known("environment", arguments.env, gym.registry)
+    policies = {name: load_policy(name) for name in arguments.policies}
+    names = _short_names(list(policies))
+    options = {name: _options(policy, arguments) for name, policy in policies.items()}
+    _check_outputs(arguments)
+    summaries = {
+        names[name]: _evaluate(policy, names[name], arguments, options[name]) for name, policy in policies.items()
+    }
+    keys = ("backend", "observation", "exposure", "max_steps")
+    chosen = {"env": environment, **{key: getattr(arguments, key) for key in keys}}
+    given = "".join(f" --{name.replace('_', '-')} {value}" for name, value in chosen.items() if value is not None)
+    split = "" if arguments.split == SPLIT else f" --split {arguments.split}"
+    command = f"{prog} {' '.join(map(quoted, arguments.policies))} --goals {arguments.goals}{split}{given}"
+    title = f"{arguments.goals} {arguments.split} goals{given.replace(' --', ', ')}"
+    console = Console(width=TABLE_WIDTH, highlight=False, markup=False, emoji=False)
+    console.print(evaluation_table(summaries, title=title))
+    console.print(f"Again: {command}", style="dim", soft_wrap=True)
+    if arguments.out is not None:
+        found = {
+            "policies": summaries,
+            "split": arguments.split,
+            "command": command,
+            "versions": provenance.versions(),
+        }
+        write_text(Path(arguments.out), json.dumps(found, indent=2, allow_nan=False) + "\n")
+    if arguments.record:
+        for name in arguments.policies:
+            _record(name, command, summaries[names[name]])
+    if arguments.export is not None:
+        (name,) = policies
+        _export(policies[name], arguments, options[name], {command: summaries[names[name]]})
+    return 0
+
+
+def _check_outputs(arguments: Any) -> None:
+    """Refuse what could not be written after all the episodes."""
+    if arguments.record and (shipped := sorted(set(arguments.policies) & set(pretrained_names()))):
+        raise InputError(f"--record needs the path of a policy file, not the name of one of the package: {shipped[0]}")
+    if arguments.record and arguments.split != SPLIT:
+        raise InputError(f"--record is for what was measured on {SPLIT} goals, not on {arguments.split} goals")
+    paths = list(arguments.policies) if arguments.record else []
+    for option, path in (("--out", arguments.out), ("--export", arguments.export)):
+        if path is not None:
+            if check_path(option, path).is_dir():
+                raise InputError(f"{option} must be a file, got {path!r}")
+            paths.append(path)
+    for option, value in (("--export", arguments.export), ("--minari", arguments.minari)):
+        if value is not None and len(arguments.policies) > 1:
+            raise InputError(f"{option} is for one policy, got {len(arguments.policies)}")
+    if arguments.export is not None:
+        load_extra("onnx", "onnx")
+    if arguments.minari is not None:
+        check_dataset(arguments.minari)
+    for path in paths:
+        make_writable(Path(path).parent)
+
+
+def _environment(policy: LearnedPolicy, name: str, arguments: Any) -> str:
+    """Id of the environment: what the command line says, else the policy's card."""
+    environment = arguments.env or policy.card.environment
+    if environment not in gym.registry:
+        known = [known for known in gym.registry if known.startswith("kinreach/")]
+        its = repr(environment) if environment else "none"
+        raise InputError(f"{name} is for the environment {its}; name it with --env, such as {', '.join(known)}")
+    return environment
+
+
+def _options(policy: LearnedPolicy, arguments: Any) -> dict[str, Any]:
+    """Options of the policy's environment: what the command line says, else the environment's defaults.
+
+    The length of an episode and the actuation of the button task belong to what a policy was trained for: they are
+    those of its card, as far as the card has them and the command line does not say otherwise.
+    """
+    given = {name: getattr(arguments, name) for name in ("backend", "observation", "exposure")}
+    trained: dict[str, Any] = {}
+    if (arguments.env or policy.card.environment) == BUTTON:
+        if any(value is not None for value in given.values()):
+            raise InputError("--backend, --observation and --exposure are for reach policies")
+        card = policy.card.recipe.get("options")
+        trained = {name: card[name] for name in TASK_OPTIONS if name in card} if isinstance(card, dict) else {}
+        given = {"max_steps": arguments.max_steps}
+    elif arguments.max_steps is not None:
+        raise InputError("--max-steps is for policies of the button task")
+    return trained | {name: value for name, value in given.items() if value is not None}
+
+
+def _evaluate(policy: LearnedPolicy, name: str, arguments: Any, options: dict[str, Any]) -> dict[str, Any]:
+    goals, seed, console = arguments.goals, SPLITS[arguments.split], Console(stderr=True)
+    with Progress(console=console, transient=True, disable=not console.is_terminal) as bar:
+        shown = bar.add_task(escape(name), total=goals)
+        play = evaluate if arguments.minari is None else partial(record_episodes, arguments.minari)
+        evaluation = play(
+            policy,
+            goals=goals,
+            seed=seed,
+            environment=_environment(policy, name, arguments),
+            options=options,
+            progress=lambda done: bar.update(shown, completed=done),
+        )
+    return evaluation.summary()
+
+
+def _short_names(policies: Sequence[str]) -> dict[str, str]:
+    """Return names for the table, by what the user typed; where two would be the same, that itself."""
+    short = [_short(name) for name in policies]
+    return {name: text if short.count(text) == 1 else name for name, text in zip(policies, short, strict=True)}
+
+
+def _short(name: str) -> str:
+    path = Path(name)
+    return "/".join(path.parts[-3:-1]) if path.name == "policy.safetensors" else path.stem
+
+
+def _record(name: str, command: str, summary: dict[str, Any]) -> None:
+    """Write what was measured into the policy's own card."""
+    card, network = read_policy(name)
+    save_policy(name, replace(card, results={**card.results, command: summary}), network)
+
+
+def _export(policy: LearnedPolicy, arguments: Any, options: dict[str, Any], results: dict[str, Any]) -> None:
+    """Write the policy as an ONNX model for the environment that it was evaluated in, with what was measured."""
+    card = replace(policy.card, results={**policy.card.results, **results})
+    needed = {**needed_options(policy), **options}
+    env = make_batch(_environment(policy, arguments.policies[0], arguments), 1, needed)
+    (count,) = env.single_observation_space.shape or (None,)
+    env.close()
+    export_onnx(LearnedPolicy(card, policy.network), arguments.export, observations=count)
+
+
+def _parser(prog: str) -> Parser:
+    parser = Parser(
+        prog=prog, description="Play one deterministic episode for each of many goals that no training saw."
+    )
+    parser.add_argument(
+        "policies", nargs="+", metavar="POLICY", help=f"files, or of the package: {', '.join(pretrained_names())}"
+    )
+    parser.add_argument(
+        "--env",
+        metavar="ID",
+        help="environment of policies that do not say theirs, as stable-baselines3's model.zip; yours as module:id",
+    )
+    parser.add_argument("--goals", type=int, default=1000, metavar="N", help="default: %(default)s")
+    parser.add_argument(
+        "--split",
+        default=SPLIT,
+        metavar="GOALS",
+        help="held-out, for results, or validation, to choose settings by (default: %(default)s)",
+    )
+    parser.add_argument("--backend", help="kinematic or mujoco (default: mujoco)")
+    parser.add_argument(
+        "--observation", help="geometric or camera (default: geometric, or pixels where the policy sees pictures)"
+    )
+    parser.add_argument(
+        "--exposure", type=float, metavar="FACTOR", help="pictures are up to so much brighter or darker (default: 1)"
+    )
+    parser.add_argument(
+        "--max-steps", type=int, metavar="N", help="of an episode of the button task (default: as in training)"
+    )
+    parser.add_argument("--out", metavar="FILE", help="write all figures with their intervals as JSON")
+    parser.add_argument("--export", metavar="FILE.onnx", help="write the policy as an ONNX model")
+    parser.add_argument(
+        "--minari", metavar="NAME", help="write the episodes as a Minari dataset, such as ur5-single-v0"
+    )
+    parser.add_argument("--record", action="store_true", help="write them into the policy files; of held-out goals")
+    return parser

@@ -1,0 +1,32 @@
+"""The closed form as a smooth map from goals to postures, to imitate or to evaluate in batches."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from kinreach._checks import Floats
+from kinreach.kinematics import URKinematics
+
+_QUARTER_TURN = np.array([[0.0, -1.0], [1.0, 0.0]])
+
+
+def tool_down_postures(kinematics: URKinematics, goals: Floats) -> Floats:
+    """Return postures that reach goals with the gripper straight down, turned outwards as the goal is.
+
+    Of all there are, the one nearest to the start pose: over the table area they are of one branch, and change
+    smoothly.
+
+    Args:
+        kinematics: From the world to the tip.
+        goals: In the world [m], shape (n, 3).
+
+    Returns:
+        Joint angles [rad], shape (n, 6); NaN where there are none.
+    """
+    home = np.array(kinematics.arm.home)
+    outwards = np.arctan2(goals[:, 1], goals[:, 0])
+    poses = np.tile(np.eye(4), (len(goals), 1, 1))
+    poses[:, :2, :2] = np.cos(outwards)[:, None, None] * np.eye(2) + np.sin(outwards)[:, None, None] * _QUARTER_TURN
+    poses[:, :3, :3] = poses[:, :3, :3] @ kinematics.fk(home)[:3, :3]
+    poses[:, :3, 3] = goals
+    return kinematics.nearest_batch(poses, home).q

@@ -1,0 +1,53 @@
+"""Looks at goals with both cameras, taken ahead of a training that learns from pictures."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from kinreach._checks import Floats
+from kinreach.envs._reach.observers import PixelObserver
+from kinreach.envs._reach.task import ReachTask
+
+
+class Looks:
+    """Pictures of balls by both cameras, the arm being in its start pose.
+
+    Before the first are taken the pictures are noise.
+
+    Args:
+        task: Whose balls; its options say how large the pictures are, and how noisy.
+        count: How many looks.
+
+    Attributes:
+        pictures: Of each look and camera, uint8, shape (count, cameras, height, width, 3).
+        names: Of the pictures, as observations have them, in the order of the cameras.
+    """
+
+    def __init__(self, task: ReachTask, count: int) -> None:
+        self._task = ReachTask(replace(task.options, observation="pixels"), task.variant)
+        self.names = sorted(f"{camera.name}_rgb" for camera in task.arm.goal_cameras)
+        shape = (count, len(self.names), task.options.height, task.options.width, 3)
+        self.pictures: NDArray[np.uint8] = np.random.default_rng(0).integers(0, 256, shape, dtype=np.uint8)
+
+    def take(self, goals: Floats, rng: np.random.Generator) -> None:
+        """Take new looks.
+
+        Args:
+            goals: Where the balls are in the world [m], shape (count, 3).
+            rng: Of the sensors' noise.
+        """
+        observer = PixelObserver(self._task)
+        try:
+            seen = observer.measure(np.tile(self._task.home, (len(goals), 1)), goals, [rng] * len(goals))
+        finally:
+            observer.close()
+        for camera, name in enumerate(self.names):
+            self.pictures[:, camera] = seen[name]
+
+    def seen(self, numbers: NDArray[Any]) -> dict[str, NDArray[np.uint8]]:
+        """Looks by their numbers, shape (k,), as environments with `observation="pixels"` say them."""
+        return {name: self.pictures[numbers, camera] for camera, name in enumerate(self.names)}

@@ -1,0 +1,122 @@
+"""The episodes of an evaluation as a Minari dataset, for libraries that learn from recorded behaviour."""
+
+from __future__ import annotations
+
+import json
+import warnings
+from collections.abc import Callable, Mapping
+from dataclasses import asdict
+from typing import Any
+
+import gymnasium as gym
+import numpy as np
+from gymnasium import spaces
+
+import kinreach
+from kinreach._engines import load_extra
+from kinreach.baselines._evaluation import Evaluation
+from kinreach.baselines._loop import rollout
+from kinreach.baselines._policies import LearnedPolicy, needed_options
+from kinreach.errors import InputError
+
+
+def check_dataset(name: str) -> None:
+    """Refuse a name under which no dataset can be written.
+
+    Raises:
+        InputError: Minari takes no such name, or has a dataset of it already.
+        InstallationError: Minari or h5py is missing.
+    """
+    minari: Any = load_extra("minari", "minari")
+    load_extra("h5py", "minari")
+    try:
+        load_extra("minari.dataset.minari_dataset", "minari").parse_dataset_id(name)
+    except ValueError as error:
+        raise InputError(f"--minari: {error}") from None
+    if name in minari.list_local_datasets():
+        raise InputError(f"--minari: there is a dataset {name} already; take another version, or minari.delete_dataset")
+
+
+def record_episodes(
+    name: str,
+    policy: LearnedPolicy,
+    *,
+    goals: int,
+    seed: int,
+    environment: str,
+    options: Mapping[str, Any],
+    progress: Callable[[int], None] = lambda done: None,
+) -> Evaluation:
+    """Evaluate as `kinreach.baselines._evaluation.evaluate` does, and write the episodes as a Minari dataset.
+
+    The dataset has the policy's card in its description, and every episode its seed. Actions are in double precision,
+    as they were executed, even where the environment's space is of single precision.
+
+    Args:
+        name: Of the dataset, such as `"kinreach/ur5-single-v0"`; `check_dataset` has found it possible.
+        policy: As `load_policy` returns it.
+        goals: How many.
+        seed: Of the first goal.
+        environment: Id.
+        options: Of the environment.
+        progress: Called with the number of finished goals.
+
+    Raises:
+        InputError: Options that the environment does not take.
+    """
+    try:
+        env = gym.make(environment, **{**needed_options(policy), **options})
+    except (gym.error.Error, TypeError) as error:
+        raise InputError(f"cannot make the environment {environment}: {error}") from error
+    minari: Any = load_extra("minari", "minari")
+    recorder = _Recorder(env)
+    trials = []
+    try:
+        for trial in rollout(recorder, policy, ({"seed": seed + index} for index in range(goals))):
+            trials.append(trial)
+            progress(len(trials))
+        with warnings.catch_warnings():  # that no author and no link to code is given, which nobody was asked for
+            warnings.simplefilter("ignore")
+            minari.create_dataset_from_buffers(
+                name,
+                [
+                    minari.data_collector.EpisodeBuffer(id=number, **episode)
+                    for number, episode in enumerate(recorder.episodes)
+                ],
+                env=env,
+                action_space=_in_double_precision(env.action_space),
+                algorithm_name=policy.card.algorithm,
+                description=json.dumps(asdict(policy.card), allow_nan=False, sort_keys=True),
+                data_format="hdf5",
+                requirements=[f"kinreach=={kinreach.__version__}"],
+            )
+    finally:
+        env.close()
+    return Evaluation(trials)
+
+
+class _Recorder(gym.Wrapper[Any, Any, Any, Any]):
+    """Keeps all that happens in an environment, one mapping an episode, in Minari's words."""
+
+    def __init__(self, env: gym.Env[Any, Any]) -> None:
+        super().__init__(env)
+        self.episodes: list[dict[str, Any]] = []
+
+    def reset(self, *, seed: int | None = None, options: dict[str, Any] | None = None) -> tuple[Any, dict[str, Any]]:
+        observation, info = self.env.reset(seed=seed, options=options)
+        lists: dict[str, Any] = {name: [] for name in ("actions", "rewards", "terminations", "truncations")}
+        self.episodes.append({"seed": seed, "observations": [observation], **lists})
+        return observation, info
+
+    def step(self, action: Any) -> tuple[Any, Any, bool, bool, dict[str, Any]]:
+        observation, reward, terminated, truncated, info = self.env.step(action)
+        row = (observation, action, float(reward), terminated, truncated)
+        for name, value in zip(("observations", "actions", "rewards", "terminations", "truncations"), row, strict=True):
+            self.episodes[-1][name].append(value)
+        return observation, reward, terminated, truncated, info
+
+
+def _in_double_precision(space: spaces.Space[Any]) -> spaces.Space[Any]:
+    if not isinstance(space, spaces.Box):
+        return space
+    return spaces.Box(space.low.astype(np.float64), space.high.astype(np.float64), dtype=np.float64)

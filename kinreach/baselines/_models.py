@@ -1,0 +1,124 @@
+"""From a recipe to environments and a model, which is known to be exportable before it is trained."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+from gymnasium import spaces
+from stable_baselines3.common.base_class import BaseAlgorithm
+
+from kinreach._checks import check_known
+from kinreach._objects import load_object
+from kinreach.baselines._algorithms import ALGORITHMS, Algorithm
+from kinreach.baselines._batch import make_batch
+from kinreach.baselines._learning_curve import LearningCurve
+from kinreach.baselines._policy_file import Network
+from kinreach.baselines._recipes import Recipe
+from kinreach.baselines._rewards import training_reward
+from kinreach.baselines._vec_envs import SB3VecEnv
+from kinreach.errors import InputError, KinreachError
+
+#: How far an exported actor may be from the model's own, which computes in single precision.
+EXPORT_TOLERANCE = 1e-3
+_SAMPLES = 64
+
+
+@dataclass(frozen=True, eq=False)
+class Trainee:
+    """A model with its environments.
+
+    Attributes:
+        model: Of stable-baselines3.
+        env: What it acts in.
+        curve: The batch beneath, which counts.
+        algorithm: What it is.
+    """
+
+    model: BaseAlgorithm
+    env: SB3VecEnv
+    curve: LearningCurve
+    algorithm: Algorithm
+
+    @property
+    def network(self) -> Network:
+        """Its deterministic actor."""
+        return self.algorithm.exporter(self.model)
+
+
+def build(recipe: Recipe, seed: int, *, steps: int) -> Trainee:
+    """Make a model and its environments.
+
+    Args:
+        recipe: What to train.
+        seed: Of the networks.
+        steps: Planned actions, to which schedules refer.
+
+    Raises:
+        InputError: An unknown algorithm, reward or environment, settings that they do not take, or a model that the
+            algorithm's exporter cannot export.
+    """
+    check_known("algorithm", recipe.algorithm, ALGORITHMS)
+    algorithm = ALGORITHMS[recipe.algorithm]
+    reward = training_reward(recipe.reward)
+    recipe = replace(recipe, settings={**algorithm.defaults, **recipe.settings})
+    make = load_object("algorithm", algorithm.model) if isinstance(algorithm.model, str) else algorithm.model
+    batch = make_batch(recipe.environment, recipe.num_envs, recipe.options)
+    try:
+        check_trainable(batch.single_observation_space, batch.single_action_space)
+        curve = LearningCurve(batch, window=recipe.window, trace_after=recipe.trace_after)
+        try:
+            env = algorithm.vec_env(curve, recipe, reward)
+            arguments = algorithm.arguments(recipe, env, steps)
+            model = make(env=env, seed=seed, device="cpu", verbose=0, **arguments)
+        except KinreachError:
+            raise
+        except KeyError as error:
+            raise InputError(f"{recipe.algorithm} needs the setting {error}, which {recipe.name} lacks") from error
+        except Exception as error:  # whatever the algorithm raises that cannot use its settings or the spaces
+            raise InputError(f"{recipe.algorithm} does not take the settings of {recipe.name}: {error}") from error
+        trainee = Trainee(model, env, curve, algorithm)
+        check_export(trainee)
+    except BaseException:
+        batch.close()
+        raise
+    return trainee
+
+
+def check_trainable(observations: spaces.Space[Any], actions: spaces.Space[Any]) -> None:
+    """Refuse spaces that policies cannot have.
+
+    Raises:
+        InputError: Observations are not vectors of numbers, or actions neither `Box` nor `Discrete` from 0.
+    """
+    if not isinstance(observations, spaces.Box) or len(observations.shape) != 1:
+        raise InputError(f"training needs observations that are vectors of numbers, got {observations}")
+    vector = isinstance(actions, spaces.Box) and len(actions.shape) == 1
+    if not vector and not (isinstance(actions, spaces.Discrete) and actions.start == 0):
+        raise InputError(f"training needs actions that are vectors or numbered from 0, got {actions}")
+
+
+def check_export(trainee: Trainee) -> None:
+    """Refuse a model whose exported actor does not answer as the model does.
+
+    Raises:
+        InputError: It cannot be exported, or answers otherwise.
+    """
+    model, network = trainee.model, trainee.network
+    space: Any = model.observation_space
+    draws = np.random.default_rng(0).normal(size=(_SAMPLES, *space.shape))
+    observations = np.clip(draws, space.low, space.high).astype(space.dtype)
+    expected = model.predict(observations, deterministic=True)[0]
+    found = network(trainee.env.seen(observations))
+    if isinstance(model.action_space, spaces.Discrete):
+        best = found[np.arange(_SAMPLES), expected]
+        error = float((found.max(axis=1) - best).max())
+    else:
+        low, high = (-1.0, 1.0) if network.low is None else (network.low, network.high)
+        error = float(np.abs(np.clip(found, low, high) - expected).max())
+    if not error <= EXPORT_TOLERANCE:
+        raise InputError(
+            f"the exporter of {trainee.algorithm.name} gives a network that does not answer as the model does: it is "
+            f"off by {error:.2g}"
+        )

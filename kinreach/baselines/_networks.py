@@ -1,0 +1,201 @@
+"""The parts of networks that stable-baselines3 lacks, and how a trained actor leaves it for numpy."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import torch
+from gymnasium import spaces
+from stable_baselines3.common.base_class import BaseAlgorithm
+from stable_baselines3.common.distributions import DiagGaussianDistribution
+from stable_baselines3.common.policies import ActorCriticPolicy
+from stable_baselines3.common.torch_layers import BaseFeaturesExtractor, FlattenExtractor
+from torch import Tensor, nn
+
+from kinreach.baselines import _sb3_zip as sb3_zip
+from kinreach.baselines._eyes import MIDDLE, Eye
+from kinreach.baselines._looks import Looks
+from kinreach.baselines._policy_file import Network
+from kinreach.errors import InputError
+
+#: Activations of hidden layers by the name that recipes and policy files use.
+ACTIVATIONS: Mapping[str, type[nn.Module]] = {
+    name: getattr(nn, torchs) for torchs, name in sb3_zip.TORCH_ACTIVATIONS.items()
+}
+
+
+class ObservationFeatures(BaseFeaturesExtractor):
+    """The first of the observations, normalised by constants, and waves of them.
+
+    The features are z = (x - mean) / scale, and sin(w z), cos(w z) for every w. Observations beyond the length of
+    `mean` are not used.
+
+    Args:
+        space: Of the observations, shape (n,).
+        mean, scale: Constants of the normalisation, at most n numbers each.
+        waves: Angular frequencies w.
+    """
+
+    def __init__(
+        self,
+        space: spaces.Box,
+        *,
+        mean: Sequence[float],
+        scale: Sequence[float],
+        waves: Sequence[float] = (),
+    ) -> None:
+        super().__init__(space, len(mean) * (1 + 2 * len(waves)))
+        self.mean: Tensor
+        self.scale: Tensor
+        self.waves: Tensor
+        self.register_buffer("mean", torch.tensor(mean, dtype=torch.float32))
+        self.register_buffer("scale", torch.tensor(scale, dtype=torch.float32))
+        self.register_buffer("waves", torch.tensor(waves, dtype=torch.float32))
+
+    def forward(self, observations: Tensor) -> Tensor:
+        """Return features, shape (n, features_dim)."""
+        z = (observations[:, : len(self.mean)] - self.mean) / self.scale
+        if not len(self.waves):
+            return z
+        angles = (z[:, :, None] * self.waves).flatten(1)
+        return torch.cat([z, angles.sin(), angles.cos()], dim=1)
+
+
+class TorchEye(nn.Module):
+    """An `Eye` that learns; pictures are uint8, shape (n, 3, height, width)."""
+
+    #: Channels, sizes of the kernels and strides of the convolutions.
+    CHANNELS, SIZES, STRIDES = (16, 32, 16), (5, 3, 3), (2, 2, 1)
+
+    def __init__(self) -> None:
+        super().__init__()
+        kinds = zip((3, *self.CHANNELS), self.CHANNELS, self.SIZES, self.STRIDES, strict=False)
+        self.layers = nn.ModuleList(nn.Conv2d(*kind, padding=kind[2] // 2) for kind in kinds)
+        self.sharpness = nn.Parameter(torch.ones(()))
+
+    def forward(self, pictures: Tensor) -> Tensor:
+        """Column and row of each channel, shape (n, 2 channels)."""
+        h = pictures / MIDDLE - 1.0
+        for index, layer in enumerate(self.layers):
+            h = layer(h.relu() if index else h)
+        across, down = (torch.linspace(-1, 1, size) for size in (h.shape[3], h.shape[2]))
+        weights = (self.sharpness * h).flatten(2).softmax(dim=2).view_as(h)
+        return torch.stack([weights.sum(dim=2) @ across, weights.sum(dim=3) @ down], dim=2).flatten(1)
+
+    def exported(self) -> Eye:
+        """Export to numpy."""
+        state = {name: value.numpy() for name, value in self.state_dict().items()}
+        layers = [(state[f"layers.{i}.weight"], state[f"layers.{i}.bias"]) for i in range(len(self.layers))]
+        return Eye(layers, self.STRIDES, self.sharpness.item())
+
+
+class LookFeatures(BaseFeaturesExtractor):
+    """What the eyes say of looks; an observation is the number of a look, and each look is seen once in a batch.
+
+    Args:
+        space: Of the observations, shape (1,).
+        looks: What the numbers stand for.
+    """
+
+    def __init__(self, space: spaces.Box, *, looks: Looks) -> None:
+        cameras = looks.pictures.shape[1]
+        super().__init__(space, cameras * 2 * TorchEye.CHANNELS[-1])
+        self._looks = looks
+        self.eyes: Any = nn.ModuleList(TorchEye() for _ in range(cameras))
+
+    def forward(self, observations: Tensor) -> Tensor:
+        """Return features, shape (n, features_dim)."""
+        numbers, rows = np.unique(observations[:, 0].long().numpy(), return_inverse=True)
+        pictures = torch.from_numpy(self._looks.pictures[numbers]).movedim(-1, -3)
+        return torch.cat([eye(pictures[:, camera]) for camera, eye in enumerate(self.eyes)], dim=1)[rows]
+
+
+class PairedGaussian(DiagGaussianDistribution):
+    """A normal distribution whose samples come in antithetic pairs: rows 2i and 2i + 1 have opposite noise."""
+
+    def sample(self) -> Tensor:
+        """Return one sample a row; the number of rows must be even."""
+        mean = self.distribution.mean
+        noise = torch.randn(len(mean) // 2, mean.shape[1])
+        return mean + self.distribution.stddev * torch.stack([noise, -noise], dim=1).flatten(0, 1)
+
+
+class PostureHead(nn.Linear):
+    """The mean action from the last hidden layer h: shift + gain (W h + b), which begins at the shift.
+
+    Args:
+        hidden: Length of h.
+        gain: Action of one radian, for each joint.
+        shift: Action that means the start pose.
+    """
+
+    def __init__(self, hidden: int, *, gain: Sequence[float], shift: Sequence[float]) -> None:
+        super().__init__(hidden, len(shift))
+        self.gain: Tensor
+        self.shift: Tensor
+        self.register_buffer("gain", torch.tensor(gain, dtype=torch.float32), persistent=False)
+        self.register_buffer("shift", torch.tensor(shift, dtype=torch.float32))
+        nn.init.orthogonal_(self.weight, 0.01)
+        nn.init.zeros_(self.bias)
+
+    def forward(self, hidden: Tensor) -> Tensor:
+        """Return mean actions, shape (n, outputs)."""
+        return self.shift + self.gain * super().forward(hidden)
+
+
+class PosturePolicy(ActorCriticPolicy):
+    """stable-baselines3's policy with a `PostureHead`.
+
+    Args:
+        head: Keyword arguments of the `PostureHead`.
+        paired: Whether samples come in antithetic pairs; batches must then be of even size.
+        **kwargs: Of `ActorCriticPolicy`.
+    """
+
+    def __init__(self, *args: Any, head: dict[str, Any], paired: bool = False, **kwargs: Any) -> None:
+        self._head, self._paired = head, paired
+        super().__init__(*args, **kwargs)
+
+    def _build(self, lr_schedule: Any) -> None:
+        super()._build(lr_schedule)
+        self.action_net = PostureHead(self.mlp_extractor.latent_dim_pi, **self._head)
+        if self._paired:
+            self.action_dist = PairedGaussian(len(self.action_net.shift))
+        new_optimizer: Any = self.optimizer_class
+        self.optimizer = new_optimizer(self.parameters(), lr=lr_schedule(1), **self.optimizer_kwargs)
+
+
+def actor_network(model: BaseAlgorithm) -> Network:
+    """Return the deterministic actor of a stable-baselines3 model with `MlpPolicy`; a DQN's is its Q-network.
+
+    Raises:
+        InputError: An actor, an activation or a features extractor that is not known here.
+    """
+    policy: Any = model.policy
+    names = {kind: name for name, kind in ACTIVATIONS.items()}
+    if policy.activation_fn not in names:
+        known = ", ".join(kind.__name__ for kind in names)
+        raise InputError(f"{policy.activation_fn.__name__} cannot be exported; known activations are {known}")
+    space = model.action_space
+    network, _ = sb3_zip.actor_network(
+        {name: value.detach().numpy() for name, value in policy.state_dict().items()},
+        activation=names[policy.activation_fn],
+        bounds=(space.low, space.high) if isinstance(space, spaces.Box) else None,
+    )
+    owner = next(getattr(policy, name) for name in ("actor", "q_net", "action_net") if hasattr(policy, name))
+    features = (
+        policy.pi_features_extractor if owner is getattr(policy, "action_net", None) else owner.features_extractor
+    )
+    if isinstance(features, ObservationFeatures):
+        constants = {name: getattr(features, name).numpy() for name in ("mean", "scale", "waves")}
+        network = replace(network, **constants)
+    elif isinstance(features, LookFeatures):
+        network = replace(network, eyes=[eye.exported() for eye in features.eyes])
+    elif type(features) is not FlattenExtractor:
+        raise InputError(f"the features extractor {type(features).__name__} cannot be exported")
+    if isinstance(owner, PostureHead):
+        network = replace(network, gain=owner.gain.numpy(), shift=owner.shift.numpy())
+    return network

@@ -1,0 +1,288 @@
+"""Trained policies: what they answer, which environments they fit, and how they are loaded.
+
+Policy files are read by `kinreach.baselines._policy_file`, stable-baselines3's `model.zip` by
+`kinreach.baselines._sb3_zip`; neither runs what is in a file.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import replace
+from functools import cached_property
+from importlib import resources
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from gymnasium import spaces
+from numpy.typing import ArrayLike, NDArray
+
+from kinreach._checks import as_floats, check_entries, check_path, shown
+from kinreach._registration import BUTTON, MOVING, MULTI, MULTI_KINEMATIC, SINGLE, SPACE
+from kinreach.baselines._eyes import picture_names
+from kinreach.baselines._policy_file import Network, PolicyCard, read_policy
+from kinreach.baselines._sb3_zip import read_zip
+from kinreach.envs._reach.task import SINGLE_STEP, STEP_SIZE, action_range
+from kinreach.errors import InputError, UnknownNameError
+from kinreach.robots import get_arm
+
+Array = NDArray[Any]
+
+#: Steps are not split for a remainder below this [steps].
+SLACK = 1e-6
+
+
+def paced(way: Array) -> Array:
+    """Return the next multi-step action on the straight way in joint space, in equal steps as few as can be.
+
+    Equal steps end at the posture with a long one. An arm that creeps up to it would come within the thesis's 10 mm
+    somewhere on the way, where the episode ends.
+
+    Args:
+        way: Joint angles still to go [rad], shape (..., n).
+
+    Returns:
+        Action in [-1, 1], shape (..., n).
+    """
+    steps = np.abs(way).max(axis=-1, keepdims=True) / STEP_SIZE
+    return way / STEP_SIZE / np.maximum(1.0, np.ceil(steps - SLACK))
+
+
+#: No environment observes larger numbers.
+MAX_OBSERVED = 1e6
+_SUFFIX = ".safetensors"
+
+
+class LearnedPolicy:
+    """A trained policy, for any environment whose spaces it fits. Threads may share an instance.
+
+    Args:
+        card, network: As `read_policy` returns them.
+        exact: Whether an observation has just as many numbers as the network takes; else it may have more.
+
+    Attributes:
+        card: What is known of it.
+        network: Its numbers.
+        bounds: The least and the largest action, shape (m,) or numbers.
+        stepwise: Whether its output is a posture that it walks to in steps.
+    """
+
+    def __init__(self, card: PolicyCard, network: Network, *, exact: bool = False) -> None:
+        self.card, self.network = card, network
+        self._exact = exact
+        self.bounds = (-1.0 if network.low is None else network.low, 1.0 if network.high is None else network.high)
+        self.stepwise = card.meaning == "posture" and _walks(card)
+
+    def reset(self, observation: Any = None, info: Any = None) -> None:
+        """Do nothing."""
+
+    def act(self, observation: ArrayLike | Mapping[str, ArrayLike]) -> Any:
+        """Return the deterministic action for an observation, shape (n,), or for a batch of them, shape (count, n).
+
+        A policy that sees pictures takes a dictionary as environments with `observation="pixels"` give it.
+
+        Returns:
+            Actions, shape (..., m), or the number of a discrete action, shape (...).
+
+        Raises:
+            InputError: A wrong shape, values that are not finite, or so large that the network's output is not.
+        """
+        output = self._output(observation)
+        if self.card.meaning == "preferences":
+            return output.argmax(axis=-1)
+        action = np.clip(output, *self.bounds)
+        if not self.stepwise:
+            return action
+        half, middle = self.action_range
+        return paced(half * action + middle - self._joints(observation))
+
+    def posture(self, observation: ArrayLike | Mapping[str, ArrayLike]) -> Array:
+        """Return the posture that a reach policy aims at [rad], shape (..., m).
+
+        Raises:
+            InputError: The policy's output means something else, is none of its arm's postures, or as for `act`.
+            UnknownNameError: There is no arm of the name that its card says.
+        """
+        if self.card.meaning != "posture":
+            raise InputError(f"the output of {self.name} means {self.card.meaning}, not a posture")
+        half, middle = self.action_range
+        return np.asarray(half * np.clip(self._output(observation), *self.bounds) + middle)
+
+    @cached_property
+    def action_range(self) -> tuple[Any, Any]:
+        """What an action of 1 means for each joint of its arm, from the middle of its range, and the middle [rad].
+
+        Half a turn and 0 where the card names no arm.
+        """
+        name = trained_arm(self).get("arm")
+        if name is None:
+            return SINGLE_STEP.scale, 0.0
+        half, middle = action_range(get_arm(name))
+        if half.shape != self.network.gain.shape:
+            numbers = len(self.network.gain)
+            raise InputError(f"a posture of the arm {name!r} has {len(half)} numbers, got {numbers}")
+        return half, middle
+
+    @property
+    def name(self) -> str:
+        """Name of its recipe."""
+        return str(self.card.recipe.get("name") or "the policy")
+
+    def check_spaces(self, observations: spaces.Space[Any], actions: spaces.Space[Any]) -> None:
+        """Refuse an environment that the policy cannot act in.
+
+        Args:
+            observations: Space of one environment, not of a batch.
+            actions: Likewise.
+
+        Raises:
+            InputError: The observations are not a vector, or too short, or the actions are of another kind or number.
+        """
+        outputs = len(self.network.gain)
+        if self.network.eyes:
+            _check_pictures(self.name, len(self.network.eyes), observations)
+            observations = spaces.Box(-np.inf, np.inf, (self.inputs,))
+        vector = isinstance(observations, spaces.Box) and len(observations.shape) == 1
+        if not vector or not self.accepts(observations.shape[0]):  # type: ignore[index]
+            raise InputError(
+                f"{self.name} takes a vector of {self._wanted} numbers, not observations of {observations}"
+            )
+        if self.card.meaning == "preferences":
+            fits = isinstance(actions, spaces.Discrete) and actions.n == outputs
+            kind = f"one of {outputs} actions"
+        else:
+            fits, kind = isinstance(actions, spaces.Box) and actions.shape == (outputs,), f"{outputs} numbers"
+        if not fits:
+            raise InputError(f"{self.name} answers with {kind}, which is not an action of {actions}")
+
+    @property
+    def inputs(self) -> int:
+        """How many numbers an observation has at least."""
+        return max(len(self.network.mean), len(self.network.gain) + 1 if self.stepwise else 0)
+
+    @property
+    def _wanted(self) -> str:
+        return f"{'' if self._exact else 'at least '}{self.inputs}"
+
+    def accepts(self, count: int) -> bool:
+        """Return whether an observation may have so many numbers."""
+        return count == self.inputs if self._exact else count >= self.inputs
+
+    def _output(self, observation: ArrayLike | Mapping[str, ArrayLike]) -> Array:
+        """Evaluate the network; check that observations and its answer are numbers."""
+        x: Any = self._pictures(observation) if self.network.eyes else self._numbers(observation)
+        with np.errstate(over="ignore", invalid="ignore", divide="ignore"):
+            output = self.network(x)
+        if not np.isfinite(output).all():
+            raise InputError(f"the network of {self.name} answers with NaN or infinity")
+        return output
+
+    def _joints(self, observation: Any) -> Array:
+        """Joint angles [rad] in an observation."""
+        if self.network.eyes:
+            return np.asarray(observation["joints"])
+        return np.asarray(observation)[..., -1 - len(self.network.gain) : -1]  # before the gripper's opening
+
+    def _numbers(self, observation: Any) -> Array:
+        x = as_floats("observation", observation)
+        if x.ndim == 0 or not self.accepts(x.shape[-1]):
+            raise InputError(f"an observation must have {self._wanted} numbers, got shape {x.shape}")
+        check_entries("observation", x, MAX_OBSERVED)
+        return x
+
+    def _pictures(self, observation: Any) -> dict[str, Array]:
+        names, wanted = picture_names(observation) if isinstance(observation, Mapping) else [], len(self.network.eyes)
+        if len(names) != wanted:
+            raise InputError(f"{self.name} takes observations with {wanted} pictures, got {shown(observation)}")
+        pictures = {name: np.asarray(observation[name]) for name in names}
+        for name, picture in pictures.items():
+            if picture.dtype != np.uint8 or picture.ndim < 3 or picture.shape[-1] != 3 or not picture.size:
+                raise InputError(f"{name} must be uint8, shape (..., height, width, 3), got {shown(picture)}")
+        return pictures
+
+
+def _check_pictures(name: str, count: int, space: spaces.Space[Any]) -> None:
+    """Refuse an environment whose observations do not have so many pictures."""
+    parts = space.spaces if isinstance(space, spaces.Dict) else {}
+    pictures = [parts[key] for key in picture_names(parts)]
+    if len(pictures) != count or not all(isinstance(part, spaces.Box) and len(part.shape) == 3 for part in pictures):
+        raise InputError(f'{name} takes {count} pictures, observation="pixels", not observations of {space}')
+
+
+def pretrained_names() -> list[str]:
+    """Return names of the policies that come with the package."""
+    folder = resources.files("kinreach.baselines") / "pretrained"
+    return sorted(file.name.removesuffix(_SUFFIX) for file in folder.iterdir() if file.name.endswith(_SUFFIX))
+
+
+def _options(card: PolicyCard) -> Mapping[str, Any]:
+    """Options of the environment that a policy was trained in, as far as its card, which may be anybody's, has them."""
+    options = card.recipe.get("options")
+    return options if isinstance(options, Mapping) else {}
+
+
+def _walks(card: PolicyCard) -> bool:
+    """Return whether a posture is walked to: the environment takes steps, or it was walked to in training."""
+    walk = card.recipe.get("walk")
+    return (
+        card.environment in (MULTI, MULTI_KINEMATIC)
+        or (card.environment == SPACE and _options(card).get("steps") == "multi")
+        or (isinstance(walk, int) and walk > 1)
+    )
+
+
+def trained_arm(policy: LearnedPolicy) -> dict[str, Any]:
+    """Return the option `arm` of the environment that a policy was trained in, as far as its card names one."""
+    arm = _options(policy.card).get("arm")
+    return {"arm": arm} if isinstance(arm, str) else {}
+
+
+#: Options that say which goals there are, or what is observed, by the environment.
+NEEDED: Mapping[str, tuple[str, ...]] = {
+    **dict.fromkeys((SINGLE, MULTI), ("goal_in",)),
+    SPACE: ("steps", "goal_height", "tilt", "start_spread", "goal_in"),
+    MOVING: ("sights",),
+    BUTTON: ("controls", "frames"),
+}
+
+
+def needed_options(policy: LearnedPolicy) -> dict[str, Any]:
+    """Options of an environment for a policy, as far as its card has them.
+
+    The arm, what `NEEDED` has of its environment, and pictures of the size that it learned from if it sees any.
+    """
+    options = _options(policy.card)
+    own = NEEDED.get(policy.card.environment, ())
+    needed = {**trained_arm(policy), **{name: options[name] for name in own if name in options}}
+    if policy.network.eyes:
+        size = {name: options[name] for name in ("width", "height") if isinstance(options.get(name), int)}
+        needed |= {"observation": "pixels", **size}
+    return needed
+
+
+def load_policy(policy: str | Path, *, environment: str | None = None) -> LearnedPolicy:
+    """Load a policy.
+
+    Args:
+        policy: Name of one that comes with the package, or path of a policy file or of a stable-baselines3
+            `model.zip`. The zip does not say which environment it is for.
+        environment: Id of the environment that it must be for.
+
+    Raises:
+        InputError: There is no such policy, the file is not a policy, or it is for another environment.
+        InstallationError: A `model.zip`, and torch is not installed.
+    """
+    names = pretrained_names()
+    if str(policy) in names:
+        with resources.as_file(resources.files("kinreach.baselines") / "pretrained" / f"{policy}{_SUFFIX}") as path:
+            card, network = read_policy(path)
+    elif (path := check_path("policy", policy)).suffix == ".zip":
+        card, network = read_zip(path)
+        return LearnedPolicy(replace(card, environment=environment or ""), network, exact=True)
+    elif path.suffix or path.exists():
+        card, network = read_policy(path)
+    else:
+        raise UnknownNameError(f"there is no policy {str(policy)!r}; a file, or one of: {', '.join(names)}")
+    if environment is not None and environment != card.environment:
+        raise InputError(f"the policy {policy} is for {card.environment}, not for {environment}")
+    return LearnedPolicy(card, network)

@@ -1,0 +1,259 @@
+"""Networks that run in numpy, and the files that they come in.
+
+A policy file is a safetensors file, and carries no code. Its header's `kinreach` entry is a JSON object with the fields
+of `PolicyCard`; its tensors are `mean`, `scale`, `waves`, `gain`, `shift`, then `layer0.weight`, `layer0.bias`,
+`layer1.weight` ... in the order of the layers, `low` and `high` where actions are not in [-1, 1], and where pictures
+are seen, for each camera, `eye0.layer0.weight`, `eye0.layer0.bias` ..., `eye0.strides` and `eye0.sharpness`. What is
+read is checked before it is used: sizes, names, shapes, finite numbers.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import asdict, dataclass, field, fields
+from pathlib import Path
+from typing import Any, NoReturn
+
+import numpy as np
+from numpy.typing import NDArray
+from safetensors import SafetensorError, safe_open
+from safetensors.numpy import save as to_bytes
+
+from kinreach._checks import check_path
+from kinreach._files import open_input, replacing
+from kinreach.baselines._eyes import Eye, picture_names
+from kinreach.errors import InputError
+
+Array = NDArray[Any]
+
+
+def _silu(x: Array) -> Array:
+    with np.errstate(over="ignore"):
+        return x / (1.0 + np.exp(-x))
+
+
+#: What stands behind every hidden layer, and behind the last.
+ACTIVATIONS: Mapping[str, Callable[[Array], Array]] = {
+    "tanh": np.tanh,
+    "silu": _silu,
+    "relu": lambda x: np.maximum(x, 0.0),
+    "elu": lambda x: np.where(x > 0.0, x, np.expm1(np.minimum(x, 0.0))),
+    "leaky_relu": lambda x: np.where(x > 0.0, x, 0.01 * x),
+}
+OUTPUTS: Mapping[str, Callable[[Array], Array]] = {"linear": lambda x: x, "tanh": np.tanh}
+
+
+@dataclass(frozen=True, eq=False)
+class Network:
+    """y = shift + gain out(W_k ... act(W_1 f + b_1) ... + b_k) of features f of an observation x.
+
+    Where there are eyes, x is what they say of the cameras' pictures, one after the other. With z = (x - mean) / scale
+    over the first observations, the features are z, then sin(w z) and cos(w z), in both the waves of one observation
+    side by side.
+
+    Attributes:
+        mean, scale: Constants of the normalisation, shape (n,); only the first n observations are used.
+        waves: Angular frequencies w, shape (k,).
+        layers: Weights, shape (out, in), and biases, shape (out,), of one layer after the other.
+        activation: Of the hidden layers, a key of `ACTIVATIONS`.
+        output: Behind the last layer, a key of `OUTPUTS`.
+        gain, shift: Shape (m,).
+        low, high: Bounds of an action, shape (m,); None for -1 and 1.
+        eyes: One for each camera, by name; none where observations are vectors.
+    """
+
+    mean: Array
+    scale: Array
+    waves: Array
+    layers: Sequence[tuple[Array, Array]]
+    activation: str
+    output: str
+    gain: Array
+    shift: Array
+    low: Array | None = None
+    high: Array | None = None
+    eyes: Sequence[Eye] = ()
+
+    def __call__(self, x: Any) -> Array:
+        """Outputs, shape (..., m), for observations of shape (..., at least n), or for dictionaries with pictures."""
+        if self.eyes:
+            x = np.concatenate([eye(x[key]) for eye, key in zip(self.eyes, picture_names(x), strict=True)], axis=-1)
+        h = (x[..., : len(self.mean)] - self.mean) / self.scale
+        if len(self.waves):
+            angles = (h[..., :, None] * self.waves).reshape(*h.shape[:-1], -1)
+            h = np.concatenate([h, np.sin(angles), np.cos(angles)], axis=-1)
+        activation = ACTIVATIONS[self.activation]
+        for weight, bias in self.layers[:-1]:
+            h = activation(h @ weight.T + bias)
+        weight, bias = self.layers[-1]
+        return self.shift + self.gain * OUTPUTS[self.output](h @ weight.T + bias)
+
+
+#: Version of the format; files of other versions are refused.
+FORMAT = 1
+#: No policy of ours is larger; a file that is, is refused before it is read [bytes].
+MAX_BYTES = 16 * 1024 * 1024
+#: What a network's output means: an action of the environment, a posture, or the preference of each discrete action.
+MEANINGS = ("action", "posture", "preferences")
+#: Fields that a card may lack, because there are files which were written before there were such fields.
+_LATER = {"goal_seeds"}
+
+
+@dataclass(frozen=True)
+class PolicyCard:
+    """What is known of a policy beside its numbers; JSON values only.
+
+    Attributes:
+        environment: Id of the environment it acts in.
+        meaning: What its output means, one of `MEANINGS`.
+        activation, output: Of the network.
+        algorithm: Name of what trained it.
+        recipe: Name and settings of the recipe.
+        seed: Of the training: networks, exploration and goals follow from it.
+        steps: Environment steps it was trained for.
+        results: Measured afterwards: success, distances, with the command that measures them again.
+        versions: Of the packages that trained it.
+        goal_seeds: `"training"`: what the goals of each segment of the training were drawn from, one seed a segment;
+            `"held_out"`: seed of the first goal of `results`, goal i has that plus i; a result whose command says
+            `--split validation` has others. Empty in older files.
+    """
+
+    environment: str
+    meaning: str
+    activation: str
+    output: str
+    algorithm: str
+    recipe: Mapping[str, Any]
+    seed: int
+    steps: int
+    results: Mapping[str, Any] = field(default_factory=dict)
+    versions: Mapping[str, str] = field(default_factory=dict)
+    goal_seeds: Mapping[str, Any] = field(default_factory=dict)
+
+
+def save_policy(path: str | Path, card: PolicyCard, network: Network) -> None:
+    """Write a policy, whole or not at all.
+
+    Raises:
+        OutputError: The file system refused.
+    """
+    tensors = {name: getattr(network, name) for name in ("mean", "scale", "waves", "gain", "shift")}
+    if network.low is not None and network.high is not None:
+        tensors |= {"low": network.low, "high": network.high}
+    for index, (weight, bias) in enumerate(network.layers):
+        tensors |= {f"layer{index}.weight": weight, f"layer{index}.bias": bias}
+    for number, eye in enumerate(network.eyes):
+        tensors |= {f"eye{number}.strides": np.array(eye.strides, float), f"eye{number}.sharpness": eye.sharpness}
+        for index, (weight, bias) in enumerate(eye.layers):
+            tensors |= {f"eye{number}.layer{index}.weight": weight, f"eye{number}.layer{index}.bias": bias}
+    tensors = {name: np.ascontiguousarray(value) for name, value in tensors.items()}
+    header = {"kinreach": json.dumps({"format": FORMAT, **asdict(card)}, allow_nan=False, sort_keys=True)}
+    data = to_bytes(tensors, metadata=header)
+    with replacing(Path(path)) as temporary:
+        temporary.write_bytes(data)
+
+
+def read_policy(path: str | Path) -> tuple[PolicyCard, Network]:
+    """Read a policy.
+
+    Raises:
+        InputError: There is no such file, or it is not a policy: the message says what is wrong with it.
+    """
+    path = check_path("policy", path)
+    try:
+        open_input(path, "the policy", most=MAX_BYTES).close()
+        with safe_open(path, framework="numpy") as file:
+            header = file.metadata() or {}
+            tensors = {name: file.get_tensor(name) for name in file.keys()}  # noqa: SIM118 (no mapping)
+    except OSError as error:
+        raise InputError(f"cannot read the policy {path}: {error.strerror or error}") from None
+    except SafetensorError as error:
+        raise InputError(f"{path} is not a policy: {error}") from None
+    try:
+        card = _card(header)
+        return card, _network(card, tensors)
+    except InputError as error:
+        raise InputError(f"{path} is not a policy: {error}") from None
+
+
+def _refuse(constant: str) -> NoReturn:
+    """Refuse what Python's parser takes for a number and JSON does not: NaN and the infinities."""
+    raise ValueError(constant)
+
+
+def _card(header: Mapping[str, str]) -> PolicyCard:
+    try:
+        values = json.loads(header.get("kinreach", ""), parse_constant=_refuse)
+    except (ValueError, RecursionError):
+        raise InputError("its header has no JSON entry 'kinreach'") from None
+    if not isinstance(values, dict) or values.pop("format", None) != FORMAT:
+        raise InputError(f"its format is not {FORMAT}")
+    known = {f.name for f in fields(PolicyCard)}
+    if not known - _LATER <= set(values) <= known:
+        raise InputError(f"its card must have the fields {sorted(known)}, got {sorted(values)}")
+    kinds = {"recipe": dict, "results": dict, "versions": dict, "goal_seeds": dict, "seed": int, "steps": int}
+    for name, value in values.items():
+        if type(value) is not kinds.get(name, str):
+            raise InputError(f"{name} must be of type {kinds.get(name, str).__name__}, got {type(value).__name__}")
+    card = PolicyCard(**values)
+    for name, value, choices in (
+        ("meaning", card.meaning, MEANINGS),
+        ("activation", card.activation, ACTIVATIONS),
+        ("output", card.output, OUTPUTS),
+    ):
+        if value not in choices:
+            raise InputError(f"its {name} must be one of {', '.join(choices)}, got {value!r}")
+    return card
+
+
+def _network(card: PolicyCard, tensors: Mapping[str, np.ndarray[Any, Any]]) -> Network:
+    for name, value in tensors.items():
+        if value.dtype not in (np.float32, np.float64) or not np.isfinite(value).all():
+            raise InputError(f"{name} must be finite floating-point numbers")
+    eyes = [_eye(tensors, f"eye{number}.") for number in range(sum(name.endswith(".strides") for name in tensors))]
+    tensors = {name: value for name, value in tensors.items() if not name.startswith("eye")}
+    count = sum(name.endswith(".weight") for name in tensors)
+    names = {f"layer{i}.{part}" for i in range(count) for part in ("weight", "bias")}
+    expected = {"mean", "scale", "waves", "gain", "shift"} | names | ({"low", "high"} & set(tensors))
+    if count == 0 or set(tensors) != expected:
+        raise InputError(f"its tensors must be {sorted(expected)}, got {sorted(tensors)}")
+    doubles = {name: value.astype(np.float64) for name, value in tensors.items()}
+    layers = [(doubles[f"layer{i}.weight"], doubles[f"layer{i}.bias"]) for i in range(count)]
+    mean, scale, waves, gain, shift = (doubles[name] for name in ("mean", "scale", "waves", "gain", "shift"))
+    if eyes and mean.size != sum(eye.places for eye in eyes):
+        raise InputError(f"mean must have a number for each that the eyes say, got {mean.size}")
+    width = mean.size * (1 + 2 * waves.size)
+    for index, (weight, bias) in enumerate(layers):
+        if weight.ndim != 2 or weight.shape[1] != width or bias.shape != weight.shape[:1]:
+            raise InputError(f"layer {index} must take {width} numbers, got weight {weight.shape}, bias {bias.shape}")
+        width = len(bias)
+    if any(value.ndim != 1 for value in (mean, scale, waves, gain, shift)) or mean.shape != scale.shape:
+        raise InputError("mean, scale, waves, gain and shift must have one dimension, mean and scale the same length")
+    if gain.shape != (width,) or shift.shape != (width,) or not (scale > 0).all():
+        raise InputError(f"gain and shift must have {width} numbers, scale must be positive")
+    low, high = doubles.get("low"), doubles.get("high")
+    if (low is None) != (high is None):
+        raise InputError("low and high must both be there, or neither")
+    if low is not None and high is not None and not (low.shape == high.shape == (width,) and (low < high).all()):
+        raise InputError(f"low and high must have {width} numbers, low below high")
+    return Network(mean, scale, waves, layers, card.activation, card.output, gain, shift, low, high, eyes)
+
+
+def _eye(tensors: Mapping[str, np.ndarray[Any, Any]], prefix: str) -> Eye:
+    own = {name.removeprefix(prefix): value for name, value in tensors.items() if name.startswith(prefix)}
+    count = sum(name.endswith(".weight") for name in own)
+    expected = {f"layer{i}.{part}" for i in range(count) for part in ("weight", "bias")} | {"strides", "sharpness"}
+    if count == 0 or set(own) != expected:
+        raise InputError(f"the tensors of {prefix}* must be {sorted(expected)}, got {sorted(own)}")
+    layers = [(own[f"layer{i}.weight"].astype(float), own[f"layer{i}.bias"].astype(float)) for i in range(count)]
+    channels = 3
+    for index, (weight, bias) in enumerate(layers):
+        shape = (len(bias) if bias.ndim else 0, channels, *weight.shape[-1:] * 2)
+        if weight.ndim != 4 or weight.shape != shape or not weight.shape[-1] % 2 or bias.shape != shape[:1]:
+            raise InputError(f"{prefix}layer{index} must take {channels} channels, got weight {weight.shape}")
+        channels = len(bias)
+    strides, sharpness = own["strides"], own["sharpness"]
+    if strides.shape != (count,) or not np.isin(strides, range(1, 9)).all() or sharpness.size != 1:
+        raise InputError(f"{prefix}strides must be {count} whole numbers from 1 to 8, {prefix}sharpness one number")
+    return Eye(layers, [int(stride) for stride in strides], float(sharpness.reshape(())))

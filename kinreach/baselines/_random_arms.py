@@ -1,0 +1,277 @@
+"""Arms with random errors, for training a policy that sees what looks say of the one it has.
+
+The environment `kinreach/RandomArm-v0`: a UR5 whose frames are off as those of
+`kinreach/RealArm-v0` are, with other errors in each episode, has been observed in a number of looks, and goes to a ball
+once, twice or three times. What looks say of it has the same size whatever their number: the mean of how far the tip
+was seen from where the data sheet has it, and of the same times the place of the look.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from copy import deepcopy
+from functools import cache, partial
+from typing import Any, NamedTuple
+
+import numpy as np
+from gymnasium import spaces
+from gymnasium.vector import AutoresetMode
+from numpy.typing import ArrayLike
+from scipy.stats import qmc
+
+from kinreach._checks import Floats
+from kinreach.baselines._expert import tool_down_postures
+from kinreach.envs._batch import Flags, Ids, NativeVectorEnv, Outcome, RowStreams, check_batch
+from kinreach.envs._moving import check_actions
+from kinreach.envs._options import check_not_over, option_rows
+from kinreach.envs._real_arm import BUDGETS, MEDIAN_LENGTH, NEAR, NOISE
+from kinreach.envs._single import SingleEnv
+from kinreach.kinematics import UR5Kinematics
+from kinreach.kinematics._identification import Prior, frames_of, moved_frames, slopes
+
+#: How far frames are off, as in `kinreach/RealArm-v0` (root mean square); a base that is off stands for cameras, too.
+ERRORS = Prior(base=(3e-3, 6e-3), links=(1e-3, 2e-3), tool=(3e-3, 0.0))
+#: Most moves to a ball, and looks before.
+MOVES, LOOKS = 3, BUDGETS[:-1]
+#: How far beyond the table area balls lie, and above and below it, where cameras that are off see them [m].
+MARGIN = 0.01
+SIGMA = NOISE / MEDIAN_LENGTH
+#: Numbers of an observation: where the ball was seen [m], how far the tip was seen from where the data sheet has it
+#: beside this ball, mean of its moves, and from the ball in the last one [m]; moves, looks; what `summary` says.
+BALL, OFF, MISSED, DONE, LOOKED, SUMMARY = slice(0, 3), slice(3, 6), slice(6, 9), 9, 10, slice(11, 20)
+SIZE = 20
+#: Of what is drawn: the frames' errors, the ball, the budget, how many moves there are, the noise of the looks, of the
+#: ball and of the moves.
+_PARTS = (42, 3, 1, 1, 9, 3, 3 * MOVES)
+
+
+@cache
+def ur5() -> UR5Kinematics:
+    """Return the kinematics of the data sheet."""
+    return UR5Kinematics(tip="tcp", base="world")
+
+
+@cache
+def _spread_out(count: int, dimensions: int) -> Floats:
+    """Points of Halton's sequence, shape (count, dimensions)."""
+    return np.asarray(qmc.Halton(dimensions, scramble=True, rng=np.random.default_rng(0)).random(count))
+
+
+def on_table(count: int) -> Floats:
+    """Points all over the area of the balls [m], shape (count, 3)."""
+    low, high = _table()
+    return np.asarray(low + (high - low) * np.column_stack([_spread_out(count, 2), np.zeros(count)]))
+
+
+def _table() -> Floats:
+    """Return the corners of the area of the balls [m], shape (2, 3)."""
+    region: Any = ur5().arm.workcell.goals
+    return np.array([region.x, region.y, region.z]).T
+
+
+def _basis(points: Floats) -> Floats:
+    """1 and both coordinates on the table, from -1 to 1, of points (m, 3), shape (m, 3)."""
+    low, high = _table()
+    return np.column_stack([np.ones(len(points)), ((2 * points - low - high) / (high - low + 1e-12))[:, :2]])
+
+
+def summary(places: Floats, off: Floats) -> Floats:
+    """Summarise looks: the mean of how far the tip was off, and of that times either coordinate on the table.
+
+    Args:
+        places: Where the data sheet has the tip [m], shape (m, 3).
+        off: How far from there it was seen [m], shape (m, 3) or (k, m, 3) for k arms.
+
+    Returns:
+        [m], shape (9,) or (k, 9); zeros without looks.
+    """
+    basis = _basis(places)
+    means = np.swapaxes(off, -1, -2) @ basis / max(len(basis), 1)
+    return np.asarray(means.reshape(*means.shape[:-2], 9))
+
+
+class _Draws:
+    """What an episode begins with, as one row of numbers."""
+
+    def sample(self, rng: np.random.Generator, count: int) -> Floats:
+        """Draw `count` rows; the ball, the budget and the moves are uniform from 0 to 1."""
+        rows = rng.normal(size=(count, sum(_PARTS)))
+        rows[:, _PARTS[0] : _PARTS[0] + 5] = rng.uniform(size=(count, 5))
+        return rows
+
+
+class RandomArmStart(NamedTuple):
+    """Nothing of an episode can be asked for."""
+
+
+ANYTHING = RandomArmStart()
+
+
+class RandomArmEpisodes:
+    """The episodes of a number of environments.
+
+    Args:
+        count: Number of environments.
+
+    Attributes:
+        placements: Of the true arms' frames, shape (count, 7, 4, 4).
+        balls: [m], shape (count, 3).
+    """
+
+    def __init__(self, count: int) -> None:
+        self.chain = ur5().chain
+        self._streams = RowStreams(_Draws(), count, size=sum(_PARTS))
+        self.placements = np.tile(self.chain.placements, (count, 1, 1, 1))
+        self.balls = np.zeros((count, 3))
+        self._observed = np.zeros((count, SIZE))
+        self._noise = np.zeros((count, MOVES, 3))
+        self._distances, self._moves = np.full(count, np.inf), np.zeros(count, dtype=int)
+        q = tool_down_postures(ur5(), on_table(max(LOOKS)))
+        frames = frames_of(self.chain.placements, q)
+        self._slopes = slopes(frames).reshape(len(q), 3, -1)
+        self._places = frames[-1][:, :3, 3]
+
+    def seed(self, index: int, rng: np.random.Generator) -> None:
+        """Give an environment its own generator."""
+        self._streams.seed(index, rng)
+
+    def copy_from(self, other: RandomArmEpisodes) -> None:
+        """Go on as another object of as many environments will."""
+        self._streams.copy_from(other._streams)
+        others = {name: value for name, value in vars(other).items() if name not in ("chain", "_streams")}
+        self.__dict__.update(deepcopy(others))
+
+    def begin(self, ids: Ids, start: RandomArmStart = ANYTHING) -> None:
+        """Other arms, which have been looked at."""
+        errors, ball, budget, moves, look_noise, ball_noise, noise = np.split(
+            self._streams.draw(ids), np.cumsum(_PARTS)[:-1], axis=1
+        )
+        errors = errors * ERRORS.deviations(self.chain.joints).ravel()
+        nominal = np.tile(self.chain.placements, (len(ids), 1, 1))
+        self.placements[ids] = moved_frames(nominal, errors.reshape(-1, 6)).reshape(len(ids), -1, 4, 4)
+        low, high = _table() + np.outer((-MARGIN, MARGIN), np.ones(3))
+        self.balls[ids] = low + (high - low) * ball
+        rows = np.zeros((len(ids), SIZE))
+        rows[:, BALL] = self.balls[ids] + SIGMA * ball_noise
+        level = (budget[:, 0] * len(LOOKS)).astype(int)
+        for index, looks in enumerate(LOOKS):
+            own = np.flatnonzero(level == index)
+            if looks and len(own):
+                off = (errors[own] @ self._slopes[:looks].reshape(3 * looks, -1).T).reshape(len(own), looks, 3)
+                basis = _basis(self._places[:looks])
+                root = np.linalg.cholesky(basis.T @ basis / looks)
+                blur = SIGMA / math.sqrt(looks) * look_noise[own].reshape(-1, 3, 3) @ root.T
+                rows[own, SUMMARY] = summary(self._places[:looks], off) + blur.reshape(-1, 9)
+                rows[own, LOOKED] = looks
+        self._observed[ids], self._distances[ids] = rows, np.inf
+        self._moves[ids] = 1 + (MOVES * moves[:, 0]).astype(int)
+        self._noise[ids] = SIGMA * noise.reshape(len(ids), MOVES, 3)
+
+    def tips(self, q: Floats, rows: Any = slice(None)) -> Floats:
+        """Return where the true arms' tips are in postures, one for each of some rows [m], shape (m, 3)."""
+        return frames_of(np.swapaxes(self.placements[rows], 0, 1), q)[-1][:, :3, 3]
+
+    def step(self, actions: Floats, acting: Flags | None = None) -> Outcome:
+        """Move each arm to its ball."""
+        acting = np.ones(len(actions), dtype=np.bool_) if acting is None else acting
+        q = math.pi * np.clip(actions, -1.0, 1.0)
+        tips = self.tips(q)
+        done = self._observed[:, DONE].astype(int)
+        seen = tips + self._noise[np.arange(len(q)), np.minimum(done, MOVES - 1)]
+        after = after_move(self._observed, q, seen)
+        self._observed = np.where(acting[:, None], after, self._observed)
+        self._distances = np.where(acting, np.linalg.norm(tips - self.balls, axis=1), self._distances)
+        over = acting & (self._observed[:, DONE] >= self._moves)
+        info = {**self.start_info(), "is_success": self._distances < NEAR}
+        return Outcome(-np.where(acting, self._distances, 0.0), over, np.zeros_like(over), info)
+
+    def observe(self) -> Floats:
+        """Return the observations of all environments."""
+        return self._observed.copy()
+
+    def start_info(self) -> dict[str, Any]:
+        """Return the distances of the last moves, and where the balls are [m]."""
+        impossible = np.zeros(len(self.balls), dtype=np.bool_)
+        return {"distance": self._distances.copy(), "impossible": impossible, **self.goal_info()}
+
+    def goal_info(self) -> dict[str, Any]:
+        """Return the positions of the balls [m]."""
+        return {"goal": self.balls.copy()}
+
+    def close(self) -> None:
+        """Do nothing."""
+
+
+def after_move(observed: Floats, q: Floats, seen: Floats) -> Floats:
+    """Observations (m, 20) after moves to postures (m, 6) [rad], which brought the tips where they are seen (m, 3)."""
+    after, count = observed.copy(), observed[:, [DONE]]
+    off = seen - ur5().chain.positions(q)
+    after[:, OFF] = (count * observed[:, OFF] + off) / (count + 1)
+    after[:, MISSED] = seen - observed[:, BALL]
+    after[:, DONE] += 1
+    return after
+
+
+def _action_space() -> spaces.Box:
+    return spaces.Box(-1.0, 1.0, (6,))
+
+
+def _observation_space() -> spaces.Box:
+    return spaces.Box(-np.inf, np.inf, (SIZE,), dtype=np.float64)
+
+
+class RandomArmEnv(SingleEnv):
+    """One `kinreach/RandomArm-v0`; the module says what an episode is, and `RandomArmVectorEnv` the rest."""
+
+    metadata = {"render_modes": []}  # noqa: RUF012 (declared by Gymnasium)
+    render_mode = None
+
+    def __init__(self) -> None:
+        self.episodes = self._episodes = RandomArmEpisodes(1)
+        self.action_space, self.observation_space = _action_space(), _observation_space()
+
+    def _check_start(self, options: Mapping[str, Any] | None) -> RandomArmStart:
+        return _no_start(options)
+
+    def _check_action(self, action: ArrayLike) -> Floats:
+        check_not_over(self._over)
+        return check_actions(action, None)
+
+
+class RandomArmVectorEnv(NativeVectorEnv):
+    """A batch of `kinreach/RandomArm-v0`; the module says what an episode is.
+
+    An action is a posture, each angle divided by pi, shape (6,); an observation has 20 numbers. The reward is minus the
+    distance [m].
+
+    Args:
+        num_envs: Number of environments.
+        autoreset_mode: As of `NativeVectorEnv`.
+
+    Attributes:
+        episodes: What is true.
+    """
+
+    def __init__(self, num_envs: int = 1, *, autoreset_mode: AutoresetMode | str = AutoresetMode.SAME_STEP) -> None:
+        num_envs = check_batch(num_envs, 1, None)
+        self.episodes = RandomArmEpisodes(num_envs)
+        super().__init__(
+            self.episodes,
+            num_envs,
+            action_space=_action_space(),
+            observation_space=_observation_space(),
+            check_actions=partial(check_actions, count=num_envs),
+            check_start=_no_start,
+            autoreset_mode=autoreset_mode,
+            made_with={"num_envs": num_envs, "autoreset_mode": autoreset_mode},
+        )
+
+
+def _no_start(options: Mapping[str, Any] | None) -> RandomArmStart:
+    """Refuse whatever is asked for.
+
+    Raises:
+        InputError: Something is.
+    """
+    return RandomArmStart(*option_rows(options, {}, None))

@@ -1,0 +1,95 @@
+"""What a recipe is."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass, field
+from typing import Any
+
+from kinreach._checks import MAX_DISTANCE, check_count, check_number
+
+
+@dataclass(frozen=True)
+class Networks:
+    """Actor and critic.
+
+    Attributes:
+        hidden: Sizes of the hidden layers.
+        activation: `"tanh"`, `"silu"`, `"relu"`, `"elu"` or `"leaky_relu"`.
+        features: `"raw"`: the observation as it is; `"scaled"`: shifted and scaled by constants; `"goal waves"`: the
+            goal alone, scaled, and waves of it; `"waves"`: the same of all; `"button"`: scaled by the constants of the
+            button task; `"sights"`, `"arms"`: by those of rolling balls and of random arms, and waves; `"looks"`: what
+            convolutions say of both cameras' pictures, of ranked PPO only.
+        posture: Whether the actor's output is a change of the start pose [rad], small at first.
+        std: Standard deviation of the actions to begin with, where it is learned; 1 is half the range.
+    """
+
+    hidden: tuple[int, ...] = (64, 64)
+    activation: str = "tanh"
+    features: str = "raw"
+    posture: bool = False
+    std: float = 1.0
+
+
+@dataclass(frozen=True)
+class Recipe:
+    """Everything that a training run depends on, beside its seed.
+
+    Attributes:
+        name: As on the command line.
+        summary: What it is, in a sentence.
+        environment: Id of any registered environment whose observations are vectors; `module:id` imports the module.
+        options: Of the environment, as JSON values.
+        algorithm: Name of one that is registered, see `kinreach.baselines._algorithms.register_algorithm`.
+        steps: Actions that the learner takes.
+        num_envs: Environments in step.
+        reward: What the learner sees, key of `kinreach.baselines._rewards.REWARDS` or `module:function`; evaluation
+            always uses the environment's own.
+        blur: Standard deviation of the noise on observed goals in training [m]; of ranked PPO only.
+        margin: How far beyond the table area goals are drawn in training, on every side [m]; of ranked PPO only. The
+            border is then learned as well as the middle.
+        walk: Steps of the environment in which a posture is walked to in training; of ranked PPO only.
+        networks: Actor and critic.
+        settings: Keyword arguments of the algorithm, as JSON values; its entry in the registry says what
+            becomes of them (`mlp_arguments`, `ppo_arguments`, ...).
+        segments: Parts of the training, after each of which its state is kept.
+        window: Environment steps of a row of the learning curve.
+        trace_after: Environment steps after which one episode is kept step by step; None for none.
+
+    Raises:
+        InputError: A number that cannot be.
+    """
+
+    name: str
+    summary: str
+    environment: str
+    algorithm: str
+    steps: int
+    num_envs: int
+    reward: str = "own"
+    blur: float = 0.0
+    margin: float = 0.0
+    walk: int = 1
+    networks: Networks = field(default_factory=Networks)
+    settings: Mapping[str, Any] = field(default_factory=dict)
+    options: Mapping[str, Any] = field(default_factory=dict)
+    segments: int = 10
+    window: int = 1000
+    trace_after: int | None = None
+
+    def __post_init__(self) -> None:
+        for name in ("steps", "num_envs", "walk", "segments", "window"):
+            check_count(f"{name} of a recipe", getattr(self, name))
+        for name in ("blur", "margin"):
+            check_number(f"{name} of a recipe [m]", getattr(self, name), least=0.0, most=MAX_DISTANCE)
+        if self.trace_after is not None:
+            check_count("trace_after of a recipe", self.trace_after, least=0)
+
+    @property
+    def judged_in(self) -> dict[str, Any]:
+        """Options of the environment that its policies are judged in, where reaching ends an episode."""
+        return {name: value for name, value in self.options.items() if name != "end_on_reached"}
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return it as JSON types."""
+        return asdict(self)

@@ -1,0 +1,133 @@
+"""What learners see as reward in training; evaluation always uses the environment's own."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from functools import cache
+from typing import Any
+
+import numpy as np
+
+from kinreach._checks import check_known
+from kinreach._objects import load_object
+from kinreach.kinematics import Arm3Kinematics
+
+Array = np.ndarray[Any, Any]
+
+#: The environment's rewards, and the step's info as arrays of a batch, to what the learner sees, shape (n,). Where the
+#: learner acts step by step, `info["observation"]` is what the step led to, also where a new episode has begun since.
+TrainingReward = Callable[[Array, Mapping[str, Any]], Array]
+
+#: The thesis's -100 and -25 dwarf all that is to be learned at first; below this there are no differences.
+FLOOR = -30.0
+#: The same of learners whose critics are functions of the action, for which such differences are harder still: of the
+#: environment's reward, and of the dense one.
+CRITIC_FLOOR, CRITIC_DENSE_FLOOR = -5.0, -20.0
+#: Distance below which the dense reward has nothing left to gain [m], and its weight of the posture error.
+DENSE_DISTANCE, DENSE_POSTURE, DENSE_IMPOSSIBLE = 1e-5, 5.0, -200.0
+
+
+def own(rewards: Array, info: Mapping[str, Any]) -> Array:
+    """Return the environment's reward."""
+    return rewards
+
+
+def floored(rewards: Array, info: Mapping[str, Any]) -> Array:
+    """Return the environment's, not below `FLOOR`."""
+    return np.maximum(rewards, FLOOR)
+
+
+def dense(rewards: Array, info: Mapping[str, Any]) -> Array:
+    """-ln(d + 1e-5) - 5 r_e, and 200 less where the action was impossible.
+
+    The thesis's reward is flat within 1 cm of the goal, so that nothing finer can be learned from it; this one is steep
+    there. Among impossible actions it still says which was nearest.
+    """
+    near = -np.log(info["distance"] + DENSE_DISTANCE) - DENSE_POSTURE * info["posture_error"]
+    return near + np.where(info["impossible"], DENSE_IMPOSSIBLE, 0.0)
+
+
+def clipped(rewards: Array, info: Mapping[str, Any]) -> Array:
+    """Return the environment's, not below `CRITIC_FLOOR`."""
+    return np.maximum(rewards, CRITIC_FLOOR)
+
+
+def dense_clipped(rewards: Array, info: Mapping[str, Any]) -> Array:
+    """Return the dense one, not below `CRITIC_DENSE_FLOOR`."""
+    return np.maximum(dense(rewards, info), CRITIC_DENSE_FLOOR)
+
+
+#: A press pays 100; with this factor returns are of the order of 1, which suits the step sizes of a value network.
+SCALE = 0.05
+#: Weight of the distance to the goal posture [1/rad].
+POSTURE_WEIGHT = 0.3
+#: Branches of the closed form in the order in which they are taken. With its back to the target the arm reaches 97 % of
+#: them, facing it with the elbow up another 2 %: to one policy both, learned side by side, are harder than one.
+BRANCH_ORDER = (3, 0, 1, 2)
+#: Penalty of a wrong press while no episode reaches the goal yet, and when all do. Were it large from the start, the
+#: first thing learned would be never to press. At the end it exceeds the environment's 1: with a discount of 5 % a
+#: step, pressing on the chance that the target is near already would else pay.
+FIRST_PENALTY, LAST_PENALTY = 0.05, 10.0
+
+
+@cache
+def _kinematics() -> Arm3Kinematics:
+    return Arm3Kinematics(base="world")
+
+
+def goal_postures(goals: Array) -> Array:
+    """Return the posture of the closed form that training leads to for targets in the world [m], shape (n, 3).
+
+    Returns:
+        Joint angles [rad], shape (n, 3); NaN where no posture within the joint limits reaches the target.
+    """
+    found = _kinematics().batch(goals)
+    order = np.array(BRANCH_ORDER)
+    rows = np.arange(len(goals))
+    return found.q[rows, order[found.valid[:, order].argmax(axis=1)]]
+
+
+def scaled(rewards: Array, info: Mapping[str, Any]) -> Array:
+    """Return the environment's reward in other units."""
+    return SCALE * rewards
+
+
+def guided(rewards: Array, info: Mapping[str, Any]) -> Array:
+    """Return the environment's reward, less 0.3 times the distance in joint space to a posture that reaches the target.
+
+    The penalty of a wrong press grows with the square of the share of episodes that reach the goal.
+
+    Args:
+        rewards: Of the environment, shape (n,).
+        info: Of the step, with its `observation`, shape (n, 19), and `reached_lately`.
+    """
+    observation = info["observation"]
+    q = np.arctan2(observation[:, 3:6], observation[:, :3])
+    error = np.linalg.norm(q - goal_postures(observation[:, 6:9]), axis=1)
+    penalty = FIRST_PENALTY + (LAST_PENALTY - FIRST_PENALTY) * info["reached_lately"] ** 2
+    wrong = info["reward_terms"]["wrong_press"]  # -1 or 0
+    return SCALE * (rewards - wrong + penalty * wrong - POSTURE_WEIGHT * error)
+
+
+#: Training rewards by the name that recipes use.
+REWARDS: Mapping[str, TrainingReward] = {
+    "own": own,
+    "floored": floored,
+    "clipped": clipped,
+    "dense": dense,
+    "dense-clipped": dense_clipped,
+    "scaled": scaled,
+    "guided": guided,
+}
+
+
+def training_reward(name: str) -> TrainingReward:
+    """Return a training reward by name, or one of your own as `module:function`.
+
+    Raises:
+        InputError: There is none of that name; the message lists those that there are.
+    """
+    if ":" in name:
+        return load_object("training reward", name)
+    check_known("training reward", name, REWARDS)
+    return REWARDS[name]

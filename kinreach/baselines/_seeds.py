@@ -1,0 +1,163 @@
+"""All seeds of a recipe, each a job of an engine that may run elsewhere: what is to be kept comes back as values."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import ExitStack
+from dataclasses import dataclass, replace
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from typing import Any, NamedTuple
+
+from kinreach._files import locked, make_writable, read_bytes, replacing
+from kinreach._jobs import Engine
+from kinreach.baselines._recipes import Recipe, get_recipe
+from kinreach.baselines._training import (
+    CHECKPOINT,
+    MAX_CHECKPOINT,
+    RUN,
+    Run,
+    clear,
+    kept_run,
+    make_folder,
+    read_checkpoint,
+    run_identity,
+    segments,
+)
+
+
+@dataclass(frozen=True)
+class Training:
+    """A training as a job.
+
+    Attributes:
+        name: Of the recipe, as the user says it: a module of the user's is imported where the job runs.
+        recipe: What to train.
+        identity: Of the run.
+        export: As in `train`.
+        checkpoint: Content of the file to go on from, if there is one.
+    """
+
+    name: str
+    recipe: Recipe
+    identity: Mapping[str, Any]
+    export: bool
+    checkpoint: bytes | None
+
+
+class Kept(NamedTuple):
+    """What a training has left so far.
+
+    Attributes:
+        done: Actions.
+        files: Contents of the files of its folder, by their paths in there.
+        notices: Sentences for `notice`.
+    """
+
+    done: int
+    files: Mapping[str, bytes]
+    notices: tuple[str, ...]
+
+
+def train_seeds(
+    name: str,
+    folders: Mapping[int, Path],
+    engine: Engine,
+    *,
+    steps: int | None = None,
+    resume: bool = False,
+    fresh: bool = False,
+    threads: int = 1,
+    export: bool = False,
+    progress: Callable[[int, int], None] = lambda done, planned: None,
+    notice: Callable[[str], None] = lambda text: None,
+) -> Iterator[Run]:
+    """Train a recipe with several seeds, and yield each run as it is finished.
+
+    Each folder is what `train` makes of it, written after every segment; this process writes it, wherever the training
+    runs. So `resume` goes on from the last segments that came back.
+
+    Args:
+        name: Of the recipe, or `module:attribute`.
+        folders: Where to, by seed.
+        engine: That runs the trainings.
+        steps: Actions instead of the recipe's.
+        resume: As in `train`, of each.
+        fresh: As in `train`, of each.
+        threads: Of torch, in each training.
+        export: As in `train`.
+        progress: Called with the numbers of finished and of planned actions of all seeds.
+        notice: As in `train`.
+
+    Raises:
+        OutputError, InputError: As `train`.
+        ClusterError: The engine lost a training for good; what is finished stays.
+    """
+    recipe = get_recipe(name)
+    recipe = recipe if steps is None else replace(recipe, steps=steps)
+    with ExitStack() as stack:
+        jobs: list[Training] = []
+        finished: list[Run] = []
+        for seed, folder in folders.items():
+            identity = run_identity(recipe, seed, threads)
+            make_writable(folder)
+            stack.enter_context(locked(folder, "a training"))
+            if (run := kept_run(folder, identity, resume=resume, fresh=fresh, export=export)) is not None:
+                finished.append(run)
+                continue
+            make_folder(folder)
+            checkpoint = None
+            if resume and (path := folder / CHECKPOINT).exists():
+                read_checkpoint(path, identity)  # refuses that of another run
+                checkpoint = read_bytes(path, "the checkpoint", most=MAX_CHECKPOINT)
+            jobs.append(Training(name, recipe, identity, export, checkpoint))
+        yield from finished
+        done = dict.fromkeys(range(len(jobs)), 0)
+        for index, kept in engine.map(train_here, jobs, threads=threads):
+            job = jobs[index]
+            folder = folders[job.identity["seed"]]
+            _write(folder, kept.files, going_on=done[index] > 0 or job.checkpoint is not None)
+            done[index] = kept.done
+            progress(sum(done.values()) + recipe.steps * len(finished), recipe.steps * len(folders))
+            for text in kept.notices:
+                notice(text)
+            if RUN in kept.files and (run := kept_run(folder, job.identity)) is not None:
+                yield run
+
+
+def train_here(job: Training) -> Iterator[Kept]:
+    """Train in a temporary folder of this machine; after each segment, and in the end, what is in there."""
+    if ":" in job.name:
+        get_recipe(job.name)
+    notices: list[str] = []
+    with TemporaryDirectory(prefix="kinreach-") as name:
+        folder = Path(name)
+        if job.checkpoint is not None:
+            (folder / CHECKPOINT).write_bytes(job.checkpoint)
+        done = 0
+        for policy in segments(
+            job.recipe, folder, job.identity, resume=True, export=job.export, notice=notices.append
+        ):  # fmt: skip
+            done = policy.card.steps
+            yield Kept(done, _contents(folder), tuple(notices))
+            notices.clear()
+        yield Kept(done, _contents(folder), tuple(notices))
+
+
+def _contents(folder: Path) -> dict[str, bytes]:
+    files = sorted(path for path in folder.rglob("*") if path.is_file())
+    return {path.relative_to(folder).as_posix(): path.read_bytes() for path in files}
+
+
+def _write(folder: Path, files: Mapping[str, bytes], *, going_on: bool) -> None:
+    """Write what came back, and last what says that the run is finished.
+
+    Raises:
+        OutputError: The file system refused.
+    """
+    clear(folder, going_on=going_on)
+    for name in sorted(files, key=lambda name: (name == RUN, name)):
+        path = folder / name
+        path.parent.mkdir(exist_ok=True)
+        with replacing(path) as temporary:
+            temporary.write_bytes(files[name])

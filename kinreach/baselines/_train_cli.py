@@ -1,0 +1,236 @@
+"""The command line of training."""
+
+from __future__ import annotations
+
+import argparse
+from collections.abc import Iterator, Mapping, Sequence
+from functools import partial
+from operator import itemgetter
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from rich.progress import BarColumn, Progress, TaskID, TextColumn, TimeElapsedColumn, TimeRemainingColumn
+from rich.table import Table
+
+from kinreach._checks import MAX_THREADS, check_count, check_known, check_path
+from kinreach._jobs import RAY, SERIAL, Engine, add_options, open_engine
+from kinreach._terminal import Console
+from kinreach.baselines._evaluation import SPLITS, TABLE_WIDTH, evaluate, evaluation_table
+from kinreach.baselines._policies import LearnedPolicy
+from kinreach.baselines._recipes import RECIPES, Recipe, get_recipe
+from kinreach.cli import Parser, quoted
+from kinreach.errors import InputError, InstallationError
+
+if TYPE_CHECKING:
+    from kinreach.baselines._training import Run
+
+#: Trials of a search that are shown.
+SHOWN = 10
+#: Goals that a finished policy is tried on; `evaluate` does it properly.
+GOALS = 1000
+#: Which of them, unless the user says so: a recipe may be changed because of what is printed.
+SPLIT = "validation"
+#: Options that a search does not take: its file says these things, and it runs on Ray.
+OF_RECIPES = ("seed", "seeds", "steps", "split", "engine", "export", "fresh")
+
+
+def main(argv: Sequence[str], *, prog: str) -> int:
+    """Train one recipe with one seed or several.
+
+    Args:
+        argv: Arguments without the program's name.
+        prog: How the user called it, for messages.
+
+    Returns:
+        Exit code 0; anything else is raised.
+
+    Raises:
+        KinreachError: Bad input, packages for training that are not installed, a folder that cannot be written.
+        KeyboardInterrupt: With a message that says what was kept.
+    """
+    parser = _parser(prog)
+    arguments = parser.parse_args(argv)
+    if (arguments.recipe is None) == (arguments.search is None):
+        raise InputError("say a RECIPE, or a --search")
+    if arguments.search is not None:
+        for name in OF_RECIPES:
+            if getattr(arguments, name) not in (parser.get_default(name), RAY):
+                raise InputError(f"--{name} is not for --search, whose file says what is tried")
+        return _search(arguments)
+    recipe = get_recipe(arguments.recipe)
+    for name in ("seeds", "steps", "threads"):
+        value = getattr(arguments, name)
+        if value is not None and value < 1:
+            raise InputError(f"--{name} must be at least 1, got {value}")
+    if arguments.seed < 0:
+        raise InputError(f"--seed must not be negative, got {arguments.seed}")
+    check_count("--seed plus --seeds", arguments.seed + arguments.seeds, most=2**31)
+    check_count("--threads", arguments.threads, most=MAX_THREADS)
+    check_known("split", arguments.split, SPLITS)
+    if arguments.resume and arguments.fresh:
+        raise InputError("--resume goes on with a run, --fresh replaces it: one of them")
+    if not arguments.out:
+        raise InputError("--out must name a folder, got ''")
+    out = check_path("--out", arguments.out)
+    console = Console(width=TABLE_WIDTH, highlight=False, markup=False, emoji=False)
+    seeds = range(arguments.seed, arguments.seed + arguments.seeds)
+    folders = {seed: out / recipe.name / f"seed-{seed}" for seed in seeds}
+    policies = {}
+    with open_engine(arguments.engine, arguments.address) as engine:
+        for run in _runs(recipe, folders, engine, arguments, prog):
+            words = f"{run.folder}: {run.seconds:.0f} s, {run.cpu_seconds:.0f} s of processor time"
+            console.print(words, soft_wrap=True)
+            policies[run.card.seed] = run.policy
+        judge = partial(_judge, arguments.recipe, arguments.split)
+        found = sorted(engine.map(judge, [policies[seed] for seed in seeds]), key=itemgetter(0))
+    evaluations = {f"seed {seeds[number]}": summary for number, summary in found}
+    console.print(evaluation_table(evaluations, title=f"{recipe.name}, {GOALS} {arguments.split} goals"))
+    again = f"kinreach evaluate {quoted(str(out / recipe.name))}/seed-*/policy.safetensors"
+    console.print(f"Held-out goals, more of them, dynamics, cameras: {again}", style="dim", soft_wrap=True)
+    return 0
+
+
+def _search(arguments: argparse.Namespace) -> int:
+    """Search by a file, and show the best trials."""
+    try:
+        from kinreach.baselines._search import JUDGES, read_search, search
+    except ImportError as error:
+        raise InstallationError(f"training needs more packages ({error.name}): pip install 'kinreach[train]'") from None
+    file = check_path("--search", arguments.search)
+    given = read_search(file)
+    check_count("--threads", arguments.threads, most=MAX_THREADS)
+    out = check_path("--out", arguments.out) / f"search-{file.stem}"
+    with open_engine(RAY, arguments.address):
+        results = search(given, out, resume=arguments.resume, threads=arguments.threads)
+    table = Table(title=f"{given.recipe}, {given.goals} validation goals", title_style="bold", box=None)
+    names = [*given.ranges, "steps", *JUDGES, "status"]
+    for name in names:
+        table.add_column(name)
+    for row in results["trials"][:SHOWN]:
+        table.add_row(*(f"{row[name]:.4g}" if isinstance(row[name], float) else str(row[name]) for name in names))
+    console = Console(width=TABLE_WIDTH, highlight=False, markup=False, emoji=False)
+    console.print(table)
+    console.print(f"All trials, and the best one's recipe: {out}", style="dim", soft_wrap=True)
+    return 0
+
+
+def _judge(name: str, split: str, policy: LearnedPolicy) -> Iterator[dict[str, Any]]:
+    """Evaluate a policy that was trained by a recipe, as a job."""
+    yield evaluate(policy, goals=GOALS, seed=SPLITS[split], options=get_recipe(name).judged_in).summary()
+
+
+def _runs(
+    recipe: Recipe, folders: Mapping[int, Path], engine: Engine, arguments: argparse.Namespace, prog: str
+) -> Iterator[Run]:
+    """Train under a progress bar; Ctrl-C becomes a line that says how to go on."""
+    try:
+        from kinreach.baselines._seeds import train_seeds  # the only imports that need the extra
+        from kinreach.baselines._training import train
+    except ImportError as error:
+        raise InstallationError(f"training needs more packages ({error.name}): pip install 'kinreach[train]'") from None
+    errors = Console(stderr=True)
+    common: dict[str, Any] = {
+        name: getattr(arguments, name) for name in ("steps", "resume", "fresh", "threads", "export")
+    }
+    common["notice"] = lambda text: errors.print(text, highlight=False, markup=False, emoji=False, soft_wrap=True)
+    columns = (
+        TextColumn("{task.description}"),
+        BarColumn(),
+        TextColumn("{task.percentage:3.0f} %"),
+        TimeElapsedColumn(),
+        TimeRemainingColumn(),
+        TextColumn("{task.fields[figures]}"),
+    )
+    writing = next(iter(folders.values())).parent
+    try:
+        with Progress(*columns, console=errors, transient=True, disable=not errors.is_terminal) as bar:
+            if arguments.engine != SERIAL:
+                all_of_them = bar.add_task(f"{recipe.name}, {len(folders)} seeds", total=None, figures="")
+
+                def show_all(done: int, planned: int) -> None:
+                    bar.update(all_of_them, completed=done, total=planned)
+
+                yield from train_seeds(arguments.recipe, folders, engine, progress=show_all, **common)
+                return
+            for seed, writing in folders.items():
+                shown = bar.add_task(f"{recipe.name}, seed {seed}", total=None, figures="")
+
+                def show(done: int, planned: int, row: dict[str, float | None], shown: TaskID = shown) -> None:
+                    bar.update(shown, completed=done, total=planned, figures=_figures(row))
+
+                run = train(recipe, writing, seed=seed, progress=show, **common)
+                bar.remove_task(shown)
+                yield run
+    except KeyboardInterrupt:
+        again = f"{prog} {' '.join(map(quoted, _again(arguments)))}"
+        raise KeyboardInterrupt(f"interrupted; what is in {writing} is kept; go on with: {again}") from None
+
+
+def _again(arguments: argparse.Namespace) -> list[str]:
+    """Return the arguments that go on with what was interrupted."""
+    words = [arguments.recipe, "--seed", str(arguments.seed)]
+    defaults = {"seeds": 1, "steps": None, "threads": 1, "split": SPLIT, "engine": SERIAL, "address": None}
+    for name, default in defaults.items():
+        value = getattr(arguments, name)
+        words += [] if value == default else [f"--{name}", str(value)]
+    words += ["--export"] if arguments.export else []
+    return [*words, "--out", str(arguments.out), "--resume"]
+
+
+def _figures(row: dict[str, float | None]) -> str:
+    """Return the last row of the learning curve, without what is None."""
+    parts = []
+    if row["reward"] is not None:
+        parts.append(f"reward {row['reward']:.2f}")
+    if row["reached"] is not None:
+        parts.append(f"reached {100 * row['reached']:.0f} %")
+    if row["distance"] is not None:
+        parts.append(f"{1e3 * row['distance']:.1f} mm")
+    return ", ".join(parts)
+
+
+def _parser(prog: str) -> Parser:
+    lines = [f"  {name:<{max(map(len, RECIPES))}}  {recipe.summary}" for name, recipe in RECIPES.items()]
+    parser = Parser(
+        prog=prog,
+        description="Train a policy by a recipe; the folder gets policy.safetensors, curve.csv and run.json.",
+        epilog="recipes:\n" + "\n".join(lines),
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+    )
+    parser.add_argument(
+        "recipe", nargs="?", metavar="RECIPE", help="what to train: one of those below, or module:RECIPE of your own"
+    )
+    parser.add_argument("--seed", type=int, default=0, metavar="S", help="the first seed (default: %(default)s)")
+    parser.add_argument("--seeds", type=int, default=1, metavar="K", help="how many seeds (default: %(default)s)")
+    parser.add_argument(
+        "--search",
+        metavar="FILE",
+        help="instead of a recipe: ranges of one's settings, a budget and validation goals, for Ray Tune",
+    )
+    parser.add_argument("--steps", type=int, metavar="N", help="actions to train for (default: the recipe's)")
+    parser.add_argument(
+        "--out", metavar="DIR", default="results/train", help="runs go into DIR/RECIPE/seed-S (default: %(default)s)"
+    )
+    parser.add_argument("--resume", action="store_true", help="go on from the last checkpoint; keep what is finished")
+    parser.add_argument("--fresh", action="store_true", help="replace another run that is finished in the folder")
+    parser.add_argument(
+        "--export",
+        action="store_true",
+        help="write stable-baselines3's own model.zip too",
+    )
+    parser.add_argument(
+        "--split",
+        default=SPLIT,
+        metavar="GOALS",
+        help="goals that the policies are tried on: validation, by which settings may be chosen, or held-out, "
+        "for which nothing may be chosen (default: %(default)s)",
+    )
+    parser.add_argument(
+        "--threads",
+        type=int,
+        default=1,
+        metavar="T",
+        help="of torch; part of what a policy follows from (default: %(default)s)",
+    )
+    add_options(parser)
+    return parser

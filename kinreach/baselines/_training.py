@@ -1,0 +1,574 @@
+"""Training runs: from a recipe and a seed to a policy, a learning curve and what it takes to go on.
+
+A run is a sequence of segments. Each begins with fresh episodes and generators that follow from the seed and the
+number of the segment alone, so that a run that went on from the state after any segment gives the same policy as one
+that was never interrupted. What a run depends on is its identity: recipe, seed, threads and versions. A folder holds
+one run, is written by one training at a time, and says in `run.json`, which is written last, that the run is finished.
+"""
+
+from __future__ import annotations
+
+import io
+import json
+import math
+import pickle
+import random
+import time
+import warnings
+import zipfile
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import torch
+from gymnasium import spaces
+from stable_baselines3.common.base_class import BaseAlgorithm
+from stable_baselines3.common.callbacks import BaseCallback
+from stable_baselines3.common.logger import configure
+from stable_baselines3.common.off_policy_algorithm import OffPolicyAlgorithm
+from stable_baselines3.common.on_policy_algorithm import OnPolicyAlgorithm
+
+from kinreach import _provenance as provenance
+from kinreach._checks import MAX_THREADS, check_count, check_path, shown
+from kinreach._files import locked, make_writable, open_input, read_text, replacing, write_text
+from kinreach.baselines._evaluation import HELD_OUT
+from kinreach.baselines._learning_curve import COLUMNS, TRACE_COLUMNS, LearningCurve, curve_csv
+from kinreach.baselines._models import Trainee, build
+from kinreach.baselines._policies import LearnedPolicy, load_policy
+from kinreach.baselines._policy_file import PolicyCard, save_policy
+from kinreach.baselines._recipes import Recipe
+from kinreach.errors import InputError, OutputError, TrainingError
+
+CHECKPOINT, POLICY, CURVE, EPISODE, RUN, MODEL = (
+    "checkpoint.pt",
+    "policy.safetensors",
+    "curve.csv",
+    "episode.csv",
+    "run.json",
+    "model.zip",
+)
+#: Folder of TensorBoard's logs, in that of the run.
+TENSORBOARD = "tensorboard"
+#: Sizes of what is read again [bytes]; a checkpoint has the replay buffer.
+MAX_RUN, MAX_CHECKPOINT = 16 * 1024 * 1024, 64 * 1024**3
+#: Of torch's and numpy's generators.
+MAX_SEED = 2**31 - 1
+#: Called with actions done, actions planned, and the last row of the learning curve by column.
+Progress = Callable[[int, int, dict[str, float | None]], None]
+#: Attributes of algorithms that change during training, as far as an algorithm has them.
+_COUNTERS = ("num_timesteps", "_n_updates", "_episode_num", "_n_calls", "exploration_rate", "rate")
+_CURVE = ("rows", "steps", "episodes", "trace", "traced", "_sums", "_counted", "_ended")
+_BUFFER = ("observations", "next_observations", "actions", "rewards", "dones", "timeouts")
+
+
+@dataclass(frozen=True)
+class Run:
+    """A finished training run.
+
+    Attributes:
+        folder: Where its files are.
+        card: Of its policy.
+        policy: The policy.
+        seconds: Wall time of the call that finished it.
+        cpu_seconds: CPU time of that call.
+    """
+
+    folder: Path
+    card: PolicyCard
+    policy: LearnedPolicy
+    seconds: float
+    cpu_seconds: float
+
+
+def _warn(text: str) -> None:
+    warnings.warn(text, stacklevel=5)
+
+
+def train(
+    recipe: Recipe,
+    folder: str | Path,
+    *,
+    seed: int = 0,
+    steps: int | None = None,
+    resume: bool = False,
+    fresh: bool = False,
+    threads: int = 1,
+    export: bool = False,
+    progress: Progress = lambda done, planned, row: None,
+    notice: Callable[[str], None] = _warn,
+) -> Run:
+    """Train a policy.
+
+    Writes into the folder: `policy.safetensors`, `curve.csv`, `run.json` (recipe, seed, threads, versions, digests of
+    the code that had a part in it, times), TensorBoard's logs, and, until it is done, `checkpoint.pt`. Without
+    `resume` the training begins anew, and what is left there of the same run, or of one that was interrupted, is
+    replaced. Another finished run stays, unless `fresh` is set.
+
+    Only one training at a time in a process: the generators of `random`, `numpy` and torch are seeded, as
+    stable-baselines3 does it, and stay where the training leaves them; torch's number of threads is as before.
+
+    Args:
+        recipe: What to train.
+        folder: Where to; created if need be.
+        seed: Of networks, exploration and training goals.
+        steps: Actions instead of the recipe's.
+        resume: Go on from the checkpoint in the folder, if there is one that can be read; keep the same run, if it is
+            finished; refuse to touch another one.
+        fresh: Replace whatever run is in the folder, another one that is finished, too.
+        threads: Of torch. Another number gives another policy, from the same seed.
+        export: Write stable-baselines3's own `model.zip` too. Loading such a file with stable-baselines3 can run code:
+            do so only with your own.
+        progress: Called with the numbers of finished and of planned actions, and the last row of the learning curve.
+        notice: Called with a sentence if a checkpoint was made by other code or cannot be read; by default a
+            `UserWarning`.
+
+    Raises:
+        OutputError: The folder cannot be written, or another training is writing there.
+        InputError: An argument cannot be used, what the recipe trains cannot be exported, or another run stands in the
+            folder.
+        TrainingError: A reward, an observation, a loss or a weight became NaN or infinite; the last checkpoint is kept.
+    """
+    if not isinstance(recipe, Recipe):
+        raise InputError(f"recipe must be a Recipe, see `get_recipe`; got {shown(recipe)}")
+    seed = check_count("seed", seed, least=0, most=MAX_SEED)
+    threads = check_count("threads", threads, most=MAX_THREADS)
+    steps = None if steps is None else check_count("steps", steps)
+    folder = check_path("folder", folder)
+    if resume and fresh:
+        raise InputError("resume goes on with a run, fresh replaces it: one of them")
+    recipe = recipe if steps is None else replace(recipe, steps=steps)
+    identity = run_identity(recipe, seed, threads)
+    make_writable(folder)
+    with locked(folder, "a training"):
+        if (done := kept_run(folder, identity, resume=resume, fresh=fresh, export=export)) is not None:
+            return done
+        for _ in segments(recipe, folder, identity, resume=resume, export=export, progress=progress, notice=notice):
+            pass
+        return _run_in(folder)
+
+
+def run_identity(recipe: Recipe, seed: int, threads: int) -> dict[str, Any]:
+    """Return what a run depends on, as JSON values.
+
+    Raises:
+        InputError: The recipe has settings or options that are not JSON values.
+    """
+    try:
+        written = json.dumps(
+            {"recipe": recipe.to_dict(), "seed": seed, "threads": threads, "versions": _versions()}, allow_nan=False
+        )
+    except (TypeError, ValueError) as error:
+        raise InputError(f"settings and options of the recipe {recipe.name} must be JSON values: {error}") from None
+    return json.loads(written)
+
+
+def kept_run(
+    folder: Path, identity: Mapping[str, Any], *, resume: bool = True, fresh: bool = False, export: bool = False
+) -> Run | None:
+    """Return the run in a folder, if it is finished and to be kept; remove nothing.
+
+    Args:
+        folder: Of the run.
+        identity: What `run.json` must say, unless `fresh` is set.
+        resume: Whether it is to be kept.
+        fresh: Whether whatever is there is to be replaced.
+        export: Whether it must have stable-baselines3's own file as well.
+
+    Raises:
+        InputError: It is another run, or lacks what it must have: it is not for us to remove.
+    """
+    if fresh or not _holds(folder, identity) or not resume:
+        return None
+    if export and not (folder / MODEL).exists():
+        raise InputError(f"{folder} holds this run finished without {MODEL}; train it again without --resume")
+    _remove(folder, (CHECKPOINT,))
+    return _run_in(folder)
+
+
+def _run_in(folder: Path) -> Run:
+    """Return the finished run in a folder."""
+    run = json.loads(read_text(folder / RUN, "the run", most=MAX_RUN))
+    policy = load_policy(folder / POLICY)
+    return Run(folder, policy.card, policy, float(run["seconds"]), float(run["cpu_seconds"]))
+
+
+def _holds(folder: Path, identity: Mapping[str, Any]) -> bool:
+    """Return whether this run is in a folder, finished.
+
+    Raises:
+        InputError: It is another run: it is not for us to remove.
+    """
+    if not (folder / POLICY).exists() or (not (folder / RUN).exists() and (folder / CHECKPOINT).exists()):
+        return False
+    otherwise = "train into another folder, or replace it with --fresh (fresh=True)"
+    try:
+        run = json.loads(read_text(folder / RUN, "the run", most=MAX_RUN))
+        _ = float(run["seconds"]), float(run["cpu_seconds"])
+    except (OSError, ValueError, KeyError, TypeError):
+        raise InputError(f"{folder} holds a policy, and no {RUN} that says of which run; {otherwise}") from None
+    if differences := _differences(run, identity):
+        raise InputError(f"{folder} holds a finished run with {differences}; {otherwise}")
+    return True
+
+
+def _differences(run: Mapping[str, Any], identity: Mapping[str, Any]) -> str:
+    """Return what another run has instead of what this one has, in words; empty where they are the same."""
+    other, wanted = dict(_flat(run)), dict(_flat(identity))
+    names = [*wanted, *(name for name in other if name not in wanted and name.partition(".")[0] in identity)]
+    found = [
+        f"{name} {shown(other.get(name))}, not {shown(wanted.get(name))}"
+        for name in names
+        if (name in other) != (name in wanted) or other.get(name) != wanted.get(name)
+    ]
+    return "; ".join([*found[:3], f"{len(found) - 3} more"] if len(found) > 3 else found)
+
+
+def _flat(values: Mapping[str, Any], prefix: str = "") -> Iterator[tuple[str, Any]]:
+    """Values of nested objects by their dotted names."""
+    for name, value in values.items():
+        if isinstance(value, dict) and value:
+            yield from _flat(value, f"{prefix}{name}.")
+        else:
+            yield f"{prefix}{name}", value
+
+
+def segments(
+    recipe: Recipe,
+    folder: Path,
+    identity: Mapping[str, Any],
+    *,
+    resume: bool,
+    export: bool = False,
+    progress: Progress = lambda done, planned, row: None,
+    notice: Callable[[str], None] = _warn,
+) -> Iterator[LearnedPolicy]:
+    """Train, and yield the policy after each segment; arguments and errors as in `train`.
+
+    What a segment leaves is in the folder by then, and the finished run when there are no more.
+    torch computes with the threads of the identity meanwhile.
+    """
+    others = torch.get_num_threads()
+    torch.set_num_threads(identity["threads"])
+    try:
+        yield from _segments(recipe, folder, identity, resume, export, progress, notice)
+    finally:
+        torch.set_num_threads(others)
+
+
+def make_folder(folder: Path) -> None:
+    """Create the folder of a run, and what is in it for logs.
+
+    Raises:
+        OutputError: One of them cannot be written, or something else has its name.
+    """
+    make_writable(folder)
+    make_writable(folder / TENSORBOARD)
+
+
+def clear(folder: Path, *, going_on: bool) -> None:
+    """Remove what an earlier training left and this one will write; what it goes on from stays.
+
+    Raises:
+        OutputError: The file system refused.
+    """
+    _remove(folder, (RUN, POLICY, MODEL) if going_on else (RUN, POLICY, MODEL, CURVE, EPISODE))
+
+
+def _segments(
+    recipe: Recipe,
+    folder: Path,
+    identity: Mapping[str, Any],
+    resume: bool,
+    export: bool,
+    progress: Progress,
+    notice: Callable[[str], None],
+) -> Iterator[LearnedPolicy]:
+    make_folder(folder)
+    seed, source = identity["seed"], provenance.source_digest()
+    clock, cpu = time.perf_counter(), time.process_time()
+    checkpoint = folder / CHECKPOINT
+    going_on = resume and checkpoint.exists()
+    state = read_checkpoint(checkpoint, identity) if going_on else None
+    trainee = build(recipe, _entropy(seed, 0)[0], steps=recipe.steps)
+    first = 0
+    sources: list[str] = []
+    if state is not None:
+        try:
+            first, sources = restore(trainee, state)
+        except (LookupError, TypeError, AttributeError, RuntimeError, ValueError):
+            trainee.env.close()
+            trainee = build(recipe, _entropy(seed, 0)[0], steps=recipe.steps)
+    if going_on and not first:
+        notice(f"{checkpoint} cannot be read: the training starts over")
+    if sources and sources[-1] != source:
+        was = f"{checkpoint} was made by other code of kinreach ({sources[-1]}, now {source})"
+        notice(f"{was}: the policy may not be that of an uninterrupted run")
+    sources = sources if sources[-1:] == [source] else [*sources, source]
+    model = trainee.model
+    model.set_logger(configure(str(folder / TENSORBOARD), ["tensorboard"]))
+    try:
+        clear(folder, going_on=first > 0)
+        if first:  # the run may have been killed between its checkpoint and its curve
+            _write_curves(folder, trainee.curve)
+        for segment, target in enumerate(_targets(recipe, model)):
+            if segment < first:
+                continue
+            _begin_segment(trainee, seed, segment)
+            try:
+                _learn(trainee, target, _Report(trainee, recipe.steps, progress))
+            except TrainingError as error:
+                kept = "the last checkpoint is kept" if segment else "there is no checkpoint yet"
+                raise TrainingError(f"{error} after {model.num_timesteps} actions; {kept}") from error
+            _end_segment(trainee)
+            save_checkpoint(checkpoint, {**identity, "sources": sources}, segment, trainee)
+            _write_curves(folder, trainee.curve)
+            yield LearnedPolicy(_card(recipe, identity, trainee), trainee.network)
+    finally:
+        trainee.env.close()
+        model.logger.close()
+    seconds, cpu_seconds = time.perf_counter() - clock, time.process_time() - cpu
+    save_policy(folder / POLICY, _card(recipe, identity, trainee), trainee.network)
+    if export:
+        archive = io.BytesIO()
+        model.save(archive)
+        with replacing(folder / MODEL) as temporary:
+            temporary.write_bytes(archive.getbuffer())
+    run = {**identity, "sources": sources, "steps": model.num_timesteps, "seconds": seconds, "cpu_seconds": cpu_seconds,
+           "resumed": first > 0, "machine": provenance.machine()}  # fmt: skip
+    write_text(folder / RUN, json.dumps(run, indent=2) + "\n")
+    _remove(folder, (CHECKPOINT,))
+
+
+def _card(recipe: Recipe, identity: Mapping[str, Any], trainee: Trainee) -> PolicyCard:
+    """Return the card of the policy that has been trained so far."""
+    model, network = trainee.model, trainee.network
+    discrete = isinstance(model.action_space, spaces.Discrete)
+    return PolicyCard(
+        environment=recipe.environment,
+        meaning="preferences" if discrete else "posture" if recipe.networks.posture else "action",
+        activation=network.activation,
+        output=network.output,
+        algorithm=recipe.algorithm,
+        recipe=identity["recipe"],
+        seed=identity["seed"],
+        steps=model.num_timesteps,
+        versions=identity["versions"],
+        goal_seeds=goal_seeds(identity["seed"], len(_targets(recipe, model))),
+    )
+
+
+def _remove(folder: Path, names: Iterable[str]) -> None:
+    """Remove files, as far as they are there.
+
+    Raises:
+        OutputError: The file system refused.
+    """
+    for name in names:
+        try:
+            (folder / name).unlink(missing_ok=True)
+        except OSError as error:
+            raise OutputError(f"cannot remove {folder / name}: {error.strerror or error}") from error
+
+
+def save_checkpoint(path: Path, identity: dict[str, Any], segment: int, trainee: Trainee) -> None:
+    """Write the state after a segment, whole or not at all.
+
+    Args:
+        path: Of the file.
+        identity: Of the run; `sources`, digests of the code that had a part in the state.
+        segment: Its number.
+        trainee: In that state.
+
+    Raises:
+        OutputError: The file system refused.
+    """
+    model, curve = trainee.model, trainee.curve
+    state: dict[str, Any] = {
+        "identity": identity,
+        "segment": segment,
+        "parameters": model.get_parameters(),
+        "variables": {name: getattr(model, name).detach() for name in _variables(model)},
+        "counters": {name: getattr(model, name) for name in _COUNTERS if hasattr(model, name)},
+        "curve": {name: getattr(curve, name) for name in _CURVE},
+    }
+    if isinstance(model, OffPolicyAlgorithm) and model.replay_buffer is not None:
+        buffer: Any = model.replay_buffer
+        kept = buffer.buffer_size if buffer.full else buffer.pos
+        arrays = {name: torch.from_numpy(getattr(buffer, name)[:kept]) for name in _BUFFER}
+        state["buffer"] = {"arrays": arrays, "pos": buffer.pos, "full": buffer.full}
+    content = io.BytesIO()  # torch's own file writer reports a full disk as a damaged archive
+    torch.save(state, content)
+    with replacing(path) as temporary:
+        temporary.write_bytes(content.getbuffer())
+
+
+def read_checkpoint(path: Path, identity: Mapping[str, Any]) -> dict[str, Any] | None:
+    """Return the state after the last segment, or None where it cannot be read.
+
+    Args:
+        path: Of the file.
+        identity: Of the run.
+
+    Raises:
+        InputError: It is the state of another run, not a regular file, or too large.
+    """
+    file = open_input(path, "the checkpoint", most=MAX_CHECKPOINT)
+    try:
+        if not zipfile.is_zipfile(file):  # torch would try it as a plain pickle, and warn before it refuses
+            return None
+        file.seek(0)
+        state: dict[str, Any] = torch.load(file, weights_only=True)
+        other = dict(state["identity"])
+    except (OSError, pickle.UnpicklingError, RuntimeError, LookupError, TypeError, EOFError, ValueError):
+        return None
+    finally:
+        file.close()
+    if differences := _differences(other, identity):
+        raise InputError(
+            f"{path} belongs to a run with {differences}; train without --resume to begin anew, or into another folder"
+        )
+    return state
+
+
+def restore(trainee: Trainee, state: Mapping[str, Any]) -> tuple[int, list[str]]:
+    """Put a fresh trainee into the state of a checkpoint of the same run.
+
+    Returns:
+        The number of the next segment, and `sources`: digests of the code that had a part in the state.
+    """
+    model, curve = trainee.model, trainee.curve
+    model.set_parameters(state["parameters"], exact_match=True)
+    for name in _variables(model):
+        getattr(model, name).data.copy_(state["variables"][name])
+    for name in (name for name in _COUNTERS if hasattr(model, name)):
+        setattr(model, name, state["counters"][name])
+    for name in _CURVE:
+        setattr(curve, name, state["curve"][name])
+    if "buffer" in state:
+        buffer: Any = model.replay_buffer  # type: ignore[attr-defined]
+        for name in _BUFFER:
+            rows = state["buffer"]["arrays"][name]
+            getattr(buffer, name)[: len(rows)] = rows.numpy()
+        buffer.pos, buffer.full = state["buffer"]["pos"], state["buffer"]["full"]
+    return int(state["segment"]) + 1, [str(source) for source in state["identity"]["sources"]]
+
+
+def _variables(model: BaseAlgorithm) -> list[str]:
+    """Return names of tensors that are not parameters of a module, such as SAC's entropy coefficient."""
+    return list(model._get_torch_save_params()[1])
+
+
+def _write_curves(folder: Path, curve: LearningCurve) -> None:
+    write_text(folder / CURVE, curve_csv(curve.rows))
+    if curve.traced and curve.trace:
+        write_text(folder / EPISODE, curve_csv(curve.trace, TRACE_COLUMNS))
+
+
+class _Report(BaseCallback):
+    """Passes on how far the training is, with each new row of the learning curve."""
+
+    def __init__(self, trainee: Trainee, planned: int, progress: Progress) -> None:
+        super().__init__()
+        self._trainee, self._planned, self._progress = trainee, planned, progress
+        self._rows = len(trainee.curve.rows)
+
+    def _on_rollout_start(self) -> None:
+        for name, value in self.logger.name_to_value.items():  # of the update before
+            if "loss" in name and not math.isfinite(value):
+                raise TrainingError(f"{name} became {value:g}")
+
+    def _on_step(self) -> bool:
+        rows = self._trainee.curve.rows
+        if len(rows) > self._rows:
+            self._rows = len(rows)
+            row = dict(zip(COLUMNS, rows[-1], strict=True))
+            for name in COLUMNS[2:]:
+                if row[name] is not None:
+                    self.logger.record(f"curve/{name}", row[name])
+            self.logger.dump(self.num_timesteps)
+            self._progress(self.num_timesteps, self._planned, row)
+        return True
+
+
+def _learn(trainee: Trainee, target: int, callback: BaseCallback) -> None:
+    """Train until `target` actions are done.
+
+    Raises:
+        TrainingError: Something became NaN or infinite.
+    """
+    model = trainee.model
+    try:
+        model.learn(
+            target - model.num_timesteps,
+            callback=callback,
+            reset_num_timesteps=False,
+            log_interval=None,  # type: ignore[arg-type]
+        )
+    except ValueError:  # of torch's distributions, whose parameters must be finite
+        _check_parameters(model)
+        raise
+    _check_parameters(model)
+
+
+def _check_parameters(model: BaseAlgorithm) -> None:
+    """Refuse networks with weights that are not finite.
+
+    Raises:
+        TrainingError: There are some; the message names them.
+    """
+    for name, value in model.policy.named_parameters():
+        if not torch.isfinite(value).all():
+            raise TrainingError(f"the network's {name} became NaN or infinite")
+
+
+def _targets(recipe: Recipe, model: BaseAlgorithm) -> list[int]:
+    """Actions done after each segment, in whole updates."""
+    update = model.n_envs * (model.n_steps if isinstance(model, OnPolicyAlgorithm) else 1)
+    updates = math.ceil(recipe.steps / update)
+    segments = min(recipe.segments, updates)
+    return [update * (updates * (index + 1) // segments) for index in range(segments)]
+
+
+def _begin_segment(trainee: Trainee, seed: int, segment: int) -> None:
+    """Fresh episodes, and generators that follow from seed and segment."""
+    ours, torchs, numpys, environments = _entropy(seed, segment + 1)
+    random.seed(ours)
+    torch.manual_seed(torchs)
+    np.random.seed(numpys)
+    trainee.model.action_space.seed(ours)
+    trainee.env.seed(environments)
+    trainee.model._last_obs = None
+
+
+def _end_segment(trainee: Trainee) -> None:
+    """Close the curve's window, and cut what the replay buffer holds of the episodes that end here.
+
+    A return over several steps goes on to the next row unless this one ended or was cut off, and the next one will be
+    of another episode. The 1-step returns of a row that is cut off are those of one that is not.
+    """
+    trainee.curve.cut()
+    buffer = getattr(trainee.model, "replay_buffer", None)
+    if buffer is not None:
+        last = buffer.pos - 1
+        buffer.timeouts[last] = np.maximum(buffer.timeouts[last], 1 - buffer.dones[last])
+
+
+def goal_seeds(seed: int, segments: int) -> dict[str, Any]:
+    """Seeds of all goals that a policy has to do with, as its card says them.
+
+    Args:
+        seed: Of the training.
+        segments: Parts of the training.
+    """
+    return {"training": [_entropy(seed, index + 1)[3] for index in range(segments)], "held_out": HELD_OUT}
+
+
+def _entropy(seed: int, key: int) -> list[int]:
+    return [int(word >> 1) for word in np.random.SeedSequence(seed, spawn_key=(key,)).generate_state(4)]
+
+
+def _versions() -> dict[str, str]:
+    found = provenance.versions(("numpy", "torch", "stable-baselines3", "mujoco"))
+    return {name: str(version) for name, version in found.items() if name != "kinreach-source"}

@@ -1,0 +1,251 @@
+"""The command line of the comparison."""
+
+from __future__ import annotations
+
+import argparse
+import re
+from collections.abc import Iterator, Mapping, Sequence
+from itertools import count
+from pathlib import Path
+from textwrap import fill
+from typing import Any
+
+from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
+
+from kinreach._checks import check_path
+from kinreach._jobs import add_options
+from kinreach._objects import load_object
+from kinreach._provenance import digest
+from kinreach._statistics import tables
+from kinreach._terminal import Console
+from kinreach.cli import HELP, Parser, quoted
+from kinreach.compare._options import Flag, add_flags, flags_of, given_options
+from kinreach.compare._runner import CAMERA, DEFAULT_GOALS, GEOMETRIC, compare, notes
+from kinreach.compare._task import Task, get_task, register_task, task_names
+from kinreach.errors import InputError, OtherResultsError
+from kinreach.robots import ArmDescription, arm_names, as_arm
+from kinreach.robots._flags import ARM_FLAGS, add_arm_flags, arm_of
+
+#: Width that the tables for people fit into [characters].
+TABLE_WIDTH = 100
+#: Longest setting that is part of the default folder's name as it is [characters].
+MAX_PART = 40
+
+
+def main(argv: Sequence[str], *, prog: str) -> int:
+    """Run a comparison and print its tables.
+
+    Args:
+        argv: Arguments without the program's name.
+        prog: How the user called it, for messages and for the command in the results.
+
+    Returns:
+        Exit code 0; anything else is raised.
+
+    Raises:
+        KinreachError: Bad input, a directory that cannot be written, a missing package.
+        KeyboardInterrupt: With a message that says what was kept.
+    """
+    parser = _parser(prog)
+    known, _ = parser.parse_known_args([word for word in argv if word not in HELP])  # which task, before its flags
+    task = _task(known.task)
+    flags = flags_of(task.environment, task.options, taken=("help", *vars(known)))
+    add_flags(parser, f"options of the task {task.name}", flags)
+    arguments = parser.parse_args(argv)
+    methods = [name.strip() for name in arguments.methods.split(",")] if arguments.methods is not None else []
+    texts = {name: getattr(arguments, name) for name in flags if getattr(arguments, name) is not None}
+    arm = _arm(arguments)
+    own = None if arguments.out is None else check_path("--out", arguments.out)
+    default = Path("results") / _default_folder(task.name, "" if arm is None else as_arm(arm).name, arguments, texts)
+    out, results = _measure(
+        task,
+        methods,
+        iter([own]) if own is not None else _numbered(default),
+        goals=arguments.goals,
+        seed=arguments.seed,
+        arm=arm,
+        observation=arguments.observation,
+        options=given_options(flags, texts, arguments.observation),
+        fresh=arguments.fresh,
+        engine=arguments.engine,
+        address=arguments.address,
+        command=_command(prog, arguments, flags, texts, own),
+    )
+    console = Console(width=TABLE_WIDTH, highlight=False, markup=False, emoji=False)
+    for table in tables(task.columns, results["methods"], title=results["settings"]["title"], width=TABLE_WIDTH):
+        console.print(table)
+        console.print()
+    files = ["results.json", "results.csv", "report.html", *(f"{name}.png" for name in task.figures)]
+    scene = out / "scene.png"
+    lines = [
+        *notes(task, results),
+        f"Again: {results['settings']['command']}",
+        f"In {out}: {', '.join(files)}",
+        f"Scene: {scene}" if scene.is_file() else "No picture of the scene: report.html says why.",
+    ]
+    for line in lines:
+        console.print(line, style="dim", soft_wrap=True)
+    return 0
+
+
+def _task(name: str) -> Task:
+    """Return a registered task, or one of a module of the user's: `"module:attribute"`."""
+    known = task_names()
+    if ":" not in name:
+        return get_task(name)
+    task = load_object("task", name)
+    if not isinstance(task, Task):
+        raise InputError(f"{name} is not a Task")
+    return register_task(task) if task.name in known or task.name not in task_names() else get_task(task.name)
+
+
+def _arm(arguments: argparse.Namespace) -> str | ArmDescription | None:
+    """Return the arm that the flags describe: its name where it is a registered one as it is."""
+    changed = [name for name in ARM_FLAGS if getattr(arguments, name)]
+    if arguments.arm is None:
+        if changed:
+            raise InputError(f"--{changed[0].replace('_', '-')} needs --arm")
+        return None
+    return arguments.arm if not changed and arguments.arm in arm_names() else arm_of(arguments.arm, arguments)
+
+
+def _default_folder(task: str, arm: str, arguments: argparse.Namespace, texts: Mapping[str, str]) -> str:
+    """Return the name of the folder for results: the task, and every setting that is not the default.
+
+    Text that is too long, or that is not fit for a name, is replaced by a digest of it.
+    """
+    methods = "" if arguments.methods is None else arguments.methods.replace(" ", "")
+    given = [getattr(arguments, name) for name in ARM_FLAGS]
+    about = digest(repr(given).encode())[:8] if any(given) else ""
+    parts = [arm, about, "camera" if arguments.observation == CAMERA else "", methods]
+    parts += [f"goals{arguments.goals}"] if arguments.goals != DEFAULT_GOALS else []
+    parts += [f"seed{arguments.seed}"] if arguments.seed != 0 else []
+    parts += [f"{name}{text}" for name, text in texts.items()]
+    short = []
+    for part in filter(None, parts):
+        text = part.replace(",", "+")
+        plain = len(text) <= MAX_PART and re.fullmatch(r"[\w.+-]+", text, re.ASCII)
+        short.append(text if plain else digest(text.encode())[:8])
+    return "-".join([f"compare-{task}", *short])
+
+
+def _numbered(folder: Path) -> Iterator[Path]:
+    """Yield a folder, then the same with a number."""
+    yield folder
+    yield from (Path(f"{folder}-{number}") for number in count(2))
+
+
+def _measure(
+    task: Task, methods: Sequence[str], folders: Iterator[Path], **arguments: Any
+) -> tuple[Path, dict[str, Any]]:
+    """Compare under a progress bar; Ctrl-C becomes a line that says what is kept.
+
+    Args:
+        task: As in `compare`.
+        methods: As in `compare`.
+        folders: Results go into the first one without those of another comparison.
+        **arguments: Of `compare`.
+
+    Returns:
+        The folder, and what `compare` returns.
+    """
+    out = next(folders)
+    columns = (TextColumn("comparing"), BarColumn(), MofNCompleteColumn(), TimeElapsedColumn(), TimeRemainingColumn())
+    errors = Console(stderr=True)
+    # Drawn between trials, not by a thread of its own that would run into the decisions that are timed.
+    hidden = not errors.is_terminal
+    with Progress(*columns, console=errors, transient=True, auto_refresh=False, disable=hidden) as bar:
+        trials = bar.add_task("comparing", total=None)
+
+        def update(done: int, total: int) -> None:
+            if bar.tasks[trials].total is None and done:
+                errors.print(f"Going on from an interrupted run: {done} of {total} trials kept (--fresh starts over).")
+            bar.update(trials, completed=done, total=total, refresh=True)
+
+        try:
+            while True:
+                try:
+                    return out, compare(task, methods, out=out, progress=update, **arguments)
+                except OtherResultsError:
+                    following = next(folders, None)
+                    if following is None:
+                        raise
+                    out = following
+        except KeyboardInterrupt:
+            kept = f"{bar.tasks[trials].completed:.0f} finished trials are kept in {out}"
+            raise KeyboardInterrupt(f"interrupted; {kept}; the same command goes on from there") from None
+
+
+def _command(
+    prog: str, arguments: argparse.Namespace, flags: Mapping[str, Flag], texts: Mapping[str, str], out: Path | None
+) -> str:
+    """Return the command that gives the same again; defaults are left out."""
+    words = [prog, "--task", arguments.task]
+    for name in ("arm", "methods"):
+        value = getattr(arguments, name)
+        words += [] if value is None else [f"--{name}", quoted(value)]
+    for name in ARM_FLAGS:
+        if value := getattr(arguments, name):
+            words += [f"--{name.replace('_', '-')}", *([] if value is True else [quoted(value)])]
+    words += ["--goals", str(arguments.goals), "--seed", str(arguments.seed)]
+    words += [] if arguments.observation == GEOMETRIC else ["--observation", arguments.observation]
+    for name, text in texts.items():
+        words += [flags[name].spelled, quoted(text)]
+    return " ".join([*words, *([] if out is None else ["--out", quoted(str(out))])])
+
+
+class _Parser(Parser):
+    """A parser whose help lists the methods of all tasks, which are loaded only then."""
+
+    def format_help(self) -> str:
+        """Return the help with its list of methods."""
+        lines = [f"methods of {name}: {', '.join(get_task(name).methods)}" for name in task_names()]
+        lines.append(
+            "other methods: a policy's file (policy.safetensors, a stable-baselines3 model.zip, model.zip@multi), or "
+            "module:attribute of a solver, a policy or a function of your own"
+        )
+        # filled here: argparse would break names at their hyphens
+        self.epilog = "\n".join(fill(line, 79, subsequent_indent="  ", break_on_hyphens=False) for line in lines)
+        return super().format_help()
+
+
+def _parser(prog: str) -> Parser:
+    parser = _Parser(
+        prog=prog,
+        description="Put all methods on the same goals and report how they do.",
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+    )
+    parser.add_argument(
+        "--task",
+        default="ur5",
+        help=f"one of: {', '.join(task_names())}; or module:attribute (default: %(default)s)",
+    )
+    parser.add_argument(
+        "--arm",
+        metavar="NAME",
+        help="another arm for the tasks ur5, space and arm3: its name, a URDF file, or module:attribute; by default "
+        "with solvers, and the policies that were trained for it",
+    )
+    add_arm_flags(parser)
+    parser.add_argument("--methods", metavar="A,B", help="methods to compare, see below (default: all of the task's)")
+    parser.add_argument("--goals", type=int, default=DEFAULT_GOALS, metavar="N", help="default: %(default)s")
+    parser.add_argument("--seed", type=int, default=0, metavar="S", help="of the goals (default: %(default)s)")
+    parser.add_argument(
+        "--observation",
+        default=GEOMETRIC,
+        help="what methods observe: the true goal (geometric), or what the cameras saw (camera: --task ur5 or space, "
+        "needs OpenGL) (default: %(default)s)",
+    )
+    parser.add_argument(
+        "--out",
+        metavar="DIR",
+        help="where results go (default: results/compare-TASK, and the settings that are not the default, such as "
+        "results/compare-ur5-lm-goals20)",
+    )
+    parser.add_argument(
+        "--fresh",
+        action="store_true",
+        help="do not go on from an interrupted comparison in DIR, and write over another one's results",
+    )
+    add_options(parser)
+    return parser

@@ -1,0 +1,153 @@
+"""Draw a comparison as curves: shares and errors of each method against a tolerance, steps, speeds or looks."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from typing import Any
+
+import numpy as np
+from matplotlib.figure import Figure
+from matplotlib.patheffects import withStroke
+from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
+
+from kinreach._statistics import Trial, bootstrap_intervals, median, wilson_interval
+from kinreach.compare._figures import Value, by_method, colours_in, origin
+from kinreach.compare._task import Draw
+from kinreach.plots import key, label_ends, name_label, new_figure, plain
+
+
+def draw_success(trials: Sequence[Trial], results: Mapping[str, Any]) -> Figure:
+    """Draw the share of goals within any tolerance, with dots and 95 % intervals where the table reports it."""
+    figure, (axes,) = new_figure(
+        "Share of goals reached within a tolerance", size=(7.6, 4.6), note=origin(results), grid="both"
+    )
+    methods = results["methods"]
+    near = by_method(trials, results, lambda t: None if t["impossible"] else max(1e3 * t["distance"], 1e-6))
+    tolerances = np.array([float(mm) for mm in methods[0]["success_at_mm"]])
+    low = min([tolerances.min(), *(np.percentile(found, 2) for found in near.values() if found.size)])
+    low, high = 10 ** np.floor(np.log10(low)), 1.3 * tolerances.max()
+    for rank, (method, colour) in enumerate(zip(methods, colours_in(results), strict=True)):
+        found = np.sort(near[method["name"]])
+        shares = 100 * np.arange(1, found.size + 1) / method["goals"]
+        last = shares[-1] if found.size else 0.0
+        axes.step([low, *found, high], [0.0, *shares, last], where="post", color=colour, lw=1.6)
+        at = 100 * np.array([*method["success_at_mm"].values()])
+        bounds = 100 * np.array([*method["success_at_mm_ci"].values()])
+        error = np.maximum([at - bounds[:, 0], bounds[:, 1] - at], 0.0)
+        axes.errorbar(tolerances, at, error, color=colour, ls="", marker="o", ms=3.5, elinewidth=1, zorder=3)
+        wanted = 92 - 84 * (rank + 0.5) / len(methods)  # each name at another height, beside its own line
+        seen = found[found <= high]
+        index = min(int(np.searchsorted(shares, wanted)), max(seen.size - 1, 0))
+        place = (seen[index], shares[index]) if seen.size else (tolerances.max() / 3, 2.0)
+        axes.annotate(
+            name_label(method["name"]), place, xytext=(5, 0), textcoords="offset points", color=colour, weight="bold",
+            fontsize=8.5, va="center", path_effects=[withStroke(linewidth=3, foreground="white")], zorder=4,
+        )  # fmt: skip
+    axes.set(xscale="log", xlim=(low, high), ylim=(-3, 103), xlabel="tolerance [mm]")
+    axes.xaxis.set_major_formatter(FuncFormatter(plain))
+    axes.xaxis.set_minor_formatter(NullFormatter())
+    axes.yaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:.0f} %"))
+    key(axes, "line: all goals, sorted by distance · dot: reported, with its 95 % interval")
+    return figure
+
+
+def draw_pressed(trials: Sequence[Trial], results: Mapping[str, Any]) -> Figure:
+    """Draw the share of goals reached so far against the steps of the episode, with its interval at the end."""
+    figure, (axes,) = new_figure("Share of goals pressed so far", size=(7.6, 4.4), note=origin(results), grid="both")
+    most = max(trial["steps"] for trial in trials)
+    reached = by_method(trials, results, lambda t: t["steps"] if t["reached"] else None)
+    colours = dict(zip(reached, colours_in(results), strict=True))
+    ends = {}
+    for rank, method in enumerate(results["methods"]):
+        name = method["name"]
+        steps = np.sort(reached[name])
+        shares = 100 * np.arange(len(steps) + 1) / method["goals"]
+        axes.step([0, *steps, most], [*shares, shares[-1]], where="post", color=colours[name], lw=1.8)
+        end = 100 * method["reached"]
+        low, high = 100 * np.array(method["reached_ci"])
+        at = most * (1 + 0.012 * (1 + rank))  # side by side, so that equal methods do not hide each other
+        axes.errorbar(at, end, [[end - low], [high - end]], color=colours[name], marker="o", ms=4, elinewidth=1.4)
+        ends[name] = (at, end)
+    axes.set(xlim=(0, most * (1.02 + 0.012 * len(ends))), ylim=(-3, 103), xlabel="steps of the episode")
+    axes.yaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:.0f} %"))
+    label_ends(axes, ends, colours)
+    key(axes, "dot: at the end of the episodes, with its 95 % interval")
+    return figure
+
+
+def draw_speeds(trials: Sequence[Trial], results: Mapping[str, Any]) -> Figure:
+    """Draw the share of balls that are touched against their speed, with Wilson's 95 % interval."""
+    figure, (axes,) = new_figure("Rolling balls that are touched", size=(7.6, 4.4), note=origin(results), grid="both")
+    names = [method["name"] for method in results["methods"]]
+    colours = dict(zip(names, colours_in(results), strict=True))
+    speeds = sorted({trial["speed"] for trial in trials})
+    ends = {}
+    for rank, name in enumerate(names):
+        rates = []
+        for speed in speeds:
+            own = [trial["reached"] for trial in trials if trial["method"] == name and trial["speed"] == speed]
+            rates.append((np.mean(own), *wilson_interval(sum(own), len(own))))
+        rate, low, high = 100 * np.array(rates).T
+        at = np.array(speeds) + 0.004 * rank  # side by side, so that equal methods do not hide each other
+        axes.errorbar(
+            at, rate, np.maximum([rate - low, high - rate], 0.0), color=colours[name], marker="o", ms=4, lw=1.6,
+            elinewidth=1,
+        )  # fmt: skip
+        ends[name] = (at[-1], rate[-1])
+    axes.set(xlim=(0.0, max(speeds) * 1.03), ylim=(-3, 103), xlabel="speed of the ball [m/s]")
+    axes.yaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:.0f} %"))
+    label_ends(axes, ends, colours)
+    key(axes, "share of balls, all three kinds of paths, with 95 % intervals")
+    return figure
+
+
+def draw_looks(budgets: Sequence[int], error_mm: Callable[[int, int], Value]) -> Draw:
+    """Draw the error against looks before, with the median's 95 % interval over robots, directions and balls.
+
+    Left: in the first move to a ball. Right: in the second, having seen the tip beside it.
+
+    Args:
+        budgets: Numbers of looks, as far as they were measured.
+        error_mm: From a number of looks and of corrections to a trial's error [mm].
+    """
+
+    def draw(trials: Sequence[Trial], results: Mapping[str, Any]) -> Figure:
+        figure, panels = new_figure(
+            "Everything a little wrong: what looks are worth",
+            size=(10.6, 4.8),
+            columns=2,
+            note=origin(results),
+            grid="y",
+        )
+        measured = [budget for budget in budgets if any(f"error_{budget}_0" in trial for trial in trials)]
+        colours = dict(zip((method["name"] for method in results["methods"]), colours_in(results), strict=True))
+        ends: tuple[dict[str, tuple[float, float]], ...] = ({}, {})
+        for again, axes in enumerate(panels):
+            samples = {budget: by_method(trials, results, error_mm(budget, again)) for budget in measured}
+            for method, colour in colours.items():
+                found = [
+                    (place, median(sample[method]), *bootstrap_intervals(sample[method], (median,))[0])
+                    for place, sample in enumerate(samples.values())
+                    if sample[method].size
+                ]
+                if not found:
+                    continue
+                place, middle, low, high = np.array(found).T
+                axes.fill_between(place, low, high, color=colour, alpha=0.15, linewidth=0)
+                axes.plot(place, middle, color=colour, marker="o", ms=4, lw=1.6)
+                ends[again][method] = (place[-1], middle[-1])
+            axes.set(yscale="log", xlim=(-0.2, len(measured) - 0.8), xlabel="looks before")
+            axes.set_xticks(range(len(measured)), [str(budget) for budget in measured])
+            axes.yaxis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
+            axes.yaxis.set_major_formatter(FuncFormatter(plain))
+            axes.yaxis.set_minor_formatter(NullFormatter())
+            move = ("first move", "second move, having seen the first")[again]
+            key(axes, f"{move} · median distance to the ball [mm]")
+        low, high = (extreme(axes.get_ylim()[side] for axes in panels) for side, extreme in ((0, min), (1, max)))
+        for axes, last in zip(panels, ends, strict=True):
+            axes.set_ylim(low, high)
+            if last:
+                label_ends(axes, last, colours)
+        return figure
+
+    return draw

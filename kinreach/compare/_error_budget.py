@@ -1,0 +1,98 @@
+"""Where the distance that is left after a move comes from: seeing, deciding, moving.
+
+From the goal to the tip it is three steps: to where the goal was seen, from there to where forward kinematics puts the
+tip in the commanded posture, and from there to where the tip is in the simulation. Lengths of vectors do not add up,
+but their components along one direction do: each step's component along the line from the goal to the tip is its part
+of the distance. The three parts sum to the distance, goal by goal and therefore also in the mean; a part is negative
+where its step takes the tip back towards the goal.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import NamedTuple
+
+import numpy as np
+
+from kinreach._checks import Floats
+from kinreach._statistics import MEAN, QUANTILES, Column, Trial
+
+#: Title of the table.
+BUDGET_TABLE = "Where the distance comes from"
+#: What the numbers of a budget mean, for people.
+BUDGET_MEANING = "component of each error along the line from the goal to the tip, mean over completed moves"
+
+
+class Budget(NamedTuple):
+    """Parts of one distance [m]; their sum is the distance."""
+
+    seeing: float
+    deciding: float
+    moving: float
+
+
+def budget(goal: Floats, seen: Floats, meant: Floats, tip: Floats) -> Budget:
+    """Divide the distance from the goal to the tip into its parts; all points in the world [m], shape (3,).
+
+    Args:
+        goal: Where the goal is.
+        seen: Where the method observed it.
+        meant: Where the tip would be in the commanded posture.
+        tip: Where the tip is.
+    """
+    whole = tip - goal
+    distance = float(np.linalg.norm(whole))
+    if distance == 0.0:
+        return Budget(0.0, 0.0, 0.0)
+    direction = whole / distance
+    return Budget(*(float(step @ direction) for step in (seen - goal, meant - seen, tip - meant)))
+
+
+def completed(trial: Trial) -> bool:
+    """Return whether the move was possible."""
+    return not trial["impossible"]
+
+
+def posture_error_mm(trial: Trial) -> float | None:
+    """Return what the commanded posture misses, by forward kinematics, of where the goal was seen [mm]."""
+    return None if trial["status"] == "forfeited" else _between(trial, "target_tip", "seen")
+
+
+def seen_error_mm(trial: Trial) -> float | None:
+    """Return how far from the goal the cameras saw it [mm]; None if they did not look or find it."""
+    return _between(trial, "seen", "goal") or None
+
+
+def _between(trial: Trial, start: str, end: str) -> float | None:
+    a, b = trial.get(start), trial.get(end)
+    return None if a is None or b is None else 1e3 * float(np.linalg.norm(np.subtract(a, b)))
+
+
+def _part(name: str) -> Callable[[Trial], float | None]:
+    """Return a part of a completed trial's distance [mm]."""
+
+    def value(trial: Trial) -> float | None:
+        points = [trial.get(point) for point in ("goal", "seen", "target_tip", "tip")]
+        if not completed(trial) or any(point is None for point in points):
+            return None
+        return 1e3 * getattr(budget(*map(np.array, points)), name)
+
+    return value
+
+
+def _moved(trial: Trial) -> float | None:
+    return _between(trial, "tip", "target_tip") if completed(trial) else None
+
+
+def _distance(trial: Trial) -> float | None:
+    return None if _part("seeing")(trial) is None else 1e3 * trial["distance"]
+
+
+BUDGET_COLUMNS = (
+    Column("ik_error_mm", posture_error_mm, QUANTILES, "posture's own\nerror, mm", table=BUDGET_TABLE),
+    Column("move_error_mm", _moved, QUANTILES, "controller's\nerror, mm", table=BUDGET_TABLE),
+    Column("budget_mm.seeing", _part("seeing"), MEAN, "seeing\nmm", "mean", BUDGET_TABLE),
+    Column("budget_mm.deciding", _part("deciding"), MEAN, "+ deciding\nmm", "mean", BUDGET_TABLE),
+    Column("budget_mm.moving", _part("moving"), MEAN, "+ moving\nmm", "mean", BUDGET_TABLE),
+    Column("budget_mm.distance", _distance, MEAN, "= distance\nmean mm", "mean", BUDGET_TABLE),
+)

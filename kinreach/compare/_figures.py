@@ -1,0 +1,261 @@
+"""Draw a comparison: a row of dots per method, and the bars of the error budget; a task names its figures.
+
+A method has the same colour in every figure and is named next to its data. Every function takes
+all trials and the contents of `results.json`; those with parameters return such a function.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.ticker import FuncFormatter, NullFormatter
+
+from kinreach._files import replacing
+from kinreach._statistics import Trial, median, number, p95
+from kinreach.compare._task import Draw
+from kinreach.plots import FAINT, INK, PALETTE, key, name_label, new_figure, plain, verbatim
+
+#: Of the files.
+DPI = 160
+#: Errors below this are rounding noise; the axis ends here [mm].
+SMALLEST_ERROR_MM = 1e-13
+#: Name of the row of what the cameras saw.
+CAMERAS = "cameras"
+#: Least share of a budget that has room for its label [%].
+MIN_LABELLED = 9.0
+
+Value = Callable[[Trial], float | None]
+
+
+def write_figures(
+    drawings: Mapping[str, Draw], out: Path, trials: Sequence[Trial], results: Mapping[str, Any]
+) -> dict[str, Path]:
+    """Write figures into a directory, as PNG.
+
+    Returns:
+        The files by the titles of the figures.
+
+    Raises:
+        OutputError: The file system refused.
+    """
+    written = {}
+    for name, draw in drawings.items():
+        figure = draw(trials, results)
+        path = written[figure.get_suptitle()] = out / f"{name}.png"
+        with replacing(path) as temporary:
+            figure.savefig(temporary, dpi=DPI, facecolor="white")
+    return written
+
+
+def draw_errors(posture_error_mm: Value, seen_error_mm: Value) -> Draw:
+    """Draw every trial's distance to the goal: of the posture by itself, and after the move.
+
+    With cameras, the first row is how far from the goal they saw it, and its median a line through both panels.
+
+    Args:
+        posture_error_mm: What a trial's commanded posture misses by itself [mm].
+        seen_error_mm: How far from the goal it was seen [mm].
+    """
+
+    def draw(trials: Sequence[Trial], results: Mapping[str, Any]) -> Figure:
+        figure, (left, right) = _strips_figure(results, "Distance from the tip to the goal", columns=2)
+        posture = by_method(trials, results, lambda t: _at_least(posture_error_mm(t), SMALLEST_ERROR_MM))
+        moved = by_method(trials, results, lambda t: _at_least(1e3 * t["distance"], SMALLEST_ERROR_MM))
+        drawn = f"dot: one goal · bar: median · errors below {number(SMALLEST_ERROR_MM)} mm are drawn at it"
+        colours, source, target = colours_in(results), "by forward kinematics", "in the simulation"
+        seen = np.concatenate([*by_method(trials, results, seen_error_mm).values()])
+        if seen.size:
+            goals = len({trial["goal_index"] for trial in trials})
+            first = {CAMERAS: seen[:goals]}  # one method's trials are all the looks there were
+            posture, moved, colours = first | posture, first | moved, [FAINT, *colours]
+            for axes in (left, right):
+                axes.axvline(median(first[CAMERAS]), color=FAINT, lw=1, ls="--", zorder=0)
+            source, target = "to where the cameras saw the goal", "to where the goal is"
+            drawn += "\ncameras: from where they saw the goal to where it is, its median dashed"
+        draw_strips(left, posture, colours, f"posture found, {source} [mm]")
+        draw_strips(right, moved, colours, f"after the move, {target} [mm]")
+        limits = [axes.get_xlim() for axes in (left, right)]
+        for axes in (left, right):  # the same scale, so that the two can be compared by eye
+            axes.set_xlim(min(low for low, _ in limits), max(high for _, high in limits))
+        right.tick_params(labelleft=False)
+        key(left, drawn)
+        return figure
+
+    return draw
+
+
+def draw_times(trials: Sequence[Trial], results: Mapping[str, Any]) -> Figure:
+    """Draw the wall time of the decisions on every goal, and its median without the acceptance tests."""
+    figure, (axes,) = _strips_figure(results, "Time to decide per goal, acceptance tests included")
+    whole = by_method(trials, results, lambda t: 1e3 * t["solve_s"])
+    own = by_method(trials, results, lambda t: 1e3 * (t["solve_s"] - (t.get("accept_s") or 0.0)))
+    draw_strips(axes, whole, colours_in(results), "wall time, one thread [ms]")
+    for row, values in enumerate(own.values()):
+        if values.size:
+            axes.plot(median(values), row + 0.34, marker="D", ms=5, mfc="white", mec=INK, ls="")
+    key(axes, "dot: one goal · bar: median · diamond: median without the acceptance tests")
+    return figure
+
+
+def draw_budget(parts: Sequence[str], meaning: str) -> Draw:
+    """Draw what each method's mean distance consists of, as a bar of 100 % with millimetres beside it.
+
+    Shares, because the distances of methods differ by orders of magnitude. A part that takes the tip back towards the
+    goal is drawn to the left of zero; the others then are more than 100 %.
+
+    Args:
+        parts: Their names in `budget_mm` of a method's results, beside the whole, `distance`.
+        meaning: What the numbers mean, for people.
+    """
+    colours = dict(zip(parts, (PALETTE[5], PALETTE[1], PALETTE[2]), strict=True))
+
+    def draw(trials: Sequence[Trial], results: Mapping[str, Any]) -> Figure:
+        methods = results["methods"]
+        figure, (axes,) = new_figure(
+            "Where the distance comes from", size=(9.0, 1.8 + 0.42 * len(methods)), note=origin(results), grid="x"
+        )
+        low, high = 0.0, 100.0
+        for row, method in enumerate(methods):
+            left, right = _budget_bar(axes, row, method["budget_mm"], colours)
+            low, high = min(low, left), max(high, right)
+        axes.set_yticks(range(len(methods)), [name_label(method["name"]) for method in methods], weight="bold")
+        axes.set(ylim=(len(methods) - 0.5, -0.5), xlim=(low, high))
+        axes.set_xlabel(f"share of the mean distance [%]\n{meaning}", fontsize=9)
+        for name, colour in colours.items():
+            axes.barh(0, 0, color=colour, label=name)
+        axes.legend(
+            loc="lower left", bbox_to_anchor=(0, 1.0), ncols=len(colours), frameon=False, fontsize=9, labelcolor=INK,
+            borderpad=0.2, handlelength=1.2,
+        )  # fmt: skip
+        return figure
+
+    return draw
+
+
+def _budget_bar(
+    axes: Axes, row: int, budget: Mapping[str, float | None], colours: Mapping[str, str]
+) -> tuple[float, float]:
+    """Draw one method's bar; return how far it reaches to the left and to the right [%]."""
+    distance = budget["distance"]
+    if not distance:
+        axes.annotate("none" if distance is None else "0", (2, row), va="center", fontsize=8.5, color=FAINT)
+        return 0.0, 0.0
+    parts = {name: float(budget[name] or 0.0) for name in colours}
+    ends = {False: 0.0, True: 0.0}  # of the bar so far, to the right and to the left
+    for name, part in parts.items():
+        share, negative = 100 * part / distance, part < 0
+        axes.barh(row, share, left=ends[negative], height=0.6, color=colours[name])
+        if abs(share) >= MIN_LABELLED:
+            at = ends[negative] + share / 2
+            axes.annotate(f"{share:.0f} %", (at, row), ha="center", va="center", fontsize=8, color=INK)
+        ends[negative] += share
+    text = " + ".join(number(part) for part in parts.values()).replace("+ -", "- ")
+    axes.annotate(
+        f"{text} = {number(distance)} mm", (1.02, row), xycoords=("axes fraction", "data"), va="center",
+        fontsize=8.5, color=INK, annotation_clip=False,
+    )  # fmt: skip
+    return ends[True], ends[False]
+
+
+def draw_strip_grid(
+    title: str, strips: Mapping[str, tuple[Value, bool]], *, marks: Mapping[str, float], legend: str
+) -> Draw:
+    """Draw a row of dots per method for each of several values, two side by side.
+
+    Args:
+        title: Of the figure.
+        strips: Label of each axis -> the value of a trial, and whether it is a count.
+        marks: Label of an axis -> where a dashed line is drawn.
+        legend: What is drawn.
+    """
+
+    def draw(trials: Sequence[Trial], results: Mapping[str, Any]) -> Figure:
+        rows = (len(strips) + 1) // 2
+        size = (9.6, 1.0 * rows + 0.6 * rows * len(results["methods"]))
+        figure, axes = new_figure(title, size=size, rows=rows, columns=2, note=origin(results), grid="x")
+        for place, (panel, (label, (value, counts))) in enumerate(zip(axes, strips.items(), strict=False)):
+            draw_strips(panel, by_method(trials, results, value), colours_in(results), label, counts=counts)
+            if label in marks:
+                panel.axvline(marks[label], color=FAINT, lw=1, ls="--", zorder=0)
+            if place % 2:
+                panel.tick_params(labelleft=False)
+        key(axes[0], legend)
+        return figure
+
+    return draw
+
+
+def draw_strips(
+    axes: Axes, values: Mapping[str, Any], colours: Sequence[str], label: str, *, counts: bool = False
+) -> None:
+    """Draw a row of dots per name on a log axis, with median and 95th percentile in numbers.
+
+    Args:
+        axes: Empty.
+        values: Of each row, shape (n,); positive unless they are counts.
+        colours: Of the rows.
+        label: Of the axis, with its unit.
+        counts: Whether values are counts, which may be zero: then the axis is linear up to 1.
+    """
+    jitter = np.random.default_rng(0)
+    for row, (colour, sample) in enumerate(zip(colours, values.values(), strict=True)):
+        if not sample.size:
+            axes.annotate("none", (0.5, row), xycoords=("axes fraction", "data"), ha="center", color=FAINT)
+            continue
+        y = row + jitter.uniform(-0.2, 0.2, sample.size)
+        axes.scatter(sample, y, s=9, color=colour, alpha=0.5, linewidths=0)
+        axes.plot([median(sample)] * 2, [row - 0.3, row + 0.3], color=INK, lw=2)
+        numbers = [number(value, 3 if counts else None) for value in (median(sample), p95(sample))]
+        axes.annotate(
+            f"median {numbers[0]} · p95 {numbers[1]}", (median(sample), row - 0.33),
+            ha="center", va="bottom", fontsize=8, color=INK,
+        )  # fmt: skip
+    axes.set(xlabel=label, ylim=(len(values) - 0.45, -0.75))
+    if counts:
+        most = max(float(sample.max(initial=1.0)) for sample in values.values())
+        axes.set_xscale("symlog", linthresh=1.0)
+        axes.set_xlim(-0.3, 10.0 ** np.ceil(np.log10(most)))
+    else:
+        axes.set_xscale("log")
+        low, high = np.log10(axes.get_xlim())
+        axes.set_xlim(10.0 ** np.floor(low), 10.0 ** np.ceil(high))
+    axes.xaxis.set_major_formatter(FuncFormatter(plain))
+    axes.xaxis.set_minor_formatter(NullFormatter())
+    axes.set_yticks(range(len(values)), [name_label(name) for name in values], weight="bold")
+    for tick, colour in zip(axes.get_yticklabels(), colours, strict=True):
+        tick.set_color(colour)
+
+
+def by_method(trials: Sequence[Trial], results: Mapping[str, Any], value: Value) -> dict[str, Any]:
+    """Return the values of the trials that have one, an array a method, in the order of the results."""
+    found: dict[str, list[float]] = {method["name"]: [] for method in results["methods"]}
+    for trial in trials:
+        measured = value(trial)
+        if measured is not None:
+            found[trial["method"]].append(measured)
+    return {name: np.array(values, dtype=np.float64) for name, values in found.items()}
+
+
+def colours_in(results: Mapping[str, Any]) -> list[str]:
+    """Return a colour for each method."""
+    return [method["colour"] for method in results["methods"]]
+
+
+def origin(results: Mapping[str, Any]) -> str:
+    """Return where the numbers are from, for the small print."""
+    settings = results["settings"]
+    return f"{settings['goals']} goals, seed {settings['seed']} · {verbatim(settings['command'])}"
+
+
+def _at_least(value: float | None, least: float) -> float | None:
+    return None if value is None else max(value, least)
+
+
+def _strips_figure(results: Mapping[str, Any], title: str, *, columns: int = 1) -> tuple[Figure, list[Axes]]:
+    size = (9.0 if columns > 1 else 7.6, 1.7 + 0.6 * len(results["methods"]))
+    return new_figure(title, size=size, columns=columns, note=origin(results), grid="x")

@@ -1,0 +1,171 @@
+"""Make methods of what users name or hand over: names, files of policies, classes, objects, functions."""
+
+from __future__ import annotations
+
+import inspect
+from collections import Counter
+from collections.abc import Callable, Iterable, Mapping
+from itertools import cycle
+from pathlib import Path
+from typing import Any
+
+import gymnasium as gym
+
+from kinreach._checks import check_known, shown
+from kinreach._objects import load_object
+from kinreach._provenance import digest
+from kinreach.baselines._loop import Policy, as_policy
+from kinreach.baselines._policies import load_policy, needed_options, trained_arm
+from kinreach.baselines._solver_policy import SolverPolicy
+from kinreach.compare._task import POLICY, SOLVER, Method, Task, policy_version
+from kinreach.envs._reach.task import CAMERA
+from kinreach.errors import InputError, raise_unknown
+from kinreach.kinematics._solvers import Solver
+from kinreach.plots import METHOD_COLOURS
+from kinreach.robots import ArmDescription
+
+#: How names of policies' files end: kinreach's own, and a model of stable-baselines3 as it was saved.
+SAFETENSORS, ZIP = ".safetensors", ".zip"
+#: Of methods that do not name a colour.
+_COLOURS = ("#8C6D31", "#6A3D9A", "#B8A100", "#A6761D", "#666666")
+
+
+def resolve_methods(task: Task, given: Iterable[Any] | Mapping[str, Any]) -> dict[str, Method]:
+    """Return methods by their names in results, in the given order; all of the task's own if nothing is given.
+
+    Args:
+        task: What they will do.
+        given: Each is a name of the task's, the path of a policy's file (`policy.safetensors`, or `model.zip` of
+            stable-baselines3; `model.zip@multi` for another of the task's environments), `"module:attribute"`, a
+            `Method`, a solver or policy, a class of one, a stable-baselines3 model, or a function from observation to
+            action. A mapping gives names; else an object has that of its `name`, its function or its class.
+
+    Raises:
+        InputError: A name occurs twice, or something is none of these.
+        UnknownNameError: The name is unknown.
+    """
+    if isinstance(given, Mapping):
+        found = [(_label(name), _method(task, value)) for name, value in given.items()]
+    else:
+        if not isinstance(given, Iterable):
+            raise InputError(f"methods must be a list of names and objects, got {shown(given)}")
+        chosen = [given] if isinstance(given, str) else list(given)
+        found = [(_name(value), _method(task, value)) for value in chosen or task.methods]
+    for name, count in Counter(name for name, _ in found).items():
+        if count > 1:
+            raise InputError(f"method {name!r} is named twice")
+    return dict(found)
+
+
+def solver_method(new: Callable[[Any], Solver], *, colour: str = "") -> Method:
+    """Make a method of a solver of inverse kinematics.
+
+    Args:
+        new: From a kinematics to a solver for it.
+        colour: In figures.
+    """
+    return Method(lambda env: SolverPolicy(new(_kinematics(env)), env), SOLVER, colour=colour)
+
+
+def policy_method(policy: str, environment: str, *, colour: str = "") -> Method:
+    """Make a method of a trained policy that comes with the package, or of a file.
+
+    Args:
+        policy: Name, or path of a file.
+        environment: Id of the environment that it acts in.
+        colour: In figures.
+    """
+    return Method(lambda env: load_policy(policy), POLICY, environment, policy_version(policy), colour)
+
+
+def _kinematics(env: gym.Env[Any, Any]) -> Any:
+    return env.unwrapped.kinematics  # type: ignore[attr-defined]
+
+
+def colours(methods: Mapping[str, Method]) -> dict[str, str]:
+    """Return a colour for each method: the one that it names, that of its name in all figures, or another."""
+    others = cycle(_COLOURS)
+    return {name: method.colour or METHOD_COLOURS.get(name) or next(others) for name, method in methods.items()}
+
+
+def _label(name: object) -> str:
+    """Check a name, which is printed, drawn and written to files."""
+    if not isinstance(name, str) or not name or not name.isprintable():
+        raise InputError(f"methods must be named in printable text, got {shown(name)}")
+    return name
+
+
+def _name(given: Any) -> str:
+    if isinstance(given, str):
+        path, _, _ = _label(given).partition("@")
+        if path.endswith((SAFETENSORS, ZIP)):
+            return Path(path).stem
+        return given.rpartition(":")[2]
+    own = getattr(given, "name", None) or getattr(given, "__name__", None) or type(given).__name__
+    return _label(own)
+
+
+def _method(task: Task, given: Any) -> Method:
+    if isinstance(given, Method):
+        return given
+    if isinstance(given, str):
+        if given in task.methods:
+            return task.methods[given]
+        path, _, variant = given.partition("@")
+        if path.endswith((SAFETENSORS, ZIP)) and task.variants:
+            return _from_file(task, path, variant)
+        if ":" not in given:
+            raise_unknown(f"{task.name} method", given, task.methods)
+        return _method(task, load_object("method", given))
+    if not (hasattr(given, "solve") or hasattr(given, "act") or hasattr(given, "predict") or callable(given)):
+        raise InputError(f"a method is a name, a solver, a policy or a function, got {shown(given)}")
+
+    def make(env: gym.Env[Any, Any]) -> Policy:
+        return _policy(_construct(given, env) if isinstance(given, type) else given, env)
+
+    return Method(make, SOLVER if hasattr(given, "solve") else POLICY, task.environment, _source(given))
+
+
+def _from_file(task: Task, path: str, variant: str) -> Method:
+    """Make a method of a policy's file, for the environment of its card; without a card, for the user's variant."""
+    policy = load_policy(path)
+    if variant:
+        check_known(f"{task.name} environment", variant, task.variants)
+    asked = task.variants[variant] if variant else ""
+    environment = policy.card.environment or asked or next(iter(task.variants.values()))
+    if environment not in task.variants.values() or (asked and asked != environment):
+        raise InputError(f"the policy {path} is for {environment}, not for one of: {', '.join(task.variants.values())}")
+    trained, arm = trained_arm(policy).get("arm", "ur5"), task.options.get("arm", task.arm)
+    name = arm.name if isinstance(arm, ArmDescription) else arm
+    if task.arm and policy.card.environment and name != trained:
+        raise InputError(f"the policy {path} was trained on the arm {trained!r}, not on {name!r}")
+    if needed_options(policy).get("goal_in", CAMERA) != CAMERA:
+        raise InputError(f"the policy {path} takes goals in pictures, the methods of a comparison take them in metres")
+    return Method(lambda env: policy, POLICY, environment, policy_version(path))
+
+
+def _construct(cls: Callable[..., Any], env: gym.Env[Any, Any]) -> Any:
+    """Construct a user's class; one with an argument gets the kinematics (solvers) or the environment."""
+    needed = [
+        parameter
+        for parameter in inspect.signature(cls).parameters.values()
+        if parameter.default is parameter.empty
+        and parameter.kind in (parameter.POSITIONAL_ONLY, parameter.POSITIONAL_OR_KEYWORD)
+    ]
+    if not needed:
+        return cls()
+    return cls(_kinematics(env) if hasattr(cls, "solve") else env)
+
+
+def _policy(given: Any, env: gym.Env[Any, Any]) -> Policy:
+    return SolverPolicy(given, env) if hasattr(given, "solve") else as_policy(given)
+
+
+def _source(given: Any) -> dict[str, str]:
+    """Return which code a user's object is: its class and a digest of the file that defines it, if any."""
+    cls = given if isinstance(given, type) or inspect.isroutine(given) else type(given)
+    try:
+        text = Path(inspect.getfile(cls)).read_bytes()
+    except (TypeError, OSError):
+        text = b""
+    return {f"{cls.__module__}:{cls.__qualname__}": digest(text)}

@@ -1,0 +1,196 @@
+"""Flags of the command line for the options of an environment, from the dataclass that declares them.
+
+An environment's class names that dataclass as its attribute `Options`. A field becomes a flag if text can be parsed as
+its type: truth values, numbers, texts, and tuples of them. `metadata["description"]` is its help, with the unit.
+"""
+
+from __future__ import annotations
+
+import argparse
+import importlib
+import re
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import MISSING, Field, dataclass, fields, is_dataclass
+from types import NoneType, UnionType
+from typing import Any, Union, get_args, get_origin, get_type_hints
+
+import gymnasium as gym
+from gymnasium.envs.registration import load_env_creator
+
+from kinreach._checks import shown
+from kinreach.errors import InputError
+
+#: Both become `--resolution`.
+SIZE = ("width", "height")
+_TRUTH = {"true": True, "false": False}
+
+
+@dataclass(frozen=True)
+class Flag:
+    """A flag of the command line.
+
+    Attributes:
+        name: Without dashes, with underscores.
+        metavar: What help shows for its value.
+        help: Description and default.
+        expects: What its value must be, for messages.
+        parse: From text to options of the environment; raises ValueError or KeyError.
+        observation: The observation that the option is for; empty if it is for all.
+    """
+
+    name: str
+    metavar: str
+    help: str
+    expects: str
+    parse: Callable[[str], Mapping[str, Any]]
+    observation: str = ""
+
+    @property
+    def spelled(self) -> str:
+        """As it is typed."""
+        return f"--{self.name.replace('_', '-')}"
+
+    def options(self, text: str) -> Mapping[str, Any]:
+        """Parse its value.
+
+        Raises:
+            InputError: The text is not one.
+        """
+        try:
+            return self.parse(text)
+        except (ValueError, KeyError):
+            raise InputError(f"{self.spelled} must be {self.expects}, got {shown(text)}") from None
+
+
+def options_class(environment: str) -> type[Any] | None:
+    """Return the dataclass of options of a registered environment; None if it names none."""
+    module, _, name = environment.rpartition(":")
+    try:
+        if module:
+            importlib.import_module(module)
+        entry = gym.spec(name).entry_point
+        creator = load_env_creator(entry) if isinstance(entry, str) else entry
+    except (gym.error.Error, ImportError, AttributeError):  # the comparison says what is wrong when it makes it
+        return None
+    found = getattr(creator, "Options", None)
+    return found if isinstance(found, type) and is_dataclass(found) else None
+
+
+def flags_of(environment: str, defaults: Mapping[str, Any], *, taken: Sequence[str] = ()) -> dict[str, Flag]:
+    """Return the flags of an environment by name.
+
+    Args:
+        environment: Its id.
+        defaults: Options that are set otherwise than by the dataclass.
+        taken: Names of flags that the command has already.
+
+    Raises:
+        InputError: A type of the dataclass is not defined in its module.
+    """
+    kind = options_class(environment)
+    if kind is None:
+        return {}
+    try:
+        hints = get_type_hints(kind)
+    except NameError as error:
+        raise InputError(f"the types of {kind.__name__}, options of {environment}, cannot be read: {error}") from error
+    given = {entry.name: defaults.get(entry.name, _default(entry)) for entry in fields(kind)}
+    found = {}
+    for entry in fields(kind):
+        flag = _flag(entry, hints[entry.name], given[entry.name])
+        if flag is not None and flag.name not in taken:
+            found[flag.name] = flag
+    if all(name in found for name in SIZE):
+        width, _ = (found.pop(name) for name in SIZE)
+        description = f"width and height of the images [px] (default: {given['width']}x{given['height']})"
+        found["resolution"] = Flag(
+            "resolution", "WxH", description, "WIDTHxHEIGHT, such as 640x360", _size, width.observation
+        )
+    return found
+
+
+def add_flags(parser: argparse.ArgumentParser, title: str, flags: Mapping[str, Flag]) -> None:
+    """Add flags to a parser, as a group with a title; their values stay text."""
+    group = parser.add_argument_group(title)
+    for flag in flags.values():
+        group.add_argument(flag.spelled, metavar=flag.metavar, help=flag.help.replace("%", "%%"))
+
+
+def given_options(
+    flags: Mapping[str, Flag], texts: Mapping[str, str], observation: str | None = None
+) -> dict[str, Any]:
+    """Return the options of the environment from the texts of the flags that were given.
+
+    Args:
+        flags: Of the environment.
+        texts: By the flag's name.
+        observation: Of the environment; flags for another one are refused.
+
+    Raises:
+        InputError: A text cannot be parsed, or its option is for another observation.
+    """
+    options: dict[str, Any] = {}
+    for name, text in texts.items():
+        flag = flags[name]
+        if observation is not None and flag.observation not in ("", observation):
+            raise InputError(f"{flag.spelled} needs observation {flag.observation!r}, got observation {observation!r}")
+        options.update(flag.options(text))
+    return options
+
+
+def _flag(entry: Field[Any], hint: Any, default: Any) -> Flag | None:
+    parsed, name = _parser_of(hint), entry.metadata.get("flag", "")
+    if parsed is None or name is None or entry.name == "render_mode":
+        return None
+    parse, metavar, expects = parsed
+    many = isinstance(default, list | tuple)
+    if many:
+        expects += f", such as {_written(default[:2])}"
+    description = re.sub(r'[`"]', "", entry.metadata.get("description", ""))
+    description += "" if default is None or default is MISSING else f" (default: {_written(default)})"
+    observation = entry.metadata.get("observation", "")
+    return Flag(
+        name or entry.name, metavar, description.strip(), expects, lambda text: {entry.name: parse(text)}, observation
+    )
+
+
+def _default(entry: Field[Any]) -> Any:
+    return entry.default if entry.default_factory is MISSING else entry.default_factory()
+
+
+def _parser_of(hint: Any) -> tuple[Callable[[str], Any], str, str] | None:
+    """Return the parser of a type with its metavar and its name in messages; None for other types."""
+    origin, arguments = get_origin(hint), [kind for kind in get_args(hint) if kind not in (NoneType, Ellipsis)]
+    if origin in (Union, UnionType) and len(arguments) == 1:
+        return _parser_of(arguments[0])
+    if origin in (tuple, list, Sequence) and len(set(arguments)) == 1:
+        element = _parser_of(arguments[0])
+        if element is None or arguments[0] not in (int, float, str):
+            return None
+        parse, metavar, _ = element
+        words = "names" if arguments[0] is str else "numbers"
+        return (
+            lambda text: tuple(parse(part) for part in text.split(",")),
+            f"{metavar},{metavar}",
+            f"{words} with commas between them",
+        )
+    known: Mapping[Any, tuple[Callable[[str], Any], str, str]] = {
+        bool: (lambda text: _TRUTH[text.lower()], "true|false", "true or false"),
+        int: (int, "N", "a whole number"),
+        float: (float, "X", "a number"),
+        str: (str, "NAME", "a text"),
+    }
+    return known.get(hint)
+
+
+def _size(text: str) -> Mapping[str, Any]:
+    width, _, height = text.partition("x")
+    if not (width.isdecimal() and height.isdecimal()):
+        raise ValueError
+    return {"width": int(width), "height": int(height)}
+
+
+def _written(value: Any) -> str:
+    if isinstance(value, list | tuple):
+        return ",".join(map(_written, value))
+    return str(value).lower() if isinstance(value, bool) else f"{value:g}" if isinstance(value, float) else str(value)

@@ -1,0 +1,236 @@
+"""Reaching: solvers and policies bring an arm's tip to a goal: the thesis's task, in space, and by the 3-DOF arm."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from functools import partial
+from typing import Any
+
+import gymnasium as gym
+import numpy as np
+
+from kinreach._checks import Floats
+from kinreach._registration import MULTI, SINGLE, SPACE
+from kinreach._statistics import QUANTILES, Column, number, thousandfold
+from kinreach.baselines._loop import COMPLETED
+from kinreach.baselines._policies import load_policy
+from kinreach.baselines._solver_policy import SolverPolicy
+from kinreach.compare import _curves as curves
+from kinreach.compare import _figures as figures
+from kinreach.compare._error_budget import (
+    BUDGET_COLUMNS,
+    BUDGET_MEANING,
+    BUDGET_TABLE,
+    Budget,
+    completed,
+    posture_error_mm,
+    seen_error_mm,
+)
+from kinreach.compare._methods import policy_method, solver_method
+from kinreach.compare._task import SEEDED, Method, Task, common_columns, policy_version, resets_to
+from kinreach.errors import InputError
+from kinreach.kinematics._solvers import SOLVERS, Tolerance, new_solver
+from kinreach.sim._controller import TOLERANCE
+
+#: Goals in a row that an arm may miss before it is said to reach none.
+MAX_MISSED = 1000
+
+_COMMON = common_columns(completed)
+COLUMNS = (
+    _COMMON[0],
+    Column("observed_error_mm", seen_error_mm, QUANTILES, "seen\nmm", "median"),
+    *_COMMON[1:],
+    Column("posture_error", "posture_error", QUANTILES, "posture\nerror, rad"),
+    *BUDGET_COLUMNS,
+    Column("iterations", "iterations", QUANTILES, "iterations\nmedian / p95", "quantiles", BUDGET_TABLE, digits=3),
+    Column("restarts", "restarts", QUANTILES, "restarts\nmedian / p95", "quantiles", BUDGET_TABLE, digits=3),
+    Column("candidates", "candidates", QUANTILES, "postures\ntested", table=BUDGET_TABLE, digits=3),
+    Column("accept_ms", thousandfold("accept_s"), QUANTILES, "acceptance\ntests, ms", table=BUDGET_TABLE),
+)
+FIGURES = {
+    "errors": figures.draw_errors(posture_error_mm, seen_error_mm),
+    "success": curves.draw_success,
+    "times": figures.draw_times,
+    "budget": figures.draw_budget(Budget._fields, BUDGET_MEANING),
+}
+
+
+def _kinematics(env: gym.Env[Any, Any]) -> Any:
+    return env.unwrapped.kinematics  # type: ignore[attr-defined]
+
+
+def _hybrid() -> Method:
+    def make(env: gym.Env[Any, Any]) -> SolverPolicy:
+        return SolverPolicy(new_solver("lm", _kinematics(env)), env, proposer=load_policy("single"))
+
+    return Method(make, SEEDED, SINGLE, policy_version("single"))
+
+
+METHODS: Mapping[str, Method] = {name: solver_method(partial(new_solver, name)) for name in SOLVERS}
+
+
+def goals_of(env: gym.Env[Any, Any], count: int, seed: int, *, reachable: bool = False) -> Floats:
+    """Draw goals in the arm's own region, in the world [m], shape (count, 3); the first ones do not depend on `count`.
+
+    Args:
+        env: A reach environment.
+        count: How many.
+        seed: Of the draws.
+        reachable: Keep only those for which the closed form, which knows all postures, finds an acceptable one.
+
+    Raises:
+        InputError: The work cell has no goals, or none of `MAX_MISSED` in a row can be kept.
+    """
+    world: Any = env.unwrapped
+    solver = new_solver("closed-form", world.kinematics) if reachable else None
+    rng = np.random.default_rng(seed)
+    kept: list[Floats] = []
+    missed = 0
+    while len(kept) < count:
+        position = world.arm.workcell.draw_goals(rng, 1)[0]
+        if solver is None or solver.solve(world.ik_goal(position), world.home, accept=world.accept).success:
+            kept.append(position)
+            missed = 0
+        else:
+            missed += 1
+        if missed == MAX_MISSED:
+            raise InputError(
+                f"arm {world.arm.name!r} reaches none of {missed} goals in a row; give it a Workcell with others"
+            )
+    return np.array(kept)
+
+
+def _resets(count: int, seed: int, env: gym.Env[Any, Any]) -> Sequence[Mapping[str, Any]]:
+    return resets_to(goals_of(env, count, seed), seed)
+
+
+def _space_resets(count: int, seed: int, env: gym.Env[Any, Any]) -> Sequence[Mapping[str, Any]]:
+    drawn = env.unwrapped.starts(np.random.default_rng(seed), count)  # type: ignore[attr-defined]
+    rest = {name: rows for name, rows in drawn.items() if name != "goal"}
+    return [
+        {**reset, "options": reset["options"] | {name: rows[index] for name, rows in rest.items()}}
+        for index, reset in enumerate(resets_to(drawn["goal"], seed))
+    ]
+
+
+def _reachable_resets(count: int, seed: int, env: gym.Env[Any, Any]) -> Sequence[Mapping[str, Any]]:
+    return resets_to(goals_of(env, count, seed, reachable=True), seed)
+
+
+def _notes(results: Mapping[str, Any]) -> list[str]:
+    """Return what the tables' numbers mean."""
+    entries, settings = results["methods"], results["settings"]
+    causes = {
+        entry["name"]: [f"{count} {status}" for status, count in entry["outcomes"].items() if status != COMPLETED]
+        for entry in entries
+        if entry["impossible"]
+    }
+    seen = [entry["observed_error_mm"] for entry in entries if entry["observed_error_mm"]["median"] is not None]
+    return [
+        *(f"Impossible for {name}: {', '.join(found)}." for name, found in causes.items()),
+        *(
+            f"Seen: the cameras' median error; p95 {number(error['p95'])} mm. One look per goal, alike for all; judged "
+            "against the true ball."
+            for error in seen[:1]
+        ),
+        "Distance, move: simulated in MuJoCo. Solve: wall time on one thread, acceptance tests included.",
+        "Iterations: a solver's steps, a policy's decisions. Seeing, deciding and moving sum to the distance:",
+        "the component of each error along the line from the goal to the tip, mean over completed moves.",
+        *(
+            ["A ball that no camera finds leaves solvers without a goal."]
+            if settings["observation"] == "camera"
+            else []
+        ),
+    ]
+
+
+_TERMS = {
+    "tolerance": f"numeric solvers stop within {Tolerance().position:g} m and {Tolerance().orientation:g} rad",
+    "execution": "from the start posture, in MuJoCo: one move, two-phase; a policy of several steps moves all joints "
+    f"at once and decides after each move; a move is done when every joint rests within {TOLERANCE:g} rad",
+    "timing": "methods take turns in random order on every goal, each after one untimed decision on it; one process, "
+    "one thread, one goal at a time; the clock runs while a method is reset to the goal and decides, summed over its "
+    "decisions",
+    "error_budget": f"seeing, deciding and moving: {BUDGET_MEANING}; the parts sum to the distance",
+    "seed_posture": "the start posture of the arm, the same for every goal",
+    "distance": "tip to the goal after the last move, in the simulation",
+    "success_at_mm": "share of all goals, reached or not, whose move was completed and ended within the tolerance",
+}
+
+UR5_TASK = Task(
+    name="ur5",
+    title="UR5: gripper on the ball, tool down, natural posture",
+    environment=SINGLE,
+    arm="ur5",
+    variants={"single": SINGLE, "multi": MULTI},
+    observations=("geometric", "camera"),
+    resets=_resets,
+    methods={
+        **METHODS,
+        "ppo-single": policy_method("ppo-single", SINGLE),
+        "ppo-multi": policy_method("ppo-multi", MULTI),
+        "ranked-single": policy_method("single", SINGLE),
+        "ranked-multi": policy_method("multi", MULTI),
+        "thesis-ppo-single": policy_method("thesis-single", SINGLE),
+        "hybrid": _hybrid(),
+    },
+    arm_methods={"panda": {"ranked-single": policy_method("panda-single", SINGLE)}},
+    columns=COLUMNS,
+    figures=FIGURES,
+    reached="d < 10 mm and, of UR arms, r_e < 0.15",
+    terms={
+        "goal": "ball's centre in the world, uniform on the table area, one height; tcp there, z axis down, free "
+        "about it",
+        "accept": "solvers' postures: no collision (self, table, mount, pedestal, floor) and r_e < 0.15",
+        "reward": "the thesis's, of the last move; impossible -100",
+        **_TERMS,
+    },
+    notes=_notes,
+)
+
+ARM3_TASK = Task(
+    name="arm3",
+    title="3-DOF arm: end effector on the target",
+    environment=SINGLE,
+    arm="arm3",
+    options={"arm": "arm3"},
+    variants={"single": SINGLE, "multi": MULTI},
+    resets=_reachable_resets,
+    methods=METHODS,
+    columns=[column for column in COLUMNS if column.key != "posture_error"],
+    figures=FIGURES,
+    reached="d < 50 mm, the press radius",
+    terms={
+        "goal": "point in the world, uniform in the button task's four quadrants, kept if some posture reaches it",
+        "accept": "no collision (self, floor)",
+        "reward": "-distance [m], also where the move was impossible",
+        **_TERMS,
+    },
+    notes=_notes,
+)
+
+SPACE_TASK = Task(
+    name="space",
+    title="Reaching in space: the tip on the ball, the tool along a direction, from anywhere near the start pose",
+    environment=SPACE,
+    arm="ur5",
+    options={"tilt": 30.0, "start_spread": 0.3},
+    variants={"space": SPACE},
+    observations=("geometric", "camera"),
+    resets=_space_resets,
+    methods={**METHODS, "space-single": policy_method("space-single", SPACE)},
+    columns=COLUMNS,
+    figures=FIGURES,
+    reached="d < 10 mm and tool within 0.15 rad of its direction",
+    terms={
+        "goal": "ball's centre in the world, uniform in the arm's goal area up to 0.25 m above it; tool within 30 "
+        "degrees of straight down, uniform on the sphere; free about it",
+        "accept": "solvers' postures: no collision (self, table, mount, pedestal, floor) and the tool within 0.15 rad",
+        "reward": "that of kinreach/Reach-v0, of the last move; impossible -100",
+        **_TERMS,
+        "seed_posture": "where the arm starts: joints uniform within 0.3 rad of the start posture, one start a goal",
+    },
+    notes=_notes,
+)
+
+TASKS = (UR5_TASK, ARM3_TASK, SPACE_TASK)

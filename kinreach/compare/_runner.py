@@ -1,0 +1,658 @@
+"""A whole comparison: every method on every goal, results on disk, resumable trial by trial.
+
+All methods meet one goal before the next, each time in another random order: load from other programs meets all of
+them alike. A goal is looked at once: the other methods observe what the first one's cameras measured.
+"""
+
+from __future__ import annotations
+
+import json
+import math
+import os
+import traceback
+from collections import Counter
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import ExitStack, contextmanager, suppress
+from dataclasses import dataclass, field, replace
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+import gymnasium as gym
+import numpy as np
+
+import kinreach
+from kinreach import _provenance as provenance
+from kinreach import _statistics as statistics
+from kinreach._checks import check_count, check_known, check_path, shown
+from kinreach._files import locked, make_writable, open_input, read_bytes, read_text, write_text
+from kinreach._jobs import SERIAL, Engine, Serial, open_engine
+from kinreach._statistics import Column, Trial, summarise, trials_csv
+from kinreach.baselines._loop import Policy, as_policy, rollout
+from kinreach.compare import _figures as figures
+from kinreach.compare import _report as report
+from kinreach.compare._methods import colours, resolve_methods
+from kinreach.compare._task import GIVEN, SOLVER, Method, Task, arm_in, arm_version, get_task
+from kinreach.envs._reach.reachable_goals import with_goals
+from kinreach.envs._reach.task import layout_of
+from kinreach.errors import InputError, InstallationError, KinreachError, MethodError, OtherResultsError, OutputError
+from kinreach.robots import ArmDescription, as_arm
+
+#: Called with the number of finished trials and the number of all trials.
+Progress = Callable[[int, int], None]
+
+DEFAULT_GOALS = 200
+#: More are refused before anything is measured: a comparison of so many would take a month, and its results gigabytes.
+MAX_GOALS = 10**7
+MAX_SEED = 2**63 - 1
+#: Seed of the goals on which every method acts untimed first: the first look loads the graphics library, and first
+#: decisions fill caches. It is above all seeds of comparisons, so that none of these goals is ever compared.
+WARM_UP_SEED, WARM_UP_GOALS = 2**63, 2
+#: Observations of tasks that have the option; the second needs a library to draw with.
+GEOMETRIC, CAMERA = "geometric", "camera"
+#: Trials of a job that are worth its start, half a second of making environments; trials that it sends at once.
+BLOCK, TOGETHER = 500, 32
+#: The trials of an unfinished comparison, and the results of a finished one.
+RECORDS, RESULTS = "records.jsonl", "results.json"
+#: Sizes of what is read [bytes]: results, or a line of the trials, and all trials; one has some 700.
+MAX_BYTES, MAX_RECORDS = 256 * 1024 * 1024, 64 * 1024**3
+
+
+@dataclass(frozen=True)
+class Settings:
+    """Settings of a comparison: the same ones give the same numbers, times aside.
+
+    Attributes:
+        task: Name of a registered task.
+        methods: As in `compare`, by name; all of the task's own if empty.
+        goals: Number of goals.
+        seed: Of the goals and of the cameras' noise. The first N goals of a seed, and what is seen of them, are the
+            same for every number of goals.
+        observation: What the methods observe: `"geometric"`, the true goal, or `"camera"`, what the cameras saw.
+        options: Of the task's environments, such as `pipeline` or `max_steps`.
+
+    Raises:
+        UnknownNameError: A task, method or observation does not exist; the message lists those that do.
+        InputError: A number is out of range, or a method is named twice.
+    """
+
+    task: str = "ur5"
+    methods: tuple[str, ...] = ()
+    goals: int = DEFAULT_GOALS
+    seed: int = 0
+    observation: str = GEOMETRIC
+    options: Mapping[str, Any] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        task = get_task(self.task)
+        names = resolve_methods(task, self.methods)
+        methods: Any = self.methods
+        given = (methods,) if isinstance(methods, str) else tuple(methods)
+        object.__setattr__(self, "methods", given or tuple(names))
+        _check_numbers(self.goals, self.seed)
+        _check_observation(task, self.observation)
+
+
+@dataclass(frozen=True)
+class Comparison:
+    """What is compared, checked and complete.
+
+    Attributes:
+        task: With the options of its environments.
+        methods: By name.
+        goals, seed: As in `compare`.
+        command: How to get the same again.
+        left_out: Methods of the task that this installation or arm cannot do, with the reason.
+        arm: Name of the arm that does it, as its environment says; empty if that has no `arm`.
+    """
+
+    task: Task
+    methods: Mapping[str, Method]
+    goals: int
+    seed: int
+    command: str
+    left_out: Mapping[str, str]
+    arm: str
+
+    def settings(self) -> dict[str, Any]:
+        """Return its settings as JSON types."""
+        options = {name: _as_json(value) for name, value in self.task.options.items()}
+        return {
+            "task": self.task.name,
+            "methods": list(self.methods),
+            "goals": self.goals,
+            "seed": self.seed,
+            "observation": options.get("observation", GEOMETRIC),
+            "options": options,
+        }
+
+
+def compare(
+    task: str | Task | Settings = "ur5",
+    methods: Sequence[Any] | Mapping[str, Any] | str | Path = (),
+    *,
+    goals: int = DEFAULT_GOALS,
+    seed: int = 0,
+    arm: str | ArmDescription | None = None,
+    observation: str | None = None,
+    options: Mapping[str, Any] | None = None,
+    out: str | Path | None = None,
+    fresh: bool = False,
+    engine: str = SERIAL,
+    address: str | None = None,
+    command: str = "kinreach.compare.compare(...)",
+    progress: Progress = lambda done, total: None,
+) -> dict[str, Any]:
+    """Put methods on the same goals and measure them.
+
+    With `out`, an interrupted comparison leaves its finished trials in `out/records.jsonl`; called again with the same
+    settings (and the same code, versions and machine) it goes on from there.
+
+    Args:
+        task: Name of a registered task, or a task. `Settings` stand for all arguments up to `options`; the second
+            argument is then `out`.
+        methods: Names of the task's methods, files of policies, solvers, policies, classes or functions, see
+            `kinreach.compare._methods.resolve_methods`; all of the task's own if empty.
+        goals: Number of goals.
+        seed: Of the goals.
+        arm: Name of a registered arm, or a description, for tasks whose environments take one. Where its work cell has
+            no goals, they are `ReachableGoals`, scaled to the arm.
+        observation: `"geometric"` (the true goal) or `"camera"` (what the cameras saw), for tasks that have both.
+        options: Of the task's environments.
+        out: Directory for `results.json`, `results.csv`, `report.html` and the figures; created if need be. None:
+            nothing is written.
+        fresh: Measure everything, even if an interrupted comparison could go on, or another one stands in `out`.
+        engine: `"serial"`: here, one trial at a time; `"ray"`: blocks of goals as tasks of Ray. Trials are the same,
+            but for the times of decisions: machines that do several things at once measure them.
+        address: Of a running Ray cluster, `host:port` or `auto`; without it Ray is started on this machine.
+        command: How to get the same again, written into the results.
+        progress: Called with the number of finished and of all trials.
+
+    Returns:
+        The contents of `results.json`.
+
+    Raises:
+        OutputError: `out` cannot be written, or another comparison is writing there.
+        InstallationError: The packages of a method are missing, or cameras are to look and nothing can be drawn.
+        ClusterError: No cluster answers at the address, or it died; finished trials are kept in `out`.
+        InputError: A number is out of range, an option does not exist, a policy cannot be used, or `out` holds the
+            results of another comparison.
+        UnknownNameError: The task, method, arm or observation is unknown.
+    """
+    if isinstance(task, Settings):
+        given, out = task, methods if isinstance(methods, str | Path) else out
+        task, methods, goals, seed = given.task, given.methods, given.goals, given.seed
+        observation, options = given.observation, given.options
+    comparison = prepare(
+        task, methods, goals=goals, seed=seed, arm=arm, observation=observation, options=options, command=command
+    )
+    machine = provenance.machine() if engine == SERIAL else {"engine": engine}
+    with open_engine(engine, address) as running:
+        if out is None:
+            return results_of(comparison, list(run_trials(comparison, running, progress=progress)), machine)
+        folder = check_path("out", out)
+        make_writable(folder)
+        with locked(folder, "a comparison"):
+            return _compare_on_disk(comparison, folder, engine=running, machine=machine, fresh=fresh, progress=progress)
+
+
+def prepare(
+    task: str | Task,
+    methods: Any,
+    *,
+    goals: int,
+    seed: int,
+    arm: str | ArmDescription | None,
+    observation: str | None,
+    options: Mapping[str, Any] | None,
+    command: str,
+) -> Comparison:
+    """Check what a comparison is asked to do, before anything is measured; arguments and errors as in `compare`."""
+    task = get_task(task) if isinstance(task, str) else task
+    if not isinstance(task, Task):
+        raise InputError(f"a task is a name or a Task, got {shown(task)}")
+    _check_numbers(goals, seed)
+    chosen = dict(options or {})
+    if observation is not None:
+        _check_observation(task, observation)
+        if task.observations:
+            chosen["observation"] = observation
+    if arm is not None:
+        description = with_goals(as_arm(arm))
+        if not task.arm:
+            raise InputError(f"the task {task.name!r} takes no other arm, got {description.name!r}")
+        chosen["arm"] = description if isinstance(arm, ArmDescription) else arm
+        if description.name != task.arm or layout_of(description) != layout_of(as_arm(task.arm)):
+            solvers = {name: method for name, method in task.methods.items() if method.kind == SOLVER}
+            own = task.arm_methods.get(description.name, {})
+            task = replace(task, title=f"{description.title}: tip at the goal", methods={**solvers, **own})
+    task = task.with_options(chosen)
+    resolved = resolve_methods(task, methods)
+    left_out: dict[str, str] = {}
+    with ExitStack() as stack:
+        environments = _Environments(task, stack)
+        for name, method in list(resolved.items()):
+            try:
+                environments.policy(method)
+            except (InstallationError, InputError) as error:
+                if methods:
+                    if isinstance(error, MethodError):
+                        raise MethodError(f"method {name!r} cannot be made: {error}") from error.__cause__
+                    raise
+                left_out[name] = str(error)
+                del resolved[name]
+        if not resolved:
+            raise InputError(f"no method of {task.name!r} can be used: {next(iter(left_out.values()))}")
+        known = arm_in(environments.default)
+    named = "" if known is None else known.name
+    return Comparison(task, resolved, int(goals), int(seed), command, left_out, named)
+
+
+def run_trials(
+    comparison: Comparison,
+    engine: Engine | None = None,
+    *,
+    done: Sequence[Trial] = (),
+    progress: Progress = lambda done, total: None,
+) -> Iterator[Trial]:
+    """Yield a trial per goal and method as it is finished.
+
+    Args:
+        comparison: What is compared.
+        engine: That runs them, in blocks of goals; here, if None.
+        done: Trials to leave out.
+        progress: Called with the number of finished and of all trials.
+    """
+    task, names, engine = comparison.task, list(comparison.methods), engine or Serial()
+    finished = {(trial["goal_index"], trial["method"]) for trial in done}
+    count, total = len(finished), comparison.goals * len(names)
+    progress(count, total)
+    with ExitStack() as stack:
+        resets = _resets(task, comparison.goals, comparison.seed, _Environments(task, stack).default)
+    goals = []
+    for index, reset in enumerate(resets):
+        turns = np.random.default_rng(index).permutation(len(names))
+        if pending := [names[turn] for turn in turns if (index, names[turn]) not in finished]:
+            goals.append((index, reset, pending))
+    blocks = engine.split(goals, math.ceil(BLOCK / len(names)))
+    for _, trial in engine.map(partial(play, comparison), blocks, together=TOGETHER):
+        yield trial
+        count += 1
+        progress(count, total)
+
+
+def play(comparison: Comparison, goals: Sequence[tuple[int, Mapping[str, Any], Sequence[str]]]) -> Iterator[Trial]:
+    """Yield the trials of some goals, after an untimed warm-up.
+
+    Args:
+        comparison: What they are of.
+        goals: Number and reset of each, and the methods that are to meet it, in their order.
+    """
+    task = comparison.task
+    with ExitStack() as stack:
+        environments = _Environments(task, stack)
+        players = {
+            name: (environments.of(method), environments.policy(method)) for name, method in comparison.methods.items()
+        }
+        shared = task.options.get("observation") == CAMERA
+        for index, reset in enumerate(_resets(task, WARM_UP_GOALS, WARM_UP_SEED, environments.default)):
+            for _ in _one_goal(
+                players, list(players), reset, f"warm-up goal {index}", columns=task.columns, shared=shared
+            ):
+                pass
+        for index, reset, pending in goals:
+            for name, trial in _one_goal(players, pending, reset, f"goal {index}", columns=task.columns, shared=shared):
+                yield {"goal_index": index, "method": name, **trial}
+
+
+def _resets(task: Task, count: int, seed: int, env: gym.Env[Any, Any]) -> Sequence[Mapping[str, Any]]:
+    """Return the task's resets, one a goal."""
+    resets: Any = task.resets(count, seed, env)
+    if not isinstance(resets, Sequence) or len(resets) != count:
+        got = f"{len(resets)} of them" if isinstance(resets, Sequence) else shown(resets)
+        raise InputError(f"resets of the task {task.name!r} must return {count} keyword arguments, got {got}")
+    return resets
+
+
+def _one_goal(
+    players: Mapping[str, tuple[gym.Env[Any, Any], Policy]],
+    names: Sequence[str],
+    reset: Mapping[str, Any],
+    goal: str,
+    *,
+    columns: Sequence[Column],
+    shared: bool,
+) -> Iterator[tuple[str, Trial]]:
+    """Run methods on one goal; with a shared look, the others observe what the first one's cameras measured.
+
+    Each decides once untimed before its episode: the simulation of the one before has left nothing of it in the
+    processor's caches, which would double the time of a short decision.
+
+    Raises:
+        MethodError: A method raised; `goal` is what the message calls the goal.
+        InputError: A column of the task cannot be summarised.
+    """
+    for name in names:
+        env, policy = players[name]
+        with _naming(f"method {name!r} failed on {goal}"):
+            observation, info = env.reset(**reset)
+            policy.reset(observation, info)
+            policy.act(observation)
+            if shared:
+                reset = {**reset, "options": {**reset.get("options", {}), "view": info["view"]}}
+            (trial,) = rollout(env, policy, [reset])
+        for column in columns:
+            try:
+                column.check(trial)
+            except InputError as error:
+                raise InputError(f"{error} (method {name!r}, {goal})") from error.__cause__
+        yield name, trial
+
+
+@contextmanager
+def _naming(what: str) -> Iterator[None]:
+    """Name the method that failed, with the error's type, text and place in the user's file.
+
+    Raises:
+        MethodError: Its cause is what the block raised.
+    """
+    try:
+        yield
+    except InputError as error:
+        raise MethodError(f"{what}: {error}") from error
+    except KinreachError:  # not the method's: cameras that cannot draw, a package that is missing
+        raise
+    except Exception as error:
+        raise MethodError(f"{what}: {type(error).__name__}: {error}{_place_of(error)}") from error
+
+
+def _place_of(error: Exception) -> str:
+    """Return file and line of an error in the user's own code; empty if it is not from there."""
+    package = str(Path(kinreach.__file__).parent)
+    frames = traceback.extract_tb(error.__traceback__)
+    own = [
+        frame for frame in frames if "site-packages" not in frame.filename and not frame.filename.startswith(package)
+    ]
+    return f" ({Path(own[-1].filename).name}, line {own[-1].lineno})" if own else ""
+
+
+class _Environments:
+    """The environments of a comparison, one for each id, closed with the stack."""
+
+    def __init__(self, task: Task, stack: ExitStack) -> None:
+        self._task, self._stack = task, stack
+        self._made: dict[str, gym.Env[Any, Any]] = {}
+
+    @property
+    def default(self) -> gym.Env[Any, Any]:
+        """The environment of the task."""
+        return self._get(self._task.environment)
+
+    def of(self, method: Method) -> gym.Env[Any, Any]:
+        """Return the environment of a method."""
+        return self._get(method.environment or self._task.environment)
+
+    def policy(self, method: Method) -> Policy:
+        """Make a method's policy.
+
+        Raises:
+            MethodError: The user's own class cannot be made.
+        """
+        env = self.of(method)
+        try:
+            return as_policy(method.make(env))
+        except KinreachError:
+            raise
+        except Exception as error:
+            raise MethodError(f"{type(error).__name__}: {error}{_place_of(error)}") from error
+
+    def _get(self, name: str) -> gym.Env[Any, Any]:
+        if name not in self._made:
+            try:
+                env = gym.make(name, disable_env_checker=True, **self._task.options)
+            except gym.error.Error as error:
+                raise InputError(f"the task {self._task.name!r} has no environment: {error}") from error
+            self._stack.callback(env.close)
+            self._made[name] = env
+        return self._made[name]
+
+
+def results_of(
+    comparison: Comparison, trials: Sequence[Trial], machine: Mapping[str, Any] | None = None
+) -> dict[str, Any]:
+    """Return the contents of `results.json`.
+
+    Args:
+        comparison: What was compared.
+        trials: All of them, in any order.
+        machine: That measured the times; this one if None.
+    """
+    task, painted = comparison.task, colours(comparison.methods)
+    trials = sorted(trials, key=lambda trial: trial["goal_index"])
+    entries = []
+    for name, method in comparison.methods.items():
+        own = [trial for trial in trials if trial["method"] == name]
+        entries.append(
+            {
+                "name": name,
+                "kind": method.kind,
+                "goals": len(own),
+                **summarise(task.columns, own),
+                "outcomes": dict(Counter(trial["status"] for trial in own)),
+                "colour": painted[name],
+            }
+        )
+    kinds = {method.kind for method in comparison.methods.values()}
+    given = {f"given to a {kind}": words for kind, words in GIVEN.items() if kind in kinds}
+    return {
+        "methods": entries,
+        "settings": {
+            **comparison.settings(),
+            "command": comparison.command,
+            "title": task.title,
+            "arm": comparison.arm,
+            "terms": {**task.terms, "reached": task.reached, **given},
+            "left_out": dict(comparison.left_out),
+            "confidence": statistics.CONFIDENCE,
+            "intervals": f"Wilson for rates; percentile bootstrap with {statistics.RESAMPLES} resamples for the rest",
+            "machine": dict(machine or provenance.machine()),
+        },
+        "versions": _versions(comparison),
+    }
+
+
+def notes(comparison_task: Task, results: Mapping[str, Any]) -> list[str]:
+    """Return what the numbers mean, line by line."""
+    settings = results["settings"]
+    return [
+        f"{settings['goals']} goals, seed {settings['seed']}. Reached: {settings['terms']['reached']}; its 95 % "
+        "interval is Wilson's.",
+        *comparison_task.notes(results),
+        *(f"Left out: {name}: {reason}" for name, reason in settings["left_out"].items()),
+    ]
+
+
+def _compare_on_disk(
+    comparison: Comparison,
+    out: Path,
+    *,
+    engine: Engine,
+    machine: Mapping[str, Any],
+    fresh: bool,
+    progress: Progress,
+) -> dict[str, Any]:
+    if not fresh:
+        _refuse_other_results(out, comparison)
+    identity = {
+        "settings": comparison.settings(),
+        "versions": _versions(comparison, methods=False),
+        "methods": {name: dict(method.versions) for name, method in comparison.methods.items()},
+        "machine": dict(machine),
+    }
+    records = Records(out / RECORDS, identity, comparison, fresh=fresh)
+    try:
+        for trial in run_trials(comparison, engine, done=tuple(records.trials), progress=progress):
+            records.add(trial)
+    except MethodError as error:
+        if not records.trials:
+            raise
+        raise MethodError(f"{error}; {len(records.trials)} finished trials are kept in {out}") from error.__cause__
+    order = list(comparison.methods)
+    trials = sorted(records.trials, key=lambda trial: (trial["goal_index"], order.index(trial["method"])))
+    results = results_of(comparison, trials, machine)
+    write_text(out / "results.csv", trials_csv(trials))
+    drawn = figures.write_figures(comparison.task.figures, out, trials, results)
+    report.write_report(out / "report.html", comparison.task, trials, results, drawn, notes(comparison.task, results))
+    write_text(out / RESULTS, json.dumps(results, indent=2, allow_nan=False) + "\n")
+    records.remove()
+    return results
+
+
+class Records:
+    """The finished trials of one comparison, one line of JSON each, appended as they come.
+
+    The first line is the identity of the comparison: settings, versions, code and machine. Trials of another identity
+    are not mixed in: the comparison starts over, as it does where the file cannot be read. Where only the file of a
+    method is another one, the trials of the other methods stay.
+
+    Args:
+        path: The file.
+        identity: What must be equal for old trials to count, as JSON types.
+        comparison: Whose methods and goals count.
+        fresh: Drop old trials in any case.
+
+    Attributes:
+        trials: Everything finished so far.
+
+    Raises:
+        OutputError: The file cannot be written.
+    """
+
+    def __init__(self, path: Path, identity: Mapping[str, Any], comparison: Comparison, *, fresh: bool) -> None:
+        self.path = path
+        self.trials: list[Trial] = [] if fresh else list(_kept(path, identity, comparison))
+        # Written anew, not appended to: a line that a crash cut short must go before the next one is added.
+        write_text(path, "".join(json.dumps(line) + "\n" for line in (identity, *self.trials)))
+
+    def add(self, trial: Trial) -> None:
+        """Append a finished trial, in memory and on disk.
+
+        Raises:
+            OutputError: The file system refused; the file is as it was before.
+        """
+        line, end = json.dumps(trial, allow_nan=False) + "\n", None
+        try:
+            with self.path.open("a", encoding="utf-8") as file:
+                end = file.tell()
+                file.write(line)
+        except OSError as error:
+            if end is not None:
+                with suppress(OSError):  # what comes next must not be added to half a line
+                    os.truncate(self.path, end)
+            raise OutputError(f"cannot write {self.path}: {error.strerror or error}") from error
+        self.trials.append(trial)
+
+    def remove(self) -> None:
+        """Delete the file: the comparison is complete and its results are written."""
+        self.path.unlink(missing_ok=True)
+
+
+def _kept(path: Path, identity: Mapping[str, Any], comparison: Comparison) -> Iterator[Trial]:
+    """Yield trials of this identity, each once, up to the first line that is damaged or not one of them."""
+    seen = set()
+    wanted = json.loads(json.dumps(identity))
+    made_of = wanted.pop("methods", {})
+    if not path.exists():
+        return
+    file = open_input(path, "the trials of an interrupted comparison", most=MAX_RECORDS)
+    with file, suppress(OSError, ValueError, KeyError, TypeError, RecursionError, AttributeError):
+        found = json.loads(file.readline(MAX_BYTES))
+        was_made_of = found.pop("methods", {})
+        if found != wanted:
+            return
+        for line in iter(lambda: file.readline(MAX_BYTES), b""):
+            trial = json.loads(line)
+            which = trial["goal_index"], trial["method"]
+            if which in seen or which[1] not in comparison.methods or not 0 <= which[0] < comparison.goals:
+                return
+            comparison.task.columns[0].of(trial)
+            seen.add(which)
+            if was_made_of.get(which[1]) == made_of.get(which[1]):
+                yield trial
+
+
+def _refuse_other_results(out: Path, comparison: Comparison) -> None:
+    """Refuse to overwrite the finished results of another comparison.
+
+    Raises:
+        OtherResultsError: `out` holds some; the message says how they differ.
+    """
+    path = out / RESULTS
+    if not path.exists():
+        return
+    try:
+        found = json.loads(read_text(path, "the results", most=MAX_BYTES))
+        differences = _differences(found["settings"], found["versions"], comparison)
+    except (OSError, ValueError, KeyError, TypeError, AttributeError):
+        differences = "it was not written by a comparison"
+    if differences:
+        raise OtherResultsError(
+            f"{out} holds the results of another comparison ({differences}); "
+            "choose another directory, or overwrite it with --fresh (fresh=True)"
+        )
+
+
+def _differences(settings: Mapping[str, Any], versions: Mapping[str, Any], comparison: Comparison) -> str:
+    """Return how results differ from what a comparison will write, in words; empty if they do not.
+
+    A solver or a URDF may be edited between two runs; files of other names are other methods, though.
+    """
+    wanted = json.loads(json.dumps(comparison.settings()))
+    found = [
+        f"{name} {shown(settings.get(name))}, not {shown(value)}"
+        for name, value in wanted.items()
+        if name not in settings or settings[name] != value
+    ]
+    files = [name for method in comparison.methods.values() for name in method.versions if name not in versions]
+    return "; ".join([*found, *(f"without {name}" for name in files)])
+
+
+def _versions(comparison: Comparison, *, methods: bool = True) -> dict[str, Any]:
+    found: dict[str, Any] = provenance.versions()
+    if (arm := comparison.task.options.get("arm")) is not None:
+        found |= arm_version(as_arm(arm))
+    found |= {
+        f"file {path}": provenance.digest(read_bytes(path, "the file", most=MAX_BYTES))
+        for path in _files(comparison.task.options)
+    }
+    for method in comparison.methods.values() if methods else ():
+        found |= method.versions
+    return found
+
+
+def _files(options: Mapping[str, Any]) -> Iterator[Path]:
+    """Yield the files that options name, such as calibrations."""
+    for value in options.values():
+        for name in (value,) if isinstance(value, str) else value if isinstance(value, Sequence) else ():
+            if isinstance(name, str) and (path := Path(name)).is_file():
+                yield path
+
+
+def _check_numbers(goals: object, seed: object) -> None:
+    check_count("the number of goals", goals, most=MAX_GOALS)
+    check_count("the seed", seed, least=0, most=MAX_SEED)
+
+
+def _check_observation(task: Task, observation: str) -> None:
+    check_known(f"{task.name} observation", observation, task.observations or (GEOMETRIC,))
+
+
+def _as_json(value: Any) -> Any:
+    """Convert an option to JSON types: an arm to its name, an object to its class or function."""
+    if isinstance(value, ArmDescription):
+        return value.name
+    if value is None or isinstance(value, bool | int | float | str):
+        return value
+    if isinstance(value, Sequence | np.ndarray):
+        return [_as_json(entry) for entry in value]
+    return getattr(value, "__qualname__", type(value).__qualname__)

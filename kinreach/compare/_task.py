@@ -1,0 +1,234 @@
+"""Tasks and methods of a comparison, as data, and their registry."""
+
+from __future__ import annotations
+
+import importlib
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field, fields, replace
+from importlib import resources
+from pathlib import Path
+from typing import Any
+
+import gymnasium as gym
+import numpy as np
+from matplotlib.figure import Figure
+
+from kinreach import _provenance as provenance
+from kinreach._checks import Floats, check_known, shown
+from kinreach._files import read_bytes
+from kinreach._statistics import MEAN, QUANTILES, RATE, Column, Trial, success_columns, thousandfold
+from kinreach.baselines._sb3_zip import MAX_ZIP
+from kinreach.errors import InputError
+from kinreach.robots import ArmDescription, BoxRegion
+from kinreach.robots._workcell import QuadrantRegion
+from kinreach.sim._picture import Scene
+
+#: What a figure is drawn from: all trials, and the contents of `results.json`.
+Draw = Callable[[Sequence[Trial], Mapping[str, Any]], Figure]
+#: Keyword arguments of an environment's reset for each goal, from how many there are and a seed. Those of a smaller
+#: number are the first of a larger one.
+Resets = Callable[[int, int, gym.Env[Any, Any]], Sequence[Mapping[str, Any]]]
+
+#: What is drawn of a trial's end, from the task's environment after the reset to the trial's goal.
+MakeScene = Callable[[gym.Env[Any, Any], Trial], Scene]
+
+#: Kinds of methods, and what each is given, in words, for the record beside the results.
+SOLVER, POLICY, SEEDED, CONTROLLER, CHANCE = "solver", "policy", "seeded solver", "controller", "chance"
+GIVEN: Mapping[str, str] = {
+    SOLVER: "where the environment saw the goal, in the world (the true position, or the cameras' mean), the start "
+    "posture as the seed, and the acceptance test: a posture that it refuses sends the solver on to another branch or "
+    "a random restart",
+    POLICY: "what the environment's agent observes and nothing else; no acceptance test, no collision model, no "
+    "second try, and the branch that training has settled on",
+    SEEDED: "the policy's observation for the seed, then what a solver is given, with that seed instead of the start "
+    "posture",
+    CONTROLLER: "what the environment's agent observes, and a model of the arm: closed-form inverse kinematics, and "
+    "the masses, friction, gears and period of the simulation; it adds up the controls that it asked for",
+    CHANCE: "nothing: uniform among the actions, seeded by the episode",
+}
+
+
+@dataclass(frozen=True)
+class Method:
+    """One way to do a task.
+
+    Attributes:
+        make: From the environment that it will act in to its policy, or to what `as_policy` makes one of.
+        kind: A key of `GIVEN`, or another word or two.
+        environment: Id of the environment it acts in; the task's own if empty.
+        versions: What its answers depend on besides code and packages, by name: digests of files.
+        colour: In figures; one is chosen if empty.
+    """
+
+    make: Callable[[gym.Env[Any, Any]], Any]
+    kind: str = POLICY
+    environment: str = ""
+    versions: Mapping[str, str] = field(default_factory=dict)
+    colour: str = ""
+
+
+@dataclass(frozen=True)
+class Task:
+    """What is compared: goals in an environment, methods, and what is measured of a trial.
+
+    Attributes:
+        name: As on the command line.
+        title: For headings.
+        environment: Id of the environment in which methods act that do not name another.
+        resets: Its goals.
+        methods: By name, in the order in which reports show them.
+        columns: What is reported of each method, beside its name and kind and the causes of failure.
+        figures: By name of the file.
+        reached: The criterion in a few words.
+        arm: Name of the arm that does it, where its environments take others; empty where they do not.
+        arm_methods: What other arms have beside the task's solvers: methods by the name of the arm.
+        options: Of the environments; `compare` can override them.
+        variants: Ids of the environments that policies from files may be for, by a short name; the first one is taken
+            for a policy that does not say.
+        observations: Values of the environments' option `observation` that make sense; empty if there is none.
+        terms: What every method is given alike, in words, by a short name.
+        notes: From the contents of `results.json` to lines under the tables, more than the criterion.
+        scene: What the report draws of how a trial ended, from the environment, reset to the trial's goal, and the
+            trial. By default the environment's `arm` in its work cell, in the posture `q` with the ball at `goal`.
+    """
+
+    name: str
+    title: str
+    environment: str
+    resets: Resets
+    methods: Mapping[str, Method]
+    columns: Sequence[Column]
+    figures: Mapping[str, Draw] = field(default_factory=dict)
+    reached: str = "the environment's own criterion"
+    arm: str = ""
+    arm_methods: Mapping[str, Mapping[str, Method]] = field(default_factory=dict)
+    options: Mapping[str, Any] = field(default_factory=dict)
+    variants: Mapping[str, str] = field(default_factory=dict)
+    observations: tuple[str, ...] = ()
+    terms: Mapping[str, str] = field(default_factory=dict)
+    notes: Callable[[Mapping[str, Any]], list[str]] = lambda results: []
+    scene: MakeScene | None = None
+
+    def with_options(self, options: Mapping[str, Any]) -> Task:
+        """Return the same task with some other options of its environments."""
+        return replace(self, options={**self.options, **options})
+
+
+#: Fields of an arm whose printed form says nothing, or more than the field.
+_OUTSIDE = ("build_urdf", "package_root", "workcell")
+#: Registered tasks by name.
+_TASKS: dict[str, Task] = {}
+#: Tasks of the package -> the module whose `TASKS` has them, loaded when one of them is first asked for.
+_OWN = {
+    "ur5": "_reach",
+    "space": "_reach",
+    "arm3": "_reach",
+    "button": "_button",
+    "real-arm": "_real_arm",
+    "moving": "_moving",
+}
+
+
+def register_task(task: Task) -> Task:
+    """Register a task by its name, for `compare` and the command line.
+
+    Raises:
+        InputError: It is not a `Task`, or another one has that name already.
+    """
+    given: Any = task
+    if not isinstance(given, Task):
+        raise InputError(f"a task must be a Task, got {shown(given)}")
+    known = get_task(task.name) if task.name in task_names() else task
+    if known is not task:
+        raise InputError(f"a task named {task.name!r} is registered already")
+    _TASKS[task.name] = task
+    return task
+
+
+def get_task(name: str) -> Task:
+    """Return a registered task.
+
+    Raises:
+        UnknownNameError: The name is unknown; the message lists the known ones.
+    """
+    check_known("task", name, task_names())
+    if name not in _TASKS:
+        _TASKS.update({task.name: task for task in importlib.import_module(f"kinreach.compare.{_OWN[name]}").TASKS})
+    return _TASKS[name]
+
+
+def task_names() -> list[str]:
+    """Return the names of the registered tasks, the package's own first."""
+    return list(dict.fromkeys((*_OWN, *_TASKS)))
+
+
+def register_method(task: str, name: str, method: Method) -> None:
+    """Add a method to a registered task; later comparisons of all its methods include it.
+
+    Raises:
+        UnknownNameError: The task is unknown.
+        InputError: It is not a `Method`, or the task has one of that name already.
+    """
+    given: Any = method
+    if not isinstance(given, Method):
+        raise InputError(f"a method must be a Method, got {shown(given)}")
+    found = get_task(task)
+    if name in found.methods:
+        raise InputError(f"the task {task!r} has a method {name!r} already")
+    _TASKS[task] = replace(found, methods={**found.methods, name: method})
+
+
+def common_columns(completed: Callable[[Trial], bool]) -> tuple[Column, ...]:
+    """Return the columns of every task: rates over all goals, distances [mm], reward, times.
+
+    An impossible goal counts with the distance at which the arm stood. Times of moves are of completed trials.
+
+    Args:
+        completed: Whether a trial's arm did what the task asks for, however near the goal it ended.
+    """
+    return (
+        Column("reached", "reached", RATE, "reached % [95 % CI]", "interval"),
+        Column("distance_mm", thousandfold("distance"), QUANTILES, "distance mm\nmedian / p95", "quantiles"),
+        *success_columns(completed),
+        Column("impossible", "impossible", RATE, "impos-\nsible %", "share"),
+        Column("reward_mean", "reward", MEAN, "reward\nmean", "mean"),
+        Column("solve_ms", thousandfold("solve_s"), QUANTILES, "solve ms\nmedian / p95", "quantiles"),
+        Column("move_s", lambda t: t.get("move_s") if completed(t) else None, QUANTILES, "move s\nmedian", "median"),
+    )
+
+
+def resets_to(goals: Floats, seed: int) -> list[dict[str, Any]]:
+    """Return resets of a reach environment to goals, each with its own seed of the cameras' noise."""
+    return [
+        {
+            "seed": int(np.random.SeedSequence(seed, spawn_key=(index,)).generate_state(1)[0]),
+            "options": {"goal": goal},
+        }
+        for index, goal in enumerate(goals)
+    ]
+
+
+def policy_version(policy: str) -> dict[str, str]:
+    """Return the digest of a policy's file, by name.
+
+    Args:
+        policy: Name of one that comes with the package, or path of a file.
+    """
+    shipped = resources.files("kinreach.baselines") / "pretrained" / f"{policy}.safetensors"
+    content = shipped.read_bytes() if shipped.is_file() else read_bytes(Path(policy), "the policy", most=MAX_ZIP)
+    return {f"policy {policy}": provenance.digest(content)}
+
+
+def arm_in(env: gym.Env[Any, Any]) -> ArmDescription | None:
+    """Return the arm of an environment, the believed one if the true one differs; None if it names none."""
+    named = (env.get_wrapper_attr(part) for part in ("believed", "arm") if env.has_wrapper_attr(part))
+    return next((arm for arm in named if isinstance(arm, ArmDescription)), None)
+
+
+def arm_version(arm: ArmDescription) -> dict[str, str]:
+    """Return a digest of an arm's URDF and of the rest of its description, by name."""
+    cell = arm.workcell
+    goals = cell.goals if isinstance(cell.goals, BoxRegion | QuadrantRegion) else type(cell.goals).__qualname__
+    facts = [getattr(arm, entry.name) for entry in fields(arm) if entry.name not in _OUTSIDE]
+    content = repr((arm.urdf, facts, replace(cell, goals=None), goals)).encode()
+    return {f"arm {arm.name}": provenance.digest(content)}

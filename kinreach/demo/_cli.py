@@ -1,0 +1,179 @@
+"""The command line of the demo: run an environment with a policy, watch it, print what it says."""
+
+from __future__ import annotations
+
+import os
+import sys
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import nullcontext
+from typing import Any
+
+import gymnasium as gym
+import numpy as np
+
+import kinreach  # registers the environments
+from kinreach._checks import check_count, check_known, printable
+from kinreach.baselines._loop import Policy, rollout
+from kinreach.cli import HELP, Parser
+from kinreach.compare._options import add_flags, flags_of, given_options
+from kinreach.demo._drawn import Drawn
+from kinreach.demo._film import Film
+from kinreach.demo._tasks import POLICIES, TASKS, DemoTask, make_policy, options_for, trained_for
+from kinreach.errors import InputError
+from kinreach.kinematics._solvers import SOLVERS
+
+PRINTABLE = ("action", "observation", "reward", "info")
+#: How many frames the end of an episode stands still.
+HOLD = 12
+
+
+def main(argv: Sequence[str], *, prog: str) -> int:
+    """Run the demo.
+
+    Args:
+        argv: Arguments without the program's name.
+        prog: How the user called it, for messages.
+
+    Returns:
+        Exit code 0; anything else is raised.
+
+    Raises:
+        KinreachError: Bad input, a missing library, a file that cannot be written.
+    """
+    arguments = _arguments(argv, prog)
+    task = TASKS[arguments.env]
+    printed = _printed(arguments.print)
+    screen = bool(os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY") or sys.platform != "linux")
+    mode = "rgb_array_list" if arguments.video else "human" if screen else None
+    if mode is None:
+        print("No screen here: nothing is drawn. --video FILE.gif or FILE.mp4 films it.", file=sys.stderr)
+    env = _make(task, mode, arguments.options | options_for(arguments.policy, task.name))
+    try:
+        policy = make_policy(arguments.policy, task, env, seed=arguments.seed)
+        film = Film(arguments.video, fps=task.fps) if arguments.video else nullcontext()
+        with film as reel:
+            reached, episodes = _run(env, policy, arguments, printed, reel)
+    finally:
+        env.close()
+    print(f"{arguments.steps} steps, {episodes} episodes, goal reached in {reached}")
+    if arguments.video:
+        print(printable(f"Film: {arguments.video}"))
+    return 0
+
+
+def _make(task: DemoTask, mode: str | None, options: Mapping[str, Any]) -> gym.Env[Any, Any]:
+    """Make the environment, drawn in the render mode."""
+    options = {**task.settings, **options}
+    if task.drawn:
+        return gym.make(task.name, render_mode=mode, **options)
+    env = gym.make(task.name, **options)
+    return env if mode is None else Drawn(env, mode=mode, fps=task.fps)
+
+
+def _run(
+    env: gym.Env[Any, Any], policy: Policy, arguments: Any, printed: Sequence[str], film: Film | None
+) -> tuple[int, int]:
+    """Play episodes; return how many ended at the goal, and their number."""
+    reached = episodes = steps = 0
+    watched = _Watched(env, printed, film, TASKS[arguments.env].fps)
+
+    def resets() -> Iterator[Mapping[str, Any]]:
+        seed = arguments.seed  # of the first episode; the others go on from its generators
+        while steps < arguments.steps:
+            watched.limit = min(arguments.reset_every, arguments.steps - steps)
+            yield {"seed": seed}
+            seed = None
+
+    for trial in rollout(watched, policy, resets()):
+        reached += trial["is_success"]
+        steps += trial["steps"]
+        episodes += 1
+    return reached, episodes
+
+
+class _Watched(gym.Wrapper[Any, Any, Any, Any]):
+    """Prints and films every step, and ends an episode after `limit` of them."""
+
+    def __init__(self, env: gym.Env[Any, Any], printed: Sequence[str], film: Film | None, fps: int) -> None:
+        super().__init__(env)
+        self.limit = 0
+        self._printed, self._film = printed, film
+        self._steps_per_frame = max(1, round(env.metadata.get("render_fps", fps) / fps))
+        self._step = self._total = 0
+
+    def reset(self, **options: Any) -> tuple[Any, dict[str, Any]]:
+        self._step = 0
+        return self.env.reset(**options)
+
+    def step(self, action: Any) -> tuple[Any, Any, bool, bool, dict[str, Any]]:
+        observation, reward, terminated, truncated, info = self.env.step(action)
+        over = terminated or truncated
+        values = {"action": action, "observation": observation, "reward": reward, "info": info}
+        for name in self._printed:
+            print(printable(f"{self._total} {name}: {_text(values[name])}"))
+        self._step += 1
+        self._total += 1
+        if self._film is not None and (over or self._step % self._steps_per_frame == 0):
+            frames: Any = self.env.render()
+            for frame in [*frames, *frames[-1:] * (HOLD if over else 0)]:
+                self._film.add(frame)
+        return observation, reward, terminated, truncated or self._step >= self.limit, info
+
+
+def _text(value: Any) -> str:
+    if isinstance(value, np.ndarray):
+        return np.array2string(value, precision=4, suppress_small=True, max_line_width=1000)
+    return str(value)
+
+
+def _printed(names: str) -> list[str]:
+    chosen = [name.strip() for name in names.split(",") if name.strip() not in ("", "nothing")]
+    for name in chosen:
+        check_known("output", name, (*PRINTABLE, "nothing"))
+    return chosen
+
+
+def _arguments(argv: Sequence[str], prog: str) -> Any:
+    """Parse the arguments; defaults are the task's, `options` those of its environment."""
+    parser = _parser(prog)
+    known, _ = parser.parse_known_args([word for word in argv if word not in HELP])  # which task, before its flags
+    check_known("env", known.env, TASKS)
+    task = TASKS[known.env]
+    flags = flags_of(task.name, task.settings, taken=("help", *vars(known)))
+    add_flags(parser, f"options of {known.env}", flags)
+    arguments = parser.parse_args(argv)
+    texts = {name: getattr(arguments, name) for name in flags if getattr(arguments, name) is not None}
+    arguments.options = given_options(flags, texts)
+    for name, default in (("policy", task.policy), ("steps", task.steps), ("print", task.printed)):
+        if getattr(arguments, name) is None:
+            setattr(arguments, name, default)
+    if arguments.steps < 1 or arguments.reset_every < 1:
+        raise InputError(f"steps and reset-every must be at least 1, got {arguments.steps}, {arguments.reset_every}")
+    check_count("seed", arguments.seed, least=0)
+    return arguments
+
+
+def _parser(prog: str) -> Parser:
+    def by_task(attribute: str) -> str:
+        return ", ".join(f"{name}: {getattr(task, attribute)}" for name, task in TASKS.items())
+
+    trained = sorted({name for task in TASKS.values() for name in trained_for(task.name)})
+    parser = Parser(prog=prog, description=f"Watch an environment of kinreach {kinreach.__version__}.")
+    parser.add_argument("--env", default="single", help=f"one of: {', '.join(TASKS)} (default: %(default)s)")
+    parser.add_argument(
+        "--policy",
+        help=f"one of: {', '.join([*POLICIES, *SOLVERS, *trained])}; a method of the task; or the file of a policy "
+        f"(default for {by_task('policy')})",
+    )
+    parser.add_argument("--steps", type=int, metavar="N", help=f"default for {by_task('steps')}")
+    parser.add_argument(
+        "--reset-every", type=int, default=1000, metavar="N", help="or when an episode ends (default: %(default)s)"
+    )
+    parser.add_argument("--seed", type=int, default=0, metavar="S", help="default: %(default)s")
+    parser.add_argument(
+        "--print",
+        metavar="A,B",
+        help=f"any of: {', '.join(PRINTABLE)}, nothing (default for {by_task('printed')})",
+    )
+    parser.add_argument("--video", metavar="FILE", help="film it into FILE.gif or FILE.mp4 (VP9, which browsers play)")
+    return parser

@@ -1,0 +1,106 @@
+"""Draw environments that do not draw themselves: in their own scene, or in one that follows their `info`."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+import gymnasium as gym
+
+from kinreach.compare._task import arm_in
+from kinreach.errors import InputError
+from kinreach.robots import ArmDescription
+from kinreach.sim._picture import ScenePicture
+from kinreach.sim._posed import PosedScene
+
+
+def scene_of(env: gym.Env[Any, Any], info: Mapping[str, Any]) -> tuple[Any, bool]:
+    """Return the scene of an environment, and whether it has to follow `info`.
+
+    Args:
+        env: After its reset.
+        info: Of that.
+
+    Raises:
+        InputError: It has no arm, or neither a scene nor a posture `q` in its info.
+    """
+    arm = arm_of(env)
+    if env.has_wrapper_attr("scene"):
+        return env.get_wrapper_attr("scene"), False
+    if "q" not in info:
+        raise InputError(f"{_name(env)} cannot be drawn: it has no `scene`, and no posture `q` in its info")
+    return PosedScene(arm), True
+
+
+def arm_of(env: gym.Env[Any, Any]) -> ArmDescription:
+    """Return the arm that is drawn: the believed one, if the true one differs.
+
+    Raises:
+        InputError: The environment has none.
+    """
+    arm = arm_in(env)
+    if arm is None:
+        raise InputError(f"{_name(env)} cannot be drawn: it has no `arm`")
+    return arm
+
+
+def put(scene: PosedScene, info: Mapping[str, Any], *, time: float) -> None:
+    """Put a scene where `info` says; without a clock in it, at `time` [s]."""
+    scene.put(info["q"], ball=info.get("goal"), time=float(info.get("time", time)))
+
+
+def _name(env: gym.Env[Any, Any]) -> str:
+    return env.spec.id if env.spec is not None else "the environment"
+
+
+class Drawn(gym.Wrapper[Any, Any, Any, Any]):
+    """Draw an environment that does not draw itself.
+
+    Args:
+        env: The environment.
+        mode: As of `ScenePicture`.
+        fps: Frames per second of simulated time.
+    """
+
+    def __init__(self, env: gym.Env[Any, Any], *, mode: str, fps: int) -> None:
+        super().__init__(env)
+        self._mode, self._fps = mode, fps
+        self._picture: ScenePicture | None = None
+        self._steps = 0
+
+    def reset(self, **options: Any) -> tuple[Any, dict[str, Any]]:
+        """Begin an episode, perhaps with another arm."""
+        observation, info = self.env.reset(**options)
+        self._close_picture()
+        self._scene, self._follows = scene_of(self.env, info)
+        self._picture = ScenePicture(self._scene, mode=self._mode, fps=self._fps)
+        self._steps = 0
+        self._follow(info)
+        return observation, info
+
+    def step(self, action: Any) -> tuple[Any, Any, bool, bool, dict[str, Any]]:
+        """Step, and draw."""
+        result = self.env.step(action)
+        self._steps += 1
+        self._follow(result[4])
+        return result
+
+    def render(self) -> Any:
+        """Return what `ScenePicture.frame` does."""
+        return None if self._picture is None else self._picture.frame()
+
+    def close(self) -> None:
+        """Close the picture and the environment."""
+        self._close_picture()
+        super().close()
+
+    def _follow(self, info: Mapping[str, Any]) -> None:
+        if self._follows:
+            put(self._scene, info, time=self._steps / self._fps)
+            if self._scene.watch is not None:
+                self._scene.watch()
+
+    def _close_picture(self) -> None:
+        if self._picture is not None:
+            self._picture.close()
+        self._picture = None

@@ -1,0 +1,117 @@
+"""Write frames into a file: a GIF with Pillow, or VP9 in an MP4 with OpenCV, which every browser plays."""
+
+from __future__ import annotations
+
+import os
+from contextlib import AbstractContextManager, ExitStack
+from pathlib import Path
+from types import TracebackType
+from typing import Any
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+from PIL import Image
+
+from kinreach._checks import check_path
+from kinreach._files import make_writable, replacing
+from kinreach.errors import InputError, OutputError
+
+#: Frames per second of a film, in the time of the simulation.
+FILM_FPS = 25
+Frame = NDArray[np.uint8]
+FORMATS = (".gif", ".mp4")
+#: VP9: the wheels of OpenCV have an encoder for it, but not for H.264; browsers do not play their MPEG-4 Part 2, mp4v.
+CODEC = "vp09"
+#: Frames of a GIF, which is put together in memory; a longer film has to be a video.
+MAX_GIF_FRAMES = 1000
+#: Colours of a GIF, chosen by an octree, which keeps that of things as small as the ball.
+GIF_COLOURS = 256
+
+
+class Film(AbstractContextManager["Film"]):
+    """Collect frames; the file appears, complete, when the block ends without an error or with Ctrl-C.
+
+    Args:
+        path: A file that ends in `.gif` or `.mp4`.
+        fps: Frames per second.
+
+    Raises:
+        InputError: Another ending, or too many frames for a GIF.
+        OutputError: The file cannot be written.
+    """
+
+    def __init__(self, path: str | Path, *, fps: int) -> None:
+        self.path = check_path("a film", path)
+        if self.path.suffix not in FORMATS:
+            raise InputError(f"a film's name ends in {' or '.join(FORMATS)}, got {self.path.name!r}")
+        make_writable(self.path.parent)
+        self._fps = fps
+        self._stack = ExitStack()
+        self._images: list[Image.Image] = []
+        self._writer: Any = None
+        self.frames = 0
+
+    def __enter__(self) -> Film:
+        self._temporary = self._stack.enter_context(replacing(self.path))
+        return self
+
+    def add(self, frame: Frame) -> None:
+        """Append a frame, uint8 RGB, shape (height, width, 3)."""
+        self.frames += 1
+        if self.path.suffix == ".gif":
+            if self.frames > MAX_GIF_FRAMES:
+                raise InputError(f"a GIF has at most {MAX_GIF_FRAMES} frames here; name the film {self.path.stem}.mp4")
+            self._images.append(Image.fromarray(frame).quantize(GIF_COLOURS, Image.Quantize.FASTOCTREE))
+            return
+        if self._writer is None:
+            self._writer = self._open(frame.shape[1], frame.shape[0])
+        self._writer.write(cv2.cvtColor(frame, cv2.COLOR_RGB2BGR))
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        if error is not None and not (isinstance(error, KeyboardInterrupt) and self.frames):
+            self._stack.__exit__(kind, error, trace)  # leaves the old file as it was
+            return
+        with self._stack:
+            if not self.frames:
+                raise InputError("there are no frames to write")
+            self._finish()
+
+    def _open(self, width: int, height: int) -> Any:
+        writer = cv2.VideoWriter(str(self._temporary), cv2.VideoWriter.fourcc(*CODEC), self._fps, (width, height))
+        if not writer.isOpened():
+            raise OutputError(f"cannot write {self.path}: this OpenCV has no VP9 encoder; a .gif needs none")
+        self._stack.callback(writer.release)  # where the film fails; a second time does nothing
+        return writer
+
+    def _finish(self) -> None:
+        if self._writer is not None:
+            self._writer.release()
+            if not _is_complete(self._temporary):
+                raise OutputError(f"cannot write {self.path}: the video is not whole; the disk may be full")
+            return
+        first, *rest = self._images
+        first.save(self._temporary, "GIF", save_all=True, append_images=rest, duration=round(1000 / self._fps), loop=0)
+
+
+def _is_complete(video: Path) -> bool:
+    """Return whether an MP4 has all its parts, the index last: OpenCV does not report what it could not write.
+
+    Each part begins with its size in 4 bytes, or 1 and its size in the 8 after the name, and 4 letters that name it
+    (ISO/IEC 14496-12, 4.2).
+    """
+    with video.open("rb") as file:
+        end, at, names = file.seek(0, os.SEEK_END), 0, set()
+        while at < end:
+            file.seek(at)
+            head = file.read(16)
+            size = int.from_bytes(head[:4], "big")
+            if size == 1:
+                size = int.from_bytes(head[8:], "big")
+            if size < 8:  # 0 where it was not known yet
+                return False
+            names.add(head[4:8])
+            at += size
+    return at == end and b"moov" in names

@@ -1,0 +1,414 @@
+"""Native batches of environments, and the random starts that they draw ahead."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from copy import deepcopy
+from dataclasses import dataclass
+from typing import Any, Protocol, Self
+
+import numpy as np
+from gymnasium import spaces
+from gymnasium.utils import seeding
+from gymnasium.vector import AutoresetMode, VectorEnv
+from gymnasium.vector.utils import batch_space
+from numpy.typing import ArrayLike, NDArray
+
+from kinreach._checks import MAX_THREADS, Floats, as_flags, check_count, check_known, is_tensor, shown
+from kinreach.envs._options import check_seed, check_started
+from kinreach.errors import InputError
+from kinreach.kinematics._tensors import as_device, on_device, on_host
+
+#: Rows drawn at a time. Part of what a seed means: changing it may change the goals that follow from a seed.
+AHEAD = 256
+#: Environments for which they are drawn before they are put in place: as many as stay in the cache. An array of that
+#: size has a use when it is freed, too: from then on glibc keeps the memory that every step takes and gives back.
+TOGETHER = 256
+#: More environments in one batch are refused before memory is asked for.
+MAX_ENVIRONMENTS = 2**17
+#: More environments than this are not drawn.
+MAX_DRAWN = 64
+
+Ids = NDArray[np.intp]
+Flags = NDArray[np.bool_]
+
+
+def first_row(info: Mapping[str, Any]) -> dict[str, Any]:
+    """Return the `info` of a single environment from that of a batch of one."""
+    return {
+        name: first_row(value)
+        if isinstance(value, Mapping)
+        else value[0].copy()
+        if value.ndim > 1
+        else value.tolist()[0]
+        for name, value in info.items()
+    }
+
+
+def numbers_of(info: Mapping[str, Any]) -> dict[str, Any]:
+    """Return the entries of an `info` that are numbers or arrays of numbers."""
+    return {
+        name: value
+        for name, value in info.items()
+        if is_tensor(value) or (not isinstance(value, str | Mapping) and np.asarray(value).dtype.kind in "biuf")
+    }
+
+
+class Sampler(Protocol):
+    """Draws rows of numbers; a `GoalRegion` is one, with rows of three."""
+
+    def sample(self, rng: np.random.Generator, count: int) -> Floats:
+        """Draw `count` rows, shape (count, size)."""
+        ...
+
+
+class RowStreams:
+    """An endless sequence of rows for each of a number of environments: goals, or whatever an episode starts with.
+
+    A sequence depends on its own generator alone, not on how many environments there are.
+
+    Args:
+        sampler: Draws the rows.
+        count: Number of environments.
+        size: Numbers in a row.
+    """
+
+    def __init__(self, sampler: Sampler, count: int, *, size: int = 3) -> None:
+        self._sampler = sampler
+        self._rngs = [np.random.default_rng() for _ in range(count)]
+        self._ahead = np.empty((AHEAD, count, size))  # environments in step read what lies side by side
+        self._next = np.full(count, AHEAD)
+
+    def seed(self, index: int, rng: np.random.Generator) -> None:
+        """Start an environment's sequence afresh with a generator that it then owns."""
+        self._rngs[index] = rng
+        self._next[index] = AHEAD
+
+    def copy_from(self, other: RowStreams) -> None:
+        """Copy the state of another object with as many sequences."""
+        self._rngs, self._ahead, self._next = deepcopy((other._rngs, other._ahead, other._next))
+
+    def draw(self, ids: np.ndarray) -> Floats:
+        """Draw the next row of each of the given environments, shape (len(ids), size)."""
+        return self._taken(ids).copy()
+
+    def _taken(self, ids: np.ndarray) -> Floats:
+        """As `draw`; holds until the next call."""
+        turns = self._next[ids]
+        empty = ids[turns == AHEAD]
+        for start in range(0, len(empty), TOGETHER):
+            some = empty[start : start + TOGETHER]
+            run = some[-1] - some[0] == len(some) - 1
+            self._ahead[:, slice(some[0], some[-1] + 1) if run else some] = self._drawn(some).swapaxes(0, 1)
+        turns[turns == AHEAD] = 0
+        self._next[ids] = turns + 1
+        in_step = len(ids) == len(self._next) and (turns == turns[0]).all()
+        rows: Floats = self._ahead[turns[0]] if in_step else self._ahead[turns, ids]
+        return rows
+
+    def _drawn(self, ids: np.ndarray) -> Floats:
+        return np.array([self._sampler.sample(self._rngs[index], AHEAD) for index in ids])
+
+
+class Picture(Protocol):
+    """Draws the environments of a batch."""
+
+    def frame(self, index: int) -> Any:
+        """Draw one environment: uint8, shape (height, width, 3)."""
+        ...
+
+    def close(self) -> None:
+        """Free the renderer."""
+        ...
+
+
+class Episodes(Protocol):
+    """The episodes of a number of environments: a task without Gymnasium's interface."""
+
+    def seed(self, index: int, rng: np.random.Generator) -> None:
+        """Give an environment its own generator."""
+        ...
+
+    def copy_from(self, other: Any) -> None:
+        """Copy the state of another object of the same kind and size."""
+        ...
+
+    def begin(self, ids: Ids, start: Any = ...) -> None:
+        """Start new episodes of some environments, with what `reset(options=)` asks for, one row for each of them."""
+        ...
+
+    def step(self, actions: Any, acting: Flags | None = None) -> Outcome:
+        """Act in all environments, or in those where `acting` is True."""
+        ...
+
+    def observe(self) -> Floats:
+        """Return the observations of all environments."""
+        ...
+
+    def start_info(self) -> dict[str, Any]:
+        """Return the `info` of a reset, as arrays."""
+        ...
+
+    def goal_info(self) -> dict[str, Any]:
+        """Return the entries of `info` about the goals of the present episodes, as arrays."""
+        ...
+
+    def close(self) -> None:
+        """Free the renderers of the episodes."""
+        ...
+
+
+@dataclass(frozen=True, eq=False)
+class Outcome:
+    """Result of one step of all environments; every array has the number of environments first.
+
+    Attributes:
+        reward, terminated, truncated: As Gymnasium has them, shape (count,).
+        info: Of the step. It and the reward may be tensors already.
+    """
+
+    reward: Floats
+    terminated: Flags
+    truncated: Flags
+    info: dict[str, Any]
+
+    def of(self, acting: Flags) -> Outcome:
+        """Return the outcome with reward 0 and no end where an environment did not act."""
+        still = ~acting
+        terms = {name: np.where(still, 0.0, on_host(term)) for name, term in self.info["reward_terms"].items()}
+        info = self.info | {"reward_terms": terms} | {f"reward_{name}": term for name, term in terms.items()}
+        for name in ("reached", "is_success"):
+            info[name] = on_host(info[name]) & acting
+        reward = np.where(still, 0.0, on_host(self.reward))
+        return Outcome(reward, self.terminated & acting, self.truncated & acting, info)
+
+
+class NativeVectorEnv(VectorEnv[Floats, ArrayLike, Floats]):
+    """A batch of equal environments, each what a single one with its seed would be.
+
+    With `AutoresetMode.SAME_STEP`, the default, an episode that ends starts anew in the same step: the observation
+    returned is the first of the new episode, `info["final_obs"]` is the last of the old one where `info["_final_obs"]`
+    is True, and `info["final_info"]` holds what the single environment's `info` would, as arrays. The other entries of
+    `info` are those of the step that was just made, whether or not an episode ended with it; only those about the goal
+    are already the new episode's. With `NEXT_STEP` the step after an end starts the next episode, whatever the action:
+    the reward is 0. With `DISABLED` nothing starts by itself: `reset(options={"reset_mask": mask})`, bool, shape
+    (num_envs,), restarts some.
+
+    As Gymnasium's own batches have it, each entry `key` of `info` has a mask `_key`, bool, shape (num_envs,): whether
+    it is of the environment's last step, or of the reset where an episode began. `reward_terms` has none inside, so
+    that its values sum to the reward. The masks of one step share their memory.
+
+    With `device=`, what `reset` and `step` return are tensors of torch on that device, but for the texts in `info`;
+    actions and options of `reset` may be tensors anyway.
+
+    Args:
+        episodes: The task.
+        num_envs: Number of environments.
+        action_space, observation_space: Of one environment.
+        check_actions: Turns what the user hands to `step` into what `episodes` takes.
+        check_start: Turns the options of `reset` but the mask into what `episodes` takes: a tuple of arrays or None.
+        autoreset_mode: Gymnasium's, or its value.
+        picture: Draws one environment, for `render_mode="rgb_array"`.
+        device: Of torch, such as `"cuda"` or `"cpu"`; None for arrays of numpy.
+        made_with: Keywords that make another one like this, for `copy.deepcopy`: it copies the whole state.
+
+    Raises:
+        InputError: There is no such mode, or no such device.
+        InstallationError: Tensors without torch.
+    """
+
+    metadata = {  # noqa: RUF012 (declared by Gymnasium)
+        "render_modes": ["rgb_array"],
+        "render_fps": 25,
+        "autoreset_mode": AutoresetMode.SAME_STEP,
+    }
+
+    def __init__(
+        self,
+        episodes: Episodes,
+        num_envs: int,
+        *,
+        action_space: spaces.Space[Any],
+        observation_space: spaces.Space[Any],
+        check_actions: Callable[[ArrayLike], Any],
+        check_start: Callable[[Mapping[str, Any] | None], Any],
+        autoreset_mode: AutoresetMode | str = AutoresetMode.SAME_STEP,
+        picture: Picture | None = None,
+        device: str | None = None,
+        made_with: Mapping[str, Any],
+    ) -> None:
+        try:
+            mode = AutoresetMode(autoreset_mode)
+        except ValueError:
+            names = ", ".join(mode.value for mode in AutoresetMode)
+            raise InputError(f"autoreset_mode must be one of {names}, got {shown(autoreset_mode)}") from None
+        self.metadata = {**self.metadata, "autoreset_mode": mode}
+        self.num_envs = num_envs
+        self.render_mode = None if picture is None else "rgb_array"
+        self.single_action_space = action_space
+        self.single_observation_space = observation_space
+        self.action_space = batch_space(action_space, num_envs)
+        self.observation_space = batch_space(observation_space, num_envs)
+        self._episodes = episodes
+        self._check_actions, self._check_start = check_actions, check_start
+        self._mode, self._picture, self._made_with = mode, picture, made_with
+        self._device = None if device is None else as_device(device)
+        self.autoreset_mode = mode  # where TorchRL looks for it
+        self._numbers_only = made_with.get("info") == "numbers"
+        self._everyone = np.arange(num_envs)
+        self._started = False
+        self._starting: frozenset[str] = frozenset()
+        self._ended = np.zeros(num_envs, dtype=np.bool_)
+
+    def __deepcopy__(self, memo: dict[int, Any]) -> Self:
+        twin = type(self)(**self._made_with)
+        memo[id(self)] = twin
+        for name in ("single_action_space", "single_observation_space", "action_space", "observation_space"):
+            setattr(twin, name, deepcopy(getattr(self, name)))
+        twin.spec = self.spec
+        twin._started, twin._ended = self._started, self._ended.copy()
+        twin._starting = self._starting
+        twin._episodes.copy_from(self._episodes)
+        return twin
+
+    def reset(
+        self, *, seed: int | Sequence[int | None] | None = None, options: dict[str, Any] | None = None
+    ) -> tuple[Floats, dict[str, Any]]:
+        """Start the episodes of all environments, or of some.
+
+        Args:
+            seed: Of the first environment (the others count up), or one for each.
+            options: As those of the single environment, one row for each environment; and `"reset_mask"`, bool, shape
+                (num_envs,): which environments start anew (all by default).
+
+        Raises:
+            InputError: Unknown or malformed options, as many seeds as there are not environments, or a mask before all
+                have started.
+        """
+        if isinstance(options, Mapping):
+            options = {name: on_host(value) for name, value in options.items()}
+        mask, others = self._reset_mask(options)
+        start = self._check_start(others)
+        seeds = self._checked_seeds(seed)
+        ids = self._everyone if mask is None else np.flatnonzero(mask)
+        for index in ids:
+            if seeds[index] is not None or not self._started:
+                self._episodes.seed(int(index), seeding.np_random(seeds[index])[0])
+        rows = [value if value is None or mask is None else value[ids] for value in start]
+        self._episodes.begin(ids, type(start)(*rows))
+        self._started = True
+        self._ended[ids] = False
+        info = self._selected(self._episodes.start_info())
+        self._starting = frozenset(info)
+        (restarted,) = self._handed_out(np.ones(self.num_envs, dtype=np.bool_) if mask is None else mask.copy())
+        return self._handed_out(self._episodes.observe(), info | {f"_{name}": restarted for name in info})
+
+    def step(self, actions: ArrayLike) -> tuple[Floats, Floats, Any, Any, dict[str, Any]]:
+        """Act in all environments.
+
+        Args:
+            actions: One for each environment, shape (num_envs, ...).
+
+        Raises:
+            InputError: Malformed actions, a step before the first reset, or with `AutoresetMode.DISABLED` one of an
+                environment whose episode has ended.
+        """
+        check_started(self._started)
+        checked = self._check_actions(on_host(actions))
+        if self._mode is AutoresetMode.SAME_STEP:
+            return self._step_and_restart(checked)
+        acting: Flags | None = None
+        if self._ended.any():
+            if self._mode is AutoresetMode.DISABLED:
+                raise InputError(
+                    f"the episodes of environments {shown(np.flatnonzero(self._ended).tolist())} have ended; "
+                    'reset(options={"reset_mask": mask}) starts new ones'
+                )
+            self._episodes.begin(np.flatnonzero(self._ended))
+            acting = ~self._ended
+        outcome = self._episodes.step(checked, acting)
+        self._ended = outcome.terminated | outcome.truncated
+        info = self._selected(outcome.info | self._episodes.goal_info())
+        info = self._masked(info, restarted=None if acting is None else ~acting)
+        return self._handed_out(self._episodes.observe(), outcome.reward, outcome.terminated, outcome.truncated, info)
+
+    def render(self) -> tuple[Any, ...] | None:
+        """With `render_mode="rgb_array"` a frame of each environment, uint8, shape (height, width, 3); else None."""
+        if self._picture is None:
+            return None
+        return tuple(self._picture.frame(index) for index in range(self.num_envs))
+
+    def close_extras(self, **kwargs: Any) -> None:
+        """Free the renderers."""
+        self._episodes.close()
+        if self._picture is not None:
+            self._picture.close()
+
+    def _step_and_restart(self, actions: Any) -> tuple[Floats, Floats, Any, Any, dict[str, Any]]:
+        outcome = self._episodes.step(actions)
+        info = self._selected(outcome.info)
+        over = outcome.terminated | outcome.truncated
+        observation = self._episodes.observe()
+        final: dict[str, Any] = {}
+        if over.any():
+            (mask,) = self._handed_out(over)
+            final_info = info | self._selected(self._episodes.goal_info())
+            final_info |= {f"_{name}": mask for name in final_info}
+            final = {"final_obs": observation, "_final_obs": mask, "final_info": final_info, "_final_info": mask}
+            self._episodes.begin(np.flatnonzero(over))
+            observation = self._episodes.observe()
+        info |= self._selected(self._episodes.goal_info())
+        info = self._masked(info, restarted=over if final else None) | final
+        return self._handed_out(observation, outcome.reward, outcome.terminated, outcome.truncated, info)
+
+    def _masked(self, info: dict[str, Any], *, restarted: Flags | None) -> dict[str, Any]:
+        """Add Gymnasium's masks to the `info` of a step: where an episode began, only entries of a reset are valid."""
+        everyone = np.ones(self.num_envs, dtype=np.bool_)
+        always, stepped = self._handed_out(everyone, everyone if restarted is None else ~restarted)
+        return info | {f"_{name}": always if name in self._starting else stepped for name in info}
+
+    def _handed_out(self, *values: Any) -> Any:
+        """Return values on the device that was asked for."""
+        return values if self._device is None else tuple(on_device(value, self._device) for value in values)
+
+    def _selected(self, info: dict[str, Any]) -> dict[str, Any]:
+        return numbers_of(info) if self._numbers_only else info
+
+    def _checked_seeds(self, seed: int | Sequence[int | None] | None) -> list[int | None]:
+        """Return the seed of each environment, or None."""
+        if seed is None:
+            return [None] * self.num_envs
+        if isinstance(seed, Sequence | np.ndarray) and not isinstance(seed, str | bytes):
+            seeds = [check_seed(value) for value in seed]
+        else:
+            first = check_count("seed", seed, least=0)
+            seeds = list(range(first, first + self.num_envs))
+        if len(seeds) != self.num_envs:
+            raise InputError(f"there are {self.num_envs} environments and {len(seeds)} seeds")
+        return seeds
+
+    def _reset_mask(self, options: Mapping[str, Any] | None) -> tuple[Flags | None, Mapping[str, Any] | None]:
+        """Return which environments a reset is for (None: all), and its other options."""
+        if not isinstance(options, Mapping) or options.get("reset_mask") is None:
+            return None, options
+        mask = as_flags("reset_mask", options["reset_mask"])
+        if mask.shape != (self.num_envs,) or not mask.any():
+            raise InputError(f"reset_mask must have shape ({self.num_envs},) and a True value, got shape {mask.shape}")
+        if not self._started:
+            raise InputError("reset all environments before some of them")
+        return mask, {name: value for name, value in options.items() if name != "reset_mask"}
+
+
+def check_batch(num_envs: int, threads: int, render_mode: object) -> int:
+    """Check the number of environments of a batch and return it.
+
+    Raises:
+        InputError: No environments, more than fit, or more than are drawn; no threads; a mode that no batch has.
+    """
+    num_envs = check_count("num_envs", num_envs, most=MAX_ENVIRONMENTS)
+    check_count("threads", threads, most=MAX_THREADS)
+    if render_mode is not None:
+        check_known("render_mode of a native batch", render_mode, NativeVectorEnv.metadata["render_modes"])
+        if num_envs > MAX_DRAWN:
+            raise InputError(f"a native batch draws at most {MAX_DRAWN} environments, got {num_envs}")
+    return num_envs

@@ -1,0 +1,314 @@
+"""Episodes of a number of arms in step: the whole button task but for Gymnasium's interface."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Any, NamedTuple
+
+import numpy as np
+from gymnasium import spaces
+
+from kinreach._checks import MAX_DISTANCE, Floats, as_vector, check_count, check_flag, check_known
+from kinreach.envs._batch import Outcome, RowStreams
+from kinreach.envs._button.task import (
+    ACTUATIONS,
+    CONTROL_LIMIT,
+    JOINTS,
+    SPEED_BOUND,
+    Actions,
+    Actuation,
+    Flags,
+    button_reward,
+    meaning,
+    observation,
+    observation_space,
+)
+from kinreach.envs._button.world import Ids, TorqueWorld
+from kinreach.envs._options import INFOS, INFOS_TEXT, RENDER_MODES, RENDER_MODES_TEXT, about, option_rows
+from kinreach.errors import InputError
+from kinreach.kinematics import Arm3Kinematics
+from kinreach.robots import ArmDescription, get_arm
+
+#: Joint angles [rad] and velocities [rad/s] start within +- this of rest in the home posture.
+SPREAD = 0.1
+#: Numbers of a start: target (3), joint angles (3), joint velocities (3).
+SIZE = 3 + 2 * JOINTS
+#: More is a mistake: the report's gears move the arm in less.
+MAX_FRAMES = 16
+#: Why a step was impossible.
+REASON = f"diverged: a joint became faster than {SPEED_BOUND:g} rad/s"
+
+
+@dataclass(frozen=True, kw_only=True)
+class ButtonOptions:
+    """Options of the button environments, single and in native batches.
+
+    Raises:
+        UnknownNameError: A name that is not one of those there are.
+        InputError: A target that is not three finite numbers, or no steps.
+    """
+
+    actuation: str = field(default="tuned", metadata=about('`"tuned"` or `"report"`'))
+    fixed_target: bool | Sequence[float] = field(
+        default=False,
+        metadata=about("keep the first target (`True`), or the target itself, (x, y, z) in the world [m]"),
+    )
+    max_steps: int = field(default=1000, metadata=about("steps after which an episode is truncated"))
+    controls: bool = field(default=False, metadata=about("observe the three controls, too", flag=None))
+    frames: int = field(default=1, metadata=about("observe so many steps, up to 16, the newest first", flag=None))
+    render_mode: str | None = field(default=None, metadata=about(RENDER_MODES_TEXT))
+    info: str = field(default="all", metadata=about(INFOS_TEXT, flag=None))
+
+    def __post_init__(self) -> None:
+        check_known("actuation", self.actuation, ACTUATIONS)
+        check_known("info", self.info, INFOS)
+        check_count("max_steps", self.max_steps)
+        check_flag("controls", self.controls)
+        check_count("frames", self.frames, most=MAX_FRAMES)
+        if self.render_mode is not None:
+            check_known("render_mode", self.render_mode, RENDER_MODES)
+        _ = self.target
+
+    @property
+    def arm(self) -> ArmDescription:
+        """The arm that does the task."""
+        return get_arm("arm3")
+
+    @property
+    def motors(self) -> Actuation:
+        """Motors, friction and time."""
+        return ACTUATIONS[self.actuation]
+
+    @property
+    def observation_space(self) -> spaces.Box:
+        """Of one environment."""
+        return observation_space(controls=self.controls, frames=self.frames)
+
+    @property
+    def keep_target(self) -> bool:
+        """Whether a target stays from one episode to the next."""
+        return self.fixed_target is not False
+
+    @property
+    def target(self) -> Floats | None:
+        """The target of all episodes in the world [m], shape (3,), if one was given."""
+        if isinstance(self.fixed_target, bool):
+            return None
+        return as_vector("fixed_target", self.fixed_target, 3, most=MAX_DISTANCE)
+
+
+class ButtonStarts:
+    """Draws starts; targets are uniform in what the arm reaches, within its limits, of the work cell's region."""
+
+    def __init__(self) -> None:
+        self._kinematics = Arm3Kinematics(base="world")
+        self._home = np.array(self._kinematics.arm.home)
+
+    def reachable(self, targets: Floats) -> Flags:
+        """Return whether the closed form has a posture within the joint limits for targets [m], shape (n, 3).
+
+        Collisions need no look: each of 4971 such targets of the region had a posture free of them.
+        """
+        return np.any(self._kinematics.batch(targets).valid, axis=1)
+
+    def within_limits(self, q: Floats) -> Flags:
+        """Return whether postures [rad], shape (n, 3), are within the joint limits."""
+        return np.all((q >= self._kinematics.lower) & (q <= self._kinematics.upper), axis=1)
+
+    def sample(self, rng: np.random.Generator, count: int) -> Floats:
+        """Draw `count` starts, shape (count, 9): target [m], joint angles [rad], joint velocities [rad/s]."""
+        targets = self._targets(rng, count)
+        q = self._home + rng.uniform(-SPREAD, SPREAD, (count, JOINTS))
+        return np.concatenate([targets, q, rng.uniform(-SPREAD, SPREAD, (count, JOINTS))], axis=1)
+
+    def _targets(self, rng: np.random.Generator, count: int) -> Floats:
+        draw = self._kinematics.arm.workcell.draw_goals
+        targets: Floats = draw(rng, count)
+        while not (kept := self.reachable(targets)).all():
+            targets[~kept] = draw(rng, int((~kept).sum()))
+        return targets
+
+
+class Start(NamedTuple):
+    """What `reset(options=)` asks for, one row an environment; None for what it leaves open.
+
+    Attributes:
+        goals: Targets in the world [m], shape (count, 3).
+        q: Postures to start in, at rest [rad], shape (count, 3).
+    """
+
+    goals: Floats | None = None
+    q: Floats | None = None
+
+
+class ButtonEpisodes:
+    """The state of the episodes and their rules, for one arm or thousands.
+
+    Args:
+        options: Of the environment.
+        world: Simulates the arms.
+
+    Attributes:
+        world: As given.
+        goals: Targets in the world [m], shape (count, 3).
+
+    Raises:
+        InputError: The fixed target cannot be reached.
+    """
+
+    def __init__(self, options: ButtonOptions, world: TorqueWorld) -> None:
+        count = world.count
+        self.goals = np.zeros((count, 3))
+        self.world = world
+        self._starts = ButtonStarts()
+        self._streams = RowStreams(self._starts, count, size=SIZE)
+        self._max_steps = options.max_steps
+        self._period = options.motors.period
+        self._gears = np.array(options.motors.gears)
+        self._keep = options.keep_target
+        self._has_target = np.zeros(count, dtype=np.bool_)
+        self._state = np.zeros((3, count, JOINTS))  # joint angles, velocities, end effectors
+        self._control = np.zeros((count, JOINTS))
+        self._pushed = np.zeros(count, dtype=np.bool_)
+        self._steps = np.zeros(count, dtype=np.int64)
+        self._wrong_presses = np.zeros(count, dtype=np.int64)
+        self._energy = np.zeros(count)
+        self._controls = options.controls
+        self._seen = np.zeros((count, options.frames, options.observation_space.shape[0] // options.frames))
+        self._fixed = options.target
+        if self._fixed is not None:
+            self._refuse_unreachable("fixed_target", self._fixed[None])
+
+    def seed(self, index: int, rng: np.random.Generator) -> None:
+        """Give an arm its own generator; it forgets a target that it kept."""
+        self._streams.seed(index, rng)
+        self._has_target[index] = False
+
+    def copy_from(self, other: ButtonEpisodes) -> None:
+        """Take over the state of as many other arms with the same options, in the middle of their episodes."""
+        self.world.copy_from(other.world)
+        self._streams.copy_from(other._streams)
+        for name in (
+            "goals", "_has_target", "_state", "_control", "_pushed", "_steps", "_wrong_presses", "_energy", "_seen",
+        ):  # fmt: skip
+            setattr(self, name, getattr(other, name).copy())
+
+    def check_start(self, options: Mapping[str, Any] | None, count: int | None) -> Start:
+        """Check the options of `reset`.
+
+        Raises:
+            InputError: An unknown option, a malformed one, a target out of reach, a joint outside its limits.
+        """
+        goals, q = option_rows(options, {"goal": 3, "q": JOINTS}, count)
+        if goals is not None:
+            self._refuse_unreachable("goal", goals)
+        if q is not None and not self._starts.within_limits(q).all():
+            raise InputError(f"q is outside the joint limits: {q[~self._starts.within_limits(q)][0]}")
+        return Start(goals, q)
+
+    def begin(self, ids: Ids, start: Start = Start()) -> None:  # noqa: B008 (immutable)
+        """Start new episodes.
+
+        Args:
+            ids: Which, shape (k,).
+            start: What is given, one row for each of them. By default targets are drawn, or kept; postures are drawn,
+                with velocities.
+        """
+        targets, postures, speeds = np.split(self._streams.draw(ids), 3, axis=1)
+        if start.goals is not None:
+            targets = start.goals
+        elif self._fixed is not None:
+            targets = np.broadcast_to(self._fixed, targets.shape)
+        elif self._keep:
+            targets = np.where(self._has_target[ids, None], self.goals[ids], targets)
+        if start.q is not None:
+            postures, speeds = start.q, np.zeros_like(start.q)
+        self.goals[ids], self._has_target[ids] = targets, True
+        for counter in (self._control, self._pushed, self._steps, self._wrong_presses, self._energy):
+            counter[ids] = 0
+        self.world.reset(ids, targets, postures, speeds)
+        self._state[:, ids] = self.world.q[ids], self.world.qd[ids], self.world.tip[ids]
+        self._seen[ids] = self._present()[ids, None]
+
+    def observe(self) -> Floats:
+        """Return the observations, shape (count, size)."""
+        return self._seen.reshape(len(self._seen), -1).copy()
+
+    def _present(self) -> Floats:
+        """Return the present observations, shape (count, 19), or (count, 22) with the controls."""
+        q, qd, tip = self._state
+        seen = observation(q, qd, tip, self.goals, self._pushed)
+        return np.hstack([seen, self._control]) if self._controls else seen
+
+    @property
+    def distance(self) -> Floats:
+        """From the end effectors to the targets [m], shape (count,)."""
+        return np.sqrt(((self._state[2] - self.goals) ** 2).sum(axis=1))
+
+    def step(self, actions: Actions, acting: Flags | None = None) -> Outcome:
+        """Act with every arm, or where `acting` is True.
+
+        Args:
+            actions: Checked, shape (count,).
+            acting: Which arms act, shape (count,); all by default.
+        """
+        change, pushed = meaning(actions)
+        self._pushed = pushed if acting is None else pushed & acting
+        control = np.clip(self._control + change, -CONTROL_LIMIT, CONTROL_LIMIT)
+        self._control = control if acting is None else np.where(acting[:, None], control, self._control)
+        diverged = self._simulate(acting)
+        older = self._seen[:, :-1]
+        seen = np.concatenate([self._present()[:, None], older], axis=1)
+        self._seen = seen if acting is None else np.where(acting[:, None, None], seen, self._seen)
+        reward, terms = button_reward(self.distance, self._pushed)
+        pressed, wrong = terms.press > 0, terms.wrong_press < 0
+        self._steps += 1 if acting is None else acting
+        self._wrong_presses += wrong
+        self._energy += ((self._control * self._gears) ** 2).sum(axis=1) * self._period
+        truncated = (diverged | (self._steps >= self._max_steps)) & ~pressed
+        info = self.start_info() | {
+            "reached": pressed,
+            "is_success": pressed,
+            "pressed": pressed,
+            "wrong_press": wrong,
+            "wrong_presses": self._wrong_presses.copy(),
+            "impossible": diverged,
+            "impossible_code": diverged.astype(np.uint8),
+            "impossible_reason": np.where(diverged, REASON, "").astype(object),
+            "energy": self._energy.copy(),
+            "steps": self._steps.copy(),
+            "move_s": self._steps * self._period,
+            "reward_terms": terms._asdict(),
+        }
+        info |= {f"reward_{name}": term for name, term in terms._asdict().items()}
+        outcome = Outcome(reward, pressed, truncated, info)
+        return outcome if acting is None else outcome.of(acting)
+
+    def start_info(self) -> dict[str, Any]:
+        """Return the `info` of a reset, as arrays."""
+        q, _, tip = self._state
+        return self.goal_info() | {"distance": self.distance, "q": q.copy(), "tip": tip.copy()}
+
+    def goal_info(self) -> dict[str, Any]:
+        """Return the entries of `info` about the targets, as arrays."""
+        return {"goal": self.goals.copy()}
+
+    def close(self) -> None:
+        """Do nothing."""
+
+    def _simulate(self, acting: Flags | None) -> Flags:
+        """Step the world; which arms have diverged. Their last good state stays."""
+        self.world.step(self._control, acting)
+        good = np.all(np.abs(self.world.qd) <= SPEED_BOUND, axis=1)
+        if good.all():
+            self._state[:] = self.world.q, self.world.qd, self.world.tip
+        else:
+            now = np.stack([self.world.q, self.world.qd, self.world.tip])
+            np.copyto(self._state, now, where=good[:, None])
+        return ~good
+
+    def _refuse_unreachable(self, name: str, targets: Floats) -> None:
+        missed = targets[~self._starts.reachable(targets)]
+        if len(missed):
+            raise InputError(f"{name} {missed[0]} m cannot be reached within the joint limits")

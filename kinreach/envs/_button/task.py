@@ -1,0 +1,171 @@
+"""The button task: what an action means, what is observed, and what is paid for.
+
+Everything here works on stacks, so that one environment and thousands in a batch share it.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from itertools import product
+from typing import NamedTuple
+
+import numpy as np
+from gymnasium import spaces
+from numpy.typing import ArrayLike, NDArray
+
+from kinreach._checks import Floats, as_array
+from kinreach.errors import InputError
+from kinreach.robots import get_arm
+
+JOINTS = 3
+#: What each of the 27 torque actions adds to the controls of the three joints; the first joint changes slowest.
+INCREMENTS: Floats = np.array(list(product((-1.0, 0.0, 1.0), repeat=JOINTS)))
+#: Torque actions without a press, then the same with one.
+ACTIONS = 2 * len(INCREMENTS)
+#: Controls accumulate and are kept within +- this.
+CONTROL_LIMIT = 10.0
+#: Cosines (3) and sines (3) of the joint angles, target (3), end effector (3), joint velocities (3), end effector
+#: minus target (3), push state (1).
+OBSERVATIONS = 19
+#: Bounds of positions, and of their differences, in the observation space [m]; the arm reaches 1.2 m.
+POSITION_BOUND, DIFFERENCE_BOUND = 2.0, 4.0
+#: A simulation in which a joint is faster than this [rad/s] has diverged; under random actions the report's gears
+#: gave up to 700.
+SPEED_BOUND = 10_000.0
+
+#: A press counts when the end effector is nearer to the target than this [m].
+PRESS_RADIUS = 0.05
+#: The report names 100; the other values are ours. Near the target a step pays less than 0.1, so that waiting there for
+#: a whole episode of 1000 steps pays less than pressing at once.
+PRESS_REWARD = 100.0
+NEAR_REWARD = 0.1
+WRONG_PRESS_REWARD = -1.0
+
+Actions = NDArray[np.intp]
+Flags = NDArray[np.bool_]
+
+_ARM = get_arm("arm3")
+
+
+@dataclass(frozen=True)
+class Actuation:
+    """Motors, friction and time of an arm under torque.
+
+    Attributes:
+        name: What it is asked for by.
+        gears: Torque of each motor per unit of control [N m].
+        damping: Viscous friction of each joint [N m s/rad].
+        armature: Rotor inertia seen at each joint [kg m^2].
+        timestep: Step of the simulation [s].
+        frame_skip: Steps of the simulation in one step of the environment.
+        effort_limits: Whether the URDF's effort bounds the torque.
+    """
+
+    name: str
+    gears: tuple[float, ...]
+    damping: tuple[float, ...]
+    armature: float
+    timestep: float
+    frame_skip: int
+    effort_limits: bool
+
+    @property
+    def period(self) -> float:
+        """Time of one step of the environment [s]."""
+        return self.timestep * self.frame_skip
+
+
+#: As the course project has it: no friction, no rotor inertia, MuJoCo's default timestep. Full control of the base
+#: is 8250 N m where the arm's inertia is a few kg m^2.
+REPORT = Actuation(
+    name="report",
+    gears=(825.0, 10.0, 3.0),
+    damping=(0.0, 0.0, 0.0),
+    armature=0.0,
+    timestep=0.002,
+    frame_skip=2,
+    effort_limits=False,
+)
+#: Full control is the effort of the URDF, 40, 80 and 25 N m: 1.7 times and more what gravity asks for.
+TUNED = Actuation(
+    name="tuned",
+    gears=(4.0, 8.0, 2.5),
+    damping=_ARM.joint_damping,
+    armature=_ARM.armature,
+    timestep=0.004,
+    frame_skip=10,
+    effort_limits=True,
+)
+ACTUATIONS = {actuation.name: actuation for actuation in (TUNED, REPORT)}
+
+
+def action_space() -> spaces.Discrete:
+    """Return the space of the 54 actions."""
+    return spaces.Discrete(ACTIONS)
+
+
+def observation_space(*, controls: bool = False, frames: int = 1) -> spaces.Box:
+    """Return the space of the 19 numbers, with the controls where they are observed, of so many steps."""
+    bounds = (1.0, 1.0, POSITION_BOUND, POSITION_BOUND, SPEED_BOUND, DIFFERENCE_BOUND)
+    high = np.array([*np.repeat(bounds, 3), 1.0, *[CONTROL_LIMIT] * JOINTS * controls])
+    low = -high
+    low[OBSERVATIONS - 1] = 0.0
+    return spaces.Box(np.tile(low, frames), np.tile(high, frames), dtype=np.float64)
+
+
+def check_actions(actions: ArrayLike, count: int | None) -> Actions:
+    """Actions as integers of shape (1,), or (count,) for a batch.
+
+    Raises:
+        InputError: Not integers from 0 to 53, or a wrong shape.
+    """
+    shape = () if count is None else (count,)
+    values = as_array("action", actions)
+    if values.shape != shape or values.dtype.kind not in "iu":
+        raise InputError(f"action must be integers of shape {shape}, got {values.dtype} of shape {values.shape}")
+    outside = (values < 0) | (values >= ACTIONS)
+    if outside.any():
+        raise InputError(f"action must be from 0 to {ACTIONS - 1}, got {values[outside].flat[0]}")
+    return values.reshape(-1).astype(np.intp)
+
+
+def meaning(actions: Actions) -> tuple[Floats, Flags]:
+    """Return what checked actions add to the controls, shape (n, 3), and whether they press, shape (n,)."""
+    return INCREMENTS[actions % len(INCREMENTS)], actions >= len(INCREMENTS)
+
+
+def action_of(change: Floats, press: Flags) -> Actions:
+    """Inverse of `meaning`: the actions that add -1, 0 or 1 to each control, shape (n, 3), and press or not, (n,)."""
+    digits = np.array([9, 3, 1])
+    return ((np.asarray(change, dtype=np.intp) + 1) @ digits + len(INCREMENTS) * press).astype(np.intp)
+
+
+def observation(q: Floats, qd: Floats, tip: Floats, goals: Floats, pushed: Flags) -> Floats:
+    """Lay out the 19 numbers, shape (n, 19), of angles, velocities, end effectors, targets (n, 3) and pushes (n,)."""
+    return np.concatenate([np.cos(q), np.sin(q), goals, tip, qd, tip - goals, pushed[:, None]], axis=1)
+
+
+class RewardTerms(NamedTuple):
+    """Parts of the reward, each of shape (n,); their sum, from left to right, is the reward."""
+
+    distance: Floats
+    near: Floats
+    wrong_press: Floats
+    press: Floats
+
+
+def button_reward(distance: Floats, press: Flags) -> tuple[Floats, RewardTerms]:
+    """Return reward of one step, and its parts.
+
+    Args:
+        distance: From the end effector to the target after the step [m], shape (n,).
+        press: Whether the action pressed, shape (n,).
+    """
+    near = distance < PRESS_RADIUS
+    terms = RewardTerms(
+        distance=-distance,
+        near=np.where(near, NEAR_REWARD, 0.0),
+        wrong_press=np.where(press & ~near, WRONG_PRESS_REWARD, 0.0),
+        press=np.where(press & near, PRESS_REWARD, 0.0),
+    )
+    return terms.distance + terms.near + terms.wrong_press + terms.press, terms

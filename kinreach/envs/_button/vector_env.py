@@ -1,0 +1,79 @@
+"""Many button environments in step, on `mujoco.batch.Batch`."""
+
+from __future__ import annotations
+
+from functools import partial
+from typing import Any
+
+import numpy as np
+from gymnasium.vector import AutoresetMode
+
+from kinreach.envs._batch import NativeVectorEnv, check_batch
+from kinreach.envs._button.episodes import ButtonEpisodes, ButtonOptions
+from kinreach.envs._button.task import action_space, check_actions
+from kinreach.envs._button.world import BatchTorqueWorld, SingleTorqueWorld
+from kinreach.envs._options import options_from
+from kinreach.sim._picture import ScenePicture
+
+
+class ButtonPressVectorEnv(NativeVectorEnv):
+    """A batch of `kinreach/ButtonPress-v0`, equal to as many single ones with the seeds `seed`, `seed + 1`, ...
+
+    Episodes start anew as `NativeVectorEnv` describes.
+
+    Args:
+        num_envs: Number of environments.
+        threads: Threads that step the dynamics.
+        autoreset_mode: `AutoresetMode.SAME_STEP`, `NEXT_STEP` or `DISABLED`.
+        device: Of torch, for tensors instead of arrays.
+        **options: As in the single environment (`ButtonOptions`). `render_mode` is None or `"rgb_array"`, for up to 64
+            environments.
+
+    Raises:
+        InputError: Options that cannot be.
+    """
+
+    def __init__(
+        self,
+        num_envs: int = 1,
+        *,
+        threads: int = 1,
+        autoreset_mode: AutoresetMode | str = AutoresetMode.SAME_STEP,
+        device: str | None = None,
+        **options: Any,
+    ) -> None:
+        given = options_from(ButtonOptions, options)
+        num_envs = check_batch(num_envs, threads, given.render_mode)
+        episodes = ButtonEpisodes(given, BatchTorqueWorld(given.arm, given.motors, num_envs, threads=threads))
+        super().__init__(
+            episodes,
+            num_envs,
+            action_space=action_space(),
+            observation_space=given.observation_space,
+            check_actions=partial(check_actions, count=num_envs),
+            check_start=partial(episodes.check_start, count=num_envs),
+            autoreset_mode=autoreset_mode,
+            picture=None if given.render_mode is None else ButtonPicture(given, episodes),
+            device=device,
+            made_with=dict(options, num_envs=num_envs, threads=threads, autoreset_mode=autoreset_mode, device=device),
+        )
+        self.metadata = {**self.metadata, "render_fps": round(1 / given.motors.period)}
+
+
+class ButtonPicture:
+    """Draws the environments of a batch, one after the other, with one scene."""
+
+    def __init__(self, options: ButtonOptions, episodes: ButtonEpisodes) -> None:
+        self._episodes = episodes
+        self._scene = SingleTorqueWorld(options.arm, options.motors, visual=True)
+        self._picture = ScenePicture(self._scene, mode="rgb_array", fps=NativeVectorEnv.metadata["render_fps"])
+
+    def frame(self, index: int) -> Any:
+        """Return a frame of one environment, uint8, shape (height, width, 3)."""
+        q = self._episodes.world.q[[index]]
+        self._scene.reset(np.zeros(1, dtype=np.intp), self._episodes.goals[[index]], q, np.zeros_like(q))
+        return self._picture.frame()
+
+    def close(self) -> None:
+        """Free the renderer."""
+        self._picture.close()

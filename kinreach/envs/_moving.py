@@ -1,0 +1,427 @@
+"""A ball that rolls: `kinreach/Moving-v0`, to be touched while it moves, by cameras that see it late.
+
+Thirty times a second the cameras say where the ball was 50 ms ago, and the agent names a posture; the arm goes there
+with its own limits of speed and acceleration, joint by joint. The episode is over when the tip is within 10 mm of the
+ball's centre, when the ball leaves the table area, or after three seconds. Kinematics with inertia only: no collisions.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping, Sequence
+from copy import deepcopy
+from dataclasses import dataclass, field
+from functools import partial
+from typing import Any, NamedTuple
+
+import numpy as np
+from gymnasium import spaces
+from gymnasium.vector import AutoresetMode
+from numpy.typing import ArrayLike, NDArray
+
+from kinreach._checks import Floats, as_floats, check_count, check_known, check_number, shown
+from kinreach.envs._batch import Flags, Ids, NativeVectorEnv, Outcome, check_batch
+from kinreach.envs._options import about, check_not_over, given_options, options_from, with_options
+from kinreach.envs._real_arm import MEDIAN_LENGTH, NOISE
+from kinreach.envs._single import SingleEnv
+from kinreach.errors import InputError
+from kinreach.kinematics import ArmKinematics
+from kinreach.robots import ArmDescription, get_arm
+
+#: Frames of the cameras a second, and parts of a frame in which the motion is computed.
+FRAMES, PARTS = 30, 8
+#: How old what the cameras say is [s], how long an episode may be [s], and how near is touching [m].
+DELAY, SECONDS, TOUCH = 0.05, 3.0, 0.01
+#: Radius of the circles [m]; sideways acceleration of the random walk [m/s^2], and how long it keeps one [s].
+RADIUS, SIDEWAYS, HOLD = 0.12, 1.0, 0.25
+#: Of the ball, unless the options say otherwise [m/s].
+SPEEDS = (0.05, 0.1, 0.2, 0.3, 0.4, 0.6)
+#: How far inside the table area a path begins [m].
+INSIDE = 0.02
+#: Numbers of an observation: the ball as it was last seen, its age [s], joint angles and speeds, and sights before.
+BALL, AGE, ANGLES, RATES = slice(0, 3), 3, slice(4, 10), slice(10, 16)
+#: No more sights than an episode has frames.
+MAX_SIGHTS = round(SECONDS * FRAMES)
+#: The first joint turns a tip at the far end of the table no faster [m/s].
+FASTEST = 2.0
+
+
+def entering(rng: np.random.Generator, low: Floats, high: Floats) -> tuple[Floats, float]:
+    """Draw a line through the middle half of the area: where it enters, shape (2,), and its heading [rad]."""
+    size = high - low
+    through, heading = rng.uniform(low + size / 4, high - size / 4), rng.uniform(0.0, 2.0 * math.pi)
+    ahead = np.array([math.cos(heading), math.sin(heading)])
+    behind = np.where(ahead > 0.0, through - low, high - through) / np.maximum(np.abs(ahead), 1e-9)
+    return np.asarray(through - float(behind.min()) * ahead), heading
+
+
+def straight(rng: np.random.Generator, speed: float, times: Floats, low: Floats, high: Floats) -> Floats:
+    """Roll across the area; return the path, shape (len(times), 2)."""
+    start, heading = entering(rng, low, high)
+    return np.asarray(start + speed * times[:, None] * np.array([math.cos(heading), math.sin(heading)]))
+
+
+def circle(rng: np.random.Generator, speed: float, times: Floats, low: Floats, high: Floats) -> Floats:
+    """Roll in a circle within the area, in either direction."""
+    centre, first = rng.uniform(low + RADIUS, high - RADIUS), rng.uniform(0.0, 2.0 * math.pi)
+    angle = first + rng.choice((-1.0, 1.0)) * speed / RADIUS * times
+    return np.asarray(centre + RADIUS * np.column_stack([np.cos(angle), np.sin(angle)]))
+
+
+def random_walk(rng: np.random.Generator, speed: float, times: Floats, low: Floats, high: Floats) -> Floats:
+    """Roll as `straight`, then with a sideways acceleration that is drawn every `HOLD` seconds.
+
+    Outside of the middle half of the area it turns the ball towards the middle.
+    """
+    (x, y), heading = entering(rng, low, high)
+    holds = (times / HOLD).astype(int)
+    draws = rng.uniform(-SIDEWAYS, SIDEWAYS, holds[-1] + 1)[holds].tolist()
+    (left, bottom), (right, top) = (low + high) / 2 - (high - low) / 4, (low + high) / 2 + (high - low) / 4
+    places = np.empty((len(times), 2))
+    for index, (sideways, dt) in enumerate(zip(draws, np.diff(times, prepend=0.0).tolist(), strict=True)):
+        if not (left <= x <= right and bottom <= y <= top):
+            inwards = math.atan2((bottom + top) / 2 - y, (left + right) / 2 - x)
+            sideways = math.copysign(sideways, math.sin(inwards - heading))
+        heading += sideways / speed * dt
+        x, y = x + speed * dt * math.cos(heading), y + speed * dt * math.sin(heading)
+        places[index] = x, y
+    return places
+
+
+#: Ways of rolling by name: from a generator, the speed [m/s], times [s], and the area's corners [m] to places [m].
+PATHS: Mapping[str, Callable[[np.random.Generator, float, Floats, Floats, Floats], Floats]] = {
+    "straight": straight,
+    "circle": circle,
+    "random": random_walk,
+}
+
+
+@dataclass(frozen=True, kw_only=True)
+class MovingOptions:
+    """Options of `kinreach/Moving-v0`.
+
+    Raises:
+        UnknownNameError: An unknown path.
+        InputError: A speed that the arm cannot follow, or another number out of range.
+    """
+
+    speeds: tuple[float, ...] = field(default=SPEEDS, metadata=about("of the ball, one of them an episode [m/s]"))
+    paths: tuple[str, ...] = field(default=tuple(PATHS), metadata=about(f"one of them an episode: {', '.join(PATHS)}"))
+    delay: float = field(default=DELAY, metadata=about("how old what the cameras say is [s]"))
+    noise: float = field(default=NOISE, metadata=about("median error of a sight [m]"))
+    sights: int = field(default=1, metadata=about("how many of the last sights are observed", flag=None))
+
+    def __post_init__(self) -> None:
+        for name in ("speeds", "paths"):
+            given: Any = getattr(self, name)
+            if isinstance(given, str) or not isinstance(given, Sequence) or not given:
+                raise InputError(f"{name} must be a list of at least one, got {shown(given)}")
+            object.__setattr__(self, name, tuple(given))
+        for speed in self.speeds:
+            check_speed(speed)
+        for path in self.paths:
+            check_known("path", path, PATHS)
+        check_number("delay [s]", self.delay, least=0.0, most=1.0)
+        check_number("noise [m]", self.noise, least=0.0, most=0.1)
+        check_count("sights", self.sights, most=MAX_SIGHTS)
+
+
+def check_speed(speed: object) -> float:
+    """Check a speed of the ball [m/s] and return it.
+
+    Raises:
+        InputError: The arm cannot follow it.
+    """
+    value = check_number("the ball's speed [m/s]", speed, above=0.0)
+    if value > FASTEST:
+        raise InputError(f"the ball's speed must be at most {FASTEST:g} m/s: the arm's tip is no faster, got {value:g}")
+    return value
+
+
+class MovingStart(NamedTuple):
+    """What episodes begin with, instead of what is drawn.
+
+    Attributes:
+        speeds: Of the balls [m/s], shape (k,), or None.
+        paths: Names, shape (k,), or None.
+    """
+
+    speeds: Floats | None = None
+    paths: NDArray[np.str_] | None = None
+
+
+ANYTHING = MovingStart()
+
+
+class MovingEpisodes:
+    """The episodes of a number of environments.
+
+    Args:
+        options: Of the environments.
+        count: Number of environments.
+
+    Attributes:
+        frames: Frames so far, shape (count,).
+        q, v: Joint angles [rad] and speeds [rad/s], shape (count, 6).
+        rolls: Where the balls are at each part of a frame [m], shape (count, PARTS * FRAMES * SECONDS + 1, 3).
+    """
+
+    def __init__(self, options: MovingOptions, count: int) -> None:
+        self.options = options
+        self.arm: ArmDescription = (arm := get_arm("ur5"))
+        self.chain = ArmKinematics(arm, tip="tcp", base="world").chain
+        self.home, self.speed_limit, self.acceleration_limit = (
+            np.array(arm.home),
+            arm.speed_limit,
+            arm.acceleration_limit,
+        )
+        region: Any = arm.workcell.goals
+        self._low, self._high = np.array([region.x, region.y]).T
+        self.height = region.z[0]
+        self.noise = options.noise / MEDIAN_LENGTH
+        frames = round(SECONDS * FRAMES)
+        self._times = np.arange(frames * PARTS + 1) / (FRAMES * PARTS)
+        self._taken = np.maximum(np.arange(frames + 1) * PARTS - round(options.delay * FRAMES * PARTS), 0)
+        self._rngs = [np.random.default_rng() for _ in range(count)]
+        self.rolls = np.zeros((count, len(self._times), 3))
+        self._sights = np.zeros((count, frames + 1, 3))
+        self._ends, self.frames = np.zeros(count, dtype=np.intp), np.zeros(count, dtype=np.intp)
+        self.q, self.v = np.zeros((count, 6)), np.zeros((count, 6))
+        self._speeds, self._paths = np.zeros(count), np.empty(count, dtype=object)
+        self._nearest = np.full(count, np.inf)
+
+    def seed(self, index: int, rng: np.random.Generator) -> None:
+        """Give an environment its own generator."""
+        self._rngs[index] = rng
+
+    def copy_from(self, other: MovingEpisodes) -> None:
+        """Copy the state of another object with as many environments."""
+        self.__dict__.update(
+            deepcopy({name: value for name, value in vars(other).items() if name not in ("arm", "chain")})
+        )
+
+    def begin(self, ids: Ids, start: MovingStart = ANYTHING) -> None:
+        """Draw other balls; the arms rest in their start posture."""
+        for row, index in enumerate(ids):
+            rng = self._rngs[index]
+            speed, path = rng.choice(self.options.speeds), str(rng.choice(list(self.options.paths)))
+            speed = float(speed if start.speeds is None else start.speeds[row])
+            path = path if start.paths is None else str(start.paths[row])
+            places = PATHS[path](rng, speed, self._times, self._low + INSIDE, self._high - INSIDE)
+            away = np.flatnonzero(((places < self._low) | (places > self._high)).any(axis=1))
+            end = int(away[0]) if len(away) else len(places) - 1
+            self.rolls[index, :, :2], self.rolls[index, :, 2] = places, self.height
+            noise = rng.normal(0.0, self.noise, self._sights.shape[1:])
+            self._sights[index] = self.rolls[index, np.minimum(self._taken, end)] + noise
+            self._ends[index], self._speeds[index], self._paths[index] = end, speed, path
+        self.frames[ids], self.q[ids], self.v[ids], self._nearest[ids] = 0, self.home, 0.0, np.inf
+
+    def step(self, actions: Floats, acting: Flags | None = None) -> Outcome:
+        """Simulate one frame in all environments, or where `acting` is True."""
+        targets, dt = math.pi * np.clip(actions, -1.0, 1.0), 1.0 / (FRAMES * PARTS)
+        acting = np.ones(len(targets), dtype=np.bool_) if acting is None else acting
+        q, v, postures = self.q, self.v, np.empty((len(targets), PARTS, 6))
+        for part in range(PARTS):
+            q, v = moved(q, v, targets, dt, speed=self.speed_limit, acceleration=self.acceleration_limit)
+            postures[:, part] = q
+        first = self.frames * PARTS
+        at = np.minimum(first[:, None] + 1 + np.arange(PARTS), len(self._times) - 1)
+        balls = self.rolls[np.arange(len(at))[:, None], at]
+        apart = np.linalg.norm(self.chain.positions(postures.reshape(-1, 6)).reshape(balls.shape) - balls, axis=2)
+        left = np.maximum(self._ends - first, 1)[:, None] <= np.arange(PARTS)  # the ball is gone by then
+        nearest = np.where(left, np.inf, apart).min(axis=1)
+        self.q, self.v = (np.where(acting[:, None], new, old) for new, old in ((q, self.q), (v, self.v)))
+        self.frames = self.frames + acting
+        self._nearest = np.where(acting, np.minimum(self._nearest, nearest), self._nearest)
+        touched = acting & (nearest <= TOUCH)
+        gone = acting & (self.frames * PARTS >= self._ends)
+        terms = {"distance": -np.where(acting, nearest, 0.0), "touch": touched.astype(float)}
+        info = {**self.start_info(), "is_success": touched, "reward_terms": terms}
+        return Outcome(terms["distance"] + terms["touch"], touched | gone, np.zeros(len(touched), dtype=np.bool_), info)
+
+    def observe(self) -> Floats:
+        """Return the newest sights, those before, and the arms."""
+        everyone, frames = np.arange(len(self.frames)), self.frames
+        seen = self._sights[everyone, frames]
+        age = (frames * PARTS - self._taken[frames]) / (FRAMES * PARTS)
+        before = np.maximum(frames[:, None] - np.arange(1, self.options.sights), 0)
+        moved_by = self._sights[everyone[:, None], before] - seen[:, None]
+        return np.concatenate([seen, age[:, None], self.q, self.v, moved_by.reshape(len(seen), -1)], axis=1)
+
+    def start_info(self) -> dict[str, Any]:
+        """Return the `info` of a reset."""
+        info = {"speed": self._speeds.copy(), "path": self._paths.astype(str), "distance": self._nearest.copy()}
+        return {**info, "impossible": np.zeros(len(self.q), dtype=np.bool_), **self.goal_info()}
+
+    def goal_info(self) -> dict[str, Any]:
+        """Return where balls and arms are now."""
+        now = np.minimum(self.frames * PARTS, self._ends)
+        return {"goal": self.rolls[np.arange(len(now)), now], "q": self.q.copy(), "time": self.frames / FRAMES}
+
+    def close(self) -> None:
+        """Do nothing."""
+
+
+def check_actions(actions: ArrayLike, count: int | None) -> Floats:
+    """Check actions: postures to go to, shape (count, 6); for None that of a single environment, shape (6,).
+
+    Raises:
+        InputError: Wrong shape or a value that is not finite.
+    """
+    given, shape = as_floats("action", actions), (6,) if count is None else (count, 6)
+    if given.shape != shape or not np.isfinite(given).all():
+        raise InputError(f"action must be finite and have shape {shape}, got {given.shape}")
+    return np.atleast_2d(given)
+
+
+def check_start(options: Mapping[str, Any] | None, count: int | None) -> MovingStart:
+    """`speed` [m/s] and `path` of each ball; for None those of a single environment.
+
+    Raises:
+        InputError: An unknown option, other numbers of them than balls, or a speed that the arm cannot follow.
+        UnknownNameError: An unknown path.
+    """
+    rows: dict[str, list[Any]] = {}
+    for name, value in given_options(options, ("speed", "path")).items():
+        rows[name] = [value] if count is None or np.ndim(value) == 0 else list(value)
+        if len(rows[name]) != (count or 1):
+            raise InputError(f"{name} must have a value for each of {count} environments, got {len(rows[name])}")
+    speeds = np.array([check_speed(speed) for speed in rows["speed"]]) if "speed" in rows else None
+    for path in rows.get("path", ()):
+        check_known("path", path, PATHS)
+    return MovingStart(speeds, np.array(rows["path"]) if "path" in rows else None)
+
+
+def observation_space(options: MovingOptions) -> spaces.Box:
+    """Return the space of one environment."""
+    before = 3 * (options.sights - 1) * [4.0]
+    high = np.array([2.0, 2.0, 2.0, 2.0, *6 * [math.pi], *6 * [get_arm("ur5").speed_limit], *before])
+    return spaces.Box(np.where(np.arange(len(high)) == AGE, 0.0, -high), high, dtype=np.float64)
+
+
+@with_options(MovingOptions)
+class MovingBallEnv(SingleEnv):
+    """A UR5 that is to touch a rolling ball; the module says what an episode is.
+
+    An action is a posture to go to, each angle divided by pi, shape (6,). An observation, shape (16,): where the ball
+    was last seen [m] (3), how long ago that was [s], joint angles [rad] (6) and speeds [rad/s] (6); with `sights` above
+    1 also where it was seen one frame before, two, and so on, less where it was last seen [m] (3 each). The reward of a
+    step is minus the least distance of tip and ball during it [m], and 1 more for touching. `info`: `goal`, where the
+    ball is [m], `q`, where the joints are [rad], `distance`, the least so far [m], `time` [s], `speed` [m/s] and `path`
+    of the ball; `is_success`: it was touched; after a step `reward_terms`, which sum to the reward.
+    `reset(options={"speed": speed, "path": path})` sets a speed [m/s] or a path instead of a random one.
+
+    <table of the options>
+    """
+
+    metadata = {"render_modes": []}  # noqa: RUF012 (declared by Gymnasium)
+    render_mode = None
+
+    def __init__(self, **options: Any) -> None:
+        self.options = options_from(MovingOptions, options)
+        self._episodes = world = MovingEpisodes(self.options, 1)
+        self.arm = world.arm
+        self.home, self.height, self.noise = world.home, world.height, world.noise
+        self.speed_limit, self.acceleration_limit = world.speed_limit, world.acceleration_limit
+        self.observation_space = observation_space(self.options)
+        self.action_space = spaces.Box(-1.0, 1.0, (6,))
+
+    def _check_start(self, options: Mapping[str, Any] | None) -> MovingStart:
+        return check_start(options, None)
+
+    def _check_action(self, action: ArrayLike) -> Floats:
+        check_not_over(self._over)
+        return check_actions(action, None)
+
+
+class MovingVectorEnv(NativeVectorEnv):
+    """A batch of `kinreach/Moving-v0`, equal to as many single ones with the seeds `seed`, `seed + 1`, ...
+
+    Args:
+        num_envs: Number of environments.
+        autoreset_mode: As of `NativeVectorEnv`.
+        **options: As in the single environment (`MovingOptions`).
+
+    Attributes:
+        episodes: What really goes on.
+
+    Raises:
+        InputError: Options that cannot be.
+    """
+
+    def __init__(
+        self, num_envs: int = 1, *, autoreset_mode: AutoresetMode | str = AutoresetMode.SAME_STEP, **options: Any
+    ) -> None:
+        given = options_from(MovingOptions, options)
+        num_envs = check_batch(num_envs, 1, None)
+        self.episodes = MovingEpisodes(given, num_envs)
+        super().__init__(
+            self.episodes,
+            num_envs,
+            action_space=spaces.Box(-1.0, 1.0, (6,)),
+            observation_space=observation_space(given),
+            check_actions=partial(check_actions, count=num_envs),
+            check_start=partial(check_start, count=num_envs),
+            autoreset_mode=autoreset_mode,
+            made_with=dict(options, num_envs=num_envs, autoreset_mode=autoreset_mode),
+        )
+        self.metadata = {**self.metadata, "render_fps": FRAMES}
+
+
+def moved(
+    q: Floats, v: Floats, target: Floats, dt: float, *, speed: float, acceleration: float
+) -> tuple[Floats, Floats]:
+    """Return angles and speeds after a short time on the way to a target, where each joint can still stop.
+
+    Args:
+        q: Angles now [rad].
+        v: Speeds now [rad/s].
+        target: [rad].
+        dt: Time [s].
+        speed: Limit [rad/s].
+        acceleration: Limit [rad/s^2].
+    """
+    way = target - q
+    # the largest speed from which it stops at the target, braking from the next moment on
+    brake = acceleration * dt
+    wanted = np.sign(way) * np.minimum(speed, np.sqrt(brake**2 / 4 + 2.0 * acceleration * np.abs(way)) - brake / 2)
+    wanted = np.where(np.abs(way) < 0.5 * brake * dt, way / dt, wanted)
+    v = v + np.clip(wanted - v, -brake, brake)
+    return q + dt * v, v
+
+
+def passing_times(q: Floats, v: Floats, targets: Floats, *, speed: float, acceleration: float) -> tuple[Floats, Floats]:
+    """Return the least times in which joints with limits pass targets [s], and their speeds [rad/s], both shape (m, n).
+
+    Args:
+        q: Where they are [rad], shape (n,) or (m, n).
+        v: How fast they are [rad/s], likewise.
+        targets: [rad], shape (m, n).
+        speed: Limit [rad/s].
+        acceleration: Limit [rad/s^2].
+    """
+    way = targets - q
+    side = np.where(way >= 0.0, 1.0, -1.0)
+    far, fast = side * way, side * v
+    top = np.minimum(np.sqrt(fast**2 + 2.0 * acceleration * far), speed)
+    cruise = np.maximum(far - (top**2 - fast**2) / (2.0 * acceleration), 0.0) / speed
+    return np.asarray((top - fast) / acceleration + cruise), side * top
+
+
+def travel_times(q: Floats, v: Floats, targets: Floats, *, speed: float, acceleration: float) -> Floats:
+    """Return the least times in which joints with limits come to rest at targets [s], shape (m, n).
+
+    Args:
+        q: Where they are [rad], shape (n,) or (m, n).
+        v: How fast they are [rad/s], likewise.
+        targets: [rad], shape (m, n).
+        speed: Limit [rad/s].
+        acceleration: Limit [rad/s^2].
+    """
+    way = targets - q
+    stop = v * np.abs(v) / (2.0 * acceleration)  # how far they go in braking at once
+    side = np.where(way - stop >= 0.0, 1.0, -1.0)
+    far, fast = side * way, side * v  # in the direction of the first acceleration
+    top = np.minimum(np.sqrt(np.maximum(acceleration * far + fast**2 / 2, 0.0)), speed)
+    cruise = np.maximum(far - (2.0 * top**2 - fast**2) / (2.0 * acceleration), 0.0) / speed
+    return np.asarray((2.0 * top - fast) / acceleration + cruise)

@@ -1,0 +1,428 @@
+"""The thesis's task as Gymnasium environments: single-step and multi-step path planning."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import replace
+from typing import Any, ClassVar, Self
+
+import numpy as np
+from gymnasium.utils import EzPickle
+from numpy.typing import ArrayLike
+
+from kinreach._checks import Floats, as_vector
+from kinreach.envs._batch import Outcome
+from kinreach.envs._options import RENDER_MODES, check_started, options_from, with_options
+from kinreach.envs._reach.episodes import ReachEpisodes
+from kinreach.envs._reach.space import SpaceOptions, SpaceTask
+from kinreach.envs._reach.task import (
+    MULTI_STEP,
+    SINGLE_STEP,
+    ReachOptions,
+    ReachTask,
+    ReachVariant,
+    action_space,
+    check_actions,
+)
+from kinreach.envs._reach.worlds import KinematicWorld, ReachWorld, SingleDynamicWorld
+from kinreach.envs._single import CopyableEnv
+from kinreach.errors import InputError
+from kinreach.kinematics import ArmKinematics, AxisGoal, PositionGoal
+from kinreach.robots import ArmDescription
+from kinreach.sim._picture import Scene, ScenePicture
+from kinreach.sim._simulation import ArmSimulation
+
+
+class ReachEnv(CopyableEnv):
+    """One arm that reaches for a ball; the subclasses are the tasks, and describe them.
+
+    Attributes:
+        options: As given.
+        variant: Single- or multi-step.
+    """
+
+    metadata = {  # noqa: RUF012 (declared by Gymnasium)
+        "render_modes": list(RENDER_MODES),
+        "render_fps": 25,
+    }
+    variant: ClassVar[ReachVariant]
+
+    def __init__(self, **options: Any) -> None:
+        EzPickle.__init__(self, **options)
+        self._task = task = self._new_task(options)
+        self.options = task.options
+        if self.options.backend == "warp":
+            raise InputError(
+                'backend="warp" is of native batches: gym.make_vec(..., vectorization_mode="vector_entry_point")'
+            )
+        self.render_mode = mode = self.options.render_mode
+        self._simulation = ArmSimulation(task.arm, visual=mode is not None, imperfections=self.options.imperfections)
+        self._world: ReachWorld = (
+            SingleDynamicWorld(self._simulation)
+            if self.options.backend == "mujoco"
+            else KinematicWorld(task, 1, explain=True)
+        )
+        self._episodes = ReachEpisodes(task, self._world)
+        fps = int(self.metadata["render_fps"])
+        self._picture = None if mode is None else ScenePicture(self._simulation, mode=mode, fps=fps)
+        self._started = False
+        self.action_space = action_space(task.arm)
+        self.observation_space = self._episodes.observation_space
+
+    @classmethod
+    def _new_task(cls, options: Mapping[str, Any]) -> ReachTask:
+        """The task with the options that the environment was made with."""
+        return ReachTask(options_from(ReachOptions, options), cls.variant)
+
+    def __deepcopy__(self, memo: dict[int, Any]) -> Self:
+        twin = super().__deepcopy__(memo)
+        twin._follow()
+        return twin
+
+    @property
+    def arm(self) -> ArmDescription:
+        """The arm that reaches."""
+        return self._task.arm
+
+    @property
+    def kinematics(self) -> ArmKinematics:
+        """The arm's kinematics from the world to its default tip."""
+        return self._task.kinematics
+
+    @property
+    def scene(self) -> Scene:
+        """What `render` draws; with `backend="kinematic"` it follows the arm only if there is a `render_mode`."""
+        return self._simulation
+
+    @property
+    def home(self) -> Floats:
+        """The start posture [rad], shape (n,)."""
+        return self._task.home.copy()
+
+    def accept(self, q: ArrayLike) -> bool:
+        """Return whether a posture [rad], shape (n,), is free of collisions, and natural where that is rewarded.
+
+        Collisions are judged with the option `collision_margin`; natural is a posture error below the thesis's 0.15.
+
+        Raises:
+            InputError: Wrong shape, or not finite.
+        """
+        return self._task.natural(q, self._episodes.directions[0]) and self._task.checker.free(q)
+
+    def posture_for(self, action: ArrayLike) -> Floats:
+        """Return the posture [rad], shape (n,), that an action asks for: inverse of `action_for`.
+
+        Raises:
+            InputError: Wrong shape, or not finite.
+        """
+        return self._task.targets(self._world.q, check_actions(action, None, len(self.arm.joints))[None])[0]
+
+    def action_for(self, q: ArrayLike) -> Floats:
+        """Return the action that takes the arm to a posture, or in several steps straight towards it.
+
+        Args:
+            q: Posture [rad], shape (n,).
+
+        Returns:
+            In double precision, shape (n,); outside [-1, 1] where a single step would leave the joint limits.
+
+        Raises:
+            InputError: Wrong shape, or not finite.
+        """
+        return self._task.action_for(self._world.q[0], as_vector("q", q, len(self.arm.joints)))
+
+    def ik_goal(self, position: ArrayLike) -> AxisGoal | PositionGoal:
+        """Return what a solver is asked for to bring the tip to a point of the world [m], shape (3,).
+
+        The tool points down; with fewer than six joints its direction is free.
+
+        Raises:
+            InputError: Wrong shape, or not finite.
+        """
+        return self._task.ik_goal(position, self._episodes.directions[0])
+
+    def starts(self, rng: np.random.Generator, count: int) -> dict[str, Floats]:
+        """Draw options of `reset` for a number of episodes, as the environment does, each of `count` rows.
+
+        Those of a smaller number are the first of a larger one.
+
+        Raises:
+            InputError: The arm's goals are not in a box.
+        """
+        drawn = [self._task.training_starts(rng, 1, margin=0.0) for _ in range(count)]
+        return {name: np.concatenate([one[name] for one in drawn]) for name in (drawn[0] if drawn else ())}
+
+    def reset(self, *, seed: int | None = None, options: dict[str, Any] | None = None) -> tuple[Any, dict[str, Any]]:
+        """Start an episode: the arm in its start pose, a new ball.
+
+        Args:
+            seed: Of the goals and of the cameras' noise.
+            options: `"goal"`, shape (3,), puts the ball there, in the world frame [m]; `"q"`, shape (n,), starts the
+                arm in this posture [rad]; `"view"` is the observation's goal block from an earlier measurement
+                (zeros for a camera that did not find the ball): nothing is measured.
+
+        Returns:
+            The observation, and `info` as the class describes it.
+
+        Raises:
+            InputError: A seed that is not an integer at least 0, an unknown option, or one that is malformed.
+        """
+        return super().reset(seed=seed, options=options)
+
+    def forfeit(self, reason: str) -> tuple[Any, float, bool, bool, dict[str, Any]]:
+        """End the episode of an agent that finds no action: impossible, and the arm stays where it is.
+
+        Args:
+            reason: Why, for `info["impossible_reason"]`.
+
+        Returns:
+            As `step`.
+        """
+        check_started(self._started)
+        return self._answer(self._episodes.forfeit(str(reason)))
+
+    def _check_start(self, options: Mapping[str, Any] | None) -> Any:
+        return self._task.reset_options(options, None)
+
+    def _check_action(self, action: ArrayLike) -> Floats:
+        return check_actions(action, None, len(self.arm.joints))[None]
+
+    def _answer(self, outcome: Outcome) -> tuple[Any, float, bool, bool, dict[str, Any]]:
+        self._follow()
+        if self.render_mode == "human":
+            self.render()
+        return super()._answer(replace(outcome, info=self._episodes.goal_info() | outcome.info))
+
+    def _follow(self) -> None:
+        """Let the scene that is drawn follow a world that has no scene of its own."""
+        if self._picture is not None and not self._world.dynamic:
+            limits = self._simulation.controller
+            self._simulation.reset(np.clip(self._world.q[0], limits.lower, limits.upper))
+            self._simulation.place_ball(self._episodes.goals[0])
+
+
+@with_options(ReachOptions)
+class UR5SingleStepEnv(ReachEnv):
+    """Single-step reaching with a UR5: one action is one posture.
+
+    ## Description
+    A UR5 with a gripper stands before a table on which a red ball lies. One action sets all six joints; the arm moves
+    there, the episode is over. The task is that of the thesis's single-step path planning (sections 3.4.2 to 3.4.5).
+
+    ## Action Space
+    `Box(-1, 1, (6,), float32)`: joint targets in units of pi rad. What is outside [-1, 1] is clipped.
+
+    | Num | Action | Min | Max | Unit of the target |
+    |-----|--------|-----|-----|--------------------|
+    | 0 | target of shoulder_pan_joint | -1 | 1 | pi rad |
+    | 1 | target of shoulder_lift_joint | -1 | 1 | pi rad |
+    | 2 | target of elbow_joint | -1 | 1 | pi rad |
+    | 3 | target of wrist_1_joint | -1 | 1 | pi rad |
+    | 4 | target of wrist_2_joint | -1 | 1 | pi rad |
+    | 5 | target of wrist_3_joint | -1 | 1 | pi rad |
+
+    With `backend="mujoco"` all joints but shoulder_lift move first, then shoulder_lift, by dynamics: the gripper comes
+    from above. With `backend="kinematic"` the posture is taken at once; limits and collisions of it are still judged.
+
+    ## Observation Space
+    `Box(13,), float64`. The goal is measured once per episode, in the start pose, in the optical frames of the cameras
+    (x right, y down, z forward). `observation="geometric"` gives its true position; `"camera"` what is found in the
+    rendered images (0, 0, 0 where no ball is found: no goal for that episode, and `info["ball_found"]` says so);
+    `"pixels"` gives a `Dict` with the images instead (`front_rgb`, `front_depth`, `wrist_rgb`, `wrist_depth`, `joints`,
+    `gripper`).
+
+    | Num | Observation | Min | Max | Unit |
+    |-----|-------------|-----|-----|------|
+    | 0 | goal in the front camera, x | -2 | 2 | m |
+    | 1 | goal in the front camera, y | -2 | 2 | m |
+    | 2 | goal in the front camera, z | -2 | 2 | m |
+    | 3 | goal in the wrist camera, x | -2 | 2 | m |
+    | 4 | goal in the wrist camera, y | -2 | 2 | m |
+    | 5 | goal in the wrist camera, z | -2 | 2 | m |
+    | 6 | angle of shoulder_pan_joint | -3.641593 | 3.641593 | rad |
+    | 7 | angle of shoulder_lift_joint | -3.641593 | 3.641593 | rad |
+    | 8 | angle of elbow_joint | -3.641593 | 3.641593 | rad |
+    | 9 | angle of wrist_1_joint | -3.641593 | 3.641593 | rad |
+    | 10 | angle of wrist_2_joint | -3.641593 | 3.641593 | rad |
+    | 11 | angle of wrist_3_joint | -3.641593 | 3.641593 | rad |
+    | 12 | opening of the gripper | 0 | 2 | m |
+
+    ## Rewards
+    With d the distance from the tcp to the ball's centre and r_e the posture error (natural arm plus gripper angle,
+    `kinreach.thesis`): r_d - r_e with r_d = 1 - d/2 for d >= 2 m, else 0.5 - 0.5 log2(d);
+    10 - r_e for d < 0.01 m; 20 for d < 0.01 m and r_e < 0.15 (reached); -100 where the action is impossible: a target
+    outside the limits, or one that the arm does not attain because something is in the way (`info["impossible_reason"]`
+    says what). `info["reward_terms"]` has the terms `natural_arm`, `gripper_angle`, `distance` and `special`; their sum
+    is the reward.
+
+    `reward=` takes the place of all that with a function of yours (`kinreach.envs._reach.rewards`).
+
+    ## Starting State
+    The arm stands in [-pi/2, -pi/2, pi/2, -pi/2, -pi/2, 0] rad. The ball lies on the table, uniformly in
+    0.30 <= x <= 0.65 m and -0.30 <= y <= 0.30 m of the world frame; `reset(options={"goal": (x, y, z)})` puts it
+    elsewhere.
+
+    ## Episode End
+    Every episode terminates after its only action.
+
+    ## Info
+    After a reset: `goal` (where the ball is in the world [m]), `seen` (where the cameras put it; NaN where none found
+    it), `view` (the goal block of the observation), `ball_found` (by each camera), `q` [rad], `tip`
+    (the tcp in the world [m]), `distance` [m], `posture_error` (r_e). After a step all of these, and
+    `reached` and `is_success`, `impossible`, `impossible_reason` (empty where possible), `status` and
+    `impossible_code` (how it ended in a word and as a number, `kinreach.envs._reach.worlds`), `target` and `target_tip`
+    (the posture that the action meant, and the tcp there), `move_s` (simulated time of all moves of the episode [s]),
+    `reward_terms`, and each of the terms as `reward_natural_arm` and so on.
+
+    ## Other Arms
+    `arm=` takes any registered arm or an `ArmDescription`. An action has one number for each joint, mapped linearly
+    onto its limits. An arm without cameras named front and wrist observes the goal in the world (3 numbers) instead of
+    the six. The reward of arms with other joints than a UR's is minus the distance, and the goal is reached within
+    `arm.workcell.reached_distance`.
+
+    ## Arguments
+
+    <table of the options>
+
+    ## Version History
+    * v0: initial version
+    """
+
+    variant = SINGLE_STEP
+
+
+@with_options(ReachOptions)
+class UR5MultiStepEnv(ReachEnv):
+    """Multi-step reaching with a UR5: every action turns the joints by up to 5 degrees.
+
+    ## Description
+    A UR5 with a gripper stands before a table on which a red ball lies. Each action turns all six joints a little, at
+    once. The task is that of the thesis's multi-step path planning (sections 3.4.2 to 3.4.5).
+
+    ## Action Space
+    `Box(-1, 1, (6,), float32)`: changes of the joint angles in units of 5 degrees. What is outside [-1, 1] is clipped.
+
+    | Num | Action | Min | Max | Unit of the change |
+    |-----|--------|-----|-----|--------------------|
+    | 0 | change of shoulder_pan_joint | -1 | 1 | 5 degrees |
+    | 1 | change of shoulder_lift_joint | -1 | 1 | 5 degrees |
+    | 2 | change of elbow_joint | -1 | 1 | 5 degrees |
+    | 3 | change of wrist_1_joint | -1 | 1 | 5 degrees |
+    | 4 | change of wrist_2_joint | -1 | 1 | 5 degrees |
+    | 5 | change of wrist_3_joint | -1 | 1 | 5 degrees |
+
+    The change counts from where the joint stands, not from where it was sent.
+
+    ## Observation Space
+    As in `kinreach/UR5SingleStep-v0`; the joint angles are those of the present posture, the goal is the one measured
+    in the start pose.
+
+    | Num | Observation | Min | Max | Unit |
+    |-----|-------------|-----|-----|------|
+    | 0 | goal in the front camera, x | -2 | 2 | m |
+    | 1 | goal in the front camera, y | -2 | 2 | m |
+    | 2 | goal in the front camera, z | -2 | 2 | m |
+    | 3 | goal in the wrist camera, x | -2 | 2 | m |
+    | 4 | goal in the wrist camera, y | -2 | 2 | m |
+    | 5 | goal in the wrist camera, z | -2 | 2 | m |
+    | 6 | angle of shoulder_pan_joint | -3.641593 | 3.641593 | rad |
+    | 7 | angle of shoulder_lift_joint | -3.641593 | 3.641593 | rad |
+    | 8 | angle of elbow_joint | -3.641593 | 3.641593 | rad |
+    | 9 | angle of wrist_1_joint | -3.641593 | 3.641593 | rad |
+    | 10 | angle of wrist_2_joint | -3.641593 | 3.641593 | rad |
+    | 11 | angle of wrist_3_joint | -3.641593 | 3.641593 | rad |
+    | 12 | opening of the gripper | 0 | 2 | m |
+
+    ## Rewards
+    As in `kinreach/UR5SingleStep-v0`, after every step. An impossible change (outside the limits, or held off by
+    something) pays -100 and the episode goes on from where the arm stands.
+
+    ## Starting State
+    As in `kinreach/UR5SingleStep-v0`.
+
+    ## Episode End
+    Terminated when the goal is reached (d < 0.01 m and r_e < 0.15), unless `end_on_reached=False`; truncated after
+    100 steps, or when the simulation diverges (`info["impossible_reason"]` begins with "diverged"). The thesis says
+    both that an episode has 100 actions (section 3.4.5) and that it may end when the goal is reached (section 5.3);
+    the default is the latter.
+
+    ## Info
+    As in `kinreach/UR5SingleStep-v0`.
+
+    ## Other Arms
+    As in `kinreach/UR5SingleStep-v0`; a joint turns by up to 5 degrees a step.
+
+    ## Arguments
+
+    <table of the options>
+
+    ## Version History
+    * v0: initial version
+    """
+
+    variant = MULTI_STEP
+
+
+@with_options(SpaceOptions)
+class SpaceReachEnv(ReachEnv):
+    """Reaching in space: a ball in the air, a tool direction, a start from anywhere near the start pose.
+
+    ## Description
+    The thesis's tasks are one plane of goals, one direction of the tool and one start. Here the ball is in a volume
+    above the table, the tool is to point along a given direction, and the arm may start elsewhere; all else is as in
+    `kinreach/UR5SingleStep-v0` (`steps="single"`) and `kinreach/UR5MultiStep-v0` (`steps="multi"`), for any arm with
+    six joints or more.
+
+    ## Action Space
+    `Box(-1, 1, (n,), float32)` for an arm of n joints: joint targets, -1 and 1 being the limits of each, or changes in
+    units of 5 degrees.
+
+    ## Observation Space
+    `Box(6 + 3 + n + 1,), float64` with the two goal cameras (the UR5: 16 numbers), `Box(3 + 3 + n + 1,)` without. The
+    goal is measured once per episode from the start pose, whatever the posture in which the arm then starts.
+
+    | Num | Observation | Unit |
+    |-----|-------------|------|
+    | 0 to 2 | goal in the front camera (without cameras: in the world) | m |
+    | 3 to 5 | goal in the wrist camera (not without cameras) | m |
+    | next 3 | direction in which the tool's z axis is to point, a unit vector in the world | 1 |
+    | next n | joint angles | rad |
+    | last | opening of the gripper | m |
+
+    ## Rewards
+    With d the distance from the tip to the ball's centre and a the angle between the tool and its direction: r_d - a
+    with r_d as in the thesis; 10 - a for d < 0.01 m; 20 for d < 0.01 m and a < 0.15 rad (reached); -100 where the
+    action is impossible. `info["reward_terms"]` has the terms `direction`, `distance` and `special`. No branch of the
+    arm is preferred.
+
+    `reward=` takes the place of that with a function of yours, which is given the angle as well
+    (`kinreach.envs._reach.rewards`).
+
+    ## Starting State
+    Goals are uniform in the arm's own region (the UR5: 0.30 <= x <= 0.65 m, -0.30 <= y <= 0.30 m), from the height of a
+    ball that lies on the table to `goal_height` above. The direction is uniform on the sphere's cap within `tilt` of
+    straight down. Joints are uniform within `start_spread` of the start pose, among the postures that collide with
+    nothing. `reset(options={"goal": (x, y, z), "direction": (x, y, z), "q": q})` sets any of them.
+
+    ## Episode End
+    As in the thesis's two tasks.
+
+    ## Info
+    As in `kinreach/UR5SingleStep-v0`; `posture_error` is the angle a, and `direction` the wanted direction.
+
+    ## Arguments
+
+    <table of the options>
+
+    ## Version History
+    * v0: initial version
+    """
+
+    @property
+    def variant(self) -> ReachVariant:  # type: ignore[override]
+        """Single- or multi-step, as the option `steps` says."""
+        return self._task.variant
+
+    @classmethod
+    def _new_task(cls, options: Mapping[str, Any]) -> SpaceTask:
+        return SpaceTask.of(options)

@@ -1,0 +1,246 @@
+"""Episodes of a number of arms in step: the whole task but for Gymnasium's interface."""
+
+from __future__ import annotations
+
+from copy import deepcopy
+from typing import Any
+
+import numpy as np
+from gymnasium import spaces
+from numpy.typing import NDArray
+
+from kinreach._checks import Floats
+from kinreach.envs._batch import Outcome
+from kinreach.envs._reach.observers import PixelObserver, goal_observer, measured
+from kinreach.envs._reach.rewards import Score
+from kinreach.envs._reach.task import CAMERA_RANGE, IMAGE, TOOL_DOWN, ReachTask, Start, joint_limits
+from kinreach.envs._reach.worlds import STATUSES, Executed, Ids, ReachWorld, Status
+from kinreach.kinematics._tensors import flags_like, like, namespace, on_host
+from kinreach.vision._goal_view import in_image
+
+Flags = NDArray[np.bool_]
+
+#: `impossible_reason` where the world does not explain.
+_PHRASES = np.where(STATUSES == "completed", "", STATUSES)
+
+
+class ReachEpisodes:
+    """The state of the episodes and their rules, for one arm or thousands.
+
+    Args:
+        task: What is to be done.
+        world: Executes the postures.
+
+    Attributes:
+        task, world: As given.
+        goals: Where the balls are in the world [m], shape (count, 3).
+        found: Which of the cameras found them, shape (count, cameras); one column for an arm without cameras.
+        seen: Where they seem to be in the world [m], shape (count, 3). New episodes have new arrays, these stay as
+            they are.
+        directions: Where the tools are to point, unit vectors in the world, shape (count, 3).
+    """
+
+    def __init__(self, task: ReachTask, world: ReachWorld) -> None:
+        count = world.count
+        self.goals = self.seen = np.zeros((count, 3))
+        self.found = np.zeros((count, max(1, len(task.arm.goal_cameras))), dtype=np.bool_)
+        self.directions = np.tile(TOOL_DOWN, (count, 1))
+        self.task = task
+        self.world = world
+        self._observer = goal_observer(task)
+        self._pixels = PixelObserver(task) if task.options.observation == "pixels" else None
+        self._pictures: dict[str, NDArray[Any]] = {}
+        self._changed = np.ones(count, dtype=np.bool_)  # since the pictures were taken
+        self._streams = task.streams(count)
+        self._sensors = [np.random.default_rng() for _ in range(count)]
+        self._observation = np.zeros((count, task.layout.size))
+        self._observation[:, task.layout.gripper] = task.gripper_opening
+        self._steps = np.zeros(count, dtype=np.int64)
+        self._move_time = np.zeros(count)
+
+    def seed(self, index: int, rng: np.random.Generator) -> None:
+        """Give an arm its own generators, for goals and for noise."""
+        goal_rng, self._sensors[index] = rng.spawn(2)
+        self._streams.seed(index, goal_rng)
+
+    def copy_from(self, other: ReachEpisodes) -> None:
+        """Take over the state of as many other arms with the same task, in the middle of their episodes."""
+        self.world.copy_from(other.world)
+        self._streams.copy_from(other._streams)
+        self.goals, self.found, self.seen = other.goals.copy(), other.found.copy(), other.seen.copy()
+        self._sensors = deepcopy(other._sensors)
+        self._pictures = {name: part.copy() for name, part in other._pictures.items()}
+        for mine, theirs in (
+            (self.directions, other.directions),
+            (self._observation, other._observation),
+            (self._steps, other._steps),
+            (self._move_time, other._move_time),
+            (self._changed, other._changed),
+        ):
+            mine[:] = theirs
+
+    def begin(self, ids: Ids, start: Start = Start()) -> None:  # noqa: B008 (immutable)
+        """Start new episodes: arm in the start pose, a new goal, measured once.
+
+        Args:
+            ids: Whose episodes, shape (k,).
+            start: What is given instead, one row for each of them. Goals are measured from the start pose whatever
+                the posture.
+        """
+        goals, start = self.task.completed(start, self._streams, ids)
+        self.world.reset(ids, goals, start.q)
+        if start.views is None:
+            views, found, seen = self._observer.measure(goals, ids, self._sensors)
+        else:
+            views, found, seen = measured(self.task, start.views)
+        if len(ids) == self.world.count:
+            self.goals, self.found, self.seen = goals, found, seen
+            rows: Ids | slice = slice(None)  # much faster than as many indices
+        else:
+            rows, self.goals, self.found, self.seen = ids, self.goals.copy(), self.found.copy(), self.seen.copy()
+            self.goals[rows], self.found[rows], self.seen[rows] = goals, found, seen
+        self._steps[rows] = 0
+        self._changed[rows] = True
+        self._move_time[rows] = 0.0
+        self._observation[rows, self.task.layout.goal] = views
+        if start.directions is not None:
+            self.directions[rows] = start.directions
+            self._observation[rows, self.task.layout.direction] = start.directions
+
+    @property
+    def observation_space(self) -> spaces.Space[Any]:
+        """Of one arm."""
+        return self.task.observation_space if self._pixels is None else self._pixels.space
+
+    def observe(self) -> Any:
+        """Return the observations, shape (count, size); with pixels, a dictionary of arrays with as many rows."""
+        if self._pixels is not None:
+            return self._taken_pictures(self._pixels)
+        self._observation[:, self.task.layout.q] = self.world.q
+        observation = self._observation.copy()
+        if self.task.options.goal_in == IMAGE:
+            block = observation[:, self.task.layout.goal]
+            block[:] = np.clip(in_image(block), -CAMERA_RANGE, CAMERA_RANGE)
+        return observation
+
+    def _taken_pictures(self, pixels: PixelObserver) -> dict[str, NDArray[Any]]:
+        """The pictures of every arm, new ones of those that have acted or begun since: every look draws noise."""
+        rows = np.flatnonzero(self._changed)
+        taken = pixels.measure(self.world.q[rows], self.goals[rows], [self._sensors[row] for row in rows])
+        self._pictures = self._pictures or taken
+        for name, part in taken.items():
+            self._pictures[name][rows] = part
+        self._changed[:] = False
+        return {name: part.copy() for name, part in self._pictures.items()}
+
+    def goal_info(self) -> dict[str, Any]:
+        """Return the entries of `info` about the goals of the present episodes, as arrays."""
+        view = self._observation[:, self.task.layout.goal].copy()
+        info = {"goal": self.goals.copy(), "seen": self.seen.copy(), "view": view, "ball_found": self.found.copy()}
+        return info | {"direction": self.directions.copy()} if self.task.directed else info
+
+    def start_info(self) -> dict[str, Any]:
+        """Return the `info` of a reset, as arrays."""
+        q, tip = self.world.snapshot()
+        error = self.task.posture_error(q, like(q, self.directions))
+        return {
+            **self.goal_info(),
+            "q": q,
+            "tip": tip,
+            "distance": self._distance(tip),
+            "posture_error": error,
+        }
+
+    def step(self, actions: Floats, acting: Flags | None = None) -> Outcome:
+        """Act with every arm, or where `acting` is True.
+
+        Args:
+            actions: In [-1, 1], shape (count, n).
+            acting: Which arms act, shape (count,); all by default.
+        """
+        variant = self.task.variant
+        targets = self.task.targets(self.world.q, actions)
+        if acting is not None:
+            targets = np.where(acting[:, None], targets, self.world.q)
+        ends = targets if self.task.options.tolerance == 0.0 else self._ends(targets, acting)
+        executed = self.world.execute(ends, two_phase=variant.two_phase, acting=acting)
+        if executed.durations is not None:
+            self._move_time += executed.durations
+        score, info = self._judge(targets, executed)
+        self._steps += 1 if acting is None else acting
+        self._changed |= True if acting is None else acting
+        over = self._steps >= variant.max_steps
+        if variant.max_steps == 1:
+            outcome = Outcome(score.reward, over, np.zeros_like(over), info)
+        else:
+            terminated = on_host(score.reached) & self.task.options.end_on_reached
+            if self.world.dynamic:
+                over |= executed.status == Status.DIVERGED
+            outcome = Outcome(score.reward, terminated, over & ~terminated, info)
+        return outcome if acting is None else outcome.of(acting)
+
+    def _ends(self, targets: Floats, acting: Flags | None) -> Floats:
+        """Where joints end near targets within their limits [rad], shape (count, n); other targets are kept."""
+        (low, high), tolerance = joint_limits(self.task.arm), self.task.options.tolerance
+        errors = np.zeros_like(targets)
+        for row in range(self.world.count) if acting is None else np.flatnonzero(acting):
+            errors[row] = self._sensors[row].uniform(-tolerance, tolerance, len(low))
+        inside = (low <= targets) & (targets <= high)
+        return np.where(inside, np.clip(targets + errors, low, high), targets)
+
+    def forfeit(self, reason: str) -> Outcome:
+        """Return the verdict on agents that find no action: impossible, the arms stay, the episodes end."""
+        count = self.world.count
+        everyone = np.ones(count, dtype=np.bool_)
+        statuses = np.full(count, Status.FORFEITED, dtype=np.uint8)
+        score, info = self._judge(self.world.q.copy(), Executed(everyone, statuses, [reason] * count))
+        self._steps += 1
+        self._changed[:] = True
+        return Outcome(score.reward, everyone, ~everyone, info)
+
+    def _judge(self, targets: Floats, executed: Executed) -> tuple[Score, dict[str, Any]]:
+        q, tip = self.world.snapshot()
+        distance = self._distance(tip)
+        score = self.task.score(distance, q, flags_like(distance, executed.impossible), like(distance, self.directions))
+        status = STATUSES[executed.status]
+        reasons = executed.reasons
+        info = {
+            "q": q,
+            "tip": tip,
+            "distance": distance,
+            "posture_error": score.posture_error,
+            "reached": score.reached,
+            "is_success": score.reached,
+            "impossible": executed.impossible,
+            "impossible_code": executed.status,
+            "impossible_reason": _PHRASES[executed.status] if reasons is None else np.array(reasons, dtype=object),
+            "status": status,
+            "target": targets,
+            "move_s": self._move_time.copy(),
+            "reward_terms": score.terms,
+        }
+        info |= {f"reward_{name}": term for name, term in score.terms.items()}
+        if self.world.dynamic or reasons is not None:  # not in large kinematic batches, where it would take long
+            info["target_tip"] = self._target_tips(targets, tip, executed.impossible)
+        return score, info
+
+    def _target_tips(self, targets: Floats, tip: Floats, impossible: Flags) -> Floats:
+        """Where the tips would be in the targets [m], shape (count, 3)."""
+        if self.world.dynamic or self.task.options.tolerance:
+            return self.task.kinematics.positions(targets)
+        tips = tip.copy()  # what a kinematic world takes it takes exactly
+        if impossible.any():
+            tips[impossible] = self.task.kinematics.positions(targets[impossible])
+        return tips
+
+    def _distance(self, tip: Floats) -> Floats:
+        goals = like(tip, self.goals)
+        x, y, z = (tip[:, axis] - goals[:, axis] for axis in range(3))
+        distance: Floats = namespace(tip).sqrt(x * x + y * y + z * z)
+        return distance
+
+    def close(self) -> None:
+        """Let go of the cameras."""
+        self._observer.close()
+        if self._pixels is not None:
+            self._pixels.close()

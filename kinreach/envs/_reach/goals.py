@@ -1,0 +1,56 @@
+"""Where the balls of many episodes are: each environment draws from a sequence of its own."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from kinreach._checks import Floats
+from kinreach.envs._batch import AHEAD, RowStreams
+from kinreach.robots._workcell import BoxRegion, Workcell
+
+
+class GoalStreams(RowStreams):
+    """What `BoxRegion.sample` draws for each of a number of environments, to the bit, in a third of the time.
+
+    Args:
+        region: Where goals are.
+        count: Number of environments.
+    """
+
+    def __init__(self, region: BoxRegion, count: int) -> None:
+        super().__init__(region, count)
+        self._low, high = np.array([region.x, region.y, region.z]).T
+        self._size = high - self._low
+
+    def draw(self, ids: np.ndarray) -> Floats:
+        """Return the next goal of each of the given environments, in the world frame [m], shape (len(ids), 3)."""
+        goals = self._size * self._taken(ids)
+        goals += self._low
+        return goals
+
+    def _drawn(self, ids: np.ndarray) -> Floats:
+        """Places in a box from 0 to 1; they are brought into the region when their turn comes."""
+        places = np.empty((len(ids), AHEAD, 3))
+        for index, place in zip(ids, places, strict=True):
+            self._rngs[index].random(out=place)
+        return places
+
+
+class CellGoals:
+    """Draws from any work cell; says so if it has no goals.
+
+    Args:
+        cell: The work cell.
+    """
+
+    def __init__(self, cell: Workcell) -> None:
+        self._cell = cell
+
+    def sample(self, rng: np.random.Generator, count: int) -> Floats:
+        """Draw `count` goals in the world [m], shape (count, 3)."""
+        return self._cell.draw_goals(rng, count)
+
+
+def goal_streams(cell: Workcell, count: int) -> RowStreams:
+    """Return the goals of a number of environments."""
+    return GoalStreams(cell.goals, count) if isinstance(cell.goals, BoxRegion) else RowStreams(CellGoals(cell), count)

@@ -1,0 +1,205 @@
+"""Observations of a goal: true geometry, measurements of the cameras, or their pictures."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any, NamedTuple, Protocol
+
+import numpy as np
+from gymnasium import spaces
+from numpy.typing import NDArray
+from scipy.spatial import cKDTree
+
+from kinreach._checks import Floats
+from kinreach.envs._reach.task import CAMERA_RANGE, ReachTask, goal_block, observation_space
+from kinreach.envs._reach.worlds import Ids
+from kinreach.sim._simulation import ArmSimulation
+from kinreach.vision._cameras import RGBDCamera
+from kinreach.vision._goal_view import CameraGoalView, goals_in_world
+
+Flags = NDArray[np.bool_]
+
+#: What is further away, the sky for example, has this depth [m]; the range of a RealSense D435.
+DEPTH_RANGE = 10.0
+#: Of the goals that are measured beforehand.
+_LOOKS_SEED = 0
+
+
+class Measurements(NamedTuple):
+    """Measurements of k goals.
+
+    Attributes:
+        views: Goal blocks of the observations [m], shape (k, 3 * cameras), without cameras (k, 3).
+        found: Which of the cameras found the ball, shape (k, cameras); one column without cameras.
+        seen: Where the goals seem to be in the world [m], shape (k, 3); NaN where no camera found the ball.
+    """
+
+    views: Floats
+    found: Flags
+    seen: Floats
+
+
+class GoalObserver(Protocol):
+    """Measures where balls are, with the arm in its start pose."""
+
+    def measure(self, goals: Floats, ids: Ids, rngs: Sequence[np.random.Generator]) -> Measurements:
+        """Measure goals.
+
+        Args:
+            goals: Where the balls are in the world [m], shape (k, 3).
+            ids: Whose goals they are, shape (k,).
+            rngs: Everybody's generators for the sensors' noise.
+        """
+        ...
+
+    def close(self) -> None:
+        """Free the renderers."""
+        ...
+
+
+class GeometricObserver:
+    """Goals as perfect cameras measure them, or in the world for an arm without cameras; nothing is rendered."""
+
+    def __init__(self, task: ReachTask) -> None:
+        self._task = task
+
+    def measure(self, goals: Floats, ids: Ids, rngs: Sequence[np.random.Generator]) -> Measurements:
+        """Return the true positions; the ball is always found."""
+        return Measurements(goal_block(self._task.arm, goals), _all_found(self._task, len(goals)), goals)
+
+    def close(self) -> None:
+        """Do nothing."""
+
+
+class CameraObserver:
+    """Goals as they are found in rendered images of the goal cameras."""
+
+    def __init__(self, task: ReachTask) -> None:
+        options = task.options
+        self._simulation = ArmSimulation(task.arm)
+        self._view = CameraGoalView(
+            task.arm, width=options.width, height=options.height, pipeline=options.pipeline, noise=options.noise
+        )
+
+    def measure(self, goals: Floats, ids: Ids, rngs: Sequence[np.random.Generator]) -> Measurements:
+        """Render every camera for every goal; a ball that is not found has the documented value of `CameraGoalView`."""
+        cameras = len(self._simulation.arm.goal_cameras)
+        views, found = np.empty((len(goals), 3 * cameras)), np.empty((len(goals), cameras), dtype=np.bool_)
+        for row, (goal, index) in enumerate(zip(goals, ids, strict=True)):
+            self._simulation.place_ball(goal)
+            seen = self._view.measure(self._simulation, rngs[index])
+            views[row], found[row] = seen.values, seen.found
+        return Measurements(views, found, goals_in_world(self._simulation.arm, views, found))
+
+    def close(self) -> None:
+        """Free the renderer."""
+        self._view.close()
+
+
+class RememberedObserver:
+    """Goals with the error of the nearest of some measurements of the cameras, taken beforehand.
+
+    A goal is not found where the nearest was not. The measurements are the same in every environment with the same
+    options.
+    """
+
+    def __init__(self, task: ReachTask) -> None:
+        self._arm = task.arm
+        rng = np.random.default_rng(_LOOKS_SEED)
+        goals = task.arm.workcell.draw_goals(rng, task.options.looks)
+        observer = CameraObserver(task)
+        try:
+            taken = observer.measure(goals, np.zeros(len(goals), dtype=np.intp), [rng])
+        finally:
+            observer.close()
+        self._nearest = cKDTree(goals)
+        self._errors, self._found = taken.views - goal_block(task.arm, goals), taken.found
+
+    def measure(self, goals: Floats, ids: Ids, rngs: Sequence[np.random.Generator]) -> Measurements:
+        """Return the true positions with the errors of the nearest measurements; the generators are not used."""
+        rows = self._nearest.query(goals)[1]
+        found = self._found[rows]
+        views = np.where(np.repeat(found, 3, axis=1), goal_block(self._arm, goals) + self._errors[rows], 0.0)
+        return Measurements(views, found, goals_in_world(self._arm, views, found))
+
+    def close(self) -> None:
+        """Do nothing."""
+
+
+def goal_observer(task: ReachTask) -> GoalObserver:
+    """Return the observer of a task; with pixels it is the true geometry, kept for `info`."""
+    if task.options.observation != "camera":
+        return GeometricObserver(task)
+    return RememberedObserver(task) if task.options.looks else CameraObserver(task)
+
+
+def measured(task: ReachTask, views: Floats) -> Measurements:
+    """Return given goal blocks as measurements; zeros are a camera that did not find the ball."""
+    if not task.arm.goal_cameras:
+        return Measurements(views, _all_found(task, len(views)), views.copy())
+    found: Flags = np.any(views.reshape(len(views), -1, 3), axis=2)
+    return Measurements(views, found, goals_in_world(task.arm, views, found))
+
+
+def _all_found(task: ReachTask, count: int) -> Flags:
+    return np.ones((count, max(1, len(task.arm.goal_cameras))), dtype=np.bool_)
+
+
+class PixelObserver:
+    """RGB and depth of the goal cameras in the arm's present posture: the thesis's "ideal solution" (6.1).
+
+    With the joint angles and the gripper's opening.
+
+    Attributes:
+        space: Of what is seen in one posture.
+    """
+
+    def __init__(self, task: ReachTask) -> None:
+        self._task = task
+        self._simulation = ArmSimulation(task.arm)
+        self._cameras = {
+            mount.name: RGBDCamera(self._simulation, mount.name, width=task.options.width, height=task.options.height)
+            for mount in task.arm.goal_cameras
+        }
+        self.space = self._space()
+
+    def _space(self) -> spaces.Dict:
+        height, width = self._task.options.height, self._task.options.width
+        images: dict[str, spaces.Space[Any]] = {}
+        for name in self._cameras:
+            images[f"{name}_rgb"] = spaces.Box(0, 255, (height, width, 3), np.uint8)
+            images[f"{name}_depth"] = spaces.Box(0.0, DEPTH_RANGE, (height, width, 1), np.float32)
+        whole, joints = observation_space(self._task.arm), self._task.layout.q
+        images["joints"] = spaces.Box(whole.low[joints], whole.high[joints], dtype=np.float64)
+        images["gripper"] = spaces.Box(0.0, CAMERA_RANGE, (1,), np.float64)
+        return spaces.Dict(images)
+
+    def measure(self, postures: Floats, goals: Floats, rngs: Sequence[np.random.Generator]) -> dict[str, Any]:
+        """Render the cameras' images of the arm in some postures.
+
+        Args:
+            postures: Joint angles [rad], shape (k, n).
+            goals: Of the balls in the world [m], shape (k, 3).
+            rngs: Generators of the sensors' noise, k of them.
+
+        Returns:
+            What `space` says by name, each with k rows.
+        """
+        parts: dict[str, Any] = self.space.spaces
+        seen = {name: np.empty((len(goals), *part.shape), part.dtype) for name, part in parts.items()}
+        limits = self._simulation.controller
+        for row, (q, goal, rng) in enumerate(zip(postures, goals, rngs, strict=True)):
+            self._simulation.reset(np.clip(q, limits.lower, limits.upper))
+            self._simulation.place_ball(goal)
+            for name, camera in self._cameras.items():
+                frame = camera.capture(noise=self._task.options.noise, rng=rng)
+                seen[f"{name}_rgb"][row] = frame.rgb
+                seen[f"{name}_depth"][row, ..., 0] = np.minimum(frame.depth, np.float32(DEPTH_RANGE))
+        seen["joints"][:] = postures
+        seen["gripper"][:] = self._task.gripper_opening
+        return seen
+
+    def close(self) -> None:
+        """Free the renderers."""
+        for camera in self._cameras.values():
+            camera.close()

@@ -1,0 +1,263 @@
+"""What a step of the reach tasks is paid: the thesis's reward, minus the distance, or a function of your own.
+
+A reward of your own is any callable of stacks of k steps:
+
+    def reward(distance, q, impossible):
+        terms = {"distance": -distance, "effort": -0.01 * np.abs(q).sum(axis=1), "impossible": -1.0 * impossible}
+        return sum(terms.values()), terms
+
+    env = gym.make("kinreach/UR5SingleStep-v0", reward=reward)
+
+    distance    from the tip to the goal [m], shape (k,)
+    q           postures in which the arms stand [rad], shape (k, n)
+    impossible  whether the action could not be executed, bool, shape (k,)
+
+It returns the reward, shape (k,), and its terms by name, each of shape (k,), which add up to it. A single environment
+calls it with k = 1 and a native batch with k = num_envs, so that it has to work on stacks. When a goal is reached is
+still what the arm's own reward says, unless the callable has a method `reached(distance, q, impossible)` that returns
+truth values, shape (k,).
+
+In a batch with tensors (`device=`) the arm's own reward is computed on the device, and yours on the host, in numpy.
+
+In `kinreach/Reach-v0` both get a fourth argument, the angle between the tool and its wanted direction [rad], shape
+(k,).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from sys import float_info
+from typing import NamedTuple, Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from kinreach._checks import Floats, as_flags, as_floats, check_entries, check_number, shown
+from kinreach.errors import InputError
+from kinreach.kinematics._tensors import like, on_host, where
+from kinreach.robots import ArmDescription, get_arm
+from kinreach.thesis import (
+    IMPOSSIBLE_REWARD,
+    NEAR_REWARD,
+    REACHED_POSTURE_ERROR,
+    REACHED_REWARD,
+    distance_reward,
+    posture_error,
+    reach_reward,
+)
+
+Flags = NDArray[np.bool_]
+Terms = Mapping[str, Floats]
+
+
+class RewardFunction(Protocol):
+    """What `reward=` takes; the module describes it."""
+
+    def __call__(self, distance: Floats, q: Floats, impossible: Flags, *angle: Floats) -> tuple[Floats, Terms]:
+        """Return the reward of k steps, shape (k,), and the terms that add up to it."""
+        ...
+
+
+class Score(NamedTuple):
+    """What k steps are worth; arrays of shape (k,).
+
+    Attributes:
+        reward: The sum of the terms.
+        terms: What it consists of, by name.
+        posture_error: How far the postures are from what the task asks of them [rad]; 0 where it asks nothing.
+        reached: Whether the goal is reached.
+    """
+
+    reward: Floats
+    terms: Terms
+    posture_error: Floats
+    reached: Flags
+
+
+class Scorer(Protocol):
+    """A reward with everything that the environments say of a step."""
+
+    def score(self, distance: Floats, q: Floats, impossible: Flags, *angle: Floats) -> Score:
+        """Judge k steps; shapes, and what `angle` is, as the module describes."""
+        ...
+
+    def posture_error(self, q: Floats) -> Floats:
+        """`Score.posture_error` of postures [rad], shape (k, n)."""
+        ...
+
+
+class ThesisReward:
+    """The reward of the thesis (section 3.4.4), see `kinreach.thesis`; for arms with the joints of a UR."""
+
+    def __call__(self, distance: Floats, q: Floats, impossible: Flags) -> tuple[Floats, Terms]:
+        """Return the reward of k steps and its terms."""
+        score = self.score(distance, q, impossible)
+        return score.reward, score.terms
+
+    def score(self, distance: Floats, q: Floats, impossible: Flags, *angle: Floats) -> Score:
+        """Reached: possible, nearer than 0.01 m, posture error below 0.15."""
+        result = reach_reward(distance, q, impossible=impossible)
+        return Score(result.reward, result.terms._asdict(), result.posture_error, result.reached)
+
+    def posture_error(self, q: Floats) -> Floats:
+        """Return r_e of postures [rad]."""
+        return posture_error(q)
+
+
+class DistanceReward:
+    """Minus the distance to the goal; any posture will do.
+
+    Args:
+        radius: Distance below which the goal is reached [m].
+
+    Raises:
+        InputError: The radius is not a positive number.
+    """
+
+    def __init__(self, radius: float) -> None:
+        self.radius = check_number("radius [m]", radius, above=0.0)
+
+    def __call__(self, distance: Floats, q: Floats, impossible: Flags) -> tuple[Floats, Terms]:
+        """Return the reward of k steps and its only term."""
+        return -distance, {"distance": -distance}
+
+    def score(self, distance: Floats, q: Floats, impossible: Flags, *angle: Floats) -> Score:
+        """Reached: possible, and nearer than the radius."""
+        reward, terms = self(distance, q, impossible)
+        return Score(reward, terms, self.posture_error(q), (distance < self.radius) & ~impossible)
+
+    def posture_error(self, q: Floats) -> Floats:
+        """Zeros, shape (k,)."""
+        return nothing(q)
+
+
+class DirectedReward:
+    """The thesis's reward with the angle between the tool and its wanted direction instead of the posture error.
+
+    Args:
+        radius: Distance below which the tip is at the goal [m].
+
+    Raises:
+        InputError: The radius is not a positive number.
+    """
+
+    def __init__(self, radius: float) -> None:
+        self.radius = check_number("radius [m]", radius, above=0.0)
+
+    def __call__(self, distance: Floats, q: Floats, impossible: Flags, *angle: Floats) -> tuple[Floats, Terms]:
+        """Return the reward of k steps and its terms."""
+        score = self.score(distance, q, impossible, *angle)
+        return score.reward, score.terms
+
+    def score(self, distance: Floats, q: Floats, impossible: Flags, *angle: Floats) -> Score:
+        """Reached: possible, nearer than the radius, angle below 0.15 rad."""
+        (error,) = angle
+        near = distance < self.radius
+        reached = near & (error < REACHED_POSTURE_ERROR) & ~impossible
+        at_goal = where(reached, REACHED_REWARD, where(near, like(distance, NEAR_REWARD), 0.0))
+        terms = {
+            "direction": where(reached | impossible, 0.0, -error),
+            "distance": where(near | impossible, 0.0, distance_reward(distance)),
+            "special": where(impossible, IMPOSSIBLE_REWARD, at_goal),
+        }
+        return Score(sum(terms.values(), nothing(q)), terms, error, reached)
+
+    def posture_error(self, q: Floats) -> Floats:
+        """Zeros, shape (k,): without a direction nothing is asked of a posture."""
+        return nothing(q)
+
+
+class OwnReward:
+    """Somebody's own reward function, checked at every call.
+
+    Args:
+        function: As the module describes.
+        default: Says what the function does not: the posture error, and as a rule what is reached.
+    """
+
+    def __init__(self, function: RewardFunction, default: Scorer) -> None:
+        self._function = function
+        self._default = default
+        self._reached = getattr(function, "reached", None)
+
+    def score(self, distance: Floats, q: Floats, impossible: Flags, *angle: Floats) -> Score:
+        """Call the user's function.
+
+        Raises:
+            InputError: It returned something else than the module describes.
+        """
+        distance, q, impossible = on_host(distance), on_host(q), on_host(impossible)
+        angle = tuple(map(on_host, angle))
+        default = self._default.score(distance, q, impossible, *angle)
+        answer: object = self._function(distance, q, impossible, *angle)
+        if not (isinstance(answer, tuple) and len(answer) == 2 and isinstance(answer[1], Mapping)):
+            raise InputError(f"reward must return the rewards and a mapping of their terms, got {shown(answer)}")
+        terms = {str(name): _column(f"reward term {name!r}", term, len(distance)) for name, term in answer[1].items()}
+        reward = _column("reward", answer[0], len(distance))
+        if not np.allclose(sum(terms.values()), reward):
+            raise InputError(f"the reward's terms {', '.join(terms)} do not add up to the reward")
+        reached = default.reached
+        if self._reached is not None:
+            reached = as_flags("reached", self._reached(distance, q, impossible, *angle))
+            if reached.shape != distance.shape:
+                raise InputError(f"reached must have shape {distance.shape}, got {reached.shape}")
+        return default._replace(reward=reward, terms=terms, reached=reached)
+
+    def posture_error(self, q: Floats) -> Floats:
+        """Return the posture error of the arm's own reward."""
+        return self._default.posture_error(q)
+
+
+def default_reward(arm: ArmDescription) -> ThesisReward | DistanceReward:
+    """Return the thesis's reward for a UR in a work cell with the thesis's cameras, for others minus the distance.
+
+    What is a natural posture depends on how the arm is mounted; a UR from a file may stand anywhere.
+    """
+    cameras = {camera.name for camera in arm.goal_cameras}
+    if arm.joints == get_arm("ur5").joints and {"front", "wrist"} <= cameras:
+        return ThesisReward()
+    return DistanceReward(arm.workcell.reached_distance)
+
+
+def check_reward(reward: object) -> None:
+    """Refuse what cannot be an environment's option `reward`.
+
+    Raises:
+        InputError: It cannot be called.
+    """
+    if reward is not None and not callable(reward):
+        raise InputError(f"reward must be a callable of distance, q and impossible, got {shown(reward)}")
+
+
+def scorer_of(reward: RewardFunction | None, default: Scorer) -> Scorer:
+    """Return the scorer for an option `reward`.
+
+    Args:
+        reward: The option.
+        default: Judges where nothing is given, and says what a function does not.
+
+    Raises:
+        InputError: It needs directions, and the task has none.
+    """
+    if reward is None:
+        return default
+    if isinstance(reward, DirectedReward) and not isinstance(default, DirectedReward):
+        raise InputError("DirectedReward is for tasks in which goals have a direction, such as kinreach/Reach-v0")
+    if isinstance(reward, ThesisReward | DistanceReward | DirectedReward):
+        return reward
+    return OwnReward(reward, default)
+
+
+def nothing(q: Floats) -> Floats:
+    """Return zeros, shape (k,)."""
+    zeros: Floats = like(q, np.zeros(len(q)))
+    return zeros
+
+
+def _column(name: str, value: object, count: int) -> Floats:
+    """Numbers of shape (count,)."""
+    column = as_floats(name, value)  # type: ignore[arg-type]
+    if column.shape != (count,):
+        raise InputError(f"{name} must have shape ({count},), got {column.shape}")
+    check_entries(name, column, float_info.max)
+    return column

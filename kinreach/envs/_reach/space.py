@@ -1,0 +1,166 @@
+"""Reaching in space: goals in a volume, the tool in any direction near the vertical, starts all around the start pose.
+
+The task of `kinreach/Reach-v0`. The rest is as in the thesis's tasks.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from kinreach._checks import Floats, check_known, check_number
+from kinreach.envs._batch import RowStreams
+from kinreach.envs._options import about, options_from
+from kinreach.envs._reach.rewards import DirectedReward, Score
+from kinreach.envs._reach.task import JOINTS, MULTI_STEP, SINGLE_STEP, ReachOptions, ReachTask, ReachVariant, Start
+from kinreach.errors import InputError
+from kinreach.kinematics import CollisionChecker
+from kinreach.kinematics._tensors import namespace
+from kinreach.robots import as_arm
+from kinreach.robots._workcell import BoxRegion
+from kinreach.thesis import REACHED_DISTANCE
+
+#: What an option `steps` means.
+VARIANTS: Mapping[str, ReachVariant] = {"single": SINGLE_STEP, "multi": MULTI_STEP}
+#: Bounds of the options: height of the volume [m], tilt of the tool [degrees], spread of the starts [rad].
+HIGHEST, STEEPEST, WIDEST = 2.0, 90.0, math.pi
+#: A start that is drawn this often and always impossible gives way to the start pose.
+MAX_DRAWS = 20
+
+
+@dataclass(frozen=True, kw_only=True)
+class SpaceOptions(ReachOptions):
+    """Options of `kinreach/Reach-v0`.
+
+    Raises:
+        UnknownNameError: A name that is not one of those there are.
+        InputError: As `ReachOptions`; or an arm whose goals are not drawn in a box, or with fewer than six joints.
+    """
+
+    steps: str = field(
+        default="single",
+        metadata=about('`"single"` (an action is a posture) or `"multi"` (changes of up to 5 degrees)'),
+    )
+    goal_height: float = field(
+        default=0.25, metadata=about("how far the volume of the goals reaches above where the ball lies [m]")
+    )
+    tilt: float = field(
+        default=0.0, metadata=about("largest angle between the tool's direction and straight down [degrees]")
+    )
+    start_spread: float = field(
+        default=0.0, metadata=about("largest difference of a joint's angle from the start pose when it starts [rad]")
+    )
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        check_known("steps", self.steps, VARIANTS)
+        check_number("goal_height [m]", self.goal_height, least=0.0, most=HIGHEST)
+        check_number("tilt [degrees]", self.tilt, least=0.0, most=STEEPEST)
+        check_number("start_spread [rad]", self.start_spread, least=0.0, most=WIDEST)
+        arm = as_arm(self.arm)
+        if len(arm.joints) < JOINTS:
+            raise InputError(f"a tool with a direction takes six joints, arm {arm.name!r} has {len(arm.joints)}")
+        if not isinstance(arm.workcell.goals, BoxRegion):
+            raise InputError(f"goals in a volume need a BoxRegion in the work cell, arm {arm.name!r} has none")
+
+
+class SpaceStarts:
+    """Draws what an episode starts with: a row has the goal [m], the direction of the tool and the posture [rad].
+
+    Goals are uniform in the volume, directions on the cap of the sphere around straight down, and joints around the
+    start pose, among the postures that are possible.
+
+    Args:
+        options: Of the environment.
+        checker: Says which postures are possible.
+    """
+
+    def __init__(self, options: SpaceOptions, checker: CollisionChecker) -> None:
+        self._arm = arm = as_arm(options.arm)
+        self._table: Any = arm.workcell.goals
+        self._height = options.goal_height
+        self._least_z = math.cos(math.radians(options.tilt))
+        self._spread = options.start_spread
+        self._checker = checker
+
+    def sample(self, rng: np.random.Generator, count: int, *, margin: float = 0.0) -> Floats:
+        """Draw `count` rows, shape (count, 6 + n), with goals up to `margin` [m] around the volume."""
+        goals: BoxRegion = self._table.wider(margin, above=self._height)
+        z = rng.uniform(self._least_z, 1.0, count)
+        angle, across = rng.uniform(0.0, 2 * math.pi, count), np.sqrt(1.0 - z * z)
+        directions = np.column_stack([across * np.cos(angle), across * np.sin(angle), -z])
+        return np.column_stack([goals.sample(rng, count), directions, self._postures(rng, count)])
+
+    def _postures(self, rng: np.random.Generator, count: int) -> Floats:
+        home = np.array(self._arm.home)
+        q = np.tile(home, (count, 1))
+        wanted = np.full(count, self._spread > 0.0)
+        for _ in range(MAX_DRAWS):
+            if not wanted.any():
+                break
+            q[wanted] = home + rng.uniform(-self._spread, self._spread, (int(wanted.sum()), len(home)))
+            wanted[wanted] = self._checker.impossible(q[wanted])
+        q[wanted] = home
+        return q
+
+
+class SpaceTask(ReachTask):
+    """Reaching in space with one arm.
+
+    Args:
+        options: Of the environment.
+    """
+
+    options: SpaceOptions
+    directed = True
+
+    def __init__(self, options: SpaceOptions) -> None:
+        super().__init__(options, VARIANTS[options.steps])
+        self._starts = SpaceStarts(options, self.checker)
+
+    @classmethod
+    def of(cls, options: Mapping[str, Any]) -> SpaceTask:
+        """Return the task with the options that an environment was made with."""
+        return cls(options_from(SpaceOptions, options))
+
+    def default_reward(self) -> DirectedReward:
+        """Return the distance and the direction count, and no branch is preferred."""
+        return DirectedReward(REACHED_DISTANCE)
+
+    def training_starts(self, rng: np.random.Generator, count: int, *, margin: float) -> dict[str, Floats]:
+        """Goals, directions and starts as episodes have them, the goals also around the volume."""
+        rows = self._starts.sample(rng, count, margin=margin)
+        return {"goal": rows[:, :3], "direction": rows[:, 3:6], "q": rows[:, 6:]}
+
+    def streams(self, count: int) -> RowStreams:
+        """Return streams of `SpaceStarts`."""
+        return RowStreams(self._starts, count, size=6 + len(self.arm.joints))
+
+    def completed(self, start: Start, streams: RowStreams, ids: NDArray[np.intp]) -> tuple[Floats, Start]:
+        """Goals, and a start that leaves nothing open but the view; rows are drawn whatever is given."""
+        drawn = streams.draw(ids)
+        goals, directions, q = drawn[:, :3], drawn[:, 3:6], drawn[:, 6:]
+        return (
+            goals if start.goals is None else start.goals.copy(),
+            start._replace(
+                directions=directions if start.directions is None else start.directions,
+                q=q if start.q is None else start.q,
+            ),
+        )
+
+    def score(self, distance: Floats, q: Floats, impossible: NDArray[np.bool_], directions: Floats) -> Score:
+        """Score as `ReachTask`; a user's function gets the angle, too."""
+        error = self.posture_error(q, directions)
+        return self.scorer.score(distance, q, impossible, error)._replace(posture_error=error)
+
+    def posture_error(self, q: Floats, directions: Floats) -> Floats:
+        """Angle between the tool's z axis and its wanted direction [rad], shape (k,)."""
+        axes, xp = self.kinematics.fk(q)[:, :3, 2], namespace(q)
+        sine = xp.linalg.norm(xp.linalg.cross(axes, directions), axis=1)
+        error: Floats = xp.arctan2(sine, (axes * directions).sum(axis=1))
+        return error

@@ -1,0 +1,506 @@
+"""The two variants of the thesis's task on any arm: options, meaning of actions, observations, reset options.
+
+Everything here works on stacks, so that one environment and thousands in a batch share it.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from functools import cached_property, lru_cache
+from typing import Any, NamedTuple
+
+import numpy as np
+from gymnasium import spaces
+from numpy.typing import ArrayLike, NDArray
+
+from kinreach._checks import (
+    MAX_DISTANCE,
+    Floats,
+    as_floats,
+    as_vector,
+    check_count,
+    check_flag,
+    check_known,
+    check_number,
+    shown,
+)
+from kinreach.envs._batch import RowStreams
+from kinreach.envs._options import INFOS, INFOS_TEXT, RENDER_MODES, RENDER_MODES_TEXT, about, option_rows
+from kinreach.envs._reach.goals import goal_streams
+from kinreach.envs._reach.rewards import RewardFunction, Score, Scorer, check_reward, default_reward, scorer_of
+from kinreach.errors import InputError
+from kinreach.kinematics import ArmKinematics, AxisGoal, CollisionChecker, PositionGoal
+from kinreach.robots import ArmDescription, BoxRegion, as_arm
+from kinreach.sim._controller import BEYOND_LIMIT
+from kinreach.sim._imperfections import IDEAL, Imperfections, as_imperfections
+from kinreach.thesis import REACHED_POSTURE_ERROR
+from kinreach.vision._ball_finder import PIPELINES
+from kinreach.vision._cameras import MAX_EXPOSURE, SensorNoise
+from kinreach.vision._goal_view import geometric_goal_view
+
+#: How the tool points at a goal, in the world: straight down.
+TOOL_DOWN = (0.0, 0.0, -1.0)
+#: Largest change of a joint in one step of the multi-step task [rad].
+STEP_SIZE = math.radians(5.0)
+#: Cameras see no further than this; the bound of the goal's coordinates in the observation space [m].
+CAMERA_RANGE = 2.0
+#: The same for an arm without cameras, whose goals are given in the world [m].
+GOAL_RANGE = 10.0
+#: Least length of a direction.
+SHORTEST_DIRECTION = 1e-9
+#: URDFs write pi with eleven digits; a limit this near to it is pi [rad].
+NEAR_PI = 1e-9
+
+OBSERVATION_KINDS = ("camera", "geometric", "pixels")
+BACKENDS = ("mujoco", "kinematic", "warp")
+#: In what an observation says where the goal is: metres in the cameras' frames, or places in their pictures and depth.
+CAMERA, IMAGE = GOAL_FRAMES = ("camera", "image")
+#: Largest width and height of images [px]; graphics libraries have lower limits.
+LARGEST_PICTURE = 16384
+#: Most measurements beforehand; a million take some hours.
+MAX_LOOKS = 10**6
+
+
+@dataclass(frozen=True, kw_only=True)
+class ReachOptions:
+    """Options of the reach environments, single and in native batches.
+
+    Raises:
+        UnknownNameError: A name that is not one of those there are.
+        InputError: A size, a noise or a reward that cannot be, or cameras that the arm has not.
+    """
+
+    observation: str = field(default="geometric", metadata=about('`"camera"`, `"geometric"` or `"pixels"`'))
+    backend: str = field(
+        default="mujoco",
+        metadata=about('`"mujoco"` (dynamics) or `"kinematic"`; in native batches also `"warp"` (dynamics on a GPU)'),
+    )
+    render_mode: str | None = field(default=None, metadata=about(RENDER_MODES_TEXT))
+    arm: str | ArmDescription = field(default="ur5", metadata=about("name of a registered arm, or an `ArmDescription`"))
+    reward: RewardFunction | None = field(
+        default=None, metadata=about("a function as `kinreach.envs._reach.rewards` describes; by default the arm's own")
+    )
+    pipeline: str = field(
+        default="hybrid",
+        metadata=about('how the ball is found: `"hybrid"` or the thesis\'s own, `"thesis"`', observation=CAMERA),
+    )
+    width: int = field(default=640, metadata=about("width of the cameras' images [px]", observation=CAMERA))
+    height: int = field(default=360, metadata=about("height of the cameras' images [px]", observation=CAMERA))
+    rgb_noise: float = field(
+        default=0.0, metadata=about("standard deviation of the colours' noise [levels of 255]", observation=CAMERA)
+    )
+    depth_noise: float = field(
+        default=0.0, metadata=about("standard deviation of the depth's noise [m]", observation=CAMERA)
+    )
+    exposure: float = field(
+        default=1.0,
+        metadata=about(
+            "largest factor by which a picture is brighter or darker, another one each time", observation=CAMERA
+        ),
+    )
+    looks: int = field(
+        default=0,
+        metadata=about(
+            "how many looks the cameras take beforehand; a goal then is seen with the error of the nearest of them. "
+            "0: a look at every goal"
+        ),
+    )
+    goal_in: str = field(
+        default=CAMERA,
+        metadata=about(
+            'what each camera says of the goal: `"camera"` (x, y, z in its frame [m]) or `"image"` (u = x/z, '
+            "v = y/z, both held within 2, and the depth z [m])",
+            flag=None,
+        ),
+    )
+    tolerance: float = field(
+        default=0.0,
+        metadata=about(
+            "how far from its target a joint may end, drawn uniformly each time [rad]; of the kinematic backend, where "
+            "joints otherwise end exactly there"
+        ),
+    )
+    collision_margin: float = field(
+        default=0.0,
+        metadata=about(
+            "parts that are nearer count as colliding where `accept` judges a posture and the kinematic backend a "
+            "target [m]; under dynamics contacts decide what is blocked"
+        ),
+    )
+    end_on_reached: bool = field(
+        default=True, metadata=about("whether reaching the goal ends an episode of several steps")
+    )
+    imperfections: Mapping[str, float] | Imperfections | None = field(
+        default=None,
+        metadata=about(
+            'of the arm in dynamics, by name, such as `{"payload": 0.5}` (`kinreach.sim.Imperfections`); by default '
+            "it is ideal"
+        ),
+    )
+    info: str = field(default="all", metadata=about(INFOS_TEXT, flag=None))
+
+    def __post_init__(self) -> None:
+        check_known("observation", self.observation, OBSERVATION_KINDS)
+        check_known("backend", self.backend, BACKENDS)
+        check_known("info", self.info, INFOS)
+        if self.render_mode is not None:
+            check_known("render_mode", self.render_mode, RENDER_MODES)
+        check_cameras(self.pipeline, self.width, self.height, self.rgb_noise, self.depth_noise, self.exposure)
+        check_count("looks", self.looks, least=0, most=MAX_LOOKS)
+        check_known("goal_in", self.goal_in, GOAL_FRAMES)
+        check_number("tolerance", self.tolerance, least=0.0, most=math.pi)
+        if self.tolerance and self.backend != "kinematic":
+            raise InputError(f'a tolerance is for backend="kinematic", got {self.backend!r}, where the dynamics decide')
+        check_number("collision_margin [m]", self.collision_margin, least=0.0, most=MAX_DISTANCE)
+        check_flag("end_on_reached", self.end_on_reached)
+        if as_imperfections(self.imperfections) != IDEAL and self.backend == "kinematic":
+            raise InputError(f'imperfections are of the dynamics: use backend="mujoco", got {self.backend!r}')
+        check_reward(self.reward)
+        arm = as_arm(self.arm)
+        if arm.goal_cameras:
+            return
+        for name, plain in (("observation", "geometric"), ("goal_in", CAMERA)):
+            if (value := getattr(self, name)) != plain:
+                raise InputError(
+                    f"{name}={value!r} needs a camera that measures the goal, arm {arm.name!r} has none: give it a "
+                    f'CameraMount with observed=True, or use {name}="{plain}"'
+                )
+
+    @property
+    def noise(self) -> SensorNoise:
+        """The cameras' noise."""
+        return SensorNoise(rgb_sigma=self.rgb_noise, depth_sigma=self.depth_noise, exposure=self.exposure)
+
+
+def check_cameras(
+    pipeline: object, width: object, height: object, rgb_noise: object, depth_noise: object, exposure: object
+) -> None:
+    """Refuse cameras that cannot be; for the values see `ReachOptions`.
+
+    Raises:
+        UnknownNameError: There is no such pipeline.
+        InputError: A size, a noise or an exposure that cannot be.
+    """
+    check_known("pipeline", pipeline, PIPELINES)
+    for name, size in (("width", width), ("height", height)):
+        check_count(f"{name} [px]", size, least=16, most=LARGEST_PICTURE)
+    check_number("rgb_noise", rgb_noise, least=0.0, most=255.0)
+    check_number("depth_noise", depth_noise, least=0.0, most=1.0)
+    check_number("exposure", exposure, least=1.0, most=MAX_EXPOSURE)
+
+
+@dataclass(frozen=True)
+class ReachVariant:
+    """One way to act.
+
+    Attributes:
+        name: `"single"` or `"multi"`.
+        relative: Whether an action changes the joint angles (else it sets them).
+        scale: What an action of 1 means [rad]; where it sets a joint, that of one with the limits ±pi.
+        two_phase: Whether the arm's `moves_last` (shoulder_lift of a UR) wait for the other joints.
+        max_steps: Steps after which an episode is truncated.
+    """
+
+    name: str
+    relative: bool
+    scale: float
+    two_phase: bool
+    max_steps: int
+
+
+#: One action sets all joints, shoulder_lift last; the episode is over (thesis, section 3.4.5).
+SINGLE_STEP = ReachVariant("single", relative=False, scale=math.pi, two_phase=True, max_steps=1)
+#: Up to 100 actions of -5 ... 5 degrees, all joints at once.
+MULTI_STEP = ReachVariant("multi", relative=True, scale=STEP_SIZE, two_phase=False, max_steps=100)
+
+
+class Layout(NamedTuple):
+    """Where things are in an observation.
+
+    Attributes:
+        goal: The goal block: the goal in the frame of each goal camera, or without cameras in the world [m].
+        direction: Where the tool is to point, a unit vector in the world; empty where it always points down.
+        q: Joint angles [rad].
+        gripper: Opening of the gripper [m].
+    """
+
+    goal: slice
+    direction: slice
+    q: slice
+    gripper: int
+
+    @classmethod
+    def of(cls, goal: int, joints: int, *, direction: int = 0) -> Layout:
+        """Lay goal block, direction and posture of these sizes one after the other."""
+        first = goal + direction
+        return cls(slice(0, goal), slice(goal, first), slice(first, first + joints), first + joints)
+
+    @property
+    def fixed(self) -> slice:
+        """Goal block and direction, which stay the same during an episode."""
+        return slice(0, self.direction.stop)
+
+    @property
+    def size(self) -> int:
+        """How many numbers an observation has."""
+        return self.gripper + 1
+
+
+#: The UR5's: goal in both cameras (6), joint angles (6), gripper opening (1).
+JOINTS = 6
+UR5_LAYOUT = Layout.of(goal=6, joints=JOINTS)
+GOAL = UR5_LAYOUT.goal
+
+
+def layout_of(arm: ArmDescription, *, directed: bool = False) -> Layout:
+    """Return the layout of the observation of an arm, with or without goal cameras.
+
+    Args:
+        arm: Which.
+        directed: Whether goals say where the tool is to point.
+    """
+    return Layout.of(3 * len(arm.goal_cameras) or 3, len(arm.joints), direction=3 if directed else 0)
+
+
+@lru_cache(maxsize=16)
+def joint_limits(arm: ArmDescription) -> tuple[Floats, Floats]:
+    """Lower and upper joint limits [rad], each of shape (n,); where a URDF has pi with eleven digits, pi."""
+    kinematics = ArmKinematics(arm)
+    low, high = (
+        np.where(np.abs(np.abs(limits) - math.pi) < NEAR_PI, np.copysign(math.pi, limits), limits)
+        for limits in (kinematics.lower, kinematics.upper)
+    )
+    return low, high
+
+
+def action_range(arm: ArmDescription) -> tuple[Floats, Floats]:
+    """Return the change by an action of 1, from the middle of each joint's range, and the middle [rad], shape (n,)."""
+    low, high = joint_limits(arm)
+    return (high - low) / 2, (high + low) / 2
+
+
+def action_space(arm: str | ArmDescription = "ur5") -> spaces.Box:
+    """Actions of an agent, one in [-1, 1] for each joint."""
+    return spaces.Box(-1.0, 1.0, (len(as_arm(arm).joints),), np.float32)
+
+
+def observation_space(arm: str | ArmDescription = "ur5", *, directed: bool = False) -> spaces.Box:
+    """Goal block, direction of the tool if goals have one, joint angles and gripper opening in metres and radians."""
+    arm = as_arm(arm)
+    layout, (lower, upper) = layout_of(arm, directed=directed), joint_limits(arm)
+    low, high = np.empty(layout.size), np.empty(layout.size)
+    high[layout.goal] = CAMERA_RANGE if arm.goal_cameras else GOAL_RANGE
+    low[layout.goal] = -high[layout.goal]
+    low[layout.direction], high[layout.direction] = -1.0, 1.0
+    low[layout.q], high[layout.q] = lower - BEYOND_LIMIT, upper + BEYOND_LIMIT
+    low[layout.gripper], high[layout.gripper] = 0.0, CAMERA_RANGE
+    return spaces.Box(low, high, dtype=np.float64)
+
+
+def goal_block(arm: ArmDescription, goals: Floats) -> Floats:
+    """Measure goals in the world [m], shape (k, 3), as perfect cameras; without cameras return the goals."""
+    return geometric_goal_view(arm, goals) if arm.goal_cameras else goals.copy()
+
+
+def tool_goal(arm: ArmDescription, position: ArrayLike, direction: ArrayLike = TOOL_DOWN) -> AxisGoal | PositionGoal:
+    """Return what a solver is asked for: the tip at a point of the world [m], the tool in a direction of the world.
+
+    With fewer than six joints the direction is left open.
+
+    Raises:
+        InputError: No point.
+    """
+    point = as_floats("position", position)
+    return AxisGoal(point, direction) if len(arm.joints) >= JOINTS else PositionGoal(point)  # type: ignore[arg-type]
+
+
+def check_actions(actions: ArrayLike, count: int | None, joints: int = JOINTS) -> Floats:
+    """Actions of shape (joints,), or (count, joints) for a batch, clipped to [-1, 1].
+
+    In the result what belongs to one joint lies side by side, as the formulas want it.
+
+    Raises:
+        InputError: Wrong shape, or a value that is not finite.
+    """
+    shape = (joints,) if count is None else (count, joints)
+    values = as_floats("action", actions)
+    if values.shape != shape:
+        raise InputError(f"action must have shape {shape}, got {values.shape}")
+    if values.min() >= -1.0 and values.max() <= 1.0:  # there is nothing to clip
+        return np.array(values.T, order="C").T
+    if not np.isfinite(values).all():
+        raise InputError("action must be finite")
+    return np.clip(values.T, -1.0, 1.0, order="C").T
+
+
+class Start(NamedTuple):
+    """What `reset(options=)` asks for, one row an environment; None for what it leaves open.
+
+    Attributes:
+        goals: Where the balls are in the world [m], shape (count, 3).
+        q: Postures [rad], shape (count, n).
+        views: Goal blocks [m], shape (count, size of the block).
+        directions: Where the tools are to point, unit vectors in the world, shape (count, 3).
+    """
+
+    goals: Floats | None = None
+    q: Floats | None = None
+    views: Floats | None = None
+    directions: Floats | None = None
+
+
+def reset_options(
+    options: Mapping[str, Any] | None,
+    count: int | None,
+    arm: str | ArmDescription = "ur5",
+    *,
+    directed: bool = False,
+) -> Start:
+    """Check the options of `reset`.
+
+    Raises:
+        InputError: An unknown option, a wrong shape, a value that is not finite, a joint outside its limits, a
+            direction without length, or a goal or a view that an observation cannot hold.
+    """
+    arm = as_arm(arm)
+    sizes = {"goal": 3, "q": len(arm.joints), "view": layout_of(arm).goal.stop}
+    start = Start(*option_rows(options, sizes | ({"direction": 3} if directed else {}), count))
+    bound, where = (CAMERA_RANGE, "that the cameras see") if arm.goal_cameras else (GOAL_RANGE, "of goals")
+    if start.q is not None:
+        _refuse_outside_limits(arm, start.q)
+    if start.goals is not None:
+        seen = np.abs(goal_block(arm, start.goals)).max(axis=1)
+        if (seen > bound).any():
+            raise InputError(f"goal {start.goals[seen.argmax()]} m is outside the {bound:g} m {where}")
+    if start.directions is not None:
+        length = np.linalg.norm(start.directions, axis=1, keepdims=True)
+        if (length < SHORTEST_DIRECTION).any():
+            raise InputError(f"direction must not be zero, got {start.directions[length.argmin()]}")
+        start = start._replace(directions=start.directions / length)
+    if start.views is not None and (np.abs(start.views) > bound).any():
+        raise InputError(f"view must be within ±{bound:g} m, got {start.views.flat[np.abs(start.views).argmax()]:g}")
+    return start
+
+
+def _refuse_outside_limits(arm: ArmDescription, q: Floats) -> None:
+    lower, upper = joint_limits(arm)
+    beyond = np.maximum(lower - q, q - upper)
+    if beyond.max() > 0.0:
+        row, joint = np.unravel_index(beyond.argmax(), q.shape)
+        raise InputError(
+            f"q: {arm.joints[joint]} must be within {lower[joint]:g} … {upper[joint]:g} rad, got {q[row, joint]:g}"
+        )
+
+
+class ReachTask:
+    """One variant of the task on one arm; here the tool always points down.
+
+    Args:
+        options: Of the environment.
+        variant: Single- or multi-step.
+
+    Attributes:
+        options, variant: As given.
+        arm: The description of the arm.
+        home: Its start posture [rad], shape (n,).
+        kinematics: From the world to the arm's default tip.
+        scorer: Judges the steps.
+        layout: Where things are in an observation.
+        gripper_opening: In which the arm reaches [m]; 0 without a gripper.
+        directed: Whether goals say where the tool is to point.
+    """
+
+    directed = False
+
+    def __init__(self, options: ReachOptions, variant: ReachVariant) -> None:
+        self.options = options
+        self.variant = variant
+        self.arm = arm = as_arm(options.arm)
+        self.kinematics = ArmKinematics.of(arm, base="world")
+        self.scorer = scorer_of(options.reward, self.default_reward())
+        self.home = np.array(arm.home)
+        self.layout = layout_of(arm, directed=self.directed)
+        self.gripper_opening = 0.0 if arm.gripper is None else arm.gripper.opening
+        self._scale: Any = variant.scale
+        self._middle: Floats | None = None
+        if not variant.relative:
+            half, middle = action_range(arm)
+            self._scale = half if (half != variant.scale).any() else variant.scale
+            self._middle = middle if middle.any() else None
+
+    def default_reward(self) -> Scorer:
+        """Return the default reward."""
+        return default_reward(self.arm)
+
+    @property
+    def observation_space(self) -> spaces.Box:
+        """What the environments observe, but for pictures."""
+        return observation_space(self.arm, directed=self.directed)
+
+    def reset_options(self, options: Mapping[str, Any] | None, count: int | None) -> Start:
+        """Check the options of `reset`, as the function of this name."""
+        return reset_options(options, count, self.arm, directed=self.directed)
+
+    def streams(self, count: int) -> RowStreams:
+        """Return the streams that episodes start from."""
+        return goal_streams(self.arm.workcell, count)
+
+    def training_starts(self, rng: np.random.Generator, count: int, *, margin: float) -> dict[str, Floats]:
+        """Draw options of `reset` for learners, in the arm's region and a margin [m] around it.
+
+        Raises:
+            InputError: The arm's goals are not in a box.
+        """
+        goals = self.arm.workcell.goals
+        if not isinstance(goals, BoxRegion):
+            raise InputError(f"goals are drawn around a BoxRegion, arm {self.arm.name!r} has {shown(goals)}")
+        return {"goal": goals.wider(margin).sample(rng, count)}
+
+    def completed(self, start: Start, streams: RowStreams, ids: NDArray[np.intp]) -> tuple[Floats, Start]:
+        """Goals, and a start with what it leaves open drawn from the streams of the given environments."""
+        return streams.draw(ids) if start.goals is None else start.goals.copy(), start
+
+    def score(self, distance: Floats, q: Floats, impossible: NDArray[np.bool_], directions: Floats) -> Score:
+        """Judge k steps.
+
+        Args:
+            distance: From the tips to the goals [m], shape (k,).
+            q: Postures [rad], shape (k, n).
+            impossible: Whether the actions could not be executed, shape (k,).
+            directions: Where the tools are to point, unit vectors in the world, shape (k, 3).
+        """
+        return self.scorer.score(distance, q, impossible)
+
+    def posture_error(self, q: Floats, directions: Floats) -> Floats:
+        """Return how far postures [rad], shape (k, n), are from what the task asks of them, shape (k,)."""
+        return self.scorer.posture_error(q)
+
+    def targets(self, q: Floats, actions: Floats) -> Floats:
+        """Joint targets [rad] of checked actions in postures `q`, all of shape (k, n)."""
+        targets: Floats = self._scale * actions
+        if self.variant.relative:
+            return q + targets
+        return targets if self._middle is None else targets + self._middle
+
+    def action_for(self, q: Floats, target: Floats) -> Floats:
+        """Return the action from a posture `q` to a target [rad], or straight towards it; shape (n,)."""
+        if self.variant.relative:
+            way = (target - q) / self._scale
+            return np.asarray(way / max(1.0, float(np.abs(way).max())))
+        return np.asarray((target if self._middle is None else target - self._middle) / self._scale)
+
+    def ik_goal(self, position: ArrayLike, direction: Floats) -> AxisGoal | PositionGoal:
+        """`tool_goal` of this arm."""
+        return tool_goal(self.arm, position, direction)
+
+    def natural(self, q: ArrayLike, direction: Floats) -> bool:
+        """Return whether a posture [rad], shape (n,), has the posture error that reaching asks for."""
+        posture = as_vector("q", q, len(self.arm.joints))
+        return bool(self.posture_error(posture[None], direction[None])[0] < REACHED_POSTURE_ERROR)
+
+    @cached_property
+    def checker(self) -> CollisionChecker:
+        """The verdict on collisions."""
+        return CollisionChecker(self.kinematics, margin=self.options.collision_margin)

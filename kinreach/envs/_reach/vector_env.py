@@ -1,0 +1,132 @@
+"""Many reach environments in step: numpy for the kinematic backend, `mujoco.batch.Batch` or Warp for the dynamics."""
+
+from __future__ import annotations
+
+from functools import partial
+from typing import Any
+
+import numpy as np
+from gymnasium.vector import AutoresetMode
+
+from kinreach._checks import check_count
+from kinreach.envs._batch import NativeVectorEnv, check_batch
+from kinreach.envs._options import options_from
+from kinreach.envs._reach.episodes import ReachEpisodes
+from kinreach.envs._reach.space import SpaceTask
+from kinreach.envs._reach.task import (
+    MULTI_STEP,
+    SINGLE_STEP,
+    ReachOptions,
+    ReachTask,
+    ReachVariant,
+    action_space,
+    check_actions,
+)
+from kinreach.envs._reach.worlds import BatchDynamicWorld, KinematicWorld, ReachWorld
+from kinreach.sim._imperfections import as_imperfections
+from kinreach.sim._picture import ScenePicture
+from kinreach.sim._simulation import ArmSimulation
+
+#: Two pictures of three bytes and a depth; what all environments see may take so much [bytes].
+_PIXEL_BYTES, MAX_BYTES = 2 * (3 + 4), 2**32
+
+
+class ReachVectorEnv(NativeVectorEnv):
+    """As many independent environments, equal to as many single ones with the seeds `seed`, `seed + 1`, ...
+
+    Episodes start anew as `NativeVectorEnv` describes. What would take long is left out of `info` with
+    `backend="kinematic"`: `target_tip`, and in `impossible_reason` the names of what collides.
+
+    Args:
+        num_envs: Number of environments.
+        variant: Which of the thesis's tasks; None for reaching in space, whose variant is an option.
+        threads: Threads that step the dynamics (`backend="mujoco"`).
+        autoreset_mode: `AutoresetMode.SAME_STEP`, `NEXT_STEP` or `DISABLED`.
+        device: Of torch, for tensors instead of arrays. With `backend="warp"` it is Warp's device too, and rewards are
+            computed on it; else they are computed in numpy and handed over.
+        **options: As in the single environments (`ReachOptions`, `SpaceOptions`). `render_mode` is None or
+            `"rgb_array"`, for up to 64 environments. With `observation="pixels"` one scene is drawn for all of them.
+
+    Attributes:
+        task: What is to be done.
+
+    Raises:
+        InputError: Options that cannot be.
+    """
+
+    def __init__(
+        self,
+        num_envs: int = 1,
+        *,
+        variant: ReachVariant | None = None,
+        threads: int = 1,
+        autoreset_mode: AutoresetMode | str = AutoresetMode.SAME_STEP,
+        device: str | None = None,
+        **options: Any,
+    ) -> None:
+        self.task = task = (
+            SpaceTask.of(options) if variant is None else ReachTask(options_from(ReachOptions, options), variant)
+        )
+        given = task.options
+        num_envs = check_batch(num_envs, threads, given.render_mode)
+        if given.observation == "pixels":
+            check_count("bytes of all pictures", num_envs * given.width * given.height * _PIXEL_BYTES, most=MAX_BYTES)
+        arm = task.arm
+        world: ReachWorld = (
+            KinematicWorld(task, num_envs)
+            if given.backend == "kinematic"
+            else BatchDynamicWorld(
+                arm,
+                num_envs,
+                threads=threads,
+                imperfections=as_imperfections(given.imperfections),
+                backend=given.backend,
+                device=device if given.backend == "warp" else None,
+            )
+        )
+        episodes = ReachEpisodes(task, world)
+        super().__init__(
+            episodes,
+            num_envs,
+            action_space=action_space(arm),
+            observation_space=episodes.observation_space,
+            check_actions=partial(check_actions, count=num_envs, joints=len(arm.joints)),
+            check_start=partial(task.reset_options, count=num_envs),
+            autoreset_mode=autoreset_mode,
+            picture=None if given.render_mode is None else ReachPicture(episodes),
+            device=device,
+            made_with={
+                "num_envs": num_envs,
+                "variant": variant,
+                "threads": threads,
+                "autoreset_mode": autoreset_mode,
+                "device": device,
+                **options,
+            },
+        )
+
+
+class ReachPicture:
+    """Draws the environments of a batch, one after the other, with one scene."""
+
+    def __init__(self, episodes: ReachEpisodes) -> None:
+        self._episodes = episodes
+        self._scene = ArmSimulation(episodes.task.arm, visual=True)
+        self._picture = ScenePicture(self._scene, mode="rgb_array", fps=NativeVectorEnv.metadata["render_fps"])
+
+    def frame(self, index: int) -> Any:
+        """Return a frame of one environment, uint8, shape (height, width, 3)."""
+        limits = self._scene.controller
+        self._scene.reset(np.clip(self._episodes.world.q[index], limits.lower, limits.upper))
+        self._scene.place_ball(self._episodes.goals[index])
+        return self._picture.frame()
+
+    def close(self) -> None:
+        """Free the renderer."""
+        self._picture.close()
+
+
+#: Entry points of the native batches.
+single_step = partial(ReachVectorEnv, variant=SINGLE_STEP)
+multi_step = partial(ReachVectorEnv, variant=MULTI_STEP)
+in_space = partial(ReachVectorEnv, variant=None)

@@ -1,0 +1,300 @@
+"""What executes postures: kinematic or simulated, for one arm and for many."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from enum import IntEnum
+from typing import Any, Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from kinreach._checks import Floats
+from kinreach.envs._reach.task import ReachTask
+from kinreach.kinematics import ArmKinematics
+from kinreach.kinematics._tensors import as_device, on_device
+from kinreach.robots import ArmDescription
+from kinreach.sim._controller import MoveResult, MoveStatus
+from kinreach.sim._imperfections import IDEAL, Imperfections
+from kinreach.sim._simulation import WARP, ArmSimulation, BatchSimulation
+
+Ids = NDArray[np.intp]
+Flags = NDArray[np.bool_]
+
+
+class Status(IntEnum):
+    """What became of an action, as a number; `STATUSES` has the words."""
+
+    COMPLETED = 0
+    OUT_OF_LIMITS = 1
+    #: In the target the arm would be in an obstacle (`backend="kinematic"`).
+    COLLISION = 2
+    #: Two parts of the arm would be in one another, or hold each other off the target.
+    SELF_COLLISION = 3
+    #: Something holds the arm off the target (this and the next two: `backend="mujoco"`).
+    BLOCKED = 4
+    TIMEOUT = 5
+    DIVERGED = 6
+    #: The agent found no action.
+    FORFEITED = 7
+
+
+#: What `info["status"]` says of each `Status`.
+STATUSES = np.array(
+    ["completed", "out of limits", "collision", "self-collision", "blocked", "timeout", "diverged", "forfeited"],
+    dtype=object,
+)
+#: The status of a target by its `kinreach.kinematics._collision.Cause`.
+_OF_CAUSE = np.array([Status.COMPLETED, Status.OUT_OF_LIMITS, Status.SELF_COLLISION, Status.COLLISION], dtype=np.uint8)
+_OF_MOVE = {
+    MoveStatus.REACHED: Status.COMPLETED,
+    MoveStatus.OUT_OF_LIMITS: Status.OUT_OF_LIMITS,
+    MoveStatus.COLLISION: Status.SELF_COLLISION,
+    MoveStatus.BLOCKED: Status.BLOCKED,
+    MoveStatus.TIMEOUT: Status.TIMEOUT,
+    MoveStatus.DIVERGED: Status.DIVERGED,
+}
+
+
+@dataclass(frozen=True, eq=False)
+class Executed:
+    """What became of the actions of all arms.
+
+    Attributes:
+        impossible: Whether the target could not be taken, shape (count,).
+        status: How each ended, a `Status`, shape (count,).
+        reasons: Why it was impossible, one phrase per arm (empty where possible); None where the world does not say.
+        durations: Simulated time [s], shape (count,); None where there is no simulation.
+    """
+
+    impossible: Flags
+    status: NDArray[np.uint8]
+    reasons: Sequence[str] | None = None
+    durations: Floats | None = None
+
+
+class ReachWorld(Protocol):
+    """A number of equal arms, each with its own ball.
+
+    Attributes:
+        count: How many.
+        dynamic: Whether they are simulated.
+    """
+
+    count: int
+    dynamic: bool
+
+    def reset(self, ids: Ids, goals: Floats, q: Floats | None) -> None:
+        """Put arms into postures [rad], shape (k, n), or the start pose, and their balls to goals [m], shape (k, 3)."""
+        ...
+
+    def execute(self, targets: Floats, *, two_phase: bool, acting: Flags | None = None) -> Executed:
+        """Move arms to joint targets [rad], shape (count, n): all of them, or where `acting` is True, shape (count,).
+
+        The others complete their action at once, and nothing of them changes.
+        """
+        ...
+
+    def copy_from(self, other: Any) -> None:
+        """Take over the state of another world of the same kind and size."""
+        ...
+
+    def snapshot(self) -> tuple[Any, Any]:
+        """Copy postures [rad] and positions of the tips [m], as `q` and `tip`; as tensors where asked for."""
+        ...
+
+    @property
+    def q(self) -> Floats:
+        """Postures of all arms [rad], shape (count, n), to be read only; they hold until the next move or reset."""
+        ...
+
+    @property
+    def tip(self) -> Floats:
+        """Positions of the tips in the world [m], shape (count, 3); as `q`."""
+        ...
+
+
+class KinematicWorld:
+    """Arms that jump to their targets; joint limits and collisions of the target are still judged.
+
+    An impossible target leaves the arm where it is. Collisions on the way are not judged.
+
+    Args:
+        task: Whose arm.
+        count: Number of arms.
+        explain: Say for each impossible target why; costs time, meant for single environments.
+    """
+
+    dynamic = False
+
+    def __init__(self, task: ReachTask, count: int, *, explain: bool = False) -> None:
+        self.count = count
+        self._explain = explain
+        self._kinematics = task.kinematics
+        self._checker = task.checker
+        self._home = task.home[:, None]
+        self._home_tip = self._kinematics.positions(self._home.T).T
+        # one joint or coordinate after the other, as the formulas want them
+        self._q = np.repeat(self._home, count, axis=1)
+        self._tip = np.repeat(self._home_tip, count, axis=1)
+
+    def reset(self, ids: Ids, goals: Floats, q: Floats | None) -> None:
+        """Put arms into postures [rad], shape (k, n), or the start pose; balls need no place here."""
+        rows = ids if len(ids) < self.count else slice(None)
+        self._q[:, rows] = self._home if q is None else q.T
+        self._tip[:, rows] = self._home_tip if q is None else self._kinematics.positions(q).T
+
+    def execute(self, targets: Floats, *, two_phase: bool, acting: Flags | None = None) -> Executed:
+        """Take the targets that can be taken."""
+        status = _OF_CAUSE[self._checker.causes(targets)]
+        if acting is not None:
+            status[~acting] = Status.COMPLETED
+        impossible = status != Status.COMPLETED
+        moved = np.flatnonzero(~impossible)
+        q = targets.T.take(moved, axis=1)
+        for array, values in ((self._q, q), (self._tip, self._kinematics.positions(q.T).T)):
+            for row, new in zip(array, values, strict=True):
+                row[moved] = new
+        if not self._explain:
+            return Executed(impossible, status)
+        reasons = [self._checker.reason(target) if bad else "" for target, bad in zip(targets, impossible, strict=True)]
+        return Executed(impossible, status, reasons)
+
+    def snapshot(self) -> tuple[Floats, Floats]:
+        """Return postures and tips."""
+        return self.q.copy(order="K"), self.tip.copy(order="K")
+
+    def copy_from(self, other: KinematicWorld) -> None:
+        """Take over the postures of another world."""
+        self._q[:], self._tip[:] = other._q, other._tip
+
+    @property
+    def q(self) -> Floats:
+        """Postures [rad], shape (count, n)."""
+        return self._q.T
+
+    @property
+    def tip(self) -> Floats:
+        """Positions of the tips [m], shape (count, 3)."""
+        return self._tip.T
+
+
+def _executed(moves: Sequence[MoveResult]) -> Executed:
+    """What moves came to."""
+    status = np.array([_OF_MOVE[move.status] for move in moves], dtype=np.uint8)
+    durations = np.array([move.duration for move in moves])
+    return Executed(status != Status.COMPLETED, status, [move.reason for move in moves], durations)
+
+
+class SingleDynamicWorld:
+    """One arm under MuJoCo's dynamics.
+
+    Args:
+        simulation: The arm's simulation; what draws or films it may share it.
+    """
+
+    count = 1
+    dynamic = True
+
+    def __init__(self, simulation: ArmSimulation) -> None:
+        self.simulation = simulation
+
+    def reset(self, ids: Ids, goals: Floats, q: Floats | None) -> None:
+        """Put the whole simulation back, and the ball to the goal [m], shape (1, 3)."""
+        self.simulation.reset(None if q is None else q[0])
+        self.simulation.place_ball(goals[0])
+
+    def execute(self, targets: Floats, *, two_phase: bool, acting: Flags | None = None) -> Executed:
+        """Move by dynamics; a target that is not attained is impossible, and the arm stays where it got to."""
+        return _executed([self.simulation.move(targets[0], two_phase=two_phase)])
+
+    def snapshot(self) -> tuple[Floats, Floats]:
+        """Return posture and tip."""
+        return self.q, self.tip
+
+    def copy_from(self, other: SingleDynamicWorld) -> None:
+        """Take over the state of another simulation."""
+        self.simulation.copy_state(other.simulation)
+
+    @property
+    def q(self) -> Floats:
+        """Posture [rad], shape (1, n)."""
+        return self.simulation.q[None]
+
+    @property
+    def tip(self) -> Floats:
+        """Position of the tip [m], shape (1, 3)."""
+        return self.simulation.tip_position[None]
+
+
+class BatchDynamicWorld:
+    """Many arms under MuJoCo's dynamics, bit for bit what as many `SingleDynamicWorld` would do; or Warp's.
+
+    Args:
+        arm: Which.
+        count: Number of arms.
+        threads: Threads that step them.
+        imperfections: Of the arms.
+        backend: `"mujoco"` or `"warp"`.
+        device: Of Warp and of the tensors that `snapshot` gives; with None those are arrays.
+    """
+
+    dynamic = True
+
+    def __init__(
+        self,
+        arm: ArmDescription,
+        count: int,
+        *,
+        threads: int = 1,
+        imperfections: Imperfections = IDEAL,
+        backend: str = "mujoco",
+        device: str | None = None,
+    ) -> None:
+        self.count = count
+        self._device = None if device is None else as_device(device)
+        self._kinematics = ArmKinematics.of(arm, base="world")
+        simulated_on = device if backend == WARP else None  # else it is only where tensors are wanted
+        self._batch = BatchSimulation(
+            arm, count, threads=threads, imperfections=imperfections, backend=backend, device=simulated_on
+        )
+
+    def reset(self, ids: Ids, goals: Floats, q: Floats | None) -> None:
+        """Put simulations back, and their balls to goals [m], shape (k, 3)."""
+        self._batch.reset(ids, q)
+        self._batch.place_ball(ids, goals)
+
+    def execute(self, targets: Floats, *, two_phase: bool, acting: Flags | None = None) -> Executed:
+        """Move by dynamics, as `SingleDynamicWorld` does."""
+        ids = np.arange(self.count) if acting is None else np.flatnonzero(acting)
+        moved = _executed(self._batch.move(ids, targets[ids], two_phase=two_phase))
+        if acting is None or moved.reasons is None or moved.durations is None:
+            return moved
+        status, durations = np.zeros(self.count, dtype=np.uint8), np.zeros(self.count)
+        status[ids], durations[ids] = moved.status, moved.durations
+        reasons = [""] * self.count
+        for index, reason in zip(ids, moved.reasons, strict=True):
+            reasons[index] = reason
+        return Executed(status != Status.COMPLETED, status, reasons, durations)
+
+    def snapshot(self) -> tuple[Any, Any]:
+        """Return postures and tips; as tensors, tips are computed on the device."""
+        if self._device is None:
+            return self.q, self.tip
+        q = on_device(self.q, self._device)
+        return q, self._kinematics.positions(q)
+
+    def copy_from(self, other: BatchDynamicWorld) -> None:
+        """Take over the states of as many other simulations."""
+        self._batch.copy_states(other._batch)
+
+    @property
+    def q(self) -> Floats:
+        """Postures [rad], shape (count, n)."""
+        return self._batch.q
+
+    @property
+    def tip(self) -> Floats:
+        """Positions of the tips [m], shape (count, 3)."""
+        return self._batch.tip_positions

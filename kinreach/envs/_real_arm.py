@@ -1,0 +1,356 @@
+"""An arm that is not its data sheet: a true UR5 with another tool, base and cameras than its user believes.
+
+The environment `kinreach/RealArm-v0` is a workplace. Somewhere in it lies a tray of balls; a step moves the tip to each
+of them at once, and the observation says where the cameras saw the balls and where they saw the tip. Beforehand, an
+agent may practise: `look` sends the arm to postures of its own choice and says where the tip was seen. Kinematics only.
+
+An episode goes through the `budgets`, each a number of looks that may have been taken by then, the earlier ones
+included. With each, the arm goes to every ball once, and then `again` times more: the tip has been seen beside the
+ball, and the posture can be corrected.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, field
+from functools import lru_cache
+from itertools import zip_longest
+from pathlib import Path
+from typing import Any
+
+import gymnasium as gym
+import numpy as np
+from gymnasium import spaces
+from numpy.typing import ArrayLike
+
+from kinreach._checks import Floats, as_floats, check_count, check_known, check_number, check_path, shown
+from kinreach.envs._options import about, check_not_over, check_seed, given_options, options_from, with_options
+from kinreach.errors import InputError
+from kinreach.kinematics import ArmKinematics
+from kinreach.kinematics._chain import SerialChain
+from kinreach.kinematics._identification import frames_of
+from kinreach.robots import PUBLISHED_CALIBRATIONS, ArmDescription, get_arm
+from kinreach.robots._rotations import turn
+from kinreach.sim._engine import mujoco
+from kinreach.sim._posed import PosedScene
+from kinreach.sim._scene import build_scene
+
+#: What can be wrong.
+LINKS, TOOL, BASE, CAMERAS = "links", "tool", "base", "cameras"
+#: Errors of a workplace -> what is wrong with it.
+ERRORS: Mapping[str, tuple[str, ...]] = {
+    "links": (LINKS,),
+    "tool": (TOOL,),
+    "base": (BASE,),
+    "cameras": (CAMERAS,),
+    "all": (LINKS, TOOL, BASE, CAMERAS),
+}
+#: How far the tool is off [m], by how much the base is turned [rad], how far and by how much the cameras are off.
+TOOL_OFF, BASE_TURN, CAMERAS_OFF, CAMERAS_TURN = 5e-3, math.radians(0.5), 2e-3, math.radians(0.3)
+#: Median length of the error of a look [m], and of an error with a standard deviation of 1 a coordinate.
+NOISE, MEDIAN_LENGTH = 1.4e-4, 1.5382
+#: Looks that may be taken before, a choice of these; half of the balls have to be nearer than this in the end [m].
+BUDGETS, NEAR = (0, 5, 10, 20, 50, 100), 5e-4
+#: Least error of a look [m].
+MIN_NOISE = 1e-9
+#: UR5 whose calibrations come with the package.
+UR5S = tuple(name for name in PUBLISHED_CALIBRATIONS if name.startswith("ur5_"))
+#: Numbers of an observation: ball and tip as they were seen, posture, moves to this ball, looks allowed so far.
+SEEN_BALL, SEEN_TIP, POSTURE, MOVES, BUDGET = slice(0, 3), slice(3, 6), slice(6, 12), 12, 13
+SIZE = 14
+#: No tip is seen farther away [m].
+REACH = 2.0
+MAX_AGAIN, MAX_BALLS = 20, 100_000
+
+
+@dataclass(frozen=True, kw_only=True)
+class RealArmOptions:
+    """Options of `kinreach/RealArm-v0`.
+
+    Raises:
+        UnknownNameError: Errors that there are not.
+        InputError: A budget below zero or in no increasing order, a number out of range, a calibration that is not one
+            of a UR5.
+    """
+
+    errors: tuple[str, ...] = field(
+        default=tuple(ERRORS), metadata=about("what is wrong, one of them an episode: " + ", ".join(ERRORS))
+    )
+    calibrations: tuple[str, ...] = field(default=UR5S, metadata=about("true UR5s: names of published ones, or files"))
+    budgets: tuple[int, ...] = field(
+        default=BUDGETS[:-1], metadata=about(f"looks that may be taken before, some of {BUDGETS}", flag="looks")
+    )
+    again: int = field(default=2, metadata=about("how often the arm goes to a ball again, having seen where it was"))
+    balls: int = field(default=50, metadata=about("on the tray"))
+    noise: float = field(default=NOISE, metadata=about("median error of a look [m]"))
+
+    def __post_init__(self) -> None:
+        for name in ("errors", "calibrations", "budgets"):
+            given: Any = getattr(self, name)
+            if isinstance(given, str) or not isinstance(given, Sequence) or not given:
+                raise InputError(f"{name} must be a list of at least one, got {shown(given)}")
+            object.__setattr__(self, name, tuple(given))
+        for name in self.errors:
+            check_known("errors of a real arm", name, ERRORS)
+        for count in self.budgets:
+            check_count("a budget of looks", count, least=0)
+            check_known("budget of looks", str(count), [str(known) for known in BUDGETS])
+        if list(self.budgets) != sorted(set(self.budgets)):
+            raise InputError(f"budgets of looks must increase, got {shown(self.budgets)}")
+        check_count("again", self.again, least=0, most=MAX_AGAIN)
+        check_count("balls", self.balls, most=MAX_BALLS)
+        check_number("noise [m]", self.noise, least=MIN_NOISE, most=1.0)
+        for calibration in self.calibrations:
+            true_arm(calibration)
+
+
+def true_arm(calibration: str | Path) -> ArmDescription:
+    """Return a calibrated UR5.
+
+    Args:
+        calibration: Name of a published one, or a file.
+
+    Raises:
+        InputError: It is not a path, or the file is not a calibration of a UR5.
+    """
+    path = check_path("calibration", calibration)
+    file = PUBLISHED_CALIBRATIONS.get(str(path), path)
+    return _calibrated(file, file.stat().st_mtime_ns if file.exists() else 0)
+
+
+@lru_cache(maxsize=32)
+def _calibrated(file: Path, written: int) -> ArmDescription:
+    return get_arm("ur5").calibrated(file)
+
+
+@lru_cache(maxsize=32)
+def _chain(arm: ArmDescription) -> SerialChain:
+    return ArmKinematics(arm, tip="tcp", base="world").chain
+
+
+@dataclass(frozen=True)
+class Workplace:
+    """What is true, and how it is seen.
+
+    Attributes:
+        arm: With its true links.
+        tool: Of the tip, in its frame [m].
+        base: Turn of the base about the vertical [rad].
+        cameras: The world as the cameras see it in the true world, shape (4, 4).
+    """
+
+    arm: ArmDescription
+    tool: Floats
+    base: float
+    cameras: Floats
+
+    def tips(self, q: Floats) -> Floats:
+        """Return where the tip is in postures (m, 6) [m], shape (m, 3)."""
+        T = frames_of(_chain(self.arm).placements, q)[-1]  # for few balls quicker than the chain
+        return np.asarray((T[:, :3, :3] @ self.tool + T[:, :3, 3]) @ turn(np.array((0.0, 0.0, 1.0)), self.base).T)
+
+    def seen(self, points: Floats) -> Floats:
+        """Return where the cameras see points (m, 3) of the world, without noise [m]."""
+        return np.asarray(points @ self.cameras[:3, :3].T + self.cameras[:3, 3])
+
+    def scene(self) -> PosedScene:
+        """Return the arm as it truly stands in its work cell, its tool where it truly is."""
+        return PosedScene(self.arm, model=_true_model(self.arm, tuple(self.tool.tolist()), self.base))
+
+
+@lru_cache(maxsize=4)
+def _true_model(arm: ArmDescription, tool: tuple[float, ...], turned: float) -> Any:
+    """A scene (`mujoco.MjModel`) in which the tool is off [m] and the base is turned about the vertical [rad]."""
+    spec = build_scene(arm)
+    base, flange = spec.body(arm.base), spec.body(arm.tips["tool0"])
+    base.pos = turn(np.array((0.0, 0.0, 1.0)), turned) @ base.pos
+    yaw, placed = np.array([math.cos(turned / 2), 0.0, 0.0, math.sin(turned / 2)]), np.array(base.quat)
+    mujoco.mju_mulQuat(base.quat, yaw, placed)
+    for held in flange.bodies:  # turned as the flange is, and so is the tip
+        held.pos = held.pos + tool
+    return spec.compile()
+
+
+def workplace(errors: str, calibration: str, rng: np.random.Generator) -> Workplace:
+    """Draw a workplace with errors as large as the constants of this module, in a random direction.
+
+    Args:
+        errors: A key of `ERRORS`.
+        calibration: As of `true_arm`.
+        rng: Of the directions.
+    """
+    parts = ERRORS[errors]
+    tool, base, shift, axis = _direction(rng), rng.choice((-1.0, 1.0)), _direction(rng), _direction(rng)
+    cameras = np.eye(4)
+    if CAMERAS in parts:
+        stand = np.array(next(m.position for m in get_arm("ur5").cameras if m.name == "front"))
+        cameras[:3, :3] = turn(axis, CAMERAS_TURN)
+        cameras[:3, 3] = stand - cameras[:3, :3] @ stand + CAMERAS_OFF * shift
+    return Workplace(
+        true_arm(calibration) if LINKS in parts else get_arm("ur5"),
+        TOOL_OFF * tool if TOOL in parts else np.zeros(3),
+        float(BASE_TURN * base) if BASE in parts else 0.0,
+        cameras,
+    )
+
+
+def _direction(rng: np.random.Generator) -> Floats:
+    vector = rng.normal(size=3)
+    return np.asarray(vector / np.linalg.norm(vector))
+
+
+@with_options(RealArmOptions)
+class RealArmEnv(gym.Env[Any, Any]):
+    """A UR5 that is not its data sheet; the module says what an episode is.
+
+    An action is a posture for every ball, each angle divided by pi, shape (balls, 6). An observation has a row for
+    each, shape (balls, 14): where the ball was seen (3), where the tip was seen in the last move to it (3, zeros before
+    the first), the posture of that move (6, zeros before), moves so far, and the looks allowed so far. The reward is
+    minus the mean distance. `info` has the median distance of this move [m], `distance`, and those of the moves so far,
+    `error_BUDGET_AGAIN`; `is_success`: this one is below `NEAR`; where the first ball is [m], `goal`, and the posture
+    of the last move to it [rad], `q`; `reward_terms`, which sum to the reward.
+
+    Attributes:
+        options: As given.
+        believed: The arm as its user believes it to be.
+
+    <table of the options>
+    """
+
+    metadata = {"render_modes": []}  # noqa: RUF012 (declared by Gymnasium)
+    render_mode = None
+
+    def __init__(self, **options: Any) -> None:
+        self.options = given = options_from(RealArmOptions, options)
+        high = np.array([*6 * [REACH], *6 * [math.pi], max(given.again, 1), max(*given.budgets, 1)])
+        low = np.where(np.arange(SIZE) < MOVES, -high, 0.0)
+        shape = (given.balls, 1)
+        self.observation_space = spaces.Box(np.tile(low, shape), np.tile(high, shape), dtype=np.float64)
+        self.action_space = spaces.Box(-1.0, 1.0, (given.balls, 6))
+        self.believed: ArmDescription = get_arm("ur5")
+        self._noise = given.noise / MEDIAN_LENGTH
+        self._place: Workplace | None = None
+        self._scene: PosedScene | None = None
+        self._info: dict[str, Any] = {}
+
+    @property
+    def noise(self) -> float:
+        """Standard deviation of each coordinate of a look [m]."""
+        return self._noise
+
+    @property
+    def scene(self) -> PosedScene:
+        """The true arm of this episode; when it is watched it moves to every look and every ball, else it jumps.
+
+        Raises:
+            InputError: Before the first reset.
+        """
+        if self._scene is None:
+            self._scene = self._begun().scene()
+            self._scene.put(self.believed.home, ball=self._balls[0])
+        return self._scene
+
+    def reset(self, *, seed: int | None = None, options: dict[str, Any] | None = None) -> tuple[Any, dict[str, Any]]:
+        """Draw another workplace, and a tray of balls on the arm's table.
+
+        Args:
+            seed: Of the directions of errors, the balls and the looks' noise.
+            options: `"errors"` and `"calibration"`: instead of drawn ones.
+
+        Raises:
+            InputError: A seed that is none, an unknown option, or a calibration that is not one of a UR5.
+            UnknownNameError: Errors that there are not.
+        """
+        seed, given = check_seed(seed), given_options(options, ("errors", "calibration"))
+        if "errors" in given:
+            check_known("errors of a real arm", given["errors"], ERRORS)
+        if "calibration" in given:
+            true_arm(given["calibration"])
+        super().reset(seed=seed)
+        rng = self.np_random
+        drawn = {"errors": rng.choice(self.options.errors), "calibration": rng.choice(self.options.calibrations)}
+        chosen = {name: str(value) for name, value in {**drawn, **given}.items()}
+        self._place = workplace(**chosen, rng=rng)
+        self._balls = get_arm("ur5").workcell.draw_goals(rng, self.options.balls)
+        self._seen = self._observed(self._balls)
+        self._looks, self._level, self._moves, self._over = 0, 0, 0, False
+        self._scene = None
+        self._info = {**chosen, "impossible": False, "goal": self._balls[0].copy()}
+        return self._observation(), dict(self._info)
+
+    @property
+    def looks_left(self) -> int:
+        """How many looks may still be taken before the next move."""
+        return self.options.budgets[self._level] - self._looks
+
+    def look(self, postures: ArrayLike) -> Floats:
+        """Go somewhere and see where the tip is.
+
+        Args:
+            postures: [rad], shape (m, 6).
+
+        Returns:
+            Where the tip was seen in each [m], shape (m, 3).
+
+        Raises:
+            InputError: Another shape, or more than there are looks left.
+        """
+        place, q = self._begun(), as_floats("postures", postures)
+        if q.ndim != 2 or q.shape[1] != 6 or not np.isfinite(q).all():
+            raise InputError(f"postures must be finite and have shape (m, 6), got {q.shape}")
+        if len(q) > self.looks_left:
+            raise InputError(f"there are {self.looks_left} looks left, got {len(q)} postures")
+        self._looks += len(q)
+        self._show(q)
+        return self._observed(place.tips(q))
+
+    def step(self, action: ArrayLike) -> tuple[Any, float, bool, bool, dict[str, Any]]:
+        """Go to every ball.
+
+        Raises:
+            InputError: Wrong shape, a value that is not finite, or a step before the first reset or after the last.
+        """
+        place, given = self._begun(), as_floats("action", action)
+        if given.shape != self.action_space.shape or not np.isfinite(given).all():
+            raise InputError(f"action must be finite and have shape {self.action_space.shape}, got {given.shape}")
+        check_not_over(self._over)
+        self._q = math.pi * np.clip(given, -1.0, 1.0)
+        self._show(self._q, self._balls)
+        tips = place.tips(self._q)
+        self._tips = self._observed(tips)
+        distances = np.linalg.norm(tips - self._balls, axis=1)
+        middle = float(np.median(distances))
+        self._info[f"error_{self.options.budgets[self._level]}_{self._moves}"] = middle
+        reward = -float(distances.mean())
+        self._info |= {"distance": middle, "is_success": middle < NEAR, "reward_terms": {"distance": reward}}
+        self._info |= {"goal": self._balls[0].copy(), "q": self._q[0].copy()}
+        self._moves += 1
+        if self._moves > self.options.again:
+            self._over = self._level + 1 == len(self.options.budgets)
+            if not self._over:
+                self._level, self._moves = self._level + 1, 0
+        return self._observation(), reward, self._over, False, dict(self._info)
+
+    def _begun(self) -> Workplace:
+        if self._place is None:
+            raise InputError("reset the environment before its first step")
+        return self._place
+
+    def _show(self, postures: Floats, balls: Iterable[Floats] = ()) -> None:
+        """Move the drawn arm from one to the next, if it is watched."""
+        if self._scene is not None and self._scene.watch is not None:
+            for q, ball in zip_longest(postures, balls):
+                self._scene.go(q, ball=ball)
+
+    def _observed(self, points: Floats) -> Floats:
+        """Points as the cameras see them, with noise."""
+        return self._begun().seen(points) + self.np_random.normal(0.0, self._noise, points.shape)
+
+    def _observation(self) -> Floats:
+        rows = np.zeros((len(self._balls), SIZE))
+        rows[:, SEEN_BALL] = self._seen
+        if self._moves:
+            rows[:, SEEN_TIP], rows[:, POSTURE] = self._tips, self._q
+        rows[:, MOVES], rows[:, BUDGET] = self._moves, self.options.budgets[self._level]
+        return rows

@@ -1,0 +1,145 @@
+"""Single environments: the episodes of a task with a count of one, copies of them, and videos of their motion."""
+
+from __future__ import annotations
+
+from abc import abstractmethod
+from collections.abc import Mapping
+from copy import deepcopy
+from typing import Any, Self
+
+import gymnasium as gym
+import numpy as np
+from gymnasium.utils import EzPickle
+from gymnasium.wrappers import RecordVideo
+from numpy.typing import ArrayLike
+
+from kinreach.envs._batch import Outcome, first_row, numbers_of
+from kinreach.envs._options import check_seed, check_started
+from kinreach.errors import InputError
+from kinreach.sim._picture import ScenePicture
+
+
+class SingleEnv(gym.Env[Any, Any]):
+    """One environment of a task; a subclass sets `_episodes`, with a count of one, and the spaces."""
+
+    _episodes: Any
+    _started = _over = False
+
+    def reset(self, *, seed: int | None = None, options: dict[str, Any] | None = None) -> tuple[Any, dict[str, Any]]:
+        """Start an episode.
+
+        Args:
+            seed: Of all random numbers of this episode and the next ones.
+            options: What the episode starts with instead of random values, as the class describes.
+
+        Raises:
+            InputError: A seed that is not an integer at least 0, an unknown option, or one that is malformed.
+        """
+        seed, start = check_seed(seed), self._check_start(options)
+        super().reset(seed=seed)
+        if seed is not None or not self._started:
+            self._episodes.seed(0, self.np_random)
+        self._episodes.begin(np.zeros(1, dtype=np.intp), start)
+        self._started, self._over = True, False
+        self._follow()
+        return self._observe(), self._info(self._episodes.start_info())
+
+    def step(self, action: ArrayLike) -> tuple[Any, float, bool, bool, dict[str, Any]]:
+        """Act once.
+
+        Raises:
+            InputError: An action that is not in the action space, or a step before the first reset.
+        """
+        check_started(self._started)
+        return self._answer(self._episodes.step(self._check_action(action)))
+
+    @abstractmethod
+    def _check_start(self, options: Mapping[str, Any] | None) -> Any:
+        """The options of `reset` as the episodes take them."""
+
+    @abstractmethod
+    def _check_action(self, action: ArrayLike) -> Any:
+        """An action as the episodes take it."""
+
+    def _follow(self) -> None:
+        """Let what is drawn follow the start of an episode."""
+
+    def _answer(self, outcome: Outcome) -> tuple[Any, float, bool, bool, dict[str, Any]]:
+        terminated, truncated = bool(outcome.terminated[0]), bool(outcome.truncated[0])
+        self._over = terminated or truncated
+        return self._observe(), float(outcome.reward[0]), terminated, truncated, self._info(outcome.info)
+
+    def _observe(self) -> Any:
+        observed = self._episodes.observe()
+        return {name: rows[0] for name, rows in observed.items()} if isinstance(observed, Mapping) else observed[0]
+
+    def _info(self, info: dict[str, Any]) -> dict[str, Any]:
+        return first_row(info)
+
+
+class CopyableEnv(SingleEnv, EzPickle):
+    """An environment that `copy.deepcopy` copies with its whole state, generators included: both go on alike.
+
+    Nothing that draws is copied, it is made anew with the first frame. Pickling, as Gymnasium has it, keeps the options
+    only: what comes back is to be reset.
+    """
+
+    options: Any
+    _picture: ScenePicture | None
+
+    def __deepcopy__(self, memo: dict[int, Any]) -> Self:
+        twin = type(self)(**self._ezpickle_kwargs)
+        memo[id(self)] = twin
+        twin._np_random, twin._np_random_seed = deepcopy((self._np_random, self._np_random_seed))
+        twin.action_space, twin.observation_space = deepcopy((self.action_space, self.observation_space))
+        twin.spec = self.spec
+        twin._started, twin._over = self._started, self._over
+        twin._episodes.copy_from(self._episodes)
+        return twin
+
+    def render(self) -> Any:
+        """Draw a frame as `render_mode` says; with "human" update the viewer.
+
+        Returns:
+            "rgb_array": uint8, (height, width, 3); "rgb_array_list": a list of such, those of the motion since the
+            last call; "depth_array": float32 [m], (height, width); else None.
+        """
+        return None if self._picture is None else self._picture.frame()
+
+    def close(self) -> None:
+        """Close the viewer and free the renderers; further calls do nothing."""
+        self._episodes.close()
+        if self._picture is not None:
+            self._picture.close()
+
+    def _info(self, info: dict[str, Any]) -> dict[str, Any]:
+        row = first_row(info)
+        return numbers_of(row) if self.options.info == "numbers" else row
+
+
+class RecordMotion(RecordVideo):
+    """Gymnasium's `RecordVideo`, with all frames of the motion of each step instead of the last one.
+
+    A step of the single-step task is a whole motion, of which `RecordVideo` would keep two pictures.
+
+    Args:
+        env: Made with `render_mode="rgb_array_list"`.
+        *args: As those of `RecordVideo`.
+        **kwargs: As those of `RecordVideo`.
+
+    Raises:
+        InputError: The environment has another render mode.
+    """
+
+    def __init__(self, env: Any, *args: Any, **kwargs: Any) -> None:
+        if env.render_mode != "rgb_array_list":
+            raise InputError(f'RecordMotion needs render_mode="rgb_array_list", got {env.render_mode!r}')
+        super().__init__(env, *args, **kwargs)
+
+    def step(self, action: Any) -> tuple[Any, Any, bool, bool, dict[str, Any]]:
+        """Step, and keep the frames of the motion."""
+        known = len(self.render_history)
+        result = super().step(action)
+        if self.recording:
+            self.recorded_frames[-1:-1] = self.render_history[known:-1]
+        return result

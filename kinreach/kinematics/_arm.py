@@ -1,0 +1,338 @@
+"""Forward kinematics, Jacobian and joint limits of any described arm, by Pinocchio."""
+
+from __future__ import annotations
+
+import threading
+from collections.abc import Sequence
+from functools import cached_property
+from pathlib import Path
+from typing import Any, ClassVar, Self
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from kinreach._checks import (
+    MAX_ANGLE,
+    Floats,
+    as_floats,
+    as_vector,
+    check_entries,
+    check_known,
+    check_tensor,
+    is_tensor,
+)
+from kinreach._engines import load
+from kinreach.errors import InputError
+from kinreach.kinematics._chain import SerialChain
+from kinreach.kinematics._solutions import SLACK
+from kinreach.robots import ArmDescription, Tool, as_arm
+from kinreach.robots._rotations import as_frame
+from kinreach.robots._tools import FLANGE, TOOL
+from kinreach.robots._ur import FLIP, JOINTS
+
+pin: Any = load("pinocchio")
+
+#: Axes of Pinocchio's types of revolute joints; others carry their axis.
+PLAIN_AXES = {"JointModelRX": (1.0, 0.0, 0.0), "JointModelRY": (0.0, 1.0, 0.0), "JointModelRZ": (0.0, 0.0, 1.0)}
+
+
+class _WorkSpace(threading.local):
+    """Pinocchio's work space, one for each thread; a copy or a pickled one starts anew."""
+
+    def __init__(self, model: Any) -> None:
+        self.model, self.data = model, model.createData()
+
+    def __reduce__(self) -> tuple[type[_WorkSpace], tuple[Any]]:
+        return _WorkSpace, (self.model,)
+
+
+class ArmKinematics:
+    """Kinematics of one arm between a base frame and a tip frame. Threads may share an instance.
+
+    Args:
+        arm: Name of a registered arm, or a description.
+        tip: Short name of the tip frame, one of `arm.tips`; default is the arm's own tool centre point.
+        base: The frame in which all poses and goals are expressed: `"base_link"`, the arm's own; `"base"`, that of a
+            UR's controller and pendant (base_link turned by pi about z, REP 199); `"world"`; or a frame of your own by
+            its pose in base_link, as a 4x4 transform or `[x, y, z, rx, ry, rz]`.
+        tool: A tool on the flange, as in `ArmDescription.with_tool`; its centre point is the tip.
+
+    Attributes:
+        arm: The description, with the tool.
+        tip: As given, `"tool"` with a tool.
+        base: As given, `"own"` for a frame of your own.
+        model: Pinocchio model with the gripper locked; its joint order is that of `q`.
+        lower, upper: Joint limits [rad], shape (n,).
+        velocity_limit: Joint speed limits of the URDF [rad/s], shape (n,).
+        T_world_base: Pose of the base frame in the world (4, 4).
+
+    Raises:
+        UnknownNameError: The arm, the tip or the base does not exist.
+        InputError: The description does not fit its URDF.
+        InstallationError: Pinocchio cannot be loaded.
+    """
+
+    #: Classes with a closed form, in the order in which `of` tries them; the package sets them.
+    _closed_forms: ClassVar[Sequence[Any]] = ()
+
+    def __init__(
+        self,
+        arm: str | ArmDescription,
+        *,
+        tip: str | None = None,
+        base: str | ArrayLike = "base_link",
+        tool: Tool | ArrayLike | None = None,
+    ) -> None:
+        self.arm = as_arm(arm)
+        if tool is not None:
+            if tip not in (None, FLANGE):
+                raise InputError(f"give a tip or a tool, not both; got the tip {tip!r}")
+            self.arm, tip = self.arm.with_tool(tool), TOOL
+        self.tip = tip if tip is not None else self.arm.default_tip
+        check_known("tip", self.tip, self.arm.tips)
+        self.model = build_model(self.arm)
+        self._work = _WorkSpace(self.model)
+        self.n: int = self.model.nq
+        self.lower: Floats = self.model.lowerPositionLimit.copy()
+        self.upper: Floats = self.model.upperPositionLimit.copy()
+        self.velocity_limit: Floats = self.model.velocityLimit.copy()
+        self.tip_frame: int = link_frame(self.model, self.arm.tips[self.tip])
+        self.T_world_arm: Floats = self.model.frames[link_frame(self.model, self.arm.base)].placement.homogeneous
+        self.base: str
+        self.T_world_base: Floats
+        self.base, self.T_world_base = self._base_frame(base)
+        self.T_base_world: Floats = np.asarray(np.linalg.inv(self.T_world_base), dtype=np.float64)
+
+    def _base_frame(self, base: str | ArrayLike) -> tuple[str, Floats]:
+        """Name and pose in the world of the frame that poses are given in."""
+        if not isinstance(base, str):
+            return "own", self.T_world_arm @ as_frame("base", base)
+        frames = {"base_link": self.T_world_arm, "world": np.eye(4)}
+        if self.model.existFrame("base", pin.BODY):
+            frames["base"] = self.model.frames[link_frame(self.model, "base")].placement.homogeneous
+        elif self.arm.joints == JOINTS:
+            frames["base"] = self.T_world_arm @ FLIP
+        check_known("base", base, frames)
+        return base, frames[base]
+
+    @property
+    def data(self) -> Any:
+        """Pinocchio's work space of the calling thread."""
+        return self._work.data
+
+    @classmethod
+    def of(
+        cls,
+        arm: str | ArmDescription,
+        *,
+        tip: str | None = None,
+        base: str | ArrayLike = "base_link",
+        tool: Tool | ArrayLike | None = None,
+    ) -> Self:
+        """Return the kinematics of an arm, of the class that lists every posture of a pose, if there is one.
+
+        Args:
+            arm: Name of a registered arm, or a description.
+            tip: As in the class.
+            base: As in the class.
+            tool: As in the class.
+
+        Raises:
+            UnknownNameError: The arm, the tip or the base does not exist.
+            InputError: A tool or a base that is not a rigid motion, or a tip beside a tool.
+
+        Note:
+            The tip of `ArmKinematics.of("ur5")` is `"tcp"`; that of `URKinematics("ur5")` is `"tool0"`.
+        """
+        plain = cls(arm, tip=tip, base=base, tool=tool)
+        for kind in cls._closed_forms:
+            if kind.joints == plain.n:
+                try:
+                    return kind(plain.arm, tip=plain.tip, base=base)
+                except InputError:  # as many joints, another geometry
+                    continue
+        return plain
+
+    @classmethod
+    def from_urdf(
+        cls,
+        file: str | Path,
+        *,
+        tip: str | None = None,
+        joints: Sequence[str] | None = None,
+        base: str | ArrayLike = "base_link",
+        tool: Tool | ArrayLike | None = None,
+        **facts: Any,
+    ) -> Self:
+        """Return the kinematics of the arm in a URDF file, of the class that `of` chooses.
+
+        Args:
+            file: Path of the URDF.
+            tip: Link that is the tip; default is the one farthest from the root, counted in joints.
+            joints: Names of the joints of `q`; default are those that move between root and tip.
+            base: As in the class; `"base_link"` is the URDF's root.
+            tool: As in the class; on the link `tool0`, and on the tip of arms without one.
+            facts: Further arguments of `ArmDescription.from_urdf`, such as `home=` and `workcell=`.
+
+        Raises:
+            InputError: The file is not a URDF of an arm of this kind.
+        """
+        arm = ArmDescription.from_urdf(file, tip=tip, joints=joints, **facts)
+        return cls.of(arm, tip=tip if tool is None else None, base=base, tool=tool)
+
+    def __repr__(self) -> str:
+        return f"{type(self).__name__}(arm={self.arm.name!r}, tip={self.tip!r}, base={self.base!r})"
+
+    def as_posture(self, name: str, q: ArrayLike) -> Floats:
+        """Check a posture: shape (n,), each angle within ±1e6 rad; anything else is an `InputError`."""
+        return as_vector(name, q, self.n, most=MAX_ANGLE)
+
+    def fk(self, q: ArrayLike) -> Floats:
+        """Compute the pose of the tip in the base frame.
+
+        Args:
+            q: Posture [rad], shape (n,), or a stack of them, shape (..., n). One posture, also in a stack of one,
+                goes through Pinocchio; several go through `SerialChain`, built from the same model (equal to 1e-10).
+                So does a tensor of torch, on its device and in its precision, and so do gradients; its values are not
+                checked.
+
+        Returns:
+            Homogeneous transforms, shape (4, 4) or (..., 4, 4); a tensor for a tensor.
+
+        Raises:
+            InputError: Wrong shape, or a value that is not finite or larger than 1e6 rad.
+        """
+        if is_tensor(q):
+            check_tensor("q", q, (self.n,))
+            return self.chain.fk(q)
+        q = as_floats("q", q)
+        if q.ndim == 1:
+            return self._pose(self.as_posture("q", q))
+        self._check_stack(q)
+        if q.size == self.n:
+            return self._pose(q.reshape(self.n)).reshape(*q.shape[:-1], 4, 4)
+        poses: Floats = self.chain.fk(q.reshape(-1, self.n))
+        return poses.reshape(*q.shape[:-1], 4, 4)
+
+    def _pose(self, q: Floats) -> Floats:
+        """`fk` of one posture, by Pinocchio."""
+        data = self._work.data
+        pin.forwardKinematics(self.model, data, q)
+        T_world_tip: Floats = pin.updateFramePlacement(self.model, data, self.tip_frame).homogeneous
+        return T_world_tip if self.base == "world" else self.T_base_world @ T_world_tip
+
+    def positions(self, q: ArrayLike) -> Floats:
+        """Compute tip positions [m], shape (..., 3), for postures `q` [rad], shape (..., n).
+
+        Many postures take three quarters of the time of `fk`.
+
+        A tensor for a tensor, as in `fk`.
+
+        Raises:
+            InputError: Wrong shape, or a value that is not finite or larger than 1e6 rad.
+        """
+        if is_tensor(q):
+            check_tensor("q", q, (self.n,))
+            return self.chain.fk(q)[..., :3, 3]
+        q = as_floats("q", q)
+        self._check_stack(q)
+        if q.size == self.n:
+            return self._pose(q.reshape(self.n))[:3, 3].reshape(*q.shape[:-1], 3)
+        return self.chain.positions(q.reshape(-1, self.n)).reshape(*q.shape[:-1], 3)
+
+    def jacobian(self, q: ArrayLike) -> Floats:
+        """Compute the geometric Jacobian of the tip, (6, n): rows 0-2 linear [m/rad], rows 3-5 angular [rad/rad].
+
+        Both are expressed along the axes of the base frame (Siciliano et al., Robotics, section 3.1).
+
+        Args:
+            q: Posture [rad], shape (n,), or a stack of them, shape (..., n), or a tensor of torch; all as in `fk`.
+
+        Returns:
+            Shape (6, n) or (..., 6, n); a tensor for a tensor.
+
+        Raises:
+            InputError: Wrong shape, or a value that is not finite or larger than 1e6 rad.
+        """
+        if is_tensor(q):
+            check_tensor("q", q, (self.n,))
+            return self.chain.jacobian(q)
+        q = as_floats("q", q)
+        if q.ndim > 1:
+            self._check_stack(q)
+            jacobians: Floats = self.chain.jacobian(q.reshape(-1, self.n))
+            return jacobians.reshape(*q.shape[:-1], 6, self.n)
+        q = self.as_posture("q", q)
+        J = pin.computeFrameJacobian(self.model, self.data, q, self.tip_frame, pin.LOCAL_WORLD_ALIGNED)
+        R = self.T_base_world[:3, :3]
+        return np.vstack([R @ J[:3], R @ J[3:]])
+
+    def within_limits(self, q: ArrayLike, *, tolerance: float = SLACK) -> bool:
+        """Return whether every joint is within its limits."""
+        q = self.as_posture("q", q)
+        return bool(((q >= self.lower - tolerance) & (q <= self.upper + tolerance)).all())
+
+    def joints_outside_limits(self, q: ArrayLike, *, tolerance: float = SLACK) -> tuple[str, ...]:
+        """Return the names of the joints that are outside their limits."""
+        q = self.as_posture("q", q)
+        outside = (q < self.lower - tolerance) | (q > self.upper + tolerance)
+        return tuple(name for name, out in zip(self.arm.joints, outside, strict=True) if out)
+
+    def _check_stack(self, q: Floats) -> None:
+        if q.ndim == 0 or q.shape[-1] != self.n:
+            raise InputError(f"q must have shape (..., {self.n}), got {q.shape}")
+        check_entries("q", q, MAX_ANGLE)
+
+    @cached_property
+    def chain(self) -> SerialChain:
+        """The arm from the base frame to the tip, for many postures at once."""
+        placements, axes = self._joint_frames()
+        placements[0] = self.T_base_world @ placements[0]
+        return SerialChain(placements, axes, self.model.frames[self.tip_frame].placement.homogeneous)
+
+    def _joint_frames(self) -> tuple[list[Floats], list[Floats]]:
+        """Pose of each joint's frame in that of the joint before (the world for the first), and its axis in its own."""
+        joints = range(1, self.n + 1)
+        axes = [np.array(_axis(self.model.joints[i].shortname(), self.model.joints[i])) for i in joints]
+        return [self.model.jointPlacements[i].homogeneous for i in joints], axes
+
+
+def link_frame(model: Any, link: str) -> int:
+    """Return the index of a link's frame in a Pinocchio model; a joint may have the same name."""
+    return int(model.getFrameId(link, pin.BODY))
+
+
+def build_model(arm: ArmDescription) -> Any:
+    """Build the Pinocchio model of an arm, with the joints that are not part of `q` held in place."""
+    urdf = arm.urdf
+    try:
+        full = pin.buildModelFromXML(urdf)
+    except (RuntimeError, ValueError) as error:
+        raise InputError(f"Pinocchio cannot read the URDF of arm {arm.name!r}: {error}") from None
+    reference = pin.neutral(full)
+    locked = []
+    for name, position in arm.locked_joints.items():
+        if not full.existJointName(name):
+            raise InputError(f"arm {arm.name!r}: the URDF has no joint {name!r}")
+        joint = full.getJointId(name)
+        reference[full.joints[joint].idx_q] = position
+        locked.append(joint)
+    model = pin.buildReducedModel(full, locked, reference) if locked else full
+    if tuple(model.names)[1:] != arm.joints:
+        raise InputError(
+            f"arm {arm.name!r}: URDF joints {tuple(model.names)[1:]}, described {arm.joints}; "
+            "ArmDescription.from_urdf holds joints that are not part of the arm"
+        )
+    for index, name in enumerate(arm.joints, start=1):
+        kind = model.joints[index].shortname()
+        if model.joints[index].nq != 1 or not ("Revolute" in kind or kind in PLAIN_AXES):
+            raise InputError(f"arm {arm.name!r}: joint {name!r} ({kind}) is not a revolute joint with limits")
+    for frame in (arm.base, *arm.tips.values()):
+        if not model.existFrame(frame, pin.BODY):
+            raise InputError(f"arm {arm.name!r}: the URDF has no link {frame!r}")
+    return model
+
+
+def _axis(shortname: str, joint: Any) -> tuple[float, float, float]:
+    """Axis of a revolute joint in its own frame, from Pinocchio's joint type."""
+    return PLAIN_AXES[shortname] if shortname in PLAIN_AXES else tuple(joint.extract().axis)

@@ -1,0 +1,253 @@
+"""Forward kinematics of many postures at once, for any serial arm, in numpy or on tensors of torch.
+
+The chain is brought to a form in which every joint turns about its own z axis, so that a joint only mixes two axes of
+the running frame, and neighbours with parallel axes turn by the sum of their angles. Frames are kept as coordinates,
+one array for all postures each; a coordinate that is the same number for all stays a float, and sums and products with
+0, 1 and -1 are left out: half of a UR5's are. Arrays are blocks that stay in the cache; tensors are taken whole, and
+autograd goes through.
+"""
+
+from __future__ import annotations
+
+from collections import deque
+from collections.abc import Callable, Iterator, Sequence
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from kinreach._checks import Floats, is_tensor, torch_module
+
+BLOCK = 4096
+
+#: What is nearer to 0, 1 or -1 is taken for it: URDFs write pi/2 with twelve digits, which leaves 5e-12 where a zero is
+#: meant. The tip of an arm of one metre is off by 1e-11 m.
+SNAP = 1e-11
+#: By how much the product of a rotation and its transpose may be off.
+ORTHONORMAL = 1e-15
+
+#: One number for each posture, an array of shape (m,) or a tensor, or one number for all, a float.
+Entry = Any
+Vector = Sequence[Entry]
+
+
+def times(a: Entry, b: Entry) -> Entry:
+    """Multiply; nothing is computed where a factor is 0, 1 or -1 for all postures."""
+    if isinstance(b, float):
+        a, b = b, a
+    if isinstance(a, float):
+        if a == 0.0:
+            return 0.0
+        if a == 1.0:
+            return b
+        if a == -1.0:
+            return -b
+    return a * b
+
+
+def plus(a: Entry, b: Entry) -> Entry:
+    """Add; nothing is computed where a summand is 0 for all postures."""
+    if isinstance(a, float) and a == 0.0:
+        return b
+    return a if isinstance(b, float) and b == 0.0 else a + b
+
+
+def minus(a: Entry, b: Entry) -> Entry:
+    """Subtract; nothing is computed where the second is 0 for all postures."""
+    if isinstance(a, float) and a == 0.0:
+        return -b
+    return a if isinstance(b, float) and b == 0.0 else a - b
+
+
+def cross(a: Vector, b: Vector) -> list[Entry]:
+    """Compute the cross product of two vectors."""
+    return [minus(times(a[i - 2], b[i - 1]), times(a[i - 1], b[i - 2])) for i in range(3)]
+
+
+class Frame(NamedTuple):
+    """Axes and origin of a frame in the base frame, each as three coordinates [m]."""
+
+    x: Vector
+    y: Vector
+    z: Vector
+    p: Vector
+
+    def direction(self, weights: Sequence[float]) -> Vector:
+        """Express a vector of this frame in the base frame."""
+        u, v, w = weights
+        return [
+            plus(plus(times(u, x), times(v, y)), times(w, z)) for x, y, z in zip(self.x, self.y, self.z, strict=True)
+        ]
+
+    def point(self, offset: Sequence[float]) -> Vector:
+        """Express a point of this frame [m] in the base frame."""
+        return [plus(p, along) for p, along in zip(self.p, self.direction(offset), strict=True)]
+
+    def moved(self, T: Floats) -> Frame:
+        """The frame whose pose in this one is `T`, shape (4, 4)."""
+        x, y, z, p = T[:3].T.tolist()
+        return Frame(self.direction(x), self.direction(y), self.direction(z), self.point(p))
+
+    def turned(self, c: Entry, s: Entry) -> Frame:
+        """The frame after a turn about z by the angle with this cosine and sine."""
+        pairs = list(zip(self.x, self.y, strict=True))
+        x = [plus(times(c, x), times(s, y)) for x, y in pairs]
+        y = [minus(times(c, y), times(s, x)) for x, y in pairs]
+        return Frame(x, y, self.z, self.p)
+
+
+class SerialChain:
+    """Serial chain of revolute joints, `T = A0 Rz(q0) A1 Rz(q1) ... An`.
+
+    Args:
+        placements: Pose of each joint's frame in its parent joint's frame, n arrays (4, 4).
+        axes: Unit axis of each joint in its own frame, n arrays (3,).
+        tip: Pose of the tip in the last joint's frame (4, 4).
+
+    Attributes:
+        joints: Number of joints.
+    """
+
+    def __init__(self, placements: Sequence[Floats], axes: Sequence[Floats], tip: Floats) -> None:
+        *self._constants, self._tip = map(_snapped, about_z(placements, axes, tip))
+        self.joints = len(axes)
+
+    @property
+    def placements(self) -> Floats:
+        """A0 to An of the same chain with joints that turn about their own z axis, shape (n + 1, 4, 4)."""
+        return np.array([*self._constants, self._tip])
+
+    def fk(self, q: Any) -> Any:
+        """Compute poses of the tip in the base frame, shape (m, 4, 4).
+
+        Args:
+            q: Postures [rad], shape (m, n), or as a tensor (..., n).
+        """
+        return _evaluated(self._pose, q, 4, 4)
+
+    def jacobian(self, q: Any) -> Any:
+        """Compute geometric Jacobians of the tip along the base's axes, shape (m, 6, n), linear rows first.
+
+        Args:
+            q: As in `fk`.
+        """
+        return _evaluated(self._jacobian, q, 6, self.joints)
+
+    def positions(self, q: Floats) -> Floats:
+        """Compute positions of the tip in the base frame [m], shape (m, 3), for postures `q` [rad], shape (m, n).
+
+        They equal those in `fk`, and take three quarters of its time for many postures.
+        """
+        p = np.empty((3, len(q)))
+        for block in blocks(len(q)):
+            angles: list[Entry] = [*np.ascontiguousarray(q[block].T)]
+            if not self._tip[:2, 3].any():  # the last joint does not move a tip on its axis
+                angles[-1] = 0.0
+            for row, value in enumerate(self._last(angles).point(self._tip[:3, 3].tolist())):
+                p[row, block] = value
+        return p.T
+
+    def _pose(self, q: Vector) -> Sequence[Vector]:
+        """Rows of the pose of the tip."""
+        frame = self._last(q).moved(self._tip)
+        return [*zip(*frame, strict=True), (0.0, 0.0, 0.0, 1.0)]
+
+    def _jacobian(self, q: Vector) -> Sequence[Vector]:
+        """Rows of the Jacobian: joint i moves the tip along z_i x (p_tip - p_i) and turns it about z_i."""
+        frames = list(self._turned(q))
+        tip = frames[-1].point(self._tip[:3, 3].tolist())
+        arms = [[minus(a, b) for a, b in zip(tip, frame.p, strict=True)] for frame in frames]
+        columns = [(*cross(frame.z, arm), *frame.z) for frame, arm in zip(frames, arms, strict=True)]
+        return list(zip(*columns, strict=True))
+
+    def _last(self, q: Vector) -> Frame:
+        """The frame of the last joint."""
+        # each frame is made from the one before, which is then let go: few arrays stay in the cache
+        return deque(self._turned(q), maxlen=1)[0]
+
+    def _turned(self, q: Vector) -> Iterator[Frame]:
+        """The frames in which the joints turn about z, each after its turn."""
+        frame = Frame((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0), (0.0, 0.0, 0.0))
+        root, total = frame, q[0]
+        for index, (angle, constant) in enumerate(zip(q, self._constants, strict=True)):
+            if index > 0 and constant[2, 2] == 1.0:  # parallel to the joint before: the same axes turn further
+                total = plus(plus(total, angle), float(np.arctan2(constant[1, 0], constant[0, 0])))
+                root = root._replace(p=frame.point(constant[:3, 3].tolist()))
+            else:
+                root, total = frame.moved(constant), angle
+            c, s = _cos_sin(total)
+            frame = root.turned(c, s)
+            yield frame
+
+
+def blocks(count: int) -> Iterator[slice]:
+    """Yield slices of at most BLOCK rows that make up `count` rows: few enough that their numbers stay in the cache."""
+    return (slice(start, start + BLOCK) for start in range(0, count, BLOCK))
+
+
+def _evaluated(entries: Callable[[Vector], Sequence[Vector]], q: Any, rows: int, columns: int) -> Any:
+    """The matrices whose entries a function has from the angles, shape (m, rows, columns), for q of shape (m, n)."""
+    if is_tensor(q):
+        stack = torch_module().stack
+        whole = [[e if is_tensor(e) else q.new_full(q.shape[:-1], e) for e in row] for row in entries(q.unbind(-1))]
+        return stack([stack(row, -1) for row in whole], -2)
+    found = np.empty((len(q), rows, columns))
+    for block in blocks(len(q)):
+        for row, values in enumerate(entries([*np.ascontiguousarray(q[block].T)])):
+            for column, value in enumerate(values):
+                found[block, row, column] = value
+    return found
+
+
+def _cos_sin(angle: Entry) -> tuple[Entry, Entry]:
+    """Cosine and sine of an angle [rad].
+
+    numpy has a fast tangent in double precision (where the processor has AVX-512), but no fast sine: both from the
+    tangent of half the angle, to 3e-16, take a third of the time.
+    """
+    if isinstance(angle, float):
+        return float(np.cos(angle)), float(np.sin(angle))
+    if is_tensor(angle):
+        return angle.cos(), angle.sin()
+    t = np.tan(0.5 * angle)
+    t2 = t * t
+    scale = 1.0 / (1.0 + t2)
+    return (1.0 - t2) * scale, (t + t) * scale
+
+
+def about_z(placements: Sequence[Floats], axes: Sequence[Floats], tip: Floats) -> Floats:
+    """A chain whose joints all turn about z, `T = A0 Rz(q0) A1 ... An`, from that of `SerialChain`.
+
+    Returns:
+        A0 to An, shape (n + 1, 4, 4).
+    """
+    before, found = np.eye(4), []
+    for placement, axis in zip(placements, axes, strict=True):
+        align = _aligned(axis)
+        found.append(before @ placement @ align)
+        before = align.T
+    return np.array([*found, before @ tip])
+
+
+def _aligned(axis: Floats) -> Floats:
+    """The turn of a frame that takes its z axis to an axis, shape (4, 4)."""
+    align = np.eye(4)
+    align[:3, :3] = rotation_to(axis)
+    return align
+
+
+def _snapped(T: Floats) -> Floats:
+    """The transform with whole numbers where it almost has them, unless the rotation would not be one."""
+    whole = np.rint(T)
+    snapped = np.where(np.abs(T - whole) < SNAP, whole, T)
+    R = snapped[:3, :3]
+    if np.abs(R @ R.T - np.eye(3)).max() > ORTHONORMAL:
+        snapped[:3, :3] = T[:3, :3]
+    return snapped
+
+
+def rotation_to(axis: Floats) -> Floats:
+    """Return a rotation whose third column is the given unit axis."""
+    helper = np.eye(3)[int(np.argmin(np.abs(axis)))]
+    x = np.cross(helper, axis)
+    x /= np.linalg.norm(x)
+    return np.column_stack([x, np.cross(axis, x), axis])

@@ -1,0 +1,290 @@
+"""Measurements of an arm before you rely on it: reach, inverse kinematics, singular postures.
+
+Everything is measured on random postures within the limits, with a seed, and judged by forward kinematics.
+"""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from time import perf_counter
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.optimize import minimize_scalar
+
+from kinreach._checks import Floats
+from kinreach.errors import InputError, InstallationError
+from kinreach.kinematics._arm import ArmKinematics
+from kinreach.kinematics._closed_form import POSE_JOINTS, ClosedFormKinematics
+from kinreach.kinematics._collision import CollisionChecker, NoShapesError
+from kinreach.kinematics._goals import PoseGoal, PositionGoal
+from kinreach.kinematics._solvers import ClosedFormSolver, LevenbergMarquardtSolver, PlacoSolver, QPSolver, Solver
+
+#: Random postures that reach, collisions and calibrations are measured on.
+POSTURES = 2000
+#: Singular postures are looked for from this many random ones, at this many angles of each joint.
+STARTS, ANGLES = 12, 25
+#: A smallest singular value below this is that of a singular posture; the arm is taken as one of 1 m.
+SINGULAR = 1e-6
+#: The same for arms with more than six joints, and how often each of their joints is turned.
+NEARLY_SINGULAR, ROUNDS = 1e-4, 4
+#: An angle of a joint recurs if it is singular next to this share of the random postures.
+RECURRING = 0.25
+#: What is judged as reached: less than this away [m], [rad].
+REACHED = (1e-4, 1e-3)
+
+
+@dataclass(frozen=True)
+class Reach:
+    """Where the tip gets to in random postures, seen from the arm's first joint [m].
+
+    Attributes:
+        farthest, usual: Largest distance, and the one that 95 % of the postures are within.
+        highest, lowest: Of the tip.
+    """
+
+    farthest: float
+    usual: float
+    highest: float
+    lowest: float
+
+
+@dataclass(frozen=True)
+class Collisions:
+    """How much of the joint space is in collision.
+
+    Attributes:
+        pairs: Pairs of links that are checked.
+        share: Share of random postures that collide.
+        home_free: Whether the start posture does not.
+    """
+
+    pairs: int
+    share: float
+    home_free: bool
+
+
+@dataclass(frozen=True)
+class Solved:
+    """How one solver does on poses of random postures.
+
+    Attributes:
+        name: Of the solver.
+        success: Share of the poses that were reached within the limits, by forward kinematics.
+        singular: Share of the singular poses; NaN where none are known.
+        time: Median and 95 % quantile of a solution's time [s].
+        error: Largest error of the position [m] where it was reached.
+    """
+
+    name: str
+    success: float
+    singular: float
+    time: tuple[float, float]
+    error: float
+
+
+@dataclass(frozen=True)
+class Deviation:
+    """How far one arm is from another in the same postures: the calibrated from its data sheet.
+
+    Attributes:
+        tip: Positions of the tip of the true one, from the first joint [m], shape (n, 3).
+        position: Distances [m], shape (n,).
+        orientation: Angles [rad], shape (n,).
+    """
+
+    tip: Floats
+    position: Floats
+    orientation: Floats
+
+
+def random_postures(kin: ArmKinematics, count: int, seed: int) -> Floats:
+    """Draw postures within the limits, and within a turn of each joint [rad], shape (count, n)."""
+    return np.random.default_rng(seed).uniform(*_ranges(kin), (count, kin.n))
+
+
+def _ranges(kin: ArmKinematics) -> tuple[Floats, Floats]:
+    """Ends of each joint's range within ±pi, and of all of it where it lies beyond [rad], shape (n,)."""
+    low, high = np.maximum(kin.lower, -np.pi), np.minimum(kin.upper, np.pi)
+    beyond = low >= high
+    return np.where(beyond, kin.lower, low), np.where(beyond, kin.upper, high)
+
+
+def from_first_joint(kin: ArmKinematics, positions: Floats) -> Floats:
+    """Express positions of the base frame from the first joint's origin [m]."""
+    shoulder = kin.model.jointPlacements[1].translation
+    return positions - (kin.T_base_world[:3, :3] @ shoulder + kin.T_base_world[:3, 3])
+
+
+def reach_of(kin: ArmKinematics, *, seed: int = 0) -> Reach:
+    """Measure how far the tip reaches.
+
+    Raises:
+        InputError: It stays where it is.
+    """
+    tip = from_first_joint(kin, kin.positions(random_postures(kin, POSTURES, seed)))
+    distance = np.linalg.norm(tip, axis=1)
+    if distance.max() < SINGULAR:
+        raise InputError(
+            f"arm {kin.arm.name!r}: no joint moves the tip {kin.tip!r} to another place; name another link as its tip"
+        )
+    return Reach(
+        float(distance.max()), float(np.quantile(distance, 0.95)), float(tip[:, 2].max()), float(tip[:, 2].min())
+    )
+
+
+def collisions_of(kin: ArmKinematics, *, seed: int = 0) -> Collisions | None:
+    """Measure self-collisions of the arm without its work cell; None for an arm without shapes.
+
+    Raises:
+        InputError: Its shapes cannot be read.
+    """
+    try:
+        checker = CollisionChecker(kin, obstacles=())
+    except NoShapesError:
+        return None
+    colliding = [checker.in_collision(q) for q in random_postures(kin, POSTURES // 4, seed)]
+    return Collisions(len(checker.pairs), float(np.mean(colliding)), checker.free(kin.arm.home))
+
+
+def smallest_singular_value(kin: ArmKinematics, q: Floats, scale: float) -> float:
+    """Return the smallest singular value of the Jacobian, lengths in units of `scale` [m].
+
+    With fewer than six joints it is that of the positional part.
+    """
+    J = kin.jacobian(q)
+    J[:3] /= scale
+    return float(np.linalg.svd(J if kin.n >= POSE_JOINTS else J[:3], compute_uv=False)[-1])
+
+
+@dataclass(frozen=True)
+class Singular:
+    """Singular postures.
+
+    Attributes:
+        q: The postures [rad], shape (k, n).
+        start: Number of the random posture that each was found next to, shape (k,).
+    """
+
+    q: Floats
+    start: NDArray[np.int64]
+
+    def recurring(self, joint: int) -> list[float]:
+        """Angles that a joint has in singular postures next to many random ones [rad], to 0.01."""
+        pairs = {
+            (round(float(angle), 2) + 0.0, int(start))
+            for angle, start in zip(self.q[:, joint], self.start, strict=True)
+        }
+        counts = Counter(angle for angle, _ in pairs)
+        return sorted(angle for angle, count in counts.items() if count >= RECURRING * STARTS)
+
+
+def singular_postures(kin: ArmKinematics, scale: float, *, seed: int = 0) -> Singular:
+    """Find singular postures next to random ones by turning a joint to where the smallest singular value is least.
+
+    With up to six joints one turn is enough. An arm with more is singular where several joints are at certain angles:
+    they are turned one after the other, and postures count from `NEARLY_SINGULAR` on.
+
+    Args:
+        kin: The arm.
+        scale: Unit of lengths [m], such as the reach.
+        seed: Of the random postures.
+    """
+    spare = kin.n > POSE_JOINTS
+    ways = [tuple(range(kin.n)) * ROUNDS] if spare else [(joint,) for joint in range(kin.n)]
+    found: list[Floats] = []
+    starts: list[int] = []
+    for number, start in enumerate(random_postures(kin, STARTS, seed)):
+        for way in ways:
+            q, value = start, np.inf
+            for joint in way:
+                q, value = _least_agile(kin, q, joint, scale)
+            if value < (NEARLY_SINGULAR if spare else SINGULAR):
+                found.append(q)
+                starts.append(number)
+    return Singular(np.array(found).reshape(-1, kin.n), np.array(starts, dtype=np.int64))
+
+
+def _least_agile(kin: ArmKinematics, q: Floats, joint: int, scale: float) -> tuple[Floats, float]:
+    """The posture with one joint turned to where the smallest singular value is least, and that value."""
+
+    def turned(angle: float) -> Floats:
+        return np.concatenate([q[:joint], [angle], q[joint + 1 :]])
+
+    def value(angle: float) -> float:
+        return smallest_singular_value(kin, turned(angle), scale)
+
+    low, high = (end[joint] for end in _ranges(kin))
+    angles = np.linspace(low, high, ANGLES)
+    best, step = angles[int(np.argmin([value(angle) for angle in angles]))], angles[1] - angles[0]
+    bounds = (max(low, best - step), min(high, best + step))
+    least = minimize_scalar(value, bounds=bounds, method="bounded", options={"xatol": 1e-12})
+    return turned(float(least.x)), float(least.fun)
+
+
+def solvers_of(kin: ArmKinematics) -> list[Solver]:
+    """The solvers that the arm and this installation have; each is tried once, so that none is timed cold."""
+    makers: list[Callable[[ArmKinematics], Solver]] = [PlacoSolver, LevenbergMarquardtSolver, QPSolver]
+    if isinstance(kin, ClosedFormKinematics):
+        makers.insert(0, ClosedFormSolver)  # type: ignore[arg-type]
+    solvers = []
+    for make in makers:
+        try:
+            solver = make(kin)
+            solver.solve(goal_of(kin, np.array(kin.arm.home)), kin.arm.home)
+        except InstallationError:
+            continue
+        solvers.append(solver)
+    return solvers
+
+
+def goal_of(kin: ArmKinematics, q: Floats) -> PoseGoal | PositionGoal:
+    """Return the pose of the tip in a posture as a goal; its position with fewer than six joints."""
+    T = kin.fk(q)
+    return PoseGoal(T) if kin.n >= POSE_JOINTS else PositionGoal(T[:3, 3])
+
+
+def solved(kin: ArmKinematics, solver: Solver, postures: Floats, singular: Floats) -> Solved:
+    """Try a solver on the poses of postures, from the start posture.
+
+    Args:
+        kin: The arm.
+        solver: Of that arm.
+        postures: Random ones [rad], shape (m, n).
+        singular: Singular ones [rad], shape (k, n).
+    """
+    done, times, errors = [], [], [0.0]
+    for q in (*postures, *singular):
+        goal = goal_of(kin, q)
+        start = perf_counter()
+        result = solver.solve(goal, kin.arm.home)
+        times.append(perf_counter() - start)
+        within = result.position_error <= REACHED[0] and result.orientation_error <= REACHED[1]
+        done.append(within and kin.within_limits(result.q))
+        if done[-1]:
+            errors.append(result.position_error)
+    regular = len(postures)
+    share = float(np.mean(done[regular:])) if len(singular) else float("nan")
+    median, late = np.quantile(times[:regular], (0.5, 0.95)).tolist()
+    return Solved(solver.name, float(np.mean(done[:regular])), share, (median, late), max(errors))
+
+
+def deviation(real: ArmKinematics, believed: ArmKinematics, *, seed: int = 0, count: int = POSTURES) -> Deviation:
+    """How far the tip of the real arm is from where another description of it puts the tip, in the same postures."""
+    q = random_postures(real, count, seed)
+    T, expected = real.fk(q), believed.fk(q)
+    turned = np.einsum("nij,nik->njk", expected[:, :3, :3], T[:, :3, :3])
+    sine = 0.5 * np.linalg.norm(
+        turned[:, (2, 0, 1), (1, 2, 0)] - turned[:, (1, 2, 0), (2, 0, 1)], axis=1
+    )  # of the angle, exact where it is small
+    angle = np.arctan2(sine, 0.5 * (np.trace(turned, axis1=1, axis2=2) - 1.0))
+    distance = np.linalg.norm(T[:, :3, 3] - expected[:, :3, 3], axis=1)
+    return Deviation(from_first_joint(real, T[:, :3, 3]), distance, angle)
+
+
+def quantiles(values: Floats | Sequence[float]) -> tuple[float, float, float]:
+    """Return the median, the 95 % quantile and the largest value."""
+    median, late, most = np.quantile(values, (0.5, 0.95, 1.0)).tolist()
+    return median, late, most

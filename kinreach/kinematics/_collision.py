@@ -1,0 +1,401 @@
+"""Whether postures collide: the arm with itself, and with what stands around it.
+
+Solvers and environments, single and in batches, all have this one verdict. Meshes are taken as their convex hulls, as
+MuJoCo takes them, so that its contacts agree (`benchmarks.studies.collision_agreement`). Boxes and cylinders are what
+they are. The gripper is held at `arm.locked_joints`.
+"""
+
+from __future__ import annotations
+
+import threading
+import xml.etree.ElementTree as ET
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from enum import IntEnum
+from functools import lru_cache, partial
+from itertools import combinations
+from sys import float_info
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from kinreach._checks import MAX_DISTANCE, Floats, as_floats, check_entries, check_number
+from kinreach._engines import load
+from kinreach.errors import InputError
+from kinreach.kinematics._arm import ArmKinematics, build_model
+from kinreach.kinematics._solutions import SLACK
+from kinreach.robots import ArmDescription, Box, arm_names, get_arm
+from kinreach.robots._meshes import collision_mesh
+from kinreach.robots._urdf import link_at, without_shapes
+from kinreach.robots._workcell import as_boxes
+
+pin: Any = load("pinocchio")
+coal: Any = load("coal")
+
+#: Joint and frame of the world in every Pinocchio model; obstacles are what is fixed to it directly.
+WORLD = 0
+
+#: At coal's own 1e-6 the search for a separating plane misses one overlap, up to 10 mm deep, in some 50 000 postures.
+#: What this misses is at the edge of a collision and less than 1 µm deep; it takes no longer.
+GJK_TOLERANCE = 1e-10
+#: Random postures that tell which links always touch.
+SAMPLES = 300
+
+#: Two links or obstacles by name, in alphabetical order.
+Pair = tuple[str, str]
+
+
+class NoShapesError(InputError):
+    """The arm has no collision shapes."""
+
+
+class Cause(IntEnum):
+    """Why a posture is impossible; the first that is true."""
+
+    NONE = 0
+    LIMITS = 1
+    SELF = 2
+    OBSTACLE = 3
+
+
+@dataclass(frozen=True)
+class Clearance:
+    """How near a posture is to a collision.
+
+    Attributes:
+        distance: Smallest distance of all pairs that are checked [m]; negative is the depth of a penetration.
+        pair: The links or obstacles that are that near.
+    """
+
+    distance: float
+    pair: Pair
+
+
+@dataclass(frozen=True)
+class Shape:
+    """One collision shape.
+
+    Attributes:
+        name: Link or obstacle.
+        joint: Index of the joint that moves it, from 0; -1 if it stands still.
+        obstacle: Whether it belongs to the work cell.
+    """
+
+    name: str
+    joint: int
+    obstacle: bool
+
+
+class _Search(threading.local):
+    """What one thread searches with.
+
+    Args:
+        model, geometry: Pinocchio's.
+        links: As `geometry`, with the pairs of links only.
+        margin: Of the checks [m].
+    """
+
+    def __init__(self, model: Any, geometry: Any, links: Any, margin: float) -> None:
+        self.data = model.createData()
+        self.results, self.link_results = _search_data(geometry, margin), _search_data(links, margin)
+        # The naive manager tests every pair's bounding boxes: with some ten shapes no tree is faster.
+        self.any_pair = pin.BroadPhaseManager_NaiveCollisionManager(model, geometry, self.results)
+        self.links = pin.BroadPhaseManager_NaiveCollisionManager(model, links, self.link_results)
+
+
+class CollisionChecker:
+    """Collision checks of one arm on Pinocchio and coal. Threads may share an instance.
+
+    Every pair of links is checked but those that no joint can move apart or together (a finger and its palm) and
+    `disabled_pairs(arm)`; and every obstacle against every link but `arm.workcell.touching`.
+
+    Args:
+        arm: Kinematics, description or name of the arm. Only the arm matters: a posture collides whatever the tip.
+        obstacles: Boxes in the world frame; default are those of the arm's work cell.
+        margin: Pairs nearer than this [m] count as colliding, at least 0.
+
+    Attributes:
+        kinematics: Of the arm.
+        pairs: The pairs that are checked.
+        shapes: The shapes in `geometry.geometryObjects`, links first.
+        model, geometry: Pinocchio's models of the arm and of its shapes.
+
+    Raises:
+        NoShapesError: The arm has no collision shapes.
+        InputError: `margin` cannot be used, or a shape cannot be read or has no convex hull.
+        UnknownNameError: There is no arm of that name.
+        InstallationError: Pinocchio or coal cannot be loaded.
+    """
+
+    def __init__(
+        self,
+        arm: str | ArmDescription | ArmKinematics,
+        *,
+        obstacles: Sequence[Box] | None = None,
+        margin: float = 0.0,
+    ) -> None:
+        margin = check_number("margin", margin, least=0.0, most=MAX_DISTANCE)
+        self.kinematics = arm if isinstance(arm, ArmKinematics) else ArmKinematics(arm)
+        description = self.kinematics.arm
+        boxes = description.workcell.obstacles if obstacles is None else as_boxes(obstacles)
+        self._obstacles, self._margin = boxes, margin
+        self.model = self.kinematics.model
+        self.geometry = _shapes(description, self.model, boxes)
+        skipped = (*disabled_pairs(description), *description.workcell.touching)
+        self._names = _pair_up(self.geometry, self.model, skipped)
+        self.pairs: tuple[Pair, ...] = tuple(sorted(set(self._names)))
+        names = {box.name for box in boxes}
+        self.shapes = tuple(
+            Shape(name := _name(shape, self.model), shape.parentJoint - 1, shape.parentFrame == WORLD and name in names)
+            for shape in self.geometry.geometryObjects
+        )
+        self._links = self.geometry.copy()
+        self._links.removeAllCollisionPairs()
+        for pair in self.geometry.collisionPairs:
+            if not (self.shapes[pair.first].obstacle or self.shapes[pair.second].obstacle):
+                self._links.addCollisionPair(pair)
+        self._search = _Search(self.model, self.geometry, self._links, margin)
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        return partial(CollisionChecker, obstacles=self._obstacles, margin=self._margin), (self.kinematics,)
+
+    def in_collision(self, q: ArrayLike) -> bool:
+        """Return whether any pair touches or is nearer than the margin; stops at the first.
+
+        Args:
+            q: Posture [rad], shape (n,).
+
+        Raises:
+            InputError: `q` is malformed.
+        """
+        q = self.kinematics.as_posture("q", q)
+        search = self._search
+        return bool(pin.computeCollisions(self.model, search.data, search.any_pair, q, True))
+
+    def free(self, q: ArrayLike) -> bool:
+        """Return the opposite of `in_collision`; pass it to a solver as `accept`."""
+        return not self.in_collision(q)
+
+    def causes(self, q: ArrayLike) -> NDArray[np.uint8]:
+        """Return why postures are impossible. The verdict on one does not depend on the others, nor on their number.
+
+        Args:
+            q: Postures [rad], shape (m, n).
+
+        Returns:
+            Values of `Cause`, shape (m,).
+
+        Raises:
+            InputError: Wrong shape, or a value that is not finite.
+        """
+        kin, search = self.kinematics, self._search
+        q = np.ascontiguousarray(as_floats("q", q))
+        if q.ndim != 2 or q.shape[1] != kin.n:
+            raise InputError(f"q must have shape (m, {kin.n}), got {q.shape}")
+        check_entries("q", q, float_info.max)
+        outside = (q < kin.lower - SLACK) | (q > kin.upper + SLACK)
+        causes = np.where(outside.any(axis=1), np.uint8(Cause.LIMITS), np.uint8(Cause.NONE))
+        for row in np.flatnonzero(causes == Cause.NONE):
+            if pin.computeCollisions(self.model, search.data, search.any_pair, q[row], True):
+                itself = pin.computeCollisions(self.model, search.data, search.links, q[row], True)
+                causes[row] = Cause.SELF if itself else Cause.OBSTACLE
+        return causes
+
+    def impossible(self, q: ArrayLike) -> NDArray[np.bool_]:
+        """Return which postures are outside the joint limits or collide, shape (m,).
+
+        Args:
+            q: Postures [rad], shape (m, n).
+
+        Raises:
+            InputError: Wrong shape, or a value that is not finite.
+        """
+        return self.causes(q) != Cause.NONE
+
+    def reason(self, q: ArrayLike) -> str:
+        """Describe what makes a posture impossible; empty if nothing does.
+
+        Joints outside their limits, or of the pairs of the `Cause` the nearest, or deepest in one another
+        ("finger_left - table").
+
+        Args:
+            q: Posture [rad], shape (n,).
+
+        Raises:
+            InputError: `q` is malformed.
+        """
+        q = self.kinematics.as_posture("q", q)
+        (cause,) = self.causes(q[None])
+        if cause == Cause.NONE:
+            return ""
+        if cause == Cause.LIMITS:
+            return f"out of limits: {', '.join(self.kinematics.joints_outside_limits(q, tolerance=SLACK))}"
+        search = self._search
+        # no link touches another where the cause is an obstacle
+        of_kind = (self._links, search.link_results) if cause == Cause.SELF else (self.geometry, search.results)
+        nearest = pin.computeDistances(self.model, search.data, *of_kind, q)
+        deepest = of_kind[0].collisionPairs[nearest]
+        return f"{self.shapes[deepest.first].name} - {self.shapes[deepest.second].name}"
+
+    def contacts(self, q: ArrayLike) -> tuple[Pair, ...]:
+        """Return all pairs that touch or are nearer than the margin, each once, in alphabetical order.
+
+        Args:
+            q: Posture [rad], shape (n,).
+
+        Raises:
+            InputError: `q` is malformed.
+        """
+        q = self.kinematics.as_posture("q", q)
+        search = self._search
+        pin.computeCollisions(self.model, search.data, self.geometry, search.results, q, False)
+        results = search.results.collisionResults
+        touching = {name for name, result in zip(self._names, results, strict=True) if result.isCollision()}
+        return tuple(sorted(touching))
+
+    def distance(self, q: ArrayLike) -> Clearance:
+        """Return the smallest distance of all pairs; the margin plays no part.
+
+        Args:
+            q: Posture [rad], shape (n,).
+
+        Raises:
+            InputError: `q` is malformed, or there are no pairs.
+        """
+        if not self.pairs:
+            raise InputError(f"arm {self.kinematics.arm.name!r} has no two shapes that could come nearer to each other")
+        q = self.kinematics.as_posture("q", q)
+        search = self._search
+        nearest = pin.computeDistances(self.model, search.data, self.geometry, search.results, q)
+        return Clearance(float(search.results.distanceResults[nearest].min_distance), self._names[nearest])
+
+
+@lru_cache(maxsize=16)
+def disabled_pairs(arm: ArmDescription) -> tuple[tuple[str, str], ...]:
+    """The pairs of links that are not checked: `arm.disabled_collisions`, or if that is None, what is found.
+
+    Found are neighbours, the links on either side of a joint; pairs that touch in the arm's home posture; and pairs
+    that touch in every one of `SAMPLES` random postures.
+
+    Raises:
+        InputError: The collision shapes cannot be read.
+    """
+    if arm.disabled_collisions is not None:
+        return arm.disabled_collisions
+    model = build_model(arm)
+    geometry = _shapes(arm, model, ())
+    neighbours = _neighbours(arm, {_name(shape, model) for shape in geometry.geometryObjects})
+    names = _pair_up(geometry, model, neighbours)
+    results, data = _search_data(geometry, 0.0), model.createData()
+
+    def touching(q: Floats) -> set[Pair]:
+        pin.computeCollisions(model, data, geometry, results, q, False)
+        return {name for name, result in zip(names, results.collisionResults, strict=True) if result.isCollision()}
+
+    at_home = touching(np.array(arm.home, dtype=np.float64))
+    rng, always = np.random.default_rng(0), set(names)
+    for _ in range(SAMPLES):
+        always &= touching(rng.uniform(model.lowerPositionLimit, model.upperPositionLimit))
+    return (*neighbours, *sorted(at_home | always))
+
+
+def _neighbours(arm: ArmDescription, shaped: set[str]) -> list[Pair]:
+    """Links with shapes on either side of a joint that moves; links without shapes between them do not count."""
+    robot = ET.fromstring(arm.urdf)
+    joints = {link_at(joint, "child"): joint for joint in robot.findall("joint")}
+    pairs = []
+    for child in sorted(shaped & set(joints)):
+        link, moves = child, False
+        while link in joints and (link == child or link not in shaped):
+            moves |= joints[link].get("type") != "fixed"
+            link = link_at(joints[link], "parent")
+        if moves and link in shaped:
+            pairs.append((min(link, child), max(link, child)))
+    return pairs
+
+
+def _search_data(geometry: Any, margin: float) -> Any:
+    """What is asked of each pair, and where the answers go.
+
+    A search begins anew, as coal's own requests say: Pinocchio's begin where the one before ended, and a distance would
+    depend on that one by up to 2e-7 m. (The switch in them is deprecated, and silencing its warning would change the
+    filters of all threads.)
+    """
+    results = geometry.createData()
+    collision, distance = coal.CollisionRequest(coal.CollisionRequestFlag.NO_REQUEST, 1), coal.DistanceRequest()
+    collision.security_margin, collision.gjk_tolerance = margin, GJK_TOLERANCE
+    # the search begins at the centres of the bounding boxes: the same verdicts, up to twice as fast
+    collision.gjk_initial_guess = coal.GJKInitialGuess.BoundingVolumeGuess
+    for pair in range(len(geometry.collisionPairs)):
+        results.collisionRequests[pair] = collision
+        results.distanceRequests[pair] = distance
+    return results
+
+
+def _shapes(arm: ArmDescription, model: Any, obstacles: Sequence[Box]) -> Any:
+    """Geometry of the links, meshes as their hulls, followed by the obstacles, fixed to the world."""
+    robot = without_shapes(arm.urdf, "visual")
+    meshes = {
+        link.get("name", ""): [_take_mesh(shape, arm) for shape in link.findall("collision")]
+        for link in robot.findall("link")
+    }
+    try:
+        geometry = pin.buildGeomFromUrdfString(model, ET.tostring(robot, encoding="unicode"), pin.COLLISION)
+    except (RuntimeError, ValueError) as error:
+        raise InputError(f"the collision shapes of arm {arm.name!r} cannot be read: {error}") from None
+    if not len(geometry.geometryObjects):
+        shaped = [name for name in arm_names() if "<collision" in get_arm(name).urdf]
+        raise NoShapesError(
+            f"arm {arm.name!r} has no collision shapes, which collision checks and the simulation need; its kinematics "
+            f"works without. Arms with shapes: {', '.join(shaped)}, and from a URDF with <collision> any other"
+        )
+    for shape in geometry.geometryObjects:
+        if (points := meshes[_name(shape, model)].pop(0)) is not None:
+            shape.geometry = _hull(shape.name, points)
+    for box in obstacles:
+        placement = pin.SE3(np.eye(3), np.array(box.position, dtype=np.float64))
+        geometry.addGeometryObject(pin.GeometryObject(box.name, WORLD, WORLD, placement, coal.Box(*box.size)))
+    for shape in geometry.geometryObjects:
+        shape.geometry.computeLocalAABB()
+    return geometry
+
+
+def _take_mesh(shape: ET.Element, arm: ArmDescription) -> Floats | None:
+    """Corners of a collision mesh in the shape's frame [m], with a ball in its place; None for another shape."""
+    geometry = shape.find("geometry")
+    mesh = None if geometry is None else geometry.find("mesh")
+    if geometry is None or mesh is None:
+        return None
+    scale = np.array([float(s) for s in mesh.get("scale", "1 1 1").split()])
+    vertices, _ = collision_mesh(mesh.get("filename", ""), arm.package_root(), scale)
+    geometry.remove(mesh)
+    ET.SubElement(geometry, "sphere", radius="1")
+    return vertices * scale
+
+
+def _hull(name: str, points: Floats) -> Any:
+    corners = coal.StdVec_Vec3s()
+    corners.extend(points)
+    try:
+        return coal.Convex.convexHull(corners, True, "Qt")
+    except (RuntimeError, ValueError) as error:
+        raise InputError(f"the collision mesh {name!r} has no convex hull: {error}") from error
+
+
+def _pair_up(geometry: Any, model: Any, skipped: Iterable[tuple[str, str]]) -> list[Pair]:
+    """Register the pairs to check, all but the skipped ones; returns their names in the same order."""
+    left_out = {frozenset(pair) for pair in skipped}
+    names: list[Pair] = []
+    for (i, one), (j, other) in combinations(enumerate(geometry.geometryObjects), 2):
+        a, b = _name(one, model), _name(other, model)
+        rigid = one.parentJoint == other.parentJoint and (one.parentFrame == WORLD) == (other.parentFrame == WORLD)
+        if rigid or frozenset((a, b)) in left_out:
+            continue
+        geometry.addCollisionPair(pin.CollisionPair(i, j))
+        names.append((min(a, b), max(a, b)))
+    return names
+
+
+def _name(shape: Any, model: Any) -> str:
+    return str(shape.name if shape.parentFrame == WORLD else model.frames[shape.parentFrame].name)

@@ -1,0 +1,617 @@
+"""All postures of any arm with six revolute joints, by elimination and an eigenvalue problem.
+
+The method is that of Raghavan and Roth (Inverse kinematics of the general 6R manipulator and related linkages, Journal
+of Mechanical Design 115, 1993), with the eigenvalues of Manocha and Canny (Efficient inverse kinematics for general 6R
+manipulators, IEEE Transactions on Robotics and Automation 10, 1994). The line of one axis is written twice, once from
+each side of the closed chain, so that its own angle appears nowhere; with the direction l and the point p of a line,
+fourteen functions (p, l, p.p, p.l, p x l, l (p.p) - 2 p (p.l)) are linear in the cosine and sine of every angle. Here
+it is the axis of the fifth joint: joints 1 and 6 are eliminated linearly, which leaves six equations in the sines and
+cosines of joints 2, 3 and 4. Multiplied by cos(q/2) and sin(q/2) of one of the three they are twelve, linear in twelve
+products, with coefficients that are linear in the cosine and sine of another: a quadratic eigenvalue problem in the
+tangent of half that angle, of size 24. Its real eigenvalues hold every posture, of which there are at most sixteen.
+
+Eight of the 24 are i and -i, four times each, and say nothing. With the angle of the second joint their vectors are
+the same for all poses: where that joint's e^(iq) is large, only the part of a line's functions that grows with it
+counts, and of that there are no more than four: one of each vector p, l, p x l, and l (p.p) - 2 p (p.l). So the problem
+is made one of size 16, once and for all, by an orthogonal projection.
+
+Near the wrist's singularity of an arm that is almost a UR, the equations hardly depend on the eigenvalue, and a matrix
+that has to be inverted is almost singular. That is seen by its inverse, and by eigenvalues that Newton's method has to
+move; such a pose is solved again by the QZ algorithm, which inverts nothing.
+
+Which axis is written twice decides how well the numbers behave. With the fifth the problem stays regular for arms whose
+second to fourth axes are parallel, or almost: the other choices are singular for a UR by its data sheet, and nearly so
+for a real one. It is singular where the first axis and the last are parallel; the pose is then tilted by `TILT`, which
+moves the eigenvalues by about as much and makes the problem regular (Hochstenbach, Mehl and Plestenjak, Solving
+singular generalized eigenvalue problems by a rank-completing perturbation, SIAM Journal on Matrix Analysis and
+Applications 40, 2019).
+
+What comes out are starting points for Newton's method on the arm itself; only what reaches the pose is returned.
+"""
+
+from __future__ import annotations
+
+from functools import cached_property
+from itertools import pairwise
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from kinreach._checks import Floats
+from kinreach.kinematics._angles import wrapped
+
+#: Poses by their row (m,), eigenvalues (m,), the products of each (m, 12), and the largest entry of each pose's matrix.
+_Eigen = tuple[NDArray[np.int64], NDArray[Any], NDArray[Any], Floats]
+#: A posture is a solution if it misses by less [m, rad].
+EXACT = 1e-10
+#: No step is taken from where it is missed by less.
+ARRIVED = 1e-13
+#: A pose whose last axis is nearer to the first one's direction is tilted by as much [rad].
+TILT = 1e-5
+#: Imaginary parts of eigenvalues: real; surely complex; and up to where they are starting points, because two postures
+#: merge there, or have just vanished.
+REAL, COMPLEX, NEARLY_REAL = 1e-11, 1e-4, 3e-2
+#: An eigenvalue that belongs to a posture is exact to this, unless the problem is ill-conditioned [rad]; and entries of
+#: a matrix as large as this say so, too: an inverse was large.
+INEXACT, ILL = 1e-4, 1e5
+#: What is added to a matrix before it is inverted: one that is singular to the last digit then has a large inverse.
+NUDGE = 1e-14
+#: Eigenvalues whose angles differ by more are not equal ones [rad].
+APART = 1e-4
+#: Eigenvalues whose angles differ by less may be equal ones [rad].
+CLUSTER = 0.05
+#: Two postures nearer than this in every joint are one [rad]; up to `SAME_VALLEY` if what is between them reaches, too.
+SAME, SAME_VALLEY = 1e-6, 2e-2
+#: What has not come nearer than this to its pose in twice as many steps does not reach it [m, rad].
+DIVERGED = 1e-3
+#: Where a singular value is less, what is missing in that direction is rounding, and no step is taken in it.
+FLAT = 1e-8
+#: Two bad starts nearer than this lead to the same [rad].
+SAME_START = 1e-3
+#: Steps of Newton's method from a good start, and from a bad one; the longest step of a joint [rad].
+STEPS, MAX_STEPS, MAX_JOINT_STEP = 6, 40, 0.3
+#: An eigenvalue that comes for this share of random poses has nothing to do with them.
+IDLE_SHARE = 0.9
+#: Most postures that a six-joint arm has for a pose.
+MAX_POSTURES = 16
+POSES = 512  # at once
+AROUND = 256  # starting points around known solutions
+#: Smallest singular value of the Jacobian at a solution that may have others near it.
+MERGING = 1e-3
+#: How many eigenvalues are i, and as many -i; what multiplies coordinates in the basis of their vectors.
+EXTRANEOUS = 4
+SIGNS = np.repeat([1.0, -1.0], EXTRANEOUS)
+_JOINTS = 6
+_SAMPLES = 2 * np.pi / 3 * np.arange(3)
+#: Coefficients of 1, cos and sin of a function that is linear in them, from its values at `_SAMPLES`.
+_COEFFICIENTS = np.array([np.full(3, 1 / 3), 2 / 3 * np.cos(_SAMPLES), 2 / 3 * np.sin(_SAMPLES)])
+#: Twist and trace of a small motion (4, 4), from its entries, shape (16, 7).
+_TWIST = np.zeros((16, 7))
+_TWIST[(3, 7, 11), (0, 1, 2)] = _TWIST[::5, 6][:3] = 1.0
+_TWIST[(9, 2, 4), (3, 4, 5)], _TWIST[(6, 8, 1), (3, 4, 5)] = 0.5, -0.5
+#: (cos q/2, sin q/2) times (1, cos q, sin q) in (cos 3q/2, sin 3q/2, cos q/2, sin q/2).
+_HALF = np.array([
+    [[0, 0, 1, 0], [0.5, 0, 0.5, 0], [0, 0.5, 0, 0.5]],
+    [[0, 0, 0, 1], [0, 0.5, 0, -0.5], [-0.5, 0, 0.5, 0]],
+])  # fmt: skip
+
+
+class Chain:
+    """Six joints that each turn about their frame's z axis, `T = A0 Rz(q1) A1 Rz(q2) ... Rz(q6) A6`.
+
+    Args:
+        placements: A0 to A6, shape (7, 4, 4).
+    """
+
+    def __init__(self, placements: Floats) -> None:
+        self.placements = placements
+        # how far the tip may be from the origin of the frame before joint 4
+        self._arm = float(np.linalg.norm(placements[4:, :3, 3], axis=1).sum())
+
+    @cached_property
+    def _halves(self) -> Floats:
+        """What `_half` says of joints 1 to 3, and of 4 to 6, shape (2, 27, 34)."""
+        return np.array([self._half(self.placements[:4], after=False), self._half(self.placements[4:], after=True)])
+
+    def fk(self, q: Floats) -> Floats:
+        """Upper rows of the tip's poses, shape (m, 3, 4), for postures (m, 6)."""
+        frame, turns = self._start(q)
+        for joint in range(_JOINTS):
+            frame = self._turned(frame, turns, joint)
+        return frame
+
+    def jacobian(self, q: Floats) -> tuple[Floats, Floats]:
+        """As `fk`, and the geometric Jacobian along the base's axes, shape (m, 6, 6)."""
+        frame, turns = self._start(q)
+        axes = np.empty((_JOINTS, len(q), 3, 2))
+        for joint in range(_JOINTS):
+            axes[joint] = frame[:, :, 2:]
+            frame = self._turned(frame, turns, joint)
+        z, arm = axes[..., 0], frame[:, :, 3] - axes[..., 1]
+        J = np.empty((len(q), 6, _JOINTS))
+        for row, (a, b) in enumerate(((1, 2), (2, 0), (0, 1))):
+            J[:, row] = (z[..., a] * arm[..., b] - z[..., b] * arm[..., a]).T
+        J[:, 3:] = z.transpose(1, 2, 0)
+        return frame, J
+
+    def step(self, q: Floats, T: Floats) -> tuple[Floats, Floats, Floats]:
+        """What Newton's method needs to know of postures (m, 6) for poses (m, 4, 4) or (1, 4, 4).
+
+        Returns:
+            Twists that are missing (m, 6) and Jacobians (m, 6, 6), both in the frame before joint 4; and how far the
+            tip misses at most [m, rad], shape (m,).
+        """
+        count = len(q)
+        angles = np.empty((3, _JOINTS, count))
+        angles[0] = 1.0
+        np.cos(q.T, out=angles[1])
+        np.sin(q.T, out=angles[2])
+        products = (angles[:, None, None, 0::3] * angles[:, None, 1::3]) * angles[:, 2::3]
+        found = products.reshape(27, 2, count).transpose(1, 2, 0) @ self._halves
+        left, right = found[..., :16].reshape(2, count, 4, 4)
+        entries = (left @ T @ right).reshape(count, 16) @ _TWIST
+        J = np.concatenate([found[0, :, 16:], found[1, :, 16:]], axis=1).reshape(count, _JOINTS, 6).transpose(0, 2, 1)
+        error = entries[:, :6]
+        if (entries[:, 6] < 1.0).any():  # by more than a right angle
+            error[:, 3:] += np.where(entries[:, 6:] < 1.0, np.copysign(1.0, error[:, 3:]), 0.0)
+        square = error * error
+        turned = np.sqrt(square[:, 3:].sum(axis=1))
+        return error, J, np.maximum(np.sqrt(square[:, :3].sum(axis=1)) + self._arm * turned, turned)
+
+    @staticmethod
+    def _half(placements: Floats, *, after: bool) -> Floats:
+        """Three joints' inverse motion (16 numbers) and their three axes (6 each) in the frame before joint 4.
+
+        All of it is linear in 1, cosine and sine of each angle; coefficients of their 27 products, shape (27, 34).
+        """
+        values = np.empty((3, 3, 3, 34))
+        for index in np.ndindex(3, 3, 3):
+            frame = np.eye(4) if after else placements[0]
+            axes = []
+            for angle, placement in zip(_SAMPLES[list(index)], placements[0 if after else 1 :], strict=True):
+                axes.append(frame)
+                frame = frame @ _turn(angle[None])[0] @ placement
+            back = np.linalg.inv(frame)
+            axes = axes if after else [back @ axis for axis in axes]
+            lines = [(*np.cross(axis[:3, 3], axis[:3, 2]), *axis[:3, 2]) for axis in axes]
+            values[index] = np.concatenate([back.ravel(), *lines])
+        return _coefficients(values)
+
+    def _start(self, q: Floats) -> tuple[Floats, NDArray[Any]]:
+        """The first frames (m, 3, 4), and exp(-i q)."""
+        frame = np.empty((len(q), 3, 4))
+        frame[:] = self.placements[0, :3]
+        return frame, np.exp(-1j * q)
+
+    def _turned(self, frame: Floats, turns: NDArray[Any], joint: int) -> Floats:
+        """The next joint's frames: x + i y of a frame turns by exp(-i q)."""
+        plane = frame.view(np.complex128)[:, :, 0]
+        np.multiply(plane, turns[:, joint, None], out=plane)
+        turned: Floats = (frame.reshape(-1, 4) @ self.placements[joint + 1]).reshape(-1, 3, 4)
+        return turned
+
+
+def miss(reached: Floats, T: Floats) -> Floats:
+    """Vectors (m, 6) from poses to the wanted ones: position [m], and sine of the angle times its axis [rad].
+
+    Where the angle is more than a right one, its part is longer than 1.
+    """
+    E = T[:, :3, :3] @ reached[:, :, :3].transpose(0, 2, 1)
+    flat = E.reshape(-1, 9)
+    error = np.empty((len(E), 6))
+    np.subtract(T[:, :3, 3], reached[:, :, 3], out=error[:, :3])
+    np.subtract(flat[:, (7, 2, 3)], flat[:, (5, 6, 1)], out=error[:, 3:])
+    error[:, 3:] *= 0.5
+    turned = flat[:, ::4].sum(axis=1) < 1.0
+    if turned.any():
+        error[turned, 3:] += np.copysign(1.0, error[turned, 3:])
+    return error
+
+
+def missed_by(error: Floats) -> Floats:
+    """The larger of position [m] and orientation [rad] error, shape (m,)."""
+    return np.sqrt(np.maximum((error[:, :3] ** 2).sum(axis=1), (error[:, 3:] ** 2).sum(axis=1)))
+
+
+def _solved(A: Floats, b: Floats) -> Floats:
+    """Solutions of A x = b, shape (m, n, k); the smallest of those that come nearest where one A is singular."""
+    try:
+        return np.asarray(np.linalg.solve(A, b), dtype=np.float64)
+    except np.linalg.LinAlgError:
+        return np.asarray(np.linalg.pinv(A) @ b, dtype=np.float64)
+
+
+def newton(chain: Chain, q: Floats, T: Floats, *, steps: int = STEPS) -> tuple[Floats, Floats]:
+    """Newton's method from postures (m, 6) to poses (m, 4, 4); the results, and how far they miss (m,)."""
+    results, off, rows = q.copy(), np.empty(len(q)), np.arange(len(q))
+    for left in range(steps, -1, -1):
+        error, J, missing = chain.step(q, T)
+        results[rows], off[rows] = q, missing
+        going = np.flatnonzero(missing >= ARRIVED)
+        if not (left and len(going)):
+            break
+        q, T, rows, J, error = q[going], T[going], rows[going], J[going], error[going]
+        step = _solved(J + NUDGE * np.eye(6), error[:, :, None])[:, :, 0]
+        q = q + step * np.minimum(1.0, MAX_JOINT_STEP / np.maximum(np.abs(step).max(axis=1), MAX_JOINT_STEP))[:, None]
+    return results, off
+
+
+def nearest_by_newton(chain: Chain, q: Floats, T: Floats) -> tuple[Floats, Floats]:
+    """As `newton`, for bad starts and singular arms: by singular values, the best posture on each way."""
+    best, best_off, rows = q.copy(), np.full(len(q), np.inf), np.arange(len(q))
+    for step in range(MAX_STEPS):
+        error, J, off = chain.step(q, T)
+        better = off < best_off[rows]
+        best[rows[better]], best_off[rows[better]] = q[better], off[better]
+        going = np.flatnonzero((off >= ARRIVED) & (best_off[rows] < (np.inf if step < 2 * STEPS else DIVERGED)))
+        if not len(going):
+            break
+        q, T, rows, error = q[going], T[going], rows[going], error[going]
+        U, s, V = np.linalg.svd(J[going])
+        inverse = np.divide(1.0, s, out=np.zeros_like(s), where=s > FLAT)
+        way = (((error[:, None] @ U)[:, 0] * inverse)[:, None] @ V)[:, 0]
+        q = q + way * np.minimum(1.0, MAX_JOINT_STEP / np.maximum(np.abs(way).max(axis=1), MAX_JOINT_STEP))[:, None]
+    return best, best_off
+
+
+class General6R:
+    """Every posture of a six-joint arm for a pose.
+
+    Args:
+        chain: The arm.
+    """
+
+    #: Where an eigenvalue would be infinite: pi further [rad]. Angles of no meaning.
+    PHASES = (0.7123, 2.0451)
+    #: Which of the joints 2, 3, 4 (counted from 0) is the eigenvalue, and by which the equations are multiplied.
+    CHOICES = ((0, 1), (1, 0), (2, 1))
+
+    def __init__(self, chain: Chain) -> None:
+        self.chain = chain
+        A = chain.placements
+        turns = np.zeros((3, 4, 4))
+        turns[:, 2, 2] = turns[:, 3, 3] = 1.0
+        turns[:, 0, 0] = turns[:, 1, 1] = np.cos(_SAMPLES)
+        turns[:, 1, 0], turns[:, 0, 1] = np.sin(_SAMPLES), -np.sin(_SAMPLES)
+        self._size = float(np.abs(A[1:, :3, 3]).max())
+        # axis 5 in the frame before joint 2, reached over joints 2, 3 and 4
+        near = turns[:, None, None] @ A[2] @ turns[:, None] @ A[3] @ turns @ A[4]
+        values = self._functions(near[..., :3, 2], near[..., :3, 3])
+        self._near = _coefficients(values).T.copy()
+        # and over joints 1 and 6: (A0 R1 A1)^-1 T A6^-1 R6^-1 A5^-1
+        self._left = np.linalg.inv(A[0] @ turns @ A[1])
+        self._right = np.linalg.inv(A[5] @ turns @ A[6])[:, :, 2:]
+        self._bases = [self._deflation(*self.CHOICES[0]), *[(np.eye(24), np.empty((24, 0)))] * 2]
+        self._idle: Floats = np.empty(0)
+        self._both = np.kron(_COEFFICIENTS, _COEFFICIENTS)
+
+    def solve(self, T: Floats, *, tol: float = EXACT) -> list[Floats]:
+        """Compute all postures for each of many poses.
+
+        Args:
+            T: Poses of the tip, shape (count, 4, 4).
+            tol: Where nothing reaches a pose exactly, postures that miss it by no more than this [m, rad].
+
+        Returns:
+            For each pose postures [rad], shape (k, 6), angles in [-pi, pi].
+        """
+        found: list[Floats] = []
+        for start in range(0, len(T), POSES):
+            found += self._solve_some(T[start : start + POSES], tol)
+        return found
+
+    def tried(self, q: Floats) -> float:
+        """Solve for the poses of postures (m, 6), and learn which eigenvalues mean nothing for this arm.
+
+        Where two axes can become parallel whatever the others do, the same eigenvalues come for every pose and lead to
+        no posture. They are left out from now on where they do not lead to one.
+
+        Returns:
+            Share of the postures that are found again: 1, unless the arm's elimination is singular.
+        """
+        T = np.tile(np.eye(4), (len(q), 1, 1))
+        T[:, :3] = self.chain.fk(q)
+        try:
+            pose, start, *_ = self._candidates(self._regular(T), *self.CHOICES[0], self.PHASES[0])
+        except np.linalg.LinAlgError:
+            return 0.0
+        found, off = newton(self.chain, start, T[pose])
+        diverged = np.flatnonzero(off >= EXACT)
+        angles = start[diverged, 1]
+        same = np.abs(wrapped(angles[:, None] - angles)) < APART
+        recurring = np.array([len(np.unique(pose[diverged[row]])) for row in same]) > IDLE_SHARE * len(q)
+        self._idle = angles[recurring][_first_of_each(angles[recurring, None], APART)]
+        back = (off < EXACT) & (np.abs(wrapped(found - q[pose])).max(axis=1) < SAME)
+        return len(np.unique(pose[back])) / len(q)
+
+    def _solve_some(self, T: Floats, tol: float) -> list[Floats]:
+        regular = self._regular(T)
+        pose, start, imaginary, largest = self._candidates(regular, *self.CHOICES[0], self.PHASES[0])
+        likely = imaginary < COMPLEX
+        q, off = start.copy(), np.full(len(start), np.inf)
+        q[likely], off[likely] = newton(self.chain, start[likely], T[pose[likely]])
+        idle = (np.abs(wrapped(start[:, 1, None] - self._idle)) < APART).any(axis=1) & (off >= EXACT)
+        pose, start, imaginary, q, off = pose[~idle], start[~idle], imaginary[~idle], wrapped(q[~idle]), off[~idle]
+        moved, real = np.abs(wrapped(q[:, 1] - start[:, 1])), imaginary <= REAL
+        clear = _clear(pose, len(T), wrapped(start[:, 1]), moved, imaginary, off < EXACT) & (largest < ILL)
+        found = []
+        for row, (begin, end) in enumerate(pairwise(np.searchsorted(pose, np.arange(len(T) + 1)).tolist())):
+            part = slice(begin, end)
+            if clear[row]:
+                found.append(q[part][real[part]])
+                continue
+            angles, complexity = start[part, 1], imaginary[part]
+            kept, others = q[part][off[part] < EXACT], start[part][complexity >= COMPLEX]
+            if largest[row] >= ILL or (moved[part][real[part]] > INEXACT).any():
+                _, again, complexity, _ = self._candidates(
+                    regular[row, None], *self.CHOICES[0], self.PHASES[0], stable=True
+                )
+                angles, others = again[:, 1], np.vstack([others, again])
+            more, miss_by = newton(self.chain, others, T[row, None].repeat(len(others), axis=0), steps=2 * STEPS)
+            kept = np.vstack([kept, wrapped(more[miss_by < EXACT])])
+            kept = self._distinct(kept, T[row])
+            if not len(kept) or _in_doubt(len(kept), angles, complexity):
+                kept = self._thoroughly(T[row], kept, tol)
+            found.append(kept)
+        return found
+
+    def _thoroughly(self, T: Floats, known: Floats, tol: float) -> Floats:
+        """All postures of one pose where some merge: all problems' eigenvalues, and Newton's method from around."""
+        regular = self._regular(T[None])
+        starts = [self._candidates(regular, *choice, phase)[1] for choice in self.CHOICES for phase in self.PHASES]
+        seeds = np.vstack(starts)
+        poses = np.broadcast_to(T, (len(seeds), 4, 4))
+        q, off = newton(self.chain, seeds, poses, steps=2 * STEPS)
+        late = np.flatnonzero(off >= EXACT)  # from there to where two postures are one, or almost
+        late = late[_first_of_each(seeds[late], SAME_START)]
+        q[late], off[late] = nearest_by_newton(self.chain, seeds[late], poses[late])
+        found = self._distinct(np.vstack([known, wrapped(q[off < EXACT])]), T)
+        merging = found[np.linalg.svd(self.chain.jacobian(found)[1])[1][:, -1] < MERGING] if len(found) else found
+        if len(merging):  # around each, as solutions that merge are near each other
+            rng = np.random.default_rng(0)
+            away = rng.normal(size=(AROUND, 6)) * 10.0 ** rng.uniform(-4.0, -1.5, (AROUND, 1))
+            around = merging[rng.integers(len(merging), size=AROUND)] + away
+            q, off = newton(self.chain, around, np.broadcast_to(T, (AROUND, 4, 4)), steps=MAX_STEPS)
+            found = self._distinct(np.vstack([found, wrapped(q[off < EXACT])]), T)[:MAX_POSTURES]
+        elif not len(found) and (off <= tol).any():
+            order = np.argsort(off)
+            nearest = wrapped(q[order][off[order] <= tol])
+            found = nearest[_first_of_each(nearest, SAME_VALLEY)]
+        return found
+
+    def _distinct(self, q: Floats, T: Floats) -> Floats:
+        """Postures (m, 6) without repetition: two are one if they are close, or if all between them reaches, too."""
+        q = q[_first_of_each(q, SAME)]
+        if len(q) < 2:
+            return q
+        away = wrapped(q[:, None] - q)
+        near = (np.abs(away).max(axis=2) < SAME_VALLEY) & np.tri(len(q), k=-1, dtype=np.bool_)
+        if not near.any():
+            return q
+        later, earlier = np.nonzero(near)
+        middle = q[later] - 0.5 * away[later, earlier]
+        tested = np.vstack([q, middle])
+        off = missed_by(miss(self.chain.fk(tested), np.broadcast_to(T, (len(tested), 4, 4))))
+        ends = np.maximum(off[later], off[earlier])
+        return np.delete(q, later[off[len(q) :] < 4.0 * ends + 1e-13], axis=0)
+
+    def _regular(self, T: Floats) -> Floats:
+        """The poses, tilted where the last axis is parallel to the first."""
+        A = self.chain.placements
+        first = A[0][:3, 2]
+        last = T[:, :3, :3] @ np.linalg.inv(A[6])[:3, 2]
+        parallel = np.abs(np.cross(first, last)).max(axis=1) < TILT
+        if not parallel.any():
+            return T
+        T = T.copy()
+        c, s = np.cos(TILT), np.sin(TILT)
+        across = A[0][:3, :3] @ ((1, 0, 0), (0, c, -s), (0, s, c)) @ A[0][:3, :3].T
+        T[parallel, :3, :3] = across @ T[parallel, :3, :3]
+        return T
+
+    def _functions(self, direction: Floats, point: Floats) -> Floats:
+        """The fourteen functions of lines (..., 3), shape (..., 14)."""
+        p = point / self._size
+        pp, pl = (p * p).sum(axis=-1, keepdims=True), (p * direction).sum(axis=-1, keepdims=True)
+        return np.concatenate([p, direction, pp, pl, np.cross(p, direction), direction * pp - 2.0 * p * pl], axis=-1)
+
+    def _candidates(
+        self, T: Floats, unknown: int, factor: int, phase: float, *, stable: bool = False
+    ) -> tuple[NDArray[np.int64], Floats, Floats, Floats]:
+        """Compute where Newton's method may start.
+
+        Args:
+            T: Poses, shape (count, 4, 4).
+            unknown: Which joint is the eigenvalue.
+            factor: By which the equations are multiplied.
+            phase: Where the eigenvalue would be infinite: pi further [rad].
+            stable: By the QZ algorithm, which needs no inverse and takes twenty times as long.
+
+        Returns:
+            Poses by their row, in order, (m,); for each a posture (m, 6), and its eigenvalue's imaginary part (m,); and
+            the largest entry of each pose's matrix (count,), 0 where there is no inverse.
+        """
+        far = self._far(T)
+        base, triangle = np.linalg.qr(far[:, :, 1:], mode="complete")
+        B, C, S = np.moveaxis(self._problem(far, base, unknown, factor), 1, 0)
+        c, s = np.cos(phase), np.sin(phase)
+        C, S = c * C + s * S, c * S - s * C
+        find = _by_qz if stable else self._by_inverse
+        pose, value, products, largest = find(B, C, S, unknown)
+        products = products.reshape(-1, 4, 3)
+        # products are one vector times another; the largest entries are the most exact
+        row = np.abs(products).sum(axis=2).argmax(axis=1)
+        column = np.abs(products).sum(axis=1).argmax(axis=1)
+        every = np.arange(len(pose))
+        halves, whole = products[every, :, column], products[every, row]
+        large = halves[every, 2 + np.abs(halves[:, 2:]).argmax(axis=1)]
+        halves, whole = _scaled(halves, large), _scaled(whole, whole[:, 0])
+        q = np.zeros((len(pose), 6))
+        q[:, 1 + unknown] = phase + 2.0 * np.arctan(value.real)
+        q[:, 1 + factor] = 2.0 * np.arctan2(halves[:, 3], halves[:, 2])
+        q[:, 1 + 3 - unknown - factor] = np.arctan2(whole[:, 2], whole[:, 1])
+        self._close(q, T[pose], far[pose], base[pose], triangle[pose])
+        return pose, q, np.abs(value.imag) / (1.0 + np.abs(value) ** 2), largest
+
+    def _by_inverse(self, B: Floats, C: Floats, S: Floats, unknown: int) -> _Eigen:
+        """Eigenvalues x of (B - C) x^2 + 2 S x + B + C that may be real, by the companion matrix."""
+        rest, known = self._bases[unknown]
+        regular = B - C + NUDGE * np.eye(12)
+        image = -_solved(regular, np.concatenate([B + C, 2.0 * S], axis=2) @ rest)
+        values, vectors = np.linalg.eig(rest[:12].T @ rest[12:] + rest[12:].T @ image)
+        pose, which = _nearly_real(values)
+        value, vector = values[pose, which], vectors[pose, :, which]
+        mixed = ((known[:12].T @ rest[12:] + known[12:].T @ image)[pose] @ vector[:, :, None])[:, :, 0]
+        turned = np.roll(mixed, EXTRANEOUS, axis=1) * SIGNS[: known.shape[1]]
+        mixed = (value[:, None] * mixed + turned) / (value[:, None] ** 2 + 1.0)
+        return pose, value, vector @ rest[:12].T + mixed @ known[:12].T, np.abs(image).max(axis=(1, 2))
+
+    def _deflation(self, unknown: int, factor: int) -> tuple[Floats, Floats]:
+        """Orthonormal bases (24, 16) and (24, 8): the companion matrix maps the second to itself, by i and by -i."""
+        third = 3 - unknown - factor
+        ordered = self._near.reshape(14, 3, 3, 3).transpose(0, 1 + unknown, 1 + third, 1 + factor)
+        growing = ordered[:, 1] + 1j * ordered[:, 2]
+        products = (growing @ _HALF.transpose(1, 0, 2).reshape(3, 8)).reshape(14, 3, 2, 4)
+        kernel = np.linalg.svd(products.transpose(2, 0, 3, 1).reshape(28, 12))[2][-EXTRANEOUS:].conj().T
+        known = np.block([[kernel.real, kernel.imag], [-kernel.imag, kernel.real]])
+        return np.linalg.qr(known, mode="complete")[0][:, 2 * EXTRANEOUS :], known
+
+    def _far(self, T: Floats) -> Floats:
+        """The functions of axis 5 over joints 1 and 6, a column for each of their nine products (count, 14, 9)."""
+        lines = np.einsum("aij,nbjk->nabik", self._left, T[:, None] @ self._right)[..., :3, :]
+        values = self._functions(lines[..., 0], lines[..., 1]).reshape(-1, 9, 14)
+        return (self._both @ values).transpose(0, 2, 1)
+
+    def _problem(self, far: Floats, base: Floats, unknown: int, factor: int) -> Floats:
+        """Coefficients of 1, cosine and sine of the unknown joint, shape (count, 3, 12, 12)."""
+        free = base[:, :, 8:].transpose(0, 2, 1)  # (count, 6, 14)
+        equations = free @ self._near
+        equations[:, :, 0] -= (free @ far[:, :, :1])[:, :, 0]
+        third = 3 - unknown - factor
+        ordered = equations.reshape(-1, 6, 3, 3, 3).transpose(0, 2 + unknown, 1, 2 + third, 2 + factor)
+        products = ordered @ _HALF.transpose(1, 0, 2).reshape(3, 8)  # (count, unknown, equation, third, half x product)
+        count = len(far)
+        return products.reshape(count, 3, 6, 3, 2, 4).transpose(0, 1, 4, 2, 5, 3).reshape(count, 3, 12, 12)
+
+    def _close(self, q: Floats, T: Floats, far: Floats, base: Floats, triangle: Floats) -> None:
+        """Fill in joints 1 and 6 of postures (m, 6), by the equations that eliminate them, and then joint 5."""
+        A, count = self.chain.placements, len(q)
+        angles = np.ones((count, 3, 3))
+        angles[:, :, 1], angles[:, :, 2] = np.cos(q[:, 1:4]), np.sin(q[:, 1:4])
+        products = np.einsum("ma,mb,mc->mabc", angles[:, 0], angles[:, 1], angles[:, 2]).reshape(count, 27)
+        right = (products @ self._near.T)[:, :, None] - far[:, :, :1]
+        found = _solved(triangle[:, :8], base[:, :, :8].transpose(0, 2, 1) @ right)[:, :, 0]
+        q[:, 0], q[:, 5] = np.arctan2(found[:, 5], found[:, 2]), np.arctan2(found[:, 1], found[:, 0])
+        frame = np.broadcast_to(A[0], (count, 4, 4))
+        for joint in range(4):
+            frame = frame @ _turn(q[:, joint]) @ A[joint + 1]
+        after = A[5] @ _turn(q[:, 5]) @ A[6]
+        turn = frame[:, :3, :3].transpose(0, 2, 1) @ T[:, :3, :3] @ after[:, :3, :3].transpose(0, 2, 1)
+        q[:, 4] = np.arctan2(turn[:, 1, 0] - turn[:, 0, 1], turn[:, 0, 0] + turn[:, 1, 1])
+
+
+def _by_qz(B: Floats, C: Floats, S: Floats, _: int) -> _Eigen:
+    """As `General6R._by_inverse`, by the QZ algorithm, for each pose alone."""
+    from scipy.linalg import eig  # rarely needed, and half of what importing the kinematics would take
+
+    count = len(B)
+    values, vectors = np.empty((count, 24), np.complex128), np.empty((count, 12, 24), np.complex128)
+    left, right = np.zeros((24, 24)), np.eye(24)
+    left[:12, 12:] = np.eye(12)
+    for row in range(count):
+        left[12:] = -np.hstack([B[row] + C[row], 2.0 * S[row]])
+        right[12:, 12:] = B[row] - C[row]
+        values[row], pair = eig(left, right)
+        vectors[row] = pair[:12]
+    pose, which = _nearly_real(values)
+    return pose, values[pose, which], vectors[pose, :, which], np.zeros(count)
+
+
+def _nearly_real(values: NDArray[Any]) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+    """Rows and columns of the eigenvalues (count, k) that are real or almost, one of two that are conjugate."""
+    with np.errstate(invalid="ignore"):  # some may be infinite
+        near = (np.abs(values.imag) < NEARLY_REAL * (1.0 + np.abs(values) ** 2)) & (values.imag >= 0.0)
+    pose, which = np.nonzero(near)
+    return pose, which
+
+
+def _scaled(rows: NDArray[Any], by: NDArray[Any]) -> Floats:
+    """Real parts of rows (m, k) over numbers (m,), except those that are 0."""
+    return np.asarray((rows / np.where(by == 0.0, 1.0, by)[:, None]).real)
+
+
+def _in_doubt(found: int, angles: Floats, imaginary: Floats) -> bool:
+    """Whether there may be another number of postures than were found.
+
+    They come and go in pairs, and each has a real eigenvalue of its own. An eigenvalue that is one of k equal ones is
+    exact to the k-th root of the rounding only: it may belong to a posture although it is not real, if it is almost
+    real or among others.
+
+    Args:
+        found: Number of postures.
+        angles: Of the eigenvalues [rad].
+        imaginary: Their imaginary parts.
+    """
+    if found % 2 or found != np.count_nonzero(imaginary <= REAL):
+        return True
+    maybe = imaginary > REAL
+    if not maybe.any():
+        return False
+    together = np.abs(wrapped(angles[maybe, None] - angles)) < CLUSTER
+    return bool((imaginary[maybe] < COMPLEX).any() or (np.count_nonzero(together, axis=1) > 2).any())
+
+
+def _clear(
+    pose: NDArray[np.int64], count: int, angles: Floats, moved: Floats, imaginary: Floats, good: NDArray[np.bool_]
+) -> NDArray[np.bool_]:
+    """For which poses every real eigenvalue is apart from the others and leads to a posture, and no other may.
+
+    What `_in_doubt` would ask, for many poses at once, and a little stricter.
+
+    Args:
+        pose: Which pose an eigenvalue belongs to, in order, shape (m,).
+        count: Number of poses.
+        angles: Of the eigenvalues [rad], in [-pi, pi].
+        moved: By how much Newton's method has moved them, without the sign [rad].
+        imaginary: Their imaginary parts.
+        good: Which have led to a posture.
+    """
+    order = np.lexsort((angles, pose))
+    ends = np.searchsorted(pose, np.arange(count + 1))
+    filled = np.flatnonzero(np.diff(ends))
+    first, last = ends[filled], ends[filled + 1] - 1
+    ahead = np.diff(angles[order], append=0.0)  # to the next one's
+    ahead[last] = angles[order][first] + 2 * np.pi - angles[order][last]
+    behind = np.roll(ahead, 1)
+    behind[first] = ahead[last]
+    gap = np.empty(len(pose))
+    gap[order] = np.minimum(ahead, behind)
+    real = imaginary <= REAL
+    fine = np.where(
+        real, good & (gap > APART) & (moved < np.minimum(INEXACT, 0.25 * gap)), (imaginary >= COMPLEX) & (gap > CLUSTER)
+    )
+    number = np.bincount(pose, weights=real, minlength=count)
+    return (np.bincount(pose, weights=~fine, minlength=count) == 0) & (number % 2 == 0) & (number > 0)
+
+
+def _coefficients(values: Floats) -> Floats:
+    """Of the 27 products of 1, cosine and sine of three angles (27, k), from values (3, 3, 3, k) at `_SAMPLES`."""
+    found = np.einsum("ai,bj,ck,ijkm->abcm", _COEFFICIENTS, _COEFFICIENTS, _COEFFICIENTS, values)
+    return found.reshape(27, -1)
+
+
+def _turn(angle: Floats) -> Floats:
+    """Rotations about z, shape (m, 4, 4)."""
+    T = np.zeros((len(angle), 4, 4))
+    T[:, 0, 0] = T[:, 1, 1] = np.cos(angle)
+    T[:, 1, 0] = np.sin(angle)
+    T[:, 0, 1] = -T[:, 1, 0]
+    T[:, 2, 2] = T[:, 3, 3] = 1.0
+    return T
+
+
+def _first_of_each(q: Floats, distance: float) -> NDArray[np.bool_]:
+    """Which of the postures (m, 6) are not near an earlier one."""
+    same = np.abs(wrapped(q[:, None] - q)).max(axis=2, initial=0.0) < distance
+    return ~(same & np.tri(len(q), k=-1, dtype=np.bool_)).any(axis=1)

@@ -1,0 +1,100 @@
+"""What an inverse-kinematics solver is asked for, in the base frame of the kinematics it belongs to."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from math import atan2, dist, hypot
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from kinreach._checks import MAX_DISTANCE, Floats, as_pose, as_vector
+from kinreach.errors import InputError
+from kinreach.kinematics._tensors import like
+
+
+@dataclass(frozen=True)
+class PoseGoal:
+    """A full pose of the tip: position [m] and orientation. `T` has shape (4, 4)."""
+
+    T: Floats
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "T", as_pose("T", self.T).copy())
+
+    @property
+    def position(self) -> Floats:
+        """Position of the tip [m], shape (3,)."""
+        return self.T[:3, 3]
+
+
+@dataclass(frozen=True)
+class AxisGoal:
+    """The tip's origin is at `position` [m] and its z axis points along `axis`; rotation about it is free."""
+
+    position: Floats
+    axis: Floats = (0.0, 0.0, -1.0)  # type: ignore[assignment]
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "position", _as_point(self.position))
+        axis = as_vector("axis", self.axis, 3, most=MAX_DISTANCE)
+        length = float(np.linalg.norm(axis))
+        if length < 1e-9:
+            raise InputError("axis must not be the zero vector")
+        object.__setattr__(self, "axis", axis / length)
+
+
+@dataclass(frozen=True)
+class PositionGoal:
+    """The tip's origin is at `position` [m], shape (3,); its orientation is free."""
+
+    position: Floats
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "position", _as_point(self.position))
+
+
+def _as_point(position: ArrayLike) -> Floats:
+    """A point of the goal's own: what the caller does with its array later does not move it."""
+    return as_vector("position", position, 3, most=MAX_DISTANCE).copy()
+
+
+Goal = PoseGoal | AxisGoal | PositionGoal
+
+
+def goal_error(goal: Goal, T: Floats) -> tuple[float, float]:
+    """Return how far a tip pose is from a goal: position [m] and orientation [rad] (0 where it is free)."""
+    if isinstance(goal, PoseGoal):
+        return pose_error(goal.T, T)
+    position = dist(goal.position.tolist(), T[:3, 3].tolist())
+    if isinstance(goal, AxisGoal):
+        return position, _angle_between(T[:3, 2].tolist(), goal.axis.tolist())
+    return position, 0.0
+
+
+def pose_error(T_wanted: Floats, T: Floats) -> tuple[float, float]:
+    """Return the distance [m] and the angle [rad] between two poses, shape (4, 4)."""
+    position = dist(T_wanted[:3, 3].tolist(), T[:3, 3].tolist())
+    return position, rotation_angle(T[:3, :3], T_wanted[:3, :3])
+
+
+def nearest_rotations(R: Any) -> Any:
+    """Return the rotations nearest to matrices (..., 3, 3) that almost are, by two Newton steps of the polar form."""
+    for _ in range(2):
+        R = R @ (1.5 * like(R, np.eye(3)) - 0.5 * R.swapaxes(-1, -2) @ R)
+    return R
+
+
+def rotation_angle(R_a: Floats, R_b: Floats) -> float:
+    """Return the angle [rad] of the rotation from `R_a` to `R_b`, exact also where it is tiny."""
+    (_, b, c), (d, _, f), (g, h, _) = rows = (R_a.T @ R_b).tolist()
+    sine = hypot(h - f, c - g, d - b)
+    return atan2(sine, rows[0][0] + rows[1][1] + rows[2][2] - 1.0)
+
+
+def _angle_between(a: list[float], b: list[float]) -> float:
+    """Angle [rad] between two vectors, exact also where it is tiny."""
+    (ax, ay, az), (bx, by, bz) = a, b
+    sine = hypot(ay * bz - az * by, az * bx - ax * bz, ax * by - ay * bx)
+    return atan2(sine, ax * bx + ay * by + az * bz)

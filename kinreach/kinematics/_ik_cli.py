@@ -1,0 +1,234 @@
+"""`kinreach ik`: poses in, joint angles out."""
+
+from __future__ import annotations
+
+import csv
+import io
+import sys
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+
+import numpy as np
+from rich.progress import Progress
+
+from kinreach._checks import Floats, check_path, printable
+from kinreach._files import read_text, write_text
+from kinreach.cli import Parser
+from kinreach.errors import InputError
+from kinreach.kinematics._arm import ArmKinematics
+from kinreach.kinematics._closed_form import ClosedFormKinematics
+from kinreach.kinematics._collision import CollisionChecker, NoShapesError
+from kinreach.kinematics._goals import PoseGoal
+from kinreach.robots._flags import add_arm_flags, arm_of, numbers_of
+from kinreach.robots._rotations import pose
+from kinreach.robots._ur import JOINTS
+
+#: Columns of the poses that are read.
+COLUMNS = ("x", "y", "z", "rx", "ry", "rz")
+#: Largest file of poses [bytes], and most poses in it.
+MAX_BYTES, MAX_POSES = 2**28, 1_000_000
+#: Exit code where a pose has no posture.
+NONE_FOUND = 1
+
+
+class Answers:
+    """Postures of an arm for poses, with what keeps them from being used.
+
+    Args:
+        kinematics: Of the arm.
+        seed: The posture to stay near [rad], shape (n,).
+        cell: Check the obstacles of the arm's work cell too, not only the arm with itself and its tool.
+    """
+
+    def __init__(self, kinematics: ArmKinematics, seed: Floats, *, cell: bool = False) -> None:
+        self.kinematics, self.seed = kinematics, seed
+        self.checker: CollisionChecker | None
+        try:
+            self.checker = CollisionChecker(kinematics, obstacles=None if cell else ())
+        except NoShapesError:
+            self.checker = None
+
+    def collision(self, q: Floats) -> str:
+        """Return what collides in a posture, such as "forearm_link - table"; empty if nothing does, or is known."""
+        return "" if self.checker is None else self.checker.reason(q)
+
+    def all(self, T: Floats) -> tuple[list[tuple[Floats, int, str]], str]:
+        """Return every posture of a pose with its branch and what collides, nearest first; and why there is none.
+
+        An arm without a closed form has the one posture that is found.
+        """
+        kin = self.kinematics
+        if isinstance(kin, ClosedFormKinematics):
+            solutions = kin.all_solutions(T, seed=self.seed)
+            found = [(q, int(b), self.collision(q)) for q, b in zip(solutions.q, solutions.branch, strict=True)]
+            return found, solutions.reason
+        from kinreach.kinematics._solvers import LevenbergMarquardtSolver
+
+        accept = None if self.checker is None else self.checker.free
+        result = LevenbergMarquardtSolver(kin).solve(PoseGoal(T), self.seed, accept=accept)
+        return ([(result.q, 0, "")], "") if result.success else ([], result.reason)
+
+    def nearest(self, T: Floats) -> tuple[tuple[Floats, int, str] | None, str]:
+        """Return the posture nearest to the seed that does not collide, or None and why."""
+        found, reason = self.all(T)
+        free = next((each for each in found if not each[2]), None)
+        if free is None and found:
+            causes = ", ".join(dict.fromkeys(cause for *_, cause in found))
+            reason = f"{'all ' * (len(found) > 1)}{len(found)} postures collide: {causes}"
+        return free, reason
+
+
+def main(argv: Sequence[str], *, prog: str) -> int:
+    """Solve one pose and print its postures, or many from a file to a file.
+
+    Args:
+        argv: Arguments without the program's name.
+        prog: How the user called it, for messages.
+
+    Returns:
+        0, or `NONE_FOUND` if the pose, or none of those in the file, has a posture.
+
+    Raises:
+        KinreachError: Bad input, or a file that cannot be read or written.
+    """
+    arguments = _parser(prog).parse_args(argv)
+    if (arguments.pose is None) == (arguments.poses is None):
+        raise InputError("give --pose or --poses")
+    if (arguments.poses is None) != (arguments.out is None):
+        raise InputError("--poses and --out belong together")
+    arm = arm_of(arguments.arm, arguments)
+    default = "base" if arm.joints == JOINTS else "base_link"
+    kin = ArmKinematics.of(arm, base=_base(arguments.base) if arguments.base else default)
+    seed = np.array(arm.home) if arguments.seed is None else np.array(numbers_of("--seed", arguments.seed, kin.n))
+    if arguments.degrees and arguments.seed is not None:
+        seed = np.radians(seed)
+    answers = Answers(kin, seed, cell=arguments.cell)
+    if arguments.pose is not None:
+        return _one(answers, numbers_of("--pose", arguments.pose, 6), degrees=arguments.degrees)
+    return _many(answers, check_path("--poses", arguments.poses), check_path("--out", arguments.out), arguments.all)
+
+
+def _one(answers: Answers, numbers: list[float], *, degrees: bool) -> int:
+    """Print every posture of a pose."""
+    kin = answers.kinematics
+    unit, scale = ("degrees", 180 / np.pi) if degrees else ("rad", 1.0)
+    print(printable(f"{kin.arm.title}: tip {kin.tip} in {kin.base}, angles in {unit}"))
+    found, reason = answers.all(pose(numbers))
+    if not found:
+        print(printable(f"no posture: {reason}"))
+        return NONE_FOUND
+    names = [joint.removesuffix("_joint") for joint in kin.arm.joints]
+    widths = [max(len(name), 9) for name in names]
+    print("  ".join(["branch", *(f"{name:>{width}}" for name, width in zip(names, widths, strict=True)), "collides"]))
+    nearest = next((index for index, (*_, cause) in enumerate(found) if not cause), None)
+    for index, (q, branch, cause) in enumerate(found):
+        angles = "  ".join(
+            f"{scale * angle:>{width}.{3 if degrees else 5}f}" for angle, width in zip(q, widths, strict=True)
+        )
+        mark = "*" if index == nearest else " "
+        known = cause or ("no" if answers.checker is not None else "not known")
+        print(printable(f"{mark} {branch:>4}  {angles}  {known}"))
+    if nearest is None:
+        print("every posture collides")
+        return NONE_FOUND
+    seed = ", ".join(f"{scale * angle:.{1 if degrees else 3}f}" for angle in answers.seed)
+    print(f"* nearest to the seed {seed}")
+    return 0
+
+
+def _many(answers: Answers, source: Path, out: Path, every: bool) -> int:
+    """Solve the poses of a file and write their postures."""
+    poses = read_poses(source)
+    if out.is_dir() or not out.parent.is_dir():
+        raise InputError(f"--out must be a file in a folder that exists, got {out}")
+    text = io.StringIO()
+    rows = csv.writer(text, lineterminator="\n")
+    n, solved = answers.kinematics.n, 0
+    rows.writerow(["pose", *(f"q{joint}" for joint in range(1, n + 1)), "branch", "reason"])
+    with Progress(disable=not sys.stderr.isatty(), transient=True) as bar:
+        shown = bar.add_task("poses", total=len(poses))
+        for number, T in enumerate(poses, start=1):
+            lines = list(_rows(answers, T, every))
+            solved += any(line[-1] == "" for line in lines)
+            rows.writerows([number, *line] for line in lines)
+            bar.update(shown, advance=1)
+    write_text(out, text.getvalue())
+    print(printable(f"{solved} of {len(poses)} poses have a posture: {out}"))
+    return 0 if solved else NONE_FOUND
+
+
+def _rows(answers: Answers, T: Floats, every: bool) -> Iterator[list[object]]:
+    """Rows of a pose: angles, branch and reason."""
+    if every:
+        found, reason = answers.all(T)
+        for q, branch, cause in found:
+            yield [*q.tolist(), branch, f"collides: {cause}" if cause else ""]
+    else:
+        nearest, reason = answers.nearest(T)
+        found = [] if nearest is None else [nearest]
+        for q, branch, _ in found:
+            yield [*q.tolist(), branch, ""]
+    if not found:
+        yield [*[""] * (answers.kinematics.n + 1), reason]
+
+
+def read_poses(path: Path) -> Floats:
+    """Return the poses of a CSV file with the columns x, y, z, rx, ry, rz, shape (count, 4, 4).
+
+    Raises:
+        InputError: It cannot be read, a column is missing, there is no row, or a cell is not a finite number.
+    """
+    reader = csv.reader(io.StringIO(read_text(path, "the poses", most=MAX_BYTES).removeprefix("\ufeff")))
+    try:
+        header = [name.strip().lower() for name in next(reader, [])]
+        if missing := [name for name in COLUMNS if name not in header]:
+            raise InputError(f"{path} has no column {', '.join(missing)}; its first line must name x,y,z,rx,ry,rz")
+        places = [header.index(name) for name in COLUMNS]
+        numbers = [_cells(row, places, reader.line_num, path) for row in reader if any(cell.strip() for cell in row)]
+    except csv.Error as error:
+        raise InputError(f"{path} is not a CSV file: {error}") from None
+    if not 1 <= len(numbers) <= MAX_POSES:
+        raise InputError(f"{path} must have 1 to {MAX_POSES} poses, got {len(numbers)}")
+    return pose(numbers)
+
+
+def _cells(row: list[str], places: Sequence[int], line: int, path: Path) -> list[float]:
+    try:
+        values = [float(row[place]) for place in places]
+    except (ValueError, IndexError):
+        raise InputError(f"{path}, line {line}: six numbers are needed, got {','.join(row)[:60]}") from None
+    if not np.isfinite(values).all():
+        raise InputError(f"{path}, line {line}: the numbers must be finite, got {','.join(row)[:60]}")
+    return values
+
+
+def _base(text: str) -> str | list[float]:
+    """A frame by its name, or by six numbers."""
+    return numbers_of("--base", text, 6) if any(sign.isdigit() for sign in text) and "," in text else text
+
+
+def _parser(prog: str) -> Parser:
+    parser = Parser(
+        prog=prog,
+        description="Joint angles for poses of the tool: every posture of one pose, or the nearest of each in a file.",
+    )
+    parser.add_argument("--arm", required=True, metavar="NAME|FILE", help="an arm, a URDF, or module:attribute")
+    parser.add_argument(
+        "--pose", metavar="X,Y,Z,RX,RY,RZ", help="metres, rotation vector in radians, as on the pendant"
+    )
+    parser.add_argument("--poses", metavar="IN.csv", help="columns x,y,z,rx,ry,rz")
+    parser.add_argument("--out", metavar="OUT.csv", help="columns pose,q1,...,branch,reason; angles in radians")
+    parser.add_argument("--all", action="store_true", help="write every posture of each pose")
+    parser.add_argument("--seed", metavar="Q1,Q2,...", help="posture to stay near (default: the arm's home)")
+    parser.add_argument("--degrees", action="store_true", help="angles that are typed and printed are degrees")
+    parser.add_argument(
+        "--base",
+        metavar="FRAME",
+        help="frame of the poses: base (the pendant's, default of URs), base_link (default of others), world, or a "
+        "frame of your own by its pose in base_link, X,Y,Z,RX,RY,RZ",
+    )
+    parser.add_argument(
+        "--cell", action="store_true", help="what stands around the arm in kinreach's scene is an obstacle too"
+    )
+    add_arm_flags(parser)
+    return parser

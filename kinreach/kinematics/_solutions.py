@@ -1,0 +1,283 @@
+"""Results of inverse kinematics, for one posture, all postures of a goal, or many goals; and the nearest windings."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from enum import Enum
+from functools import cached_property
+from itertools import chain
+from math import ceil
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from kinreach._checks import Floats, shown
+from kinreach.errors import InputError
+from kinreach.kinematics._angles import TURN
+from kinreach.kinematics._goals import Goal, goal_error
+from kinreach.kinematics._tensors import namespace
+
+if TYPE_CHECKING:
+    from kinreach.kinematics._arm import ArmKinematics
+
+
+class Status(Enum):
+    """How a request for a posture ended."""
+
+    OK = "ok"
+    #: No posture of this geometry reaches the goal; `reason` names the part that cannot.
+    OUT_OF_REACH = "out of reach"
+    #: There are postures, all of them outside the joint limits.
+    OUT_OF_LIMITS = "out of limits"
+    #: There are postures within the limits, and the caller's `accept` refused every one.
+    REJECTED = "rejected"
+    #: An iterative solver used up its iterations and restarts.
+    NOT_CONVERGED = "not converged"
+
+
+#: A caller's own test of a posture `q` (n,), such as "does not collide"; False asks for the next candidate.
+Accept = Callable[[Floats], bool]
+
+
+def check_accept(accept: object) -> None:
+    """Refuse what cannot be called, before anything is computed."""
+    if accept is not None and not callable(accept):
+        raise InputError(f"accept must be a function of a posture, or None, got {shown(accept)}")
+
+
+@dataclass(frozen=True)
+class Tolerance:
+    """When a goal counts as reached: position [m] and orientation [rad]."""
+
+    position: float = 1e-4
+    orientation: float = 1e-3
+
+
+@dataclass(frozen=True)
+class IKResult:
+    """One posture, or the reason why there is none.
+
+    Attributes:
+        q: Posture [rad], shape (n,). When `success` is False it is the best one found (the seed if none was).
+        status: How the request ended.
+        position_error: Distance from the goal [m], computed on the returned `q` by forward kinematics.
+        orientation_error: Angle from the goal [rad], likewise; 0 where the goal leaves it free.
+        reason: One sentence for people when `success` is False, else empty.
+        branch: Closed-form branch index, or -1 for iterative solvers.
+        iterations: Steps taken over all restarts (0 in closed form).
+        restarts: Fresh seeds tried after the first.
+    """
+
+    q: Floats
+    status: Status
+    position_error: float
+    orientation_error: float
+    reason: str = ""
+    branch: int = -1
+    iterations: int = 0
+    restarts: int = 0
+
+    @classmethod
+    def of(
+        cls,
+        kinematics: ArmKinematics,
+        goal: Goal,
+        q: ArrayLike,
+        *,
+        tolerance: Tolerance | None = None,
+        accept: Accept | None = None,
+        reason: str = "",
+        branch: int = -1,
+        iterations: int = 0,
+        restarts: int = 0,
+    ) -> IKResult:
+        """Judge a posture: errors by forward kinematics, joint limits, and the caller's `accept`, in this order.
+
+        Args:
+            kinematics: The arm; the goal is in its base frame and for its tip.
+            goal: What was to be reached.
+            q: The posture found [rad], shape (n,).
+            tolerance: How near is reached; by default 1e-4 m and 1e-3 rad.
+            accept: Test that the posture must also pass.
+            reason: What to say if the goal is not reached; by default how far it is.
+            branch: Closed-form branch index.
+            iterations: Steps taken.
+            restarts: Fresh seeds tried after the first.
+
+        Raises:
+            InputError: `q` is malformed.
+        """
+        tolerance = tolerance or Tolerance()
+        check_accept(accept)
+        q = kinematics.as_posture("q", q).copy()
+        position, orientation = goal_error(goal, kinematics.fk(q))
+        if position > tolerance.position or orientation > tolerance.orientation:
+            status, text = Status.NOT_CONVERGED, f"{position:.3g} m and {orientation:.3g} rad from the goal"
+        elif outside := kinematics.joints_outside_limits(q):
+            status, text = Status.OUT_OF_LIMITS, f"outside the joint limits ({', '.join(outside)})"
+        elif accept is not None and not accept(q.copy()):
+            status, text = Status.REJECTED, "accept refused the posture"
+        else:
+            status, text = Status.OK, ""
+        text = reason if reason and status is Status.NOT_CONVERGED else text
+        return cls(q, status, position, orientation, text, branch, iterations, restarts)
+
+    @property
+    def success(self) -> bool:
+        """Whether `q` reaches the goal within tolerance, within the limits, and was accepted."""
+        return self.status is Status.OK
+
+
+#: How far a joint may be past its limit by rounding [rad]: in every solver, collision check and simulation.
+SLACK = 1e-9
+#: A closed-form posture that is past a limit by up to this [rad] is moved into the limits, and kept if it still reaches
+#: the goal within the caller's tolerance. Next to a singular posture, rounding of lengths and limits grows to this.
+NEAR_LIMIT = 1e-3
+
+#: One solution as the closed forms give it, plain and flat because it is made eight times in some microseconds: branch
+#: index, singularity flags, joint angles [rad].
+Row = tuple[Any, ...]
+BRANCH, FLAGS, ANGLES = 0, 1, slice(2, None)
+
+#: Position error [m] and orientation error [rad] of a posture.
+ErrorOf = Callable[[Floats], tuple[float, float]]
+
+
+@dataclass(frozen=True)
+class _Known:
+    """Errors by posture, instead of the function that computed them."""
+
+    errors: dict[tuple[float, ...], tuple[float, float]]
+
+    def __call__(self, q: Floats) -> tuple[float, float]:
+        return self.errors[tuple(q.tolist())]
+
+
+@dataclass(frozen=True)
+class IKSolutions:
+    """Every posture that reaches a goal, in the order of the branch index (of the distance, if a seed was given).
+
+    Arrays are made when they are first asked for.
+
+    Attributes:
+        found: One `Row` per solution.
+        status: `OK` if there is at least one.
+        reason: Why there is none, else empty.
+        error_of: Forward-kinematics check of a posture against the goal.
+        n: Number of joints.
+    """
+
+    found: Sequence[Row]
+    status: Status
+    reason: str
+    error_of: ErrorOf
+    n: int
+
+    def __len__(self) -> int:
+        return len(self.found)
+
+    def __getstate__(self) -> dict[str, Any]:
+        """All values, with the errors computed: functions cannot be pickled."""
+        errors = {tuple(q): tuple(error) for q, error in zip(self.q.tolist(), self.residual.tolist(), strict=True)}
+        return {**vars(self), "error_of": _Known(errors)}
+
+    @property
+    def success(self) -> bool:
+        """Whether there is a solution."""
+        return self.status is Status.OK
+
+    @cached_property
+    def q(self) -> Floats:
+        """Postures [rad], shape (k, n)."""
+        columns = ANGLES.start + self.n
+        rows = np.fromiter(chain.from_iterable(self.found), np.float64, columns * len(self.found))
+        return rows.reshape(-1, columns)[:, ANGLES]
+
+    @cached_property
+    def branch(self) -> NDArray[np.int64]:
+        """Branch index of each solution, shape (k,)."""
+        return np.array([row[BRANCH] for row in self.found], dtype=np.int64)
+
+    @cached_property
+    def singularity(self) -> NDArray[np.int64]:
+        """Flags of what was clamped, free or moved in each solution, shape (k,); 0 is regular."""
+        return np.array([row[FLAGS] for row in self.found], dtype=np.int64)
+
+    @cached_property
+    def residual(self) -> Floats:
+        """Position [m] and orientation [rad] error of each solution, by forward kinematics, shape (k, 2)."""
+        return np.array([self.error_of(q) for q in self.q]).reshape(-1, 2)
+
+
+@dataclass(frozen=True)
+class IKBatch:
+    """All postures of many poses.
+
+    Attributes:
+        q: Postures [rad], shape (count, branches, n), by branch index; NaN where there is no solution.
+        valid: Which branches have a solution, shape (count, branches).
+    """
+
+    q: Floats
+    valid: NDArray[np.bool_]
+
+
+@dataclass(frozen=True)
+class IKBatchNearest:
+    """One posture for each of many poses.
+
+    Attributes:
+        q: Postures [rad], shape (count, n); NaN where `success` is False.
+        branch: Branch index, shape (count,); -1 where `success` is False.
+        success: Shape (count,).
+    """
+
+    q: Floats
+    branch: NDArray[np.int64]
+    success: NDArray[np.bool_]
+
+
+def nearest_winding(
+    q: Sequence[float], seed: Sequence[float], lower: Sequence[float], upper: Sequence[float], *, slack: float = SLACK
+) -> list[float] | None:
+    """Compute the posture equal to `q` modulo full turns that is nearest to `seed` within the limits.
+
+    Joints do not interact here, so taking the best turn of each joint is exact for any norm that grows with
+    every joint's distance; nothing is enumerated.
+
+    Args:
+        q: Posture [rad].
+        seed: Posture to stay near to [rad].
+        lower: Lower limits [rad].
+        upper: Upper limits [rad].
+        slack: How far a joint may be past them [rad].
+
+    Returns:
+        The shifted posture, or None where a joint has no turn within its limits.
+    """
+    shifted = []
+    for value, wanted, low, high in zip(q, seed, lower, upper, strict=True):
+        turns = (wanted - value) / TURN
+        if not -0.5 <= turns <= 0.5:
+            value += TURN * round(turns)
+        if value > high + slack:
+            value -= TURN * ceil((value - high - slack) / TURN)
+        elif value < low - slack:
+            value += TURN * ceil((low - slack - value) / TURN)
+        if not low - slack <= value <= high + slack:
+            return None
+        shifted.append(value)
+    return shifted
+
+
+def nearest_windings(q: Any, seed: Any, lower: Any, upper: Any, *, slack: float = SLACK) -> tuple[Any, Any]:
+    """Compute `nearest_winding` for arrays (n, ...), joints first; and which postures are within the limits."""
+    xp = namespace(q)
+    low = (lower - slack).reshape(-1, *[1] * (q.ndim - 1))
+    high = (upper + slack).reshape(-1, *[1] * (q.ndim - 1))
+    shifted = q + TURN * xp.round((seed - q) / TURN)
+    shifted -= TURN * xp.ceil((shifted - high) / TURN).clip(0.0)
+    shifted += TURN * xp.ceil((low - shifted) / TURN).clip(0.0)
+    return shifted, (shifted <= high).all(axis=0)

@@ -1,0 +1,79 @@
+"""What every solver of inverse kinematics offers, and the closed form as one of them."""
+
+from __future__ import annotations
+
+from typing import Protocol
+
+from numpy.typing import ArrayLike
+
+from kinreach._checks import shown
+from kinreach.errors import InputError
+from kinreach.kinematics._closed_form import ClosedFormKinematics
+from kinreach.kinematics._goals import Goal
+from kinreach.kinematics._solutions import Accept, IKResult, Tolerance
+
+__all__ = ["ClosedFormSolver", "Solver", "Tolerance"]
+
+
+class Solver(Protocol):
+    """Turns a goal and a seed posture into a posture.
+
+    Any object with this `name` and this `solve` is one:
+
+        class MySolver:
+            name = "mine"
+
+            def __init__(self, kin):
+                self.kin = kin
+
+            def solve(self, goal, seed, *, accept=None):
+                q = ...  # anything that starts from `seed`
+                return IKResult.of(self.kin, goal, q, accept=accept)
+
+    `IKResult.of` computes the errors, checks limits and `accept`, and says whether `q` reaches the goal.
+
+    Threads may share the solvers of kinreach.
+    """
+
+    @property
+    def name(self) -> str:
+        """Name of the solver, as on the command line."""
+        ...
+
+    def solve(self, goal: Goal, seed: ArrayLike, *, accept: Accept | None = None) -> IKResult:
+        """Find a posture for `goal`, starting from `seed`.
+
+        Args:
+            goal: In the base frame of the solver's kinematics.
+            seed: Posture to start from, or to stay near to [rad], shape (n,).
+            accept: Test that a posture must also pass; a refused one sends the solver on to the next.
+
+        Returns:
+            The posture with errors computed on it, or the reason why there is none.
+
+        Raises:
+            InputError: The goal or the seed is malformed, or the arm cannot serve this kind of goal.
+        """
+        ...
+
+
+class ClosedFormSolver:
+    """Return the nearest of all exact postures. Threads may share an instance.
+
+    Args:
+        kin: Kinematics with a closed form.
+
+    Raises:
+        InputError: The arm has none.
+    """
+
+    name = "closed-form"
+
+    def __init__(self, kin: ClosedFormKinematics) -> None:
+        if not isinstance(kin, ClosedFormKinematics):
+            raise InputError(f"{shown(kin)} has no closed form; the solvers placo, lm and qp take any arm")
+        self.kin = kin
+
+    def solve(self, goal: Goal, seed: ArrayLike, *, accept: Accept | None = None) -> IKResult:
+        """Compute the posture nearest to the seed that reaches the goal and is accepted."""
+        return self.kin.solve(goal, seed, accept=accept)

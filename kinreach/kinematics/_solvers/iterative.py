@@ -1,0 +1,331 @@
+"""What the iterative solvers share: the error of a goal, steps in joint space, restarts, the acceptance test.
+
+All is written in the tip's own axes. With the tip at (R, p) and the goal at (R*, p*), Siciliano et al., Robotics,
+section 3.7, gives
+
+    e_p = R^T (p* - p)          [m]     J_p = rows 0-2 of the body Jacobian
+    e_o = log(R^T R*)^vee       [rad]   J_o = rows 3-5
+
+An axis goal asks for R z = a. The shortest turn that takes the tip's z axis to a has, in the tip's axes, the rotation
+vector theta (z x R^T a) / |z x R^T a|, which never has a z component: two rows are left, and turning about the tool's
+axis costs nothing. A position goal keeps the first three rows.
+
+The step J dq = e is Gauss-Newton up to the left Jacobian of SO(3), which leaves the gradient J^T e exact: the
+derivative of |e_o|^2 / 2 is -e_o . omega, because e_o is its own eigenvector there.
+
+A revolute joint whose range covers 2 pi has no posture that it cannot take: q and q +- 2 pi are the same one. Held at
+its limits on the way, it would stop on the wrong side of a seam that is not there (measured on the UR5 within +-pi,
+random poses: placo's first attempt then succeeds in 31 % instead of 82 %). So such joints are searched without limits
+and folded back at the end; the others keep theirs at every step.
+"""
+
+from __future__ import annotations
+
+import math
+from abc import ABC, abstractmethod
+from collections.abc import Callable, Iterator
+from typing import Any, ClassVar, NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from kinreach._checks import Floats, check_count, check_number, shown
+from kinreach._engines import load
+from kinreach.errors import InputError
+from kinreach.kinematics._angles import TURN
+from kinreach.kinematics._arm import ArmKinematics
+from kinreach.kinematics._goals import AxisGoal, Goal, PoseGoal, PositionGoal, goal_error
+from kinreach.kinematics._solutions import Accept, IKResult, Status, check_accept
+from kinreach.kinematics._solvers.base import Tolerance
+
+pin: Any = load("pinocchio")
+
+#: Sine of the angle between two axes below which the plane they span is not defined.
+PARALLEL = 1e-12
+
+
+class GoalTask:
+    """The error of one goal as a function of the posture.
+
+    Args:
+        kin: The arm; the goal is in its base frame and for its tip.
+        goal: What to reach.
+        tolerance: When the goal counts as reached.
+
+    Raises:
+        InputError: `goal` is not a goal.
+    """
+
+    def __init__(self, kin: ArmKinematics, goal: Goal, tolerance: Tolerance) -> None:
+        self._model, self._data, self._frame = kin.model, kin.data, kin.tip_frame
+        self._position_bound = tolerance.position**2
+        self._orientation_bound = tolerance.orientation**2
+        self._axis_only = isinstance(goal, AxisGoal)
+        self._target = pin.SE3(kin.T_world_base @ goal_frame(goal))
+        self._rows = 6 if isinstance(goal, PoseGoal) else 5 if self._axis_only else 3
+
+    def linearise(self, q: Floats) -> tuple[Floats, Floats]:
+        """Compute error (m,) and Jacobian (m, n) at `q`: 6, 5 or 3 rows for a pose, an axis or a position goal."""
+        pin.computeJointJacobians(self._model, self._data, q)
+        J = pin.getFrameJacobian(self._model, self._data, self._frame, pin.LOCAL)
+        ahead = pin.updateFramePlacement(self._model, self._data, self._frame).actInv(self._target)
+        e = np.empty(self._rows)
+        e[:3] = ahead.translation
+        if self._axis_only:
+            e[3:] = _turn_to(*ahead.rotation[:, 2])
+        elif self._rows == 6:
+            e[3:] = pin.log3(ahead.rotation)
+        return e, J[: self._rows]
+
+    def reached(self, e: Floats) -> bool:
+        """Return whether an error is within the tolerance."""
+        position, orientation = e[:3], e[3:]
+        near = position.dot(position) <= self._position_bound
+        return bool(near and orientation.dot(orientation) <= self._orientation_bound)
+
+
+def goal_frame(goal: Goal) -> Floats:
+    """Return a transform (4, 4) that meets the goal; what the goal leaves free is chosen.
+
+    Raises:
+        InputError: `goal` is not a goal.
+    """
+    if isinstance(goal, PoseGoal):
+        return goal.T
+    if not isinstance(goal, AxisGoal | PositionGoal):
+        raise InputError(f"goal must be a PoseGoal, an AxisGoal or a PositionGoal, got {type(goal).__name__}")
+    T = np.eye(4)
+    T[:3, 3] = goal.position
+    if isinstance(goal, AxisGoal):
+        T[:3, :3] = pin.Quaternion.FromTwoVectors(np.array([0.0, 0.0, 1.0]), goal.axis).toRotationMatrix()
+    return T
+
+
+def _turn_to(x: float, y: float, z: float) -> tuple[float, float]:
+    """First two components of the rotation vector [rad] that takes the z axis to the unit vector (x, y, z)."""
+    sine = math.hypot(x, y)
+    angle = math.atan2(sine, z)
+    if sine < PARALLEL:  # aligned, or opposite: then any axis in the plane will do
+        return angle, 0.0
+    return -y * angle / sine, x * angle / sine
+
+
+class JointSpace:
+    """Limits of an arm as a search sees them.
+
+    Args:
+        kin: The arm.
+
+    Attributes:
+        search_lower, search_upper: The arm's limits [rad], shape (n,); -inf and +inf where a joint turns full circle.
+    """
+
+    def __init__(self, kin: ArmKinematics) -> None:
+        full_circle = kin.upper - kin.lower >= TURN
+        self.search_lower: Floats = np.where(full_circle, -np.inf, kin.lower)
+        self.search_upper: Floats = np.where(full_circle, np.inf, kin.upper)
+        self._joints = list(zip(kin.lower.tolist(), kin.upper.tolist(), full_circle.tolist(), strict=True))
+
+    def fold(self, q: Floats) -> Floats:
+        """Return the posture within the limits that equals `q` modulo turns, or the nearest if none does.
+
+        Args:
+            q: Posture [rad], shape (n,).
+
+        Returns:
+            A new array: full-circle joints turned by the fewest multiples of 2 pi, the others clamped.
+        """
+        return np.array([_fold(angle, *joint) for angle, joint in zip(q.tolist(), self._joints, strict=True)])
+
+
+def _fold(angle: float, lower: float, upper: float, full_circle: bool) -> float:
+    if lower <= angle <= upper:
+        return angle
+    if full_circle:
+        turns = math.ceil((lower - angle) / TURN) if angle < lower else -math.ceil((angle - upper) / TURN)
+        angle += turns * TURN
+    return min(max(angle, lower), upper)
+
+
+DEFAULT_TOLERANCE = Tolerance()
+
+#: Most steps of an attempt, and most attempts: a goal that cannot be reached takes them all.
+MAX_COUNT = 10_000
+
+#: Largest duration of a step [s]: with it, speed limits limit nothing.
+MAX_DT = 1e3
+
+#: A step below this [rad] ends an attempt: the limits or a singular posture hold it.
+STALLED = 1e-5
+
+
+class Descent(NamedTuple):
+    """Where one descent ended: posture [rad] (n,), which may be some turns outside the limits, and steps taken."""
+
+    q: Floats
+    iterations: int
+
+
+#: Runs from a posture within the limits down to a minimum of the error of one goal.
+Descend = Callable[[Floats], Descent]
+
+
+class _Candidate(NamedTuple):
+    """A posture within the limits, its errors [m], [rad], and the larger of the two in units of the tolerance."""
+
+    q: Floats
+    position_error: float
+    orientation_error: float
+    miss: float
+
+    def result(self, status: Status, reason: str = "", *, iterations: int, restarts: int) -> IKResult:
+        return IKResult(
+            q=self.q,
+            status=status,
+            position_error=self.position_error,
+            orientation_error=self.orientation_error,
+            reason=reason,
+            iterations=iterations,
+            restarts=restarts,
+        )
+
+
+class IterativeSolver(ABC):
+    """A local method made global by restarts.
+
+    Every attempt ends with the posture folded into the limits and judged anew by forward kinematics, so that success
+    is a property of the posture that is returned. The random postures are drawn from a generator that each call to
+    `solve` seeds afresh: equal inputs give equal results whatever was asked before.
+
+    Args:
+        kin: The arm, its tip and the base frame that goals are in.
+        tolerance: How near is reached.
+        max_iterations: Steps per attempt, at least 1.
+        max_restarts: Attempts from random postures after the one from the seed, at least 0.
+        rng_seed: Seed of the random postures.
+
+    Raises:
+        InputError: A count or a tolerance cannot be used.
+    """
+
+    name: ClassVar[str]
+
+    def __init__(
+        self,
+        kin: ArmKinematics,
+        *,
+        tolerance: Tolerance = DEFAULT_TOLERANCE,
+        max_iterations: int = 30,
+        max_restarts: int = 20,
+        rng_seed: int = 0,
+    ) -> None:
+        if not isinstance(kin, ArmKinematics):
+            raise InputError(f"kin must be the kinematics of an arm, got {shown(kin)}")
+        if not isinstance(tolerance, Tolerance):
+            raise InputError(f"tolerance must be a Tolerance, got {shown(tolerance)}")
+        for part in ("position", "orientation"):
+            check_number(f"the tolerance of the {part}", getattr(tolerance, part), above=0.0)
+        self.kin = kin
+        self.tolerance = tolerance
+        self.max_iterations = check_count("max_iterations", max_iterations, most=MAX_COUNT)
+        self.max_restarts = check_count("max_restarts", max_restarts, least=0, most=MAX_COUNT)
+        self.rng_seed = check_count("rng_seed", rng_seed, least=0)
+        self.joint_space = JointSpace(kin)
+
+    def __repr__(self) -> str:
+        return f"{type(self).__name__}({self.kin!r})"
+
+    @abstractmethod
+    def _descender(self, goal: Goal) -> Descend:
+        """Prepare the descent for one goal."""
+
+    def solve(self, goal: Goal, seed: ArrayLike, *, accept: Accept | None = None) -> IKResult:
+        """Find a posture for `goal`.
+
+        Args:
+            goal: In the base frame of `kin`, for its tip. A goal with more conditions than the arm has joints (a full
+                pose on the 3-DOF arm) is found if the arm can meet it, and otherwise does not converge.
+            seed: First posture to descend from [rad], shape (n,); folded into the limits if it is outside.
+            accept: Test that the posture must also pass; a refused one leads to the next restart.
+
+        Returns:
+            The first posture that is within tolerance and limits and accepted. Failing that, the first refused one
+            with `REJECTED`, or the one nearest to the goal with `NOT_CONVERGED`.
+
+        Raises:
+            InputError: The goal or the seed is malformed.
+        """
+        start = self.joint_space.fold(self.kin.as_posture("seed", seed))
+        check_accept(accept)
+        descend = self._descender(goal)
+        refused: list[_Candidate] = []
+        missed: list[_Candidate] = []
+        iterations = 0
+        for restarts, q in enumerate(self._starts(start)):
+            descent = descend(q)
+            iterations += descent.iterations
+            candidate = self._judge(goal, descent.q)
+            if candidate.miss > 1.0:
+                missed.append(candidate)
+            elif accept is None or accept(candidate.q.copy()):
+                return candidate.result(Status.OK, iterations=iterations, restarts=restarts)
+            else:
+                refused.append(candidate)
+        attempts = f"{self.max_restarts + 1} attempts ({iterations} steps)"
+        if refused:
+            reason = f"{len(refused)} of {attempts} converged, and accept refused the posture of each"
+            return refused[0].result(Status.REJECTED, reason, iterations=iterations, restarts=self.max_restarts)
+        nearest = min(missed, key=lambda candidate: candidate.miss)
+        reason = (
+            f"none of {attempts} came within {self.tolerance.position:g} m and {self.tolerance.orientation:g} rad; "
+            f"the nearest is {nearest.position_error:.3g} m and {nearest.orientation_error:.3g} rad away"
+        )
+        return nearest.result(Status.NOT_CONVERGED, reason, iterations=iterations, restarts=self.max_restarts)
+
+    def _starts(self, first: Floats) -> Iterator[Floats]:
+        yield first
+        rng = np.random.default_rng(self.rng_seed)
+        for _ in range(self.max_restarts):
+            yield rng.uniform(self.kin.lower, self.kin.upper)
+
+    def _judge(self, goal: Goal, found: Floats) -> _Candidate:
+        q = self.joint_space.fold(found)
+        position, orientation = goal_error(goal, self.kin.fk(q))
+        miss = max(position / self.tolerance.position, orientation / self.tolerance.orientation)
+        return _Candidate(q, position, orientation, miss)
+
+
+class SteppingSolver(IterativeSolver):
+    """A local method whose steps keep to the joints' speed limits.
+
+    Args:
+        kin: The arm, its tip and the base frame that goals are in.
+        tolerance: How near is reached.
+        dt: Duration of one step [s]; the URDF's speed limits v allow v dt in it.
+        max_iterations: Steps per attempt.
+        max_restarts: Attempts from random postures after the one from the seed.
+        rng_seed: Seed of the random postures.
+
+    Raises:
+        InputError: A count, a tolerance or `dt` cannot be used.
+    """
+
+    def __init__(
+        self,
+        kin: ArmKinematics,
+        *,
+        tolerance: Tolerance = DEFAULT_TOLERANCE,
+        dt: float = 0.2,
+        max_iterations: int = 30,
+        max_restarts: int = 20,
+        rng_seed: int = 0,
+    ) -> None:
+        super().__init__(
+            kin, tolerance=tolerance, max_iterations=max_iterations, max_restarts=max_restarts, rng_seed=rng_seed
+        )
+        self.dt = check_number("dt", dt, above=0.0, most=MAX_DT)
+        self._prepare()
+
+    @abstractmethod
+    def _prepare(self) -> None:
+        """Prepare what all goals share."""

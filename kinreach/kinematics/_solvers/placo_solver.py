@@ -1,0 +1,153 @@
+"""placo's task-space quadratic program, iterated to convergence under joint and speed limits."""
+
+from __future__ import annotations
+
+import threading
+import xml.etree.ElementTree as ET
+from collections.abc import Sequence
+from functools import partial
+from typing import Any, ClassVar
+
+import numpy as np
+
+from kinreach._checks import Floats
+from kinreach._engines import load
+from kinreach.kinematics._arm import ArmKinematics
+from kinreach.kinematics._goals import AxisGoal, Goal, PoseGoal, PositionGoal
+from kinreach.kinematics._solvers.base import Tolerance
+from kinreach.kinematics._solvers.iterative import (
+    STALLED,
+    Descend,
+    Descent,
+    SteppingSolver,
+    goal_frame,
+)
+from kinreach.robots._urdf import without_shapes
+
+#: Limit [rad] for joints that turn full circle: no search reaches it.
+NO_LIMIT = 100.0
+
+
+class PlacoSolver(SteppingSolver):
+    """placo (github.com/Rhoban/placo) with restarts.
+
+    Used as it works best: with speed limits, which keep each step where the linearisation holds, and iterated to
+    convergence. Joints that turn full circle have no position limit on the way (see `JointSpace`). placo's objects
+    are made once per kind of goal and thread; a call only moves their targets. Threads may share an instance.
+
+    The arguments are those of `SteppingSolver`.
+
+    Raises:
+        InputError: A count, a tolerance or `dt` cannot be used.
+        InstallationError: placo cannot be loaded.
+    """
+
+    name: ClassVar[str] = "placo"
+
+    def _prepare(self) -> None:
+        free = [
+            name for name, end in zip(self.kin.arm.joints, self.joint_space.search_upper, strict=True) if np.isinf(end)
+        ]
+        self._work = _WorkSpace(self.kin, self.tolerance, self.dt, free)
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        options = {
+            name: getattr(self, name) for name in ("tolerance", "dt", "max_iterations", "max_restarts", "rng_seed")
+        }
+        return partial(PlacoSolver, **options), (self.kin,)  # placo's own objects cannot be pickled
+
+    def _descender(self, goal: Goal) -> Descend:
+        T_world_goal = self.kin.T_world_base @ goal_frame(goal)
+        work = self._work
+        problem = next(problem for kind, problem in work.problems.items() if isinstance(goal, kind))
+        problem.aim(T_world_goal)
+        robot, configuration, entries = work.robot, work.configuration.copy(), work.entries
+
+        def descend(q: Floats) -> Descent:
+            configuration[entries] = q
+            robot.state.q = configuration
+            robot.update_kinematics()
+            steps, stalled = 0, False
+            while steps < self.max_iterations and not stalled and not problem.reached():
+                try:
+                    stalled = np.abs(problem.solver.solve(True)).max() < STALLED
+                except RuntimeError:  # rarely, placo finds NaN in what its program gives
+                    break
+                robot.update_kinematics()
+                steps += 1
+            return Descent(robot.state.q[entries], steps)
+
+        return descend
+
+
+class _WorkSpace(threading.local):
+    """placo's objects for one arm, those of one thread.
+
+    Args:
+        kin: The arm, and its tip.
+        tolerance: How near is reached.
+        dt: Duration of one step [s].
+        free: Joints that turn full circle.
+    """
+
+    def __init__(self, kin: ArmKinematics, tolerance: Tolerance, dt: float, free: Sequence[str]) -> None:
+        placo: Any = load("placo")  # here, and not above: without placo the other solvers still work
+        self.robot = placo.RobotWrapper("", int(placo.Flags.ignore_collisions), _skeleton(kin.arm.urdf))
+        for name, position in kin.arm.locked_joints.items():
+            self.robot.set_joint(name, position)
+        # Base, then all joints of the URDF. A copy, because state.q is a view of memory that placo replaces.
+        self.configuration: Floats = self.robot.state.q.copy()
+        self.entries = [self.robot.get_joint_offset(name) for name in kin.arm.joints]
+        for name in free:
+            self.robot.set_joint_limits(name, -NO_LIMIT, NO_LIMIT)
+        self.problems: dict[type[Goal], _Problem] = {}
+        for kind in (PoseGoal, AxisGoal, PositionGoal):
+            solver = placo.KinematicsSolver(self.robot)
+            solver.mask_fbase(True)
+            for name in kin.arm.locked_joints:
+                solver.mask_dof(name)
+            solver.enable_joint_limits(True)
+            solver.enable_velocity_limits(True)
+            solver.dt = dt
+            self.problems[kind] = _Problem(kind, solver, kin.arm.tips[kin.tip], tolerance)
+
+
+class _Problem:
+    """placo's solver with the tasks of one kind of goal, all of weight 1."""
+
+    def __init__(self, kind: type[Goal], solver: Any, frame: str, tolerance: Tolerance) -> None:
+        self.solver = solver
+        self._kind = kind
+        self._position = solver.add_position_task(frame, np.zeros(3))
+        self._position.configure("position", "soft", 1.0)
+        self._bounds = [(self._position, tolerance.position)]
+        if kind is PositionGoal:
+            return
+        z = np.array([0.0, 0.0, 1.0])
+        if kind is PoseGoal:
+            self._orientation = solver.add_orientation_task(frame, np.eye(3))
+        else:
+            self._orientation = solver.add_axisalign_task(frame, z, z)
+        self._orientation.configure("orientation", "soft", 1.0)
+        self._bounds.append((self._orientation, tolerance.orientation))
+
+    def aim(self, T_world_goal: Floats) -> None:
+        """Move the targets."""
+        self._position.target_world = T_world_goal[:3, 3]
+        if self._kind is PoseGoal:
+            self._orientation.R_world_frame = T_world_goal[:3, :3]
+        elif self._kind is AxisGoal:
+            self._orientation.targetAxis_world = T_world_goal[:3, 2]
+
+    def reached(self) -> bool:
+        """Return whether the robot, its kinematics updated, is within the tolerance."""
+        for task, bound in self._bounds:
+            task.update()  # otherwise the error is that of the last call of solve
+            if task.error_norm() > bound:
+                return False
+        return True
+
+
+def _skeleton(urdf: str) -> str:
+    """The URDF without shapes: placo needs none of the files that they name."""
+    return ET.tostring(without_shapes(urdf, "visual", "collision"), encoding="unicode")

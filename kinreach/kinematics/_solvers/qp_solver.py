@@ -1,0 +1,80 @@
+"""Differential inverse kinematics as a quadratic program, iterated to convergence."""
+
+from __future__ import annotations
+
+from typing import Any, ClassVar
+
+import numpy as np
+
+from kinreach._checks import Floats
+from kinreach.errors import InstallationError
+from kinreach.kinematics._goals import Goal
+from kinreach.kinematics._solvers.iterative import STALLED, Descend, Descent, GoalTask, SteppingSolver
+
+#: Levenberg-Marquardt damping per unit of the squared error, as the frame tasks of pink and mink have it ...
+DAMPING = 0.01
+#: ... and the part that stays at the goal and makes the program strictly convex.
+DAMPING_BIAS = 1e-6
+
+
+class QPSolver(SteppingSolver):
+    """The step that pink and mink take, with daqp behind qpsolvers.
+
+    Each step solves
+
+        minimise    |J dq - e|^2 + mu |dq|^2,    mu = 0.01 |e|^2 + 1e-6
+        subject to  max(lower - q, -v dt) <= dq <= min(upper - q, v dt)
+
+    with the URDF's joint speed limits v (Kanoun et al., "Kinematic control of redundant manipulators", IEEE T-RO
+    27(4), 2011; the damping is Sugihara's, as in `LevenbergMarquardtSolver`). Joints that turn full circle have no
+    position limit on the way (see `JointSpace`). `iterative` has the equations of e and J. Threads may share an
+    instance.
+
+    The arguments are those of `SteppingSolver`.
+
+    Raises:
+        InputError: A count, a tolerance or `dt` cannot be used.
+        InstallationError: qpsolvers cannot be loaded.
+    """
+
+    name: ClassVar[str] = "qp"
+
+    def _prepare(self) -> None:
+        self._solve_qp = _import_solve_qp()
+
+    def _descender(self, goal: Goal) -> Descend:
+        task = GoalTask(self.kin, goal, self.tolerance)
+        lower, upper = self.joint_space.search_lower, self.joint_space.search_upper
+        largest_step = self.dt * self.kin.velocity_limit
+        identity = np.eye(self.kin.n)
+        solve_qp = self._solve_qp
+
+        def descend(q: Floats) -> Descent:
+            for step in range(self.max_iterations):
+                e, J = task.linearise(q)
+                if task.reached(e):
+                    return Descent(q, step)
+                H = J.T.dot(J) + (DAMPING * e.dot(e) + DAMPING_BIAS) * identity
+                lb = np.maximum(lower - q, -largest_step)
+                ub = np.minimum(upper - q, largest_step)
+                if len(q) == 1:  # daqp refuses problems of one variable
+                    dq = np.clip(J.T.dot(e) / H[0], lb, ub)
+                else:
+                    dq = solve_qp(H, -J.T.dot(e), lb=lb, ub=ub, solver="daqp")
+                if dq is None:
+                    return Descent(q, step)
+                q = q + dq
+                if np.abs(dq).max() < STALLED:
+                    return Descent(q, step + 1)
+            return Descent(q, self.max_iterations)
+
+        return descend
+
+
+def _import_solve_qp() -> Any:
+    """qpsolvers, which only this solver needs: without it the others still work."""
+    try:
+        from qpsolvers import solve_qp
+    except ImportError as error:
+        raise InstallationError(f"{error}; the QP solver needs: pip install 'qpsolvers[daqp]'") from error
+    return solve_qp

@@ -1,0 +1,430 @@
+"""Inverse kinematics of calibrated UR arms: every posture, exactly.
+
+A calibrated arm has no closed form: its axes are tilted by milliradians, so that no two of them meet or are parallel.
+It is treated as an arm of the data sheet's kind that is a little off.
+
+* The nearest arm that does have the closed form is fitted to it: lengths, zero angles, base and flange. What remains
+  is bounded by some tenths of a millimetre and some milliradians, over all postures.
+* Every posture of the calibrated arm is therefore a posture of that arm for a pose within those bounds. As long as no
+  pose within them is singular, each branch of the closed form maps them into themselves and contracts them (the steps
+  of the correction shrink by the ratio of the bounds to the distance from the singularity), so that each branch has
+  exactly one posture; and Newton's method finds it from the closed form's.
+* Where a pose within the bounds is singular (the wrist centre near the shoulder's cylinder, sin q5 near 0, the elbow
+  near stretched or folded), branches may merge or vanish, and near sin q5 = 0 more than eight may appear. Two postures
+  of a stretched elbow that are both found are all there are; in every other such case, and wherever Newton's method did
+  not stay on its branch, `General6R` decides, which knows nothing of branches and finds all.
+
+The branch index is that of the closed form for the fitted arm at the same posture: it follows a posture continuously
+as long as no singularity is crossed. Near one, two postures may share an index: the one farther from the singularity
+keeps it, and the others have indices of 8 and more, in no particular order.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from math import hypot, sqrt
+
+import numpy as np
+from numpy.typing import NDArray
+
+from kinreach._checks import Floats
+from kinreach.errors import InputError
+from kinreach.kinematics._angles import wrapped
+from kinreach.kinematics._chain import blocks
+from kinreach.kinematics._general_6r import (
+    EXACT,
+    MAX_POSTURES,
+    STEPS,
+    Chain,
+    General6R,
+    miss,
+)
+from kinreach.kinematics._identification import moved_frames
+from kinreach.kinematics._solutions import ANGLES, BRANCH, FLAGS
+from kinreach.kinematics._ur.batch import flange_entries, solve_poses
+from kinreach.kinematics._ur.closed_form import solve_pose
+from kinreach.kinematics._ur.geometry import BRANCHES, Miss, Rows, URGeometry
+from kinreach.kinematics._ur.reach import Shortfall, shortfalls, way_into_reach
+from kinreach.kinematics._ur.refine import FAR, Refinement
+
+#: Postures at which the fitted arm is compared with the real one, and steps of the fit.
+SAMPLES, FITS = 400, 5
+#: The bounds are what the samples show, times this: maxima between samples, and what is of second order.
+CAUTION = 1.5
+#: How many times what the difference changes with the free angle sin q5 must be for branches to be told apart.
+WRIST_MARGIN = 3.0
+#: An arm that differs more from the closed form's kind is none [m, rad].
+MAX_MISFIT = 0.1
+#: How far q4 and q6 may move for the correction of a pose out of reach to be trusted [rad].
+STEADY = 0.3
+
+
+@dataclass(frozen=True)
+class Fit:
+    """The arm with a closed form that is nearest to a calibrated one: `T = before ur_fk(q + zeros) after`.
+
+    Attributes:
+        geometry: Its lengths [m].
+        zeros: What to add to the joint angles [rad], shape (6,).
+        before: Base of the fitted arm in that of the chain (4, 4).
+        after: Tip of the chain in the flange of the fitted arm (4, 4).
+        chain: The arm itself, for `q + zeros`.
+        position: Bound of the distance between the two arms' tips, for one posture [m].
+        orientation: Bound of the angle [rad].
+    """
+
+    geometry: URGeometry
+    zeros: Floats
+    before: Floats
+    after: Floats
+    chain: Chain
+    position: float
+    orientation: float
+
+
+def fit(chain: Chain, start: URGeometry) -> Fit:
+    """Fit lengths, zeros, base and flange of an arm with a closed form to a chain, by least squares.
+
+    Args:
+        chain: The calibrated arm.
+        start: Lengths by the data sheet [m].
+
+    Raises:
+        InputError: Nothing near is of a UR's kind.
+    """
+    q = np.random.default_rng(0).uniform(-np.pi, np.pi, (SAMPLES, 6))
+    T = _poses(chain.fk(q))
+    x = np.array([start.d1, start.a2, start.a3, start.d4, start.d5, start.d6])
+    zeros: Floats = np.zeros(6)
+    before, after = np.eye(4), np.eye(4)
+    for _ in range(FITS):
+        error = miss(_chain(x, before, after).fk(q + zeros), T).ravel()
+        columns = []
+        for index in range(24):
+            nudge = np.zeros(24)
+            nudge[index] = 1e-6
+            trial = _chain(x + nudge[:6], *_moved(before, after, nudge[12:]))
+            moved = miss(trial.fk(q + zeros + nudge[6:12]), T)
+            columns.append((error - moved.ravel()) / 1e-6)
+        step = np.asarray(np.linalg.lstsq(np.column_stack(columns), error, rcond=1e-9)[0], dtype=np.float64)
+        x, zeros = x + step[:6], zeros + step[6:12]
+        before, after = _moved(before, after, step[12:])
+    error = miss(_chain(x, before, after).fk(q + zeros), T)
+    position = CAUTION * float(np.linalg.norm(error[:, :3], axis=1).max())
+    orientation = CAUTION * float(np.linalg.norm(error[:, 3:], axis=1).max())
+    if not max(position, orientation) < MAX_MISFIT:
+        raise InputError("the arm is not a UR, not even one out of adjustment")
+    return Fit(URGeometry(*x.tolist()), zeros, before, after, _chain(x, before, after), position, orientation)
+
+
+class CalibratedSolver:
+    """Every posture of a calibrated UR.
+
+    Args:
+        placements: The chain from its base to the flange, A0 to A6, shape (7, 4, 4).
+        start: Lengths by the data sheet [m].
+
+    Attributes:
+        chain: The arm.
+        fit: The arm with a closed form that is nearest.
+    """
+
+    def __init__(self, placements: Floats, start: URGeometry) -> None:
+        self.chain = Chain(placements)
+        self.fit = fit(self.chain, start)
+        self._refined = Refinement(placements)
+        self._left: Floats = np.asarray(np.linalg.inv(self.fit.before), dtype=np.float64)
+        self._right: Floats = np.asarray(np.linalg.inv(self.fit.after), dtype=np.float64)
+        self._centre, self._radius = self._centres()
+        self._wrist, self._elbow = self._changes()
+
+    @cached_property
+    def general(self) -> General6R:
+        """The elimination, which needs no branches."""
+        return General6R(self.chain)
+
+    def solve(self, T: Floats, *, tol: float) -> tuple[Floats, NDArray[np.bool_]]:
+        """Compute all postures for many poses of the flange in the chain's base.
+
+        Args:
+            T: Poses, shape (count, 4, 4), rotations exact.
+            tol: Where nothing reaches a pose exactly, postures that miss it by no more than this [m, rad].
+
+        Returns:
+            Postures (6, 16, count) [rad], NaN where there is none, and which there are (16, count).
+        """
+        count = len(T)
+        q = np.full((6, MAX_POSTURES, count), np.nan)
+        valid = np.zeros((MAX_POSTURES, count), dtype=np.bool_)
+        doubtful = np.empty(count, dtype=np.bool_)
+        for part in blocks(count):
+            q[:, :BRANCHES, part], valid[:BRANCHES, part], doubtful[part] = self._by_branches(T[part])
+        rows = np.flatnonzero(doubtful)
+        q[:, :, rows], valid[:, rows] = np.nan, False
+        lists = self.general.solve(T[rows], tol=tol)
+        if lists:
+            postures, pose = np.vstack(lists), np.repeat(np.arange(len(rows)), [len(found) for found in lists])
+            index = self._index(postures.T)[0]
+            counts = np.bincount(MAX_POSTURES * pose + index, minlength=MAX_POSTURES * len(rows))
+            shared = counts.reshape(-1, MAX_POSTURES).max(axis=1) > 1
+            for which in np.flatnonzero(shared):
+                index[pose == which] = self.branches(lists[which])
+            q[:, index, rows[pose]], valid[index, rows[pose]] = postures.T, True
+        return q, valid
+
+    def solve_one(self, T: Floats, *, tol: float) -> list[tuple[int, Floats]]:
+        """As `solve`, for one pose (4, 4): branches in order, each with its posture (6,)."""
+        rows = self._fitted_rows(T)
+        found, _ = solve_pose(rows, self.fit.geometry, tol=EXACT)
+        branches = [row[BRANCH] for row in found]
+        if not any(row[FLAGS] for row in found) and not self._one_near_singular(rows, T, branches):
+            if not found:
+                return []
+            q, off = self._refined_few(np.array([row[ANGLES] for row in found]) - self.fit.zeros, T[None])
+            if off < EXACT and self._index(q.T)[0].tolist() == branches:
+                return list(zip(branches, wrapped(q), strict=True))
+        (postures,) = self.general.solve(T[None], tol=tol)
+        return sorted(zip(self.branches(postures), postures, strict=True), key=lambda found: found[0])
+
+    def _refined_few(self, q: Floats, T: Floats) -> tuple[Floats, float]:
+        """Newton's method from few near starts (m, 6) to one pose (1, 4, 4), and how far the worst result misses."""
+        start, missing = q, np.inf
+        for _ in range(STEPS):
+            error, J, off = self.chain.step(q, T)
+            missing = float(off.max())
+            if not 0.01 * EXACT < missing < STEADY:
+                break
+            try:
+                q = q + np.linalg.solve(J, error[:, :, None])[:, :, 0]
+            except np.linalg.LinAlgError:
+                break
+        return q, missing if np.abs(q - start).max() < FAR else np.inf
+
+    def _one_near_singular(self, rows: Rows, T: Floats, branches: Sequence[int]) -> bool:
+        """As `_near_singular`, for one pose and the branches that it has."""
+        g, turned, centre = self.fit.geometry, self.fit.orientation, self._centre
+        (nx, ox, ax, px), (ny, oy, ay, py), (_, _, az, pz) = rows
+        x, y, z = px - g.d6 * ax, py - g.d6 * ay, pz - g.d6 * az - g.d1
+        r2 = x * x + y * y
+        r = sqrt(r2)
+        if r <= g.d4:
+            return r >= g.d4 - self._radius
+        side = sqrt(r2 - g.d4 * g.d4)
+        pan = centre / side
+        for first, m in ((0, side / r2), (4, -side / r2)):
+            s1, c1 = x * g.d4 / r2 + y * m, x * m - y * g.d4 / r2
+            s5 = hypot(nx * s1 - ny * c1, oy * c1 - ox * s1)
+            if s5 <= 2.0 * turned + WRIST_MARGIN * (self._wrist[0] + self._wrist[1] / side):
+                return True
+            reach = centre * (1.0 + r / side) + 2.0 * g.d5 * (turned + pan) / s5
+            u, k = -x * c1 - y * s1, g.d5 / s5
+            for branch, flip in ((first, k), (first + 2, -k)):
+                if branch not in branches or branch + 1 not in branches:
+                    rho = hypot(u - flip * az, flip * (ax * c1 + ay * s1) - z)
+                    if g.folded - reach < rho < g.stretched + reach and (
+                        turned + pan > STEADY * s5 or self._may_be_reached(T[None], branch)[0]
+                    ):
+                        return True
+        return False
+
+    def why_empty(self, T: Floats) -> int:
+        """`Miss` flags of the fitted arm for a pose (4, 4) that the calibrated one does not reach."""
+        found, flags = solve_pose(self._fitted_rows(T), self.fit.geometry)
+        return int(Miss.CALIBRATION) if found else flags
+
+    def shortfalls(self, T: Floats) -> dict[int, Shortfall]:
+        """`kinreach.kinematics._ur.reach.shortfalls` of the fitted arm for a pose (4, 4)."""
+        return shortfalls(self._fitted_rows(T), self.fit.geometry)
+
+    def way_into_reach(self, T: Floats) -> Floats:
+        """`kinreach.kinematics._ur.reach.way_into_reach` of the fitted arm for a pose (4, 4), in its frame."""
+        return np.asarray(self._left[:3, :3].T @ way_into_reach(self._fitted_rows(T), self.fit.geometry))
+
+    def _fitted_rows(self, T: Floats) -> Rows:
+        """A pose in the DH base of the fitted arm, and of its flange."""
+        rows: Rows = (self._left @ T @ self._right)[:3].tolist()
+        return rows
+
+    def branches(self, q: Floats) -> list[int]:
+        """Return the index of each posture (k, 6) of one pose, all different."""
+        index, margin = self._index(q.T)
+        taken: dict[int, int] = {}
+        for which in np.argsort(-margin):
+            taken.setdefault(int(index[which]), int(which))
+        mine = {which: branch for branch, which in taken.items()}
+        spare = iter([*range(BRANCHES, MAX_POSTURES), *(set(range(BRANCHES)) - set(taken))])
+        return [mine[which] if which in mine else next(spare) for which in range(len(q))]
+
+    def _index(self, q: Floats) -> tuple[NDArray[np.int64], Floats]:
+        """Branch of postures (6, m) of the fitted arm, and how far each is from the nearest singularity."""
+        g = self.fit.geometry
+        _, q2, q3, q4, q5, _ = (wrapped(q) + self.fit.zeros[:, None]).astype(np.float32)
+        shoulder = g.a2 * np.cos(q2) + g.a3 * np.cos(q2 + q3) + g.d5 * np.sin(q2 + q3 + q4)
+        wrist, elbow = np.sin(q5), np.sin(q3)
+        index = 4 * (shoulder < 0.0) + 2 * (wrist < 0.0) + (elbow < 0.0)
+        return index, np.minimum(np.abs(shoulder), np.minimum(np.abs(wrist), np.abs(elbow)))
+
+    def _by_branches(self, T: Floats) -> tuple[Floats, NDArray[np.bool_], NDArray[np.bool_]]:
+        """One posture a branch by Newton's method; which branches have one; for which poses that may not be all."""
+        q, valid, doubtful, _ = solve_poses(T, self._left, self._right, self.fit.geometry, tol=EXACT)
+        doubtful |= self._near_singular(T, valid)
+        branch, row = np.nonzero(valid & ~doubtful)
+        found, arrived = self._refined.near(q[:, branch, row] - self.fit.zeros[:, None], row, self._refined.wanted(T))
+        arrived &= self._index(found)[0] == branch
+        q[:, branch, row] = wrapped(found)
+        doubtful[row[~arrived]] = True
+        return q, valid, doubtful
+
+    def _near_singular(self, T: Floats, valid: NDArray[np.bool_]) -> NDArray[np.bool_]:
+        """For which poses (count, 4, 4) a pose within the bounds of the fit is singular, except folds that are found.
+
+        Args:
+            T: The poses.
+            valid: Which branches the fitted arm has for them, shape (8, count).
+        """
+        g, turned = self.fit.geometry, self.fit.orientation
+        near = np.zeros(len(T), dtype=np.bool_)
+        entries = self._entries(T)
+        with np.errstate(invalid="ignore", divide="ignore"):
+            for branch in range(0, BRANCHES, 2):
+                sheet = _Sheet(entries, branch, g)
+                pan = self._centre / sheet.side  # how far q1 may be off [rad]
+                near |= sheet.s5 <= 2.0 * turned + WRIST_MARGIN * (self._wrist[0] + self._wrist[1] / sheet.side)
+                reach = self._centre * (1.0 + sheet.r / sheet.side) + 2.0 * g.d5 * (turned + pan) / sheet.s5
+                border = (sheet.rho < g.stretched + reach) & (sheet.rho > g.folded - reach)
+                missing = border & ~valid[branch : branch + 2].all(axis=0)
+                near |= missing & (turned + pan > STEADY * sheet.s5)
+                rows = np.flatnonzero(missing & ~near)
+                if len(rows):
+                    near[rows] = self._may_be_reached(T[rows], branch)
+        return (near | (sheet.r <= g.d4)) & (sheet.r >= g.d4 - self._radius)
+
+    def _may_be_reached(self, T: Floats, branch: int) -> NDArray[np.bool_]:
+        """Whether the elbow of a shoulder and wrist may reach poses (count, 4, 4) that the fitted arm's does not.
+
+        The poses are corrected by how the two arms differ with the elbow stretched or folded. What is left of the
+        difference grows in proportion to the elbow's angle, and the reach shrinks with its square.
+        """
+        g, wanted = self.fit.geometry, T
+        sheet = _Sheet(self._entries(T), branch, g)
+        for _ in range(2):
+            q = sheet.clamped(g)
+            T = _poses(self.fit.chain.fk(q)) @ np.linalg.inv(_poses(self.chain.fk(q - self.fit.zeros))) @ wanted
+            sheet = _Sheet(self._entries(T), branch, g)
+        reached = np.zeros(len(T), dtype=np.bool_)
+        with np.errstate(divide="ignore"):  # where a sheet has no room, its bound is infinite
+            for gap, (position, orientation, bend) in zip(
+                (sheet.rho - g.stretched, g.folded - sheet.rho), self._elbow, strict=True
+            ):
+                slope = (position + g.d6 * orientation) * (1.0 + sheet.r / sheet.side + g.d5 / (sheet.side * sheet.s5))
+                slope += g.d5 * orientation / sheet.s5
+                reached |= gap > slope * slope * bend
+        return ~reached
+
+    def _entries(self, T: Floats) -> Floats:
+        """Entries of the flange's poses in the DH base of the fitted arm, shape (12, count)."""
+        return flange_entries(np.ascontiguousarray(T[:, :3].reshape(-1, 12).T), self._left, self._right)
+
+    def _centres(self) -> tuple[float, float]:
+        """How far the arms' wrist centres, and their distances from axis 1, may be apart for one posture [m]."""
+        q = np.random.default_rng(2).uniform(-np.pi, np.pi, (10 * SAMPLES, 6))
+        arms = (self.fit.chain.fk(q), self.chain.fk(q - self.fit.zeros))
+        entries = np.array([self._entries(_poses(rows)).reshape(3, 4, -1) for rows in arms])
+        centres = entries[:, :, 3] - self.fit.geometry.d6 * entries[:, :, 2]
+        apart = np.linalg.norm(centres[1] - centres[0], axis=0).max()
+        radii = np.hypot(centres[:, 0], centres[:, 1])
+        return CAUTION * float(apart), CAUTION * float(np.abs(radii[1] - radii[0]).max())
+
+    def _changes(self) -> tuple[tuple[float, float], list[tuple[float, float, float]]]:
+        """How fast the two arms' difference changes where the wrist, or the elbow, is singular.
+
+        Returns:
+            Orientation [rad/rad] and position of the wrist centre [m/rad] by the angle by which q4 and q6 turn against
+            each other with sin q5 = 0; and for the stretched and the folded elbow both by the elbow's angle, and how
+            much the reach shrinks with the square of that angle, inverse [1/m].
+        """
+        g = self.fit.geometry
+        q = np.random.default_rng(1).uniform(-np.pi, np.pi, (SAMPLES, 6))
+
+        def change(joint: int, angle: float, along: Sequence[float]) -> Floats:
+            q[:, joint] = angle
+            twist = (self.chain.jacobian(q - self.fit.zeros)[1] - self.fit.chain.jacobian(q)[1]) @ along
+            return np.array([np.linalg.norm(twist[:, :3], axis=1).max(), np.linalg.norm(twist[:, 3:], axis=1).max()])
+
+        wrist = np.maximum(change(4, 0.0, (0, 0, 0, 1, 0, -1)), change(4, np.pi, (0, 0, 0, 1, 0, 1)))
+        past = []
+        for angle, length in ((0.0, g.a2 + g.a3), (np.pi, g.a2 - g.a3)):
+            lift = -np.cos(angle) * g.a3 / length  # keeps wrist_1 in its place, to first order
+            position, orientation = CAUTION * change(2, angle, (0, lift, 1, -1 - lift, 0, 0))
+            past.append((float(position), float(orientation), abs(length / (g.a2 * g.a3))))
+        return (CAUTION * float(wrist[1]), CAUTION * float(wrist[0] + g.d6 * wrist[1])), past
+
+
+class _Sheet:
+    """One shoulder and one wrist of the fitted arm for many poses.
+
+    Args:
+        entries: The flange in the DH base, shape (12, count).
+        branch: Index of one of the two branches.
+        g: Lengths of the arm [m].
+
+    Attributes:
+        r: Distance of the wrist centre from the first axis [m].
+        side: What is left of it beside d4, 0 inside the cylinder of that radius [m].
+        s5: Sine of q5, without its sign.
+        rho: Distance between shoulder and wrist_1 [m].
+    """
+
+    def __init__(self, entries: Floats, branch: int, g: URGeometry) -> None:
+        nx, ox, ax, px, ny, oy, ay, py, _, _, az, pz = entries
+        x, y, z = px - g.d6 * ax, py - g.d6 * ay, pz - g.d6 * az - g.d1
+        r2 = x * x + y * y
+        self.r = np.sqrt(r2)
+        self.side = np.sqrt(np.maximum(r2 - g.d4 * g.d4, 0.0))
+        m, d = (self.side if branch < 4 else -self.side) / r2, g.d4 / r2
+        self._flip = -1.0 if branch & 2 else 1.0
+        self._s1, self._c1 = s1, c1 = x * d + y * m, x * m - y * d
+        self._c6, self._s6, self._c5 = nx * s1 - ny * c1, oy * c1 - ox * s1, ax * s1 - ay * c1
+        self.s5 = np.sqrt(self._c6 * self._c6 + self._s6 * self._s6)
+        k = self._flip * g.d5 / self.s5
+        self._s, self._c = k * az, k * (ax * c1 + ay * s1)
+        self._u, self._v = -x * c1 - y * s1 - self._s, self._c - z
+        self.rho = np.sqrt(self._u * self._u + self._v * self._v)
+
+    def clamped(self, g: URGeometry) -> Floats:
+        """Return the posture with the elbow stretched or folded, whichever is nearer [rad], shape (count, 6)."""
+        folded = self.rho < 0.5 * (g.stretched + g.folded)
+        q3 = np.where(folded, np.pi, 0.0)
+        q2 = np.arctan2(self._v, self._u) - np.where(folded & (g.a2 > g.a3), np.pi, 0.0)
+        q4 = np.arctan2(-self._s, -self._c) - q2 - q3
+        q5 = self._flip * np.arctan2(self.s5, self._c5)
+        q6 = np.arctan2(self._flip * self._s6, self._flip * self._c6)
+        return np.column_stack([np.arctan2(self._s1, self._c1), q2, q3, q4, q5, q6])
+
+
+def _chain(lengths: Floats, before: Floats, after: Floats) -> Chain:
+    """The arm with a closed form, `before ur_fk(q) after` with `kinreach.kinematics._ur.geometry.ur_fk`."""
+    d1, a2, a3, d4, d5, d6 = lengths.tolist()
+    right = np.pi / 2
+    steps = ((right, 0.0, d1), (0.0, a2, 0.0), (0.0, a3, 0.0), (right, 0.0, d4), (-right, 0.0, d5), (0.0, 0.0, d6))
+    placements = [before]
+    for alpha, a, d in steps:
+        c, s = np.cos(alpha), np.sin(alpha)
+        placements.append(np.array([[1, 0, 0, a], [0, c, -s, 0], [0, s, c, d], [0, 0, 0, 1]]))
+    placements[-1] = placements[-1] @ after
+    return Chain(np.array(placements))
+
+
+def _moved(before: Floats, after: Floats, twists: Floats) -> tuple[Floats, Floats]:
+    """Base and flange moved by a small twist each, from outside and from inside [m, rad], shape (12,)."""
+    outside, flange = moved_frames(np.array([np.eye(4), after]), twists.reshape(2, 6))
+    return outside @ before, flange
+
+
+def _poses(rows: Floats) -> Floats:
+    """Homogeneous transforms (m, 4, 4) from their upper rows (m, 3, 4)."""
+    T = np.zeros((len(rows), 4, 4))
+    T[:, :3], T[:, 3, 3] = rows, 1.0
+    return T

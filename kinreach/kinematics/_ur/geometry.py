@@ -1,0 +1,148 @@
+"""Link lengths of a UR-type arm, read from its model, and forward kinematics on plain floats."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from enum import IntFlag
+
+import numpy as np
+
+from kinreach._checks import Floats
+from kinreach.errors import InputError
+
+#: Postures of a pose: two of the shoulder, of the wrist and of the elbow.
+BRANCHES = 8
+
+#: The three upper rows of a homogeneous transform, ((nx, ox, ax, px), (ny, oy, ay, py), (nz, oz, az, pz)).
+Rows = Sequence[Sequence[float]]
+
+
+@dataclass(frozen=True)
+class URGeometry:
+    """Denavit-Hartenberg lengths of a UR-type arm [m] (Hawkins, Analytic inverse kinematics for the UR-5/UR-10, 2013).
+
+    `a2` and `a3` are negative in this convention. Calibrated arms have their own values.
+
+    Attributes:
+        stretched: Distance from shoulder to wrist_1 with the elbow straight [m].
+        folded: Distance from shoulder to wrist_1 with the elbow folded [m].
+        packed: d1, |a2|, |a3|, d5, d6, d4, a2^2 + a3^2, 2 a2 a3, in this order, for the solvers' inner loops.
+    """
+
+    d1: float
+    a2: float
+    a3: float
+    d4: float
+    d5: float
+    d6: float
+    stretched: float = field(init=False)
+    folded: float = field(init=False)
+    packed: tuple[float, ...] = field(init=False, repr=False)
+
+    def __post_init__(self) -> None:
+        d1, a2, a3, d4, d5, d6 = lengths = (self.d1, self.a2, self.a3, self.d4, self.d5, self.d6)
+        if not (math.isfinite(sum(lengths)) and a2 < 0 and a3 < 0 and d4 > 0):
+            raise InputError(f"not the lengths of a UR-type arm (a2 < 0, a3 < 0, d4 > 0): {lengths}")
+        set_field = object.__setattr__
+        set_field(self, "stretched", abs(a2) + abs(a3))
+        set_field(self, "folded", abs(abs(a2) - abs(a3)))
+        set_field(self, "packed", (d1, -a2, -a3, d5, d6, d4, a2 * a2 + a3 * a3, 2 * a2 * a3))
+
+    @classmethod
+    def from_axes(cls, origins: Floats, axes: Floats, flange: Floats) -> URGeometry:
+        """Read the lengths off the joints' axes with all joints at 0, however their frames are placed along them.
+
+        Lengths are rounded to 1e-10 m: URDFs write pi/2 with few digits.
+
+        Args:
+            origins: A point of each axis in the arm's base frame [m], shape (6, 3).
+            axes: Directions of the axes there, shape (6, 3).
+            flange: Origin of the flange there [m], shape (3,).
+
+        Raises:
+            InputError: These are not six axes, or not the lengths of a UR.
+        """
+        if len(axes) != 6:
+            raise InputError(f"a UR-type arm has 6 joints, the model has {len(axes)}")
+        up, across = axes[0], axes[1]  # of the shoulder, and of the three parallel axes
+        plane = np.eye(3) - np.outer(across, across)
+        upper, fore = (np.linalg.norm(plane @ (origins[i + 1] - origins[i])) for i in (1, 2))
+        lengths = (
+            origins[1] @ up,
+            -upper,
+            -fore,
+            abs((origins[4] - origins[0]) @ across),
+            abs((origins[5] - origins[3]) @ up),
+            abs((flange - origins[4]) @ across),
+        )
+        return cls(*(round(float(length), 10) for length in lengths))
+
+
+def ur_fk(q: Sequence[float], g: URGeometry) -> Rows:
+    """Compute the pose of the flange in the DH base frame, as rows of a 4x4 transform without the last.
+
+    With X along the arm's plane, Z normal to it, and q234 the pitch of the forearm's end,
+    the flange's columns are n = c6 (c5 X + s5 Z) + s6 Y, o = c6 Y - s6 (c5 X + s5 Z), a = c5 Z - s5 X.
+
+    Args:
+        q: Six joint angles [rad].
+        g: Link lengths.
+    """
+    q1, q2, q3, q4, q5, q6 = q
+    s1, c1 = math.sin(q1), math.cos(q1)
+    s5, c5 = math.sin(q5), math.cos(q5)
+    s6, c6 = math.sin(q6), math.cos(q6)
+    s, c = math.sin(q2 + q3 + q4), math.cos(q2 + q3 + q4)
+    n_plane, n_normal = c6 * c5, c6 * s5
+    o_plane, o_normal = -s6 * c5, -s6 * s5
+    # in the arm's plane: u along (c1, s1, 0), v along z; w along the plane's normal (s1, -c1, 0)
+    n_u, n_v = n_plane * c - s6 * s, n_plane * s + s6 * c
+    o_u, o_v = o_plane * c - c6 * s, o_plane * s + c6 * c
+    a_u, a_v = -s5 * c, -s5 * s
+    u = g.a2 * math.cos(q2) + g.a3 * math.cos(q2 + q3) + g.d5 * s + g.d6 * a_u
+    v = g.a2 * math.sin(q2) + g.a3 * math.sin(q2 + q3) - g.d5 * c + g.d6 * a_v + g.d1
+    w = g.d4 + g.d6 * c5
+    return (
+        (n_u * c1 + n_normal * s1, o_u * c1 + o_normal * s1, a_u * c1 + c5 * s1, u * c1 + w * s1),
+        (n_u * s1 - n_normal * c1, o_u * s1 - o_normal * c1, a_u * s1 - c5 * c1, u * s1 - w * c1),
+        (n_v, o_v, a_v, v),
+    )
+
+
+class Singularity(IntFlag):
+    """What was clamped, free or moved in a solution."""
+
+    #: P5 lies on the cylinder of radius d4 around the first axis: both shoulder values are one.
+    SHOULDER = 1
+    #: sin q5 = 0: wrist_3 is parallel to the three middle axes, q6 was chosen.
+    WRIST = 2
+    #: The elbow is stretched or folded: both elbow values are one.
+    ELBOW = 4
+    #: q6 could not keep the caller's value and was moved to the nearest feasible one.
+    MOVED = 8
+
+
+class Miss(IntFlag):
+    """Which part of the geometry kept a branch from reaching."""
+
+    SHOULDER_CYLINDER = 1
+    ELBOW_OUT = 2
+    ELBOW_IN = 4
+    RESIDUAL = 8
+    CALIBRATION = 16
+
+
+_MISS_TEXT = {
+    Miss.SHOULDER_CYLINDER: "wrist centre inside the shoulder cylinder (closer to the first axis than d4)",
+    Miss.ELBOW_OUT: "too far away for the stretched elbow",
+    Miss.ELBOW_IN: "too close for the folded elbow",
+    Miss.CALIBRATION: "at the border of what this calibrated arm reaches, and beyond it",
+    Miss.RESIDUAL: "a clamped solution misses the target by more than the tolerance",
+}
+
+
+def miss_text(miss: int) -> str:
+    """Describe what kept the arm from a target; empty for no flags."""
+    return "; ".join(text for flag, text in _MISS_TEXT.items() if miss & flag)

@@ -1,0 +1,478 @@
+"""Kinematics of the UR family: closed-form inverse for poses and tool directions, one or many."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from kinreach._checks import (
+    MAX_DISTANCE,
+    Floats,
+    as_floats,
+    as_pose,
+    check_poses,
+    check_tolerance,
+    is_tensor,
+    shown,
+)
+from kinreach._engines import load
+from kinreach.errors import InputError
+from kinreach.kinematics._arm import link_frame
+from kinreach.kinematics._chain import about_z, rotation_to
+from kinreach.kinematics._closed_form import ClosedFormKinematics
+from kinreach.kinematics._goals import AxisGoal, Goal, PoseGoal, PositionGoal, nearest_rotations, pose_error
+from kinreach.kinematics._solutions import (
+    ANGLES,
+    BRANCH,
+    FLAGS,
+    Accept,
+    IKBatch,
+    IKResult,
+    IKSolutions,
+    Row,
+    Status,
+    nearest_winding,
+)
+from kinreach.kinematics._tensors import like, on_host
+from kinreach.kinematics._ur.batch import ROUNDING, SHOULDER_LIFT, WRIST_1, WRIST_3, solve_poses
+from kinreach.kinematics._ur.calibrated import CalibratedSolver
+from kinreach.kinematics._ur.closed_form import WRIST, solve_axis, solve_pose
+from kinreach.kinematics._ur.free_wrist import free_wrist_within
+from kinreach.kinematics._ur.geometry import BRANCHES, Rows, URGeometry, miss_text, ur_fk
+from kinreach.kinematics._ur.reach import Shortfall, shortfalls, way_into_reach
+from kinreach.robots import ArmDescription, Tool, as_arm
+from kinreach.robots._tools import FLANGE
+from kinreach.robots._ur import FLIP
+
+pin: Any = load("pinocchio")
+
+FIT_TOLERANCE = 1e-8
+#: Turns about the tool that are tried where all postures with the seed's are refused [rad], the smallest first.
+TURNS = np.radians([45, -45, 90, -90, 135, -135, 180])
+#: How far the flange may be from the last joint's axis for wrist_3 to turn about it [m, and sine of an angle].
+AXIS_TOLERANCE = 1e-9
+
+
+class NotOfThisKind(InputError):
+    """The arm has another geometry than a closed form is for."""
+
+
+class URKinematics(ClosedFormKinematics):
+    """Kinematics of a UR-type arm. Threads may share an instance.
+
+    Link lengths are read from the URDF.
+
+    Args:
+        arm: Name of a UR, one of `kinreach.robots.UR_LENGTHS` from "ur3" to "ur30", or the description of a UR-type
+            arm.
+        tip: `"tool0"`, the flange, or another tip of the arm; None for the arm's own.
+        base: `"base_link"`, `"base"` (the controller's), `"world"`, or a frame of your own (`ArmKinematics`).
+        tool: A tool on the flange; its centre point is the tip. `[x, y, z, rx, ry, rz]` as on the pendant (metres,
+            rotation vector in radians), a 4x4 transform, or a `kinreach.robots.Tool` with mass and shapes.
+
+    Attributes:
+        geometry: Denavit-Hartenberg lengths [m].
+
+    Raises:
+        UnknownNameError: There is no such arm, tip or base.
+        InputError: The arm's geometry is not that of a UR.
+
+    Note:
+        The tip is the flange unless another one is named, as for the controller of a UR without a tool; that of
+        `ArmKinematics.of` is the arm's own, `"tcp"` of the `ur5`.
+    """
+
+    joints = 6
+
+    def __init__(
+        self,
+        arm: str | ArmDescription = "ur5",
+        *,
+        tip: str | None = FLANGE,
+        base: str | ArrayLike = "base_link",
+        tool: Tool | ArrayLike | None = None,
+    ) -> None:
+        super().__init__(arm, tip=tip, base=base, tool=tool)
+        self.geometry, self._flange = self._lengths()
+        T_flange_tip = self._flange.inverse() * self.model.frames[self.tip_frame].placement
+        self._T_dh_base: Floats = FLIP @ np.linalg.inv(self.T_world_arm) @ self.T_world_base
+        self._T_tip_flange: Floats = T_flange_tip.inverse().homogeneous
+        # with tool0 in base_link only two rows change their sign
+        self._plain = bool((self._T_dh_base == FLIP).all() and (self._T_tip_flange == np.eye(4)).all())
+        self._reach = _reach_along_tool(T_flange_tip.homogeneous)
+        self._check_fit()
+
+    def _lengths(self) -> tuple[URGeometry, Any]:
+        """Lengths by the joints' axes, and the flange in the last joint's frame (a pin.SE3).
+
+        An arm without a tip `tool0` has its flange where the tip's perpendicular meets the last axis.
+        """
+        origins, directions, frame = [], [], np.linalg.inv(self.T_world_arm)
+        for placement, axis in zip(*self._joint_frames(), strict=True):
+            frame = frame @ placement
+            origins.append(frame[:3, 3])
+            directions.append(frame[:3, :3] @ axis)
+        named = FLANGE in self.arm.tips
+        link = link_frame(self.model, self.arm.tips[FLANGE]) if named else self.tip_frame
+        flange = self.model.frames[link].placement
+        end = frame[:3, :3] @ flange.translation + frame[:3, 3]
+        if not named:
+            end = origins[-1] + directions[-1] * (directions[-1] @ (end - origins[-1]))
+        geometry = URGeometry.from_axes(np.array(origins), np.array(directions), end)
+        if not named:
+            T_dh_flange = np.array([*ur_fk([0.0] * self.n, geometry), (0.0, 0.0, 0.0, 1.0)])
+            flange = pin.SE3(np.linalg.inv(FLIP @ frame) @ T_dh_flange)
+        return geometry, flange
+
+    @classmethod
+    def from_calibration(
+        cls,
+        file: str | Path,
+        *,
+        model: str | ArmDescription = "ur5",
+        tip: str | None = FLANGE,
+        base: str | ArrayLike = "base_link",
+        tool: Tool | ArrayLike | None = None,
+        repair: bool = False,
+    ) -> URKinematics:
+        """Return the kinematics of a real arm with its factory calibration.
+
+        Args:
+            file: The ROS driver's `kinematics.yaml`, the controller's `calibration.conf`, or a calibrated URDF.
+            model: Which UR it is, "ur3" to "ur30", or a description of one.
+            tip: As for `URKinematics`.
+            base: As for `URKinematics`.
+            tool: As for `URKinematics`.
+            repair: Put right what an old exporter folded (`kinreach.robots.read_calibration`).
+
+        Returns:
+            A `CalibratedURKinematics`; a `URKinematics` if the file has the figures of the data sheet.
+
+        Raises:
+            UnknownNameError: There is no such model, tip or base.
+            InputError: The file is not a calibration of this model.
+        """
+        arm = as_arm(model).calibrated(file, repair=repair)
+        try:
+            return URKinematics(arm, tip=tip, base=base, tool=tool)
+        except NotOfThisKind:
+            return CalibratedURKinematics(arm, tip=tip, base=base, tool=tool)
+
+    def all_solutions(
+        self, T: ArrayLike, *, seed: ArrayLike | None = None, limits: bool = True, tol: float = 1e-7
+    ) -> IKSolutions:
+        """Compute every posture that brings the tip to a pose, singular cases included.
+
+        Args:
+            T: Pose of the tip in the base frame, shape (4, 4).
+            seed: Posture [rad], shape (6,). With it, each solution is given in the winding nearest to it, they are
+                sorted by distance from it, and wrist_3 keeps its value where it is free. Without it,
+                they are in the order of the branch index, and a free wrist_3 stays near 0.
+            limits: Leave out what the joint limits forbid.
+            tol: Largest error of a solution in which something was clamped [m, rad], 1e-9 to 1.
+
+        Returns:
+            Up to eight solutions, or the reason why there is none.
+
+        Raises:
+            InputError: `T` is not a finite rigid motion, or the seed is malformed.
+        """
+        start = self._posture_or_none(seed)
+        T = as_floats("T", T).copy()
+        rows = self._flange_rows(T)
+        tol = check_tolerance(tol)
+        found, miss = self._solve_pose(rows, start, limits=limits, tol=tol)
+        unreached = "" if found else miss_text(miss)
+        return self._solutions(found, unreached, lambda q: pose_error(T, self.fk(q)), start, limits, tol)
+
+    def axis_solutions(
+        self,
+        position: ArrayLike,
+        axis: ArrayLike,
+        *,
+        seed: ArrayLike | None = None,
+        limits: bool = True,
+        tol: float = 1e-7,
+    ) -> IKSolutions:
+        """Compute every posture with the tip at a point and its z axis along a direction; rotation about it is free.
+
+        Args:
+            position: In the base frame [m], shape (3,).
+            axis: Direction of the tip's z axis in the base frame, shape (3,); need not be normalised.
+            seed: As in `all_solutions`; wrist_3 takes its value (0 without a seed), or the limit nearest to that.
+            limits: As in `all_solutions`.
+            tol: As in `all_solutions`.
+
+        Raises:
+            InputError: Malformed input, or a tip that is not on the axis of wrist_3.
+        """
+        start = self._posture_or_none(seed)
+        goal = AxisGoal(position, axis)  # type: ignore[arg-type]
+        tol = check_tolerance(tol)
+        if self._reach is None:
+            raise InputError(f"tip {self.tip!r} is not on the axis of the last joint, which an axis goal needs")
+        p = self._T_dh_base[:3, :3] @ goal.position + self._T_dh_base[:3, 3]
+        a = self._T_dh_base[:3, :3] @ goal.axis
+        pitch, q6 = (
+            (0.0, 0.0) if start is None else (float(start[SHOULDER_LIFT : WRIST_1 + 1].sum()), float(start[WRIST_3]))
+        )
+        if limits:  # wrist_3 is free, so what the limits ask of it costs no solution
+            q6 = min(max(q6, self._low[WRIST_3]), self._high[WRIST_3])
+        found, miss = solve_axis(p.tolist(), a.tolist(), self.geometry, reach=self._reach, tol=tol, pitch=pitch, q6=q6)
+        return self._solutions(found, "" if found else miss_text(miss), self._error_of(goal), start, limits, tol)
+
+    def axis_goal(
+        self, position: ArrayLike, axis: ArrayLike, seed: ArrayLike, *, accept: Accept | None = None
+    ) -> IKResult:
+        """Compute the posture nearest to a seed among `axis_solutions`.
+
+        Args:
+            position: In the base frame [m], shape (3,).
+            axis: Direction of the tip's z axis in the base frame, shape (3,).
+            seed: Posture [rad], shape (6,).
+            accept: Called with candidates in the order of their distance until it returns True. If it refuses them all
+                they are turned about the tip's z axis, which wrist_3 does alone: by 45 degrees, and so on.
+
+        Raises:
+            InputError: As `axis_solutions`.
+        """
+        start = self.as_posture("seed", seed)
+        result = self._choose(self.axis_solutions(position, axis, seed=start), start, accept)
+        if result.status is not Status.REJECTED:
+            return result
+        for turn in TURNS:
+            wrist_3 = float(start[WRIST_3])
+            last = nearest_winding([wrist_3 + turn], [wrist_3], self._low[WRIST_3:], self._high[WRIST_3:])
+            if last is None:
+                continue
+            turned = np.array([*start[:WRIST_3], *last])
+            other = self._choose(self.axis_solutions(position, axis, seed=turned), start, accept)
+            if other.success:
+                return other
+        return result
+
+    def shortfalls(self, T: ArrayLike) -> dict[int, Shortfall]:
+        """Explain which part of the arm keeps each branch from a pose, and by how much.
+
+        Args:
+            T: Pose of the tip in the base frame, shape (4, 4).
+
+        Returns:
+            By branch index, for those that are out of reach.
+
+        Raises:
+            InputError: `T` is not a finite rigid motion.
+        """
+        return shortfalls(self._flange_rows(T), self.geometry)
+
+    def nearest_in_reach(self, T: ArrayLike) -> Floats:
+        """Compute the nearest pose with the same orientation that the arm reaches, whatever the joint limits.
+
+        Args:
+            T: Pose of the tip in the base frame, shape (4, 4).
+
+        Returns:
+            Shape (4, 4); `T` itself, within 1e-9 m, where it is in reach.
+
+        Raises:
+            InputError: `T` is not a finite rigid motion.
+        """
+        nearest = as_pose("T", T).copy()
+        nearest[:3, 3] += self._T_dh_base[:3, :3].T @ way_into_reach(self._flange_rows(T), self.geometry)
+        return nearest
+
+    def solve(self, goal: Goal, seed: ArrayLike, *, accept: Accept | None = None) -> IKResult:
+        """Compute the posture nearest to a seed for a `PoseGoal` or an `AxisGoal`.
+
+        Raises:
+            InputError: A `PositionGoal`, which leaves three of six joints free, or an object of another kind.
+        """
+        if isinstance(goal, PositionGoal):
+            raise InputError("a six-joint arm has no closed form for a bare position; give an AxisGoal or a PoseGoal")
+        if isinstance(goal, AxisGoal):
+            return self.axis_goal(goal.position, goal.axis, seed, accept=accept)
+        if not isinstance(goal, PoseGoal):
+            raise InputError(f"goal must be a PoseGoal or an AxisGoal, got {shown(goal)}")
+        return self.nearest(goal.T, seed, accept=accept)
+
+    def _solve_pose(self, rows: Rows, start: Floats | None, *, limits: bool, tol: float) -> tuple[list[Row], int]:
+        """As `solve_pose`; where wrist_3 is free, it takes a value with which the posture is within the limits."""
+        seed = np.zeros(self.n) if start is None else start
+        found, miss = solve_pose(rows, self.geometry, tol=tol, q6=float(seed[WRIST_3]))
+        free = [row for row in found if row[FLAGS] & WRIST]
+        if limits and not self._full_turn and not all(self._allows(row, seed, tol) for row in free):
+            fitting = free_wrist_within(rows, self.geometry, self.lower, self.upper, seed=seed, tol=tol)
+            kept = [row for row in found if not row[FLAGS] & WRIST or self._allows(row, seed, tol)]
+            chosen = {row[BRANCH]: row for row in (*found, *fitting, *kept)}
+            found = [chosen[branch] for branch in sorted(chosen)]
+        return found, miss
+
+    def _allows(self, row: Row, seed: Floats, tol: float) -> bool:
+        """Whether a solution has a winding within the limits."""
+        error_of = self._error_of(PoseGoal(self.fk(row[ANGLES])))
+        return self._wound(row[ANGLES], seed.tolist(), self._low, self._high, error_of, tol) is not None
+
+    def _batch(self, T: Any, seeds: Floats | None, tol: float, *, limits: bool) -> tuple[Any, Any]:
+        """Postures (6, 8, count) and their validity (8, count), before limits; tensors where `T` is one."""
+        if T.ndim != 3 or T.shape[1:] != (4, 4):
+            raise InputError(f"T must have shape (count, 4, 4), got {tuple(T.shape)}")
+        left, right, g = self._T_dh_base, self._T_tip_flange, self.geometry
+        q, valid, singular, skewed = solve_poses(T, left, right, g, tol=tol)
+        if skewed.any() or (T[:, 3] != like(T, (0.0, 0.0, 0.0, 1.0))).any():
+            check_poses("T", on_host(T))
+            rotations = nearest_rotations(T[:, :3, :3])
+            T = T.clone() if is_tensor(T) else T.copy()
+            T[:, :3, :3] = rotations
+            q, valid, singular, _ = solve_poses(T, left, right, g, tol=tol)
+        if len(rows := np.flatnonzero(on_host(singular))):
+            exact, exists = np.full((self.n, BRANCHES, len(rows)), np.nan), np.zeros((BRANCHES, len(rows)), np.bool_)
+            for column, (row, pose) in enumerate(zip(rows, on_host(T[rows]), strict=True)):
+                start = None if seeds is None else seeds[row]
+                found, _ = self._solve_pose(self._flange_rows(pose), start, limits=limits, tol=tol)
+                for branch, _, *angles in found:
+                    exact[:, branch, column] = angles
+                    exists[branch, column] = True
+            q[:, :, rows], valid[:, rows] = like(q, exact), like(valid, exists)
+        return q, valid
+
+    def _tensor_batch(self, T: Any, tol: float, *, limits: bool) -> IKBatch:
+        q, valid = self._batch(T.detach().double(), None, tol, limits=limits)
+        found = self._batch_within(T, q, valid, tol, limits=limits)
+        return IKBatch(like(T, found.q), found.valid)
+
+    def _flange_rows(self, T: ArrayLike) -> Rows:
+        """Pose of the flange in the DH base frame, from a checked pose of the tip in the base frame."""
+        T = as_floats("T", T)
+        if T.shape != (4, 4):
+            as_pose("T", T)
+        (nx, ox, ax, px), (ny, oy, ay, py), (nz, oz, az, pz), last = rows = T.tolist()
+        exact = (
+            -ROUNDING < nx * nx + ny * ny + nz * nz - 1.0 < ROUNDING
+            and -ROUNDING < ox * ox + oy * oy + oz * oz - 1.0 < ROUNDING
+            and -ROUNDING < nx * ox + ny * oy + nz * oz < ROUNDING
+            and -ROUNDING < ny * oz - nz * oy - ax < ROUNDING
+            and -ROUNDING < nz * ox - nx * oz - ay < ROUNDING
+            and -ROUNDING < nx * oy - ny * ox - az < ROUNDING
+            and -MAX_DISTANCE < px < MAX_DISTANCE
+            and -MAX_DISTANCE < py < MAX_DISTANCE
+            and -MAX_DISTANCE < pz < MAX_DISTANCE
+            and last == [0.0, 0.0, 0.0, 1.0]
+        )
+        if exact and self._plain:
+            return (-nx, -ox, -ax, -px), (-ny, -oy, -ay, -py), (nz, oz, az, pz)
+        if not exact:
+            T = as_pose("T", T).copy()
+            T[:3, :3] = nearest_rotations(T[:3, :3])
+        rows = (self._T_dh_base @ T @ self._T_tip_flange).tolist()
+        return rows[:3]
+
+    def _check_fit(self) -> None:
+        """The closed form describes this arm: its forward kinematics agrees with Pinocchio's."""
+        for q in (np.zeros(self.n), np.linspace(0.3, 1.3, self.n)):
+            rows: Floats = np.array(ur_fk(q.tolist(), self.geometry), dtype=np.float64)
+            expected = (self._T_dh_base @ self.fk(q) @ self._T_tip_flange)[:3]
+            if np.abs(rows - expected).max() > FIT_TOLERANCE:
+                raise NotOfThisKind(
+                    f"arm {self.arm.name!r} does not have the geometry of a UR-type arm; CalibratedURKinematics is for "
+                    "those that are a little off"
+                )
+
+
+class UR5Kinematics(URKinematics):
+    """`URKinematics` of the UR5. Threads may share an instance.
+
+    The arguments are those of `URKinematics`.
+    """
+
+
+class CalibratedURKinematics(URKinematics):
+    """Kinematics of a UR with its factory calibration: every posture, exactly. Threads may share an instance.
+
+    The methods are those of `URKinematics`, and so are the branches, as far as they can be: there may be up to sixteen
+    postures, and near a singularity some have an index of 8 or more (`kinreach.kinematics._ur.calibrated`). A free
+    wrist_3 is rare here, as tilted axes are never parallel. Postures miss the pose by less than 1e-10 m and rad; only
+    where none does that, as for a pose on the border that was rounded, those that miss it by up to `tol` are returned.
+
+    Args:
+        arm: Description of the arm, such as `get_arm("ur5").calibrated(FILE)`.
+        tip, base, tool: As for `URKinematics`.
+
+    Attributes:
+        geometry: Lengths of the nearest arm that has a closed form [m].
+
+    Raises:
+        UnknownNameError: There is no such arm, tip or base.
+        InputError: The arm is not a UR, not even one out of adjustment.
+    """
+
+    def axis_solutions(
+        self,
+        position: ArrayLike,
+        axis: ArrayLike,
+        *,
+        seed: ArrayLike | None = None,
+        limits: bool = True,
+        tol: float = 1e-7,
+    ) -> IKSolutions:
+        """As `URKinematics.axis_solutions`.
+
+        What turns about the tool's axis is wrist_3 alone: joints 1 to 5 are those of any pose with this point and
+        direction.
+        """
+        start = self._posture_or_none(seed)
+        goal = AxisGoal(position, axis)  # type: ignore[arg-type]
+        tol = check_tolerance(tol)
+        last = self._solver.chain.placements[6]
+        if self._reach is None or np.abs(last[:2, 2:]).max() > AXIS_TOLERANCE:
+            raise InputError(f"tip {self.tip!r} is not on the axis of the last joint, which an axis goal needs")
+        T = np.eye(4)
+        T[:3, :3], T[:3, 3] = rotation_to(goal.axis), goal.position
+        q6 = 0.0 if start is None else float(start[WRIST_3])
+        if limits:
+            q6 = min(max(q6, self._low[WRIST_3]), self._high[WRIST_3])
+        found, miss = self._solve_pose(self._flange_rows(T), None, limits=False, tol=tol)
+        turned = [(*row[:-1], q6) for row in found]
+        return self._solutions(turned, "" if found else miss_text(miss), self._error_of(goal), start, limits, tol)
+
+    def shortfalls(self, T: ArrayLike) -> dict[int, Shortfall]:
+        """As `URKinematics.shortfalls`, of the nearest arm that has a closed form: right to about a millimetre."""
+        return self._solver.shortfalls(np.array([*self._flange_rows(T), (0.0, 0.0, 0.0, 1.0)]))
+
+    def nearest_in_reach(self, T: ArrayLike) -> Floats:
+        """As `URKinematics.nearest_in_reach`, of the nearest arm with a closed form: right to about a millimetre."""
+        nearest = as_pose("T", T).copy()
+        way = self._solver.way_into_reach(np.array([*self._flange_rows(T), (0.0, 0.0, 0.0, 1.0)]))
+        nearest[:3, 3] += self._T_dh_base[:3, :3].T @ way
+        return nearest
+
+    def _solve_pose(self, rows: Rows, start: Floats | None, *, limits: bool, tol: float) -> tuple[list[Row], int]:
+        T = np.array([*rows, (0.0, 0.0, 0.0, 1.0)])
+        found = [(branch, 0, *q.tolist()) for branch, q in self._solver.solve_one(T, tol=tol)]
+        return found, 0 if found else self._solver.why_empty(T)
+
+    def _batch(self, T: Floats, seeds: Floats | None, tol: float, *, limits: bool) -> tuple[Floats, NDArray[np.bool_]]:
+        if T.ndim != 3 or T.shape[1:] != (4, 4):
+            raise InputError(f"T must have shape (count, 4, 4), got {T.shape}")
+        check_poses("T", T)
+        T = T.copy()
+        T[:, :3, :3] = nearest_rotations(T[:, :3, :3])
+        T[:, 3] = (0.0, 0.0, 0.0, 1.0)
+        return self._solver.solve(self._T_dh_base @ T @ self._T_tip_flange, tol=tol)
+
+    _tensor_batch = ClosedFormKinematics._tensor_batch
+
+    def _check_fit(self) -> None:
+        """Fit the nearest arm with a closed form."""
+        placements, axes = self._joint_frames()
+        placements[0] = np.linalg.inv(self.T_world_arm @ FLIP) @ placements[0]
+        self._solver = CalibratedSolver(about_z(placements, axes, self._flange.homogeneous), self.geometry)
+        self.geometry = self._solver.fit.geometry
+
+
+def _reach_along_tool(T_flange_tip: Floats) -> float | None:
+    """Distance of the tip along the flange's z axis [m], or None if it is not on it or turned away from it."""
+    aligned = np.allclose(T_flange_tip[:2, 3], 0.0, atol=1e-12) and np.isclose(T_flange_tip[2, 2], 1.0, atol=1e-12)
+    return float(T_flange_tip[2, 3]) if aligned else None

@@ -1,0 +1,207 @@
+"""`kinreach check`: describe and test an arm in one screen of text, and draw its workspace."""
+
+from __future__ import annotations
+
+import argparse
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+
+from kinreach._checks import check_count, check_path, printable
+from kinreach._files import replacing
+from kinreach.cli import Parser
+from kinreach.errors import InputError
+from kinreach.kinematics import (
+    Arm3Kinematics,
+    ArmKinematics,
+    SixAxisKinematics,
+    URKinematics,
+)
+from kinreach.kinematics import (
+    _check as check,
+)
+from kinreach.kinematics._closed_form import POSE_JOINTS
+from kinreach.kinematics._ur.kinematics import CalibratedURKinematics
+from kinreach.plots._workspace import draw_workspace
+from kinreach.robots._flags import add_arm_flags, arm_of
+
+#: Endings of the files with a UR's calibration.
+CALIBRATIONS = (".yaml", ".yml", ".conf")
+#: Poses to solve by default, and the most singular ones.
+POSES, MAX_SINGULAR = 200, 60
+
+
+class Subject(NamedTuple):
+    """The arm to check.
+
+    Attributes:
+        kinematics: Of the arm.
+        believed: Of the data sheet of a calibrated arm, else None.
+    """
+
+    kinematics: ArmKinematics
+    believed: ArmKinematics | None
+
+
+def main(argv: Sequence[str], *, prog: str) -> int:
+    """Check an arm and print the report.
+
+    Args:
+        argv: Arguments without the program's name.
+        prog: How the user called it, for messages.
+
+    Returns:
+        Exit code 0; anything else is raised.
+
+    Raises:
+        KinreachError: Bad input, or a picture that cannot be written.
+    """
+    arguments = _parser(prog).parse_args(argv)
+    poses = check_count("--poses", arguments.poses, most=100_000)
+    seed = check_count("--seed", arguments.seed, least=0, most=2**31)
+    path = None if arguments.picture is None else check_path("--picture", arguments.picture)
+    if path is not None and (path.is_dir() or not path.parent.is_dir()):
+        raise InputError(f"--picture must be a file in a folder that is there, got {path}")
+    subject = _subject(arguments)
+    for line in report(subject, poses=poses, seed=seed):
+        print(printable(line), flush=True)
+    if path is not None:
+        with replacing(path) as temporary:
+            draw_workspace(*subject, seed=seed).savefig(temporary, facecolor="white", format="png")
+        print(printable(f"picture      {path}"))
+    return 0
+
+
+def report(subject: Subject, *, poses: int = POSES, seed: int = 0) -> Iterator[str]:
+    """Yield the lines of the report, each as soon as it is measured."""
+    kin = subject.kinematics
+    yield f"{kin.arm.name}: {kin.arm.title}, tip {kin.tip}"
+    yield f"class        {_class_of(kin)}"
+    if subject.believed is not None:
+        yield from _deviation(check.deviation(kin, subject.believed, seed=seed))
+    reach = check.reach_of(kin, seed=seed)
+    yield (
+        f"reach        {reach.farthest:.3f} m from the first joint, 95 % within {reach.usual:.3f} m, "
+        f"{reach.lowest:+.3f} to {reach.highest:+.3f} m high"
+    )
+    singular = check.singular_postures(kin, reach.farthest, seed=seed)
+    chosen = np.random.default_rng(seed).permutation(singular.q)[:MAX_SINGULAR]
+    yield f"IK           {poses} poses of random postures and {len(chosen)} singular ones, from the start posture"
+    yield "             solver        reached  singular   time, ms: median / p95   largest error, mm"
+    postures = check.random_postures(kin, poses, seed + 1)
+    for solver in check.solvers_of(kin):
+        done = check.solved(kin, solver, postures, chosen)
+        singular_share = "      –" if np.isnan(done.singular) else f"{100 * done.singular:5.1f} %"
+        median, late = (1e3 * time for time in done.time)
+        times = f"{median:12.3f} / {late:<9.3f}"
+        shares = f"{100 * done.success:6.1f} %   {singular_share}"
+        yield f"             {done.name:<12} {shares}   {times}  {1e3 * done.error:.1e}"
+    yield f"singular     {_singular(kin, singular)}"
+    yield f"collisions   {_collisions(kin, seed)}"
+    yield from _joints(kin)
+
+
+def _class_of(kin: ArmKinematics) -> str:
+    if isinstance(kin, CalibratedURKinematics):
+        return "UR with its calibration: every posture of a pose exactly, singular poses too"
+    if isinstance(kin, URKinematics):
+        return "UR: every posture of a pose exactly, singular poses too"
+    if isinstance(kin, SixAxisKinematics):
+        return "any six joints: every posture of a pose exactly, by elimination"
+    if isinstance(kin, Arm3Kinematics):
+        return "turning base with two links: every posture of a position in closed form"
+    spare = kin.n - POSE_JOINTS
+    because = (
+        f"{spare} joint{'s' * (spare > 1)} more than a pose needs, so that each pose has a family of postures"
+        if spare > 0
+        else "not the geometry of an arm that kinreach has one for"
+    )
+    return f"no closed form ({because}): placo, lm and qp, one posture at a time"
+
+
+def _joints(kin: ArmKinematics) -> Iterator[str]:
+    """Return a line for each joint: limits, speed and start."""
+    width = max(map(len, kin.arm.joints))
+    rows = zip(kin.arm.joints, kin.lower, kin.upper, kin.velocity_limit, kin.arm.home, strict=True)
+    for index, (name, low, high, speed, home) in enumerate(rows):
+        head = "joints" if index == 0 else ""
+        yield (
+            f"{head:<12} {name:<{width}}  {low:+7.3f} to {high:+7.3f} rad ({np.rad2deg(high - low):.0f}°), "
+            f"{speed:.2f} rad/s, starts at {home:+.3f}"
+        )
+
+
+def _collisions(kin: ArmKinematics, seed: int) -> str:
+    try:
+        found = check.collisions_of(kin, seed=seed)
+    except InputError as error:  # the rest is known without shapes
+        return f"not known: {' '.join(str(error).split())}"
+    if found is None:
+        return "not known: the arm has no shapes"
+    start = "free" if found.home_free else "IN COLLISION"
+    return (
+        f"{found.pairs} pairs of links are checked; {100 * found.share:.0f} % of random postures collide with "
+        f"themselves; the start is {start}"
+    )
+
+
+def _deviation(found: check.Deviation) -> Iterator[str]:
+    median, late, most = (1e3 * value for value in check.quantiles(found.position))
+    turned = np.rad2deg(check.quantiles(found.orientation))
+    yield (
+        f"calibration  the data sheet puts the tip {median:.2f} mm off in the median, p95 {late:.2f}, most {most:.2f}; "
+        f"{turned[0]:.2f}°, p95 {turned[1]:.2f}°, most {turned[2]:.2f}°"
+    )
+
+
+def _singular(kin: ArmKinematics, found: check.Singular) -> str:
+    if not len(found.q):
+        return "no posture found"
+    places, rest = [], np.ones(len(found.q), dtype=np.bool_)
+    for joint, name in enumerate(kin.arm.joints):
+        if angles := found.recurring(joint):
+            places.append(f"{name} at {' or '.join(f'{angle:g}' for angle in angles)}")
+            rest &= (np.abs(found.q[:, joint, None] - angles) > 0.01).all(axis=1)
+    places += [f"{rest.sum()} where it depends on several joints"] if rest.any() else []
+    return f"{len(found.q)} postures found: {'; '.join(places)}"
+
+
+def _subject(arguments: argparse.Namespace) -> Subject:
+    """The arm of a name or URDF with its calibration and tool; with a model, that of a calibration file."""
+    if arguments.model is not None:
+        if arguments.calibration is not None:
+            raise InputError("give a calibration with --model, or an arm with --calibration")
+        arguments.arm, arguments.calibration = arguments.model, arguments.arm
+    elif Path(arguments.arm).suffix.lower() in CALIBRATIONS:
+        raise InputError(f"{arguments.arm} is a calibration: name its UR too, such as check ur5e --calibration FILE")
+    real = ArmKinematics.of(arm_of(arguments.arm, arguments))
+    if arguments.calibration is None:
+        return Subject(real, None)
+    arguments.calibration = None
+    return Subject(real, ArmKinematics.of(arm_of(arguments.arm, arguments)))
+
+
+def _parser(prog: str) -> Parser:
+    parser = Parser(
+        prog=prog,
+        description="What an arm is and how its inverse kinematics does: class, limits, reach, collisions, singular "
+        "postures, solvers; of a calibrated UR also how far its data sheet is off.",
+    )
+    parser.add_argument(
+        "arm",
+        metavar="FILE|NAME",
+        help="a URDF, the name of an arm, module:attribute, or with --model the calibration of a UR",
+    )
+    parser.add_argument(
+        "--model",
+        help="the file is the calibration of this UR, ur3 to ur30: kinematics.yaml, calibration.conf or a URDF",
+    )
+    parser.add_argument(
+        "--poses", type=int, default=POSES, help=f"number of poses that the solvers are tried on ({POSES})"
+    )
+    parser.add_argument("--seed", type=int, default=0, help="of the random postures (0)")
+    add_arm_flags(parser)
+    parser.add_argument("--picture", metavar="FILE.png", help="draw the workspace from the side")
+    return parser

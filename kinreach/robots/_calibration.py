@@ -1,0 +1,354 @@
+"""The factory calibration of a UR: read from files, checked, and put into a description.
+
+Three kinds of file have it: the `kinematics.yaml` that the ROS driver's `ur_calibration` writes (a transform for each
+link), the `calibration.conf` that the controller keeps (what is to be added to the Denavit-Hartenberg parameters), and
+a URDF that was made with either. All of them end up as the same thing, a chain of seven transforms whose frames lie as
+near to those of the data sheet as the axes allow: a frame may be slid along its joint's axis without changing the arm,
+and controllers slide by hundreds of metres where two axes are almost parallel.
+
+Nothing in a file is executed.
+"""
+
+from __future__ import annotations
+
+import math
+import re
+import xml.etree.ElementTree as ET
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import yaml
+
+from kinreach._checks import Floats, check_known, check_path, shown
+from kinreach._files import read_text
+from kinreach.errors import InputError
+from kinreach.robots._rotations import placement, rpy, turn
+from kinreach.robots._ur import FLIP, JOINTS, UR_LENGTHS
+from kinreach.robots._urdf import MAX_CHARACTERS, check_urdf, link_at, origin_of, parse_urdf, set_origin
+
+#: Names of the links in the driver's file, one for each joint of `JOINTS`.
+LINKS = ("shoulder", "upper_arm", "forearm", "wrist_1", "wrist_2", "wrist_3")
+#: How far a joint's axis may be from where the data sheet has it: tilt [rad], distance [m]. Calibrations of real arms
+#: reach 0.4 degrees and 3 mm, and the models differ from each other by 18 mm or more.
+MAX_TILT, MAX_OFFSET = math.radians(5.0), 0.015
+#: Bounds of the numbers in a file: lengths of a link [m], angles [rad], and lengths that may cancel each other [m].
+MAX_LENGTH, MAX_FILE_ANGLE, MAX_SLIDE = 3.0, 4 * math.pi, 1e4
+_XYZ, _RPY = ("x", "y", "z"), ("roll", "pitch", "yaw")
+_DELTAS = ("delta_theta", "delta_a", "delta_d", "delta_alpha")
+_TWISTS = (math.pi / 2, 0.0, 0.0, math.pi / 2, -math.pi / 2, 0.0)
+_DELTA_LINE = re.compile(r"^\s*(delta_\w+)\s*=\s*\[([^\]]*)\]\s*$", re.MULTILINE)
+#: Calibrations of eight real arms whose owners published them, by name, such as "ur5_a" (the model, then a letter):
+#: the driver's files. The first line of each names the source of its figures.
+PUBLISHED_CALIBRATIONS = {file.stem: file for file in sorted((Path(__file__).parent / "calibrations").glob("*.yaml"))}
+
+
+@dataclass(frozen=True, eq=False)
+class Calibration:
+    """The links of one real arm.
+
+    Attributes:
+        model: Which UR it is, a key of `kinreach.robots.UR_LENGTHS`.
+        placements: A0 to A6 of `T = A0 Rz(q1) A1 ... Rz(q6) A6`, from the DH base (the driver's `base_link_inertia`,
+            which is base_link turned by pi about z) to `tool0`, shape (7, 4, 4).
+        file: Where it was read.
+        repaired: Name of the link whose folded figures were put right; empty if there was none.
+    """
+
+    model: str
+    placements: Floats
+    file: Path
+    repaired: str = ""
+
+    @property
+    def tilts(self) -> Floats:
+        """Angle of each joint's axis from where the data sheet has it, in the frame of the joint before [rad], (6,)."""
+        return _differences(self.placements, nominal_placements(self.model))[0][:6]
+
+    @property
+    def offsets(self) -> Floats:
+        """Distance of each joint from where the data sheet has it, in the frame of the joint before [m], (6,)."""
+        return _differences(self.placements, nominal_placements(self.model))[1][:6]
+
+
+def read_calibration(file: str | Path, model: str, *, repair: bool = False) -> Calibration:
+    """Read the calibration of a UR.
+
+    Args:
+        file: The driver's `kinematics.yaml`, the controller's `calibration.conf`, or a calibrated URDF.
+        model: Which UR it is, "ur3" to "ur30".
+        repair: Put right what an old exporter folded: the figures of one link with x and y negated.
+
+    Raises:
+        UnknownNameError: There is no such model.
+        InputError: The file cannot be read, is none of the three, lacks a joint, has a number that is not finite or
+            in another unit, is folded (unless `repair`), or is of another model; the message names joint, value, bound.
+    """
+    check_known("UR model", model, UR_LENGTHS)
+    path = check_path("file", file)
+    text = read_text(path, "the calibration", most=MAX_CHARACTERS)
+    if text.lstrip().startswith("<"):
+        placed = _from_urdf(text)
+    elif "delta_theta" in text:
+        placed = _from_controller(text, model)
+    else:
+        placed = _from_driver(text)
+    placements, repaired = _placements(placed, model), ""
+    wrong = _what_is_wrong(placements, model)
+    if wrong:
+        link, unfolded = _unfolded(placed, model)
+        if not link:
+            raise InputError(f"{wrong}{_better_model(placed, model)}")
+        if not repair:
+            raise InputError(
+                f"the calibration is folded at {link}: {wrong}; with x and y of {link} negated it fits {model}, as "
+                "after a known fault of old exporters. repair=True does that; better is to export it again"
+            )
+        placements, repaired = unfolded, link
+    return Calibration(model, placements, path, repaired)
+
+
+def nominal_placements(model: str) -> Floats:
+    """Return the data sheet's chain from the DH base to tool0, as in `Calibration`, shape (7, 4, 4)."""
+    d1, a2, a3, d4, d5, d6 = UR_LENGTHS[model]
+    right = math.pi / 2
+    steps = (
+        ((0.0, 0.0, d1), (0.0, 0.0, 0.0)),
+        ((0.0, 0.0, 0.0), (right, 0.0, 0.0)),
+        ((a2, 0.0, 0.0), (0.0, 0.0, 0.0)),
+        ((a3, 0.0, d4), (0.0, 0.0, 0.0)),
+        ((0.0, -d5, 0.0), (right, 0.0, 0.0)),
+        ((0.0, d6, 0.0), (-right, 0.0, 0.0)),
+        ((0.0, 0.0, 0.0), (0.0, 0.0, 0.0)),
+    )
+    return np.array([placement(*step) for step in steps])
+
+
+def calibrated_urdf(text: str, calibration: Calibration, *, base: str, tip: str) -> str:
+    """Return a URDF of the model with its joints where the calibration has them; shapes and masses stay in their links.
+
+    Args:
+        text: URDF of the arm by its data sheet; the joints have the names in `kinreach.robots._ur.JOINTS`.
+        calibration: The real arm.
+        base: Link that is base_link.
+        tip: Link that is tool0.
+
+    Raises:
+        InputError: The URDF has not these joints, or is not that of the model.
+    """
+    robot = parse_urdf(text)
+    frames = _link_frames(robot)
+    for link in (base, tip):
+        check_known("link of the URDF", link, frames)
+    start = FLIP @ np.linalg.inv(frames[base])
+    nominal = _at_zero(nominal_placements(calibration.model))
+    if np.abs(start @ frames[tip] - nominal[-1]).max() > 1e-6:
+        raise InputError(f"the URDF {shown(robot.get('name'))} is not that of a {calibration.model} by its data sheet")
+    joints = {joint.get("name"): joint for joint in robot.findall("joint")}
+    (tip_joint,) = (joint for joint in joints.values() if link_at(joint, "child") == tip)
+    before = np.eye(4)
+    for index, name in enumerate((*JOINTS, tip_joint.get("name", ""))):
+        check_known("joint of the URDF", name, [each for each in joints if each])
+        parent, child = (start @ frames[link_at(joints[name], end)] for end in ("parent", "child"))
+        carried, own = np.linalg.inv(before) @ parent, np.linalg.inv(nominal[index]) @ child
+        T = np.linalg.inv(carried) @ calibration.placements[index] @ own
+        set_origin(robot, name, T[:3, 3], rpy(T[:3, :3]))
+        before = nominal[index]
+    return ET.tostring(robot, encoding="unicode")
+
+
+@dataclass(frozen=True)
+class _Placed:
+    """An arm as a file has it: the pose of each joint's frame in that of the joint before, and that of tool0.
+
+    Attributes:
+        steps: In the DH base, shape (7, 4, 4).
+        axes: Of each joint in its own frame, shape (6, 3).
+    """
+
+    steps: Floats
+    axes: Floats
+
+    def folded(self, index: int) -> _Placed:
+        """With x and y of one link negated."""
+        steps = self.steps.copy()
+        steps[index, :2, 3] *= -1.0
+        return _Placed(steps, self.axes)
+
+
+def _from_driver(text: str) -> _Placed:
+    """From the driver's file: x y z roll pitch yaw of six links."""
+    try:
+        content = yaml.load(text, Loader=yaml.BaseLoader)  # texts only: no tags, and no merging that multiplies
+    except (yaml.YAMLError, RecursionError, ValueError) as error:
+        text = " ".join(str(error).split())
+        raise InputError(f"the calibration is not YAML: {shown(text)}") from None
+    links = content.get("kinematics") if isinstance(content, Mapping) else None
+    if not isinstance(links, Mapping):
+        raise InputError(
+            "the calibration must be the driver's kinematics.yaml (with `kinematics:`), the controller's "
+            "calibration.conf (with delta_theta), or a URDF"
+        )
+    steps = [np.eye(4)] * 7
+    for index, (link, joint) in enumerate(zip(LINKS, JOINTS, strict=True)):
+        figures = links.get(link)
+        if not isinstance(figures, Mapping):
+            raise InputError(f"the calibration lacks {link} ({joint}); it must have {', '.join(LINKS)}")
+        for key in (*_XYZ, *_RPY):
+            if key not in figures:
+                raise InputError(f"the calibration lacks {key} of {link} ({joint})")
+        xyz = [_number(f"{key} of {link} ({joint})", figures[key], MAX_LENGTH, "m") for key in _XYZ]
+        angles = [_number(f"{key} of {link} ({joint})", figures[key], MAX_FILE_ANGLE, "rad") for key in _RPY]
+        steps[index] = placement(xyz, angles)
+    return _Placed(np.array(steps), np.tile((0.0, 0.0, 1.0), (6, 1)))
+
+
+def _from_controller(text: str, model: str) -> _Placed:
+    """From the controller's file: four lists of six numbers, to be added to the DH parameters of the data sheet."""
+    lists = dict(_DELTA_LINE.findall(text))
+    values = []
+    for key in _DELTAS:
+        words = lists.get(key, "").replace(",", " ").split()
+        if len(words) != 6:
+            raise InputError(
+                f"the calibration must have six numbers {key} = [...], one for each joint, got {len(words)}"
+            )
+        bound, unit = (MAX_FILE_ANGLE, "rad") if key in ("delta_theta", "delta_alpha") else (MAX_SLIDE, "m")
+        values.append([_number(f"{key} of {joint}", w, bound, unit) for w, joint in zip(words, JOINTS, strict=True)])
+    d1, a2, a3, d4, d5, d6 = UR_LENGTHS[model]
+    steps, z, x = [np.eye(4)] * 7, np.array((0.0, 0.0, 1.0)), np.array((1.0, 0.0, 0.0))
+    nominal = zip((d1, 0.0, 0.0, d4, d5, d6), (0.0, a2, a3, 0.0, 0.0, 0.0), _TWISTS, *values, strict=True)
+    for index, (d, a, alpha, theta, more_a, more_d, more_alpha) in enumerate(nominal):
+        link = np.eye(4)
+        R = turn(z, theta)
+        link[:3, :3] = R @ turn(x, alpha + more_alpha)
+        link[:3, 3] = (a + more_a) * R[:, 0] + (d + more_d) * z
+        steps[index + 1] = link
+    return _Placed(np.array(steps), np.tile(z, (6, 1)))
+
+
+def _from_urdf(text: str) -> _Placed:
+    """From a URDF whose joints have the names of a UR, with or without a prefix."""
+    robot = parse_urdf(text)
+    for link in robot.findall("link"):
+        for element in list(link):
+            link.remove(element)
+    check_urdf(ET.tostring(robot, encoding="unicode"), None)
+    frames = _link_frames(robot)
+    joints = []
+    for name in JOINTS:
+        named = [joint for joint in robot.findall("joint") if joint.get("name", "").endswith(name)]
+        if len(named) != 1:
+            raise InputError(
+                f"a calibrated URDF must have one joint {name}, with or without a prefix, got {len(named)}"
+            )
+        joints.append(named[0])
+    last = link_at(joints[-1], "child")
+    tips = [link for link in frames if link.endswith("tool0")]
+    ends = [frames[link_at(joint, "child")] for joint in joints] + [frames[tips[0] if len(tips) == 1 else last]]
+    start = frames[link_at(joints[0], "parent")]
+    if not link_at(joints[0], "parent").endswith("base_link_inertia"):
+        start = start @ FLIP
+    before = [start, *ends]
+    steps = np.array([np.linalg.inv(a) @ b for a, b in zip(before, ends, strict=False)])
+    axes = [joint.find("axis") for joint in joints]
+    directions = [[float(v) for v in ("1 0 0" if a is None else a.get("xyz", "1 0 0")).split()] for a in axes]
+    return _Placed(steps, np.array([np.array(d) / np.linalg.norm(d) for d in directions]))
+
+
+def _number(name: str, value: Any, most: float, unit: str) -> float:
+    """A finite number within bounds; text is a number if it looks like one, as YAML takes 1e-5 for text."""
+    try:
+        number = float(value)
+    except (TypeError, ValueError, OverflowError):
+        raise InputError(f"{name} must be a number [{unit}], got {shown(value)}") from None
+    if not -most <= number <= most:
+        other = {"m": "millimetres", "rad": "degrees"}[unit]
+        hint = f"; are these {other}?" if math.isfinite(number) else ""
+        raise InputError(f"{name} must be within ±{most:.4g} {unit}, got {shown(number)}{hint}")
+    return number
+
+
+def _placements(placed: _Placed, model: str) -> Floats:
+    """The same arm with frames as near to those of the data sheet as its axes allow, shape (7, 4, 4)."""
+    wanted = _at_zero(nominal_placements(model))
+    frames, frame = [], np.eye(4)
+    for step, axis, near in zip(placed.steps[:6], placed.axes, wanted[:6], strict=True):
+        frame = frame @ step
+        z = frame[:3, :3] @ axis
+        own = np.eye(4)
+        x = near[:3, 0] - (near[:3, 0] @ z) * z
+        x /= max(float(np.linalg.norm(x)), 1e-9)
+        own[:3, :3] = np.column_stack([x, np.cross(z, x), z])
+        own[:3, 3] = frame[:3, 3] + ((near[:3, 3] - frame[:3, 3]) @ z) * z
+        frames.append(own)
+    frames.append(frame @ placed.steps[6])
+    return np.array([np.linalg.inv(a) @ b for a, b in zip((np.eye(4), *frames), frames, strict=False)])
+
+
+def _what_is_wrong(placements: Floats, model: str) -> str:
+    """Which joint is farther from the data sheet than any calibration; empty if none is."""
+    tilts, offsets = _differences(placements, nominal_placements(model))
+    for what, tilt, offset in zip((*JOINTS, "tool0"), tilts, offsets, strict=True):
+        if not tilt <= MAX_TILT:
+            return (
+                f"the axis of {what} is tilted by {math.degrees(tilt):.3g} degrees against that of a {model}, more "
+                f"than the {math.degrees(MAX_TILT):g} of any calibration"
+            )
+        if not offset <= MAX_OFFSET:
+            return (
+                f"{what} is {1000 * offset:.4g} mm from where a {model} has it, more than the {1000 * MAX_OFFSET:g} "
+                "mm of any calibration"
+            )
+    return ""
+
+
+def _differences(placements: Floats, nominal: Floats) -> tuple[Floats, Floats]:
+    """Tilts [rad] and offsets [m] of joints and tool0 in the frames before, shapes (7,)."""
+    z = placements[:, :3, 2]
+    tilts = np.arctan2(np.linalg.norm(np.cross(z, nominal[:, :3, 2]), axis=1), (z * nominal[:, :3, 2]).sum(axis=1))
+    turned = nominal[6, :3, :3].T @ placements[6, :3, :3]
+    tilts[6] = math.acos(min(1.0, max(-1.0, 0.5 * (float(np.trace(turned)) - 1.0))))
+    return tilts, np.linalg.norm(placements[:, :3, 3] - nominal[:, :3, 3], axis=1)
+
+
+def _unfolded(placed: _Placed, model: str) -> tuple[str, Floats]:
+    """The link whose x and y have to be negated for the arm to fit, and the arm then; an empty name if none does."""
+    for index, link in enumerate(LINKS):
+        placements = _placements(placed.folded(index), model)
+        if not _what_is_wrong(placements, model):
+            return link, placements
+    return "", np.empty(0)
+
+
+def _better_model(placed: _Placed, model: str) -> str:
+    """Which other models the arm would fit, in words."""
+    fitting = [
+        other for other in UR_LENGTHS if other != model and not _what_is_wrong(_placements(placed, other), other)
+    ]
+    return f"; it fits {' or '.join(fitting)}" if fitting else ""
+
+
+def _at_zero(placements: Floats) -> Floats:
+    """Frames of a chain with all joints at 0, shape (7, 4, 4)."""
+    frames, frame = [], np.eye(4)
+    for step in placements:
+        frame = frame @ step
+        frames.append(frame)
+    return np.array(frames)
+
+
+def _link_frames(robot: ET.Element) -> dict[str, Floats]:
+    """Pose of each link of a URDF in its root, with all joints at 0."""
+    joints = robot.findall("joint")
+    children = {link_at(joint, "child") for joint in joints}
+    frames = {name: np.eye(4) for link in robot.findall("link") if (name := link.get("name", "")) not in children}
+    todo = list(frames)
+    for parent in todo:  # grows until it has all links
+        for joint in joints:
+            if link_at(joint, "parent") == parent:
+                frames[link_at(joint, "child")] = frames[parent] @ origin_of(joint)
+                todo.append(link_at(joint, "child"))
+    return frames

@@ -1,0 +1,346 @@
+"""An arm as data: one URDF and the facts that a URDF does not carry. No engine is imported here."""
+
+from __future__ import annotations
+
+import xml.etree.ElementTree as ET
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from functools import cached_property, partial
+from pathlib import Path
+from types import UnionType
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from kinreach._checks import MAX_ANGLE, as_floats, as_vector, check_known, check_number, shown
+from kinreach.errors import InputError
+from kinreach.robots._calibration import calibrated_urdf, read_calibration
+from kinreach.robots._grippers import PARALLEL_GRIPPER, Gripper, add_parallel_gripper
+from kinreach.robots._tools import FLANGE, TOOL, TOOL_BODY, Tool, add_tool
+from kinreach.robots._urdf import (
+    WORLD,
+    UrdfArm,
+    check_home,
+    check_limits_complete,
+    check_urdf,
+    link_before,
+    links_below,
+    named,
+    parse_urdf,
+    prune,
+    read_urdf,
+    set_limits,
+)
+from kinreach.robots._workcell import CameraMount, Workcell
+
+#: Attributes with one number for each joint.
+PER_JOINT = ("home", "position_gains", "joint_damping")
+
+
+def no_package() -> None:
+    """Return None: the package of an arm whose URDF names no files."""
+
+
+@dataclass(frozen=True, eq=False)
+class ArmDescription:
+    """One robot arm, described once for Pinocchio, placo and MuJoCo. Compared and hashed by identity.
+
+    Only `name`, `title` and `build_urdf` must be given. What is left empty is read from the URDF, as described below.
+
+    Attributes:
+        name: Key in the registry, as in `get_arm("ur5")`.
+        title: Name for people.
+        build_urdf: Returns the URDF text, meshes as `package://` addresses within `package_root`.
+        joints: Names of the actuated joints in the order of `q`; default are the joints that move between the root and
+            the tip. All other joints must be fixed, or be the gripper's.
+        home: Start posture [rad], shape `(n,)`, within the limits; default is the middle of each joint's range.
+        base: Link that carries the arm's own coordinate system; default is the URDF's first link but `world`.
+        tips: Frames that may be asked for as the tip, by short name: `{"tcp": "tcp", ...}`; default are the links that
+            the last joint carries rigidly.
+        default_tip: Key of `tips` that tasks use; default is the first, and without `tips` the link
+            with the most joints between it and the root.
+        workcell: Obstacles around the arm and where its goals are; default is an empty one.
+        disabled_collisions: Link pairs that touch by construction (SRDF `disable_collisions`). None: neighbours, and
+            pairs that collide at home, and pairs that always collide, found by `kinreach.kinematics._collision`.
+        package_root: Returns the folder that `package://` stands for, or None if the URDF names no mesh.
+        position_gains: Stiffness of the position servo of each joint [N m/rad]; default makes each servo answer in
+            1/30 s, by an estimate of the inertia that the joint carries.
+        speed_limit: Joint speed the controller commands [rad/s]; default is the slowest joint's limit, at most 3.
+        acceleration_limit: Joint acceleration the controller commands [rad/s^2]; default is what half of the joints'
+            torque can give, at most 10.
+        armature: Rotor inertia seen at each joint [kg m^2].
+        joint_damping: Viscous friction of each joint [N m s/rad]; default is that of the URDF.
+        gripper: The gripper, or None.
+        moves_last: Joints that a two-phase move holds still until all others have arrived; default none.
+        cameras: Cameras on the arm and around it; those with `observed=True` measure the goal, and `overview` is the
+            viewpoint of pictures. Default is an `overview` from which the whole arm is seen.
+
+    Raises:
+        InputError: What has to be read from the URDF is not in it, or a number or an object cannot be that of an arm;
+            the message names it.
+    """
+
+    name: str
+    title: str
+    build_urdf: Callable[[], str]
+    joints: tuple[str, ...] = ()
+    home: tuple[float, ...] = ()
+    base: str = ""
+    tips: Mapping[str, str] = field(default_factory=dict)
+    default_tip: str = ""
+    workcell: Workcell = field(default_factory=Workcell)
+    disabled_collisions: tuple[tuple[str, str], ...] | None = None
+    package_root: Callable[[], str | None] = no_package
+    position_gains: tuple[float, ...] = ()
+    speed_limit: float = 0.0
+    acceleration_limit: float = 0.0
+    armature: float = 0.1
+    joint_damping: tuple[float, ...] = ()
+    gripper: Gripper | None = None
+    moves_last: tuple[str, ...] = ()
+    cameras: tuple[CameraMount, ...] = ()
+
+    def __post_init__(self) -> None:
+        defaults: Mapping[str, Callable[[UrdfArm], object]] = {
+            "default_tip": lambda urdf: urdf.tip,
+            "tips": lambda urdf: urdf.tips,
+            "joints": lambda urdf: urdf.joints,
+            "home": lambda urdf: urdf.home,
+            "base": lambda urdf: urdf.base,
+            "position_gains": lambda urdf: urdf.position_gains(self.armature),
+            "speed_limit": lambda urdf: urdf.speed_limit,
+            "acceleration_limit": lambda urdf: urdf.acceleration_limit(self.armature),
+            "joint_damping": lambda urdf: urdf.damping,
+            "cameras": lambda urdf: (urdf.overview,),
+        }
+        self._check_kinds()
+        for name in PER_JOINT:
+            object.__setattr__(self, name, tuple(as_floats(name, getattr(self, name)).ravel().tolist()))
+        if self.tips and not self.default_tip:
+            object.__setattr__(self, "default_tip", next(iter(self.tips)))
+        missing = [name for name in defaults if not getattr(self, name)]
+        if missing:
+            tip = self.tips.get(self.default_tip, self.default_tip) if self.default_tip else None
+            gripper = () if self.gripper is None else (self.gripper.joint, self.gripper.mimic_joint)
+            urdf = UrdfArm(self.name, parse_urdf(self._built), tip=tip, joints=self.joints, held=gripper)
+            for name in missing:
+                object.__setattr__(self, name, defaults[name](urdf))
+        count = len(self.joints)
+        for name in PER_JOINT:
+            values = getattr(self, name)
+            if len(values) != count:
+                raise InputError(f"arm {self.name!r}: {name} must have {count} numbers, one a joint, got {values}")
+        for name in ("speed_limit", "acceleration_limit"):
+            check_number(f"{name} of arm {self.name!r}", getattr(self, name), above=0.0)
+        for name, bound in (("position_gains", {"above": 0.0}), ("joint_damping", {"least": 0.0}), ("home", {})):
+            for value in getattr(self, name):
+                check_number(f"{name} of arm {self.name!r}", value, **bound)
+        for joint in self.moves_last:
+            check_known(f"joint of arm {self.name!r} in moves_last", joint, self.joints)
+        if missing:
+            self._check_fit()
+
+    def _check_kinds(self) -> None:
+        """Refuse what is not of the kind that the attribute says."""
+        kinds: Mapping[str, tuple[type | UnionType, str]] = {
+            "name": (str, "text"),
+            "title": (str, "text"),
+            "build_urdf": (Callable, "a function"),  # type: ignore[dict-item]
+            "package_root": (Callable, "a function"),  # type: ignore[dict-item]
+            "workcell": (Workcell, "a Workcell"),
+            "gripper": (Gripper | None, "a Gripper or None"),
+        }
+        for name, (kind, wanted) in kinds.items():
+            if not isinstance(getattr(self, name), kind):
+                raise InputError(f"{name} of an arm must be {wanted}, got {shown(getattr(self, name))}")
+        if not all(isinstance(camera, CameraMount) for camera in self.cameras):
+            raise InputError(f"cameras of arm {self.name!r} must be CameraMounts, got {shown(self.cameras)}")
+        check_number(f"armature of arm {self.name!r}", self.armature, least=0.0)
+
+    def _check_fit(self) -> None:
+        """Refuse a start posture outside the limits, and cameras on links that the URDF does not have."""
+        robot = parse_urdf(self._built)
+        links = [WORLD, *(link.get("name", "") for link in robot.findall("link"))]
+        for camera in self.cameras:
+            check_known(f"link of camera {camera.name!r} of arm {self.name!r}", camera.link, links)
+        check_home(self.name, robot, dict(zip(self.joints, self.home, strict=True)))
+
+    @classmethod
+    def from_urdf(
+        cls,
+        file: str | Path,
+        *,
+        name: str | None = None,
+        tip: str | None = None,
+        base: str | None = None,
+        joints: Sequence[str] | None = None,
+        home: Sequence[float] | None = None,
+        held: Mapping[str, float] | None = None,
+        workcell: Workcell | None = None,
+        package_dirs: Sequence[str | Path] | None = None,
+        gripper_on: str | None = None,
+        **facts: object,
+    ) -> ArmDescription:
+        """Describe an arm by its URDF file.
+
+        Joints that are not part of the arm, such as a gripper's fingers, are held still: they become fixed joints.
+
+        Args:
+            file: Path of the URDF. Meshes may be named relative to it or as `package://PACKAGE/...`.
+            name: Key in the registry; default is the name in the URDF.
+            tip: Link that is the tip; default is the one farthest from the root, counted in joints.
+            base: Link that carries the arm's own coordinate system; default is the root.
+            joints: Names of the joints of `q`; default are those that move between root and tip.
+            home: Start posture [rad], within the limits; default is the middle of each joint's range.
+            held: Where joints that are not part of the arm are held [rad, m]; default is 0, or their nearest limit.
+            workcell: Obstacles and goals; default is an empty work cell.
+            package_dirs: Folders in which `package://PACKAGE` is looked for; default are those around the file.
+            gripper_on: Link that the parallel gripper of `kinreach.robots._grippers` is mounted on; its `tcp` is then
+                the default tip. Default is no gripper.
+            facts: Any other attribute of `ArmDescription`, such as `position_gains=`.
+
+        Raises:
+            InputError: The file cannot be read, is not a URDF of an arm, or names a mesh that is missing or outside of
+                the folders it may be in; or a joint or link is not in it; or a joint has no range, or `home` is
+                outside of one.
+        """
+        source = read_urdf(file, tip=tip, joints=joints, held=held or {}, package_dirs=package_dirs)
+        tips, gripper = source.tips, None
+        if gripper_on is not None:
+            check_known(f"link of arm {source.name!r} that can carry a gripper", gripper_on, tips)
+            add_parallel_gripper(source.robot, gripper_on)
+            tips, gripper = {"tcp": "tcp", **tips}, PARALLEL_GRIPPER
+        root = source.package_root
+        return cls(
+            name=name or source.name,
+            title=name or source.name,
+            build_urdf=partial(str, ET.tostring(source.robot, encoding="unicode")),
+            package_root=no_package if root is None else partial(str, root),
+            joints=source.joints,
+            home=() if home is None else tuple(home),
+            base=base or "",
+            tips=tips,
+            default_tip=source.tip if gripper is None else "tcp",
+            workcell=workcell or Workcell(),
+            gripper=gripper,
+            **facts,  # type: ignore[arg-type]
+        )
+
+    def with_limits(self, limits: float | Mapping[str, tuple[float, float]]) -> ArmDescription:
+        """Return the same arm with other joint limits, such as those that are set on its pendant.
+
+        Where the start posture is beyond them, it moves to the limit.
+
+        Args:
+            limits: Lower and upper limit [rad] by the name of the joint; others stay. A number is ± that for all.
+
+        Raises:
+            UnknownNameError: The arm has no joint of that name.
+            InputError: A limit is not a finite number, or a lower one is not below its upper one.
+        """
+        if not isinstance(limits, Mapping):
+            bound = check_number("limits", limits, above=0.0, most=MAX_ANGLE)
+            limits = dict.fromkeys(self.joints, (-bound, bound))
+        robot = parse_urdf(self.urdf)
+        for name, pair in limits.items():
+            check_known(f"joint of arm {self.name!r}", name, self.joints)
+            lower, upper = as_vector(f"the limits of joint {name!r}", pair, 2, most=MAX_ANGLE).tolist()
+            set_limits(robot, name, lower, upper)
+        text = ET.tostring(robot, encoding="unicode")
+        check_urdf(text, self.package_root())
+        arm = UrdfArm(self.name, robot, tip=self.tips[self.default_tip], joints=self.joints)
+        lower, upper = zip(*arm.limits, strict=True)
+        return replace(self, build_urdf=partial(str, text), home=tuple(np.clip(self.home, lower, upper).tolist()))
+
+    def with_tool(self, tool: Tool | ArrayLike) -> ArmDescription:
+        """The same arm with a tool on its flange, whose centre point becomes the tip `"tool"`.
+
+        It takes the place of a gripper, such as kinreach's own on UR3, UR5 and UR10.
+
+        Args:
+            tool: A `Tool`, or only its centre point: `[x, y, z, rx, ry, rz]` as on the pendant, or a 4x4 transform,
+                in the frame of the tip `tool0`, and of the default tip of arms without one.
+
+        Raises:
+            InputError: As `Tool`.
+        """
+        tool = Tool.of(tool)
+        robot, tips, disabled = parse_urdf(self.urdf), dict(self.tips), self.disabled_collisions
+        flange = tips.get(FLANGE, tips[self.default_tip])
+        if self.gripper is not None:
+            prune(robot, links=links_below(robot, flange))
+        for link in (TOOL, TOOL_BODY):
+            if named(robot, "link", link) is not None:
+                raise InputError(f"arm {self.name!r} has a link {link!r} already")
+        add_tool(robot, flange, tool)
+        links = {link.get("name") for link in robot.findall("link")}
+        if disabled is not None:
+            disabled = tuple(pair for pair in disabled if links.issuperset(pair))
+            disabled += ((link_before(robot, flange), TOOL_BODY),)  # joint to joint, they touch
+        return replace(
+            self,
+            name=f"{self.name}_tool",
+            title=f"{self.title.removesuffix(' with parallel gripper')} with tool",
+            build_urdf=partial(str, ET.tostring(robot, encoding="unicode")),
+            tips={**{name: link for name, link in tips.items() if link in links}, TOOL: TOOL},
+            default_tip=TOOL,
+            disabled_collisions=disabled,
+            gripper=None,
+            cameras=tuple(camera for camera in self.cameras if camera.link in {WORLD, *links}),
+        )
+
+    def calibrated(self, file: str | Path, *, model: str | None = None, repair: bool = False) -> ArmDescription:
+        """Return the same arm with its joints where its factory calibration has them.
+
+        Simulation, collision checker and environments take it as any other arm; a method that is given the arm
+        without its calibration believes in the data sheet.
+
+        Args:
+            file: The ROS driver's `kinematics.yaml`, the controller's `calibration.conf`, or a calibrated URDF.
+            model: Which UR it is, "ur3" to "ur30"; default is this arm's name.
+            repair: Correct what an old exporter folded (`kinreach.robots.read_calibration`).
+
+        Raises:
+            UnknownNameError: There is no such model.
+            InputError: The file is none of these, is folded, or does not fit the model.
+        """
+        calibration = read_calibration(file, self.name if model is None else model, repair=repair)
+        check_known(f"tip of arm {self.name!r}", "tool0", self.tips)
+        urdf = calibrated_urdf(self.urdf, calibration, base=self.base, tip=self.tips["tool0"])
+        return replace(
+            self,
+            name=f"{self.name}_calibrated",
+            title=f"{self.title}, calibrated by {calibration.file.name}",
+            build_urdf=partial(str, urdf),
+        )
+
+    @cached_property
+    def urdf(self) -> str:
+        """The URDF text, built and checked on first use.
+
+        Raises:
+            InputError: Not a URDF, or one that `check_urdf` refuses; the start posture is outside its limits, or a
+                camera on a link that it does not have.
+        """
+        self._check_fit()
+        return self._built
+
+    @cached_property
+    def _built(self) -> str:
+        text = self.build_urdf()
+        check_urdf(text, self.package_root())
+        check_limits_complete(parse_urdf(text))
+        return text
+
+    @property
+    def goal_cameras(self) -> tuple[CameraMount, ...]:
+        """The cameras that measure the goal, in the order of the observation."""
+        return tuple(camera for camera in self.cameras if camera.observed)
+
+    @property
+    def locked_joints(self) -> Mapping[str, float]:
+        """Joints that are not part of `q`, with the position [m] they are held at."""
+        if self.gripper is None:
+            return {}
+        half = self.gripper.opening / 2
+        return {self.gripper.joint: half, self.gripper.mimic_joint: half}

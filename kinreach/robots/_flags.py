@@ -1,0 +1,98 @@
+"""Flags of the command line that say which arm is meant: its name or file, its calibration, its tool and its tip."""
+
+from __future__ import annotations
+
+import argparse
+from dataclasses import replace
+
+from kinreach._checks import check_known, shown
+from kinreach.errors import InputError
+from kinreach.robots._description import ArmDescription
+from kinreach.robots._registry import arm_named
+from kinreach.robots._tools import Tool
+
+#: The flags of `add_arm_flags`, as attributes of the parsed arguments.
+ARM_FLAGS = ("calibration", "repair", "tool", "tool_radius", "tool_mass", "tip", "joints")
+
+
+def add_arm_flags(parser: argparse.ArgumentParser) -> None:
+    """Add `--calibration`, `--repair`, `--tool`, `--tool-radius`, `--tool-mass`, `--tip` and `--joints`."""
+    group = parser.add_argument_group("the arm")
+    group.add_argument(
+        "--calibration",
+        metavar="FILE",
+        help="factory calibration of a UR: the ROS driver's kinematics.yaml, the controller's calibration.conf, or a "
+        "calibrated URDF",
+    )
+    group.add_argument("--repair", action="store_true", help="put right a calibration that an old exporter folded")
+    group.add_argument(
+        "--tool",
+        metavar="X,Y,Z,RX,RY,RZ",
+        help="tool centre point on the flange, as on the pendant: metres, rotation vector in radians",
+    )
+    group.add_argument("--tool-radius", metavar="M", help="the tool fills a tube of this radius from flange to point")
+    group.add_argument("--tool-mass", metavar="KG", help="mass of the tool")
+    group.add_argument("--tip", metavar="NAME", help="tip without a tool, such as tool0 (default: the arm's own)")
+    group.add_argument("--joints", metavar="A,B,...", help="of a URDF: the arm's joints, if others move too")
+
+
+def arm_of(name: str, arguments: argparse.Namespace) -> ArmDescription:
+    """Return the arm that the flags of `add_arm_flags` describe; its default tip is the one that was asked for.
+
+    Args:
+        name: Name, URDF file, or `module:attribute`.
+        arguments: Parsed.
+
+    Raises:
+        InputError: The arm, the calibration, the tool or the tip cannot be used.
+    """
+    arm = arm_named(name, tip=arguments.tip, joints=joints_of(arguments))
+    if arguments.calibration is not None:
+        arm = arm.calibrated(arguments.calibration, repair=arguments.repair)
+    if (tool := tool_of(arguments)) is not None:
+        if arguments.tip is not None:
+            raise InputError("give --tip or --tool, not both")
+        return arm.with_tool(tool)
+    if arguments.tip is None:
+        return arm
+    check_known("tip", arguments.tip, arm.tips)
+    return replace(arm, default_tip=arguments.tip)
+
+
+def joints_of(arguments: argparse.Namespace) -> list[str] | None:
+    """Return the names in `--joints`, None without it."""
+    return None if arguments.joints is None else [joint.strip() for joint in arguments.joints.split(",")]
+
+
+def tool_of(arguments: argparse.Namespace) -> Tool | None:
+    """Return the tool that the flags of `add_arm_flags` describe, None without one.
+
+    Raises:
+        InputError: The numbers are not those of a tool.
+    """
+    if arguments.tool is None:
+        if arguments.tool_radius is not None or arguments.tool_mass is not None:
+            raise InputError("--tool-radius and --tool-mass need --tool")
+        return None
+    centre = numbers_of("--tool", arguments.tool, 6)
+    mass = 0.0 if arguments.tool_mass is None else numbers_of("--tool-mass", arguments.tool_mass, 1)[0]
+    if arguments.tool_radius is None:
+        return Tool(centre, mass, (0.0, 0.0, 0.0))
+    return Tool.tube(centre, numbers_of("--tool-radius", arguments.tool_radius, 1)[0], mass=mass)
+
+
+def numbers_of(flag: str, text: str, count: int) -> list[float]:
+    """Return the numbers of a flag, separated by commas or spaces.
+
+    Raises:
+        InputError: Not as many, or not numbers.
+    """
+    words = text.replace(",", " ").split()
+    try:
+        values = [float(word) for word in words]
+    except ValueError:
+        values = []
+    if len(values) != count:
+        wanted = "a number" if count == 1 else f"{count} numbers, separated by commas"
+        raise InputError(f"{flag} must be {wanted}, got {shown(text)}")
+    return values

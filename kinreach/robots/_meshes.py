@@ -1,0 +1,213 @@
+"""Mesh files, read in one place and checked before an engine sees what is in them.
+
+Engines open no mesh themselves: a vertex that is not finite, or a hull without thickness, ends the process in them.
+"""
+
+from __future__ import annotations
+
+import io
+from collections import Counter, defaultdict
+from functools import cache
+from pathlib import Path
+from typing import Any, NamedTuple, NoReturn
+from xml.parsers import expat
+
+import numpy as np
+from numpy.typing import NDArray
+
+from kinreach._checks import Floats, shown
+from kinreach._files import read_bytes
+from kinreach.errors import InputError
+from kinreach.robots._urdf import MESHES, PACKAGE
+
+#: Largest file [bytes], largest coordinate after scaling [m], and most triangles of a file.
+MAX_BYTES, MAX_COORDINATE, MAX_FACES = 2**26, 100.0, 2_000_000
+#: Most shapes that the scene of a COLLADA file places.
+MAX_PLACED = 10_000
+#: A collision mesh that is thinner, such as a plate without thickness, is taken to be this thick [m].
+MIN_THICKNESS = 1e-4
+#: A mesh whose points are this near to one line has no surface [m].
+LINE = 1e-6
+
+
+class Mesh(NamedTuple):
+    """Triangles of a collision shape.
+
+    Attributes:
+        vertices: In the file's unit, shape (v, 3).
+        faces: Indices of vertices, shape (f, 3).
+    """
+
+    vertices: Floats
+    faces: NDArray[np.int64]
+
+
+def collision_mesh(address: str, package_root: str | None, scale: Floats) -> Mesh:
+    """Read the mesh of a collision shape, with a hull that has a volume.
+
+    Args:
+        address: `package://` address.
+        package_root: The folder that it is in.
+        scale: Metres per unit of the file along each axis, shape (3,).
+
+    Raises:
+        InputError: The file is not a mesh that can be used.
+    """
+    soup = [
+        (part.vertices @ T[:3, :3].T + T[:3, 3])[part.faces].reshape(-1, 3)
+        for part, T in placed_parts(address, package_root, scale)
+    ]
+    corners = np.concatenate(soup)
+    _, first, number = np.unique(corners, axis=0, return_index=True, return_inverse=True)
+    order = np.argsort(first)  # as they come in the file
+    return _with_thickness(address, Mesh(corners[first[order]], np.argsort(order)[number].reshape(-1, 3)), scale)
+
+
+def placed_parts(address: str, package_root: str | None, scale: Floats) -> list[tuple[Any, Floats]]:
+    """Read the parts of a mesh file as trimesh's meshes, in the file's unit, each with its pose in the file (4, 4).
+
+    Raises:
+        InputError: The file is not a mesh that can be used.
+    """
+    path = _inside(address, package_root)
+    name = shown(address)
+    try:
+        scene = _read(path)
+    except InputError as error:
+        raise InputError(f"the mesh {name} {error}") from None
+    parts = [(scene.geometry[part], np.asarray(T)) for T, part in map(scene.graph.get, scene.graph.nodes_geometry)]
+    parts = [(part, T) for part, T in parts if len(getattr(part, "faces", ()))]
+    if not parts:
+        raise InputError(f"the mesh {name} has no triangles")
+    if (count := sum(len(part.faces) for part, _ in parts)) > MAX_FACES:
+        raise InputError(f"the mesh {name} has {count} triangles, more than {MAX_FACES}")
+    for part, T in parts:
+        _check_part(name, part, T, scale)
+    return parts
+
+
+def _check_part(name: str, part: Any, T: Floats, scale: Floats) -> None:
+    """Refuse vertices that are not finite or far away, and triangles of vertices that do not exist."""
+    if part.faces.min() < 0 or part.faces.max() >= len(part.vertices):
+        raise InputError(f"the mesh {name} has a triangle of a vertex that it does not have")
+    with np.errstate(over="ignore", invalid="ignore"):
+        placed = (part.vertices @ T[:3, :3].T + T[:3, 3]) * scale
+        largest = float(np.abs(placed).max())
+    if not np.isfinite(largest):
+        raise InputError(f"the mesh {name} has a vertex that is not finite")
+    if largest > MAX_COORDINATE:
+        raise InputError(
+            f"the mesh {name} has a vertex at {largest:g} m, farther than {MAX_COORDINATE:g} m; a mesh in millimetres "
+            'needs scale="0.001 0.001 0.001"'
+        )
+
+
+def _with_thickness(name: str, mesh: Mesh, scale: Floats) -> Mesh:
+    """The mesh itself; where it is thinner than `MIN_THICKNESS` its hull, made that thick."""
+    points = mesh.vertices[np.unique(mesh.faces)] * scale
+    centre = points.mean(axis=0)
+    axes = np.linalg.eigh(np.cov(points.T, ddof=0))[1][:, ::-1]  # the direction in which the mesh is thinnest is last
+    axes[:, 2] = np.cross(axes[:, 0], axes[:, 1])  # right-handed, so that triangles keep facing outwards
+    along = (points - centre) @ axes
+    extent = np.ptp(along, axis=0)
+    if extent[1] < LINE:
+        raise InputError(f"the mesh {shown(name)} has no surface: its points are on one line")
+    if extent[2] >= MIN_THICKNESS:
+        return mesh
+    import trimesh
+
+    half = 0.5 * np.where(extent < MIN_THICKNESS, MIN_THICKNESS, 0.0)
+    sides = [along + half * sign for sign in ((0, 1, 1), (0, 1, -1), (0, -1, 1), (0, -1, -1))]
+    hull = trimesh.convex.convex_hull(np.concatenate(sides))
+    return Mesh((np.array(hull.vertices) @ axes.T + centre) / scale, np.array(hull.faces))
+
+
+def _inside(address: str, package_root: str | None) -> Path:
+    """The file of an address, which is within the package, links followed."""
+    root = Path(package_root or "").resolve()
+    try:
+        path = (root / address.removeprefix(PACKAGE)).resolve()
+    except (OSError, ValueError, RuntimeError) as error:
+        raise InputError(f"the mesh {shown(address)} cannot be read: {error}") from None
+    if not path.is_relative_to(root):
+        raise InputError(
+            f"the mesh {shown(address)} is a link to {shown(str(path))}, outside of its package; copy the file, or "
+            "name the folder that it is in with package_dirs="
+        )
+    return path
+
+
+def _read(path: Path) -> Any:
+    """The scene in a file; errors go on after "the mesh ...".
+
+    Raises:
+        InputError: It cannot be read.
+    """
+    if path.suffix.lower() not in MESHES:
+        raise InputError(f"is not one of {', '.join(MESHES)}")
+    try:
+        content = read_bytes(path, "the file", most=MAX_BYTES)
+    except InputError as error:
+        raise InputError(f"cannot be used: {error}") from None
+    try:
+        return _parsed(content, path.suffix.lower()[1:])
+    except MemoryError:
+        raise InputError("cannot be read: there is not enough memory") from None
+
+
+def _parsed(content: bytes, kind: str) -> Any:
+    """The scene in the bytes of a file."""
+    import trimesh  # half a second, which an arm without meshes does not take
+
+    if kind == "dae":
+        _check_collada(content)
+    try:
+        # An empty resolver: what the mesh names, such as materials and textures, is not opened.
+        return trimesh.load_scene(io.BytesIO(content), file_type=kind, resolver={}, process=False)
+    except MemoryError:
+        raise
+    except Exception as error:  # whatever a parser raises at what is not a mesh
+        raise InputError(f"cannot be read: {type(error).__name__}: {shown(str(error))}") from None
+
+
+def _check_collada(content: bytes) -> None:
+    """Refuse what is not XML, entities, and a scene that places parts within parts until there are very many."""
+    inside: list[str] = []  # open nodes
+    placed: Counter[str] = Counter()
+    used: defaultdict[str, list[str]] = defaultdict(list)
+
+    def start(tag: str, attributes: dict[str, str]) -> None:
+        tag = tag.rpartition(":")[2]
+        if tag in ("node", "visual_scene"):
+            inside.append(attributes.get("id", "") if tag == "node" else "")
+        elif tag == "instance_node":
+            for node in inside:
+                used[node].append(attributes.get("url", "").removeprefix("#"))
+        elif tag in ("instance_geometry", "instance_controller"):
+            placed.update(inside)
+
+    def end(tag: str) -> None:
+        if tag.rpartition(":")[2] in ("node", "visual_scene"):
+            inside.pop()
+
+    def refuse(*declared: object) -> NoReturn:
+        raise InputError("must not have a document type")
+
+    parser = expat.ParserCreate()
+    parser.StartElementHandler, parser.EndElementHandler = start, end
+    parser.StartDoctypeDeclHandler = refuse
+    try:
+        parser.Parse(content, True)
+    except expat.ExpatError as error:
+        raise InputError(f"is not XML: {error}") from None
+
+    @cache
+    def count(node: str) -> int:
+        return min(placed[node] + sum(map(count, used[node])), MAX_PLACED + 1)
+
+    try:
+        total = max(map(count, {"", *placed, *used}))
+    except RecursionError:
+        raise InputError("places parts within parts without end") from None
+    if total > MAX_PLACED:
+        raise InputError(f"places more than {MAX_PLACED} parts")

@@ -1,0 +1,114 @@
+"""Rotations and poses as people write them: roll, pitch and yaw in a URDF, the six numbers of a UR's pendant."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from kinreach._checks import MAX_DISTANCE, Floats, as_floats, as_pose, check_entries, check_poses
+from kinreach.errors import InputError
+
+#: Largest distance of a tool centre point from its flange, and of a frame from the arm's base [m].
+MAX_TOOL = 5.0
+
+
+def rotation(rpy: Sequence[float]) -> Floats:
+    """Return Rz(yaw) Ry(pitch) Rx(roll), shape (3, 3)."""
+    x, y, z = (turn(axis, angle) for axis, angle in zip(np.eye(3), rpy, strict=True))
+    return z @ y @ x
+
+
+def turn(axis: Floats, angle: float) -> Floats:
+    """Return the rotation about a unit axis by Rodrigues' formula, shape (3, 3)."""
+    x, y, z = axis
+    K = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
+    return np.eye(3) + math.sin(angle) * K + (1.0 - math.cos(angle)) * K @ K
+
+
+def rpy(R: Floats) -> tuple[float, float, float]:
+    """Return roll, pitch and yaw of a rotation; yaw is 0 where the pitch is a right angle.
+
+    Roll is what is left of the rotation without yaw, so that the three make it up also near that pitch.
+    """
+    across = math.hypot(R[0, 0], R[1, 0])
+    yaw = math.atan2(R[1, 0], R[0, 0]) if across > 1e-12 else 0.0
+    s, c = math.sin(yaw), math.cos(yaw)
+    return math.atan2(s * R[0, 2] - c * R[1, 2], c * R[1, 1] - s * R[0, 1]), math.atan2(-R[2, 0], across), yaw
+
+
+def placement(xyz: Sequence[float], angles: Sequence[float]) -> Floats:
+    """Return the transform of a translation [m] after a rotation by roll, pitch and yaw [rad], shape (4, 4)."""
+    T = np.eye(4)
+    T[:3, :3] = rotation(angles)
+    T[:3, 3] = xyz
+    return T
+
+
+def pose(numbers: ArrayLike) -> Floats:
+    """Return the pose that a UR's pendant, URScript and RTDE write as six numbers.
+
+    Args:
+        numbers: `[x, y, z, rx, ry, rz]`: position [m], and rotation vector [rad], whose length is the angle and whose
+            direction is the axis. Shape (6,) or (..., 6).
+
+    Returns:
+        Homogeneous transforms, shape (4, 4) or (..., 4, 4).
+
+    Raises:
+        InputError: Another shape, or a number that is not finite.
+    """
+    from scipy.spatial.transform import Rotation  # takes as long to import as the rest of the kinematics
+
+    numbers = as_floats("numbers", numbers)
+    if numbers.shape[-1:] != (6,):
+        raise InputError(f"a pose has six numbers, x, y, z, rx, ry, rz, got shape {numbers.shape}")
+    check_entries("numbers", numbers, MAX_DISTANCE)
+    T = np.zeros((*numbers.shape[:-1], 4, 4))
+    T[..., :3, :3] = Rotation.from_rotvec(numbers[..., 3:].reshape(-1, 3)).as_matrix().reshape(*T.shape[:-2], 3, 3)
+    T[..., :3, 3], T[..., 3, 3] = numbers[..., :3], 1.0
+    return T
+
+
+def pose_vector(T: ArrayLike) -> Floats:
+    """Return the six numbers of a pose, the opposite of `pose`.
+
+    Args:
+        T: Homogeneous transforms, shape (4, 4) or (..., 4, 4).
+
+    Returns:
+        `[x, y, z, rx, ry, rz]` [m, rad], shape (6,) or (..., 6); the rotation vector is at most pi long.
+
+    Raises:
+        InputError: Not a rigid motion.
+    """
+    from scipy.spatial.transform import Rotation
+
+    T = as_floats("T", T)
+    if T.shape[-2:] != (4, 4):
+        raise InputError(f"T must have shape (..., 4, 4), got {T.shape}")
+    check_poses("T", T.reshape(-1, 4, 4))
+    turned = Rotation.from_matrix(T[..., :3, :3].reshape(-1, 3, 3)).as_rotvec().reshape(*T.shape[:-2], 3)
+    return np.concatenate([T[..., :3, 3], turned], axis=-1)
+
+
+def as_frame(name: str, value: ArrayLike) -> Floats:
+    """Return a frame that a user gives as a 4x4 transform or as six numbers of `pose`; shape (4, 4).
+
+    Raises:
+        InputError: Neither, or farther away than `MAX_TOOL`: millimetres in place of metres.
+    """
+    given = as_floats(name, value)
+    check_entries(name, given, MAX_DISTANCE)
+    if given.shape == (6,):
+        T = pose(given)
+    elif given.shape == (4, 4):
+        T = as_pose(name, given)
+    else:
+        raise InputError(f"{name} must be a 4x4 transform or [x, y, z, rx, ry, rz], got shape {given.shape}")
+    farthest = float(np.abs(T[:3, 3]).max())
+    if farthest > MAX_TOOL:
+        raise InputError(f"{name} must be within {MAX_TOOL:g} m, got {farthest:g}; lengths are metres, not millimetres")
+    return T

@@ -1,0 +1,94 @@
+"""Tools: what is mounted on an arm's flange, where its centre point is, and how it is put into a URDF."""
+
+from __future__ import annotations
+
+import xml.etree.ElementTree as ET
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from kinreach._checks import Floats, as_vector, check_number
+from kinreach.errors import InputError
+from kinreach.robots._rotations import MAX_TOOL, as_frame, rpy
+from kinreach.robots._urdf import Solid, add_joint, add_link
+
+#: The tip that carries a tool, where an arm has it.
+FLANGE = "tool0"
+#: The tip that a tool's centre point is, and the link with its mass and shapes.
+TOOL, TOOL_BODY = "tool", "tool_body"
+
+
+@dataclass(frozen=True, eq=False)
+class Tool:
+    """A tool on an arm's flange. Poses and lengths are in the flange's frame (`tool0` of a UR).
+
+    Attributes:
+        centre: Pose of the tool centre point, as on the pendant: `[x, y, z, rx, ry, rz]` [m, rotation vector in rad],
+            or a 4x4 transform.
+        mass: [kg]; 0 leaves the tool out of the dynamics.
+        centre_of_mass: [m].
+        shapes: Boxes, `Solid((x, y, z), xyz, rpy)`, and cylinders, `Solid((radius, length), xyz, rpy)`, that collide
+            and are drawn; the mass is spread in the first.
+
+    Raises:
+        InputError: Not a rigid motion, metres that are millimetres, a negative mass, or a shape that is not a `Solid`.
+    """
+
+    centre: ArrayLike
+    mass: float = 0.0
+    centre_of_mass: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    shapes: tuple[Solid, ...] = ()
+    T: Floats = field(init=False, repr=False)
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "T", as_frame("tool", self.centre))
+        check_number("mass of the tool [kg]", self.mass, least=0.0, most=1e3)
+        as_vector("centre_of_mass of the tool [m]", self.centre_of_mass, 3, most=MAX_TOOL)
+        for shape in self.shapes:
+            if not isinstance(shape, Solid):
+                raise InputError(f"shapes of the tool must be Solids, got {shape!r}")
+
+    @classmethod
+    def of(cls, tool: Tool | ArrayLike) -> Tool:
+        """The tool itself, or one of this centre point and nothing else."""
+        return tool if isinstance(tool, Tool) else cls(tool)
+
+    @classmethod
+    def tube(cls, centre: ArrayLike, radius: float, *, mass: float = 0.0) -> Tool:
+        """A tool that fills a cylinder from the flange to its centre point, such as a gripper or a nozzle.
+
+        Args:
+            centre: As in `Tool`.
+            radius: Of the cylinder [m].
+            mass: [kg], in the middle of the cylinder.
+
+        Raises:
+            InputError: As `Tool`, or a centre point on the flange.
+        """
+        radius = check_number("radius of the tool [m]", radius, above=0.0, most=1.0)
+        end = as_frame("tool", centre)[:3, 3]
+        length = float(np.linalg.norm(end))
+        if length < 1e-3:
+            raise InputError("a tube from the flange to the tool centre point needs the two 1 mm apart or more")
+        pitch, yaw = float(np.arccos(np.clip(end[2] / length, -1, 1))), float(np.arctan2(end[1], end[0]))
+        middle: Any = tuple((end / 2).tolist())
+        return cls(centre, mass, middle, (Solid((radius, length), middle, (0.0, pitch, yaw)),))
+
+
+def add_tool(robot: ET.Element, flange: str, tool: Tool) -> None:
+    """Add a tool to a parsed URDF: the link `tool` at its centre point, and `tool_body` if it has a mass or shapes.
+
+    Args:
+        robot: Changed in place.
+        flange: Name of the link that carries it.
+        tool: What to add.
+    """
+    if tool.mass or tool.shapes:
+        add_link(
+            robot, TOOL_BODY, mass=tool.mass, centre=tool.centre_of_mass, solids=tool.shapes, rgba="0.25 0.45 0.70 1"
+        )
+        add_joint(robot, f"{TOOL_BODY}_joint", flange, TOOL_BODY)
+    add_link(robot, TOOL)
+    add_joint(robot, f"{TOOL}_joint", flange, TOOL, xyz=tool.T[:3, 3].tolist(), rpy=rpy(tool.T[:3, :3]))

@@ -1,0 +1,220 @@
+"""Universal Robots arms: UR3, UR5 and UR10 with a parallel gripper in a work cell; the others without shapes.
+
+Those three are the joint-limited ones of example-robot-data (all joints within ±pi). kinreach mounts them with a yaw of
++90 degrees, so that the front is world +x (base_link -y), and adds the gripper of `grippers`, with `tcp` between the
+finger tips, 0.20 m along z from `tool0`. The other models have kinematics only: the same frames and no shapes, made
+from their lengths, with the ±2 pi of the data sheets.
+"""
+
+from __future__ import annotations
+
+import importlib.util
+import math
+import xml.etree.ElementTree as ET
+from dataclasses import dataclass
+from functools import partial
+from pathlib import Path
+
+from kinreach.errors import InstallationError
+from kinreach.robots._description import ArmDescription
+from kinreach.robots._grippers import PARALLEL_GRIPPER, PARALLEL_GRIPPER_PAIRS, add_parallel_gripper
+from kinreach.robots._ur import JOINTS, MOUNT_YAW, UR_LENGTHS, nominal_urdf
+from kinreach.robots._urdf import prune, set_origin
+from kinreach.robots._workcell import Box, BoxRegion, CameraMount, Workcell
+
+FLOOR = -0.75
+PLATE = 0.02  # thickness of the plate under the arm [m]
+BALL_RADIUS = 0.025
+URDF_FILE = "example-robot-data/robots/ur_description/urdf/{}_joint_limited_robot.urdf"
+HOME = (-math.pi / 2, -math.pi / 2, math.pi / 2, -math.pi / 2, -math.pi / 2, 0.0)
+
+
+@dataclass(frozen=True)
+class _Cell:
+    """The work cell of an arm with meshes, and what its simulation needs. Lengths [m], in the world.
+
+    Attributes:
+        name: The model; `NAME_joint_limited_robot.urdf` is its file.
+        table_top: Height of the table. Lower, and the natural postures would push wrist_1 across ±pi.
+        table, table_x: Edges of the table top, and where its centre is in front of the arm.
+        goals_x, goals_y: Where goals are on the table; both natural postures reach them with the tool down.
+        plate, plate_x: Edges of the plate under the arm, and its centre.
+        front_target, wrist_target: Where the cameras look: a point in the world, and one in the frame of tool0.
+        overview, overview_target: Viewpoint of pictures.
+        position_gains: Stiffness of the position servos [N m/rad].
+        speed_limit: Of the joints [rad/s].
+    """
+
+    name: str
+    table_top: float
+    table: tuple[float, float]
+    table_x: float
+    goals_x: tuple[float, float]
+    goals_y: tuple[float, float]
+    plate: tuple[float, float]
+    plate_x: float
+    front_target: tuple[float, float, float]
+    wrist_target: tuple[float, float, float]
+    overview: tuple[float, float, float]
+    overview_target: tuple[float, float, float]
+    position_gains: tuple[float, ...]
+    speed_limit: float
+
+
+_CELLS = (
+    _Cell(
+        name="ur3", table_top=-0.12, table=(0.50, 0.90), table_x=0.41, goals_x=(0.26, 0.42), goals_y=(-0.20, 0.20),
+        plate=(0.24, 0.16), plate_x=-0.04, front_target=(0.34, 0.0, -0.14), wrist_target=(0.112, -0.041, 0.409),
+        overview=(1.25, -0.95, 0.55), overview_target=(0.15, 0.0, 0.0),
+        position_gains=(1200.0, 1200.0, 800.0, 300.0, 250.0, 200.0), speed_limit=2.16,
+    ),
+    _Cell(
+        name="ur5", table_top=-0.20, table=(0.70, 1.20), table_x=0.53, goals_x=(0.30, 0.65), goals_y=(-0.30, 0.30),
+        plate=(0.30, 0.18), plate_x=-0.06, front_target=(0.45, 0.0, -0.23), wrist_target=(0.109, 0.012, 0.607),
+        overview=(1.75, -1.30, 0.70), overview_target=(0.25, 0.0, 0.0),
+        position_gains=(4000.0, 4000.0, 2500.0, 800.0, 600.0, 400.0), speed_limit=math.pi,
+    ),
+    _Cell(
+        name="ur10", table_top=-0.18, table=(0.90, 1.50), table_x=0.72, goals_x=(0.42, 0.90), goals_y=(-0.40, 0.40),
+        plate=(0.36, 0.22), plate_x=-0.07, front_target=(0.62, 0.0, -0.23), wrist_target=(0.164, 0.028, 0.802),
+        overview=(2.40, -1.80, 1.00), overview_target=(0.35, 0.0, 0.05),
+        position_gains=(12000.0, 12000.0, 6000.0, 500.0, 400.0, 250.0), speed_limit=2.16,
+    ),
+)  # fmt: skip
+
+
+def example_robot_data() -> str:
+    """Find the `share` folder of example-robot-data without importing an engine."""
+    spec = importlib.util.find_spec("example_robot_data")
+    if spec is not None and spec.origin is not None:
+        for parent in Path(spec.origin).resolve().parents:
+            if (parent / "share" / URDF_FILE.format("ur5")).is_file():
+                return str(parent / "share")
+    raise InstallationError(
+        "the descriptions of the arms are missing; install them with: "
+        "pip install example-robot-data==4.4.0 example-robot-data-loaders==4.4.0"
+    )
+
+
+def _build_urdf(name: str) -> str:
+    robot = ET.parse(Path(example_robot_data()) / URDF_FILE.format(name)).getroot()
+    prune(robot, tags=("gazebo", "transmission"), links=("ee_link", "base"))
+    set_origin(robot, "world_joint", (0, 0, 0), (0, 0, MOUNT_YAW))
+    add_parallel_gripper(robot, "tool0")
+    ET.indent(robot)
+    return ET.tostring(robot, encoding="unicode")
+
+
+_SRDF_PAIRS = (
+    ("base_link", "shoulder_link"),
+    ("base_link", "upper_arm_link"),
+    ("shoulder_link", "upper_arm_link"),
+    ("upper_arm_link", "forearm_link"),
+    ("forearm_link", "wrist_1_link"),
+    ("forearm_link", "wrist_2_link"),
+    ("forearm_link", "wrist_3_link"),
+    ("wrist_1_link", "wrist_2_link"),
+    ("wrist_1_link", "wrist_3_link"),
+    ("wrist_2_link", "wrist_3_link"),
+)
+_GRIPPER_PAIRS = (("wrist_3_link", "gripper_palm"), ("wrist_2_link", "gripper_palm"), *PARALLEL_GRIPPER_PAIRS)
+
+
+def _workcell(cell: _Cell) -> Workcell:
+    top, (length, width) = cell.table_top, cell.plate
+    back = cell.plate_x - length / 2
+    pedestal = length * 0.4
+    return Workcell(
+        obstacles=(
+            Box("table", (*cell.table, 0.04), (cell.table_x, 0.0, top - 0.02), legs=top - 0.04 - FLOOR),
+            Box("mount", (length, width, PLATE), (cell.plate_x, 0.0, -PLATE / 2)),
+            Box(
+                "pedestal",
+                (pedestal, width, -PLATE - FLOOR),
+                (round(back + pedestal / 2, 3), 0.0, (FLOOR - PLATE) / 2),
+            ),
+            Box("floor", (6.0, 6.0, 0.10), (0.0, 0.0, FLOOR - 0.05)),
+        ),
+        touching=(("mount", "base_link"),),
+        goals=BoxRegion(x=cell.goals_x, y=cell.goals_y, z=(top + BALL_RADIUS,) * 2),
+        ball_radius=BALL_RADIUS,
+    )
+
+
+def _cameras(cell: _Cell) -> tuple[CameraMount, ...]:
+    return (
+        # Under the plate and 3 cm behind the arm's axis: further forward the nearest corners of the goal area, 45
+        # degrees to the side, would leave the picture.
+        CameraMount(
+            "front", "world", (-0.03, 0.0, -0.05), cell.front_target, holder=(-0.05, 0.0, -PLATE), observed=True
+        ),
+        # Beside the fingers and far enough from them that they hide no goal; up in the picture is forward at home.
+        CameraMount(
+            "wrist",
+            "tool0",
+            (0.10, 0.0, 0.09),
+            cell.wrist_target,
+            up=(0, -1, 0),
+            holder=(0.035, 0.0, 0.06),
+            observed=True,
+        ),
+        CameraMount("overview", "world", cell.overview, cell.overview_target, fovy=37.0),
+    )
+
+
+def _describe(cell: _Cell) -> ArmDescription:
+    return ArmDescription(
+        name=cell.name,
+        title=f"{cell.name.upper()} with parallel gripper",
+        build_urdf=partial(_build_urdf, cell.name),
+        joints=JOINTS,
+        home=HOME,
+        base="base_link",
+        tips={"tool0": "tool0", "tcp": "tcp"},
+        default_tip="tcp",
+        workcell=_workcell(cell),
+        disabled_collisions=_SRDF_PAIRS + _GRIPPER_PAIRS,
+        package_root=example_robot_data,
+        position_gains=cell.position_gains,
+        speed_limit=cell.speed_limit,
+        acceleration_limit=10.0,
+        armature=0.1,
+        joint_damping=(0.0,) * 6,
+        gripper=PARALLEL_GRIPPER,
+        moves_last=("shoulder_lift_joint",),
+        cameras=_cameras(cell),
+    )
+
+
+def _table(name: str) -> Workcell:
+    """The arm on the edge of a table, with goals on it; sizes in proportion to what it reaches."""
+    lengths = UR_LENGTHS[name]
+    reach = -lengths.a2 - lengths.a3
+    return Workcell(
+        obstacles=(
+            Box("table", (1.5 * reach, 1.7 * reach, 0.04), (0.5 * reach, 0.0, -0.02), legs=-0.04 - FLOOR),
+            Box("floor", (6.0, 6.0, 0.10), (0.0, 0.0, FLOOR - 0.05)),
+        ),
+        touching=(("table", "base_link"),),
+        goals=BoxRegion(x=(0.45 * reach, 0.8 * reach), y=(-0.37 * reach, 0.37 * reach), z=(BALL_RADIUS,) * 2),
+        ball_radius=BALL_RADIUS,
+    )
+
+
+def _describe_nominal(name: str) -> ArmDescription:
+    """A model without meshes: the bare arm on a table."""
+    return ArmDescription(
+        name=name,
+        title=name.upper(),
+        build_urdf=partial(nominal_urdf, name),
+        joints=JOINTS,
+        home=HOME,
+        base="base_link",
+        tips={"tool0": "tool0", "tcp": "tcp"},
+        default_tip="tool0",
+        workcell=_table(name),
+    )
+
+
+_WITH_MESHES = {cell.name: _describe(cell) for cell in _CELLS}
+ARMS = tuple(_WITH_MESHES.get(name) or _describe_nominal(name) for name in UR_LENGTHS)

@@ -1,0 +1,778 @@
+"""URDF: built from primitives, checked before an engine is given one, and read as the description of an arm."""
+
+from __future__ import annotations
+
+import math
+import os
+import xml.etree.ElementTree as ET
+from collections import Counter
+from collections.abc import Collection, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path, PurePosixPath
+from typing import NoReturn
+from xml.parsers import expat
+
+import numpy as np
+
+from kinreach._checks import Floats, check_known, check_number, check_path, shown
+from kinreach._files import read_text
+from kinreach.errors import InputError, raise_unknown
+from kinreach.robots._rotations import placement, rotation, rpy, turn
+from kinreach.robots._workcell import CameraMount
+
+
+@dataclass(frozen=True)
+class Solid:
+    """A box (three sizes) or a cylinder (radius, length) [m], placed in its link's frame."""
+
+    size: tuple[float, ...]
+    xyz: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    rpy: tuple[float, float, float] = (0.0, 0.0, 0.0)
+
+
+def numbers(values: Sequence[float]) -> str:
+    """Write numbers as in a URDF, without loss."""
+    return " ".join(repr(float(v)) for v in values)
+
+
+def prune(robot: ET.Element, *, tags: Sequence[str] = (), links: Sequence[str] = ()) -> None:
+    """Remove all children with the given tags, and the given leaf links with their joints."""
+    for child in list(robot):
+        joint_child = child.find("child") if child.tag == "joint" else None
+        named_link = child.tag == "link" and child.get("name") in links
+        if child.tag in tags or named_link or (joint_child is not None and joint_child.get("link") in links):
+            robot.remove(child)
+
+
+def without_shapes(text: str, *kinds: str) -> ET.Element:
+    """Parse a URDF and remove the shapes of its links that are of these kinds, `"visual"` or `"collision"`."""
+    robot = ET.fromstring(text)
+    for link in robot.iter("link"):
+        prune(link, tags=kinds)
+    return robot
+
+
+def named(robot: ET.Element, tag: str, name: str) -> ET.Element | None:
+    """Find the link or joint of this name, whatever characters are in it."""
+    return next((element for element in robot.findall(tag) if element.get("name") == name), None)
+
+
+def link_at(joint: ET.Element, end: str) -> str:
+    """Return the name of the link at a joint's end, `"parent"` or `"child"`; empty where none is named."""
+    element = joint.find(end)
+    return "" if element is None else element.get("link", "")
+
+
+def links_below(robot: ET.Element, link: str) -> list[str]:
+    """Names of all links that a link carries, itself not among them."""
+    found = [link]
+    for parent in found:  # which grows
+        found += [link_at(joint, "child") for joint in robot.findall("joint") if link_at(joint, "parent") == parent]
+    return found[1:]
+
+
+def link_before(robot: ET.Element, link: str) -> str:
+    """Name of the link beyond the first joint that moves on the way from a link to the root; empty if there is none."""
+    above = {link_at(joint, "child"): joint for joint in robot.findall("joint")}
+    while link in above and above[link].get("type") == "fixed":
+        link = link_at(above[link], "parent")
+    return link_at(above[link], "parent") if link in above else ""
+
+
+def origin_of(element: ET.Element) -> Floats:
+    """Return the pose of a joint or a shape in its parent's frame (4, 4); the unit matrix without an `<origin>`."""
+    origin = element.find("origin")
+    if origin is None:
+        return np.eye(4)
+    xyz, rpy = ([float(v) for v in origin.get(key, "0 0 0").split()] for key in ("xyz", "rpy"))
+    return placement(xyz, rpy)
+
+
+def set_origin(robot: ET.Element, joint: str, xyz: Sequence[float], rpy: Sequence[float]) -> None:
+    """Place a joint's child in its parent's frame [m], roll-pitch-yaw [rad]."""
+    element = named(robot, "joint", joint)
+    if element is None:
+        raise KeyError(joint)
+    origin = element.find("origin")
+    if origin is None:
+        origin = ET.SubElement(element, "origin")
+    origin.set("xyz", numbers(xyz))
+    origin.set("rpy", numbers(rpy))
+
+
+def set_limits(robot: ET.Element, joint: str, lower: float, upper: float) -> None:
+    """Set the lower and the upper limit of a joint [rad].
+
+    Raises:
+        InputError: There is no such joint, or it is of a kind that has no limits.
+    """
+    element = named(robot, "joint", joint)
+    limit = None if element is None or element.get("type") not in _LIMITED else element.find("limit")
+    if limit is None:
+        raise InputError(f"the URDF has no joint {shown(joint)} of a kind that has limits")
+    limit.set("lower", repr(lower))
+    limit.set("upper", repr(upper))
+
+
+def add_link(
+    robot: ET.Element,
+    name: str,
+    *,
+    mass: float = 0.0,
+    centre: Sequence[float] | None = None,
+    solids: Sequence[Solid] = (),
+    rgba: str = "",
+) -> None:
+    """Add a link; its inertia is that of the first solid with the given mass [kg], spread evenly.
+
+    Args:
+        robot: Changed in place.
+        name: Of the link.
+        mass: [kg]; 0 for a link without inertia.
+        centre: Centre of mass [m]; that of the first solid by default.
+        solids: Its shapes; a mass without any is a cube of 5 cm.
+        rgba: Colour of the shapes, as URDF writes it.
+    """
+    link = ET.SubElement(robot, "link", name=name)
+    if mass > 0:
+        solid = solids[0] if solids else Solid((0.05, 0.05, 0.05))
+        inertial = ET.SubElement(link, "inertial")
+        ET.SubElement(inertial, "origin", xyz=numbers(solid.xyz if centre is None else centre), rpy=numbers(solid.rpy))
+        ET.SubElement(inertial, "mass", value=repr(mass))
+        ET.SubElement(inertial, "inertia", _inertia(mass, solid))
+    for kind in ("visual", "collision"):
+        for index, solid in enumerate(solids):
+            element = ET.SubElement(link, kind, name=f"{name}_{kind}_{index}")
+            ET.SubElement(element, "origin", xyz=numbers(solid.xyz), rpy=numbers(solid.rpy))
+            geometry = ET.SubElement(element, "geometry")
+            if len(solid.size) == 3:
+                ET.SubElement(geometry, "box", size=numbers(solid.size))
+            else:
+                ET.SubElement(geometry, "cylinder", radius=repr(solid.size[0]), length=repr(solid.size[1]))
+            if kind == "visual" and rgba:
+                material = ET.SubElement(element, "material", name=f"{name}_material")
+                ET.SubElement(material, "color", rgba=rgba)
+
+
+def _inertia(mass: float, solid: Solid) -> dict[str, str]:
+    if len(solid.size) == 3:
+        x, y, z = (s * s for s in solid.size)
+        diagonal = (mass * (y + z) / 12, mass * (x + z) / 12, mass * (x + y) / 12)
+    else:
+        r, h = solid.size
+        across = mass * (3 * r * r + h * h) / 12
+        diagonal = (across, across, mass * r * r / 2)
+    ixx, iyy, izz = (repr(v) for v in diagonal)
+    return {"ixx": ixx, "iyy": iyy, "izz": izz, "ixy": "0", "ixz": "0", "iyz": "0"}
+
+
+def add_joint(
+    robot: ET.Element,
+    name: str,
+    parent: str,
+    child: str,
+    *,
+    kind: str = "fixed",
+    xyz: Sequence[float] = (0, 0, 0),
+    rpy: Sequence[float] = (0, 0, 0),
+    axis: Sequence[float] | None = None,
+    limit: Sequence[float] | None = None,
+    mimic: str | None = None,
+) -> None:
+    """Add a joint; `limit` is (lower, upper, effort, velocity) in SI units, `mimic` follows with ratio 1."""
+    joint = ET.SubElement(robot, "joint", name=name, type=kind)
+    ET.SubElement(joint, "origin", xyz=numbers(xyz), rpy=numbers(rpy))
+    ET.SubElement(joint, "parent", link=parent)
+    ET.SubElement(joint, "child", link=child)
+    if axis is not None:
+        ET.SubElement(joint, "axis", xyz=numbers(axis))
+    if limit is not None:
+        keys = ("lower", "upper", "effort", "velocity")
+        ET.SubElement(joint, "limit", dict(zip(keys, map(repr, map(float, limit)), strict=True)))
+    if mimic is not None:
+        ET.SubElement(joint, "mimic", joint=mimic, multiplier="1", offset="0")
+
+
+#: Bounds of a URDF: characters, links, and how large a number in it may be.
+MAX_CHARACTERS, MAX_LINKS, MAX_NUMBER = 2**23, 500, 1e9
+#: Deepest nesting of elements, and the shortest vector that has a direction: rounding takes it from shorter ones.
+MAX_DEPTH, MIN_AXIS = 100, 1e-6
+PACKAGE = "package://"
+#: Mesh files that a URDF may name, by their ends.
+MESHES = (".stl", ".obj", ".dae")
+KINDS = ("revolute", "continuous", "prismatic", "fixed")
+_TURNING = ("revolute", "continuous")
+_MOVED = (*_TURNING, "prismatic")
+_LIMITED = ("revolute", "prismatic")
+#: Attributes that are numbers, by element, with how many there are.
+_NUMBERS = {
+    "origin": {"xyz": 3, "rpy": 3},
+    "axis": {"xyz": 3},
+    "box": {"size": 3},
+    "cylinder": {"radius": 1, "length": 1},
+    "sphere": {"radius": 1},
+    "mesh": {"scale": 3},
+    "mass": {"value": 1},
+    "inertia": dict.fromkeys(("ixx", "ixy", "ixz", "iyy", "iyz", "izz"), 1),
+    "limit": dict.fromkeys(("lower", "upper", "effort", "velocity"), 1),
+    "mimic": {"multiplier": 1, "offset": 1},
+    "dynamics": {"damping": 1, "friction": 1},
+    "color": {"rgba": 4},
+}
+#: Numbers that must be above 0, or not below.
+_POSITIVE = ("size", "radius", "length", "scale")
+_NOT_NEGATIVE = ("value", "effort", "velocity", "damping", "friction")
+
+
+def parse_urdf(text: object) -> ET.Element:
+    """Return the `<robot>` element of a URDF text.
+
+    Raises:
+        InputError: It is too long or too deep, not XML or not a URDF, or it has a document type.
+    """
+    if not isinstance(text, str) or len(text) > MAX_CHARACTERS:
+        raise InputError(f"a URDF must be text of at most {MAX_CHARACTERS} characters, got {shown(text)}")
+    depth = 0
+
+    def deeper(*element: object) -> None:
+        nonlocal depth
+        depth += 1
+        if depth > MAX_DEPTH:
+            raise InputError(f"the URDF is nested deeper than {MAX_DEPTH} elements")
+
+    def higher(*element: object) -> None:
+        nonlocal depth
+        depth -= 1
+
+    parser = expat.ParserCreate()
+    parser.StartDoctypeDeclHandler = _refuse_declarations
+    parser.StartElementHandler, parser.EndElementHandler = deeper, higher
+    try:
+        parser.Parse(text.encode(), True)
+        robot = ET.fromstring(text)
+    except (expat.ExpatError, ET.ParseError, ValueError, RecursionError) as error:
+        if isinstance(error, InputError):
+            raise
+        raise InputError(f"the URDF is not XML: {error}") from None
+    if robot.tag != "robot":
+        raise InputError(f"the URDF must begin with <robot>, got <{shown(robot.tag)}>")
+    return robot
+
+
+def check_urdf(text: object, package_root: str | None) -> None:
+    """Refuse what is not a URDF of one arm, and what would make a reader open other files or take much memory.
+
+    Args:
+        text: The URDF.
+        package_root: Folder that `package://` stands for; None if there is none.
+
+    Raises:
+        InputError: It is too long or not XML; it declares entities; links and joints are not a tree; a number is not
+            finite, too large or of the wrong sign; a lower limit is above the upper one; a mesh is outside the package.
+    """
+    robot = parse_urdf(text)
+    _check_tree(robot)
+    for element in robot.iter():
+        for name, count in _NUMBERS.get(element.tag, {}).items():
+            if name in element.attrib:
+                _check_numbers(f"{name} of <{element.tag}>", element.attrib[name], count, name)
+        if element.tag in ("mesh", "texture"):
+            _check_file(element.get("filename", ""), package_root)
+    for joint in robot.findall("joint"):
+        _check_limits(joint)
+
+
+def check_limits_complete(robot: ET.Element) -> None:
+    """Refuse a joint that moves with a `<limit>` that leaves out what the engines ask for."""
+    for joint in robot.findall("joint"):
+        limit = joint.find("limit")
+        if limit is None or joint.get("type") not in _MOVED:
+            continue
+        for name, what in (("effort", "largest torque [N m] or force [N]"), ("velocity", "largest speed [rad/s, m/s]")):
+            if name not in limit.attrib:
+                raise InputError(
+                    f"joint {shown(joint.get('name'))} of the URDF has a <limit> without {name}=, its {what}; add it"
+                )
+
+
+def _refuse_declarations(*declared: object) -> NoReturn:
+    raise InputError("a URDF must not have a document type: entities could name other files, or grow without bound")
+
+
+def _check_tree(robot: ET.Element) -> None:
+    """Every joint connects two links, no link hangs on two, and all hang on one: some engines leave out a loop."""
+    links = [link.get("name", "") for link in robot.findall("link")]
+    joints = robot.findall("joint")
+    if not 1 <= len(links) <= MAX_LINKS:
+        raise InputError(f"the URDF must have 1 to {MAX_LINKS} links, got {len(links)}")
+    for name, count in Counter(links).items():
+        if not name.isprintable() or not name or count > 1:
+            raise InputError(f"the URDF names {shown(name)} {count} times" if name else "the URDF has a nameless part")
+    if not all(name and name.isprintable() for name in (joint.get("name", "") for joint in joints)):
+        raise InputError("the URDF has a joint without a name that can be printed")
+    if len({joint.get("name") for joint in joints}) < len(joints):
+        raise InputError("the URDF has two joints of one name")
+    held: set[str] = set()
+    children: dict[str, list[str]] = {link: [] for link in links}
+    for joint in joints:
+        name, ends = shown(joint.get("name")), [link_at(joint, end) for end in ("parent", "child")]
+        if not set(ends) <= set(links) or ends[1] in held:
+            raise InputError(
+                f"joint {name} of the URDF must connect two links, each of which hangs on one joint at most"
+            )
+        held.add(ends[1])
+        children[ends[0]].append(ends[1])
+        kind, limit, axis = joint.get("type"), joint.find("limit"), joint.find("axis")
+        if kind not in KINDS or (kind in _LIMITED and limit is None):
+            raise InputError(f"joint {name} of the URDF must be one of {', '.join(KINDS)}, with its limits")
+        if kind in _MOVED and axis is not None and math.hypot(*_floats(axis.get("xyz", "1 0 0"))) < MIN_AXIS:
+            raise InputError(f"joint {name} of the URDF has an axis without direction: {shown(axis.get('xyz'))}")
+    roots = [link for link in links if link not in held]
+    if len(roots) != 1 or len(links) != len(joints) + 1:
+        raise InputError(f"the links of the URDF must hang on one, got {len(roots)} that hang on none")
+    hanging = roots[:]
+    for link in hanging:  # grows until it has all that hang on the root
+        hanging += children[link]
+    if len(hanging) < len(links):
+        loose = [link for link in links if link not in hanging]
+        raise InputError(f"all links of the URDF must hang on {shown(roots[0])}, and not on a loop: {shown(loose)}")
+
+
+def _check_limits(joint: ET.Element) -> None:
+    """The lower limit is not above the upper one, where the kind of joint has limits; one that is left out is 0."""
+    limit = joint.find("limit")
+    if limit is None or joint.get("type") not in _LIMITED:
+        return
+    lower, upper = (float(limit.get(name, "0")) for name in ("lower", "upper"))
+    if lower > upper:
+        name = shown(joint.get("name"))
+        raise InputError(f"joint {name} of the URDF has its lower limit above the upper one: {lower:g} > {upper:g}")
+
+
+def _floats(text: str) -> list[float]:
+    try:
+        return [float(word) for word in text.split()]
+    except ValueError:
+        return []
+
+
+def _check_numbers(what: str, text: str, count: int, name: str) -> None:
+    values = _floats(text)
+    if len(values) != count or not all(math.isfinite(value) and abs(value) <= MAX_NUMBER for value in values):
+        raise InputError(f"{what} must be {count} numbers within ±{MAX_NUMBER:g}, got {shown(text)}")
+    least = min(values)
+    if (name in _POSITIVE and least <= 0) or (name in _NOT_NEGATIVE and least < 0):
+        raise InputError(f"{what} must not be negative, and a size not zero; got {shown(text)}")
+
+
+def _check_file(name: str, package_root: str | None) -> None:
+    """A file is within the package: a URDF cannot have anything else of this machine read."""
+    path = PurePosixPath(name.removeprefix(PACKAGE))
+    inside = name.startswith(PACKAGE) and not path.is_absolute() and ".." not in path.parts and name.isprintable()
+    if package_root is None or not inside:
+        raise InputError(
+            f"files of a URDF must be within {PACKAGE}, and the arm must have a package; got {shown(name)}"
+        )
+
+
+#: Answer of a default position servo [1/s]: stiffness is this squared times the inertia.
+SERVO_RATE = 30.0
+#: Largest speed [rad/s] and acceleration [rad/s^2] that are taken for a default.
+MAX_SPEED, MAX_ACCELERATION = 3.0, 10.0
+#: Branches that an error message names.
+MAX_NAMED = 6
+#: Field of view of the default `overview` camera [degrees].
+OVERVIEW_FOVY = 40.0
+
+
+#: How far a start posture may be beyond a limit [rad]: URDFs write pi with few digits.
+LIMIT_DIGITS = 1e-5
+
+
+class UrdfArm:
+    """The serial chain from the root of a URDF to a tip.
+
+    Args:
+        name: What error messages call the arm.
+        robot: The checked URDF.
+        tip: Link at the end; default is the link with the most turning, then the most joints between it and the root,
+            with no sliding joint among them; of equals one without a shape, which is a mere frame.
+        joints: Names of the joints of `q`; default are all that move between root and tip.
+        held: Names of joints that are not part of `q`, and may move.
+
+    Attributes:
+        tip: Link at the end of the arm.
+        joints: Names of the joints of `q`, from the root to the tip.
+        limits: Lower and upper limit of each [rad].
+
+    Raises:
+        InputError: There is no such link or joint, a joint is not between root and tip, or none moves there; a joint
+            has no range; or without `tip` two branches are equally long.
+    """
+
+    def __init__(
+        self,
+        name: str,
+        robot: ET.Element,
+        *,
+        tip: str | None = None,
+        joints: Sequence[str] | None = None,
+        held: Collection[str] = (),
+    ) -> None:
+        self.name = name
+        self._links = {link.get("name", ""): link for link in robot.findall("link")}
+        self._joints = {joint.get("name", ""): joint for joint in robot.findall("joint")}
+        self._carried_by = {link_at(joint, "child"): joint for joint in self._joints.values()}
+        if tip is not None and tip not in self._links:
+            raise_unknown(f"link of arm {name!r}", tip, self._links)
+        for joint in joints or ():
+            if joint not in self._joints:
+                raise_unknown(f"joint of arm {name!r}", joint, self._joints)
+        self.tip = tip if tip is not None else self._farthest_link(held)
+        path = [joint.get("name", "") for joint in self._path(self.tip)]
+        moving = [joint for joint in path if self._kind(joint) in _MOVED and joint not in held]
+        self.joints = tuple(joint for joint in moving if not joints or joint in joints)
+        if joints and self.joints != tuple(joints):
+            raise InputError(
+                f"arm {name!r}: joints must be some of {', '.join(moving)}, which move the tip {self.tip!r}, in this "
+                f"order; got {', '.join(joints)}"
+            )
+        if not self.joints:
+            raise InputError(f"arm {name!r}: no joint moves the tip {self.tip!r}; give tip= one of its links")
+        for joint in self.joints:
+            if self._kind(joint) == "prismatic" or self._joints[joint].find("mimic") is not None:
+                raise InputError(f"arm {name!r}: joint {joint!r} slides or mimics another; leave it out of joints=")
+        self.limits = [_limits(self._joints[joint]) for joint in self.joints]
+        for joint, (lower, upper) in zip(self.joints, self.limits, strict=True):
+            if lower == upper:
+                raise InputError(
+                    f"arm {name!r}: joint {joint!r} cannot move, its limits are {lower:g} and {upper:g} rad; a URDF "
+                    "that leaves lower or upper out means 0. Give it limits, or hold it with held="
+                )
+
+    @property
+    def base(self) -> str:
+        """The first link, or the one that `world` carries."""
+        (root,) = (link for link in self._links if link not in self._carried_by)
+        carried = [link_at(joint, "child") for joint in self._joints.values() if link_at(joint, "parent") == root]
+        return carried[0] if root == "world" and len(carried) == 1 else root
+
+    @cached_property
+    def tips(self) -> Mapping[str, str]:
+        """The links that the last joint carries rigidly, and the tip first."""
+        rigid = [link for link in self._links if self._moved_by(link) == self.joints[-1] and link != self.tip]
+        return {link: link for link in (self.tip, *rigid)}
+
+    @property
+    def home(self) -> tuple[float, ...]:
+        """The middle of each joint's range [rad]; 0 for a joint without limits."""
+        return tuple(0.5 * (low + high) for low, high in self.limits)
+
+    @property
+    def damping(self) -> tuple[float, ...]:
+        """Viscous friction of each joint [N m s/rad]; 0 where the URDF gives none."""
+        return tuple(self._number(joint, "dynamics", "damping") for joint in self.joints)
+
+    @property
+    def speed_limit(self) -> float:
+        """The slowest joint's limit [rad/s]."""
+        given = [speed for joint in self.joints if (speed := self._number(joint, "limit", "velocity")) > 0.0]
+        return min([MAX_SPEED, *given])
+
+    def acceleration_limit(self, armature: float) -> float:
+        """What every joint can do with half of its torque [rad/s^2], with this rotor inertia [kg m^2]."""
+        torques = [self._number(joint, "limit", "effort") for joint in self.joints]
+        loads = [inertia + armature for inertia in self._inertias]
+        return min([MAX_ACCELERATION, *(t / (2.0 * load) for t, load in zip(torques, loads, strict=True) if t > 0.0)])
+
+    def position_gains(self, armature: float) -> tuple[float, ...]:
+        """Stiffness with which each servo answers at `SERVO_RATE` [N m/rad], with this rotor inertia [kg m^2]."""
+        return tuple(SERVO_RATE**2 * (inertia + armature) for inertia in self._inertias)
+
+    @property
+    def overview(self) -> CameraMount:
+        """A camera from which the arm is seen, however it is stretched."""
+        size = sum(_length(joint) for joint in self._path(self.tip)) or 1.0  # a tip on the root is looked at, too
+        return CameraMount(
+            "overview", "world", (1.5 * size, -1.5 * size, 0.9 * size), (0.15 * size, 0.0, 0.3 * size),
+            fovy=OVERVIEW_FOVY,
+        )  # fmt: skip
+
+    @cached_property
+    def _inertias(self) -> list[float]:
+        """Inertia that each joint carries, stretched out: masses at their distances along the chain [kg m^2]."""
+        carried = dict.fromkeys(self.joints, 0.0)
+        for name, link in self._links.items():
+            inertial = link.find("inertial")
+            distance, mass = _length(inertial), _value(inertial, "mass", "value")
+            own = max(_value(inertial, "inertia", axis) for axis in ("ixx", "iyy", "izz"))
+            for joint in reversed(self._path(name)):
+                if joint.get("name") in carried:
+                    carried[joint.get("name", "")] += mass * distance**2 + own
+                distance += _length(joint)
+        return list(carried.values())
+
+    def _farthest_link(self, held: Collection[str]) -> str:
+        def moving(link: str) -> list[str]:
+            return [joint.get("type", "") for joint in self._path(link) if joint.get("name") not in held]
+
+        def rank(link: str) -> tuple[int, bool, int, bool]:
+            path = self._path(link)
+            turning = -1 if "prismatic" in moving(link) else sum(kind in _TURNING for kind in moving(link))
+            last = max((place for place, joint in enumerate(path) if joint.get("type") in _TURNING), default=-1)
+            finger = any(joint.get("name") in held for joint in path[last + 1 :])
+            return turning, not finger, len(path), self._links[link].find("collision") is None
+
+        farthest = max(self._links, key=rank)
+        turning = rank(farthest)[0]
+        for link in self._links:
+            if sum(kind in _TURNING for kind in moving(link)) > turning:
+                slides = next(joint.get("name") for joint in self._path(link) if joint.get("type") == "prismatic")
+                raise InputError(
+                    f"arm {self.name!r}: joint {slides!r} slides, and joints that turn are mounted on it; hold it "
+                    f"still with held={{{slides!r}: 0.0}} [m], or name with tip= a link before it"
+                )
+        ends = {self._last_turning(link): link for link in self._links if rank(link)[0] == turning}
+        if len(ends) > 1:
+            raise InputError(
+                f"arm {self.name!r} has {len(ends)} branches of {turning} joints, which end in "
+                f"{', '.join(list(ends.values())[:MAX_NAMED])}{', ...' * (len(ends) > MAX_NAMED)}; say with tip= "
+                "which one is meant"
+            )
+        return farthest
+
+    def _last_turning(self, link: str) -> str:
+        """The last joint that turns before a link; empty if none does."""
+        turning = [joint.get("name", "") for joint in self._path(link) if joint.get("type") in _TURNING]
+        return turning[-1] if turning else ""
+
+    def _moved_by(self, link: str) -> str:
+        """The last joint of `q` before a link; empty if none moves it, or if another joint moves it as well."""
+        for joint in reversed(self._path(link)):
+            if joint.get("type") in _MOVED:
+                name = joint.get("name", "")
+                return name if name in self.joints else ""
+        return ""
+
+    def _path(self, link: str) -> list[ET.Element]:
+        """The joints from the root to a link."""
+        path = []
+        while link in self._carried_by:
+            path.append(self._carried_by[link])
+            link = link_at(path[-1], "parent")
+        return path[::-1]
+
+    def _kind(self, joint: str) -> str:
+        return self._joints[joint].get("type", "")
+
+    def _number(self, joint: str, tag: str, key: str) -> float:
+        return _value(self._joints[joint], tag, key)
+
+
+def check_home(name: str, robot: ET.Element, home: Mapping[str, float]) -> None:
+    """Refuse a start posture outside of the limits.
+
+    Args:
+        name: What error messages call the arm.
+        robot: The checked URDF.
+        home: Angles by the names of joints [rad].
+
+    Raises:
+        InputError: There is no such joint, or it is outside; the message names its angle and its limits.
+    """
+    joints = {joint.get("name", ""): joint for joint in robot.findall("joint")}
+    for joint, angle in home.items():
+        check_known(f"joint of arm {name!r}", joint, joints)
+        low, high = _limits(joints[joint])
+        if not low - LIMIT_DIGITS <= angle <= high + LIMIT_DIGITS:
+            raise InputError(
+                f"arm {name!r}: home has joint {joint!r} at {angle:g} rad, outside its limits {low:g} to {high:g}"
+            )
+
+
+def _limits(joint: ET.Element) -> tuple[float, float]:
+    if joint.get("type") == "continuous":
+        return -math.pi, math.pi
+    return _value(joint, "limit", "lower"), _value(joint, "limit", "upper")
+
+
+def _value(element: ET.Element | None, tag: str, key: str) -> float:
+    """A number in a child of an element; 0 where there is none."""
+    child = None if element is None else element.find(tag)
+    return 0.0 if child is None else float(child.get(key, "0"))
+
+
+def _length(placed: ET.Element | None) -> float:
+    """How far what has an `<origin>` is from its parent's origin [m]."""
+    origin = None if placed is None else placed.find("origin")
+    return 0.0 if origin is None else math.hypot(*map(float, origin.get("xyz", "0 0 0").split()))
+
+
+#: Folders above a URDF in which packages are looked for.
+LEVELS_UP = 4
+WORLD = "world"
+
+
+@dataclass(frozen=True)
+class UrdfSource:
+    """An arm read from a file.
+
+    Attributes:
+        name: The robot's name in the URDF.
+        robot: The URDF for the engines.
+        package_root: Folder that `package://` stands for in it; None without meshes.
+        joints: Names of the joints of `q`.
+        tip: Link at the end.
+        tips: Frames that may be asked for as the tip.
+    """
+
+    name: str
+    robot: ET.Element
+    package_root: str | None
+    joints: tuple[str, ...]
+    tip: str
+    tips: Mapping[str, str]
+
+
+def read_urdf(
+    file: str | Path,
+    *,
+    tip: str | None,
+    joints: Sequence[str] | None,
+    held: Mapping[str, float],
+    package_dirs: Sequence[str | Path] | None,
+) -> UrdfSource:
+    """Read an arm from a URDF file; the arguments are those of `ArmDescription.from_urdf`."""
+    path = check_path("file", file)
+    robot = parse_urdf(read_text(path, "the URDF", most=MAX_CHARACTERS))
+    name = robot.get("name") or path.stem
+    for tag in ("gazebo", "transmission"):
+        for element in robot.findall(tag):
+            robot.remove(element)
+    root = _find_meshes(robot, path.resolve(), package_dirs)
+    check_urdf(ET.tostring(robot, encoding="unicode"), root)
+    for joint in held:
+        if named(robot, "joint", joint) is None:
+            raise_unknown(f"joint of arm {name!r}", joint, [each.get("name", "") for each in robot.findall("joint")])
+    arm = UrdfArm(name, robot, tip=tip, joints=joints, held=held)
+    _hold(robot, arm.joints, held)
+    for endless in robot.findall("joint[@type='continuous']"):
+        _limit_to_a_turn(endless)
+    for limit in robot.findall("joint/limit"):
+        if float(limit.get("velocity", "0")) == 0.0:  # not given: it would hold the joint still in a solver's steps
+            limit.set("velocity", repr(MAX_SPEED))
+    if named(robot, "link", WORLD) is None:
+        root_link = UrdfArm(name, robot, tip=arm.tip).base
+        robot.append(ET.Element("link", name=WORLD))
+        add_joint(robot, f"{WORLD}_joint", WORLD, root_link)
+    tips = UrdfArm(name, robot, tip=arm.tip, joints=arm.joints).tips
+    return UrdfSource(name, robot, root, arm.joints, arm.tip, tips)
+
+
+def _find_meshes(robot: ET.Element, file: Path, package_dirs: Sequence[str | Path] | None) -> str | None:
+    """Rewrite the addresses of all meshes as `package://` within one folder, which is returned; None without meshes."""
+    folders = [file.parent, *file.parents[1 : LEVELS_UP + 1]]
+    if package_dirs is not None:
+        folders = [check_path("package_dirs", folder).resolve() for folder in package_dirs]
+    meshes = list(robot.iter("mesh"))
+    for material in robot.iter("material"):
+        for texture in material.findall("texture"):  # a picture of the surface, which no engine here draws
+            material.remove(texture)
+    found = [_find(mesh.get("filename", ""), file, folders) for mesh in meshes]
+    if not found:
+        return None
+    root = Path(os.path.commonpath([mesh.parent for mesh in found]))
+    for mesh, place in zip(meshes, found, strict=True):
+        mesh.set("filename", PACKAGE + place.relative_to(root).as_posix())
+    return str(root)
+
+
+def _find(address: str, file: Path, folders: Sequence[Path]) -> Path:
+    """The file that the address of a mesh means.
+
+    Raises:
+        InputError: There is none, it is not a mesh, or it is outside the folders in which meshes may be.
+    """
+    allowed = (*folders, file.parent, file.parent.parent)
+    for place in _candidates(address, file, folders):
+        mesh = place.resolve()  # a link counts as the file that it leads to
+        if mesh.suffix.lower() in MESHES and any(mesh.is_relative_to(folder) for folder in allowed) and mesh.is_file():
+            return mesh
+    raise InputError(
+        f"the URDF {shown(str(file))} names the mesh {shown(address)}, which does not exist: meshes must be "
+        f"{', '.join(MESHES)} files beside the URDF, in the folder above it, or in a package within package_dirs"
+    )
+
+
+def _candidates(address: str, file: Path, folders: Sequence[Path]) -> Iterator[Path]:
+    if not address.isprintable() or "\0" in address:
+        return
+    if address.startswith(PACKAGE):
+        parts = PurePosixPath(address.removeprefix(PACKAGE)).parts
+        if len(parts) < 2 or ".." in parts or parts[0] == "/":
+            return
+        for folder in folders:
+            yield folder.joinpath(*parts)
+            if folder.name == parts[0]:
+                yield folder.joinpath(*parts[1:])
+    elif "://" not in address and not PurePosixPath(address).is_absolute():
+        yield file.parent / address
+
+
+def _hold(robot: ET.Element, joints: Sequence[str], held: Mapping[str, float]) -> None:
+    """Make every joint that is not one of `joints` a fixed one."""
+    moving = [joint for joint in robot.findall("joint") if joint.get("type") != "fixed"]
+    places = {joint.get("name", ""): _place(joint, held) for joint in moving}
+    for joint in moving:
+        mimic = joint.find("mimic")
+        if joint.get("name") in joints:
+            continue
+        place = places[joint.get("name", "")]
+        if mimic is not None and joint.get("name") not in held:
+            leader = mimic.get("joint", "")
+            if leader in joints:
+                raise InputError(
+                    f"joint {joint.get('name')!r} mimics {leader!r}, which moves the tip: give held= a place for it"
+                )
+            place = float(mimic.get("multiplier", "1")) * places.get(leader, 0.0) + float(mimic.get("offset", "0"))
+        _fix(joint, place)
+
+
+def _place(joint: ET.Element, held: Mapping[str, float]) -> float:
+    name, limit = joint.get("name", ""), joint.find("limit")
+    if name in held:
+        return check_number(f"the place of joint {name!r}", held[name])
+    if limit is None or joint.get("type") == "continuous":
+        return 0.0
+    return min(max(0.0, float(limit.get("lower", "0"))), float(limit.get("upper", "0")))
+
+
+def _fix(joint: ET.Element, place: float) -> None:
+    """Turn a joint into a fixed one at a place [rad, m]."""
+    axis, origin = joint.find("axis"), joint.find("origin")
+    if origin is None:
+        origin = ET.SubElement(joint, "origin")
+    if place != 0.0:
+        direction = np.array([float(v) for v in ("1 0 0" if axis is None else axis.get("xyz", "1 0 0")).split()])
+        direction /= np.linalg.norm(direction)
+        xyz = np.array([float(v) for v in origin.get("xyz", "0 0 0").split()])
+        R = rotation([float(v) for v in origin.get("rpy", "0 0 0").split()])
+        if joint.get("type") == "prismatic":
+            origin.set("xyz", numbers(xyz + place * R @ direction))
+        else:
+            origin.set("rpy", numbers(rpy(R @ turn(direction, place))))
+    joint.set("type", "fixed")
+    for element in list(joint):
+        if element.tag not in ("origin", "parent", "child"):
+            joint.remove(element)
+
+
+def _limit_to_a_turn(joint: ET.Element) -> None:
+    """A joint without end turns once here, from -pi to pi, so that a posture is a plain vector."""
+    joint.set("type", "revolute")
+    limit = joint.find("limit")
+    if limit is None:
+        limit = ET.SubElement(joint, "limit", effort="0", velocity="0")
+    limit.set("lower", repr(-math.pi))
+    limit.set("upper", repr(math.pi))

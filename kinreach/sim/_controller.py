@@ -1,0 +1,260 @@
+"""Moves of an arm in joint space, by dynamics, and the verdict on each: reached, or why not.
+
+A move has *attained* its target when every joint is within the tolerance of it, the arm stands still, and it is not
+pressed at anything there. A target that is not attained is what the thesis calls impossible; `MoveResult.reason` says
+why. Touching something on the way does not make a target impossible, being held off by it does. For motion
+free of contact, ask a collision checker before the move.
+
+How the servos are led to a target is in `kinreach.sim._setpoints`; what is moved, one simulation or many, in
+`kinreach.sim._plants`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Sequence
+from dataclasses import dataclass
+from enum import Enum
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from kinreach._checks import Floats, check_number
+from kinreach.errors import InputError
+from kinreach.kinematics._solutions import SLACK
+from kinreach.robots import ArmDescription
+from kinreach.sim._engine import mujoco
+from kinreach.sim._plants import Ids, Plant, rows_and_columns
+from kinreach.sim._setpoints import ARRIVED, DIVERGED, LATE, MOVING, Following, SetpointPlanner
+
+#: The thesis's tolerance: "the smallest value where the environment still gets the joint angles close" [rad].
+TOLERANCE = 0.01
+#: Bodies that are deeper than this inside each other at the end are pressed together [m]. Servos and contact share what
+#: a target is inside an obstacle, and this is the depth for some 0.03 mm of it, about as well as the tip is placed.
+PRESSED = 1e-5
+#: A simulation in which a joint ends further than this past its limit [rad] has diverged. Limits are springs in MuJoCo:
+#: links that start inside one another pushed joints of the UR5 up to 0.29 rad past theirs.
+BEYOND_LIMIT = 0.5
+
+
+class MoveStatus(Enum):
+    """How a move ended. Everything but REACHED is an impossible target."""
+
+    REACHED = "reached"
+    #: The target is outside the joint limits; the arm was not moved.
+    OUT_OF_LIMITS = "out of limits"
+    #: An obstacle holds the arm off the target or is pressed at it, or the arm has stopped for no visible reason
+    #: (torque limit).
+    BLOCKED = "blocked"
+    #: One part of the arm holds another off the target, or presses it there.
+    COLLISION = "self-collision"
+    #: The arm is still moving long after it should have arrived.
+    TIMEOUT = "timeout"
+    #: The simulation became unstable, or pushed a joint far past its limit; the arm was put back to where it stood
+    #: before, at rest.
+    DIVERGED = "diverged"
+
+
+@dataclass(frozen=True, eq=False)
+class MoveResult:
+    """What became of a move.
+
+    Attributes:
+        status: How it ended.
+        reason: One phrase for people when the target was not attained, else empty.
+        duration: Simulated time [s].
+        q: Posture in which the arm ended [rad], shape (n,).
+        error: Largest distance of a joint from the target [rad].
+        touches: What is in contact in that posture, deepest first; where the target was reached, touches so slight that
+            they are none.
+    """
+
+    status: MoveStatus
+    reason: str
+    duration: float
+    q: Floats
+    error: float
+    touches: tuple[Touch, ...] = ()
+
+    @property
+    def reached(self) -> bool:
+        """Whether every joint came to rest within the tolerance of its target, and nothing is pressed there."""
+        return self.status is MoveStatus.REACHED
+
+
+@dataclass(frozen=True)
+class Touch:
+    """Two bodies in contact.
+
+    Attributes:
+        link: A link of the arm.
+        other: An obstacle of the work cell, or another link.
+        with_itself: Whether `other` is a link.
+        depth: How far the two are inside each other [m].
+    """
+
+    link: str
+    other: str
+    with_itself: bool
+    depth: float
+
+    def __str__(self) -> str:
+        if self.with_itself:
+            return f"self-collision: {self.link} - {self.other}"
+        return f"{self.link} touches {self.other}"
+
+
+def touches(model: Any, data: Any, obstacles: Collection[str]) -> tuple[Touch, ...]:
+    """Return bodies in contact in the last computed step, deepest first, each pair once.
+
+    Args:
+        model: The scene.
+        data: Its state; contacts are read, not computed.
+        obstacles: Names of the bodies that are not links.
+    """
+    if data.ncon == 0:
+        return ()  # making MuJoCo's list of contacts, even of none, takes longer than a step
+    between: dict[tuple[int, int], float] = {}
+    bodies = model.geom_bodyid[data.contact.geom].tolist()
+    for (first, second), distance in zip(bodies, data.contact.dist.tolist(), strict=True):
+        between[first, second] = max(between.get((first, second), 0.0), -distance)
+    deepest: dict[tuple[str, str], float] = {}
+    for (first, second), depth in between.items():
+        a, b = model.body(first).name, model.body(second).name
+        pair = (b, a) if a in obstacles else (a, b)
+        deepest[pair] = max(deepest.get(pair, 0.0), depth)
+    found = [Touch(link, other, other not in obstacles, depth) for (link, other), depth in deepest.items()]
+    return tuple(sorted(found, key=lambda touch: -touch.depth))
+
+
+class JointController:
+    """Moves the arms in simulations of one scene.
+
+    The setpoint runs on a synchronous trapezoid and leads by the servo's own lag and by the arm's inertia, so that the
+    joints follow it without delay. Measured on 200 two-phase moves of the UR5 from home to a tool-down posture at a
+    goal: all reached, residual error 3e-5 rad in the median and 6e-5 rad at most (0.03 and 0.07 mm at the tip), 1.28 to
+    1.36 s of simulated time.
+
+    A verdict hangs on the target almost alone. Of 1700 targets up to 0.2 rad (sigma) from a tool-down posture, all 453
+    in collision were found impossible, and one of the others, whose way is blocked; of 600 random ones all 367 in
+    collision, and 30 of the others.
+
+    Args:
+        arm: The arm.
+        model: A scene of it, from `kinreach.sim._scene`.
+        tolerance: How far from its target a joint may come to rest [rad].
+        encoder_noise: Standard deviation of what the servos read of their joints [rad].
+
+    Attributes:
+        arm, model, tolerance: As given.
+        lower, upper: Joint limits [rad], shape (n,).
+        qpos, ctrl: Where the arm's joints are in MuJoCo's `qpos` and `ctrl`.
+        obstacles: Names of the bodies that are not links.
+    """
+
+    def __init__(
+        self, arm: ArmDescription, model: Any, *, tolerance: float = TOLERANCE, encoder_noise: float = 0.0
+    ) -> None:
+        self.arm = arm
+        self.model = model
+        self.tolerance = check_number("tolerance", tolerance, above=0.0, most=np.pi)
+        joints = [model.joint(name) for name in arm.joints]
+        self.qpos = as_index([joint.qposadr[0] for joint in joints])
+        self.lower, self.upper = np.array([joint.range for joint in joints]).T
+        self.ctrl = as_index([model.actuator(name).id for name in arm.joints])
+        self.obstacles = frozenset(box.name for box in arm.workcell.obstacles)
+        dof = as_index([joint.dofadr[0] for joint in joints])
+        self._following = Following(self.qpos, dof, self.ctrl, tolerance, model.opt.timestep, encoder_noise)
+        self._planner = SetpointPlanner(
+            arm, model, qpos=self.qpos, dof=dof, servos=self.ctrl, period=self._following.period
+        )
+        self._last = np.isin(arm.joints, arm.moves_last)
+        self._scratch = mujoco.MjData(model)
+
+    def outside_limits(self, q: Floats) -> NDArray[np.bool_]:
+        """Return which joints are outside their limits, for one posture or many, shape (..., n)."""
+        outside: NDArray[np.bool_] = (q < self.lower - SLACK) | (q > self.upper + SLACK)
+        return outside
+
+    def joints_outside_limits(self, q: Floats) -> tuple[str, ...]:
+        """Return names of the joints that are outside their limits."""
+        return tuple(name for name, out in zip(self.arm.joints, self.outside_limits(q), strict=True) if out)
+
+    def refuse_outside_limits(self, q: Floats) -> None:
+        """Raise an `InputError` about the first joint that is outside its limits, if there is one."""
+        for name in self.joints_outside_limits(q)[:1]:
+            joint = self.arm.joints.index(name)
+            low, high = self.lower[joint], self.upper[joint]
+            raise InputError(f"{name} = {q[joint]:.6g} rad is outside its limits [{low:.6g}, {high:.6g}]")
+
+    def move(self, plant: Plant, ids: Ids, targets: Floats, *, two_phase: bool = True) -> list[MoveResult]:
+        """Move arms until they stand at their targets or are found not to get there.
+
+        Args:
+            plant: The simulations; those that are moved are simulated forward.
+            ids: Which of them, ascending, shape (k,).
+            targets: Target postures [rad], shape (k, n).
+            two_phase: As in the thesis, the joints in `arm.moves_last` (shoulder_lift of the UR5: the gripper comes
+                from above) wait until all others have arrived. Otherwise all joints move at once, in a straight line
+                in joint space. An arm without such joints moves in one phase in any case.
+
+        Returns:
+            How each ended, and where, in the order of `ids`. An arm whose simulation diverged is put back to where its
+            move began.
+        """
+        began, before = plant.time[ids], plant.states(ids)
+        ends = np.full(len(ids), MOVING, dtype=np.int8)
+        inside = ~self.outside_limits(targets).any(axis=1)
+        if inside.any():
+            ends[inside] = self._follow(plant, ids[inside], targets[inside], two_phase=two_phase)
+        q = plant.qpos[rows_and_columns(ids, self.qpos)]
+        lost = plant.diverged(ids) | ((q < self.lower - BEYOND_LIMIT) | (q > self.upper + BEYOND_LIMIT)).any(axis=1)
+        if lost.any():  # MuJoCo has started them afresh, and their motion since then is not the move's
+            plant.put_back(ids[lost], before[lost])
+            ends[lost] = DIVERGED
+        durations = plant.time[ids] - began
+        return [
+            self._result(state, target, int(end), float(duration))
+            for state, target, end, duration in zip(plant.qpos[ids], targets, ends, durations, strict=True)
+        ]
+
+    def _follow(self, plant: Plant, ids: Ids, targets: Floats, *, two_phase: bool) -> NDArray[np.int8]:
+        state = plant.qpos[ids]
+        points = [state[:, self.qpos], targets]
+        if two_phase and self._last.any():
+            points.insert(1, np.where(self._last, points[0], targets))
+        return self._following.run(plant, ids, self._planner.plan(state, points))
+
+    def _result(self, state: Floats, target: Floats, end: int, duration: float) -> MoveResult:
+        q = state[self.qpos].copy()
+        error = np.abs(q - target)
+        found = self._touches(state)
+        if end == DIVERGED:
+            status, reason = MoveStatus.DIVERGED, "diverged: the simulation became unstable"
+        elif end == MOVING:
+            outside = ", ".join(self.joints_outside_limits(target))
+            status, reason = MoveStatus.OUT_OF_LIMITS, f"out of limits: {outside}"
+        elif end == ARRIVED and (not found or found[0].depth <= PRESSED):
+            status, reason = MoveStatus.REACHED, ""
+        elif found:
+            status = MoveStatus.COLLISION if found[0].with_itself else MoveStatus.BLOCKED
+            reason = str(found[0]) if found[0].with_itself else f"blocked: {found[0]}"
+        else:
+            status = MoveStatus.TIMEOUT if end == LATE else MoveStatus.BLOCKED
+            reason = f"{status.value}: {self.arm.joints[int(error.argmax())]} does not arrive, nothing touches"
+        return MoveResult(status, reason, duration, q, float(error.max()), found)
+
+    def _touches(self, state: Floats) -> tuple[Touch, ...]:
+        """What touches what in a posture of everything, `qpos`."""
+        self._scratch.qpos[:] = state
+        mujoco.mj_kinematics(self.model, self._scratch)
+        mujoco.mj_collision(self.model, self._scratch)
+        return touches(self.model, self._scratch, self.obstacles)
+
+
+def as_index(addresses: Sequence[int]) -> slice | NDArray[np.intp]:
+    """Return where the joints are in one of MuJoCo's arrays; a slice (a view, and faster) if they lie side by side."""
+    index = np.array(addresses, dtype=np.intp)
+    if (np.diff(index) == 1).all():
+        return slice(int(index[0]), int(index[-1]) + 1)
+    return index

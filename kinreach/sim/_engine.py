@@ -1,0 +1,52 @@
+"""MuJoCo, imported so that a missing graphics library does not stop the physics, and no log file appears."""
+
+from __future__ import annotations
+
+import importlib
+import os
+from typing import Any
+
+from kinreach.errors import InstallationError
+
+_GRAPHICS = "MUJOCO_GL"
+#: Where MuJoCo's warnings go by default: a file in the current folder.
+_DEFAULT_LOG = "MUJOCO_LOG.TXT"
+
+
+def _load() -> Any:
+    """MuJoCo binds the graphics library that `MUJOCO_GL` names at import and fails if that is missing.
+
+    Physics needs no graphics: in that case the import is repeated without. Which library draws is decided when the
+    first frame is asked for (`kinreach.sim._rendering`), and only then is a missing one an error.
+    """
+    try:
+        return importlib.import_module("mujoco")
+    except Exception as error:  # MuJoCo lets AttributeError, OSError and RuntimeError of the graphics libraries pass
+        wanted = os.environ.get(_GRAPHICS)
+        if wanted is None:
+            raise InstallationError(
+                f"cannot import mujoco: {error}; install it with: pip install mujoco==4.0.0"
+            ) from error
+    os.environ[_GRAPHICS] = "disable"
+    try:
+        return importlib.import_module("mujoco")
+    except Exception as error:
+        raise InstallationError(f"cannot import mujoco: {error}; install it with: pip install mujoco==4.0.0") from error
+    finally:
+        os.environ[_GRAPHICS] = wanted
+
+
+def _without_log_file(module: Any) -> Any:
+    """Keep MuJoCo's warnings out of its default log file; they are still printed to stderr.
+
+    This is a setting of the whole process and of its native threads. A log file that was named before, or is named
+    later, is used.
+    """
+    settings = module.MjLogConfig.get()
+    if settings.logfile == _DEFAULT_LOG:
+        settings.logto_file = False
+        settings.set()
+    return module
+
+
+mujoco: Any = _without_log_file(_load())

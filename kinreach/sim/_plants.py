@@ -1,0 +1,190 @@
+"""Plants of a controller: one simulation or many of them, behind the same arrays."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any, Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from kinreach._checks import Floats
+from kinreach.sim._engine import mujoco
+
+Ids = NDArray[np.intp]
+
+_STATE = mujoco.mjtState.mjSTATE_INTEGRATION
+#: Warnings after which MuJoCo starts a simulation afresh, in the middle of whatever it was doing.
+_UNSTABLE = [
+    int(kind)
+    for kind in (
+        mujoco.mjtWarning.mjWARN_BADQPOS,
+        mujoco.mjtWarning.mjWARN_BADQVEL,
+        mujoco.mjtWarning.mjWARN_BADQACC,
+    )
+]
+#: Where a batch has the number of warnings, beside where the last one was.
+_NUMBER = 1
+
+
+class Plant(Protocol):
+    """Simulations of one model; row i of every array belongs to simulation i.
+
+    Attributes:
+        model: The scene (`mujoco.MjModel`).
+        qpos, qvel, ctrl: MuJoCo's arrays of these names, shapes (count, ...); live, a write is the state.
+    """
+
+    model: Any
+    qpos: Floats
+    qvel: Floats
+    ctrl: Floats
+
+    @property
+    def time(self) -> Floats:
+        """Simulated time [s], shape (count,)."""
+        ...
+
+    def states(self, ids: Ids) -> Floats:
+        """Copy the full states of some, for `put_back`, shape (k, size)."""
+        ...
+
+    def put(self, ids: Ids, states: Floats) -> None:
+        """Put some, ascending, shape (k,), into states that they or others were in, and take them for sound."""
+        ...
+
+    def put_back(self, ids: Ids, states: Floats) -> None:
+        """Put some into states as `put`, but at rest."""
+        ...
+
+    def diverged(self, ids: Ids) -> NDArray[np.bool_]:
+        """Return which were found unstable since they were last reset or put back, shape (k,)."""
+        ...
+
+    def follow(self, ids: Ids, servos: Any, setpoints: Floats, substeps: int) -> None:
+        """Simulate some forward while their servos get one setpoint after the other.
+
+        Args:
+            ids: Which, ascending, shape (k,).
+            servos: Where the servos are in `ctrl`: a slice or an array of integers.
+            setpoints: Of the servos, shape (periods, k, servos); the last remains.
+            substeps: Timesteps between two setpoints.
+        """
+        ...
+
+
+class SinglePlant:
+    """One simulation on a `mujoco.MjData` that others may read and draw.
+
+    Attributes:
+        watch: Called after every setpoint.
+    """
+
+    def __init__(self, model: Any, data: Any) -> None:
+        self.model = model
+        self.data = data
+        self.qpos: Floats = data.qpos[None]
+        self.qvel: Floats = data.qvel[None]
+        self.ctrl: Floats = data.ctrl[None]
+        self.watch: Callable[[], object] | None = None
+
+    def __reduce__(self) -> tuple[type[SinglePlant], tuple[Any, Any]]:
+        return SinglePlant, (self.model, self.data)  # a copy's arrays are to be those of its own data
+
+    @property
+    def time(self) -> Floats:
+        """Simulated time [s], shape (1,)."""
+        return np.array([self.data.time])
+
+    def states(self, ids: Ids) -> Floats:
+        """Copy states; see `Plant.states`."""
+        state = np.empty(mujoco.mj_stateSize(self.model, _STATE))
+        mujoco.mj_getState(self.model, self.data, state, _STATE)
+        return state[None]
+
+    def put(self, ids: Ids, states: Floats) -> None:
+        """Put the simulation into a state; see `Plant.put`."""
+        mujoco.mj_resetData(self.model, self.data)
+        mujoco.mj_setState(self.model, self.data, states[0], _STATE)
+
+    def put_back(self, ids: Ids, states: Floats) -> None:
+        """Put the simulation back; see `Plant.put_back`."""
+        self.put(ids, states)
+        self.data.qvel[:] = self.data.qacc_warmstart[:] = 0.0
+
+    def diverged(self, ids: Ids) -> NDArray[np.bool_]:
+        """Return whether the simulation was unstable; see `Plant.diverged`."""
+        return np.array([any(self.data.warning[kind].number for kind in _UNSTABLE)])
+
+    def follow(self, ids: Ids, servos: Any, setpoints: Floats, substeps: int) -> None:
+        """Simulate forward; see `Plant.follow`."""
+        for setpoint in setpoints[:, 0]:
+            self.data.ctrl[servos] = setpoint
+            mujoco.mj_step(self.model, self.data, substeps)
+            if self.watch is not None:
+                self.watch()
+
+
+class BatchPlant:
+    """Many simulations, stepped by MuJoCo's batch.
+
+    Attributes:
+        batch: MuJoCo's batch.
+        mocap: Places of what is moved from outside [m], shape (count, bodies, 3).
+    """
+
+    def __init__(self, model: Any, batch: Any) -> None:
+        self.model = model
+        self.batch = batch
+        self.mocap: Floats = batch.bind("mocap_pos")
+        self._home = model.key("home").id
+        self.qpos: Floats = batch.bind("qpos")
+        self.qvel: Floats = batch.bind("qvel")
+        self.ctrl: Floats = batch.bind("ctrl")
+        self._time: Floats = batch.bind("time")
+        self._warmstart: Floats = batch.bind("qacc_warmstart")
+
+    @property
+    def time(self) -> Floats:
+        """Simulated time [s], shape (count,)."""
+        return self._time
+
+    def home(self, ids: Ids) -> None:
+        """Put some into the scene's keyframe, at time 0."""
+        self.batch.reset(ids=ids, keyframe=self._home, stage=mujoco.mjtStage.mjSTAGE_NONE)
+
+    def states(self, ids: Ids) -> Floats:
+        """Copy states; see `Plant.states`."""
+        states: Floats = self.batch.state[ids]
+        return states
+
+    def put(self, ids: Ids, states: Floats) -> None:
+        """Put simulations into states; see `Plant.put`."""
+        self.batch.reset(ids=ids, stage=mujoco.mjtStage.mjSTAGE_NONE)
+        self.batch.state[ids] = states
+
+    def put_back(self, ids: Ids, states: Floats) -> None:
+        """Put simulations back; see `Plant.put_back`."""
+        self.put(ids, states)
+        self.qvel[ids] = self._warmstart[ids] = 0.0
+
+    def diverged(self, ids: Ids) -> NDArray[np.bool_]:
+        """Return which simulations were unstable; see `Plant.diverged`."""
+        unstable: NDArray[np.bool_] = self.batch.warning[ids][:, _UNSTABLE, _NUMBER].any(axis=1)
+        return unstable
+
+    def follow(self, ids: Ids, servos: Any, setpoints: Floats, substeps: int) -> None:
+        """Simulate forward, in one call; see `Plant.follow`."""
+        periods, count = setpoints.shape[:2]
+        control = np.empty((count, periods, substeps, self.ctrl.shape[1]))
+        control[:] = self.ctrl[ids, None, None]
+        control[..., servos] = setpoints.swapaxes(0, 1)[:, :, None]
+        everyone = len(ids) == len(self.ctrl)  # saves MuJoCo the check of the ids
+        self.batch.rollout(
+            periods * substeps, control.reshape(count, periods * substeps, -1), record=(), ids=None if everyone else ids
+        )
+
+
+def rows_and_columns(rows: Any, columns: Any) -> Any:
+    """Index of some rows and columns of a matrix, each a slice or an array of integers."""
+    return (rows, columns) if isinstance(rows, slice) or isinstance(columns, slice) else np.ix_(rows, columns)

@@ -1,0 +1,76 @@
+"""Scene of an arm without dynamics: it is put into postures."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from kinreach._checks import MAX_DISTANCE, Floats, as_vector
+from kinreach.robots import ArmDescription
+from kinreach.sim._engine import mujoco
+from kinreach.sim._scene import BALL, scene_model
+
+#: How often `go` shows the arm on its way [s].
+PERIOD = 0.02
+
+
+class PosedScene:
+    """An arm, its work cell and the ball, drawn where they are put; nothing moves by itself.
+
+    Args:
+        arm: The arm.
+        model: A scene of it (`mujoco.MjModel`); default is that of `scene_model`, with visuals.
+
+    Attributes:
+        arm, model: As given.
+        data: MuJoCo's state.
+        watch: Called in the course of `go`.
+    """
+
+    def __init__(self, arm: ArmDescription, *, model: Any = None) -> None:
+        self.arm = arm
+        self.model: Any = scene_model(arm) if model is None else model
+        self.data: Any = mujoco.MjData(self.model)
+        self.watch: Callable[[], object] | None = None
+        mujoco.mj_resetDataKeyframe(self.model, self.data, self.model.key("home").id)
+        self._qpos = [int(self.model.joint(name).qposadr[0]) for name in arm.joints]
+        self._ball = int(self.model.body(BALL).mocapid[0])
+
+    @property
+    def q(self) -> Floats:
+        """Posture [rad], shape (n,)."""
+        q: Floats = self.data.qpos[self._qpos]
+        return q
+
+    def put(self, q: ArrayLike, *, ball: ArrayLike | None = None, time: float | None = None) -> None:
+        """Put the arm into a posture, within its limits or not.
+
+        Args:
+            q: [rad], shape (n,).
+            ball: Its centre in the world [m], shape (3,); by default it stays.
+            time: Of the scene [s]; by default it stays.
+
+        Raises:
+            InputError: Wrong shape, or not finite.
+        """
+        self.data.qpos[self._qpos] = as_vector("q", q, len(self.arm.joints))
+        if ball is not None:
+            self.data.mocap_pos[self._ball] = as_vector("ball", ball, 3, most=MAX_DISTANCE)
+        if time is not None:
+            self.data.time = time
+
+    def go(self, q: ArrayLike, *, ball: ArrayLike | None = None) -> None:
+        """Show the way to a posture: all joints together, smoothly, the fastest at the arm's limit of speed.
+
+        Arguments and errors are those of `put`; the ball is there from the start.
+        """
+        start, end = self.q, as_vector("q", q, len(self.arm.joints))
+        seconds = 1.5 * float(np.abs(end - start).max()) / self.arm.speed_limit
+        count = max(1, round(seconds / PERIOD))
+        for share in np.linspace(0.0, 1.0, count + 1)[1:]:
+            self.put(start + share**2 * (3.0 - 2.0 * share) * (end - start), ball=ball, time=self.data.time + PERIOD)
+            if self.watch is not None:
+                self.watch()

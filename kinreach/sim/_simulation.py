@@ -1,0 +1,341 @@
+"""An arm in its work cell, simulated: one of them, or many stepped together."""
+
+from __future__ import annotations
+
+import importlib
+from collections.abc import Callable, Mapping
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from kinreach._checks import (
+    MAX_DISTANCE,
+    MAX_THREADS,
+    Floats,
+    as_array,
+    as_floats,
+    as_vector,
+    check_count,
+    check_entries,
+    check_known,
+    shown,
+)
+from kinreach.errors import InputError, raise_unknown
+from kinreach.robots import ArmDescription, as_arm
+from kinreach.sim._controller import TOLERANCE, JointController, MoveResult, Touch, touches
+from kinreach.sim._engine import mujoco
+from kinreach.sim._imperfections import Imperfections, as_imperfections, in_scene
+from kinreach.sim._plants import BatchPlant, Ids, SinglePlant, rows_and_columns
+from kinreach.sim._scene import BALL, TIMESTEP, check_timestep, scene_model
+from kinreach.sim._warp_plant import WarpPlant
+
+#: What steps a batch.
+MUJOCO, WARP = "mujoco", "warp"
+#: More simulations than this are refused before memory is asked for; each takes some hundred kB.
+MAX_COUNT = 2**17
+
+
+class ArmSimulation:
+    """An arm, its obstacles and the ball, under MuJoCo's dynamics. One per thread.
+
+    All poses are in the world frame (z up, metres). What is read off is always that of the current state.
+
+    Args:
+        arm: Name of a registered arm, or a description.
+        timestep: Step of the simulation [s].
+        visual: Make it look good, see `build_scene`; costs about 1 s on first use and changes no motion.
+        tolerance: How far from its target a joint may come to rest [rad].
+        imperfections: Of the arm, as `Imperfections` or by name, such as `{"payload": 0.5}`; an ideal arm by default.
+
+    Attributes:
+        arm: The description.
+        model: MuJoCo's model, shared between simulations of the same scene: do not change it.
+        data: MuJoCo's state.
+        controller: Executes moves.
+
+    Raises:
+        UnknownNameError: There is no arm of that name.
+        InputError: A timestep, a tolerance or an imperfection that cannot be used.
+    """
+
+    def __init__(
+        self,
+        arm: str | ArmDescription = "ur5",
+        *,
+        timestep: float = TIMESTEP,
+        visual: bool = False,
+        tolerance: float = TOLERANCE,
+        imperfections: Imperfections | Mapping[str, float] | None = None,
+    ) -> None:
+        self.arm = as_arm(arm)
+        check_timestep(timestep)
+        flaws = as_imperfections(imperfections)
+        self.model: Any = scene_model(self.arm, timestep=timestep, visual=visual, imperfections=in_scene(flaws))
+        self.data: Any = mujoco.MjData(self.model)
+        self.controller = JointController(self.arm, self.model, tolerance=tolerance, encoder_noise=flaws.encoder_noise)
+        self._plant = SinglePlant(self.model, self.data)
+        self._only = np.zeros(1, dtype=np.intp)
+        self._ball = int(self.model.body(BALL).mocapid[0])
+        self.reset()
+
+    def reset(self, q: ArrayLike | None = None) -> None:
+        """Put the whole state back: arm at rest in `q`, servos holding it, time 0, ball at its default place.
+
+        Args:
+            q: Posture [rad], shape (n,); the arm's home by default.
+
+        Raises:
+            InputError: Wrong shape, not finite, or outside the joint limits.
+        """
+        q = as_vector("q", self.arm.home if q is None else q, len(self.arm.joints))
+        self.controller.refuse_outside_limits(q)
+        mujoco.mj_resetDataKeyframe(self.model, self.data, self.model.key("home").id)
+        self.data.qpos[self.controller.qpos] = q
+        self.data.ctrl[self.controller.ctrl] = q
+
+    def place_ball(self, position: ArrayLike) -> None:
+        """Move the ball, by its centre [m] in the world, shape (3,). It has no contact; its place is free, up to 1e6 m.
+
+        Raises:
+            InputError: Wrong shape, not finite, or further away.
+        """
+        self.data.mocap_pos[self._ball] = as_vector("position", position, 3, most=MAX_DISTANCE)
+
+    def move(self, q_target: ArrayLike, *, two_phase: bool = True) -> MoveResult:
+        """Move to a posture by dynamics; see `JointController.move`.
+
+        Args:
+            q_target: Target posture [rad], shape (n,).
+            two_phase: Whether the joints in `arm.moves_last` wait until all others have arrived.
+
+        Returns:
+            How it ended, and where.
+
+        Raises:
+            InputError: The target has the wrong shape or is not finite.
+        """
+        target = as_vector("q_target", q_target, len(self.arm.joints))
+        return self.controller.move(self._plant, self._only, target[None], two_phase=two_phase)[0]
+
+    def copy_state(self, other: ArmSimulation) -> None:
+        """Take over the whole state of another simulation of the same arm: both go on alike, to the bit."""
+        self._plant.put(self._only, other._plant.states(other._only))
+
+    @property
+    def watch(self) -> Callable[[], object] | None:
+        """Called after every control period of a move (0.008 s), to draw it, say; it must not change the state."""
+        return self._plant.watch
+
+    @watch.setter
+    def watch(self, watch: Callable[[], object] | None) -> None:
+        self._plant.watch = watch
+
+    @property
+    def q(self) -> Floats:
+        """Posture [rad], shape (n,)."""
+        q: Floats = self.data.qpos[self.controller.qpos].copy()
+        return q
+
+    @property
+    def ball_position(self) -> Floats:
+        """Centre of the ball [m], shape (3,)."""
+        position: Floats = self.data.mocap_pos[self._ball].copy()
+        return position
+
+    @property
+    def tip_position(self) -> Floats:
+        """Position of the arm's default tip [m], shape (3,)."""
+        return self.T_world_frame(self.arm.tips[self.arm.default_tip])[:3, 3]
+
+    def T_world_frame(self, name: str) -> Floats:
+        """Return pose of a frame of the URDF, or of an obstacle, shape (4, 4).
+
+        Raises:
+            UnknownNameError: There is no such frame; the message lists those there are.
+        """
+        given: object = name
+        named = isinstance(given, str) and given.isprintable()
+        body = mujoco.mj_name2id(self.model, mujoco.mjtObj.mjOBJ_BODY, name) if named else -1
+        if body < 0:
+            raise_unknown("frame", str(name), (self.model.body(i).name for i in range(self.model.nbody)))
+        mujoco.mj_kinematics(self.model, self.data)  # after a step the poses are those before its last substep
+        T = np.eye(4)
+        T[:3, :3] = self.data.xmat[body].reshape(3, 3)
+        T[:3, 3] = self.data.xpos[body]
+        return T
+
+    def contacts(self) -> tuple[Touch, ...]:
+        """Return the contacts in the current posture, deepest first; nothing is moved."""
+        mujoco.mj_fwdPosition(self.model, self.data)
+        return touches(self.model, self.data, self.controller.obstacles)
+
+
+class BatchSimulation:
+    """A number of independent `ArmSimulation`, each bit for bit what it would be alone, on any number of threads.
+
+    Those are its own; use one batch per thread. It cannot be pickled. With `backend="warp"` they
+    are stepped by MuJoCo Warp, and only nearly what they would be alone: see `kinreach.sim._warp_plant`.
+
+    Simulations are named by their ids, 0 to `count` - 1; wherever ids are given they are distinct and ascending. All
+    poses are in the world frame (z up, metres).
+
+    Args:
+        arm: Name of a registered arm, or a description.
+        count: Number of simulations.
+        threads: Threads that step them, the caller's included.
+        timestep: Step of the simulation [s].
+        tolerance: How far from its target a joint may come to rest [rad].
+        imperfections: Of the arm, as `Imperfections` or by name, such as `{"payload": 0.5}`; an ideal arm by default.
+        backend: `"mujoco"`, or `"warp"`.
+        device: Of Warp, such as `"cuda:0"` or `"cpu"`; a GPU where there is one if None.
+
+    Attributes:
+        arm: The description.
+        count: As given.
+        model: MuJoCo's model, shared with other simulations of the same scene: do not change it.
+        batch: MuJoCo's batch (`mujoco.batch.Batch`); None with Warp.
+        controller: Executes moves.
+
+    Raises:
+        InputError: `count`, `threads`, a timestep, a tolerance, an imperfection or a device that cannot be used.
+        InstallationError: MuJoCo Warp is not installed.
+        UnknownNameError: There is no arm or backend of that name.
+    """
+
+    def __init__(
+        self,
+        arm: str | ArmDescription,
+        count: int,
+        *,
+        threads: int = 1,
+        timestep: float = TIMESTEP,
+        tolerance: float = TOLERANCE,
+        imperfections: Imperfections | Mapping[str, float] | None = None,
+        backend: str = MUJOCO,
+        device: str | None = None,
+    ) -> None:
+        check_known("backend", backend, (MUJOCO, WARP))
+        if device is not None and backend != WARP:
+            raise InputError(f"device is for backend={WARP!r}; {backend!r} runs on the processor, got {shown(device)}")
+        count, threads = (
+            check_count("count", count, most=MAX_COUNT),
+            check_count("threads", threads, most=MAX_THREADS),
+        )
+        check_timestep(timestep)
+        self.arm = as_arm(arm)
+        self.count = count
+        flaws = as_imperfections(imperfections)
+        self.model: Any = scene_model(self.arm, timestep=timestep, visual=False, imperfections=in_scene(flaws))
+        self.batch: Any = None
+        self._plant: BatchPlant | WarpPlant
+        if backend == WARP:
+            self._plant = WarpPlant(self.model, count, device=device)
+        else:
+            try:
+                self.batch = importlib.import_module("mujoco.batch").Batch(self.model, count, threads)
+            except (MemoryError, ValueError) as error:  # what MuJoCo makes of it when there is no memory left
+                raise InputError(f"{count} simulations do not fit into the memory: {error}") from None
+            self._plant = BatchPlant(self.model, self.batch)
+        self.controller = JointController(self.arm, self.model, tolerance=tolerance, encoder_noise=flaws.encoder_noise)
+        self._balls = self._plant.mocap[:, int(self.model.body(BALL).mocapid[0])]
+        self._tip = self.model.body(self.arm.tips[self.arm.default_tip]).id
+        self._scratch = mujoco.MjData(self.model)
+        self.reset(np.arange(count))
+
+    def reset(self, ids: ArrayLike, q: ArrayLike | None = None) -> None:
+        """Put whole states back: arms at rest, servos holding them, time 0, balls at their default place.
+
+        Args:
+            ids: Simulations, shape (k,).
+            q: Postures [rad], shape (k, n) or (n,); the arm's home by default.
+
+        Raises:
+            InputError: Malformed arguments, or a posture outside the joint limits.
+        """
+        ids = self._as_ids(ids)
+        q = self._as_rows("q", self.arm.home if q is None else q, len(ids), len(self.arm.joints), repeat=True)
+        for posture in q[self.controller.outside_limits(q).any(axis=1)]:
+            self.controller.refuse_outside_limits(posture)
+        self._plant.home(ids)
+        self._plant.qpos[rows_and_columns(ids, self.controller.qpos)] = q
+        self._plant.ctrl[rows_and_columns(ids, self.controller.ctrl)] = q
+
+    def place_ball(self, ids: ArrayLike, positions: ArrayLike) -> None:
+        """Move balls, by their centres [m] in the world; they have no contact and may be anywhere within 1e6 m.
+
+        Args:
+            ids: Simulations, shape (k,).
+            positions: Shape (k, 3), or (3,) for the same place in all.
+
+        Raises:
+            InputError: Malformed arguments.
+        """
+        ids = self._as_ids(ids)
+        rows = self._as_rows("positions", positions, len(ids), 3, repeat=True)
+        check_entries("positions", rows, MAX_DISTANCE)
+        self._balls[ids] = rows
+
+    def move(self, ids: ArrayLike, targets: ArrayLike, *, two_phase: bool = True) -> list[MoveResult]:
+        """Move arms to postures by dynamics; see `JointController.move`.
+
+        Args:
+            ids: Simulations, shape (k,); the others stand still, in time too.
+            targets: Target postures [rad], shape (k, n).
+            two_phase: Whether the joints in `arm.moves_last` wait until all others have arrived.
+
+        Returns:
+            How each ended, and where, in the order of `ids`.
+
+        Raises:
+            InputError: Malformed arguments.
+        """
+        ids = self._as_ids(ids)
+        targets = self._as_rows("targets", targets, len(ids), len(self.arm.joints))
+        return self.controller.move(self._plant, ids, targets, two_phase=two_phase)
+
+    def copy_states(self, other: BatchSimulation) -> None:
+        """Take over the whole states of another batch of the same arm and size: both go on alike, to the bit."""
+        everyone = np.arange(self.count)
+        self._plant.put(everyone, other._plant.states(everyone))
+
+    @property
+    def q(self) -> Floats:
+        """Postures [rad], shape (count, n)."""
+        return self._plant.qpos[:, self.controller.qpos].copy()
+
+    @property
+    def ball_positions(self) -> Floats:
+        """Centres of the balls [m], shape (count, 3)."""
+        return self._balls.copy()
+
+    @property
+    def tip_positions(self) -> Floats:
+        """Positions of the arms' default tips [m], shape (count, 3)."""
+        tips = np.empty((self.count, 3))
+        for tip, qpos in zip(tips, self._plant.qpos, strict=True):
+            self._scratch.qpos[:] = qpos
+            mujoco.mj_kinematics(self.model, self._scratch)
+            tip[:] = self._scratch.xpos[self._tip]
+        return tips
+
+    def _as_ids(self, ids: ArrayLike) -> Ids:
+        given = as_array("ids", ids)
+        integers = given.dtype.kind in "iu" or given.size == 0
+        if given.ndim != 1 or not integers or (given.size and not 0 <= given.min() <= given.max() < self.count):
+            raise InputError(f"ids must be a list of integers from 0 to {self.count - 1}, got {shown(ids)}")
+        given = given.astype(np.intp)  # before anything is subtracted: unsigned numbers have no negative differences
+        if (np.diff(given) <= 0).any():
+            raise InputError(f"ids must be distinct and ascending, got {shown(ids)}")
+        return given
+
+    @staticmethod
+    def _as_rows(name: str, value: ArrayLike, rows: int, size: int, *, repeat: bool = False) -> Floats:
+        values = as_floats(name, value)
+        if repeat and values.shape == (size,):
+            values = np.broadcast_to(values, (rows, size))
+        if values.shape != (rows, size):
+            raise InputError(f"{name} must have shape ({rows}, {size}), got {values.shape}")
+        if not np.isfinite(values).all():
+            raise InputError(f"{name} must be finite, got {values[~np.isfinite(values).all(axis=1)][0]}")
+        return values

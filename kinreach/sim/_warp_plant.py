@@ -1,0 +1,123 @@
+"""Many simulations stepped by MuJoCo Warp: on a GPU, or on Warp's CPU device, in single precision.
+
+A step is that of MuJoCo to some 1e-7 rad, contacts included, as long as both find the same points of contact. Where
+the edge of a box is in another box Warp finds two (by clipping faces) and MuJoCo up to four (by a function for boxes):
+an arm that is held there slides otherwise, and the verdict is the same.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from kinreach._checks import Floats
+from kinreach._engines import load_extra
+from kinreach.errors import InputError
+from kinreach.sim._engine import mujoco
+from kinreach.sim._plants import Ids, rows_and_columns
+
+#: Room for contacts, and for the rows that they are to the solver, in each simulation: 4 rows a contact.
+CONTACTS = 64
+ROWS = 4 * CONTACTS
+#: What goes on from one step to the next, beside the time: MuJoCo's names.
+_STATE = ("qpos", "qvel", "ctrl", "qacc_warmstart")
+#: Velocities beyond which MuJoCo calls a simulation unstable (`mjMAXVAL`).
+_UNSTABLE = 1e10
+
+
+class WarpPlant:
+    """Many simulations, stepped by MuJoCo Warp; a `Plant`.
+
+    States are kept here in double precision and computed in single. All simulations are stepped whichever are asked
+    for, and only those take over what became of them.
+
+    Args:
+        model: The scene (`mujoco.MjModel`).
+        count: Number of simulations.
+        device: Of Warp, such as `"cuda:0"` or `"cpu"`; a GPU where there is one if None.
+
+    Raises:
+        InstallationError: MuJoCo Warp is not installed.
+        InputError: There is no such device.
+    """
+
+    def __init__(self, model: Any, count: int, *, device: str | None = None) -> None:
+        self.model = model
+        self._warp, self._mjw = load_extra("warp", "warp"), load_extra("mujoco_warp", "warp")
+        self._warp.config.log_level = max(self._warp.config.log_level, self._warp.LOG_WARNING)
+        try:
+            self.device = self._warp.get_device(device)
+        except (ValueError, RuntimeError) as error:
+            available = ", ".join(str(name) for name in self._warp.get_devices())
+            raise InputError(f"there is no device {device!r} here: {error}; available: {available}") from None
+        start = mujoco.MjData(model)
+        self._home = model.key("home").id
+        mujoco.mj_resetDataKeyframe(model, start, self._home)
+        mujoco.mj_forward(model, start)
+        with self._warp.ScopedDevice(self.device):
+            self._model = self._mjw.put_model(model)
+            self._data = self._mjw.put_data(model, start, nworld=count, nconmax=CONTACTS, njmax=ROWS)
+        self._start = {name: np.array(getattr(start, name)) for name in (*_STATE, "mocap_pos")}
+        self._arrays = {name: np.tile(self._start[name], (count, 1)) for name in _STATE}
+        self.qpos: Floats = self._arrays["qpos"]
+        self.qvel: Floats = self._arrays["qvel"]
+        self.ctrl: Floats = self._arrays["ctrl"]
+        self.mocap: Floats = np.tile(self._start["mocap_pos"], (count, 1, 1))
+        self._time = np.zeros(count)
+        self._diverged = np.zeros(count, dtype=np.bool_)
+
+    @property
+    def time(self) -> Floats:
+        """Simulated time [s], shape (count,)."""
+        return self._time
+
+    def home(self, ids: Ids) -> None:
+        """Put some into the scene's keyframe, at time 0."""
+        for name, array in self._arrays.items():
+            array[ids] = self._start[name]
+        self.mocap[ids] = self._start["mocap_pos"]
+        self._time[ids] = 0.0
+        self._diverged[ids] = False
+
+    def states(self, ids: Ids) -> Floats:
+        """Copy states; see `Plant.states`."""
+        parts = [array[ids] for array in self._arrays.values()]
+        return np.concatenate([*parts, self.mocap[ids].reshape(len(ids), -1), self._time[ids, None]], axis=1)
+
+    def put(self, ids: Ids, states: Floats) -> None:
+        """Put simulations into states; see `Plant.put`."""
+        widths = [array.shape[1] for array in self._arrays.values()]
+        *parts, mocap, time = np.split(states, np.cumsum([*widths, self.mocap[0].size]), axis=1)
+        for array, part in zip(self._arrays.values(), parts, strict=True):
+            array[ids] = part
+        self.mocap[ids] = mocap.reshape(self.mocap[ids].shape)
+        self._time[ids] = time[:, 0]
+        self._diverged[ids] = False
+
+    def put_back(self, ids: Ids, states: Floats) -> None:
+        """Put simulations back; see `Plant.put_back`."""
+        self.put(ids, states)
+        self.qvel[ids] = self._arrays["qacc_warmstart"][ids] = 0.0
+
+    def diverged(self, ids: Ids) -> NDArray[np.bool_]:
+        """Return which simulations were unstable; see `Plant.diverged`."""
+        return self._diverged[ids]
+
+    def follow(self, ids: Ids, servos: Any, setpoints: Floats, substeps: int) -> None:
+        """Simulate forward; see `Plant.follow`."""
+        data, rows = self._data, rows_and_columns(ids, servos)
+        with self._warp.ScopedDevice(self.device):
+            for name, array in self._arrays.items():
+                getattr(data, name).assign(array.astype(np.float32))
+            for setpoint in setpoints:
+                self.ctrl[rows] = setpoint
+                data.ctrl.assign(self.ctrl.astype(np.float32))
+                for _ in range(substeps):
+                    self._mjw.step(self._model, data)
+            for name in ("qpos", "qvel", "qacc_warmstart"):
+                self._arrays[name][ids] = getattr(data, name).numpy()[ids]
+        self._time[ids] += len(setpoints) * substeps * self.model.opt.timestep
+        sound = (np.abs(self.qvel[ids]) < _UNSTABLE).all(axis=1) & np.isfinite(self.qpos[ids]).all(axis=1)
+        self._diverged[ids] |= ~sound

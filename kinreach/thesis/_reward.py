@@ -1,0 +1,156 @@
+"""The reward of the thesis (section 3.4.4) as a pure function of the distance and the posture.
+
+`d` is the distance from the tcp to the goal [m], `q` a posture of the UR5 in the base_link convention [rad] or a stack
+of them, shape (..., 6). Results have the broadcast leading dimensions; for one posture they are numbers, for tensors of
+torch tensors on their device, unchecked.
+
+Where the thesis leaves something open:
+
+*   **Sign.** Its reward_distance is -d, of which there is no logarithm: r_d is a function of d.
+*   **Reached.** "10 - r_e higher than 9.85" and "r_e smaller than 0.15" are the same in the thesis, but not in floating
+    point: 10 - r_e is 9.85 for the numbers next to 0.15 on either side. The second decides; at 0.15 nothing is reached.
+*   **Impossible** comes before everything else: -100 wherever the arm ends up, and not reached.
+*   **d = 0** has no r_d in the thesis; it is +inf here, the limit. The reward does not use it: a special case replaces
+    r_d below 0.01 m.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from kinreach._checks import Floats, as_flags, as_floats, check_tensor, is_tensor, torch_module
+from kinreach.errors import InputError
+from kinreach.kinematics._tensors import flags_like, like, namespace, where
+from kinreach.thesis._posture import posture_errors
+
+#: Distance below which the arm is at the goal [m], and posture error below which the goal is then reached [rad].
+REACHED_DISTANCE = 0.01
+REACHED_POSTURE_ERROR = 0.15
+
+#: What being at the goal, reaching it, and an impossible action earn.
+NEAR_REWARD = 10.0
+REACHED_REWARD = 20.0
+IMPOSSIBLE_REWARD = -100.0
+
+Flags = NDArray[np.bool_]
+
+
+class RewardTerms(NamedTuple):
+    """What the reward consists of, each of shape (...). `sum(terms)` is the reward, to the last bit.
+
+    Added from left to right; the posture's terms come first because then the sum is also the thesis's r_d - r_e to
+    the last bit. `_asdict()` gives the terms by name.
+
+    Attributes:
+        natural_arm: Minus the natural-arm error; 0 where the action was impossible or the goal is reached.
+        gripper_angle: Minus the gripper-angle error; 0 in the same cases.
+        distance: r_d; 0 in every special case.
+        special: 10 below 0.01 m, 20 where the goal is reached, -100 where the action was impossible, else 0.
+    """
+
+    natural_arm: Floats
+    gripper_angle: Floats
+    distance: Floats
+    special: Floats
+
+
+@dataclass(frozen=True)
+class ReachReward:
+    """The reward of postures at distances from the goal.
+
+    Attributes:
+        reward: Shape (...).
+        terms: What it consists of.
+        posture_error: r_e of the postures [rad], shape (...), whatever the special case.
+        reached: Whether the goal is reached, shape (...): possible, d < 0.01 m and r_e < 0.15.
+    """
+
+    reward: Floats
+    terms: RewardTerms
+    posture_error: Floats
+    reached: Flags
+
+
+def distance_reward(d: ArrayLike) -> Floats:
+    """Compute the reward of the distance, r_d (section 3.4.4, figure 3.8).
+
+        r_d = 1 - d / 2              d >= 2
+        r_d = 0.5 - 0.5 log2(d)      d <  2
+
+    Both are 0 at d = 2 m. r_d falls with d, and is +inf at d = 0.
+
+    Args:
+        d: Distance from the tcp to the goal [m], shape (...).
+
+    Returns:
+        r_d, shape (...).
+
+    Raises:
+        InputError: A distance is negative or not finite.
+    """
+    with np.errstate(divide="ignore"):
+        return _distance_reward(_distances(d))
+
+
+def reach_reward(d: ArrayLike, q: ArrayLike, *, impossible: ArrayLike = False) -> ReachReward:
+    """Compute the thesis's reward with its special cases (section 3.4.4).
+
+        r = -100            the action was impossible
+        r = 20              d < 0.01 and r_e < 0.15: the goal is reached
+        r = 10 - r_e        d < 0.01 otherwise
+        r = r_d - r_e       else
+
+    Args:
+        d: Distance from the tcp to the goal [m]; its shape broadcasts with (...).
+        q: Postures in which the arm stands [rad], shape (..., 6).
+        impossible: Whether the action could not be executed; its shape broadcasts with (...).
+
+    Returns:
+        The reward and its terms, the posture error, and whether the goal is reached.
+
+    Raises:
+        InputError: Wrong shapes, a negative distance, or a value that is not finite.
+    """
+    d = _distances(d)
+    natural, angle = posture_errors(like(d, q) if is_tensor(d) else q)
+    d = like(natural, d) if is_tensor(natural) else d
+    failed = flags_like(d, impossible) if is_tensor(d) else as_flags("impossible", impossible)[()]
+    if not np.shape(natural) == d.shape == failed.shape:
+        broadcast = torch_module().broadcast_tensors if is_tensor(d) else np.broadcast_arrays
+        try:
+            natural, angle, d, failed = broadcast(natural, angle, d, failed)
+        except (ValueError, RuntimeError):
+            shapes = f"d {d.shape}, q {(*np.shape(natural), 6)}, impossible {failed.shape}"
+            raise InputError(f"leading shapes do not fit: {shapes}") from None
+    r_e = natural + angle
+    near = (d < REACHED_DISTANCE) & ~failed
+    reached = near & (r_e < REACHED_POSTURE_ERROR)
+    without_posture, without_distance = reached | failed, near | failed
+    at_goal = where(reached, REACHED_REWARD, where(near, like(d, NEAR_REWARD), 0.0))
+    terms = RewardTerms(
+        natural_arm=where(without_posture, 0.0, 0.0 - natural)[()],
+        gripper_angle=where(without_posture, 0.0, 0.0 - angle)[()],
+        distance=where(without_distance, 0.0, _distance_reward(namespace(d).maximum(d, like(d, REACHED_DISTANCE))))[()],
+        special=where(failed, IMPOSSIBLE_REWARD, at_goal)[()],
+    )
+    reward = terms.natural_arm + terms.gripper_angle + terms.distance + terms.special
+    return ReachReward(reward, terms, r_e, reached)
+
+
+def _distances(d: Any) -> Floats:
+    if is_tensor(d):
+        check_tensor("d", d, ())
+        return d
+    d = as_floats("d", d)
+    usable = (d >= 0.0) & (d < np.inf)
+    if not usable.all():
+        raise InputError(f"d must be finite and not negative, got {d[~usable][0]} m")
+    return d[()]
+
+
+def _distance_reward(d: Floats) -> Floats:
+    return where(d >= 2.0, 1.0 - d / 2.0, 0.5 - 0.5 * namespace(d).log2(d))[()]

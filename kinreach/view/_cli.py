@@ -1,0 +1,133 @@
+"""The command line of the page."""
+
+from __future__ import annotations
+
+import threading
+import webbrowser
+from collections.abc import Sequence
+
+from kinreach._checks import check_count
+from kinreach.cli import Parser
+from kinreach.errors import InputError
+from kinreach.robots import Tool, arm_named, arm_names
+from kinreach.robots._flags import add_arm_flags, joints_of, tool_of
+from kinreach.view._results import read_results
+from kinreach.view._server import Server, import_viser
+from kinreach.view._setup import Setup
+from kinreach.view._snippet import calibrated, with_tool
+
+PORT, MAX_PORT = 8080, 65535
+
+
+def main(argv: Sequence[str], *, prog: str) -> int:
+    """Serve the page until Ctrl-C.
+
+    Args:
+        argv: Arguments without the program's name.
+        prog: How the user called it, for messages.
+
+    Returns:
+        Exit code 0; anything else is raised.
+
+    Raises:
+        KinreachError: Bad input, viser is missing, or nothing can be listened to.
+    """
+    arguments = _parser(prog).parse_args(argv)
+    import_viser()
+    check_count("port", arguments.port, least=1, most=MAX_PORT)
+    setup = setup_of(
+        arguments.arm,
+        calibration=arguments.calibration,
+        repair=arguments.repair,
+        tool=tool_of(arguments),
+        tip=arguments.tip,
+        joints=joints_of(arguments),
+        simple=arguments.simple,
+        policy=arguments.policy,
+        results=arguments.results,
+        environment=arguments.environment,
+    )
+    server = Server(setup, port=arguments.port)
+    try:
+        print(f"{server.address}  (only on this machine; Ctrl-C ends it)", flush=True)
+        if arguments.open:
+            webbrowser.open(server.address)
+        threading.Event().wait()
+    finally:
+        server.stop()
+    return 0
+
+
+def setup_of(
+    arm: str,
+    *,
+    calibration: str | None = None,
+    repair: bool = False,
+    tool: Tool | None = None,
+    tip: str | None = None,
+    joints: Sequence[str] | None = None,
+    simple: bool = False,
+    policy: str | None = None,
+    results: str | None = None,
+    environment: str | None = None,
+) -> Setup:
+    """Check the arguments and return the setup of every tab.
+
+    Args:
+        arm: Name of a registered arm, the path of a URDF, or `module:attribute`.
+        calibration: Path of a UR's calibration.
+        repair: Put right a calibration that is folded.
+        tool: On the flange.
+        tip: Short name of the tip; default is the arm's own, that of the tool if there is one.
+        joints: Of a URDF.
+        simple: Draw the arm by its collision shapes.
+        policy: Name or file of a policy to begin with, or `module:attribute` of a policy or solver.
+        results: Path of a comparison to begin with.
+        environment: Id of an environment to begin with, or `module:id`.
+
+    Raises:
+        InputError: There is no such arm, tip, policy or environment, or a file or module cannot be used.
+    """
+    if tool is not None and tip is not None:
+        raise InputError("give --tip or --tool, not both")
+    description = arm_named(arm, joints=joints)
+    expression = repr(description.name) if description.name in arm_names() else f"arm_named({arm!r})"
+    nominal, sheet = None, expression
+    if calibration is not None:
+        expression = calibrated(sheet, calibration, repair=repair)
+        nominal, description = description, description.calibrated(calibration, repair=repair)
+    if tool is not None:
+        nominal = None if nominal is None else nominal.with_tool(tool)
+        description = description.with_tool(tool)
+        sheet, expression = with_tool(sheet, tool), with_tool(expression, tool)
+    setup = Setup(description, expression, sheet, tip, simple, nominal, policy, results, environment)
+    setup.environments  # noqa: B018  (refuses an unknown policy or environment)
+    if results is not None:
+        read_results(results)
+    return setup
+
+
+def _parser(prog: str) -> Parser:
+    parser = Parser(prog=prog, description="A page in the browser: arms, all their postures, and why there are none.")
+    parser.add_argument(
+        "--arm",
+        default="ur5",
+        metavar="NAME",
+        help=f"one of: {', '.join(arm_names())}; a URDF file; or module:attribute (default: %(default)s)",
+    )
+    parser.add_argument(
+        "--policy",
+        metavar="FILE",
+        help="a policy to play episodes with: a file, the name of one, or module:attribute of a policy or solver",
+    )
+    parser.add_argument(
+        "--environment", metavar="ID", help="an environment to play episodes of: a registered id, or module:id"
+    )
+    parser.add_argument("--results", metavar="FILE", help="the results.json of a comparison")
+    parser.add_argument(
+        "--port", type=int, default=PORT, metavar="N", help="or the next that is free (default: %(default)s)"
+    )
+    parser.add_argument("--simple", action="store_true", help="draw fewer triangles, without a graphics card")
+    parser.add_argument("--open", action="store_true", help="open a browser")
+    add_arm_flags(parser)
+    return parser

@@ -1,0 +1,262 @@
+"""What the page draws in its scene: arms, ghosts of arms, what stands around them."""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Sequence
+from dataclasses import dataclass
+from typing import Any, Protocol
+
+import numpy as np
+
+from kinreach._checks import Floats
+from kinreach.robots import ArmDescription, Box
+from kinreach.view._figure import Figure, Piece
+
+Colour = tuple[int, int, int]
+
+GREEN: Colour = (60, 170, 90)
+RED: Colour = (214, 30, 30)
+#: Of postures that are refused.
+PALE_RED: Colour = (235, 150, 150)
+AMBER: Colour = (240, 160, 30)
+BLUE: Colour = (40, 110, 200)
+VIOLET: Colour = (130, 70, 190)
+#: One colour for each posture, also for colour-blind readers (Okabe and Ito, 2008).
+BRANCH_COLOURS: tuple[Colour, ...] = (
+    (0, 114, 178), (86, 180, 233), (0, 158, 115), (150, 200, 80), (204, 121, 167), (120, 94, 240), (170, 120, 60),
+    (90, 90, 90),
+)  # fmt: skip
+_BOX_COLOURS: dict[str, Colour] = {"table": (199, 181, 153)}
+_METAL: Colour = (122, 126, 133)
+#: Two links nearer than this are drawn once: surfaces in one place flicker [m, 1 - cos of half the angle].
+SAME_PLACE = 1e-6
+#: Where nothing is [m].
+FAR = 1e6
+#: How far the scene is moved to the side, and away, by its distance.
+ASIDE, AWAY = 0.14, 0.15
+_LEG = 0.05  # edge of a table leg [m]
+_IDENTITY = (1.0, 0.0, 0.0, 0.0)
+
+
+def box_colour(name: str) -> Colour:
+    """Return the colour of a box of a work cell, by its name."""
+    return _BOX_COLOURS.get(name, _METAL)
+
+
+def overview(client: Any, arm: ArmDescription) -> None:
+    """Look at an arm from where its pictures are taken, moved aside for the panel; an arm without stays as it is."""
+    mount = next((mount for mount in arm.cameras if mount.name == "overview"), None)
+    if mount is not None:
+        position, target = np.array(mount.position), np.array(mount.target)
+        aside = ASIDE * np.cross(target - position, (0.0, 0.0, 1.0))  # to the left of the panel
+        back = AWAY * (position - target)
+        client.camera.position, client.camera.look_at = position + aside + back, target + aside
+        client.camera.fov = np.radians(mount.fovy)
+
+
+class Shapes(Protocol):
+    """What can be drawn as a `Solid`.
+
+    Attributes:
+        links: Names of the links.
+        fine: Their pieces in colour.
+        coarse: The same in fewer triangles.
+    """
+
+    links: tuple[str, ...]
+    fine: list[Piece]
+    coarse: list[Piece]
+
+
+class Branch:
+    """What hangs from one node of the scene, and is drawn or not as a whole."""
+
+    _root: Any
+
+    @property
+    def visible(self) -> bool:
+        """Whether it is drawn."""
+        return bool(self._root.visible)
+
+    @visible.setter
+    def visible(self, visible: bool) -> None:
+        if visible != self._root.visible:
+            self._root.visible = visible
+
+
+class Solid(Branch):
+    """Links that are put somewhere.
+
+    Args:
+        scene: viser's scene of one client.
+        root: Name of the node that holds them.
+        shapes: The links.
+        colour: Of all links; by default each has its own.
+        opacity: 0 to 1; None is opaque.
+    """
+
+    def __init__(
+        self, scene: Any, root: str, shapes: Shapes, *, colour: Colour | None = None, opacity: float | None = None
+    ) -> None:
+        self._names = shapes.links
+        self._root = scene.add_frame(root, show_axes=False)
+        self._links = [scene.add_frame(f"{root}/{link}", show_axes=False) for link in shapes.links]
+        self._pieces = []
+        for index, piece in enumerate(shapes.fine if colour is None else shapes.coarse):
+            own = colour or piece.colour
+            name = f"{root}/{shapes.links[piece.link]}/{index}"
+            mesh = scene.add_mesh_simple(
+                name, piece.vertices, piece.faces, color=own, opacity=opacity, side="double", flat_shading=False
+            )
+            self._pieces.append((piece.link, own, mesh))
+        self._red: frozenset[str] = frozenset()
+
+    def place(self, poses: Floats, *, red: Collection[str] = ()) -> None:
+        """Put the links where they are to be; those named in `red` are drawn so.
+
+        Args:
+            poses: Positions [m] and quaternions w x y z in the world, shape (k, 7).
+            red: Names of links.
+        """
+        for node, pose in zip(self._links, poses, strict=True):
+            node.position, node.wxyz = pose[:3], pose[3:]
+        wanted = frozenset(red)
+        if wanted != self._red:
+            for link, own, mesh in self._pieces:
+                mesh.color = RED if self._names[link] in wanted else own
+            self._red = wanted
+
+    def remove(self) -> None:
+        """Take it out of the scene."""
+        self._root.remove()
+
+
+class SolidArm(Solid):
+    """One arm.
+
+    Args:
+        scene: viser's scene of one client.
+        root: Name of the node that holds it.
+        figure: The arm's links.
+        colour: Of all links; by default each has its own.
+        opacity: 0 to 1; None is opaque.
+    """
+
+    def __init__(
+        self, scene: Any, root: str, figure: Figure, *, colour: Colour | None = None, opacity: float | None = None
+    ) -> None:
+        super().__init__(scene, root, figure, colour=colour, opacity=opacity)
+        self._figure = figure
+
+    def take(self, q: Floats, *, red: Collection[str] = ()) -> None:
+        """Take a posture (n,) [rad]; links named in `red` are drawn so."""
+        self.place(self._figure.poses(q), red=red)
+
+
+@dataclass(frozen=True)
+class Ghost:
+    """A posture (n,) [rad] that is drawn through, in a colour, and its red links."""
+
+    q: Floats
+    colour: Colour
+    red: Collection[str] = ()
+
+
+class Ghosts(Branch):
+    """Many transparent arms at once.
+
+    Args:
+        scene: viser's scene of one client.
+        root: Name of the node that holds them.
+        figure: The arm's links.
+        most: How many there may be.
+    """
+
+    def __init__(self, scene: Any, root: str, figure: Figure, *, most: int) -> None:
+        self._figure, self._most = figure, most
+        self._root = scene.add_frame(root, show_axes=False)
+        self._pieces = [
+            scene.add_batched_meshes_simple(
+                f"{root}/{index}",
+                piece.vertices,
+                piece.faces,
+                batched_wxyzs=np.tile(_IDENTITY, (most, 1)),
+                batched_positions=np.zeros((most, 3)),
+                batched_scales=np.zeros(most),
+                batched_colors=np.zeros((most, 3), dtype=np.uint8),
+                batched_opacities=np.full(most, 0.22),
+                lod="off",
+                cast_shadow=False,
+                receive_shadow=False,
+            )
+            for index, piece in enumerate(figure.coarse)
+        ]
+        self._colours: list[tuple[Colour, frozenset[str]]] = []
+
+    def take(self, ghosts: Sequence[Ghost], *, beside: Floats | None) -> None:
+        """Draw these, and no others; links that are where those of a posture `beside` them are, are left out."""
+        ghosts = ghosts[: self._most]
+        poses = np.zeros((self._most, len(self._figure.links), 7))
+        poses[:, :, 3] = 1.0
+        scales = np.zeros((self._most, len(self._figure.links)), dtype=np.float32)
+        solid = self._figure.poses(beside) if beside is not None else np.full(poses.shape[1:], FAR)
+        for row, ghost in enumerate(ghosts):
+            poses[row] = self._figure.poses(ghost.q)
+            apart = np.abs(poses[row, :, :3] - solid[:, :3]).max(axis=1)
+            turned = 1.0 - np.abs((poses[row, :, 3:] * solid[:, 3:]).sum(axis=1))
+            scales[row] = (apart > SAME_PLACE) | (turned > SAME_PLACE)
+        colours = [(ghost.colour, frozenset(ghost.red)) for ghost in ghosts]
+        for piece, node in zip(self._figure.coarse, self._pieces, strict=True):
+            node.batched_positions = poses[:, piece.link, :3].astype(np.float32)
+            node.batched_wxyzs = poses[:, piece.link, 3:].astype(np.float32)
+            node.batched_scales = np.ascontiguousarray(scales[:, piece.link])
+            if colours != self._colours:
+                link = self._figure.links[piece.link]
+                shades = np.zeros((self._most, 3), dtype=np.uint8)
+                for row, (colour, red) in enumerate(colours):
+                    shades[row] = RED if link in red else colour
+                node.batched_colors = shades
+        self._colours = colours
+
+
+class Surroundings(Branch):
+    """The boxes of a work cell, and a grid for its floor.
+
+    Args:
+        scene: viser's scene of one client.
+        boxes: What stands around the arm.
+        root: Name of the node that holds the boxes.
+    """
+
+    def __init__(self, scene: Any, boxes: Sequence[Box], *, root: str = "/world") -> None:
+        self._boxes: dict[str, tuple[Colour, Any]] = {}
+        self._red: frozenset[str] = frozenset()
+        self._root = scene.add_frame(root, show_axes=False)
+        floor = min((box.position[2] + box.size[2] / 2 for box in boxes if box.name == "floor"), default=0.0)
+        scene.add_grid(
+            "/grid", 6.0, 6.0, position=(0.0, 0.0, floor), cell_size=0.25, section_size=1.0,
+            cell_color=(222, 226, 230), section_color=(196, 202, 208),
+        )  # fmt: skip
+        for box in boxes:
+            if box.name == "floor":
+                continue
+            colour = box_colour(box.name)
+            node = scene.add_box(f"{root}/{box.name}", color=colour, dimensions=box.size, position=box.position)
+            self._boxes[box.name] = (colour, node)
+            x, y, z = np.array(box.size) / 2
+            for index, (sx, sy) in enumerate([(-1, -1), (-1, 1), (1, -1), (1, 1)] if box.legs > 0 else []):
+                scene.add_box(
+                    f"{root}/{box.name}/leg_{index}",
+                    color=_METAL,
+                    dimensions=(_LEG, _LEG, box.legs),
+                    position=(sx * (x - _LEG), sy * (y - _LEG), -z - box.legs / 2),
+                )
+
+    def mark(self, red: Collection[str]) -> None:
+        """Draw the boxes of these names red, and no others."""
+        wanted = frozenset(red)
+        for name in wanted ^ self._red:
+            if name in self._boxes:
+                colour, node = self._boxes[name]
+                node.color = RED if name in wanted else colour
+        self._red = wanted

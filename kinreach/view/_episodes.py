@@ -1,0 +1,298 @@
+"""Episodes as they are played back: recorded from the one loop of policies and environments, frame by frame."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from threading import Event
+from typing import Any
+
+import cv2
+import gymnasium as gym
+import numpy as np
+from numpy.typing import NDArray
+
+from kinreach._checks import Floats
+from kinreach._statistics import Trial
+from kinreach.baselines._loop import rollout
+from kinreach.demo._drawn import arm_of, put, scene_of
+from kinreach.demo._tasks import options_for
+from kinreach.errors import KinreachError
+from kinreach.robots import ArmDescription
+from kinreach.sim._simulation import ArmSimulation
+from kinreach.view._mujoco_scene import Contact, MujocoScene
+from kinreach.view._names import length
+from kinreach.view._players import ARM, new_player, playable, trained_in
+from kinreach.view._snippet import robots
+from kinreach.vision._goal_view import CameraGoalView, GoalMeasurement
+
+#: Frames per second of simulated time.
+FPS = 25
+#: More frames than this are not kept; every second one of those before is left out instead.
+MAX_FRAMES = 3000
+#: An episode that does not end is cut off.
+MAX_STEPS = 10_000
+#: What of an `info` is about the moment, not about the episode.
+CHANGING = {"distance", "posture_error", "time", "status", "impossible_reason"}
+#: The ring around a ball that was found: its width [pixels] and colour.
+RING, YELLOW = 3, (255, 255, 0)
+
+
+class Stopped(Exception):
+    """The episode was cancelled."""
+
+
+@dataclass(frozen=True, eq=False)
+class Frame:
+    """A moment of an episode.
+
+    Attributes:
+        time: Simulated [s].
+        step: How many actions have ended.
+        poses: Of the scene's bodies, as `MujocoScene.take` has them, shape (k, 7).
+        contacts: What touches.
+        believed: Posture that the arm is believed to be in [rad], shape (n,); None where it is in no other.
+    """
+
+    time: float
+    step: int
+    poses: Floats
+    contacts: tuple[Contact, ...]
+    believed: Floats | None
+
+
+@dataclass(frozen=True, eq=False)
+class Step:
+    """The `info` after an action: reward, its terms, distance [m] if there is one, why impossible."""
+
+    reward: float
+    terms: Mapping[str, float]
+    distance: float | None
+    impossible_reason: str
+
+
+@dataclass
+class Episode:
+    """One episode.
+
+    Attributes:
+        scene: What is drawn.
+        arm: That acts, as its user believes it to be.
+        frames: From the reset to the end.
+        steps: One an action.
+        goal: Where it is in the world in the beginning [m], shape (3,); None where there is not just one.
+        trial: As `rollout` has it.
+        facts: Texts and single numbers of the first `info`, by name.
+    """
+
+    scene: MujocoScene
+    arm: ArmDescription
+    frames: list[Frame] = field(default_factory=list)
+    steps: list[Step] = field(default_factory=list)
+    goal: Floats | None = None
+    trial: Trial = field(default_factory=dict)
+    facts: Mapping[str, str | float] = field(default_factory=dict)
+
+    @property
+    def verdict(self) -> str:
+        """How it ended, in a sentence."""
+        count = len(self.steps)
+        after = f"after {count} step{'' if count == 1 else 's'}"
+        if self.trial.get("distance") is not None:
+            after += f", {length(self.trial['distance'])} from the goal"
+        if self.trial["reached"]:
+            return f"Reached {after}."
+        if not self.trial["impossible"]:
+            return f"Not reached {after}."
+        return f"Not reached {after}: {self.trial.get('impossible_reason') or 'impossible'}."
+
+    def frame_after(self, step: int) -> int:
+        """Index of the first frame in which so many actions have ended; the last frame, if there are not so many."""
+        return next((i for i, frame in enumerate(self.frames) if frame.step >= step), len(self.frames) - 1)
+
+    def pause_after(self, index: int) -> float:
+        """Return the time until the next frame is due [s]; of a jump, as long as of a motion."""
+        times = [frame.time for frame in self.frames[index : index + 2]]
+        return min(times[-1] - times[0], 1.0 / FPS) or 1.0 / FPS
+
+    def measure_goal(self) -> GoalMeasurement | None:
+        """Measure the ball with the cameras from the start pose.
+
+        Returns:
+            None for an arm without cameras, without a goal, and where nothing can be drawn.
+        """
+        if self.goal is None or not self.arm.goal_cameras:
+            return None
+        simulation = ArmSimulation(self.arm)
+        simulation.place_ball(self.goal)
+        try:
+            with CameraGoalView(self.arm) as view:
+                return view.measure(simulation)
+        except KinreachError:
+            return None
+
+
+@dataclass(frozen=True)
+class Recording:
+    """Which episode is to be played.
+
+    Attributes:
+        name: Id of the environment.
+        player: As `new_player` takes it.
+        arm: Who acts, where the environment takes an arm.
+        seed: Of the episode, and of what the player draws.
+        options: Of the environment, beside those of its comparison.
+    """
+
+    name: str
+    player: str
+    arm: ArmDescription
+    seed: int = 0
+    options: Mapping[str, Any] = field(default_factory=dict)
+
+    @property
+    def _needed(self) -> dict[str, Any]:
+        """What a trained player must have; objects by `module:attribute` are none."""
+        return {} if ":" in self.player else options_for(self.player, trained_in(self.name))
+
+    @property
+    def made_with(self) -> dict[str, Any]:
+        """Options of the environment, but for the arm."""
+        options = {**playable(self.name).options, **self.options, **self._needed}
+        options.pop(ARM, None)
+        return options
+
+    def play(self, *, simple: bool = False, stop: Event | None = None) -> Episode:
+        """Play the episode to its end, and keep what is needed to show it.
+
+        Args:
+            simple: As `MujocoScene`.
+            stop: Set to cancel.
+
+        Raises:
+            Stopped: `stop` was set.
+            KinreachError: There is no such environment or player, it cannot act there, or the arm cannot; or nothing
+                says what is to be drawn.
+        """
+        known = playable(self.name)
+        options = {**self.made_with, **({ARM: self.arm} if ARM in known.choices else {})}
+        if known.drawn:
+            options["render_mode"] = "rgb_array"
+        env = gym.make(known.name, max_episode_steps=MAX_STEPS, disable_env_checker=True, **options)
+        try:
+            player = new_player(self.player, env, seed=self.seed)
+            recorder = _Recorder(env, simple=simple, stop=stop or Event())
+            (trial,) = rollout(recorder, player, [{"seed": self.seed}], watch=recorder.watched)
+            recorder.episode.trial = trial
+            return recorder.episode
+        finally:
+            env.close()
+
+    def program(self, arm: str) -> str:
+        """Write Python code that plays the episode.
+
+        Args:
+            arm: An expression for the arm, such as `"'ur5'"`.
+        """
+        known = playable(self.name)
+        names = [f"arm={arm}"] if ARM in known.choices else []
+        given = "".join(f", {option}" for option in (*names, *(f"{k}={v!r}" for k, v in self.made_with.items())))
+        return "\n".join(
+            [
+                "import gymnasium as gym",
+                "",
+                "import kinreach",
+                "from kinreach.baselines import rollout",
+                *robots(*names),
+                "from kinreach.view import new_player",
+                "",
+                f"env = gym.make({self.name!r}{given})",
+                f"player = new_player({self.player!r}, env, seed={self.seed})",
+                f'for trial in rollout(env, player, [{{"seed": {self.seed}}}]):',
+                '    print(trial["reached"], trial["steps"], trial.get("distance"), trial["return"])',
+                "env.close()",
+                "",
+            ]
+        )
+
+
+def circled(measured: GoalMeasurement, index: int) -> NDArray[np.uint8]:
+    """Draw a ring around the ball that was found in the picture of a camera, RGB."""
+    picture = measured.images[index].rgb.copy()
+    fix = measured.fixes[index]
+    if fix is not None:
+        u, v, r = fix.circle
+        cv2.circle(picture, (round(u), round(v)), round(r) + RING, YELLOW, RING)
+    return picture
+
+
+class _Recorder(gym.Wrapper[Any, Any, Any, Any]):
+    """Takes frames in the course of motions, and after every reset and step.
+
+    Attributes:
+        episode: As far as it has come.
+    """
+
+    episode: Episode
+
+    def __init__(self, env: gym.Env[Any, Any], *, simple: bool, stop: Event) -> None:
+        super().__init__(env)
+        self._simple, self._stop = simple, stop
+        self._period, self._due = 1.0 / FPS, 0.0
+        self._reward = 0.0
+
+    def step(self, action: Any) -> tuple[Any, Any, bool, bool, dict[str, Any]]:
+        result = self.env.step(action)
+        self._reward = float(result[1])
+        return result
+
+    def watched(self, env: gym.Env[Any, Any], info: Mapping[str, Any]) -> None:
+        if not hasattr(self, "episode"):
+            self._begin(info)
+        else:
+            terms = {name: float(value) for name, value in _terms(info).items()}
+            reward = sum(terms.values()) if terms else self._reward
+            distance = float(info["distance"]) if "distance" in info else None
+            self.episode.steps.append(Step(reward, terms, distance, str(info.get("impossible_reason", ""))))
+            self._reward = 0.0
+        if self._follows:
+            self._pose(info)
+        self._take()
+
+    def _begin(self, info: Mapping[str, Any]) -> None:
+        """An episode in the environment's own scene, or in one that follows what it says."""
+        self._scene, self._follows = scene_of(self.env, info)
+        self._believed = self.env.has_wrapper_attr("believed")
+        self._scene.watch = self._moving
+        goal = None if "goal" not in info else np.array(info["goal"], dtype=np.float64)
+        facts = {name: value for name, value in info.items() if type(value) in (str, float) and name not in CHANGING}
+        self.episode = Episode(
+            MujocoScene(self._scene.model, simple=self._simple), arm_of(self.env), goal=goal, facts=facts
+        )
+
+    def _pose(self, info: Mapping[str, Any]) -> None:
+        put(self._scene, info, time=len(self.episode.steps) / FPS)
+
+    def _moving(self) -> None:
+        if self._scene.data.time >= self._due:
+            self._take()
+
+    def _take(self) -> None:
+        if self._stop.is_set():
+            raise Stopped
+        now, frames = float(self._scene.data.time), self.episode.frames
+        self._due = now + self._period
+        poses, contacts = self.episode.scene.take(self._scene.data)
+        believed = self._scene.q if self._believed else None
+        frames.append(Frame(now, len(self.episode.steps), poses, tuple(contacts), believed))
+        if len(frames) > MAX_FRAMES:
+            del frames[1:-1:2]
+            self._period *= 2
+
+
+def _terms(info: Mapping[str, Any]) -> Mapping[str, Any]:
+    """The reward's terms, also where there are only numbers."""
+    prefix = "reward_"
+    numbers = {name.removeprefix(prefix): value for name, value in info.items() if name.startswith(prefix)}
+    terms: Mapping[str, Any] = info.get("reward_terms", numbers)
+    return terms

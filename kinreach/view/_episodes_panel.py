@@ -1,0 +1,308 @@
+"""The part of the page that plays episodes: MuJoCo's scene, the reward's terms, what the cameras see."""
+
+from __future__ import annotations
+
+import threading
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+
+from kinreach.envs._reach.task import BACKENDS, OBSERVATION_KINDS
+from kinreach.errors import InputError
+from kinreach.kinematics import ArmKinematics
+from kinreach.view import _html as html
+from kinreach.view._draw import BLUE, BRANCH_COLOURS, RED, Solid, SolidArm, overview
+from kinreach.view._episodes import Episode, Recording, Stopped, circled
+from kinreach.view._figure import Figure
+from kinreach.view._inputs import by_user
+from kinreach.view._messages import error_message
+from kinreach.view._names import plain
+from kinreach.view._panel import Panel
+from kinreach.view._players import BACKEND, OBSERVATION, playable
+from kinreach.vision._goal_view import GoalMeasurement
+
+PLAY, PAUSE, STEP, START = "play", "pause", "step", "start"
+#: Of a contact [m].
+DOT = 0.02
+MAX_SEED = 2**31 - 1
+
+
+class EpisodesPanel(Panel):
+    """Plays episodes of any environment and policy.
+
+    Attributes:
+        episode: That is shown; None before the first.
+        at: Index of the frame that is shown.
+        playing: Whether it runs.
+    """
+
+    def build(self) -> None:
+        """Add the inputs, and draw the initial state."""
+        self.episode: Episode | None = None
+        self.at = 0
+        self._recording = Recording(self._setup.environments[0], "", self._setup.arm)
+        self._still, self._gone = threading.Event(), threading.Event()
+        self._still.set()
+        self._step = -1
+        self._solid: Solid | None = None
+        self._believed: SolidArm | None = None
+        self._viewed_arm = self._setup.arm
+        self._shown = True
+        with self._folder:
+            self._build_gui()
+        self._points = self._client.scene.add_point_cloud(
+            f"{self._root}/contacts", np.zeros((1, 3)), RED, point_size=DOT, point_shape="circle", visible=False
+        )
+        self._choose_environment(self._environment.value)
+        self.record()
+
+    @property
+    def playing(self) -> bool:
+        """Whether the episode runs."""
+        return not self._still.is_set()
+
+    def show(self, visible: bool) -> None:
+        """Show it, or hide it; hidden it stands still."""
+        with self._lock:
+            self.pause()
+            super().show(visible)
+            self._shown = visible
+            self._furnish()
+
+    def close(self) -> None:
+        """Stop recording and playing."""
+        self._gone.set()
+        self._still.set()
+        super().close()
+
+    def record(self) -> None:
+        """Record the episode that is asked for, in a thread of its own, then play it, unless it is hidden by then."""
+        self.pause()
+        self._button.disabled = True
+        self._verdict.content = html.message("The episode is being played through ...")
+        self._start(self._record)
+
+    def go(self, index: int) -> None:
+        """Show the frame of an index, or the first or last one."""
+        with self._lock:
+            if self.episode is not None:
+                self.at = int(np.clip(index, 0, len(self.episode.frames) - 1))
+                self._draw(self.episode)
+
+    def step(self) -> None:
+        """Go to where the next action has ended."""
+        self.pause()
+        if self.episode is not None:
+            self.go(self.episode.frame_after(self.episode.frames[self.at].step + 1))
+
+    def run(self) -> None:
+        """Play from the frame that is shown, or from the start."""
+        with self._lock:
+            if self.episode is None or self.playing or self._gone.is_set():
+                return
+            if self.at == len(self.episode.frames) - 1:
+                self.go(0)
+            self._still = threading.Event()
+            self._start(self._play, self._still, self.episode)
+
+    def pause(self) -> None:
+        """Stand still."""
+        self._still.set()
+
+    def program(self) -> str:
+        """Write Python code that plays the episode."""
+        return self._recording.program(self._setup.expression)
+
+    def _build_gui(self) -> None:
+        gui = self._client.gui
+        self._verdict = gui.add_html("")
+        self._player = gui.add_button_group("player", (PLAY, PAUSE, STEP, START))
+        self._slider = gui.add_slider("frame", 0, 1, 1, 0)
+        self._now = gui.add_html("")
+        self._plot_place = gui.add_folder("Terms of the reward, step by step")
+        self._plot: Any = None
+        self._cameras = gui.add_folder("What the cameras see", expand_by_default=False)
+        self._images: list[Any] = []
+        with gui.add_folder("Episode"):
+            self._environment = gui.add_dropdown("environment", self._setup.environments)
+            self._policy = gui.add_dropdown(
+                "who acts", [""], hint="Solvers, methods of the comparison, policies, chance"
+            )
+            self._file = gui.add_text("or a file", self._setup.policy or "", hint="policy.safetensors or model.zip")
+            self._observation = gui.add_dropdown(
+                "observation", OBSERVATION_KINDS, hint="What cameras say, what perfect ones would, or their pictures",
+                initial_value="geometric",
+            )  # fmt: skip
+            self._backend = gui.add_dropdown(
+                "backend", BACKENDS, hint="With dynamics or without", initial_value="mujoco"
+            )
+            self._seed = gui.add_number("seed", 0, min=0, max=MAX_SEED, step=1)
+            self._button = gui.add_button("Play this episode", icon="player-play")
+        by_user(self._environment, self._choose_environment)
+        by_user(self._observation, lambda value: self._choose_environment(self._environment.value))
+        by_user(self._slider, self._scrubbed)
+        self._player.on_click(lambda event: self._pressed(event.target.value))
+        self._button.on_click(lambda _: self.record())
+
+    def _choose_environment(self, name: str) -> None:
+        known = playable(name)
+        takes = OBSERVATION in known.choices
+        arm = self._setup.nominal or self._setup.arm
+        self._policy.options = known.players(arm, observation=self._observation.value if takes else "")
+        self._observation.disabled, self._backend.disabled = not takes, BACKEND not in known.choices
+
+    def _pressed(self, what: str) -> None:
+        if what == PLAY:
+            self.run()
+        elif what == PAUSE:
+            self.pause()
+        elif what == STEP:
+            self.step()
+        else:
+            self.pause()
+            self.go(0)
+
+    def _scrubbed(self, index: int) -> None:
+        self.pause()
+        self.go(index)
+
+    def _start(self, work: Callable[..., None], *arguments: Any) -> None:
+        """Work in a thread of its own; the page shows its errors."""
+
+        def run() -> None:
+            try:
+                work(*arguments)
+            except Exception as error:  # an environment or a policy from outside may raise anything
+                if self._gone.is_set():
+                    return
+                with self._lock:
+                    self._button.disabled = False
+                    self._verdict.content = error_message(error)
+
+        threading.Thread(target=run, daemon=True, name=f"kinreach {work.__name__}").start()
+
+    def _record(self) -> None:
+        """Runs in a thread of its own, because a renderer belongs to the thread that made it."""
+        try:
+            asked = self._asked()
+            episode = asked.play(simple=self._setup.simple, stop=self._gone)
+        except Stopped:
+            return
+        with self._lock:
+            if self._gone.is_set():
+                return
+            self._recording = asked
+            self._take(episode)
+            if self._shown:
+                self.run()
+        seen = episode.measure_goal()
+        if not self._gone.is_set():
+            self._show_cameras(episode, seen)
+
+    def _asked(self) -> Recording:
+        """What is to be played.
+
+        Raises:
+            InputError: A module, which only the command line may load.
+        """
+        environment, file = self._environment.value, self._file.value.strip()
+        if ":" in file and file != self._setup.policy:
+            raise InputError(f"a module is named on the command line, not here: kinreach view --policy {file}")
+        inputs = {OBSERVATION: self._observation, BACKEND: self._backend}
+        choices = playable(environment).choices
+        options = {name: given.value for name, given in inputs.items() if name in choices}
+        acts = file or self._policy.value
+        return Recording(environment, acts, self._setup.arm, seed=self._seed.value, options=options)
+
+    def _take(self, episode: Episode) -> None:
+        for old in (self._solid, self._believed):
+            if old is not None:
+                old.remove()
+        scene = self._client.scene
+        self._solid, self._believed = Solid(scene, f"{self._root}/scene", episode.scene), None
+        if episode.frames[0].believed is not None:
+            figure = Figure(ArmKinematics.of(episode.arm, base="world"), simple=True)
+            self._believed = SolidArm(scene, f"{self._root}/believed", figure, colour=BLUE, opacity=0.4)
+        self.episode, self.at, self._step = episode, 0, -1
+        self._slider.max = max(1, len(episode.frames) - 1)
+        self._verdict.content = html.message(episode.verdict, bad=not episode.trial["reached"])
+        self._new_plot(episode)
+        self._cameras.visible = False
+        self._button.disabled = False
+        self._furnish()
+        self._draw(episode)
+
+    def _furnish(self) -> None:
+        """The work cell that belongs to what is shown, seen from its own place."""
+        taken = self.episode is not None and self._shown
+        self._surroundings.visible = not taken
+        arm = self.episode.arm if taken else self._setup.arm  # type: ignore[union-attr]
+        if arm is not self._viewed_arm:
+            overview(self._client, arm)
+            self._viewed_arm = arm
+
+    def _new_plot(self, episode: Episode) -> None:
+        if self._plot is not None:
+            self._plot.remove()
+        names = list(episode.steps[0].terms)
+        series = [{"label": "step"}, {"label": "reward", "stroke": "#222", "width": 2}]
+        series += [
+            {"label": plain(name), "stroke": html.css(colour), "width": 1.5, "points": {"show": True}}
+            for name, colour in zip(names, BRANCH_COLOURS, strict=False)
+        ]
+        with self._plot_place:
+            self._plot = self._client.gui.add_uplot(
+                self._terms(episode, 0),
+                tuple(series),
+                scales={"x": {"time": False}},
+                height=170,
+                axes=({}, {"size": 64}),
+                padding=(12, 12, 0, 0),
+            )
+
+    def _terms(self, episode: Episode, steps: int) -> tuple[Any, ...]:
+        """Numbers of the steps, the reward and its terms, as far as they were done; 0 before the first."""
+        done, names = episode.steps[:steps], list(episode.steps[0].terms)
+        rows = [np.zeros(1 + len(names)), *([s.reward, *(s.terms.get(n, 0.0) for n in names)] for s in done)]
+        return (np.arange(1.0 + len(done)), *np.ascontiguousarray(np.array(rows).T))
+
+    def _draw(self, episode: Episode) -> None:
+        frame = episode.frames[self.at]
+        touching = {body for contact in frame.contacts for body in contact.bodies}
+        with self._client.atomic():
+            self._solid.place(frame.poses, red=touching)  # type: ignore[union-attr]
+            if self._believed is not None and frame.believed is not None:
+                self._believed.take(frame.believed)
+            self._points.visible = bool(frame.contacts)
+            if frame.contacts:
+                self._points.points = np.array([contact.position for contact in frame.contacts], dtype=np.float16)
+                self._points.colors = np.tile(np.array(RED, dtype=np.uint8), (len(frame.contacts), 1))
+        self._slider.value = self.at
+        self._now.content = html.moment(episode, frame)
+        if frame.step != self._step:
+            self._step = frame.step
+            self._plot.data = self._terms(episode, frame.step)
+
+    def _show_cameras(self, episode: Episode, seen: GoalMeasurement | None) -> None:
+        with self._lock:
+            if self.episode is not episode or seen is None:
+                return
+            for image in self._images:
+                image.remove()
+            with self._cameras:
+                self._images = [
+                    self._client.gui.add_image(circled(seen, index), label=camera.name, format="jpeg")
+                    for index, camera in enumerate(episode.arm.goal_cameras)
+                ]
+            self._cameras.visible = True
+
+    def _play(self, still: threading.Event, episode: Episode) -> None:
+        """Frame by frame at the clock's pace, in a thread of its own."""
+        while not still.wait(episode.pause_after(self.at)):
+            with self._lock:
+                if still.is_set() or self.episode is not episode:
+                    return
+                self.go(self.at + 1)
+                if self.at == len(episode.frames) - 1:
+                    still.set()

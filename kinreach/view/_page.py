@@ -1,0 +1,153 @@
+"""The page of one browser tab: what the user does goes to the models, what they answer is drawn."""
+
+from __future__ import annotations
+
+import threading
+from html import escape
+from typing import Any
+
+from kinreach.robots import UR_LENGTHS
+from kinreach.view import _html as html
+from kinreach.view._draw import Surroundings, overview
+from kinreach.view._episodes_panel import EpisodesPanel
+from kinreach.view._messages import error_message, watch
+from kinreach.view._panel import Panel
+from kinreach.view._real_arm_panel import RealArmPanel
+from kinreach.view._results_panel import ResultsPanel
+from kinreach.view._setup import EPISODES, REAL_ARM, RESULTS, TARGET, Setup
+from kinreach.view._target_panel import TargetPanel
+
+#: Pixels of a screenshot.
+WIDTH, HEIGHT = 1600, 1000
+
+
+def panels(setup: Setup) -> dict[str, type[Panel]]:
+    """Return the parts of the page for an arm, by name."""
+    kinds: dict[str, type[Panel]] = {TARGET: TargetPanel}
+    if (setup.nominal or setup.arm).name in UR_LENGTHS:
+        kinds[REAL_ARM] = RealArmPanel
+    kinds[EPISODES] = EpisodesPanel
+    kinds[RESULTS] = ResultsPanel
+    return kinds
+
+
+class Page:
+    """One tab. Nothing in it is shared with another.
+
+    Args:
+        client: viser's handle of the tab.
+        setup: What the command line asked for.
+
+    Attributes:
+        client: As given.
+        names: Of the parts that can be shown.
+        shown: The part that is on the screen.
+        lock: Held while the scene changes.
+    """
+
+    def __init__(self, client: Any, setup: Setup) -> None:
+        self.client, self._setup = client, setup
+        self.lock = threading.RLock()
+        self.names = tuple(panels(setup))
+        self.shown: Panel
+        self._built: dict[str, Panel] = {}
+        self._closed = False
+        client.gui.configure_theme(control_width="large", show_logo=False, show_share_button=False)
+        client.gui.add_html(html.block(f"<b>{escape(setup.arm.title)}</b>"))
+        self._trouble = client.gui.add_html("")
+        watch(client, self.report)
+        try:
+            self._build()
+        except Exception as error:  # a page without its arm still says why
+            self.report(error)
+
+    def _build(self) -> None:
+        client, arm = self.client, self._setup.arm
+        overview(client, arm)
+        client.scene.configure_default_lights(cast_shadow=not self._setup.simple)
+        self._surroundings = Surroundings(client.scene, arm.workcell.obstacles)
+        chosen = client.gui.add_button_group("show", self.names)
+        chosen.on_click(lambda event: self.show(event.target.value))
+        self._buttons()
+        self.show(self.names[0])
+        self.show(self._setup.first)
+
+    def report(self, error: Exception | None) -> None:
+        """Say in red, and in a line on the terminal, what went wrong; None takes the sentence away."""
+        if not self._closed and (error is not None or self._trouble.content):
+            self._trouble.content = "" if error is None else error_message(error)
+
+    @property
+    def trouble(self) -> str:
+        """What went wrong with the last input, as HTML; empty if nothing did."""
+        return str(self._trouble.content)
+
+    @property
+    def target(self) -> TargetPanel:
+        """The panel that every page begins with."""
+        return self._built[TARGET]  # type: ignore[return-value]
+
+    def show(self, name: str) -> Panel:
+        """Show one of `panels`, and hide the others; it is built when it is first asked for.
+
+        In the place of one that cannot be built stands why.
+        """
+        with self.lock:
+            for other, panel in self._built.items():
+                if other != name:
+                    panel.show(False)
+            if name in self._built:
+                self._built[name].show(True)
+            else:
+                self._built[name] = self._new(name)
+            self.shown = panel = self._built[name]
+            if self._closed:
+                panel.close()
+            return panel
+
+    def _new(self, name: str) -> Panel:
+        arguments = self.client, self._setup, self._surroundings, self.lock
+        panel = panels(self._setup)[name](*arguments, title=name)
+        try:
+            panel.build()
+        except Exception as error:
+            panel.remove()
+            panel = Panel(*arguments, title=name)
+            with panel._folder:
+                self.client.gui.add_html(error_message(error))
+        return panel
+
+    def close(self) -> None:
+        """Let go of everything."""
+        with self.lock:
+            self._closed = True
+            for panel in self._built.values():
+                panel.close()
+
+    def _buttons(self) -> None:
+        gui = self.client.gui
+        take = gui.add_button("Screenshot", icon="camera", hint="Save the scene as a PNG")
+        copy = gui.add_button("Copy as Python", icon="code", hint="The program that reproduces what is on the screen")
+
+        take.on_click(lambda _: self.screenshot())
+        copy.on_click(lambda _: self.show_program())
+
+    def show_program(self) -> None:
+        """Open a window with the program that reproduces what is on the screen."""
+        gui = self.client.gui
+        with gui.add_modal("What is on the screen, as a program") as modal:
+            gui.add_html(html.code(self.shown.program()))
+            close = gui.add_button("Close")
+        close.on_click(lambda _: modal.close())
+
+    def picture(self, height: int, width: int) -> Any:
+        """Return the scene as the browser draws it, RGBA, shape (height, width, 4)."""
+        return self.client.get_render(height, width, transport_format="png", timeout=60.0)
+
+    def screenshot(self) -> None:
+        """Send the scene to the browser as a PNG file."""
+        import cv2
+
+        picture = self.picture(HEIGHT, WIDTH)
+        _, data = cv2.imencode(".png", cv2.cvtColor(picture, cv2.COLOR_RGBA2BGRA))
+        self.client.send_file_download("kinreach.png", data.tobytes(), save_immediately=True)

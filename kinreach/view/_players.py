@@ -1,0 +1,151 @@
+"""Environments that the page plays, and who may act in each of them, by name."""
+
+from __future__ import annotations
+
+import inspect
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import gymnasium as gym
+from gymnasium.envs.registration import load_env_creator
+
+from kinreach._objects import load_module
+from kinreach._registration import ENVIRONMENTS, KINEMATIC_ENVIRONMENTS, SINGLE_ENVIRONMENTS
+from kinreach.baselines._loop import Policy, RandomPolicy, as_policy
+from kinreach.compare import Method, Task, get_task, task_names
+from kinreach.compare._methods import resolve_methods
+from kinreach.compare._task import POLICY
+from kinreach.demo._tasks import SHORTER, all_trained, solver_policy, trained_for, trained_policy
+from kinreach.errors import InputError, raise_unknown
+from kinreach.kinematics import ArmKinematics
+from kinreach.kinematics._closed_form import ClosedFormKinematics
+from kinreach.kinematics._solvers import SOLVERS
+from kinreach.robots import ArmDescription
+
+RANDOM = "random"
+PIXELS = "pixels"
+#: Options of environments that the page lets the user choose.
+ARM, OBSERVATION, BACKEND = "arm", "observation", "backend"
+
+
+@dataclass(frozen=True)
+class Playable:
+    """What the page has to know of a registered environment.
+
+    Attributes:
+        name: Its id.
+        choices: Of `ARM`, `OBSERVATION` and `BACKEND`, those that it takes.
+        solvable: Whether solvers of inverse kinematics can act in it.
+        drawn: Whether it has a `render_mode`.
+        tasks: Comparisons in it.
+    """
+
+    name: str
+    choices: frozenset[str]
+    solvable: bool
+    drawn: bool
+    tasks: tuple[Task, ...]
+
+    @property
+    def options(self) -> Mapping[str, Any]:
+        """Of an episode, beside the choices: those of the comparison."""
+        own = (task.options for task in self.tasks if task.environment == self.name)
+        return SHORTER.get(self.name, next(own, {}))
+
+    def methods(self, arm: str | None = None) -> dict[str, Method]:
+        """Return the methods of comparisons in it, by name: of all arms, or of one arm and of tasks without one."""
+        return {
+            name: method
+            for task in self.tasks
+            for name, method in task.methods.items()
+            if (method.environment or task.environment) == self.name and (arm is None or task.arm in ("", arm))
+        }
+
+    def players(self, arm: ArmDescription, *, observation: str = "") -> tuple[str, ...]:
+        """Return names that `new_player` takes, solvers first.
+
+        Args:
+            arm: Who acts, where the environment takes an arm.
+            observation: What is observed; pictures are only for policies that see them, or that need no observation.
+        """
+        eyes, environment = observation == PIXELS, trained_in(self.name)
+        closed = self.solvable and isinstance(ArmKinematics.of(arm), ClosedFormKinematics)
+        solvers = [name for name in SOLVERS if self.solvable and (closed or name != "closed-form")]
+        trained = trained_for(environment, arm.name if ARM in self.choices else None, eyes=eyes)
+        shipped = {f"policy {name}" for name in trained_for(environment)}
+        methods = [
+            name
+            for name, method in self.methods(arm.name).items()
+            if not eyes and not (method.kind == POLICY and shipped & set(method.versions))
+        ]
+        return (*(name for name in dict.fromkeys((*solvers, *methods, *trained)) if name != RANDOM), RANDOM)
+
+
+def playable_names() -> tuple[str, ...]:
+    """Ids of the package's environments, and of those that registered comparisons are in."""
+    compared = (get_task(name).environment for name in task_names())
+    return tuple(dict.fromkeys((*ENVIRONMENTS, *SINGLE_ENVIRONMENTS, *compared, *KINEMATIC_ENVIRONMENTS)))
+
+
+def playable(name: str) -> Playable:
+    """Look up an environment.
+
+    Args:
+        name: Its id; of `module:id` the module is loaded first.
+
+    Raises:
+        InputError: There is none of that id, or the module cannot be loaded.
+    """
+    module, _, name = name.rpartition(":")
+    if module:
+        load_module("environment", module, f"{module}:{name}")
+    try:
+        spec = gym.spec(name)
+    except gym.error.Error as error:
+        raise InputError(f"there is no environment {name!r}: {error}") from None
+    made: Any = load_env_creator(spec.entry_point) if isinstance(spec.entry_point, str) else spec.entry_point
+    return Playable(
+        name,
+        choices=frozenset({ARM, OBSERVATION, BACKEND} & set(inspect.signature(made).parameters) - set(spec.kwargs)),
+        solvable=hasattr(made, "action_for"),
+        drawn="rgb_array" in getattr(made, "metadata", {}).get("render_modes", ()),
+        tasks=tuple(t for t in map(get_task, task_names()) if name in (t.environment, *t.variants.values())),
+    )
+
+
+def new_player(name: str, env: gym.Env[Any, Any], *, seed: int = 0) -> Policy:
+    """Make a player for an environment.
+
+    Args:
+        name: One of `Playable.players`; of a policy of the package; the path of a policy's file; or
+            `module:attribute`, a solver, a policy or a class of one, as `kinreach.compare` takes it.
+        env: Where, as `gym.make` made it.
+        seed: Of what it draws.
+
+    Raises:
+        InputError: There is none of that name, the file is not a policy, or it is for another environment.
+    """
+    known = playable(env.spec.id)  # type: ignore[union-attr]
+    methods, environment = known.methods(), trained_in(known.name)
+    if name == RANDOM:
+        return RandomPolicy(env.action_space, seed=seed)
+    if name in SOLVERS and known.solvable:
+        return solver_policy(name, env)
+    if name in methods:
+        return as_policy(methods[name].make(env))
+    if ":" in name:
+        task = Task(known.name, known.name, known.name, resets=lambda count, seed, env: (), methods={}, columns=())
+        (method,) = resolve_methods(task, [name]).values()
+        return as_policy(method.make(env))
+    policy = trained_policy(name, environment)
+    if policy is None:
+        names = (*(SOLVERS if known.solvable else ()), *methods, *all_trained(environment))
+        raise_unknown(f"policy for {known.name}", name, ("a file of a policy", RANDOM, *names))
+    return policy
+
+
+def trained_in(environment: str) -> str:
+    """Id of the environment that policies for this one were trained in: of the kinematic ones, that with dynamics."""
+    points = KINEMATIC_ENVIRONMENTS.get(environment)
+    return next((name for name, others in ENVIRONMENTS.items() if others == points), environment)

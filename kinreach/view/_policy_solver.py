@@ -1,0 +1,55 @@
+"""Trained policies as solvers."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import gymnasium as gym
+import numpy as np
+from numpy.typing import ArrayLike
+
+from kinreach._registration import MULTI, SINGLE
+from kinreach.baselines._loop import rollout
+from kinreach.baselines._policies import load_policy, needed_options
+from kinreach.errors import InputError
+from kinreach.kinematics import ArmKinematics, IKResult
+from kinreach.kinematics._goals import Goal
+from kinreach.kinematics._solutions import Accept
+
+
+class PolicySolver:
+    """A policy as a solver: an episode without dynamics, from the start pose that it was trained from.
+
+    It knows where the goal is, and brings the tool there pointing down; its error to another direction counts
+    like any other error.
+
+    Args:
+        policy: Name or file, of a policy for one of the thesis's reach tasks.
+        kinematics: The arm, to its own tip.
+
+    Attributes:
+        name: As given.
+        seconds: How long it has thought about the last goal [s].
+
+    Raises:
+        InputError: It is for another task, or cannot act for this arm.
+    """
+
+    def __init__(self, policy: str, kinematics: ArmKinematics) -> None:
+        self.name = policy
+        self._policy = load_policy(policy)
+        self._kinematics = kinematics
+        self.seconds = 0.0
+        environment = self._policy.card.environment or SINGLE
+        if environment not in (SINGLE, MULTI):
+            raise InputError(f"the policy {policy} is for {environment}, not for one of: {SINGLE}, {MULTI}")
+        options = needed_options(self._policy) | {"arm": kinematics.arm, "backend": "kinematic"}
+        self._env: gym.Env[Any, Any] = gym.make(environment, disable_env_checker=True, **options)
+        self._policy.check_spaces(self._env.observation_space, self._env.action_space)
+
+    def solve(self, goal: Goal, seed: ArrayLike, *, accept: Accept | None = None) -> IKResult:
+        """Play the policy and return where it ends; the seed is not used."""
+        (trial,) = rollout(self._env, self._policy, [{"seed": 0, "options": {"goal": goal.position}}])
+        self.seconds = trial["solve_s"]
+        q = np.array(trial["target"] if trial["steps"] == 1 else trial["q"])
+        return IKResult.of(self._kinematics, goal, q, accept=accept, iterations=trial["steps"])

@@ -1,0 +1,149 @@
+"""A calibrated UR beside its data sheet: where its tip ends in a posture that was solved for the data sheet's arm."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from kinreach._checks import Floats
+from kinreach.errors import InputError
+from kinreach.kinematics import ArmKinematics, IKResult, URKinematics
+from kinreach.kinematics._closed_form import ClosedFormKinematics
+from kinreach.robots import ArmDescription, BoxRegion
+
+#: Cells of a map along its longer edge.
+CELLS = 32
+#: Of an arm without a table: half the edge of the square around its base, by the arm's length stretched out.
+AROUND = 0.9
+_DOWN = (0.0, 0.0, -1.0)
+
+
+@dataclass(frozen=True, eq=False)
+class Miss:
+    """What a posture of the data sheet's comes to on the real arm.
+
+    Attributes:
+        q: The posture [rad], shape (6,).
+        meant: Frame of the tip as the data sheet has it, shape (4, 4).
+        real: Frame of the tip as it is, shape (4, 4).
+    """
+
+    q: Floats
+    meant: Floats
+    real: Floats
+
+    @property
+    def vector(self) -> Floats:
+        """From where the tip was meant to be to where it is, in the world [m], shape (3,)."""
+        vector: Floats = self.real[:3, 3] - self.meant[:3, 3]
+        return vector
+
+    @property
+    def distance(self) -> float:
+        """Its length [m]."""
+        return float(np.linalg.norm(self.vector))
+
+    @property
+    def turned(self) -> float:
+        """Angle between the two frames [rad]."""
+        R = self.meant[:3, :3].T @ self.real[:3, :3]
+        sine = np.linalg.norm([R[2, 1] - R[1, 2], R[0, 2] - R[2, 0], R[1, 0] - R[0, 1]])
+        return float(np.arctan2(sine, np.trace(R) - 1.0))
+
+
+@dataclass(frozen=True, eq=False)
+class ErrorMap:
+    """How far the tip is off on a horizontal rectangle, the tool pointing down.
+
+    Attributes:
+        centre: Of the rectangle in the world [m], shape (3,).
+        size: Edges along x and y [m].
+        distances: Tip error of each cell [m], shape (rows, columns), rows along y and columns along x; NaN where the
+            data sheet's arm has no posture.
+    """
+
+    centre: Floats
+    size: tuple[float, float]
+    distances: Floats
+
+    @property
+    def known(self) -> Floats:
+        """The errors that there are [m], shape (k,)."""
+        known: Floats = self.distances[np.isfinite(self.distances)]
+        return known
+
+
+class RealArm:
+    """A UR by its data sheet and as it left the factory.
+
+    Args:
+        nominal: By its data sheet.
+        real: Calibrated.
+        tip: Short name of the tip frame; default is the arm's own.
+
+    Attributes:
+        nominal, real: Kinematics, from the world to the tip.
+
+    Raises:
+        InputError: The arm is no UR.
+        UnknownNameError: There is no such tip.
+    """
+
+    def __init__(self, nominal: ArmDescription, real: ArmDescription, *, tip: str | None = None) -> None:
+        arms = [ArmKinematics.of(arm, tip=tip, base="world") for arm in (nominal, real)]
+        for arm in arms:
+            if not isinstance(arm, URKinematics):
+                raise InputError(f"only a UR has a factory calibration, got the arm {nominal.name!r}")
+        self.nominal: URKinematics = arms[0]  # type: ignore[assignment]
+        self.real: ClosedFormKinematics = arms[1]  # type: ignore[assignment]
+
+    def miss(self, q: Floats) -> Miss:
+        """Return where the tip is, and where the data sheet has it, in a posture [rad], shape (6,)."""
+        return Miss(q, self.nominal.fk(q), self.real.fk(q))
+
+    def believed(self, T: Floats, seed: Floats) -> IKResult:
+        """Solve for a frame (4, 4) in the world by the data sheet: the posture nearest to a seed [rad], shape (6,)."""
+        return self.nominal.nearest(T, seed)
+
+    def map(self) -> ErrorMap:
+        """Map the tip error over the table, or over the floor around an arm without one."""
+        centre, size = _surface(self.nominal)
+        cell = max(size) / CELLS
+        columns, rows = (max(1, round(edge / cell)) for edge in size)
+        x = centre[0] + size[0] * ((np.arange(columns) + 0.5) / columns - 0.5)
+        y = centre[1] + size[1] * ((np.arange(rows) + 0.5) / rows - 0.5)
+        points = np.stack([*np.meshgrid(x, y), np.full((rows, columns), centre[2])], axis=-1)
+        seed = np.array(self.nominal.arm.home)
+        distances = np.array([[self._distance(point, seed) for point in row] for row in points])
+        return ErrorMap(centre, size, distances)
+
+    def _distance(self, position: Floats, seed: Floats) -> float:
+        result = self.nominal.axis_goal(position, _DOWN, seed)
+        return self.miss(result.q).distance if result.success else np.nan
+
+
+def colours(values: Floats, most: float) -> NDArray[np.uint8]:
+    """Viridis from 0 to `most` as RGBA, shape (..., 4); what is not finite is transparent."""
+    import cv2
+
+    shares = np.clip(np.nan_to_num(values) / most, 0.0, 1.0)
+    grey = np.round(255 * np.atleast_2d(shares)).astype(np.uint8)
+    rgb = cv2.cvtColor(cv2.applyColorMap(grey, cv2.COLORMAP_VIRIDIS), cv2.COLOR_BGR2RGB).reshape(*values.shape, 3)
+    alpha = np.where(np.isfinite(values), 255, 0).astype(np.uint8)
+    return np.concatenate([rgb, alpha[..., None]], axis=-1)
+
+
+def _surface(kinematics: URKinematics) -> tuple[Floats, tuple[float, float]]:
+    """Centre and edges of what a map is of: the table's top, else where goals are, else around the arm."""
+    cell = kinematics.arm.workcell
+    for box in cell.obstacles:
+        if box.name == "table":
+            x, y, z = box.position
+            return np.array([x, y, z + box.size[2] / 2]), (box.size[0], box.size[1])
+    if isinstance(cell.goals, BoxRegion):
+        (x0, x1), (y0, y1), (z0, _) = cell.goals.x, cell.goals.y, cell.goals.z
+        return np.array([(x0 + x1) / 2, (y0 + y1) / 2, z0]), (x1 - x0, y1 - y0)
+    edge = 2 * AROUND * kinematics.geometry.stretched
+    return np.array(kinematics.T_world_base[:3, 3]), (edge, edge)

@@ -1,0 +1,182 @@
+"""What a comparison wrote, goal by goal: where each method ended. Files are checked before they are believed."""
+
+from __future__ import annotations
+
+import csv
+import json
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, NoReturn
+
+import numpy as np
+
+from kinreach._checks import MAX_ANGLE, MAX_DISTANCE, Floats, check_path, shown
+from kinreach._files import read_text
+from kinreach.errors import InputError
+from kinreach.robots import arm_names
+
+#: Files that are read; a trial has some 700 bytes.
+RESULTS, TRIALS = "results.json", "results.csv"
+MAX_BYTES = 256 * 1024 * 1024
+#: Goals and methods that can be shown.
+MAX_GOALS, MAX_METHODS = 20_000, 64
+#: Task -> its arm, for files that do not name it.
+UNNAMED = {"ur5": "ur5", "space": "ur5", "real-arm": "ur5", "moving": "ur5", "arm3": "arm3", "button": "arm3"}
+_NEEDED = ("goal_index", "method", "goal", "distance", "reached")
+
+
+@dataclass(frozen=True, eq=False)
+class End:
+    """Where a method ended on a goal.
+
+    Attributes:
+        reached: Whether it met the task's criterion.
+        distance: Tip to goal [m].
+        reason: Why it was impossible; empty where it was not.
+        tip: In the world [m], shape (3,); None where it was not written.
+        q: Posture [rad], shape (n,); None where it was not written.
+    """
+
+    reached: bool
+    distance: float
+    reason: str
+    tip: Floats | None
+    q: Floats | None
+
+
+@dataclass(frozen=True, eq=False)
+class Results:
+    """A comparison.
+
+    Attributes:
+        file: Of its summary.
+        title: Of its task.
+        arm: Name of the arm that did it; empty if it is none of the package's.
+        colours: Of the methods, by name, as style sheets write them.
+        goals: In the world [m], shape (count, 3).
+        ends: Of each goal, by method.
+    """
+
+    file: Path
+    title: str
+    arm: str
+    colours: Mapping[str, tuple[int, int, int]]
+    goals: Floats
+    ends: tuple[Mapping[str, End], ...]
+
+    @property
+    def shares(self) -> Floats:
+        """Share of the methods that reached each goal, shape (count,)."""
+        return np.array([np.mean([end.reached for end in ends.values()]) for ends in self.ends])
+
+
+def read_results(file: str | Path) -> Results:
+    """Read what `kinreach compare` wrote: `results.json`, and `results.csv` beside it.
+
+    Args:
+        file: The JSON, or its folder.
+
+    Raises:
+        InputError: One of them cannot be read, or is not what it says; the message names it and what is wrong.
+    """
+    path = check_path("results", file)
+    if path.is_dir():
+        path = path / RESULTS
+    text = read_text(path, "the results", most=MAX_BYTES)
+    try:
+        content = json.loads(text, parse_constant=_refuse)
+    except (ValueError, RecursionError) as error:
+        raise InputError(f"{path} is not JSON: {error}") from None
+    try:
+        colours, settings = _summary(content)
+    except InputError as error:
+        raise InputError(f"{path} was not written by a comparison: {error}") from None
+    trials = path.parent / TRIALS
+    rows = csv.DictReader(read_text(trials, "the trials", most=MAX_BYTES).splitlines())
+    try:
+        goals, ends = _trials(rows, colours)
+    except (InputError, csv.Error) as error:
+        raise InputError(f"{trials} was not written by a comparison: {error}") from None
+    task, arm = str(settings.get("task", "")), _arm(settings)
+    return Results(path, str(settings.get("title", task)), arm if arm in arm_names() else "", colours, goals, ends)
+
+
+def _arm(settings: Mapping[str, Any]) -> str:
+    """The name of the arm, also from files that have it among the options, or not at all."""
+    options = settings.get("options")
+    named = options.get("arm") if isinstance(options, dict) else None
+    return str(settings.get("arm", named or UNNAMED.get(str(settings.get("task")), "")))
+
+
+def _refuse(constant: str) -> NoReturn:
+    raise ValueError(f"{constant} is not a JSON number")
+
+
+def _summary(content: Any) -> tuple[dict[str, tuple[int, int, int]], dict[str, Any]]:
+    """Methods with their colours, and settings."""
+    if not isinstance(content, dict) or not isinstance(content.get("methods"), list):
+        raise InputError("it has no list 'methods'")
+    settings = content.get("settings")
+    if not isinstance(settings, dict):
+        raise InputError("it has no 'settings'")
+    colours = {}
+    for entry in content["methods"]:
+        name = entry.get("name") if isinstance(entry, dict) else None
+        if not isinstance(name, str) or not name.isprintable() or name in colours:
+            raise InputError(f"a method needs a name of its own, got {shown(name)}")
+        colours[name] = _colour(entry.get("colour"))
+    if not 0 < len(colours) <= MAX_METHODS:
+        raise InputError(f"it must have 1 to {MAX_METHODS} methods, got {len(colours)}")
+    return colours, settings
+
+
+def _colour(value: Any) -> tuple[int, int, int]:
+    """Of `#rrggbb`; grey if it is not that."""
+    try:
+        red, green, blue = bytes.fromhex(value.removeprefix("#"))
+    except (AttributeError, ValueError):
+        return 120, 120, 120
+    return red, green, blue
+
+
+def _trials(rows: csv.DictReader[str], methods: Mapping[str, Any]) -> tuple[Floats, tuple[Mapping[str, End], ...]]:
+    missing = [name for name in _NEEDED if name not in (rows.fieldnames or ())]
+    if missing:
+        raise InputError(f"it has no column {missing[0]!r}")
+    goals: dict[int, Floats] = {}
+    ends: dict[int, dict[str, End]] = {}
+    for row in rows:
+        for index, method, goal, end in _trial(row, methods):
+            goals.setdefault(index, goal)
+            ends.setdefault(index, {})[method] = end
+        if len(goals) > MAX_GOALS:
+            raise InputError(f"it has more than {MAX_GOALS} goals")
+    if not goals:
+        raise InputError("it has no trials")
+    order = sorted(goals)
+    return np.array([goals[index] for index in order]), tuple(ends[index] for index in order)
+
+
+def _trial(row: Mapping[str, str], methods: Mapping[str, Any]) -> Iterator[tuple[int, str, Floats, End]]:
+    """Index of the goal, method, goal and end of a row; nothing of a method that the summary leaves out."""
+    if row["method"] in methods:
+        (index,) = _vector(row, "goal_index", MAX_DISTANCE, size=1)
+        distance = _vector(row, "distance", MAX_DISTANCE, size=1) if row["distance"] else np.array([np.nan])
+        known = [name for name in ("tip", "q") if row.get(name)]
+        tip = _vector(row, "tip", MAX_DISTANCE, size=3) if "tip" in known else None
+        q = _vector(row, "q", MAX_ANGLE) if "q" in known else None
+        reached = row["reached"] in ("1", "True")
+        end = End(reached, float(distance[0]), row.get("impossible_reason") or "", tip, q)
+        yield int(index), row["method"], _vector(row, "goal", MAX_DISTANCE, size=3), end
+
+
+def _vector(row: Mapping[str, str], name: str, most: float, *, size: int | None = None) -> Floats:
+    """A field's numbers, shape (size,)."""
+    try:
+        values = np.array([float(word) for word in (row[name] or "").split()])
+    except ValueError:
+        values = np.array([np.nan])
+    if (size is not None and len(values) != size) or not len(values) or not (np.abs(values) <= most).all():
+        raise InputError(f"{name} must be {size or 'some'} numbers within ±{most:g}, got {shown(row[name])}")
+    return values

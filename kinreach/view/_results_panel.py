@@ -1,0 +1,181 @@
+"""The part of the page that opens a comparison: a goal to click, and where each method ended on it."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import trimesh
+
+from kinreach.errors import KinreachError
+from kinreach.kinematics import ArmKinematics
+from kinreach.robots import get_arm
+from kinreach.view import _html as html
+from kinreach.view._draw import AMBER, GREEN, RED, Colour, Ghost, Ghosts, SolidArm, Surroundings, overview
+from kinreach.view._figure import Figure
+from kinreach.view._inputs import by_user
+from kinreach.view._panel import Panel
+from kinreach.view._results import Results, read_results
+from kinreach.view._snippet import results_program
+
+#: Radius of a goal, and by how much that of the chosen one is larger [m].
+BALL, CHOSEN = 0.008, 2.2
+ALL = "no method"
+
+
+class ResultsPanel(Panel):
+    """The goals of a comparison where they were, and the ends of one of them.
+
+    Attributes:
+        results: That are shown; None before a file was opened.
+        chosen: Index of the goal whose ends are shown.
+    """
+
+    def build(self) -> None:
+        """Add the inputs, and draw the initial state."""
+        self.results: Results | None = None
+        self.chosen = 0
+        self._cell: Any = None
+        self._ghosts: Ghosts | None = None
+        self._solid: SolidArm | None = None
+        with self._folder:
+            self._build_gui()
+        self._verdict.content = html.message("Name the results.json of a comparison, or its folder.")
+        if self._setup.results is not None:
+            self.open(self._setup.results)
+
+    def show(self, visible: bool) -> None:
+        """Show it, or hide it."""
+        with self._lock:
+            super().show(visible)
+            self._surroundings.visible = not visible or self.results is None
+            if self._arm_differs:
+                overview(self._client, get_arm(self.results.arm) if visible else self._setup.arm)  # type: ignore[union-attr]
+
+    def open(self, file: str) -> None:
+        """Open a comparison; what cannot be one is refused in the page, and what was there stays."""
+        try:
+            results = read_results(file.strip())
+        except KinreachError as error:
+            self._verdict.content = html.message(str(error), bad=True)
+            return
+        with self._lock:
+            self._take(results)
+
+    def choose(self, index: int) -> None:
+        """Show the ends on the goal of an index."""
+        with self._lock:
+            if self.results is not None:
+                self.chosen = int(np.clip(index, 0, len(self.results.goals) - 1))
+                self._draw(self.results)
+
+    def program(self) -> str:
+        """Write Python code that prints the ends on the chosen goal."""
+        if self.results is None:
+            return "# No results are open.\n"
+        return results_program(self.results, self.chosen)
+
+    @property
+    def _arm_differs(self) -> bool:
+        return self.results is not None and self.results.arm not in ("", self._setup.arm.name)
+
+    def _build_gui(self) -> None:
+        gui = self._client.gui
+        self._verdict = gui.add_html("")
+        self._index = gui.add_slider("goal", 0, 1, 1, 0, visible=False)
+        self._table = gui.add_html("")
+        self._drawn = gui.add_dropdown("draw solid", [ALL], visible=False)
+        self._file = gui.add_text("file", self._setup.results or "", hint="results.json of kinreach compare")
+        opened = gui.add_button("Open results")
+        by_user(self._index, self.choose)
+        by_user(self._drawn, lambda name: self.choose(self.chosen))
+        opened.on_click(lambda _: self.open(self._file.value))
+
+    def _take(self, results: Results) -> None:
+        scene = self._client.scene
+        if self._cell is not None:
+            self._cell.remove()
+        self._cell = scene.add_frame(f"{self._root}/cell", show_axes=False)
+        self.results, self.chosen = results, 0
+        self._ghosts = self._solid = None
+        if results.arm:
+            arm = get_arm(results.arm)
+            Surroundings(scene, arm.workcell.obstacles, root=f"{self._root}/cell/world")
+            kinematics = ArmKinematics.of(arm, base="world")
+            written = [end.q for ends in results.ends for end in ends.values() if end.q is not None]
+            if written and all(len(q) == kinematics.n for q in written):
+                figure = Figure(kinematics, simple=self._setup.simple)
+                self._ghosts = Ghosts(scene, f"{self._root}/cell/ghosts", figure, most=len(results.colours))
+                self._solid = SolidArm(scene, f"{self._root}/cell/arm", figure)
+        self._goals = self._balls("goals", len(results.goals))
+        self._goals.batched_colors = np.array([_by_share(share) for share in results.shares], dtype=np.uint8)
+        self._goals.batched_positions = results.goals.astype(np.float32)
+        self._goals.on_click(self._clicked)
+        self._tips = self._balls("tips", len(results.colours))
+        self._ways = scene.add_line_segments(
+            f"{self._root}/cell/ways", np.zeros((1, 2, 3)), RED, thickness=2.0, thickness_units="screen"
+        )
+        self._index.max = max(1, len(results.goals) - 1)
+        self._index.visible = self._drawn.visible = True
+        self._drawn.options = (ALL, *results.colours)
+        self._drawn.value = next(iter(results.colours))
+        count, methods = len(results.goals), len(results.colours)
+        every, none = int((results.shares == 1).sum()), int((results.shares == 0).sum())
+        self._verdict.content = html.message(
+            f"{results.title}: of {count} goals {every} reached by all {methods} methods (green), "
+            f"{count - every - none} by some (amber), {none} by none (red). Click a goal."
+        )
+        self.show(True)
+        self._draw(results)
+
+    def _balls(self, name: str, count: int) -> Any:
+        ball = trimesh.creation.icosphere(2, BALL)
+        return self._client.scene.add_batched_meshes_simple(
+            f"{self._root}/cell/{name}",
+            np.array(ball.vertices, dtype=np.float32),
+            np.array(ball.faces),
+            batched_wxyzs=np.tile((1.0, 0.0, 0.0, 0.0), (count, 1)),
+            batched_positions=np.zeros((count, 3)),
+            batched_scales=np.ones(count),
+            batched_colors=np.zeros((count, 3), dtype=np.uint8),
+            lod="off",
+            cast_shadow=False,
+        )
+
+    def _clicked(self, event: Any) -> None:
+        if event.instance_index is not None:
+            self.choose(event.instance_index)
+
+    def _draw(self, results: Results) -> None:
+        goal, ends = results.goals[self.chosen], results.ends[self.chosen]
+        with self._client.atomic():
+            scales = np.ones(len(results.goals), dtype=np.float32)
+            scales[self.chosen] = CHOSEN
+            self._goals.batched_scales = scales
+            self._draw_tips(results, goal)
+            if self._ghosts is not None and self._solid is not None:
+                postures = {name: end.q for name, end in ends.items() if end.q is not None}
+                solid = postures.pop(self._drawn.value, None)
+                self._solid.visible = solid is not None
+                if solid is not None:
+                    self._solid.take(solid)
+                self._ghosts.take([Ghost(q, results.colours[name]) for name, q in postures.items()], beside=solid)
+        self._index.value = self.chosen
+        self._table.content = html.ends(results, self.chosen)
+
+    def _draw_tips(self, results: Results, goal: Any) -> None:
+        ends = results.ends[self.chosen]
+        tips = np.tile(goal, (len(results.colours), 1))
+        for row, name in enumerate(results.colours):
+            end = ends.get(name)
+            if end is not None and end.tip is not None:
+                tips[row] = end.tip
+        colours = np.array(list(results.colours.values()), dtype=np.uint8)
+        self._tips.batched_positions = tips.astype(np.float32)
+        self._tips.batched_colors = colours
+        self._ways.points = np.stack([np.tile(goal, (len(tips), 1)), tips], axis=1).astype(np.float32)
+        self._ways.colors = np.repeat(colours[:, None], 2, axis=1)
+
+
+def _by_share(share: float) -> Colour:
+    return GREEN if share == 1 else RED if share == 0 else AMBER

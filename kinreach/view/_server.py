@@ -1,0 +1,161 @@
+"""The server behind the page: one for all tabs, on this machine only."""
+
+from __future__ import annotations
+
+import contextlib
+import http
+import io
+import logging
+import re
+import threading
+import warnings
+from collections.abc import Iterator
+from typing import Any
+
+from kinreach.errors import InstallationError, OutputError
+from kinreach.view._page import Page
+from kinreach.view._setup import Setup
+
+#: The only address that is listened to: only this machine can connect.
+HOST = "127.0.0.1"
+#: Names of this machine that a browser may have asked for, in an address of the page.
+OWN_NAMES = (HOST, "localhost", "[::1]")
+#: Held while viser starts a server.
+_STARTING = threading.Lock()
+#: What viser warns of where a tab is closed while something is drawn in it, which is not a fault.
+CLOSED = r"Queued a \w+ on a closed connection"
+
+
+def import_viser() -> Any:
+    """viser, which only the page needs.
+
+    Raises:
+        InstallationError: It is missing.
+    """
+    try:
+        import viser
+    except ImportError as error:
+        raise InstallationError(f"{error}; the page needs: pip install 'kinreach[view]'") from error
+    return viser
+
+
+def is_own_host(headers: Any) -> bool:
+    """Check that a request names this machine; the name of a site may lead here, too (DNS rebinding)."""
+    return _own_host(headers) is not None
+
+
+def is_own_origin(headers: Any) -> bool:
+    """Check that a request comes from a page of this server, at the port that it was asked for."""
+    host, origins = _own_host(headers), headers.get_all("Origin")
+    return host is not None and len(origins) == 1 and origins[0] in [f"http://{name}{host[1]}" for name in OWN_NAMES]
+
+
+def _own_host(headers: Any) -> re.Match[str] | None:
+    """The header `Host` if it is this machine's; the port, which may be forwarded, is its group 1."""
+    hosts = headers.get_all("Host")
+    names = "|".join(map(re.escape, OWN_NAMES))
+    return re.fullmatch(rf"(?:{names})((?::\d+)?)", hosts[0]) if len(hosts) == 1 else None
+
+
+@contextlib.contextmanager
+def _guarding() -> Iterator[threading.Event]:
+    """Servers of websockets that are started here answer only requests of their own page; set when there is one.
+
+    viser has no option for this. It starts its server through `serve` of websockets, which has: `process_request`.
+    """
+    from websockets.asyncio import server
+
+    serve, guarded = server.serve, threading.Event()
+
+    def guarded_serve(*arguments: Any, process_request: Any, **options: Any) -> Any:
+        def checking(connection: Any, request: Any) -> Any:
+            if not is_own_host(request.headers):
+                return connection.respond(http.HTTPStatus.FORBIDDEN, "This is not a name of the page.\n")
+            response = process_request(connection, request)
+            if response is None and not is_own_origin(request.headers):  # None opens the connection
+                return connection.respond(http.HTTPStatus.FORBIDDEN, "Only the page itself may connect.\n")
+            return response
+
+        guarded.set()
+        return serve(*arguments, process_request=checking, **options)
+
+    with _STARTING:
+        server.serve = guarded_serve  # type: ignore[assignment, misc]
+        try:
+            yield guarded
+        finally:
+            server.serve = serve  # type: ignore[misc]
+
+
+class Server:
+    """Serves a page to every tab that asks.
+
+    Args:
+        setup: What every tab begins with.
+        port: Where to listen; if it is taken, the next that is free.
+
+    Attributes:
+        pages: Of the open tabs, by viser's number of the client.
+
+    Raises:
+        InstallationError: viser is missing, or its connections cannot be guarded.
+        OutputError: There is no free port.
+    """
+
+    def __init__(self, setup: Setup, *, port: int = 8080) -> None:
+        viser = import_viser()
+        setup.figure  # noqa: B018  (read before the first tab asks)
+        self._setup = setup
+        self.pages: dict[int, Page] = {}
+        self._closed: set[int] = set()
+        self._lock = threading.Lock()
+        warnings.filterwarnings("ignore", message=CLOSED)
+        logging.getLogger("websockets.server").setLevel(logging.CRITICAL)  # browsers open connections in advance
+        try:
+            with contextlib.redirect_stdout(io.StringIO()), _guarding() as guarded:  # viser says where it listens
+                self._viser = viser.ViserServer(
+                    host=HOST, port=port, label=f"kinreach: {setup.arm.name}", verbose=False
+                )
+        except OSError as error:
+            raise OutputError(f"no port can be listened to from {port} on: {error}") from error
+
+        if not guarded.is_set():
+            self.stop()
+            raise InstallationError(
+                f"viser {viser.__version__} would answer other sites, too; the page needs viser 1.1"
+            )
+        shared = self._viser._websock_server  # all tabs': a page has none, and viser's own open a tunnel for everybody
+        for kind in list(shared._incoming_handlers):
+            shared.unregister_handler(kind)
+        self._viser.on_client_connect(self._opened)
+        self._viser.on_client_disconnect(self._left)
+
+    @property
+    def address(self) -> str:
+        """Where the page is."""
+        return f"http://{HOST}:{self._viser.get_port()}"
+
+    def stop(self) -> None:
+        """Close all tabs' connections and stop listening."""
+        for number in list(self.pages):
+            self.pages.pop(number).close()
+        with contextlib.redirect_stdout(io.StringIO()):
+            self._viser.stop()
+
+    def _opened(self, client: Any) -> None:
+        page = Page(client, self._setup)
+        with self._lock:
+            left = client.client_id in self._closed
+            self._closed.discard(client.client_id)
+            if not left:
+                self.pages[client.client_id] = page
+        if left:
+            page.close()
+
+    def _left(self, client: Any) -> None:
+        with self._lock:
+            page = self.pages.pop(client.client_id, None)
+            if page is None:  # closed before it was drawn
+                self._closed.add(client.client_id)
+        if page is not None:
+            page.close()

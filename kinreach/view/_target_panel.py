@@ -1,0 +1,307 @@
+"""The part of the page with the target: a frame to drag, every posture for it, solvers beside each other."""
+
+from __future__ import annotations
+
+import time
+from typing import Any
+
+import numpy as np
+
+from kinreach._checks import Floats
+from kinreach.errors import KinreachError
+from kinreach.kinematics import Arm3Kinematics, ArmKinematics, SixAxisKinematics, URKinematics
+from kinreach.kinematics._goals import Goal
+from kinreach.kinematics._solvers import SOLVERS
+from kinreach.robots._rotations import rotation, rpy
+from kinreach.view import _html as html
+from kinreach.view._draw import AMBER, PALE_RED, RED, VIOLET, Ghost, Ghosts, SolidArm
+from kinreach.view._inputs import Entry, by_user, frame_of, put
+from kinreach.view._names import branch_name, length, plain
+from kinreach.view._panel import Panel
+from kinreach.view._snippet import program
+from kinreach.view._target import AXIS, SAME, Answer, Finish, State
+
+NEAREST = "the nearest that can be used"
+NOTHING = "nothing"
+#: Ghosts that are drawn at most: a calibrated UR has up to sixteen postures.
+MAX_GHOSTS = 16
+#: How far a coordinate may be typed [m].
+MAX_POSITION = 1000.0
+TOOL_DOWN = np.diag([1.0, -1.0, -1.0])
+
+
+class TargetPanel(Panel):
+    """The target of one tab: its answer and its drawing.
+
+    Attributes:
+        model: Answers.
+        answer: To the target that is on the screen.
+        q: Posture the arm stands in [rad].
+        draw_s: How long the last change took from the browser's message to the answer's being on its way [s].
+    """
+
+    def build(self) -> None:
+        """Add the inputs, and draw the initial state."""
+        self.model = self._setup.model()
+        self.q = self.model.home
+        self.draw_s = 0.0
+        self.finishes: list[Finish] = []
+        self.T: Floats = self.model.kinematics.fk(self.q)
+        self._kind = self.model.kinds[0]
+        self._shown = NEAREST
+        self._build_scene()
+        with self._folder:
+            self._build_gui()
+        self.answer: Answer = self.model.answer(self.goal, self.q)
+        self._draw()
+
+    @property
+    def goal(self) -> Goal:
+        """What the target asks."""
+        return self.model.goal(self._kind, self.T)
+
+    @property
+    def solid(self) -> int:
+        """Index of the posture in `answer.postures` that the arm is drawn in; -1 if none is."""
+        for index, posture in enumerate(self.answer.postures):
+            if posture.name == self._shown and posture.q is not None:
+                return index
+        return self.answer.shown
+
+    def program(self) -> str:
+        """Write Python code for what is on the screen."""
+        return program(self.model, self.goal, self.q, arm=self._setup.expression)
+
+    def show(self, visible: bool) -> None:
+        """Show it, or hide it."""
+        super().show(visible)
+        if visible:
+            self._draw()
+
+    def move(self, T: Floats) -> None:
+        """Put the target at a frame (4, 4) in the world."""
+        start = time.perf_counter()
+
+        def work() -> None:
+            for entry in (self._place, self._turn, *self._joints):  # what was typed before is answered by this
+                entry.take()
+            self.T = T
+            self._update(start)
+
+        self._latest(work)
+
+    def _build_scene(self) -> None:
+        scene, figure = self._client.scene, self._setup.figure
+        self._arm = SolidArm(scene, f"{self._root}/arm", figure)
+        self._ghosts = Ghosts(scene, f"{self._root}/ghosts", figure, most=MAX_GHOSTS)
+        self._reaching = SolidArm(scene, f"{self._root}/reaching", figure, colour=AMBER, opacity=0.55)
+        self._solved = SolidArm(scene, f"{self._root}/solved", figure, colour=VIOLET, opacity=0.5)
+        self._reaching.visible = self._solved.visible = False
+        size = float(np.linalg.norm(self.T[:3, 3]))
+        self._gizmo = scene.add_transform_controls(f"{self._root}/goal", scale=0.25 * size, depth_test=False)
+        self._gap = scene.add_line_segments(
+            f"{self._root}/gap", np.zeros((1, 2, 3)), RED, thickness=3.0, thickness_units="screen"
+        )
+        self._label = scene.add_label(f"{self._root}/label", "", anchor="bottom-center", visible=False)
+        self._gap.visible = False
+        self._gizmo.on_update(self._dragged)
+
+    def _build_gui(self) -> None:
+        gui, model = self._client.gui, self.model
+        self._verdict = gui.add_html("")
+        self._gauge = gui.add_html("")
+        self._list = gui.add_html("")
+        with gui.add_folder("Goal"):
+            kind = gui.add_dropdown("asks for", model.kinds, initial_value=self._kind)
+            place, turn = "Of the tool's tip in the world frame, that of the scene", "About the world's x, y, z in turn"
+            self._position = self._vector("x y z [m]", MAX_POSITION, step=0.001, hint=place)
+            self._angles = self._vector("roll pitch yaw [°]", 360.0, step=0.1, hint=turn)
+            down = gui.add_button("Turn the tool down", hint="The tool's z axis down; turning about it is free")
+            back = gui.add_button("Back to the start", hint="Arm and target as in the beginning")
+        with gui.add_folder("Arm", expand_by_default=False):
+            self._choice = gui.add_dropdown("draw solid", [NEAREST, *self._names()], initial_value=NEAREST)
+            ghosts = gui.add_checkbox("others as ghosts", True)
+            self._bound = gui.add_slider("all within ± [°]", 30, 360, 5, 360, hint="Narrows the limits of all joints")
+            limits = np.degrees([model.kinematics.lower, model.kinematics.upper]).round(1).T.tolist()
+            self._sliders = [
+                gui.add_slider(f"{plain(name)} [°]", low, high, 0.1, float(np.clip(0.0, low, high)))
+                for name, (low, high) in zip(model.kinematics.arm.joints, limits, strict=True)
+            ]
+        with gui.add_folder("Solvers", expand_by_default=False):
+            names = model.solvers
+            self._chosen = {name: gui.add_checkbox(name, name in SOLVERS) for name in names}
+            self._from = gui.add_html("")
+            keep = gui.add_button("Start them from this posture", hint="From where the arm stands now")
+            run = gui.add_button("Solve")
+            self._table = gui.add_html("")
+            self._ended = gui.add_dropdown("draw the end of", [NOTHING, *names], initial_value=NOTHING)
+        self._remark = gui.add_html("")
+        by_user(kind, self._set_kind)
+        self._place, self._turn = Entry(self._position, self._typed), Entry(self._angles, self._typed)
+        self._joints = [Entry(slider, self._slid) for slider in self._sliders]
+        by_user(self._choice, self._choose)
+        by_user(ghosts, lambda value: setattr(self._ghosts, "visible", value))
+        by_user(self._bound, self._limit)
+        by_user(self._ended, lambda value: self._draw_end())
+        down.on_click(lambda _: self._turn_down())
+        back.on_click(lambda _: self._go_back())
+        keep.on_click(lambda _: self._start_from(self._drawn))
+        run.on_click(lambda _: self._solve())
+        self._start_from(self.q)
+        self._kind_input = kind
+
+    def _vector(self, label: str, most: float, **options: Any) -> Any:
+        return self._client.gui.add_vector3(label, (0.0,) * 3, min=(-most,) * 3, max=(most,) * 3, **options)
+
+    def _names(self) -> list[str]:
+        kinds: tuple[tuple[type[ArmKinematics], int], ...]
+        kinds = ((URKinematics, 8), (SixAxisKinematics, 16), (Arm3Kinematics, 4))
+        count = next((most for kind, most in kinds if isinstance(self.model.kinematics, kind)), 0)
+        return [branch_name(self.model.kinematics, branch) for branch in range(count)]
+
+    def _dragged(self, event: Any) -> None:
+        if event.client is not None:
+            self.move(frame_of(self._gizmo))
+
+    def _typed(self) -> None:
+        start = time.perf_counter()
+
+        def work() -> None:
+            place, turn = self._place.take(), self._turn.take()
+            self.T = self.T.copy()
+            if place is not None:
+                self.T[:3, 3] = place
+            if turn is not None:
+                self.T[:3, :3] = rotation(np.radians(turn).tolist())
+            self._update(start)
+
+        self._latest(work)
+
+    def _set_kind(self, kind: str) -> None:
+        self._kind = kind
+        self.move(self.T)
+
+    def _choose(self, name: str) -> None:
+        with self._lock:
+            self._shown = name
+            self._draw()
+
+    def _limit(self, degrees: float) -> None:
+        with self._lock:
+            self.model.limit_joints(float(np.radians(degrees)))
+        self.move(self.T)
+
+    def _turn_down(self) -> None:
+        T = self.T.copy()
+        T[:3, :3] = TOOL_DOWN
+        if AXIS in self.model.kinds:
+            self._kind = self._kind_input.value = AXIS
+        self.move(T)
+
+    def _go_back(self) -> None:
+        with self._lock:
+            self.q = self.model.home
+        self._start_from(self.q)
+        self.move(self.model.kinematics.fk(self.q))
+
+    def _slid(self) -> None:
+        start = time.perf_counter()
+
+        def work() -> None:
+            turned = [entry.take() for entry in self._joints]
+            self.q = np.array(
+                [q if new is None else np.radians(new) for q, new in zip(self._drawn, turned, strict=True)]
+            )
+            self.T = self.model.kinematics.fk(self.q)
+            self._update(start)
+
+        self._latest(work)
+
+    def _start_from(self, q: Floats) -> None:
+        """Let solvers start from a posture, until the next call."""
+        self._start = q
+        values = " ".join(f"{round(value)}°" for value in np.degrees(q))
+        home = np.abs(q - self.model.home).max() < SAME
+        self._from.content = html.small(f"They start from {'the start posture' if home else 'the posture'} {values}.")
+
+    def _solve(self) -> None:
+        with self._lock:
+            names = [name for name, box in self._chosen.items() if box.value]
+            try:
+                self.finishes = self.model.solve(self.goal, self._start, names)
+            except KinreachError as error:
+                self._table.content = html.message(str(error), bad=True)
+                return
+            self._table.content = html.solvers(self.finishes)
+            self._draw_end()
+
+    def _draw_end(self) -> None:
+        with self._lock:
+            ends = {finish.solver: finish.result.q for finish in self.finishes}
+            q = ends.get(self._ended.value)
+            self._solved.visible = q is not None
+            if q is not None:
+                self._solved.take(q)
+
+    def _update(self, start: float) -> None:
+        try:
+            answer = self.model.answer(self.goal, self.q)
+        except KinreachError as error:
+            self._verdict.content = html.message(str(error), bad=True)
+            return
+        self.answer = answer
+        if self.finishes:
+            self.finishes, self._table.content = [], ""
+            self._solved.visible = False
+        self._draw()
+        self._client.flush()
+        self.draw_s = time.perf_counter() - start
+        self._remark.content = html.small(
+            f"Answered in {1000 * answer.seconds:.1f} ms, on its way to the browser after {1000 * self.draw_s:.1f} ms."
+        )
+
+    def _draw(self) -> None:
+        answer, solid = self.answer, self.solid
+        posture = answer.postures[solid] if solid >= 0 else None
+        with self._client.atomic():
+            red = {name for pair in posture.pairs for name in pair} if posture else set()
+            if posture is not None and posture.state is State.USABLE and posture.q is not None:
+                self.q = posture.q
+            q = self.q if posture is None or posture.q is None else posture.q
+            self._drawn = q
+            self._arm.take(q, red=red)
+            self._surroundings.mark(red)
+            self._ghosts.take(
+                [
+                    Ghost(
+                        other.q,
+                        html.branch_colour(other.branch) if other.state is State.USABLE else PALE_RED,
+                        {name for pair in other.pairs for name in pair},
+                    )
+                    for index, other in enumerate(answer.postures)
+                    if index != solid and other.q is not None
+                ],
+                beside=q,
+            )
+            self._draw_gap()
+            put(self._gizmo, self.T)
+        self._verdict.content = html.verdict(answer)
+        self._list.content = html.legend(answer, shown=solid, joints=self.model.kinematics.arm.joints)
+        self._gauge.content = html.gauge(self.model.slowest_motion(q), self.model.nearest_singularity(q))
+        self._place.show(tuple(self.T[:3, 3].round(4).tolist()))
+        self._turn.show(tuple(np.degrees(rpy(self.T[:3, :3])).round(2).tolist()))
+        for entry, slider, value in zip(self._joints, self._sliders, np.degrees(q).tolist(), strict=True):
+            entry.show(float(np.clip(round(value, 1), slider.min, slider.max)))
+
+    def _draw_gap(self) -> None:
+        """The nearest that the arm comes to a target out of reach, and what is missing."""
+        approach = self.answer.approach
+        shown = approach is not None
+        self._reaching.visible = self._gap.visible = self._label.visible = shown
+        if approach is None:
+            return
+        self._reaching.take(approach.q)
+        tip, wanted = self.model.kinematics.fk(approach.q)[:3, 3], self.T[:3, 3]
+        self._gap.points = np.array([[tip, wanted]], dtype=np.float32)
+        self._label.text = f"{'at best' if approach.least else 'a search ends'} {length(approach.distance)} away"
+        self._label.position = (tip + wanted) / 2
