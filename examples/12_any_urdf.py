@@ -17,9 +17,7 @@ from kinreach.kinematics import (
     LevenbergMarquardtSolver,
     PoseGoal,
     QPSolver,
-)
-from kinreach.kinematics import (
-    _check as check,
+    check,
 )
 from kinreach.robots import ArmDescription
 

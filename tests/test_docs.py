@@ -184,6 +184,44 @@ def test_the_reference_lists_every_name():
     assert checked >= 100
 
 
+FACES = (
+    "kinreach", "kinreach.baselines", "kinreach.compare", "kinreach.envs", "kinreach.errors", "kinreach.kinematics",
+    "kinreach.plots", "kinreach.robots", "kinreach.sim", "kinreach.thesis", "kinreach.view", "kinreach.vision",
+)  # fmt: skip
+
+
+def programs() -> Iterator[tuple[str, str]]:
+    """All Python code that is written for users, with its file."""
+    for page in (*PAGES, *TOP):
+        for code in re.findall(r"^```python\n(.*?)^```", read(page), re.DOTALL | re.MULTILINE):
+            yield page.name, code
+    for file in (*(ROOT / "examples").glob("*.py"), *(ROOT / "notebooks/figures").glob("*.py")):
+        yield file.name, read(file)
+    for file in (ROOT / "notebooks").glob("*.ipynb"):
+        for cell in json.loads(read(file))["cells"]:
+            if cell["cell_type"] == "code":
+                yield file.name, "".join(line for line in cell["source"] if not line.startswith(("%", "!")))
+
+
+def test_users_import_from_faces():
+    """And only what a face exports."""
+    wrong, names = [], set()
+    for file, code in programs():
+        for node in ast.walk(ast.parse(code)):
+            imported = set()
+            if isinstance(node, ast.Import):
+                imported = {(alias.name, "") for alias in node.names}
+            elif isinstance(node, ast.ImportFrom):
+                imported = {(node.module, alias.name) for alias in node.names}
+            for module, name in {pair for pair in imported if pair[0].split(".")[0] == "kinreach"}:
+                if module not in FACES or (name and name not in importlib.import_module(module).__all__):
+                    wrong.append(f"{file}: {module} {name}")
+                names.add((module, name))
+    assert wrong == []
+    assert {module for module, _ in names} >= set(FACES) - {"kinreach.errors"}
+    assert len(names) >= 80
+
+
 def test_examples_are_shown_as_they_are():
     spec = importlib.util.spec_from_file_location("hooks", DOCS / "hooks.py")
     hook = importlib.util.module_from_spec(spec)
