@@ -5,8 +5,11 @@ That the pages build without a warning is `make docs`.
 
 from __future__ import annotations
 
+import ast
 import importlib.util
+import json
 import re
+from collections.abc import Iterator
 from functools import cache
 from pathlib import Path
 
