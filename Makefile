@@ -38,7 +38,7 @@ compare: $(CORE) ## Put all methods on the same goals, for example ARGS="--task 
 view: $(VIEW) ## See postures in the browser, and why there are none, for example ARGS="--arm ur10"
 	$(BIN)/python -m kinreach.view --open $(ARGS)
 
-examples: $(DEV) ## Run all examples, one after the other; ARGS="examples/01_own_arm.py" for one
+examples: $(DEV) ## Run all examples, one after the other; ARGS="examples/13_own_arm.py" for one
 	@for script in $(or $(ARGS),$(sort $(wildcard examples/*.py))); do echo "$$script"; $(BIN)/python $$script || exit 1; done
 
 test: $(DEV) ## Run the tests but the slow ones

@@ -86,8 +86,16 @@ def numbers(pattern: str, text: str) -> list[float]:
     return [float(found) for found in re.findall(pattern, text)]
 
 
+def test_my_ur(run):
+    text = run("01_my_ur")
+    assert len(re.findall(r"^\d [\[ -].* free$", text, re.MULTILINE)) >= 2
+    assert "x -0.5 m: [" in text
+    assert "x -0.9 m: too far away" in text
+    assert 0.5 < numbers(r"tool ([\d.]+) mm off there", text)[0] < 5
+
+
 def test_own_arm(run):
-    text = run("01_own_arm")
+    text = run("13_own_arm")
     assert "Jacobian: (6, 7)" in text
     errors = numbers(r": ok, ([\d.]+) mm off", text)
     assert len(errors) == 3

@@ -280,7 +280,7 @@ class ArmDescription:
         return replace(
             self,
             name=f"{self.name}_tool",
-            title=f"{self.title.removesuffix(' with parallel gripper')} with tool",
+            title=f"{self.title.replace(' with parallel gripper', '')} with tool",
             build_urdf=partial(str, ET.tostring(robot, encoding="unicode")),
             tips={**{name: link for name, link in tips.items() if link in links}, TOOL: TOOL},
             default_tip=TOOL,

@@ -1,4 +1,4 @@
-"""An arm that kinreach has never seen, from its URDF file: `python examples/01_own_arm.py`.
+"""An arm that kinreach has never seen, from its URDF file: `python examples/13_own_arm.py`.
 
 The Panda has seven joints and no closed form: forward kinematics, Jacobian, three numeric solvers, collisions, a move
 under dynamics, and a row of the comparison.
