@@ -7,6 +7,7 @@ import pickle
 import re
 import shutil
 from dataclasses import replace
+from itertools import product
 from pathlib import Path
 
 import numpy as np
@@ -72,6 +73,20 @@ def test_a_finished_run_is_kept(uninterrupted, tmp_path, monkeypatch):
     np.testing.assert_array_equal(
         weights(tmp_path / "run/policy.safetensors"), weights(finished.folder / "policy.safetensors")
     )
+
+
+@pytest.mark.parametrize("files", list(product((False, True), repeat=3)))
+def test_a_finished_run_is_a_policy_without_a_training_to_go_on_with(files, tmp_path):
+    """A policy beside a checkpoint and no run was written by a training that was stopped before its run's file."""
+    for name, there in zip((training.POLICY, training.RUN, training.CHECKPOINT), files, strict=True):
+        if there:
+            (tmp_path / name).write_text('{"seconds": 1.0, "cpu_seconds": 1.0}')
+    policy, run, checkpoint = files
+    if policy and not run and not checkpoint:
+        with pytest.raises(InputError, match="holds a policy, and no"):
+            training._holds(tmp_path, {})
+    else:
+        assert training._holds(tmp_path, {}) == (policy and run)
 
 
 def with_other_numpy(folder):

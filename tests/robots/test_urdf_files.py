@@ -18,6 +18,7 @@ from kinreach.kinematics import ArmKinematics, CollisionChecker, PoseGoal, Posit
 from kinreach.kinematics._solvers import ClosedFormSolver, LevenbergMarquardtSolver, PlacoSolver, QPSolver
 from kinreach.plots._check_cli import Subject, report
 from kinreach.robots import ArmDescription, BoxRegion, Workcell, arm_names, get_arm, register_arm
+from kinreach.robots._urdf import MAX_DEPTH, parse_urdf
 from kinreach.sim._simulation import ArmSimulation
 
 SHARE = Path(str(get_arm("ur5").package_root()))
@@ -391,6 +392,13 @@ REFUSED = {
     ),
     "stays": (chain(TURNS).replace("0 0.1 0.3", "0 0 0"), "no joint moves the tip 'l1' to another place"),
 }  # fmt: skip
+
+
+def test_a_urdf_is_as_deep_as_it_may_be():
+    nested = lambda depth: "<robot>" + "<a>" * (depth - 1) + "</a>" * (depth - 1) + "</robot>"  # noqa: E731
+    assert parse_urdf(nested(MAX_DEPTH)).tag == "robot"
+    with pytest.raises(InputError, match="nested deeper"):
+        parse_urdf(nested(MAX_DEPTH + 1))
 
 
 @pytest.mark.parametrize("name", REFUSED)
