@@ -122,7 +122,7 @@ def finish(job: Callable[[], int], *, prog: str) -> int:
         try:
             return job()
         except KinreachError as error:
-            complain(f"{prog}: error: {_KEYWORD.sub(_as_flag, str(error))}")
+            complain(f"{prog}: error: {in_flags(str(error))}")
             return EXIT_ERROR
         except KeyboardInterrupt as interrupt:
             complain(f"{prog}: {str(interrupt) or 'interrupted'}")
@@ -141,6 +141,11 @@ def finish(job: Callable[[], int], *, prog: str) -> int:
         _discard(sys.stdout)
         complain(f"{prog}: error: cannot write: {error.strerror}")
         return EXIT_ERROR
+
+
+def in_flags(text: str) -> str:
+    """Return a message with the flags of the command line for Python's keywords."""
+    return _KEYWORD.sub(_as_flag, text)
 
 
 def _as_flag(keyword: re.Match[str]) -> str:

@@ -24,7 +24,7 @@ from kinreach.compare._runner import CAMERA, DEFAULT_GOALS, GEOMETRIC, compare, 
 from kinreach.compare._task import Task, get_task, register_task, task_names
 from kinreach.errors import InputError, OtherResultsError
 from kinreach.robots import ArmDescription, arm_names, as_arm
-from kinreach.robots._flags import ARM_FLAGS, add_arm_flags, arm_of
+from kinreach.robots._flags import ARM_FLAGS, add_arm_flags, arm_of, package_dirs_of, print_notes
 
 #: Width that the tables for people fit into [characters].
 TABLE_WIDTH = 100
@@ -106,7 +106,10 @@ def _arm(arguments: argparse.Namespace) -> str | ArmDescription | None:
         if changed:
             raise InputError(f"--{changed[0].replace('_', '-')} needs --arm")
         return None
-    return arguments.arm if not changed and arguments.arm in arm_names() else arm_of(arguments.arm, arguments)
+    if not changed and arguments.arm in arm_names():
+        return str(arguments.arm)
+    print_notes(arm := arm_of(arguments.arm, arguments))
+    return arm
 
 
 def _default_folder(task: str, arm: str, arguments: argparse.Namespace, texts: Mapping[str, str]) -> str:
@@ -185,8 +188,9 @@ def _command(
         value = getattr(arguments, name)
         words += [] if value is None else [f"--{name}", quoted(value)]
     for name in ARM_FLAGS:
-        if value := getattr(arguments, name):
-            words += [f"--{name.replace('_', '-')}", *([] if value is True else [quoted(value)])]
+        for value in package_dirs_of(arguments) if name == "package_dir" else [getattr(arguments, name)]:
+            if value:
+                words += [f"--{name.replace('_', '-')}", *([] if value is True else [quoted(value)])]
     words += ["--goals", str(arguments.goals), "--seed", str(arguments.seed)]
     words += [] if arguments.observation == GEOMETRIC else ["--observation", arguments.observation]
     for name, text in texts.items():

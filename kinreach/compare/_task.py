@@ -115,7 +115,7 @@ class Task:
 
 
 #: Fields of an arm whose printed form says nothing, or more than the field.
-_OUTSIDE = ("build_urdf", "package_root", "workcell")
+_OUTSIDE = ("build_urdf", "package_root", "workcell", "missing_shapes", "notes")
 #: Registered tasks by name.
 _TASKS: dict[str, Task] = {}
 #: Tasks of the package -> the module whose `TASKS` has them, loaded when one of them is first asked for.

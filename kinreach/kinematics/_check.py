@@ -139,11 +139,13 @@ def collisions_of(kin: ArmKinematics, *, seed: int = 0) -> Collisions | None:
     """Measure self-collisions of the arm without its work cell; None for an arm without shapes.
 
     Raises:
-        InputError: Its shapes cannot be read.
+        InputError: Its shapes cannot be read, or one is missing.
     """
     try:
         checker = CollisionChecker(kin, obstacles=())
     except NoShapesError:
+        if kin.arm.missing_shapes:
+            raise
         return None
     colliding = [checker.in_collision(q) for q in random_postures(kin, POSTURES // 4, seed)]
     return Collisions(len(checker.pairs), float(np.mean(colliding)), checker.free(kin.arm.home))

@@ -47,7 +47,7 @@ Pair = tuple[str, str]
 
 
 class NoShapesError(InputError):
-    """The arm has no collision shapes."""
+    """The arm has no collision shapes, or not all."""
 
 
 class Cause(IntEnum):
@@ -333,8 +333,19 @@ def _search_data(geometry: Any, margin: float) -> Any:
     return results
 
 
+def check_shapes(arm: ArmDescription) -> None:
+    """Refuse an arm of whose collision shapes one is missing.
+
+    Raises:
+        NoShapesError: The message names the mesh.
+    """
+    if arm.missing_shapes:
+        raise NoShapesError(f"arm {arm.name!r} has no collision checks and no simulation: {arm.missing_shapes}")
+
+
 def _shapes(arm: ArmDescription, model: Any, obstacles: Sequence[Box]) -> Any:
     """Geometry of the links, meshes as their hulls, followed by the obstacles, fixed to the world."""
+    check_shapes(arm)
     robot = without_shapes(arm.urdf, "visual")
     meshes = {
         link.get("name", ""): [_take_mesh(shape, arm) for shape in link.findall("collision")]

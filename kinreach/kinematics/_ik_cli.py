@@ -19,7 +19,7 @@ from kinreach.kinematics._arm import ArmKinematics
 from kinreach.kinematics._closed_form import ClosedFormKinematics
 from kinreach.kinematics._collision import CollisionChecker, NoShapesError
 from kinreach.kinematics._goals import PoseGoal
-from kinreach.robots._flags import add_arm_flags, arm_of, numbers_of
+from kinreach.robots._flags import add_arm_flags, arm_of, numbers_of, print_notes
 from kinreach.robots._rotations import pose
 from kinreach.robots._ur import JOINTS
 
@@ -96,7 +96,7 @@ def main(argv: Sequence[str], *, prog: str) -> int:
         raise InputError("give --pose or --poses")
     if (arguments.poses is None) != (arguments.out is None):
         raise InputError("--poses and --out belong together")
-    arm = arm_of(arguments.arm, arguments)
+    print_notes(arm := arm_of(arguments.arm, arguments))
     default = "base" if arm.joints == JOINTS else "base_link"
     kin = ArmKinematics.of(arm, base=_base(arguments.base) if arguments.base else default)
     seed = np.array(arm.home) if arguments.seed is None else np.array(numbers_of("--seed", arguments.seed, kin.n))

@@ -25,7 +25,7 @@ from kinreach.kinematics import (
 from kinreach.kinematics._closed_form import POSE_JOINTS
 from kinreach.kinematics._ur.kinematics import CalibratedURKinematics
 from kinreach.plots._workspace import draw_workspace
-from kinreach.robots._flags import add_arm_flags, arm_of
+from kinreach.robots._flags import add_arm_flags, arm_of, print_notes
 
 #: Endings of the files with a UR's calibration.
 CALIBRATIONS = (".yaml", ".yml", ".conf")
@@ -176,7 +176,8 @@ def _subject(arguments: argparse.Namespace) -> Subject:
         arguments.arm, arguments.calibration = arguments.model, arguments.arm
     elif Path(arguments.arm).suffix.lower() in CALIBRATIONS:
         raise InputError(f"{arguments.arm} is a calibration: name its UR too, such as check ur5e --calibration FILE")
-    real = ArmKinematics.of(arm_of(arguments.arm, arguments))
+    print_notes(arm := arm_of(arguments.arm, arguments))
+    real = ArmKinematics.of(arm)
     if arguments.calibration is None:
         return Subject(real, None)
     arguments.calibration = None

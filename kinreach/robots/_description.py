@@ -28,9 +28,9 @@ from kinreach.robots._urdf import (
     named,
     parse_urdf,
     prune,
-    read_urdf,
     set_limits,
 )
+from kinreach.robots._urdf_file import read_urdf
 from kinreach.robots._workcell import CameraMount, Workcell
 
 #: Attributes with one number for each joint.
@@ -74,6 +74,9 @@ class ArmDescription:
         moves_last: Joints that a two-phase move holds still until all others have arrived; default none.
         cameras: Cameras on the arm and around it; those with `observed=True` measure the goal, and `overview` is the
             viewpoint of pictures. Default is an `overview` from which the whole arm is seen.
+        missing_shapes: Why collision shapes are missing, so that collision checks and simulation are refused; empty
+            if none is.
+        notes: What was left out of the URDF file, such as a gripper's joints, a line each.
 
     Raises:
         InputError: What has to be read from the URDF is not in it, or a number or an object cannot be that of an arm;
@@ -99,6 +102,8 @@ class ArmDescription:
     gripper: Gripper | None = None
     moves_last: tuple[str, ...] = ()
     cameras: tuple[CameraMount, ...] = ()
+    missing_shapes: str = ""
+    notes: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
         defaults: Mapping[str, Callable[[UrdfArm], object]] = {
@@ -177,32 +182,34 @@ class ArmDescription:
         home: Sequence[float] | None = None,
         held: Mapping[str, float] | None = None,
         workcell: Workcell | None = None,
-        package_dirs: Sequence[str | Path] | None = None,
+        package_dirs: Sequence[str | Path] = (),
         gripper_on: str | None = None,
         **facts: object,
     ) -> ArmDescription:
         """Describe an arm by its URDF file.
 
-        Joints that are not part of the arm, such as a gripper's fingers, are held still: they become fixed joints.
+        Joints that are not part of the arm, such as a gripper's, are held still: they become fixed joints. The
+        attribute `notes` says which are left out. A visual mesh that is not found is left out; without a collision
+        mesh there is kinematics, but no collision checks and no simulation.
 
         Args:
-            file: Path of the URDF. Meshes may be named relative to it or as `package://PACKAGE/...`.
+            file: Path of the URDF. Meshes may be named relative to it, or as `package://PACKAGE/...` or `file://...`.
             name: Key in the registry; default is the name in the URDF.
-            tip: Link that is the tip; default is the one farthest from the root, counted in joints.
+            tip: Link that is the tip; default is the one farthest from the root, counted in joints, and not a finger.
             base: Link that carries the arm's own coordinate system; default is the root.
-            joints: Names of the joints of `q`; default are those that move between root and tip.
+            joints: Names of the joints of `q`; default are those that move between root and tip, without a gripper's.
             home: Start posture [rad], within the limits; default is the middle of each joint's range.
             held: Where joints that are not part of the arm are held [rad, m]; default is 0, or their nearest limit.
             workcell: Obstacles and goals; default is an empty work cell.
-            package_dirs: Folders in which `package://PACKAGE` is looked for; default are those around the file.
+            package_dirs: Folders that hold packages, or are one, in which `package://PACKAGE` is looked for first;
+                then those around the file, and those of `ROS_PACKAGE_PATH` and `AMENT_PREFIX_PATH`.
             gripper_on: Link that the parallel gripper of `kinreach.robots._grippers` is mounted on; its `tcp` is then
                 the default tip. Default is no gripper.
             facts: Any other attribute of `ArmDescription`, such as `position_gains=`.
 
         Raises:
-            InputError: The file cannot be read, is not a URDF of an arm, or names a mesh that is missing or outside of
-                the folders it may be in; or a joint or link is not in it; or a joint has no range, or `home` is
-                outside of one.
+            InputError: The file cannot be read or is not a URDF of an arm; or a joint or link is not in it; or a joint
+                has no range, or `home` is outside of one.
         """
         source = read_urdf(file, tip=tip, joints=joints, held=held or {}, package_dirs=package_dirs)
         tips, gripper = source.tips, None
@@ -223,6 +230,8 @@ class ArmDescription:
             default_tip=source.tip if gripper is None else "tcp",
             workcell=workcell or Workcell(),
             gripper=gripper,
+            missing_shapes=source.missing_shapes,
+            notes=source.notes,
             **facts,  # type: ignore[arg-type]
         )
 

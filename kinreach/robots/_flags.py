@@ -3,20 +3,22 @@
 from __future__ import annotations
 
 import argparse
+import os
 from dataclasses import replace
 
 from kinreach._checks import check_known, shown
+from kinreach.cli import complain, in_flags
 from kinreach.errors import InputError
 from kinreach.robots._description import ArmDescription
 from kinreach.robots._registry import arm_named
 from kinreach.robots._tools import Tool
 
 #: The flags of `add_arm_flags`, as attributes of the parsed arguments.
-ARM_FLAGS = ("calibration", "repair", "tool", "tool_radius", "tool_mass", "tip", "joints")
+ARM_FLAGS = ("calibration", "repair", "tool", "tool_radius", "tool_mass", "tip", "joints", "package_dir")
 
 
 def add_arm_flags(parser: argparse.ArgumentParser) -> None:
-    """Add `--calibration`, `--repair`, `--tool`, `--tool-radius`, `--tool-mass`, `--tip` and `--joints`."""
+    """Add `--calibration`, `--repair`, the flags of the tool, `--tip`, `--joints` and `--package-dir`."""
     group = parser.add_argument_group("the arm")
     group.add_argument(
         "--calibration",
@@ -33,7 +35,16 @@ def add_arm_flags(parser: argparse.ArgumentParser) -> None:
     group.add_argument("--tool-radius", metavar="M", help="the tool fills a tube of this radius from flange to point")
     group.add_argument("--tool-mass", metavar="KG", help="mass of the tool")
     group.add_argument("--tip", metavar="NAME", help="tip without a tool, such as tool0 (default: the arm's own)")
-    group.add_argument("--joints", metavar="A,B,...", help="of a URDF: the arm's joints, if others move too")
+    group.add_argument(
+        "--joints", metavar="A,B,...", help="of a URDF: the arm's joints, if others move too, or to take in a gripper's"
+    )
+    group.add_argument(
+        "--package-dir",
+        action="append",
+        metavar="DIR",
+        help=f"of a URDF: folder of the packages with its meshes; may be repeated, or several separated by "
+        f"{os.pathsep!r} (also looked for: around the file, in ROS_PACKAGE_PATH and AMENT_PREFIX_PATH)",
+    )
 
 
 def arm_of(name: str, arguments: argparse.Namespace) -> ArmDescription:
@@ -46,7 +57,8 @@ def arm_of(name: str, arguments: argparse.Namespace) -> ArmDescription:
     Raises:
         InputError: The arm, the calibration, the tool or the tip cannot be used.
     """
-    arm = arm_named(name, tip=arguments.tip, joints=joints_of(arguments))
+    joints, folders = joints_of(arguments), package_dirs_of(arguments)
+    arm = arm_named(name, tip=arguments.tip, joints=joints, package_dirs=folders)
     if arguments.calibration is not None:
         arm = arm.calibrated(arguments.calibration, repair=arguments.repair)
     if (tool := tool_of(arguments)) is not None:
@@ -62,6 +74,18 @@ def arm_of(name: str, arguments: argparse.Namespace) -> ArmDescription:
 def joints_of(arguments: argparse.Namespace) -> list[str] | None:
     """Return the names in `--joints`, None without it."""
     return None if arguments.joints is None else [joint.strip() for joint in arguments.joints.split(",")]
+
+
+def package_dirs_of(arguments: argparse.Namespace) -> list[str]:
+    """Return the folders in all `--package-dir`."""
+    given = os.pathsep.join(arguments.package_dir or ())
+    return [folder for folder in given.split(os.pathsep) if folder]
+
+
+def print_notes(arm: ArmDescription) -> None:
+    """Print on stderr what was left out of an arm's URDF, a line each."""
+    for note in arm.notes:
+        complain(f"note: {in_flags(note)}")
 
 
 def tool_of(arguments: argparse.Namespace) -> Tool | None:

@@ -36,4 +36,4 @@ def describe() -> ArmDescription:
             ball_radius=BALL_RADIUS,
         ),
     )
-    return replace(arm, title="Panda")
+    return replace(arm, title="Panda", notes=())

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from functools import cache
+from pathlib import Path
 from typing import Any
 
 from kinreach._checks import check_known, shown
@@ -15,7 +16,7 @@ from kinreach.robots import _ur_arms as ur_arms
 from kinreach.robots._description import ArmDescription
 
 #: How the names of files that describe an arm end.
-FILES = (".urdf", ".xml")
+FILES = (".urdf", ".xml", ".xacro")
 #: Arms that are read from a file when they are first asked for.
 _FROM_FILES: dict[str, Callable[[], ArmDescription]] = {"panda": panda.describe}
 
@@ -63,20 +64,31 @@ def as_arm(arm: str | ArmDescription) -> ArmDescription:
     return arm if isinstance(arm, ArmDescription) else get_arm(arm)
 
 
-def arm_named(text: str, *, tip: str | None = None, joints: Sequence[str] | None = None) -> ArmDescription:
+def arm_named(
+    text: str,
+    *,
+    tip: str | None = None,
+    joints: Sequence[str] | None = None,
+    package_dirs: Sequence[str | Path] = (),
+) -> ArmDescription:
     """Return the arm that a command line names: a registered one, a URDF file, or an attribute of a module.
 
     Args:
         text: Its name; the path of a file that ends in .urdf or .xml; or `module:attribute`, whose module is run.
         tip: Link of a file's arm that is the tip; by default the last one.
-        joints: Of a file's arm; by default those that move between root and tip.
+        joints: Of a file's arm; by default those that move between root and tip and are not a gripper's.
+        package_dirs: Folders of the packages with a file's meshes.
 
     Raises:
         UnknownNameError: There is no such arm.
-        InputError: The file is not an arm, the module cannot be imported, or its attribute is not an `ArmDescription`.
+        InputError: The file is not an arm, the module cannot be imported, or its attribute is not an `ArmDescription`;
+            or joints or folders of another arm than a file's are given.
     """
     if text.lower().endswith(FILES):
-        return ArmDescription.from_urdf(text, tip=tip, joints=joints)
+        return ArmDescription.from_urdf(text, tip=tip, joints=joints, package_dirs=package_dirs)
+    for name, given in (("joints", joints), ("package_dirs", package_dirs)):
+        if given:
+            raise InputError(f"{name}= is for URDF files, and {shown(text)} is not one")
     if ":" not in text:
         return get_arm(text)
     arm = load_object("arm", text)

@@ -1,24 +1,23 @@
-"""URDF: built from primitives, checked before an engine is given one, and read as the description of an arm."""
+"""URDF: built from primitives, checked before an engine is given one, and the chain of an arm in it."""
 
 from __future__ import annotations
 
 import math
-import os
+import re
 import xml.etree.ElementTree as ET
 from collections import Counter
-from collections.abc import Collection, Iterator, Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from pathlib import Path, PurePosixPath
+from pathlib import PurePosixPath
 from typing import NoReturn
 from xml.parsers import expat
 
 import numpy as np
 
-from kinreach._checks import Floats, check_known, check_number, check_path, shown
-from kinreach._files import read_text
+from kinreach._checks import Floats, check_known, shown
 from kinreach.errors import InputError, raise_unknown
-from kinreach.robots._rotations import placement, rotation, rpy, turn
+from kinreach.robots._rotations import placement
 from kinreach.robots._workcell import CameraMount
 
 
@@ -205,6 +204,9 @@ KINDS = ("revolute", "continuous", "prismatic", "fixed")
 _TURNING = ("revolute", "continuous")
 _MOVED = (*_TURNING, "prismatic")
 _LIMITED = ("revolute", "prismatic")
+#: Parts of the names of a gripper's joints, and of its fingers'.
+_GRIPPER = re.compile("gripper|finger|jaw|knuckle|thumb", re.IGNORECASE)
+_FINGER = re.compile("finger|jaw|knuckle|thumb", re.IGNORECASE)
 #: Attributes that are numbers, by element, with how many there are.
 _NUMBERS = {
     "origin": {"xyz": 3, "rpy": 3},
@@ -221,7 +223,7 @@ _NUMBERS = {
     "color": {"rgba": 4},
 }
 #: Numbers that must be above 0, or not below.
-_POSITIVE = ("size", "radius", "length", "scale")
+_POSITIVE = ("size", "radius", "length")
 _NOT_NEGATIVE = ("value", "effort", "velocity", "damping", "friction")
 
 
@@ -362,6 +364,8 @@ def _check_numbers(what: str, text: str, count: int, name: str) -> None:
     if len(values) != count or not all(math.isfinite(value) and abs(value) <= MAX_NUMBER for value in values):
         raise InputError(f"{what} must be {count} numbers within ±{MAX_NUMBER:g}, got {shown(text)}")
     least = min(values)
+    if name == "scale" and 0.0 in values:
+        raise InputError(f"{what} must not be zero, got {shown(text)}")
     if (name in _POSITIVE and least <= 0) or (name in _NOT_NEGATIVE and least < 0):
         raise InputError(f"{what} must not be negative, and a size not zero; got {shown(text)}")
 
@@ -448,7 +452,7 @@ class UrdfArm:
             if lower == upper:
                 raise InputError(
                     f"arm {name!r}: joint {joint!r} cannot move, its limits are {lower:g} and {upper:g} rad; a URDF "
-                    "that leaves lower or upper out means 0. Give it limits, or hold it with held="
+                    "that leaves lower or upper out means 0. Give it limits, or leave it out of joints="
                 )
 
     @property
@@ -520,8 +524,9 @@ class UrdfArm:
         def rank(link: str) -> tuple[int, bool, int, bool]:
             path = self._path(link)
             turning = -1 if "prismatic" in moving(link) else sum(kind in _TURNING for kind in moving(link))
-            last = max((place for place, joint in enumerate(path) if joint.get("type") in _TURNING), default=-1)
-            finger = any(joint.get("name") in held for joint in path[last + 1 :])
+            last = max((place for place, joint in enumerate(path) if self._turns(joint, held)), default=-1)
+            finger = any(joint.get("name") in held or _is_finger(joint) for joint in path[last + 1 :])
+            finger &= last < 0 or not _is_finger(path[last])  # else the robot is a finger
             return turning, not finger, len(path), self._links[link].find("collision") is None
 
         farthest = max(self._links, key=rank)
@@ -530,10 +535,10 @@ class UrdfArm:
             if sum(kind in _TURNING for kind in moving(link)) > turning:
                 slides = next(joint.get("name") for joint in self._path(link) if joint.get("type") == "prismatic")
                 raise InputError(
-                    f"arm {self.name!r}: joint {slides!r} slides, and joints that turn are mounted on it; hold it "
-                    f"still with held={{{slides!r}: 0.0}} [m], or name with tip= a link before it"
+                    f"arm {self.name!r}: joint {slides!r} slides, and joints that turn are mounted on it; name with "
+                    "joints= those that turn, or with tip= a link before it"
                 )
-        ends = {self._last_turning(link): link for link in self._links if rank(link)[0] == turning}
+        ends = {self._last_turning(link, held): link for link in self._links if rank(link)[0] == turning}
         if len(ends) > 1:
             raise InputError(
                 f"arm {self.name!r} has {len(ends)} branches of {turning} joints, which end in "
@@ -542,9 +547,12 @@ class UrdfArm:
             )
         return farthest
 
-    def _last_turning(self, link: str) -> str:
+    def _turns(self, joint: ET.Element, held: Collection[str]) -> bool:
+        return joint.get("type") in _TURNING and joint.get("name") not in held
+
+    def _last_turning(self, link: str, held: Collection[str]) -> str:
         """The last joint that turns before a link; empty if none does."""
-        turning = [joint.get("name", "") for joint in self._path(link) if joint.get("type") in _TURNING]
+        turning = [joint.get("name", "") for joint in self._path(link) if self._turns(joint, held)]
         return turning[-1] if turning else ""
 
     def _moved_by(self, link: str) -> str:
@@ -568,6 +576,37 @@ class UrdfArm:
 
     def _number(self, joint: str, tag: str, key: str) -> float:
         return _value(self._joints[joint], tag, key)
+
+
+def _is_finger(joint: ET.Element) -> bool:
+    return joint.find("mimic") is not None or _FINGER.search(joint.get("name", "")) is not None
+
+
+def gripper_joints(robot: ET.Element) -> list[str]:
+    """Names of the joints of a gripper on an arm, in the order of the file.
+
+    They are named so, or mimic another, or another mimics them; beyond them no other joint moves, and before them one
+    of the arm's turns.
+    """
+    moving = {joint.get("name", ""): joint for joint in robot.findall("joint") if joint.get("type") in _MOVED}
+    leaders = {mimic.get("joint") for mimic in robot.iterfind("joint/mimic")}
+    alike = {
+        name
+        for name, joint in moving.items()
+        if _GRIPPER.search(name) or name in leaders or joint.find("mimic") is not None
+    }
+    above = {link_at(joint, "child"): joint for joint in robot.findall("joint")}
+    carries, carried = set(), set()
+    for name, joint in moving.items():
+        link = link_at(joint, "parent")
+        while link in above:
+            before = above[link]
+            if name not in alike:
+                carries.add(before.get("name"))
+            elif before.get("name") not in alike and before.get("type") in _TURNING:
+                carried.add(name)
+            link = link_at(before, "parent")
+    return [name for name in moving if name in alike & carried - carries]
 
 
 def check_home(name: str, robot: ET.Element, home: Mapping[str, float]) -> None:
@@ -609,170 +648,4 @@ def _length(placed: ET.Element | None) -> float:
     return 0.0 if origin is None else math.hypot(*map(float, origin.get("xyz", "0 0 0").split()))
 
 
-#: Folders above a URDF in which packages are looked for.
-LEVELS_UP = 4
 WORLD = "world"
-
-
-@dataclass(frozen=True)
-class UrdfSource:
-    """An arm read from a file.
-
-    Attributes:
-        name: The robot's name in the URDF.
-        robot: The URDF for the engines.
-        package_root: Folder that `package://` stands for in it; None without meshes.
-        joints: Names of the joints of `q`.
-        tip: Link at the end.
-        tips: Frames that may be asked for as the tip.
-    """
-
-    name: str
-    robot: ET.Element
-    package_root: str | None
-    joints: tuple[str, ...]
-    tip: str
-    tips: Mapping[str, str]
-
-
-def read_urdf(
-    file: str | Path,
-    *,
-    tip: str | None,
-    joints: Sequence[str] | None,
-    held: Mapping[str, float],
-    package_dirs: Sequence[str | Path] | None,
-) -> UrdfSource:
-    """Read an arm from a URDF file; the arguments are those of `ArmDescription.from_urdf`."""
-    path = check_path("file", file)
-    robot = parse_urdf(read_text(path, "the URDF", most=MAX_CHARACTERS))
-    name = robot.get("name") or path.stem
-    for tag in ("gazebo", "transmission"):
-        for element in robot.findall(tag):
-            robot.remove(element)
-    root = _find_meshes(robot, path.resolve(), package_dirs)
-    check_urdf(ET.tostring(robot, encoding="unicode"), root)
-    for joint in held:
-        if named(robot, "joint", joint) is None:
-            raise_unknown(f"joint of arm {name!r}", joint, [each.get("name", "") for each in robot.findall("joint")])
-    arm = UrdfArm(name, robot, tip=tip, joints=joints, held=held)
-    _hold(robot, arm.joints, held)
-    for endless in robot.findall("joint[@type='continuous']"):
-        _limit_to_a_turn(endless)
-    for limit in robot.findall("joint/limit"):
-        if float(limit.get("velocity", "0")) == 0.0:  # not given: it would hold the joint still in a solver's steps
-            limit.set("velocity", repr(MAX_SPEED))
-    if named(robot, "link", WORLD) is None:
-        root_link = UrdfArm(name, robot, tip=arm.tip).base
-        robot.append(ET.Element("link", name=WORLD))
-        add_joint(robot, f"{WORLD}_joint", WORLD, root_link)
-    tips = UrdfArm(name, robot, tip=arm.tip, joints=arm.joints).tips
-    return UrdfSource(name, robot, root, arm.joints, arm.tip, tips)
-
-
-def _find_meshes(robot: ET.Element, file: Path, package_dirs: Sequence[str | Path] | None) -> str | None:
-    """Rewrite the addresses of all meshes as `package://` within one folder, which is returned; None without meshes."""
-    folders = [file.parent, *file.parents[1 : LEVELS_UP + 1]]
-    if package_dirs is not None:
-        folders = [check_path("package_dirs", folder).resolve() for folder in package_dirs]
-    meshes = list(robot.iter("mesh"))
-    for material in robot.iter("material"):
-        for texture in material.findall("texture"):  # a picture of the surface, which no engine here draws
-            material.remove(texture)
-    found = [_find(mesh.get("filename", ""), file, folders) for mesh in meshes]
-    if not found:
-        return None
-    root = Path(os.path.commonpath([mesh.parent for mesh in found]))
-    for mesh, place in zip(meshes, found, strict=True):
-        mesh.set("filename", PACKAGE + place.relative_to(root).as_posix())
-    return str(root)
-
-
-def _find(address: str, file: Path, folders: Sequence[Path]) -> Path:
-    """The file that the address of a mesh means.
-
-    Raises:
-        InputError: There is none, it is not a mesh, or it is outside the folders in which meshes may be.
-    """
-    allowed = (*folders, file.parent, file.parent.parent)
-    for place in _candidates(address, file, folders):
-        mesh = place.resolve()  # a link counts as the file that it leads to
-        if mesh.suffix.lower() in MESHES and any(mesh.is_relative_to(folder) for folder in allowed) and mesh.is_file():
-            return mesh
-    raise InputError(
-        f"the URDF {shown(str(file))} names the mesh {shown(address)}, which does not exist: meshes must be "
-        f"{', '.join(MESHES)} files beside the URDF, in the folder above it, or in a package within package_dirs"
-    )
-
-
-def _candidates(address: str, file: Path, folders: Sequence[Path]) -> Iterator[Path]:
-    if not address.isprintable() or "\0" in address:
-        return
-    if address.startswith(PACKAGE):
-        parts = PurePosixPath(address.removeprefix(PACKAGE)).parts
-        if len(parts) < 2 or ".." in parts or parts[0] == "/":
-            return
-        for folder in folders:
-            yield folder.joinpath(*parts)
-            if folder.name == parts[0]:
-                yield folder.joinpath(*parts[1:])
-    elif "://" not in address and not PurePosixPath(address).is_absolute():
-        yield file.parent / address
-
-
-def _hold(robot: ET.Element, joints: Sequence[str], held: Mapping[str, float]) -> None:
-    """Make every joint that is not one of `joints` a fixed one."""
-    moving = [joint for joint in robot.findall("joint") if joint.get("type") != "fixed"]
-    places = {joint.get("name", ""): _place(joint, held) for joint in moving}
-    for joint in moving:
-        mimic = joint.find("mimic")
-        if joint.get("name") in joints:
-            continue
-        place = places[joint.get("name", "")]
-        if mimic is not None and joint.get("name") not in held:
-            leader = mimic.get("joint", "")
-            if leader in joints:
-                raise InputError(
-                    f"joint {joint.get('name')!r} mimics {leader!r}, which moves the tip: give held= a place for it"
-                )
-            place = float(mimic.get("multiplier", "1")) * places.get(leader, 0.0) + float(mimic.get("offset", "0"))
-        _fix(joint, place)
-
-
-def _place(joint: ET.Element, held: Mapping[str, float]) -> float:
-    name, limit = joint.get("name", ""), joint.find("limit")
-    if name in held:
-        return check_number(f"the place of joint {name!r}", held[name])
-    if limit is None or joint.get("type") == "continuous":
-        return 0.0
-    return min(max(0.0, float(limit.get("lower", "0"))), float(limit.get("upper", "0")))
-
-
-def _fix(joint: ET.Element, place: float) -> None:
-    """Turn a joint into a fixed one at a place [rad, m]."""
-    axis, origin = joint.find("axis"), joint.find("origin")
-    if origin is None:
-        origin = ET.SubElement(joint, "origin")
-    if place != 0.0:
-        direction = np.array([float(v) for v in ("1 0 0" if axis is None else axis.get("xyz", "1 0 0")).split()])
-        direction /= np.linalg.norm(direction)
-        xyz = np.array([float(v) for v in origin.get("xyz", "0 0 0").split()])
-        R = rotation([float(v) for v in origin.get("rpy", "0 0 0").split()])
-        if joint.get("type") == "prismatic":
-            origin.set("xyz", numbers(xyz + place * R @ direction))
-        else:
-            origin.set("rpy", numbers(rpy(R @ turn(direction, place))))
-    joint.set("type", "fixed")
-    for element in list(joint):
-        if element.tag not in ("origin", "parent", "child"):
-            joint.remove(element)
-
-
-def _limit_to_a_turn(joint: ET.Element) -> None:
-    """A joint without end turns once here, from -pi to pi, so that a posture is a plain vector."""
-    joint.set("type", "revolute")
-    limit = joint.find("limit")
-    if limit is None:
-        limit = ET.SubElement(joint, "limit", effort="0", velocity="0")
-    limit.set("lower", repr(-math.pi))
-    limit.set("upper", repr(math.pi))

@@ -17,7 +17,7 @@ import numpy as np
 
 from kinreach._checks import check_number
 from kinreach.errors import InputError
-from kinreach.kinematics._collision import disabled_pairs
+from kinreach.kinematics._collision import check_shapes, disabled_pairs
 from kinreach.robots import ArmDescription
 from kinreach.robots._meshes import collision_mesh
 from kinreach.robots._urdf import without_shapes
@@ -59,9 +59,11 @@ def build_scene(
         A `mujoco.MjSpec`.
 
     Raises:
-        InputError: A timestep or a mesh that cannot be used, or an arm that MuJoCo does not take.
+        InputError: A timestep or a mesh that cannot be used, a collision mesh that is missing, or an arm that MuJoCo
+            does not take.
     """
     check_timestep(timestep)
+    check_shapes(arm)
     with _refusals_of(arm):
         spec = _import_urdf(arm)
         spec.option.timestep = timestep

@@ -10,7 +10,8 @@ from kinreach._checks import check_count
 from kinreach.cli import Parser
 from kinreach.errors import InputError
 from kinreach.robots import Tool, arm_named, arm_names
-from kinreach.robots._flags import add_arm_flags, joints_of, tool_of
+from kinreach.robots._flags import add_arm_flags, joints_of, package_dirs_of, print_notes, tool_of
+from kinreach.robots._registry import FILES
 from kinreach.view._results import read_results
 from kinreach.view._server import Server, import_viser
 from kinreach.view._setup import Setup
@@ -42,11 +43,13 @@ def main(argv: Sequence[str], *, prog: str) -> int:
         tool=tool_of(arguments),
         tip=arguments.tip,
         joints=joints_of(arguments),
+        package_dirs=package_dirs_of(arguments),
         simple=arguments.simple,
         policy=arguments.policy,
         results=arguments.results,
         environment=arguments.environment,
     )
+    print_notes(setup.arm)
     server = Server(setup, port=arguments.port)
     try:
         print(f"{server.address}  (only on this machine; Ctrl-C ends it)", flush=True)
@@ -66,6 +69,7 @@ def setup_of(
     tool: Tool | None = None,
     tip: str | None = None,
     joints: Sequence[str] | None = None,
+    package_dirs: Sequence[str] = (),
     simple: bool = False,
     policy: str | None = None,
     results: str | None = None,
@@ -80,6 +84,7 @@ def setup_of(
         tool: On the flange.
         tip: Short name of the tip; default is the arm's own, that of the tool if there is one.
         joints: Of a URDF.
+        package_dirs: Of a URDF: folders of the packages with its meshes.
         simple: Draw the arm by its collision shapes.
         policy: Name or file of a policy to begin with, or `module:attribute` of a policy or solver.
         results: Path of a comparison to begin with.
@@ -90,8 +95,12 @@ def setup_of(
     """
     if tool is not None and tip is not None:
         raise InputError("give --tip or --tool, not both")
-    description = arm_named(arm, joints=joints)
+    description = arm_named(arm, tip=tip, joints=joints, package_dirs=package_dirs)
+    options = {"tip": tip, "joints": joints, "package_dirs": package_dirs}
+    given = "".join(f", {name}={value!r}" for name, value in options.items() if value)
     expression = repr(description.name) if description.name in arm_names() else f"arm_named({arm!r})"
+    if arm.lower().endswith(FILES):
+        expression = f"arm_named({arm!r}{given})"
     nominal, sheet = None, expression
     if calibration is not None:
         expression = calibrated(sheet, calibration, repair=repair)

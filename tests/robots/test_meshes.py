@@ -14,7 +14,7 @@ import trimesh
 
 from kinreach.errors import InputError
 from kinreach.kinematics import CollisionChecker
-from kinreach.robots import ArmDescription, Workcell, get_arm
+from kinreach.robots import ArmDescription, get_arm
 from kinreach.robots._meshes import MAX_BYTES, MIN_THICKNESS, collision_mesh
 from kinreach.robots._shapes import link_shapes
 from kinreach.sim._scene import build_scene
@@ -114,6 +114,25 @@ def test_a_shape_is_the_same_in_every_format(tmp_path):
             assert check.contacts(q) == contacts(model, q)
         (drawn,) = link_shapes(arm, meshes_only=True)
         np.testing.assert_allclose(np.ptp(drawn.vertices, axis=0), (0.2, 0.1, 0.06), atol=1e-7)
+
+
+def test_a_mirrored_mesh(tmp_path):
+    """A negative scale, as in the files of arms with a left and a right side."""
+    wedge = trimesh.Trimesh(BOX.vertices + (0, 0.1, 0) * (BOX.vertices[:, :1] > 0), BOX.faces, process=False)
+    wedge.export(tmp_path / "wedge.stl")
+    mirrored = wedge.copy().apply_transform(np.diag([1.0, -1.0, 1.0, 1.0]))
+    mirrored.export(tmp_path / "mirrored.stl")
+    arm = with_mesh(tmp_path, "wedge.stl")
+    text = arm.urdf.replace('wedge.stl"', 'wedge.stl" scale="1 -1 1"')
+    arm, expected = replace(arm, build_urdf=lambda: text), with_mesh(tmp_path, "mirrored.stl")
+    check, other = CollisionChecker(arm), CollisionChecker(expected)
+    model = build_scene(arm).compile()
+    assert model.body("link_3").mass == pytest.approx(build_scene(expected).compile().body("link_3").mass)
+    for q in np.random.default_rng(0).uniform(check.kinematics.lower, check.kinematics.upper, (100, 3)):
+        assert check.distance(q).distance == pytest.approx(other.distance(q).distance, abs=1e-6)
+        assert check.contacts(q) == contacts(model, q)
+    (drawn,) = link_shapes(arm, meshes_only=True)
+    assert trimesh.Trimesh(drawn.vertices, drawn.faces).volume == pytest.approx(mirrored.volume)
 
 
 def stl(vertices, faces=TWO):
@@ -254,10 +273,9 @@ def test_a_link_out_of_the_package_is_refused(tmp_path):
             with pytest.raises(InputError, match=r"is a link to .*box.stl.*, outside of its package"):
                 use(arm)
         urdf.write_text(arm.urdf.replace("package://", ""))
-        with pytest.raises(InputError, match="which does not exist"):
-            ArmDescription.from_urdf(urdf, package_dirs=[])
+        assert "is not found" in ArmDescription.from_urdf(urdf).missing_shapes
     urdf.write_text(with_mesh(package, "meshes/inside.stl").urdf.replace("package://", ""))
-    assert CollisionChecker(ArmDescription.from_urdf(urdf, package_dirs=[], workcell=Workcell())).pairs
+    assert CollisionChecker(ArmDescription.from_urdf(urdf)).pairs
 
 
 def test_a_link_into_a_folder_that_the_caller_names_is_followed(tmp_path):

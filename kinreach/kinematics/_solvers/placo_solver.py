@@ -22,7 +22,7 @@ from kinreach.kinematics._solvers.iterative import (
     SteppingSolver,
     goal_frame,
 )
-from kinreach.robots._urdf import without_shapes
+from kinreach.robots._urdf import add_joint, add_link, named, without_shapes
 
 #: Limit [rad] for joints that turn full circle: no search reaches it.
 NO_LIMIT = 100.0
@@ -92,7 +92,8 @@ class _WorkSpace(threading.local):
 
     def __init__(self, kin: ArmKinematics, tolerance: Tolerance, dt: float, free: Sequence[str]) -> None:
         placo: Any = load("placo")  # here, and not above: without placo the other solvers still work
-        self.robot = placo.RobotWrapper("", int(placo.Flags.ignore_collisions), _skeleton(kin.arm.urdf))
+        urdf, tip = _skeleton(kin.arm.urdf, kin.arm.tips[kin.tip])
+        self.robot = placo.RobotWrapper("", int(placo.Flags.ignore_collisions), urdf)
         for name, position in kin.arm.locked_joints.items():
             self.robot.set_joint(name, position)
         # Base, then all joints of the URDF. A copy, because state.q is a view of memory that placo replaces.
@@ -109,7 +110,7 @@ class _WorkSpace(threading.local):
             solver.enable_joint_limits(True)
             solver.enable_velocity_limits(True)
             solver.dt = dt
-            self.problems[kind] = _Problem(kind, solver, kin.arm.tips[kin.tip], tolerance)
+            self.problems[kind] = _Problem(kind, solver, tip, tolerance)
 
 
 class _Problem:
@@ -148,6 +149,14 @@ class _Problem:
         return True
 
 
-def _skeleton(urdf: str) -> str:
-    """The URDF without shapes: placo needs none of the files that they name."""
-    return ET.tostring(without_shapes(urdf, "visual", "collision"), encoding="unicode")
+def _skeleton(urdf: str, tip: str) -> tuple[str, str]:
+    """The URDF without shapes, as placo needs none of the files that they name, and the link that is the tip in it.
+
+    placo looks for links and joints by one name; where a joint has the tip's, a link in the same place is the tip.
+    """
+    robot = without_shapes(urdf, "visual", "collision")
+    if named(robot, "joint", tip) is not None:
+        add_link(robot, f"{tip} (link)")
+        add_joint(robot, f"{tip} (link) mount", tip, f"{tip} (link)")
+        tip = f"{tip} (link)"
+    return ET.tostring(robot, encoding="unicode"), tip

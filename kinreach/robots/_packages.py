@@ -1,0 +1,167 @@
+"""Mesh files that a URDF names, found beside it and in the folders of its packages.
+
+A mesh, links followed, must lie within its package, in a folder that the caller or ROS's environment names, beside the
+URDF or in the folder above it.
+"""
+
+from __future__ import annotations
+
+import os
+import xml.etree.ElementTree as ET
+from collections.abc import Iterator, Sequence
+from copy import deepcopy
+from functools import cache, cached_property
+from pathlib import Path, PurePosixPath
+from typing import NamedTuple
+from urllib.parse import unquote
+
+from kinreach._checks import check_path, shown
+from kinreach.robots._urdf import MESHES, PACKAGE
+
+#: Folders above a URDF in which packages are looked for.
+LEVELS_UP = 4
+FILE = "file://"
+
+
+class Found(NamedTuple):
+    """Meshes of a URDF.
+
+    Attributes:
+        root: Folder that `package://` stands for; None without meshes.
+        missing: Why collision shapes are missing; empty if none is.
+    """
+
+    root: str | None
+    missing: str
+
+
+def find_meshes(robot: ET.Element, file: Path, package_dirs: Sequence[str | Path]) -> Found:
+    """Rewrite the addresses of all meshes as `package://` within one folder, and leave out those that are not found.
+
+    A link whose visual meshes are all missing is drawn by its collision shapes.
+
+    Args:
+        robot: Changed in place.
+        file: Its path, links followed.
+        package_dirs: Folders that hold packages, or are one.
+
+    Raises:
+        InputError: One of `package_dirs` cannot be a path.
+    """
+    folders = _Folders(file, [check_path("package_dirs", folder).resolve() for folder in package_dirs])
+    for material in robot.iter("material"):
+        for texture in material.findall("texture"):  # a picture of the surface, which no engine here draws
+            material.remove(texture)
+    parents = {child: parent for parent in robot.iter() for child in parent}
+    found: list[tuple[ET.Element, Path]] = []
+    missing: list[tuple[str, str]] = []
+    bare: list[ET.Element] = []
+    for mesh in list(robot.iter("mesh")):
+        address = mesh.get("filename", "")
+        if (place := folders.mesh(address)) is not None:
+            found.append((mesh, place))
+            continue
+        shape = parents.get(parents[mesh], mesh)
+        link = parents.get(shape)
+        if link is None or shape not in list(link):
+            continue
+        link.remove(shape)
+        if shape.tag == "collision":
+            missing.append((address, link.get("name", "")))
+        elif link.find("visual") is None:
+            bare.append(link)
+    for link in bare:
+        for shape in link.findall("collision"):
+            drawn = deepcopy(shape)
+            drawn.tag = "visual"
+            link.append(drawn)
+            found += [
+                (copy, place) for mesh, place in found if mesh in shape.iter("mesh") for copy in drawn.iter("mesh")
+            ]
+    root = Path(os.path.commonpath([place.parent for _, place in found])) if found else None
+    for mesh, place in found:
+        mesh.set("filename", PACKAGE + place.relative_to(root or "").as_posix())
+    return Found(None if root is None else str(root), _reason(missing))
+
+
+def _reason(missing: Sequence[tuple[str, str]]) -> str:
+    if not missing:
+        return ""
+    address, link = missing[0]
+    more = f" (and {len(missing) - 1} more)" if len(missing) > 1 else ""
+    return (
+        f"the collision mesh {shown(address)} of link {shown(link)}{more} is not found; meshes are {', '.join(MESHES)} "
+        "files beside the URDF, in the folder above it, or in their package, which is looked for with package_dirs=, "
+        "around the URDF, and in ROS_PACKAGE_PATH and AMENT_PREFIX_PATH"
+    )
+
+
+class _Folders:
+    """Folders in which the meshes of a URDF may be.
+
+    Args:
+        file: The URDF, links followed.
+        given: Folders that hold packages, or are one.
+    """
+
+    def __init__(self, file: Path, given: Sequence[Path]) -> None:
+        self._file = file
+        self._around = [file.parent, *file.parents[1 : LEVELS_UP + 1]]
+        self._ros = [Path(entry).resolve() for entry in _entries("ROS_PACKAGE_PATH")]
+        self._ros += [Path(entry).resolve() / "share" for entry in _entries("AMENT_PREFIX_PATH")]
+        self._given = given
+        self._allowed = (*given, *self._ros, file.parent, file.parent.parent)
+        self._packages_of = cache(self._search)
+
+    def mesh(self, address: str) -> Path | None:
+        """Return the file that an address means, links followed; None if there is none that may be read."""
+        if not address.isprintable():
+            return None
+        for place, package in self._candidates(address):
+            mesh = Path(os.path.realpath(place))
+            inside = any(mesh.is_relative_to(folder) for folder in (*self._allowed, *package))
+            if mesh.suffix.lower() in MESHES and inside and os.path.isfile(mesh):
+                return mesh
+        return None
+
+    def _candidates(self, address: str) -> Iterator[tuple[Path, tuple[Path, ...]]]:
+        """Places that an address may mean, each with the package that it is in."""
+        if address.startswith(PACKAGE):
+            name, *rest = PurePosixPath(address.removeprefix(PACKAGE)).parts or ("/",)
+            if rest and ".." not in (name, *rest) and name != "/":
+                for package in self._packages_of(name):
+                    yield package.joinpath(*rest), (package,)
+        elif address.startswith((FILE, "/")):
+            path = unquote(address.removeprefix(FILE)) if address.startswith(FILE) else address
+            if path.startswith("/") and path.isprintable():
+                yield Path(path), ()
+        elif "://" not in address:
+            yield self._file.parent / address, ()
+
+    def _search(self, name: str) -> list[Path]:
+        """Folders of a package: those given, then around the file, then ROS's, then in their repositories."""
+        places = []
+        for folder in (*self._given, *self._around, *self._ros):
+            places += [folder / name, *([folder] if folder.name == name else [])]
+        return [place for place in (*places, *self._nested.get(name, [])) if os.path.isdir(place)]
+
+    @cached_property
+    def _nested(self) -> dict[str, list[Path]]:
+        """Packages by their names, in repositories within the folders that are named."""
+        places: dict[str, list[Path]] = {}
+        for repository in (path for folder in (*self._given, *self._ros) for path in _folders_in(folder)):
+            for package in _folders_in(repository):
+                places.setdefault(package.name, []).append(package)
+        return places
+
+
+def _entries(variable: str) -> list[str]:
+    """Entries of a path of the environment."""
+    return [entry for entry in os.environ.get(variable, "").split(os.pathsep) if entry]
+
+
+def _folders_in(folder: Path) -> list[Path]:
+    try:
+        return sorted(Path(entry) for entry in os.scandir(folder) if entry.is_dir())
+    except OSError:
+        return []
