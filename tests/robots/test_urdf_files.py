@@ -315,6 +315,11 @@ def test_a_link_and_a_joint_may_have_one_name(tmp_path):
     q = np.random.default_rng(0).uniform(kin.lower, kin.upper, (20, 2))
     np.testing.assert_array_equal([kin.fk(row) for row in q], [other.fk(row) for row in q])
     np.testing.assert_allclose(kin.fk(q), other.fk(q), atol=1e-14)
+    solver = PlacoSolver(kin)
+    for row in q:
+        found = solver.solve(PositionGoal(kin.fk(row)[:3, 3]), kin.arm.home)
+        assert found.success
+        np.testing.assert_allclose(other.fk(found.q)[:3, 3], kin.fk(row)[:3, 3], atol=1e-3)
 
 
 def test_the_panda_by_its_name():
