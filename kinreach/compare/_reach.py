@@ -225,7 +225,8 @@ SPACE_TASK = Task(
     terms={
         "goal": "ball's centre in the world, uniform in the arm's goal area up to 0.25 m above it; tool within 30 "
         "degrees of straight down, uniform on the sphere; free about it",
-        "accept": "solvers' postures: no collision (self, table, mount, pedestal, floor) and the tool within 0.15 rad",
+        "accept": "solvers' postures and the moves there: no collision (self, table, mount, pedestal, floor); the tool "
+        "within 0.15 rad",
         "reward": "that of kinreach/Reach-v0, of the last move; impossible -100",
         **_TERMS,
         "seed_posture": "where the arm starts: joints uniform within 0.3 rad of the start posture, one start a goal",

@@ -103,11 +103,15 @@ class ReachEnv(CopyableEnv):
         """Return whether a posture [rad], shape (n,), is free of collisions, and natural where that is rewarded.
 
         Collisions are judged with the option `collision_margin`; natural is a posture error below the thesis's 0.15.
+        In `kinreach/Reach-v0` with dynamics, the way there from where the arm stands must be free, too.
 
         Raises:
             InputError: Wrong shape, or not finite.
         """
-        return self._task.natural(q, self._episodes.directions[0]) and self._task.checker.free(q)
+        task, world = self._task, self._world
+        if not (task.natural(q, self._episodes.directions[0]) and task.checker.free(q)):
+            return False
+        return not world.dynamic or task.way_free(world.q[0], np.asarray(q))
 
     def posture_for(self, action: ArrayLike) -> Floats:
         """Return the posture [rad], shape (n,), that an action asks for: inverse of `action_for`.

