@@ -174,7 +174,7 @@ class ArmSimulation:
 class BatchSimulation:
     """A number of independent `ArmSimulation`, each bit for bit what it would be alone, on any number of threads.
 
-    Those are its own; use one batch per thread. It cannot be pickled. With `backend="warp"` they
+    Those are its own: make one per thread. It cannot be pickled. With `backend="warp"` they
     are stepped by MuJoCo Warp, and only nearly what they would be alone: see `kinreach.sim._warp_plant`.
 
     Simulations are named by their ids, 0 to `count` - 1; wherever ids are given they are distinct and ascending. All

@@ -96,8 +96,8 @@ def test_the_same_seed_gives_the_same_numbers(results):
 
 
 def test_cameras_tell_all_methods_the_same(needs_gl, monkeypatch):
-    looks, look = [], CameraGoalView.look
-    monkeypatch.setattr(CameraGoalView, "look", lambda *arguments: looks.append(1) or look(*arguments))
+    looks, measure = [], CameraGoalView.measure
+    monkeypatch.setattr(CameraGoalView, "measure", lambda *arguments: looks.append(1) or measure(*arguments))
     results = compare("ur5", ["closed-form", "ranked-single"], goals=5, observation="camera")
     assert len(looks) == 5 + WARM_UP_GOALS  # one look a goal
     closed, ranked = results["methods"]

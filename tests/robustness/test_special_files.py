@@ -166,12 +166,12 @@ def test_the_bound_is_in_the_message(tmp_path):
 
 
 #: Modules that open files otherwise, and how often: what the package or Python itself put there, what was just written,
-#: and what `open_input` has checked before (`policy_file.py`, `sb3_zip.py`). In `view` it is a method of that name.
+#: and what `open_input` has checked before (`_policy_file.py`, `_sb3_zip.py`). In `view` it is a method of that name.
 OPENING = {
-    "files.py": 5, "cli.py": 1, "provenance.py": 2, "baselines/policy_file.py": 1, "baselines/seeds.py": 1,
-    "baselines/sb3_zip.py": 4, "compare/report.py": 4, "compare/task.py": 1, "compare/runner.py": 1,
-    "compare/methods/resolve.py": 1, "demo/film.py": 1, "view/cli.py": 1, "view/real_arm_panel.py": 3,
-    "view/results_panel.py": 3,
+    "_files.py": 5, "cli.py": 1, "_provenance.py": 2, "baselines/_policy_file.py": 1, "baselines/_seeds.py": 1,
+    "baselines/_sb3_zip.py": 4, "compare/_report.py": 4, "compare/_task.py": 1, "compare/_runner.py": 1,
+    "compare/_methods/resolve.py": 1, "demo/_film.py": 1, "view/_cli.py": 1, "view/_real_arm_panel.py": 3,
+    "view/_results_panel.py": 3,
 }  # fmt: skip
 
 

@@ -9,7 +9,7 @@ import weakref
 import numpy as np
 import pytest
 
-from kinreach._registration import BUTTON, MOVING, REAL_ARM
+from kinreach._registration import BUTTON, MOVING, REAL_ARM, SINGLE
 from kinreach.compare import compare
 from kinreach.robots import PUBLISHED_CALIBRATIONS
 from kinreach.view._cli import setup_of
@@ -17,7 +17,7 @@ from kinreach.view._cli import setup_of
 pytest.importorskip("viser")
 
 from benchmarks.studies.tab import Tab, wait_for
-from kinreach.robots import arm_names
+from kinreach.robots import arm_names, get_arm
 from kinreach.view._draw import AMBER
 from kinreach.view._episodes import Recording
 from kinreach.view._names import plain
@@ -274,10 +274,12 @@ def test_an_episode_that_breaks_says_why(serve, monkeypatch, capfd):
     assert capfd.readouterr().err == "kinreach view: RuntimeError: no luck\n"
 
 
-def test_parts_of_other_arms(serve):
+def test_parts_of_other_arms(serve, tmp_path):
     with Tab(serve("arm3")) as tab:
         assert tab.page.names == ("Target", "Episodes", "Results")
-    assert set(setup_of("ur5e").environments) == {BUTTON, REAL_ARM, MOVING}  # it has no goals
+    assert SINGLE in setup_of("ur5e").environments
+    (tmp_path / "bare.urdf").write_text(get_arm("ur5e").urdf)
+    assert set(setup_of(str(tmp_path / "bare.urdf")).environments) == {BUTTON, REAL_ARM, MOVING}  # it has no goals
 
 
 def test_an_episode_is_played_stepped_and_scrubbed(serve):
