@@ -4,7 +4,8 @@
 
 A module is drawn by its number of lines, then a line of it, then a change of that line: a comparison, an operator, a
 number, a condition, an argument, a statement. Docstrings, annotations and what an error says stay as they are. The
-tests that enter the function run, those of the module's own room and fast ones first, up to the first failure.
+tests that enter the function run, those of the module's own room and fast ones first, then the room's other tests, up
+to the first failure.
 `--map FILE` says which they are; a run of the fast suite writes it if it is not there. With `--full` what survives them
 meets the whole fast suite. A second call with the same `--out` goes on where the first stopped.
 
@@ -229,16 +230,16 @@ class Covering:
         self._tests, self._lines = list(self.seconds), found["lines"]
 
     def stages(self, mutant: RandomMutant, text: str) -> list[list[str]]:
-        """Tests that enter the function of a mutant, those to run first apart from the others.
+        """Tests that enter the function of a mutant, those to run first apart from the others; then its room's others.
 
-        Where there is no such test, and outside of functions: all that enter one of the module, and those of its room.
+        More tests use what a cached function returned than enter it. Where there is no such test, and outside of functions: all that enter one of the module, and those of its room.
         """
         lines: dict[str, list[int]] = self._lines.get(mutant.file, {})
         inside = any(
             isinstance(node, ast.FunctionDef) and node.lineno <= mutant.line <= (node.end_lineno or 0)
             for node in ast.walk(ast.parse(text))
         )
-        room = mutant.file.replace("kinreach/", "tests/", 1).rpartition("/")[0]
+        room = mutant.file.replace("kinreach/", "tests/", 1).rpartition("/")[0].replace("/_", "/")
         tests = {self._tests[number] for number in lines.get(str(mutant.line), []) if inside}
         if not tests:
             tests = {self._tests[number] for each in lines.values() for number in each}
@@ -248,7 +249,9 @@ class Covering:
         ordered = sorted(kept, key=lambda test: (not test.startswith(room), self.seconds[test]))
         first = self._fast(ordered, FIRST) or ordered[:1]
         rest = sorted(ordered[len(first) :], key=self.seconds.__getitem__)
-        return [stage for stage in (first, rest) if stage]
+        asked = {*kept, *READERS}
+        others = [test for test in self._tests if test.startswith(room) and test not in asked]
+        return [stage for stage in (first, rest, sorted(others, key=self.seconds.__getitem__)) if stage]
 
     def _fast(self, tests: list[str], seconds: float) -> list[str]:
         """The first of some tests, that take so long together [s]."""
