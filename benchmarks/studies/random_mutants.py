@@ -232,7 +232,8 @@ class Covering:
     def stages(self, mutant: RandomMutant, text: str) -> list[list[str]]:
         """Tests that enter the function of a mutant, those to run first apart from the others; then its room's others.
 
-        More tests use what a cached function returned than enter it. Where there is no such test, and outside of functions: all that enter one of the module, and those of its room.
+        More tests use what a cached function returned than enter it. Where there is no such test, and outside of
+        functions: all that enter one of the module, and those of its room.
         """
         lines: dict[str, list[int]] = self._lines.get(mutant.file, {})
         inside = any(
