@@ -201,8 +201,8 @@ PACKAGE = "package://"
 #: Mesh files that a URDF may name, by their ends.
 MESHES = (".stl", ".obj", ".dae")
 KINDS = ("revolute", "continuous", "prismatic", "fixed")
-_TURNING = ("revolute", "continuous")
-_MOVED = (*_TURNING, "prismatic")
+TURNING = ("revolute", "continuous")
+_MOVED = (*TURNING, "prismatic")
 _LIMITED = ("revolute", "prismatic")
 #: Parts of the names of a gripper's joints, and of its fingers'.
 _GRIPPER = re.compile("gripper|finger|jaw|knuckle|thumb", re.IGNORECASE)
@@ -523,7 +523,7 @@ class UrdfArm:
 
         def rank(link: str) -> tuple[int, bool, int, bool]:
             path = self._path(link)
-            turning = -1 if "prismatic" in moving(link) else sum(kind in _TURNING for kind in moving(link))
+            turning = -1 if "prismatic" in moving(link) else sum(kind in TURNING for kind in moving(link))
             last = max((place for place, joint in enumerate(path) if self._turns(joint, held)), default=-1)
             finger = any(joint.get("name") in held or _is_finger(joint) for joint in path[last + 1 :])
             finger &= last < 0 or not _is_finger(path[last])  # else the robot is a finger
@@ -532,7 +532,7 @@ class UrdfArm:
         farthest = max(self._links, key=rank)
         turning = rank(farthest)[0]
         for link in self._links:
-            if sum(kind in _TURNING for kind in moving(link)) > turning:
+            if sum(kind in TURNING for kind in moving(link)) > turning:
                 slides = next(joint.get("name") for joint in self._path(link) if joint.get("type") == "prismatic")
                 raise InputError(
                     f"arm {self.name!r}: joint {slides!r} slides, and joints that turn are mounted on it; name with "
@@ -548,7 +548,7 @@ class UrdfArm:
         return farthest
 
     def _turns(self, joint: ET.Element, held: Collection[str]) -> bool:
-        return joint.get("type") in _TURNING and joint.get("name") not in held
+        return joint.get("type") in TURNING and joint.get("name") not in held
 
     def _last_turning(self, link: str, held: Collection[str]) -> str:
         """The last joint that turns before a link; empty if none does."""
@@ -603,7 +603,7 @@ def gripper_joints(robot: ET.Element) -> list[str]:
             before = above[link]
             if name not in alike:
                 carries.add(before.get("name"))
-            elif before.get("name") not in alike and before.get("type") in _TURNING:
+            elif before.get("name") not in alike and before.get("type") in TURNING:
                 carried.add(name)
             link = link_at(before, "parent")
     return [name for name in moving if name in alike & carried - carries]

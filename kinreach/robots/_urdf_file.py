@@ -20,6 +20,7 @@ from kinreach.robots._urdf import (
     MAX_CHARACTERS,
     MAX_NAMED,
     MAX_SPEED,
+    TURNING,
     WORLD,
     UrdfArm,
     add_joint,
@@ -84,7 +85,7 @@ def read_urdf(
     grippers = [] if joints else [joint for joint in gripper_joints(robot) if joint not in held]
     others = [joint for joint in every if joint not in joints] if joints else grippers
     arm = UrdfArm(name, robot, tip=tip, joints=joints, held=[*held, *others])
-    notes = [_left_out(grippers)] if grippers else []
+    notes = [_left_out(robot, grippers)] if grippers else []
     notes += [f"no collision checks and no simulation: {missing}"] if missing else []
     _hold(robot, arm.joints, held)
     for endless in robot.findall("joint[@type='continuous']"):
@@ -123,13 +124,17 @@ def _parse(path: Path) -> ET.Element:
     return robot
 
 
-def _left_out(joints: Sequence[str]) -> str:
+def _left_out(robot: ET.Element, joints: Sequence[str]) -> str:
     several = len(joints) > 1
     names = ", ".join(joints[:MAX_NAMED]) + ", ..." * (len(joints) > MAX_NAMED)
-    return (
-        f"{'joints' if several else 'joint'} {names} {'are' if several else 'is'} a gripper's, held still and not part "
-        "of q; name all joints of q with joints= to take them in"
-    )
+    turning = [
+        name
+        for joint in robot.findall("joint")
+        if (name := joint.get("name", "")) in joints and joint.get("type") in TURNING and joint.find("mimic") is None
+    ]
+    take = f"; to take in {', '.join(turning[:MAX_NAMED])}, name all joints of q with joints=" if turning else ""
+    head, verb = ("joints", "are") if several else ("joint", "is")
+    return f"{head} {names} of a gripper {verb} held still and not part of q{take}"
 
 
 def _hold(robot: ET.Element, joints: Sequence[str], held: Mapping[str, float]) -> None:

@@ -77,8 +77,8 @@ def test_files_of_ros_from_a_shell(workspace, capsys, monkeypatch, package, how)
     notes = [line for line in err if line.startswith("note: ")]
     assert notes == err
     if package in GRIPPERS:
-        assert GRIPPERS[package] in notes[0]
-        assert "with --joints to take" in notes[0]
+        assert notes[0].startswith(f"note: joint{'s' * (package[0] == 'f')} {GRIPPERS[package]} of a gripper ")
+        assert ("to take in jointGripper, name all joints of q with --joints" in notes[0]) is (package[0] == "z")
     assert len(notes) == (package in GRIPPERS) + (how == "nowhere")
     if how == "nowhere":
         assert "collision mesh" in notes[-1]
@@ -262,7 +262,9 @@ def test_joints_that_mimic_and_the_one_that_they_follow(tmp_path, capsys):
     file.write_text(GRIPPER.format(links=links, limit=LIMIT))
     arm = ArmDescription.from_urdf(file)
     assert (arm.joints, arm.default_tip) == (("j1", "j2"), "l5")
-    assert arm.notes[0].startswith("joints drive, follower are a gripper's")
+    assert arm.notes[0].startswith(
+        "joints drive, follower of a gripper are held still and not part of q; to take in drive, "
+    )
     file.write_text(GRIPPER.format(links=links, limit=LIMIT).replace('joint="drive"', 'joint="j2"'))
     assert ArmDescription.from_urdf(file, held={"follower": 0.0}).joints == ("j1", "j2", "drive")
     code, _, (line,) = run(capsys, "check", "ur5", "--joints", "elbow_joint")
