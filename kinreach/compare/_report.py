@@ -196,27 +196,33 @@ def _frame(scene: Scene) -> Any:
 def chosen(trials: Sequence[Trial]) -> dict[str, Trial]:
     """Return a method's ordinary success and its worst trial, by their captions.
 
-    The ordinary success has the median distance of all goals that were reached. The worst trial is the failure that
-    left the tip farthest from the goal, impossible ones first; without a failure it is the success with the largest
-    distance.
+    Where the task has no distance, all are as far. The ordinary success has the median distance of all goals that were
+    reached. The worst trial is the failure that left the tip farthest from the goal, impossible ones first; without a
+    failure it is the success with the largest distance.
 
     Args:
         trials: Of one method, at least one.
     """
-    reached = sorted((trial for trial in trials if trial["reached"]), key=lambda trial: trial["distance"])
+    reached = sorted((trial for trial in trials if trial["reached"]), key=_distance)
     failed = [trial for trial in trials if not trial["reached"]]
     found = {}
     if reached:
         found["success"] = reached[(len(reached) - 1) // 2]
     if failed:
-        found["worst failure"] = max(failed, key=lambda trial: (trial["impossible"], trial["distance"]))
+        found["worst failure"] = max(failed, key=lambda trial: (trial["impossible"], _distance(trial)))
     else:
         found["largest distance, reached all the same"] = reached[-1]
     return found
 
 
+def _distance(trial: Trial) -> float:
+    return float(trial.get("distance") or 0.0)
+
+
 def _caption(what: str, trial: Trial) -> str:
-    parts = [f"{what[0].upper()}{what[1:]}", f"goal {trial['goal_index']}", f"{number(1e3 * trial['distance'])} mm"]
+    parts = [f"{what[0].upper()}{what[1:]}", f"goal {trial['goal_index']}"]
+    if trial.get("distance") is not None:
+        parts.append(f"{number(1e3 * trial['distance'])} mm")
     if trial.get("posture_error") is not None:
         parts.append(f"posture error {number(trial['posture_error'])} rad")
     if trial["steps"] > 1:

@@ -10,7 +10,7 @@ from typing import NamedTuple
 import numpy as np
 
 from kinreach.robots._grippers import TCP_OFFSET
-from kinreach.robots._ur_shapes import UR_SHAPES, link_solids
+from kinreach.robots._ur_shapes import link_solids, shape_of
 from kinreach.robots._urdf import add_joint, add_link
 
 MOUNT_YAW = math.pi / 2
@@ -73,7 +73,7 @@ def nominal_urdf(name: str) -> str:
         ("wrist_2_link", (0, 0, 0), (0, 0, 0), z),
         ("wrist_3_link", (0, 0, d5), (0, 0, 0), y),
     )
-    shape = UR_SHAPES[name]
+    shape = shape_of(name, UR_LENGTHS)
     solids = link_solids(shape, UR_LENGTHS[name])
     masses = dict(zip([step[0] for step in steps], shape.masses, strict=True))
     robot = ET.Element("robot", name=name)

@@ -7,10 +7,12 @@ of which there are no meshes, have the shapes of a UR20 in proportion to their l
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from math import pi, radians
 from typing import Any
+
+import numpy as np
 
 from kinreach.robots._urdf import Solid
 
@@ -164,11 +166,22 @@ _UR10 = URShape(
     torques=_UR10E.torques,
 )
 
-#: Shapes by model.
+#: Shapes by model; of others see `shape_of`.
 UR_SHAPES = {
-    "ur3": _UR3, "ur3e": _UR3E, "ur5": _UR5, "ur5e": _UR5E, "ur7e": _UR5E, "ur8long": _UR15, "ur10": _UR10,
-    "ur10e": _UR10E, "ur12e": _UR10E, "ur15": _UR15, "ur16e": _UR16E, "ur18": _UR15, "ur20": _UR20, "ur30": _UR30,
+    "ur3": _UR3, "ur3e": _UR3E, "ur5": _UR5, "ur5e": _UR5E, "ur8long": _UR15, "ur10": _UR10, "ur10e": _UR10E,
+    "ur15": _UR15, "ur16e": _UR16E, "ur18": _UR15, "ur20": _UR20, "ur30": _UR30,
 }  # fmt: skip
+
+
+def shape_of(name: str, table: Mapping[str, Sequence[float]]) -> URShape:
+    """Return the shape of a model: its own, or that of the model with the most similar joints, by d4, d5 and d6.
+
+    Args:
+        name: Key of the table.
+        table: Lengths of all models [m].
+    """
+    joints = {key: np.array(lengths[3:]) for key, lengths in table.items()}
+    return UR_SHAPES[min(UR_SHAPES, key=lambda own: (own != name, float(np.abs(joints[own] - joints[name]).sum())))]
 
 
 def link_solids(shape: URShape, lengths: Sequence[float]) -> dict[str, tuple[Solid, ...]]:

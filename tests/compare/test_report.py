@@ -14,7 +14,7 @@ import pytest
 from PIL import Image
 
 from kinreach.compare import compare
-from kinreach.compare._report import Rendering, chosen, finding, render_trials, report_html, write_report
+from kinreach.compare._report import Rendering, _caption, chosen, finding, render_trials, report_html, write_report
 from kinreach.compare._runner import prepare, results_of, run_trials
 from kinreach.compare._task import _OWN
 from kinreach.errors import DrawingError, InstallationError
@@ -139,6 +139,14 @@ def test_the_first_sentence_says_what_was_found(results):
     assert "the others: " in finding(results)
     assert "0.0 %" in finding(results)
     assert finding({"methods": results["methods"][:1]}) == "lm reaches every goal."
+
+
+def test_a_task_without_distance_has_pictures_too(trials):
+    bare = [{key: value for key, value in trial.items() if key != "distance"} for trial in trials]
+    found = chosen(bare)
+    assert len(found) == 2
+    assert all("mm" not in _caption(what, trial) and "goal" in _caption(what, trial) for what, trial in found.items())
+    assert "mm" in _caption("success", {**bare[0], "distance": 0.001})
 
 
 def test_an_ordinary_success_and_the_worst_end_are_chosen(trials):
