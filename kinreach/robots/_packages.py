@@ -53,33 +53,28 @@ def find_meshes(robot: ET.Element, file: Path, package_dirs: Sequence[str | Path
         for texture in material.findall("texture"):  # a picture of the surface, which no engine here draws
             material.remove(texture)
     parents = {child: parent for parent in robot.iter() for child in parent}
-    found: list[tuple[ET.Element, Path]] = []
-    missing: list[tuple[str, str]] = []
-    bare: list[ET.Element] = []
-    for mesh in list(robot.iter("mesh")):
+    places: dict[ET.Element, Path] = {}
+    lost: dict[ET.Element, str] = {}  # shapes, or meshes that are no shape's
+    for mesh in robot.iter("mesh"):
         address = mesh.get("filename", "")
         if (place := folders.mesh(address)) is not None:
-            found.append((mesh, place))
-            continue
-        shape = parents.get(parents[mesh], mesh)
-        link = parents.get(shape)
-        if link is None or shape not in list(link):
-            continue
-        link.remove(shape)
-        if shape.tag == "collision":
-            missing.append((address, link.get("name", "")))
-        elif link.find("visual") is None:
-            bare.append(link)
-    for link in bare:
-        for shape in link.findall("collision"):
-            drawn = deepcopy(shape)
-            drawn.tag = "visual"
-            link.append(drawn)
-            found += [
-                (copy, place) for mesh, place in found if mesh in shape.iter("mesh") for copy in drawn.iter("mesh")
-            ]
-    root = Path(os.path.commonpath([place.parent for _, place in found])) if found else None
-    for mesh, place in found:
+            places[mesh] = place
+        else:
+            shape = parents.get(parents[mesh], mesh)
+            lost[shape if shape.tag in ("visual", "collision") else mesh] = address
+    missing = [(address, parents[shape].get("name", "")) for shape, address in lost.items() if shape.tag == "collision"]
+    for link in {parents[shape]: None for shape in lost}:
+        drawn = any(shape.tag == "visual" for shape in link)
+        link[:] = [shape for shape in link if shape not in lost]
+        if drawn and link.find("visual") is None:
+            for shape in link.findall("collision"):
+                link.append(visual := deepcopy(shape))
+                visual.tag = "visual"
+                places |= {
+                    copy: places[mesh] for mesh, copy in zip(shape.iter("mesh"), visual.iter("mesh"), strict=True)
+                }
+    root = Path(os.path.commonpath([place.parent for place in places.values()])) if places else None
+    for mesh, place in places.items():
         mesh.set("filename", PACKAGE + place.relative_to(root or "").as_posix())
     return Found(None if root is None else str(root), _reason(missing))
 

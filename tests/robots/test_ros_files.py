@@ -140,6 +140,18 @@ def test_a_missing_visual_mesh_never_matters(tmp_path):
         assert {piece.link for piece in Figure(ArmKinematics(arm, base="world")).fine}
 
 
+def test_meshes_where_no_shape_is_and_two_in_one(tmp_path):
+    file = write(tmp_path, "box.stl", "box.stl")
+    text = file.read_text()
+    file.write_text(text.replace('<link name="base"/>', '<link name="base"><mesh filename="/no"/></link><mesh/>'))
+    arm = ArmDescription.from_urdf(file)
+    assert (arm.urdf.count("<mesh"), arm.notes) == (2, ())
+    file.write_text(text.replace("</geometry></visual>", '<mesh filename="no.stl"/></geometry></visual>'))
+    arm = ArmDescription.from_urdf(file)
+    assert (arm.urdf.count("<mesh"), arm.notes) == (2, ())
+    assert [shape.link for shape in link_shapes(arm)] == ["one"]
+
+
 def test_a_missing_collision_mesh_costs_the_collisions(tmp_path):
     arm = ArmDescription.from_urdf(write(tmp_path, "box.stl", "package://other/meshes/felt.stl"))
     (note,) = arm.notes
