@@ -20,6 +20,7 @@ from kinreach._statistics import MEAN, QUANTILES, RATE, Column, Trial, success_c
 from kinreach.baselines._sb3_zip import MAX_ZIP
 from kinreach.errors import InputError
 from kinreach.robots import ArmDescription, BoxRegion
+from kinreach.robots._description import HULLS
 from kinreach.robots._workcell import QuadrantRegion
 from kinreach.sim._picture import Scene
 
@@ -115,7 +116,7 @@ class Task:
 
 
 #: Fields of an arm whose printed form says nothing, or more than the field.
-_OUTSIDE = ("build_urdf", "package_root", "workcell", "missing_shapes", "notes")
+_OUTSIDE = ("build_urdf", "package_root", "workcell", "missing_shapes", "notes", "meshes")
 #: Registered tasks by name.
 _TASKS: dict[str, Task] = {}
 #: Tasks of the package -> the module whose `TASKS` has them, loaded when one of them is first asked for.
@@ -230,5 +231,6 @@ def arm_version(arm: ArmDescription) -> dict[str, str]:
     cell = arm.workcell
     goals = cell.goals if isinstance(cell.goals, BoxRegion | QuadrantRegion) else type(cell.goals).__qualname__
     facts = [getattr(arm, entry.name) for entry in fields(arm) if entry.name not in _OUTSIDE]
+    facts += [] if arm.meshes == HULLS else [arm.meshes]
     content = repr((arm.urdf, facts, replace(cell, goals=None), goals)).encode()
     return {f"arm {arm.name}": provenance.digest(content)}

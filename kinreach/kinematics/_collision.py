@@ -1,8 +1,9 @@
 """Whether postures collide: the arm with itself, and with what stands around it.
 
-Solvers and environments, single and in batches, all have this one verdict. Meshes are taken as their convex hulls, as
-MuJoCo takes them, so that its contacts agree (`benchmarks.studies.collision_agreement`). Boxes and cylinders are what
-they are. The gripper is held at `arm.locked_joints`.
+Solvers and environments, single and in batches, all have this one verdict. Where `arm.meshes` is "hulls" meshes are
+taken as their convex hulls, as MuJoCo takes them, so that its contacts agree
+(`benchmarks.studies.collision_agreement`); where it is "triangles" they are taken as they are. Boxes and cylinders are
+what they are. The gripper is held at `arm.locked_joints`.
 """
 
 from __future__ import annotations
@@ -20,13 +21,14 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from kinreach._checks import MAX_DISTANCE, Floats, as_floats, check_entries, check_number
+from kinreach._checks import MAX_DISTANCE, Floats, as_floats, check_entries, check_known, check_number
 from kinreach._engines import load
 from kinreach.errors import InputError
 from kinreach.kinematics._arm import ArmKinematics, build_model
 from kinreach.kinematics._solutions import SLACK
 from kinreach.robots import ArmDescription, Box, arm_names, get_arm
-from kinreach.robots._meshes import collision_mesh
+from kinreach.robots._description import HULLS, MESHES_AS
+from kinreach.robots._meshes import Mesh, collision_mesh
 from kinreach.robots._urdf import link_at, without_shapes
 from kinreach.robots._workcell import as_boxes
 
@@ -114,6 +116,8 @@ class CollisionChecker:
         arm: Kinematics, description or name of the arm. Only the arm matters: a posture collides whatever the tip.
         obstacles: Boxes in the world frame; default are those of the arm's work cell.
         margin: Pairs nearer than this [m] count as colliding, at least 0.
+        meshes: `"hulls"` takes meshes as their convex hulls, `"triangles"` as they are: surfaces, so that a part that
+            is wholly inside of a mesh does not touch it. Default is `arm.meshes`.
 
     Attributes:
         kinematics: Of the arm.
@@ -124,7 +128,7 @@ class CollisionChecker:
     Raises:
         NoShapesError: The arm has no collision shapes.
         InputError: `margin` cannot be used, or a shape cannot be read or has no convex hull.
-        UnknownNameError: There is no arm of that name.
+        UnknownNameError: There is no arm of that name, or `meshes` is neither.
         InstallationError: Pinocchio or coal cannot be loaded.
     """
 
@@ -134,14 +138,17 @@ class CollisionChecker:
         *,
         obstacles: Sequence[Box] | None = None,
         margin: float = 0.0,
+        meshes: str | None = None,
     ) -> None:
         margin = check_number("margin", margin, least=0.0, most=MAX_DISTANCE)
         self.kinematics = arm if isinstance(arm, ArmKinematics) else ArmKinematics(arm)
         description = self.kinematics.arm
         boxes = description.workcell.obstacles if obstacles is None else as_boxes(obstacles)
-        self._obstacles, self._margin = boxes, margin
+        meshes = description.meshes if meshes is None else meshes
+        check_known("meshes", meshes, MESHES_AS)
+        self._obstacles, self._margin, self._meshes = boxes, margin, meshes
         self.model = self.kinematics.model
-        self.geometry = _shapes(description, self.model, boxes)
+        self.geometry = _shapes(description, self.model, boxes, meshes)
         skipped = (*disabled_pairs(description), *description.workcell.touching)
         self._names = _pair_up(self.geometry, self.model, skipped)
         self.pairs: tuple[Pair, ...] = tuple(sorted(set(self._names)))
@@ -158,7 +165,10 @@ class CollisionChecker:
         self._search = _Search(self.model, self.geometry, self._links, margin)
 
     def __reduce__(self) -> tuple[Any, ...]:
-        return partial(CollisionChecker, obstacles=self._obstacles, margin=self._margin), (self.kinematics,)
+        return (
+            partial(CollisionChecker, obstacles=self._obstacles, margin=self._margin, meshes=self._meshes),
+            (self.kinematics,),
+        )
 
     def in_collision(self, q: ArrayLike) -> bool:
         """Return whether any pair touches or is nearer than the margin; stops at the first.
@@ -233,9 +243,13 @@ class CollisionChecker:
             return f"out of limits: {', '.join(self.kinematics.joints_outside_limits(q, tolerance=SLACK))}"
         search = self._search
         # no link touches another where the cause is an obstacle
-        of_kind = (self._links, search.link_results) if cause == Cause.SELF else (self.geometry, search.results)
-        nearest = pin.computeDistances(self.model, search.data, *of_kind, q)
-        deepest = of_kind[0].collisionPairs[nearest]
+        geometry, results = (
+            (self._links, search.link_results) if cause == Cause.SELF else (self.geometry, search.results)
+        )
+        pin.computeCollisions(self.model, search.data, geometry, results, q, False)
+        touching = [pair for pair, result in enumerate(results.collisionResults) if result.isCollision()]
+        nearest = min(touching, key=lambda pair: float(pin.computeDistance(geometry, results, pair).min_distance))
+        deepest = geometry.collisionPairs[nearest]
         return f"{self.shapes[deepest.first].name} - {self.shapes[deepest.second].name}"
 
     def contacts(self, q: ArrayLike) -> tuple[Pair, ...]:
@@ -273,7 +287,7 @@ class CollisionChecker:
 
 @lru_cache(maxsize=16)
 def disabled_pairs(arm: ArmDescription) -> tuple[tuple[str, str], ...]:
-    """The pairs of links that are not checked: `arm.disabled_collisions`, or if that is None, what is found.
+    """The pairs of links that are not checked: `arm.disabled_collisions`, or if that is None, what is found by hulls.
 
     Found are neighbours, the links on either side of a joint; pairs that touch in the arm's home posture; and pairs
     that touch in every one of `SAMPLES` random postures.
@@ -284,7 +298,7 @@ def disabled_pairs(arm: ArmDescription) -> tuple[tuple[str, str], ...]:
     if arm.disabled_collisions is not None:
         return arm.disabled_collisions
     model = build_model(arm)
-    geometry = _shapes(arm, model, ())
+    geometry = _shapes(arm, model, (), HULLS)
     neighbours = _neighbours(arm, {_name(shape, model) for shape in geometry.geometryObjects})
     names = _pair_up(geometry, model, neighbours)
     results, data = _search_data(geometry, 0.0), model.createData()
@@ -327,9 +341,14 @@ def _search_data(geometry: Any, margin: float) -> Any:
     collision.security_margin, collision.gjk_tolerance = margin, GJK_TOLERANCE
     # the search begins at the centres of the bounding boxes: the same verdicts, up to twice as fast
     collision.gjk_initial_guess = coal.GJKInitialGuess.BoundingVolumeGuess
-    for pair in range(len(geometry.collisionPairs)):
-        results.collisionRequests[pair] = collision
-        results.distanceRequests[pair] = distance
+    for number, pair in enumerate(geometry.collisionPairs):
+        results.collisionRequests[number] = collision
+        results.distanceRequests[number] = distance
+        if any(
+            isinstance(geometry.geometryObjects[shape].geometry, coal.BVHModelBase)
+            for shape in (pair.first, pair.second)
+        ):  # single triangles have no boxes to begin with
+            results.collisionRequests[number].gjk_initial_guess = coal.GJKInitialGuess.DefaultGuess
     return results
 
 
@@ -343,8 +362,8 @@ def check_shapes(arm: ArmDescription) -> None:
         raise NoShapesError(f"arm {arm.name!r} has no collision checks and no simulation: {arm.missing_shapes}")
 
 
-def _shapes(arm: ArmDescription, model: Any, obstacles: Sequence[Box]) -> Any:
-    """Geometry of the links, meshes as their hulls, followed by the obstacles, fixed to the world."""
+def _shapes(arm: ArmDescription, model: Any, obstacles: Sequence[Box], meshes_as: str) -> Any:
+    """Geometry of the links, meshes as told, followed by the obstacles, fixed to the world."""
     check_shapes(arm)
     robot = without_shapes(arm.urdf, "visual")
     meshes = {
@@ -362,8 +381,8 @@ def _shapes(arm: ArmDescription, model: Any, obstacles: Sequence[Box]) -> Any:
             f"works without. Arms with shapes: {', '.join(shaped)}, and from a URDF with <collision> any other"
         )
     for shape in geometry.geometryObjects:
-        if (points := meshes[_name(shape, model)].pop(0)) is not None:
-            shape.geometry = _hull(shape.name, points)
+        if (mesh := meshes[_name(shape, model)].pop(0)) is not None:
+            shape.geometry = _hull(shape.name, mesh.vertices) if meshes_as == HULLS else _triangles(mesh)
     for box in obstacles:
         placement = pin.SE3(np.eye(3), np.array(box.position, dtype=np.float64))
         geometry.addGeometryObject(pin.GeometryObject(box.name, WORLD, WORLD, placement, coal.Box(*box.size)))
@@ -372,17 +391,28 @@ def _shapes(arm: ArmDescription, model: Any, obstacles: Sequence[Box]) -> Any:
     return geometry
 
 
-def _take_mesh(shape: ET.Element, arm: ArmDescription) -> Floats | None:
-    """Corners of a collision mesh in the shape's frame [m], with a ball in its place; None for another shape."""
+def _take_mesh(shape: ET.Element, arm: ArmDescription) -> Mesh | None:
+    """A collision mesh in the shape's frame [m], with a ball in its place; None for another shape."""
     geometry = shape.find("geometry")
     mesh = None if geometry is None else geometry.find("mesh")
     if geometry is None or mesh is None:
         return None
     scale = np.array([float(s) for s in mesh.get("scale", "1 1 1").split()])
-    vertices, _ = collision_mesh(mesh.get("filename", ""), arm.package_root(), scale)
+    vertices, faces = collision_mesh(mesh.get("filename", ""), arm.package_root(), scale)
     geometry.remove(mesh)
     ET.SubElement(geometry, "sphere", radius="1")
-    return vertices * scale
+    return Mesh(vertices * scale, faces)
+
+
+def _triangles(mesh: Mesh) -> Any:
+    vertices, faces = coal.StdVec_Vec3s(), coal.StdVec_Triangle()
+    vertices.extend(mesh.vertices)
+    faces.extend(coal.Triangle(*face) for face in mesh.faces.tolist())
+    model = coal.BVHModelOBBRSS()
+    model.beginModel(len(faces), len(vertices))
+    model.addSubModel(vertices, faces)
+    model.endModel()
+    return model
 
 
 def _hull(name: str, points: Floats) -> Any:

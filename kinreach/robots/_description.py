@@ -35,6 +35,8 @@ from kinreach.robots._workcell import CameraMount, Workcell
 
 #: Attributes with one number for each joint.
 PER_JOINT = ("home", "position_gains", "joint_damping")
+#: How collision checks take meshes.
+MESHES_AS = (HULLS, TRIANGLES) = ("hulls", "triangles")
 
 
 def no_package() -> None:
@@ -63,6 +65,8 @@ class ArmDescription:
         disabled_collisions: Link pairs that touch by construction (SRDF `disable_collisions`). None: neighbours, and
             pairs that collide at home, and pairs that always collide, found by `kinreach.kinematics._collision`.
         package_root: Returns the folder that `package://` stands for, or None if the URDF names no mesh.
+        meshes: How collision checks take collision meshes: `"hulls"`, as their convex hulls, which is how MuJoCo takes
+            them; or `"triangles"`, as they are, the default of `from_urdf`.
         position_gains: Stiffness of the position servo of each joint [N m/rad]; default makes each servo answer in
             1/30 s, by an estimate of the inertia that the joint carries.
         speed_limit: Joint speed the controller commands [rad/s]; default is the slowest joint's limit, at most 3.
@@ -94,6 +98,7 @@ class ArmDescription:
     workcell: Workcell = field(default_factory=Workcell)
     disabled_collisions: tuple[tuple[str, str], ...] | None = None
     package_root: Callable[[], str | None] = no_package
+    meshes: str = HULLS
     position_gains: tuple[float, ...] = ()
     speed_limit: float = 0.0
     acceleration_limit: float = 0.0
@@ -160,6 +165,7 @@ class ArmDescription:
                 raise InputError(f"{name} of an arm must be {wanted}, got {shown(getattr(self, name))}")
         if not all(isinstance(camera, CameraMount) for camera in self.cameras):
             raise InputError(f"cameras of arm {self.name!r} must be CameraMounts, got {shown(self.cameras)}")
+        check_known(f"meshes of arm {self.name!r}", self.meshes, MESHES_AS)
         check_number(f"armature of arm {self.name!r}", self.armature, least=0.0)
 
     def _check_fit(self) -> None:
@@ -184,6 +190,7 @@ class ArmDescription:
         workcell: Workcell | None = None,
         package_dirs: Sequence[str | Path] = (),
         gripper_on: str | None = None,
+        meshes: str = TRIANGLES,
         **facts: object,
     ) -> ArmDescription:
         """Describe an arm by its URDF file.
@@ -205,6 +212,7 @@ class ArmDescription:
                 then those around the file, and those of `ROS_PACKAGE_PATH` and `AMENT_PREFIX_PATH`.
             gripper_on: Link that the parallel gripper of `kinreach.robots._grippers` is mounted on; its `tcp` is then
                 the default tip. Default is no gripper.
+            meshes: How collision checks take collision meshes, `"triangles"` or `"hulls"`.
             facts: Any other attribute of `ArmDescription`, such as `position_gains=`.
 
         Raises:
@@ -232,6 +240,7 @@ class ArmDescription:
             gripper=gripper,
             missing_shapes=source.missing_shapes,
             notes=source.notes,
+            meshes=meshes,
             **facts,  # type: ignore[arg-type]
         )
 

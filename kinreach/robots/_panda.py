@@ -6,7 +6,7 @@ import math
 from dataclasses import replace
 from pathlib import Path
 
-from kinreach.robots._description import ArmDescription
+from kinreach.robots._description import HULLS, ArmDescription
 from kinreach.robots._ur_arms import example_robot_data
 from kinreach.robots._workcell import Box, BoxRegion, Workcell
 
@@ -25,6 +25,7 @@ def describe() -> ArmDescription:
         Path(example_robot_data()) / URDF_FILE,
         name="panda",
         tip="panda_hand_tcp",
+        meshes=HULLS,
         home=(0.0, -math.pi / 4, 0.0, -3 * math.pi / 4, 0.0, math.pi / 2, math.pi / 4),
         workcell=Workcell(
             obstacles=(

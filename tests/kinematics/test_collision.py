@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import pickle
+
 import mujoco
 import numpy as np
 import pytest
@@ -185,3 +187,52 @@ def test_margins_that_cannot_be_used(margin):
 def test_unknown_arm():
     with pytest.raises(UnknownNameError, match="ur5"):
         CollisionChecker("ur6")
+
+
+@pytest.mark.parametrize("name", ["ur10", "ur3", "ur5"])
+def test_triangles_collide_only_where_hulls_do(name):
+    hulls, triangles = CollisionChecker(name, obstacles=()), CollisionChecker(name, obstacles=(), meshes="triangles")
+    q = random_postures(name, 4000, seed=5)
+    by_hulls, by_triangles = hulls.impossible(q), triangles.impossible(q)
+    assert not (by_triangles & ~by_hulls).any()
+    only_hulls = q[by_hulls & ~by_triangles]
+    assert 50 < len(only_hulls) < 200
+    assert by_triangles.sum() > 800
+    assert all(triangles.free(one) and triangles.reason(one) == "" for one in only_hulls)
+    assert max(-hulls.distance(one).distance for one in only_hulls) > 0.015
+
+
+def test_answers_of_triangles_agree():
+    checker, wide = (CollisionChecker("ur5", meshes="triangles", margin=margin) for margin in (0.0, 0.02))
+    near = 0
+    for q in random_postures("ur5", 100, seed=6):
+        distance, contacts = checker.distance(q).distance, checker.contacts(q)
+        assert checker.in_collision(q) == bool(contacts) == (distance <= 0)
+        assert wide.in_collision(q) == (distance < 0.02)
+        if checker.causes(q[None])[0]:
+            assert tuple(sorted(checker.reason(q).split(" - "))) in contacts
+        near += 0 < distance < 0.02
+    assert near > 3
+
+
+def test_an_owner_s_arm_is_judged_by_its_triangles(tmp_path):
+    hulls = CollisionChecker("ur5", obstacles=())
+    ours, file = hulls.kinematics.arm, tmp_path / "own.urdf"
+    file.write_text(ours.urdf.replace("package://", f"{ours.package_root()}/"))
+    arm = ArmDescription.from_urdf(
+        file,
+        held=ours.locked_joints,
+        package_dirs=[ours.package_root()],
+        disabled_collisions=ours.disabled_collisions,
+    )
+    assert arm.meshes == "triangles"
+    assert arm.with_tool([0.0, 0.0, 0.1, 0.0, 0.0, 0.0]).meshes == "triangles"
+    own, copy = CollisionChecker(arm), pickle.loads(pickle.dumps(CollisionChecker(arm, meshes="hulls")))
+    q = random_postures("ur5", 1500, seed=7)
+    wanted = CollisionChecker("ur5", obstacles=(), meshes="triangles").impossible(q)
+    np.testing.assert_array_equal(own.impossible(q), wanted)
+    np.testing.assert_array_equal(copy.impossible(q), hulls.impossible(q))
+    assert (hulls.impossible(q) != wanted).sum() > 20
+    with pytest.raises(UnknownNameError, match="hulls"):
+        CollisionChecker("ur5", meshes="boxes")
+    assert {get_arm(name).meshes for name in ("ur3", "ur5", "ur10", "panda")} == {"hulls"}
