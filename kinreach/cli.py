@@ -54,7 +54,7 @@ COMMANDS = {
 
 
 #: Arguments that an error names as Python has them, where the command line has a flag.
-_KEYWORD = re.compile(r"\b(repair|tip|joints|package_dirs|tool|base)=(?:True\b)?")
+_KEYWORD = re.compile(r"\b(repair|tip|joints|package_dirs|tool|base|mesh_scale)=(True\b)?( ?)")
 #: A list of numbers of which the first is negative.
 _NEGATIVE = re.compile(r"-[\d.][\d.eE+-]*,")
 
@@ -149,7 +149,8 @@ def in_flags(text: str) -> str:
 
 
 def _as_flag(keyword: re.Match[str]) -> str:
-    return f"--{keyword[1].replace('_dirs', '_dir').replace('_', '-')}"
+    flag = keyword[1].replace("package_dirs", "package_dir").replace("mesh_scale", "tool_mesh_scale")
+    return f"--{flag.replace('_', '-')}{keyword[3] if keyword[2] else ' '}"
 
 
 def complain(text: str) -> None:

@@ -290,7 +290,7 @@ class ArmDescription:
         for link in (TOOL, TOOL_BODY):
             if named(robot, "link", link) is not None:
                 raise InputError(f"arm {self.name!r} has a link {link!r} already")
-        add_tool(robot, flange, tool)
+        root = add_tool(robot, flange, tool, self.package_root())
         links = {link.get("name") for link in robot.findall("link")}
         if disabled is not None:
             disabled = tuple(pair for pair in disabled if links.issuperset(pair))
@@ -300,6 +300,7 @@ class ArmDescription:
             name=f"{self.name}_tool",
             title=f"{self.title.replace(' with parallel gripper', '')} with tool",
             build_urdf=partial(str, ET.tostring(robot, encoding="unicode")),
+            package_root=no_package if root is None else partial(str, root),
             tips={**{name: link for name, link in tips.items() if link in links}, TOOL: TOOL},
             default_tip=TOOL,
             disabled_collisions=disabled,

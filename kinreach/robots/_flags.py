@@ -14,7 +14,10 @@ from kinreach.robots._registry import arm_named
 from kinreach.robots._tools import Tool
 
 #: The flags of `add_arm_flags`, as attributes of the parsed arguments.
-ARM_FLAGS = ("calibration", "repair", "tool", "tool_radius", "tool_mass", "tip", "joints", "package_dir")
+ARM_FLAGS = (
+    "calibration", "repair", "tool", "tool_radius", "tool_mass", "tool_mesh", "tool_mesh_scale", "tip", "joints",
+    "package_dir",
+)  # fmt: skip
 
 
 def add_arm_flags(parser: argparse.ArgumentParser) -> None:
@@ -34,6 +37,8 @@ def add_arm_flags(parser: argparse.ArgumentParser) -> None:
     )
     group.add_argument("--tool-radius", metavar="M", help="the tool fills a tube of this radius from flange to point")
     group.add_argument("--tool-mass", metavar="KG", help="mass of the tool")
+    group.add_argument("--tool-mesh", metavar="FILE", help="shape of the tool in the flange's frame: STL, OBJ or DAE")
+    group.add_argument("--tool-mesh-scale", metavar="S", help="metres per unit of that file; 0.001 for millimetres")
     group.add_argument("--tip", metavar="NAME", help="tip without a tool, such as tool0 (default: the arm's own)")
     group.add_argument(
         "--joints", metavar="A,B,...", help="of a URDF: the arm's joints, if others move too, or to take in a gripper's"
@@ -94,15 +99,20 @@ def tool_of(arguments: argparse.Namespace) -> Tool | None:
     Raises:
         InputError: The numbers are not those of a tool.
     """
+    others = [name for name in ARM_FLAGS if name.startswith("tool_") and getattr(arguments, name) is not None]
     if arguments.tool is None:
-        if arguments.tool_radius is not None or arguments.tool_mass is not None:
-            raise InputError("--tool-radius and --tool-mass need --tool")
+        if others:
+            raise InputError(f"--{others[0].replace('_', '-')} needs --tool")
         return None
     centre = numbers_of("--tool", arguments.tool, 6)
-    mass = 0.0 if arguments.tool_mass is None else numbers_of("--tool-mass", arguments.tool_mass, 1)[0]
-    if arguments.tool_radius is None:
-        return Tool(centre, mass, (0.0, 0.0, 0.0))
-    return Tool.tube(centre, numbers_of("--tool-radius", arguments.tool_radius, 1)[0], mass=mass)
+    mass, radius, scale = (
+        None if (text := getattr(arguments, name)) is None else numbers_of(f"--{name.replace('_', '-')}", text, 1)[0]
+        for name in ("tool_mass", "tool_radius", "tool_mesh_scale")
+    )
+    tool = Tool(centre, mass or 0.0) if radius is None else Tool.tube(centre, radius, mass=mass or 0.0)
+    if arguments.tool_mesh is None:
+        return tool
+    return replace(tool, mesh=arguments.tool_mesh, mesh_scale=1.0 if scale is None else scale)
 
 
 def numbers_of(flag: str, text: str, count: int) -> list[float]:

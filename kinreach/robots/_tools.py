@@ -2,17 +2,20 @@
 
 from __future__ import annotations
 
+import os
 import xml.etree.ElementTree as ET
 from dataclasses import dataclass, field
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from kinreach._checks import Floats, as_vector, check_number
+from kinreach._checks import Floats, as_vector, check_number, check_path
 from kinreach.errors import InputError
+from kinreach.robots._meshes import collision_mesh
 from kinreach.robots._rotations import MAX_TOOL, as_frame, rpy
-from kinreach.robots._urdf import Solid, add_joint, add_link
+from kinreach.robots._urdf import PACKAGE, Solid, add_joint, add_link, named
 
 #: The tip that carries a tool, where an arm has it.
 FLANGE = "tool0"
@@ -31,6 +34,8 @@ class Tool:
         centre_of_mass: [m].
         shapes: Boxes, `Solid((x, y, z), xyz, rpy)`, and cylinders, `Solid((radius, length), xyz, rpy)`, that collide
             and are drawn; the mass is spread in the first.
+        mesh: A mesh file (STL, OBJ, DAE) that collides and is drawn.
+        mesh_scale: Metres per unit of the mesh; 0.001 for millimetres.
 
     Raises:
         InputError: Not a rigid motion, metres that are millimetres, a negative mass, or a shape that is not a `Solid`.
@@ -40,6 +45,8 @@ class Tool:
     mass: float = 0.0
     centre_of_mass: tuple[float, float, float] = (0.0, 0.0, 0.0)
     shapes: tuple[Solid, ...] = ()
+    mesh: str | Path | None = None
+    mesh_scale: float = 1.0
     T: Floats = field(init=False, repr=False)
 
     def __post_init__(self) -> None:
@@ -49,6 +56,9 @@ class Tool:
         for shape in self.shapes:
             if not isinstance(shape, Solid):
                 raise InputError(f"shapes of the tool must be Solids, got {shape!r}")
+        check_number("mesh_scale of the tool", self.mesh_scale, above=0.0, most=1e3)
+        if self.mesh is not None:
+            object.__setattr__(self, "mesh", check_path("mesh of the tool", self.mesh))
 
     @classmethod
     def of(cls, tool: Tool | ArrayLike) -> Tool:
@@ -77,18 +87,54 @@ class Tool:
         return cls(centre, mass, middle, (Solid((radius, length), middle, (0.0, pitch, yaw)),))
 
 
-def add_tool(robot: ET.Element, flange: str, tool: Tool) -> None:
+def add_tool(robot: ET.Element, flange: str, tool: Tool, package_root: str | None) -> str | None:
     """Add a tool to a parsed URDF: the link `tool` at its centre point, and `tool_body` if it has a mass or shapes.
 
     Args:
         robot: Changed in place.
         flange: Name of the link that carries it.
         tool: What to add.
+        package_root: Folder that `package://` stands for in the URDF, None if it names no mesh.
+
+    Returns:
+        The folder that `package://` stands for now.
+
+    Raises:
+        InputError: The tool's mesh cannot be used, or is in millimetres.
     """
-    if tool.mass or tool.shapes:
+    if tool.mass or tool.shapes or tool.mesh:
         add_link(
-            robot, TOOL_BODY, mass=tool.mass, centre=tool.centre_of_mass, solids=tool.shapes, rgba="0.25 0.45 0.70 1"
+            robot,
+            TOOL_BODY,
+            mass=tool.mass,
+            centre=tool.centre_of_mass,
+            solids=tool.shapes,
+            rgba="0.25 0.45 0.70 1",
         )
         add_joint(robot, f"{TOOL_BODY}_joint", flange, TOOL_BODY)
+    if tool.mesh is not None:
+        package_root = _add_mesh(robot, Path(tool.mesh), tool.mesh_scale, package_root)
     add_link(robot, TOOL)
     add_joint(robot, f"{TOOL}_joint", flange, TOOL, xyz=tool.T[:3, 3].tolist(), rpy=rpy(tool.T[:3, :3]))
+    return package_root
+
+
+def _add_mesh(robot: ET.Element, file: Path, scale: float, package_root: str | None) -> str:
+    """Give `tool_body` a mesh; where others are in another folder, all get addresses below a common one."""
+    folder = file.resolve().parent
+    root = folder if package_root is None else Path(os.path.commonpath([Path(package_root).resolve(), folder]))
+    if package_root is not None:
+        way = Path(package_root).resolve().relative_to(root).as_posix()
+        for mesh in robot.iter("mesh"):
+            inside = mesh.get("filename", "").removeprefix(PACKAGE)
+            mesh.set("filename", f"{PACKAGE}{inside if way == '.' else f'{way}/{inside}'}")
+    address = f"{PACKAGE}{file.resolve().relative_to(root).as_posix()}"
+    small = np.full(3, 1e-3 * scale)  # so that one in millimetres is read, and named as such
+    reach = float(np.abs(collision_mesh(address, str(root), small).vertices).max()) * scale
+    if reach > MAX_TOOL:
+        raise InputError(f"the tool's mesh {file} reaches {reach:g} m away; millimetres need mesh_scale=0.001")
+    body = named(robot, "link", TOOL_BODY)
+    for kind in ("visual", "collision"):
+        geometry = ET.SubElement(ET.SubElement(body, kind), "geometry")  # type: ignore[arg-type]
+        ET.SubElement(geometry, "mesh", filename=address, scale=" ".join([repr(float(scale))] * 3))
+    return str(root)

@@ -105,7 +105,7 @@ def test_every_posture_of_each_pose(tmp_path):
         (["--arm", "ur5ee", "--pose", "0,0,1,0,0,0"], "unknown arm 'ur5ee'.*did you mean ur5e"),
         (["--arm", "ur5e", "--pose", "1,2,3"], "--pose must be 6 numbers"),
         (["--arm", "ur5e", "--pose", "0,0,1,0,0,0", "--tool", "0,0,150,0,0,0"], "metres, not millimetres"),
-        (["--arm", "ur5e", "--pose", "0,0,1,0,0,0", "--tool-radius", "0.1"], "need --tool"),
+        (["--arm", "ur5e", "--pose", "0,0,1,0,0,0", "--tool-radius", "0.1"], "--tool-radius needs --tool"),
         (["--arm", "ur5e", "--pose", "0,0,1,0,0,0", "--tip", "tcp", "--tool", "0,0,1,0,0,0"], "--tip or --tool"),
         (["--arm", "ur5e", "--pose", "0,0,1,0,0,0", "--calibration", str(FOLDED)], "--repair does that"),
         (["--arm", "ur10e", "--pose", "0,0,1,0,0,0", "--calibration", str(REAL)], "it fits ur5e"),

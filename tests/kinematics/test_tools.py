@@ -6,6 +6,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import trimesh
 from scipy.spatial.transform import Rotation
 
 from kinreach.errors import InputError, UnknownNameError
@@ -19,6 +20,8 @@ from kinreach.kinematics import (
     pose_vector,
 )
 from kinreach.robots import PUBLISHED_CALIBRATIONS, UR_LENGTHS, Solid, Tool, arm_names, get_arm
+from kinreach.robots._shapes import link_shapes
+from kinreach.sim import ArmSimulation
 
 DATA = Path(__file__).parents[1] / "data/calibrations"
 TOOLS = ([0, 0, 0.15, 0, 0, 0], [0.03, -0.02, 0.2, 0.3, -0.8, 0.5], [0, 0.1, 0, np.pi, 0, 0])
@@ -131,6 +134,25 @@ def test_the_gripper_makes_room():
     assert "tcp" not in arm.tips
     assert arm.default_tip == "tool"
     assert "gripper_palm" in get_arm("ur5").urdf
+
+
+@pytest.mark.parametrize("name", ["ur5e", "ur5", "panda"])
+def test_a_tool_with_a_mesh(name, tmp_path):
+    """In millimetres; beside meshes of the arm, which are in another folder."""
+    trimesh.creation.cylinder(30.0, 160.0).apply_translation([0, 0, 80.0]).export(tmp_path / "tool.stl")
+    tool = Tool([0, 0, 0.16, 0, 0, 0], 1.0, mesh=tmp_path / "tool.stl", mesh_scale=0.001)
+    drawn = ArmKinematics.of(name, tool=tool)
+    tube = ArmKinematics.of(name, tool=Tool.tube([0, 0, 0.16, 0, 0, 0], 0.03))
+    checkers = [CollisionChecker(kin, obstacles=()) for kin in (drawn, tube)]
+    q = np.random.default_rng(0).uniform(drawn.lower, drawn.upper, (400, drawn.n))
+    verdicts = [checker.impossible(q) for checker in checkers]
+    assert (verdicts[0] != verdicts[1]).mean() < 0.02
+    assert len({shape.link for shape in link_shapes(drawn.arm)}) >= 7
+    ArmSimulation(drawn.arm).reset()
+    with pytest.raises(InputError, match=r"reaches 160 m away; millimetres need mesh_scale=0\.001"):
+        ArmKinematics.of(name, tool=Tool([0, 0, 0.16, 0, 0, 0], mesh=tmp_path / "tool.stl"))
+    with pytest.raises(InputError, match=r"missing\.stl"):
+        ArmKinematics.of(name, tool=Tool([0, 0, 0.16, 0, 0, 0], mesh=tmp_path / "missing.stl"))
 
 
 def test_bad_input():
