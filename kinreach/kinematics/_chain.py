@@ -251,3 +251,14 @@ def rotation_to(axis: Floats) -> Floats:
     x = np.cross(helper, axis)
     x /= np.linalg.norm(x)
     return np.column_stack([x, np.cross(axis, x), axis])
+
+
+def poses_about(position: Floats, axis: Floats, turns: Floats) -> Floats:
+    """Return poses at a point with the z axis along a direction, one for each turn about it [rad], shape (m, 4, 4)."""
+    T = np.tile(np.eye(4), (len(turns), 1, 1))
+    T[:, 0, 0] = T[:, 1, 1] = np.cos(turns)
+    T[:, 1, 0] = np.sin(turns)
+    T[:, 0, 1] = -T[:, 1, 0]
+    T[:, :3, :3] = rotation_to(axis) @ T[:, :3, :3]
+    T[:, :3, 3] = position
+    return T

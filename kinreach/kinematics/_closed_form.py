@@ -43,6 +43,10 @@ STEPS, ARRIVED = 10, 1e-12
 POSE_JOINTS = 6
 
 
+#: Turns about the tip's z axis that are tried where the last joint does not do them alone [rad].
+TURNS_ABOUT = np.linspace(-np.pi, np.pi, 36, endpoint=False)
+
+
 class ClosedFormKinematics(ArmKinematics, ABC):
     """Limits, windings and the choice of a branch, shared by the arms with a closed form.
 

@@ -12,8 +12,8 @@ from numpy.typing import ArrayLike, NDArray
 from kinreach._checks import Floats, check_poses, check_tolerance, shown
 from kinreach.errors import InputError
 from kinreach.kinematics._angles import wrapped
-from kinreach.kinematics._chain import about_z, rotation_to
-from kinreach.kinematics._closed_form import ClosedFormKinematics
+from kinreach.kinematics._chain import about_z, poses_about
+from kinreach.kinematics._closed_form import TURNS_ABOUT, ClosedFormKinematics
 from kinreach.kinematics._general_6r import MAX_POSTURES, Chain, General6R
 from kinreach.kinematics._goals import AxisGoal, Goal, PoseGoal, PositionGoal, nearest_rotations
 from kinreach.kinematics._solutions import Accept, IKResult, IKSolutions
@@ -23,8 +23,6 @@ from kinreach.robots import ArmDescription, Tool
 TRIALS, MIN_SHARE = 100, 0.98
 #: How far the tip may be from the last joint's axis for that joint to turn about it [m, and sine of an angle].
 ON_AXIS = 1e-9
-#: Turns about the tip's z axis that are tried where the last joint does not do them alone [rad].
-TURNS = np.linspace(-np.pi, np.pi, 36, endpoint=False)
 UNREACHED = "no posture reaches the goal"
 
 
@@ -127,13 +125,7 @@ class SixAxisKinematics(ClosedFormKinematics):
         start = self._posture_or_none(seed)
         goal = AxisGoal(position, axis)  # type: ignore[arg-type]
         free = self._last_turns_tip()
-        turns = np.zeros(1) if free else TURNS
-        T = np.tile(np.eye(4), (len(turns), 1, 1))
-        T[:, 0, 0] = T[:, 1, 1] = np.cos(turns)
-        T[:, 1, 0] = np.sin(turns)
-        T[:, 0, 1] = -T[:, 1, 0]
-        T[:, :3, :3] = rotation_to(goal.axis) @ T[:, :3, :3]
-        T[:, :3, 3] = goal.position
+        T = poses_about(goal.position, goal.axis, np.zeros(1) if free else TURNS_ABOUT)
         last = None
         if free:
             last = 0.0 if start is None else float(start[-1])

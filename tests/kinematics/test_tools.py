@@ -136,6 +136,29 @@ def test_the_gripper_makes_room():
     assert "gripper_palm" in get_arm("ur5").urdf
 
 
+@pytest.mark.parametrize("calibrated", [False, True])
+def test_a_point_and_a_direction_with_a_turned_tool(calibrated):
+    """wrist_3 does not turn such a tool about its z axis: the turns about it are 36, each posture is exact."""
+    if calibrated:
+        kin = URKinematics.from_calibration(PUBLISHED_CALIBRATIONS["ur5_a"], model="ur5", tool=TOOLS[1])
+    else:
+        kin = URKinematics("ur5e", tool=TOOLS[1])
+    rng, found = np.random.default_rng(5), 0
+    for q in rng.uniform(-2.5, 2.5, (5, 6)):
+        T = kin.fk(q)
+        solutions = kin.axis_solutions(T[:3, 3], T[:3, 2], seed=q)
+        ends = kin.fk(solutions.q)
+        np.testing.assert_allclose(ends[:, :3, 3] - T[:3, 3], 0.0, atol=1e-7)
+        np.testing.assert_allclose(ends[:, :3, 2] - T[:3, 2], 0.0, atol=1e-7)
+        nearest = kin.axis_goal(T[:3, 3], T[:3, 2], q)
+        assert nearest.success
+        assert np.abs(nearest.q - q).max() < 0.6  # 5 degrees of the tool at most
+        refused = kin.axis_goal(T[:3, 3], T[:3, 2], q, accept=lambda posture: False)
+        assert not refused.success
+        found += len(solutions)
+    assert found > 300
+
+
 @pytest.mark.parametrize("name", ["ur5e", "ur5", "panda"])
 def test_a_tool_with_a_mesh(name, tmp_path):
     """In millimetres; beside meshes of the arm, which are in another folder."""

@@ -21,8 +21,8 @@ from kinreach._checks import (
 from kinreach._engines import load
 from kinreach.errors import InputError
 from kinreach.kinematics._arm import link_frame
-from kinreach.kinematics._chain import about_z, rotation_to
-from kinreach.kinematics._closed_form import ClosedFormKinematics
+from kinreach.kinematics._chain import about_z, poses_about, rotation_to
+from kinreach.kinematics._closed_form import TURNS_ABOUT, ClosedFormKinematics
 from kinreach.kinematics._goals import AxisGoal, Goal, PoseGoal, PositionGoal, nearest_rotations, pose_error
 from kinreach.kinematics._solutions import (
     ANGLES,
@@ -206,14 +206,18 @@ class URKinematics(ClosedFormKinematics):
             limits: As in `all_solutions`.
             tol: As in `all_solutions`.
 
+        Returns:
+            Every posture, if wrist_3 turns the tip about its z axis. If not, as with a tool that is turned or beside
+            that axis, those at 36 turns about the direction, 10 degrees apart.
+
         Raises:
-            InputError: Malformed input, or a tip that is not on the axis of wrist_3.
+            InputError: Malformed input.
         """
         start = self._posture_or_none(seed)
         goal = AxisGoal(position, axis)  # type: ignore[arg-type]
         tol = check_tolerance(tol)
         if self._reach is None:
-            raise InputError(f"tip {self.tip!r} is not on the axis of the last joint, which an axis goal needs")
+            return self._at_turns(goal, start, limits=limits, tol=tol)
         p = self._T_dh_base[:3, :3] @ goal.position + self._T_dh_base[:3, 3]
         a = self._T_dh_base[:3, :3] @ goal.axis
         pitch, q6 = (
@@ -223,6 +227,14 @@ class URKinematics(ClosedFormKinematics):
             q6 = min(max(q6, self._low[WRIST_3]), self._high[WRIST_3])
         found, miss = solve_axis(p.tolist(), a.tolist(), self.geometry, reach=self._reach, tol=tol, pitch=pitch, q6=q6)
         return self._solutions(found, "" if found else miss_text(miss), self._error_of(goal), start, limits, tol)
+
+    def _at_turns(self, goal: AxisGoal, start: Floats | None, *, limits: bool, tol: float) -> IKSolutions:
+        """Solutions of an axis goal at some turns about the direction."""
+        found: list[Row] = []
+        for T in poses_about(goal.position, goal.axis, TURNS_ABOUT):
+            found += self._solve_pose(self._flange_rows(T), None, limits=False, tol=tol)[0]
+        unreached = "" if found else "no posture reaches the point with any of 36 turns about the direction"
+        return self._solutions(found, unreached, self._error_of(goal), start, limits, tol)
 
     def axis_goal(
         self, position: ArrayLike, axis: ArrayLike, seed: ArrayLike, *, accept: Accept | None = None
@@ -234,14 +246,14 @@ class URKinematics(ClosedFormKinematics):
             axis: Direction of the tip's z axis in the base frame, shape (3,).
             seed: Posture [rad], shape (6,).
             accept: Called with candidates in the order of their distance until it returns True. If it refuses them all
-                they are turned about the tip's z axis, which wrist_3 does alone: by 45 degrees, and so on.
+                they are turned about the tip's z axis, if wrist_3 does that alone: by 45 degrees, and so on.
 
         Raises:
             InputError: As `axis_solutions`.
         """
         start = self.as_posture("seed", seed)
         result = self._choose(self.axis_solutions(position, axis, seed=start), start, accept)
-        if result.status is not Status.REJECTED:
+        if result.status is not Status.REJECTED or self._reach is None:
             return result
         for turn in TURNS:
             wrist_3 = float(start[WRIST_3])
@@ -427,7 +439,7 @@ class CalibratedURKinematics(URKinematics):
         tol = check_tolerance(tol)
         last = self._solver.chain.placements[6]
         if self._reach is None or np.abs(last[:2, 2:]).max() > AXIS_TOLERANCE:
-            raise InputError(f"tip {self.tip!r} is not on the axis of the last joint, which an axis goal needs")
+            return self._at_turns(goal, start, limits=limits, tol=tol)
         T = np.eye(4)
         T[:3, :3], T[:3, 3] = rotation_to(goal.axis), goal.position
         q6 = 0.0 if start is None else float(start[WRIST_3])
