@@ -1,6 +1,7 @@
 """The controller that presses the button by a model: on both actuations, alone and for many at once."""
 
 import gymnasium as gym
+import mujoco
 import numpy as np
 import pytest
 
@@ -8,9 +9,13 @@ import kinreach
 from benchmarks.studies.button_actuation import analytic
 from kinreach.baselines._button_controller import AnalyticButtonPolicy, ButtonController
 from kinreach.envs._button import ACTUATIONS
+from kinreach.envs._button.world import torque_model
 from kinreach.errors import InputError, UnknownNameError
+from kinreach.kinematics import Arm3Kinematics
+from kinreach.robots import get_arm
 
 NAME = "kinreach/ButtonPress-v0"
+KIN = Arm3Kinematics(base="world")
 HELD_OUT = 1_000_000  # seed
 #: Steps within which the button has to be pressed: a quarter more than the worst of 1000 targets took.
 LONGEST = {"tuned": 72, "report": 610}
@@ -96,3 +101,18 @@ def test_malformed_input_is_refused():
             ButtonController(actuation)
     with pytest.raises(InputError, match="needs 2 observations, got 3"):
         ButtonController(count=2).actions(np.zeros((3, 19)))
+
+
+@pytest.mark.parametrize("actuation", ACTUATIONS)
+def test_where_the_tip_is_a_step_later(actuation):
+    """As MuJoCo has it: the controller presses where the tip will be."""
+    controller, model = ButtonController(actuation), torque_model(get_arm("arm3"), ACTUATIONS[actuation], visual=False)
+    data, rng, moved = mujoco.MjData(model), np.random.default_rng(0), 0.0
+    for _ in range(50):
+        data.qpos[:], data.qvel[:], data.ctrl[:] = rng.uniform(-1, 1, 3), rng.uniform(-1, 1, 3), rng.uniform(-1, 1, 3)
+        q = data.qpos.copy()
+        expected = controller._next_tip(q, data.qvel.copy(), ACTUATIONS[actuation].gears * data.ctrl)
+        mujoco.mj_step(model, data, ACTUATIONS[actuation].frame_skip)
+        np.testing.assert_allclose(expected, KIN.fk(data.qpos)[:3, 3], atol=1e-3)
+        moved = max(moved, np.linalg.norm(expected - KIN.fk(q)[:3, 3]))
+    assert moved > 5e-3

@@ -4,6 +4,7 @@ import csv
 import json
 from dataclasses import replace
 
+import gymnasium as gym
 import numpy as np
 import pytest
 
@@ -263,3 +264,20 @@ def test_a_column_that_cannot_be_summarised_is_refused_before_anything_is_measur
 def test_a_summary_that_is_unknown_is_refused():
     with pytest.raises(UnknownNameError, match="'shares'; available: mean, quantiles, rate, spread"):
         Column("mine", "reached", "shares")
+
+
+def test_every_environment_is_closed(tmp_path, monkeypatch):
+    made, closed = [], []
+    make = gym.make
+
+    def recorded(*arguments, **options):
+        env = make(*arguments, **options)
+        made.append(env)
+        close = env.close
+        env.close = lambda: closed.append(env) or close()
+        return env
+
+    monkeypatch.setattr(gym, "make", recorded)
+    compare("ur5", methods=["closed-form"], goals=1, out=tmp_path)
+    assert len(made) >= 1
+    assert {id(env) for env in closed} == {id(env) for env in made}

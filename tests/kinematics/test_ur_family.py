@@ -296,3 +296,9 @@ def test_the_nearest_of_a_calibrated_arm_is_right_to_a_few_millimetres():
         inside, outside = (len(real.all_solutions(place, limits=False).branch) > 0 for place in places)
         near += inside and not outside
     assert near == 15
+
+
+def test_the_floor_is_within_reach_of_the_largest():
+    checker = CollisionChecker("ur10")
+    q = np.random.default_rng(0).uniform(-np.pi, np.pi, (3000, 6))
+    assert sum("floor" in pair for row in q for pair in checker.contacts(row)) >= 5

@@ -10,7 +10,7 @@ from matplotlib.colors import to_rgb
 
 from kinreach.compare import get_task
 from kinreach.compare._methods import colours as task_colours
-from kinreach.plots import FAINT, INK, PALETTE, colours_of, label_ends, new_figure, plain
+from kinreach.plots import FAINT, INK, METHOD_COLOURS, PALETTE, colours_of, label_ends, new_figure, plain
 from kinreach.plots._style import GRID, spread
 
 #: What colours look like to people without red, green or blue cones (Machado, Oliveira, Fernandes 2009, severity 1).
@@ -165,3 +165,8 @@ FIGURES = [
 )  # fmt: skip
 def test_plain_numbers(value, text):
     assert plain(value) == text
+
+
+def test_every_method_has_a_colour():
+    assert all(to_rgb(colour) for colour in METHOD_COLOURS.values())
+    assert len(METHOD_COLOURS) >= 30

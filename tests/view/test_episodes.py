@@ -13,7 +13,7 @@ from kinreach.robots import get_arm
 from kinreach.view import _html as html
 from kinreach.view._episodes import Recording, Stopped, circled
 from kinreach.view._figure import Figure
-from kinreach.view._mujoco_scene import MujocoScene
+from kinreach.view._mujoco_scene import MujocoScene, _triangles
 from kinreach.view._players import new_player
 
 
@@ -251,3 +251,21 @@ def test_the_cameras_look_at_the_ball(episodes, needs_gl):
         assert fix.r < distances.min() + 1
         assert distances.max() < fix.r + 8
     assert episodes["button"][1].measure_goal() is None
+
+
+def test_every_kind_of_shape_has_its_size():
+    kinds = {
+        "box": "0.1 0.2 0.3",
+        "sphere": "0.2",
+        "capsule": "0.1 0.3",
+        "cylinder": "0.2 0.1",
+        "ellipsoid": "0.1 0.2 0.3",
+    }
+    geoms = "".join(f'<geom type="{kind}" size="{size}"/>' for kind, size in kinds.items())
+    model = mujoco.MjModel.from_xml_string(f"<mujoco><worldbody>{geoms}</worldbody></mujoco>")
+    expected = {"box": (0.1, 0.2, 0.3), "sphere": (0.2,) * 3, "capsule": (0.1, 0.1, 0.4), "cylinder": (0.2, 0.2, 0.1),
+                "ellipsoid": (0.1, 0.2, 0.3)}  # fmt: skip
+    for index, kind in enumerate(kinds):
+        vertices, faces = _triangles(model, index)
+        np.testing.assert_allclose(np.abs(vertices).max(axis=0), expected[kind], rtol=0.03)
+        assert faces.max() < len(vertices)
