@@ -40,11 +40,12 @@ class Recipe:
         summary: What it is, in a sentence.
         environment: Id of any registered environment whose observations are vectors; `module:id` imports the module.
         options: Of the environment, as JSON values.
-        algorithm: Name of one that is registered, see `kinreach.baselines._algorithms.register_algorithm`.
-        steps: Actions that the learner takes.
+        algorithm: Name of one that is registered, see `kinreach.baselines.register_algorithm`.
+        steps: Actions that the learner takes; PPO rounds up to whole rollouts of `n_steps * num_envs` actions.
         num_envs: Environments in step.
-        reward: What the learner sees, key of `kinreach.baselines._rewards.REWARDS` or `module:function`; evaluation
-            always uses the environment's own.
+        reward: What the learner sees: `"own"`, the environment's, or a function of yours as `module:function`. It gets
+            the rewards (n,) and the step's `info` as arrays (n,), and returns rewards (n,). Evaluation always uses the
+            environment's own.
         blur: Standard deviation of the noise on observed goals in training [m]; of ranked PPO only.
         margin: How far beyond the table area goals are drawn in training, on every side [m]; of ranked PPO only. The
             border is then learned as well as the middle.
