@@ -81,7 +81,7 @@ class ArmKinematics:
         *,
         tip: str | None = None,
         base: str | ArrayLike = "base_link",
-        tool: Tool | ArrayLike | None = None,
+        tool: Tool | str | ArrayLike | None = None,
     ) -> None:
         self.arm = as_arm(arm)
         if tool is not None:
@@ -127,7 +127,7 @@ class ArmKinematics:
         *,
         tip: str | None = None,
         base: str | ArrayLike = "base_link",
-        tool: Tool | ArrayLike | None = None,
+        tool: Tool | str | ArrayLike | None = None,
     ) -> Self:
         """Return the kinematics of an arm, of the class that lists every posture of a pose, if there is one.
 
@@ -161,7 +161,7 @@ class ArmKinematics:
         tip: str | None = None,
         joints: Sequence[str] | None = None,
         base: str | ArrayLike = "base_link",
-        tool: Tool | ArrayLike | None = None,
+        tool: Tool | str | ArrayLike | None = None,
         **facts: Any,
     ) -> Self:
         """Return the kinematics of the arm in a URDF file, of the class that `of` chooses.

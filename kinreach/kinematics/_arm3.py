@@ -232,7 +232,7 @@ class Arm3Kinematics(ClosedFormKinematics):
         *,
         tip: str | None = None,
         base: str | ArrayLike = "base_link",
-        tool: Tool | ArrayLike | None = None,
+        tool: Tool | str | ArrayLike | None = None,
     ) -> None:
         super().__init__(arm, tip=tip, base=base, tool=tool)
         self.geometry = YawPlanarGeometry.from_model(self.model, self.tip_frame)

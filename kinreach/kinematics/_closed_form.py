@@ -63,7 +63,7 @@ class ClosedFormKinematics(ArmKinematics, ABC):
         *,
         tip: str | None,
         base: str | ArrayLike,
-        tool: Tool | ArrayLike | None,
+        tool: Tool | str | ArrayLike | None,
     ) -> None:
         super().__init__(arm, tip=tip, base=base, tool=tool)
         self._low: list[float] = self.lower.tolist()

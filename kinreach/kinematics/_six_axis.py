@@ -50,7 +50,7 @@ class SixAxisKinematics(ClosedFormKinematics):
         *,
         tip: str | None = None,
         base: str | ArrayLike = "base_link",
-        tool: Tool | ArrayLike | None = None,
+        tool: Tool | str | ArrayLike | None = None,
     ) -> None:
         super().__init__(arm, tip=tip, base=base, tool=tool)
         if self.n != self.joints:

@@ -270,14 +270,14 @@ class ArmDescription:
         lower, upper = zip(*arm.limits, strict=True)
         return replace(self, build_urdf=partial(str, text), home=tuple(np.clip(self.home, lower, upper).tolist()))
 
-    def with_tool(self, tool: Tool | ArrayLike) -> ArmDescription:
+    def with_tool(self, tool: Tool | str | ArrayLike) -> ArmDescription:
         """The same arm with a tool on its flange, whose centre point becomes the tip `"tool"`.
 
         It takes the place of a gripper, such as kinreach's own on UR3, UR5 and UR10.
 
         Args:
-            tool: A `Tool`, or only its centre point: `[x, y, z, rx, ry, rz]` as on the pendant, or a 4x4 transform,
-                in the frame of the tip `tool0`, and of the default tip of arms without one.
+            tool: A `Tool`; or only its centre point, `[x, y, z, rx, ry, rz]` as on the pendant, or a 4x4 transform; or
+                `"gripper"`, the thesis's. All in the frame of the tip `tool0`, or of the default tip if there is none.
 
         Raises:
             InputError: As `Tool`.

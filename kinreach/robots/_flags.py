@@ -11,7 +11,7 @@ from kinreach.cli import complain, in_flags
 from kinreach.errors import InputError
 from kinreach.robots._description import ArmDescription
 from kinreach.robots._registry import arm_named
-from kinreach.robots._tools import Tool
+from kinreach.robots._tools import TOOLS, Tool
 
 #: The flags of `add_arm_flags`, as attributes of the parsed arguments.
 ARM_FLAGS = (
@@ -33,7 +33,8 @@ def add_arm_flags(parser: argparse.ArgumentParser) -> None:
     group.add_argument(
         "--tool",
         metavar="X,Y,Z,RX,RY,RZ",
-        help="tool centre point on the flange, as on the pendant: metres, rotation vector in radians",
+        help="tool centre point on the flange, as on the pendant: metres, rotation vector in radians; or the name of a "
+        f"tool: {', '.join(TOOLS)}",
     )
     group.add_argument("--tool-radius", metavar="M", help="the tool fills a tube of this radius from flange to point")
     group.add_argument("--tool-mass", metavar="KG", help="mass of the tool")
@@ -104,6 +105,12 @@ def tool_of(arguments: argparse.Namespace) -> Tool | None:
         if others:
             raise InputError(f"--{others[0].replace('_', '-')} needs --tool")
         return None
+    if arguments.tool in TOOLS:
+        if others:
+            raise InputError(
+                f"the tool {arguments.tool} has a shape and a mass; leave out --{others[0].replace('_', '-')}"
+            )
+        return TOOLS[arguments.tool]
     centre = numbers_of("--tool", arguments.tool, 6)
     mass, radius, scale = (
         None if (text := getattr(arguments, name)) is None else numbers_of(f"--{name.replace('_', '-')}", text, 1)[0]

@@ -42,6 +42,16 @@ PARALLEL_GRIPPER_PAIRS = (
 )
 
 
+#: Palm and rail, and masses of these and of a finger [kg].
+PALM = (Solid((0.07, 0.10, 0.085), (0, 0, 0.0425)), Solid((0.03, 0.20, 0.02), (0, 0, 0.095)))
+PALM_MASS, FINGER_MASS = 0.9, 0.1
+
+
+def finger(y: float) -> Solid:
+    """Return a finger whose middle is so far beside the flange's z axis [m]."""
+    return Solid((0.022, 0.012, 0.105), (0, y, 0.1575))
+
+
 def add_parallel_gripper(robot: ET.Element, flange: str) -> None:
     """Mount the parallel gripper on a link of a parsed URDF, in place. `PARALLEL_GRIPPER` describes it.
 
@@ -52,14 +62,11 @@ def add_parallel_gripper(robot: ET.Element, flange: str) -> None:
         robot: The URDF.
         flange: Name of the link that carries the gripper; the fingers point along its z axis.
     """
-    palm = Solid((0.07, 0.10, 0.085), (0, 0, 0.0425))
-    rail = Solid((0.03, 0.20, 0.02), (0, 0, 0.095))
-    add_link(robot, "gripper_palm", mass=0.9, solids=(palm, rail), rgba="0.62 0.64 0.67 1")
+    add_link(robot, "gripper_palm", mass=PALM_MASS, solids=PALM, rgba="0.62 0.64 0.67 1")
     add_joint(robot, "gripper_joint", flange, "gripper_palm")
     gripper = PARALLEL_GRIPPER
     for side, sign, joint in (("left", 1.0, gripper.joint), ("right", -1.0, gripper.mimic_joint)):
-        finger = Solid((0.022, 0.012, 0.105), (0, sign * 0.006, 0.1575))
-        add_link(robot, f"finger_{side}", mass=0.1, solids=(finger,), rgba="0.20 0.21 0.23 1")
+        add_link(robot, f"finger_{side}", mass=FINGER_MASS, solids=(finger(sign * 0.006),), rgba="0.20 0.21 0.23 1")
         add_joint(
             robot,
             joint,

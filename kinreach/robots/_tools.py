@@ -11,8 +11,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from kinreach._checks import Floats, as_vector, check_number, check_path
+from kinreach._checks import Floats, as_vector, check_known, check_number, check_path
 from kinreach.errors import InputError
+from kinreach.robots._grippers import FINGER_MASS, PALM, PALM_MASS, PARALLEL_GRIPPER, TCP_OFFSET, finger
 from kinreach.robots._meshes import collision_mesh
 from kinreach.robots._rotations import MAX_TOOL, as_frame, rpy
 from kinreach.robots._urdf import PACKAGE, Solid, add_joint, add_link, named
@@ -58,11 +59,14 @@ class Tool:
                 raise InputError(f"shapes of the tool must be Solids, got {shape!r}")
         check_number("mesh_scale of the tool", self.mesh_scale, above=0.0, most=1e3)
         if self.mesh is not None:
-            object.__setattr__(self, "mesh", check_path("mesh of the tool", self.mesh))
+            object.__setattr__(self, "mesh", str(check_path("mesh of the tool", self.mesh)))
 
     @classmethod
-    def of(cls, tool: Tool | ArrayLike) -> Tool:
-        """The tool itself, or one of this centre point and nothing else."""
+    def of(cls, tool: Tool | str | ArrayLike) -> Tool:
+        """Return the tool itself, the one of a name in `TOOLS`, or one of this centre point and nothing else."""
+        if isinstance(tool, str):
+            check_known("tool", tool, TOOLS)
+            return TOOLS[tool]
         return tool if isinstance(tool, Tool) else cls(tool)
 
     @classmethod
@@ -85,6 +89,18 @@ class Tool:
         pitch, yaw = float(np.arccos(np.clip(end[2] / length, -1, 1))), float(np.arctan2(end[1], end[0]))
         middle: Any = tuple((end / 2).tolist())
         return cls(centre, mass, middle, (Solid((radius, length), middle, (0.0, pitch, yaw)),))
+
+
+_OPEN = PARALLEL_GRIPPER.opening / 2 + 0.006
+#: Tools by name: the thesis's gripper, open by 10 cm, for arms that do not carry it.
+TOOLS = {
+    "gripper": Tool(
+        [0.0, 0.0, TCP_OFFSET, 0.0, 0.0, 0.0],
+        PALM_MASS + 2 * FINGER_MASS,
+        (0.0, 0.0, 0.065),
+        (*PALM, finger(_OPEN), finger(-_OPEN)),
+    )
+}
 
 
 def add_tool(robot: ET.Element, flange: str, tool: Tool, package_root: str | None) -> str | None:

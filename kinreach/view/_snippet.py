@@ -64,7 +64,7 @@ def calibrated(sheet: str, file: str, *, repair: bool = False) -> str:
 
 def with_tool(arm: str, tool: Tool) -> str:
     """An expression for an arm with a tool, from one for the arm."""
-    if not (tool.mass or tool.shapes):
+    if not (tool.mass or tool.shapes or tool.mesh):
         return f"{described(arm)}.with_tool({as_floats('tool', tool.centre).tolist()})"
     return f"{described(arm)}.with_tool({tool!r})"
 

@@ -47,6 +47,13 @@ def test_one_pose(capsys):
     assert "no posture: too far away" in capsys.readouterr().out
 
 
+def test_a_tool_by_its_name(capsys):
+    assert ik("--arm", "ur5e", "--tool", "gripper", "--pose", "-0.4,-0.1,0.3,3.14,0,0") == 0
+    assert "tip tool in base" in capsys.readouterr().out
+    assert ik("--arm", "ur5e", "--tool", "gripper", "--tool-radius", "0.1", "--pose", "0,0,1,0,0,0") == 2
+    assert "leave out --tool-radius" in capsys.readouterr().err
+
+
 def test_degrees_and_a_frame_of_ones_own(capsys):
     mount = "0.1,0.2,-0.3,0,0,1.5"
     assert ik("--arm", "ur10e", "--base", mount, "--pose", "0.5,0.1,0.6,3.14,0,0", "--degrees",

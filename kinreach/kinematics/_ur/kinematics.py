@@ -93,7 +93,7 @@ class URKinematics(ClosedFormKinematics):
         *,
         tip: str | None = FLANGE,
         base: str | ArrayLike = "base_link",
-        tool: Tool | ArrayLike | None = None,
+        tool: Tool | str | ArrayLike | None = None,
     ) -> None:
         super().__init__(arm, tip=tip, base=base, tool=tool)
         self.geometry, self._flange = self._lengths()
@@ -135,7 +135,7 @@ class URKinematics(ClosedFormKinematics):
         model: str | ArmDescription = "ur5",
         tip: str | None = FLANGE,
         base: str | ArrayLike = "base_link",
-        tool: Tool | ArrayLike | None = None,
+        tool: Tool | str | ArrayLike | None = None,
         repair: bool = False,
     ) -> URKinematics:
         """Return the kinematics of a real arm with its factory calibration.
