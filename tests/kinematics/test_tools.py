@@ -112,6 +112,19 @@ def test_a_turned_tip_keeps_the_closed_form(tmp_path):
         assert np.abs(kin.all_solutions(kin.fk(q), seed=q).q - q).max(axis=1).min() < 1e-6
 
 
+@pytest.mark.parametrize("name", ["ur3e_a", "ur5e_a", "ur10e_a"])
+def test_a_calibrated_urdf_with_a_turned_tip(name, tmp_path):
+    robot = ET.fromstring(get_arm(name.partition("_")[0]).calibrated(PUBLISHED_CALIBRATIONS[name]).urdf)
+    for joint in robot.findall("joint"):
+        if joint.get("name") == "tool0_joint":
+            joint.find("origin").set("rpy", "0.3 0.2 0.9")
+    (tmp_path / "arm.urdf").write_text(ET.tostring(robot, encoding="unicode").replace('"tool0"', '"nozzle"'))
+    kin = ArmKinematics.from_urdf(tmp_path / "arm.urdf", tip="nozzle")
+    assert type(kin) is CalibratedURKinematics
+    for q in np.random.default_rng(3).uniform(-2.5, 2.5, (10, 6)):
+        assert np.abs(kin.all_solutions(kin.fk(q), seed=q).q - q).max(axis=1).min() < 1e-6
+
+
 def test_a_tool_of_any_arm_collides_and_has_a_mass():
     for name in arm_names():
         arm = get_arm(name).with_tool(Tool.tube([0.02, 0, 0.25, 0, 0.3, 0], 0.04, mass=1.5))
