@@ -52,28 +52,32 @@ class Answers:
         """Return what collides in a posture, such as "forearm_link - table"; empty if nothing does, or is known."""
         return "" if self.checker is None else self.checker.reason(q)
 
-    def all(self, T: Floats) -> tuple[list[tuple[Floats, int, str]], str]:
-        """Return every posture of a pose with its branch and what collides, nearest first; and why there is none.
+    def postures(self, T: Floats) -> tuple[list[tuple[Floats, int]], str]:
+        """Return every posture of a pose with its branch, nearest first, colliding ones too; and why there is none.
 
-        An arm without a closed form has the one posture that is found.
+        An arm without a closed form has the one posture that is found, which is free.
         """
         kin = self.kinematics
         if isinstance(kin, ClosedFormKinematics):
             solutions = kin.all_solutions(T, seed=self.seed)
-            found = [(q, int(b), self.collision(q)) for q, b in zip(solutions.q, solutions.branch, strict=True)]
-            return found, solutions.reason
+            return list(zip(solutions.q, solutions.branch.tolist(), strict=True)), solutions.reason
         from kinreach.kinematics._solvers import LevenbergMarquardtSolver
 
         accept = None if self.checker is None else self.checker.free
         result = LevenbergMarquardtSolver(kin).solve(PoseGoal(T), self.seed, accept=accept)
-        return ([(result.q, 0, "")], "") if result.success else ([], result.reason)
+        return ([(result.q, 0)], "") if result.success else ([], result.reason)
 
-    def nearest(self, T: Floats) -> tuple[tuple[Floats, int, str] | None, str]:
-        """Return the posture nearest to the seed that does not collide, or None and why."""
-        found, reason = self.all(T)
-        free = next((each for each in found if not each[2]), None)
+    def all(self, T: Floats) -> tuple[list[tuple[Floats, int, str]], str]:
+        """Return every posture of a pose with its branch and what collides, nearest first; and why there is none."""
+        found, reason = self.postures(T)
+        return [(q, branch, self.collision(q)) for q, branch in found], reason
+
+    def nearest(self, T: Floats) -> tuple[tuple[Floats, int] | None, str]:
+        """Return the posture nearest to the seed that does not collide and its branch, or None and why."""
+        found, reason = self.postures(T)
+        free = next((each for each in found if self.checker is None or self.checker.free(each[0])), None)
         if free is None and found:
-            causes = ", ".join(dict.fromkeys(cause for *_, cause in found))
+            causes = ", ".join(dict.fromkeys(self.collision(q) for q, _ in found))
             reason = f"{'all ' * (len(found) > 1)}{len(found)} postures collide: {causes}"
         return free, reason
 
@@ -161,13 +165,11 @@ def _rows(answers: Answers, T: Floats, every: bool) -> Iterator[list[object]]:
     """Rows of a pose: angles, branch and reason."""
     if every:
         found, reason = answers.all(T)
-        for q, branch, cause in found:
-            yield [*q.tolist(), branch, f"collides: {cause}" if cause else ""]
     else:
         nearest, reason = answers.nearest(T)
-        found = [] if nearest is None else [nearest]
-        for q, branch, _ in found:
-            yield [*q.tolist(), branch, ""]
+        found = [] if nearest is None else [(*nearest, "")]
+    for q, branch, cause in found:
+        yield [*q.tolist(), branch, f"collides: {cause}" if cause else ""]
     if not found:
         yield [*[""] * (answers.kinematics.n + 1), reason]
 

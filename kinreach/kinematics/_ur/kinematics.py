@@ -228,6 +228,11 @@ class URKinematics(ClosedFormKinematics):
         found, miss = solve_axis(p.tolist(), a.tolist(), self.geometry, reach=self._reach, tol=tol, pitch=pitch, q6=q6)
         return self._solutions(found, "" if found else miss_text(miss), self._error_of(goal), start, limits, tol)
 
+    @property
+    def _wrist_3_turns_tip(self) -> bool:
+        """Whether wrist_3 turns the tip about its own z axis."""
+        return self._reach is not None
+
     def _at_turns(self, goal: AxisGoal, start: Floats | None, *, limits: bool, tol: float) -> IKSolutions:
         """Solutions of an axis goal at some turns about the direction."""
         found: list[Row] = []
@@ -253,7 +258,7 @@ class URKinematics(ClosedFormKinematics):
         """
         start = self.as_posture("seed", seed)
         result = self._choose(self.axis_solutions(position, axis, seed=start), start, accept)
-        if result.status is not Status.REJECTED or self._reach is None:
+        if result.status is not Status.REJECTED or not self._wrist_3_turns_tip:
             return result
         for turn in TURNS:
             wrist_3 = float(start[WRIST_3])
@@ -437,8 +442,7 @@ class CalibratedURKinematics(URKinematics):
         start = self._posture_or_none(seed)
         goal = AxisGoal(position, axis)  # type: ignore[arg-type]
         tol = check_tolerance(tol)
-        last = self._solver.chain.placements[6]
-        if self._reach is None or np.abs(last[:2, 2:]).max() > AXIS_TOLERANCE:
+        if not self._wrist_3_turns_tip:
             return self._at_turns(goal, start, limits=limits, tol=tol)
         T = np.eye(4)
         T[:3, :3], T[:3, 3] = rotation_to(goal.axis), goal.position
@@ -448,6 +452,11 @@ class CalibratedURKinematics(URKinematics):
         found, miss = self._solve_pose(self._flange_rows(T), None, limits=False, tol=tol)
         turned = [(*row[:-1], q6) for row in found]
         return self._solutions(turned, "" if found else miss_text(miss), self._error_of(goal), start, limits, tol)
+
+    @property
+    def _wrist_3_turns_tip(self) -> bool:
+        last = self._solver.chain.placements[6]
+        return self._reach is not None and bool(np.abs(last[:2, 2:]).max() <= AXIS_TOLERANCE)
 
     def shortfalls(self, T: ArrayLike) -> dict[int, Shortfall]:
         """As `URKinematics.shortfalls`, of the nearest arm that has a closed form: right to about a millimetre."""
