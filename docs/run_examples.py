@@ -1,4 +1,4 @@
-"""Run examples and put what they print into `docs/examples.md`.
+"""Run examples and put what they print into `docs/guides/examples.md`.
 
     python docs/run_examples.py              # all of them
     python docs/run_examples.py 09_seeing    # some
@@ -17,7 +17,7 @@ import tempfile
 from pathlib import Path
 
 ROOT = Path(__file__).resolve().parents[1]
-PAGE = ROOT / "docs" / "examples.md"
+PAGE = ROOT / "docs" / "guides/examples.md"
 
 
 def run(name: str) -> str:

@@ -76,7 +76,7 @@ def anchors(path: Path) -> set[str]:
 
 def test_the_clients_are_those_that_are_run(root):
     """Versions as installed, and every script."""
-    page = (root / "docs/training.md").read_text(encoding="utf-8")
+    page = (root / "docs/guides/training.md").read_text(encoding="utf-8")
     rows = re.findall(r"^\| ([^|]+) \| ([\d., ]+) \| [^|]+ \| `(tools/clients/\w+\.py)` \|$", page, re.MULTILINE)
     installed = (root / "tools/clients/requirements.txt").read_text(encoding="utf-8") + (root / "Makefile").read_text()
     pins = {name.lower().replace("_", "-"): version for name, version in re.findall(r"(\w+)==([\d.]+)", installed)}
@@ -135,14 +135,14 @@ def test_options_exist(text, capsys):
 
 
 def test_figures_of_the_thesis_have_functions():
-    names = set(re.findall(r"`(?:figures\.)?(draw_\w+)`", read(DOCS / "thesis.md")))
+    names = set(re.findall(r"`(?:figures\.)?(draw_\w+)`", read(DOCS / "studies/thesis.md")))
     assert [name for name in sorted(names) if not hasattr(figures, name)] == []
     assert len(names) >= 10
 
 
 def test_every_point_of_the_thesis_has_a_verdict():
     """Claims, figures and the outlook: shown, differs because of something that is said, or open."""
-    text = read(DOCS / "thesis.md")
+    text = read(DOCS / "studies/thesis.md")
     tables = re.findall(r"^\| (.*) \|\n\|(?:---\|)+\n((?:\|.*\|\n)+)", text, re.MULTILINE)
     assert len(tables) == len(re.findall(r"^\|(---\|)+$", text, re.MULTILINE)) >= 12
     judged = [rows for heading, rows in tables if heading.endswith("| verdict")]
@@ -162,7 +162,7 @@ def test_names_in_the_points_exist():
         p.stem for p in (ROOT / "notebooks").iterdir()
     }
     missing, checked = [], 0
-    for page in ("thesis.md", "report.md"):
+    for page in ("studies/thesis.md", "studies/report.md"):
         for row in re.findall(r"^\| .*\|$", read(DOCS / page), re.MULTILINE):
             where = row.split(" | ")[1] if row.count(" | ") >= 2 else ""
             for name in re.findall(r"`(?!python )(?:figures\.|ARM\.)?([\w-]+(?:\.py)?)\b[^`/]*`", where):
@@ -179,7 +179,7 @@ def test_the_reference_lists_every_name():
     hook = importlib.util.module_from_spec(spec)
     spec.loader.exec_module(hook)
     checked = 0
-    for page in (DOCS / "api").glob("*.md"):
+    for page in (DOCS / "reference/api").glob("*.md"):
         package = f"kinreach.{page.stem}"
         expected = [package, *(f"{package}.{name}" for name in importlib.import_module(package).__all__)]
         assert re.findall(r"^::: ([\w.]+)$", hook.on_page_markdown(read(page)), re.MULTILINE) == expected
@@ -229,13 +229,15 @@ def test_examples_are_shown_as_they_are():
     spec = importlib.util.spec_from_file_location("hooks", DOCS / "hooks.py")
     hook = importlib.util.module_from_spec(spec)
     spec.loader.exec_module(hook)
-    page = hook.on_page_markdown(read(DOCS / "examples.md"))
-    shown = re.findall(r"`python (examples/\w+\.py)`", read(DOCS / "examples.md"))
+    page = hook.on_page_markdown(read(DOCS / "guides/examples.md"))
+    shown = re.findall(r"`python (examples/\w+\.py)`", read(DOCS / "guides/examples.md"))
     assert [name for name in shown if f"```python\n{read(ROOT / name)}```" not in page] == []
     assert len(shown) >= 10
 
 
-@pytest.mark.parametrize("page", ["arms", "methods", "reach", "tasks", "view"])
+@pytest.mark.parametrize(
+    "page", ["guides/any_arm", "guides/own_method", "environments/reach", "guides/own_task", "guides/viewer"]
+)
 def test_the_code_of_a_page_runs(page, capsys):
     code = blocks(DOCS / f"{page}.md")
     assert len(code.splitlines()) >= 4
@@ -248,12 +250,12 @@ def test_policies_off_the_table_do_what_the_page_says(capsys, tmp_path, monkeypa
     pytest.importorskip("onnx"), pytest.importorskip("onnxruntime")
     monkeypatch.chdir(tmp_path)
     export_onnx(load_policy("single"), "single.onnx", observations=13)  # as the command on the page
-    exec(compile(blocks(DOCS / "training.md"), "training", "exec"), {"__name__": "training"})
+    exec(compile(blocks(DOCS / "guides/training.md"), "training", "exec"), {"__name__": "training"})
     measured = dict(re.findall(r"^([\w-]+ 0\.0\d?) ([\d.]+) \(", capsys.readouterr().out, re.MULTILINE))
     checked = 0
     for name, *said in re.findall(
         r"^\| `([\w-]+)` \| (\d+) % \[.*\] \| (\d+) % \[.*\] \| (\d+) % \[.*\] \|$",
-        read(DOCS / "training.md"),
+        read(DOCS / "guides/training.md"),
         re.MULTILINE,
     ):
         for height, share in zip(("0.0", "0.01", "0.02"), said, strict=True):

@@ -13,7 +13,7 @@ import pytest
 EXAMPLES = Path(__file__).parents[1] / "examples"
 
 
-PAGE = (EXAMPLES.parent / "docs" / "examples.md").read_text(encoding="utf-8")
+PAGE = (EXAMPLES.parent / "docs" / "guides/examples.md").read_text(encoding="utf-8")
 NUMBER = re.compile(r"-?\d+\.?\d*(?:e[+-]?\d+)?(?: [mu]s\b)?")
 #: Their numbers are of a training, which differs from processor to processor.
 TRAINED = ("03_own_policy", "06_own_algorithm", "07_stable_baselines3", "08_pytorch_loop")

@@ -17,7 +17,7 @@ from kinreach.baselines._policy_file import FORMAT, PolicyCard
 from kinreach.baselines._training import train
 from tests.baselines.small_runs import small
 
-PAGE = (Path(__file__).parents[1] / "docs" / "formats.md").read_text(encoding="utf-8")
+PAGE = (Path(__file__).parents[1] / "docs" / "reference/files.md").read_text(encoding="utf-8")
 SCHEMA = Path(bench.__file__).with_name("results.schema.json")
 
 

@@ -13,7 +13,7 @@ from kinreach.kinematics import UR5Kinematics
 
 ROOT = Path(__file__).parents[1]
 README = ROOT / "README.md"
-PAYS, TRAINING = "docs/learning_pays.md", "docs/training.md"
+PAYS, TRAINING = "docs/studies/learning_pays.md", "docs/guides/training.md"
 #: Every sentence of README that has a number, with the files and the numbers in them that it rests on. The table is
 #: measured again by a test of its own. Whoever changes one of the two has to look at the other.
 CLAIMS = {
@@ -42,10 +42,10 @@ CLAIMS = {
         (TRAINING, "| `thesis-single` | 5 | 0.00 [0.00, 0.38] | 0.00 |"),
     ],
     "any of 14 models, with its calibration and tool": [
-        ("docs/arms.md", "`URKinematics(name)` knows 14 models"),
+        ("docs/guides/any_arm.md", "`URKinematics(name)` knows 14 models"),
         ("README.md", "| 100.0 [98.1, 100.0] | 0.057 / 0.065 | 100.0 | 0.8 |"),
-        ("docs/your_robot.md", "| closed-form | 100.0 [98.1, 100.0] | 0.057 / 0.065 | 100.0 | 0.0 | 0.8 |"),
-        ("docs/your_robot.md", "--tool 0,0,0.15,0,0,0 --tool-radius 0.03 --goals 200`"),
+        ("docs/guides/your_ur.md", "| closed-form | 100.0 [98.1, 100.0] | 0.057 / 0.065 | 100.0 | 0.0 | 0.8 |"),
+        ("docs/guides/your_ur.md", "--tool 0,0,0.15,0,0,0 --tool-radius 0.03 --goals 200`"),
     ],
     "The closed form is exact to 5e-9 mm": [("tests/test_readme.py", "def test_how_exact_the_closed_form_is")],
     "A policy trained for a minute on one core (`ranked-single`) reaches every goal too, 0.17 mm off, in a third of "
@@ -55,13 +55,13 @@ CLAIMS = {
         ("README.md", "| closed-form | 100.0 [98.1, 100.0] | 0.037 / 0.063 | 100.0 | 0.0 | 20.0 | 0.13 /"),
     ],
     "2 to 8 cm away, one seed of ten in collisions": [
-        ("docs/ppo2.md", "of its ten policies one reaches, nine end 17 to 79 mm away and one 44 cm."),
+        ("docs/studies/appendix/ppo2.md", "of its ten policies one reaches, nine end 17 to 79 mm away and one 44 cm."),
         (TRAINING, "the fifth stands 44 cm away and is in the table on 81.5 % of the goals"),
     ],
     "14 cm or more in 16 readings of its learner": [
-        ("docs/ppo2.md", "In 95 trainings, 14.4 million steps in all, not one goal is reached"),
-        ("docs/ppo2.md", "all end 14 to 46 cm away in the median of their goals"),
-        ("docs/thesis.md", "in 14.4 million steps of 95 trainings, in 16 readings of its PPO2"),
+        ("docs/studies/appendix/ppo2.md", "In 95 trainings, 14.4 million steps in all, not one goal is reached"),
+        ("docs/studies/appendix/ppo2.md", "all end 14 to 46 cm away in the median of their goals"),
+        ("docs/studies/thesis.md", "in 14.4 million steps of 95 trainings, in 16 readings of its PPO2"),
     ],
     "On simulated arms with four published factory calibrations, tool, base and cameras off as we chose, the "
     "closed form misses by 5.9 mm.": [
@@ -87,7 +87,7 @@ CLAIMS = {
     "The first set-up downloads 0.4 GB and takes 1.5 GB of disk, 4.1 GB with what the tests need.": [
         ("docs/index.md", "downloads 0.4 GB and takes 1.5 GB of disk; with what the tests need it is 4.1 GB"),
     ],
-    "Thirteen examples follow.": [("docs/examples.md", "examples/13_")],
+    "Thirteen examples follow.": [("docs/guides/examples.md", "examples/13_")],
 }
 
 

@@ -156,7 +156,7 @@ def _parser(prog: str) -> Parser:
     parser.add_argument("--seed", type=int, default=0, metavar="S", help="of poses and goals (default: %(default)s)")
     parser.add_argument("--out", metavar="DIR", help=f"where results go (default: {OUT})")
     parser.add_argument(
-        "--docs", metavar="FILE", help="also write a page of the documentation, such as docs/benchmarks.md"
+        "--docs", metavar="FILE", help="also write a page of the documentation, such as docs/reference/benchmarks.md"
     )
     parser.add_argument("--fresh", action="store_true", help="do not go on from an interrupted run in DIR")
     return parser

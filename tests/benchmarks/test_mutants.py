@@ -29,7 +29,7 @@ def test_the_documentation_says_what_was_found(root):
     rows = list(json.loads(mutants.RESULTS.read_text(encoding="utf-8")).values())
     assert [row["id"] for row in rows] == [mutant.id for mutant in read_mutants()]
     assert sum(row["killed_by"] is not None for row in rows) >= mutants.GOAL * len(rows)
-    page = (root / "docs/promises.md").read_text(encoding="utf-8")
+    page = (root / "docs/reference/promises.md").read_text(encoding="utf-8")
     assert "\n".join(summary(rows)) in page
     assert f"lists {len(rows)} mistakes" in page
 

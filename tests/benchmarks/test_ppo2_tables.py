@@ -32,7 +32,7 @@ from benchmarks.studies.side_by_side import Networks
 from kinreach.baselines._evaluation import HELD_OUT
 from kinreach.baselines._policies import load_policy
 
-PAGE = Path(__file__).parents[2] / "docs" / "ppo2.md"
+PAGE = Path(__file__).parents[2] / "docs" / "studies/appendix/ppo2.md"
 
 
 def rows(*path):

@@ -9,7 +9,7 @@ from benchmarks.logs import load_logs
 from benchmarks.studies.reached_in_training import main, row
 from kinreach.baselines._learning_curve import COLUMNS, curve_csv
 
-PAGE = Path(__file__).parents[2] / "docs" / "ppo2.md"
+PAGE = Path(__file__).parents[2] / "docs" / "studies/appendix/ppo2.md"
 KNOWN = ("steps", "episodes", "reached")
 
 

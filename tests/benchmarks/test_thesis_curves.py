@@ -19,7 +19,7 @@ from benchmarks.studies.thesis_curves import (
 )
 from kinreach._statistics import median
 
-PAGE = Path(__file__).parents[2] / "docs" / "thesis.md"
+PAGE = Path(__file__).parents[2] / "docs" / "studies/thesis.md"
 
 
 def test_the_published_tables_are_those_of_the_logs():

@@ -14,7 +14,7 @@ pytest.importorskip("stable_baselines3")
 from benchmarks.studies.thesis_multi_step import COLUMNS, VARIANTS, table
 
 FILE = FOLDER / "sb3-multi-long" / "variants.csv"
-PAGE = Path(__file__).parents[2] / "docs" / "multi_step.md"
+PAGE = Path(__file__).parents[2] / "docs" / "studies/appendix/multi_step.md"
 
 
 def rows() -> list[dict[str, float]]:

@@ -19,7 +19,7 @@ from kinreach.baselines._recipes import get_recipe
 from kinreach.vision._goal_view import geometric_goal_view
 
 FILE = FOLDER / "thesis-single" / "worlds.csv"
-PAGE = Path(__file__).parents[2] / "docs" / "ppo2.md"
+PAGE = Path(__file__).parents[2] / "docs" / "studies/appendix/ppo2.md"
 
 
 def rows():

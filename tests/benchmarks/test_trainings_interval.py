@@ -119,7 +119,12 @@ def test_where_one_training_in_five_fails_it_holds_as_often_as_the_docs_say(root
     for failures in range(6):
         low, high = trainings_interval(np.repeat(np.arange(5) >= failures, 1000).reshape(5, 1000))
         held += comb(5, failures) * 0.2**failures * 0.8 ** (5 - failures) * (low <= 0.8 <= high)
-    for page in ("docs/numbers.md", "docs/training.md", "docs/button.md", "benchmarks/studies/trainings.py"):
+    for page in (
+        "docs/reference/numbers.md",
+        "docs/guides/training.md",
+        "docs/environments/button.md",
+        "benchmarks/studies/trainings.py",
+    ):
         assert f"{100 * held:.0f} %" in (root / page).read_text(encoding="utf-8"), page
 
 

@@ -100,7 +100,7 @@ def test_the_table_of_the_docs_is_what_its_command_prints(capsys):
     """Except for the largest errors, which grow with the number of poses."""
     assert ur_family.main(["--poses", "5"]) == 0
     printed = [line.rpartition(" | ")[0] for line in capsys.readouterr().out.splitlines()]
-    text = (Path(__file__).parents[2] / "docs/arms.md").read_text(encoding="utf-8")
+    text = (Path(__file__).parents[2] / "docs/guides/any_arm.md").read_text(encoding="utf-8")
     table = text[text.index(printed[0]) :].split("\n\n")[0].splitlines()
     assert {line.rpartition(" | ")[0] for line in table} <= set(printed)
     assert len(table) >= 16

@@ -35,7 +35,7 @@ def test_the_miss_is_what_both_chains_say(pair):
             np.linalg.norm(pin.log3(miss.meant[:3, :3].T @ miss.real[:3, :3])), abs=1e-9
         )
         off.append(miss.distance)
-    assert 0.0005 < np.median(off) < 0.01  # docs/your_robot.md: 1 to 8 mm
+    assert 0.0005 < np.median(off) < 0.01  # docs/guides/your_ur.md: 1 to 8 mm
 
 
 def test_the_map_is_of_the_table(pair):

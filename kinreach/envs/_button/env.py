@@ -55,7 +55,7 @@ class ButtonPressEnv(CopyableEnv):
     | `"tuned"` | 4, 8, 2.5 | 12, 20, 6 | 0.2 | 0.004 | 10 |
     | `"report"` | 825, 10, 3 | 0, 0, 0 | 0 | 0.002 | 2 |
 
-    `"report"` is what the report and the course project's model describe; `docs/button.md` has the measured reason why
+    `"report"` is what the report and the course project's model describe; `docs/environments/button.md` has the measured reason why
     it is not the default.
 
     ## Observation Space

@@ -143,14 +143,14 @@ def test_no_figure_without_charts():
 
 @pytest.fixture(scope="module")
 def data() -> dict:
-    return json.loads((DOCS / "benchmarks.json").read_text(encoding="utf-8"))
+    return json.loads((DOCS / "reference/benchmarks.json").read_text(encoding="utf-8"))
 
 
 class TestPage:
-    """docs/benchmarks.md holds a run; `docs/benchmarks.json` has its numbers."""
+    """docs/reference/benchmarks.md holds a run; `docs/reference/benchmarks.json` has its numbers."""
 
     def test_is_what_the_command_writes(self, data):
-        page = (DOCS / "benchmarks.md").read_text(encoding="utf-8")
+        page = (DOCS / "reference/benchmarks.md").read_text(encoding="utf-8")
         assert page == markdown(data, data="benchmarks.json", picture="images/benchmarks.png")
         assert (DOCS / "images" / "benchmarks.png").is_file()
 
