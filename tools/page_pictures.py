@@ -1,4 +1,4 @@
-"""The pictures of the page in docs/guides/viewer.md and the README: `python -m tools.page_pictures` (chromium, playwright).
+"""The pictures of docs/guides/viewer.md and the README: `python -m tools.page_pictures` (chromium, playwright).
 
 A comparison's folder comes first: `python -m tools.page_pictures results/compare-ur5`. Without a graphics card a
 picture takes some seconds.

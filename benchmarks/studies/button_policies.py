@@ -1,4 +1,6 @@
-"""What trained policies press on held-out targets, over all seeds of every recipe: the table of docs/environments/button.md.
+"""What trained policies press on held-out targets, over all seeds of every recipe.
+
+The table of docs/environments/button.md.
 
 python -m kinreach.train button --seeds 5         (and the other recipes)
 python -m benchmarks.studies.button_policies results/train

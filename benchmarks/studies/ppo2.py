@@ -1,4 +1,4 @@
-"""Which PPO2 the thesis had, and what follows from that: all readings side by side, the tables of docs/studies/appendix/ppo2.md.
+"""Compare all readings of the PPO2 that the thesis had: the tables of docs/studies/appendix/ppo2.md.
 
 python -m benchmarks.studies.ppo2 results/ppo2 --plan single multi        trains what is missing, prints the tables
 python -m benchmarks.studies.ppo2 results/ppo2 --plan single --csv FILE   writes a row for each training as well

@@ -1,7 +1,7 @@
 """Why the thesis's multi-step path planning does not reach: `sb3-multi-long`, changed in one thing at a time.
 
 `python -m benchmarks.studies.thesis_multi_step results/train` trains what is missing, twenty policies of some 100 s on
-one core each, then prints the table of docs/guides/training.md. With `--train VARIANT --seed K` it only trains that one.
+one core each, then prints a table. With `--train VARIANT --seed K` it only trains that one.
 With `--csv FILE` it also writes a row for each policy: notebook 04 reads such a file. With `--engine ray` the policies
 are trained side by side; machines must share the folder.
 """

@@ -1,4 +1,6 @@
-"""What trained reach policies do on held-out goals, over all seeds of every recipe: the tables of docs/guides/training.md.
+"""What trained reach policies do on held-out goals, over all seeds of every recipe.
+
+The tables of docs/guides/training.md.
 
 python -m kinreach.train single --seeds 5         (and the other recipes)
 python -m benchmarks.studies.trained results/train --goals 10000

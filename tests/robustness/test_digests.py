@@ -16,7 +16,7 @@ def test_digests_repeat(name):
 
 @pytest.mark.parametrize("name", digest.RESULTS)
 def test_results_are_those_that_are_kept(name):
-    """Rounded: the last bits depend on the processor. What is meant to change is kept anew, see docs/reference/promises.md."""
+    """Rounded: the last bits depend on the processor. docs/reference/promises.md says how to keep them anew."""
     assert digest.compare(name, digest.digests(digest.RESULTS[name]), digest.read(digest.REFERENCE)) in (
         digest.EXACT,
         digest.ROUNDED,
