@@ -236,7 +236,15 @@ def test_examples_are_shown_as_they_are():
 
 
 @pytest.mark.parametrize(
-    "page", ["guides/any_arm", "guides/own_method", "environments/reach", "guides/own_task", "guides/viewer"]
+    "page",
+    [
+        "environments/real_arm",
+        "environments/reach",
+        "guides/any_arm",
+        "guides/own_method",
+        "guides/own_task",
+        "guides/viewer",
+    ],
 )
 def test_the_code_of_a_page_runs(page, capsys):
     code = blocks(DOCS / f"{page}.md")
@@ -245,18 +253,28 @@ def test_the_code_of_a_page_runs(page, capsys):
     assert capsys.readouterr().out
 
 
-@pytest.mark.slow
-def test_policies_off_the_table_do_what_the_page_says(capsys, tmp_path, monkeypatch):
+@pytest.mark.usefixtures("needs_gl")
+def test_the_code_of_the_page_on_seeing_runs(capsys):
+    exec(compile(blocks(DOCS / "guides/seeing.md"), "seeing", "exec"), {"__name__": "seeing"})
+    assert "[ True  True]" in capsys.readouterr().out
+
+
+def test_the_code_of_the_page_on_training_runs(capsys, tmp_path, monkeypatch):
     pytest.importorskip("onnx"), pytest.importorskip("onnxruntime")
     monkeypatch.chdir(tmp_path)
     export_onnx(load_policy("single"), "single.onnx", observations=13)  # as the command on the page
     exec(compile(blocks(DOCS / "guides/training.md"), "training", "exec"), {"__name__": "training"})
+    assert "(1, 6) kinreach/UR5SingleStep-v0" in capsys.readouterr().out
+
+
+@pytest.mark.slow
+def test_policies_off_the_table_do_what_the_page_says(capsys):
+    page = DOCS / "studies/appendix/trainings.md"
+    exec(compile(blocks(page), "trainings", "exec"), {"__name__": "trainings"})
     measured = dict(re.findall(r"^([\w-]+ 0\.0\d?) ([\d.]+) \(", capsys.readouterr().out, re.MULTILINE))
     checked = 0
     for name, *said in re.findall(
-        r"^\| `([\w-]+)` \| (\d+) % \[.*\] \| (\d+) % \[.*\] \| (\d+) % \[.*\] \|$",
-        read(DOCS / "guides/training.md"),
-        re.MULTILINE,
+        r"^\| `([\w-]+)` \| (\d+) % \[.*\] \| (\d+) % \[.*\] \| (\d+) % \[.*\] \|$", read(page), re.MULTILINE
     ):
         for height, share in zip(("0.0", "0.01", "0.02"), said, strict=True):
             assert 100 * float(measured[f"{name} {height}"]) == pytest.approx(float(share), abs=1)

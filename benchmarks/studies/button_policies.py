@@ -1,6 +1,6 @@
 """What trained policies press on held-out targets, over all seeds of every recipe.
 
-The table of docs/environments/button.md.
+The table of docs/studies/appendix/button.md.
 
 python -m kinreach.train button --seeds 5         (and the other recipes)
 python -m benchmarks.studies.button_policies results/train

@@ -1,4 +1,4 @@
-"""Do policies wait beside the goal instead of reaching it? The experiment of docs/guides/training.md.
+"""Do policies wait beside the goal instead of reaching it? The experiment of docs/studies/appendix/multi_step.md.
 
 `python -m benchmarks.studies.loitering results/train` after training `ppo-multi` and `ppo-multi-ending`.
 """

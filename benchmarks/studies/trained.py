@@ -1,6 +1,6 @@
 """What trained reach policies do on held-out goals, over all seeds of every recipe.
 
-The tables of docs/guides/training.md.
+The tables of docs/studies/appendix/trainings.md.
 
 python -m kinreach.train single --seeds 5         (and the other recipes)
 python -m benchmarks.studies.trained results/train --goals 10000

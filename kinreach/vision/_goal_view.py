@@ -174,7 +174,8 @@ class CameraGoalView:
         arm: Name of a registered arm, or a description.
         width, height: Size of the pictures [pixels]. At the default most of the error is the renderer's: it draws the
             ball with facets. 1280x720, the thesis's size, gains 0.03 mm for three times the time; 320x180 is off by
-            1.6 times as much in 0.4 of the time. `docs/guides/seeing.md` has the numbers.
+            1.6 times as much in 0.4 of the time. `docs/studies/appendix/seeing.md` has the
+            numbers.
         pipeline: How the ball is found, see `kinreach.vision._ball_finder`.
         noise: Of the cameras; none by default.
 

@@ -6,7 +6,7 @@ from pathlib import Path
 from benchmarks.studies.seeing_policies import SIGHTS, row, sights
 from kinreach.baselines._policies import load_policy, pretrained_names
 
-PAGE = Path(__file__).parents[2] / "docs" / "guides/seeing.md"
+PAGE = Path(__file__).parents[2] / "docs" / "studies/appendix/seeing.md"
 
 
 def test_every_shipped_policy_is_accounted_for():

@@ -121,8 +121,8 @@ def test_where_one_training_in_five_fails_it_holds_as_often_as_the_docs_say(root
         held += comb(5, failures) * 0.2**failures * 0.8 ** (5 - failures) * (low <= 0.8 <= high)
     for page in (
         "docs/reference/numbers.md",
-        "docs/guides/training.md",
-        "docs/environments/button.md",
+        "docs/studies/appendix/trainings.md",
+        "docs/studies/appendix/button.md",
         "benchmarks/studies/trainings.py",
     ):
         assert f"{100 * held:.0f} %" in (root / page).read_text(encoding="utf-8"), page

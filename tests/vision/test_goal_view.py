@@ -182,7 +182,7 @@ def test_one_view_serves_many_scenes_and_closes_twice(goals, needs_gl):
 
 @pytest.mark.slow
 def test_the_published_tables_have_the_rows_that_the_studies_print(root, needs_gl, capsys):
-    published = (root / "docs" / "guides/seeing.md").read_text()
+    published = (root / "docs" / "studies/appendix/seeing.md").read_text()
     assert ball_detection.main(["--positions", "1"]) == 0
     assert light_and_clutter.main(["--positions", "1"]) == 0
 

@@ -55,8 +55,8 @@ class ButtonPressEnv(CopyableEnv):
     | `"tuned"` | 4, 8, 2.5 | 12, 20, 6 | 0.2 | 0.004 | 10 |
     | `"report"` | 825, 10, 3 | 0, 0, 0 | 0 | 0.002 | 2 |
 
-    `"report"` is what the report and the course project's model describe; `docs/environments/button.md` says why it is
-    not the default.
+    `"report"` is what the report and the course project's model describe; `docs/studies/appendix/button.md` has why it
+    is not the default.
 
     ## Observation Space
     `Box(19,), float64`, in the world frame (z up), in the report's order. Positions of the target stay within 0.6 m

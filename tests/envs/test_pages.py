@@ -1,0 +1,70 @@
+"""The pages of the environments list the arguments, spaces and limits that the environments have."""
+
+import re
+
+import gymnasium as gym
+import numpy as np
+import pytest
+
+import kinreach  # noqa: F401  (registers the environments)
+
+PAGES = {
+    "button": ["kinreach/ButtonPress-v0"],
+    "moving": ["kinreach/Moving-v0"],
+    "reach": ["kinreach/UR5SingleStep-v0", "kinreach/UR5MultiStep-v0", "kinreach/Reach-v0"],
+    "real_arm": ["kinreach/RealArm-v0"],
+}
+
+
+@pytest.mark.parametrize("page", PAGES)
+def test_arguments_have_their_defaults(root, page):
+    text = (root / f"docs/environments/{page}.md").read_text(encoding="utf-8").partition("\n## Arguments\n")[2]
+    shown = dict(re.findall(r"^\| `(\w+)` \| `(.*?)` \|", text, re.MULTILINE))
+    env = gym.make(PAGES[page][-1])
+    fields = type(env.unwrapped).Options.__dataclass_fields__
+    assert shown.keys() == fields.keys()
+    for name, field in fields.items():
+        assert shown[name].replace('"', "'") == repr(field.default), name
+    assert len(shown) >= 5
+
+
+@pytest.mark.parametrize("page", PAGES)
+def test_spaces_are_as_shown(root, page):
+    text = (root / f"docs/environments/{page}.md").read_text(encoding="utf-8")
+    (actions,) = re.findall(r"^\| Action space \| `(.*?)`", text, re.MULTILINE)
+    observations = re.findall(r"`Box\(([\d, ]+)\), float64`", text.partition("\n## ")[0])
+    assert len(observations) >= 1
+    shapes = set()
+    for name in PAGES[page]:
+        env = gym.make(name)
+        space = env.action_space
+        found = (
+            f"Discrete({space.n})"
+            if isinstance(space, gym.spaces.Discrete)
+            else f"Box(-1, 1, {space.shape}, {space.dtype})"
+        )
+        assert found == actions
+        shapes.add(", ".join(map(str, env.observation_space.shape)) + "," * (len(env.observation_space.shape) == 1))
+    assert shapes == set(observations)
+
+
+@pytest.mark.parametrize("page", PAGES)
+def test_observations_have_their_bounds(root, page):
+    """Rows "| 0–2 | name | min | max | unit |" of the section on observations."""
+    text = (root / f"docs/environments/{page}.md").read_text(encoding="utf-8")
+    section = text.partition("\n## Observation Space\n")[2].partition("\n## ")[0]
+    space = gym.make(PAGES[page][0]).observation_space
+    low, high = (np.atleast_2d(bound)[0] for bound in (space.low, space.high))
+    checked = 0
+    for first, last, least, most in re.findall(
+        r"^\| (\d+)(?:–(\d+))? \| [^|]+ \| ([−\d.π]+) \| ([^|]+) \|", section, re.MULTILINE
+    ):
+        rows = slice(int(first), int(last or first) + 1)
+        words = {"π": np.pi, "−π": -np.pi, "`again`": 2, "the largest budget": 50}
+        for shown, bound in ((least, low), (most, high)):
+            value = words.get(shown)
+            np.testing.assert_allclose(
+                bound[rows], float(shown.replace("−", "-")) if value is None else value, atol=1e-6
+            )
+        checked += len(low[rows])
+    assert checked == len(low)
