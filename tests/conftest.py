@@ -9,7 +9,9 @@ import signal
 import subprocess
 import sys
 from collections.abc import Callable, Generator
+from io import BytesIO
 from pathlib import Path
+from typing import Any
 
 # Two workers of pytest with two threads each would wait for one another on two cores: three times the processor time.
 os.environ.setdefault("OMP_NUM_THREADS", "1")
@@ -149,6 +151,17 @@ def run_python(tmp_path: Path) -> PythonRunner:
         )
 
     return run
+
+
+@pytest.fixture
+def texts() -> Callable[[Any], list[str]]:
+    """Draws a figure for good, which finds what matplotlib would only warn of, and gives everything written in it."""
+
+    def drawn(figure: Any) -> list[str]:
+        figure.savefig(BytesIO(), format="png", dpi=50)
+        return [text.get_text() for text in figure.findobj(lambda artist: hasattr(artist, "get_text"))]
+
+    return drawn
 
 
 @pytest.fixture

@@ -108,6 +108,7 @@ BUTTON_TASK = Task(
     ),
     figures={
         "pressed": curves.draw_pressed,
+        "map": figures.draw_map,
         "episodes": figures.draw_strip_grid(
             "How episodes end, and what they take",
             {

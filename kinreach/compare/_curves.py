@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
+from textwrap import fill
 from typing import Any
 
 import numpy as np
@@ -10,44 +11,54 @@ from matplotlib.figure import Figure
 from matplotlib.patheffects import withStroke
 from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
 
-from kinreach._statistics import Trial, bootstrap_intervals, median, wilson_interval
+from kinreach._statistics import Trial, bootstrap_intervals, median, number, wilson_interval
 from kinreach.compare._figures import Value, by_method, colours_in, origin
 from kinreach.compare._task import Draw
-from kinreach.plots import key, label_ends, name_label, new_figure, plain
+from kinreach.plots import key, label_ends, name_label, new_figure, plain, text_colour
 
 
 def draw_success(trials: Sequence[Trial], results: Mapping[str, Any]) -> Figure:
-    """Draw the share of goals within any tolerance, with dots and 95 % intervals where the table reports it."""
+    """Draw the share of goals within any tolerance, with dots and 95 % intervals where the table reports it.
+
+    A method is named beside its own curve; one without a goal within the axes in a line above.
+    """
     figure, (axes,) = new_figure(
-        "Share of goals reached within a tolerance", size=(7.6, 4.6), note=origin(results), grid="both"
+        "Share of goals reached within a tolerance", size=(8.2, 4.9), note=origin(results), grid="both"
     )
     methods = results["methods"]
     near = by_method(trials, results, lambda t: None if t["impossible"] else max(1e3 * t["distance"], 1e-6))
     tolerances = np.array([float(mm) for mm in methods[0]["success_at_mm"]])
     low = min([tolerances.min(), *(np.percentile(found, 2) for found in near.values() if found.size)])
     low, high = 10 ** np.floor(np.log10(low)), 1.3 * tolerances.max()
-    for rank, (method, colour) in enumerate(zip(methods, colours_in(results), strict=True)):
+    middles, never = {}, []
+    for method, colour in zip(methods, colours_in(results), strict=True):
         found = np.sort(near[method["name"]])
+        if not (found <= high).any():
+            never.append(name_label(method["name"]))
+            continue
+        middles[method["name"]] = float(np.median(found))
         shares = 100 * np.arange(1, found.size + 1) / method["goals"]
-        last = shares[-1] if found.size else 0.0
-        axes.step([low, *found, high], [0.0, *shares, last], where="post", color=colour, lw=1.6)
+        axes.step([found[0], *found, high], [0.0, *shares, shares[-1]], where="post", color=colour, lw=1.6)
         at = 100 * np.array([*method["success_at_mm"].values()])
         bounds = 100 * np.array([*method["success_at_mm_ci"].values()])
         error = np.maximum([at - bounds[:, 0], bounds[:, 1] - at], 0.0)
         axes.errorbar(tolerances, at, error, color=colour, ls="", marker="o", ms=3.5, elinewidth=1, zorder=3)
-        wanted = 92 - 84 * (rank + 0.5) / len(methods)  # each name at another height, beside its own line
-        seen = found[found <= high]
-        index = min(int(np.searchsorted(shares, wanted)), max(seen.size - 1, 0))
-        place = (seen[index], shares[index]) if seen.size else (tolerances.max() / 3, 2.0)
+    for rank, name in enumerate(sorted(middles, key=middles.__getitem__)):  # from top left to bottom right
+        found, count = np.sort(near[name]), next(m["goals"] for m in methods if m["name"] == name)
+        wanted = 94 - 88 * (rank + 0.5) / len(middles)
+        index = min(int(np.ceil(wanted / 100 * count)), int((found <= high).sum())) - 1
+        colour = next(m["colour"] for m in methods if m["name"] == name)
         axes.annotate(
-            name_label(method["name"]), place, xytext=(5, 0), textcoords="offset points", color=colour, weight="bold",
-            fontsize=8.5, va="center", path_effects=[withStroke(linewidth=3, foreground="white")], zorder=4,
+            name_label(name), (found[max(index, 0)], 100 * (index + 1) / count), xytext=(5, 0),
+            textcoords="offset points", color=text_colour(colour), weight="bold", fontsize=8.5, va="center",
+            path_effects=[withStroke(linewidth=3, foreground="white")], zorder=4,
         )  # fmt: skip
     axes.set(xscale="log", xlim=(low, high), ylim=(-3, 103), xlabel="tolerance [mm]")
     axes.xaxis.set_major_formatter(FuncFormatter(plain))
     axes.xaxis.set_minor_formatter(NullFormatter())
     axes.yaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:.0f} %"))
-    key(axes, "line: all goals, sorted by distance · dot: reported, with its 95 % interval")
+    rest = f"\nno goal within {high:.0f} mm: {', '.join(never)}" if never else ""
+    key(axes, f"line: all goals, sorted by distance · dot: reported, with its 95 % interval{rest}")
     return figure
 
 
@@ -104,7 +115,8 @@ def draw_speeds(trials: Sequence[Trial], results: Mapping[str, Any]) -> Figure:
 def draw_looks(budgets: Sequence[int], error_mm: Callable[[int, int], Value]) -> Draw:
     """Draw the error against looks before, with the median's 95 % interval over robots, directions and balls.
 
-    Left: in the first move to a ball. Right: in the second, having seen the tip beside it.
+    Left: in the first move to a ball. Right: in the second, having seen the tip beside it. A method for which looks
+    change nothing is a sentence, not a line.
 
     Args:
         budgets: Numbers of looks, as far as they were measured.
@@ -124,6 +136,7 @@ def draw_looks(budgets: Sequence[int], error_mm: Callable[[int, int], Value]) ->
         ends: tuple[dict[str, tuple[float, float]], ...] = ({}, {})
         for again, axes in enumerate(panels):
             samples = {budget: by_method(trials, results, error_mm(budget, again)) for budget in measured}
+            unchanged: dict[str, list[str]] = {}
             for method, colour in colours.items():
                 found = [
                     (place, median(sample[method]), *bootstrap_intervals(sample[method], (median,))[0])
@@ -133,6 +146,9 @@ def draw_looks(budgets: Sequence[int], error_mm: Callable[[int, int], Value]) ->
                 if not found:
                     continue
                 place, middle, low, high = np.array(found).T
+                if len(found) > 1 and np.ptp(middle) < 0.01 * middle[0]:
+                    unchanged.setdefault(number(middle[0]), []).append(name_label(method))
+                    continue
                 axes.fill_between(place, low, high, color=colour, alpha=0.15, linewidth=0)
                 axes.plot(place, middle, color=colour, marker="o", ms=4, lw=1.6)
                 ends[again][method] = (place[-1], middle[-1])
@@ -142,7 +158,9 @@ def draw_looks(budgets: Sequence[int], error_mm: Callable[[int, int], Value]) ->
             axes.yaxis.set_major_formatter(FuncFormatter(plain))
             axes.yaxis.set_minor_formatter(NullFormatter())
             move = ("first move", "second move, having seen the first")[again]
-            key(axes, f"{move} · median distance to the ball [mm]")
+            flat = "; ".join(f"{', '.join(names)} ({mm} mm)" for mm, names in unchanged.items())
+            rest = fill(f"looks change nothing for {flat}", width=64) if flat else ""
+            key(axes, f"{move} · median distance to the ball [mm]\n{rest}")
         low, high = (extreme(axes.get_ylim()[side] for axes in panels) for side, extreme in ((0, min), (1, max)))
         for axes, last in zip(panels, ends, strict=True):
             axes.set_ylim(low, high)

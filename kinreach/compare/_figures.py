@@ -1,4 +1,4 @@
-"""Draw a comparison: a row of dots per method, and the bars of the error budget; a task names its figures.
+"""Draw a comparison: a row of dots per method, the parts of the distance, maps; a task names its figures.
 
 A method has the same colour in every figure and is named next to its data. Every function takes
 all trials and the contents of `results.json`; those with parameters return such a function.
@@ -18,7 +18,18 @@ from matplotlib.ticker import FuncFormatter, NullFormatter
 from kinreach._files import replacing
 from kinreach._statistics import Trial, median, number, p95
 from kinreach.compare._task import Draw
-from kinreach.plots import FAINT, INK, PALETTE, key, name_label, new_figure, plain, verbatim
+from kinreach.plots import (
+    FAINT,
+    INK,
+    PALETTE,
+    draw_error_maps,
+    key,
+    name_label,
+    new_figure,
+    plain,
+    text_colour,
+    verbatim,
+)
 
 #: Of the files.
 DPI = 160
@@ -26,8 +37,8 @@ DPI = 160
 SMALLEST_ERROR_MM = 1e-13
 #: Name of the row of what the cameras saw.
 CAMERAS = "cameras"
-#: Least share of a budget that has room for its label [%].
-MIN_LABELLED = 9.0
+#: Parts of a distance below this are drawn at it [mm].
+SMALLEST_PART_MM = 1e-4
 
 Value = Callable[[Trial], float | None]
 
@@ -52,7 +63,7 @@ def write_figures(
     return written
 
 
-def draw_errors(posture_error_mm: Value, seen_error_mm: Value) -> Draw:
+def draw_errors(posture_error_mm: Value, seen_error_mm: Value, *, near_mm: float) -> Draw:
     """Draw every trial's distance to the goal: of the posture by itself, and after the move.
 
     With cameras, the first row is how far from the goal they saw it, and its median a line through both panels.
@@ -60,13 +71,16 @@ def draw_errors(posture_error_mm: Value, seen_error_mm: Value) -> Draw:
     Args:
         posture_error_mm: What a trial's commanded posture misses by itself [mm].
         seen_error_mm: How far from the goal it was seen [mm].
+        near_mm: Distance within which a goal counts as reached [mm].
     """
 
     def draw(trials: Sequence[Trial], results: Mapping[str, Any]) -> Figure:
         figure, (left, right) = _strips_figure(results, "Distance from the tip to the goal", columns=2)
         posture = by_method(trials, results, lambda t: _at_least(posture_error_mm(t), SMALLEST_ERROR_MM))
         moved = by_method(trials, results, lambda t: _at_least(1e3 * t["distance"], SMALLEST_ERROR_MM))
-        drawn = f"dot: one goal · bar: median · errors below {number(SMALLEST_ERROR_MM)} mm are drawn at it"
+        drawn = f"dot: one goal · bar: median · dotted: {near_mm:g} mm, near enough to reach the goal"
+        if any((values == SMALLEST_ERROR_MM).any() for values in posture.values()):
+            drawn += f"\nerrors below {number(SMALLEST_ERROR_MM)} mm are drawn at it"
         colours, source, target = colours_in(results), "by forward kinematics", "in the simulation"
         seen = np.concatenate([*by_method(trials, results, seen_error_mm).values()])
         if seen.size:
@@ -79,6 +93,7 @@ def draw_errors(posture_error_mm: Value, seen_error_mm: Value) -> Draw:
             drawn += "\ncameras: from where they saw the goal to where it is, its median dashed"
         draw_strips(left, posture, colours, f"posture found, {source} [mm]")
         draw_strips(right, moved, colours, f"after the move, {target} [mm]")
+        right.axvline(near_mm, color=FAINT, lw=1.2, ls=":", zorder=0)
         limits = [axes.get_xlim() for axes in (left, right)]
         for axes in (left, right):  # the same scale, so that the two can be compared by eye
             axes.set_xlim(min(low for low, _ in limits), max(high for _, high in limits))
@@ -103,63 +118,84 @@ def draw_times(trials: Sequence[Trial], results: Mapping[str, Any]) -> Figure:
 
 
 def draw_budget(parts: Sequence[str], meaning: str) -> Draw:
-    """Draw what each method's mean distance consists of, as a bar of 100 % with millimetres beside it.
+    """Draw what each method's mean distance consists of: a dot for each part on a logarithmic axis, with its interval.
 
-    Shares, because the distances of methods differ by orders of magnitude. A part that takes the tip back towards the
-    goal is drawn to the left of zero; the others then are more than 100 %.
+    A part that takes the tip back towards the goal is a hollow dot. Parts below `SMALLEST_PART_MM` are drawn at it.
 
     Args:
         parts: Their names in `budget_mm` of a method's results, beside the whole, `distance`.
         meaning: What the numbers mean, for people.
     """
-    colours = dict(zip(parts, (PALETTE[5], PALETTE[1], PALETTE[2]), strict=True))
+    marks = dict(zip(parts, (("o", PALETTE[5]), ("s", PALETTE[1]), ("D", PALETTE[2])), strict=True))
 
     def draw(trials: Sequence[Trial], results: Mapping[str, Any]) -> Figure:
         methods = results["methods"]
         figure, (axes,) = new_figure(
-            "Where the distance comes from", size=(9.0, 1.8 + 0.42 * len(methods)), note=origin(results), grid="x"
+            "Where the distance comes from", size=(9.0, 2.1 + 0.46 * len(methods)), note=origin(results), grid="x"
         )
-        low, high = 0.0, 100.0
         for row, method in enumerate(methods):
-            left, right = _budget_bar(axes, row, method["budget_mm"], colours)
-            low, high = min(low, left), max(high, right)
+            _budget_dots(axes, row, method, marks)
         axes.set_yticks(range(len(methods)), [name_label(method["name"]) for method in methods], weight="bold")
-        axes.set(ylim=(len(methods) - 0.5, -0.5), xlim=(low, high))
-        axes.set_xlabel(f"share of the mean distance [%]\n{meaning}", fontsize=9)
-        for name, colour in colours.items():
-            axes.barh(0, 0, color=colour, label=name)
+        for tick, colour in zip(axes.get_yticklabels(), colours_in(results), strict=True):
+            tick.set_color(text_colour(colour))
+        _plain_log(axes)
+        axes.set(ylim=(len(methods) - 0.5, -0.6), xlim=(0.7 * SMALLEST_PART_MM, None))
+        axes.set_xlabel(f"part of the mean distance [mm]\n{meaning}", fontsize=9)
+        for name, (marker, colour) in marks.items():
+            axes.plot([], [], ls="", marker=marker, ms=7, color=colour, label=name)
+        axes.plot([], [], ls="", marker="|", ms=13, mew=2.2, color=INK, label="distance, their sum")
+        axes.plot([], [], ls="", marker="o", ms=7, mfc="white", mec=FAINT, label="hollow: towards the goal")
         axes.legend(
-            loc="lower left", bbox_to_anchor=(0, 1.0), ncols=len(colours), frameon=False, fontsize=9, labelcolor=INK,
-            borderpad=0.2, handlelength=1.2,
+            loc="lower left", bbox_to_anchor=(0, 1.0), ncols=5, frameon=False, fontsize=9, labelcolor=INK,
+            borderpad=0.2, handlelength=1.0, columnspacing=1.4,
         )  # fmt: skip
         return figure
 
     return draw
 
 
-def _budget_bar(
-    axes: Axes, row: int, budget: Mapping[str, float | None], colours: Mapping[str, str]
-) -> tuple[float, float]:
-    """Draw one method's bar; return how far it reaches to the left and to the right [%]."""
-    distance = budget["distance"]
-    if not distance:
-        axes.annotate("none" if distance is None else "0", (2, row), va="center", fontsize=8.5, color=FAINT)
-        return 0.0, 0.0
-    parts = {name: float(budget[name] or 0.0) for name in colours}
-    ends = {False: 0.0, True: 0.0}  # of the bar so far, to the right and to the left
-    for name, part in parts.items():
-        share, negative = 100 * part / distance, part < 0
-        axes.barh(row, share, left=ends[negative], height=0.6, color=colours[name])
-        if abs(share) >= MIN_LABELLED:
-            at = ends[negative] + share / 2
-            axes.annotate(f"{share:.0f} %", (at, row), ha="center", va="center", fontsize=8, color=INK)
-        ends[negative] += share
-    text = " + ".join(number(part) for part in parts.values()).replace("+ -", "- ")
+def _budget_dots(axes: Axes, row: int, method: Mapping[str, Any], marks: Mapping[str, tuple[str, str]]) -> None:
+    """Draw the parts of one method's mean distance, each a little above or below the row, and its sum in numbers."""
+    budget, intervals = method["budget_mm"], method.get("budget_mm_ci", {})
+    if not budget["distance"]:
+        text = "none" if budget["distance"] is None else "0"
+        axes.annotate(text, (SMALLEST_PART_MM, row), va="center", fontsize=8.5, color=FAINT)
+        return
+    for place, (name, (marker, colour)) in enumerate(marks.items()):
+        part, bounds = float(budget[name] or 0.0), intervals.get(name)
+        y = row + 0.17 * (place - 1)
+        if bounds is not None:
+            low, high = sorted(abs(bound) for bound in bounds) if min(bounds) * max(bounds) > 0 else (0.0, abs(part))
+            low, high = (max(bound, SMALLEST_PART_MM) for bound in (low, high))
+            axes.plot([low, high], [y, y], color=colour, lw=1.2, zorder=2)
+        face = colour if part >= 0 else "white"
+        axes.plot(max(abs(part), SMALLEST_PART_MM), y, marker=marker, ms=6, mfc=face, mec=colour, mew=1.5, zorder=3)
+    axes.plot([budget["distance"]] * 2, [row - 0.34, row + 0.34], color=INK, lw=2.2, zorder=1)
+    summands = [float(budget[name] or 0.0) for name in marks]
+    text = " ".join(f"{'−' if part < 0 else '+'} {number(abs(part))}" for part in summands).removeprefix("+ ")
     axes.annotate(
-        f"{text} = {number(distance)} mm", (1.02, row), xycoords=("axes fraction", "data"), va="center",
+        f"{text} = {number(budget['distance'])} mm", (1.02, row), xycoords=("axes fraction", "data"), va="center",
         fontsize=8.5, color=INK, annotation_clip=False,
     )  # fmt: skip
-    return ends[True], ends[False]
+
+
+def draw_map(trials: Sequence[Trial], results: Mapping[str, Any]) -> Figure:
+    """Draw where each method ended how far from the goal, over the table; a goal that was not reached has a cross."""
+    ends = by_method(trials, results, lambda trial: trial["goal_index"])
+    maps = {}
+    for name in ends:
+        own = [trial for trial in trials if trial["method"] == name]
+        errors = [1e3 * trial["distance"] if trial["reached"] else np.nan for trial in own]
+        maps[name] = (np.array([trial["goal"][:2] for trial in own]), np.array(errors))
+    reached = np.concatenate([errors[np.isfinite(errors)] for _, errors in maps.values()])
+    limits = None
+    if reached.size:
+        low, high = np.maximum(np.percentile(reached, (2, 98)), SMALLEST_ERROR_MM)
+        limits = (float(low), max(float(high), 2.0 * float(low)))
+    return draw_error_maps(
+        maps, title="Distance over the table", label="distance of the tip [mm]", missing="not reached", columns=4,
+        limits=limits, note=f"from above, the robot below · dot: a goal, around it its distance · {origin(results)}",
+    )  # fmt: skip
 
 
 def draw_strip_grid(
@@ -228,7 +264,7 @@ def draw_strips(
     axes.xaxis.set_minor_formatter(NullFormatter())
     axes.set_yticks(range(len(values)), [name_label(name) for name in values], weight="bold")
     for tick, colour in zip(axes.get_yticklabels(), colours, strict=True):
-        tick.set_color(colour)
+        tick.set_color(text_colour(colour))
 
 
 def by_method(trials: Sequence[Trial], results: Mapping[str, Any], value: Value) -> dict[str, Any]:
@@ -250,6 +286,12 @@ def origin(results: Mapping[str, Any]) -> str:
     """Return where the numbers are from, for the small print."""
     settings = results["settings"]
     return f"{settings['goals']} goals, seed {settings['seed']} · {verbatim(settings['command'])}"
+
+
+def _plain_log(axes: Axes) -> None:
+    axes.set_xscale("log")
+    axes.xaxis.set_major_formatter(FuncFormatter(plain))
+    axes.xaxis.set_minor_formatter(NullFormatter())
 
 
 def _at_least(value: float | None, least: float) -> float | None:

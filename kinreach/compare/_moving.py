@@ -66,11 +66,11 @@ MOVING_TASK = Task(
     variants={"moving": MOVING},
     resets=_resets,
     methods={
-        "first-sight": Method(FirstSight, CONTROLLER, colour="#7A7A7A"),
-        "last-sight": Method(LastSight, CONTROLLER, colour="#0072B2"),
-        "interception": Method(Interception, CONTROLLER, colour="#003F66"),
-        "policy": policy_method("moving", MOVING, colour="#00674C"),
-        "ppo": policy_method("ppo-moving", MOVING, colour="#D55E00"),
+        "first-sight": Method(FirstSight, CONTROLLER),
+        "last-sight": Method(LastSight, CONTROLLER),
+        "interception": Method(Interception, CONTROLLER),
+        "policy": policy_method("moving", MOVING),
+        "ppo": policy_method("ppo-moving", MOVING),
     },
     columns=(
         Column("reached", "reached", RATE, "all, %\n[95 % CI]", "interval"),

@@ -27,10 +27,12 @@ from kinreach.compare._error_budget import (
     seen_error_mm,
 )
 from kinreach.compare._methods import policy_method, solver_method
-from kinreach.compare._task import SEEDED, Method, Task, common_columns, policy_version, resets_to
+from kinreach.compare._task import SEEDED, Draw, Method, Task, common_columns, policy_version, resets_to
+from kinreach.envs._button.task import PRESS_RADIUS
 from kinreach.errors import InputError
 from kinreach.kinematics._solvers import SOLVERS, Tolerance, new_solver
 from kinreach.sim._controller import TOLERANCE
+from kinreach.thesis import REACHED_DISTANCE
 
 #: Goals in a row that an arm may miss before it is said to reach none.
 MAX_MISSED = 1000
@@ -47,12 +49,20 @@ COLUMNS = (
     Column("candidates", "candidates", QUANTILES, "postures\ntested", table=BUDGET_TABLE, digits=3),
     Column("accept_ms", thousandfold("accept_s"), QUANTILES, "acceptance\ntests, ms", table=BUDGET_TABLE),
 )
-FIGURES = {
-    "errors": figures.draw_errors(posture_error_mm, seen_error_mm),
-    "success": curves.draw_success,
-    "times": figures.draw_times,
-    "budget": figures.draw_budget(Budget._fields, BUDGET_MEANING),
-}
+
+
+def _figures(near_mm: float) -> Mapping[str, Draw]:
+    """Return the figures of a task whose goals count as reached within a distance [mm]."""
+    return {
+        "errors": figures.draw_errors(posture_error_mm, seen_error_mm, near_mm=near_mm),
+        "success": curves.draw_success,
+        "map": figures.draw_map,
+        "times": figures.draw_times,
+        "budget": figures.draw_budget(Budget._fields, BUDGET_MEANING),
+    }
+
+
+FIGURES = _figures(1e3 * REACHED_DISTANCE)
 
 
 def _kinematics(env: gym.Env[Any, Any]) -> Any:
@@ -198,7 +208,7 @@ ARM3_TASK = Task(
     resets=_reachable_resets,
     methods=METHODS,
     columns=[column for column in COLUMNS if column.key != "posture_error"],
-    figures=FIGURES,
+    figures=_figures(1e3 * PRESS_RADIUS),
     reached="d < 50 mm, the press radius",
     terms={
         "goal": "point in the world, uniform in the button task's four quadrants, kept if some posture reaches it",

@@ -26,31 +26,28 @@ MODEL, LEARNED, BOTH = "model", "policy", "model and learning"
 LEARNED_POLICY, INFORMED_POLICY = "space-single", "random-arms"
 
 
-def _method(
-    learner: Callable[[Any], Learner], kind: str, colour: str, *, again: bool = True, policy: str = ""
-) -> Method:
+def _method(learner: Callable[[Any], Learner], kind: str, *, again: bool = True, policy: str = "") -> Method:
     versions = policy_version(policy) if policy else {}
-    return Method(lambda env: LookingPolicy(learner, env, again=again), kind, versions=versions, colour=colour)
+    return Method(lambda env: LookingPolicy(learner, env, again=again), kind, versions=versions)
 
 
-def _policy_method(learner: Callable[[Any], Learner], colour: str, *, again: bool = True) -> Method:
-    return _method(learner, LEARNED, colour, again=again, policy=LEARNED_POLICY)
+def _policy_method(learner: Callable[[Any], Learner], *, again: bool = True) -> Method:
+    return _method(learner, LEARNED, again=again, policy=LEARNED_POLICY)
 
 
 METHODS: Mapping[str, Method] = {
-    "data-sheet": _method(lambda env: DataSheet(), MODEL, "#7A7A7A", again=False),
-    "look-again": _method(lambda env: DataSheet(), MODEL, "#003F66"),
-    "registered": _method(lambda env: Identified(REGISTERED, env.noise), MODEL, "#0072B2"),
-    "identified": _method(lambda env: Identified(ALL_PARAMETERS, env.noise), MODEL, "#56B4E9"),
-    "residual": _method(lambda env: Residual(env.noise), BOTH, "#CC79A7"),
-    "policy": _policy_method(lambda env: Trained(load_policy(LEARNED_POLICY)), "#8C6D31", again=False),
-    "policy-again": _policy_method(lambda env: Trained(load_policy(LEARNED_POLICY)), "#00674C"),
-    "policy-tuned": _policy_method(lambda env: Tuned(load_policy(LEARNED_POLICY), env.noise), "#2FBF94"),
+    "data-sheet": _method(lambda env: DataSheet(), MODEL, again=False),
+    "look-again": _method(lambda env: DataSheet(), MODEL),
+    "registered": _method(lambda env: Identified(REGISTERED, env.noise), MODEL),
+    "identified": _method(lambda env: Identified(ALL_PARAMETERS, env.noise), MODEL),
+    "residual": _method(lambda env: Residual(env.noise), BOTH),
+    "policy": _policy_method(lambda env: Trained(load_policy(LEARNED_POLICY)), again=False),
+    "policy-again": _policy_method(lambda env: Trained(load_policy(LEARNED_POLICY))),
+    "policy-tuned": _policy_method(lambda env: Tuned(load_policy(LEARNED_POLICY), env.noise)),
     "policy-informed": Method(
         lambda env: Informed(load_policy(INFORMED_POLICY), env),
         LEARNED,
         versions=policy_version(INFORMED_POLICY),
-        colour="#D55E00",
     ),
 }
 

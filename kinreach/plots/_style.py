@@ -1,44 +1,19 @@
-"""The style of the figures: palette, a colour for each method, empty axes, tick labels, names beside their data."""
+"""The style of the figures: empty axes, tick labels, names beside their data."""
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
-from itertools import cycle, pairwise
+from collections.abc import Mapping, Sequence
+from itertools import pairwise
 from textwrap import fill
-from typing import Literal
+from typing import Any, Literal
 
 import numpy as np
 from matplotlib.axes import Axes
+from matplotlib.colors import to_hex, to_rgb
 from matplotlib.figure import Figure
 from matplotlib.patheffects import withStroke
 from numpy.typing import ArrayLike
 
-PALETTE = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#000000", "#8C6D31")
-#: Method or recipe -> its colour in every figure. Two names of one method have the same colour.
-METHOD_COLOURS = {
-    **dict.fromkeys(("closed-form", "closed form", "analytic"), "#003F66"),
-    "placo": "#0072B2",
-    "lm": "#56B4E9",
-    "qp": "#8CCBEB",
-    "hybrid": "#CC79A7",
-    "random": "#7A7A7A",
-    **dict.fromkeys(("ppo-single", "ppo", "button"), "#D55E00"),
-    "ppo-multi": "#F2A35E",
-    "ppo-multi-ending": "#6A3D9A",
-    **dict.fromkeys(("single", "ranked-single", "space-single", "panda-single"), "#00674C"),
-    **dict.fromkeys(("multi", "ranked-multi"), "#2FBF94"),
-    **dict.fromkeys(("thesis-single", "thesis-ppo-single", "thesis-multi"), "#000000"),
-    **dict.fromkeys(("sb3-single", "sb3-multi", "sb3-multi-long"), "#E69F00"),
-    **dict.fromkeys(("sac-single", "sac-multi"), "#0072B2"),
-    **dict.fromkeys(("td3-single", "td3-multi"), "#CC79A7"),
-    **dict.fromkeys(("ddpg-single", "ddpg-multi"), "#009E73"),
-    **dict.fromkeys(("button-dqn", "button-dqn-report-actuation"), "#009E73"),
-    **dict.fromkeys(("button-report", "button-report-actuation"), "#0072B2"),
-    "button-report-both": "#CC79A7",
-    "button-report-controls": "#E69F00",
-    "button-report-frames": "#56B4E9",
-    "button-guided-controls": "#000000",
-}
 INK = "#222222"
 FAINT = "#6b6b6b"
 GRID = "#e4e4e4"
@@ -47,6 +22,8 @@ MAGNITUDE = "cividis"
 Grid = Literal["x", "y", "both", "none"]
 #: A line that ends nearer to the border of the axes is named beside them, as a share of their width.
 BORDER = 0.15
+#: Of names beside their data [points], and the colour of strokes that lead to them.
+FONT_SIZE, LEADER = 9.0, "#9a9a9a"
 #: Default resolution [dots per inch].
 DPI = 100
 #: Longest name that a figure has room for [characters].
@@ -122,22 +99,25 @@ def name_label(name: str) -> str:
     return verbatim(name if len(name) <= MAX_NAME_LENGTH else f"{name[: MAX_NAME_LENGTH - 1]}…")
 
 
-def colours_of(names: Iterable[str]) -> dict[str, str]:
-    """Choose a colour for each name: a method's own, and for other names the unused ones of the palette, in its order.
+def text_colour(colour: str) -> str:
+    """Darken a colour until it can be read on white: contrast of at least 4.5 (WCAG 2)."""
+    r, g, b = to_rgb(colour)
+    while 1.05 / (_luminance((r, g, b)) + 0.05) < 4.5:
+        r, g, b = 0.95 * r, 0.95 * g, 0.95 * b
+    return to_hex((r, g, b))
 
-    The part of a name after a comma, such as the seed, is ignored.
-    """
-    found = {name: METHOD_COLOURS.get(name.partition(",")[0], "") for name in names}
-    others = cycle([colour for colour in PALETTE if colour not in found.values()] or PALETTE)
-    return {name: colour or next(others) for name, colour in found.items()}
+
+def _luminance(rgb: ArrayLike) -> float:
+    c = np.asarray(rgb)
+    linear = np.where(c <= 0.04045, c / 12.92, ((c + 0.055) / 1.055) ** 2.4)
+    return float(linear @ [0.2126, 0.7152, 0.0722])
 
 
 def label_ends(axes: Axes, ends: Mapping[str, ArrayLike], colours: Mapping[str, str], *, side: str = "right") -> None:
     """Write names at the ends of lines, moved apart where they would overlap.
 
-    A line that ends inside the axes is named there. The other names form a column beside the axes. A stroke leads to a
-    name that was moved; it starts at the border of the axes, so that it cannot be taken for data. Set the limits of the
-    axes first.
+    A line that ends inside the axes is named there. The other names form a column beside the axes; a thin grey stroke
+    beside the axes leads to a name that was moved by more than half its height. Set the limits of the axes first.
 
     Args:
         axes: The axes with the lines.
@@ -147,29 +127,31 @@ def label_ends(axes: Axes, ends: Mapping[str, ArrayLike], colours: Mapping[str, 
     """
     to_axes = axes.transData + axes.transAxes.inverted()
     places = {name: to_axes.transform(np.asarray(end, dtype=float)) for name, end in ends.items()}
-    edge, beside, align = (1.0, 1.03, "left") if side == "right" else (0.0, -0.03, "right")
+    edge, beside, align = (1.0, 1.0, "left") if side == "right" else (0.0, -1.0, "right")
     column = {name: place for name, place in places.items() if abs(place[0] - edge) <= BORDER}
+    figure: Any = axes.figure
+    gap = 1.35 * FONT_SIZE / 72 / (figure.get_size_inches()[1] * axes.get_position().height)
     for at_border, group in ((True, column), (False, {n: place for n, place in places.items() if n not in column})):
-        heights = spread([float(y) for _, y in group.values()], gap=0.062)
+        heights = spread([float(y) for _, y in group.values()], gap=gap)
+        moved = any(abs(h - float(y)) > 0.6 * gap for (_, y), h in zip(group.values(), heights, strict=True))
         for (name, (x, y)), height in zip(group.items(), heights, strict=True):
-            moved = at_border and abs(height - y) > 0.01
+            start = min(max(float(y), 0.0), 1.0)
+            if at_border and abs(height - start) > 0.6 * gap:
+                axes.plot(
+                    [edge + 0.008 * beside, edge + 0.026 * beside], [start, height], transform=axes.transAxes,
+                    color=LEADER, lw=0.7, clip_on=False, zorder=1, solid_capstyle="round",
+                )  # fmt: skip
             text = axes.annotate(
                 name_label(name),
-                (edge, min(max(float(y), 0.0), 1.0)),
+                ((edge if at_border else float(x)) + (0.03 if at_border and moved else 0.012) * beside, height),
                 xycoords="axes fraction",
-                xytext=(beside if at_border else float(x) + beside - edge, height),
-                textcoords="axes fraction",
                 ha=align,
                 va="center",
-                fontsize=9,
-                color=colours[name],
+                fontsize=FONT_SIZE,
+                color=text_colour(colours[name]),
                 weight="bold",
                 annotation_clip=False,
-                arrowprops={
-                    "arrowstyle": "-", "color": colours[name], "lw": 0.8, "relpos": (float(side == "left"), 0.5),
-                    "shrinkA": 0, "shrinkB": 2,
-                } if moved else None,
-            )  # fmt: skip
+            )
             if not at_border:  # other lines may pass behind it
                 text.set_path_effects([withStroke(linewidth=2.5, foreground="white")])
 

@@ -4,6 +4,8 @@ Notebooks run in their own folder and import `figures`; from the repository's fo
 functions do not check their arguments.
 """
 
+from kinreach.plots import draw_error_maps
+
 from .learning import (
     draw_discounted_rewards,
     draw_distances,
@@ -12,7 +14,7 @@ from .learning import (
     moving_mean,
     seed_band,
 )
-from .maps import RewardMap, draw_error_maps, draw_paths, draw_reward_maps
+from .maps import RewardMap, draw_paths, draw_reward_maps
 from .methods import Success, draw_error_bands, draw_local_optimum, draw_posture_errors, draw_success
 from .pentagon import Pentagon, draw_pentagon_angles, draw_pentagons, pentagon_of, side_camera
 from .pictures import draw_camera_steps, draw_pictures

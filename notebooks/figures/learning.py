@@ -11,7 +11,7 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import FuncFormatter, LogLocator
 from numpy.typing import ArrayLike, NDArray
 
-from kinreach.plots import FAINT, INK, PALETTE, colours_of, key, label_ends, new_figure, plain
+from kinreach.plots import FAINT, INK, PALETTE, colours_of, key, label_ends, named, new_figure, plain
 from kinreach.thesis import REACHED_DISTANCE
 
 #: One seed: increasing positions on the horizontal axis, and the values there.
@@ -71,7 +71,8 @@ def draw_learning_curves(
         note: Small print.
     """
     figure, axes = new_figure(title, size=(9.0, 1.0 + 2.7 * len(panels)), rows=len(panels), note=note)
-    colours = colours_of(dict.fromkeys(name for recipes in panels.values() for name in recipes))
+    panels = {ylabel: named(recipes) for ylabel, recipes in panels.items()}
+    colours = colours_of(name for recipes in panels.values() for name in recipes)
     bands = {ylabel: {name: seed_band(runs) for name, runs in recipes.items()} for ylabel, recipes in panels.items()}
     everywhere = np.concatenate([band.x for recipes in bands.values() for band in recipes.values()])
     for ax, (ylabel, recipes) in zip(axes, bands.items(), strict=True):
@@ -152,6 +153,7 @@ def draw_distances(
         note: Small print.
     """
     figure, (ax,) = new_figure(title, size=(9.0, 3.8), note=note)
+    episodes = named(episodes)
     colours = colours_of(episodes)
     ends = {}
     for name, distances in episodes.items():

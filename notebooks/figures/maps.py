@@ -1,4 +1,4 @@
-"""Errors, rewards and paths over the table."""
+"""Rewards and paths over the table."""
 
 from __future__ import annotations
 
@@ -7,18 +7,26 @@ from typing import Any, NamedTuple
 
 import numpy as np
 from matplotlib import colormaps
-from matplotlib.axes import Axes
-from matplotlib.colors import BoundaryNorm, ListedColormap, LogNorm
+from matplotlib.colors import BoundaryNorm, ListedColormap
 from matplotlib.figure import Figure
-from matplotlib.patches import Circle, Rectangle
-from matplotlib.ticker import FuncFormatter, NullFormatter
+from matplotlib.patches import Circle
 from numpy.typing import ArrayLike, NDArray
 
-from kinreach.plots import FAINT, INK, MAGNITUDE, PALETTE, colours_of, key, name_label, new_figure, plain
+from kinreach.plots import (
+    INK,
+    MAGNITUDE,
+    PALETTE,
+    Area,
+    colours_of,
+    key,
+    name_label,
+    named,
+    new_figure,
+    outline,
+    view_from_the_robot,
+)
 from kinreach.thesis import IMPOSSIBLE_REWARD, NEAR_REWARD, REACHED_REWARD
 
-#: Bounds of x and y [m].
-Area = tuple[tuple[float, float], tuple[float, float]]
 Floats = NDArray[np.float64]
 
 _IMPOSSIBLE, _NEAR, _REACHED = "#bdbdbd", PALETTE[4], PALETTE[1]
@@ -37,76 +45,6 @@ class RewardMap(NamedTuple):
     x: ArrayLike
     y: ArrayLike
     reward: ArrayLike
-
-
-def draw_error_maps(
-    maps: Mapping[str, tuple[ArrayLike, ArrayLike]],
-    *,
-    title: str,
-    label: str = "error [mm]",
-    limits: tuple[float, float] | None = None,
-    missing: str = "not found",
-    area: Area | None = None,
-    columns: int = 2,
-    note: str = "",
-) -> Figure:
-    """Draw errors of goals on the table, a panel for each method, camera or pipeline, on one logarithmic scale.
-
-    Args:
-        maps: Panel -> positions (x, y) in the world [m], shape (n, 2), and their errors, shape (n,). NaN is drawn as a
-            cross.
-        title: Of the figure.
-        label: Name and unit of the error.
-        limits: Ends of the scale; by default the smallest and the largest error. Errors beyond have the colour of the
-            end, but count as they are in the numbers above the panel.
-        missing: Meaning of a cross.
-        area: Rectangle to outline, such as where goals are drawn from.
-        columns: Panels beside each other.
-        note: Small print.
-    """
-    panels = {name: (np.asarray(xy), np.asarray(errors)) for name, (xy, errors) in maps.items()}
-    measured = np.concatenate([errors for _, errors in panels.values()])
-    positive = measured[measured > 0]
-    low, high = (positive.min(), positive.max()) if limits is None else limits
-    norm = LogNorm(low, high if high > low else 1.01 * low)
-    rows = -(-len(panels) // columns)
-    figure, axes = new_figure(
-        title, size=(4.5 * columns, 0.7 + 2.8 * rows), rows=rows, columns=columns, note=note, grid="none"
-    )
-    drawn: Any = None
-    for ax, (name, (xy, errors)) in zip(axes, panels.items(), strict=False):
-        seen = np.isfinite(errors)
-        size = float(np.clip(9e3 / len(errors), 6, 60))
-        crosses = float(np.clip(6e3 / len(errors), 3, 30))
-        drawn = ax.scatter(
-            xy[seen, 1],
-            xy[seen, 0],
-            s=size,
-            c=np.clip(errors[seen], low, None),
-            cmap=MAGNITUDE,
-            norm=norm,
-            marker="s",
-            linewidths=0,
-        )
-        ax.scatter(xy[~seen, 1], xy[~seen, 0], s=crosses, color=PALETTE[1], marker="x")
-        if area is not None:
-            _outline(ax, area, colour=INK, halo=True)
-        _view_from_the_robot(ax, xy[:, 0], xy[:, 1], margin=0.02)
-        missed = f" · {(~seen).sum()} {missing} (×)" if (~seen).any() else ""
-        numbers = "none"
-        if seen.any():
-            median, largest = (plain(float(f"{value:.2g}")) for value in (np.median(errors[seen]), errors[seen].max()))
-            numbers = f"median {median}, max {largest}"
-        ax.set_title(name_label(name), loc="left", fontsize=10, weight="bold", color=INK, pad=18)
-        ax.annotate(numbers + missed, (0, 1.025), xycoords="axes fraction", fontsize=8.5, color=FAINT)
-    for ax in axes[len(panels) :]:
-        ax.set_axis_off()
-    bar = figure.colorbar(drawn, ax=axes, label=label, shrink=0.8, aspect=30)
-    bar.outline.set_visible(False)
-    bar.ax.yaxis.set_major_formatter(FuncFormatter(plain))
-    bar.ax.yaxis.set_minor_formatter(FuncFormatter(plain) if high / low < 20 else NullFormatter())
-    bar.ax.tick_params(which="both", labelsize=9)
-    return figure
 
 
 def draw_reward_maps(
@@ -136,10 +74,10 @@ def draw_reward_maps(
         ax.pcolormesh(y, x, np.where(r == IMPOSSIBLE_REWARD, 0.0, np.nan), cmap=ListedColormap([_IMPOSSIBLE]))
         possible = np.where(r == IMPOSSIBLE_REWARD, np.nan, np.maximum(r, 0.0))
         drawn = ax.pcolormesh(y, x, possible, cmap=cmap, norm=norm)
-        _view_from_the_robot(ax, x, y)
+        view_from_the_robot(ax, x, y)
         ax.locator_params(nbins=5)
         if area is not None and x[0] <= area[0][0] and area[0][1] <= x[-1]:
-            _outline(ax, area, colour="white")
+            outline(ax, area, colour="white")
         ax.plot(goal[1], goal[0], marker="+", ms=9, mew=1.4, color=INK)
         ax.set_title(name_label(name), loc="left", fontsize=9.5, weight="bold", color=INK)
     bar = figure.colorbar(drawn, ax=axes, label="reward r", aspect=18)
@@ -166,6 +104,7 @@ def draw_paths(
         title: Of the figure.
         note: Small print.
     """
+    paths = named(paths)
     figure, axes = new_figure(title, size=(9.0, 4.6), columns=2, note=note)
     colours = colours_of(paths)
     labels = (("x [m]", "y [m]"), ("distance from the base's axis [m]", "z [m]"))
@@ -180,21 +119,6 @@ def draw_paths(
     key(axes[0], f"circle: within {1e3 * radius:g} mm of the target · square: the last step")
     axes[1].legend(frameon=False, fontsize=9)
     return figure
-
-
-def _outline(axes: Axes, area: Area, *, colour: str, halo: bool = False) -> None:
-    (x0, x1), (y0, y1) = area
-    for ec, lw, ls in ((("white", 3.6, "-"),) if halo else ()) + ((colour, 1.2, "--"),):
-        axes.add_patch(Rectangle((y0, x0), y1 - y0, x1 - x0, fill=False, ec=ec, lw=lw, ls=ls))
-
-
-def _view_from_the_robot(axes: Axes, x: Floats, y: Floats, *, margin: float = 0.0) -> None:
-    """World x up and y to the left, as the robot at the lower edge sees the table; equal scales."""
-    axes.set(
-        xlim=(y.max() + margin, y.min() - margin), ylim=(x.min() - margin, x.max() + margin), aspect="equal",
-        xlabel="y [m]", ylabel="x [m]",
-    )  # fmt: skip
-    axes.spines["bottom"].set_visible(False)
 
 
 def _from_above(positions: Floats) -> Floats:

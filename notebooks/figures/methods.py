@@ -11,7 +11,7 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import FuncFormatter, NullFormatter, PercentFormatter
 from numpy.typing import ArrayLike, NDArray
 
-from kinreach.plots import FAINT, INK, colours_of, key, label_ends, name_label, new_figure, plain
+from kinreach.plots import FAINT, INK, colours_of, key, label_ends, name_label, named, new_figure, plain
 from kinreach.thesis import IMPOSSIBLE_REWARD, REACHED_POSTURE_ERROR
 
 Floats = NDArray[np.float64]
@@ -35,7 +35,6 @@ def draw_success(
     *,
     title: str = "Share of goals reached within a tolerance",
     xlabel: str = "tolerance [mm]",
-    colours: Mapping[str, str] | None = None,
     note: str = "",
 ) -> Figure:
     """Draw the share of goals against tolerance on a log axis, a line with confidence intervals for each method.
@@ -45,13 +44,13 @@ def draw_success(
         methods: By name.
         title: Of the figure.
         xlabel: Name and unit of the tolerance.
-        colours: Of the methods; by default those of `colours_of`.
         note: Small print.
     """
     x = np.asarray(tolerances)
     order = np.argsort(x)
     x = x[order]
-    colours = colours_of(methods) if colours is None else colours
+    methods = named(methods)
+    colours = colours_of(methods)
     figure, (ax,) = new_figure(title, size=(7.6, 4.6), note=note, grid="y")
     ends = {}
     for rank, (name, success) in enumerate(methods.items()):
@@ -99,6 +98,7 @@ def draw_error_bands(
     order = np.argsort(x)
     x = x[order]
     figure, (ax,) = new_figure(title, size=(7.6, 4.6), note=note)
+    errors = named(errors)
     colours, ends = colours_of(errors), {}
     for name, values in errors.items():
         low, middle, high = np.percentile(np.asarray(values)[order], (5, 50, 95), axis=1)
@@ -194,6 +194,7 @@ def draw_posture_errors(errors: Mapping[str, ArrayLike], *, title: str, widest: 
     """
     figure, (ax,) = new_figure(title, size=(9.0, 3.8), note=note)
     edges = np.linspace(0, widest, 81)
+    errors = named(errors)
     colours = colours_of(errors)
     for name, sample in errors.items():
         ax.hist(

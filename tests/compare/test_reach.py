@@ -259,5 +259,6 @@ def test_figures_show_where_methods_differ(medians):
     for mark, method in zip(marks, methods, strict=True):
         assert mark.get_xdata() == pytest.approx([float(name) for name in tolerances])
         assert mark.get_ydata() == pytest.approx([100 * share for share in method["success_at_mm"].values()])
-    left, right = figures.draw_errors(lambda t: 10.0 * 1e3 * t["distance"], lambda t: None)(trials, results).axes
+    draw = figures.draw_errors(lambda t: 10.0 * 1e3 * t["distance"], lambda t: None, near_mm=10.0)
+    left, right = draw(trials, results).axes
     assert left.get_xlim() == right.get_xlim()

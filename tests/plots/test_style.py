@@ -2,16 +2,30 @@
 
 from __future__ import annotations
 
-from itertools import combinations
+from itertools import combinations, pairwise
 
 import numpy as np
 import pytest
 from matplotlib.colors import to_rgb
 
-from kinreach.compare import get_task
+from kinreach.compare import get_task, task_names
 from kinreach.compare._methods import colours as task_colours
-from kinreach.plots import FAINT, INK, METHOD_COLOURS, PALETTE, colours_of, label_ends, new_figure, plain
-from kinreach.plots._style import GRID, spread
+from kinreach.plots import (
+    FAINT,
+    INK,
+    METHOD_COLOURS,
+    PALETTE,
+    colours_of,
+    draw_error_maps,
+    label_ends,
+    method_colours,
+    method_name,
+    new_figure,
+    plain,
+    text_colour,
+)
+from kinreach.plots._methods import NAMES, OTHERS
+from kinreach.plots._style import GRID, LEADER, spread
 
 #: What colours look like to people without red, green or blue cones (Machado, Oliveira, Fernandes 2009, severity 1).
 BLINDNESS = {
@@ -81,21 +95,17 @@ def test_names_beside_lines_do_not_overlap(side):
         ends = {f"method {i}": (at, y) for i, y in enumerate(rng.uniform(0.4, 0.6, 6))}
         label_ends(ax, ends, colours_of(ends), side=side)
         figure.canvas.draw()
-        boxes = [text.get_window_extent() for text in ax.texts]
-        # the box of an annotation holds its arrow too: compare where the names themselves are
-        heights = sorted(text.get_position()[1] for text in ax.texts)
-        high = ax.transAxes.transform([(0, 0.062)])[0][1] - ax.transAxes.transform([(0, 0)])[0][1]
+        boxes = sorted((text.get_window_extent() for text in ax.texts), key=lambda box: box.y0)
         assert len(boxes) == 6
-        assert high > 12  # pixels at 100 dpi: 9 points are 12.5
-        assert np.diff(heights).min() >= 0.062 - 1e-9
+        assert all(below.y1 <= above.y0 + 1.0 for below, above in pairwise(boxes))  # half a pixel at both is rounding
         cases += 1
     assert cases == 10
 
 
 @pytest.mark.parametrize("side", ["left", "right"])
-def test_no_stroke_to_a_name_is_within_the_axes(side):
-    """It would be taken for the line going on."""
-    strokes = 0
+def test_a_stroke_to_a_name_is_no_line_that_goes_on(side):
+    """It is beside the axes, of no method's colour, and slanted; a name that was hardly moved has none."""
+    strokes = names = 0
     for seed in range(10):
         rng = np.random.default_rng(seed)
         figure, (ax,) = new_figure("title", size=(9, 3.8))
@@ -104,12 +114,15 @@ def test_no_stroke_to_a_name_is_within_the_axes(side):
         ends = {f"method {i}": place for i, place in enumerate(zip(x, y, strict=True))}
         label_ends(ax, ends, colours_of(ends), side=side)
         figure.draw_without_rendering()
-        for text in ax.texts:
-            if text.arrow_patch is not None:
-                path = ax.transAxes.inverted().transform(text.arrow_patch.get_window_extent().get_points())
-                assert path[:, 0].min() > 0.995 if side == "right" else path[:, 0].max() < 0.005, path
-                strokes += 1
-    assert strokes >= 10
+        names += len(ax.texts)
+        for line in ax.lines:
+            places, heights = line.get_xdata(), line.get_ydata()
+            assert min(places) > 1.0 if side == "right" else max(places) < 0.0
+            assert abs(heights[1] - heights[0]) > 0.02
+            assert line.get_color() == LEADER
+            strokes += 1
+    assert names == 80
+    assert 10 <= strokes < 80
 
 
 def test_a_line_that_ends_early_is_named_there():
@@ -123,21 +136,69 @@ def test_a_line_that_ends_early_is_named_there():
     assert late[0, 0] > 1.0
 
 
-def test_a_method_has_one_colour_everywhere():
+def test_a_method_has_one_name_and_colour_everywhere():
     """In figures of trainings by its recipe's name, and in every comparison by the method's."""
     names = ["thesis-single", "seed 1", "single", "ppo, target 1", "ppo", "seed 2"]
     colours = colours_of(names)
     assert colours["single"] == colours_of(["sac-single", "single"])["single"]
     assert colours["ppo, target 1"] == colours["ppo"]
     assert len(set(colours.values())) == 5
+    assert method_name("single, seed 1") == "ranked-single, seed 1"
     compared = {}
-    for task in ("ur5", "space", "arm3", "button"):
+    for task in task_names():
         for name, colour in task_colours(get_task(task).methods).items():
             assert compared.setdefault(name, colour) == colour == colours_of([name])[name]
-    assert len(compared) >= 14
+            assert colour == METHOD_COLOURS[name]
+            assert name not in NAMES
+        assert len(set(task_colours(get_task(task).methods).values())) == len(get_task(task).methods), task
+    assert len(compared) >= 25
     assert compared["ranked-single"] == colours["single"]
     for shown in FIGURES:
         assert len(set(colours_of(shown).values())) == len(shown), shown
+
+
+def test_unknown_methods_have_stable_colours_that_no_known_one_has():
+    assert not set(OTHERS) & set(METHOD_COLOURS.values())
+    alone = [method_colours([f"mine-{number}"])[f"mine-{number}"] for number in range(40)]
+    assert set(alone) == set(OTHERS)
+    cases = 0
+    for seed in range(100):
+        rng = np.random.default_rng(seed)
+        names = [f"mine-{i}" for i in rng.permutation(40)[: len(OTHERS)]]
+        names += [str(name) for name in rng.permutation(list(METHOD_COLOURS))[:4]]
+        colours = method_colours(names)
+        assert colours[names[0]] == method_colours([names[0], *METHOD_COLOURS])[names[0]]
+        assert len(set(colours.values())) == len(colours)
+        cases += 1
+    assert cases == 100
+    assert len(set(method_colours(["policy", "ranked-single"]).values())) == 2  # a file's name may be a method's
+
+
+def test_names_can_be_read():
+    """Contrast on white of at least 4.5 for names in the colour of their line (WCAG 2)."""
+    shades = [text_colour(colour) for colour in {*METHOD_COLOURS.values(), *OTHERS, *PALETTE}]
+    assert len(shades) >= 18
+    for shade in shades:
+        assert 1.05 / (float(linear(shade) @ [0.2126, 0.7152, 0.0722]) + 0.05) > 4.4
+
+
+def test_maps_are_filled_and_have_units():
+    """A grid's cells are its positions; other goals colour what is nearest to them, and what is missing is grey."""
+    x, y = np.meshgrid(np.linspace(0.3, 0.6, 4), np.linspace(-0.2, 0.2, 6), indexing="ij")
+    errors = np.random.default_rng(0).uniform(1.0, 9.0, 24)
+    errors[3] = np.nan
+    scattered = np.random.default_rng(1).uniform((0.3, -0.3), (0.65, 0.3), (150, 2))
+    figure = draw_error_maps(
+        {"grid": (np.column_stack([x.ravel(), y.ravel()]), errors), "goals": (scattered, np.full(150, 2.0))},
+        title="Errors", label="error [mm]",
+    )  # fmt: skip
+    grid, goals, bar = figure.axes
+    cells, filled = (
+        np.ma.filled(np.ma.asarray(ax.collections[1].get_array(), dtype=float), np.nan) for ax in (grid, goals)
+    )
+    np.testing.assert_array_equal(cells.reshape(4, 6), errors.reshape(4, 6))
+    assert np.isfinite(filled).mean() > 0.97
+    assert (grid.get_xlabel(), grid.get_ylabel(), bar.get_ylabel()) == ("y [m]", "x [m]", "error [mm]")
 
 
 #: Methods that a figure of a notebook shows beside each other.
@@ -167,6 +228,6 @@ def test_plain_numbers(value, text):
     assert plain(value) == text
 
 
-def test_every_method_has_a_colour():
+def test_every_colour_is_one():
     assert all(to_rgb(colour) for colour in METHOD_COLOURS.values())
     assert len(METHOD_COLOURS) >= 30

@@ -5,7 +5,6 @@ from __future__ import annotations
 import inspect
 from collections import Counter
 from collections.abc import Callable, Iterable, Mapping
-from itertools import cycle
 from pathlib import Path
 from typing import Any
 
@@ -21,13 +20,11 @@ from kinreach.compare._task import POLICY, SOLVER, Method, Task, policy_version
 from kinreach.envs._reach.task import CAMERA
 from kinreach.errors import InputError, raise_unknown
 from kinreach.kinematics._solvers import Solver
-from kinreach.plots import METHOD_COLOURS
+from kinreach.plots import method_colours
 from kinreach.robots import ArmDescription
 
 #: How names of policies' files end: kinreach's own, and a model of stable-baselines3 as it was saved.
 SAFETENSORS, ZIP = ".safetensors", ".zip"
-#: Of methods that do not name a colour.
-_COLOURS = ("#8C6D31", "#6A3D9A", "#B8A100", "#A6761D", "#666666")
 
 
 def resolve_methods(task: Task, given: Iterable[Any] | Mapping[str, Any]) -> dict[str, Method]:
@@ -57,25 +54,23 @@ def resolve_methods(task: Task, given: Iterable[Any] | Mapping[str, Any]) -> dic
     return dict(found)
 
 
-def solver_method(new: Callable[[Any], Solver], *, colour: str = "") -> Method:
+def solver_method(new: Callable[[Any], Solver]) -> Method:
     """Make a method of a solver of inverse kinematics.
 
     Args:
         new: From a kinematics to a solver for it.
-        colour: In figures.
     """
-    return Method(lambda env: SolverPolicy(new(_kinematics(env)), env), SOLVER, colour=colour)
+    return Method(lambda env: SolverPolicy(new(_kinematics(env)), env), SOLVER)
 
 
-def policy_method(policy: str, environment: str, *, colour: str = "") -> Method:
+def policy_method(policy: str, environment: str) -> Method:
     """Make a method of a trained policy that comes with the package, or of a file.
 
     Args:
         policy: Name, or path of a file.
         environment: Id of the environment that it acts in.
-        colour: In figures.
     """
-    return Method(lambda env: load_policy(policy), POLICY, environment, policy_version(policy), colour)
+    return Method(lambda env: load_policy(policy), POLICY, environment, policy_version(policy))
 
 
 def _kinematics(env: gym.Env[Any, Any]) -> Any:
@@ -84,8 +79,9 @@ def _kinematics(env: gym.Env[Any, Any]) -> Any:
 
 def colours(methods: Mapping[str, Method]) -> dict[str, str]:
     """Return a colour for each method: the one that it names, that of its name in all figures, or another."""
-    others = cycle(_COLOURS)
-    return {name: method.colour or METHOD_COLOURS.get(name) or next(others) for name, method in methods.items()}
+    own = {name: method.colour for name, method in methods.items() if method.colour}
+    others = method_colours((name for name in methods if name not in own), taken=own.values())
+    return {name: own.get(name) or others[name] for name in methods}
 
 
 def _label(name: object) -> str:

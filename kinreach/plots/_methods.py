@@ -1,0 +1,100 @@
+"""One name and one colour for each method, in every figure, report and film."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from typing import TypeVar
+from zlib import crc32
+
+Value = TypeVar("Value")
+
+PALETTE = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#000000", "#8C6D31")
+#: Recipe or other name of a method -> the name that a comparison has for it.
+NAMES = {
+    "closed form": "closed-form",
+    "single": "ranked-single",
+    "panda-single": "ranked-single",
+    "multi": "ranked-multi",
+    "thesis-single": "thesis-ppo-single",
+    "thesis-multi": "thesis-ppo-multi",
+    "button": "ppo",
+    "ppo-moving": "ppo",
+    "moving": "policy",
+}
+#: Method -> its colour. Only methods that no figure shows together share one.
+METHOD_COLOURS = {
+    # models of the arm
+    **dict.fromkeys(("closed-form", "analytic", "interception", "look-again"), "#003F66"),
+    **dict.fromkeys(("placo", "last-sight", "registered"), "#0072B2"),
+    **dict.fromkeys(("lm", "identified"), "#56B4E9"),
+    "qp": "#8CCBEB",
+    **dict.fromkeys(("hybrid", "residual"), "#CC79A7"),
+    # neither a model nor learning
+    **dict.fromkeys(("random", "first-sight", "data-sheet"), "#7A7A7A"),
+    # PPO
+    **dict.fromkeys(("ppo-single", "ppo", "policy-informed"), "#D55E00"),
+    "ppo-multi": "#F2A35E",
+    "ppo-multi-ending": "#6A3D9A",
+    # ranked PPO
+    **dict.fromkeys(("ranked-single", "space-single", "policy"), "#00674C"),
+    **dict.fromkeys(("ranked-multi", "space-multi", "policy-tuned"), "#2FBF94"),
+    "policy-again": "#E69F00",
+    # what the documents and other packages do
+    **dict.fromkeys(("thesis-ppo-single", "thesis-ppo-multi", "button-guided-controls"), "#000000"),
+    **dict.fromkeys(("sb3-single", "sb3-multi", "sb3-multi-long", "button-report-controls"), "#E69F00"),
+    **dict.fromkeys(("sac-single", "sac-multi", "button-report", "button-report-actuation"), "#0072B2"),
+    **dict.fromkeys(("td3-single", "td3-multi", "button-report-both"), "#CC79A7"),
+    **dict.fromkeys(("ddpg-single", "ddpg-multi", "button-dqn", "button-dqn-report-actuation"), "#009E73"),
+    "button-report-frames": "#56B4E9",
+}
+#: Of methods that are not in the table: no method of the table has one of these.
+OTHERS = ("#8C6D31", "#B0123C", "#9A86E8", "#A59A00", "#00838F")
+
+
+def method_name(name: str) -> str:
+    """Return the name under which figures show a method, such as `ranked-single` for the recipe `single`.
+
+    What follows a comma, such as the seed, is kept.
+    """
+    method, comma, rest = name.partition(",")
+    return f"{NAMES.get(method, method)}{comma}{rest}"
+
+
+def named(values: Mapping[str, Value]) -> dict[str, Value]:
+    """Return a mapping with the names of `method_name`."""
+    return {method_name(name): value for name, value in values.items()}
+
+
+def method_colours(names: Iterable[str], *, taken: Iterable[str] = ()) -> dict[str, str]:
+    """Choose a colour for each method: its own, and for others one of `OTHERS` that depends on the name.
+
+    Methods have different colours as long as there are enough; what follows a comma in a name, such as the seed, is
+    ignored.
+
+    Args:
+        names: Of the methods.
+        taken: Colours that others do not get.
+    """
+    methods = {name: name.partition(",")[0] for name in names}
+    present, used = set(methods.values()), set(taken)
+    found: dict[str, str] = {}
+    for method, colour in METHOD_COLOURS.items():
+        if method in present and colour not in used:
+            found[method] = colour
+            used.add(colour)
+    for method in methods.values():
+        if method not in found:
+            first = crc32(method.encode())
+            turned = [OTHERS[(first + step) % len(OTHERS)] for step in range(len(OTHERS))]
+            found[method] = next((colour for colour in (*turned, *PALETTE) if colour not in used), turned[0])
+            used.add(found[method])
+    return {name: found[method] for name, method in methods.items()}
+
+
+def colours_of(names: Iterable[str]) -> dict[str, str]:
+    """Choose a colour for each line of a figure: those of methods, if one is known, else the palette's in its order."""
+    given = list(dict.fromkeys(names))
+    if any(method_name(name).partition(",")[0] in METHOD_COLOURS for name in given):
+        colours = method_colours(map(method_name, given))
+        return {name: colours[method_name(name)] for name in given}
+    return {name: PALETTE[index % len(PALETTE)] for index, name in enumerate(given)}

@@ -1,0 +1,68 @@
+"""Figures of comparisons: the parts of a distance as dots, flat lines as sentences, maps."""
+
+import numpy as np
+import pytest
+from matplotlib.colors import to_rgb
+
+from kinreach.compare._curves import draw_looks
+from kinreach.compare._figures import SMALLEST_PART_MM, draw_budget, draw_map
+
+SETTINGS = {"goals": 40, "seed": 0, "command": "again"}
+
+
+def test_parts_of_a_distance_are_dots_in_millimetres(texts):
+    budget = {"seeing": 0.13, "deciding": -0.004, "moving": 2e-9, "distance": 0.126000002}
+    methods = [
+        {"name": "a", "colour": "#0072B2", "budget_mm": budget, "budget_mm_ci": {"seeing": [0.12, 0.14]}},
+        {"name": "b", "colour": "#D55E00", "budget_mm": dict.fromkeys(budget)},
+    ]
+    figure = draw_budget(("seeing", "deciding", "moving"), "meaning")([], {"methods": methods, "settings": SETTINGS})
+    (axes,) = figure.axes
+    dots = [line for line in axes.lines if line.get_marker() in "osD" and len(line.get_xdata()) == 1]
+    assert [float(dot.get_xdata()[0]) for dot in dots] == pytest.approx([0.13, 0.004, SMALLEST_PART_MM])
+    assert [to_rgb(dot.get_markerfacecolor()) == (1.0, 1.0, 1.0) for dot in dots] == [False, True, False]
+    assert axes.get_xscale() == "log"
+    assert [0.12, 0.14] in [[*line.get_xdata()] for line in axes.lines]  # the interval
+    assert {"0.13 − 0.0040 + 2e-9 = 0.13 mm", "none"} <= set(texts(figure))
+
+
+def test_a_method_that_looks_do_not_change_is_a_sentence(texts):
+    rng = np.random.default_rng(0)
+    errors = {"flat": lambda looks: 5.0, "steep": lambda looks: 5.0 / (1 + looks)}
+    cases = [(0, 0), (0, 1), (5, 0), (5, 1)]
+    trials = [
+        {"method": name, "goal_index": i, **{f"error_{b}_{a}": mm(b) * rng.uniform(1, 1.0001) for b, a in cases}}
+        for name, mm in errors.items()
+        for i in range(9)
+    ]  # fmt: skip
+    methods = [{"name": name, "colour": "#0072B2"} for name in errors]
+    draw = draw_looks((0, 5), lambda budget, again: lambda trial: trial[f"error_{budget}_{again}"])
+    figure = draw(trials, {"methods": methods, "settings": SETTINGS})
+    for axes in figure.axes:
+        assert [len(line.get_xdata()) for line in axes.lines if line.get_marker() == "o"] == [2]
+        assert "looks change nothing for flat (5.00 mm)" in axes.get_title(loc="left")
+        assert "steep" in [text.get_text() for text in axes.texts]
+
+
+def test_a_map_has_a_panel_a_method_and_crosses_where_it_failed(texts):
+    rng = np.random.default_rng(0)
+    goals = rng.uniform((0.3, -0.3, 0), (0.65, 0.3, 0), (40, 3))
+    trials = [
+        {"method": name, "goal_index": i, "goal": goal.tolist(), "distance": 1e-3, "reached": i % 4 > 0 or name == "a"}
+        for name in ("a", "b", "never")
+        for i, goal in enumerate(goals)
+    ]
+    for trial in trials:
+        trial["reached"] &= trial["method"] != "never"
+    methods = [{"name": name, "colour": "#0072B2"} for name in ("a", "b", "never")]
+    figure = draw_map(trials, {"methods": methods, "settings": SETTINGS})
+    said = texts(figure)
+    assert {
+        "a",
+        "b",
+        "never",
+        "median 1, max 1",
+        "median 1, max 1 · 10 not reached (×)",
+        "none · 40 not reached (×)",
+    } <= set(said)
+    assert "distance of the tip [mm]" in said
