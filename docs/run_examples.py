@@ -1,7 +1,8 @@
-"""Run examples and put what they print into `docs/guides/examples.md`.
+"""Put the code of examples, and what they print, into `docs/guides/examples.md`.
 
-    python docs/run_examples.py              # all of them
-    python docs/run_examples.py 09_seeing    # some
+    python docs/run_examples.py              # runs all of them
+    python docs/run_examples.py 09_seeing    # runs some; the code of all is put there
+    python docs/run_examples.py none         # runs none
 
 They run in a folder of their own; pictures that they write to `results` go to `docs/images`.
 """
@@ -37,13 +38,27 @@ def run(name: str) -> str:
 
 
 def main(names: list[str]) -> None:
-    """Replace the output of each example that the page shows."""
+    """Replace the code of every example that the page shows, and the output of those that are named."""
     page = PAGE.read_text(encoding="utf-8")
-    for name in names or re.findall(r"^<!-- code of examples/(\w+)\.py -->$", page, re.MULTILINE):
-        print(name, flush=True)
-        place = re.compile(rf"(<!-- code of examples/{name}\.py -->\n\n```text\n)(.*?)(```)", re.DOTALL)
-        output = run(name)
-        page = place.sub(lambda match, output=output: match[1] + output + match[3], page)
+    shown = re.findall(r"`python examples/(\w+)\.py`", page)
+    for name in shown:
+        place = re.compile(
+            rf"(`python examples/{name}\.py`\n\n```python\n)(.*?)(^```\n\n```text\n)(.*?)(^```)",
+            re.DOTALL | re.MULTILINE,
+        )
+        code = (ROOT / "examples" / f"{name}.py").read_text(encoding="utf-8")
+        output = None
+        if name in (names or shown):
+            print(name, flush=True)
+            output = run(name)
+        page, found = place.subn(
+            lambda match, code=code, output=output: (
+                f"{match[1]}{code}{match[3]}{match[4] if output is None else output}{match[5]}"
+            ),
+            page,
+        )
+        if not found:
+            raise SystemExit(f"{PAGE.name} has no blocks for the code and the output of {name} after its command")
     PAGE.write_text(page, encoding="utf-8")
 
 

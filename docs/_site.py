@@ -1,0 +1,131 @@
+"""What these pages need beside Sphinx's extensions.
+
+Formulas without a script, docstrings with Markdown in them, constants that a package re-exports, notebooks, and numbers
+in tables.
+"""
+
+from __future__ import annotations
+
+import re
+import shutil
+import sys
+from itertools import zip_longest
+from typing import Any
+
+from docutils import nodes
+from docutils.utils.math.latex2mathml import tex2mathml
+from sphinx.application import Sphinx
+from sphinx.config import Config
+from sphinx.errors import PycodeError
+from sphinx.pycode import ModuleAnalyzer
+from sphinx.transforms.post_transforms import SphinxPostTransform
+from sphinx.writers.html5 import HTML5Translator
+
+#: A cell of a table that is a number, with its interval, unit or sign.
+NUMBER = re.compile(r"^[-−+±<>≤≥~≈]?\s?\d[\d\s.,eE:–/×x*^-]*(%|[a-zA-Zµ°²/³]{1,6})?\s?(\[.*\]|\(.*\)|±.*)?$")
+#: An interval after a number, as in `97 % [95, 99]`.
+INTERVAL = re.compile(r"\[[-−+\d][^\[\]]*\]")
+
+
+def setup(app: Sphinx) -> dict[str, bool]:
+    """Called by Sphinx."""
+    app.add_html_math_renderer("mathml", inline_renderers=(_inline, None), block_renderers=(_block, None))
+    app.add_post_transform(NumbersInTables)
+    app.connect("autodoc-process-docstring", _comment_of_constant, priority=300)
+    app.connect("autodoc-process-docstring", _from_markdown, priority=400)  # before napoleon
+    app.connect("config-inited", _copy_notebooks)
+    app.connect("source-read", _links_of_notebooks)
+    return {"parallel_read_safe": True, "parallel_write_safe": True}
+
+
+def _inline(translator: HTML5Translator, node: nodes.math) -> None:
+    translator.body.append(tex2mathml(node.astext()))
+    raise nodes.SkipNode
+
+
+def _block(translator: HTML5Translator, node: nodes.math_block) -> None:
+    translator.body.append(tex2mathml(node.astext(), as_block=True))
+    raise nodes.SkipNode
+
+
+def _comment_of_constant(app: Sphinx, what: str, name: str, value: Any, options: Any, lines: list[str]) -> None:
+    """A constant has its `#:` comment where it is defined, not where its package exports it."""
+    if what != "data":
+        return
+    package, _, constant = name.rpartition(".")
+    lines.clear()
+    for module in sorted(module for module in sys.modules if module.startswith(f"{package}.")):
+        try:
+            docs = ModuleAnalyzer.for_module(module).find_attr_docs()
+        except PycodeError:
+            continue
+        if ("", constant) in docs:
+            lines.extend(docs["", constant])
+            return
+
+
+def _from_markdown(app: Sphinx, what: str, name: str, value: Any, options: Any, lines: list[str]) -> None:
+    """Headings, tables and indented code of a docstring as reStructuredText."""
+    found = list(lines)
+    lines.clear()
+    for line, following in zip_longest(found, found[1:], fillvalue=""):
+        if line.startswith("## "):
+            lines += [f".. rubric:: {line[3:]}", ""]
+        elif line.startswith("|") and following.startswith("|--"):
+            lines += [".. list-table::", "   :header-rows: 1", "", *_row(line)]
+        elif line.startswith("|"):
+            lines += [] if line.startswith("|--") else _row(line)
+        else:
+            lines.append(re.sub(r"(?<!\\)\|", r"\\|", line) if "``" not in line else line)
+    for number in range(len(lines) - 2):
+        if re.search(r"\w:$", lines[number]) and not lines[number + 1] and re.match(r" {4}\S", lines[number + 2]):
+            lines[number] += ":"
+
+
+def _row(line: str) -> list[str]:
+    cells = line.strip("| ").split(" | ")
+    return [f"   {'*' if not number else ' '} - {cell.strip()}" for number, cell in enumerate(cells)]
+
+
+def _copy_notebooks(app: Sphinx, config: Config) -> None:
+    """Sphinx reads pages below its folder only."""
+    folder = app.srcdir / "studies/notebooks"
+    folder.mkdir(exist_ok=True)
+    for notebook in app.srcdir.parent.glob("notebooks/*.ipynb"):
+        shutil.copy2(notebook, folder)
+
+
+def _links_of_notebooks(app: Sphinx, docname: str, source: list[str]) -> None:
+    """Notebooks lie in `notebooks/`, pages in `docs/`; a link to a file of the package becomes its name."""
+    if docname.startswith("studies/notebooks/"):
+        source[0] = re.sub(r"\]\(\.\./docs/", "](../../", source[0])
+        source[0] = re.sub(r"\[([^\]\n]+)\]\((?:\.\./(?!\.\./)[^)\n]*|figures)\)", r"\1", source[0])
+
+
+class NumbersInTables(SphinxPostTransform):
+    """Columns of numbers are right-aligned, intervals small and grey (`site.css`)."""
+
+    default_priority = 200
+    formats = ("html",)
+
+    def run(self, **kwargs: Any) -> None:
+        """Mark the cells of every table."""
+        for table in self.document.findall(nodes.table):
+            rows = [list(row.findall(nodes.entry)) for row in table.findall(nodes.row)]
+            for column in zip(*rows, strict=False):
+                texts = [cell.astext().strip() for cell in column[1:]]
+                if any(texts) and all(not text or text in "–—-" or NUMBER.match(text) for text in texts):
+                    for cell in column:
+                        cell["classes"].append("number")
+            for text in list(table.findall(nodes.Text)):
+                if INTERVAL.search(text) and not isinstance(text.parent, nodes.literal):
+                    _mark_intervals(text)
+
+
+def _mark_intervals(text: nodes.Text) -> None:
+    parts: list[nodes.Node] = []
+    end = 0
+    for match in INTERVAL.finditer(text):
+        parts += [nodes.Text(text[end : match.start()]), nodes.inline("", match[0], classes=["interval"])]
+        end = match.end()
+    text.parent.replace(text, [*parts, nodes.Text(text[end:])])
