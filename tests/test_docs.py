@@ -29,6 +29,9 @@ SOURCE = "\n".join(
     for room in ("kinreach", "notebooks", "benchmarks/learners", "benchmarks/logs")
     for path in (ROOT / room).rglob("*.py")
 )
+#: `kinreach compare ...` or `python -m kinreach.compare ...`, up to the end of the line or of the code in it.
+COMMANDS = "compare|check|demo|evaluate|ik|kinematics|train|view"
+COMMAND = rf"(?:python -m kinreach\.|(?<![\w/-])kinreach )({COMMANDS})\b([^`\n]*)"
 ENVIRONMENT = re.compile(r"kinreach/\w+-v\d")
 
 
@@ -127,7 +130,7 @@ def test_options_exist(text, capsys):
 
     found = [
         (command, task_of(rest) if command == "compare" else (), option)
-        for command, rest in re.findall(r"python -m kinreach\.(\w+)([^`\n]*)", text)
+        for command, rest in re.findall(COMMAND, re.sub(r"\\\n *", " ", text), re.MULTILINE)
         for option in re.findall(r"(?<= )--[a-z-]+", rest.partition("  #")[0])
     ]
     assert [given for given in found if given[2] not in options(given[0], *given[1])] == []
@@ -240,6 +243,8 @@ def test_examples_are_shown_as_they_are():
         "environments/real_arm",
         "environments/reach",
         "guides/any_arm",
+        "guides/your_ur",
+        "start",
         "guides/own_method",
         "guides/own_task",
         "guides/viewer",
@@ -249,7 +254,12 @@ def test_the_code_of_a_page_runs(page, capsys):
     code = blocks(DOCS / f"{page}.md")
     assert len(code.splitlines()) >= 4
     exec(compile(code, page, "exec"), {"__name__": page})
-    assert capsys.readouterr().out
+    printed = capsys.readouterr().out
+    assert printed
+    shown = re.findall(
+        r"^```python\n.*?^```\n\n```text\n(.*?)^```", read(DOCS / f"{page}.md"), re.DOTALL | re.MULTILINE
+    )
+    assert [text for text in shown if text not in printed] == []
 
 
 @pytest.mark.usefixtures("needs_gl")

@@ -96,14 +96,13 @@ def test_no_singular_pose_comes_back_empty_or_wrong(name):
         assert batch.valid.any(axis=1).all(), case
 
 
-def test_the_table_of_the_docs_is_what_its_command_prints(capsys):
-    """Except for the largest errors, which grow with the number of poses."""
+def test_no_model_loses_a_pose_as_the_docs_say(capsys):
+    """Nine cases of 14 models; the page has 1000 poses in each."""
     assert ur_family.main(["--poses", "5"]) == 0
-    printed = [line.rpartition(" | ")[0] for line in capsys.readouterr().out.splitlines()]
-    text = (Path(__file__).parents[2] / "docs/guides/any_arm.md").read_text(encoding="utf-8")
-    table = text[text.index(printed[0]) :].split("\n\n")[0].splitlines()
-    assert {line.rpartition(" | ")[0] for line in table} <= set(printed)
-    assert len(table) >= 16
+    rows = [line.strip("| ").split(" | ") for line in capsys.readouterr().out.splitlines() if line.startswith("| `")]
+    assert [row[1:10] for row in rows] == [["0 / 0"] * 9] * 14
+    text = (Path(__file__).parents[2] / "docs/reference/accuracy.md").read_text(encoding="utf-8")
+    assert "Of 1000 poses in each of nine cases, for all 14 models, each had a valid solution" in text
 
 
 @pytest.mark.parametrize("name", ["ur3e", "ur20", "ur5"])

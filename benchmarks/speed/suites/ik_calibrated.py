@@ -29,14 +29,14 @@ BATCH_COLUMNS = ("time of a pose [us]", "median", "worst round", "x ssik", "of t
 WHY = (
     "a wall time, and the machine was busy; run with priority, `--suite ik-calibrated --quick` says 26 us a pose of "
     "a batch of 1000. What it takes of the processor is in "
-    "[Your own robot](your_robot.md#how-it-was-measured)"
+    "[Accuracy](accuracy.md#eight-real-arms)"
 )
 
 TEXT = """\
 {poses} poses of tool0 in random postures of a real UR10e (`kinreach.robots.PUBLISHED_CALIBRATIONS`: {robot}), whose
 axes neither meet nor are parallel. kinreach fits the nearest arm with a closed form when it is made
 ({preparation:.2g} s), and finds each branch by Newton's method, or all by elimination where branches may merge
-([how](your_robot.md#what-you-can-rely-on)). ssik prepares a solver for one arm first{prepared}. EAIK has no class for
+([how](accuracy.md#calibrated-urs)). ssik prepares a solver for one arm first{prepared}. EAIK has no class for
 such an arm, and ur-analytic-ik takes no calibration. For comparison the closed form of the data sheet on the same
 poses, which misses them by millimetres."""
 BATCH_TEXT = """\

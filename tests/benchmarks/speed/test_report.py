@@ -151,7 +151,7 @@ class TestPage:
 
     def test_is_what_the_command_writes(self, data):
         page = (DOCS / "reference/benchmarks.md").read_text(encoding="utf-8")
-        assert page == markdown(data, data="benchmarks.json", picture="images/benchmarks.png")
+        assert page == markdown(data, data="benchmarks.json", picture="../images/benchmarks.png")
         assert (DOCS / "images" / "benchmarks.png").is_file()
 
     def test_holds_all_suites(self, data):
