@@ -69,7 +69,7 @@ notebooks: $(DEV) ## Run all notebooks from top to bottom and keep their outputs
 	$(BIN)/python notebooks/execute.py $(ARGS)
 
 docs: $(DOCS) ## Build the documentation into build/docs
-	$(BIN)/python -m sphinx --fail-on-warning --quiet docs build/docs
+	$(BIN)/python -m sphinx --fail-on-warning --quiet -d build/doctrees docs build/docs
 	@echo 'build/docs/index.html'
 
 clean: ## Remove the virtual environment and the caches

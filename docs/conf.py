@@ -69,7 +69,7 @@ html_theme = "furo"
 html_static_path = ["_static"]
 html_css_files = ["site.css"]
 html_logo = html_favicon = "_static/logo.svg"
-html_copy_source = False
+html_copy_source = html_show_copyright = False
 html_theme_options = {
     "source_repository": repository,
     "source_branch": "main",
