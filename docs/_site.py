@@ -31,6 +31,7 @@ def setup(app: Sphinx) -> dict[str, bool]:
     """Called by Sphinx."""
     app.add_html_math_renderer("mathml", inline_renderers=(_inline, None), block_renderers=(_block, None))
     app.add_post_transform(NumbersInTables)
+    app.connect("autodoc-process-signature", _plain_signature)
     app.connect("autodoc-process-docstring", _comment_of_constant, priority=300)
     app.connect("autodoc-process-docstring", _from_markdown, priority=400)  # before napoleon
     app.connect("config-inited", _copy_notebooks)
@@ -46,6 +47,17 @@ def _inline(translator: HTML5Translator, node: nodes.math) -> None:
 def _block(translator: HTML5Translator, node: nodes.math_block) -> None:
     translator.body.append(tex2mathml(node.astext(), as_block=True))
     raise nodes.SkipNode
+
+
+def _plain_signature(
+    app: Sphinx, what: str, name: str, value: Any, options: Any, arguments: str | None, returned: str | None
+) -> tuple[str | None, str | None]:
+    """Aliases by their names also in unions, and what a dataclass makes anew as an ellipsis."""
+    plain = [
+        text and re.sub(r"TypeAliasForwardRef\('(\w+)'\)", r"\1", text).replace("<factory>", "...")
+        for text in (arguments, returned)
+    ]
+    return plain[0], plain[1]
 
 
 def _comment_of_constant(app: Sphinx, what: str, name: str, value: Any, options: Any, lines: list[str]) -> None:

@@ -42,7 +42,10 @@ myst_enable_extensions = ["attrs_block", "attrs_inline", "colon_fence", "dollarm
 myst_url_schemes = ["http", "https"]
 html_math_renderer = "mathml"
 
+autodoc_default_options = {"members": True}
 autodoc_member_order = "bysource"
+autodoc_preserve_defaults = True
+autodoc_type_aliases = {name: name for name in ("ArrayLike", "Floats", "Accept", "Goal", "RewardFunction")}
 autodoc_typehints_format = "short"
 #: What the extras bring is not needed to build these pages.
 autodoc_mock_imports = [name for name in ("stable_baselines3", "torch", "viser") if not importlib.util.find_spec(name)]
@@ -50,6 +53,7 @@ default_role = "py:obj"  # `name` in a docstring: a link where there is such a n
 python_use_unqualified_type_names = True
 maximum_signature_line_length = 88
 napoleon_numpy_docstring = False
+napoleon_use_ivar = True
 napoleon_use_rtype = False
 add_module_names = False
 toc_object_entries_show_parents = "hide"
