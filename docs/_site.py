@@ -34,6 +34,7 @@ def setup(app: Sphinx) -> dict[str, bool]:
     app.connect("autodoc-process-signature", _plain_signature)
     app.connect("autodoc-process-docstring", _comment_of_constant, priority=300)
     app.connect("autodoc-process-docstring", _from_markdown, priority=400)  # before napoleon
+    app.connect("autodoc-process-docstring", _two_in_one, priority=600)  # after it
     app.connect("config-inited", _copy_notebooks)
     app.connect("source-read", _links_of_notebooks)
     return {"parallel_read_safe": True, "parallel_write_safe": True}
@@ -52,7 +53,9 @@ def _block(translator: HTML5Translator, node: nodes.math_block) -> None:
 def _plain_signature(
     app: Sphinx, what: str, name: str, value: Any, options: Any, arguments: str | None, returned: str | None
 ) -> tuple[str | None, str | None]:
-    """Aliases by their names also in unions, and what a dataclass makes anew as an ellipsis."""
+    """Aliases by their names also in unions, what a dataclass makes anew as an ellipsis, protocols without arguments."""
+    if arguments == "(*args, **kwargs)":
+        arguments = ""
     plain = [
         text and re.sub(r"TypeAliasForwardRef\('(\w+)'\)", r"\1", text).replace("<factory>", "...")
         for text in (arguments, returned)
@@ -92,6 +95,13 @@ def _from_markdown(app: Sphinx, what: str, name: str, value: Any, options: Any, 
     for number in range(len(lines) - 2):
         if re.search(r"\w:$", lines[number]) and not lines[number + 1] and re.match(r" {4}\S", lines[number + 2]):
             lines[number] += ":"
+
+
+def _two_in_one(app: Sphinx, what: str, name: str, value: Any, options: Any, lines: list[str]) -> None:
+    """`lower, upper: Limits` describes two; Sphinx would take the first for the type of the second."""
+    for number, line in enumerate(lines):
+        if found := re.match(r":(ivar|param) (\w+(?:, \w+)+):", line):
+            lines[number] = f":{found[1]} {found[2].replace(' ', '')}:{line[found.end() :]}"
 
 
 def _row(line: str) -> list[str]:
