@@ -3,7 +3,6 @@
 import json
 import math
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -29,10 +28,13 @@ from benchmarks.studies.ppo2 import (
     table,
 )
 from benchmarks.studies.side_by_side import Networks
+from benchmarks.studies.tables import DATA, as_csv
 from kinreach.baselines._evaluation import HELD_OUT
 from kinreach.baselines._policies import load_policy
 
-PAGE = Path(__file__).parents[2] / "docs" / "studies/appendix/ppo2.md"
+
+def published(name):
+    return (DATA / f"{name}.csv").read_text(encoding="utf-8")
 
 
 def rows(*path):
@@ -42,9 +44,8 @@ def rows(*path):
 
 def test_the_published_table_is_that_of_the_file():
     found = rows("thesis-single", "readings.csv")
-    page = PAGE.read_text(encoding="utf-8")
-    for published in (table, seed_by_seed, deviations):
-        assert published(found, SINGLE) in page
+    for make, name in ((table, "single"), (seed_by_seed, "single-seeds"), (deviations, "single-deviations")):
+        assert as_csv(make(found, SINGLE)) == published(name)
     seeds = {}
     for row in found:
         seeds.setdefault(tuple(row[name] for name in READING), []).append(row["seed"])
@@ -54,9 +55,8 @@ def test_the_published_table_is_that_of_the_file():
 
 def test_four_times_as_many_episodes_are_those_of_the_file():
     found = rows("thesis-single", "long.csv")
-    page = PAGE.read_text(encoding="utf-8")
-    for published in (table, seed_by_seed):
-        assert published(found, SINGLE) in page
+    for make, name in ((table, "single-long"), (seed_by_seed, "single-long-seeds")):
+        assert as_csv(make(found, SINGLE)) == published(name)
     whole, alone = ([row for row in found if row["natural_arm"] == row["gripper"] == paid] for paid in (1, 0))
     assert (len(whole), len(alone)) == (20, 5)
     assert sorted(row["reached"] for row in whole)[14:] == [0, 0.4, 2.5, 4.7, 11.6, 21.1]
@@ -67,7 +67,7 @@ def test_four_times_as_many_episodes_are_those_of_the_file():
 
 def test_random_actions_are_those_of_the_file():
     found = rows("thesis-single", "random.csv")
-    assert table(found, SINGLE) in PAGE.read_text(encoding="utf-8")
+    assert as_csv(table(found, SINGLE)) == published("single-random")
     assert [(row["random"], row["seed"]) for row in found] == [
         (share, seed) for share in (0.1, 0.3) for seed in range(5)
     ]
@@ -76,7 +76,6 @@ def test_random_actions_are_those_of_the_file():
 
 
 def test_the_published_tables_of_multi_step_are_those_of_the_files():
-    page = PAGE.read_text(encoding="utf-8")
     for name, cells, seeds in (
         ("readings.csv", 19, range(5)),
         ("updates.csv", 2, range(5)),
@@ -85,11 +84,12 @@ def test_the_published_tables_of_multi_step_are_those_of_the_files():
         ("longest.csv", 4, range(5)),
     ):
         found = rows("thesis-multi", name)
-        assert table(found, MULTI) in page
-        for published in (seed_by_seed, deviations) if name.startswith("long") else ():
-            assert published(found, MULTI) in page
+        file = {"readings.csv": "multi", "readings-2M.csv": "multi-readings"}.get(name, f"multi-{name[:-4]}")
+        assert as_csv(table(found, MULTI)) == published(file)
+        for make, what in ((seed_by_seed, "seeds"), (deviations, "deviations")) if name.startswith("long") else ():
+            assert as_csv(make(found, MULTI)) == published(f"{file}-{what}")
         if name == "readings.csv":
-            assert pooled(found) in page
+            assert as_csv(pooled(found)) == published("multi-pooled")
         trained = {}
         for row in found:
             trained.setdefault(tuple(row[flag] for flag in READING), []).append(row["seed"])
