@@ -1,0 +1,112 @@
+"""The study pages are short, and their numbers are those of the tables they come from."""
+
+import csv
+import json
+import re
+from pathlib import Path
+
+import pytest
+
+from kinreach.compare._cli import main as compare
+
+ROOT = Path(__file__).parents[1]
+STUDIES = ROOT / "docs" / "studies"
+PAGES = ("reach_without_learning", "learning_pays", "thesis", "report")
+
+
+def read(page):
+    return (STUDIES / f"{page}.md").read_text(encoding="utf-8")
+
+
+@pytest.mark.parametrize("page", PAGES)
+def test_a_study_is_short_and_says_how_to_make_it_again(page):
+    text = read(page)
+    words = [word for word in text.split() if re.search(r"\w", word)]
+    assert 500 < len(words) <= 1500
+    assert re.findall(r"^## (.*)$", text, re.MULTILINE)[-1] == "Make it again"
+    assert "## How it was measured" in text
+    assert re.search(r"^## What th(is|ese) worlds? did not contain$", text, re.MULTILINE)
+    assert all(len(line) <= 92 for line in text.splitlines() if line.startswith("    "))
+
+
+def cells(text):
+    """Rows of all tables of a page, without what is bold."""
+    for row in re.findall(r"^\| (.*) \|$", text, re.MULTILINE):
+        yield [cell.strip().replace("**", "") for cell in row.split("|")]
+
+
+def kept(name):
+    with (STUDIES / "appendix" / "data" / f"{name}.csv").open(encoding="utf-8", newline="") as file:
+        return list(csv.reader(file))
+
+
+@pytest.mark.parametrize(
+    ("page", "section", "name", "least"),
+    [
+        ("learning_pays", "A model that is wrong", "real-arm", 32),
+        ("learning_pays", "Damage", "damage", 15),
+        ("reach_without_learning", "Goals in a volume", "space", 20),
+    ],
+)
+def test_rows_of_a_page_are_those_of_the_appendix(page, section, name, least):
+    """A value of a row, without its interval or with it, is in the file's row of that method."""
+    whole = {row[0].strip("`"): row[1:] for row in kept(name)[1:]}
+    checked = 0
+    for method, *values in cells(read(page).partition(f"\n## {section}\n")[2].partition("\n## ")[0]):
+        method = method.partition(":")[0].strip("`")
+        for value in values if method in whole else ():
+            found = {one for cell in whole[method] for one in (cell, cell.partition(" [")[0])}
+            assert value in found, (method, value)
+            checked += 1
+    assert checked >= least
+
+
+def test_touched_balls_are_those_of_the_appendix():
+    head, *rows = kept("interceptor")
+    shown = ["0.2 m/s: touched, %", "0.4 m/s: touched, %", "0.6 m/s: touched, %", "0.6 m/s: without collision, %"]
+    wanted = [[row[head.index(name)] for name in shown] for row in rows]
+    assert [row[1:] for row in cells(read("learning_pays")) if row[1:] in wanted] == wanted
+    assert len(wanted) == 4
+
+
+def test_seeds_of_the_page_are_those_of_the_trainings():
+    rows = list(cells(read("appendix/trainings")))
+    checked = 0
+    for recipe, *shown in (
+        row for row in cells(read("reach_without_learning")) if row[0].startswith("`") and len(row) == 5
+    ):
+        name = recipe.split(" ")[0]
+        if name in ("`single`", "`multi`", "`ppo-single`", "`ppo-multi`", "`thesis-single`", "`thesis-multi`"):
+            assert any(row[0] == name and set(shown) <= set(row) for row in rows), name
+            checked += 1
+    assert checked == 6
+
+
+def shown_number(text):
+    """A number and what its last digit is worth, which it may be off by on another processor."""
+    return float(text), 1.01 * 10.0 ** -len(text.partition(".")[2])
+
+
+@pytest.mark.slow
+def test_the_table_is_what_its_command_measures(tmp_path):
+    """All of it except the times to solve, and the intervals, which follow from the shares."""
+    text = read("reach_without_learning")
+    command = re.search(r"python -m kinreach\.compare (--task ur5 [^#\n]+)", text).group(1)
+    assert compare([*command.split(), "--out", str(tmp_path)], prog="compare") == 0
+    found = json.loads((tmp_path / "results.json").read_text())
+    measured = {method["name"]: method for method in found["methods"]}
+    rows = [row for row in cells(text) if row[0] in measured]
+    assert len(rows) == len(measured) == 10
+    for name, reached, distance, near, reward, _, move in rows:
+        method = measured[name]
+        pairs = [
+            (reached.split(" ")[0], 100 * method["reached"]),
+            *zip(distance.split(" / "), (method["distance_mm"][key] for key in ("median", "p95")), strict=True),
+            (near, 100 * method["success_at_mm"]["1"]),
+            (reward, method["reward_mean"]),
+            (move, method["move_s"]["median"]),
+        ]
+        for said, value in pairs:
+            number, unit = shown_number(said)
+            assert value == pytest.approx(number, abs=unit), (name, said)
+        assert method["impossible"] == 0
