@@ -13,7 +13,7 @@ from kinreach.kinematics import UR5Kinematics
 
 ROOT = Path(__file__).parents[1]
 README = ROOT / "README.md"
-PAYS, TRAINING = "docs/studies/learning_pays.md", "docs/studies/appendix/trainings.md"
+TRAINING = "docs/studies/appendix/trainings.md"
 DATA = "docs/studies/appendix/data"
 #: Every sentence of README that has a number, with the files and the numbers in them that it rests on. The tables are
 #: measured again by tests of their own. Whoever changes one of the two has to look at the other.

@@ -52,8 +52,14 @@ def spread(values: Sequence[float], digits: int) -> str:
 
 
 def as_csv(table: str) -> str:
-    """A Markdown table as CSV. Columns in which every cell is zero are left out."""
-    cells = [[cell.strip() for cell in row.strip()[1:-1].split("|")] for row in table.strip().splitlines()]
+    """A Markdown table as CSV. Columns in which every cell is zero are left out.
+
+    A `-` becomes a dash: in Markdown a cell that begins with it is a list.
+    """
+    cells = [
+        [re.sub(r"(?<!\w)-(?![\w.])", "–", cell.strip()) for cell in row.strip()[1:-1].split("|")]
+        for row in table.strip().splitlines()
+    ]
     columns = [column for column in zip(*(cells[:1] + cells[2:]), strict=True) if not _zero(column[1:])]
     text = io.StringIO()
     csv.writer(text, lineterminator="\n").writerows(zip(*columns, strict=True))
