@@ -121,7 +121,7 @@ BUTTON_TASK = Task(
             legend="dot: one goal · bar: median · dashed: within this a press counts",
         ),
     },
-    reached="pressed at d < 50 mm within the episode",
+    reached="the button is pressed with the tip within 50 mm of it before the episode ends",
     terms={
         "goal": "target and start of an episode of kinreach/ButtonPress-v0: the target uniform in the four "
         "quadrants, kept if some posture reaches it; joints within 0.1 rad of upright and 0.1 rad/s of rest; the "

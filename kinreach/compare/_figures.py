@@ -192,9 +192,10 @@ def draw_map(trials: Sequence[Trial], results: Mapping[str, Any]) -> Figure:
     if reached.size:
         low, high = np.maximum(np.percentile(reached, (2, 98)), SMALLEST_ERROR_MM)
         limits = (float(low), max(float(high), 2.0 * float(low)))
+    note = f"from above, the robot below · dot: a goal, around it its distance · {origin(results)}"
     return draw_error_maps(
-        maps, title="Distance over the table", label="distance of the tip [mm]", missing="not reached", columns=4,
-        limits=limits, note=f"from above, the robot below · dot: a goal, around it its distance · {origin(results)}",
+        maps, title="Distance by the place of the goal", label="distance of the tip [mm]", missing="not reached",
+        columns=4, limits=limits, note=note,
     )  # fmt: skip
 
 

@@ -2,20 +2,24 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
 import gymnasium as gym
 import numpy as np
+from matplotlib.figure import Figure
 
 from kinreach._registration import MOVING
-from kinreach._statistics import QUANTILES, RATE, Column, Trial, thousandfold
+from kinreach._statistics import QUANTILES, RATE, Column, Trial, number, thousandfold
 from kinreach.compare._button import decision_ms
 from kinreach.compare._curves import draw_speeds
+from kinreach.compare._figures import origin
 from kinreach.compare._methods import policy_method
 from kinreach.compare._methods.interception import FirstSight, Interception, LastSight
-from kinreach.compare._task import CONTROLLER, Method, Task
+from kinreach.compare._task import CONTROLLER, Method, Replay, Task
 from kinreach.envs import _moving as ball
+from kinreach.kinematics import ArmKinematics
+from kinreach.plots import INK, name_label, new_figure, text_colour, view_from_the_robot
 
 #: Title of the second table.
 TIME_TABLE = "Distances and times"
@@ -58,6 +62,61 @@ def _rates(group: str, path: str | None, table: str) -> list[Column]:
     ]
 
 
+def draw_paths(trials: Sequence[Trial], results: Mapping[str, Any], replay: Replay) -> Figure:
+    """Draw how tip and ball go, seen from above: a row for each method, a column for each kind of path.
+
+    The speed is that at which the methods differ most; of each kind it is the first ball of that speed.
+    """
+    methods = results["methods"]
+    speeds = sorted({trial["speed"] for trial in trials})
+    speed = max(speeds, key=lambda one: _spread(trials, one))
+    kinds = sorted({trial["path"] for trial in trials}, key=list(ball.PATHS).index)
+    goals = {
+        kind: min(t["goal_index"] for t in trials if (t["speed"], t["path"]) == (speed, kind))
+        for kind in kinds
+        if any((t["speed"], t["path"]) == (speed, kind) for t in trials)
+    }
+    note = f"from above, the robot below · dotted: the ball, from the ring on · line: the tip · {origin(results)}"
+    figure, axes = new_figure(
+        f"Balls at {speed:g} m/s, and the tip", size=(2.5 * len(goals) + 0.6, 0.9 + 2.6 * len(methods)),
+        rows=len(methods), columns=len(goals), note=note, grid="none",
+    )  # fmt: skip
+    kinematics = ArmKinematics("ur5", tip="tcp", base="world")
+    panels, everything = iter(axes), []
+    for method in methods:
+        for kind, goal in goals.items():
+            panel, infos = next(panels), replay(method["name"], goal)
+            balls = np.array([info["goal"] for info in infos])
+            tips = kinematics.positions(np.array([info["q"] for info in infos]))
+            panel.plot(balls[:, 1], balls[:, 0], color=INK, lw=1.2, ls=":", zorder=3)
+            panel.plot(balls[0, 1], balls[0, 0], "o", ms=6, mfc="white", mec=INK, zorder=3)
+            panel.plot(tips[:, 1], tips[:, 0], color=method["colour"], lw=1.6)
+            touched = bool(infos[-1]["is_success"])
+            mark = {"marker": "o", "mfc": method["colour"]} if touched else {"marker": "X", "mfc": "white"}
+            panel.plot(tips[-1, 1], tips[-1, 0], ms=8, mec=method["colour"], ls="", **mark)
+            verdict = "touched" if touched else f"missed by {number(1e3 * infos[-1]['distance'])} mm"
+            panel.set_title(f"{kind}: {verdict}", loc="left", fontsize=9, color=INK)
+            everything.append(np.concatenate([balls, tips])[:, :2])
+        first = axes[methods.index(method) * len(goals)]
+        first.annotate(
+            name_label(method["name"]), (0, 1.16), xycoords="axes fraction", fontsize=10, weight="bold",
+            color=text_colour(method["colour"]),
+        )  # fmt: skip
+    for panel in axes:  # the same scale in all
+        view_from_the_robot(panel, *np.concatenate(everything).T, margin=0.03)
+        panel.label_outer()
+    return figure
+
+
+def _spread(trials: Sequence[Trial], speed: float) -> float:
+    """Return how much the methods differ in the share of balls that they touch at a speed."""
+    shares: dict[str, list[bool]] = {}
+    for trial in trials:
+        if trial["speed"] == speed:
+            shares.setdefault(trial["method"], []).append(bool(trial["reached"]))
+    return float(np.var([np.mean(own) for own in shares.values()]))
+
+
 MOVING_TASK = Task(
     name="moving",
     title="A UR5 and a rolling ball",
@@ -81,7 +140,8 @@ MOVING_TASK = Task(
         Column("solve_ms", decision_ms, QUANTILES, "a decision\nms", "median", TIME_TABLE),
     ),
     figures={"speeds": draw_speeds},
-    reached="within 10 mm of the ball's centre before it leaves the table area, in 3 s at most",
+    paths=draw_paths,
+    reached="the tip comes within 10 mm of the ball's centre before the ball leaves the table area, in 3 s at most",
     terms={
         "goal": "a ball that rolls over the table: straight on, on a circle of 0.12 m, or with a sideways acceleration "
         f"within {ball.SIDEWAYS:g} m/s² that is drawn anew every {ball.HOLD:g} s",

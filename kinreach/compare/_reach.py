@@ -187,7 +187,7 @@ UR5_TASK = Task(
     arm_methods={"panda": {"ranked-single": policy_method("panda-single", SINGLE)}},
     columns=COLUMNS,
     figures=FIGURES,
-    reached="d < 10 mm and, of UR arms, r_e < 0.15",
+    reached="the tip ends within 10 mm of the ball and, with a UR arm, the posture error r_e is below 0.15 rad",
     terms={
         "goal": "ball's centre in the world, uniform on the table area, one height; tcp there, z axis down, free "
         "about it",
@@ -209,7 +209,7 @@ ARM3_TASK = Task(
     methods=METHODS,
     columns=[column for column in COLUMNS if column.key != "posture_error"],
     figures=_figures(1e3 * PRESS_RADIUS),
-    reached="d < 50 mm, the press radius",
+    reached="the tip ends within 50 mm of the goal, the press radius",
     terms={
         "goal": "point in the world, uniform in the button task's four quadrants, kept if some posture reaches it",
         "accept": "no collision (self, floor)",
@@ -231,7 +231,7 @@ SPACE_TASK = Task(
     methods={**METHODS, "space-single": policy_method("space-single", SPACE)},
     columns=COLUMNS,
     figures=FIGURES,
-    reached="d < 10 mm and tool within 0.15 rad of its direction",
+    reached="the tip ends within 10 mm of the ball and the tool within 0.15 rad of its direction",
     terms={
         "goal": "ball's centre in the world, uniform in the arm's goal area up to 0.25 m above it; tool within 30 "
         "degrees of straight down, uniform on the sphere; free about it",

@@ -1,14 +1,17 @@
 """Write a comparison as one HTML file that contains its figures and pictures and fetches nothing.
 
-Every text is escaped; and should one slip through, the page's policy lets no script run but the one that sorts.
+Every text is escaped; and should one slip through, the page's policy lets no script run except the page's own, which
+sorts tables and links downloads.
 """
 
 from __future__ import annotations
 
 import base64
 import hashlib
-from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass
+import re
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, fields
+from datetime import date
 from html import escape
 from importlib import resources
 from io import BytesIO
@@ -23,6 +26,8 @@ from kinreach._checks import printable
 from kinreach._files import replacing, write_text
 from kinreach._statistics import QUANTILES, SPREAD, Column, Trial, number
 from kinreach.compare._figures import DPI
+from kinreach.compare._options import options_class
+from kinreach.compare._ranking import RANKED, best_in, finding, reaching
 from kinreach.compare._task import Task, arm_in
 from kinreach.errors import DrawingError, InstallationError
 from kinreach.sim._picture import Scene, ScenePicture
@@ -30,8 +35,29 @@ from kinreach.sim._posed import PosedScene
 
 #: Dots per inch that a browser counts with.
 PAGE_DPI = 96
+#: Width and height of pictures of a scene [pixels].
+SIZE = (960, 540)
 #: Quality of the pictures' JPEG.
 QUALITY = 85
+#: Longer names of methods are broken into lines.
+MAX_NAME_LENGTH = 24
+#: Names of the task's terms -> their headings; others are headings as they are.
+HEADINGS = {
+    "goal": "Goals",
+    "accept": "Accepted postures",
+    "tolerance": "Where solvers stop",
+    "execution": "Motion",
+    "error_budget": "Parts of the distance",
+    "seed_posture": "Start posture",
+    "success_at_mm": "Share within a tolerance",
+    "sight": "Sights",
+    "arm": "Limits of the arm",
+    "given to a chance": "Given to chance",
+    "look": "A look",
+    "errors": "What is off",
+    "there": "In the second move",
+}
+OBSERVATIONS = {"geometric": "the true goal", "camera": "where the cameras saw the goal"}
 
 
 @dataclass(frozen=True)
@@ -42,11 +68,13 @@ class Rendering:
         method: Whose trial.
         caption: What it shows.
         image: uint8, shape (height, width, 3).
+        reached: Whether the trial reached its goal.
     """
 
     method: str
     caption: str
     image: Any
+    reached: bool = False
 
 
 def write_report(
@@ -57,17 +85,15 @@ def write_report(
     charts: Mapping[str, Path],
     notes: Sequence[str],
 ) -> None:
-    """Write the report, and `scene.png` beside it: how the first method's ordinary success looks.
-
-    Pictures of the arm need OpenGL; without it, a sentence says so.
+    """Write the report, and `scene.png` beside it: how the ordinary success of the best method looks.
 
     Args:
-        path: The HTML file.
+        path: Of the HTML file.
         task: What was compared.
         trials: All of them.
         results: Contents of `results.json`.
-        charts: PNG files of figures by their titles.
-        notes: What the numbers mean, line by line.
+        charts: PNG files of figures, by title; the first one opens the report.
+        notes: Lines under the tables.
 
     Raises:
         OutputError: The file system refused.
@@ -81,11 +107,12 @@ def write_report(
         if renderings:
             with replacing(path.with_name("scene.png")) as temporary:
                 Image.fromarray(renderings[0].image).save(temporary, "PNG")
-    write_text(path, printable(report_html(task, results, charts, renderings, notes)))
+    write_text(path, printable(report_html(task, trials, results, charts, renderings, notes)))
 
 
 def report_html(
     task: Task,
+    trials: Sequence[Trial],
     results: Mapping[str, Any],
     charts: Mapping[str, Path],
     renderings: Sequence[Rendering] | str,
@@ -94,77 +121,66 @@ def report_html(
     """Return the page; arguments as in `write_report`, and renderings of trials, or a sentence why they are missing."""
     settings = results["settings"]
     folder = resources.files("kinreach.compare")
-    script = folder.joinpath("report_sort.js").read_text(encoding="utf-8")
+    script = folder.joinpath("report.js").read_text(encoding="utf-8")
     digest = base64.b64encode(hashlib.sha256(script.encode()).digest()).decode()
+    pictures = [] if isinstance(renderings, str) else list(renderings)
+    scene = next((picture for picture in pictures if picture.reached), None)
+    shown = [_chart(file, title) for title, file in charts.items()]
+    opening = [*([_picture(scene)] if scene else []), *shown[:1]]
+    goals = f"{settings['goals']} goals" if settings["goals"] > 1 else "one goal"
     return Template(folder.joinpath("report_template.html").read_text(encoding="utf-8")).substitute(
         policy=f"default-src 'none'; img-src data:; style-src 'unsafe-inline'; script-src 'sha256-{digest}'",
         title=escape(settings["title"]),
-        finding=escape(finding(results)),
-        summary=escape(
-            f"{len(results['methods'])} methods on the same {settings['goals']} goals, seed {settings['seed']}. "
-            f"Reached: {settings['terms']['reached']}."
+        finding=" ".join(
+            escape(sentence) if number else f"<strong>{escape(sentence)}</strong>"
+            for number, sentence in enumerate(finding(results))
         ),
-        command=escape(settings["command"]),
-        tables="\n".join(_tables(task.columns, results["methods"])),
-        notes="<br>\n".join(map(escape, [*notes, f"Intervals: {settings['intervals']}."])),
-        figures="\n".join(_chart(file, title) for title, file in charts.items()),
-        renderings=_renderings(renderings),
-        settings=_terms(_flat(settings)),
-        versions=_terms((name, "not installed" if v is None else str(v)) for name, v in results["versions"].items()),
+        criterion=f"A goal counts as <strong>reached</strong> if: {escape(settings['terms']['reached'])}. "
+        f"{len(results['methods'])} methods, the same {goals} for each, seed {settings['seed']}, "
+        f"{date.today().isoformat()}. Again: <code>{escape(settings['command'])}</code>",
+        opening=f'<div class="opening{"" if len(opening) > 1 else " alone"}">{"".join(opening)}</div>'
+        if opening
+        else "",
+        tables="\n".join(_tables(task.columns, results["methods"], trials)),
+        notes="<br>\n".join(map(escape, [*_legend(results["methods"]), *notes])),
+        figures="\n".join(shown[1:]) or "<p>None besides the one above.</p>",
+        failures=_failures(task, renderings, results["methods"]),
+        settings="\n".join(f"<dt>{escape(name)}</dt><dd>{escape(text)}</dd>" for name, text in _words(task, results)),
         script=script,
     )
 
 
-def finding(results: Mapping[str, Any]) -> str:
-    """Return the finding in a sentence: which methods reach how many goals, come nearest and decide soonest.
-
-    It is empty if the task has no column of goals that were reached.
-    """
-    entries = results["methods"]
-    if any(entry.get("reached") is None for entry in entries):
-        return ""
-    most = max(entry["reached"] for entry in entries)
-    best = [entry for entry in entries if entry["reached"] == most]
-    rest = [entry for entry in entries if entry["reached"] < most]
-    share = "every goal" if most == 1 else f"{100 * most:.1f} % of the goals" if most else "none of the goals"
-    if len(best) == 1:
-        parts = [f"{best[0]['name']} reaches {share}"]
-    else:
-        parts = [f"{len(best)} of {len(entries)} methods reach {share}" if rest else f"All methods reach {share}"]
-        if most:
-            for key, words in (
-                ("distance_mm", "ends nearest, {} mm in the median"),
-                ("solve_ms", "decides soonest, {} ms"),
-            ):
-                medians: dict[str, Any] = {entry["name"]: (entry.get(key) or {}).get("median") for entry in best}
-                if None not in medians.values():
-                    least = min(medians, key=medians.__getitem__)
-                    parts.append(f"{least} {words.format(number(medians[least]))}")
-    if rest:
-        shares = (f"{entry['name']} {100 * entry['reached']:.1f} %" for entry in rest)
-        parts.append(f"the others: {', '.join(shares)}")
-    return "; ".join(parts) + "."
-
-
 def render_trials(task: Task, trials: Sequence[Trial], results: Mapping[str, Any]) -> list[Rendering]:
-    """Draw the trials that `chosen` picks, method by method, as `task.scene` says.
+    """Draw how trials ended, as `task.scene` says: an ordinary success, and the worst failure of each method.
+
+    The success is that of the method that comes nearest among those that reach. Failures are left out where the task's
+    figures show how its episodes go.
 
     Raises:
         InstallationError: No library can draw; the message names the packages.
         DrawingError: The graphics library failed, or the task has no `scene` and its environment no arm.
     """
-    settings = results["settings"]
+    settings, entries = results["settings"], results["methods"]
     options = {name: value for name, value in task.options.items() if name != "observation"}
+    own = {entry["name"]: [trial for trial in trials if trial["method"] == entry["name"]] for entry in entries}
+    ranked = reaching(entries)
+    best = next(iter([*best_in(ranked, "distance_mm"), *ranked]), None)
+    wanted: list[tuple[str, Trial]] = []
+    if best is not None and (success := ordinary_success(own[best["name"]])):
+        wanted.append(("an ordinary success", success))
+    if task.paths is None:
+        for group in own.values():
+            failed = sum(not trial["reached"] for trial in group)
+            if worst := worst_failure(group):
+                wanted.append((f"{failed} of {len(group)} goals not reached, the worst", worst))
     env = gym.make(task.environment, disable_env_checker=True, **options)
     found = []
     try:
-        resets = task.resets(settings["goals"], settings["seed"], env)
-        for method in results["methods"]:
-            own = [trial for trial in trials if trial["method"] == method["name"]]
-            for what, trial in chosen(own).items():
-                env.reset(**resets[trial["goal_index"]])
-                scene = (task.scene or posed_scene)(env, trial)
-                found.append(Rendering(trial["method"], _caption(what, trial), _frame(scene)))
+        resets = task.resets(settings["goals"], settings["seed"], env) if wanted else []
+        for what, trial in wanted:
+            env.reset(**resets[trial["goal_index"]])
+            frame = _frame((task.scene or posed_scene)(env, trial))
+            found.append(Rendering(trial["method"], _caption(what, trial), frame, bool(trial["reached"])))
     finally:
         env.close()
     return found
@@ -187,32 +203,23 @@ def posed_scene(env: gym.Env[Any, Any], trial: Trial) -> PosedScene:
 
 def _frame(scene: Scene) -> Any:
     picture = ScenePicture(scene, mode="rgb_array", fps=1)
+    picture.size = SIZE
     try:
         return picture.frame()
     finally:
         picture.close()
 
 
-def chosen(trials: Sequence[Trial]) -> dict[str, Trial]:
-    """Return a method's ordinary success and its worst trial, by their captions.
-
-    Where the task has no distance, all are as far. The ordinary success has the median distance of all goals that were
-    reached. The worst trial is the failure that left the tip farthest from the goal, impossible ones first; without a
-    failure it is the success with the largest distance.
-
-    Args:
-        trials: Of one method, at least one.
-    """
+def ordinary_success(trials: Sequence[Trial]) -> Trial | None:
+    """Return the trial with the median distance of those that reached their goals; without distances all are as far."""
     reached = sorted((trial for trial in trials if trial["reached"]), key=_distance)
+    return reached[(len(reached) - 1) // 2] if reached else None
+
+
+def worst_failure(trials: Sequence[Trial]) -> Trial | None:
+    """Return the failure that left the tip farthest from the goal, impossible ones first."""
     failed = [trial for trial in trials if not trial["reached"]]
-    found = {}
-    if reached:
-        found["success"] = reached[(len(reached) - 1) // 2]
-    if failed:
-        found["worst failure"] = max(failed, key=lambda trial: (trial["impossible"], _distance(trial)))
-    else:
-        found["largest distance, reached all the same"] = reached[-1]
-    return found
+    return max(failed, key=lambda trial: (trial["impossible"], _distance(trial)), default=None)
 
 
 def _distance(trial: Trial) -> float:
@@ -220,7 +227,7 @@ def _distance(trial: Trial) -> float:
 
 
 def _caption(what: str, trial: Trial) -> str:
-    parts = [f"{what[0].upper()}{what[1:]}", f"goal {trial['goal_index']}"]
+    parts = [what, f"goal {trial['goal_index']}"]
     if trial.get("distance") is not None:
         parts.append(f"{number(1e3 * trial['distance'])} mm")
     if trial.get("posture_error") is not None:
@@ -232,16 +239,28 @@ def _caption(what: str, trial: Trial) -> str:
     return " · ".join(parts)
 
 
-def _tables(columns: Sequence[Column], entries: Sequence[Mapping[str, Any]]) -> Iterable[str]:
-    """Yield the columns with a heading as HTML tables, one a title, without columns in which nothing was measured."""
+def _tables(columns: Sequence[Column], entries: Sequence[Mapping[str, Any]], trials: Sequence[Trial]) -> Iterable[str]:
+    """Yield the columns with a heading as HTML tables, one a title.
+
+    Columns in which nothing was measured are left out, and so is the second of two of the same value.
+    """
     found: dict[str, list[Column]] = {}
     for column in columns:
-        if column.heading and (column.show or "." not in column.key) and any(map(column.measured, entries)):
+        same = any(column.value == other.value for other in found.get(column.table, ()))
+        if (
+            column.heading
+            and (column.show or "." not in column.key)
+            and any(map(column.measured, entries))
+            and not same
+        ):
             found.setdefault(column.table, []).append(column)
-    for title, shown in found.items():
-        head = "".join(map(_heading, ("method", *([] if title else ["kind"])), ("text", "text")))
-        head += "".join(_heading(column.heading, "number") for column in shown)
-        rows = "\n".join(_row(entry, shown, kind=not title) for entry in entries)
+    best = {key: {entry["name"] for entry in best_in(reaching(entries), key)} for key in RANKED}
+    best["reached"] = best["pressed"] = {entry["name"] for entry in reaching(entries)}
+    for title, group in found.items():
+        counts = {column.key: _counts(column, entries, trials) for column in group}
+        head = "".join(_heading(name, "text") for name in ("method", *([] if title else ["kind"])))
+        head += "".join(_heading(column.heading, "number", counts[column.key]) for column in group)
+        rows = "\n".join(_row(entry, group, counts, best, kind=not title) for entry in entries)
         caption = f"<h3>{escape(title)}</h3>" if title else ""
         yield (
             f'{caption}<div class="wide"><table class="sortable">\n<thead><tr>{head}</tr></thead>\n'
@@ -249,63 +268,136 @@ def _tables(columns: Sequence[Column], entries: Sequence[Mapping[str, Any]]) -> 
         )
 
 
-def _heading(text: str, kind: str) -> str:
-    return f'<th scope="col" data-kind="{kind}"><button type="button">{escape(text)}</button></th>'
+def _counts(column: Column, entries: Sequence[Mapping[str, Any]], trials: Sequence[Trial]) -> dict[str, int]:
+    """Return how many trials of each method have a value."""
+    counts = {entry["name"]: 0 for entry in entries}
+    for trial in trials:
+        counts[trial["method"]] += column.of(trial) is not None
+    return counts
 
 
-def _row(entry: Mapping[str, Any], columns: Sequence[Column], *, kind: bool) -> str:
+def _heading(text: str, kind: str, counts: Mapping[str, int] | None = None) -> str:
+    """Return a heading, with the number of trials if all methods have as many."""
+    same = {n for n in (counts or {}).values() if n}
+    count = f"<br><small>n = {same.pop()}</small>" if len(same) == 1 else ""
+    return (
+        f'<th scope="col" class="{kind}" data-kind="{kind}"><button type="button">{escape(text)}</button>{count}</th>'
+    )
+
+
+def _row(
+    entry: Mapping[str, Any],
+    columns: Sequence[Column],
+    counts: Mapping[str, Mapping[str, int]],
+    best: Mapping[str, set[str]],
+    *,
+    kind: bool,
+) -> str:
     name = escape(entry["name"])
-    cells = [f'<th scope="row" data-value="{name}">{name}</th>']
+    long = ' class="long"' * (len(entry["name"]) > MAX_NAME_LENGTH)
+    dot = f'<i style="background: {escape(entry["colour"])}"></i>'
+    cells = [f'<th scope="row"{long} data-value="{name}">{dot}{name}</th>']
     if kind:
-        cells.append(f'<td data-value="{escape(entry["kind"])}">{escape(entry["kind"])}</td>')
+        cells.append(f'<td class="text" data-value="{escape(entry["kind"])}">{escape(entry["kind"])}</td>')
     for column in columns:
         show = column.show or {QUANTILES: "quantiles", SPREAD: "quantiles", "rate": "interval"}.get(
             column.summary, "mean"
         )
         value = column.number(entry, show if show == "mean" else "")
         by = "" if value is None else escape(str(value))
-        cells.append(f'<td data-value="{by}">{escape(column.text(entry, show))}</td>')
+        count = counts[column.key]
+        n = f" <small>n {own}</small>" if (own := count[entry["name"]]) and len({*count.values()} - {0}) > 1 else ""
+        text = _small(column.text(entry, show))
+        text = f"<strong>{text}</strong>" if entry["name"] in best.get(column.key, ()) else text
+        cells.append(f'<td data-value="{by}">{text}{n}</td>')
     return f"<tr>{''.join(cells)}</tr>"
 
 
-def _renderings(found: Sequence[Rendering] | str) -> str:
+def _small(text: str) -> str:
+    """Return a cell with what follows the first number, an interval or a percentile, in small print."""
+    for sign in (" [", " / "):
+        first, found, rest = text.partition(sign)
+        if found:
+            return f"{escape(first)}<small>{escape(found + rest)}</small>"
+    return escape(text)
+
+
+def _legend(entries: Sequence[Mapping[str, Any]]) -> list[str]:
+    if not reaching(entries):
+        return []
+    return [
+        "Bold: the best, and what its 95 % interval cannot tell from it; distances and times are compared only among "
+        "the methods that reach as many goals as the best. n: trials that have a value."
+    ]
+
+
+def _failures(task: Task, found: Sequence[Rendering] | str, entries: Sequence[Mapping[str, Any]]) -> str:
     if isinstance(found, str):
         return f"<p>{escape(found)}</p>"
-    by_method: dict[str, list[str]] = {}
-    for rendering in found:
-        by_method.setdefault(rendering.method, []).append(_picture(rendering))
-    return "\n".join(
-        f'<h3>{escape(name)}</h3><div class="pair">{"".join(pictures)}</div>' for name, pictures in by_method.items()
+    if all(entry.get("reached") == 1 for entry in entries):
+        return "<p>None: every method reached every goal.</p>"
+    if task.paths is not None:
+        return "<p>How episodes go is shown by the paths above.</p>"
+    failed = [_picture(rendering) for rendering in found if not rendering.reached]
+    if not failed:
+        return "<p>None is drawn.</p>"
+    return (
+        f'<p class="faint">The worst failure of each method that has one.</p><div class="grid">{"".join(failed)}</div>'
     )
 
 
 def _chart(file: Path, title: str) -> str:
-    """Return a figure with its text as large as the page's."""
+    """Return a figure with its text as large as the page's, and a link to save it."""
     with Image.open(file) as picture:
         width = round(PAGE_DPI / DPI * picture.width)
     uri = _data_uri("image/png", file.read_bytes())
-    return f'<figure class="chart"><img src="{uri}" alt="{escape(title)}" width="{width}"></figure>'
+    return (
+        f'<figure class="chart {escape(file.stem)}"><img src="{uri}" alt="{escape(title)}" width="{width}">'
+        f'<figcaption><a download="{escape(file.name)}">Save as PNG</a></figcaption></figure>'
+    )
 
 
 def _picture(rendering: Rendering) -> str:
     content = BytesIO()
     Image.fromarray(rendering.image).save(content, "JPEG", quality=QUALITY)
     uri = _data_uri("image/jpeg", content.getvalue())
-    return f'<figure><img src="{uri}" alt=""><figcaption>{escape(rendering.caption)}</figcaption></figure>'
+    caption = f"<strong>{escape(rendering.method)}</strong>: {escape(rendering.caption)}"
+    return f'<figure><img src="{uri}" alt=""><figcaption>{caption}</figcaption></figure>'
 
 
 def _data_uri(kind: str, content: bytes) -> str:
     return f"data:{kind};base64,{base64.b64encode(content).decode()}"
 
 
-def _terms(pairs: Iterable[tuple[str, str]]) -> str:
-    return "\n".join(f'<tr><th scope="row">{escape(name)}</th><td>{escape(text)}</td></tr>' for name, text in pairs)
+def _words(task: Task, results: Mapping[str, Any]) -> Iterator[tuple[str, str]]:
+    """Yield the settings in words, by their headings."""
+    settings = results["settings"]
+    for name, text in settings["terms"].items():
+        if name != "reached":
+            yield HEADINGS.get(name, name[0].upper() + name[1:]), _sentence(text)
+    if settings.get("arm"):
+        yield "Arm", f"{settings['arm']}."
+    if task.observations:
+        yield "Observed", f"{OBSERVATIONS.get(settings['observation'], settings['observation'])}."
+    options = {name: value for name, value in settings["options"].items() if name not in ("observation", "arm")}
+    if options:
+        yield "Options", "; ".join(_option(task, name, value) for name, value in options.items()) + "."
+    for name, reason in settings["left_out"].items():
+        yield f"Left out: {name}", _sentence(reason)
+    yield "Intervals", f"{100 * settings['confidence']:g} %: {settings['intervals']}."
+    yield "Machine", ", ".join(f"{name} {value}" for name, value in settings["machine"].items()) + "."
+    versions = (f"{name} {version or 'not installed'}" for name, version in results["versions"].items())
+    yield "Versions", ", ".join(versions) + "."
 
 
-def _flat(settings: Mapping[str, Any]) -> Iterable[tuple[str, str]]:
-    """Yield names and texts, with groups dissolved into their members."""
-    for name, value in settings.items():
-        if isinstance(value, Mapping):
-            yield from ((f"{name}: {inner}", text) for inner, text in _flat(value))
-        elif value is not None:
-            yield name.replace("_", " "), ", ".join(map(str, value)) if isinstance(value, list) else str(value)
+def _option(task: Task, name: str, value: Any) -> str:
+    """Return an option with its value, and what it means if its environment says so."""
+    declared = options_class(task.environment)
+    meanings = {entry.name: entry.metadata.get("description", "") for entry in fields(declared)} if declared else {}
+    said = ", ".join(map(str, value)) if isinstance(value, list) else str(value)
+    meaning = re.sub(r'[`"]', "", meanings.get(name, ""))
+    return f"{name.replace('_', ' ')} {said}{f' ({meaning})' if meaning else ''}"
+
+
+def _sentence(text: str) -> str:
+    return f"{text[:1].upper()}{text[1:].rstrip('.')}."

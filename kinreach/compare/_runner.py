@@ -20,6 +20,7 @@ from typing import Any
 
 import gymnasium as gym
 import numpy as np
+from matplotlib.figure import Figure
 
 import kinreach
 from kinreach import _provenance as provenance
@@ -32,7 +33,7 @@ from kinreach.baselines._loop import Policy, as_policy, rollout
 from kinreach.compare import _figures as figures
 from kinreach.compare import _report as report
 from kinreach.compare._methods import colours, resolve_methods
-from kinreach.compare._task import GIVEN, SOLVER, Method, Task, arm_in, arm_version, get_task
+from kinreach.compare._task import GIVEN, SOLVER, Draw, Method, Task, arm_in, arm_version, get_task
 from kinreach.envs._reach.reachable_goals import with_goals
 from kinreach.envs._reach.task import layout_of
 from kinreach.errors import InputError, InstallationError, KinreachError, MethodError, OtherResultsError, OutputError
@@ -501,11 +502,35 @@ def _compare_on_disk(
     trials = sorted(records.trials, key=lambda trial: (trial["goal_index"], order.index(trial["method"])))
     results = results_of(comparison, trials, machine)
     write_text(out / "results.csv", trials_csv(trials))
-    drawn = figures.write_figures(comparison.task.figures, out, trials, results)
-    report.write_report(out / "report.html", comparison.task, trials, results, drawn, notes(comparison.task, results))
+    drawings = {**comparison.task.figures, **_path_figure(comparison)}
+    drawn = figures.write_figures(drawings, out, trials, results)
+    report.write_report(out / "report.html", comparison.task, trials, results, drawn, comparison.task.notes(results))
     write_text(out / RESULTS, json.dumps(results, indent=2, allow_nan=False) + "\n")
     records.remove()
     return results
+
+
+def _path_figure(comparison: Comparison) -> dict[str, Draw]:
+    """Return the task's figure of paths, for which it plays some trials again; empty if it has none."""
+    draw_paths = comparison.task.paths
+    if draw_paths is None:
+        return {}
+
+    def draw(trials: Sequence[Trial], results: Mapping[str, Any]) -> Figure:
+        with ExitStack() as stack:
+            environments = _Environments(comparison.task, stack)
+            resets = _resets(comparison.task, comparison.goals, comparison.seed, environments.default)
+
+            def replay(name: str, goal: int) -> list[dict[str, Any]]:
+                env = environments.of(comparison.methods[name])
+                policy, infos = environments.policy(comparison.methods[name]), []
+                for _ in rollout(env, policy, [resets[goal]], watch=lambda env, info: infos.append(dict(info))):
+                    pass
+                return infos
+
+            return draw_paths(trials, results, replay)
+
+    return {"paths": draw}
 
 
 class Records:

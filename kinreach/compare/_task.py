@@ -30,6 +30,11 @@ Draw = Callable[[Sequence[Trial], Mapping[str, Any]], Figure]
 #: number are the first of a larger one.
 Resets = Callable[[int, int, gym.Env[Any, Any]], Sequence[Mapping[str, Any]]]
 
+#: Plays a method on a goal again, by its name and the goal's index: the `info` of the reset and of every step.
+Replay = Callable[[str, int], list[dict[str, Any]]]
+#: A figure of how episodes go, from all trials, the contents of `results.json`, and what plays a trial again.
+DrawPaths = Callable[[Sequence[Trial], Mapping[str, Any], Replay], Figure]
+
 #: What is drawn of a trial's end, from the task's environment after the reset to the trial's goal.
 MakeScene = Callable[[gym.Env[Any, Any], Trial], Scene]
 
@@ -91,6 +96,7 @@ class Task:
         notes: From the contents of `results.json` to lines under the tables, more than the criterion.
         scene: What the report draws of how a trial ended, from the environment, reset to the trial's goal, and the
             trial. By default the environment's `arm` in its work cell, in the posture `q` with the ball at `goal`.
+        paths: A figure of how episodes go, which stands in the report instead of pictures of failures.
     """
 
     name: str
@@ -109,6 +115,7 @@ class Task:
     terms: Mapping[str, str] = field(default_factory=dict)
     notes: Callable[[Mapping[str, Any]], list[str]] = lambda results: []
     scene: MakeScene | None = None
+    paths: DrawPaths | None = None
 
     def with_options(self, options: Mapping[str, Any]) -> Task:
         """Return the same task with some other options of its environments."""

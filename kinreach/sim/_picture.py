@@ -116,9 +116,15 @@ class ScenePicture:
         scene: What is drawn.
         mode: `"human"`, `"rgb_array"`, `"rgb_array_list"` or `"depth_array"`.
         fps: Frames per second of simulated time, in the viewer and in a list of frames.
+
+    Attributes:
+        size: Width and height of a frame [pixels]; to be set before the first one.
+        overlay: Draws into each colour frame, from the scene and the frame; returns the frame that is kept.
     """
 
     def __init__(self, scene: Scene, *, mode: str, fps: int) -> None:
+        self.size = (WIDTH, HEIGHT)
+        self.overlay: Callable[[Scene, Any], Any] | None = None
         self._scene = scene
         self._mode = mode
         self._period = 1.0 / fps
@@ -173,11 +179,13 @@ class ScenePicture:
     def _drawer(self) -> FrameRenderer:
         if self._renderer is None:
             # without shadows, which take most of the time of a frame
-            self._renderer = FrameRenderer(self._scene.model, width=WIDTH, height=HEIGHT, shadows=False)
+            width, height = self.size
+            self._renderer = FrameRenderer(self._scene.model, width=width, height=height, shadows=False)
         return self._renderer
 
     def _rgb(self) -> Any:
-        return self._drawer().rgb(self._scene.data, CAMERA)
+        frame = self._drawer().rgb(self._scene.data, CAMERA)
+        return frame if self.overlay is None else self.overlay(self._scene, frame)
 
     def _update_viewer(self) -> None:
         mujoco.mj_forward(self._scene.model, self._scene.data)

@@ -1,10 +1,12 @@
 """The report: whole, self-contained, safe to open, and its tables sort in a browser."""
 
+import json
 import re
 import subprocess
 import threading
 from contextlib import contextmanager
 from dataclasses import replace
+from datetime import date
 from functools import partial
 from html.parser import HTMLParser
 from http.server import SimpleHTTPRequestHandler, ThreadingHTTPServer
@@ -13,8 +15,17 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from kinreach.compare import compare
-from kinreach.compare._report import Rendering, _caption, chosen, finding, render_trials, report_html, write_report
+from kinreach.compare import compare, wilson_interval
+from kinreach.compare._ranking import best_in, finding, reaching
+from kinreach.compare._report import (
+    Rendering,
+    _caption,
+    ordinary_success,
+    render_trials,
+    report_html,
+    worst_failure,
+    write_report,
+)
 from kinreach.compare._runner import prepare, results_of, run_trials
 from kinreach.compare._task import _OWN
 from kinreach.errors import DrawingError, InstallationError
@@ -59,12 +70,13 @@ def results(trials, task):
 
 
 @pytest.fixture
-def page(results, task, tmp_path):
+def page(results, task, trials, tmp_path):
     charts = {HOSTILE: tmp_path / "errors.png", "times": tmp_path / "times.png"}
     for path in charts.values():
         Image.new("RGB", (160, 80), "red").save(path)
-    picture = Rendering(HOSTILE, f"caption {HOSTILE}", np.zeros((9, 16, 3), dtype=np.uint8))
-    return report_html(task, results, charts, [picture], [f"a note {HOSTILE}"])
+    black = np.zeros((9, 16, 3), dtype=np.uint8)
+    pictures = [Rendering("lm", "a success", black, True), Rendering(HOSTILE, f"caption {HOSTILE}", black)]
+    return report_html(task, trials, results, charts, pictures, [f"a note {HOSTILE}"])
 
 
 class Reader(HTMLParser):
@@ -101,15 +113,26 @@ class Reader(HTMLParser):
 def test_everything_is_in_it(page, results):
     reader = Reader(page)
     assert reader.open == []
-    assert reader.text("h2") == ["Methods", "Figures", "Renderings", "Settings", "Versions"]
+    assert reader.text("h2") == ["Methods", "Figures", "Failures", "How it was measured"]
     assert results["settings"]["command"] in reader.text("code")
-    cells = reader.text("td") + reader.text("th")
-    for said in ("lm", "closed-form", "100.0 [56.6, 100.0]", "0.95", "Wilson", "processor"):
+    cells = [text for tag in ("td", "th", "dd", "dt", "small", "strong", "p") for text in reader.text(tag)]
+    for said in ("lm", "closed-form", "100.0", "[56.6, 100.0]", "95 %: Wilson", "processor", date.today().isoformat()):
         assert any(said in cell for cell in cells), said
     images = [(image["src"].partition(";")[0], image["alt"], image.get("width")) for image in reader.all("img")]
-    assert images == [
-        ("data:image/png", HOSTILE, "96"), ("data:image/png", "times", "96"), ("data:image/jpeg", "", None),
+    assert images == [  # the scene and one figure open the report
+        ("data:image/jpeg", "", None), ("data:image/png", HOSTILE, "96"), ("data:image/png", "times", "96"),
+        ("data:image/jpeg", "", None),
     ]  # fmt: skip
+    assert [link["download"] for link in reader.all("a")] == ["errors.png", "times.png"]
+
+
+def test_every_number_has_its_count(page):
+    """In the head of a column, or in each cell where the methods have other numbers of trials."""
+    reader = Reader(page)
+    heads = [cell for cell in reader.all("th") if cell.get("data-kind") == "number"]
+    counts = [text for text in reader.text("small") if text.startswith("n ")]
+    assert counts.count("n = 5") == len(heads) - 1 >= 5
+    assert [text for text in counts if text != "n = 5"] == ["n 5", "n 5", "n 4"]  # times of moves that were possible
 
 
 def test_nothing_is_fetched(page):
@@ -133,29 +156,75 @@ def test_texts_stay_texts(page):
     assert HOSTILE in [cell.get("data-value") for cell in reader.all("th")]
 
 
-def test_the_first_sentence_says_what_was_found(results):
-    said = finding({"methods": results["methods"][:2]})
-    assert said.startswith("All methods reach every goal; closed-form ends nearest, 1.50 mm in the median;")
-    assert "the others: " in finding(results)
-    assert "0.0 %" in finding(results)
-    assert finding({"methods": results["methods"][:1]}) == "lm reaches every goal."
+def entry(name, reached, distance=(1.0, 2.0), solve=(1.0, 2.0), goals=200):
+    """A method of results; distances and times are intervals of medians."""
+    return {
+        "name": name, "reached": reached / goals, "reached_ci": wilson_interval(reached, goals),
+        "distance_mm": {"median": sum(distance) / 2}, "distance_mm_ci": {"median": distance},
+        "solve_ms": {"median": sum(solve) / 2}, "solve_ms_ci": {"median": solve},
+    }  # fmt: skip
+
+
+def found(*entries):
+    return finding({"methods": entries, "settings": {"goals": 200}})
+
+
+def test_the_first_sentences_say_what_was_found():
+    near, same, far = (
+        entry("near", 200, (1, 2), (3, 4)),
+        entry("same", 200, (1.5, 3)),
+        entry("far", 200, (9, 9), (8, 9)),
+    )
+    assert found(near, same, far) == [
+        "All 3 methods reach every one of 200 goals.",
+        "near comes nearest: 1.50 mm in the median; same is indistinguishable.",
+        "same decides fastest: 1.50 ms in the median.",
+    ]
+    assert found(near) == ["near reaches every one of 200 goals."]
+    assert found(entry("a", 0), entry("b", 0)) == ["No method reaches any of 200 goals."]
+
+
+def test_only_methods_that_reach_are_ranked():
+    good, almost, bad = entry("good", 200, (5, 6)), entry("almost", 198, (5.5, 7)), entry("bad", 90, (1, 2), (0.1, 0.2))
+    said = found(good, almost, bad)
+    assert said[0] == "good reaches every one of 200 goals; almost (99.0 %) is indistinguishable."
+    assert said[1] == "good comes nearest: 5.50 mm in the median; almost is indistinguishable."
+    assert said[-1] == "Not ranked, because fewer goals are reached: bad (45.0 %)."
+    assert not any("bad comes" in sentence or "bad decides" in sentence for sentence in said)
+    assert [one["name"] for one in reaching([bad, almost, good])] == ["good", "almost"]
+
+
+def test_indistinguishable_is_what_intervals_cannot_tell_apart():
+    cases = 0
+    for seed in range(300):
+        rng = np.random.default_rng(seed)
+        several = [entry(str(i), 200, tuple(np.sort(rng.uniform(0, 9, 2)))) for i in range(int(rng.integers(1, 7)))]
+        best, *same = best_in(several, "distance_mm")
+        assert best["distance_mm"]["median"] == min(one["distance_mm"]["median"] for one in several)
+        low, high = best["distance_mm_ci"]["median"]
+        for one in several:
+            apart = one["distance_mm_ci"]["median"][0] > high or one["distance_mm_ci"]["median"][1] < low
+            assert apart == (one not in [best, *same])
+            cases += 1
+    assert cases > 600
 
 
 def test_a_task_without_distance_has_pictures_too(trials):
     bare = [{key: value for key, value in trial.items() if key != "distance"} for trial in trials]
-    found = chosen(bare)
-    assert len(found) == 2
-    assert all("mm" not in _caption(what, trial) and "goal" in _caption(what, trial) for what, trial in found.items())
+    for trial in (ordinary_success(bare), worst_failure(bare)):
+        assert "mm" not in _caption("what", trial)
+        assert "goal" in _caption("what", trial)
     assert "mm" in _caption("success", {**bare[0], "distance": 0.001})
+    assert finding({"methods": [{"name": "a", "reached": None}], "settings": {"goals": 3}}) == []
 
 
-def test_an_ordinary_success_and_the_worst_end_are_chosen(trials):
+def test_an_ordinary_success_and_the_worst_failure_are_chosen(trials):
     distances = [trial | {"distance": 0.001 * n} for n, trial in enumerate(made_up("a", 5))]
-    assert {what: trial["goal_index"] for what, trial in chosen(distances).items()} == {
-        "success": 2, "largest distance, reached all the same": 4,
-    }  # fmt: skip
+    assert ordinary_success(distances)["goal_index"] == 2
+    assert worst_failure(distances) is None
     hostile = [trial for trial in trials if trial["method"] == HOSTILE]
-    assert [(what, trial["goal_index"]) for what, trial in chosen(hostile).items()] == [("worst failure", 4)]
+    assert ordinary_success(hostile) is None
+    assert worst_failure(hostile)["goal_index"] == 4
 
 
 #: Methods that decide at once, of every task of the package; of the button one that runs into the joints' limits.
@@ -181,9 +250,13 @@ def test_every_task_has_pictures(name, needs_gl, tmp_path):
     reader = Reader((tmp_path / "report.html").read_text())
     pictures = [image["src"] for image in reader.all("img") if image["src"].startswith("data:image/jpeg")]
     captions = reader.text("figcaption")
-    assert len(captions) == len(pictures) >= len(QUICK[name])
+    results = json.loads((tmp_path / "results.json").read_text())
+    failing = [method["name"] for method in results["methods"] if method["reached"] < 1]
+    any_success = any(method["reached"] for method in results["methods"])
+    drawn = (any_success + len(failing)) if name != "moving" else any_success  # which shows paths
+    assert len(captions) == len(pictures) == drawn >= 1
+    assert (tmp_path / "paths.png").exists() == (name == "moving")
     assert len(set(pictures)) == len(pictures)  # arm and ball are elsewhere in each
-    assert len([text for text in reader.text("h3") if text in QUICK[name]]) == 2
     with Image.open(tmp_path / "scene.png") as scene:
         assert np.asarray(scene).std() > 10
 
@@ -243,6 +316,7 @@ addEventListener("load", () => {
   for (const _ of [0, 1]) { heads[move].querySelector("button").click(); seen.push(names()); }
   seen.push(inside.querySelectorAll("[aria-sort]").length, inside.images.length);
   seen.push([...inside.querySelectorAll("div.wide")].every((box) => box.scrollWidth <= box.clientWidth));
+  seen.push([...inside.querySelectorAll("a[download]")].map((link) => link.href.slice(0, 15)));
   document.getElementById("seen").textContent = JSON.stringify(seen);
   console.warn("the probe is done");
 });
@@ -293,6 +367,6 @@ def test_in_a_browser(page, browser_path, tmp_path):
         f"[[{lm},{closed},{hostile}],"  # as measured
         f'[{hostile},{closed},{lm},"ascending"],[{lm},{closed},{hostile},"descending"],'  # by name
         f'[{closed},{lm},{hostile},"ascending"],'  # by distance
-        f"[{closed},{lm},{hostile}],[{closed},{lm},{hostile}],1,3,"  # by time: all equal, the order stays
-        "true]"  # every column is in sight at 1400 px
+        f"[{closed},{lm},{hostile}],[{closed},{lm},{hostile}],1,4,"  # by time: all equal, the order stays
+        'true,["data:image/png;","data:image/png;"]]'  # every column is in sight at 1400 px; figures can be saved
     )

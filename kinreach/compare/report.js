@@ -16,3 +16,8 @@ for (const table of document.querySelectorAll("table.sortable")) {
     body.append(...[...body.rows].sort((a, b) => compare(a, b, column, heading.dataset.kind, ascending ? 1 : -1)));
   }));
 }
+
+// A figure is in the page once; its link takes it from there.
+for (const link of document.querySelectorAll("a[download]")) {
+  link.href = link.closest("figure").querySelector("img").src;
+}

@@ -1,0 +1,99 @@
+"""Which methods reach the goals, and which of those are nearest and fastest, as far as the intervals tell."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+from kinreach._statistics import number
+
+Entry = Mapping[str, Any]
+#: Measures in which methods that reach are ranked, smaller is better -> what the best one does.
+RANKED = {
+    "distance_mm": "comes nearest: {} mm in the median",
+    "decision_ms": "decides fastest: {} ms in the median",
+    "solve_ms": "decides fastest: {} ms in the median",
+}
+#: Methods that reach the same share are counted if they are more.
+MAX_LISTED = 3
+
+
+def reaching(entries: Sequence[Entry]) -> list[Entry]:
+    """Return the methods that reach goals and whose share cannot be told from the largest, the largest share first."""
+    shares = [entry for entry in entries if entry.get("reached")]
+    if not shares:
+        return []
+    best = max(shares, key=lambda entry: entry["reached"])
+    found = [entry for entry in shares if _overlap(entry["reached_ci"], best["reached_ci"])]
+    return sorted(found, key=lambda entry: -entry["reached"])
+
+
+def best_in(entries: Sequence[Entry], key: str) -> list[Entry]:
+    """Return the entry with the least median of a measure, then those that cannot be told from it.
+
+    Args:
+        entries: Those that are ranked.
+        key: Of the measure; without it in all of them nothing is the best.
+    """
+    medians = [(entry.get(key) or {}).get("median") for entry in entries]
+    if not entries or None in medians:
+        return []
+    order = sorted(entries, key=lambda entry: float(entry[key]["median"]))
+    bounds = order[0][f"{key}_ci"]["median"]
+    return [entry for entry in order if entry is order[0] or _overlap(entry[f"{key}_ci"]["median"], bounds)]
+
+
+def finding(results: Mapping[str, Any]) -> list[str]:
+    """Return the finding in a few sentences; none if the task has no column of goals that were reached.
+
+    Methods are ranked only among those that reach as many goals as any, and are called indistinguishable where their
+    95 % intervals overlap.
+    """
+    entries, goals = results["methods"], results["settings"]["goals"]
+    if any(entry.get("reached") is None for entry in entries):
+        return []
+    ranked = reaching(entries)
+    if not ranked:
+        return [f"No method reaches any of {goals} goals."]
+    share = ranked[0]["reached"]
+    top = [entry for entry in ranked if entry["reached"] == share]
+    near = ranked[len(top) :]
+    every = f"every one of {goals} goals" if goals > 1 else "the goal"
+    said = every if share == 1 else f"{100 * share:.1f} % of {goals} goals"
+    who = _listed(_names(top)) if len(top) <= MAX_LISTED else f"{len(top)} of {len(entries)} methods"
+    who = f"All {len(top)} methods" if len(top) == len(entries) > 1 else who
+    sentence = f"{who} {'reach' if len(top) > 1 else 'reaches'} {said}"
+    if near:
+        sentence += f"; {_shares(near)} {'are' if len(near) > 1 else 'is'} indistinguishable"
+    sentences = [sentence]
+    if len(ranked) > 1:
+        measures = [key for key in RANKED if all((entry.get(key) or {}).get("median") for entry in ranked)]
+        if "decision_ms" in measures:
+            measures.remove("solve_ms")
+        sentences += [_first(ranked, key) for key in measures]
+    rest = [entry for entry in entries if entry not in ranked]
+    if rest:
+        sentences.append(f"Not ranked, because fewer goals are reached: {_shares(rest)}")
+    return [f"{sentence}." for sentence in sentences]
+
+
+def _first(ranked: Sequence[Entry], key: str) -> str:
+    first, *same = best_in(ranked, key)
+    text = f"{first['name']} {RANKED[key].format(number(first[key]['median']))}"
+    return f"{text}; {_listed(_names(same))} {'are' if len(same) > 1 else 'is'} indistinguishable" if same else text
+
+
+def _overlap(one: Sequence[float], other: Sequence[float]) -> bool:
+    return one[0] <= other[1] and other[0] <= one[1]
+
+
+def _names(entries: Sequence[Entry]) -> list[str]:
+    return [entry["name"] for entry in entries]
+
+
+def _shares(entries: Sequence[Entry]) -> str:
+    return _listed([f"{entry['name']} ({100 * entry['reached']:.1f} %)" for entry in entries])
+
+
+def _listed(words: Sequence[str]) -> str:
+    return words[0] if len(words) == 1 else f"{', '.join(words[:-1])} and {words[-1]}"
