@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import re
 import threading
 import time
 from collections import deque
@@ -47,6 +48,7 @@ class Tab(contextlib.AbstractContextManager["Tab"]):
         before = set(server.pages)
         self._elements: dict[str, dict[str, Any]] = {}
         self._nodes: dict[str, dict[str, Any]] = {}
+        self._theme: dict[str, Any] = {}
         self._received: deque[bytes] = deque()
         self._socket = connect(
             server.address.replace("http:", "ws:"), subprotocols=[f"viser-v{viser.__version__}"],  # type: ignore[list-item]
@@ -76,6 +78,12 @@ class Tab(contextlib.AbstractContextManager["Tab"]):
         return self._nodes
 
     @property
+    def theme(self) -> dict[str, Any]:
+        """How the page looks, `dark_mode` among it."""
+        self._take_all()
+        return self._theme
+
+    @property
     def inputs(self) -> list[dict[str, Any]]:
         """All inputs of the page, hidden ones too."""
         return [element for element in self.elements.values() if "value" in element]
@@ -85,6 +93,19 @@ class Tab(contextlib.AbstractContextManager["Tab"]):
         """The texts of the page that are not hidden."""
         elements = self.elements.values()
         return "\n".join(element["content"] for element in elements if "content" in element and self._shown(element))
+
+    @property
+    def part(self) -> str:
+        """Name of the part of the page that is marked as shown; empty where none is."""
+        marked = re.search('aria-selected="true"[^>]*>([^<]*)<', self.text)
+        return marked[1] if marked else ""
+
+    def press(self, text: str, *, does: str = "press") -> None:
+        """Do what the page does when a text is pressed, or with `does="point"` when the mouse is over it."""
+        wait_for(lambda: text in self.text)
+        name, index = re.findall(f'data-{does}="(.*?) (\\d+)"', self.text.partition(text)[0])[-1]
+        group = self.element(name)
+        self.set(group, group["options"][int(index)])
 
     def shows(self, label: str) -> bool:
         """Whether an input or folder of a label is on the screen."""
@@ -161,6 +182,8 @@ class Tab(contextlib.AbstractContextManager["Tab"]):
         kind, name = message["type"], message.get("name", "")
         if kind in _NODE_PROPERTIES:
             self._nodes.setdefault(name, {})[_NODE_PROPERTIES[kind]] = message[_NODE_PROPERTIES[kind]]
+        elif kind == "ThemeConfigurationMessage":
+            self._theme = message
         elif kind == "SceneNodeUpdateMessage":
             self._nodes[name] |= message["updates"]
         elif kind == "RemoveSceneNodeMessage":

@@ -32,8 +32,10 @@ _METAL: Colour = (122, 126, 133)
 SAME_PLACE = 1e-6
 #: Where nothing is [m].
 FAR = 1e6
-#: How far the scene is moved to the side, and away, by its distance.
-ASIDE, AWAY = 0.14, 0.15
+#: How far the camera is moved, by its distance: to the side and away, and on an upright screen down and away.
+ASIDE, AWAY, UNDER, AWAY_UPRIGHT = 0.14, 0.15, 0.25, 0.8
+#: Lines of the grid, of its cells and of its sections.
+GRID, DARK_GRID = ((222, 226, 230), (196, 202, 208)), ((46, 48, 52), (66, 69, 74))
 _LEG = 0.05  # edge of a table leg [m]
 _IDENTITY = (1.0, 0.0, 0.0, 0.0)
 
@@ -44,14 +46,21 @@ def box_colour(name: str) -> Colour:
 
 
 def overview(client: Any, arm: ArmDescription) -> None:
-    """Look at an arm from where its pictures are taken, moved aside for the panel; an arm without stays as it is."""
+    """Look at an arm from where its pictures are taken; an arm without stays as it is.
+
+    The arm is moved aside for the panel, and on an upright screen up, with a panel below.
+    """
     mount = next((mount for mount in arm.cameras if mount.name == "overview"), None)
-    if mount is not None:
-        position, target = np.array(mount.position), np.array(mount.target)
-        aside = ASIDE * np.cross(target - position, (0.0, 0.0, 1.0))  # to the left of the panel
-        back = AWAY * (position - target)
-        client.camera.position, client.camera.look_at = position + aside + back, target + aside
-        client.camera.fov = np.radians(mount.fovy)
+    if mount is None:
+        return
+    position, target = np.array(mount.position), np.array(mount.target)
+    forward = target - position
+    right = np.cross(forward, (0.0, 0.0, 1.0))
+    upright = client.camera.image_height > client.camera.image_width
+    moved = UNDER * np.cross(forward, right) / np.linalg.norm(right) if upright else ASIDE * right
+    client.camera.position = position + moved - (AWAY_UPRIGHT if upright else AWAY) * forward
+    client.camera.look_at = target + moved
+    client.camera.fov = np.radians(mount.fovy)
 
 
 class Shapes(Protocol):
@@ -155,11 +164,12 @@ class SolidArm(Solid):
 
 @dataclass(frozen=True)
 class Ghost:
-    """A posture (n,) [rad] that is drawn through, in a colour, and its red links."""
+    """A posture (n,) [rad] that is drawn through, in a colour, its red links, and its opacity, 0 to 1."""
 
     q: Floats
     colour: Colour
     red: Collection[str] = ()
+    opacity: float = 0.45
 
 
 class Ghosts(Branch):
@@ -184,14 +194,14 @@ class Ghosts(Branch):
                 batched_positions=np.zeros((most, 3)),
                 batched_scales=np.zeros(most),
                 batched_colors=np.zeros((most, 3), dtype=np.uint8),
-                batched_opacities=np.full(most, 0.22),
+                batched_opacities=np.zeros(most),
                 lod="off",
                 cast_shadow=False,
                 receive_shadow=False,
             )
             for index, piece in enumerate(figure.coarse)
         ]
-        self._colours: list[tuple[Colour, frozenset[str]]] = []
+        self._looks: list[tuple[Colour, frozenset[str], float]] = []
 
     def take(self, ghosts: Sequence[Ghost], *, beside: Floats | None) -> None:
         """Draw these, and no others; links that are where those of a posture `beside` them are, are left out."""
@@ -205,22 +215,39 @@ class Ghosts(Branch):
             apart = np.abs(poses[row, :, :3] - solid[:, :3]).max(axis=1)
             turned = 1.0 - np.abs((poses[row, :, 3:] * solid[:, 3:]).sum(axis=1))
             scales[row] = (apart > SAME_PLACE) | (turned > SAME_PLACE)
-        colours = [(ghost.colour, frozenset(ghost.red)) for ghost in ghosts]
+        looks = [(ghost.colour, frozenset(ghost.red), ghost.opacity) for ghost in ghosts]
         for piece, node in zip(self._figure.coarse, self._pieces, strict=True):
             node.batched_positions = poses[:, piece.link, :3].astype(np.float32)
             node.batched_wxyzs = poses[:, piece.link, 3:].astype(np.float32)
             node.batched_scales = np.ascontiguousarray(scales[:, piece.link])
-            if colours != self._colours:
+            if looks != self._looks:
                 link = self._figure.links[piece.link]
-                shades = np.zeros((self._most, 3), dtype=np.uint8)
-                for row, (colour, red) in enumerate(colours):
-                    shades[row] = RED if link in red else colour
-                node.batched_colors = shades
-        self._colours = colours
+                shades, opacities = np.zeros((self._most, 3), dtype=np.uint8), np.zeros(self._most, dtype=np.float32)
+                for row, (colour, red, opacity) in enumerate(looks):
+                    shades[row], opacities[row] = RED if link in red else colour, opacity
+                node.batched_colors, node.batched_opacities = shades, opacities
+        self._looks = looks
+
+
+class Grid:
+    """The floor of a work cell.
+
+    Args:
+        scene: viser's scene of one client.
+        boxes: What stands around the arm, the floor among it.
+    """
+
+    def __init__(self, scene: Any, boxes: Sequence[Box]) -> None:
+        floor = min((box.position[2] + box.size[2] / 2 for box in boxes if box.name == "floor"), default=0.0)
+        self._grid = scene.add_grid("/grid", 6.0, 6.0, position=(0.0, 0.0, floor), cell_size=0.25, section_size=1.0)
+
+    def colour(self, *, dark: bool) -> None:
+        """Draw it for a light or a dark background."""
+        self._grid.cell_color, self._grid.section_color = DARK_GRID if dark else GRID
 
 
 class Surroundings(Branch):
-    """The boxes of a work cell, and a grid for its floor.
+    """The boxes of a work cell.
 
     Args:
         scene: viser's scene of one client.
@@ -232,11 +259,6 @@ class Surroundings(Branch):
         self._boxes: dict[str, tuple[Colour, Any]] = {}
         self._red: frozenset[str] = frozenset()
         self._root = scene.add_frame(root, show_axes=False)
-        floor = min((box.position[2] + box.size[2] / 2 for box in boxes if box.name == "floor"), default=0.0)
-        scene.add_grid(
-            "/grid", 6.0, 6.0, position=(0.0, 0.0, floor), cell_size=0.25, section_size=1.0,
-            cell_color=(222, 226, 230), section_color=(196, 202, 208),
-        )  # fmt: skip
         for box in boxes:
             if box.name == "floor":
                 continue

@@ -120,6 +120,7 @@ class EpisodesPanel(Panel):
         self._player = gui.add_button_group("player", (PLAY, PAUSE, STEP, START))
         self._slider = gui.add_slider("frame", 0, 1, 1, 0)
         self._now = gui.add_html("")
+        self._bars = gui.add_html("")
         self._plot_place = gui.add_folder("Terms of the reward, step by step")
         self._plot: Any = None
         self._cameras = gui.add_folder("What the cameras see", expand_by_default=False)
@@ -245,8 +246,12 @@ class EpisodesPanel(Panel):
     def _new_plot(self, episode: Episode) -> None:
         if self._plot is not None:
             self._plot.remove()
+            self._plot = None
+        self._plot_place.visible = len(episode.steps) > 1
+        if len(episode.steps) == 1:
+            return
         names = list(episode.steps[0].terms)
-        series = [{"label": "step"}, {"label": "reward", "stroke": "#222", "width": 2}]
+        series = [{"label": "step"}, {"label": "reward", "stroke": "#868e96", "width": 2}]
         series += [
             {"label": plain(name), "stroke": html.css(colour), "width": 1.5, "points": {"show": True}}
             for name, colour in zip(names, BRANCH_COLOURS, strict=False)
@@ -282,7 +287,10 @@ class EpisodesPanel(Panel):
         self._now.content = html.moment(episode, frame)
         if frame.step != self._step:
             self._step = frame.step
-            self._plot.data = self._terms(episode, frame.step)
+            terms = episode.steps[frame.step - 1].terms if frame.step else {}
+            self._bars.content = html.bars(terms) if terms else ""
+            if self._plot is not None:
+                self._plot.data = self._terms(episode, frame.step)
 
     def _show_cameras(self, episode: Episode, seen: GoalMeasurement | None) -> None:
         with self._lock:

@@ -1,9 +1,13 @@
-"""The parts of the page that are text: verdict, list of postures, gauge, table of solvers. Everything is escaped."""
+"""The parts of the page that are text: tabs, verdict, list of postures, gauge, tables. Everything is escaped.
+
+Their classes and what they do when pressed are in `head.html`.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from html import escape
+from itertools import cycle
 from math import degrees
 
 import numpy as np
@@ -15,13 +19,32 @@ from kinreach.view._draw import BRANCH_COLOURS, Colour
 from kinreach.view._episodes import Episode, Frame
 from kinreach.view._names import angle, length, plain
 from kinreach.view._real_arm import Miss
-from kinreach.view._results import End, Results
+from kinreach.view._results import Results
 from kinreach.view._target import Answer, Finish, Posture, State
 
-_GREEN, _RED, _ORANGE = "#2b8a3e", "#c92a2a", "#d9820a"
-_SMALL = "font-size:11px;color:#666;line-height:1.35"
+_GREEN, _RED, _ORANGE = "#37a34b", "#e03131", "#e8910c"
+#: Groups of buttons that texts press. Of `POINT_AT` the first is for nothing, of `POSTURE` and `POINT_AT` there are
+#: `MAX_POSTURES` others: a calibrated UR has up to sixteen postures.
+SHOW, DO, COLOURS, POSTURE, POINT_AT, METHOD = "show", "do", "colours", "posture", "point at", "method"
+MAX_POSTURES = 16
+#: What stands before the groups of buttons that are not seen: they are the last of their folder.
+UNSEEN = '<i class="kr-unseen"></i>'
 #: `slowest_motion` of a gauge that is full, and below which it is orange and red [m/rad].
 FULL, LOW, VERY_LOW = 0.12, 0.04, 0.015
+
+#: What can be done with any part of the page -> its icon.
+SCREENSHOT, PYTHON = "Screenshot: save the scene as a PNG", "Copy as Python: the program for what is on the screen"
+_SVG = '<svg viewBox="0 0 24 24">{}</svg>'
+_ICONS = {
+    SCREENSHOT: _SVG.format(
+        '<path d="M8 7l2-3h4l2 3h3a2 2 0 0 1 2 2v9a2 2 0 0 1-2 2H5a2 2 0 0 1-2-2V9a2 2 0 0 1 2-2z"/>'
+        '<circle cx="12" cy="13" r="3"/>'
+    ),
+    PYTHON: _SVG.format('<path d="M7 8l-4 4 4 4M17 8l4 4-4 4M14 4l-4 16"/>'),
+}
+_COPY = _SVG.format(
+    '<rect x="9" y="9" width="11" height="11" rx="2"/><path d="M5 15a1 1 0 0 1-1-1V5a1 1 0 0 1 1-1h9"/>'
+)
 
 
 def css(colour: Colour) -> str:
@@ -32,16 +55,12 @@ def css(colour: Colour) -> str:
 def block(content: str) -> str:
     """Wrap content in the margins of the page's elements, without signs that cannot be printed."""
     content = "".join(sign for sign in content if sign.isprintable() or sign == "\n")
-    return f'<div style="padding:2px 10px 4px 10px;font-size:13px;line-height:1.4">{content}</div>'
+    return f'<div class="kr">{content}</div>'
 
 
 def message(text: str, *, bad: bool = False) -> str:
     """Write a sentence in a box, red or green."""
-    colour, back = (_RED, "#fff0f0") if bad else (_GREEN, "#eefbf0")
-    return block(
-        f'<div class="kinreach-verdict" style="border-left:4px solid {colour};background:{back};padding:6px 8px;'
-        f'color:#222">{escape(text)}</div>'
-    )
+    return block(f'<div class="kinreach-verdict{" kr-wrong" if bad else ""}">{escape(text)}</div>')
 
 
 def verdict(answer: Answer) -> str:
@@ -49,19 +68,34 @@ def verdict(answer: Answer) -> str:
     return message(answer.verdict, bad=not answer.usable)
 
 
-def legend(answer: Answer, *, shown: int, joints: Sequence[str]) -> str:
+def bar(names: Sequence[str], active: str) -> str:
+    """Draw the parts of the page as tabs, and what can be done with any of them as icons."""
+    tabs = "".join(
+        f'<button role="tab" aria-selected="{"true" if name == active else "false"}" {_press(SHOW, index)}>'
+        f"{escape(name)}</button>"
+        for index, name in enumerate(names)
+    )
+    icons = "".join(
+        f'<button class="kr-icon" {_press(DO, index)} title="{what}" aria-label="{what}">{drawn}</button>'
+        for index, (what, drawn) in enumerate(_ICONS.items())
+    )
+    return block(f'<div class="kr-bar"><div role="tablist">{tabs}</div><div>{icons}</div></div>')
+
+
+def legend(answer: Answer, *, shown: int, joints: Sequence[str], chosen: bool = False) -> str:
     """List all postures, the nearest that can be used first, and why others are refused.
 
     Args:
         answer: Of the target.
         shown: Index of the posture that is drawn solid; -1 if none is.
         joints: Names of the joints.
+        chosen: Whether the user has chosen it.
     """
     rows: list[str] = []
 
     def rank(index: int) -> tuple[bool, bool, float]:
         posture = answer.postures[index]
-        return posture.state is not State.USABLE, index != shown, posture.distance
+        return posture.state is not State.USABLE, index != answer.shown, posture.distance
 
     order = sorted(range(len(answer.postures)), key=rank)
     unreached: dict[str, list[Posture]] = {}
@@ -70,7 +104,8 @@ def legend(answer: Answer, *, shown: int, joints: Sequence[str]) -> str:
         if posture.q is None:
             unreached.setdefault(posture.reason, []).append(posture)
         else:
-            rows.append(_row(posture, posture.q, solid=index == shown, joints=joints))
+            word = "" if index != shown else "kept" if chosen else "solid" if not posture.reason else "shown"
+            rows.append(_row(index, posture, posture.q, word=word, joints=joints))
     for reason, postures in unreached.items():
         names = "<br>".join(escape(posture.name) for posture in postures)
         rows.append(_entry("✗", _RED, names, _reason(reason)))
@@ -82,27 +117,37 @@ def branch_colour(branch: int) -> Colour:
     return BRANCH_COLOURS[branch % len(BRANCH_COLOURS)]
 
 
-def _row(posture: Posture, q: Floats, *, solid: bool, joints: Sequence[str]) -> str:
+def _row(index: int, posture: Posture, q: Floats, *, word: str, joints: Sequence[str]) -> str:
+    """A posture that is drawn solid by a click, and whose ghost is seen while the mouse is over it."""
     usable = posture.state is State.USABLE
     values = " ".join(f"{round(degrees(value))}°" for value in q)
     titles = ", ".join(f"{plain(name)} {degrees(value):.1f}°" for name, value in zip(joints, q, strict=True))
-    reason = "" if usable else _reason(posture.reason)
-    name = f"<b>{escape(posture.name)}</b>" if solid else escape(posture.name)
-    word, back = ("solid", "#343a40") if usable else ("shown", _RED)
-    mark = f' <span style="background:{back};color:#fff;border-radius:3px;padding:0 4px;font-size:10px">{word}</span>'
-    detail = f'{reason}<span style="{_SMALL};font-family:monospace" title="{escape(titles)}">{values}</span>'
+    name = f"<b>{escape(posture.name)}</b>" if word else escape(posture.name)
+    detail = "" if usable else _reason(posture.reason)
+    detail += f'<span class="kr-small" style="font-family:monospace" title="{escape(titles)}">{values}</span>'
+    detail += f' <span class="kr-word">{word}</span>' if word else ""
+    copy = (
+        '<button class="kr-icon" title="Copy the joint angles in radians" aria-label="Copy the joint angles" '
+        f'data-copy="{q.tolist()}">{_COPY}</button>'
+    )
+    does = f'{_press(POSTURE, index)} data-point="{POINT_AT} {index + 1}" role="button" tabindex="0"'
+    does += f' title="{"Follow the nearest again" if word == "kept" else "Draw this one solid"}"'
     colour = css(branch_colour(posture.branch)) if usable else _RED
-    return _entry("●" if usable else "✗", colour, name + (mark if solid else ""), detail)
+    return _entry("●" if usable else "✗", colour, name, detail, does=does, after=copy)
+
+
+def _press(name: str, index: int) -> str:
+    return f'data-press="{name} {index}"'
 
 
 def _reason(text: str) -> str:
-    return f'<div style="color:{_RED};font-size:12px">{escape(text)}</div>'
+    return f'<div class="kr-bad" style="font-size:12px">{escape(text)}</div>'
 
 
-def _entry(sign: str, colour: str, title: str, detail: str) -> str:
+def _entry(sign: str, colour: str, title: str, detail: str, *, does: str = "", after: str = "") -> str:
     return (
-        '<div style="display:flex;gap:6px;padding:2px 0;border-bottom:1px solid #f0f0f0">'
-        f'<span style="color:{colour};width:12px">{sign}</span><div><div>{title}</div>{detail}</div></div>'
+        f'<div class="kr-entry" {does}><span style="color:{colour}">{sign}</span>'
+        f"<div><div>{title}</div>{detail}</div>{after}</div>"
     )
 
 
@@ -118,12 +163,10 @@ def gauge(stiffness: float, what: str) -> str:
     near = f" Nearest singularity: {escape(what)}." if what else ""
     speed = f"{0.1 / stiffness:.1f} rad/s" if stiffness > 1e-6 else "no finite speed"
     return block(
-        '<div style="display:flex;align-items:center;gap:8px"><span style="white-space:nowrap">Singular</span>'
-        '<div style="flex:1;height:10px;border-radius:5px;background:#e9ecef;overflow:hidden">'
-        f'<div class="kinreach-gauge" style="width:{100 * share:.0f}%;height:100%;background:{colour}"></div></div>'
-        '<span style="white-space:nowrap">free to move</span></div>'
-        f'<div style="{_SMALL}">In its slowest direction the tool moves {length(stiffness)} for a radian of the '
-        f"joints: 100 mm/s need {speed}.{near}</div>"
+        '<div class="kr-line">Singular<div class="kr-track"><div class="kinreach-gauge" '
+        f'style="width:{100 * share:.0f}%;background:{colour}"></div></div>free to move</div>'
+        f'<div class="kr-small">In its slowest direction the tool moves {escape(length(stiffness))} for a radian of '
+        f"the joints: 100 mm/s need {speed}.{near}</div>"
     )
 
 
@@ -133,52 +176,43 @@ def solvers(finishes: Sequence[Finish]) -> str:
     for finish in finishes:
         result = finish.result
         end = "reached" if result.success else result.reason or result.status.value
-        colour = _GREEN if result.success else _RED
         rows.append(
-            f"<tr><td>{escape(finish.solver)}</td><td>{_off(result.position_error)}</td>"
-            f"<td>{angle(result.orientation_error, 2)}</td><td>{1000 * finish.seconds:.2f} ms</td></tr>"
-            f'<tr><td colspan="4" style="color:{colour};font-size:11px;padding-bottom:4px">{escape(end)}</td></tr>'
+            f"<tr><td>{escape(finish.solver)}</td><td>{escape(length(result.position_error))}</td>"
+            f"<td>{angle(result.orientation_error, 2)}</td><td>{1000 * finish.seconds:.2g} ms</td></tr>"
+            f'<tr><td colspan="4" class="{"kr-good" if result.success else "kr-bad"}" style="font-size:11px">'
+            f"{escape(end)}</td></tr>"
         )
     return block(
-        '<table class="kinreach-solvers" style="width:100%;font-size:12px;border-collapse:collapse">'
-        '<tr style="text-align:left;color:#666"><th>solver</th><th>off by</th><th>turned</th><th>time</th></tr>'
+        '<table class="kinreach-solvers"><tr><th>solver</th><th>off by</th><th>turned</th><th>time</th></tr>'
         f"{''.join(rows)}</table>"
     )
 
 
-def _off(value: float) -> str:
-    """A length [m] that is often too short for millimetres."""
-    if value < 1e-6:
-        return "&lt; 1 µm"
-    return f"{1e6 * value:.0f} µm" if value < 1e-5 else length(value)
-
-
-def ends(results: Results, index: int) -> str:
+def ends(results: Results, index: int, chosen: str) -> str:
     """List where each method ended on a goal.
 
     Args:
         results: Of a comparison.
         index: Of the goal.
+        chosen: The method that is drawn.
     """
     x, y, z = results.goals[index]
+    names = list(results.colours)
     rows = [
-        _entry("●", css(results.colours[name]), f"{escape(name)}: {_distance(end.distance)}", _ended(end))
+        _entry(
+            "●",
+            css(results.colours[name]),
+            f"<b>{escape(name)}</b>" if name == chosen else escape(name),
+            "" if end.reached else _reason(end.reason or "not reached"),
+            does=f'{_press(METHOD, names.index(name))} role="button" tabindex="0" title="Draw this one"',
+            after=f"<span>{escape(length(end.distance)) if np.isfinite(end.distance) else '?'}</span>",
+        )
         for name, end in results.ends[index].items()
     ]
     return block(
-        f'<div style="{_SMALL}">Goal {index} at {x:.3f}, {y:.3f}, {z:.3f} m</div>'
+        f'<div class="kr-small">Goal {index} at {x:.3f}, {y:.3f}, {z:.3f} m: tip to goal</div>'
         f'<div class="kinreach-ends">{"".join(rows)}</div>'
     )
-
-
-def _distance(value: float) -> str:
-    return f"{length(value)} from the goal" if np.isfinite(value) else "distance unknown"
-
-
-def _ended(end: End) -> str:
-    if end.reached:
-        return f'<div style="color:{_GREEN};font-size:12px">reached</div>'
-    return _reason(end.reason or "not reached")
 
 
 def moment(episode: Episode, frame: Frame) -> str:
@@ -186,15 +220,27 @@ def moment(episode: Episode, frame: Frame) -> str:
     parts = [f"{frame.time:.2f} s, {frame.step} of {len(episode.steps)} steps"]
     if frame.step:
         step = episode.steps[frame.step - 1]
-        terms = ", ".join(f"{name.replace('_', ' ')} {value:.3g}" for name, value in step.terms.items())
-        parts.append(f"reward {step.reward:.3g}{f' ({terms})' if terms else ''}")
+        parts.append(f"reward {step.reward:.3g}")
         parts += [] if step.distance is None else [f"{length(step.distance)} from the goal"]
         parts += [step.impossible_reason] if step.impossible_reason else []
     parts += [", ".join(f"{plain(name)} {value}" for name, value in episode.facts.items())] if episode.facts else []
     parts += [] if frame.believed is None else ["blue: the arm as its user believes it to be"]
     pairs = dict.fromkeys(f"{plain(a)} touches {plain(b)}" for a, b in (contact.bodies for contact in frame.contacts))
-    lines = "<br>".join([*map(escape, parts), *(f'<span style="color:{_RED}">{escape(pair)}</span>' for pair in pairs)])
+    lines = "<br>".join([*map(escape, parts), *(f'<span class="kr-bad">{escape(pair)}</span>' for pair in pairs)])
     return block(f'<div class="kinreach-moment" style="font-size:12px">{lines}</div>')
+
+
+def bars(terms: Mapping[str, float]) -> str:
+    """Draw the terms of a step's reward as bars from 0, in the colours of the plot."""
+    least, most = min(0.0, *terms.values()), max(0.0, *terms.values())
+    width = most - least or 1.0
+    rows = "".join(
+        f"<span>{escape(plain(name))}</span><div>"
+        f'<i style="left:{100 * (min(value, 0.0) - least) / width:.1f}%;width:{100 * abs(value) / width:.1f}%;'
+        f'background:{css(colour)}"></i></div><span>{value:.3g}</span>'
+        for (name, value), colour in zip(terms.items(), cycle(BRANCH_COLOURS), strict=False)
+    )
+    return block(f'<div class="kr-bars">{rows}</div>')
 
 
 def miss(found: Miss, exact: IKResult) -> str:
@@ -204,15 +250,14 @@ def miss(found: Miss, exact: IKResult) -> str:
         found: Of the data sheet's posture.
         exact: The calibrated arm's posture.
     """
-    parts = "".join(f"<td>{1000 * value:+.2f} mm</td>" for value in found.vector)
+    parts = "".join(f"<td>{1000 * value:+.1f} mm</td>" for value in found.vector)
     own = f"no posture: {escape(exact.reason)}"
     if exact.success:
         turned = degrees(np.abs(exact.q - found.q).max())
-        own = f"{_off(exact.position_error)} off; a joint is turned by up to {turned:.2f}° against the data sheet's"
+        own = f"{escape(length(exact.position_error))} off; it turns a joint by up to {turned:.1f}°"
     return block(
-        f'<table class="kinreach-miss" style="font-size:12px;width:100%"><tr style="text-align:left;color:#666">'
-        f"<th>x</th><th>y</th><th>z</th></tr><tr>{parts}</tr></table>"
-        f'<div style="{_SMALL}">The calibrated arm\'s own posture: {own}.</div>'
+        f'<table class="kinreach-miss"><tr><th>x</th><th>y</th><th>z</th></tr><tr>{parts}</tr></table>'
+        f'<div class="kr-small">The calibrated arm\'s own posture: {own}.</div>'
     )
 
 
@@ -220,23 +265,19 @@ def scale(colours: NDArray[np.uint8], least: str, most: str, title: str) -> str:
     """Draw the colours of a map, RGBA of shape (k, 4), with their meaning."""
     stops = ",".join(css(colour) for colour in colours[:, :3].tolist())
     return block(
-        f'<div style="{_SMALL}">{escape(title)}</div>'
-        '<div style="display:flex;align-items:center;gap:8px;font-size:12px">'
-        f'{escape(least)}<div style="flex:1;height:10px;background:linear-gradient(to right,{stops})"></div>'
-        f"{escape(most)}</div>"
+        f'<div class="kr-small">{escape(title)}</div><div class="kr-line" style="font-size:12px">{escape(least)}'
+        f'<div class="kr-track" style="background:linear-gradient(to right,{stops})"></div>{escape(most)}</div>'
     )
 
 
 def small(text: str) -> str:
     """Write a remark."""
-    return block(f'<span style="{_SMALL}">{escape(text)}</span>')
+    return block(f'<span class="kr-small">{escape(text)}</span>')
 
 
 def code(text: str) -> str:
     """Write a program with a button that copies it."""
     return block(
-        '<button style="padding:4px 10px;cursor:pointer" onclick="navigator.clipboard.writeText('
-        "this.nextElementSibling.innerText);this.innerText='Copied'\">Copy</button>"
-        '<pre class="kinreach-code" style="background:#f6f8fa;padding:10px;overflow:auto;font-size:12px">'
-        f"{escape(text)}</pre>"
+        f'<button class="kr-copy" data-copy="{escape(text)}">Copy</button>'
+        f'<pre class="kinreach-code">{escape(text)}</pre>'
     )

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from threading import Lock, RLock
 from typing import Any
 
@@ -11,6 +11,7 @@ import numpy as np
 
 from kinreach._checks import Floats
 from kinreach._engines import load
+from kinreach.view import _html as html
 
 pin: Any = load("pinocchio")
 
@@ -32,6 +33,24 @@ def by_user(handle: Any, react: Callable[[Any], None]) -> None:
 
     handle.on_update(note)
     handle.on_update(changed)
+
+
+def add_unseen(
+    gui: Any, name: str, options: Sequence[str], react: Callable[[str], object], *, order: float | None = None
+) -> Any:
+    """Add buttons that only texts press, by `data-press` in `head.html`; what follows them is not seen either.
+
+    Args:
+        gui: viser's.
+        name: Of the group.
+        options: Of the buttons.
+        react: Called with the option that was pressed.
+        order: As viser has it.
+    """
+    gui.add_html(html.UNSEEN, order=order)
+    group = gui.add_button_group(name, options, order=order)
+    group.on_click(lambda event: react(event.target.value))
+    return group
 
 
 class Entry:

@@ -40,8 +40,11 @@ def angle(value: float, digits: int = 0) -> str:
 
 
 def length(value: float) -> str:
-    """Write a length [m] in millimetres."""
-    return f"{1000 * value:.{0 if abs(value) >= 0.01 else 2}f} mm"
+    """Write a length [m] in millimetres with about two digits, in micrometres where it is very short."""
+    if 0.0 < value < 1e-5:
+        return "< 1 µm" if value < 1e-6 else f"{1e6 * value:.0f} µm"
+    digits = 0 if value >= 0.01 or value == 0.0 else 1 if value >= 0.001 else 2
+    return f"{1000 * value:.{digits}f} mm"
 
 
 def listed(words: Sequence[str]) -> str:

@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import threading
-from html import escape
 from typing import Any
 
 from kinreach.robots import UR_LENGTHS
 from kinreach.view import _html as html
-from kinreach.view._draw import Surroundings, overview
+from kinreach.view._draw import Grid, Surroundings, overview
 from kinreach.view._episodes_panel import EpisodesPanel
+from kinreach.view._inputs import add_unseen
 from kinreach.view._messages import error_message, watch
 from kinreach.view._panel import Panel
 from kinreach.view._real_arm_panel import RealArmPanel
@@ -17,6 +17,9 @@ from kinreach.view._results_panel import ResultsPanel
 from kinreach.view._setup import EPISODES, REAL_ARM, RESULTS, TARGET, Setup
 from kinreach.view._target_panel import TargetPanel
 
+LIGHT, DARK = "light", "dark"
+#: The order of what comes after all parts.
+LAST = 1e6
 #: Pixels of a screenshot.
 WIDTH, HEIGHT = 1600, 1000
 
@@ -52,8 +55,7 @@ class Page:
         self.shown: Panel
         self._built: dict[str, Panel] = {}
         self._closed = False
-        client.gui.configure_theme(control_width="large", show_logo=False, show_share_button=False)
-        client.gui.add_html(html.block(f"<b>{escape(setup.arm.title)}</b>"))
+        self._bar = client.gui.add_html("")
         self._trouble = client.gui.add_html("")
         watch(client, self.report)
         try:
@@ -65,10 +67,12 @@ class Page:
         client, arm = self.client, self._setup.arm
         overview(client, arm)
         client.scene.configure_default_lights(cast_shadow=not self._setup.simple)
+        self._grid = Grid(client.scene, arm.workcell.obstacles)
         self._surroundings = Surroundings(client.scene, arm.workcell.obstacles)
-        chosen = client.gui.add_button_group("show", self.names)
-        chosen.on_click(lambda event: self.show(event.target.value))
-        self._buttons()
+        add_unseen(client.gui, html.SHOW, self.names, self.show, order=LAST)
+        add_unseen(client.gui, html.DO, (html.SCREENSHOT, html.PYTHON), self._do, order=LAST)
+        add_unseen(client.gui, html.COLOURS, (LIGHT, DARK), self._colour, order=LAST)
+        self._colour(LIGHT)
         self.show(self.names[0])
         self.show(self._setup.first)
 
@@ -101,6 +105,7 @@ class Page:
             else:
                 self._built[name] = self._new(name)
             self.shown = panel = self._built[name]
+            self._bar.content = html.bar(self.names, name)
             if self._closed:
                 panel.close()
             return panel
@@ -124,13 +129,17 @@ class Page:
             for panel in self._built.values():
                 panel.close()
 
-    def _buttons(self) -> None:
-        gui = self.client.gui
-        take = gui.add_button("Screenshot", icon="camera", hint="Save the scene as a PNG")
-        copy = gui.add_button("Copy as Python", icon="code", hint="The program that reproduces what is on the screen")
+    def _do(self, what: str) -> None:
+        if what == html.SCREENSHOT:
+            self.screenshot()
+        else:
+            self.show_program()
 
-        take.on_click(lambda _: self.screenshot())
-        copy.on_click(lambda _: self.show_program())
+    def _colour(self, scheme: str) -> None:
+        """Take the browser's colours."""
+        dark = scheme == DARK
+        self.client.gui.configure_theme(control_width="large", show_logo=False, show_share_button=False, dark_mode=dark)
+        self._grid.colour(dark=dark)
 
     def show_program(self) -> None:
         """Open a window with the program that reproduces what is on the screen."""

@@ -18,7 +18,7 @@ class Panel:
         setup: What the command line asked for.
         surroundings: Boxes that turn red, and are hidden where a part has its own.
         lock: Held while the scene changes.
-        title: Of its folder; the branch of the scene has the same name.
+        title: Of its branch of the scene.
     """
 
     def __init__(self, client: Any, setup: Setup, surroundings: Surroundings, lock: RLock, *, title: str) -> None:
@@ -26,7 +26,7 @@ class Panel:
         self._root = f"/{title.lower().replace(' ', '_')}"
         self._branch = client.scene.add_frame(self._root, show_axes=False)
         self._latest = Latest(lock)
-        self._folder = client.gui.add_folder(title)
+        self._folder = client.gui.add_folder(None)
 
     def build(self) -> None:
         """Add the inputs, and draw the initial state."""

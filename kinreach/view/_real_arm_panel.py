@@ -22,7 +22,6 @@ from kinreach.view._snippet import calibrated, real_arm_program
 TIMES, MAX_TIMES = 30, 100
 #: The map is this far above the table [m].
 ABOVE = 0.002
-NONE = "none"
 #: Pixels of a cell of the map.
 PIXELS = 8
 
@@ -43,6 +42,8 @@ class RealArmPanel(Panel):
         self.map: ErrorMap | None = None
         self.miss: Miss | None = None
         self._arms: list[SolidArm] = []
+        self._published = [name for name in PUBLISHED_CALIBRATIONS if name.startswith(f"{self._sheet.name}_")]
+        self._remark = ""
         with self._folder:
             self._build_gui()
         scene = self._client.scene
@@ -53,19 +54,27 @@ class RealArmPanel(Panel):
         )  # fmt: skip
         self._label = scene.add_label(f"{self._root}/label", "", anchor="bottom-center", visible=False)
         self._gizmo.on_update(self._dragged)
-        if self._setup.nominal is None:
-            self._verdict.content = html.message(
-                "Name the calibration file of your UR, or choose a published one, to see it beside its data sheet."
-            )
-        else:
+        if self._setup.nominal is not None:
             self._take(self._setup.arm, self._setup.expression)
+        elif self._published:
+            self._publish(self._published[0])
+        else:
+            self._verdict.content = html.message(
+                f"Name the calibration file of your {self._sheet.name} to see it beside its data sheet. "
+                "The package has none of this model."
+            )
 
-    def open(self, file: str) -> None:
-        """Read a calibration; what cannot be one is refused in the page, and what was there stays."""
+    def open(self, file: str, *, remark: str = "") -> None:
+        """Read a calibration; what cannot be one is refused in the page, and what was there stays.
+
+        Args:
+            file: Its path.
+            remark: Said before what the calibration comes to.
+        """
         try:
             arm = self._sheet.calibrated(file.strip())
             with self._lock:
-                self._take(arm, calibrated(self._setup.sheet, file.strip()))
+                self._take(arm, calibrated(self._setup.sheet, file.strip()), remark=remark)
         except KinreachError as error:
             self._verdict.content = html.message(str(error), bad=True)
 
@@ -95,17 +104,20 @@ class RealArmPanel(Panel):
         self._scale = gui.add_html("")
         self._file = gui.add_text("calibration", "", hint="kinematics.yaml, calibration.conf, or a calibrated URDF")
         opened = gui.add_button("Open calibration")
-        published = [name for name in PUBLISHED_CALIBRATIONS if name.startswith(f"{self._sheet.name}_")]
-        if published:
-            self._example = gui.add_dropdown("or a published", [NONE, *published], hint="Of real arms, in the package")
-            by_user(self._example, lambda name: None if name == NONE else self.open(str(PUBLISHED_CALIBRATIONS[name])))
+        if self._published:
+            self._example = gui.add_dropdown("or a published", self._published, hint="Of real arms, in the package")
+            by_user(self._example, self._publish)
         self._times.visible = self._over_table.visible = False
         by_user(self._times, lambda value: self.move(self.T))
         by_user(self._over_table, self._show_map)
         opened.on_click(lambda _: self.open(self._file.value))
 
-    def _take(self, arm: ArmDescription, expression: str) -> None:
-        self._expression = expression
+    def _publish(self, name: str) -> None:
+        remark = f"This is the published calibration {name}, of another {self._sheet.name}; open your own below. "
+        self.open(str(PUBLISHED_CALIBRATIONS[name]), remark=remark)
+
+    def _take(self, arm: ArmDescription, expression: str, *, remark: str = "") -> None:
+        self._expression, self._remark = expression, remark
         model = RealArm(self._sheet, arm, tip=self._setup.tip)
         found = model.map()
         figures = [Figure(kinematics, simple=self._setup.simple) for kinematics in (model.nominal, model.real)]
@@ -163,7 +175,7 @@ class RealArmPanel(Panel):
         self._draw(miss)
         exact = model.real.nearest(self.T, self.q)
         off = f"{length(miss.distance)} beside the target, turned by {angle(miss.turned, 2)}"
-        self._verdict.content = html.message(f"In the data sheet's posture the tip of this arm is {off}.")
+        self._verdict.content = html.message(f"{self._remark}In the data sheet's posture the tip of this arm is {off}.")
         self._numbers.content = html.miss(miss, exact)
 
     def _draw(self, miss: Miss) -> None:

@@ -65,10 +65,9 @@ class Results:
     goals: Floats
     ends: tuple[Mapping[str, End], ...]
 
-    @property
-    def shares(self) -> Floats:
-        """Share of the methods that reached each goal, shape (count,)."""
-        return np.array([np.mean([end.reached for end in ends.values()]) for ends in self.ends])
+    def distances(self, method: str) -> Floats:
+        """Return how far a method ended from each goal [m], shape (count,); NaN where that is not known."""
+        return np.array([ends[method].distance if method in ends else np.nan for ends in self.ends])
 
 
 def read_results(file: str | Path) -> Results:

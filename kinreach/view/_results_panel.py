@@ -6,37 +6,45 @@ from typing import Any
 
 import numpy as np
 import trimesh
+from numpy.typing import NDArray
 
+from kinreach._checks import Floats
 from kinreach.errors import KinreachError
 from kinreach.kinematics import ArmKinematics
 from kinreach.robots import get_arm
 from kinreach.view import _html as html
-from kinreach.view._draw import AMBER, GREEN, RED, Colour, Ghost, Ghosts, SolidArm, Surroundings, overview
+from kinreach.view._draw import RED, SolidArm, Surroundings, overview
 from kinreach.view._figure import Figure
-from kinreach.view._inputs import by_user
+from kinreach.view._inputs import add_unseen, by_user
+from kinreach.view._names import length
 from kinreach.view._panel import Panel
+from kinreach.view._real_arm import colours
 from kinreach.view._results import Results, read_results
 from kinreach.view._snippet import results_program
 
 #: Radius of a goal, and by how much that of the chosen one is larger [m].
 BALL, CHOSEN = 0.008, 2.2
-ALL = "no method"
+#: Distances [m] of the darkest and the brightest colour of a goal; the scale between them is logarithmic.
+LEAST, MOST = 1e-5, 1e-1
+#: Of a goal that a method was not put to.
+UNKNOWN = (150, 150, 150)
 
 
 class ResultsPanel(Panel):
-    """The goals of a comparison where they were, and the ends of one of them.
+    """The goals of a comparison in the colours of a method's distances from them, and all ends on one of them.
 
     Attributes:
         results: That are shown; None before a file was opened.
         chosen: Index of the goal whose ends are shown.
+        method: Name of the method whose distances and arm are shown.
     """
 
     def build(self) -> None:
         """Add the inputs, and draw the initial state."""
         self.results: Results | None = None
         self.chosen = 0
+        self.method = ""
         self._cell: Any = None
-        self._ghosts: Ghosts | None = None
         self._solid: SolidArm | None = None
         with self._folder:
             self._build_gui()
@@ -84,12 +92,18 @@ class ResultsPanel(Panel):
         self._verdict = gui.add_html("")
         self._index = gui.add_slider("goal", 0, 1, 1, 0, visible=False)
         self._table = gui.add_html("")
-        self._drawn = gui.add_dropdown("draw solid", [ALL], visible=False)
+        self._scale = gui.add_html("")
         self._file = gui.add_text("file", self._setup.results or "", hint="results.json of kinreach compare")
         opened = gui.add_button("Open results")
+        self._methods = add_unseen(gui, html.METHOD, ("",), self._choose_method)
         by_user(self._index, self.choose)
-        by_user(self._drawn, lambda name: self.choose(self.chosen))
         opened.on_click(lambda _: self.open(self._file.value))
+
+    def _choose_method(self, name: str) -> None:
+        with self._lock:
+            if self.results is not None:
+                self.method = name
+                self._draw(self.results)
 
     def _take(self, results: Results) -> None:
         scene = self._client.scene
@@ -97,18 +111,15 @@ class ResultsPanel(Panel):
             self._cell.remove()
         self._cell = scene.add_frame(f"{self._root}/cell", show_axes=False)
         self.results, self.chosen = results, 0
-        self._ghosts = self._solid = None
+        self._solid = None
         if results.arm:
             arm = get_arm(results.arm)
             Surroundings(scene, arm.workcell.obstacles, root=f"{self._root}/cell/world")
             kinematics = ArmKinematics.of(arm, base="world")
             written = [end.q for ends in results.ends for end in ends.values() if end.q is not None]
             if written and all(len(q) == kinematics.n for q in written):
-                figure = Figure(kinematics, simple=self._setup.simple)
-                self._ghosts = Ghosts(scene, f"{self._root}/cell/ghosts", figure, most=len(results.colours))
-                self._solid = SolidArm(scene, f"{self._root}/cell/arm", figure)
+                self._solid = SolidArm(scene, f"{self._root}/cell/arm", Figure(kinematics, simple=self._setup.simple))
         self._goals = self._balls("goals", len(results.goals))
-        self._goals.batched_colors = np.array([_by_share(share) for share in results.shares], dtype=np.uint8)
         self._goals.batched_positions = results.goals.astype(np.float32)
         self._goals.on_click(self._clicked)
         self._tips = self._balls("tips", len(results.colours))
@@ -116,15 +127,9 @@ class ResultsPanel(Panel):
             f"{self._root}/cell/ways", np.zeros((1, 2, 3)), RED, thickness=2.0, thickness_units="screen"
         )
         self._index.max = max(1, len(results.goals) - 1)
-        self._index.visible = self._drawn.visible = True
-        self._drawn.options = (ALL, *results.colours)
-        self._drawn.value = next(iter(results.colours))
-        count, methods = len(results.goals), len(results.colours)
-        every, none = int((results.shares == 1).sum()), int((results.shares == 0).sum())
-        self._verdict.content = html.message(
-            f"{results.title}: of {count} goals {every} reached by all {methods} methods (green), "
-            f"{count - every - none} by some (amber), {none} by none (red). Click a goal."
-        )
+        self._index.visible = True
+        self._methods.options = tuple(results.colours)
+        self.method = next(iter(results.colours))
         self.show(True)
         self._draw(results)
 
@@ -153,15 +158,18 @@ class ResultsPanel(Panel):
             scales[self.chosen] = CHOSEN
             self._goals.batched_scales = scales
             self._draw_tips(results, goal)
-            if self._ghosts is not None and self._solid is not None:
-                postures = {name: end.q for name, end in ends.items() if end.q is not None}
-                solid = postures.pop(self._drawn.value, None)
-                self._solid.visible = solid is not None
-                if solid is not None:
-                    self._solid.take(solid)
-                self._ghosts.take([Ghost(q, results.colours[name]) for name, q in postures.items()], beside=solid)
+            self._goals.batched_colors = _by_distance(results.distances(self.method))
+            posture = ends[self.method].q if self.method in ends else None
+            if self._solid is not None:
+                self._solid.visible = posture is not None
+                if posture is not None:
+                    self._solid.take(posture)
         self._index.value = self.chosen
-        self._table.content = html.ends(results, self.chosen)
+        self._table.content = html.ends(results, self.chosen, self.method)
+        self._verdict.content = html.message(_verdict(results, self.method))
+        shades = colours(np.linspace(0.0, 1.0, 24), 1.0)
+        title = f"Goals, by the distance from them that {self.method} ended at"
+        self._scale.content = html.scale(shades, f"≤ {length(LEAST)}", f"≥ {length(MOST)}", title)
 
     def _draw_tips(self, results: Results, goal: Any) -> None:
         ends = results.ends[self.chosen]
@@ -177,5 +185,17 @@ class ResultsPanel(Panel):
         self._ways.colors = np.repeat(colours[:, None], 2, axis=1)
 
 
-def _by_share(share: float) -> Colour:
-    return GREEN if share == 1 else RED if share == 0 else AMBER
+def _verdict(results: Results, method: str) -> str:
+    reached = [ends[method].reached for ends in results.ends if method in ends]
+    distances = results.distances(method)
+    known = distances[np.isfinite(distances)]
+    median = f", {length(float(np.median(known)))} from them in the median" if len(known) else ""
+    return (
+        f"{results.title}: {method} reached {sum(reached)} of {len(reached)} goals{median}. Click a goal or a method."
+    )
+
+
+def _by_distance(distances: Floats) -> NDArray[np.uint8]:
+    """Colours of goals, shape (count, 3), for distances [m]."""
+    shares = np.log(np.clip(distances, LEAST, MOST) / LEAST) / np.log(MOST / LEAST)
+    return np.where(np.isfinite(shares)[:, None], colours(shares, 1.0)[:, :3], UNKNOWN).astype(np.uint8)

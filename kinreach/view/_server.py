@@ -10,6 +10,8 @@ import re
 import threading
 import warnings
 from collections.abc import Iterator
+from html import escape
+from pathlib import Path
 from typing import Any
 
 from kinreach.errors import InstallationError, OutputError
@@ -18,6 +20,8 @@ from kinreach.view._setup import Setup
 
 #: The only address that is listened to: only this machine can connect.
 HOST = "127.0.0.1"
+#: What the page has in its head beside viser's own: styles, and what a browser does by itself.
+HEAD = Path(__file__).with_name("head.html")
 #: Names of this machine that a browser may have asked for, in an address of the page.
 OWN_NAMES = (HOST, "localhost", "[::1]")
 #: Held while viser starts a server.
@@ -58,26 +62,51 @@ def _own_host(headers: Any) -> re.Match[str] | None:
 
 
 @contextlib.contextmanager
-def _guarding() -> Iterator[threading.Event]:
+def _guarding(title: str) -> Iterator[threading.Event]:
     """Servers of websockets that are started here answer only requests of their own page; set when there is one.
 
-    viser has no option for this. It starts its server through `serve` of websockets, which has: `process_request`.
+    Their page has a title and a head of our own, and what is no message does not end its connection. viser has no
+    option for any of it. It starts its server through `serve` of websockets, which has.
     """
+    from viser._messages import Message
     from websockets.asyncio import server
+
+    head = HEAD.read_text(encoding="utf-8")
 
     serve, guarded = server.serve, threading.Event()
 
-    def guarded_serve(*arguments: Any, process_request: Any, **options: Any) -> Any:
+    def guarded_serve(handler: Any, *arguments: Any, process_request: Any, **options: Any) -> Any:
+        async def decoding(connection: Any) -> None:
+            receive = connection.recv
+
+            async def recv() -> bytes:
+                while True:
+                    received: bytes = await receive()
+                    with contextlib.suppress(Exception):
+                        Message.deserialize(received)
+                        return received
+
+            connection.recv = recv
+            await handler(connection)
+
         def checking(connection: Any, request: Any) -> Any:
             if not is_own_host(request.headers):
                 return connection.respond(http.HTTPStatus.FORBIDDEN, "This is not a name of the page.\n")
+            if "Accept-Encoding" in request.headers:
+                del request.headers["Accept-Encoding"]  # what is not compressed can be changed
             response = process_request(connection, request)
-            if response is None and not is_own_origin(request.headers):  # None opens the connection
+            if response is not None:
+                response.headers["Content-Security-Policy"] = "frame-ancestors 'none'"
+                if response.headers.get("Content-Type", "").startswith("text/html"):
+                    response.body = _dressed(response.body.decode(), title, head).encode()
+                    del response.headers["Content-Length"]
+                    response.headers["Content-Length"] = str(len(response.body))
+            elif not is_own_origin(request.headers):  # without a response the connection is opened
                 return connection.respond(http.HTTPStatus.FORBIDDEN, "Only the page itself may connect.\n")
             return response
 
         guarded.set()
-        return serve(*arguments, process_request=checking, **options)
+        return serve(decoding, *arguments, process_request=checking, **options)
 
     with _STARTING:
         server.serve = guarded_serve  # type: ignore[assignment, misc]
@@ -85,6 +114,12 @@ def _guarding() -> Iterator[threading.Event]:
             yield guarded
         finally:
             server.serve = serve  # type: ignore[misc]
+
+
+def _dressed(page: str, title: str, head: str) -> str:
+    """Return viser's page with a title and more in its head."""
+    named = re.sub("<title>.*?</title>", lambda _: f"<title>{escape(title)}</title>", page, count=1)
+    return named.replace("</title>", f"</title>\n{head}", 1)
 
 
 class Server:
@@ -112,10 +147,11 @@ class Server:
         warnings.filterwarnings("ignore", message=CLOSED)
         logging.getLogger("websockets.server").setLevel(logging.CRITICAL)  # browsers open connections in advance
         try:
-            with contextlib.redirect_stdout(io.StringIO()), _guarding() as guarded:  # viser says where it listens
-                self._viser = viser.ViserServer(
-                    host=HOST, port=port, label=f"kinreach: {setup.arm.name}", verbose=False
-                )
+            with (
+                contextlib.redirect_stdout(io.StringIO()),
+                _guarding(f"kinreach – {setup.arm.name}") as guarded,
+            ):  # viser says where it listens
+                self._viser = viser.ViserServer(host=HOST, port=port, label=setup.arm.title, verbose=False)
         except OSError as error:
             raise OutputError(f"no port can be listened to from {port} on: {error}") from error
 

@@ -3,28 +3,29 @@
 from __future__ import annotations
 
 import time
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
 
 from kinreach._checks import Floats
 from kinreach.errors import KinreachError
-from kinreach.kinematics import Arm3Kinematics, ArmKinematics, SixAxisKinematics, URKinematics
 from kinreach.kinematics._goals import Goal
 from kinreach.kinematics._solvers import SOLVERS
 from kinreach.robots._rotations import rotation, rpy
 from kinreach.view import _html as html
 from kinreach.view._draw import AMBER, PALE_RED, RED, VIOLET, Ghost, Ghosts, SolidArm
-from kinreach.view._inputs import Entry, by_user, frame_of, put
-from kinreach.view._names import branch_name, length, plain
+from kinreach.view._inputs import Entry, add_unseen, by_user, frame_of, put
+from kinreach.view._names import length, plain
 from kinreach.view._panel import Panel
 from kinreach.view._snippet import program
 from kinreach.view._target import AXIS, SAME, Answer, Finish, State
 
-NEAREST = "the nearest that can be used"
 NOTHING = "nothing"
-#: Ghosts that are drawn at most: a calibrated UR has up to sixteen postures.
-MAX_GHOSTS = 16
+#: Which postures are drawn as ghosts.
+THOSE_THAT_CAN, ALL, NONE = "that can be used", "all", "none"
+#: Opacity of the ghost that the mouse is over in the list, and of the others meanwhile.
+CLEAR, FAINT = 0.8, 0.07
 #: How far a coordinate may be typed [m].
 MAX_POSITION = 1000.0
 TOOL_DOWN = np.diag([1.0, -1.0, -1.0])
@@ -37,6 +38,7 @@ class TargetPanel(Panel):
         model: Answers.
         answer: To the target that is on the screen.
         q: Posture the arm stands in [rad].
+        pointed: Index of the posture in `answer.postures` that the mouse is over in the list; -1 for none.
         draw_s: How long the last change took from the browser's message to the answer's being on its way [s].
     """
 
@@ -48,7 +50,8 @@ class TargetPanel(Panel):
         self.finishes: list[Finish] = []
         self.T: Floats = self.model.kinematics.fk(self.q)
         self._kind = self.model.kinds[0]
-        self._shown = NEAREST
+        self._kept = ""  # name of the posture that the user wants to see
+        self.pointed = -1
         self._build_scene()
         with self._folder:
             self._build_gui()
@@ -64,7 +67,7 @@ class TargetPanel(Panel):
     def solid(self) -> int:
         """Index of the posture in `answer.postures` that the arm is drawn in; -1 if none is."""
         for index, posture in enumerate(self.answer.postures):
-            if posture.name == self._shown and posture.q is not None:
+            if posture.name == self._kept and posture.q is not None:
                 return index
         return self.answer.shown
 
@@ -75,6 +78,7 @@ class TargetPanel(Panel):
     def show(self, visible: bool) -> None:
         """Show it, or hide it."""
         super().show(visible)
+        self.pointed = -1
         if visible:
             self._draw()
 
@@ -93,7 +97,7 @@ class TargetPanel(Panel):
     def _build_scene(self) -> None:
         scene, figure = self._client.scene, self._setup.figure
         self._arm = SolidArm(scene, f"{self._root}/arm", figure)
-        self._ghosts = Ghosts(scene, f"{self._root}/ghosts", figure, most=MAX_GHOSTS)
+        self._ghosts = Ghosts(scene, f"{self._root}/ghosts", figure, most=html.MAX_POSTURES)
         self._reaching = SolidArm(scene, f"{self._root}/reaching", figure, colour=AMBER, opacity=0.55)
         self._solved = SolidArm(scene, f"{self._root}/solved", figure, colour=VIOLET, opacity=0.5)
         self._reaching.visible = self._solved.visible = False
@@ -119,8 +123,7 @@ class TargetPanel(Panel):
             down = gui.add_button("Turn the tool down", hint="The tool's z axis down; turning about it is free")
             back = gui.add_button("Back to the start", hint="Arm and target as in the beginning")
         with gui.add_folder("Arm", expand_by_default=False):
-            self._choice = gui.add_dropdown("draw solid", [NEAREST, *self._names()], initial_value=NEAREST)
-            ghosts = gui.add_checkbox("others as ghosts", True)
+            self._ghosted = gui.add_dropdown("ghosts", [THOSE_THAT_CAN, ALL, NONE], initial_value=THOSE_THAT_CAN)
             self._bound = gui.add_slider("all within ± [°]", 30, 360, 5, 360, hint="Narrows the limits of all joints")
             limits = np.degrees([model.kinematics.lower, model.kinematics.upper]).round(1).T.tolist()
             self._sliders = [
@@ -136,11 +139,13 @@ class TargetPanel(Panel):
             self._table = gui.add_html("")
             self._ended = gui.add_dropdown("draw the end of", [NOTHING, *names], initial_value=NOTHING)
         self._remark = gui.add_html("")
+        numbers = tuple(map(str, range(html.MAX_POSTURES)))
+        add_unseen(gui, html.POSTURE, numbers, lambda number: self._keep(int(number)))
+        add_unseen(gui, html.POINT_AT, (NOTHING, *numbers), self._point_at)
         by_user(kind, self._set_kind)
         self._place, self._turn = Entry(self._position, self._typed), Entry(self._angles, self._typed)
         self._joints = [Entry(slider, self._slid) for slider in self._sliders]
-        by_user(self._choice, self._choose)
-        by_user(ghosts, lambda value: setattr(self._ghosts, "visible", value))
+        by_user(self._ghosted, lambda value: self._draw_ghosts())
         by_user(self._bound, self._limit)
         by_user(self._ended, lambda value: self._draw_end())
         down.on_click(lambda _: self._turn_down())
@@ -152,12 +157,6 @@ class TargetPanel(Panel):
 
     def _vector(self, label: str, most: float, **options: Any) -> Any:
         return self._client.gui.add_vector3(label, (0.0,) * 3, min=(-most,) * 3, max=(most,) * 3, **options)
-
-    def _names(self) -> list[str]:
-        kinds: tuple[tuple[type[ArmKinematics], int], ...]
-        kinds = ((URKinematics, 8), (SixAxisKinematics, 16), (Arm3Kinematics, 4))
-        count = next((most for kind, most in kinds if isinstance(self.model.kinematics, kind)), 0)
-        return [branch_name(self.model.kinematics, branch) for branch in range(count)]
 
     def _dragged(self, event: Any) -> None:
         if event.client is not None:
@@ -181,10 +180,18 @@ class TargetPanel(Panel):
         self._kind = kind
         self.move(self.T)
 
-    def _choose(self, name: str) -> None:
+    def _keep(self, index: int) -> None:
+        """Draw a posture solid, and its branch from now on; the one that is kept already no longer."""
         with self._lock:
-            self._shown = name
-            self._draw()
+            if index < len(self.answer.postures):
+                name = self.answer.postures[index].name
+                self._kept = "" if name == self._kept else name
+                self._draw()
+
+    def _point_at(self, number: str) -> None:
+        with self._lock:
+            self.pointed = -1 if number == NOTHING else int(number)
+            self._draw_ghosts()
 
     def _limit(self, degrees: float) -> None:
         with self._lock:
@@ -256,9 +263,7 @@ class TargetPanel(Panel):
         self._draw()
         self._client.flush()
         self.draw_s = time.perf_counter() - start
-        self._remark.content = html.small(
-            f"Answered in {1000 * answer.seconds:.1f} ms, on its way to the browser after {1000 * self.draw_s:.1f} ms."
-        )
+        self._remark.content = html.small(f"Answered in {1000 * self.draw_s:.0f} ms.")
 
     def _draw(self) -> None:
         answer, solid = self.answer, self.solid
@@ -271,27 +276,31 @@ class TargetPanel(Panel):
             self._drawn = q
             self._arm.take(q, red=red)
             self._surroundings.mark(red)
-            self._ghosts.take(
-                [
-                    Ghost(
-                        other.q,
-                        html.branch_colour(other.branch) if other.state is State.USABLE else PALE_RED,
-                        {name for pair in other.pairs for name in pair},
-                    )
-                    for index, other in enumerate(answer.postures)
-                    if index != solid and other.q is not None
-                ],
-                beside=q,
-            )
+            self._draw_ghosts()
             self._draw_gap()
             put(self._gizmo, self.T)
         self._verdict.content = html.verdict(answer)
-        self._list.content = html.legend(answer, shown=solid, joints=self.model.kinematics.arm.joints)
+        joints = self.model.kinematics.arm.joints
+        self._list.content = html.legend(answer, shown=solid, joints=joints, chosen=bool(self._kept))
         self._gauge.content = html.gauge(self.model.slowest_motion(q), self.model.nearest_singularity(q))
-        self._place.show(tuple(self.T[:3, 3].round(4).tolist()))
-        self._turn.show(tuple(np.degrees(rpy(self.T[:3, :3])).round(2).tolist()))
+        self._place.show(tuple(self.T[:3, 3].round(3).tolist()))
+        self._turn.show(tuple(np.degrees(rpy(self.T[:3, :3])).round(1).tolist()))
         for entry, slider, value in zip(self._joints, self._sliders, np.degrees(q).tolist(), strict=True):
             entry.show(float(np.clip(round(value, 1), slider.min, slider.max)))
+
+    def _draw_ghosts(self) -> None:
+        """The postures that are not solid; the one that the mouse is over in the list is seen best."""
+        usual = {THOSE_THAT_CAN: (State.USABLE,), ALL: tuple(State), NONE: ()}[self._ghosted.value]
+        ghosts, solid = [], self.solid
+        for index, posture in enumerate(self.answer.postures):
+            pointed = index == self.pointed
+            if posture.q is not None and index != solid and (pointed or posture.state in usual):
+                colour = html.branch_colour(posture.branch) if posture.state is State.USABLE else PALE_RED
+                ghost = Ghost(posture.q, colour, {name for pair in posture.pairs for name in pair})
+                if self.pointed >= 0:
+                    ghost = replace(ghost, opacity=CLEAR if pointed else FAINT)
+                ghosts.append(ghost)
+        self._ghosts.take(ghosts, beside=self._drawn)
 
     def _draw_gap(self) -> None:
         """The nearest that the arm comes to a target out of reach, and what is missing."""

@@ -21,12 +21,15 @@ def server():
 
 @pytest.fixture(scope="module")
 def open_tab(browser, server):
-    """`open_tab()`: a new tab, as Playwright has it, as the server has it, and the addresses that it asked for."""
+    """`open_tab()`: a new tab, as Playwright has it, as the server has it, and the addresses that it asked for.
+
+    Options are its width and height in pixels.
+    """
     contexts = []
 
-    def opened():
+    def opened(width=1000, height=640):
         before = set(server.pages)
-        context = browser.new_context(viewport={"width": 1000, "height": 640})
+        context = browser.new_context(viewport={"width": width, "height": height})
         contexts.append(context)
         tab, asked = context.new_page(), []
         tab.set_default_timeout(PATIENCE)

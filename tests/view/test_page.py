@@ -9,6 +9,7 @@ import pytest
 from PIL import Image
 
 from kinreach.robots._rotations import placement
+from kinreach.view._target import State
 
 pytestmark = pytest.mark.slow
 
@@ -108,10 +109,75 @@ def test_what_collides_is_red_and_named(browser_page):
     assert red_pixels(tab, page) > usable + 2000  # the table
 
 
+@pytest.mark.parametrize("typed", ["-0.2", "0.35", "-.25", "-0.05"])
+def test_a_number_is_typed_sign_by_sign(browser_page, typed):
+    tab, page, _ = browser_page
+    box = tab.get_by_label("x y z [m]")
+    box.click()
+    box.press("Control+a")
+    box.press_sequentially(typed, delay=100)
+    wait_for(tab, lambda: page.target.T[0, 3] == float(typed))
+    assert float(box.input_value()) == float(typed)
+
+
+def test_a_posture_is_pointed_at_clicked_and_copied(browser_page):
+    tab, page, _ = browser_page
+    panel = page.target
+    panel.move(placement((0.5, 0.1, -0.05), (np.pi, 0, 0)))
+    wait_for(tab, lambda: tab.inner_text(".kinreach-verdict") == panel.answer.verdict)
+    index = next(i for i, p in enumerate(panel.answer.postures) if p.state is State.USABLE and i != panel.solid)
+    posture = panel.answer.postures[index]
+    row = tab.locator(".kinreach-postures .kr-entry", has_text=posture.name)
+    row.hover()
+    wait_for(tab, lambda: panel.pointed == index)
+    tab.context.grant_permissions(["clipboard-read", "clipboard-write"])
+    row.get_by_role("button", name="Copy the joint angles").click()
+    wait_for(tab, lambda: tab.evaluate("navigator.clipboard.readText()") == str(posture.q.tolist()))
+    assert panel.solid != index
+    row.click()
+    wait_for(tab, lambda: panel.solid == index)
+    wait_for(tab, lambda: "kept" in row.inner_text())
+    row.press("Enter")
+    wait_for(tab, lambda: panel.solid != index)
+    tab.mouse.move(200, 300)
+    wait_for(tab, lambda: panel.pointed == -1)
+
+
+def test_the_page_follows_the_colours_of_the_browser(browser_page):
+    tab, *_ = browser_page
+    for scheme in ("dark", "light"):
+        tab.emulate_media(color_scheme=scheme)
+        wait_for(tab, lambda scheme=scheme: tab.locator(f'html[data-mantine-color-scheme="{scheme}"]').count())
+    assert tab.title() == "kinreach – ur5"
+
+
+def test_nothing_is_seen_that_only_texts_press(browser_page):
+    tab, *_ = browser_page
+    for name in ("show", "do", "colours", "posture", "point at"):
+        label = tab.get_by_text(name, exact=True)
+        assert label.count() == 1
+        assert not label.is_visible()
+
+
+def test_on_a_phone_the_arm_and_the_verdict_are_in_view(open_tab):
+    """The tip is above the sheet, the verdict in what is seen of it, and nothing is wider than the screen."""
+    width, height = 390, 844
+    tab, page, _ = open_tab(width=width, height=height)
+    sheet, verdict = (tab.locator(at).bounding_box() for at in (".mantine-Paper-root:has(.kr-bar)", ".kinreach-verdict"))
+    assert sheet["y"] > height / 2
+    assert (sheet["x"], sheet["width"]) == (0, width)
+    assert sheet["y"] < verdict["y"] < verdict["y"] + verdict["height"] < height
+    links = page.target.model.kinematics.fk(page.target.q)[:3, 3], np.zeros(3), np.array([0.0, 0.0, 0.6])
+    for point in links:
+        u, v = on_screen(page, point, height, width)
+        assert 0 < u < width
+        assert 0 < v < sheet["y"]
+
+
 def test_an_episode_is_played_and_its_screenshot_is_what_the_server_says(browser_page):
     """The ball is in the downloaded picture where the server has it, until the arm is there."""
     tab, page, _ = browser_page
-    tab.get_by_role("button", name="Episodes").click()
+    tab.get_by_role("tab", name="Episodes").click()
     panel = wait_for(tab, lambda: page.shown if page.shown is not page.target else None)
     episode = wait_for(tab, lambda: panel.episode)
     wait_for(tab, lambda: "1 of 1 steps" in tab.inner_text(".kinreach-moment"))

@@ -43,7 +43,9 @@ def test_ends_are_those_that_the_comparison_counted(folder):
             assert np.linalg.norm(end.tip - goal) == pytest.approx(end.distance, abs=1e-9)
             assert end.q.shape == (6,)
     assert read_results(folder).file == results.file
-    assert results.shares.tolist() == [2 / 3] * 4
+    for name in results.colours:
+        assert results.distances(name).tolist() == [ends[name].distance for ends in results.ends]
+    assert np.isnan(results.distances("nobody")).all()
 
 
 @pytest.mark.parametrize(
@@ -162,7 +164,7 @@ def test_names_are_escaped_and_printable(copied):
     trials.write_text(trials.read_text().replace("closed-form", hostile))
     results = read_results(copied)
     assert hostile in results.colours
-    assert "<script>" not in html.ends(results, 0)
+    assert "<script>" not in html.ends(results, 0, hostile)
 
 
 def test_a_copied_program_says_the_same(folder, capsys):
