@@ -163,7 +163,8 @@ def test_on_a_phone_the_arm_and_the_verdict_are_in_view(open_tab):
     """The tip is above the sheet, the verdict in what is seen of it, and nothing is wider than the screen."""
     width, height = 390, 844
     tab, page, _ = open_tab(width=width, height=height)
-    sheet, verdict = (tab.locator(at).bounding_box() for at in (".mantine-Paper-root:has(.kr-bar)", ".kinreach-verdict"))
+    parts = (".mantine-Paper-root:has(.kr-bar)", ".kinreach-verdict")
+    sheet, verdict = (tab.locator(part).bounding_box() for part in parts)
     assert sheet["y"] > height / 2
     assert (sheet["x"], sheet["width"]) == (0, width)
     assert sheet["y"] < verdict["y"] < verdict["y"] + verdict["height"] < height

@@ -138,4 +138,5 @@ def test_the_page_has_its_own_title_and_no_frame_around_it(own):
     assert page.count("data-press") > 0
     with pytest.raises(HTTPError) as missing:
         urlopen(f"{own.address}/nothing.html")
-    assert missing.value.headers["Content-Security-Policy"] == "frame-ancestors 'none'"
+    with missing.value as refusal:
+        assert refusal.headers["Content-Security-Policy"] == "frame-ancestors 'none'"
