@@ -53,7 +53,7 @@ def _block(translator: HTML5Translator, node: nodes.math_block) -> None:
 def _plain_signature(
     app: Sphinx, what: str, name: str, value: Any, options: Any, arguments: str | None, returned: str | None
 ) -> tuple[str | None, str | None]:
-    """Aliases by their names also in unions, what a dataclass makes anew as an ellipsis, protocols without arguments."""
+    """Aliases by name in unions, too; what a dataclass makes anew as an ellipsis; protocols without arguments."""
     if arguments == "(*args, **kwargs)":
         arguments = ""
     plain = [

@@ -21,7 +21,7 @@ no engine.
 
 from kinreach._registration import register_environments
 
-__version__ = "0.2.0"
+__version__ = "0.3.0"
 
 __all__ = ["__version__"]
 

@@ -284,5 +284,12 @@ class TestFilesAgree:
         assert names.isdisjoint({"torch", "stable-baselines3", "tensorboard", "eaik", "ssik", "ur-analytic-ik"})
 
     def test_version(self, root):
-        assert re.search(rf"^version: {re.escape(kinreach.__version__)}$", (root / "CITATION.cff").read_text(), re.M)
-        assert "## [Unreleased]" in (root / "CHANGELOG.md").read_text()
+        """The changelog opens with it, or with what comes after it; it was released when the citation says."""
+        headings = re.findall(r"^## \[(.+)\](?: - (.+))?$", (root / "CHANGELOG.md").read_text(), re.M)
+        released = [pair for pair in headings if pair[0] != "Unreleased"]
+        assert released[0][0] == kinreach.__version__
+        assert ("Unreleased", "") not in headings[1:]
+        citation = (root / "CITATION.cff").read_text()
+        assert re.search(
+            rf'^version: {re.escape(kinreach.__version__)}\ndate-released: "{released[0][1]}"$', citation, re.M
+        )
