@@ -1,8 +1,9 @@
-"""scipy's least squares as a solver beside the closed form: `python examples/02_own_solver.py`.
+"""Prints how a solver of your own, scipy's least squares, does beside the closed form.
 
-On the command line the same:
+    python examples/02_own_solver.py
+    kinreach compare --methods closed-form,examples.02_own_solver:LeastSquares
 
-    python -m kinreach.compare --methods closed-form,examples.02_own_solver:LeastSquares --goals 50
+Needs no extra.
 """
 
 import numpy as np
@@ -25,17 +26,22 @@ class LeastSquares:
     def __init__(self, kin: ArmKinematics) -> None:
         self.kin = kin
 
-    def solve(self, goal: AxisGoal, seed: ArrayLike, *, accept: Accept | None = None) -> IKResult:
-        """A posture for the goal: from the seed, then from random ones, until one is right and accepted."""
+    def solve(
+        self, goal: AxisGoal, seed: ArrayLike, *, accept: Accept | None = None
+    ) -> IKResult:
+        """Search from the seed, then from random postures, until one is accepted."""
 
         def error(q: np.ndarray) -> np.ndarray:
             T = self.kin.fk(q)
-            return np.concatenate([T[:3, 3] - goal.position, 0.1 * (T[:3, 2] - goal.axis)])
+            position, direction = T[:3, 3] - goal.position, T[:3, 2] - goal.axis
+            return np.concatenate([position, 0.1 * direction])
 
-        rng, start, limits = np.random.default_rng(0), np.asarray(seed), (self.kin.lower, self.kin.upper)
+        rng, start = np.random.default_rng(0), np.asarray(seed)
+        limits = self.kin.lower, self.kin.upper
         for restarts in range(20):
             found = least_squares(error, start, bounds=limits, xtol=1e-12)
-            result = IKResult.of(self.kin, goal, found.x, accept=accept, iterations=found.nfev, restarts=restarts)
+            counts = {"iterations": found.nfev, "restarts": restarts}
+            result = IKResult.of(self.kin, goal, found.x, accept=accept, **counts)
             if result.success:
                 break
             start = rng.uniform(*limits)
@@ -43,8 +49,10 @@ class LeastSquares:
 
 
 if __name__ == "__main__":
-    for row in compare("ur5", methods=["closed-form", LeastSquares], goals=50)["methods"]:
+    results = compare("ur5", methods=["closed-form", LeastSquares], goals=50)
+    for row in results["methods"]:
         print(
-            f"{row['name']}: {100 * row['reached']:.0f} % reached, {row['distance_mm']['median']:.3f} mm and "
+            f"{row['name']}: {100 * row['reached']:.0f} % reached, "
+            f"{row['distance_mm']['median']:.3f} mm and "
             f"{row['solve_ms']['median']:.2f} ms in the median"
         )

@@ -1,9 +1,11 @@
-"""Two policies of a user's own beside the closed form: `python examples/03_own_policy.py`.
+"""Prints how two policies of your own do: a function, and a network of another library.
 
-The first is a function from an observation to an action, here a memory of 5000 goals instead of a network; the second a
-file that stable-baselines3 saved. On the command line the file's name is a method, too:
+    python examples/03_own_policy.py
+    kinreach compare --methods closed-form,results/model.zip --goals 50
 
-    python -m kinreach.compare --methods closed-form,results/model.zip --goals 50
+The function remembers 5000 goals, and reaches. The network shows the plumbing only:
+stable-baselines3 trains it for 2048 steps, far too few, and saves the file that
+`compare` takes. Needs the extra `train`.
 """
 
 import gymnasium as gym
@@ -17,9 +19,11 @@ from kinreach.kinematics import UR5Kinematics
 from kinreach.vision import geometric_goal_view
 
 kin = UR5Kinematics(tip="tcp", base="world")
-goals = kin.arm.workcell.goals.sample(np.random.default_rng(1), 5000)  # not those of the comparison
-postures = np.array([kin.axis_goal(goal, [0, 0, -1], seed=kin.arm.home).q for goal in goals])
-tree = cKDTree(geometric_goal_view("ur5", goals))  # the first six numbers of an observation
+rng, home = np.random.default_rng(1), kin.arm.home
+goals = kin.arm.workcell.goals.sample(rng, 5000)  # not those of the comparison
+postures = np.array([kin.axis_goal(goal, [0, 0, -1], seed=home).q for goal in goals])
+# the first six numbers of an observation
+tree = cKDTree(geometric_goal_view("ur5", goals))
 
 
 def memory(observation: np.ndarray) -> np.ndarray:
@@ -28,12 +32,15 @@ def memory(observation: np.ndarray) -> np.ndarray:
     return postures[index] / np.pi
 
 
-model = PPO("MlpPolicy", gym.make("kinreach/UR5SingleStep-v0", backend="kinematic"), n_steps=256, gamma=0.0, seed=0)
+env = gym.make("kinreach/UR5SingleStep-v0", backend="kinematic")
+model = PPO("MlpPolicy", env, n_steps=256, gamma=0.0, seed=0)
 model.learn(2048)
 model.save("results/model.zip")
 
-for row in compare("ur5", methods=["closed-form", memory, "results/model.zip"], goals=50)["methods"]:
+methods = ["closed-form", memory, "results/model.zip"]
+for row in compare("ur5", methods=methods, goals=50)["methods"]:
     print(
-        f"{row['name']}: {100 * row['reached']:.0f} % reached, {row['distance_mm']['median']:.2f} mm in the median, "
+        f"{row['name']}: {100 * row['reached']:.0f} % reached, "
+        f"{row['distance_mm']['median']:.2f} mm in the median, "
         f"{100 * row['impossible']:.0f} % impossible"
     )

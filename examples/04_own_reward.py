@@ -1,7 +1,9 @@
-"""The reach environment with a reward of a user's own: `python examples/04_own_reward.py`.
+"""Prints what the thesis's reward and one of your own pay for eight postures at a ball.
 
-The thesis pays for one natural posture; this reward pays for any posture near the goal, less for long ways. Both judge
-every posture that puts the tool straight down at the ball.
+    python examples/04_own_reward.py
+
+The thesis pays for a natural posture. This reward pays for any posture near the goal,
+and less for long ways. Needs no extra.
 """
 
 import gymnasium as gym
@@ -14,9 +16,15 @@ kin = UR5Kinematics(tip="tcp", base="world")
 home = np.array(kin.arm.home)
 
 
-def reward(distance: np.ndarray, q: np.ndarray, impossible: np.ndarray) -> tuple[np.ndarray, dict[str, np.ndarray]]:
+def reward(
+    distance: np.ndarray, q: np.ndarray, impossible: np.ndarray
+) -> tuple[np.ndarray, dict[str, np.ndarray]]:
     """Of k steps at once: distances (k,), postures (k, n), truth values (k,)."""
-    terms = {"distance": -distance, "way": -0.1 * np.linalg.norm(q - home, axis=1), "impossible": -5.0 * impossible}
+    terms = {
+        "distance": -distance,
+        "way": -0.1 * np.linalg.norm(q - home, axis=1),
+        "impossible": -5.0 * impossible,
+    }
     return sum(terms.values()), terms
 
 
@@ -29,9 +37,12 @@ for q in kin.axis_solutions(info["goal"], [0, 0, -1], seed=home).q:
         env.reset(seed=0)
         _, value, _, _, info = env.step((q / np.pi).astype(np.float32))
         paid.append(value)
-    terms = ", ".join(f"{name} {value:.2f}" for name, value in info["reward_terms"].items())
+    terms = ", ".join(
+        f"{name} {value:.2f}" for name, value in info["reward_terms"].items()
+    )
     print(
-        f"{np.linalg.norm(q - home):.2f} rad from home: the thesis pays {paid[0]:.2f}, this reward {paid[1]:.2f} "
+        f"{np.linalg.norm(q - home):.2f} rad from home: "
+        f"the thesis pays {paid[0]:.2f}, this reward {paid[1]:.2f} "
         f"({terms})"
     )
 
@@ -45,4 +56,7 @@ batch = gym.make_vec(
 batch.action_space.seed(0)
 batch.reset(seed=0)
 _, rewards, *_ = batch.step(batch.action_space.sample())
-print(f"4096 random actions: {rewards.mean():.2f} in the mean, {rewards.max():.2f} for the best")
+print(
+    f"4096 random actions: {rewards.mean():.2f} in the mean, "
+    f"{rewards.max():.2f} for the best"
+)

@@ -1,6 +1,9 @@
-"""Train stable-baselines3's PPO on 256 arms at once, and keep it: `python examples/07_stable_baselines3.py`.
+"""Prints the mean reward before and after stable-baselines3's PPO trains on 256 arms.
 
-The file is a method of the comparison as it is: `python -m kinreach.compare --methods closed-form,results/reach.zip`.
+    python examples/07_stable_baselines3.py
+    kinreach compare --methods closed-form,results/reach.zip
+
+It goes from collisions to rewards above 0 in 60 000 steps. Needs the extra `train`.
 """
 
 import gymnasium as gym
@@ -14,11 +17,23 @@ from kinreach.baselines import SB3VecEnv
 
 torch.set_num_threads(1)  # a network this small is quickest on one
 batch = gym.make_vec(
-    "kinreach/UR5SingleStep-v0", num_envs=256, vectorization_mode="vector_entry_point", backend="kinematic"
+    "kinreach/UR5SingleStep-v0",
+    num_envs=256,
+    vectorization_mode="vector_entry_point",
+    backend="kinematic",
 )
 env = VecMonitor(SB3VecEnv(batch))
 policy = {"net_arch": [64, 64], "log_std_init": -1.5}
-model = PPO("MlpPolicy", env, n_steps=8, batch_size=512, gamma=0.0, learning_rate=1e-3, policy_kwargs=policy, seed=0)
+model = PPO(
+    "MlpPolicy",
+    env,
+    n_steps=8,
+    batch_size=512,
+    gamma=0.0,
+    learning_rate=1e-3,
+    policy_kwargs=policy,
+    seed=0,
+)
 print(f"mean reward before: {evaluate_policy(model, env, n_eval_episodes=256)[0]:.1f}")
 model.learn(60_000)
 print(f"mean reward after: {evaluate_policy(model, env, n_eval_episodes=256)[0]:.1f}")

@@ -1,6 +1,9 @@
-"""Both RGB-D cameras look for the ball at three places: `python examples/09_seeing.py` (needs EGL or OSMesa).
+"""Prints where both RGB-D cameras see a ball at three places, and how far off that is.
 
-Prints where each camera saw it and how far off that is, and keeps the last picture as `results/seeing.jpg`.
+    python examples/09_seeing.py
+
+It also keeps the last picture, with a circle around the ball, as `results/seeing.jpg`.
+Needs no extra, but OpenGL (EGL or OSMesa).
 """
 
 from pathlib import Path
@@ -24,14 +27,24 @@ with RGBDCamera(simulation, "front") as front, RGBDCamera(simulation, "wrist") a
             if ball is None:
                 print(f"{camera.name}: no ball in the picture")
                 continue
-            position = camera.T_world_camera @ [*ball.position, 1.0]  # from the camera's frame to the world
+            # from the camera's frame to the world
+            position = camera.T_world_camera @ [*ball.position, 1.0]
             error = 1000 * np.linalg.norm(position[:3] - goal)
             distance = np.linalg.norm(ball.position)
             x, y, z = position[:3]
-            print(f"{camera.name}: ball {distance:.3f} m away at ({x:.4f}, {y:.4f}, {z:.4f}), {error:.2f} mm off")
+            print(
+                f"{camera.name}: ball {distance:.3f} m away "
+                f"at ({x:.4f}, {y:.4f}, {z:.4f}), {error:.2f} mm off"
+            )
 
 picture = np.ascontiguousarray(image.rgb[..., ::-1])  # OpenCV's order of colours
 if ball is not None:
-    cv2.circle(picture, (round(ball.circle.u), round(ball.circle.v)), round(ball.circle.r) + 3, (0, 255, 255), 2)
+    cv2.circle(
+        picture,
+        (round(ball.circle.u), round(ball.circle.v)),
+        round(ball.circle.r) + 3,
+        (0, 255, 255),
+        2,
+    )
 Path("results").mkdir(exist_ok=True)
 cv2.imwrite("results/seeing.jpg", picture)

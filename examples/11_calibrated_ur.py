@@ -1,7 +1,9 @@
-"""A real UR5 instead of the data sheet's: `python examples/11_calibrated_ur.py [kinematics.yaml MODEL]`.
+"""Prints how far the data sheet misses a goal on a calibrated UR5, and the exact IK.
 
-Every UR is calibrated at the factory. Without a file, that of a UR5 which its owners published is taken; yours is what
-the ROS driver's `ur_calibration` writes, or the controller's `calibration.conf`. The simulated arm is the real one.
+    python examples/11_calibrated_ur.py [kinematics.yaml MODEL]
+
+Both go to one goal in a simulation of the calibrated arm. Without a file it takes a
+published calibration of a UR5. Needs no extra.
 """
 
 import sys
@@ -12,7 +14,9 @@ from kinreach.kinematics import CollisionChecker, URKinematics
 from kinreach.robots import PUBLISHED_CALIBRATIONS, get_arm, read_calibration
 from kinreach.sim import ArmSimulation
 
-file, model = sys.argv[1:] if len(sys.argv) == 3 else (PUBLISHED_CALIBRATIONS["ur5_a"], "ur5")
+file, model = PUBLISHED_CALIBRATIONS["ur5_a"], "ur5"
+if len(sys.argv) == 3:
+    file, model = sys.argv[1:]
 
 calibration = read_calibration(file, model)
 print(
@@ -26,15 +30,20 @@ nominal = URKinematics(model, tip="tcp", base="world")
 real = URKinematics.from_calibration(file, model=model, tip="tcp", base="world")
 q = np.random.default_rng(0).uniform(-np.pi, np.pi, (1000, 6))
 off = 1000 * np.linalg.norm(real.positions(q) - nominal.positions(q), axis=1)
-print(f"the data sheet is {np.median(off):.1f} mm off in the median, {off.max():.1f} mm at most")
+print(
+    f"the data sheet is {np.median(off):.1f} mm off in the median, "
+    f"{off.max():.1f} mm at most"
+)
 
-arm = get_arm(model).calibrated(file)  # the truth; a method may still believe in the data sheet
+# the truth; a method may still believe in the data sheet
+arm = get_arm(model).calibrated(file)
 checker, simulation = CollisionChecker(arm), ArmSimulation(arm)
 home, goal = np.array(arm.home), np.array([0.45, 0.1, -0.15])
 T = real.fk(real.axis_goal(goal, [0, 0, -1], home).q)
 solutions = real.all_solutions(T)
 print(
-    f"{len(solutions)} postures for one pose, branches {solutions.branch.tolist()}, {solutions.residual.max():.0e} off"
+    f"{len(solutions)} postures for one pose, "
+    f"branches {solutions.branch.tolist()}, {solutions.residual.max():.0e} off"
 )
 for name, kin in (("data sheet", nominal), ("calibrated", real)):
     result = kin.axis_goal(goal, [0, 0, -1], home, accept=checker.free)

@@ -1,7 +1,8 @@
-"""Any serial arm from its URDF: `python examples/12_any_urdf.py [FILE.urdf [TIP]]`.
+"""Prints what an arm can do, from its URDF: class, reach, singular postures, solvers.
 
-Which class it is of, how far it reaches, where it is singular, how its solvers do, and what holds a goal off. Without a
-file the arm is an xArm 7: seven joints, no closed form.
+    python examples/12_any_urdf.py [FILE.urdf [TIP]]
+
+Without a file the arm is an xArm 7: seven joints, no closed form. Needs no extra.
 """
 
 import sys
@@ -28,21 +29,39 @@ arm = ArmDescription.from_urdf(file, tip=sys.argv[2] if len(sys.argv) > 2 else N
 kin = ArmKinematics.of(arm)
 kind = "closed form" if isinstance(kin, ClosedFormKinematics) else "no closed form"
 reach = check.reach_of(kin)
-print(f"{arm.name}: {kin.n} joints, tip {kin.tip}, {kind}, reaches {reach.farthest:.2f} m")
+print(
+    f"{arm.name}: {kin.n} joints, tip {kin.tip}, {kind}, reaches {reach.farthest:.2f} m"
+)
 
 q = check.random_postures(kin, 10_000, seed=0)
-print(f"10000 poses at once, {np.abs(kin.fk(q)[0] - kin.fk(q[0])).max():.0e} from Pinocchio's")
+print(
+    "10000 poses at once,",
+    f"{np.abs(kin.fk(q)[0] - kin.fk(q[0])).max():.0e} from Pinocchio's",
+)
 
 singular = check.singular_postures(kin, reach.farthest)
 print(f"{len(singular.q)} singular postures, such as {singular.q[0].round(2) + 0.0}")
 
-checker = CollisionChecker(kin)  # the arm with itself: a URDF says nothing of what is around it
+# the arm with itself: a URDF says nothing of what is around it
+checker = CollisionChecker(kin)
 for solver in (LevenbergMarquardtSolver(kin), QPSolver(kin)):
-    results = [solver.solve(PoseGoal(kin.fk(posture)), arm.home, accept=checker.free) for posture in q[:50]]
+    results = [
+        solver.solve(PoseGoal(kin.fk(posture)), arm.home, accept=checker.free)
+        for posture in q[:50]
+    ]
     solved = [result for result in results if result.success]
     worst = max(result.position_error for result in solved)
-    print(f"{solver.name}: {len(solved)} of 50 poses without a collision, within {1000 * worst:.2f} mm")
-print("the first that was missed:", next((result.reason for result in results if not result.success), "none"))
+    print(
+        f"{solver.name}: {len(solved)} of 50 poses without a collision, "
+        f"within {1000 * worst:.2f} mm"
+    )
+print(
+    "the first that was missed:",
+    next((result.reason for result in results if not result.success), "none"),
+)
 
 (row,) = compare("ur5", arm=arm, methods=["lm"], goals=10)["methods"]
-print(f"compare, lm: {100 * row['reached']:.0f} % reached under dynamics, {row['distance_mm']['median']:.2f} mm off")
+print(
+    f"compare, lm: {100 * row['reached']:.0f} % reached under dynamics, "
+    f"{row['distance_mm']['median']:.2f} mm off"
+)

@@ -61,7 +61,7 @@ def test_the_card_and_the_tensors(run):
 
 @pytest.mark.parametrize("name", ["single", "button"])
 def test_an_evaluation(name):
-    (said,) = tables("What evaluate says of a policy")
+    (said,) = tables("Files of an evaluation")
     found = {key for key in evaluate(load_policy(name), goals=3).summary() if not key.endswith("_ci")}
     assert found <= said
     assert said - found <= ({"wrong_presses", "energy"} if name == "single" else {"posture_error", "success_at_mm"})

@@ -38,7 +38,7 @@ PROG = "python -m benchmarks.studies.mutants"
 
 ROOT = Path(__file__).resolve().parents[2]
 TABLE = Path(__file__).with_name("mutants.toml")
-#: What docs/reference/promises.md says of them.
+#: What was found, which docs/reference/promises.md reports.
 RESULTS = ROOT / "docs/mutants.json"
 #: Share of the mutants that the fast suite is to kill.
 GOAL = 0.95

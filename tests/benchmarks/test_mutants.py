@@ -30,8 +30,8 @@ def test_the_documentation_says_what_was_found(root):
     assert [row["id"] for row in rows] == [mutant.id for mutant in read_mutants()]
     assert sum(row["killed_by"] is not None for row in rows) >= mutants.GOAL * len(rows)
     page = (root / "docs/reference/promises.md").read_text(encoding="utf-8")
-    assert "\n".join(summary(rows)) in page
     assert f"lists {len(rows)} mistakes" in page
+    assert f"notice all {sum(row['killed_by'] is not None for row in rows)}" in page
 
 
 SQUARE = Mutant("toy-square", "toy", "square.py", "x * x", "x + x", "squares are doubles", ("test_square.py",))
