@@ -126,7 +126,7 @@ def test_options_exist(text, capsys):
         return set(re.findall(r"--[a-z-]+", capsys.readouterr().out))
 
     def task_of(rest: str) -> tuple[str, ...]:
-        found = re.search(r"--task (?!my_|examples\.)([\w-]+)", rest)
+        found = re.search(r"--task (?!my_|examples\.|TASK)([\w-]+)", rest)
         return ("--task", found[1]) if found else ()
 
     found = [
@@ -254,7 +254,7 @@ def test_examples_are_shown_as_they_are():
 def test_the_code_of_a_page_runs(page, capsys):
     code = blocks(DOCS / f"{page}.md")
     assert len(code.splitlines()) >= 4
-    exec(compile(code, page, "exec"), {"__name__": page})
+    exec(compile(code, page, "exec", dont_inherit=True), {"__name__": page})
     printed = capsys.readouterr().out
     assert printed
     shown = re.findall(
