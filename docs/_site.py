@@ -118,7 +118,8 @@ def _copy_notebooks(app: Sphinx, config: Config) -> None:
 
 
 def _links_of_notebooks(app: Sphinx, docname: str, source: list[str]) -> None:
-    """Notebooks lie in `notebooks/`, pages in `docs/`; a link to a file of the package becomes its name."""
+    """Notebooks are not where their copies are; in them a link to a file of the package becomes its name."""
+    source[0] = re.sub(r"\]\((?:\.\./)+notebooks/(?=\w+\.ipynb)", "](/studies/notebooks/", source[0])
     if docname.startswith("studies/notebooks/"):
         source[0] = re.sub(r"\]\(\.\./docs/", "](../../", source[0])
         source[0] = re.sub(r"\[([^\]\n]+)\]\((?:\.\./(?!\.\./)[^)\n]*|figures)\)", r"\1", source[0])
