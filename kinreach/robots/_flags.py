@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 import os
+from collections.abc import Sequence
 from dataclasses import replace
 
 from kinreach._checks import check_known, shown
@@ -63,18 +64,52 @@ def arm_of(name: str, arguments: argparse.Namespace) -> ArmDescription:
     Raises:
         InputError: The arm, the calibration, the tool or the tip cannot be used.
     """
-    joints, folders = joints_of(arguments), package_dirs_of(arguments)
-    arm = arm_named(name, tip=arguments.tip, joints=joints, package_dirs=folders)
-    if arguments.calibration is not None:
-        arm = arm.calibrated(arguments.calibration, repair=arguments.repair)
-    if (tool := tool_of(arguments)) is not None:
-        if arguments.tip is not None:
-            raise InputError("give --tip or --tool, not both")
+    return arm_with(
+        name,
+        calibration=arguments.calibration,
+        repair=arguments.repair,
+        tool=tool_of(arguments),
+        tip=arguments.tip,
+        joints=joints_of(arguments),
+        package_dirs=package_dirs_of(arguments),
+    )
+
+
+def arm_with(
+    name: str,
+    *,
+    calibration: str | None = None,
+    repair: bool = False,
+    tool: Tool | None = None,
+    tip: str | None = None,
+    joints: Sequence[str] | None = None,
+    package_dirs: Sequence[str] = (),
+) -> ArmDescription:
+    """Return an arm with a calibration, and with a tool or another tip.
+
+    Args:
+        name: Name, URDF file, or `module:attribute`.
+        calibration: Path of a UR's calibration.
+        repair: Put right a calibration that is folded.
+        tool: On the flange.
+        tip: Short name of the default tip.
+        joints: Of a URDF.
+        package_dirs: Of a URDF: folders of the packages with its meshes.
+
+    Raises:
+        InputError: The arm, the calibration, the tool or the tip cannot be used.
+    """
+    if tool is not None and tip is not None:
+        raise InputError("give --tip or --tool, not both")
+    arm = arm_named(name, tip=tip, joints=joints, package_dirs=package_dirs)
+    if calibration is not None:
+        arm = arm.calibrated(calibration, repair=repair)
+    if tool is not None:
         return arm.with_tool(tool)
-    if arguments.tip is None:
+    if tip is None:
         return arm
-    check_known("tip", arguments.tip, arm.tips)
-    return replace(arm, default_tip=arguments.tip)
+    check_known("tip", tip, arm.tips)
+    return replace(arm, default_tip=tip)
 
 
 def joints_of(arguments: argparse.Namespace) -> list[str] | None:

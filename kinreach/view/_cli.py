@@ -8,9 +8,8 @@ from collections.abc import Sequence
 
 from kinreach._checks import check_count
 from kinreach.cli import Parser
-from kinreach.errors import InputError
-from kinreach.robots import Tool, arm_named, arm_names
-from kinreach.robots._flags import add_arm_flags, joints_of, package_dirs_of, print_notes, tool_of
+from kinreach.robots import Tool, arm_names
+from kinreach.robots._flags import add_arm_flags, arm_with, joints_of, package_dirs_of, print_notes, tool_of
 from kinreach.robots._registry import FILES
 from kinreach.view._results import read_results
 from kinreach.view._server import Server, import_viser
@@ -93,23 +92,20 @@ def setup_of(
     Raises:
         InputError: There is no such arm, tip, policy or environment, or a file or module cannot be used.
     """
-    if tool is not None and tip is not None:
-        raise InputError("give --tip or --tool, not both")
-    description = arm_named(arm, tip=tip, joints=joints, package_dirs=package_dirs)
     options = {"tip": tip, "joints": joints, "package_dirs": package_dirs}
+    description = arm_with(arm, calibration=calibration, repair=repair, tool=tool, **options)  # type: ignore[arg-type]
+    nominal = None if calibration is None else arm_with(arm, tool=tool, **options)  # type: ignore[arg-type]
     given = "".join(f", {name}={value!r}" for name, value in options.items() if value)
-    expression = repr(description.name) if description.name in arm_names() else f"arm_named({arm!r})"
+    sheet = repr(description.name) if description.name in arm_names() else f"arm_named({arm!r})"
     if arm.lower().endswith(FILES):
-        expression = f"arm_named({arm!r}{given})"
-    nominal, sheet = None, expression
-    if calibration is not None:
-        expression = calibrated(sheet, calibration, repair=repair)
-        nominal, description = description, description.calibrated(calibration, repair=repair)
+        sheet = f"arm_named({arm!r}{given})"
+    expression = sheet if calibration is None else calibrated(sheet, calibration, repair=repair)
     if tool is not None:
-        nominal = None if nominal is None else nominal.with_tool(tool)
-        description = description.with_tool(tool)
         sheet, expression = with_tool(sheet, tool), with_tool(expression, tool)
-    setup = Setup(description, expression, sheet, tip, simple, nominal, policy, results, environment)
+    setup = Setup(
+        description, expression, sheet, simple, nominal, calibration, policy=policy, results=results,
+        environment=environment,
+    )  # fmt: skip
     setup.environments  # noqa: B018  (refuses an unknown policy or environment)
     if results is not None:
         read_results(results)

@@ -118,7 +118,7 @@ class RealArmPanel(Panel):
 
     def _take(self, arm: ArmDescription, expression: str, *, remark: str = "") -> None:
         self._expression, self._remark = expression, remark
-        model = RealArm(self._sheet, arm, tip=self._setup.tip)
+        model = RealArm(self._sheet, arm)
         found = model.map()
         figures = [Figure(kinematics, simple=self._setup.simple) for kinematics in (model.nominal, model.real)]
         for old in self._arms:

@@ -9,7 +9,7 @@ from kinreach._objects import load_object
 from kinreach._registration import MULTI, SINGLE
 from kinreach.baselines._policies import load_policy
 from kinreach.demo._tasks import trained_for
-from kinreach.robots import ArmDescription
+from kinreach.robots import ArmDescription, arm_names, get_arm
 from kinreach.view._figure import Figure
 from kinreach.view._players import ARM, playable, playable_names
 from kinreach.view._target import TargetModel
@@ -26,9 +26,9 @@ class Setup:
         arm: The arm, calibrated if a calibration was given.
         expression: The arm as Python code.
         sheet: The arm by its data sheet as Python code.
-        tip: Short name of its tip; None is the arm's own.
         simple: Draw the arm by its collision shapes, for browsers without a graphics card.
         nominal: The arm by its data sheet, where `arm` is calibrated.
+        calibration: Path of its calibration.
         policy: Who acts in the first episode: a policy's name or file, or `module:attribute`.
         environment: Id of the environment that episodes begin with; of `module:id` the module is loaded.
         results: Path of a comparison that is opened.
@@ -37,9 +37,9 @@ class Setup:
     arm: ArmDescription
     expression: str
     sheet: str
-    tip: str | None = None
     simple: bool = False
     nominal: ArmDescription | None = None
+    calibration: str | None = None
     policy: str | None = None
     results: str | None = None
     environment: str | None = None
@@ -53,14 +53,14 @@ class Setup:
 
     def model(self) -> TargetModel:
         """Make a model for one tab."""
-        return TargetModel(self.arm, tip=self.tip, policies=self.policies)
+        return TargetModel(self.arm, policies=self.policies)
 
     @property
     def policies(self) -> tuple[str, ...]:
         """Policies that bring the arm's own tip to a goal: those of the package, and the one that was asked for."""
-        if self.tip not in (None, self.arm.default_tip):
-            return ()
         name = (self.nominal or self.arm).name
+        if name in arm_names() and self.arm.default_tip != get_arm(name).default_tip:
+            return ()
         found = [policy for environment in (SINGLE, MULTI) for policy in trained_for(environment, name)]
         own = self.policy or ""
         fits = own and ":" not in own and self.policy_environment in ("", SINGLE, MULTI)
@@ -99,4 +99,4 @@ class Setup:
     @cached_property
     def figure(self) -> Figure:
         """The arm's links, read once."""
-        return Figure(TargetModel(self.arm, tip=self.tip).kinematics, simple=self.simple)
+        return Figure(TargetModel(self.arm).kinematics, simple=self.simple)

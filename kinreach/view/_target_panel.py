@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import time
 from dataclasses import replace
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -18,6 +19,7 @@ from kinreach.view._draw import AMBER, PALE_RED, RED, VIOLET, Ghost, Ghosts, Sol
 from kinreach.view._inputs import Entry, add_unseen, by_user, frame_of, put
 from kinreach.view._names import length, plain
 from kinreach.view._panel import Panel
+from kinreach.view._real_arm import RealArm
 from kinreach.view._snippet import program
 from kinreach.view._target import AXIS, SAME, Answer, Finish, State
 
@@ -52,6 +54,8 @@ class TargetPanel(Panel):
         self._kind = self.model.kinds[0]
         self._kept = ""  # name of the posture that the user wants to see
         self.pointed = -1
+        setup = self._setup
+        self._real = None if setup.nominal is None else RealArm(setup.nominal, setup.arm)
         self._build_scene()
         with self._folder:
             self._build_gui()
@@ -113,6 +117,7 @@ class TargetPanel(Panel):
     def _build_gui(self) -> None:
         gui, model = self._client.gui, self.model
         self._verdict = gui.add_html("")
+        self._calibrated = gui.add_html("")
         self._gauge = gui.add_html("")
         self._list = gui.add_html("")
         with gui.add_folder("Goal"):
@@ -281,12 +286,26 @@ class TargetPanel(Panel):
             put(self._gizmo, self.T)
         self._verdict.content = html.verdict(answer)
         joints = self.model.kinematics.arm.joints
+        self._calibrated.content = self._changed()
         self._list.content = html.legend(answer, shown=solid, joints=joints, chosen=bool(self._kept))
         self._gauge.content = html.gauge(self.model.slowest_motion(q), self.model.nearest_singularity(q))
         self._place.show(tuple(self.T[:3, 3].round(3).tolist()))
         self._turn.show(tuple(np.degrees(rpy(self.T[:3, :3])).round(1).tolist()))
         for entry, slider, value in zip(self._joints, self._sliders, np.degrees(q).tolist(), strict=True):
             entry.show(float(np.clip(round(value, 1), slider.min, slider.max)))
+
+    def _changed(self) -> str:
+        """What the calibration changes at the target; nothing where there is none."""
+        if self._real is None:
+            return ""
+        sent = self._real.believed(self.T, self.q)
+        by = f"Calibrated by {Path(str(self._setup.calibration)).name}:"
+        if not sent.success:
+            return html.small(f"{by} these are this arm's own postures; the data sheet's has none here.")
+        off = length(self._real.miss(sent.q).distance)
+        return html.small(
+            f"{by} these are this arm's own postures. In the data sheet's its tip would be {off} beside the target."
+        )
 
     def _draw_ghosts(self) -> None:
         """The postures that are not solid; the one that the mouse is over in the list is seen best."""

@@ -12,6 +12,7 @@ import pytest
 
 from kinreach._registration import BUTTON, MOVING, REAL_ARM, SINGLE
 from kinreach.compare import compare
+from kinreach.kinematics import ArmKinematics
 from kinreach.robots import PUBLISHED_CALIBRATIONS
 from kinreach.robots._rotations import placement
 from kinreach.view._cli import setup_of
@@ -173,6 +174,30 @@ def test_the_real_arm_beside_its_data_sheet(serve, root):
         tab.page.show("Target")
         wait_for(lambda: tab.part == "Target" and tab.shows("asks for") and not tab.shows("error drawn ×"))
         assert not tab.nodes["/real_arm"]["visible"]
+
+
+def test_a_calibration_says_at_the_target_what_it_changes(serve):
+    """The tip's error in the data sheet's posture, at each target; of an arm without a file nothing is said."""
+    with Tab(serve("ur5", CALIBRATION)) as tab:
+        panel, said = tab.page.target, set()
+        sheet, real = (ArmKinematics.of(arm, base="world") for arm in (get_arm("ur5"), panel.model.kinematics.arm))
+        for x in (0.0, 0.1, 0.2):
+            T = sheet.fk(panel.model.home)
+            T[0, 3] += x
+            seed = panel.q
+            panel.move(T)
+            q = sheet.nearest(T, seed).q
+            off = f"{1000 * np.linalg.norm(real.fk(q)[:3, 3] - T[:3, 3]):.1f} mm"
+            words = "Calibrated by ur5_a.yaml: these are this arm&#x27;s own postures. In the data "
+            wait_for(
+                lambda words=words, off=off: f"{words}sheet&#x27;s its tip would be {off} beside the target" in tab.text
+            )
+            said.add(off)
+        assert len(said) == 3
+        tab.drag("/target/goal", (3.0, 0.0, 0.0))
+        wait_for(lambda: "the data sheet&#x27;s has none here" in tab.text)
+    with Tab(serve("ur5")) as tab:
+        assert "Calibrated" not in tab.text
 
 
 def test_without_a_file_the_real_arm_is_a_published_one(serve):
