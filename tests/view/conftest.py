@@ -1,13 +1,22 @@
-"""The page in a real browser: the system's Chromium without a window."""
+"""A comparison that is opened, and the page in a real browser: the system's Chromium without a window."""
 
 import pytest
 
+from kinreach.compare import compare
 from kinreach.view._cli import setup_of
 from kinreach.view._server import Server
 
 PATIENCE = 180_000  # [ms]: a machine that is busy draws a frame in seconds
 #: A ninth of the pixels: without a graphics card a frame takes as long as it has pixels.
 SMALLER = "?fixedDpr=0.33"
+
+
+@pytest.fixture(scope="session")
+def comparison(tmp_path_factory):
+    """The folder of a comparison of the UR5 that one method fails."""
+    out = tmp_path_factory.mktemp("comparison")
+    compare("ur5", methods=["closed-form", "ppo-single", "thesis-ppo-single"], goals=4, out=out)
+    return out
 
 
 @pytest.fixture(scope="module")

@@ -8,7 +8,6 @@ import pytest
 pytest.importorskip("viser")
 
 from benchmarks.studies.tab import Tab, wait_for
-from kinreach.compare import compare
 from kinreach.errors import InputError
 from kinreach.robots import PUBLISHED_CALIBRATIONS
 from kinreach.view._cli import setup_of
@@ -22,11 +21,9 @@ BAD = (
 
 
 @pytest.fixture(scope="module")
-def tab(tmp_path_factory):
+def tab(comparison):
     """A tab with all its parts open, of a calibrated arm and a comparison."""
-    folder = tmp_path_factory.mktemp("comparison")
-    compare("ur5", methods=["closed-form"], goals=2, out=folder)
-    setup = setup_of("ur5", calibration=str(PUBLISHED_CALIBRATIONS["ur5_a"]), simple=True, results=str(folder))
+    setup = setup_of("ur5", calibration=str(PUBLISHED_CALIBRATIONS["ur5_a"]), simple=True, results=str(comparison))
     server = Server(setup, port=8500)
     with Tab(server) as opened:
         for name in opened.page.names:

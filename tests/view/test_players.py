@@ -57,6 +57,7 @@ def test_everybody_who_is_offered_for_another_arm_plays(arm):
         assert Recording(SINGLE, player, get_arm(arm), options={"backend": "kinematic"}).play(simple=True).steps, player
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("observation", ["camera", "pixels"])
 def test_everybody_plays_by_pictures(observation, needs_gl):
     known, ur5 = playable(SINGLE), get_arm("ur5")

@@ -6,30 +6,21 @@ import shutil
 import numpy as np
 import pytest
 
-from kinreach.compare import compare
 from kinreach.errors import InputError
 from kinreach.view import _html as html
 from kinreach.view._results import read_results
 from kinreach.view._snippet import results_program
 
 
-@pytest.fixture(scope="module")
-def folder(tmp_path_factory):
-    """Of a comparison of the UR5 that some methods fail."""
-    out = tmp_path_factory.mktemp("results")
-    compare("ur5", methods=["closed-form", "ppo-single", "thesis-ppo-single"], goals=4, out=out)
-    return out
-
-
 @pytest.fixture
-def copied(folder, tmp_path):
+def copied(comparison, tmp_path):
     """A copy to spoil."""
-    return shutil.copytree(folder, tmp_path / "copy")
+    return shutil.copytree(comparison, tmp_path / "copy")
 
 
-def test_ends_are_those_that_the_comparison_counted(folder):
-    results = read_results(folder / "results.json")
-    summary = json.loads((folder / "results.json").read_text())
+def test_ends_are_those_that_the_comparison_counted(comparison):
+    results = read_results(comparison / "results.json")
+    summary = json.loads((comparison / "results.json").read_text())
     assert results.arm == "ur5"
     assert results.goals.shape == (4, 3)
     assert list(results.colours) == [method["name"] for method in summary["methods"]]
@@ -42,7 +33,7 @@ def test_ends_are_those_that_the_comparison_counted(folder):
         for end, goal in zip(ends, results.goals, strict=True):
             assert np.linalg.norm(end.tip - goal) == pytest.approx(end.distance, abs=1e-9)
             assert end.q.shape == (6,)
-    assert read_results(folder).file == results.file
+    assert read_results(comparison).file == results.file
     for name in results.colours:
         assert results.distances(name).tolist() == [ends[name].distance for ends in results.ends]
     assert np.isnan(results.distances("nobody")).all()
@@ -74,11 +65,11 @@ def test_the_arm_is_the_one_that_is_named(copied, settings, arm):
     assert read_results(copied).arm == arm
 
 
-def test_postures_end_where_the_tips_are(folder):
+def test_postures_end_where_the_tips_are(comparison):
     from kinreach.kinematics import UR5Kinematics
 
     kinematics, compared = UR5Kinematics(tip="tcp", base="world"), 0
-    for ends in read_results(folder).ends:
+    for ends in read_results(comparison).ends:
         for end in ends.values():
             assert np.linalg.norm(kinematics.fk(end.q)[:3, 3] - end.tip) < 1e-5
             compared += 1
@@ -167,8 +158,8 @@ def test_names_are_escaped_and_printable(copied):
     assert "<script>" not in html.ends(results, 0, hostile)
 
 
-def test_a_copied_program_says_the_same(folder, capsys):
-    results = read_results(folder)
+def test_a_copied_program_says_the_same(comparison, capsys):
+    results = read_results(comparison)
     exec(compile(results_program(results, 2), "copied", "exec"), {})
     said = capsys.readouterr().out.splitlines()
     assert said[0] == str(results.goals[2])
