@@ -16,13 +16,12 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 from PIL import Image
 from playwright.sync_api import sync_playwright
 
 from kinreach._registration import MULTI
 from kinreach.cli import Parser, finish
-from kinreach.demo._film import Film
-from kinreach.robots import PUBLISHED_CALIBRATIONS
 from kinreach.robots._rotations import placement
 from kinreach.view._cli import setup_of
 from kinreach.view._server import Server
@@ -31,18 +30,27 @@ from kinreach.view._target_panel import TargetPanel
 PROG = "python -m tools.page_pictures"
 ROOT = Path(__file__).parents[1]
 IMAGES = ROOT / "docs/images"
-CALIBRATION = PUBLISHED_CALIBRATIONS["ur5_a"]
 ARGUMENTS = ["--no-sandbox", "--use-angle=swiftshader", "--enable-unsafe-swiftshader", "--ignore-gpu-blocklist"]
 WIDTH, HEIGHT = 1200, 750
 #: Nothing takes longer [ms].
 PATIENCE = 300_000
-#: Frames per second of the film, and of each part of its way.
-FPS, PART = 2, 3
-QUALITY = 82
-#: For the film the scene has fewer pixels than the window.
-FASTER = "?fixedDpr=0.6"
-#: Where the target goes in the film: over the table, into it, out of reach, and back.
-WAY = [(0.5, 0.1, 0.05), (0.45, -0.25, -0.1), (0.5, 0.05, -0.25), (1.0, 0.3, 0.1), (0.5, 0.1, 0.05)]
+QUALITY = 85
+#: The film: its width and height in pixels, frames per second, seconds that the last frame stays, and colours.
+FILM, FPS, LAST, COLOURS = (960, 600), 8, 2, 256
+#: For the film the scene has as many pixels as the film.
+FASTER = "?fixedDpr=0.8"
+#: Where the target goes in the film, and in how many frames: over the table, into it, out of reach, and back; in the
+#: end frames that it stands still.
+WAY = [(0.5, 0.1, 0.05, 1), (0.45, -0.2, 0.0, 8), (0.5, 0.0, -0.24, 6), (0.85, 0.2, 0.1, 9), (0.5, 0.1, 0.0, 8)]
+STILL = 4
+#: A mouse pointer, which pictures of a tab leave out.
+POINTER = """() => {
+    const arrow = '<svg width="22" height="30" viewBox="0 0 22 30"><path d="M1 1v22l5.5-5 3.5 9 4-1.6-3.6-8.7 7.6-.6z" '
+        + 'fill="#111" stroke="#fff" stroke-width="1.6"/></svg>';
+    document.body.insertAdjacentHTML("beforeend",
+        `<div id="pointer" style="position:fixed;z-index:9999;pointer-events:none">${arrow}</div>`);
+}"""
+PLACE = "([x, y]) => Object.assign(document.getElementById('pointer').style, { left: `${x}px`, top: `${y}px` })"
 
 
 class Camera:
@@ -78,15 +86,56 @@ class Camera:
 
 
 def film(camera: Camera, target: TargetPanel) -> None:
-    """A target that is dragged, and what is said of it."""
-    with Film(IMAGES / "view.gif", fps=FPS) as reel:
-        for start, end in pairwise(WAY):
-            for share in np.linspace(0, 1, PART)[start != WAY[0] :]:  # it is there already
-                position = (1 - share) * np.array(start) + share * np.array(end)
-                target.move(placement(position.tolist(), (np.pi, 0, 0)))
-                picture = camera.take().resize((WIDTH * 3 // 4, HEIGHT * 3 // 4), Image.Resampling.LANCZOS)
-                for _ in range(FPS if share == 1 else 1):
-                    reel.add(np.array(picture))
+    """A target that is dragged, what is said of it, and a posture that is chosen from the list."""
+    tab, frames = camera.tab, []
+    tab.evaluate(POINTER)
+
+    def take(x: float, y: float, times: int = 1) -> None:
+        tab.evaluate(PLACE, [x, y])
+        frames.extend([camera.take().resize(FILM, Image.Resampling.LANCZOS)] * times)
+
+    for start, end in pairwise([WAY[0], *WAY]):
+        for share in np.linspace(0, 1, end[3] + 1)[1:]:
+            eased = share * share * (3 - 2 * share)
+            position = (1 - eased) * np.array(start[:3]) + eased * np.array(end[:3])
+            target.move(placement(position.tolist(), (np.pi, 0, 0)))
+            take(*on_screen(camera.page.client.camera, position, WIDTH, HEIGHT), STILL if share == 1 else 1)
+    rows = tab.locator(".kinreach-postures .kr-entry")
+    for row in (1, 2, 3):
+        rows.nth(row).hover()
+        camera.wait_for(lambda: target.pointed >= 0)
+        box = rows.nth(row).bounding_box()
+        take(box["x"] + box["width"] / 2, box["y"] + box["height"] / 2, STILL)
+    rows.nth(row).click()
+    camera.wait_for(lambda: "kept" in tab.inner_text(".kinreach-postures"))
+    take(box["x"] + box["width"] / 2, box["y"] + box["height"] / 2, FPS)
+    tab.mouse.move(10, 10)
+    camera.wait_for(lambda: target.pointed < 0)
+    take(box["x"] - 100, box["y"] + 100, LAST * FPS)
+    save_gif(frames, IMAGES / "view.gif")
+
+
+def on_screen(camera: Any, point: NDArray[np.float64], width: int, height: int) -> tuple[float, float]:
+    """Return where a point of the world is in a window of a size in pixels."""
+    forward = camera.look_at - camera.position
+    forward /= np.linalg.norm(forward)
+    right = np.cross(forward, (0, 0, 1))
+    right /= np.linalg.norm(right)
+    x, y, z = np.array([right, np.cross(forward, right), forward]) @ (point - camera.position)
+    focal = height / 2 / np.tan(camera.fov / 2)
+    return float(width / 2 + focal * x / z), float(height / 2 + focal * y / z)
+
+
+def save_gif(frames: list[Image.Image], path: Path) -> None:
+    """Write frames with the same colours in all, so that a frame has only what changes."""
+    width, height = frames[0].size
+    some = frames[:: max(1, len(frames) // 12)]
+    sheet = Image.new("RGB", (width, height * len(some)))
+    for index, frame in enumerate(some):
+        sheet.paste(frame, (0, index * height))
+    palette = sheet.quantize(COLOURS, Image.Quantize.MEDIANCUT)
+    first, *rest = (frame.quantize(palette=palette, dither=Image.Dither.NONE) for frame in frames)
+    first.save(path, save_all=True, append_images=rest, duration=round(1000 / FPS), loop=0, optimize=False)
 
 
 def main(argv: list[str] | None = None) -> int:
@@ -110,7 +159,7 @@ def main(argv: list[str] | None = None) -> int:
         if wanted("target"):
             camera.take().save(IMAGES / "view.jpg", quality=QUALITY)
         if wanted("real-arm"):
-            page.show("Real arm").open(str(CALIBRATION))  # type: ignore[attr-defined]
+            page.show("Real arm")
             camera.take().save(IMAGES / "view_real_arm.jpg", quality=QUALITY)
         if wanted("episodes"):
             episodes: Any = page.show("Episodes")
@@ -121,6 +170,7 @@ def main(argv: list[str] | None = None) -> int:
             results: Any = page.show("Results")
             results.open(arguments.results)
             results.choose(7)
+            results.choose_method(next(name for name in results.results.colours if name.startswith("ppo")))
             camera.take().save(IMAGES / "view_results.jpg", quality=QUALITY)
         if wanted("film"):
             page.show("Target")

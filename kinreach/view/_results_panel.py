@@ -77,6 +77,13 @@ class ResultsPanel(Panel):
                 self.chosen = int(np.clip(index, 0, len(self.results.goals) - 1))
                 self._draw(self.results)
 
+    def choose_method(self, name: str) -> None:
+        """Show the distances and the end of a method."""
+        with self._lock:
+            if self.results is not None:
+                self.method = name
+                self._draw(self.results)
+
     def program(self) -> str:
         """Write Python code that prints the ends on the chosen goal."""
         if self.results is None:
@@ -95,15 +102,9 @@ class ResultsPanel(Panel):
         self._scale = gui.add_html("")
         self._file = gui.add_text("file", self._setup.results or "", hint="results.json of kinreach compare")
         opened = gui.add_button("Open results")
-        self._methods = add_unseen(gui, html.METHOD, ("",), self._choose_method)
+        self._methods = add_unseen(gui, html.METHOD, ("",), self.choose_method)
         by_user(self._index, self.choose)
         opened.on_click(lambda _: self.open(self._file.value))
-
-    def _choose_method(self, name: str) -> None:
-        with self._lock:
-            if self.results is not None:
-                self.method = name
-                self._draw(self.results)
 
     def _take(self, results: Results) -> None:
         scene = self._client.scene

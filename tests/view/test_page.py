@@ -10,6 +10,7 @@ from PIL import Image
 
 from kinreach.robots._rotations import placement
 from kinreach.view._target import State
+from tools.page_pictures import on_screen
 
 pytestmark = pytest.mark.slow
 
@@ -43,19 +44,6 @@ def red_pixels(tab, page):
     return int(is_red(picture(tab, page)).sum())
 
 
-def on_screen(page, point, height, width):
-    """Where a point of the world is in a picture of the scene, or in the window, of a size in pixels."""
-    camera = page.client.camera
-    forward = camera.look_at - camera.position
-    forward /= np.linalg.norm(forward)
-    right = np.cross(forward, (0, 0, 1))
-    right /= np.linalg.norm(right)
-    down = np.cross(forward, right)
-    x, y, z = np.array([right, down, forward]) @ (np.asarray(point) - camera.position)
-    focal = height / 2 / np.tan(camera.fov / 2)
-    return width / 2 + focal * x / z, height / 2 + focal * y / z
-
-
 def drag_down(tab, page):
     """Drag the target by the arrow of the tool's own z axis, which points down; whether it went with the mouse.
 
@@ -63,9 +51,9 @@ def drag_down(tab, page):
     """
     T, home = page.target.T, page.target.model.kinematics.fk(page.target.model.home)
     length = 0.8 * 0.25 * np.linalg.norm(home[:3, 3])
-    size = tab.viewport_size["height"], tab.viewport_size["width"]
-    x, y = on_screen(page, T[:3, 3], *size)
-    end_x, end_y = on_screen(page, T[:3, 3] + length * T[:3, 2], *size)
+    size = tab.viewport_size["width"], tab.viewport_size["height"]
+    x, y = on_screen(page.client.camera, T[:3, 3], *size)
+    end_x, end_y = on_screen(page.client.camera, T[:3, 3] + length * T[:3, 2], *size)
     tab.mouse.move(end_x, end_y)
     tab.evaluate("() => new Promise(done => requestAnimationFrame(() => requestAnimationFrame(done)))")
     tab.mouse.down()
@@ -170,7 +158,7 @@ def test_on_a_phone_the_arm_and_the_verdict_are_in_view(open_tab):
     assert sheet["y"] < verdict["y"] < verdict["y"] + verdict["height"] < height
     links = page.target.model.kinematics.fk(page.target.q)[:3, 3], np.zeros(3), np.array([0.0, 0.0, 0.6])
     for point in links:
-        u, v = on_screen(page, point, height, width)
+        u, v = on_screen(page.client.camera, point, width, height)
         assert 0 < u < width
         assert 0 < v < sheet["y"]
 
@@ -190,6 +178,6 @@ def test_an_episode_is_played_and_its_screenshot_is_what_the_server_says(browser
         tab.get_by_role("button", name="Screenshot").click()
     shot = np.array(Image.open(io.BytesIO(saved.value.path().read_bytes())))
     rows, columns = np.nonzero(is_red(shot))
-    u, v = on_screen(page, episode.goal, *shot.shape[:2])
+    u, v = on_screen(page.client.camera, episode.goal, *shot.shape[1::-1])
     assert len(rows) > 100
     assert np.hypot(np.median(columns) - u, np.median(rows) - v) < 0.01 * shot.shape[1]
