@@ -21,7 +21,7 @@ from kinreach.kinematics._arm3 import Arm3Kinematics
 from kinreach.kinematics._closed_form import ClosedFormKinematics
 from kinreach.kinematics._collision import CollisionChecker
 from kinreach.kinematics._goals import AxisGoal, PoseGoal, PositionGoal
-from kinreach.kinematics._six_axis import SixAxisKinematics
+from kinreach.kinematics._six_axis.kinematics import SixAxisKinematics
 from kinreach.kinematics._solutions import Accept, IKResult, IKSolutions, Status
 from kinreach.kinematics._solvers import ClosedFormSolver, Solver
 from kinreach.kinematics._ur.kinematics import CalibratedURKinematics, UR5Kinematics, URKinematics

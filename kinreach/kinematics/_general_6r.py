@@ -171,7 +171,7 @@ class Chain:
             axes = []
             for angle, placement in zip(_SAMPLES[list(index)], placements[0 if after else 1 :], strict=True):
                 axes.append(frame)
-                frame = frame @ _turn(angle[None])[0] @ placement
+                frame = frame @ turns_about_z(angle[None])[0] @ placement
             back = np.linalg.inv(frame)
             axes = axes if after else [back @ axis for axis in axes]
             lines = [(*np.cross(axis[:3, 3], axis[:3, 2]), *axis[:3, 2]) for axis in axes]
@@ -505,8 +505,8 @@ class General6R:
         q[:, 0], q[:, 5] = np.arctan2(found[:, 5], found[:, 2]), np.arctan2(found[:, 1], found[:, 0])
         frame = np.broadcast_to(A[0], (count, 4, 4))
         for joint in range(4):
-            frame = frame @ _turn(q[:, joint]) @ A[joint + 1]
-        after = A[5] @ _turn(q[:, 5]) @ A[6]
+            frame = frame @ turns_about_z(q[:, joint]) @ A[joint + 1]
+        after = A[5] @ turns_about_z(q[:, 5]) @ A[6]
         turn = frame[:, :3, :3].transpose(0, 2, 1) @ T[:, :3, :3] @ after[:, :3, :3].transpose(0, 2, 1)
         q[:, 4] = np.arctan2(turn[:, 1, 0] - turn[:, 0, 1], turn[:, 0, 0] + turn[:, 1, 1])
 
@@ -601,7 +601,7 @@ def _coefficients(values: Floats) -> Floats:
     return found.reshape(27, -1)
 
 
-def _turn(angle: Floats) -> Floats:
+def turns_about_z(angle: Floats) -> Floats:
     """Rotations about z, shape (m, 4, 4)."""
     T = np.zeros((len(angle), 4, 4))
     T[:, 0, 0] = T[:, 1, 1] = np.cos(angle)

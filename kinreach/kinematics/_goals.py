@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from math import atan2, dist, hypot
 from typing import Any
@@ -12,6 +13,9 @@ from numpy.typing import ArrayLike
 from kinreach._checks import MAX_DISTANCE, Floats, as_pose, as_vector
 from kinreach.errors import InputError
 from kinreach.kinematics._tensors import like
+
+#: How far products of a rotation's columns may be off by rounding alone.
+ROUNDING = 1e-12
 
 
 @dataclass(frozen=True)
@@ -84,6 +88,23 @@ def nearest_rotations(R: Any) -> Any:
     for _ in range(2):
         R = R @ (1.5 * like(R, np.eye(3)) - 0.5 * R.swapaxes(-1, -2) @ R)
     return R
+
+
+def exactly_rigid(rows: Sequence[Sequence[float]]) -> bool:
+    """Return whether four rows of four numbers are a rigid motion, to rounding, within `MAX_DISTANCE`."""
+    (nx, ox, ax, px), (ny, oy, ay, py), (nz, oz, az, pz), last = rows
+    return (
+        -ROUNDING < nx * nx + ny * ny + nz * nz - 1.0 < ROUNDING
+        and -ROUNDING < ox * ox + oy * oy + oz * oz - 1.0 < ROUNDING
+        and -ROUNDING < nx * ox + ny * oy + nz * oz < ROUNDING
+        and -ROUNDING < ny * oz - nz * oy - ax < ROUNDING
+        and -ROUNDING < nz * ox - nx * oz - ay < ROUNDING
+        and -ROUNDING < nx * oy - ny * ox - az < ROUNDING
+        and -MAX_DISTANCE < px < MAX_DISTANCE
+        and -MAX_DISTANCE < py < MAX_DISTANCE
+        and -MAX_DISTANCE < pz < MAX_DISTANCE
+        and last == [0.0, 0.0, 0.0, 1.0]
+    )
 
 
 def rotation_angle(R_a: Floats, R_b: Floats) -> float:

@@ -14,11 +14,11 @@ import numpy as np
 
 from kinreach._checks import MAX_DISTANCE, Floats, is_tensor
 from kinreach.kinematics._angles import TURN
+from kinreach.kinematics._goals import ROUNDING
 from kinreach.kinematics._tensors import empty, like, namespace, parts
 from kinreach.kinematics._ur.closed_form import NEAR_WRIST
 from kinreach.kinematics._ur.geometry import BRANCHES, URGeometry
 
-ROUNDING = 1e-12
 #: A square of a sine that is less than this is left to `closed_form`: its root is not exact to 1e-11.
 NEAR_ROOT = 1e-9
 SHOULDER_PAN, SHOULDER_LIFT, _ELBOW, WRIST_1, WRIST_2, WRIST_3 = range(6)

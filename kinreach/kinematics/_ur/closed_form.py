@@ -241,16 +241,29 @@ def reachable_pitch(wanted: float, u: float, v: float, g: URGeometry) -> float:
     eta = q234 + atan2(u, v), so the reachable part is lower <= |eta| <= upper. Where nothing is reachable
     the end that comes nearest is returned, and the elbow decides.
     """
-    D = hypot(u, v)
-    scale = 2.0 * D * g.d5
-    if scale < 1e-12:
-        return wanted
-    rest = D * D + g.d5 * g.d5
-    lower = acos(min(1.0, max(-1.0, (g.stretched**2 - rest) / scale)))
-    upper = acos(min(1.0, max(-1.0, (g.folded**2 - rest) / scale)))
     eta = wrap(wanted + atan2(u, v))
+    nearest = nearest_in_reach(eta, hypot(u, v), g.d5, g.stretched, g.folded)
+    return wanted if nearest == eta else wanted + nearest - eta
+
+
+def nearest_in_reach(eta: float, distance: float, radius: float, stretched: float, folded: float) -> float:
+    """Return the angle nearest to `eta` at which a point on a circle is in reach of two links.
+
+    Args:
+        eta: Wanted angle on the circle, 0 farthest from the links' root, in [-pi, pi] [rad].
+        distance: From the root to the centre of the circle [m].
+        radius: Of the circle [m].
+        stretched: The links' longest reach [m].
+        folded: Their shortest reach [m].
+    """
+    scale = 2.0 * distance * radius
+    if scale < 1e-12:
+        return eta
+    rest = distance * distance + radius * radius
+    lower = acos(min(1.0, max(-1.0, (stretched**2 - rest) / scale)))
+    upper = acos(min(1.0, max(-1.0, (folded**2 - rest) / scale)))
     nearest = min(max(abs(eta), lower), upper)
-    return wanted if nearest == abs(eta) else wanted + copysign(nearest, eta) - eta
+    return eta if nearest == abs(eta) else copysign(nearest, eta)
 
 
 def _verified(found: list[Row], miss: int, reaches: Callable[[Sequence[float]], bool]) -> tuple[list[Row], int]:

@@ -9,7 +9,6 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from kinreach._checks import (
-    MAX_DISTANCE,
     Floats,
     as_floats,
     as_pose,
@@ -23,7 +22,15 @@ from kinreach.errors import InputError
 from kinreach.kinematics._arm import link_frame
 from kinreach.kinematics._chain import about_z, poses_about, rotation_to
 from kinreach.kinematics._closed_form import TURNS_ABOUT, ClosedFormKinematics
-from kinreach.kinematics._goals import AxisGoal, Goal, PoseGoal, PositionGoal, nearest_rotations, pose_error
+from kinreach.kinematics._goals import (
+    AxisGoal,
+    Goal,
+    PoseGoal,
+    PositionGoal,
+    exactly_rigid,
+    nearest_rotations,
+    pose_error,
+)
 from kinreach.kinematics._solutions import (
     ANGLES,
     BRANCH,
@@ -37,7 +44,7 @@ from kinreach.kinematics._solutions import (
     nearest_winding,
 )
 from kinreach.kinematics._tensors import like, on_host
-from kinreach.kinematics._ur.batch import ROUNDING, SHOULDER_LIFT, WRIST_1, WRIST_3, solve_poses
+from kinreach.kinematics._ur.batch import SHOULDER_LIFT, WRIST_1, WRIST_3, solve_poses
 from kinreach.kinematics._ur.calibrated import CalibratedSolver
 from kinreach.kinematics._ur.closed_form import WRIST, solve_axis, solve_pose
 from kinreach.kinematics._ur.free_wrist import free_wrist_within
@@ -365,21 +372,11 @@ class URKinematics(ClosedFormKinematics):
         T = as_floats("T", T)
         if T.shape != (4, 4):
             as_pose("T", T)
-        (nx, ox, ax, px), (ny, oy, ay, py), (nz, oz, az, pz), last = rows = T.tolist()
-        exact = (
-            -ROUNDING < nx * nx + ny * ny + nz * nz - 1.0 < ROUNDING
-            and -ROUNDING < ox * ox + oy * oy + oz * oz - 1.0 < ROUNDING
-            and -ROUNDING < nx * ox + ny * oy + nz * oz < ROUNDING
-            and -ROUNDING < ny * oz - nz * oy - ax < ROUNDING
-            and -ROUNDING < nz * ox - nx * oz - ay < ROUNDING
-            and -ROUNDING < nx * oy - ny * ox - az < ROUNDING
-            and -MAX_DISTANCE < px < MAX_DISTANCE
-            and -MAX_DISTANCE < py < MAX_DISTANCE
-            and -MAX_DISTANCE < pz < MAX_DISTANCE
-            and last == [0.0, 0.0, 0.0, 1.0]
-        )
+        given = T.tolist()
+        exact = exactly_rigid(given)
         if exact and self._plain:
-            return (-nx, -ox, -ax, -px), (-ny, -oy, -ay, -py), (nz, oz, az, pz)
+            (nx, ox, ax, px), (ny, oy, ay, py), up, _ = given
+            return (-nx, -ox, -ax, -px), (-ny, -oy, -ay, -py), up
         if not exact:
             T = as_pose("T", T).copy()
             T[:3, :3] = nearest_rotations(T[:3, :3])

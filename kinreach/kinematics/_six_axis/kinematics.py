@@ -1,26 +1,29 @@
-"""Kinematics of arms with any six revolute joints: every posture of a pose, by elimination.
-
-`General6R` finds them. It is singular for some arrangements of axes, such as three that meet in a wrist, and then it is
-not from the arm's other end: which way it goes is decided by trying both.
-"""
+"""Kinematics of arms with any six revolute joints: every posture of a pose."""
 
 from __future__ import annotations
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from kinreach._checks import Floats, check_poses, check_tolerance, shown
+from kinreach._checks import Floats, as_floats, as_pose, check_poses, check_tolerance, shown
 from kinreach.errors import InputError
-from kinreach.kinematics._angles import wrapped
 from kinreach.kinematics._chain import about_z, poses_about
 from kinreach.kinematics._closed_form import TURNS_ABOUT, ClosedFormKinematics
-from kinreach.kinematics._general_6r import MAX_POSTURES, Chain, General6R
-from kinreach.kinematics._goals import AxisGoal, Goal, PoseGoal, PositionGoal, nearest_rotations
-from kinreach.kinematics._solutions import Accept, IKResult, IKSolutions
+from kinreach.kinematics._goals import (
+    AxisGoal,
+    Goal,
+    PoseGoal,
+    PositionGoal,
+    exactly_rigid,
+    nearest_rotations,
+    pose_error,
+)
+from kinreach.kinematics._six_axis.methods import MIN_SHARE, method_of
+from kinreach.kinematics._solutions import ANGLES, BRANCH, FLAGS, Accept, ErrorOf, IKResult, IKSolutions, Row
 from kinreach.robots import ArmDescription, Tool
 
-#: Random postures by which the direction is chosen, and the share of them that has to be found again.
-TRIALS, MIN_SHARE = 100, 0.98
+#: Values of free joints that are tried beside the seed's where the limits forbid that [rad], the nearest first.
+OTHERS = sorted(np.linspace(-np.pi, np.pi, 48, endpoint=False).tolist(), key=abs)
 #: How far the tip may be from the last joint's axis for that joint to turn about it [m, and sine of an angle].
 ON_AXIS = 1e-9
 UNREACHED = "no posture reaches the goal"
@@ -29,8 +32,13 @@ UNREACHED = "no posture reaches the goal"
 class SixAxisKinematics(ClosedFormKinematics):
     """Kinematics of an arm with any six revolute joints. Threads may share an instance.
 
+    An arm with a spherical wrist, or with axes 2, 3 and 4 parallel, seen from its base or from its tip, has a closed
+    form, with up to eight postures; their branch index tells shoulder, wrist and elbow apart. One that is a millimetre
+    off that is solved by Newton's method from there. All others have up to sixteen postures, found by elimination;
+    their branch index only counts.
+
     Postures miss their pose by less than 1e-9 m and rad, unless none does that: then those that miss it by up to `tol`
-    are returned. The branch index only counts the postures of a pose; there are up to sixteen.
+    are returned. Where a pose is singular, a joint that is free keeps the seed's value.
 
     Args:
         arm: Name of a registered arm, or a description.
@@ -58,22 +66,13 @@ class SixAxisKinematics(ClosedFormKinematics):
         placements, axes = self._joint_frames()
         placements[0] = self.T_base_world @ placements[0]
         self._placements = about_z(placements, axes, self.model.frames[self.tip_frame].placement.homogeneous)
-        self._backwards, self._general = self._direction()
-
-    def _direction(self) -> tuple[bool, General6R]:
-        """Whether the arm is solved from its tip, and the method."""
-        q = np.random.default_rng(0).uniform(-np.pi, np.pi, (TRIALS, self.joints))
-        back: Floats = np.asarray(np.linalg.inv(self._placements[::-1]), dtype=np.float64)
-        ways = (self._placements, q), (back, -q[:, ::-1])
-        methods = [General6R(Chain(placements)) for placements, _ in ways]
-        shares = [method.tried(postures) for method, (_, postures) in zip(methods, ways, strict=True)]
-        best = int(np.argmax(shares))
-        if shares[best] < MIN_SHARE:
+        method = method_of(self._placements)
+        if isinstance(method, float):
             raise InputError(
                 f"arm {self.arm.name!r}: its axes make the elimination singular; of random postures it finds "
-                f"{100 * shares[best]:.0f} % again, and {100 * MIN_SHARE:.0f} % are needed"
+                f"{100 * method:.0f} % again, and {100 * MIN_SHARE:.0f} % are needed"
             )
-        return bool(best), methods[best]
+        self._method = method
 
     def all_solutions(
         self, T: ArrayLike, *, seed: ArrayLike | None = None, limits: bool = True, tol: float = 1e-7
@@ -94,8 +93,15 @@ class SixAxisKinematics(ClosedFormKinematics):
             InputError: `T` is not a finite rigid motion, or the seed is malformed.
         """
         start = self._posture_or_none(seed)
-        goal = PoseGoal(T)  # type: ignore[arg-type]
-        return self._among(goal, goal.T[None], start, None, limits=limits, tol=tol)
+        T = as_floats("T", T).copy()
+        rigid = T if T.shape == (4, 4) and exactly_rigid(T.tolist()) else _made_rigid(as_pose("T", T)[None])[0]
+        tol = check_tolerance(tol)
+
+        def error_of(q: Floats) -> tuple[float, float]:
+            return pose_error(T, self.fk(q))
+
+        rows = self._rows(rigid, start, error_of, limits=limits, tol=tol)
+        return self._solutions(rows, "" if rows else UNREACHED, error_of, start, limits, tol)
 
     def axis_solutions(
         self,
@@ -131,7 +137,17 @@ class SixAxisKinematics(ClosedFormKinematics):
             last = 0.0 if start is None else float(start[-1])
             if limits:
                 last = min(max(last, self._low[-1]), self._high[-1])
-        return self._among(goal, T, start, last, limits=limits, tol=tol)
+        seed, tol, error_of = (
+            start if start is not None else np.zeros(self.n),
+            check_tolerance(tol),
+            self._error_of(goal),
+        )
+        found = [row for pose in T for row in self._rows(pose, seed, error_of, limits=limits and not free, tol=tol)]
+        if last is not None:
+            found = [(*row[:-1], last) for row in found]
+        if len(T) > 1:
+            found = [(index, *row[1:]) for index, row in enumerate(found)]
+        return self._solutions(found, "" if found else UNREACHED, error_of, start, limits, tol)
 
     def solve(self, goal: Goal, seed: ArrayLike, *, accept: Accept | None = None) -> IKResult:
         """Compute the posture nearest to a seed for a `PoseGoal` or an `AxisGoal`.
@@ -148,37 +164,39 @@ class SixAxisKinematics(ClosedFormKinematics):
             raise InputError(f"goal must be a PoseGoal or an AxisGoal, got {shown(goal)}")
         return self.nearest(goal.T, seed, accept=accept)
 
-    def _among(
-        self, goal: Goal, T: Floats, start: Floats | None, last: float | None, *, limits: bool, tol: float
-    ) -> IKSolutions:
-        """Solutions for a goal out of the postures of some poses (m, 4, 4), the last joint set if it is free."""
-        lists = self._postures(T, check_tolerance(tol))
-        postures = [q.tolist() if last is None else [*q[:-1].tolist(), last] for found in lists for q in found]
-        rows = [(index, 0, *q) for index, q in enumerate(postures)]
-        return self._solutions(rows, "" if rows else UNREACHED, self._error_of(goal), start, limits, tol)
+    def _rows(self, T: Floats, start: Floats | None, error_of: ErrorOf, *, limits: bool, tol: float) -> list[Row]:
+        """Postures for a pose; free joints take values with which the posture is within the limits, if there are."""
+        seed = np.zeros(self.n) if start is None else start
+        rows = self._method.one(T, seed, tol)
+        if not limits or not any(row[FLAGS] for row in rows):
+            return rows
+
+        def allowed(row: Row) -> bool:
+            return self._wound(row[ANGLES], seed.tolist(), self._low, self._high, error_of, tol) is not None
+
+        kept = {row[BRANCH]: row for row in rows if allowed(row)}
+        for other in OTHERS:
+            if len(kept) == len(rows):
+                break
+            for row in self._method.one(T, seed + other, tol):
+                if row[BRANCH] not in kept and allowed(row):
+                    kept[row[BRANCH]] = row
+        return [kept.get(row[BRANCH], row) for row in rows]
 
     def _batch(self, T: Floats, seeds: Floats | None, tol: float, *, limits: bool) -> tuple[Floats, NDArray[np.bool_]]:
         if T.ndim != 3 or T.shape[1:] != (4, 4):
             raise InputError(f"T must have shape (count, 4, 4), got {T.shape}")
         check_poses("T", T)
-        q, valid = (
-            np.full((self.joints, MAX_POSTURES, len(T)), np.nan),
-            np.zeros((MAX_POSTURES, len(T)), dtype=np.bool_),
-        )
-        for row, found in enumerate(self._postures(T, tol)):
-            q[:, : len(found), row], valid[: len(found), row] = found.T, True
-        return q, valid
-
-    def _postures(self, T: Floats, tol: float) -> list[Floats]:
-        """All postures (k, 6) for each of many poses of the tip in the base frame (m, 4, 4)."""
-        T = T.copy()
-        T[:, :3, :3] = nearest_rotations(T[:, :3, :3])
-        if not self._backwards:
-            return self._general.solve(T, tol=tol)
-        back: Floats = np.asarray(np.linalg.inv(T), dtype=np.float64)
-        return [wrapped(-q[:, ::-1]) for q in self._general.solve(back, tol=tol)]
+        return self._method.many(_made_rigid(T), np.zeros((len(T), self.n)) if seeds is None else seeds, tol)
 
     def _last_turns_tip(self) -> bool:
         """Whether the last joint turns the tip about its own z axis, either way, and moves it nowhere."""
         after = self._placements[-1]
         return bool(max(np.abs(after[:2, 2:]).max(), 1.0 - abs(after[2, 2])) < ON_AXIS)
+
+
+def _made_rigid(T: Floats) -> Floats:
+    """Poses (m, 4, 4) with rotations to the last digit."""
+    T = T.copy()
+    T[:, :3, :3] = nearest_rotations(T[:, :3, :3])
+    return T

@@ -1,0 +1,533 @@
+"""Closed forms of six-axis arms by the geometry of their axes, as pure functions on floats.
+
+With the parameters of `DenavitHartenberg`, and R and P the pose of the last frame as seen from the first, two kinds of
+arms decouple:
+
+* a spherical wrist (axes 4, 5 and 6 meet): P depends on the first three angles only (Pieper, The kinematics of
+  manipulators under computer control, Stanford 1968);
+* axes 2, 3 and 4 parallel: they move the wrist in a plane, so that the height of P above it and the direction of axis 6
+  depend on the angles of joints 1 and 5 only.
+
+Three equations are solved again and again (the subproblems of Paden and Kahan; Elias and Wen, IK-Geo: unified robot
+inverse kinematics using subproblem decomposition, Mechanism and Machine Theory 209, 2025):
+
+* shoulder: where axes 2 and 3 are parallel, P has a given height above their plane, which is linear in the cosine and
+  sine of the first angle;
+* wrist: a rotation as three turns, of which the middle one is given by one entry;
+* elbow: two links in a plane, by the law of cosines.
+
+Where a spherical wrist comes without parallel axes 2 and 3, or axes 5 and 6 do not meet behind parallel ones, two
+unknown angles are left in two equations; they are one quadratic equation in the cosine and sine of one angle, with up
+to four roots.
+
+Branch index: 4 for the second shoulder, 2 for a negative wrist angle, 1 for a negative elbow angle, added; where roots
+of the quadratic equation take the place of two of them, their number counts. What is singular is solved: arguments that
+leave their domain by rounding are clamped, an angle that is free takes the caller's value, and what was clamped is
+checked by forward kinematics.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from math import acos, atan2, copysign, cos, hypot, pi, sin, sqrt
+
+import numpy as np
+
+from kinreach._checks import Floats
+from kinreach.kinematics._angles import wrap
+from kinreach.kinematics._six_axis.dh import DenavitHartenberg
+from kinreach.kinematics._solutions import ANGLES, FLAGS, Row
+from kinreach.kinematics._ur.closed_form import ELBOW, MERGED, MOVED, NEAR_WRIST, SHOULDER, WRIST, nearest_in_reach
+
+#: Cosines and lengths below this are 0 [m].
+ZERO = 1e-12
+#: Roots of the quadratic equation are polished in as many steps, and are apart by more than this [rad].
+POLISH, APART = 4, 1e-6
+#: Coefficients of 1, cosine and sine of a function that is linear in them, from its values at three angles.
+SAMPLES = 2 * np.pi / 3 * np.arange(3)
+COEFFICIENTS = np.array([np.full(3, 1 / 3), 2 / 3 * np.cos(SAMPLES), 2 / 3 * np.sin(SAMPLES)])
+#: How far a complex root may be off the unit circle to count.
+OFF_CIRCLE = 1e-3
+
+_Rows = Sequence[Sequence[float]]
+#: P in the plane (u, v) [m], distance of P from axis 4 [m] and its angle there, and the wanted angle of the last joint.
+_Palm = tuple[float, float, float, float, float]
+#: Three angles that put P in its place, with branch index and flags.
+_Position = tuple[int, int, float, float, float]
+
+
+class Doubt:
+    """Whether another arm, whose poses are a little off, may have other postures for a pose.
+
+    Args:
+        off: How far they are off [m, rad].
+        size: Size of the arm [m].
+
+    Attributes:
+        found: Whether it may.
+        wrist: Sine of the angle between a wrist's axes below which it may [rad].
+        fold: Sine of the angle at which two postures meet below which it may [rad]: it changes with the square root.
+    """
+
+    def __init__(self, off: float, size: float) -> None:
+        self.found = False
+        self.wrist, self.fold = off, 2.0 * sqrt(off / size)
+
+    def folded(self, sine2: float) -> None:
+        """Take the square of the sine of a posture into account, less than 0 where there is none."""
+        self.found = self.found or abs(sine2) < self.fold * self.fold
+
+
+class NotDecoupled(Exception):
+    """The arm has neither a spherical wrist nor three parallel axes."""
+
+
+class DecoupledArm:
+    """Every posture of a decoupled six-axis arm for a pose.
+
+    Args:
+        dh: The arm's parameters.
+
+    Raises:
+        NotDecoupled: It does not decouple.
+    """
+
+    def __init__(self, dh: DenavitHartenberg) -> None:
+        self.dh = dh
+        self.before: Floats = np.asarray(np.linalg.inv(dh.before), dtype=np.float64)
+        self.after: Floats = np.asarray(np.linalg.inv(dh.after), dtype=np.float64)
+        self._sign, self._offset = dh.sign.tolist(), dh.offset.tolist()
+        self.a1, self.a2, self.a3, self.a4, self.a5 = dh.a.tolist()
+        _, self.d2, self.d3, self.d4, self.d5, _ = dh.d.tolist()
+        cosines, sines = np.cos(dh.alpha), np.sin(dh.alpha)
+        cosines[np.abs(cosines) < ZERO], sines[np.abs(sines) < ZERO] = 0.0, 0.0
+        self.ca1, self.ca2, self.ca3, self.ca4, self.ca5 = cosines.tolist()
+        self.sa1, self.sa2, self.sa3, self.sa4, self.sa5 = sines.tolist()
+        self.size = float(np.abs(np.concatenate([dh.a, dh.d])).sum())
+        self.right_angles = self.ca4 == self.ca5 == 0.0
+        wrist = self.sa4 != 0.0 != self.sa5
+        parallel = self.sa2 == 0.0 != self.sa1
+        self.spherical = wrist and self.a4 == self.a5 == self.d5 == 0.0
+        self.three_parallel = wrist and parallel and self.sa3 == 0.0 and not self.spherical
+        if not (self.spherical or self.three_parallel):
+            raise NotDecoupled
+        #: Whether joint 1 is found before all others, from two values.
+        self.by_shoulder = parallel and (self.spherical or self.a5 == 0.0)
+        if self.spherical:
+            self.fore, self.fore_angle = hypot(self.a3, self.sa3 * self.d4), atan2(-self.sa3 * self.d4, self.a3)
+            self.height = self.d2 + self.d3 + self.ca3 * self.d4
+        else:
+            self.fore, self.fore_angle = self.a3, 0.0
+            self.height = self.d2 + self.ca4 * self.d5
+            self.hand, self.hand_angle = hypot(self.a4, self.sa4 * self.d5), atan2(-self.sa4 * self.d5, self.a4)
+        samples = np.array([self._point(cos(q), sin(q)) for q in SAMPLES])
+        self._square_of_point = (COEFFICIENTS @ (samples * samples).sum(axis=1)).tolist()
+        self._height_of_point = (COEFFICIENTS @ samples[:, 2]).tolist()
+        self.upper = self.a2
+        self.stretched, self.folded = self.upper + self.fore, abs(self.upper - self.fore)
+        if self.by_shoulder and (self.upper == 0.0 or self.fore == 0.0):
+            raise NotDecoupled  # no elbow
+        if not self.by_shoulder and self.three_parallel and self.upper * self.fore == 0.0:
+            raise NotDecoupled
+
+    def solve(self, T: Floats, *, tol: float, seed: Sequence[float], doubt: Doubt | None = None) -> list[Row]:
+        """Compute every posture for a pose of the tip.
+
+        Args:
+            T: Pose in the base frame, rotation orthonormal, shape (4, 4).
+            tol: Largest error of a posture in which something was clamped [m, rad].
+            seed: Values [rad] that free joints keep, as far as they can, shape (6,).
+            doubt: Learns whether the postures may be others for an arm that is a little off.
+
+        Returns:
+            Branch index, flags and angles in [-pi, pi] of each posture.
+        """
+        pose = (self.before @ T @ self.after)[:3].tolist()
+        start = [s * q + o for s, q, o in zip(self._sign, seed, self._offset, strict=True)]
+        if self.spherical:
+            found = list(self._spherical(pose, tol, start, doubt))
+        elif self.by_shoulder:
+            found = list(self._three_parallel(pose, tol, start, doubt))
+        else:
+            found = list(self._three_parallel_by_roots(pose, tol, start, doubt))
+        s1, s2, s3, s4, s5, s6 = self._sign
+        o1, o2, o3, o4, o5, o6 = self._offset
+        rows = [
+            (
+                branch,
+                flags,
+                wrap(s1 * (q1 - o1)),
+                wrap(s2 * (q2 - o2)),
+                wrap(s3 * (q3 - o3)),
+                wrap(s4 * (q4 - o4)),
+                wrap(s5 * (q5 - o5)),
+                wrap(s6 * (q6 - o6)),
+            )
+            for branch, flags, q1, q2, q3, q4, q5, q6 in found
+        ]
+        if any(row[FLAGS] for row in rows):
+            off = np.abs(self.dh.fk(np.array([row[ANGLES] for row in rows])) - T).reshape(len(rows), -1).max(axis=1)
+            rows = [row for row, miss in zip(rows, off, strict=True) if not row[FLAGS] or miss <= tol]
+        return rows
+
+    def _spherical(self, pose: _Rows, tol: float, start: Sequence[float], doubt: Doubt | None) -> Iterator[Row]:
+        """Postures of an arm with a spherical wrist."""
+        positions = self._arm_by_shoulder if self.by_shoulder else self._arm_by_roots
+        for branch, flags, q1, q2, q3 in positions(pose, tol, start, doubt):
+            turn = self._behind(pose, cos(q1), sin(q1), self.ca1, self.sa1)
+            if self.sa2 == 0.0:
+                turn = self._behind(turn, cos(q2 + q3), sin(q2 + q3), self.ca3, self.sa3)
+            else:
+                turn = self._behind(turn, cos(q2), sin(q2), self.ca2, self.sa2)
+                turn = self._behind(turn, cos(q3), sin(q3), self.ca3, self.sa3)
+            for side, flag, q4, q5, q6 in self._wrists(turn, tol, doubt, first=start[3]):
+                yield branch + side, flags | flag, q1, q2, q3, q4, q5, q6
+
+    def _three_parallel(self, pose: _Rows, tol: float, start: Sequence[float], doubt: Doubt | None) -> Iterator[Row]:
+        """Postures of an arm with axes 2, 3 and 4 parallel, and 5 and 6 that meet."""
+        for branch, flags, q1, c1, s1, u, v in self._shoulders(pose, tol, start[0], doubt):
+            palm = (u, v, self.hand, self.hand_angle, start[5])
+            turn = self._behind(pose, c1, s1, self.ca1, self.sa1)
+            for side, flag, q234, q5, q6 in self._wrists(turn, tol, doubt, palm=palm):
+                yield from self._arms(branch + side, flags | flag, q1, q234, q5, q6, palm, tol, start[1], doubt)
+
+    def _three_parallel_by_roots(
+        self, pose: _Rows, tol: float, start: Sequence[float], doubt: Doubt | None
+    ) -> Iterator[Row]:
+        """Postures of an arm with axes 2, 3 and 4 parallel, and 5 and 6 that do not meet.
+
+        The height of P above the plane gives the sine of q5, and the direction of axis 6 its cosine; both are linear in
+        the cosine and sine of q1.
+        """
+        (_, _, wx, x), (_, _, wy, y), (_, _, wz, z) = pose
+        ca1, sa1, ca4, sa4, ca5, sa5, a5 = self.ca1, self.sa1, self.ca4, self.sa4, self.ca5, self.sa5, self.a5
+        by_s5, by_c5 = sa4 * a5, -sa4 * sa5
+        sine = ((ca1 * z - self.height) / by_s5, -sa1 * y / by_s5, sa1 * x / by_s5)
+        cosine = ((ca1 * wz - ca4 * ca5) / by_c5, -sa1 * wy / by_c5, sa1 * wx / by_c5)
+        square = [s + c for s, c in zip(_square(sine), _square(cosine), strict=True)]
+        square[0] -= 1.0
+        for root, (q1, merged) in enumerate(_roots(square, start[0], tol / self.size, doubt)):
+            c1, s1 = cos(q1), sin(q1)
+            q5 = atan2(sine[0] + sine[1] * c1 + sine[2] * s1, cosine[0] + cosine[1] * c1 + cosine[2] * s1)
+            turn = self._behind(pose, c1, s1, ca1, sa1)
+            u, v = x * c1 + y * s1 - self.a1, ca1 * (y * c1 - x * s1) + sa1 * z
+            hand = (self.a4 + a5 * cos(q5), ca4 * a5 * sin(q5) - sa4 * self.d5)
+            palm = (u, v, hypot(*hand), atan2(hand[1], hand[0]), start[5])
+            if doubt is not None and hypot(turn[0][2], turn[1][2]) < doubt.wrist:
+                doubt.found = True
+            q234, q6, flag = self._outer(turn, q5, tol, None, palm)
+            flags = flag | (SHOULDER if merged else 0)
+            yield from self._arms(2 * root, flags, q1, q234, q5, q6, palm, tol, start[1], doubt)
+
+    def _arms(
+        self,
+        branch: int,
+        flags: int,
+        q1: float,
+        q234: float,
+        q5: float,
+        q6: float,
+        palm: _Palm,
+        tol: float,
+        start: float,
+        doubt: Doubt | None,
+    ) -> Iterator[Row]:
+        """Both elbows of an arm whose hand has the pitch q234."""
+        u, v, hand, hand_angle, _ = palm
+        angle = q234 + hand_angle
+        for elbow, bent, q2, q3 in self._elbows(u - hand * cos(angle), v - hand * sin(angle), tol, start, doubt):
+            yield branch + elbow, flags | bent, q1, q2, q3, q234 - q2 - q3, q5, q6
+
+    def _arm_by_shoulder(
+        self, pose: _Rows, tol: float, start: Sequence[float], doubt: Doubt | None
+    ) -> Iterator[_Position]:
+        for branch, flags, q1, _, _, u, v in self._shoulders(pose, tol, start[0], doubt):
+            for elbow, bent, q2, q3 in self._elbows(u, v, tol, start[1], doubt):
+                yield branch + elbow, flags | bent, q1, q2, q3
+
+    def _arm_by_roots(
+        self, pose: _Rows, tol: float, start: Sequence[float], doubt: Doubt | None
+    ) -> Iterator[_Position]:
+        """First three angles of any three axes that bring a point to a place.
+
+        The place's distance from the origin and its height along axis 1 do not depend on q1. With (x2, y2, z2) the
+        point behind joint 2, a function of q3, and (x, y) what joint 2 makes of (x2, y2), both are linear in x and y.
+        """
+        (_, _, _, px), (_, _, _, py), (_, _, _, pz) = pose
+        a1, ca1, sa1 = self.a1, self.ca1, self.sa1
+        n0, n1, n2 = self._square_of_point
+        z0, z1, z2 = self._height_of_point
+        # 2 a1 x = far, sa1 y = high, x^2 + y^2 = n - z2^2
+        far = (px * px + py * py + pz * pz - a1 * a1 - n0, -n1, -n2)
+        high = (pz - ca1 * z0, -ca1 * z1, -ca1 * z2)
+        if abs(a1) < ZERO:
+            thirds = [
+                (q, merged, (1.0, -1.0))
+                for q, merged in _roots([*far, 0.0, 0.0, 0.0], start[2], tol / self.size, doubt)
+            ]
+        elif sa1 == 0.0:
+            thirds = [
+                (q, merged, (1.0, -1.0))
+                for q, merged in _roots([*high, 0.0, 0.0, 0.0], start[2], tol / self.size, doubt)
+            ]
+        else:
+            by_far, by_high = sa1 * sa1, 4.0 * a1 * a1
+            square = [
+                by_far * f + by_high * (h + by_far * z)
+                for f, h, z in zip(_square(far), _square(high), _square((z0, z1, z2)), strict=True)
+            ]
+            for index, n in enumerate((n0, n1, n2)):
+                square[index] -= by_high * by_far * n
+            thirds = [(q, merged, (0.0,)) for q, merged in _roots(square, start[2], tol / self.size, doubt)]
+        for root, (q3, merged, signs) in enumerate(thirds):
+            c3, s3 = cos(q3), sin(q3)
+            x2, y2, z2 = self._point(c3, s3)
+            r2 = hypot(x2, y2)
+            flag = ELBOW if merged else 0
+            for other, sign in enumerate(signs):
+                x = 0.5 * (far[0] + far[1] * c3 + far[2] * s3) / a1 if abs(a1) >= ZERO else 0.0
+                y = (high[0] + high[1] * c3 + high[2] * s3) / sa1 if sa1 != 0.0 else 0.0
+                if sign != 0.0:
+                    given = y if abs(a1) < ZERO else x
+                    rest = sqrt(max(r2 * r2 - given * given, 0.0))
+                    if doubt is not None:
+                        doubt.folded(1.0 - (given / r2) ** 2 if r2 > 0.0 else 0.0)
+                    if rest <= MERGED * r2:
+                        if other or abs(given) > r2 + tol:
+                            continue
+                        flag |= SHOULDER
+                    if abs(a1) < ZERO:
+                        x = sign * rest
+                    else:
+                        y = sign * rest
+                q2 = start[1]
+                if r2 > tol:
+                    q2 = atan2(y, x) - atan2(y2, x2)
+                else:
+                    flag |= SHOULDER
+                c2, s2 = cos(q2), sin(q2)
+                x, y = c2 * x2 - s2 * y2, s2 * x2 + c2 * y2
+                x, y = x + a1, ca1 * y - sa1 * z2
+                q1 = start[0]
+                if hypot(x, y) > tol:
+                    q1 = atan2(py, px) - atan2(y, x)
+                else:
+                    flag |= SHOULDER
+                branch = 4 * root + other if len(signs) == 2 else 4 * (root // 2) + root % 2
+                yield branch, flag, q1, q2, q3
+
+    def _point(self, c3: float, s3: float) -> tuple[float, float, float]:
+        """The centre of a spherical wrist behind joint 2 [m]."""
+        along = self.sa3 * self.d4
+        x, y, z = c3 * self.a3 + s3 * along, s3 * self.a3 - c3 * along, self.ca3 * self.d4 + self.d3
+        return x + self.a2, self.ca2 * y - self.sa2 * z, self.sa2 * y + self.ca2 * z + self.d2
+
+    def _shoulders(
+        self, pose: _Rows, tol: float, start: float, doubt: Doubt | None
+    ) -> Iterator[tuple[int, int, float, float, float, float, float]]:
+        """Branch, flags, q1, its cosine and sine, and P in the plane of joints 2 and 3 [m]."""
+        (_, _, _, x), (_, _, _, y), (_, _, _, z) = pose
+        a1, ca1, sa1 = self.a1, self.ca1, self.sa1
+        across = (ca1 * z - self.height) / sa1
+        v = ca1 * across + sa1 * z
+        r2 = x * x + y * y
+        m2 = r2 - across * across
+        if doubt is not None:
+            doubt.folded(m2 / r2 if r2 > 0.0 else 0.0)
+        if m2 > MERGED * MERGED * r2:
+            along = sqrt(m2)
+            for branch, m in ((0, along), (4, -along)):
+                c1, s1 = (x * m + y * across) / r2, (y * m - x * across) / r2
+                yield branch, 0, atan2(s1, c1), c1, s1, m - a1, v
+            return
+        r = sqrt(r2)
+        if r < abs(across) - tol:
+            return
+        if r <= tol:  # P is on the first axis
+            yield 0, SHOULDER, start, cos(start), sin(start), -a1, v
+        else:
+            sign = copysign(1.0, across)
+            c1, s1 = sign * y / r, -sign * x / r
+            yield 0, SHOULDER, atan2(s1, c1), c1, s1, -a1, v
+
+    @staticmethod
+    def _behind(rows: _Rows, c: float, s: float, ca: float, sa: float) -> _Rows:
+        """Rows of a pose's rotation as seen behind a joint with cosine c and sine s, and an angle between axes."""
+        (ax, bx, cx, *_), (ay, by, cy, *_), (az, bz, cz, *_) = rows
+        at, bt, ct = c * ay - s * ax, c * by - s * bx, c * cy - s * cx
+        return (
+            (c * ax + s * ay, c * bx + s * by, c * cx + s * cy),
+            (ca * at + sa * az, ca * bt + sa * bz, ca * ct + sa * cz),
+            (ca * az - sa * at, ca * bz - sa * bt, ca * cz - sa * ct),
+        )
+
+    def _wrists(
+        self, turn: _Rows, tol: float, doubt: Doubt | None, *, first: float | None = None, palm: _Palm | None = None
+    ) -> Iterator[tuple[int, int, float, float, float]]:
+        """Both ways to make a rotation of three turns, Rz(first) Rx(alpha4) Rz(q5) Rx(alpha5) Rz(last).
+
+        Yields branch, flags and the three angles. Arguments as in `_outer`.
+        """
+        (_, _, n13), (_, _, n23), (n31, n32, n33) = turn
+        ca4, sa4, ca5, sa5 = self.ca4, self.sa4, self.ca5, self.sa5
+        s = hypot(n13, n23)
+        if doubt is not None and s < doubt.wrist:
+            doubt.found = True
+        if self.right_angles:
+            middle, merged = atan2(s, -n33 * sa4 * sa5), s <= tol
+            if s > NEAR_WRIST and not merged:
+                first, last = atan2(n23 * sa5, n13 * sa5), atan2(-n32 * sa4, n31 * sa4)
+                yield 0, 0, first, middle, last
+                yield 2, 0, first + pi, -middle, last + pi
+                return
+        else:
+            cosine = (ca4 * ca5 - n33) / (sa4 * sa5)
+            if doubt is not None:
+                doubt.folded(1.0 - cosine * cosine)
+            if abs(sa4 * sa5) * (abs(cosine) - 1.0) > tol:
+                return
+            middle = acos(min(1.0, max(-1.0, cosine)))
+            merged = sin(middle) < MERGED
+        for side, q5 in ((0, middle),) if merged else ((0, middle), (2, -middle)):
+            q4, q6, flags = self._outer(turn, q5, tol, first, palm)
+            yield side, flags | (WRIST if merged else 0), q4, q5, q6
+
+    def _outer(
+        self, turn: _Rows, q5: float, tol: float, first: float | None, palm: _Palm | None
+    ) -> tuple[float, float, int]:
+        """The first and the last of three turns, of which the middle one is known, and flags.
+
+        Args:
+            turn: Rows of the rotation.
+            q5: The middle turn [rad].
+            tol: At which sine between the first axis and the last only the sum of their turns is given.
+            first: Value of the first turn where it is free [rad].
+            palm: Instead: the first turn is the pitch of this hand, and the last one keeps its value as far as the
+                elbow reaches.
+        """
+        (n11, _, n13), (n21, _, n23), (n31, n32, n33) = turn
+        ca4, sa4, ca5, sa5 = self.ca4, self.sa4, self.ca5, self.sa5
+        c5, s5, s = cos(q5), sin(q5), hypot(n13, n23)
+        if s > tol:
+            g, f = s5 * sa5, -ca4 * c5 * sa5 - sa4 * ca5
+            q4 = atan2(n23 * g - n13 * f, n13 * g + n23 * f)
+            if s > NEAR_WRIST:
+                g, f = sa4 * s5, sa4 * c5 * ca5 + ca4 * sa5
+                return q4, atan2(n31 * f - n32 * g, n31 * g + n32 * f), 0
+            flags = 0
+        elif palm is None:
+            q4, flags = first or 0.0, WRIST
+        else:
+            q4, flags = self._pitch(self._last(n11, n21, n31, 0.0, q5), copysign(1.0, n33), palm)
+        return q4, self._last(n11, n21, n31, q4, q5), flags
+
+    def _last(self, n11: float, n21: float, n31: float, q4: float, q5: float) -> float:
+        """The last of three turns, from the first column of their product and the other two."""
+        c, s = cos(q4), sin(q4)
+        x, y, z = c * n11 + s * n21, c * n21 - s * n11, n31
+        y, z = self.ca4 * y + self.sa4 * z, self.ca4 * z - self.sa4 * y
+        c, s = cos(q5), sin(q5)
+        x, y = c * x + s * y, c * y - s * x
+        return atan2(self.ca5 * y + self.sa5 * z, x)
+
+    def _pitch(self, total: float, sign: float, palm: _Palm) -> tuple[float, int]:
+        """The pitch of a hand that turns in the plane with the last joint, and flags.
+
+        The last joint keeps its wanted value as far as the elbow reaches.
+
+        Args:
+            total: Angle of the last joint with pitch 0 [rad].
+            sign: 1 if it falls as the pitch grows, -1 if it grows.
+            palm: The hand.
+        """
+        u, v, hand, hand_angle, last = palm
+        wanted = wrap(sign * (total - last))
+        eta = wrap(wanted + hand_angle - atan2(v, u) + pi)
+        moved = nearest_in_reach(eta, hypot(u, v), hand, self.stretched, self.folded) - eta
+        return wanted + moved, WRIST | MOVED if moved else WRIST
+
+    def _elbows(
+        self, u: float, v: float, tol: float, start: float, doubt: Doubt | None
+    ) -> Iterator[tuple[int, int, float, float]]:
+        """Branch, flags, q2 and q3 with which two links in the plane reach a point (u, v) [m]."""
+        upper, fore = self.upper, self.fore
+        rho2 = u * u + v * v
+        c3 = (rho2 - upper * upper - fore * fore) / (2.0 * upper * fore)
+        if doubt is not None:
+            doubt.folded(1.0 - c3 * c3)
+        s3 = sqrt(1.0 - c3 * c3) if -1.0 < c3 < 1.0 else 0.0
+        way = atan2(v, u)
+        if s3 >= MERGED:
+            q3, psi = atan2(s3, c3), atan2(fore * s3, upper + fore * c3)
+            yield 0, 0, way - psi, q3 - self.fore_angle
+            yield 1, 0, way + psi, -q3 - self.fore_angle
+            return
+        rho = sqrt(rho2)
+        if self.folded - tol <= rho <= self.stretched + tol:
+            if rho <= tol:
+                way = start
+            straight = c3 > 0.0
+            q2 = way if straight or upper >= fore else way + pi
+            yield 0, ELBOW, q2, (0.0 if straight else pi) - self.fore_angle
+
+
+def _square(line: Sequence[float]) -> tuple[float, float, float, float, float, float]:
+    """Coefficients of 1, c, s, c c, c s, s s in the square of a + b c + d s."""
+    a, b, d = line
+    return a * a, 2.0 * a * b, 2.0 * a * d, b * b, 2.0 * b * d, d * d
+
+
+def _roots(k: Sequence[float], start: float, tol: float, doubt: Doubt | None) -> list[tuple[float, bool]]:
+    """Angles at which a quadratic function of cosine and sine is 0, or almost, and whether two roots merge there.
+
+    Args:
+        k: Coefficients of 1, c, s, c c, c s, s s.
+        start: What is returned if the function is 0 everywhere [rad].
+        tol: How far the function may be off where two roots merge, in shares of its largest coefficient.
+        doubt: As in `DecoupledArm.solve`.
+    """
+    one, c, s, cc, cs, ss = k
+    largest = max(map(abs, k))
+    if largest < ZERO:
+        return [(start, True)]
+    high, low = complex(0.25 * (cc - ss), -0.25 * cs), complex(0.5 * c, -0.5 * s)
+    middle = one + 0.5 * (cc + ss)
+    if abs(high) <= ZERO * largest:  # a line
+        size = 2.0 * abs(low)
+        if doubt is not None:
+            doubt.folded(1.0 - (middle / size) ** 2 if size > 0.0 else 0.0)
+        if abs(middle) > size + 2.0 * tol * largest or size == 0.0:
+            return []
+        way = atan2(s, c)
+        apart = acos(min(1.0, max(-1.0, -middle / size)))
+        return [(way, True)] if apart < MERGED else [(way + pi, True)] if pi - apart < MERGED else [
+            (way + apart, False), (way - apart, False)
+        ]  # fmt: skip
+    found: list[tuple[float, bool]] = []
+    off_circle = max(OFF_CIRCLE, 2.0 * sqrt(tol))
+    for z in np.roots([high, low, middle, low.conjugate(), high.conjugate()]).tolist():
+        off = abs(abs(z) - 1.0)
+        if doubt is not None and OFF_CIRCLE < off < 2.0 * doubt.fold:
+            doubt.found = True
+        if off > off_circle:
+            continue
+        root, slope = atan2(z.imag, z.real), 0.0
+        q = root
+        for _ in range(POLISH if off <= OFF_CIRCLE else 0):
+            x, y = cos(q), sin(q)
+            value = one + c * x + s * y + cc * x * x + cs * x * y + ss * y * y
+            slope = -c * y + s * x + 2.0 * (ss - cc) * x * y + cs * (x * x - y * y)
+            if abs(slope) <= ZERO * largest:
+                break
+            q -= value / slope
+        merged = abs(slope) < MERGED * largest
+        if abs(q - root) > APART + 10.0 * off:  # there is no root, only a complex one nearby
+            q, merged = root, True
+        near = [index for index, (other, _) in enumerate(found) if abs(wrap(other - q)) < APART]
+        if near:
+            found[near[0]] = (found[near[0]][0], True)
+        else:
+            if doubt is not None and any(abs(wrap(other - q)) < doubt.fold for other, _ in found):
+                doubt.found = True
+            found.append((q, merged))
+    return found

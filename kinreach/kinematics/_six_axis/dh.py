@@ -1,0 +1,112 @@
+"""Denavit-Hartenberg parameters of a six-axis arm, from the lines of its axes."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from kinreach._checks import Floats
+from kinreach.kinematics._general_6r import turns_about_z
+
+_FLIP = np.diag([1.0, -1.0, -1.0, 1.0])
+
+
+@dataclass(frozen=True)
+class DenavitHartenberg:
+    """The chain `T = before Z1 X1 Z2 X2 Z3 X3 Z4 X4 Z5 X5 Z6 after`.
+
+    Zi turns about z by `theta_i = sign_i q_i + offset_i` and moves along z by `d_i`; Xi moves along x by `a_i` and
+    turns about x by `alpha_i`. The first and the last `d` are in `before` and `after`.
+
+    Attributes:
+        sign: Direction of each axis, 1 or -1, shape (6,).
+        offset: Angle at which a joint's theta is 0 [rad], shape (6,).
+        d: Distances along the axes [m], shape (6,); the first and the last are 0.
+        a: Distances between neighbouring axes [m], shape (5,).
+        alpha: Angles between neighbouring axes [rad], shape (5,).
+        before: Pose of the first axis in the base frame, shape (4, 4).
+        after: Pose of the tip in the frame of the last joint, shape (4, 4).
+    """
+
+    sign: Floats
+    offset: Floats
+    d: Floats
+    a: Floats
+    alpha: Floats
+    before: Floats
+    after: Floats
+
+    @classmethod
+    def of(cls, placements: Floats, *, length: float, angle: float) -> DenavitHartenberg:
+        """Read the parameters off a chain whose joints turn about their z axes.
+
+        Args:
+            placements: A0 to A6 of `T = A0 Rz(q1) A1 ... Rz(q6) A6`, shape (7, 4, 4).
+            length: Distances below this are 0 [m].
+            angle: Axes that are nearer to parallel than this are parallel [rad]. They point the same way then.
+        """
+        A, sign = placements.copy(), np.ones(6)
+        for joint in range(1, 6):
+            if np.hypot(*A[joint, :2, 2]) < angle and A[joint, 2, 2] < 0.0:  # the next axis is antiparallel
+                A[joint], A[joint + 1], sign[joint] = A[joint] @ _FLIP, _FLIP @ A[joint + 1], -1.0
+        d, offset, a, alpha = np.zeros(6), np.zeros(6), np.zeros(5), np.zeros(5)
+        for joint, placement in enumerate(A[1:6]):
+            turn, along, a[joint], alpha[joint], turn_after, along_after = _screws(placement, angle)
+            offset[joint] += turn
+            d[joint] += along
+            offset[joint + 1] += turn_after
+            d[joint + 1] += along_after
+        for joint in range(4, 0, -1):  # along parallel axes it does not matter on which one the tip moves
+            if alpha[joint] == 0.0:
+                d[joint], d[joint + 1] = d[joint] + d[joint + 1], 0.0
+        before, after = A[0] @ _along_z(d[0]), _along_z(d[5]) @ A[6]
+        d[[0, 5]] = 0.0
+        a[np.abs(a) < length] = d[np.abs(d) < length] = 0.0
+        return cls(sign, offset, d, a, alpha, before, after)
+
+    def fk(self, q: Floats) -> Floats:
+        """Compute poses of the tip, shape (m, 4, 4), for postures (m, 6)."""
+        T = np.broadcast_to(self.before, (len(q), 4, 4))
+        for joint, theta in enumerate((self.sign * q + self.offset).T):
+            T = T @ turns_about_z(theta) @ _along_z(self.d[joint])
+            if joint < 5:
+                step = _about_x(self.alpha[joint])
+                step[0, 3] = self.a[joint]
+                T = T @ step
+        return T @ self.after
+
+    def moved(self, before: Floats, after: Floats) -> DenavitHartenberg:
+        """Return the same arm with another base and another tip."""
+        return replace(self, before=before, after=after)
+
+
+def _screws(A: Floats, angle: float) -> tuple[float, float, float, float, float, float]:
+    """A motion as Rz(turn) Tz(along) Tx(a) Rx(alpha) Rz(turn_after) Tz(along_after)."""
+    p, axis = A[:3, 3], A[:3, 2]
+    sine = float(np.hypot(axis[0], axis[1]))
+    if sine < angle:  # parallel: the perpendicular through the next frame's origin
+        a = float(np.hypot(p[0], p[1]))
+        turn = float(np.arctan2(p[1], p[0])) if a > 0.0 else 0.0
+        R = A[:3, :3]
+        after = float(np.arctan2(R[1, 0] - R[0, 1], R[0, 0] + R[1, 1])) - turn
+        return turn, float(p[2]), a, 0.0, after, 0.0
+    normal = np.array([-axis[1], axis[0], 0.0]) / sine
+    along, a, along_after = np.linalg.solve(np.column_stack([[0.0, 0.0, 1.0], normal, axis]), p)
+    turn, alpha = float(np.arctan2(normal[1], normal[0])), float(np.arctan2(sine, axis[2]))
+    rest = (_about_x(-alpha) @ turns_about_z(np.array([-turn]))[0])[:3, :3] @ A[:3, :3]
+    return turn, float(along), float(a), alpha, float(np.arctan2(rest[1, 0], rest[0, 0])), float(along_after)
+
+
+def _along_z(distance: float) -> Floats:
+    T = np.eye(4)
+    T[2, 3] = distance
+    return T
+
+
+def _about_x(angle: float) -> Floats:
+    T = np.eye(4)
+    T[1, 1] = T[2, 2] = np.cos(angle)
+    T[2, 1] = np.sin(angle)
+    T[1, 2] = -T[2, 1]
+    return T

@@ -1,0 +1,254 @@
+"""Six-axis arms of random lengths: a spherical wrist, or three parallel axes, from the base or from the tip."""
+
+import numpy as np
+import pytest
+
+from kinreach.kinematics import ArmKinematics, SixAxisKinematics
+from kinreach.kinematics._general_6r import Chain, General6R
+from kinreach.kinematics._six_axis.methods import Backwards, ClosedForm, Elimination, NearClosedForm
+from kinreach.kinematics._solutions import ANGLES
+from kinreach.robots._rotations import rpy
+
+RIGHT = np.pi / 2
+#: What holds for the lengths [m] and angles [rad] between axes: index from 0, value.
+CLASSES = {
+    "spherical wrist": {"a": {3: 0, 4: 0}, "d": {4: 0}},
+    "spherical wrist, axes 2 and 3 parallel": {"a": {3: 0, 4: 0}, "d": {4: 0}, "alpha": {1: 0}},
+    "spherical wrist, axes 1 and 2 meet": {"a": {0: 0, 3: 0, 4: 0}, "d": {4: 0}},
+    "spherical wrist, axes 1 and 2 parallel": {"a": {3: 0, 4: 0}, "d": {4: 0}, "alpha": {0: 0}},
+    "right angles": {"a": {3: 0, 4: 0}, "d": {4: 0}, "alpha": {0: RIGHT, 1: 0, 2: RIGHT, 3: -RIGHT, 4: RIGHT}},
+    "three parallel axes": {"alpha": {1: 0, 2: 0}},
+    "three parallel axes, 5 and 6 meet": {"a": {4: 0}, "alpha": {1: 0, 2: 0}},
+    "three parallel axes, right angles": {"a": {4: 0}, "alpha": {0: -RIGHT, 1: 0, 2: 0, 3: RIGHT, 4: -RIGHT}},
+}
+
+
+def motion(turn, along, out, tilt):
+    """Rz(turn) Tz(along) Tx(out) Rx(tilt)."""
+    c, s, ct, st = np.cos(turn), np.sin(turn), np.cos(tilt), np.sin(tilt)
+    return np.array(
+        [
+            [c, -s * ct, s * st, out * c],
+            [s, c * ct, -c * st, out * s],
+            [0, st, ct, along],
+            [0, 0, 0, 1],
+        ]
+    )
+
+
+def random_motion(rng, length, angle):
+    a, b, c, d = rng.uniform(-1, 1, 4) * (angle, length, length, angle)
+    return motion(a, b, c, d)
+
+
+def placements(rng, name, *, backwards=False, off=0.0):
+    """A random arm of a class with a turned tip, as in `Chain`; each joint is `off` [m, rad] its class."""
+    a, d = rng.choice([-1, 1], (2, 6)) * rng.uniform(0.1, 0.5, (2, 6))
+    alpha, turn = rng.choice([-1, 1], 6) * rng.uniform(0.5, 1.5, 6), rng.uniform(-np.pi, np.pi, 6)
+    for values, key in ((a, "a"), (d, "d"), (alpha, "alpha")):
+        for index, value in CLASSES[name].get(key, {}).items():
+            values[index] = value
+    chain = [random_motion(rng, 0.3, np.pi)]
+    chain += [motion(turn[i], d[i], a[i], alpha[i]) for i in range(5)]
+    chain += [random_motion(rng, 0.2, np.pi)]
+    if backwards:
+        chain = [np.linalg.inv(step) for step in reversed(chain)]
+    return np.array([step @ random_motion(rng, off, off) for step in chain])
+
+
+def kinematics(tmp_path, chain):
+    """The arm of a URDF."""
+    file = tmp_path / "arm.urdf"
+    text = '<link name="l0"/>'
+    for index, T in enumerate(chain, start=1):
+        kind, axis = ("fixed", "") if index == 7 else ("revolute", '<axis xyz="0 0 1"/>')
+        origin = f'<origin xyz="{" ".join(map(str, T[:3, 3]))}" rpy="{" ".join(map(str, rpy(T[:3, :3])))}"/>'
+        text += (
+            f'<link name="l{index}"/><joint name="j{index}" type="{kind}"><parent link="l{index - 1}"/>'
+            f'<child link="l{index}"/>{origin}{axis}<limit lower="-3.1416" upper="3.1416" effort="9" velocity="3"/></joint>'
+        )
+    file.write_text(f'<robot name="arm">{text}</robot>')
+    return ArmKinematics.from_urdf(file)
+
+
+def apart(q, others):
+    return np.abs((others - q + np.pi) % (2 * np.pi) - np.pi).max(axis=-1).min(initial=np.inf)
+
+
+def poses(chain, q):
+    T = np.tile(np.eye(4), (len(q), 1, 1))
+    T[:, :3] = chain.fk(q)
+    return T
+
+
+def used(kin):
+    method = kin._method
+    return type(method._method if isinstance(method, Backwards) else method)
+
+
+@pytest.mark.parametrize("backwards", [False, True])
+@pytest.mark.parametrize("name", CLASSES)
+def test_every_posture(name, backwards, tmp_path):
+    """The generating one is among them; batches have the same; a method that knows no classes finds no other."""
+    rng, compared = np.random.default_rng(len(name) + backwards), 0
+    for _ in range(4):
+        arm = placements(rng, name, backwards=backwards)
+        kin, general = kinematics(tmp_path, arm), General6R(Chain(arm))
+        assert isinstance(kin, SixAxisKinematics)
+        assert used(kin) is ClosedForm
+        q = rng.uniform(-np.pi, np.pi, (12, 6))
+        complete = general.tried(q) == 1.0
+        T = kin.fk(q)
+        batch = kin.batch(T, limits=False)
+        others = general.solve(T) if complete else [np.empty((0, 6))] * len(q)
+        for posture, pose, row, valid, other in zip(q, T, batch.q, batch.valid, others, strict=True):
+            found = kin.all_solutions(pose, limits=False)
+            assert apart(posture, found.q) < 1e-6
+            assert found.residual.max() < 1e-9
+            assert sorted(set(found.branch)) == found.branch.tolist() == np.flatnonzero(valid).tolist()
+            assert max(apart(one, same[None]) for one, same in zip(row[valid], found.q, strict=True)) < 1e-8
+            assert all(apart(one, found.q) < 1e-5 for one in other)
+            compared += len(other)
+    assert compared > 100 or name in ("right angles", "spherical wrist, axes 1 and 2 parallel")
+
+
+@pytest.mark.parametrize("backwards", [False, True])
+@pytest.mark.parametrize("name", CLASSES)
+def test_singular_poses_are_solved(name, backwards, tmp_path):
+    """Wrist, elbow, both, by rounding beside them, and all joints at right angles: never empty, never wrong."""
+    rng, solved = np.random.default_rng(3), 0
+    for _ in range(3):
+        kin = kinematics(tmp_path, placements(rng, name, backwards=backwards))
+        arm = (kin._method._method if backwards else kin._method)._arm
+        for kind in range(10):
+            for _ in range(5):
+                theta = rng.uniform(-np.pi, np.pi, 6)
+                beside = (0.0, 0.0, 1e-12, 1e-9, 1e-7, 1e-5)[kind % 6]
+                if kind % 3 != 1:
+                    theta[4] = rng.choice([0, np.pi]) + beside
+                if kind % 3:
+                    theta[2] = rng.choice([0, np.pi]) - arm.fore_angle + beside
+                if kind == 9:
+                    theta = rng.integers(-2, 3, 6) * RIGHT
+                q = (theta - arm.dh.offset) * arm.dh.sign
+                T = kin.fk(-q[::-1] if backwards else q)
+                found = kin.all_solutions(T, limits=False)
+                assert found.success, (kind, q)
+                assert found.residual.max() < 1.1e-7
+                row = kin.batch(T[None], limits=False)
+                assert np.flatnonzero(row.valid[0]).tolist() == found.branch.tolist()
+                solved += 1
+    assert solved == 150
+
+
+def test_a_free_joint_keeps_the_seeds_value_and_the_limits(tmp_path):
+    """With the wrist stretched the fourth joint takes any value."""
+    kin = kinematics(tmp_path, placements(np.random.default_rng(5), "right angles"))
+    arm, rng, kept, moved = kin._method._arm, np.random.default_rng(6), 0, 0
+    for q in rng.uniform(-3, 3, (30, 6)):
+        q[4] = -arm.dh.offset[4]
+        T, seed = kin.fk(q), rng.uniform(-3, 3, 6)
+        for row in kin.all_solutions(T, seed=seed, limits=False).q:
+            kept += abs(row[3] - seed[3]) < 1e-9
+        kin._low[5], kin._high[5] = q[5] - 0.2, q[5] + 0.2
+        within = kin.all_solutions(T, seed=seed)
+        assert within.success
+        assert all(abs(row[5] - q[5]) < 0.2 + 1e-9 for row in within.q)
+        moved += sum(abs(row[3] - seed[3]) > 1e-9 for row in within.q)
+        kin._low[5], kin._high[5] = -3.1416, 3.1416
+    assert kept > 100
+    assert moved > 30
+
+
+@pytest.mark.parametrize("off", [1e-6, 1e-3])
+@pytest.mark.parametrize("backwards", [False, True])
+def test_an_arm_that_is_a_little_off_its_class_has_every_posture(backwards, off, tmp_path):
+    """As many as by elimination, near singular poses too, where some appear and others vanish."""
+    rng, compared = np.random.default_rng(7), 0
+    for name in CLASSES:
+        arm = placements(rng, name, backwards=backwards, off=off)
+        kin, general = kinematics(tmp_path, arm), General6R(Chain(arm))
+        assert used(kin) is NearClosedForm
+        q = rng.uniform(-np.pi, np.pi, (10, 6))
+        complete = general.tried(rng.uniform(-np.pi, np.pi, (50, 6))) == 1.0
+        form = (kin._method._method if backwards else kin._method)._arm
+        for row, joint in ((7, 2), (8, 4), (9, 2), (9, 4)):  # beside singular poses
+            theta = 1e-4 - (form.fore_angle if joint == 2 else 0.0) - form.dh.offset[joint]
+            q[row, 5 - joint if backwards else joint] = theta * form.dh.sign[joint] * (-1 if backwards else 1)
+        T = kin.fk(q)
+        batch = kin.batch(T, limits=False)
+        others = general.solve(T) if complete else [np.empty((0, 6))] * len(q)
+        for posture, pose, row, valid, other in zip(q, T, batch.q, batch.valid, others, strict=True):
+            found = kin.all_solutions(pose, limits=False)
+            assert apart(posture, found.q) < 1e-5
+            assert found.residual.max() < 1e-9
+            assert valid.sum() == len(found)
+            assert all(apart(one, found.q) < 1e-6 for one in row[valid])
+            assert all(apart(one, found.q) < 1e-5 for one in other)
+            compared += len(other)
+    assert compared > 250
+
+
+def test_an_arm_of_no_class_is_solved_by_elimination(tmp_path):
+    rng = np.random.default_rng(8)
+    arm = placements(rng, "spherical wrist")
+    arm[4, :3, 3] += 0.1  # axes 4 and 5 do not meet
+    kin = kinematics(tmp_path, arm)
+    assert used(kin) is Elimination
+    for q in rng.uniform(-np.pi, np.pi, (5, 6)):
+        assert apart(q, kin.all_solutions(kin.fk(q), limits=False).q) < 1e-6
+
+
+def ssik_arms():
+    ssik = pytest.importorskip("ssik")
+    return [entry.name for entry in ssik.list_arms() if entry.dof == 6]
+
+
+def of_ssik(tmp_path, name):
+    """An arm that ssik ships, in both packages."""
+    ssik = pytest.importorskip("ssik")
+    arm = ssik.Manipulator.from_prebuilt(name)
+    chain, carry = [], np.eye(4)
+    for joint in arm.kinbody.joints:
+        z = np.asarray(joint.axis) / np.linalg.norm(joint.axis)
+        helper = np.eye(3)[np.abs(z).argmin()]
+        x = np.cross(helper, z) / np.linalg.norm(np.cross(helper, z))
+        align = np.eye(4)
+        align[:3, :3] = np.column_stack([x, np.cross(z, x), z])
+        chain.append(carry @ joint.T_left @ align)
+        carry = align.T @ joint.T_right
+    return arm, kinematics(tmp_path, np.array([*chain, carry]))
+
+
+def same_as_ssik(tmp_path, name, count):
+    arm, kin = of_ssik(tmp_path, name)
+    compared = 0
+    for q in np.random.default_rng(9).uniform(-np.pi, np.pi, (count, 6)):
+        T = arm.fk(q)
+        ours = kin.all_solutions(T, limits=False).q
+        theirs = np.array([one.q for one in arm.solve(T, respect_limits=False, enumerate_windings=False)])
+        assert apart(q, ours) < 1e-5, name
+        assert all(apart(one, ours) < 1e-4 for one in theirs), name
+        compared += len(theirs)
+    assert compared >= 2 * count
+
+
+@pytest.mark.parametrize(
+    "name", ["irb6700_ik", "rs007n_ik", "viperx300s_ik", "widowx250s_ik", "z1_ik", "cr5_ik", "piper_ik"]
+)
+def test_ssik_finds_no_other(name, tmp_path):
+    same_as_ssik(tmp_path, name, 8)
+
+
+@pytest.mark.slow
+def test_every_six_axis_arm_of_ssik(tmp_path):
+    names = ssik_arms()
+    for name in names:
+        same_as_ssik(tmp_path, name, 10)
+    assert len(names) >= 53
+
+
+def test_the_angles_of_a_row_are_plain_numbers(tmp_path):
+    kin = kinematics(tmp_path, placements(np.random.default_rng(10), "right angles"))
+    (row, *_) = kin.all_solutions(kin.fk(np.full(6, 0.3)), limits=False).found
+    assert {type(angle) for angle in row[ANGLES]} == {float}
