@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from kinreach._checks import Floats
 from kinreach.kinematics._angles import wrapped
 from kinreach.kinematics._chain import blocks
-from kinreach.kinematics._six_axis.closed_form import DecoupledArm, Doubt
+from kinreach.kinematics._six_axis.closed_form import DecoupledArm
 from kinreach.kinematics._ur.closed_form import NEAR_WRIST
 from kinreach.kinematics._ur.geometry import BRANCHES
 
@@ -20,36 +20,26 @@ NEAR = 1e-10
 _Mask = NDArray[np.bool_]
 
 
-def solve_poses(
-    arm: DecoupledArm, T: Floats, seeds: Floats, tol: float, *, off: float = 0.0
-) -> tuple[Floats, _Mask, _Mask]:
-    """Compute every posture for many poses of the tip.
+def solve_poses(arm: DecoupledArm, T: Floats, tol: float, *, off: float = 0.0) -> tuple[Floats, _Mask, _Mask]:
+    """Compute every posture for many poses of the tip, except singular ones.
 
     Args:
         arm: The arm.
         T: Poses in the base frame, rotations orthonormal, shape (m, 4, 4).
-        seeds: Values that free joints keep [rad], shape (m, 6).
         tol: As in `DecoupledArm.solve`.
-        off: How far the poses of the arm may be off [m, rad]. Poses for which that may change the number of postures
-            are not solved.
+        off: How far the poses of the arm may be off [m, rad]. What changes the number of postures is singular, too.
 
     Returns:
         Postures by branch, shape (6, 8, m), NaN where there is none; which there are, shape (8, m); and which poses
-        were not solved, shape (m,).
+        are singular, or have to be solved one by one for another reason, shape (m,).
     """
     q, valid = np.full((6, BRANCHES, len(T)), np.nan), np.zeros((BRANCHES, len(T)), dtype=np.bool_)
     doubtful = np.ones(len(T), dtype=np.bool_)
     if arm.by_shoulder:
         for rows in blocks(len(T)):
             doubtful[rows] = _regular(arm, T[rows], q[..., rows], valid[:, rows], tol, off)
-    rows = np.flatnonzero(doubtful)
-    q[..., rows], valid[:, rows] = np.nan, False
-    if off:
-        return q, valid, doubtful
-    for row in rows:
-        for branch, _, *angles in arm.solve(T[row], tol=tol, seed=seeds[row].tolist()):
-            q[:, branch, row], valid[branch, row] = angles, True
-    return q, valid, np.zeros_like(doubtful)
+        q[..., doubtful], valid[:, doubtful] = np.nan, False
+    return q, valid, doubtful
 
 
 def _regular(arm: DecoupledArm, T: Floats, q: Floats, valid: _Mask, tol: float, off: float) -> _Mask:
@@ -58,30 +48,30 @@ def _regular(arm: DecoupledArm, T: Floats, q: Floats, valid: _Mask, tol: float, 
     x, y, z = entries[3::4]
     columns = entries.reshape(3, 4, -1)[:, :3]
     ca1, sa1 = arm.ca1, arm.sa1
-    doubt = Doubt(off, arm.size)
-    fold2, wrist2 = doubt.fold * doubt.fold, max(NEAR_WRIST, tol, doubt.wrist) ** 2
     with np.errstate(invalid="ignore", divide="ignore"):
         across = (ca1 * z - arm.height) / sa1
         v = ca1 * across + sa1 * z
         r2 = x * x + y * y
         m2 = r2 - across * across
-        doubtful = (m2 <= NEAR * r2) & (np.sqrt(r2) >= np.abs(across) - tol) | (np.abs(m2) < fold2 * r2)
+        doubtful = (m2 <= NEAR * r2) & (np.sqrt(r2) >= np.abs(across) - tol) | (np.abs(m2) < 4.0 * off * np.sqrt(r2))
         along = np.sqrt(m2)
         reached = m2 > 0.0
+        moved = off * (1.0 + (np.sqrt(r2) + np.abs(across)) / along)
         for shoulder, m in ((0, along), (4, -along)):
             c1, s1 = (x * m + y * across) / r2, (y * m - x * across) / r2
             q1, turn = np.arctan2(s1, c1), _behind(columns, c1, s1, ca1, sa1)
             if arm.spherical:
-                for elbow, bent, c23, s23, q2, q3 in _elbows(arm, m - arm.a1, v, tol, fold2, doubtful):
+                for elbow, bent, c23, s23, q2, q3 in _elbows(arm, m - arm.a1, v, tol, moved, doubtful):
                     turned = _behind(turn, c23, s23, arm.ca3, arm.sa3)
-                    for wrist, turns, q4, _, _, q5, q6 in _wrists(arm, turned, tol, fold2, wrist2, doubtful):
+                    for wrist, turns, q4, _, _, q5, q6 in _wrists(arm, turned, tol, off, doubtful):
                         branch = shoulder + wrist + elbow
                         q[:, branch], valid[branch] = (q1, q2, q3, q4, q5, q6), reached & bent & turns
             else:
-                for wrist, turns, q234, c, s, q5, q6 in _wrists(arm, turn, tol, fold2, wrist2, doubtful):
+                for wrist, turns, q234, c, s, q5, q6 in _wrists(arm, turn, tol, off, doubtful):
                     x4, y4 = arm.a4, -arm.sa4 * arm.d5
                     u, w = m - arm.a1 - c * x4 + s * y4, v - s * x4 - c * y4
-                    for elbow, bent, _, _, q2, q3 in _elbows(arm, u, w, tol, fold2, doubtful):
+                    through = moved * (1.0 + arm.hand / np.abs(np.sin(q5)))
+                    for elbow, bent, _, _, q2, q3 in _elbows(arm, u, w, tol, through, doubtful):
                         branch = shoulder + wrist + elbow
                         q[:, branch], valid[branch] = (q1, q2, q3, q234 - q2 - q3, q5, q6), reached & bent & turns
         q -= arm.dh.offset[:, None, None]
@@ -103,7 +93,7 @@ def _behind(columns: Floats, c: Floats, s: Floats, ca: float, sa: float) -> Floa
 
 
 def _elbows(
-    arm: DecoupledArm, u: Floats, v: Floats, tol: float, fold2: float, doubtful: _Mask
+    arm: DecoupledArm, u: Floats, v: Floats, tol: float, off: Floats, doubtful: _Mask
 ) -> Iterator[tuple[int, _Mask, Floats, Floats, Floats, Floats]]:
     """Both elbows: branch, which reach, cosine and sine of q2 + q3, q2 and q3. Adds to the doubtful poses."""
     upper, fore = arm.upper, arm.fore
@@ -111,7 +101,9 @@ def _elbows(
     c3 = (rho2 - upper * upper - fore * fore) / (2.0 * upper * fore)
     s2 = 1.0 - c3 * c3
     rho = np.sqrt(rho2)
-    doubtful |= (s2 <= NEAR) & (rho <= arm.stretched + tol) & (rho >= arm.folded - tol) | (np.abs(s2) < fold2)
+    doubtful |= (s2 <= NEAR) & (rho <= arm.stretched + tol) & (rho >= arm.folded - tol) | (
+        np.abs(s2) < 4.0 * off * arm.stretched / (upper * fore)
+    )
     bent = s2 > 0.0
     s3 = np.sqrt(s2)
     cf, sf = np.cos(arm.fore_angle), np.sin(arm.fore_angle)
@@ -123,17 +115,19 @@ def _elbows(
 
 
 def _wrists(
-    arm: DecoupledArm, turn: Floats, tol: float, fold2: float, wrist2: float, doubtful: _Mask
+    arm: DecoupledArm, turn: Floats, tol: float, off: float, doubtful: _Mask
 ) -> Iterator[tuple[int, _Mask, Floats, Floats, Floats, Floats, Floats]]:
     """Both wrists: branch, which turn, q4, its cosine and sine, q5 and q6. Adds to the doubtful poses."""
     (_, _, n13), (_, _, n23), (n31, n32, n33) = turn
     ca4, sa4, ca5, sa5 = arm.ca4, arm.sa4, arm.ca5, arm.sa5
     square = n13 * n13 + n23 * n23
-    doubtful |= square < wrist2
+    doubtful |= square < max(NEAR_WRIST, tol, off) ** 2
     c5 = (ca4 * ca5 - n33) / (sa4 * sa5)
     s2 = square if arm.right_angles else 1.0 - c5 * c5
     if not arm.right_angles:
-        doubtful |= (s2 <= NEAR) & (np.abs(sa4 * sa5) * (np.abs(c5) - 1.0) <= tol) | (np.abs(s2) < fold2)
+        doubtful |= (s2 <= NEAR) & (np.abs(sa4 * sa5) * (np.abs(c5) - 1.0) <= tol) | (
+            np.abs(s2 * sa4 * sa5) < 4.0 * off
+        )
     turns, s5 = s2 > 0.0, np.sqrt(s2)
     q5 = np.arctan2(s5, c5)
     f, h = -ca4 * c5 * sa5 - sa4 * ca5, sa4 * c5 * ca5 + ca4 * sa5

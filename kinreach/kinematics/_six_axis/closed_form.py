@@ -22,8 +22,7 @@ to four roots.
 
 Branch index: 4 for the second shoulder, 2 for a negative wrist angle, 1 for a negative elbow angle, added; where roots
 of the quadratic equation take the place of two of them, their number counts. What is singular is solved: arguments that
-leave their domain by rounding are clamped, an angle that is free takes the caller's value, and what was clamped is
-checked by forward kinematics.
+leave their domain by rounding are clamped, and an angle that is free takes the caller's value.
 """
 
 from __future__ import annotations
@@ -36,7 +35,7 @@ import numpy as np
 from kinreach._checks import Floats
 from kinreach.kinematics._angles import wrap
 from kinreach.kinematics._six_axis.dh import DenavitHartenberg
-from kinreach.kinematics._solutions import ANGLES, FLAGS, Row
+from kinreach.kinematics._solutions import Row
 from kinreach.kinematics._ur.closed_form import ELBOW, MERGED, MOVED, NEAR_WRIST, SHOULDER, WRIST, nearest_in_reach
 
 #: Cosines and lengths below this are 0 [m].
@@ -61,35 +60,45 @@ class Doubt:
 
     Args:
         off: How far they are off [m, rad].
-        size: Size of the arm [m].
+        size: Smallest length of the arm [m].
 
     Attributes:
         found: Whether it may.
-        wrist: Sine of the angle between a wrist's axes below which it may [rad].
-        fold: Sine of the angle at which two postures meet below which it may [rad]: it changes with the square root.
+        off: As given: the sine between two axes of a wrist below which it may.
+        fold: Angle between two postures that meet below which it may [rad].
     """
 
     def __init__(self, off: float, size: float) -> None:
         self.found = False
-        self.wrist, self.fold = off, 2.0 * sqrt(off / size)
+        self.off, self.fold = off, 2.0 * sqrt(off / size)
 
-    def folded(self, sine2: float) -> None:
-        """Take the square of the sine of a posture into account, less than 0 where there is none."""
-        self.found = self.found or abs(sine2) < self.fold * self.fold
+    def folded(self, sine2: float, length: float, gain: float = 1.0) -> None:
+        """Take two postures that meet into account.
+
+        Args:
+            sine2: Square of the sine of half the angle between them, less than 0 where they do not exist.
+            length: What it changes with [m].
+            gain: How much of what poses are off arrives here.
+        """
+        self.found = self.found or abs(sine2) * length < 4.0 * self.off * gain
 
 
-class NotDecoupled(Exception):
-    """The arm has neither a spherical wrist nor three parallel axes."""
+def decouples(dh: DenavitHartenberg) -> bool:
+    """Return whether an arm has a spherical wrist, or axes 2, 3 and 4 parallel, and two links that bend."""
+    sines = np.abs(np.sin(dh.alpha)) > ZERO
+    spherical = not dh.a[3:].any() and dh.d[4] == 0.0
+    parallel = bool(sines[0]) and not sines[1]
+    if not (sines[3:].all() and (spherical or (parallel and not sines[2]))):
+        return False
+    fore = dh.a[2] != 0.0 or (spherical and sines[2] and dh.d[3] != 0.0)
+    return not parallel or bool(dh.a[1] != 0.0 and fore)
 
 
 class DecoupledArm:
     """Every posture of a decoupled six-axis arm for a pose.
 
     Args:
-        dh: The arm's parameters.
-
-    Raises:
-        NotDecoupled: It does not decouple.
+        dh: The arm's parameters, of an arm that `decouples`.
     """
 
     def __init__(self, dh: DenavitHartenberg) -> None:
@@ -103,14 +112,11 @@ class DecoupledArm:
         cosines[np.abs(cosines) < ZERO], sines[np.abs(sines) < ZERO] = 0.0, 0.0
         self.ca1, self.ca2, self.ca3, self.ca4, self.ca5 = cosines.tolist()
         self.sa1, self.sa2, self.sa3, self.sa4, self.sa5 = sines.tolist()
-        self.size = float(np.abs(np.concatenate([dh.a, dh.d])).sum())
+        lengths = np.abs(np.concatenate([dh.a, dh.d]))
+        self.size = float(lengths[lengths > 0.0].min())
         self.right_angles = self.ca4 == self.ca5 == 0.0
-        wrist = self.sa4 != 0.0 != self.sa5
         parallel = self.sa2 == 0.0 != self.sa1
-        self.spherical = wrist and self.a4 == self.a5 == self.d5 == 0.0
-        self.three_parallel = wrist and parallel and self.sa3 == 0.0 and not self.spherical
-        if not (self.spherical or self.three_parallel):
-            raise NotDecoupled
+        self.spherical = self.a4 == self.a5 == self.d5 == 0.0
         #: Whether joint 1 is found before all others, from two values.
         self.by_shoulder = parallel and (self.spherical or self.a5 == 0.0)
         if self.spherical:
@@ -125,22 +131,18 @@ class DecoupledArm:
         self._height_of_point = (COEFFICIENTS @ samples[:, 2]).tolist()
         self.upper = self.a2
         self.stretched, self.folded = self.upper + self.fore, abs(self.upper - self.fore)
-        if self.by_shoulder and (self.upper == 0.0 or self.fore == 0.0):
-            raise NotDecoupled  # no elbow
-        if not self.by_shoulder and self.three_parallel and self.upper * self.fore == 0.0:
-            raise NotDecoupled
 
     def solve(self, T: Floats, *, tol: float, seed: Sequence[float], doubt: Doubt | None = None) -> list[Row]:
         """Compute every posture for a pose of the tip.
 
         Args:
             T: Pose in the base frame, rotation orthonormal, shape (4, 4).
-            tol: Largest error of a posture in which something was clamped [m, rad].
+            tol: How far one part of the geometry may be missed by a posture in which something is clamped [m, rad].
             seed: Values [rad] that free joints keep, as far as they can, shape (6,).
             doubt: Learns whether the postures may be others for an arm that is a little off.
 
         Returns:
-            Branch index, flags and angles in [-pi, pi] of each posture.
+            Branch index, flags and angles in [-pi, pi] of each posture. One with flags may miss the pose.
         """
         pose = (self.before @ T @ self.after)[:3].tolist()
         start = [s * q + o for s, q, o in zip(self._sign, seed, self._offset, strict=True)]
@@ -152,7 +154,7 @@ class DecoupledArm:
             found = list(self._three_parallel_by_roots(pose, tol, start, doubt))
         s1, s2, s3, s4, s5, s6 = self._sign
         o1, o2, o3, o4, o5, o6 = self._offset
-        rows = [
+        return [
             (
                 branch,
                 flags,
@@ -165,10 +167,6 @@ class DecoupledArm:
             )
             for branch, flags, q1, q2, q3, q4, q5, q6 in found
         ]
-        if any(row[FLAGS] for row in rows):
-            off = np.abs(self.dh.fk(np.array([row[ANGLES] for row in rows])) - T).reshape(len(rows), -1).max(axis=1)
-            rows = [row for row, miss in zip(rows, off, strict=True) if not row[FLAGS] or miss <= tol]
-        return rows
 
     def _spherical(self, pose: _Rows, tol: float, start: Sequence[float], doubt: Doubt | None) -> Iterator[Row]:
         """Postures of an arm with a spherical wrist."""
@@ -185,11 +183,14 @@ class DecoupledArm:
 
     def _three_parallel(self, pose: _Rows, tol: float, start: Sequence[float], doubt: Doubt | None) -> Iterator[Row]:
         """Postures of an arm with axes 2, 3 and 4 parallel, and 5 and 6 that meet."""
-        for branch, flags, q1, c1, s1, u, v in self._shoulders(pose, tol, start[0], doubt):
+        for branch, flags, q1, c1, s1, u, v, gain in self._shoulders(pose, tol, start[0], doubt):
             palm = (u, v, self.hand, self.hand_angle, start[5])
             turn = self._behind(pose, c1, s1, self.ca1, self.sa1)
             for side, flag, q234, q5, q6 in self._wrists(turn, tol, doubt, palm=palm):
-                yield from self._arms(branch + side, flags | flag, q1, q234, q5, q6, palm, tol, start[1], doubt)
+                through = gain * (1.0 + self.hand / max(abs(sin(q5)), tol))
+                yield from self._arms(
+                    branch + side, flags | flag, q1, q234, q5, q6, palm, tol, start[1], doubt, through
+                )
 
     def _three_parallel_by_roots(
         self, pose: _Rows, tol: float, start: Sequence[float], doubt: Doubt | None
@@ -213,11 +214,11 @@ class DecoupledArm:
             u, v = x * c1 + y * s1 - self.a1, ca1 * (y * c1 - x * s1) + sa1 * z
             hand = (self.a4 + a5 * cos(q5), ca4 * a5 * sin(q5) - sa4 * self.d5)
             palm = (u, v, hypot(*hand), atan2(hand[1], hand[0]), start[5])
-            if doubt is not None and hypot(turn[0][2], turn[1][2]) < doubt.wrist:
+            if doubt is not None and hypot(turn[0][2], turn[1][2]) < doubt.off:
                 doubt.found = True
             q234, q6, flag = self._outer(turn, q5, tol, None, palm)
             flags = flag | (SHOULDER if merged else 0)
-            yield from self._arms(2 * root, flags, q1, q234, q5, q6, palm, tol, start[1], doubt)
+            yield from self._arms(2 * root, flags, q1, q234, q5, q6, palm, tol, start[1], doubt, 10.0)
 
     def _arms(
         self,
@@ -231,18 +232,19 @@ class DecoupledArm:
         tol: float,
         start: float,
         doubt: Doubt | None,
+        gain: float,
     ) -> Iterator[Row]:
         """Both elbows of an arm whose hand has the pitch q234."""
         u, v, hand, hand_angle, _ = palm
         angle = q234 + hand_angle
-        for elbow, bent, q2, q3 in self._elbows(u - hand * cos(angle), v - hand * sin(angle), tol, start, doubt):
+        for elbow, bent, q2, q3 in self._elbows(u - hand * cos(angle), v - hand * sin(angle), tol, start, doubt, gain):
             yield branch + elbow, flags | bent, q1, q2, q3, q234 - q2 - q3, q5, q6
 
     def _arm_by_shoulder(
         self, pose: _Rows, tol: float, start: Sequence[float], doubt: Doubt | None
     ) -> Iterator[_Position]:
-        for branch, flags, q1, _, _, u, v in self._shoulders(pose, tol, start[0], doubt):
-            for elbow, bent, q2, q3 in self._elbows(u, v, tol, start[1], doubt):
+        for branch, flags, q1, _, _, u, v, gain in self._shoulders(pose, tol, start[0], doubt):
+            for elbow, bent, q2, q3 in self._elbows(u, v, tol, start[1], doubt, gain):
                 yield branch + elbow, flags | bent, q1, q2, q3
 
     def _arm_by_roots(
@@ -250,71 +252,46 @@ class DecoupledArm:
     ) -> Iterator[_Position]:
         """First three angles of any three axes that bring a point to a place.
 
-        The place's distance from the origin and its height along axis 1 do not depend on q1. With (x2, y2, z2) the
-        point behind joint 2, a function of q3, and (x, y) what joint 2 makes of (x2, y2), both are linear in x and y.
+        The place's distance from the origin and its height along axis 1 do not depend on q1. With (x, y) where joint 2
+        turns the point that joint 3 has brought into its plane, each is linear in one of x and y.
         """
         (_, _, _, px), (_, _, _, py), (_, _, _, pz) = pose
         a1, ca1, sa1 = self.a1, self.ca1, self.sa1
         n0, n1, n2 = self._square_of_point
-        z0, z1, z2 = self._height_of_point
+        z0, z1, z2 = height = self._height_of_point
         # 2 a1 x = far, sa1 y = high, x^2 + y^2 = n - z2^2
         far = (px * px + py * py + pz * pz - a1 * a1 - n0, -n1, -n2)
         high = (pz - ca1 * z0, -ca1 * z1, -ca1 * z2)
-        if abs(a1) < ZERO:
-            thirds = [
-                (q, merged, (1.0, -1.0))
-                for q, merged in _roots([*far, 0.0, 0.0, 0.0], start[2], tol / self.size, doubt)
-            ]
-        elif sa1 == 0.0:
-            thirds = [
-                (q, merged, (1.0, -1.0))
-                for q, merged in _roots([*high, 0.0, 0.0, 0.0], start[2], tol / self.size, doubt)
-            ]
+        meet, parallel = abs(a1) < ZERO, sa1 == 0.0  # axes 1 and 2
+        if meet or parallel:
+            equation = [*(far if meet else high), 0.0, 0.0, 0.0]
         else:
             by_far, by_high = sa1 * sa1, 4.0 * a1 * a1
-            square = [
-                by_far * f + by_high * (h + by_far * z)
-                for f, h, z in zip(_square(far), _square(high), _square((z0, z1, z2)), strict=True)
+            equation = [
+                by_far * f + by_high * (h + by_far * z) - by_far * by_high * n
+                for f, h, z, n in zip(_square(far), _square(high), _square(height), (n0, n1, n2, 0, 0, 0), strict=True)
             ]
-            for index, n in enumerate((n0, n1, n2)):
-                square[index] -= by_high * by_far * n
-            thirds = [(q, merged, (0.0,)) for q, merged in _roots(square, start[2], tol / self.size, doubt)]
-        for root, (q3, merged, signs) in enumerate(thirds):
+        for root, (q3, merged) in enumerate(_roots(equation, start[2], tol / self.size, doubt)):
             c3, s3 = cos(q3), sin(q3)
-            x2, y2, z2 = self._point(c3, s3)
-            r2 = hypot(x2, y2)
-            flag = ELBOW if merged else 0
-            for other, sign in enumerate(signs):
-                x = 0.5 * (far[0] + far[1] * c3 + far[2] * s3) / a1 if abs(a1) >= ZERO else 0.0
-                y = (high[0] + high[1] * c3 + high[2] * s3) / sa1 if sa1 != 0.0 else 0.0
-                if sign != 0.0:
-                    given = y if abs(a1) < ZERO else x
-                    rest = sqrt(max(r2 * r2 - given * given, 0.0))
-                    if doubt is not None:
-                        doubt.folded(1.0 - (given / r2) ** 2 if r2 > 0.0 else 0.0)
-                    if rest <= MERGED * r2:
-                        if other or abs(given) > r2 + tol:
-                            continue
-                        flag |= SHOULDER
-                    if abs(a1) < ZERO:
-                        x = sign * rest
-                    else:
-                        y = sign * rest
-                q2 = start[1]
-                if r2 > tol:
-                    q2 = atan2(y, x) - atan2(y2, x2)
-                else:
-                    flag |= SHOULDER
+            px2, py2, pz2 = self._point(c3, s3)
+            r2 = hypot(px2, py2)
+            x = 0.0 if meet else 0.5 * (far[0] + far[1] * c3 + far[2] * s3) / a1
+            y = 0.0 if parallel else (high[0] + high[1] * c3 + high[2] * s3) / sa1
+            if meet:
+                ends = [(rest, y, flag) for rest, flag in _chord(y, r2, tol, doubt)]
+            elif parallel:
+                ends = [(x, rest, flag) for rest, flag in _chord(x, r2, tol, doubt)]
+            else:
+                ends = [(x, y, 0)]
+            for other, (x, y, flag) in enumerate(ends):
+                flags = flag | (ELBOW if merged else 0)
+                q2 = atan2(y, x) - atan2(py2, px2) if r2 > tol else start[1]
                 c2, s2 = cos(q2), sin(q2)
-                x, y = c2 * x2 - s2 * y2, s2 * x2 + c2 * y2
-                x, y = x + a1, ca1 * y - sa1 * z2
-                q1 = start[0]
-                if hypot(x, y) > tol:
-                    q1 = atan2(py, px) - atan2(y, x)
-                else:
-                    flag |= SHOULDER
-                branch = 4 * root + other if len(signs) == 2 else 4 * (root // 2) + root % 2
-                yield branch, flag, q1, q2, q3
+                u, v = c2 * px2 - s2 * py2 + a1, ca1 * (s2 * px2 + c2 * py2) - sa1 * pz2
+                on_axis = hypot(u, v) <= tol
+                q1 = start[0] if on_axis else atan2(py, px) - atan2(v, u)
+                branch = 4 * root + other if meet or parallel else 4 * (root // 2) + root % 2
+                yield branch, flags | (SHOULDER if on_axis or r2 <= tol else 0), q1, q2, q3
 
     def _point(self, c3: float, s3: float) -> tuple[float, float, float]:
         """The centre of a spherical wrist behind joint 2 [m]."""
@@ -324,8 +301,8 @@ class DecoupledArm:
 
     def _shoulders(
         self, pose: _Rows, tol: float, start: float, doubt: Doubt | None
-    ) -> Iterator[tuple[int, int, float, float, float, float, float]]:
-        """Branch, flags, q1, its cosine and sine, and P in the plane of joints 2 and 3 [m]."""
+    ) -> Iterator[tuple[int, int, float, float, float, float, float, float]]:
+        """Branch, flags, q1, its cosine and sine, P in the plane of joints 2 and 3 [m], how far that moves with P."""
         (_, _, _, x), (_, _, _, y), (_, _, _, z) = pose
         a1, ca1, sa1 = self.a1, self.ca1, self.sa1
         across = (ca1 * z - self.height) / sa1
@@ -333,22 +310,23 @@ class DecoupledArm:
         r2 = x * x + y * y
         m2 = r2 - across * across
         if doubt is not None:
-            doubt.folded(m2 / r2 if r2 > 0.0 else 0.0)
+            doubt.folded(m2 / r2 if r2 > 0.0 else 0.0, sqrt(r2))
         if m2 > MERGED * MERGED * r2:
             along = sqrt(m2)
+            gain = 1.0 + (sqrt(r2) + abs(across)) / along
             for branch, m in ((0, along), (4, -along)):
                 c1, s1 = (x * m + y * across) / r2, (y * m - x * across) / r2
-                yield branch, 0, atan2(s1, c1), c1, s1, m - a1, v
+                yield branch, 0, atan2(s1, c1), c1, s1, m - a1, v, gain
             return
         r = sqrt(r2)
         if r < abs(across) - tol:
             return
         if r <= tol:  # P is on the first axis
-            yield 0, SHOULDER, start, cos(start), sin(start), -a1, v
+            yield 0, SHOULDER, start, cos(start), sin(start), -a1, v, 1.0
         else:
             sign = copysign(1.0, across)
             c1, s1 = sign * y / r, -sign * x / r
-            yield 0, SHOULDER, atan2(s1, c1), c1, s1, -a1, v
+            yield 0, SHOULDER, atan2(s1, c1), c1, s1, -a1, v, 1.0
 
     @staticmethod
     def _behind(rows: _Rows, c: float, s: float, ca: float, sa: float) -> _Rows:
@@ -371,7 +349,7 @@ class DecoupledArm:
         (_, _, n13), (_, _, n23), (n31, n32, n33) = turn
         ca4, sa4, ca5, sa5 = self.ca4, self.sa4, self.ca5, self.sa5
         s = hypot(n13, n23)
-        if doubt is not None and s < doubt.wrist:
+        if doubt is not None and s < doubt.off:
             doubt.found = True
         if self.right_angles:
             middle, merged = atan2(s, -n33 * sa4 * sa5), s <= tol
@@ -383,11 +361,13 @@ class DecoupledArm:
         else:
             cosine = (ca4 * ca5 - n33) / (sa4 * sa5)
             if doubt is not None:
-                doubt.folded(1.0 - cosine * cosine)
+                doubt.folded(1.0 - cosine * cosine, abs(sa4 * sa5))
             if abs(sa4 * sa5) * (abs(cosine) - 1.0) > tol:
                 return
             middle = acos(min(1.0, max(-1.0, cosine)))
             merged = sin(middle) < MERGED
+            if merged:  # between the two
+                middle = 0.0 if cosine > 0.0 else pi
         for side, q5 in ((0, middle),) if merged else ((0, middle), (2, -middle)):
             q4, q6, flags = self._outer(turn, q5, tol, first, palm)
             yield side, flags | (WRIST if merged else 0), q4, q5, q6
@@ -447,14 +427,14 @@ class DecoupledArm:
         return wanted + moved, WRIST | MOVED if moved else WRIST
 
     def _elbows(
-        self, u: float, v: float, tol: float, start: float, doubt: Doubt | None
+        self, u: float, v: float, tol: float, start: float, doubt: Doubt | None, gain: float
     ) -> Iterator[tuple[int, int, float, float]]:
         """Branch, flags, q2 and q3 with which two links in the plane reach a point (u, v) [m]."""
         upper, fore = self.upper, self.fore
         rho2 = u * u + v * v
         c3 = (rho2 - upper * upper - fore * fore) / (2.0 * upper * fore)
         if doubt is not None:
-            doubt.folded(1.0 - c3 * c3)
+            doubt.folded(1.0 - c3 * c3, upper * fore / self.stretched, gain)
         s3 = sqrt(1.0 - c3 * c3) if -1.0 < c3 < 1.0 else 0.0
         way = atan2(v, u)
         if s3 >= MERGED:
@@ -469,6 +449,16 @@ class DecoupledArm:
             straight = c3 > 0.0
             q2 = way if straight or upper >= fore else way + pi
             yield 0, ELBOW, q2, (0.0 if straight else pi) - self.fore_angle
+
+
+def _chord(given: float, radius: float, tol: float, doubt: Doubt | None) -> list[tuple[float, int]]:
+    """The other coordinate of points on a circle of which one is given [m], with flags."""
+    if doubt is not None:
+        doubt.folded(1.0 - (given / radius) ** 2 if radius > 0.0 else 0.0, radius)
+    square = radius * radius - given * given
+    if square > (MERGED * radius) ** 2:
+        return [(sqrt(square), 0), (-sqrt(square), 0)]
+    return [(0.0, SHOULDER)] if abs(given) <= radius + tol else []
 
 
 def _square(line: Sequence[float]) -> tuple[float, float, float, float, float, float]:
@@ -495,7 +485,7 @@ def _roots(k: Sequence[float], start: float, tol: float, doubt: Doubt | None) ->
     if abs(high) <= ZERO * largest:  # a line
         size = 2.0 * abs(low)
         if doubt is not None:
-            doubt.folded(1.0 - (middle / size) ** 2 if size > 0.0 else 0.0)
+            doubt.found = doubt.found or size == 0.0 or abs(1.0 - (middle / size) ** 2) < doubt.fold * doubt.fold
         if abs(middle) > size + 2.0 * tol * largest or size == 0.0:
             return []
         way = atan2(s, c)
@@ -524,10 +514,18 @@ def _roots(k: Sequence[float], start: float, tol: float, doubt: Doubt | None) ->
         if abs(q - root) > APART + 10.0 * off:  # there is no root, only a complex one nearby
             q, merged = root, True
         near = [index for index, (other, _) in enumerate(found) if abs(wrap(other - q)) < APART]
+        if merged or near:  # between the two the function is steady
+            for _ in range(POLISH):
+                x, y = cos(q), sin(q)
+                slope = -c * y + s * x + 2.0 * (ss - cc) * x * y + cs * (x * x - y * y)
+                bend = -c * x - s * y + 2.0 * (ss - cc) * (x * x - y * y) - 4.0 * cs * x * y
+                if abs(slope) >= abs(bend) * off_circle:
+                    break
+                q -= slope / bend
+        if doubt is not None and any(abs(wrap(other - q)) < doubt.fold for other, _ in found):
+            doubt.found = True
         if near:
-            found[near[0]] = (found[near[0]][0], True)
+            found[near[0]] = (q, True)
         else:
-            if doubt is not None and any(abs(wrap(other - q)) < doubt.fold for other, _ in found):
-                doubt.found = True
             found.append((q, merged))
     return found

@@ -10,6 +10,7 @@ from kinreach.errors import InputError
 from kinreach.kinematics._chain import about_z, poses_about
 from kinreach.kinematics._closed_form import TURNS_ABOUT, ClosedFormKinematics
 from kinreach.kinematics._goals import (
+    ROUNDING,
     AxisGoal,
     Goal,
     PoseGoal,
@@ -187,7 +188,11 @@ class SixAxisKinematics(ClosedFormKinematics):
         if T.ndim != 3 or T.shape[1:] != (4, 4):
             raise InputError(f"T must have shape (count, 4, 4), got {T.shape}")
         check_poses("T", T)
-        return self._method.many(_made_rigid(T), np.zeros((len(T), self.n)) if seeds is None else seeds, tol)
+        skewed = np.abs(T[:, :3, :3].swapaxes(1, 2) @ T[:, :3, :3] - np.eye(3)).max(axis=(1, 2)) > ROUNDING
+        if skewed.any():
+            T = T.copy()
+            T[skewed] = _made_rigid(T[skewed])
+        return self._method.many(T, np.zeros((len(T), self.n)) if seeds is None else seeds, tol)
 
     def _last_turns_tip(self) -> bool:
         """Whether the last joint turns the tip about its own z axis, either way, and moves it nowhere."""

@@ -10,21 +10,35 @@ from numpy.typing import NDArray
 
 from kinreach._checks import Floats
 from kinreach.kinematics._angles import wrapped
-from kinreach.kinematics._general_6r import EXACT, MAX_POSTURES, Chain, General6R, newton
+from kinreach.kinematics._general_6r import (
+    EXACT,
+    MAX_POSTURES,
+    Chain,
+    General6R,
+    miss,
+    missed_by,
+    nearest_by_newton,
+    newton,
+)
+from kinreach.kinematics._identification import moved_frames
 from kinreach.kinematics._six_axis.batch import solve_poses
-from kinreach.kinematics._six_axis.closed_form import DecoupledArm, Doubt, NotDecoupled
+from kinreach.kinematics._six_axis.closed_form import DecoupledArm, Doubt, decouples
 from kinreach.kinematics._six_axis.dh import DenavitHartenberg
-from kinreach.kinematics._solutions import ANGLES, BRANCH, Row
+from kinreach.kinematics._solutions import ANGLES, BRANCH, FLAGS, Row
 from kinreach.kinematics._ur.geometry import BRANCHES
 
 #: Lengths [m] and angles [rad] below which an arm of the closed form has zeros: exactly, and nearly.
 EXACTLY, NEARLY = (1e-9, 1e-9), (3e-3, 5e-3)
-#: How far an arm of the closed form may be off its parameters [m, rad], and one that is nearly of it.
-EXACT_FIT, NEAR_FIT = 1e-10, 0.03
+#: How far an arm of the closed form may be off its parameters [m, rad]; one that is nearly of it; and one of which the
+#: closed form is used only if elimination is singular.
+EXACT_FIT, CLOSE_FIT, NEAR_FIT = 1e-10, 1e-3, 0.03
 #: By how many times that a pose may be missed by the closed form and yet be reached.
-CAUTION = 10.0
+CAUTION = 3.0
 #: Newton's method moves a joint no further than this on the way to the posture of the same branch [rad].
 FAR = 0.1
+#: How far parts of the geometry may be missed for Newton's method to begin [m, rad]: where two are singular at once,
+#: rounding grows to this.
+AMISS = 1e-4
 #: Random postures by which a method is judged, and the share that elimination has to find again.
 TRIALS, MIN_SHARE = 100, 0.98
 #: Two postures nearer than this are one [rad].
@@ -52,19 +66,43 @@ class Method(Protocol):
 
 
 class ClosedForm:
-    """An arm that decouples, to rounding."""
+    """An arm that decouples, to rounding.
+
+    Args:
+        arm: Its closed form.
+        placements: The arm, as in `Chain`.
+    """
 
     branches = BRANCHES
 
-    def __init__(self, arm: DecoupledArm) -> None:
-        self._arm = arm
+    def __init__(self, arm: DecoupledArm, placements: Floats) -> None:
+        self._arm, self._chain = arm, Chain(placements)
 
     def one(self, T: Floats, seed: Floats, tol: float) -> list[Row]:
-        return sorted(self._arm.solve(T, tol=tol, seed=seed.tolist()))
+        rows = self._arm.solve(T, tol=tol, seed=seed.tolist()) or self._arm.solve(T, tol=AMISS, seed=seed.tolist())
+        if any(row[FLAGS] for row in rows):
+            rows = self._verified(rows, T, tol)
+        return sorted(rows)
 
     def many(self, T: Floats, seeds: Floats, tol: float) -> tuple[Floats, NDArray[np.bool_]]:
-        q, valid, _ = solve_poses(self._arm, T, seeds, tol)
-        return q, valid
+        q, valid, singular = solve_poses(self._arm, T, tol)
+        return _with_others(self, q, valid, np.flatnonzero(singular), T, seeds, tol)
+
+    def _verified(self, rows: list[Row], T: Floats, tol: float) -> list[Row]:
+        """Postures of a singular pose that reach it, those that miss it after some steps of Newton's method."""
+        q = np.array([row[ANGLES] for row in rows])
+        poses = np.broadcast_to(T, (len(q), 4, 4))
+        off = missed_by(miss(self._chain.fk(q), poses))
+        far = np.flatnonzero(off > tol)
+        if len(far):
+            moved, off[far] = nearest_by_newton(self._chain, q[far], poses[far])
+            off[far[np.abs(moved - q[far]).max(axis=1) > FAR]] = np.inf
+            q[far] = wrapped(moved)
+        kept: list[Row] = []
+        for row, angles, error in zip(rows, q, off, strict=True):
+            if error <= tol and not any(np.abs(wrapped(angles - other[ANGLES])).max() < SAME for other in kept):
+                kept.append((row[BRANCH], row[FLAGS], *angles.tolist()))
+        return kept
 
 
 class NearClosedForm:
@@ -80,13 +118,11 @@ class NearClosedForm:
 
     def __init__(self, arm: DecoupledArm, placements: Floats, off: float) -> None:
         self._arm, self._off = arm, CAUTION * off
-        self._chain = Chain(placements)
+        self._placements, self._chain = placements, Chain(placements)
 
     @cached_property
-    def _general(self) -> General6R:
-        method = General6R(self._chain)
-        method.tried(_random_postures())
-        return method
+    def _elimination(self) -> tuple[Method, float]:
+        return by_elimination(self._placements)
 
     def one(self, T: Floats, seed: Floats, tol: float) -> list[Row]:
         doubt = Doubt(self._off, self._arm.size)
@@ -98,38 +134,45 @@ class NearClosedForm:
             for (_, flags, *_), miss, moved in zip(start, off, np.abs(q - found).max(axis=1, initial=0.0), strict=True)
         ):
             return sorted((row[BRANCH], 0, *angles) for row, angles in zip(start, wrapped(q).tolist(), strict=True))
-        return self._by_elimination(T, q[off < EXACT], start, tol)
+        return self._near_singular(T, seed, start, tol)
 
     def many(self, T: Floats, seeds: Floats, tol: float) -> tuple[Floats, NDArray[np.bool_]]:
-        q, valid = np.full((_JOINTS, MAX_POSTURES, len(T)), np.nan), np.zeros((MAX_POSTURES, len(T)), dtype=np.bool_)
-        start, exists, doubtful = solve_poses(self._arm, T, seeds, EXACT, off=self._off)
-        branch, row = np.nonzero(exists & ~doubtful)
+        q, valid = _empty(len(T))
+        start, exists, doubtful = solve_poses(self._arm, T, EXACT, off=self._off)
+        branch, row = np.nonzero(exists)
         found, off = newton(self._chain, start[:, branch, row].T, T[row])
-        moved = np.abs(found - start[:, branch, row].T).max(axis=1, initial=0.0)
-        good = (off < EXACT) & (moved < FAR)
+        good = (off < EXACT) & (np.abs(found - start[:, branch, row].T).max(axis=1, initial=0.0) < FAR)
         q[:, branch, row], valid[branch, row] = wrapped(found).T, good
         doubtful[row[~good]] = True
-        for index in np.flatnonzero(doubtful):
-            q[..., index], valid[:, index] = np.nan, False
-            for branch_, _, *angles in self.one(T[index], seeds[index], tol):
-                q[:, branch_, index], valid[branch_, index] = angles, True
-        return q, valid
+        return _with_others(self, q, valid, np.flatnonzero(doubtful), T, seeds, tol)
 
-    def _by_elimination(self, T: Floats, known: Floats, start: list[Row], tol: float) -> list[Row]:
-        """Postures of a pose near a singular one; those near the closed form's have its branch index."""
-        (found,) = self._general.solve(T[None], tol=tol)
+    def _near_singular(self, T: Floats, seed: Floats, start: list[Row], tol: float) -> list[Row]:
+        """Postures of a pose for which the closed form may have others; those near one of its have its branch index.
+
+        By elimination; and where that may be singular for the arm, by Newton's method from the closed form's postures
+        for this pose and for others about it, too.
+        """
+        method, share = self._elimination
+        found = [np.array(row[ANGLES]) for row in method.one(T, seed, EXACT)]
+        poses = [T] if share >= MIN_SHARE else self._about(T)
+        near = [self._arm.solve(pose, tol=10.0 * self._off, seed=seed.tolist()) for pose in poses]
+        starts = np.array([row[ANGLES] for rows in near for row in rows]).reshape(-1, _JOINTS)
+        q, off = nearest_by_newton(self._chain, starts, np.broadcast_to(T, (len(starts), 4, 4)))
         every: list[Floats] = []
-        for q in wrapped(np.vstack([known, found])):
-            if not any(np.abs(wrapped(q - other)).max() < SAME for other in every):
-                every.append(q)
-        rows, taken = [], set()
-        for q in every[:MAX_POSTURES]:
-            near = [row[BRANCH] for row in start if np.abs(wrapped(q - row[ANGLES])).max() < FAR]
-            branch = next((one for one in near if one not in taken), None)
-            rows.append((branch, q))
-            taken.add(branch)
-        spare = iter([one for one in [*range(BRANCHES, MAX_POSTURES), *range(BRANCHES)] if one not in taken])
-        return sorted((next(spare) if branch is None else branch, 0, *q.tolist()) for branch, q in rows)
+        for one in [*found, *wrapped(q[off < EXACT])] or wrapped(q[off < tol]):
+            if not any(np.abs(wrapped(one - other)).max() < SAME for other in every):
+                every.append(one)
+        named: dict[int, Floats] = {}
+        for one in every[:MAX_POSTURES]:
+            close = [row[BRANCH] for row in start if np.abs(wrapped(one - row[ANGLES])).max() < FAR]
+            free = [*close, *range(BRANCHES, MAX_POSTURES), *range(BRANCHES)]
+            named[next(branch for branch in free if branch not in named)] = one
+        return [(branch, 0, *named[branch].tolist()) for branch in sorted(named)]
+
+    def _about(self, T: Floats) -> list[Floats]:
+        """A pose, and those that are off by as much as the two arms along each axis."""
+        moves = np.concatenate([np.zeros((1, 6)), self._off * np.eye(6), -self._off * np.eye(6)])
+        return list(moved_frames(T[None], moves))
 
 
 class Elimination:
@@ -145,7 +188,7 @@ class Elimination:
         return [(index, 0, *q) for index, q in enumerate(found.tolist())]
 
     def many(self, T: Floats, seeds: Floats, tol: float) -> tuple[Floats, NDArray[np.bool_]]:
-        q, valid = np.full((_JOINTS, MAX_POSTURES, len(T)), np.nan), np.zeros((MAX_POSTURES, len(T)), dtype=np.bool_)
+        q, valid = _empty(len(T))
         for row, found in enumerate(self._general.solve(T, tol=tol)):
             q[:, : len(found), row], valid[: len(found), row] = found.T, True
         return q, valid
@@ -162,11 +205,11 @@ class Backwards:
         self._method, self.branches = method, method.branches
 
     def one(self, T: Floats, seed: Floats, tol: float) -> list[Row]:
-        rows = self._method.one(np.linalg.inv(T), -seed[::-1], tol)
+        rows = self._method.one(_inverse(T), -seed[::-1], tol)
         return [(branch, flags, *[-angle for angle in q[::-1]]) for branch, flags, *q in rows]
 
     def many(self, T: Floats, seeds: Floats, tol: float) -> tuple[Floats, NDArray[np.bool_]]:
-        q, valid = self._method.many(np.linalg.inv(T), -seeds[:, ::-1], tol)
+        q, valid = self._method.many(_inverse(T), -seeds[:, ::-1], tol)
         return -q[::-1], valid
 
 
@@ -179,31 +222,60 @@ def method_of(placements: Floats) -> Method | float:
     Returns:
         The method; or, if there is none, the share of random postures that elimination finds again.
     """
-    back: Floats = np.asarray(np.linalg.inv(placements[::-1]), dtype=np.float64)
+    back = _inverse(placements[::-1])
     for (length, angle), most in ((EXACTLY, EXACT_FIT), (NEARLY, NEAR_FIT)):
         fits = []
-        for way in (placements, back):
+        for backwards, way in enumerate((placements, back)):
             dh = DenavitHartenberg.of(way, length=length, angle=angle)
             off = _apart(dh, Chain(way))
-            try:
-                fits.append((off, DecoupledArm(dh)) if off < most else None)
-            except NotDecoupled:
-                fits.append(None)
-        if any(fits):
-            backwards = fits[0] is None or (fits[1] is not None and most > EXACT_FIT and fits[1][0] < fits[0][0])
-            off, arm = fits[backwards]
-            method = (
-                ClosedForm(arm) if most == EXACT_FIT else NearClosedForm(arm, back if backwards else placements, off)
-            )
-            return Backwards(method) if backwards else method
+            if off < most and decouples(dh):
+                fits.append((off, backwards, DecoupledArm(dh), way))
+        if fits and most == EXACT_FIT:
+            _, backwards, arm, way = fits[0]
+            return _from_end(ClosedForm(arm, way), backwards=backwards)
+        if fits:
+            off, backwards, arm, way = min(fits, key=lambda fit: fit[0])
+            if off <= CLOSE_FIT:
+                return _from_end(NearClosedForm(arm, way, off), backwards=backwards)
+    method, share = by_elimination(placements)
+    if share >= MIN_SHARE:
+        return method
+    return _from_end(NearClosedForm(arm, way, off), backwards=backwards) if fits else share
+
+
+def by_elimination(placements: Floats) -> tuple[Method, float]:
+    """Solve an arm by elimination from its base or its tip, and the share of random postures that it finds again."""
     q = _random_postures()
+    back = _inverse(placements[::-1])
     ways = (placements, q), (back, -q[:, ::-1])
     methods = [General6R(Chain(way)) for way, _ in ways]
     shares = [general.tried(postures) for general, (_, postures) in zip(methods, ways, strict=True)]
     best = int(np.argmax(shares))
-    if shares[best] < MIN_SHARE:
-        return shares[best]
-    return Backwards(Elimination(methods[best])) if best else Elimination(methods[best])
+    return _from_end(Elimination(methods[best]), backwards=best), shares[best]
+
+
+def _empty(count: int) -> tuple[Floats, NDArray[np.bool_]]:
+    """No posture for any of some poses, as `Method.many` returns it."""
+    return np.full((_JOINTS, MAX_POSTURES, count), np.nan), np.zeros((MAX_POSTURES, count), dtype=np.bool_)
+
+
+def _with_others(
+    method: Method, q: Floats, valid: NDArray[np.bool_], rows: NDArray[np.int64], T: Floats, seeds: Floats, tol: float
+) -> tuple[Floats, NDArray[np.bool_]]:
+    """Solve some of many poses one by one."""
+    for row in rows:
+        q[..., row], valid[:, row] = np.nan, False
+        for branch, _, *angles in method.one(T[row], seeds[row], tol):
+            q[:, branch, row], valid[branch, row] = angles, True
+    return q, valid
+
+
+def _inverse(T: Floats) -> Floats:
+    return np.asarray(np.linalg.inv(T), dtype=np.float64)
+
+
+def _from_end(method: Method, *, backwards: int) -> Method:
+    return Backwards(method) if backwards else method
 
 
 def _apart(dh: DenavitHartenberg, chain: Chain) -> float:
