@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from functools import cached_property
 from typing import Protocol
 
@@ -134,7 +135,7 @@ class NearClosedForm:
             for (_, flags, *_), miss, moved in zip(start, off, np.abs(q - found).max(axis=1, initial=0.0), strict=True)
         ):
             return sorted((row[BRANCH], 0, *angles) for row, angles in zip(start, wrapped(q).tolist(), strict=True))
-        return self._near_singular(T, seed, start, tol)
+        return self._near_singular(T, seed, tol, [row[ANGLES] for row in self._elimination[0].one(T, seed, EXACT)])
 
     def many(self, T: Floats, seeds: Floats, tol: float) -> tuple[Floats, NDArray[np.bool_]]:
         q, valid = _empty(len(T))
@@ -144,33 +145,44 @@ class NearClosedForm:
         good = (off < EXACT) & (np.abs(found - start[:, branch, row].T).max(axis=1, initial=0.0) < FAR)
         q[:, branch, row], valid[branch, row] = wrapped(found).T, good
         doubtful[row[~good]] = True
-        return _with_others(self, q, valid, np.flatnonzero(doubtful), T, seeds, tol)
+        rows = np.flatnonzero(doubtful)
+        q[..., rows], valid[:, rows] = np.nan, False
+        others, exist = self._elimination[0].many(T[rows], seeds[rows], EXACT) if len(rows) else _empty(0)
+        for column, row in enumerate(rows):
+            for branch, _, *angles in self._near_singular(
+                T[row], seeds[row], tol, others[:, exist[:, column], column].T
+            ):
+                q[:, branch, row], valid[branch, row] = angles, True
+        return q, valid
 
-    def _near_singular(self, T: Floats, seed: Floats, start: list[Row], tol: float) -> list[Row]:
+    def _near_singular(
+        self, T: Floats, seed: Floats, tol: float, eliminated: Sequence[Sequence[float]] | Floats
+    ) -> list[Row]:
         """Postures of a pose for which the closed form may have others; those near one of its have its branch index.
 
         By elimination; and where that may be singular for the arm, by Newton's method from the closed form's postures
         for this pose and for others about it, too.
         """
-        method, share = self._elimination
-        found = [np.array(row[ANGLES]) for row in method.one(T, seed, EXACT)]
-        poses = [T] if share >= MIN_SHARE else self._about(T)
-        near = [self._arm.solve(pose, tol=10.0 * self._off, seed=seed.tolist()) for pose in poses]
+        sound = self._elimination[1] >= MIN_SHARE
+        near = [self._arm.solve(pose, tol=10.0 * self._off, seed=seed.tolist()) for pose in self._about(T, alone=sound)]
         starts = np.array([row[ANGLES] for rows in near for row in rows]).reshape(-1, _JOINTS)
-        q, off = nearest_by_newton(self._chain, starts, np.broadcast_to(T, (len(starts), 4, 4)))
+        poses = np.broadcast_to(T, (len(starts), 4, 4))
+        q, off = newton(self._chain, starts, poses) if sound else nearest_by_newton(self._chain, starts, poses)
         every: list[Floats] = []
-        for one in [*found, *wrapped(q[off < EXACT])] or wrapped(q[off < tol]):
+        for one in [*np.array(eliminated).reshape(-1, _JOINTS), *wrapped(q[off < EXACT])] or wrapped(q[off < tol]):
             if not any(np.abs(wrapped(one - other)).max() < SAME for other in every):
                 every.append(one)
         named: dict[int, Floats] = {}
         for one in every[:MAX_POSTURES]:
-            close = [row[BRANCH] for row in start if np.abs(wrapped(one - row[ANGLES])).max() < FAR]
+            close = [row[BRANCH] for row in near[0] if np.abs(wrapped(one - row[ANGLES])).max() < FAR]
             free = [*close, *range(BRANCHES, MAX_POSTURES), *range(BRANCHES)]
             named[next(branch for branch in free if branch not in named)] = one
         return [(branch, 0, *named[branch].tolist()) for branch in sorted(named)]
 
-    def _about(self, T: Floats) -> list[Floats]:
-        """A pose, and those that are off by as much as the two arms along each axis."""
+    def _about(self, T: Floats, *, alone: bool) -> list[Floats]:
+        """A pose, and unless it is alone those that are off by as much as the two arms along each axis."""
+        if alone:
+            return [T]
         moves = np.concatenate([np.zeros((1, 6)), self._off * np.eye(6), -self._off * np.eye(6)])
         return list(moved_frames(T[None], moves))
 
