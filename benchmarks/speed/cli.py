@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 import contextlib
+import json
 import os
 import sys
 from collections.abc import Iterator, Sequence
@@ -14,17 +15,19 @@ from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
 from rich.table import Table
 
-from benchmarks.speed.report import TARGET_COLUMNS, picture_of, sections_of, show, target_cells, write_page
+from benchmarks.speed.report import TARGET_COLUMNS, figures_of, sections_of, show, target_cells, write_page
 from benchmarks.speed.run import run_suites
 from benchmarks.speed.sections import Options, Section, Target
 from benchmarks.speed.suites import SUITES, chosen
 from kinreach._checks import check_count, check_path
-from kinreach._files import make_writable
+from kinreach._files import make_writable, read_text
 from kinreach.cli import Parser
 from kinreach.errors import InputError
 
 ROUNDS, QUICK_ROUNDS = 7, 3
 OUT = Path("results") / "bench"
+#: Of the numbers of a page [bytes].
+MAX_BYTES = 16 * 1024 * 1024
 #: Narrowest that tables are set [characters].
 WIDTH = 120
 _EPILOG = "suites:\n" + "\n".join(f"  {name:14s} {summary}" for name, summary in SUITES.items())
@@ -54,6 +57,8 @@ def main(argv: Sequence[str], *, prog: str) -> int:
     )
     out = OUT if arguments.out is None else check_path("--out", arguments.out)
     page = None if arguments.docs is None else _page(arguments.docs)
+    if arguments.redraw:
+        return _redraw(page)
     results = _measure(suites, options, out, fresh=arguments.fresh, command=_command(prog, suites, options))
     console = _console()
     targets = [target for section in sections_of(results) for target in section.targets]
@@ -61,12 +66,26 @@ def main(argv: Sequence[str], *, prog: str) -> int:
         console.print(_targets(targets))
         console.print()
     written = [f"{out}/results.json", f"{out}/results.md"]
-    if (out / "results.png").exists():
-        written.append(f"{out}/results.png")
+    if any((out / "figures").glob("*.png")):
+        written.append(f"{out}/figures")
     if page is not None:
         write_page(results, page)
         written.append(str(page))
     console.print(f"Written: {', '.join(written)}", style="dim", soft_wrap=True)
+    return 0
+
+
+def _redraw(page: Path | None) -> int:
+    """Write a page and its figures again from the numbers beside it.
+
+    Raises:
+        InputError: There is no page, or there are no numbers beside it.
+    """
+    if page is None:
+        raise InputError("--redraw needs the page, --docs PAGE.md")
+    text = read_text(page.with_suffix(".json"), "the numbers of the page", most=MAX_BYTES)
+    write_page(json.loads(text), page)
+    print(f"Written: {page}, {figures_of(page)}")
     return 0
 
 
@@ -82,7 +101,7 @@ def _page(docs: str) -> Path:
         raise InputError(f"--docs must be a file, got {docs!r}")
     if page.suffix == ".json":
         raise InputError(f"--docs must be a page of Markdown; its numbers go to {page}")
-    for folder in (page.parent, picture_of(page).parent):
+    for folder in (page.parent, figures_of(page).parent):
         make_writable(folder)
     return page
 
@@ -157,6 +176,9 @@ def _parser(prog: str) -> Parser:
     parser.add_argument("--out", metavar="DIR", help=f"where results go (default: {OUT})")
     parser.add_argument(
         "--docs", metavar="FILE", help="also write a page of the documentation, such as docs/reference/benchmarks.md"
+    )
+    parser.add_argument(
+        "--redraw", action="store_true", help="measure nothing: write --docs from the numbers beside it"
     )
     parser.add_argument("--fresh", action="store_true", help="do not go on from an interrupted run in DIR")
     return parser

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import os
 import re
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
@@ -25,42 +26,54 @@ Results = Mapping[str, Any]
 
 
 def write_results(results: Results, folder: Path) -> None:
-    """Write `results.json`, `results.md` and `results.png`.
+    """Write `results.json`, `results.md` and a figure for each section in `figures`.
 
     Raises:
         OutputError: They cannot be written.
     """
-    _write(results, folder / "results.json", folder / "results.md", folder / "results.png")
+    _write(results, folder / "results.json", folder / "results.md", folder / "figures")
 
 
 def write_page(results: Results, page: Path) -> None:
-    """Write a page of the documentation, with the results beside it as JSON and the figure in `images`.
+    """Write a page of the documentation, with the results beside it as JSON and the figures among its images.
 
     Raises:
         OutputError: They cannot be written.
     """
-    _write(results, page.with_suffix(".json"), page, picture_of(page))
+    _write(results, page.with_suffix(".json"), page, figures_of(page))
 
 
-def picture_of(page: Path) -> Path:
-    """Where the figure of a page of the documentation goes."""
-    return page.parent / "images" / f"{page.stem}.png"
+def figures_of(page: Path) -> Path:
+    """Return the folder of the figures of a page: in the `images` above the page, if there is one, or beside it."""
+    above = page.parent.parent / "images"
+    return (above if above.is_dir() else page.parent / "images") / page.stem
 
 
-def _write(results: Results, data: Path, page: Path, picture: Path) -> None:
+def pictures_of(results: Results, page: Path, folder: Path) -> dict[str, str]:
+    """Return the path of each section's figure, as the page links to it, by the section's title."""
+    way = Path(os.path.relpath(folder, page.parent)).as_posix()
+    return {
+        section.title: f"{way}/{re.sub('[^a-z0-9]+', '-', section.title.lower()).strip('-')}.png"
+        for section in sections_of(results)
+        if section.charts
+    }
+
+
+def _write(results: Results, data: Path, page: Path, folder: Path) -> None:
     from benchmarks.speed.figure import draw  # matplotlib takes half a second, which `--help` need not wait for
 
-    for folder in (data.parent, picture.parent):
+    pictures = pictures_of(results, page, folder)
+    make_writable(data.parent)
+    for old in folder.glob("*.png"):  # of an earlier run, beside other numbers
+        old.unlink()
+    if pictures:
         make_writable(folder)
-    figure = draw(sections_of(results))
-    if figure is None:
-        picture.unlink(missing_ok=True)  # of an earlier run, beside other numbers
-    else:
-        with replacing(picture) as temporary:
-            figure.savefig(temporary, dpi=130)
-    shown = picture.relative_to(page.parent).as_posix() if figure is not None else ""
+    for section in sections_of(results):
+        if (figure := draw(section)) is not None:
+            with replacing(folder / Path(pictures[section.title]).name) as temporary:
+                figure.savefig(temporary, dpi=130, format="png")
     write_text(data, json.dumps(results, indent=1) + "\n")
-    write_text(page, markdown(results, data=data.name, picture=shown))
+    write_text(page, markdown(results, data=data.name, pictures=pictures))
 
 
 def sections_of(results: Results) -> list[Section]:
@@ -68,18 +81,18 @@ def sections_of(results: Results) -> list[Section]:
     return [Section.from_json(section) for sections in results["suites"].values() for section in sections]
 
 
-def markdown(results: Results, *, data: str, picture: str) -> str:
+def markdown(results: Results, *, data: str, pictures: Mapping[str, str]) -> str:
     """The report.
 
     Args:
         results: What `results.json` holds.
         data: Path of that file, as the page links to it.
-        picture: Path of the figure, as the page links to it; empty if there is none.
+        pictures: Paths of the sections' figures, as the page links to them, by title.
     """
-    return "\n\n".join(_parts(results, data, picture)) + "\n"
+    return "\n\n".join(_parts(results, data, pictures)) + "\n"
 
 
-def _parts(results: Results, data: str, picture: str) -> Iterator[str]:
+def _parts(results: Results, data: str, pictures: Mapping[str, str]) -> Iterator[str]:
     sections, options, machine = sections_of(results), results["options"], results["machine"]
     yield "# Speed beside other packages"
     yield f"<!-- written by `{results['command']}`; do not edit -->"
@@ -105,15 +118,15 @@ def _parts(results: Results, data: str, picture: str) -> Iterator[str]:
         short = [f"* {target.what}: {target.why}" for target in targets if target.why and not target.met]
         if short:
             yield _no_markup("\n".join(["Why, where a target is not met:", "", *short]))
-    if picture:
-        yield f"![Times and rates of all contenders]({picture})"
     for section in sections:
-        yield from map(_no_markup, _section(section))
+        yield from map(_no_markup, _section(section, pictures.get(section.title, "")))
 
 
-def _section(section: Section) -> Iterator[str]:
+def _section(section: Section, picture: str) -> Iterator[str]:
     yield f"## {section.title}"
     yield section.text
+    if picture:
+        yield f"![{section.title}: a dot for each contender]({picture})"
     yield table(section.columns, section.rows)
     if section.missing:
         yield "\n".join(f"* Missing: {name}: {_one_line(why)}" for name, why in section.missing.items())

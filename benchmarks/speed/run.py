@@ -32,7 +32,7 @@ def run_suites(
     on_suite: OnSuite = lambda suite, sections, kept: None,
     say: Callable[[str], None] = lambda line: None,
 ) -> dict[str, Any]:
-    """Run suites and write `results.json`, `results.md` and `results.png`.
+    """Run suites and write `results.json`, `results.md` and the figures.
 
     After an interruption the same call goes on behind the last finished suite; what was measured with other options,
     code, versions or on another machine is measured again.

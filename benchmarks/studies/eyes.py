@@ -63,9 +63,13 @@ def draw(policy: Any, path: Path) -> None:
             pictures[f"{key.removesuffix('_rgb')}, goal {index}"] = seen[index]
             across, down = places[index].reshape(-1, 2)[chosen].T
             dots.append(((across + 1) * (width - 1) / 2, (down + 1) * (height - 1) / 2))
-    figure = draw_pictures(pictures, columns=SHOWN, title="Where the eyes say that something is")
+    figure = draw_pictures(
+        pictures, columns=SHOWN, title="Places in the pictures that follow the ball", width=11.0,
+        note=f"dot: the place that a channel of the network gives, of channels that follow the ball over {WATCHED} "
+        "goals. A place that moves with the ball need not be on it.",
+    )  # fmt: skip
     for ax, (u, v) in zip(figure.axes, dots, strict=False):
-        ax.scatter(u, v, s=14, color=PALETTE[0], edgecolors="white", linewidths=0.6)
+        ax.scatter(u, v, s=34, color=PALETTE[5], edgecolors="black", linewidths=0.9)
     with replacing(path) as temporary:
         figure.savefig(temporary, format="png")
 

@@ -200,6 +200,8 @@ def draw(studio: Studio, path: Path) -> None:
     from matplotlib.layout_engine import ConstrainedLayoutEngine
     from matplotlib.patches import Circle
 
+    from kinreach.plots import INK
+
     shown = [situation for situation in SITUATIONS if situation.ball]
     goal = np.array(PICTURE_GOAL)
     truth = geometric_goal_view(ARM, goal).reshape(-1, 3)[0]
@@ -220,7 +222,14 @@ def draw(studio: Studio, path: Path) -> None:
                 continue
             said.append(f"{pipeline}: {1e3 * np.linalg.norm(fix.position - truth):.1f} mm off")
             ax.add_patch(Circle((fix.circle.u, fix.circle.v), fix.circle.r, fill=False, color=colour, linewidth=width))
-        ax.set_title("\n".join([situation.name, *said]), fontsize=10)
+        ax.set_title(situation.name, fontsize=11, weight="bold", color=INK, loc="left", pad=30)
+        ax.annotate("\n".join(said), (0, 1.02), xycoords="axes fraction", fontsize=10, color=INK, va="bottom")
+    rest = axes.ravel()[len(shown) :]
+    if rest.size:
+        for place, (pipeline, colour) in enumerate(COLOURS.items()):
+            rest[0].plot(0.1, 0.75 - 0.2 * place, "o", ms=14, mfc="none", mec=colour, mew=2.5)
+            rest[0].annotate(f"circle that {pipeline} found", (0.2, 0.75 - 0.2 * place), fontsize=11, va="center")
+        rest[0].set(xlim=(0, 1), ylim=(0, 1))
     with replacing(path) as temporary:
         figure.savefig(temporary)
 

@@ -35,7 +35,7 @@ from kinreach.baselines._loop import rollout_batch
 from kinreach.baselines._policy_file import save_policy
 from kinreach.baselines._rewards import own
 from kinreach.cli import Parser, finish
-from kinreach.plots import FAINT, PALETTE, key, new_figure, plain
+from kinreach.plots import FAINT, PALETTE, key, label_ends, new_figure, plain
 from kinreach.robots import get_arm
 from kinreach.thesis import REACHED_DISTANCE
 
@@ -499,7 +499,8 @@ def draw(runs: Path, name: str, file: Path) -> None:
     cells = PLANS[name].cells
     differ = [flag for flag in FLAGS if len({getattr(cell, flag) for cell in cells}) > 1]
     note = f"{PROG} RUNS --plan {name}; medians over the seeds, and their range"
-    figure, (axes,) = new_figure("How near the goal, against training", size=(7.2, 4.2), note=note)
+    figure, (axes,) = new_figure("How near the goal, against training", size=(9.6, 4.2), note=note)
+    ends, colours = {}, {}
     for cell, colour in zip(cells, PALETTE, strict=False):
         files = sorted((runs / name / cell.name).glob("seed-*.json"))
         if not files:
@@ -508,13 +509,15 @@ def draw(runs: Path, name: str, file: Path) -> None:
         steps, distances = looks[0, :, 0] / 1e6, looks[..., 1]
         said = ", ".join(f"{_WORDS[flag][0]}: {_word(flag, getattr(cell, flag))}" for flag in differ)
         axes.fill_between(steps, distances.min(axis=0), distances.max(axis=0), color=colour, alpha=0.15, linewidth=0)
-        axes.plot(steps, np.median(distances, axis=0), color=colour, marker="o", ms=4, lw=1.6, label=said or cell.name)
+        middle = np.median(distances, axis=0)
+        axes.plot(steps, middle, color=colour, marker="o", ms=4, lw=1.6)
+        ends[said or cell.name], colours[said or cell.name] = (steps[-1], middle[-1]), colour
     axes.axhline(1e3 * REACHED_DISTANCE, color=FAINT, lw=1.2, ls="--")
     axes.set(yscale="log", xlabel="million steps")
-    axes.set_ylim(bottom=50 * REACHED_DISTANCE)  # below it is the legend
+    axes.set_xlim(right=max((float(x) for x, _ in ends.values()), default=None))
     axes.yaxis.set_major_formatter(plain)
     key(axes, "median distance of 100 goals [mm]; dashed: near enough to reach")
-    axes.legend(frameon=False, loc="lower left")
+    label_ends(axes, ends, colours)
     with replacing(file) as temporary:
         figure.savefig(temporary, format="png")
 

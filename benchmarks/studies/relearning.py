@@ -38,7 +38,7 @@ from kinreach.baselines._policy_file import Network
 from kinreach.baselines._random_arms import ur5
 from kinreach.cli import Parser, finish
 from kinreach.envs._reach.task import goal_block
-from kinreach.plots import FAINT, PALETTE, key, new_figure
+from kinreach.plots import FAINT, METHOD_COLOURS, key, label_ends, new_figure
 from kinreach.thesis import REACHED_DISTANCE, REACHED_POSTURE_ERROR
 
 PROG = "python -m benchmarks.studies.relearning"
@@ -173,17 +173,22 @@ def draw(drawn: Mapping[tuple[str, str, int], Sequence[float]], file: Path) -> N
     """Balls reached against episodes, a panel a kind of fault, a line a start, with 95 % intervals."""
     note = f"{PROG}; 95 % intervals over faults and seeds; dashed: IK, fault known"
     figure, panels = new_figure("A damaged arm learns again", size=(10.6, 4.0), columns=len(KINDS), note=note)
+    colours = {f"from {SHIPPED}": METHOD_COLOURS["ranked-single"], f"from {NOTHING}": METHOD_COLOURS["random"]}
     for kind, axes in zip(KINDS, panels, strict=True):
+        ends = {}
         axes.axhline(100 * drawn[kind, KNOWN, 0][0], color=FAINT, lw=1.2, ls="--")
-        for start, colour in zip(STARTS, PALETTE, strict=False):
+        for start in STARTS:
+            colour = colours[f"from {start}"]
             own = {count: found for (one, other, count), found in drawn.items() if (one, other) == (kind, start)}
             shown = {count: found for count, found in own.items() if count}  # no episodes have no place on a log axis
             middle, low, high = 100 * np.array(list(shown.values())).T
             axes.fill_between(list(shown), low, high, color=colour, alpha=0.15, linewidth=0)
-            axes.plot(list(shown), middle, color=colour, marker="o", ms=4, lw=1.6, label=f"from {start}")
+            axes.plot(list(shown), middle, color=colour, marker="o", ms=4, lw=1.6)
+            ends[f"from {start}"] = (list(shown)[-1], middle[-1])
         axes.set(xscale="log", ylim=(-3, 103), xlabel="episodes")
         key(axes, f"{kind} · balls reached [%]")
-    panels[-1].legend(frameon=False, loc="center left")
+        if axes is panels[-1]:
+            label_ends(axes, ends, colours)
     with replacing(file) as temporary:
         figure.savefig(temporary, format="png")
 

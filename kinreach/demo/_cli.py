@@ -16,15 +16,17 @@ from kinreach._checks import check_count, check_known, printable
 from kinreach.baselines._loop import Policy, rollout
 from kinreach.cli import HELP, Parser
 from kinreach.compare._options import add_flags, flags_of, given_options
+from kinreach.demo._caption import SIZE, Caption, colours
 from kinreach.demo._drawn import Drawn
 from kinreach.demo._film import Film
 from kinreach.demo._tasks import POLICIES, TASKS, DemoTask, make_policy, options_for, trained_for
 from kinreach.errors import InputError
 from kinreach.kinematics._solvers import SOLVERS
+from kinreach.sim._picture import ScenePicture
 
 PRINTABLE = ("action", "observation", "reward", "info")
 #: How many frames the end of an episode stands still.
-HOLD = 12
+HOLD = 20
 
 
 def main(argv: Sequence[str], *, prog: str) -> int:
@@ -47,12 +49,13 @@ def main(argv: Sequence[str], *, prog: str) -> int:
     mode = "rgb_array_list" if arguments.video else "human" if screen else None
     if mode is None:
         print("No screen here: nothing is drawn. --video FILE.gif or FILE.mp4 films it.", file=sys.stderr)
-    env = _make(task, mode, arguments.options | options_for(arguments.policy, task.name))
+    caption = Caption("closed-form" if arguments.policy == "analytic" and task.solvers else arguments.policy)
+    env = _make(task, mode, arguments.options | options_for(arguments.policy, task.name), caption)
     try:
         policy = make_policy(arguments.policy, task, env, seed=arguments.seed)
-        film = Film(arguments.video, fps=task.fps) if arguments.video else nullcontext()
+        film = Film(arguments.video, fps=task.fps, colours=colours()) if arguments.video else nullcontext()
         with film as reel:
-            reached, episodes = _run(env, policy, arguments, printed, reel)
+            reached, episodes = _run(env, policy, arguments, printed, reel, caption)
     finally:
         env.close()
     print(f"{arguments.steps} steps, {episodes} episodes, goal reached in {reached}")
@@ -61,21 +64,34 @@ def main(argv: Sequence[str], *, prog: str) -> int:
     return 0
 
 
-def _make(task: DemoTask, mode: str | None, options: Mapping[str, Any]) -> gym.Env[Any, Any]:
-    """Make the environment, drawn in the render mode."""
+def _make(task: DemoTask, mode: str | None, options: Mapping[str, Any], caption: Caption) -> gym.Env[Any, Any]:
+    """Make the environment, drawn in the render mode; a film has its own size, and the caption follows it."""
+
+    def prepare(picture: ScenePicture) -> None:
+        if mode == "rgb_array_list":
+            picture.size, picture.drawn = SIZE, caption.follow
+
     options = {**task.settings, **options}
-    if task.drawn:
-        return gym.make(task.name, render_mode=mode, **options)
-    env = gym.make(task.name, **options)
-    return env if mode is None else Drawn(env, mode=mode, fps=task.fps)
+    if not task.drawn:
+        env = gym.make(task.name, **options)
+        return env if mode is None else Drawn(env, mode=mode, fps=task.fps, prepare=prepare)
+    env = gym.make(task.name, render_mode=mode, **options)
+    if mode is not None:
+        prepare(env.get_wrapper_attr("_picture"))
+    return env
 
 
 def _run(
-    env: gym.Env[Any, Any], policy: Policy, arguments: Any, printed: Sequence[str], film: Film | None
+    env: gym.Env[Any, Any],
+    policy: Policy,
+    arguments: Any,
+    printed: Sequence[str],
+    film: Film | None,
+    caption: Caption,
 ) -> tuple[int, int]:
     """Play episodes; return how many ended at the goal, and their number."""
     reached = episodes = steps = 0
-    watched = _Watched(env, printed, film, TASKS[arguments.env].fps)
+    watched = _Watched(env, printed, film, caption, TASKS[arguments.env].fps)
 
     def resets() -> Iterator[Mapping[str, Any]]:
         seed = arguments.seed  # of the first episode; the others go on from its generators
@@ -94,16 +110,25 @@ def _run(
 class _Watched(gym.Wrapper[Any, Any, Any, Any]):
     """Prints and films every step, and ends an episode after `limit` of them."""
 
-    def __init__(self, env: gym.Env[Any, Any], printed: Sequence[str], film: Film | None, fps: int) -> None:
+    def __init__(
+        self,
+        env: gym.Env[Any, Any],
+        printed: Sequence[str],
+        film: Film | None,
+        caption: Caption,
+        fps: int,
+    ) -> None:
         super().__init__(env)
         self.limit = 0
-        self._printed, self._film = printed, film
+        self._printed, self._film, self._caption = printed, film, caption
         self._steps_per_frame = max(1, round(env.metadata.get("render_fps", fps) / fps))
         self._step = self._total = 0
 
     def reset(self, **options: Any) -> tuple[Any, dict[str, Any]]:
         self._step = 0
-        return self.env.reset(**options)
+        observation, info = self.env.reset(**options)
+        self._caption.goal, self._caption.verdict = info.get("goal"), ""
+        return observation, info
 
     def step(self, action: Any) -> tuple[Any, Any, bool, bool, dict[str, Any]]:
         observation, reward, terminated, truncated, info = self.env.step(action)
@@ -114,10 +139,21 @@ class _Watched(gym.Wrapper[Any, Any, Any, Any]):
         self._step += 1
         self._total += 1
         if self._film is not None and (over or self._step % self._steps_per_frame == 0):
-            frames: Any = self.env.render()
-            for frame in [*frames, *frames[-1:] * (HOLD if over else 0)]:
-                self._film.add(frame)
+            self._add(self._film, over, info)
         return observation, reward, terminated, truncated or self._step >= self.limit, info
+
+    def _add(self, film: Film, over: bool, info: Mapping[str, Any]) -> None:
+        """Add the frames of a step; the last one of an episode stands still, with how it ended."""
+        frames: Any = self.env.render()
+        caption = self._caption
+        moments = caption.moments(len(frames))
+        for frame, moment in zip(frames, moments, strict=True):
+            film.add(caption.write(frame, moment))
+        if over:
+            caption.reached = bool(info["is_success"])
+            caption.verdict = "reached" if caption.reached else "impossible" if info.get("impossible") else "missed"
+            for _ in range(HOLD):
+                film.add(caption.write(frames[-1], moments[-1]))
 
 
 def _text(value: Any) -> str:
@@ -175,5 +211,9 @@ def _parser(prog: str) -> Parser:
         metavar="A,B",
         help=f"any of: {', '.join(PRINTABLE)}, nothing (default for {by_task('printed')})",
     )
-    parser.add_argument("--video", metavar="FILE", help="film it into FILE.gif or FILE.mp4 (VP9, which browsers play)")
+    parser.add_argument(
+        "--video",
+        metavar="FILE",
+        help="film it into FILE.gif (every second frame) or FILE.mp4 (VP9, which browsers play), with the distance",
+    )
     return parser

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from typing import Any
 
 import gymnasium as gym
@@ -60,10 +60,14 @@ class Drawn(gym.Wrapper[Any, Any, Any, Any]):
         env: The environment.
         mode: As of `ScenePicture`.
         fps: Frames per second of simulated time.
+        prepare: Called with each new picture before anything is drawn.
     """
 
-    def __init__(self, env: gym.Env[Any, Any], *, mode: str, fps: int) -> None:
+    def __init__(
+        self, env: gym.Env[Any, Any], *, mode: str, fps: int, prepare: Callable[[ScenePicture], object] | None = None
+    ) -> None:
         super().__init__(env)
+        self._prepare = prepare
         self._mode, self._fps = mode, fps
         self._picture: ScenePicture | None = None
         self._steps = 0
@@ -74,6 +78,8 @@ class Drawn(gym.Wrapper[Any, Any, Any, Any]):
         self._close_picture()
         self._scene, self._follows = scene_of(self.env, info)
         self._picture = ScenePicture(self._scene, mode=self._mode, fps=self._fps)
+        if self._prepare is not None:
+            self._prepare(self._picture)
         self._steps = 0
         self._follow(info)
         return observation, info

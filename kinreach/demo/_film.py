@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+from collections.abc import Sequence
 from contextlib import AbstractContextManager, ExitStack
 from pathlib import Path
 from types import TracebackType
@@ -25,8 +26,11 @@ FORMATS = (".gif", ".mp4")
 CODEC = "vp09"
 #: Frames of a GIF, which is put together in memory; a longer film has to be a video.
 MAX_GIF_FRAMES = 1000
-#: Colours of a GIF, chosen by an octree, which keeps that of things as small as the ball.
-GIF_COLOURS = 256
+#: A GIF has every second frame only, and few colours: those of its first frame, chosen by an octree, which keeps those
+#: of things as small as the ball, and the ones that are written with. Another frame may be so far off in the mean.
+GIF_EVERY, GIF_COLOURS, MAX_COLOUR_ERROR = 2, 127, 6.0
+#: Height of the samples of a film's own colours [pixels].
+SWATCH = 24
 
 
 class Film(AbstractContextManager["Film"]):
@@ -35,20 +39,23 @@ class Film(AbstractContextManager["Film"]):
     Args:
         path: A file that ends in `.gif` or `.mp4`.
         fps: Frames per second.
+        colours: That a GIF has besides those of its first frame.
 
     Raises:
         InputError: Another ending, or too many frames for a GIF.
         OutputError: The file cannot be written.
     """
 
-    def __init__(self, path: str | Path, *, fps: int) -> None:
+    def __init__(self, path: str | Path, *, fps: int, colours: Sequence[str] = ()) -> None:
         self.path = check_path("a film", path)
         if self.path.suffix not in FORMATS:
             raise InputError(f"a film's name ends in {' or '.join(FORMATS)}, got {self.path.name!r}")
         make_writable(self.path.parent)
         self._fps = fps
         self._stack = ExitStack()
+        self._colours = colours
         self._images: list[Image.Image] = []
+        self._palette: Image.Image | None = None
         self._writer: Any = None
         self.frames = 0
 
@@ -62,7 +69,8 @@ class Film(AbstractContextManager["Film"]):
         if self.path.suffix == ".gif":
             if self.frames > MAX_GIF_FRAMES:
                 raise InputError(f"a GIF has at most {MAX_GIF_FRAMES} frames here; name the film {self.path.stem}.mp4")
-            self._images.append(Image.fromarray(frame).quantize(GIF_COLOURS, Image.Quantize.FASTOCTREE))
+            if self.frames % GIF_EVERY == 1:
+                self._images.append(self._with_few_colours(Image.fromarray(frame)))
             return
         if self._writer is None:
             self._writer = self._open(frame.shape[1], frame.shape[0])
@@ -79,6 +87,24 @@ class Film(AbstractContextManager["Film"]):
                 raise InputError("there are no frames to write")
             self._finish()
 
+    def _with_few_colours(self, image: Image.Image) -> Image.Image:
+        """Reduce an image to the film's palette, without dither: what does not move has the same pixels.
+
+        The palette is made anew from an image that it does not fit.
+        """
+        if self._palette is not None:
+            reduced = image.quantize(palette=self._palette, dither=Image.Dither.NONE)
+            now, then = (np.asarray(one, dtype=np.int16)[::4, ::4] for one in (reduced.convert("RGB"), image))
+            if np.abs(now - then).mean() <= MAX_COLOUR_ERROR:
+                return reduced
+        whole = Image.new("RGB", (image.width, image.height + SWATCH))
+        whole.paste(image)
+        width = -(-image.width // max(len(self._colours), 1))
+        for index, colour in enumerate(self._colours):
+            whole.paste(colour, (index * width, image.height, (index + 1) * width, whole.height))
+        self._palette = whole.quantize(GIF_COLOURS, Image.Quantize.FASTOCTREE)
+        return image.quantize(palette=self._palette, dither=Image.Dither.NONE)
+
     def _open(self, width: int, height: int) -> Any:
         writer = cv2.VideoWriter(str(self._temporary), cv2.VideoWriter.fourcc(*CODEC), self._fps, (width, height))
         if not writer.isOpened():
@@ -93,7 +119,8 @@ class Film(AbstractContextManager["Film"]):
                 raise OutputError(f"cannot write {self.path}: the video is not whole; the disk may be full")
             return
         first, *rest = self._images
-        first.save(self._temporary, "GIF", save_all=True, append_images=rest, duration=round(1000 / self._fps), loop=0)
+        duration = round(GIF_EVERY * 1000 / self._fps)
+        first.save(self._temporary, "GIF", save_all=True, append_images=rest, duration=duration, loop=0, optimize=True)
 
 
 def _is_complete(video: Path) -> bool:

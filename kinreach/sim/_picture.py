@@ -119,12 +119,12 @@ class ScenePicture:
 
     Attributes:
         size: Width and height of a frame [pixels]; to be set before the first one.
-        overlay: Draws into each colour frame, from the scene and the frame; returns the frame that is kept.
+        drawn: Called with the scene after each colour frame.
     """
 
     def __init__(self, scene: Scene, *, mode: str, fps: int) -> None:
         self.size = (WIDTH, HEIGHT)
-        self.overlay: Callable[[Scene, Any], Any] | None = None
+        self.drawn: Callable[[Scene], object] | None = None
         self._scene = scene
         self._mode = mode
         self._period = 1.0 / fps
@@ -185,7 +185,9 @@ class ScenePicture:
 
     def _rgb(self) -> Any:
         frame = self._drawer().rgb(self._scene.data, CAMERA)
-        return frame if self.overlay is None else self.overlay(self._scene, frame)
+        if self.drawn is not None:
+            self.drawn(self._scene)
+        return frame
 
     def _update_viewer(self) -> None:
         mujoco.mj_forward(self._scene.model, self._scene.data)

@@ -7,12 +7,15 @@ from itertools import pairwise
 import gymnasium as gym
 import numpy as np
 import pytest
+from matplotlib.colors import to_rgb
 from PIL import Image
 
 from kinreach.baselines._policies import load_policy
 from kinreach.baselines._policy_file import save_policy
 from kinreach.cli import main
+from kinreach.demo._caption import MISSED, REACHED, Caption, Moment
 from kinreach.demo._drawn import Drawn
+from kinreach.plots import METHOD_COLOURS
 from kinreach.robots import get_arm
 
 
@@ -118,10 +121,41 @@ def test_it_films(ending, tmp_path, needs_gl, capsys):
     if ending == ".gif":
         with Image.open(path) as film:
             assert film.n_frames > 15  # the move takes more than a second
+            assert film.size == (960, 540)
+            film.seek(film.n_frames - 1)
+            last = np.asarray(film.convert("RGB"))
+        assert written(last, REACHED) > 50
+        assert written(last[: last.shape[0] // 2, -220:], METHOD_COLOURS["closed-form"]) > 50  # the tip, enlarged
+
+
+def written(frame, colour):
+    """How many pixels have a colour."""
+    return int((np.abs(frame - 255 * np.array(to_rgb(colour))).max(axis=2) < 12).sum())
+
+
+def test_a_caption_says_method_distance_and_end():
+    """The tip is enlarged within 100 mm of the goal, in the smallest circle that it fits into."""
+    black = np.zeros((540, 960, 3), dtype=np.uint8)
+    places = {}
+    for mm in (0.4, 4.0, 40.0, 400.0):
+        caption = Caption("button")
+        frame = caption.write(black, Moment(np.array([0.0, 1e-3 * mm]), 1e-3 * mm))
+        assert written(frame, REACHED) == written(frame, MISSED) == 0
+        assert caption.name == "ppo"
+        box = frame[:230, 740:]
+        if mm > 100:
+            assert not box.any()
+            continue
+        rows, _ = np.nonzero(np.abs(box - 255 * np.array(to_rgb(caption.colour))).max(axis=2) < 12)
+        places[mm] = round(float(rows.mean()))
+    assert len(set(places.values())) == 1  # four tenths of each circle
+    for caption.reached, colour in ((True, REACHED), (False, MISSED)):
+        caption.verdict = "reached" if caption.reached else "missed"
+        assert written(caption.write(black, None), colour) > 50
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(("env", "policy", "steps", "least"), [("moving", "ppo", 25, 20), ("real-arm", None, 1, 30)])
+@pytest.mark.parametrize(("env", "policy", "steps", "least"), [("moving", "ppo", 25, 12), ("real-arm", None, 1, 15)])
 def test_it_films_what_does_not_draw_itself(env, policy, steps, least, tmp_path, needs_gl, capsys):
     path = tmp_path / "film.gif"
     command = ["demo", "--env", env, "--steps", str(steps), "--print", "nothing", "--video", str(path)]

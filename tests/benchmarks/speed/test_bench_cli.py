@@ -8,7 +8,7 @@ import jsonschema
 import pytest
 
 import benchmarks.speed
-from benchmarks.speed.report import markdown
+from benchmarks.speed.report import markdown, pictures_of
 from benchmarks.speed.suites import SUITES, load_suite
 from kinreach import cli
 from kinreach.errors import InstallationError
@@ -38,7 +38,7 @@ def test_results(suites, out, capsys):
     assert call("--out", str(out), "--seed", "4") == 0
     said = capsys.readouterr().out
     assert suites["played"] == ["one", "two", "three"]
-    assert sorted(path.name for path in out.iterdir()) == ["results.json", "results.md", "results.png"]
+    assert sorted(path.name for path in out.iterdir()) == ["figures", "results.json", "results.md"]
     found = results(out)
     jsonschema.validate(found, json.loads(SCHEMA.read_text(encoding="utf-8")))
     assert found["options"] == {"rounds": 7, "quick": False, "seed": 4}
@@ -49,7 +49,9 @@ def test_results(suites, out, capsys):
     assert found["machine"]["cores"]
     assert "Targets: 3 of 6 met" in said
     assert "Missing: absent: not installed (no module absent)" in said
-    assert (out / "results.md").read_text() == markdown(found, data="results.json", picture="results.png")
+    assert (out / "results.md").read_text() == markdown(
+        found, data="results.json", pictures=pictures_of(found, out / "results.md", out / "figures")
+    )
 
 
 @pytest.mark.parametrize(
@@ -73,18 +75,34 @@ def test_page_of_the_documentation(suites, out, tmp_path):
     assert call("--out", str(out), "--docs", str(page)) == 0
     data = json.loads(page.with_suffix(".json").read_text(encoding="utf-8"))
     assert data == results(out)
-    assert page.read_text(encoding="utf-8") == markdown(data, data="speed.json", picture="images/speed.png")
-    assert (page.parent / "images" / "speed.png").stat().st_size > 1000
+    pictures = pictures_of(data, page, page.parent / "images" / "speed")
+    assert page.read_text(encoding="utf-8") == markdown(data, data="speed.json", pictures=pictures)
+    assert len(pictures) == 3
+    assert all((page.parent / picture).stat().st_size > 1000 for picture in pictures.values())
+
+
+def test_a_page_is_drawn_again_from_its_numbers(suites, out, tmp_path, capsys):
+    suites["charts"] = True
+    page = tmp_path / "docs" / "speed.md"
+    assert call("--out", str(out), "--docs", str(page)) == 0
+    written, played = page.read_text(encoding="utf-8"), list(suites["played"])
+    page.write_text("stale")
+    assert call("--redraw", "--docs", str(page)) == 0
+    assert page.read_text(encoding="utf-8") == written
+    assert suites["played"] == played
+    assert call("--redraw") == 2
+    assert "--redraw needs the page" in capsys.readouterr().err
 
 
 def test_a_picture_of_an_earlier_run_does_not_stay(suites, out, capsys):
     suites["charts"] = True
     assert call("--out", str(out)) == 0
-    assert f"{out}/results.png" in capsys.readouterr().out
+    assert f"{out}/figures" in capsys.readouterr().out
+    assert len([*(out / "figures").iterdir()]) == 3
     suites["charts"] = False
     assert call("--out", str(out)) == 0
-    assert "results.png" not in capsys.readouterr().out
-    assert sorted(path.name for path in out.iterdir()) == ["results.json", "results.md"]
+    assert "figures" not in capsys.readouterr().out
+    assert sorted(path.name for path in out.rglob("*") if path.is_file()) == ["results.json", "results.md"]
 
 
 class TestInterruption:

@@ -7,10 +7,11 @@ from pathlib import Path
 
 import jsonschema
 import pytest
+from matplotlib.colors import to_hex
 
 import benchmarks.speed
 from benchmarks.speed.figure import OURS, PEERS, draw
-from benchmarks.speed.report import FORMAT, markdown, sections_of, show, table
+from benchmarks.speed.report import FORMAT, figures_of, markdown, pictures_of, sections_of, show, table
 from benchmarks.speed.sections import Chart, Section, Target
 from benchmarks.speed.suites import SUITES
 
@@ -32,14 +33,14 @@ def results(make_section) -> dict:
 
 
 def test_the_report_says_everything(results):
-    page = markdown(results, data="data.json", picture="picture.png")
+    page = markdown(results, data="data.json", pictures={"Section two": "picture.png"})
     for said in (
         "Machine: a processor, 2 cores, Linux. Seed: 0. Versions: numpy 2.0. Not installed: mink.",
         "## Targets: 2 of 4 met",
         "| one, time | at most 1 x theirs | 0.5 x theirs | yes |",
         "| one, rate | at least 10 steps/s | 8 steps/s | no |",
         "* one, rate: MuJoCo's step is 90 % of it",
-        "![Times and rates of all contenders](picture.png)",
+        "![Section two: a dot for each contender](picture.png)\n\n| contender |",
         "## Section two",
         "Measured with care.",
         "| ours | 1.23 | 0.5 | 0.4 ... 0.6 |",
@@ -50,9 +51,9 @@ def test_the_report_says_everything(results):
     ):
         assert said in page, said
     assert "--quick" not in page
-    assert "![" not in markdown(results, data="data.json", picture="")
+    assert "![" not in markdown(results, data="data.json", pictures={})
     results["options"]["quick"] = True
-    assert "Measured with `--quick`" in markdown(results, data="data.json", picture="")
+    assert "Measured with `--quick`" in markdown(results, data="data.json", pictures={})
 
 
 def test_sections_survive_json(results, make_section):
@@ -86,23 +87,30 @@ def test_columns_of_numbers_are_aligned_to_the_right():
     assert table(("a", "b", "c"), [["x", 1.0, None], ["y", None, "-"]]).splitlines()[1] == "| --- | ---: | --- |"
 
 
-def test_figure(results):
-    figure = draw(sections_of(results))
-    panels = figure.axes
-    assert [ax.get_title(loc="left") for ax in panels] == ["bars", "bars", "lines", "lines"]
-    bars = panels[0].patches
-    assert [bar.get_width() for bar in bars] == [1.0, 20.0]
-    assert len({bar.get_facecolor() for bar in bars}) == 2
-    assert OURS != PEERS
-    line = panels[2].lines[0]
-    assert [*zip(*line.get_data(), strict=True)] == [(1.0, 3.0), (10.0, 0.1)]
+def test_a_figure_has_dots_with_the_range_of_the_rounds(make_section):
+    section = dataclasses.replace(make_section("one"), samples={"ours": [1e-6, 2e-6, 4e-6], "ours 10": [1.0, 2.0]})
+    figure = draw(section)
+    dots, lines = figure.axes
+    assert [ax.get_title(loc="left").partition("\n")[0] for ax in figure.axes] == ["bars", "lines"]
+    drawn = [line for line in dots.lines if line.get_marker() == "o"]
+    assert [float(line.get_xdata()[0]) for line in drawn] == [1.0, 20.0]
+    assert [to_hex(line.get_color()).upper() for line in drawn] == [OURS, PEERS]
+    ranges = [[*map(float, line.get_xdata())] for line in dots.lines if line.get_marker() != "o"]
+    assert ranges == [[0.5, 2.0], [20.0, 20.0]]  # around the median, in the unit of the chart
+    assert [*zip(*lines.lines[0].get_data(), strict=True)] == [(1.0, 3.0), (10.0, 0.1)]
     figure.canvas.draw()
+
+
+def test_the_range_of_a_rate_is_that_of_its_inverse(make_section):
+    chart = Chart("rate", bars={"ours": 100.0}, x="steps/s")
+    figure = draw(dataclasses.replace(make_section("one"), charts=[chart], samples={"ours": [1.0, 2.0, 8.0]}))
+    assert [*figure.axes[0].lines[0].get_xdata()] == pytest.approx([25.0, 200.0])
 
 
 def test_what_a_peer_says_is_no_markup(results, make_section):
     said = {"title": "<script>x</script>", "text": "<!-- <img src=x> 1 < 2", "missing": {"a": "<b>\n| x"}}
     results["suites"] = {"one": [dataclasses.replace(make_section("one"), **said).to_json()]}
-    page = markdown(results, data="data.json", picture="")
+    page = markdown(results, data="data.json", pictures={})
     for tag in ("<script", "</script", "<img", "<b>", "<!-- <"):
         assert tag not in page
     assert "&lt;script>x&lt;/script>" in page
@@ -117,28 +125,25 @@ def test_rounds_are_those_of_the_section():
 
 def test_a_section_that_timed_nothing_tells_no_rounds(results, make_section):
     results["suites"] = {"one": [dataclasses.replace(make_section("one"), samples={}).to_json()]}
-    page = markdown(results, data="data.json", picture="")
+    page = markdown(results, data="data.json", pictures={})
     assert "\nAgain: `python -m benchmarks.speed --suite one`" in page
     assert "Rounds" not in page
 
 
 @pytest.mark.parametrize("values", [[0.0, 2.0, 5.0], [0.0, 0.0], [0.0], [3.0]])
-def test_a_bar_of_nothing_is_drawn_as_nothing(values):
+def test_nothing_is_drawn_too(values):
     bars = {f"bar {number}": value for number, value in enumerate(values)}
-    figure = draw([Section("a", "b", ("c",), [], "e", charts=[Chart("x", bars=bars)])])
+    figure = draw(Section("a", "b", ("c",), [], "e", charts=[Chart("x", bars=bars)]))
     figure.canvas.draw()
     (axes,) = figure.axes
-    assert [bar.get_width() for bar in axes.patches] == values
     low, high = axes.get_xlim()
     assert 0 <= low < high
     assert max(values) < high
-    assert [note.get_text().strip() for note in axes.texts] == [f"{value:g}" for value in values]
+    assert [note.get_text() for note in axes.texts] == [f"{value:g}" for value in values]
 
 
 def test_no_figure_without_charts():
-    bare = Section("a", "b", ("c",), [["d"]], "e")
-    assert draw([bare]) is None
-    assert len(draw([bare, Section("a", "b", ("c",), [], "e", charts=[Chart("x", bars={"y": 1.0})])]).axes) == 1
+    assert draw(Section("a", "b", ("c",), [["d"]], "e")) is None
 
 
 @pytest.fixture(scope="module")
@@ -151,8 +156,13 @@ class TestPage:
 
     def test_is_what_the_command_writes(self, data):
         page = (DOCS / "reference/benchmarks.md").read_text(encoding="utf-8")
-        assert page == markdown(data, data="benchmarks.json", picture="../images/benchmarks.png")
-        assert (DOCS / "images" / "benchmarks.png").is_file()
+        file = DOCS / "reference/benchmarks.md"
+        assert figures_of(file) == DOCS / "images" / "benchmarks"
+        pictures = pictures_of(data, file, figures_of(file))
+        assert page == markdown(data, data="benchmarks.json", pictures=pictures)
+        assert len(pictures) >= 10
+        there = {path.name for path in figures_of(file).iterdir()}
+        assert there == {picture.rpartition("/")[2] for picture in pictures.values()}
 
     def test_holds_all_suites(self, data):
         jsonschema.validate(data, json.loads(SCHEMA.read_text(encoding="utf-8")))

@@ -1,0 +1,119 @@
+"""What is written into the frames of a film: the method, its distance, how the episode ended, and the tip enlarged."""
+
+from __future__ import annotations
+
+from functools import cache
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import matplotlib
+import numpy as np
+from PIL import Image, ImageDraw, ImageFont
+
+from kinreach._checks import Floats
+from kinreach._statistics import number
+from kinreach.plots import INK, METHOD_COLOURS, method_name
+from kinreach.sim._engine import mujoco
+from kinreach.sim._picture import CAMERA, Scene
+from kinreach.sim._scene import BALL
+
+#: Width and height of a film [pixels].
+SIZE = (960, 540)
+REACHED, MISSED = "#1a7f37", "#b42318"
+#: Radii of the view of the tip [mm]: the smallest that the distance fits into is shown.
+RADII = (1.0, 10.0, 100.0)
+#: Radius of that view, and distance of things from the border of the frame [pixels].
+VIEW, MARGIN = 74, 18
+
+
+class Moment(NamedTuple):
+    """What a frame shows.
+
+    Attributes:
+        offset: From the goal to the tip as the camera sees it, to the right and up [m], shape (2,).
+        distance: Of tip and goal [m].
+    """
+
+    offset: Floats
+    distance: float
+
+
+class Caption:
+    """Follows a scene, and writes into its frames.
+
+    Args:
+        policy: Name of the method.
+
+    Attributes:
+        goal: Of the episode, where the scene has no ball [m], shape (3,).
+        verdict: How the episode ended; empty until then.
+        reached: Whether it ended at the goal.
+    """
+
+    def __init__(self, policy: str) -> None:
+        self.name = method_name(policy)
+        self.colour = METHOD_COLOURS.get(self.name, INK)
+        self.goal: Any = None
+        self.verdict, self.reached = "", False
+        self._moments: list[Moment | None] = []
+
+    def follow(self, scene: Scene) -> None:
+        """Remember where tip and goal are in the frame that was just drawn."""
+        model, data = scene.model, scene.data
+        ball = mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_BODY, BALL)
+        goal = self.goal if ball < 0 else data.mocap_pos[model.body_mocapid[ball]]
+        if goal is None:
+            self._moments.append(None)
+            return
+        away = data.site_xpos[model.nsite - 1] - np.asarray(goal)
+        axes = data.cam_xmat[mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_CAMERA, CAMERA)].reshape(3, 3)
+        self._moments.append(Moment(away @ axes[:, :2], float(np.linalg.norm(away))))
+
+    def moments(self, count: int) -> list[Moment | None]:
+        """Return what the last frames showed, and forget all."""
+        found, self._moments = self._moments[-count:], []
+        return found
+
+    def write(self, frame: Any, moment: Moment | None) -> Any:
+        """Return a frame with everything written in."""
+        image = Image.fromarray(frame)
+        draw = ImageDraw.Draw(image)
+        height = 116 if self.verdict else 82
+        draw.rounded_rectangle((MARGIN, MARGIN, MARGIN + 300, MARGIN + height), 8, fill="white")
+        draw.ellipse((MARGIN + 14, MARGIN + 17, MARGIN + 28, MARGIN + 31), fill=self.colour)
+        draw.text((MARGIN + 38, MARGIN + 10), self.name, font=_font(22, bold=True), fill=INK)
+        said = "" if moment is None else f"distance {number(1e3 * moment.distance)} mm"
+        draw.text((MARGIN + 14, MARGIN + 44), said, font=_font(22), fill=INK)
+        if self.verdict:
+            colour = REACHED if self.reached else MISSED
+            draw.text((MARGIN + 14, MARGIN + 78), self.verdict, font=_font(22, bold=True), fill=colour)
+        if moment is not None and 1e3 * moment.distance <= RADII[-1]:
+            self._enlarge(draw, moment)
+        return np.asarray(image)
+
+    def _enlarge(self, draw: ImageDraw.ImageDraw, moment: Moment) -> None:
+        """Draw the goal as a cross and the tip as a dot, within a circle of a radius that is written beside it."""
+        radius = next(radius for radius in RADII if 1e3 * moment.distance <= radius)
+        x, y = SIZE[0] - MARGIN - VIEW - 10, MARGIN + VIEW + 10
+        draw.rounded_rectangle((x - VIEW - 10, y - VIEW - 10, x + VIEW + 10, y + VIEW + 36), 8, fill="white")
+        for share in (1.0, 0.5):
+            r = round(share * VIEW)
+            draw.ellipse((x - r, y - r, x + r, y + r), outline="#b8b8b8", width=1)
+        draw.line((x - 9, y, x + 9, y), fill="#dc0a08", width=3)
+        draw.line((x, y - 9, x, y + 9), fill="#dc0a08", width=3)
+        across, up = 1e3 * moment.offset / radius * VIEW
+        draw.ellipse((x + across - 6, y - up - 6, x + across + 6, y - up + 6), fill=self.colour)
+        text = f"tip, circle: {radius:g} mm"
+        font = _font(15)
+        draw.text((x - draw.textlength(text, font=font) / 2, y + VIEW + 10), text, font=font, fill=INK)
+
+
+def colours() -> tuple[str, ...]:
+    """Return the colours that are written with, for the palette of a film."""
+    return ("#ffffff", INK, REACHED, MISSED, "#b8b8b8", "#dc0a08", *dict.fromkeys(METHOD_COLOURS.values()))
+
+
+@cache
+def _font(size: int, *, bold: bool = False) -> Any:
+    folder = Path(matplotlib.get_data_path()) / "fonts" / "ttf"
+    return ImageFont.truetype(str(folder / f"DejaVuSans{'-Bold' * bold}.ttf"), size)
