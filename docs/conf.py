@@ -10,6 +10,8 @@ from pathlib import Path
 ROOT = Path(__file__).resolve().parents[1]
 sys.path[:0] = [str(ROOT), str(ROOT / "docs")]
 
+import scipy.stats  # noqa: E402, F401 (it computes on import, which a mocked torch would break)
+
 import kinreach  # noqa: E402
 
 project = "kinreach"

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import ast
 import re
 import subprocess
 import sys
@@ -108,6 +109,19 @@ def test_one_switch_trains_again(path, notebook):
     """At the top, and it is off in what is shipped."""
     switches = [bool(re.search(r"^RETRAIN = False\b", cell.source, re.MULTILINE)) for cell in code(notebook)]
     assert switches == [path.name[:2] in WITH_POLICIES] + [False] * (len(switches) - 1)
+
+
+def test_only_training_again_needs_torch(notebook):
+    """The extra `notebooks` runs them without it."""
+    program = "\n".join(re.sub(r"^[%!].*", "", cell.source, flags=re.MULTILINE) for cell in code(notebook))
+    modules = [
+        name
+        for node in ast.parse(program).body
+        if isinstance(node, ast.Import | ast.ImportFrom)
+        for name in ([node.module] if isinstance(node, ast.ImportFrom) else [alias.name for alias in node.names])
+    ]
+    assert len(modules) >= 3
+    assert not [name for name in modules if name.startswith(("torch", "stable_baselines3", "benchmarks.learners"))]
 
 
 def test_links_lead_somewhere(notebook):
