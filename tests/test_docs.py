@@ -32,6 +32,7 @@ SOURCE = "\n".join(
 #: `kinreach compare ...` or `python -m kinreach.compare ...`, up to the end of the line or of the code in it.
 COMMANDS = "compare|check|demo|evaluate|ik|kinematics|train|view"
 COMMAND = rf"(?:python -m kinreach\.|(?<![\w/-])kinreach )({COMMANDS})\b([^`\n]*)"
+NARROW = ("guides", "environments")
 ENVIRONMENT = re.compile(r"kinreach/\w+-v\d")
 
 
@@ -225,6 +226,23 @@ def test_users_import_from_faces():
     assert wrong == []
     assert {module for module, _ in names} >= set(FACES) - {"kinreach.errors"}
     assert len(names) >= 80
+
+
+def test_code_is_narrow():
+    """At most 88 columns in what users read, examples included."""
+    pages = [
+        DOCS / "start.md",
+        DOCS / "index.md",
+        *(page for page in PAGES if page.parent.name in NARROW),
+        ROOT / "README.md",
+    ]
+    wide, lines = [], 0
+    for page in pages:
+        for code in re.findall(r"^```(?:python|bash)\n(.*?)^```", read(page), re.DOTALL | re.MULTILINE):
+            wide += [f"{page.name}: {line}" for line in code.splitlines() if len(line) > 88]
+            lines += len(code.splitlines())
+    assert wide == []
+    assert lines >= 500
 
 
 def test_examples_are_shown_as_they_are():
