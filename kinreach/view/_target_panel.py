@@ -285,9 +285,9 @@ class TargetPanel(Panel):
             self._draw_gap()
             put(self._gizmo, self.T)
         self._verdict.content = html.verdict(answer)
-        joints = self.model.kinematics.arm.joints
+        joints, kept = self.model.kinematics.arm.joints, posture is not None and posture.name == self._kept
         self._calibrated.content = self._changed()
-        self._list.content = html.legend(answer, shown=solid, joints=joints, chosen=bool(self._kept))
+        self._list.content = html.legend(answer, shown=solid, joints=joints, chosen=kept)
         self._gauge.content = html.gauge(self.model.slowest_motion(q), self.model.nearest_singularity(q))
         self._place.show(tuple(self.T[:3, 3].round(3).tolist()))
         self._turn.show(tuple(np.degrees(rpy(self.T[:3, :3])).round(1).tolist()))

@@ -534,6 +534,12 @@ def test_postures_are_clicked_pointed_at_and_copied(serve):
         for posture in postures:
             assert posture.q is None or any(np.allclose(posture.q, q, atol=0, rtol=1e-15) for q in copied)
         assert len(copied) == len([p for p in postures if p.q is not None]) > 4
+        tab.press(other.name)
+        panel.move(placement((0.95, 0.1, -0.05), (np.pi, 0, 0)))  # where the kept one does not reach
+        wait_for(lambda: panel.answer.verdict in tab.text)
+        assert "kept" not in tab.text
+        panel.move(placement((0.5, 0.1, -0.05), (np.pi, 0, 0)))
+        wait_for(lambda: re.search(f"<b>{other.name}</b>[^✗●]*>kept<", tab.text))
         tab.set("ghosts", "all")
         wait_for(lambda: ghosts(tab)[0] == len(copied) - 1)
         tab.set("ghosts", "none")
