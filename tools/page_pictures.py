@@ -41,7 +41,7 @@ FILM, FPS, LAST, COLOURS = (960, 600), 8, 2, 256
 FASTER = "?fixedDpr=0.8"
 #: Where the target goes in the film, and in how many frames: over the table, into it, out of reach, and back; in the
 #: end frames that it stands still.
-WAY = [(0.5, 0.1, 0.05, 1), (0.45, -0.2, 0.0, 8), (0.5, 0.0, -0.24, 6), (0.85, 0.2, 0.1, 9), (0.5, 0.1, 0.0, 8)]
+WAY = [(0.5, 0.1, 0.05, 1), (0.45, -0.2, 0.0, 6), (0.5, 0.0, -0.24, 5), (1.05, 0.2, 0.1, 7), (0.5, 0.1, 0.0, 7)]
 STILL = 4
 #: A mouse pointer, which pictures of a tab leave out.
 POINTER = """() => {

@@ -36,7 +36,11 @@ def test_all_methods_of_comparisons_are_offered():
     assert offered >= 25
 
 
-@pytest.mark.parametrize("name", playable_names())
+#: Without dynamics, the same tasks and players as with them.
+KINEMATIC = [pytest.param(name, marks=pytest.mark.slow) for name in playable_names() if "Kinematic" in name]
+
+
+@pytest.mark.parametrize("name", [*(name for name in playable_names() if "Kinematic" not in name), *KINEMATIC])
 def test_everybody_who_is_offered_plays(name):
     players = playable(name).players(get_arm("ur5"))
     assert len(players) == len(set(players)) >= 3
