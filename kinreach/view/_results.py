@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import csv
 import json
-from collections.abc import Iterator, Mapping
+from collections.abc import Collection, Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, NoReturn
@@ -14,6 +14,7 @@ import numpy as np
 from kinreach._checks import MAX_ANGLE, MAX_DISTANCE, Floats, check_path, shown
 from kinreach._files import read_text
 from kinreach.errors import InputError
+from kinreach.plots import method_colours
 from kinreach.robots import arm_names
 
 #: Files that are read; a trial has some 700 bytes.
@@ -53,7 +54,7 @@ class Results:
         file: Of its summary.
         title: Of its task.
         arm: Name of the arm that did it; empty if it is none of the package's.
-        colours: Of the methods, by name, as style sheets write them.
+        colours: Of the methods, by name, red, green and blue of 0 to 255.
         goals: In the world [m], shape (count, 3).
         ends: Of each goal, by method.
     """
@@ -88,16 +89,17 @@ def read_results(file: str | Path) -> Results:
     except (ValueError, RecursionError) as error:
         raise InputError(f"{path} is not JSON: {error}") from None
     try:
-        colours, settings = _summary(content)
+        names, settings = _summary(content)
     except InputError as error:
         raise InputError(f"{path} was not written by a comparison: {error}") from None
     trials = path.parent / TRIALS
     rows = csv.DictReader(read_text(trials, "the trials", most=MAX_BYTES).splitlines())
     try:
-        goals, ends = _trials(rows, colours)
+        goals, ends = _trials(rows, names)
     except (InputError, csv.Error) as error:
         raise InputError(f"{trials} was not written by a comparison: {error}") from None
     task, arm = str(settings.get("task", "")), _arm(settings)
+    colours = {name: _rgb(colour) for name, colour in method_colours(names).items()}
     return Results(path, str(settings.get("title", task)), arm if arm in arm_names() else "", colours, goals, ends)
 
 
@@ -112,34 +114,30 @@ def _refuse(constant: str) -> NoReturn:
     raise ValueError(f"{constant} is not a JSON number")
 
 
-def _summary(content: Any) -> tuple[dict[str, tuple[int, int, int]], dict[str, Any]]:
-    """Methods with their colours, and settings."""
+def _rgb(colour: str) -> tuple[int, int, int]:
+    red, green, blue = bytes.fromhex(colour.removeprefix("#"))
+    return red, green, blue
+
+
+def _summary(content: Any) -> tuple[list[str], dict[str, Any]]:
+    """Names of the methods, and settings."""
     if not isinstance(content, dict) or not isinstance(content.get("methods"), list):
         raise InputError("it has no list 'methods'")
     settings = content.get("settings")
     if not isinstance(settings, dict):
         raise InputError("it has no 'settings'")
-    colours = {}
+    names: list[str] = []
     for entry in content["methods"]:
         name = entry.get("name") if isinstance(entry, dict) else None
-        if not isinstance(name, str) or not name.isprintable() or name in colours:
+        if not isinstance(name, str) or not name.isprintable() or name in names:
             raise InputError(f"a method needs a name of its own, got {shown(name)}")
-        colours[name] = _colour(entry.get("colour"))
-    if not 0 < len(colours) <= MAX_METHODS:
-        raise InputError(f"it must have 1 to {MAX_METHODS} methods, got {len(colours)}")
-    return colours, settings
+        names.append(name)
+    if not 0 < len(names) <= MAX_METHODS:
+        raise InputError(f"it must have 1 to {MAX_METHODS} methods, got {len(names)}")
+    return names, settings
 
 
-def _colour(value: Any) -> tuple[int, int, int]:
-    """Of `#rrggbb`; grey if it is not that."""
-    try:
-        red, green, blue = bytes.fromhex(value.removeprefix("#"))
-    except (AttributeError, ValueError):
-        return 120, 120, 120
-    return red, green, blue
-
-
-def _trials(rows: csv.DictReader[str], methods: Mapping[str, Any]) -> tuple[Floats, tuple[Mapping[str, End], ...]]:
+def _trials(rows: csv.DictReader[str], methods: Collection[str]) -> tuple[Floats, tuple[Mapping[str, End], ...]]:
     missing = [name for name in _NEEDED if name not in (rows.fieldnames or ())]
     if missing:
         raise InputError(f"it has no column {missing[0]!r}")
@@ -157,7 +155,7 @@ def _trials(rows: csv.DictReader[str], methods: Mapping[str, Any]) -> tuple[Floa
     return np.array([goals[index] for index in order]), tuple(ends[index] for index in order)
 
 
-def _trial(row: Mapping[str, str], methods: Mapping[str, Any]) -> Iterator[tuple[int, str, Floats, End]]:
+def _trial(row: Mapping[str, str], methods: Collection[str]) -> Iterator[tuple[int, str, Floats, End]]:
     """Index of the goal, method, goal and end of a row; nothing of a method that the summary leaves out."""
     if row["method"] in methods:
         (index,) = _vector(row, "goal_index", MAX_DISTANCE, size=1)

@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 from kinreach.errors import InputError
+from kinreach.plots import method_colours
 from kinreach.view import _html as html
 from kinreach.view._results import read_results
 from kinreach.view._snippet import results_program
@@ -33,6 +34,8 @@ def test_ends_are_those_that_the_comparison_counted(comparison):
         for end, goal in zip(ends, results.goals, strict=True):
             assert np.linalg.norm(end.tip - goal) == pytest.approx(end.distance, abs=1e-9)
             assert end.q.shape == (6,)
+    colours = method_colours(results.colours)
+    assert {name: "#{:02X}{:02X}{:02X}".format(*rgb) for name, rgb in results.colours.items()} == colours
     assert read_results(comparison).file == results.file
     for name in results.colours:
         assert results.distances(name).tolist() == [ends[name].distance for ends in results.ends]
