@@ -9,7 +9,7 @@ from kinreach import baselines
 
 ROOT = Path(__file__).resolve().parents[2]
 PAGES = [
-    *ROOT.glob("*.md"), *ROOT.glob("docs/*.md"), *ROOT.glob("examples/*.py"), *ROOT.glob("notebooks/*.ipynb"),
+    *ROOT.glob("*.md"), *ROOT.glob("docs/**/*.md"), *ROOT.glob("examples/*.py"), *ROOT.glob("notebooks/*.ipynb"),
     *ROOT.glob("tools/clients/*.py"),
 ]  # fmt: skip
 
