@@ -9,7 +9,6 @@ from __future__ import annotations
 import re
 import shutil
 import sys
-from itertools import zip_longest
 from typing import Any
 
 from docutils import nodes
@@ -57,7 +56,7 @@ def _plain_signature(
     if arguments == "(*args, **kwargs)":
         arguments = ""
     plain = [
-        text and re.sub(r"TypeAliasForwardRef\('(\w+)'\)", r"\1", text).replace("<factory>", "...")
+        text and re.sub(r"TypeAliasForwardRef\('(\w+)'\)|<function (\w+)>", r"\1\2", text).replace("<factory>", "...")
         for text in (arguments, returned)
     ]
     return plain[0], plain[1]
@@ -83,18 +82,21 @@ def _from_markdown(app: Sphinx, what: str, name: str, value: Any, options: Any, 
     """Headings, tables and indented code of a docstring as reStructuredText."""
     found = list(lines)
     lines.clear()
-    for line, following in zip_longest(found, found[1:], fillvalue=""):
+    code = False
+    for before, line, after in zip(["", *found], found, [*found[1:], ""], strict=False):
+        text = next((earlier for earlier in reversed(lines) if earlier), " ")
+        if line.startswith("    ") and not before and text[0] != " ":
+            lines += ["::", ""]
+            code = True
+        code = code and (not line or line[0] == " ")
         if line.startswith("## "):
             lines += [f".. rubric:: {line[3:]}", ""]
-        elif line.startswith("|") and following.startswith("|--"):
+        elif line.startswith("|") and after.startswith("|--"):
             lines += [".. list-table::", "   :header-rows: 1", "", *_row(line)]
         elif line.startswith("|"):
             lines += [] if line.startswith("|--") else _row(line)
         else:
-            lines.append(re.sub(r"(?<!\\)\|", r"\\|", line) if "``" not in line else line)
-    for number in range(len(lines) - 2):
-        if re.search(r"\w:$", lines[number]) and not lines[number + 1] and re.match(r" {4}\S", lines[number + 2]):
-            lines[number] += ":"
+            lines.append(line if code else line.replace("|", "\\|"))
 
 
 def _two_in_one(app: Sphinx, what: str, name: str, value: Any, options: Any, lines: list[str]) -> None:
