@@ -60,6 +60,37 @@ def test_nothing_is_fetched_to_show_a_page(text):
     assert re.findall(r'"_inventories/', settings)
 
 
+def test_docstrings_and_tables_in_the_reference(root, monkeypatch):
+    """What `docs/_site.py` makes of Markdown in docstrings, and which cells it takes for numbers."""
+    pytest.importorskip("sphinx")
+    monkeypatch.syspath_prepend(DOCS)
+    site = importlib.import_module("_site")
+    lines = [
+        "Pay |d|.",
+        "",
+        "## Terms",
+        "| a | b |",
+        "|---|---|",
+        "| 1 | 2 |",
+        "",
+        "As in:",
+        "",
+        "    r = |d|",
+        "",
+        "Args:",
+    ]
+    site._from_markdown(None, "function", "", None, None, lines)
+    text = "\n".join(lines)
+    assert "Pay \\|d\\|." in text
+    assert (
+        ".. rubric:: Terms\n\n.. list-table::\n   :header-rows: 1\n\n   * - a\n     - b\n   * - 1\n     - 2\n" in text
+    )
+    assert "As in:\n\n::\n\n    r = |d|\n\nArgs:" in text
+    numbers = ("0.04", "1.2 / 3.4", "97.5 % [91.8, 100.0]", "−3", "< 1e-9 mm", "15 000", "26 µs")
+    assert [text for text in numbers if not site.NUMBER.match(text)] == []
+    assert [text for text in ("1 of 5 seeds reach", "2026 or later, if ever", "x") if site.NUMBER.match(text)] == []
+
+
 def test_paths_exist(text):
     paths = set(re.findall(r"`((?:kinreach|tests|notebooks|docs|benchmarks|examples)/[\w/.-]*)`", text))
     paths |= set(re.findall(r"(?:python|pytest) ((?:[\w./-]+\.py ?)+)", text.replace("`", " ")))
@@ -263,6 +294,7 @@ def test_examples_are_shown_as_they_are():
         "environments/reach",
         "guides/any_arm",
         "guides/your_ur",
+        "index",
         "start",
         "guides/own_method",
         "guides/own_task",
