@@ -63,15 +63,21 @@ def draw_success(trials: Sequence[Trial], results: Mapping[str, Any]) -> Figure:
 
 
 def draw_pressed(trials: Sequence[Trial], results: Mapping[str, Any]) -> Figure:
-    """Draw the share of goals reached so far against the steps of the episode, with its interval at the end."""
+    """Draw the share of goals reached so far against the steps of the episode, with its interval at the end.
+
+    A method that reaches none is a sentence, not a line.
+    """
     figure, (axes,) = new_figure("Share of goals pressed so far", size=(7.6, 4.4), note=origin(results), grid="both")
     most = max(trial["steps"] for trial in trials)
     reached = by_method(trials, results, lambda t: t["steps"] if t["reached"] else None)
     colours = dict(zip(reached, colours_in(results), strict=True))
     ends = {}
+    never = [name_label(method["name"]) for method in results["methods"] if not reached[method["name"]].size]
     for rank, method in enumerate(results["methods"]):
         name = method["name"]
         steps = np.sort(reached[name])
+        if not steps.size:
+            continue
         shares = 100 * np.arange(len(steps) + 1) / method["goals"]
         axes.step([0, *steps, most], [*shares, shares[-1]], where="post", color=colours[name], lw=1.8)
         end = 100 * method["reached"]
@@ -82,7 +88,8 @@ def draw_pressed(trials: Sequence[Trial], results: Mapping[str, Any]) -> Figure:
     axes.set(xlim=(0, most * (1.02 + 0.012 * len(ends))), ylim=(-3, 103), xlabel="steps of the episode")
     axes.yaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:.0f} %"))
     label_ends(axes, ends, colours)
-    key(axes, "dot: at the end of the episodes, with its 95 % interval")
+    rest = f"\nnone of {results['settings']['goals']} goals: {', '.join(never)}" if never else ""
+    key(axes, f"dot: at the end of the episodes, with its 95 % interval{rest}")
     return figure
 
 

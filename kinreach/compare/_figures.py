@@ -163,6 +163,8 @@ def _budget_dots(axes: Axes, row: int, method: Mapping[str, Any], marks: Mapping
         return
     for place, (name, (marker, colour)) in enumerate(marks.items()):
         part, bounds = float(budget[name] or 0.0), intervals.get(name)
+        if part == 0.0:  # such as seeing, where the true goal is observed
+            continue
         y = row + 0.17 * (place - 1)
         if bounds is not None:
             low, high = sorted(abs(bound) for bound in bounds) if min(bounds) * max(bounds) > 0 else (0.0, abs(part))

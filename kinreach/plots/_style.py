@@ -143,7 +143,11 @@ def label_ends(axes: Axes, ends: Mapping[str, ArrayLike], colours: Mapping[str, 
                 )  # fmt: skip
             text = axes.annotate(
                 name_label(name),
-                ((edge if at_border else float(x)) + (0.03 if at_border and moved else 0.012) * beside, height),
+                (
+                    (edge if at_border else float(x))
+                    + (0.03 if at_border and moved else 0.012 if at_border else 0.02) * beside,
+                    height,
+                ),
                 xycoords="axes fraction",
                 ha=align,
                 va="center",

@@ -7,7 +7,7 @@ from matplotlib.figure import Figure
 
 from kinreach.kinematics import ArmKinematics
 from kinreach.kinematics import _check as check
-from kinreach.plots._style import MAGNITUDE, key, name_label, new_figure
+from kinreach.plots._style import MAGNITUDE, name_label, new_figure
 
 
 def draw_workspace(kinematics: ArmKinematics, believed: ArmKinematics | None = None, *, seed: int = 0) -> Figure:
@@ -21,13 +21,13 @@ def draw_workspace(kinematics: ArmKinematics, believed: ArmKinematics | None = N
     if believed is not None:
         found = check.deviation(kinematics, believed, seed=seed, count=20 * check.POSTURES)
         tip, values = found.tip, 1e3 * found.position
-        title, label = "What the data sheet misses", "mean distance of the tip [mm]"
+        title, label = "What the data sheet misses", "distance of the tip, mean of a cell [mm]"
     else:
         q = check.random_postures(kinematics, check.POSTURES, seed)
         tip = check.from_first_joint(kinematics, kinematics.positions(q))
         scale = check.reach_of(kinematics, seed=seed).farthest
         values = np.array([check.smallest_singular_value(kinematics, posture, scale) for posture in q])
-        title, label = "Where the arm is agile", "mean smallest singular value (arm as of 1 m)"
+        title, label = "Where the arm is agile", "smallest singular value, mean of a cell (arm as of 1 m)"
     figure, (axes,) = new_figure(
         f"{title}: {name_label(kinematics.arm.name)}",
         size=(5.0, 6.4),
@@ -41,6 +41,5 @@ def draw_workspace(kinematics: ArmKinematics, believed: ArmKinematics | None = N
     axes.set_aspect("equal")
     axes.set_xlabel("distance from the first joint's axis [m]")
     axes.set_ylabel("height [m]")
-    key(axes, label)
-    figure.colorbar(cells, ax=axes, shrink=0.8)
+    figure.colorbar(cells, ax=axes, shrink=0.8, label=label).outline.set_visible(False)
     return figure

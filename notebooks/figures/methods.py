@@ -52,6 +52,8 @@ def draw_success(
     methods = named(methods)
     colours = colours_of(methods)
     figure, (ax,) = new_figure(title, size=(7.6, 4.6), note=note, grid="y")
+    shares = np.array([np.asarray(success.share)[order] for success in methods.values()])
+    side, at_end = ("right", -1) if np.ptp(shares[:, -1]) > np.ptp(shares[:, 0]) else ("left", 0)  # where lines part
     ends = {}
     for rank, (name, success) in enumerate(methods.items()):
         share = 100 * np.asarray(success.share)[order]
@@ -62,14 +64,15 @@ def draw_success(
             low, high = 100 * np.asarray(success.interval)[order].T
             error = np.maximum([share - low, high - share], 0.0)  # an interval may miss its end by a rounding error
         ax.errorbar(at, share, error, color=colours[name], lw=1.6, elinewidth=1, marker="o", ms=4)
-        ends[name] = (at[0], share[0])
-    ax.set(xscale="log", xlim=(x[0] / 1.09, x[-1] * 1.16), ylim=(-3, 103), xlabel=xlabel)
+        ends[name] = (at[at_end], share[at_end])
+    ax.set(xscale="log", xlim=(x[0] / 1.16, x[-1] * 1.16), ylim=(-3, 103), xlabel=xlabel)
     ax.set_xticks(x, [plain(tick) for tick in x])
     ax.xaxis.set_minor_formatter(NullFormatter())
     ax.tick_params(which="minor", length=0)
-    ax.yaxis.tick_right()
+    if side == "left":
+        ax.yaxis.tick_right()
     ax.yaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:.0f} %"))
-    label_ends(ax, ends, colours, side="left")
+    label_ends(ax, ends, colours, side=side)
     return figure
 
 
