@@ -60,6 +60,18 @@ def test_nothing_is_fetched_to_show_a_page(text):
     assert re.findall(r'"_inventories/', settings)
 
 
+def test_the_built_pages_fetch_nothing(root):
+    """Scripts, styles, fonts and pictures are files beside the pages."""
+    pages = [path for path in (root / "build/docs").rglob("*") if path.suffix in (".html", ".css")]
+    if not pages:
+        pytest.skip("`make docs` has not been run")
+    fetched = re.compile(
+        r"""<(?:script|img|iframe)[^>]*\ssrc="(?:https?:)?//|<link[^>]*rel="(?!canonical|next|prev)[^>]*href="(?:https?:)?//|url\(["']?(?:https?:)?//|@import"""
+    )
+    assert [path.name for path in pages if fetched.search(read(path))] == []
+    assert len(pages) >= 50
+
+
 def test_docstrings_and_tables_in_the_reference(root, monkeypatch):
     """What `docs/_site.py` makes of Markdown in docstrings, and which cells it takes for numbers."""
     pytest.importorskip("sphinx")
