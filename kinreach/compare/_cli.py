@@ -76,6 +76,7 @@ def main(argv: Sequence[str], *, prog: str) -> int:
         console.print(table)
         console.print()
     files = ["results.json", "results.csv", "report.html", *(f"{name}.png" for name in task.figures)]
+    files += ["paths.png"] if task.paths is not None else []
     scene = out / "scene.png"
     lines = [
         *notes(task, results),

@@ -124,7 +124,7 @@ def report_html(
     script = folder.joinpath("report.js").read_text(encoding="utf-8")
     digest = base64.b64encode(hashlib.sha256(script.encode()).digest()).decode()
     pictures = [] if isinstance(renderings, str) else list(renderings)
-    scene = next((picture for picture in pictures if picture.reached), None)
+    scene = next((picture for picture in pictures if picture.reached), next(iter(pictures), None))
     shown = [_chart(file, title) for title, file in charts.items()]
     opening = [*([_picture(scene)] if scene else []), *shown[:1]]
     goals = f"{settings['goals']} goals" if settings["goals"] > 1 else "one goal"
@@ -144,7 +144,7 @@ def report_html(
         tables="\n".join(_tables(task.columns, results["methods"], trials)),
         notes="<br>\n".join(map(escape, [*_legend(results["methods"]), *notes])),
         figures="\n".join(shown[1:]) or "<p>None besides the one above.</p>",
-        failures=_failures(task, renderings, results["methods"]),
+        failures=_failures(task, renderings, scene, results["methods"]),
         settings="\n".join(f"<dt>{escape(name)}</dt><dd>{escape(text)}</dd>" for name, text in _words(task, results)),
         script=script,
     )
@@ -331,16 +331,19 @@ def _legend(entries: Sequence[Mapping[str, Any]]) -> list[str]:
     ]
 
 
-def _failures(task: Task, found: Sequence[Rendering] | str, entries: Sequence[Mapping[str, Any]]) -> str:
+def _failures(
+    task: Task, found: Sequence[Rendering] | str, scene: Rendering | None, entries: Sequence[Mapping[str, Any]]
+) -> str:
+    """Return the failures besides the one that opens the report, if that is one."""
     if isinstance(found, str):
         return f"<p>{escape(found)}</p>"
     if all(entry.get("reached") == 1 for entry in entries):
         return "<p>None: every method reached every goal.</p>"
     if task.paths is not None:
         return "<p>How episodes go is shown by the paths above.</p>"
-    failed = [_picture(rendering) for rendering in found if not rendering.reached]
+    failed = [_picture(rendering) for rendering in found if not rendering.reached and rendering is not scene]
     if not failed:
-        return "<p>None is drawn.</p>"
+        return "<p>The worst one opens this report.</p>" if found else "<p>None is drawn.</p>"
     return (
         f'<p class="faint">The worst failure of each method that has one.</p><div class="grid">{"".join(failed)}</div>'
     )
