@@ -36,12 +36,12 @@ WIDTH, HEIGHT = 1200, 750
 PATIENCE = 300_000
 QUALITY = 85
 #: The film: its width and height in pixels, frames per second, seconds that the last frame stays, and colours.
-FILM, FPS, LAST, COLOURS = (960, 600), 8, 2, 256
+FILM, FPS, LAST, COLOURS = (960, 600), 8, 2, 128
 #: For the film the scene has as many pixels as the film.
 FASTER = "?fixedDpr=0.8"
 #: Where the target goes in the film, and in how many frames: over the table, into it, out of reach, and back; in the
 #: end frames that it stands still.
-WAY = [(0.5, 0.1, 0.05, 1), (0.45, -0.2, 0.0, 6), (0.5, 0.0, -0.24, 5), (1.05, 0.2, 0.1, 7), (0.5, 0.1, 0.0, 7)]
+WAY = [(0.5, 0.1, 0.05, 1), (0.45, -0.2, 0.0, 6), (0.5, 0.0, -0.24, 5), (0.94, 0.16, 0.05, 5), (0.5, 0.1, 0.0, 5)]
 STILL = 4
 #: A mouse pointer, which pictures of a tab leave out.
 POINTER = """() => {
@@ -133,7 +133,7 @@ def save_gif(frames: list[Image.Image], path: Path) -> None:
     sheet = Image.new("RGB", (width, height * len(some)))
     for index, frame in enumerate(some):
         sheet.paste(frame, (0, index * height))
-    palette = sheet.quantize(COLOURS, Image.Quantize.MEDIANCUT)
+    palette = sheet.quantize(COLOURS, Image.Quantize.FASTOCTREE)
     first, *rest = (frame.quantize(palette=palette, dither=Image.Dither.NONE) for frame in frames)
     first.save(path, save_all=True, append_images=rest, duration=round(1000 / FPS), loop=0, optimize=False)
 

@@ -237,7 +237,7 @@ def bars(terms: Mapping[str, float]) -> str:
     rows = "".join(
         f"<span>{escape(plain(name))}</span><div>"
         f'<i style="left:{100 * (min(value, 0.0) - least) / width:.1f}%;width:{100 * abs(value) / width:.1f}%;'
-        f'background:{css(colour)}"></i></div><span>{value:.3g}</span>'
+        f'background:{css(colour)}"></i></div><span>{round(value, 2) + 0.0:g}</span>'
         for (name, value), colour in zip(terms.items(), cycle(BRANCH_COLOURS), strict=False)
     )
     return block(f'<div class="kr-bars">{rows}</div>')

@@ -25,7 +25,7 @@ from kinreach.view._snippet import results_program
 #: Radius of a goal, and by how much that of the chosen one is larger [m].
 BALL, CHOSEN = 0.008, 2.2
 #: Distances [m] of the darkest and the brightest colour of a goal; the scale between them is logarithmic.
-LEAST, MOST = 1e-5, 1e-1
+LEAST, MOST = 1e-4, 1e-1
 #: Of a goal that a method was not put to.
 UNKNOWN = (150, 150, 150)
 

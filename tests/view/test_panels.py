@@ -332,7 +332,7 @@ def test_an_episode_is_played_stepped_and_scrubbed(serve):
         wait_for(lambda: f"reward {first.steps[0].reward:.3g}<" in tab.text)
         (bars,) = re.findall('kr-bars">(.*?)</div></div>', tab.text)
         for name, value in first.steps[0].terms.items():
-            assert re.search(f"{plain(name)}</span>.*?<span>{value:.3g}</span>", bars)
+            assert re.search(f"{plain(name)}</span>.*?<span>{round(value, 2) + 0.0:g}</span>", bars)
         assert not tab.shows("Terms of the reward, step by step")
         tab.set("frame", last // 2)
         wait_for(lambda: panel.at == last // 2)
