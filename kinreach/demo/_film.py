@@ -28,7 +28,7 @@ CODEC = "vp09"
 MAX_GIF_FRAMES = 1000
 #: A GIF has every second frame only, and few colours: those of its first frame, chosen by an octree, which keeps those
 #: of things as small as the ball, and the ones that are written with. Another frame may be so far off in the mean.
-GIF_EVERY, GIF_COLOURS, MAX_COLOUR_ERROR = 2, 127, 6.0
+GIF_EVERY, GIF_COLOURS, MAX_COLOUR_ERROR = 2, 63, 6.0
 #: Height of the samples of a film's own colours [pixels].
 SWATCH = 24
 
