@@ -96,7 +96,7 @@ def setup_of(
     description = arm_with(arm, calibration=calibration, repair=repair, tool=tool, **options)  # type: ignore[arg-type]
     nominal = None if calibration is None else arm_with(arm, tool=tool, **options)  # type: ignore[arg-type]
     given = "".join(f", {name}={value!r}" for name, value in options.items() if value)
-    sheet = repr(description.name) if description.name in arm_names() else f"arm_named({arm!r})"
+    sheet = repr(arm.lower()) if arm.lower() in arm_names() else f"arm_named({arm!r})"
     if arm.lower().endswith(FILES):
         sheet = f"arm_named({arm!r}{given})"
     expression = sheet if calibration is None else calibrated(sheet, calibration, repair=repair)

@@ -149,7 +149,7 @@ class Server:
         try:
             with (
                 contextlib.redirect_stdout(io.StringIO()),
-                _guarding(f"kinreach – {setup.arm.name}") as guarded,
+                _guarding(setup.title) as guarded,
             ):  # viser says where it listens
                 self._viser = viser.ViserServer(host=HOST, port=port, label=setup.arm.title, verbose=False)
         except OSError as error:

@@ -45,6 +45,11 @@ class Setup:
     environment: str | None = None
 
     @property
+    def title(self) -> str:
+        """Title of the browser's tab."""
+        return f"kinreach – {(self.nominal or self.arm).name}"
+
+    @property
     def first(self) -> str:
         """The part of the page that a tab begins with."""
         if self.results is not None:

@@ -422,3 +422,5 @@ def test_a_setup_has_the_tip_and_the_calibration_that_were_asked_for():
     calibrated = setup_of("ur5", calibration=str(CALIBRATION), tip="tool0")
     assert calibrated.model().kinematics.tip == "tool0"
     assert type(calibrated.model().kinematics).__name__ == "CalibratedURKinematics"
+    assert (calibrated.title, calibrated.sheet) == ("kinreach – ur5", "'ur5'")
+    assert setup_of("UR5e").sheet == "'ur5e'"
