@@ -199,6 +199,7 @@ def test_calibrated_ur(run):
     assert real < 0.1 < 1.0 < nominal
 
 
+@pytest.mark.slow
 def test_any_urdf(run):
     text = run("12_any_urdf")
     assert "UF_ROBOT: 7 joints, tip link_eef, no closed form" in text

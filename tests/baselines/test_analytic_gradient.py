@@ -124,8 +124,8 @@ def test_a_ball_is_to_be_met_where_it_will_be():
 
 @pytest.mark.parametrize("name", ["moving", "random-arms"])
 def test_what_the_simulation_knows_is_learned(name, tmp_path):
-    recipe = replace(get_recipe(name), num_envs=512, window=512)
-    run = train(recipe, tmp_path, seed=0, steps=5120)
+    recipe = replace(get_recipe(name), num_envs=256, window=256)
+    run = train(recipe, tmp_path, seed=0, steps=2560)
     rows = np.genfromtxt(tmp_path / "curve.csv", delimiter=",", names=True)
     assert rows["reward"][-1] > rows["reward"][0]
     assert run.card.meaning == "posture"

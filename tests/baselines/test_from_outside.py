@@ -57,6 +57,7 @@ def registries(monkeypatch):
         registry.update(kept)
 
 
+@pytest.mark.slow
 def test_a_recipe_and_an_algorithm_of_a_users_module_on_the_command_line(run_python, tmp_path, capsys):
     pytest.importorskip("sb3_contrib")
     (tmp_path / "mine.py").write_text(MINE)

@@ -45,6 +45,13 @@ if TOY not in gym.registry:
     gym.register(TOY, entry_point=ToyEnv)
 
 
+@pytest.fixture
+def without_pictures(monkeypatch):
+    """A comparison without figures and renderings, which take seconds."""
+    monkeypatch.setattr("kinreach.compare._figures.write_figures", lambda *arguments: {})
+    monkeypatch.setattr("kinreach.compare._report.render_trials", lambda *arguments: [])
+
+
 def resets(count, seed, env):
     return [{"seed": int(np.random.default_rng([seed % 2**32, index]).integers(2**31))} for index in range(count)]
 

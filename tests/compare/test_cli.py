@@ -18,6 +18,8 @@ from kinreach.compare import _runner as runner
 from kinreach.compare import _task as registry
 from kinreach.compare._runner import RECORDS
 
+pytestmark = pytest.mark.usefixtures("without_pictures")
+
 
 def call(*argv):
     return cli.main(["compare", *argv])
@@ -115,8 +117,6 @@ def test_no_default_folder_is_that_of_other_settings(tmp_path, monkeypatch, caps
     """As `make compare` and then other commands in the same folder: what was finished stays, byte for byte."""
     monkeypatch.chdir(tmp_path)
     monkeypatch.setattr("kinreach.compare._cli.DEFAULT_GOALS", 1)  # 200 take a while
-    monkeypatch.setattr("kinreach.compare._figures.write_figures", lambda *arguments: {})
-    monkeypatch.setattr("kinreach.compare._report.render_trials", lambda *arguments: [])
     (tmp_path / "mine.py").write_text("import numpy as np\n\ndef look(observation):\n    return np.zeros(6)\n")
     policy = load_policy("single")
     for folder in ("other", "another"):

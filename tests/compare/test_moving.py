@@ -9,11 +9,13 @@ from kinreach.compare._methods.interception import KalmanFilter
 from kinreach.envs._moving import moved, travel_times
 from kinreach.errors import InputError
 
+METHODS = ["interception", "last-sight", "first-sight", "policy"]
+
 
 @pytest.fixture(scope="module")
 def results():
     options = {"speeds": (0.05, 0.2)}
-    return {entry["name"]: entry for entry in compare("moving", goals=24, options=options)["methods"]}
+    return {entry["name"]: entry for entry in compare("moving", METHODS, goals=24, options=options)["methods"]}
 
 
 def test_who_touches(results):

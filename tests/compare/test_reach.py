@@ -214,7 +214,7 @@ except InstallationError as error:
     assert refused.startswith("refused: cannot import placo")
 
 
-def test_an_arm_from_its_urdf_file_on_the_command_line(tmp_path, capsys):
+def test_an_arm_from_its_urdf_file_on_the_command_line(tmp_path, capsys, without_pictures):
     file = f"{get_arm('ur5').package_root()}/example-robot-data/robots/ur_description/urdf/ur5_robot.urdf"
     arguments = ["--arm", file, "--goals", "3", "--out", str(tmp_path)]
     assert main(arguments, prog="compare") == 0

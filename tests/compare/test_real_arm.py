@@ -10,7 +10,7 @@ from kinreach.compare._cli import main
 from kinreach.errors import InputError, UnknownNameError
 from kinreach.robots import PUBLISHED_CALIBRATIONS
 
-GOALS = 10
+GOALS = 5
 
 
 @pytest.fixture(scope="module")

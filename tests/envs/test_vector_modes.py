@@ -282,10 +282,10 @@ def test_gymnasiums_vector_wrappers(task):
 )
 def test_batches_can_be_filmed(task, mode, tmp_path, films, needs_gl):
     native = wrappers.RecordVideo(
-        batch(task, render_mode="rgb_array", autoreset_mode=mode), str(tmp_path / "films"), video_length=5
+        batch(task, render_mode="rgb_array", autoreset_mode=mode), str(tmp_path / "films"), video_length=3
     )
     native.reset(seed=0)
-    for _ in range(6):
+    for _ in range(4):
         native.step(native.action_space.sample())
     native.close()
     frames = films[0]

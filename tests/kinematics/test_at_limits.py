@@ -23,7 +23,7 @@ FILES = (
     "bravo7_description/urdf/bravo7_no_ee.urdf",
 )
 CALIBRATION = Path(__file__).parents[1] / "data/calibrations/controller_calibration_ur5e.conf"
-CASES = 40
+CASES = 15
 
 
 @cache

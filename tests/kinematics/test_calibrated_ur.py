@@ -47,10 +47,10 @@ def kin(robot):
 
 def test_random_poses_keep_their_posture(kin):
     """All solutions reach to 1e-9 by Pinocchio, none twice, the generating posture among them, batch as alone."""
-    q = np.random.default_rng(1).uniform(-np.pi, np.pi, (40, 6))
+    q = np.random.default_rng(1).uniform(-np.pi, np.pi, (20, 6))
     T = np.array([kin.fk(posture) for posture in q])
     batch = kin.batch(T)
-    assert batch.q.shape == (40, 16, 6)
+    assert batch.q.shape == (20, 16, 6)
     count = 0
     for posture, pose, row, valid in zip(q, T, batch.q, batch.valid, strict=True):
         solutions = kin.all_solutions(pose, limits=False)
@@ -62,7 +62,7 @@ def test_random_poses_keep_their_posture(kin):
         np.testing.assert_array_equal(np.flatnonzero(valid), solutions.branch)
         np.testing.assert_allclose(row[valid], solutions.q, atol=1e-7)
         count += len(solutions)
-    assert count > 240
+    assert count > 120
 
 
 def test_the_branches_that_ssik_finds(robot, kin):
@@ -77,13 +77,13 @@ def test_singular_poses_are_never_empty_and_never_wrong(case):
     poses = 0
     for robot in ("ur5_a", "ur10e_a"):
         kin = of(robot)
-        T = SINGULAR[case](kin, np.random.default_rng(7), 6)
+        T = SINGULAR[case](kin, np.random.default_rng(7), 3)
         for pose in T:
             solutions = kin.all_solutions(pose, limits=False)
             assert len(solutions) > 0
             assert solutions.residual.max() < (2e-9 if "1e-9" in case else 1e-9)
             poses += 1
-    assert poses == 12
+    assert poses == 6
 
 
 def test_the_tables_of_the_documentation(capsys):
@@ -98,8 +98,8 @@ def test_the_tables_of_the_documentation(capsys):
 def test_the_arms_own_singularities(robot, case):
     """Two postures are one there; it is found, nothing is empty and nothing wrong, also when the pose is rounded."""
     kin = of(robot)
-    q = singular_postures(kin, case, np.random.default_rng(3), 6)
-    assert len(q) == 6
+    q = singular_postures(kin, case, np.random.default_rng(3), 3)
+    assert len(q) == 3
     for rounded in (False, True):
         T = np.array([kin.fk(posture) for posture in q])
         if rounded:

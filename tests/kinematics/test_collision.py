@@ -95,13 +95,13 @@ def test_pairs_are_ordered_and_leave_out_what_touches_by_construction(name):
 def test_all_three_answers_agree(name):
     checker = CollisionChecker(name)
     verdicts = []
-    for q in random_postures(name, 1200):
+    for q in random_postures(name, 400):
         verdict, contacts, nearest = checker.in_collision(q), checker.contacts(q), checker.distance(q)
         assert verdict == bool(contacts) == (nearest.distance <= 0)
         if contacts:
             assert nearest.pair in contacts
         verdicts.append(verdict)
-    assert 100 < sum(verdicts) < 1100
+    assert 33 < sum(verdicts) < 367
 
 
 def test_a_graze_that_loose_tolerances_miss(ur5):
@@ -119,7 +119,7 @@ def test_mujoco_finds_the_same_contacts(name):
     data = mujoco.MjData(model)
     held = model.key("home").qpos[len(arm.home) :]
     colliding = 0
-    for q in random_postures(name, 600, seed=2):
+    for q in random_postures(name, 300, seed=2):
         data.qpos[:] = [*q, *held]
         mujoco.mj_kinematics(model, data)
         mujoco.mj_collision(model, data)
@@ -128,7 +128,7 @@ def test_mujoco_finds_the_same_contacts(name):
         assert checker.contacts(q) == tuple(sorted(pairs))
         assert checker.in_collision(q) == bool(pairs)
         colliding += bool(pairs)
-    assert 30 < colliding < 570
+    assert 15 < colliding < 285
 
 
 @arms

@@ -63,17 +63,17 @@ def test_the_verdict_on_one_and_on_many_is_the_same(checker):
     np.testing.assert_array_equal(pickle.loads(pickle.dumps(checker)).causes(q), together)
 
 
-@pytest.mark.parametrize("arm", ["ur3", "ur5", "panda"])
+@pytest.mark.parametrize("arm", ["ur5", "panda"])
 def test_environments_of_any_size_and_solvers_say_what_the_checker_says(arm):
     checker, kin = CollisionChecker(arm), ArmKinematics.of(arm)
-    free, hit = edges(checker, np.random.default_rng(11), 30)
-    q = np.concatenate([free, hit, random_postures(kin, 240)])
+    free, hit = edges(checker, np.random.default_rng(11), 15)
+    q = np.concatenate([free, hit, random_postures(kin, 90)])
     single = gym.make(SINGLE, arm=arm, backend="kinematic").unwrapped
     actions = np.array([single.action_for(row) for row in q])
     assert np.abs(actions).max() <= 1.0
     truth = np.array([checker.in_collision(row) for row in single._task.targets(q, actions)])
-    assert 40 < truth.sum() < 260
-    for size in (1, 5, 300):
+    assert 16 < truth.sum() < 104
+    for size in (5, 120):
         batch = gym.make_vec(
             SINGLE, num_envs=size, vectorization_mode="vector_entry_point", arm=arm, backend="kinematic"
         )
@@ -110,7 +110,7 @@ def test_finger_tips_meet_the_table_exactly(ur5, kin, tilt):
     top = table.position[2] + table.size[2] / 2
     rng = np.random.default_rng(4)
     checked = 0
-    for q in near_solutions(rng, 20):
+    for q in near_solutions(rng, 8):
         tilted = q.copy()
         tilted[3] += rng.uniform(-tilt, tilt)
         heights = np.arange(top + 0.0301, top - 0.02, -1e-4)
@@ -121,7 +121,7 @@ def test_finger_tips_meet_the_table_exactly(ur5, kin, tilt):
         if tilt == 0.0:
             assert heights[causes.argmax()] == pytest.approx(top + 0.01, abs=1.1e-4)
         checked += 1
-    assert checked == 20
+    assert checked == 8
 
 
 @pytest.mark.parametrize("joint", range(6))

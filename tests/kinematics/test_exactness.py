@@ -68,7 +68,7 @@ def test_a_narrow_wrist_3_refuses_no_tool_direction(wrist_3):
 def test_a_posture_within_narrow_limits_is_found_at_a_free_wrist(limits):
     kin = URKinematics(narrow(**limits))
     rng, covered = np.random.default_rng(0), 0
-    for _ in range(100):
+    for _ in range(25):
         q = rng.uniform(kin.lower, kin.upper)
         q[4] = 0.0 if rng.random() < 0.5 else np.pi * rng.choice([-1.0, 1.0])
         T = kin.fk(q)
@@ -82,7 +82,7 @@ def test_a_posture_within_narrow_limits_is_found_at_a_free_wrist(limits):
         np.testing.assert_allclose(batch.q[0, solutions.branch], solutions.q, rtol=0, atol=1e-9)
         assert kin.nearest_batch(T[None], q).success.all()
         covered += 1
-    assert covered == 100
+    assert covered == 25
 
 
 @pytest.mark.parametrize("wanted", [1.5, -1.5, 0.3])
@@ -117,7 +117,7 @@ def test_a_free_wrist_3_keeps_the_seeds_value(q5, q6):
 def test_no_residual_beyond_the_tolerance_near_a_free_wrist(tol, nearest_s5, digits):
     rng, covered = np.random.default_rng(0), 0
     poses = []
-    for _ in range(1500):
+    for _ in range(600):
         q = rng.uniform(-np.pi, np.pi, 6)
         q[4] = rng.choice([0.0, np.pi]) + rng.choice([-1.0, 1.0]) * 10 ** rng.uniform(nearest_s5, nearest_s5 + 1.0)
         T = FLANGE.fk(q)
@@ -126,7 +126,7 @@ def test_no_residual_beyond_the_tolerance_near_a_free_wrist(tol, nearest_s5, dig
         assert len(solutions) >= 1
         assert solutions.residual.max() <= tol
         covered += len(solutions)
-    assert covered > 4000
+    assert covered > 1600
     batch = FLANGE.batch(np.array(poses), tol=tol)
     i, branch = np.nonzero(batch.valid)
     assert np.abs(FLANGE.fk(batch.q[i, branch]) - np.array(poses)[i]).max() <= 2 * tol
@@ -138,8 +138,8 @@ def test_no_residual_beyond_the_tolerance_near_a_free_wrist(tol, nearest_s5, dig
 @pytest.mark.parametrize("joint", ["elbow folded", "elbow stretched", "wrist", "shoulder", "anywhere"])
 def test_a_batch_gives_what_single_poses_give(joint):
     rng = np.random.default_rng(1)
-    q = rng.uniform(-3.1, 3.1, (600, 6))
-    away = rng.choice([-1.0, 1.0], 600) * 10 ** rng.uniform(-9, -1, 600)
+    q = rng.uniform(-3.1, 3.1, (250, 6))
+    away = rng.choice([-1.0, 1.0], 250) * 10 ** rng.uniform(-9, -1, 250)
     if joint == "elbow folded":
         q[:, 2] = np.pi - np.abs(away)
     elif joint == "elbow stretched":
@@ -152,7 +152,7 @@ def test_a_batch_gives_what_single_poses_give(joint):
         p5 = T[:, :3, 3] - g.d6 * T[:, :3, 2]
         T[:, :2, 3] += p5[:, :2] * (g.d4 * (1 + np.abs(away)) / np.linalg.norm(p5[:, :2], axis=1) - 1)[:, None]
     batch = FLANGE.batch(T)
-    seeds = rng.uniform(-3.1, 3.1, (600, 6))
+    seeds = rng.uniform(-3.1, 3.1, (250, 6))
     nearest = FLANGE.nearest_batch(T, seeds)
     compared = 0
     for i, pose in enumerate(T):
@@ -164,7 +164,7 @@ def test_a_batch_gives_what_single_poses_give(joint):
         if alone.success:
             np.testing.assert_allclose(nearest.q[i], alone.q, rtol=0, atol=1e-9)
         compared += len(solutions)
-    assert compared > 900
+    assert compared > 375
 
 
 @pytest.mark.parametrize(("beyond", "solved"), [(4e-8, True), (4e-7, False)])
@@ -275,7 +275,7 @@ def test_threads_may_share_kinematics(make):
     before = sys.getswitchinterval()
     kin = UR5Kinematics(tip="tcp", base="world")
     solver = make(kin)
-    q = np.random.default_rng(0).uniform(-3, 3, (400, 6))
+    q = np.random.default_rng(0).uniform(-3, 3, (100, 6))
     home = np.array(kin.arm.home)
 
     def answers(posture):
@@ -283,16 +283,16 @@ def test_threads_may_share_kinematics(make):
         found = solver.solve(PoseGoal(T), home)
         return [T, kin.jacobian(posture), found.q, np.array([found.position_error])]
 
-    expected = [answers(posture) for posture in q[:150]]
+    expected = [answers(posture) for posture in q]
     wrong = []
 
     def work(start):
-        for i in range(start, 150, 8):
+        for i in range(start, 100, 8):
             wrong.extend(not np.array_equal(a, b) for a, b in zip(answers(q[i]), expected[i], strict=True))
 
     sys.setswitchinterval(1e-6)
     try:
-        for _ in range(3):
+        for _ in range(2):
             threads = [threading.Thread(target=work, args=(k,)) for k in range(8)]
             for thread in threads:
                 thread.start()
@@ -300,5 +300,5 @@ def test_threads_may_share_kinematics(make):
                 thread.join()
     finally:
         sys.setswitchinterval(before)
-    assert len(wrong) == 3 * 150 * 4
+    assert len(wrong) == 2 * 100 * 4
     assert not any(wrong)

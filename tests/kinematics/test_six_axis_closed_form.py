@@ -102,12 +102,12 @@ def used(kin):
 def test_every_posture(name, backwards, tmp_path):
     """The generating one is among them; batches have the same; a method that knows no classes finds no other."""
     rng, compared = np.random.default_rng(len(name) + backwards), 0
-    for _ in range(4):
+    for _ in range(2):
         arm = placements(rng, name, backwards=backwards)
         kin = kinematics(tmp_path, arm)
         assert isinstance(kin, SixAxisKinematics)
         assert used(kin) is ClosedForm
-        q = rng.uniform(-np.pi, np.pi, (12, 6))
+        q = rng.uniform(-np.pi, np.pi, (8, 6))
         T = kin.fk(q)
         batch = kin.batch(T, limits=False)
         others = eliminated(arm, T) or [np.empty((0, 6))] * len(q)
@@ -119,7 +119,7 @@ def test_every_posture(name, backwards, tmp_path):
             assert max(apart(one, same[None]) for one, same in zip(row[valid], found.q, strict=True)) < 1e-8
             assert all(apart(one, found.q) < 1e-5 for one in other)
             compared += len(other)
-    assert compared > 100 or name in ("right angles", "spherical wrist, axes 1 and 2 parallel")
+    assert compared > 30 or name in ("right angles", "spherical wrist, axes 1 and 2 parallel")
 
 
 @pytest.mark.parametrize("backwards", [False, True])
@@ -127,11 +127,11 @@ def test_every_posture(name, backwards, tmp_path):
 def test_singular_poses_are_solved(name, backwards, tmp_path):
     """Wrist, elbow, both, by rounding beside them, and all joints at right angles: never empty, never wrong."""
     rng, solved = np.random.default_rng(3), 0
-    for _ in range(3):
+    for _ in range(2):
         kin = kinematics(tmp_path, placements(rng, name, backwards=backwards))
         arm = (kin._method._method if backwards else kin._method)._arm
         for kind in range(10):
-            for _ in range(5):
+            for _ in range(3):
                 theta = rng.uniform(-np.pi, np.pi, 6)
                 beside = (0.0, 0.0, 1e-12, 1e-9, 1e-7, 1e-5)[kind % 6]
                 if kind % 3 != 1:
@@ -148,7 +148,7 @@ def test_singular_poses_are_solved(name, backwards, tmp_path):
                 row = kin.batch(T[None], limits=False)
                 assert np.flatnonzero(row.valid[0]).tolist() == found.branch.tolist()
                 solved += 1
-    assert solved == 150
+    assert solved == 60
 
 
 def test_a_free_joint_keeps_the_seeds_value_and_the_limits(tmp_path):
@@ -170,8 +170,7 @@ def test_a_free_joint_keeps_the_seeds_value_and_the_limits(tmp_path):
     assert moved > 30
 
 
-@pytest.mark.parametrize("off", [1e-6, 1e-4])
-@pytest.mark.parametrize("backwards", [False, True])
+@pytest.mark.parametrize(("backwards", "off"), [(False, 1e-6), (True, 1e-4)])
 def test_an_arm_that_is_a_little_off_its_class_has_every_posture(backwards, off, tmp_path):
     """As many as by elimination, near singular poses too, where some appear and others vanish."""
     rng, compared = np.random.default_rng(7), 0

@@ -15,7 +15,7 @@ from kinreach.kinematics._solvers.qp_solver import QPSolver
 from kinreach.robots import get_arm
 
 SOLVERS = (PlacoSolver, LevenbergMarquardtSolver, QPSolver)
-COUNT = 200
+COUNT = 80
 SLACK = 1.0 + 1e-6  # rounding between two ways to compute the same error
 
 solvers = pytest.mark.parametrize("solver_class", SOLVERS, ids=lambda solver: solver.name)

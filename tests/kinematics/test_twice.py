@@ -38,7 +38,7 @@ def twins(q):
 )  # fmt: skip
 def test_a_posture_of_a_singular_pose_is_listed_once(kin):
     postures = at_branch_points(6, np.random.default_rng(0))
-    postures = postures[:: 5 if isinstance(kin, SixAxisKinematics) else 1]
+    postures = postures[:: 7 if isinstance(kin, SixAxisKinematics) else 1]
     T = kin.fk(postures)
     batch = kin.batch(T)
     found = 0

@@ -36,7 +36,7 @@ def test_every_branch_reaches_and_the_generating_posture_comes_back(tip, base):
     kin = UR5Kinematics(tip=tip, base=base)
     reference = ArmKinematics("ur5", tip=tip, base=base)
     checked = 0
-    for q in postures(0, 2000):
+    for q in postures(0, 500):
         T = reference.fk(q)
         solutions = kin.all_solutions(T)
         assert solutions.status is Status.OK
@@ -47,7 +47,7 @@ def test_every_branch_reaches_and_the_generating_posture_comes_back(tip, base):
         assert solutions.branch[0] >= 0
         assert solutions.branch[-1] < 8
         checked += len(solutions)
-    assert checked > 2000 * 7
+    assert checked > 500 * 7
 
 
 def test_batch_reaches_for_ten_thousand_poses_and_every_branch():
@@ -176,7 +176,7 @@ def test_out_of_reach_says_which_part(T, reason):
 def test_every_unreachable_pose_has_a_reason():
     rng = np.random.default_rng(13)
     counts = {"shoulder cylinder": 0, "stretched elbow": 0}
-    for i, T in enumerate(FLANGE.fk(postures(13, 4000))):
+    for i, T in enumerate(FLANGE.fk(postures(13, 1500))):
         size = 0.3 if i % 2 else 1.2
         T[:3, 3] = rng.uniform(-size, size, 3) + np.array([0, 0, FLANGE.geometry.d1])
         solutions = FLANGE.all_solutions(T)
@@ -185,7 +185,7 @@ def test_every_unreachable_pose_has_a_reason():
             assert solutions.reason
             for part in counts:
                 counts[part] += part in solutions.reason
-    assert min(counts.values()) > 200
+    assert min(counts.values()) > 75
 
 
 def test_too_close_for_a_long_upper_arm_is_called_so():

@@ -221,6 +221,7 @@ def tried(root, folder, names):
     return {name: [line.split(" ", 2)[2] for line in lines if line.startswith(f"{name} ")] for name in names}
 
 
+@pytest.mark.slow
 def test_what_is_no_mesh_is_one_sentence_in_every_engine(tmp_path, root):
     for name, (content, _) in HOSTILE.items():
         (tmp_path / name).write_bytes(content)

@@ -62,8 +62,20 @@ def run(capsys, *words):
     return code, done.out, done.err.splitlines()
 
 
-@pytest.mark.parametrize("package", ARMS)
-@pytest.mark.parametrize("how", ["flag", "ROS_PACKAGE_PATH", "AMENT_PREFIX_PATH", "nowhere"])
+#: The Z1's meshes take seconds to read.
+PACKAGES = [pytest.param(name, marks=pytest.mark.slow if name.startswith("z1") else ()) for name in ARMS]
+
+
+@pytest.mark.parametrize(
+    ("how", "package"),
+    [
+        ("flag", "franka_description"),
+        ("ROS_PACKAGE_PATH", "ur_description"),
+        ("AMENT_PREFIX_PATH", "ur_description"),
+        *(("nowhere", package) for package in ARMS),
+        pytest.param("flag", "z1_gripper_description", marks=pytest.mark.slow),
+    ],
+)
 def test_files_of_ros_from_a_shell(workspace, capsys, monkeypatch, package, how):
     file, pose = workspace / "mine" / f"{package}.urdf", ARMS[package][-1]
     share = workspace / "install/share"
@@ -89,7 +101,7 @@ def test_files_of_ros_from_a_shell(workspace, capsys, monkeypatch, package, how)
     assert ("not known: arm" in out) is (how == "nowhere")
 
 
-@pytest.mark.parametrize("package", ARMS)
+@pytest.mark.parametrize("package", PACKAGES)
 def test_meshes_of_a_package_reach_every_engine(workspace, package):
     _, _, count, tip, _ = ARMS[package]
     file = workspace / "mine" / f"{package}.urdf"

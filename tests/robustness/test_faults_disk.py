@@ -61,6 +61,7 @@ print(json.dumps([said, len(kept.trials), len(Records(out / "records.jsonl", {},
 """
 
 
+@pytest.mark.slow
 def test_whatever_cannot_be_written_is_one_kind_of_error_and_keeps_the_old_file(run_python, tmp_path):
     done = run_python("-c", LIMITED)
     assert done.returncode == 0, done.stderr
@@ -118,7 +119,6 @@ def test_other_errors_of_the_system_are_not_hidden(monkeypatch):
 EVALUATE = ("evaluate", "single", "--goals", "5", "--backend", "kinematic")
 
 
-@pytest.mark.parametrize("unbuffered", ["", "1"])
 class TestOutputThatCannotBeWritten:
     """With the interpreter's buffer the failure comes when all is over, without it at the first line."""
 
@@ -128,7 +128,17 @@ class TestOutputThatCannotBeWritten:
         command = [sys.executable, "-m", "kinreach", *arguments]
         return subprocess.Popen(command, env=environment, stdout=stdout, stderr=subprocess.PIPE, text=True)
 
-    @pytest.mark.parametrize("arguments", [(), ("--version",), ("compare", "--help"), EVALUATE], ids=" ".join)
+    @pytest.mark.parametrize(
+        ("arguments", "unbuffered"),
+        [
+            ((), ""),
+            ((), "1"),
+            (("--version",), ""),
+            (("--version",), "1"),
+            (("compare", "--help"), ""),
+            (EVALUATE, "1"),
+        ],
+    )
     def test_full_device(self, root, arguments, unbuffered):
         with open("/dev/full", "w") as full, self.start(root, arguments, unbuffered, full) as process:
             said = process.communicate(timeout=120)[1].splitlines()
@@ -136,7 +146,7 @@ class TestOutputThatCannotBeWritten:
         called = " ".join(["python -m kinreach", *(name for name in arguments[:1] if name in cli.COMMANDS)])
         assert said == [f"{called}: error: cannot write: No space left on device"]
 
-    @pytest.mark.parametrize("arguments", [("--help",), EVALUATE], ids=" ".join)
+    @pytest.mark.parametrize(("arguments", "unbuffered"), [(("--help",), ""), (("--help",), "1"), (EVALUATE, "")])
     def test_reader_who_has_left(self, root, arguments, unbuffered):
         reading, writing = os.pipe()
         os.close(reading)

@@ -163,6 +163,7 @@ print(((red > 90) & (green < 60) & (blue < 60)).sum(), "libOSMesa" in loaded, "l
 """
 
 
+@pytest.mark.slow
 def test_osmesa_draws_too(needs_gl):
     if ctypes.util.find_library("OSMesa") is None:
         pytest.skip("OSMesa is not installed: apt install libosmesa6")

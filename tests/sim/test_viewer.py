@@ -87,7 +87,8 @@ def screen(tmp_path, monkeypatch, needs_gl):
         server.terminate()
 
 
-@pytest.mark.parametrize("backend", ["mujoco", pytest.param("kinematic", marks=pytest.mark.slow)])
+@pytest.mark.slow
+@pytest.mark.parametrize("backend", ["mujoco", "kinematic"])
 def test_the_viewer_shows_the_ball_and_closes(screen, run_python, backend):
     done = run_python("-c", PROGRAM, backend, str(screen))
     assert done.returncode == 0, done.stderr

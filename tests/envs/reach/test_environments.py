@@ -99,7 +99,7 @@ def test_every_episode_starts_in_the_same_posture_with_a_new_goal():
 def test_the_closed_form_earns_20_on_both_branches(backend):
     env = make(SINGLE, backend=backend)
     reached = np.zeros(2, dtype=int)
-    for i in range(500):
+    for i in range(100):
         _, info = env.reset(seed=11 if i == 0 else None)
         for branch, postures in enumerate(natural_postures(info["goal"])):
             assert len(postures) >= 1
@@ -110,7 +110,7 @@ def test_the_closed_form_earns_20_on_both_branches(backend):
             assert not truncated
             assert (reward == 20) == result["is_success"] == result["reached"]
             reached[branch] += reward == 20
-    assert reached.tolist() == [500, 500]
+    assert reached.tolist() == [100, 100]
 
 
 @pytest.mark.parametrize("backend", BACKENDS)
@@ -242,6 +242,6 @@ def test_resets_do_not_grow_the_memory(backend):
     for _ in range(1000):
         env.reset()
     before = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
-    for _ in range(10_000):
+    for _ in range(3000):
         env.reset()
-    assert resource.getrusage(resource.RUSAGE_SELF).ru_maxrss - before < 10_000  # kB
+    assert resource.getrusage(resource.RUSAGE_SELF).ru_maxrss - before < 3000  # kB

@@ -264,6 +264,7 @@ def test_a_policy_is_trained_in_several_steps(tmp_path):
     assert len(found.reached) == 10
 
 
+@pytest.mark.slow
 def test_solvers_try_again_where_the_way_to_their_posture_is_blocked():
     methods = compare("space", ["placo", "lm", "qp"], goals=110, seed=0)["methods"]
     assert {method["name"]: method["reached"] for method in methods} == {"placo": 1.0, "lm": 1.0, "qp": 1.0}
