@@ -157,11 +157,10 @@ class TestOutputThatCannotBeWritten:
 
 
 def test_complaint_that_cannot_be_written(root, tmp_path):
-    for argument in ("nonsense", "--nonsense"):
-        with open("/dev/full", "w") as full:
-            command = [sys.executable, "-m", "kinreach.evaluate", argument]
-            done = subprocess.run(command, cwd=tmp_path, env={**os.environ, "PYTHONPATH": str(root)}, stderr=full)
-        assert done.returncode == cli.EXIT_ERROR
+    with open("/dev/full", "w") as full:
+        command = [sys.executable, "-m", "kinreach.evaluate", "--nonsense"]
+        done = subprocess.run(command, cwd=tmp_path, env={**os.environ, "PYTHONPATH": str(root)}, stderr=full)
+    assert done.returncode == cli.EXIT_ERROR
 
 
 def test_a_broken_pipe_to_somebody_else_is_not_hidden(monkeypatch):

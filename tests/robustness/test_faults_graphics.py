@@ -100,7 +100,9 @@ def test_a_closed_renderer_says_so():
         renderer.rgb(simulation.data, "front")
 
 
-def test_a_comparison_keeps_what_it_has_seen_and_goes_on(failing_frame, no_source_changes, tmp_path):
+def test_a_comparison_keeps_what_it_has_seen_and_goes_on(failing_frame, no_source_changes, tmp_path, monkeypatch):
+    monkeypatch.setattr("kinreach.compare._figures.write_figures", lambda *arguments: {})
+    monkeypatch.setattr("kinreach.compare._report.render_trials", lambda *arguments: [])
     settings = Settings(task="ur5", methods=("closed-form",), goals=4, seed=1, observation="camera")
     failing_frame(14)  # in the fourth look: each has four frames, and the first two are of the warm-up
     with pytest.raises(DrawingError):
