@@ -1,7 +1,8 @@
 """Analytic and numeric kinematics: FK, Jacobians, limits, closed-form IK, solvers, collisions.
 
 - `ArmKinematics.of`, `ArmKinematics.from_urdf`: the kinematics of an arm, of the class that lists all postures of
-  a pose where there is one: `URKinematics`, `CalibratedURKinematics`, `SixAxisKinematics`, `Arm3Kinematics`.
+  a pose where there is one: `URKinematics`, `CalibratedURKinematics`, `SixAxisKinematics`,
+  `Arm3Kinematics`, and as curves `SevenAxisKinematics`.
 - `PoseGoal`, `AxisGoal`, `PositionGoal`: what a solver is asked for; `IKResult` and `IKSolutions`: what it returns.
 - `ClosedFormSolver`, `PlacoSolver`, `LevenbergMarquardtSolver`, `QPSolver`: solvers, interchangeable by `Solver`.
 - `pose`, `pose_vector`: poses as six numbers, as a UR's pendant writes them.
@@ -21,6 +22,7 @@ from kinreach.kinematics._arm3 import Arm3Kinematics
 from kinreach.kinematics._closed_form import ClosedFormKinematics
 from kinreach.kinematics._collision import CollisionChecker
 from kinreach.kinematics._goals import AxisGoal, PoseGoal, PositionGoal
+from kinreach.kinematics._seven_axis.kinematics import SevenAxisKinematics
 from kinreach.kinematics._six_axis.kinematics import SixAxisKinematics
 from kinreach.kinematics._solutions import Accept, IKResult, IKSolutions, Status
 from kinreach.kinematics._solvers import ClosedFormSolver, Solver
@@ -47,6 +49,7 @@ __all__ = [
     "PoseGoal",
     "PositionGoal",
     "QPSolver",
+    "SevenAxisKinematics",
     "SixAxisKinematics",
     "Solver",
     "Status",
@@ -57,7 +60,13 @@ __all__ = [
     "pose_vector",
 ]
 
-ArmKinematics._closed_forms = (Arm3Kinematics, URKinematics, CalibratedURKinematics, SixAxisKinematics)
+ArmKinematics._closed_forms = (
+    Arm3Kinematics,
+    URKinematics,
+    CalibratedURKinematics,
+    SixAxisKinematics,
+    SevenAxisKinematics,
+)
 
 
 def __getattr__(name: str) -> Any:

@@ -56,6 +56,7 @@ class ClosedFormKinematics(ArmKinematics, ABC):
 
     joints: ClassVar[int]
     _closed_forms = ()
+    knows_all_postures = True
 
     def __init__(
         self,

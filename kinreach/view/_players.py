@@ -19,7 +19,6 @@ from kinreach.compare._task import POLICY
 from kinreach.demo._tasks import SHORTER, all_trained, solver_policy, trained_for, trained_policy
 from kinreach.errors import InputError, raise_unknown
 from kinreach.kinematics import ArmKinematics
-from kinreach.kinematics._closed_form import ClosedFormKinematics
 from kinreach.kinematics._solvers import SOLVERS
 from kinreach.robots import ArmDescription
 
@@ -70,7 +69,7 @@ class Playable:
             observation: What is observed; pictures are only for policies that see them, or that need no observation.
         """
         eyes, environment = observation == PIXELS, trained_in(self.name)
-        closed = self.solvable and isinstance(ArmKinematics.of(arm), ClosedFormKinematics)
+        closed = self.solvable and ArmKinematics.of(arm).knows_all_postures
         solvers = [name for name in SOLVERS if self.solvable and (closed or name != "closed-form")]
         trained = trained_for(environment, arm.name if ARM in self.choices else None, eyes=eyes)
         shipped = {f"policy {name}" for name in trained_for(environment)}

@@ -61,7 +61,7 @@ def kinematics(tmp_path, chain):
     file = tmp_path / "arm.urdf"
     text = '<link name="l0"/>'
     for index, T in enumerate(chain, start=1):
-        kind, axis = ("fixed", "") if index == 7 else ("revolute", '<axis xyz="0 0 1"/>')
+        kind, axis = ("fixed", "") if index == len(chain) else ("revolute", '<axis xyz="0 0 1"/>')
         origin = f'<origin xyz="{" ".join(map(str, T[:3, 3]))}" rpy="{" ".join(map(str, rpy(T[:3, :3])))}"/>'
         text += (
             f'<link name="l{index}"/><joint name="j{index}" type="{kind}"><parent link="l{index - 1}"/>'

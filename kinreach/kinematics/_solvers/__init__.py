@@ -8,7 +8,6 @@ from typing import TYPE_CHECKING, Any
 from kinreach._checks import check_known
 from kinreach.errors import InputError
 from kinreach.kinematics._arm import ArmKinematics
-from kinreach.kinematics._closed_form import ClosedFormKinematics
 from kinreach.kinematics._solvers.base import ClosedFormSolver, Solver, Tolerance
 
 if TYPE_CHECKING:
@@ -49,7 +48,7 @@ def new_solver(name: str, kinematics: ArmKinematics) -> Solver:
         InputError: The closed form of an arm that has none.
     """
     check_known("solver", name, SOLVERS)
-    if name == "closed-form" and not isinstance(kinematics, ClosedFormKinematics):
+    if name == "closed-form" and not kinematics.knows_all_postures:
         raise InputError(f"the arm {kinematics.arm.name!r} has no closed form; its solvers are placo, lm and qp")
     solver: Solver = getattr(importlib.import_module(__name__), SOLVERS[name])(kinematics)
     return solver

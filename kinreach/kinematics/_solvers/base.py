@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from typing import Protocol
+from typing import Any, Protocol
 
 from numpy.typing import ArrayLike
 
 from kinreach._checks import shown
 from kinreach.errors import InputError
-from kinreach.kinematics._closed_form import ClosedFormKinematics
+from kinreach.kinematics._arm import ArmKinematics
 from kinreach.kinematics._goals import Goal
 from kinreach.kinematics._solutions import Accept, IKResult, Tolerance
 
@@ -24,7 +24,7 @@ class Solver(Protocol):
             name = "mine"
 
             def __init__(self, kin):
-                self.kin = kin
+                self.kin: Any = kin
 
             def solve(self, goal, seed, *, accept=None):
                 q = ...  # anything that starts from `seed`
@@ -61,7 +61,7 @@ class ClosedFormSolver:
     """Return the nearest of all exact postures. Threads may share an instance.
 
     Args:
-        kin: Kinematics with a closed form.
+        kin: Kinematics that list every posture of a goal: a closed form, or the curves of a seven-axis arm.
 
     Raises:
         InputError: The arm has none.
@@ -69,11 +69,12 @@ class ClosedFormSolver:
 
     name = "closed-form"
 
-    def __init__(self, kin: ClosedFormKinematics) -> None:
-        if not isinstance(kin, ClosedFormKinematics):
+    def __init__(self, kin: ArmKinematics) -> None:
+        if not getattr(kin, "knows_all_postures", False):
             raise InputError(f"{shown(kin)} has no closed form; the solvers placo, lm and qp take any arm")
-        self.kin = kin
+        self.kin: Any = kin
 
     def solve(self, goal: Goal, seed: ArrayLike, *, accept: Accept | None = None) -> IKResult:
         """Compute the posture nearest to the seed that reaches the goal and is accepted."""
-        return self.kin.solve(goal, seed, accept=accept)
+        result: IKResult = self.kin.solve(goal, seed, accept=accept)
+        return result

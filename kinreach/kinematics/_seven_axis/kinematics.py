@@ -1,0 +1,153 @@
+"""Kinematics of arms with any seven revolute joints: every posture of a pose, as curves."""
+
+from __future__ import annotations
+
+from typing import ClassVar
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from kinreach._checks import MAX_ANGLE, Floats, as_pose, shown
+from kinreach.errors import InputError
+from kinreach.kinematics._arm import ArmKinematics
+from kinreach.kinematics._chain import poses_about
+from kinreach.kinematics._collision import CollisionChecker
+from kinreach.kinematics._goals import AxisGoal, Goal, PoseGoal, PositionGoal, goal_error, nearest_rotations, pose_error
+from kinreach.kinematics._seven_axis.curves import SelfMotions, within_limits
+from kinreach.kinematics._seven_axis.tracing import JOINTS, SelfMotionTracer
+from kinreach.kinematics._solutions import Accept, IKResult, Status, check_accept, nearest_windings
+from kinreach.robots import ArmDescription, Tool
+
+#: Turns about an axis goal's direction that are tried [rad].
+TURNS = np.linspace(-np.pi, np.pi, 120, endpoint=False)
+UNREACHED = "no posture reaches the goal"
+
+
+class SevenAxisKinematics(ArmKinematics):
+    """Kinematics of an arm with any seven revolute joints, by its data sheet or calibrated.
+
+    A pose has a family of postures, the self-motion. `self_motions` computes all of it as curves in joint space;
+    `nearest`, `clearest` and `manipulable` choose from them. Threads may share an instance.
+
+    Args:
+        arm: Name of a registered arm, or a description.
+        tip: Short name of the tip frame; default is the arm's own tool centre point.
+        base: `"base_link"`, `"world"`, or a frame of your own (4, 4).
+        tool: As in `ArmKinematics`.
+
+    Raises:
+        UnknownNameError: The arm, the tip or the base does not exist.
+        InputError: The arm does not have seven joints, or no six of them can be solved with the first or the last held.
+    """
+
+    joints: ClassVar[int] = JOINTS
+    _closed_forms = ()
+    knows_all_postures = True
+
+    def __init__(
+        self,
+        arm: str | ArmDescription,
+        *,
+        tip: str | None = None,
+        base: str | ArrayLike = "base_link",
+        tool: Tool | str | ArrayLike | None = None,
+    ) -> None:
+        super().__init__(arm, tip=tip, base=base, tool=tool)
+        if self.n != JOINTS:
+            raise InputError(f"arm {self.arm.name!r} has {self.n} joints; seven are needed")
+        self._tracer = SelfMotionTracer(self.chain)
+        if not self._tracer.sound:
+            raise InputError(
+                f"arm {self.arm.name!r}: with its first or last joint held, the other six cannot be solved"
+            )
+
+    def self_motions(self, T: ArrayLike, *, limits: bool = True) -> SelfMotions:
+        """Compute every posture that brings the tip to a pose, as closed and open curves.
+
+        Args:
+            T: Pose of the tip in the base frame, shape (4, 4).
+            limits: Cut the curves at the joint limits.
+
+        Raises:
+            InputError: `T` is not a finite rigid motion.
+        """
+        T = as_pose("T", T).copy()
+        T[:3, :3] = nearest_rotations(T[:3, :3])
+        curves = self._tracer.curves(T)
+        far = np.full(self.n, MAX_ANGLE)
+        lower, upper = (self.lower, self.upper) if limits else (-far, far)
+        found = within_limits(self._tracer, T, curves, lower, upper)
+        if found:
+            return SelfMotions(found, Status.OK, "", self, T)
+        if curves:
+            reason = "every posture is outside the joint limits"
+            return SelfMotions((), Status.OUT_OF_LIMITS, reason, self, T)
+        return SelfMotions((), Status.OUT_OF_REACH, UNREACHED, self, T)
+
+    def nearest(self, T: ArrayLike, seed: ArrayLike, *, accept: Accept | None = None) -> IKResult:
+        """Compute the posture for a pose that is nearest to a seed, over all self-motions.
+
+        Args:
+            T: Pose of the tip in the base frame, shape (4, 4).
+            seed: Posture [rad], shape (7,).
+            accept: Called with candidates until it returns True: the nearest of each curve, then the others by their
+                distance.
+
+        Returns:
+            The posture; `branch` is the index of its curve in `self_motions(T)`.
+
+        Raises:
+            InputError: As `self_motions`, or the seed is malformed.
+        """
+        check_accept(accept)
+        start = self.as_posture("seed", seed)
+        return self.self_motions(T).nearest(start, accept=accept)
+
+    def clearest(self, T: ArrayLike, checker: CollisionChecker) -> IKResult:
+        """Compute the posture for a pose whose shapes are farthest from each other and from the obstacles.
+
+        Raises:
+            InputError: As `self_motions`, or a checker of another arm or without pairs of shapes.
+        """
+        return self.self_motions(T).clearest(checker)
+
+    def manipulable(self, T: ArrayLike) -> IKResult:
+        """Compute the posture for a pose with the largest manipulability (Yoshikawa 1985).
+
+        Raises:
+            InputError: As `self_motions`.
+        """
+        return self.self_motions(T).manipulable()
+
+    def solve(self, goal: Goal, seed: ArrayLike, *, accept: Accept | None = None) -> IKResult:
+        """Compute a posture near a seed for a `PoseGoal` or an `AxisGoal`.
+
+        For a direction the joint that is held keeps the seed's value, and the tip is turned about the direction in
+        steps of 3 degrees.
+
+        Raises:
+            InputError: A `PositionGoal`, or an object of another kind.
+        """
+        if isinstance(goal, PositionGoal):
+            raise InputError("a seven-joint arm is asked for a pose or a direction, not for a bare position")
+        if isinstance(goal, PoseGoal):
+            return self.nearest(goal.T, seed, accept=accept)
+        if not isinstance(goal, AxisGoal):
+            raise InputError(f"goal must be a PoseGoal or an AxisGoal, got {shown(goal)}")
+        check_accept(accept)
+        start = self.as_posture("seed", seed)
+        q = self._tracer.with_held(poses_about(goal.position, goal.axis, TURNS), start)
+        wound, within = nearest_windings(q.T, start[:, None], self.lower, self.upper)
+        found = wound.T[within]
+        for posture in found[np.argsort(np.linalg.norm(found - start, axis=1))]:
+            if accept is None or accept(posture.copy()):
+                return IKResult(posture, Status.OK, *goal_error(goal, self.fk(posture)))
+        status, reason = Status.OUT_OF_REACH, UNREACHED
+        if len(q):
+            status, reason = Status.OUT_OF_LIMITS, "every posture found is outside the joint limits"
+        if len(found):
+            status, reason = Status.REJECTED, f"accept refused all {len(found)} postures"
+        return IKResult(start.copy(), status, *goal_error(goal, self.fk(start)), reason)
+
+    def _error_of(self, T: Floats, q: Floats) -> tuple[float, float]:
+        return pose_error(T, self.fk(q))
