@@ -2,8 +2,7 @@
 
     python examples/13_own_arm.py
 
-The Panda has seven joints and no closed form. Here it gets a table and goals. Needs no
-extra.
+The Panda has seven joints. Here it gets a table and goals. Needs no extra.
 """
 
 import numpy as np

@@ -190,7 +190,7 @@ def within_limits(
     turns = upper - lower >= 2.0 * MAX_ANGLE  # a joint without limits goes round and round
     for q, closed in curves:
         wound = np.column_stack([_wound(*column) for column in zip(q.T, lower, upper, strict=True)])
-        inside = ((wound >= lower - SLACK) & (wound <= upper + SLACK)).all(axis=1)
+        inside = np.atleast_1d(((wound >= lower - SLACK) & (wound <= upper + SLACK)).all(axis=1))
         jumps: Floats = np.diff(wound, axis=0, append=wound[:1] if closed else wound[-1:])
         jumps[-1, turns] -= TURN * np.rint(jumps[-1, turns] / TURN)
         whole = np.abs(jumps).max(axis=1) < np.pi
