@@ -22,6 +22,7 @@ from kinreach.kinematics._arm3 import Arm3Kinematics
 from kinreach.kinematics._closed_form import ClosedFormKinematics
 from kinreach.kinematics._collision import CollisionChecker
 from kinreach.kinematics._goals import AxisGoal, PoseGoal, PositionGoal
+from kinreach.kinematics._seven_axis.curves import SelfMotion, SelfMotions
 from kinreach.kinematics._seven_axis.kinematics import SevenAxisKinematics
 from kinreach.kinematics._six_axis.kinematics import SixAxisKinematics
 from kinreach.kinematics._solutions import Accept, IKResult, IKSolutions, Status
@@ -49,6 +50,8 @@ __all__ = [
     "PoseGoal",
     "PositionGoal",
     "QPSolver",
+    "SelfMotion",
+    "SelfMotions",
     "SevenAxisKinematics",
     "SixAxisKinematics",
     "Solver",
