@@ -139,6 +139,10 @@ def test_a_solver_that_finds_nothing_is_impossible_and_says_why():
     env = gym.make(SINGLE, backend="kinematic")
     (trial,) = rollout(env, SolverPolicy(Nowhere(), env), [{"seed": 0}])
     assert "stretched elbow" in trial["impossible_reason"]
+    blind = SolverPolicy(Nowhere(), env)
+    blind.reset(None, {"q": np.zeros(6), "seen": np.full(3, np.nan)})
+    assert blind.act(None) is None
+    assert (blind.reason, blind.diagnostics) == ("no camera found the ball", {"iterations": 0})
 
 
 class Low:

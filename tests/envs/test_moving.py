@@ -120,6 +120,20 @@ def test_joints_come_to_rest_at_their_targets():
         assert beyond < 1e-3
 
 
+def test_braking_uses_the_whole_limit():
+    """From n + 1 steps of braking, n (n + 1) / 2 steps' way before the target, it rests there after n + 1 steps."""
+    dt, acceleration = 1 / 240, 10.0
+    brake, counted = acceleration * dt, 0
+    for n in range(1, 40):
+        q, v, target = np.zeros(1), np.array([(n + 1) * brake]), np.array([brake * dt * n * (n + 1) / 2])
+        for left in range(n, -1, -1):
+            q, v = moved(q, v, target, dt, speed=3.0, acceleration=acceleration)
+            np.testing.assert_allclose(v, left * brake, atol=1e-9)
+            counted += 1
+        np.testing.assert_allclose(q, target, atol=1e-12)
+    assert counted == 819
+
+
 def test_a_batch_is_as_many_single_ones():
     """Bit for bit, over the ends of episodes, with other options too."""
     options = {"sights": 4, "delay": 0.1}

@@ -1,11 +1,13 @@
 """The parts of the page on a real server, with a tab that has no browser."""
 
+import asyncio
 import contextlib
 import gc
 import json
 import re
 import threading
 import weakref
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -21,6 +23,7 @@ pytest.importorskip("viser")
 from benchmarks.studies.tab import Tab, wait_for
 from kinreach.robots import arm_names, get_arm
 from kinreach.view._episodes import Recording
+from kinreach.view._inputs import by_user
 from kinreach.view._names import plain
 from kinreach.view._page import panels
 from kinreach.view._panel import Panel
@@ -553,3 +556,17 @@ def test_a_page_takes_the_colours_of_its_browser(serve):
         tab.set("colours", "dark")
         wait_for(lambda: tab.theme["dark_mode"])
         wait_for(lambda: (np.array(tab.nodes["/grid"]["cell_color"]) < grid - 100).all())
+
+
+def test_an_input_that_changes_twice_gives_its_newest_value():
+    """And nothing where the page itself changes it."""
+    called, heard = [], []
+    handle = SimpleNamespace(on_update=called.append, value=None)
+    by_user(handle, heard.append)
+    note, changed = called
+    for client, value in ((1, "a"), (1, "b"), (None, "c"), (1, "d")):
+        handle.value = value
+        event = SimpleNamespace(client=client, target=handle)
+        asyncio.run(note(event))
+        changed(event)
+    assert heard == ["a", "b", "d"]
