@@ -214,7 +214,7 @@ def test_names_in_the_points_exist():
         for row in re.findall(r"^\| .*\|$", read(DOCS / page), re.MULTILINE):
             where = row.split(" | ")[1] if row.count(" | ") >= 2 else ""
             for name in re.findall(r"`(?!python )(?:figures\.|ARM\.)?([\w-]+(?:\.py)?)\b[^`/]*`", where):
-                defined = rf"^\s*(?:def|class) {name}\b|^\s*{name}\s*[:=]|[\"']?{name}[\"']?=|[\"']{name}[\"']"
+                defined = rf"^[ \t]*(?:def|class) {name}\b|^[ \t]*{name}[ \t]*[:=]|[\"']?{name}[\"']?=|[\"']{name}[\"']"
                 known = name in files or f"_{name}" in files or re.search(defined, SOURCE, re.MULTILINE)
                 missing += [] if known else [f"{page}: {name}"]
                 checked += 1
@@ -354,6 +354,7 @@ def test_policies_off_the_table_do_what_the_page_says(capsys):
     assert checked == 9
 
 
+@pytest.mark.slow
 def test_what_contributing_promises_holds(run_python):
     """An arm, a solver, a reward and a task from outside the package."""
     code, _, _ = blocks(ROOT / "CONTRIBUTING.md").partition("from kinreach.baselines import")

@@ -96,6 +96,7 @@ def test_my_ur(run):
     assert 0.5 < numbers(r"tool ([\d.]+) mm off there", text)[0] < 5
 
 
+@pytest.mark.slow
 def test_own_arm(run):
     text = run("13_own_arm")
     assert "Jacobian: (6, 7)" in text

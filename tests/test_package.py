@@ -7,6 +7,7 @@ import re
 import sys
 import tomllib
 from collections.abc import Iterator
+from functools import cache
 from graphlib import TopologicalSorter
 from importlib.util import resolve_name
 from pathlib import Path
@@ -66,6 +67,7 @@ def part_of(module: str) -> str:
     return module.split(".")[1].lstrip("_") if module.startswith("kinreach.") else ""
 
 
+@cache
 def tree(path: Path) -> ast.Module:
     return ast.parse(path.read_text(encoding="utf-8"))
 
@@ -138,14 +140,14 @@ def test_rooms_know_only_their_own_packages():
 def test_package_has_no_assert():
     found = []
     for path in MODULES:
-        nodes = ast.walk(ast.parse(path.read_text(encoding="utf-8")))
+        nodes = ast.walk(tree(path))
         found += [f"{module_name(path)}:{node.lineno}" for node in nodes if isinstance(node, ast.Assert)]
     assert found == []
     assert len(MODULES) >= 50
 
 
 def test_every_module_says_what_it_is():
-    assert [module_name(p) for p in MODULES if not ast.get_docstring(ast.parse(p.read_text(encoding="utf-8")))] == []
+    assert [module_name(p) for p in MODULES if not ast.get_docstring(tree(p))] == []
 
 
 def test_import_loads_no_engine(run_python):

@@ -15,7 +15,7 @@ METHODS = ["interception", "last-sight", "first-sight", "policy"]
 @pytest.fixture(scope="module")
 def results():
     options = {"speeds": (0.05, 0.2)}
-    return {entry["name"]: entry for entry in compare("moving", METHODS, goals=24, options=options)["methods"]}
+    return {entry["name"]: entry for entry in compare("moving", METHODS, goals=12, options=options)["methods"]}
 
 
 def test_who_touches(results):

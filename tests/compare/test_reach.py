@@ -195,6 +195,7 @@ def test_goals_of_arm3_are_those_drawn_that_some_posture_reaches():
         assert any(env.accept(q) for q in found) == (goal in kept)
 
 
+@pytest.mark.slow
 def test_one_missing_package_disables_its_own_method_only(run_python):
     code = """
 import sys

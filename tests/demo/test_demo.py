@@ -113,7 +113,8 @@ def test_one_seed_gives_one_output(capsys):
     assert outputs[0] == outputs[1]
 
 
-@pytest.mark.parametrize("ending", [".gif", pytest.param(".mp4", marks=pytest.mark.slow)])
+@pytest.mark.slow
+@pytest.mark.parametrize("ending", [".gif", ".mp4"])
 def test_it_films(ending, tmp_path, needs_gl, capsys):
     path = tmp_path / f"film{ending}"
     assert main(["demo", "--steps", "1", "--print", "nothing", "--video", str(path)]) == 0

@@ -107,6 +107,7 @@ def test_an_unknown_keyword_is_what_python_raises(name):
         assert isinstance(refused.value, UnknownOptionError)
 
 
+@pytest.mark.slow
 def test_a_film_of_a_single_step_shows_the_motion(films, tmp_path, needs_gl):
     lengths = {}
     for record, mode in ((RecordVideo, "rgb_array"), (RecordMotion, "rgb_array_list")):

@@ -276,7 +276,7 @@ def test_gymnasiums_vector_wrappers(task):
     ("task", "mode"),
     [
         ("single", AutoresetMode.SAME_STEP),
-        ("multi, dynamics", AutoresetMode.SAME_STEP),
+        pytest.param("multi, dynamics", AutoresetMode.SAME_STEP, marks=pytest.mark.slow),
         ("button", AutoresetMode.NEXT_STEP),
     ],
 )

@@ -195,8 +195,13 @@ def test_bad_input():
     ("arguments", "code", "said"),
     [
         (["check", "nothing"], 2, "python -m kinreach.kinematics check: error: unknown arm 'nothing'"),
-        ([], 2, "python -m kinreach.kinematics: error: the following arguments are required: COMMAND"),
-        (["--help"], 0, "what an arm is and how its inverse kinematics does"),
+        pytest.param(
+            [],
+            2,
+            "python -m kinreach.kinematics: error: the following arguments are required: COMMAND",
+            marks=pytest.mark.slow,
+        ),
+        pytest.param(["--help"], 0, "what an arm is and how its inverse kinematics does", marks=pytest.mark.slow),
     ],
 )
 def test_as_a_module(arguments, code, said):

@@ -161,12 +161,12 @@ def wristed(file, shoulder, elbow):
 def test_upright_postures_are_in_reach(tmp_path):
     """Where the shoulder, the elbow and the wrist are straight, elimination alone says that no posture is."""
     kin, solved = wristed(tmp_path / "arm.urdf", 0.05, 0), 0
-    for q in random_postures(kin, 60, 0) * [1, 0, 0, 1, 0, 1]:
+    for q in random_postures(kin, 20, 0) * [1, 0, 0, 1, 0, 1]:
         found = kin.all_solutions(kin.fk(q)).q
         solved += len(found) > 0
         for other in found:
             np.testing.assert_allclose(kin.fk(other), kin.fk(q), atol=1e-7)
-    assert solved == 60
+    assert solved == 20
 
 
 def test_a_jacobian_without_an_inverse_is_no_error(tmp_path):

@@ -40,7 +40,8 @@ def blow_up(plant, row, speed):
 
 
 @pytest.mark.parametrize(("before", "after", "written"), [
-    ("", "", []), (OWN_LOG, "", ["own.txt"]), ("import kinreach.sim._engine", OWN_LOG, ["own.txt"]),
+    ("", "", []), pytest.param(OWN_LOG, "", ["own.txt"], marks=pytest.mark.slow),
+    pytest.param("import kinreach.sim._engine", OWN_LOG, ["own.txt"], marks=pytest.mark.slow),
 ])  # fmt: skip
 def test_a_move_that_diverges_writes_no_file_but_the_log_that_was_asked_for(before, after, written, tmp_path):
     code = "\n".join([before, after, DIVERGING])

@@ -135,7 +135,6 @@ class TestOutputThatCannotBeWritten:
             ((), "1"),
             (("--version",), ""),
             (("--version",), "1"),
-            (("compare", "--help"), ""),
             (EVALUATE, "1"),
         ],
     )
@@ -146,7 +145,10 @@ class TestOutputThatCannotBeWritten:
         called = " ".join(["python -m kinreach", *(name for name in arguments[:1] if name in cli.COMMANDS)])
         assert said == [f"{called}: error: cannot write: No space left on device"]
 
-    @pytest.mark.parametrize(("arguments", "unbuffered"), [(("--help",), ""), (("--help",), "1"), (EVALUATE, "")])
+    @pytest.mark.parametrize(
+        ("arguments", "unbuffered"),
+        [(("--help",), ""), (("--help",), "1"), pytest.param(EVALUATE, "", marks=pytest.mark.slow)],
+    )
     def test_reader_who_has_left(self, root, arguments, unbuffered):
         reading, writing = os.pipe()
         os.close(reading)

@@ -238,8 +238,8 @@ def test_starts_of_a_smaller_number_are_the_first_of_a_larger_one():
             np.testing.assert_array_equal(few[name], many[name][:3])
 
 
-def test_a_comparison_in_space(tmp_path):
-    entry = compare("space", methods=["closed-form"], goals=4, seed=3, out=tmp_path)["methods"][0]
+def test_a_comparison_in_space():
+    entry = compare("space", methods=["closed-form"], goals=4, seed=3)["methods"][0]
     assert entry["reached"] == 1.0
     assert entry["distance_mm"]["p95"] < 0.2
     assert entry["posture_error"]["p95"] < 1e-3

@@ -36,7 +36,7 @@ def actions_for(name, count, steps):
     ("name", "backend", "count", "steps", "tolerance"),
     [
         (SINGLE, "kinematic", 32, 20, ROUNDED),
-        (MULTI, "kinematic", 16, 120, ROUNDED),
+        (MULTI, "kinematic", 8, 110, ROUNDED),
         (SINGLE, "mujoco", 6, 4, 0.0),
         (MULTI, "mujoco", 3, 8, 0.0),
     ],
