@@ -103,7 +103,7 @@ def test_bad_input_is_one_line_before_any_episode(arguments, message, capsys, mo
 @pytest.mark.parametrize(
     ("more", "said"),
     [
-        ([], ""),
+        pytest.param([], "", marks=pytest.mark.slow),
         (
             ["--seeds", "2", "--threads", "3", "--split", "held-out", "--export"],
             "--seeds 2 --threads 3 --split held-out --export",

@@ -250,7 +250,7 @@ def test_what_starts_anew_leaves_the_others_pictures_as_they_are(needs_gl):
     single.close()
 
 
-@pytest.mark.parametrize("exposure", [1.0, 4.0])
+@pytest.mark.parametrize("exposure", [pytest.param(1.0, marks=pytest.mark.slow), 4.0])
 def test_pictures_are_those_of_single_environments(exposure, needs_gl):
     options = {"backend": "kinematic", "observation": "pixels", "width": 48, "height": 32, "exposure": exposure}
     batch, singles = make_vec(SINGLE, 3, **options), [gym.make(SINGLE, **options) for _ in range(3)]
