@@ -2,7 +2,7 @@
 
     python examples/12_any_urdf.py [FILE.urdf [TIP]]
 
-Without a file the arm is an xArm 7: seven joints, no closed form. Needs no extra.
+Without a file the arm is an xArm 7: seven joints. Needs no extra.
 """
 
 import sys
@@ -13,7 +13,6 @@ from example_robot_data.robots_loader import getModelPath
 from kinreach.compare import compare
 from kinreach.kinematics import (
     ArmKinematics,
-    ClosedFormKinematics,
     CollisionChecker,
     LevenbergMarquardtSolver,
     PoseGoal,
@@ -27,7 +26,7 @@ file = sys.argv[1] if len(sys.argv) > 1 else f"{getModelPath(xarm)}/{xarm}"
 arm = ArmDescription.from_urdf(file, tip=sys.argv[2] if len(sys.argv) > 2 else None)
 
 kin = ArmKinematics.of(arm)
-kind = "closed form" if isinstance(kin, ClosedFormKinematics) else "no closed form"
+kind = type(kin).__name__
 reach = check.reach_of(kin)
 print(
     f"{arm.name}: {kin.n} joints, tip {kin.tip}, {kind}, reaches {reach.farthest:.2f} m"

@@ -209,7 +209,7 @@ def test_calibrated_ur(run):
 @pytest.mark.slow
 def test_any_urdf(run):
     text = run("12_any_urdf")
-    assert "UF_ROBOT: 7 joints, tip link_eef, no closed form" in text
+    assert "UF_ROBOT: 7 joints, tip link_eef, SevenAxisKinematics" in text
     assert numbers(r"at once, ([\de.-]+) from Pinocchio's", text)[0] < 1e-10
     assert numbers(r"(\d+) singular postures", text)[0] >= 6
     assert min(numbers(r"(\d+) of 50 poses", text)) >= 45

@@ -17,7 +17,7 @@ from scipy.optimize import minimize_scalar
 from kinreach._checks import Floats
 from kinreach.errors import InputError, InstallationError
 from kinreach.kinematics._arm import ArmKinematics
-from kinreach.kinematics._closed_form import POSE_JOINTS
+from kinreach.kinematics._closed_form import POSE_JOINTS, ClosedFormKinematics
 from kinreach.kinematics._collision import CollisionChecker, NoShapesError
 from kinreach.kinematics._goals import PoseGoal, PositionGoal
 from kinreach.kinematics._solvers import ClosedFormSolver, LevenbergMarquardtSolver, PlacoSolver, QPSolver, Solver
@@ -229,7 +229,7 @@ def _least_agile(kin: ArmKinematics, q: Floats, joint: int, scale: float) -> tup
 def solvers_of(kin: ArmKinematics) -> list[Solver]:
     """The solvers that the arm and this installation have; each is tried once, so that none is timed cold."""
     makers: list[Callable[[ArmKinematics], Solver]] = [PlacoSolver, LevenbergMarquardtSolver, QPSolver]
-    if kin.knows_all_postures:
+    if isinstance(kin, ClosedFormKinematics):
         makers.insert(0, ClosedFormSolver)
     solvers = []
     for make in makers:

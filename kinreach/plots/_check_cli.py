@@ -16,6 +16,7 @@ from kinreach.errors import InputError
 from kinreach.kinematics import (
     Arm3Kinematics,
     ArmKinematics,
+    SevenAxisKinematics,
     SixAxisKinematics,
     URKinematics,
 )
@@ -109,7 +110,9 @@ def _class_of(kin: ArmKinematics) -> str:
     if isinstance(kin, URKinematics):
         return "UR: every posture of a pose exactly, singular poses too"
     if isinstance(kin, SixAxisKinematics):
-        return "any six joints: every posture of a pose exactly, by elimination"
+        return "six joints: every posture of a pose exactly, in closed form or by elimination"
+    if isinstance(kin, SevenAxisKinematics):
+        return "seven joints: every posture of a pose as curves; placo, lm and qp give one posture at a time"
     if isinstance(kin, Arm3Kinematics):
         return "turning base with two links: every posture of a position in closed form"
     spare = kin.n - POSE_JOINTS

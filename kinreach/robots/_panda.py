@@ -1,4 +1,4 @@
-"""The Panda of Franka Emika: seven joints, and therefore no closed form that lists all postures."""
+"""The Panda of Franka Emika: seven joints, so that a pose has a family of postures."""
 
 from __future__ import annotations
 

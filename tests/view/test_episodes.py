@@ -216,8 +216,6 @@ def test_what_cannot_be_played_is_refused(tmp_path):
         Recording(SINGLE, "wisdom", ur5).play()
     with pytest.raises(InputError, match=r"cannot read the policy .*missing\.safetensors"):
         Recording(SINGLE, str(tmp_path / "missing.safetensors"), ur5).play()
-    with pytest.raises(InputError, match="has no closed form"):
-        Recording(SINGLE, "closed-form", get_arm("panda")).play()
 
 
 def test_nobody_waits_for_an_episode_any_more():
