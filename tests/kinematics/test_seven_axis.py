@@ -81,7 +81,7 @@ def test_an_arm_that_is_off_its_data_sheet_has_its_curves(panda, tmp_path):
         assert on_a_curve(kin, T, motions, q)
 
 
-@pytest.mark.parametrize("name", ["iiwa14_ik", "j2s7s300_ik", "rizon4_ik"])
+@pytest.mark.parametrize("name", ["iiwa14_ik", pytest.param("j2s7s300_ik", marks=pytest.mark.slow), "rizon4_ik"])
 def test_every_sample_of_ssik_is_on_a_curve(name, tmp_path):
     ssik = pytest.importorskip("ssik")
     arm = ssik.Manipulator.from_prebuilt(name)
@@ -145,7 +145,7 @@ def test_a_curve_gives_the_posture_at_every_length(panda):
 
 def test_the_nearest_posture_is_nearer_than_any_sample(panda):
     rng, moved = np.random.default_rng(5), 0
-    for q in rng.uniform(panda.lower, panda.upper, (4, 7)):
+    for q in rng.uniform(panda.lower, panda.upper, (2, 7)):
         T, seed = panda.fk(q), rng.uniform(panda.lower, panda.upper)
         np.testing.assert_allclose(panda.nearest(T, q).q, q, atol=1e-6)
         found = panda.nearest(T, seed)
@@ -160,7 +160,7 @@ def test_the_nearest_posture_is_nearer_than_any_sample(panda):
         moved += other.success
         refused = panda.nearest(T, seed, accept=lambda _: False)
         assert (refused.status, refused.reason) == (Status.REJECTED, "accept refused every posture on the curves")
-    assert moved == 4
+    assert moved == 2
 
 
 def test_the_best_postures_are_better_than_every_sample(panda):
