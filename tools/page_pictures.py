@@ -85,6 +85,20 @@ class Camera:
             self.tab.wait_for_timeout(50)
 
 
+def self_motion(browser: Any, *, simple: bool) -> None:
+    """A Panda that is moved along a curve of its self-motion."""
+    server = Server(setup_of("panda", simple=simple), port=8740)
+    camera = Camera(browser, server)
+    camera.page.target.move(placement((0.5, 0.0, 0.3), (np.pi, 0, 0)))
+    label = camera.tab.locator("label", has_text="along it [rad]")
+    place = label.locator("xpath=ancestor::div[.//input][1]//input[@type='text']")
+    place.fill("1.0")
+    camera.wait_for(lambda: "kept" in camera.tab.inner_text(".kinreach-postures"))
+    place.scroll_into_view_if_needed()
+    camera.take().save(IMAGES / "view_self_motion.jpg", quality=QUALITY)
+    server.stop()
+
+
 def film(camera: Camera, target: TargetPanel) -> None:
     """A target that is dragged, what is said of it, and a posture that is chosen from the list."""
     tab, frames = camera.tab, []
@@ -142,7 +156,7 @@ def main(argv: list[str] | None = None) -> int:
     """Take them all."""
     parser = Parser(prog=PROG, description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("results", metavar="DIR", help="a comparison of the UR5")
-    parser.add_argument("--only", metavar="NAME", help="target, real-arm, episodes, results or film")
+    parser.add_argument("--only", metavar="NAME", help="target, self-motion, real-arm, episodes, results or film")
     parser.add_argument("--simple", action="store_true", help="fewer triangles and no shadows")
     arguments = parser.parse_args(argv)
     server = Server(setup_of("ur5", simple=arguments.simple, environment=MULTI), port=8720)
@@ -175,6 +189,8 @@ def main(argv: list[str] | None = None) -> int:
         if wanted("film"):
             page.show("Target")
             film(camera, page.target)
+        if wanted("self-motion"):
+            self_motion(browser, simple=arguments.simple)
         browser.close()
     server.stop()
     return 0

@@ -5,7 +5,7 @@ from __future__ import annotations
 import time
 from collections import Counter
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from enum import Enum
 from math import pi
 
@@ -36,6 +36,8 @@ from kinreach.view._policy_solver import PolicySolver
 
 #: What may be asked of the tool, by the words of the page.
 POSE, AXIS, POINT = "position and orientation", "position and direction", "position only"
+#: The posture on a self-motion that the user has gone to.
+ALONG = "on the chosen curve"
 #: Starts of the search for postures of an arm without a closed form.
 STARTS = 8
 #: Two postures nearer than this in every joint are one [rad].
@@ -217,6 +219,14 @@ class TargetModel:
         approach = self._approach(goal, seed) if not reached else None
         verdict = self._verdict(goal, postures, approach)
         return Answer(goal, seed, postures, shown, verdict, approach, time.perf_counter() - start)
+
+    def along(self, answer: Answer, curve: int, q: Floats) -> Answer:
+        """Add a posture (7,) [rad] on a curve of the target's self-motion to an answer, in the place of the last."""
+        posture = replace(self._judged(curve, q, answer.seed), name=ALONG)
+        postures = (*(other for other in answer.postures if other.name != ALONG), posture)
+        shown = answer.shown if answer.shown >= 0 else len(postures) - 1
+        verdict = self._verdict(answer.goal, postures, None)
+        return replace(answer, postures=postures, shown=shown, verdict=verdict, approach=None)
 
     def solve(self, goal: Goal, seed: Floats, names: Sequence[str] | None = None) -> list[Finish]:
         """Put a goal to solvers, one after the other; each may take only postures that do not collide.

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import time
+from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -11,6 +12,7 @@ import numpy as np
 
 from kinreach._checks import Floats
 from kinreach.errors import KinreachError
+from kinreach.kinematics import SevenAxisKinematics
 from kinreach.kinematics._goals import Goal
 from kinreach.kinematics._solvers import SOLVERS
 from kinreach.robots._rotations import rotation, rpy
@@ -20,8 +22,9 @@ from kinreach.view._inputs import Entry, add_unseen, by_user, frame_of, put
 from kinreach.view._names import length, plain
 from kinreach.view._panel import Panel
 from kinreach.view._real_arm import RealArm
+from kinreach.view._self_motion import SelfMotionFolder
 from kinreach.view._snippet import program
-from kinreach.view._target import AXIS, SAME, Answer, Finish, State
+from kinreach.view._target import ALONG, AXIS, POSE, SAME, Answer, Finish, State
 
 NOTHING = "nothing"
 #: Which postures are drawn as ghosts.
@@ -30,6 +33,8 @@ THOSE_THAT_CAN, ALL, NONE = "that can be used", "all", "none"
 CLEAR, FAINT = 0.8, 0.07
 #: How far a coordinate may be typed [m].
 MAX_POSITION = 1000.0
+#: For so long the target stands still before its self-motion is computed [s].
+STILL = 0.15
 TOOL_DOWN = np.diag([1.0, -1.0, -1.0])
 
 
@@ -61,6 +66,7 @@ class TargetPanel(Panel):
             self._build_gui()
         self.answer: Answer = self.model.answer(self.goal, self.q)
         self._draw()
+        self._trace()
 
     @property
     def goal(self) -> Goal:
@@ -96,7 +102,7 @@ class TargetPanel(Panel):
             self.T = T
             self._update(start)
 
-        self._latest(work)
+        self._change(work)
 
     def _build_scene(self) -> None:
         scene, figure = self._client.scene, self._setup.figure
@@ -127,6 +133,9 @@ class TargetPanel(Panel):
             self._angles = self._vector("roll pitch yaw [°]", 360.0, step=0.1, hint=turn)
             down = gui.add_button("Turn the tool down", hint="The tool's z axis down; turning about it is free")
             back = gui.add_button("Back to the start", hint="Arm and target as in the beginning")
+        self._motion: SelfMotionFolder | None = None
+        if isinstance(model.kinematics, SevenAxisKinematics):
+            self._motion = SelfMotionFolder(self._client, f"{self._root}/self_motion", model.kinematics, self._go_along)
         with gui.add_folder("Arm", expand_by_default=False):
             self._ghosted = gui.add_dropdown("ghosts", [THOSE_THAT_CAN, ALL, NONE], initial_value=THOSE_THAT_CAN)
             self._bound = gui.add_slider("all within ± [°]", 30, 360, 5, 360, hint="Narrows the limits of all joints")
@@ -179,7 +188,7 @@ class TargetPanel(Panel):
                 self.T[:3, :3] = rotation(np.radians(turn).tolist())
             self._update(start)
 
-        self._latest(work)
+        self._change(work)
 
     def _set_kind(self, kind: str) -> None:
         self._kind = kind
@@ -227,6 +236,41 @@ class TargetPanel(Panel):
             self.T = self.model.kinematics.fk(self.q)
             self._update(start)
 
+        self._change(work)
+
+    def _change(self, work: Callable[[], None]) -> None:
+        """Change the target; its self-motion is computed when it stands still, because that takes longer."""
+        self._latest(work)
+        if self._motion is not None:
+            T = self.T
+            time.sleep(STILL)
+            if T is self.T:
+                self._trace()
+
+    def _trace(self) -> None:
+        """Compute the self-motion of the target, and draw it if the target is still there."""
+        kinematics, T = self.model.kinematics, self.T
+        if self._motion is None or not isinstance(kinematics, SevenAxisKinematics):
+            return
+        motions = kinematics.self_motions(T) if self._kind == POSE else None
+        with self._lock:
+            if T is not self.T or (motions is None) == (self._kind == POSE):
+                return
+            if motions is None:
+                self._motion.clear("The self-motion is that of a position and orientation.")
+                return
+            self._motion.show(motions)
+            self._motion.follow(self._drawn)
+
+    def _go_along(self) -> None:
+        def work() -> None:
+            assert self._motion is not None
+            found = self._motion.take()
+            if found is not None:
+                self.answer = self.model.along(self.answer, *found)
+                self._kept = ALONG
+                self._draw()
+
         self._latest(work)
 
     def _start_from(self, q: Floats) -> None:
@@ -262,6 +306,8 @@ class TargetPanel(Panel):
             self._verdict.content = html.message(str(error), bad=True)
             return
         self.answer = answer
+        if self._motion is not None:
+            self._motion.clear("The self-motion is computed when the target stands still.")
         if self.finishes:
             self.finishes, self._table.content = [], ""
             self._solved.visible = False
@@ -291,6 +337,8 @@ class TargetPanel(Panel):
         self._gauge.content = html.gauge(self.model.slowest_motion(q), self.model.nearest_singularity(q))
         self._place.show(tuple(self.T[:3, 3].round(3).tolist()))
         self._turn.show(tuple(np.degrees(rpy(self.T[:3, :3])).round(1).tolist()))
+        if self._motion is not None:
+            self._motion.follow(q)
         for entry, slider, value in zip(self._joints, self._sliders, np.degrees(q).tolist(), strict=True):
             entry.show(float(np.clip(round(value, 1), slider.min, slider.max)))
 

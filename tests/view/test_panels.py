@@ -3,6 +3,7 @@
 import asyncio
 import contextlib
 import gc
+import html
 import json
 import re
 import threading
@@ -149,6 +150,46 @@ def test_a_target_that_is_dragged_is_answered(serve):
             wait_for(lambda: panel.answer.verdict in tab.text)
             answers += 1
         assert answers == 10
+
+
+def test_the_self_motion_of_a_seven_axis_arm(serve):
+    """Lines of the elbow, and a slider that moves the arm on a curve while the tool stands still."""
+    with Tab(serve("panda")) as tab:
+        panel, states = tab.page.target, []
+        kin, label = panel.model.kinematics, "along it [rad]"
+        curves = kin.self_motions(panel.T).curves
+        names = tab.element("curve")["options"]
+        assert len(names) == len(curves) > 1
+        assert all(f"{curve.total:.1f} rad, ends at" in name for curve, name in zip(curves, names, strict=True))
+        lines = tab.nodes["/target/self_motion/all"]["points"].reshape(-1, 2, 3)
+        assert len(lines) == sum(len(curve.q) - 1 for curve in curves)
+        shoulder = (0.0, 0.0, 0.333)  # the elbow is as far from it as the links are long
+        np.testing.assert_allclose(np.linalg.norm(lines - shoulder, axis=2), np.hypot(0.316, 0.0825), atol=1e-6)
+        for name, curve in zip(names, curves, strict=True):
+            tab.set("curve", name)
+            wait_for(lambda curve=curve: tab.element(label)["max"] == pytest.approx(curve.total, abs=0.01))
+            for place in np.linspace(0.0, tab.element(label)["max"], 5).tolist():
+                tab.set(label, place)
+                q = curve.at(min(place, curve.total))
+                wait_for(lambda q=q: np.abs(panel._drawn - q).max() < 1e-9)
+                with tab.page.lock:
+                    posture = panel.answer.postures[panel.solid]
+                    assert posture.pairs == panel.model.checker.contacts(q)
+                np.testing.assert_allclose(kin.fk(posture.q), panel.T, atol=1e-6)
+                states.append(posture.state)
+                wait_for(
+                    lambda curve=curve: len(tab.nodes["/target/self_motion/chosen"]["points"]) == 6 * len(curve.q) - 6
+                )
+                wait_for(lambda posture=posture: html.escape(posture.reason) in tab.text)
+        assert len(states) == 5 * len(curves)
+        assert set(states) == {State.USABLE, State.COLLIDES}
+        tab.set("asks for", "position and direction")
+        wait_for(lambda: "that of a position and orientation" in tab.text and not tab.shows(label))
+        tab.set("asks for", "position and orientation")
+        wait_for(lambda: tab.shows(label))
+        tab.drag("/target/goal", (2.5, 0.0, 0.0))
+        wait_for(lambda: "There is no self-motion: no posture reaches the goal." in tab.text and not tab.shows(label))
+        assert not tab.nodes["/target/self_motion"]["visible"]
 
 
 def test_the_real_arm_beside_its_data_sheet(serve, root):
