@@ -18,7 +18,7 @@ from kinreach.view._inputs import Entry, by_user
 
 pin: Any = load("pinocchio")
 
-#: A posture nearer than this to a curve is on it [rad].
+#: A posture nearer than this to that of the inputs leaves them as they are [rad].
 NEAR = 1e-2
 NONE = "none"
 

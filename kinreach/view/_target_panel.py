@@ -264,9 +264,7 @@ class TargetPanel(Panel):
 
     def _go_along(self) -> None:
         def work() -> None:
-            assert self._motion is not None
-            found = self._motion.take()
-            if found is not None:
+            if self._motion is not None and (found := self._motion.take()) is not None:
                 self.answer = self.model.along(self.answer, *found)
                 self._kept = ALONG
                 self._draw()
