@@ -90,13 +90,16 @@ class Latest:
 
     Args:
         lock: Held while working.
+
+    Attributes:
+        ended: Whether nothing is done any more.
     """
 
     def __init__(self, lock: RLock) -> None:
         self._lock = lock
         self._numbering = Lock()
         self._asked = 0
-        self._ended = False
+        self.ended = False
 
     def __call__(self, work: Callable[[], None]) -> None:
         """Do this, unless something else is asked for before it begins."""
@@ -104,12 +107,12 @@ class Latest:
             self._asked += 1
             mine = self._asked
         with self._lock:
-            if mine == self._asked and not self._ended:
+            if mine == self._asked and not self.ended:
                 work()
 
     def end(self) -> None:
         """Do nothing any more."""
-        self._ended = True
+        self.ended = True
 
 
 def frame_of(gizmo: Any) -> Floats:

@@ -254,7 +254,7 @@ class TargetPanel(Panel):
             return
         motions = kinematics.self_motions(T) if self._kind == POSE else None
         with self._lock:
-            if T is not self.T or (motions is None) == (self._kind == POSE):
+            if self._latest.ended or T is not self.T or (motions is None) == (self._kind == POSE):
                 return
             if motions is None:
                 self._motion.clear("The self-motion is that of a position and orientation.")
