@@ -68,8 +68,10 @@ class _Graph:
 
     def constant(self, value: ArrayLike) -> str:
         """Return the name of a constant."""
-        name = f"constant{len(self.constants)}"
-        self.constants.append(self.onnx.numpy_helper.from_array(np.asarray(value), name))
+        name, array = f"constant{len(self.constants)}", np.asarray(value)
+        if array.dtype.kind == "f":  # a `model.zip` has single precision
+            array = array.astype(np.float64)
+        self.constants.append(self.onnx.numpy_helper.from_array(array, name))
         return name
 
     def __call__(self, operator: str, *inputs: str | ArrayLike, **attributes: Any) -> str:

@@ -47,6 +47,15 @@ def test_policies_of_the_package(name, tmp_path):
     assert_equal(policy, tmp_path / "policy.onnx", observations)
 
 
+def test_a_model_of_single_precision(tmp_path):
+    """As stable-baselines3 saves it in `model.zip`."""
+    policy = load_policy("ppo-single")
+    layers = [tuple(part.astype(np.float32) for part in layer) for layer in policy.network.layers]
+    single = LearnedPolicy(policy.card, replace(policy.network, layers=layers))
+    export_onnx(single, tmp_path / "policy.onnx")
+    assert_equal(single, tmp_path / "policy.onnx", np.random.default_rng(1).normal(size=(OBSERVATIONS, single.inputs)))
+
+
 @pytest.mark.parametrize("walks", [False, True])
 def test_a_policy_that_sees_pictures(walks, tmp_path):
     policy = load_policy("pixels-single")
