@@ -1,0 +1,211 @@
+"""The results as a page: a table by class, what every solver refuses, a CSV file with all rows, a figure."""
+
+from __future__ import annotations
+
+import csv
+import io
+import os
+from collections import Counter
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+from statistics import median
+from typing import Any
+
+from matplotlib.lines import Line2D
+from matplotlib.ticker import FuncFormatter, NullFormatter
+
+from benchmarks.ik_arms.arms import CASES, CLASSES
+from benchmarks.ik_arms.measure import ON_CURVE, RIGHT, SEVENTH, Effort
+from benchmarks.ik_arms.solvers import Kinreach
+from benchmarks.speed.report import PACKAGES, table
+from kinreach._files import make_writable, replacing, write_text
+from kinreach._provenance import machine, versions
+from kinreach.plots import FAINT, colours_of, key, new_figure, plain
+
+Line = dict[str, Any]
+COLUMNS = (
+    "", "arms", "recall [%]", "wrong", "singular, empty [%]", "one pose [us]", "x kinreach", "in a batch [us]",
+    "x kinreach's batch", "preparation [s]", "memory [MB]",
+)  # fmt: skip
+#: Columns that are drawn, and what is written above them.
+PANELS = {
+    "recall [%]": "share of all postures",
+    "singular, empty [%]": "singular poses without an answer",
+    "one pose [us]": "median of the arms that a solver takes",
+}
+
+
+def write(lines: Sequence[Line], effort: Effort, page: Path, *, command: str) -> None:
+    """Write the page, its CSV file beside it, and its figure among the images above it, or beside it.
+
+    Raises:
+        OutputError: They cannot be written.
+    """
+    above = page.parent.parent / "images"
+    image = (above if above.is_dir() else page.parent) / f"{page.stem}.png"
+    make_writable(page.parent)
+    with replacing(image) as temporary:
+        _figure(lines).savefig(temporary, dpi=130, format="png")
+    text = io.StringIO()
+    fields = list(dict.fromkeys(field for line in lines for field in line))
+    writer = csv.DictWriter(text, fields, lineterminator="\n")
+    writer.writeheader()
+    writer.writerows({k: f"{v:.4g}" if isinstance(v, float) else v for k, v in line.items()} for line in lines)
+    write_text(page.with_suffix(".csv"), text.getvalue())
+    picture = Path(os.path.relpath(image, page.parent)).as_posix()
+    write_text(page, "\n\n".join(_parts(lines, effort, page.with_suffix(".csv").name, picture, command)) + "\n")
+
+
+def _parts(lines: Sequence[Line], effort: Effort, data: str, picture: str, command: str) -> Iterator[str]:
+    here, found = machine(), versions(PACKAGES)
+    names = ", ".join(f"{name} {version}" for name, version in found.items() if version and "source" not in name)
+    arms, solvers = (len({line[of] for line in lines}) for of in ("arm", "solver"))
+    yield "# Inverse kinematics of every arm"
+    yield f"<!-- written by `{command}`; do not edit -->"
+    yield (
+        f"Every posture of {arms} arms by {solvers} solvers: the arms that ssik ships, and URs with published "
+        "calibrations. Pinocchio judges every posture. Where kinreach loses is listed."
+    )
+    yield f"![Recall, singular poses and time of one pose, a dot for each class and solver]({picture})"
+    yield (
+        f"Random poses: {effort.poses} of each arm, {-(-effort.poses // SEVENTH)} with seven axes, at most 40 of a "
+        "calibrated UR. **Recall** is the share of all postures that any solver finds. A posture is **wrong** if its "
+        f"tip is more than {RIGHT:g} m or rad from the pose. With seven axes postures form curves, and solvers return "
+        f"samples; a posture is found if a sample is within {ON_CURVE} rad in every joint. **Singular** poses: "
+        f"{effort.singular} in each of {len(CASES)} cases ({', '.join(CASES)}); empty are those without a right "
+        "posture. TRAC-IK is iterative and returns one posture. Joint limits are off."
+    )
+    yield (
+        "A time is the median of blocks, then of the arms. Blocks take turns with kinreach's, so ratios hold on a busy "
+        "machine and times do not. Above 1, kinreach is faster. Memory is the peak of a process that holds the judge, "
+        f"too. A solver has {effort.limit} s of processor time for an arm, preparation included."
+    )
+    if effort.limit < Effort.limit:
+        yield "**Measured with `--quick` on a busy machine: few repetitions and short limits. The times are rough.**"
+    for kind in CLASSES:
+        rows = [_row(solver, chosen) for solver, chosen in _grouped(lines, kind)]
+        if rows:
+            yield f"## {kind[0].upper()}{kind[1:]}"
+            yield table(COLUMNS, rows)
+    yield "## Refused, because"
+    refused = Counter((line["solver"], line["refused"]) for line in lines if line["refused"])
+    yield "\n".join(f"* {solver}, {_arms(count)}: {why}" for (solver, why), count in refused.items()) or "None."
+    yield "## Where kinreach loses"
+    yield "\n".join(_losses(lines)) or "Nowhere in this run."
+    yield "## Enter a solver"
+    yield (
+        "A class with `name`, `__init__(kin)` and `all(T)` takes part; `kin` is the arm, and a constructor that raises "
+        "refuses it:"
+    )
+    yield (
+        '```python\nclass MySolver:\n    name = "mine"\n\n    def __init__(self, kin):\n'
+        "        self.urdf = kin.arm.urdf  # and kin.chain.placements, kin.fk\n\n"
+        "    def all(self, T):\n        return solutions  # postures [rad], shape (k, n)\n```"
+    )
+    yield f"    {command.split(' --')[0]} --solver my_module:MySolver"
+    yield (
+        "Results of the other solvers are kept, so it is measured alone. ssik's answers for calibrated URs are stored "
+        "(`benchmarks.studies.calibrated_arms --oracle`), with their times: it prepares each for 2 to 12 minutes."
+    )
+    yield (
+        f"Machine: {here['processor']}, {here['cores']} cores, load {os.getloadavg()[2]:.0f}. Versions: {names}. "
+        f"All rows: [{data}]({data}). Again: `{command}`"
+    )
+
+
+def _grouped(lines: Sequence[Line], kind: str) -> Iterator[tuple[str, list[Line]]]:
+    for solver in dict.fromkeys(line["solver"] for line in lines):
+        chosen = [line for line in lines if line["solver"] == solver and line["class"] == kind]
+        if chosen:
+            yield solver, chosen
+
+
+def _row(solver: str, lines: Sequence[Line]) -> list[Any]:
+    taken = [line for line in lines if not line["refused"]]
+    if not taken:
+        return [solver, f"0 of {len(lines)}", *[None] * (len(COLUMNS) - 2)]
+    asked, empty, wrong = (
+        sum(line.get(f"{c}: {what}") or 0 for line in taken for c in CASES) for what in ("poses", "empty", "wrong")
+    )
+    return [
+        solver,
+        f"{len(taken)} of {len(lines)}",
+        sum(line["recall"] * line["union"] for line in taken) / sum(line["union"] for line in taken),
+        sum(line["wrong"] for line in taken) + wrong,
+        100 * empty / asked if asked else None,
+        _middle(taken, "single", 1e6),
+        _middle(taken, "ratio"),
+        _middle(taken, "batch", 1e6),
+        _middle(taken, "batch_ratio"),
+        _middle(taken, "preparation"),
+        _middle(taken, "megabytes"),
+    ]
+
+
+def _middle(lines: Sequence[Line], field: str, scale: float = 1.0) -> float | None:
+    values = [line[field] * scale for line in lines if line.get(field) is not None]
+    return float(median(values)) if values else None
+
+
+def _losses(lines: Sequence[Line]) -> Iterator[str]:
+    """Lines of a list: postures that kinreach misses, and arms on which another solver is faster."""
+    ours = [line for line in lines if line["solver"] == Kinreach.name]
+    refused = [line["arm"] for line in ours if line["refused"]]
+    if refused:
+        yield f"* Refused: {', '.join(refused)}."
+    taken = [line for line in ours if not line["refused"]]
+    missed = [f"{line['arm']} ({100 - line['recall']:.1f} %)" for line in taken if line["recall"] < 100 - 1e-9]
+    if missed:
+        yield f"* Missed postures: {', '.join(missed)}."
+    wrong = [line["arm"] for line in taken if line["wrong"] or any(line.get(f"{case}: wrong") for case in CASES)]
+    if wrong:
+        yield f"* Wrong postures: {', '.join(wrong)}."
+    empty = [f"{line['arm']} ({case}: {line[f'{case}: empty']} of {line[f'{case}: poses']})"
+             for line in taken for case in CASES if line.get(f"{case}: empty")]  # fmt: skip
+    if empty:
+        yield f"* Singular poses without an answer: {', '.join(empty)}."
+    for kind in CLASSES:
+        for solver, chosen in _grouped(lines, kind):
+            for what, field in (("one pose", "ratio"), ("a batch", "batch_ratio")):
+                ratios = [line[field] for line in chosen if line.get(field) is not None]
+                faster = [ratio for ratio in ratios if ratio < 1.0]
+                if faster and solver != Kinreach.name:
+                    times = (
+                        f"{1 / max(faster):.1f} to {1 / min(faster):.1f} times"
+                        if len(faster) > 1
+                        else f"{1 / faster[0]:.1f} times"
+                    )
+                    yield f"* {kind}, {what}: {solver} is {times} as fast on {len(faster)} of {_arms(len(ratios))}."
+
+
+def _arms(count: int) -> str:
+    return f"{count} arm" + ("s" if count != 1 else "")
+
+
+def _figure(lines: Sequence[Line]) -> Any:
+    """Recall, singular poses and time of one pose: a row for each class, a dot for each solver."""
+    kinds = [kind for kind in CLASSES if any(line["class"] == kind for line in lines)]
+    colours = colours_of(line["solver"] for line in lines)
+    figure, panels = new_figure("", size=(10.0, 1.4 + 0.75 * len(kinds)), columns=len(PANELS))
+    for axes, (column, title) in zip(panels, PANELS.items(), strict=True):
+        axes.set_xlim(*((-2, 102) if "[%]" in column else (None, None)))
+        axes.set_xscale("linear" if "[%]" in column else "log")
+        for row, kind in enumerate(kinds):
+            axes.axhline(row + 0.5, color="#e4e4e4", lw=0.8)
+            for solver, chosen in _grouped(lines, kind):
+                value = _row(solver, chosen)[COLUMNS.index(column)]
+                place = row + 0.12 * (list(colours).index(solver) - (len(colours) - 1) / 2)
+                if value is not None:
+                    axes.plot(value, place, "o", ms=5.5, color=colours[solver], clip_on=False)
+        axes.set_yticks(range(len(kinds)), [""] * len(kinds))
+        axes.set_ylim(len(kinds) - 0.5, -0.5)
+        axes.grid(visible=False, axis="y")
+        axes.set_xlabel(column.replace("us", "µs"), fontsize=9, color=FAINT)
+        key(axes, title)
+    panels[-1].xaxis.set_major_formatter(FuncFormatter(plain))
+    panels[-1].xaxis.set_minor_formatter(NullFormatter())
+    counts = Counter(line["class"] for line in lines if line["solver"] == Kinreach.name)
+    panels[0].set_yticks(range(len(kinds)), [f"{kind} ({counts[kind]})" for kind in kinds])
+    handles = [Line2D([], [], ls="", marker="o", ms=5.5, color=colour) for colour in colours.values()]
+    figure.legend(handles, list(colours), loc="outside upper center", ncols=len(colours), frameon=False, fontsize=9)
+    return figure
