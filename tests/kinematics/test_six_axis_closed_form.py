@@ -3,11 +3,11 @@
 import numpy as np
 import pytest
 
+from benchmarks.ik_arms.arms import placements_of, urdf
 from kinreach.kinematics import ArmKinematics, SixAxisKinematics
 from kinreach.kinematics._general_6r import Chain, General6R
 from kinreach.kinematics._six_axis.methods import Backwards, ClosedForm, Elimination, NearClosedForm
 from kinreach.kinematics._solutions import ANGLES
-from kinreach.robots._rotations import rpy
 
 RIGHT = np.pi / 2
 #: What holds for the lengths [m] and angles [rad] between axes: index from 0, value.
@@ -59,16 +59,7 @@ def placements(rng, name, *, backwards=False, off=0.0):
 def kinematics(tmp_path, chain):
     """The arm of a URDF."""
     file = tmp_path / "arm.urdf"
-    text = '<link name="l0"/>'
-    for index, T in enumerate(chain, start=1):
-        kind, axis = ("fixed", "") if index == len(chain) else ("revolute", '<axis xyz="0 0 1"/>')
-        origin = f'<origin xyz="{" ".join(map(str, T[:3, 3]))}" rpy="{" ".join(map(str, rpy(T[:3, :3])))}"/>'
-        text += (
-            f'<link name="l{index}"/><joint name="j{index}" type="{kind}"><parent link="l{index - 1}"/>'
-            f'<child link="l{index}"/>{origin}{axis}'
-            '<limit lower="-3.1416" upper="3.1416" effort="9" velocity="3"/></joint>'
-        )
-    file.write_text(f'<robot name="arm">{text}</robot>')
+    file.write_text(urdf(chain))
     return ArmKinematics.from_urdf(file)
 
 
@@ -218,16 +209,7 @@ def of_ssik(tmp_path, name):
     """An arm that ssik ships, in both packages."""
     ssik = pytest.importorskip("ssik")
     arm = ssik.Manipulator.from_prebuilt(name)
-    chain, carry = [], np.eye(4)
-    for joint in arm.kinbody.joints:
-        z = np.asarray(joint.axis) / np.linalg.norm(joint.axis)
-        helper = np.eye(3)[np.abs(z).argmin()]
-        x = np.cross(helper, z) / np.linalg.norm(np.cross(helper, z))
-        align = np.eye(4)
-        align[:3, :3] = np.column_stack([x, np.cross(z, x), z])
-        chain.append(carry @ joint.T_left @ align)
-        carry = align.T @ joint.T_right
-    return arm, kinematics(tmp_path, np.array([*chain, carry]))
+    return arm, kinematics(tmp_path, placements_of(arm))
 
 
 def same_as_ssik(tmp_path, name, count):
