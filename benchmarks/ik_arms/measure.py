@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import gc
 import resource
+import signal
 import time
 from collections.abc import Callable
+from contextlib import suppress
 from dataclasses import dataclass
-from functools import partial
 from typing import Any
 
 import numpy as np
@@ -14,7 +16,6 @@ import numpy as np
 from benchmarks.ik_arms.arms import SEVEN, class_of, postures, singular_poses
 from benchmarks.ik_arms.child import forked
 from benchmarks.ik_arms.solvers import SSIK, Kinreach, Solver
-from benchmarks.speed.measure import Contender, interleaved, ratios
 from benchmarks.studies.calibrated_arms import ORACLE, ROBOTS
 from kinreach._checks import Floats
 from kinreach.errors import InputError
@@ -26,7 +27,7 @@ RIGHT = 1e-6
 #: Two postures are one if no joint differs by more [rad]: of lists, and of samples along curves.
 SAME, ON_CURVE = 1e-3, 0.1
 #: Share of the poses of an arm with seven axes that are asked for: each has hundreds of postures.
-SEVENTH = 3
+SEVENTH = 6
 
 
 @dataclass(frozen=True)
@@ -42,10 +43,10 @@ class Effort:
     """
 
     poses: int = 60
-    singular: int = 10
+    singular: int = 8
     blocks: int = 5
     batch: int = 1000
-    limit: int = 15
+    limit: int = 10
 
 
 def asked(name: str, kin: ArmKinematics, effort: Effort) -> Floats:
@@ -64,9 +65,9 @@ def measure(name: str, kin: ArmKinematics, kind: type[Solver], effort: Effort) -
 
 
 def _row(name: str, kin: ArmKinematics, kind: type[Solver], effort: Effort) -> dict[str, Any]:
-    start = time.perf_counter()
+    start = time.process_time()
     solver = kind(kin)
-    preparation = time.perf_counter() - start
+    preparation = time.process_time() - start
     seven = class_of(kin) == SEVEN
     T = kin.fk(asked(name, kin, effort))
     right, wrong = zip(*(_answer(kin, solver, pose) for pose in T), strict=True)
@@ -77,6 +78,10 @@ def _row(name: str, kin: ArmKinematics, kind: type[Solver], effort: Effort) -> d
         empty = sum(len(q) == 0 for q, _ in answers)
         row["singular"][case] = [len(poses), empty, sum(count for _, count in answers)]
     row["megabytes"] = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024
+    signal.setitimer(signal.ITIMER_PROF, 0.0)  # under this timer the kernel's clock moves by ticks
+    start = time.process_time()
+    while time.process_time() - start < 0.03:
+        pass
     own = solver if isinstance(solver, Kinreach) else _or_none(kin)
     row["single"], row["ratio"] = _times(solver.all, own and own.all, T, effort, batch=False)
     if many := getattr(solver, "batch", None):
@@ -103,26 +108,29 @@ def _answer(kin: ArmKinematics, solver: Solver, T: Floats) -> tuple[Floats, int]
 
 def _times(
     call: Callable[[Floats], object], own: Callable[[Floats], object] | None, T: Floats, effort: Effort, *, batch: bool
-) -> tuple[float | None, float | None]:
-    """Seconds a pose, and as a multiple of kinreach's: medians over blocks that take turns with kinreach's."""
-    start = time.perf_counter()
-    call(T[:1] if batch else T[0])
-    first = time.perf_counter() - start
+) -> tuple[float, float | None]:
+    """Processor seconds a pose, and as a multiple of kinreach's: medians over blocks that take turns with its own."""
+    start = time.process_time()
+    with suppress(Exception):
+        call(T[:1] if batch else T[0])
+    first = max(time.process_time() - start, 1e-6)
     count = min(effort.batch, max(int(0.3 / first), 1)) if batch else min(len(T), max(int(0.03 / first), 1))
     given = [np.resize(T, (count, 4, 4))] if batch else list(T[:count])
 
-    def block(function: Callable[[Floats], object]) -> None:
+    def block(function: Callable[[Floats], object]) -> float:
+        start = time.process_time()
         for each in given:
-            function(each)
+            with suppress(Exception):
+                function(each)
+        return (time.process_time() - start) / count
 
-    contenders = [Contender("theirs", partial(block, call), count, peer=True)]
-    if own is not None and own != call:
-        contenders.append(Contender("kinreach", partial(block, own), count))
-    seconds = interleaved(contenders, effort.blocks)
-    if "theirs" not in seconds:
-        return None, None
-    ratio = float(np.median(ratios(seconds, "theirs", "kinreach"))) if "kinreach" in seconds else None
-    return float(np.median(seconds["theirs"])), 1.0 if own == call else ratio
+    gc.collect()
+    gc.disable()
+    others = [] if own is None or own == call else [own]
+    blocks = np.array([[block(each) for each in (call, *others)] for _ in range(effort.blocks + 1)])[1:]
+    gc.enable()
+    ratio = float(np.median(blocks[:, 0] / blocks[:, 1])) if others else None
+    return float(np.median(blocks[:, 0])), 1.0 if own == call else ratio
 
 
 def _stored(name: str, effort: Effort) -> dict[str, Any]:

@@ -76,12 +76,12 @@ def _parts(lines: Sequence[Line], effort: Effort, data: str, picture: str, comma
         "posture. TRAC-IK is iterative and returns one posture. Joint limits are off."
     )
     yield (
-        "A time is the median of blocks, then of the arms. Blocks take turns with kinreach's, so ratios hold on a busy "
-        "machine and times do not. Above 1, kinreach is faster. Memory is the peak of a process that holds the judge, "
-        f"too. A solver has {effort.limit} s of processor time for an arm, preparation included."
+        "A time is the processor's, the median of blocks, then of the arms. Blocks take turns with kinreach's. Above "
+        "1, kinreach is faster. TRAC-IK has two threads, and stops after 20 ms. Memory is the peak of a process that "
+        f"holds the judge, too. A solver has {effort.limit} s of processor time for an arm, preparation included."
     )
     if effort.limit < Effort.limit:
-        yield "**Measured with `--quick` on a busy machine: few repetitions and short limits. The times are rough.**"
+        yield "**Measured with `--quick`: few poses, few repetitions and short limits. The times are rough.**"
     for kind in CLASSES:
         rows = [_row(solver, chosen) for solver, chosen in _grouped(lines, kind)]
         if rows:
@@ -188,8 +188,10 @@ def _figure(lines: Sequence[Line]) -> Any:
     colours = colours_of(line["solver"] for line in lines)
     figure, panels = new_figure("", size=(10.0, 1.4 + 0.75 * len(kinds)), columns=len(PANELS))
     for axes, (column, title) in zip(panels, PANELS.items(), strict=True):
-        axes.set_xlim(*((-2, 102) if "[%]" in column else (None, None)))
-        axes.set_xscale("linear" if "[%]" in column else "log")
+        if "[%]" in column:
+            axes.set_xlim(-2, 102)
+        else:
+            axes.set_xscale("log")
         for row, kind in enumerate(kinds):
             axes.axhline(row + 0.5, color="#e4e4e4", lw=0.8)
             for solver, chosen in _grouped(lines, kind):

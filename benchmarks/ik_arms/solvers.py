@@ -142,7 +142,7 @@ class TracIK:
         with tempfile.TemporaryDirectory() as folder:
             file = Path(folder) / "arm.urdf"
             file.write_text(kin.arm.urdf, encoding="utf-8")
-            self._solver = Wrapped(kin.arm.base, kin.arm.tips[kin.tip], str(file), timeout=0.05, epsilon=1e-7)
+            self._solver = Wrapped(kin.arm.base, kin.arm.tips[kin.tip], str(file), timeout=0.02, epsilon=1e-7)
         self._seed = np.zeros(kin.n)
 
     def all(self, T: Floats) -> Floats:

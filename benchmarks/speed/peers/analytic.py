@@ -39,9 +39,12 @@ def eaik_of(kin: ArmKinematics, *, least_squares: bool = False) -> IKPeer:
         joints.append(frame[:3, 3])
         axes.append(frame[:3, :3] @ axis)
     offsets = np.vstack([joints[:1], np.diff(joints, axis=0), np.zeros((1, 3))])
-    robot = HPRobot(np.array(axes).round(9), offsets)
-    family = robot.getKinematicFamily()
-    if "Unknown" in family:
+    for directions in (np.array(axes), np.array(axes).round(9)):  # of a URDF with rounded angles
+        robot = HPRobot(directions, offsets)
+        family = robot.getKinematicFamily()
+        if "Unknown" not in family:
+            break
+    else:
         raise InputError(f"its class of {kin.arm.name} is {family!r}, which it does not solve")
     untool = np.linalg.inv(kin.fk(np.zeros(6))) @ robot.fwdKin(np.zeros(6))
 
