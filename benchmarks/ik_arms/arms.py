@@ -117,7 +117,7 @@ def singular_poses(kin: ArmKinematics, count: int) -> dict[str, Floats]:
     """Poses (m, 4, 4) of each case; m is less than `count` where no angle of the joint makes the arm singular."""
     rng, found = np.random.default_rng(1), {}
     for case, (joints, beside) in CASES.items():
-        q = rng.uniform(-np.pi, np.pi, (4 * count, 6))
+        q: Floats = rng.uniform(-np.pi, np.pi, (4 * count, 6))
         if not joints:
             q = rng.integers(-2, 3, q.shape) * (np.pi / 2)
         roots = [_singular(kin, q, joint) for joint in joints]

@@ -82,8 +82,8 @@ def _row(name: str, kin: ArmKinematics, kind: type[Solver], effort: Effort) -> d
     start = time.process_time()
     while time.process_time() - start < 0.03:
         pass
-    own = solver if isinstance(solver, Kinreach) else _or_none(kin)
-    row["single"], row["ratio"] = _times(solver.all, own and own.all, T, effort, batch=False)
+    own: Kinreach | None = solver if isinstance(solver, Kinreach) else _or_none(kin)
+    row["single"], row["ratio"] = _times(solver.all, own.all if own else None, T, effort, batch=False)
     if many := getattr(solver, "batch", None):
         row["batch"], row["batch_ratio"] = _times(many, getattr(own, "batch", None), T, effort, batch=True)
     return row

@@ -118,7 +118,7 @@ class URAnalytic:
     def __init__(self, kin: ArmKinematics) -> None:
         import ur_analytic_ik
 
-        self._model = getattr(ur_analytic_ik, kin.arm.name.removesuffix("_ik"), None)
+        self._model: Any = getattr(ur_analytic_ik, kin.arm.name.removesuffix("_ik"), None)
         if self._model is None:
             raise InputError("UR models by their data sheets only")
         self._tool = np.linalg.inv(FLIP @ kin.fk(np.zeros(6))) @ self._model.forward_kinematics(*np.zeros(6))
@@ -164,12 +164,13 @@ def solver_class(path: str) -> type[Solver]:
     """
     module, _, name = path.partition(":")
     try:
-        found = getattr(importlib.import_module(module), name)
+        found: Any = getattr(importlib.import_module(module), name)
     except (ImportError, AttributeError, ValueError) as error:
         raise InputError(f"--solver must be module:Class, got {path!r}: {error}") from None
     if not isinstance(getattr(found, "name", None), str) or not hasattr(found, "all"):
         raise InputError(f"--solver {path}: the class needs a `name` and a method `all(T)`")
-    return found  # type: ignore[no-any-return]
+    kind: type[Solver] = found
+    return kind
 
 
 def _six(kin: ArmKinematics) -> None:
