@@ -68,6 +68,16 @@ def test_the_posture_that_made_the_pose_is_on_a_closed_curve(panda):
     assert count >= 20
 
 
+def test_a_short_curve_is_found(panda):
+    """With the elbow almost straight neither the first joint nor the last moves by as much as what they are held at."""
+    for q in ([-1.71, -2.36, -2.93, 0.02, -2.37, -2.03, 2.26], [-0.36, -1.89, 1.33, 0.02, 2.32, 2.49, -1.15]):
+        T = panda.fk(np.array(q))
+        motions = panda.self_motions(T, limits=False)
+        exact(panda, T, motions)
+        assert on_a_curve(panda, T, motions, np.array(q))
+        assert all(curve.closed for curve in motions)
+
+
 def test_an_arm_that_is_off_its_data_sheet_has_its_curves(panda, tmp_path):
     """Each joint by a millimetre and a milliradian, as a calibration has it: no closed form is left."""
     rng = np.random.default_rng(1)

@@ -3,8 +3,9 @@
 One joint is held at values all around its circle; the six-axis arm that is left has finitely many postures for each,
 by closed form or elimination (`method_of`). From all of them at once the curves are followed by a tangent and Newton's
 method (Burdick, On the inverse kinematics of redundant manipulators: characterization of the self-motion manifolds,
-ICRA 1989), each up to the next held value or back to its own, where the curve turns. What is put together from these
-pieces is complete but for closed curves that lie wholly between two of the values.
+ICRA 1989), each up to the next held value or back to its own, where the curve turns. A closed curve may lie wholly
+between two of the values. Such curves are looked for from postures that only just do not exist, where the six-axis arm
+has a closed form.
 """
 
 from __future__ import annotations
@@ -33,6 +34,8 @@ JOINTS = 7
 VALUES, FEWER_VALUES = 72, 48
 #: By how much finer they are where nothing is found.
 FINER = 8
+#: By how much a pose may be missed at a held value if a curve lies between that and the next [m, rad].
+AMISS = 0.03
 #: Longest and shortest step along a curve [rad].
 LONGEST, SHORTEST = 0.1, 1e-4
 #: Most steps up to the next value.
@@ -122,8 +125,64 @@ class SelfMotionTracer:
             values = sweep.values(fineness)
             nodes = self._swept(sweep, values, T)
             if nodes:
-                return self._traced(sweep, values, nodes, T)
-        return []
+                return self._with_short_ones(self._traced(sweep, values, nodes, T), T)
+        return self._with_short_ones([], T)
+
+    def _with_short_ones(self, curves: list[tuple[Floats, bool]], T: Floats) -> list[tuple[Floats, bool]]:
+        """Add closed curves that lie between two held values.
+
+        For such a value the six-axis arm only just misses the pose; from there Newton's method with all seven joints
+        leads to the curve.
+        """
+        sweep = self._sweeps[0]
+        values = sweep.values(1)
+        near = [
+            np.insert(sweep.method.nearly(pose, AMISS), sweep.held, value, axis=1)
+            for value, pose in zip(values, sweep.poses(values, T), strict=True)
+        ]
+        q = self._nearest(np.vstack(near), T)
+        while len(q):
+            known = np.vstack([curve for curve, _ in curves]) if curves else np.empty((0, JOINTS))
+            new = [
+                posture
+                for posture in q
+                if np.abs(wrapped(known - posture)).max(axis=1, initial=0.0).min(initial=9.0) > LONGEST
+            ]
+            if not new:
+                break
+            curves, q = [*curves, self._loop(new[0], T)], np.array(new[1:])
+        return curves
+
+    def _nearest(self, q: Floats, T: Floats) -> Floats:
+        """Bring postures (m, 7) to a pose by the shortest steps; those that arrive."""
+        off = np.full(len(q), np.inf)
+        for _ in range(3 * NEWTON if len(q) else 0):
+            error = miss(self._chain.fk(q)[:, :3], T[None])
+            off = np.abs(error).max(axis=1)
+            if (off < ON_CURVE).all():
+                break
+            step = (np.linalg.pinv(self._chain.jacobian(q)) @ error[:, :, None])[:, :, 0]
+            q = q + step * np.minimum(1.0, 0.3 / np.maximum(np.abs(step).max(axis=1), 0.3))[:, None]
+        return wrapped(q[off < 1e-10])
+
+    def _loop(self, q: Floats, T: Floats) -> tuple[Floats, bool]:
+        """Follow one curve from a posture until it comes back."""
+        tangent = np.linalg.svd(self._chain.jacobian(q[None])[0])[2][-1]
+        postures, at, step, way = [q], q, 0.25 * LONGEST, tangent
+        for _ in range(20 * MAX_STEPS):
+            trial, ahead, off = self.corrected((at + step * way)[None], T, way[None])
+            if off[0] > 1e-10 or ahead[0] @ way < STRAIGHT:
+                step *= 0.5
+                if step < SHORTEST:
+                    return np.array(postures), False
+                continue
+            at, way = trial[0], ahead[0]
+            back = wrapped(q - at)
+            if len(postures) > 2 and np.linalg.norm(back) < 1.5 * step and back @ way >= 0.0:
+                return np.array([*postures, at] if np.linalg.norm(back) > 1e-6 else postures), True
+            postures.append(at)
+            step = min(LONGEST, 1.3 * step)
+        return np.array(postures), False
 
     def _traced(self, sweep: _Sweep, values: Floats, nodes: list[_Node], T: Floats) -> list[tuple[Floats, bool]]:
         """Curves from the postures of a sweep."""

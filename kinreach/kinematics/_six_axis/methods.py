@@ -65,6 +65,9 @@ class Method(Protocol):
     def many(self, T: Floats, seeds: Floats, tol: float) -> tuple[Floats, NDArray[np.bool_]]:
         """Compute postures (6, branches, m) for poses (m, 4, 4), NaN where there is none, and which there are."""
 
+    def nearly(self, T: Floats, tol: float) -> Floats:
+        """Compute postures (k, 6) that miss a pose (4, 4) by about `tol` [m, rad] where some only just do not exist."""
+
 
 class ClosedForm:
     """An arm that decouples, to rounding.
@@ -88,6 +91,9 @@ class ClosedForm:
     def many(self, T: Floats, seeds: Floats, tol: float) -> tuple[Floats, NDArray[np.bool_]]:
         q, valid, singular = solve_poses(self._arm, T, tol)
         return _with_others(self, q, valid, np.flatnonzero(singular), T, seeds, tol)
+
+    def nearly(self, T: Floats, tol: float) -> Floats:
+        return _clamped(self._arm, T, tol)
 
     def _verified(self, rows: list[Row], T: Floats, tol: float) -> list[Row]:
         """Postures of a singular pose that reach it, those that miss it after some steps of Newton's method."""
@@ -155,6 +161,9 @@ class NearClosedForm:
                 q[:, branch, row], valid[branch, row] = angles, True
         return q, valid
 
+    def nearly(self, T: Floats, tol: float) -> Floats:
+        return _clamped(self._arm, T, tol)
+
     def _near_singular(
         self, T: Floats, seed: Floats, tol: float, eliminated: Sequence[Sequence[float]] | Floats
     ) -> list[Row]:
@@ -205,6 +214,9 @@ class Elimination:
             q[:, : len(found), row], valid[: len(found), row] = found.T, True
         return q, valid
 
+    def nearly(self, T: Floats, tol: float) -> Floats:
+        return np.empty((0, _JOINTS))
+
 
 class Backwards:
     """The same arm from its tip to its base.
@@ -223,6 +235,9 @@ class Backwards:
     def many(self, T: Floats, seeds: Floats, tol: float) -> tuple[Floats, NDArray[np.bool_]]:
         q, valid = self._method.many(_inverse(T), -seeds[:, ::-1], tol)
         return -q[::-1], valid
+
+    def nearly(self, T: Floats, tol: float) -> Floats:
+        return -self._method.nearly(_inverse(T), tol)[:, ::-1]
 
 
 def method_of(placements: Floats) -> Method | float:
@@ -288,6 +303,12 @@ def _inverse(T: Floats) -> Floats:
 
 def _from_end(method: Method, *, backwards: int) -> Method:
     return Backwards(method) if backwards else method
+
+
+def _clamped(arm: DecoupledArm, T: Floats, tol: float) -> Floats:
+    """Postures of a closed form in which something was clamped, shape (k, 6)."""
+    rows = arm.solve(T, tol=tol, seed=[0.0] * _JOINTS)
+    return np.array([row[ANGLES] for row in rows if row[FLAGS]]).reshape(-1, _JOINTS)
 
 
 def _apart(dh: DenavitHartenberg, chain: Chain) -> float:
