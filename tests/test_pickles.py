@@ -15,6 +15,7 @@ from kinreach.kinematics import (
     CalibratedURKinematics,
     PoseGoal,
     PositionGoal,
+    SevenAxisKinematics,
     SixAxisKinematics,
     URKinematics,
 )
@@ -29,7 +30,8 @@ def samples():
     """Instances of every exported dataclass, and the kinematics that make some of them."""
     ur5, cell = URKinematics("ur5"), get_arm("ur5").workcell
     calibrated = URKinematics.from_calibration(PUBLISHED_CALIBRATIONS["ur5_a"], model="ur5")
-    arm3, six = Arm3Kinematics(), SixAxisKinematics("ur5")
+    arm3, six, seven = Arm3Kinematics(), SixAxisKinematics("ur5"), SevenAxisKinematics("panda")
+    motions = seven.self_motions(seven.fk(np.array(seven.arm.home)))
     assert isinstance(calibrated, CalibratedURKinematics)
     q = np.array([0.3, -1.2, 1.4, 0.2, 0.9, -0.4])
     far = np.eye(4)
@@ -37,7 +39,7 @@ def samples():
     picture = RGBDImage(np.zeros((4, 6, 3), np.uint8), np.ones((4, 6)))
     fix = BallFix((3.0, 2.0, 1.0), q[:3])
     return [
-        ur5, arm3, six, calibrated, ArmKinematics("panda"),
+        ur5, arm3, six, seven, calibrated, ArmKinematics("panda"), motions, motions[0],
         *(kin.all_solutions(kin.fk(q)) for kin in (ur5, six, calibrated)),
         arm3.all_solutions(arm3.fk(q[:3])[:3, 3]),
         ur5.all_solutions(far), ur5.nearest(ur5.fk(q), q), ur5.batch(ur5.fk(q)[None]),
@@ -62,6 +64,10 @@ def same(one, other):
         return True
     if isinstance(one, list | tuple):
         return len(one) == len(other) and all(map(same, one, other))
+    if type(one).__name__ == "SelfMotions":
+        return same(list(one.curves), list(other.curves))
+    if type(one).__name__ == "SelfMotion":
+        return same([one.q, one.tangent, one.at(0.3)], [other.q, other.tangent, other.at(0.3)])
     if hasattr(one, "fk"):
         q = np.full(one.n, 0.2)
         return bool((one.fk(q) == other.fk(q)).all())

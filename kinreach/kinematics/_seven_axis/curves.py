@@ -26,7 +26,7 @@ ARRIVED = 1e-10
 CLEARANCE_STEP = 0.15
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class SelfMotion:
     """One curve of postures that all reach the same pose.
 
@@ -43,7 +43,8 @@ class SelfMotion:
     length: Floats
     closed: bool
     total: float
-    _corrected: Callable[[Floats, Floats], Floats]
+    _tracer: SelfMotionTracer
+    _T: Floats
 
     def at(self, length: float) -> Floats:
         """Return the posture at an arc length [rad] from the first, shape (7,); exact, not interpolated.
@@ -59,10 +60,12 @@ class SelfMotion:
         before = int(np.searchsorted(self.length, s, side="right")) - 1
         if s == self.length[before]:
             return self.q[before].copy()
-        return self._corrected(self.q[before] + (s - self.length[before]) * self.tangent[before], self.tangent[before])
+        start = self.q[before] + (s - self.length[before]) * self.tangent[before]
+        found: Floats = self._tracer.corrected(start[None], self._T, self.tangent[before][None])[0][0]
+        return found
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class SelfMotions:
     """Every posture of a pose, as curves; an iterable and a sequence of `SelfMotion`.
 
@@ -258,12 +261,7 @@ def _motion(tracer: SelfMotionTracer, T: Floats, q: Floats, *, closed: bool) -> 
     length = np.concatenate([[0.0], np.cumsum(steps)])
     back = np.remainder(q[0] - q[-1] + np.pi, TURN) - np.pi
     total = float(length[-1]) + (float(np.linalg.norm(back)) if closed else 0.0)
-
-    def corrected(q: Floats, t: Floats) -> Floats:
-        found: Floats = tracer.corrected(q[None], T, t[None])[0][0]
-        return found
-
-    return SelfMotion(q, tracer.tangents(q), length, closed, total, corrected)
+    return SelfMotion(q, tracer.tangents(q), length, closed, total, tracer, T)
 
 
 def _least(values: Floats, *, closed: bool) -> list[int]:
