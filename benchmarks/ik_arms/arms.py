@@ -56,16 +56,12 @@ def arm(name: str) -> ArmKinematics:
 
 def placements_of(manipulator: Any) -> Floats:
     """A0 to An of `T = A0 Rz(q1) A1 ... Rz(qn) An` of an arm of ssik, shape (n + 1, 4, 4)."""
-    chain, carry = [], np.eye(4)
+    before, axes, carry = [], [], np.eye(4)
     for joint in manipulator.kinbody.joints:
-        z = np.asarray(joint.axis) / np.linalg.norm(joint.axis)
-        helper = np.eye(3)[np.abs(z).argmin()]
-        x = np.cross(helper, z) / np.linalg.norm(np.cross(helper, z))
-        align = np.eye(4)
-        align[:3, :3] = np.column_stack([x, np.cross(z, x), z])
-        chain.append(carry @ joint.T_left @ align)
-        carry = align.T @ joint.T_right
-    return np.array([*chain, carry])
+        before.append(carry @ joint.T_left)
+        axes.append(np.asarray(joint.axis) / np.linalg.norm(joint.axis))
+        carry = joint.T_right
+    return about_z(before, axes, carry)
 
 
 def urdf(placements: Floats) -> str:

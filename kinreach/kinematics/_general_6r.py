@@ -83,9 +83,10 @@ MERGING = 1e-3
 EXTRANEOUS = 4
 SIGNS = np.repeat([1.0, -1.0], EXTRANEOUS)
 _JOINTS = 6
-_SAMPLES = 2 * np.pi / 3 * np.arange(3)
-#: Coefficients of 1, cos and sin of a function that is linear in them, from its values at `_SAMPLES`.
-_COEFFICIENTS = np.array([np.full(3, 1 / 3), 2 / 3 * np.cos(_SAMPLES), 2 / 3 * np.sin(_SAMPLES)])
+#: Three angles at which functions that are linear in cosine and sine are sampled [rad].
+SAMPLES = 2 * np.pi / 3 * np.arange(3)
+#: Coefficients of 1, cos and sin of a function that is linear in them, from its values at `SAMPLES`.
+COEFFICIENTS = np.array([np.full(3, 1 / 3), 2 / 3 * np.cos(SAMPLES), 2 / 3 * np.sin(SAMPLES)])
 #: Twist and trace of a small motion (4, 4), from its entries, shape (16, 7).
 _TWIST = np.zeros((16, 7))
 _TWIST[(3, 7, 11), (0, 1, 2)] = _TWIST[::5, 6][:3] = 1.0
@@ -169,7 +170,7 @@ class Chain:
         for index in np.ndindex(3, 3, 3):
             frame = np.eye(4) if after else placements[0]
             axes = []
-            for angle, placement in zip(_SAMPLES[list(index)], placements[0 if after else 1 :], strict=True):
+            for angle, placement in zip(SAMPLES[list(index)], placements[0 if after else 1 :], strict=True):
                 axes.append(frame)
                 frame = frame @ turns_about_z(angle[None])[0] @ placement
             back = np.linalg.inv(frame)
@@ -272,8 +273,8 @@ class General6R:
         A = chain.placements
         turns = np.zeros((3, 4, 4))
         turns[:, 2, 2] = turns[:, 3, 3] = 1.0
-        turns[:, 0, 0] = turns[:, 1, 1] = np.cos(_SAMPLES)
-        turns[:, 1, 0], turns[:, 0, 1] = np.sin(_SAMPLES), -np.sin(_SAMPLES)
+        turns[:, 0, 0] = turns[:, 1, 1] = np.cos(SAMPLES)
+        turns[:, 1, 0], turns[:, 0, 1] = np.sin(SAMPLES), -np.sin(SAMPLES)
         self._size = float(np.abs(A[1:, :3, 3]).max())
         # axis 5 in the frame before joint 2, reached over joints 2, 3 and 4
         near = turns[:, None, None] @ A[2] @ turns[:, None] @ A[3] @ turns @ A[4]
@@ -284,7 +285,7 @@ class General6R:
         self._right = np.linalg.inv(A[5] @ turns @ A[6])[:, :, 2:]
         self._bases = [self._deflation(*self.CHOICES[0]), *[(np.eye(24), np.empty((24, 0)))] * 2]
         self._idle: Floats = np.empty(0)
-        self._both = np.kron(_COEFFICIENTS, _COEFFICIENTS)
+        self._both = np.kron(COEFFICIENTS, COEFFICIENTS)
 
     def solve(self, T: Floats, *, tol: float = EXACT) -> list[Floats]:
         """Compute all postures for each of many poses.
@@ -321,7 +322,7 @@ class General6R:
         angles = start[diverged, 1]
         same = np.abs(wrapped(angles[:, None] - angles)) < APART
         recurring = np.array([len(np.unique(pose[diverged[row]])) for row in same]) > IDLE_SHARE * len(q)
-        self._idle = angles[recurring][_first_of_each(angles[recurring, None], APART)]
+        self._idle = angles[recurring][first_of_each(angles[recurring, None], APART)]
         back = (off < EXACT) & (np.abs(wrapped(found - q[pose])).max(axis=1) < SAME)
         return len(np.unique(pose[back])) / len(q)
 
@@ -364,7 +365,7 @@ class General6R:
         poses = np.broadcast_to(T, (len(seeds), 4, 4))
         q, off = newton(self.chain, seeds, poses, steps=2 * STEPS)
         late = np.flatnonzero(off >= EXACT)  # from there to where two postures are one, or almost
-        late = late[_first_of_each(seeds[late], SAME_START)]
+        late = late[first_of_each(seeds[late], SAME_START)]
         q[late], off[late] = nearest_by_newton(self.chain, seeds[late], poses[late])
         found = self._distinct(np.vstack([known, wrapped(q[off < EXACT])]), T)
         merging = found[np.linalg.svd(self.chain.jacobian(found)[1])[1][:, -1] < MERGING] if len(found) else found
@@ -377,12 +378,12 @@ class General6R:
         elif not len(found) and (off <= tol).any():
             order = np.argsort(off)
             nearest = wrapped(q[order][off[order] <= tol])
-            found = nearest[_first_of_each(nearest, SAME_VALLEY)]
+            found = nearest[first_of_each(nearest, SAME_VALLEY)]
         return found
 
     def _distinct(self, q: Floats, T: Floats) -> Floats:
         """Postures (m, 6) without repetition: two are one if they are close, or if all between them reaches, too."""
-        q = q[_first_of_each(q, SAME)]
+        q = q[first_of_each(q, SAME)]
         if len(q) < 2:
             return q
         away = wrapped(q[:, None] - q)
@@ -596,8 +597,8 @@ def _clear(
 
 
 def _coefficients(values: Floats) -> Floats:
-    """Of the 27 products of 1, cosine and sine of three angles (27, k), from values (3, 3, 3, k) at `_SAMPLES`."""
-    found = np.einsum("ai,bj,ck,ijkm->abcm", _COEFFICIENTS, _COEFFICIENTS, _COEFFICIENTS, values)
+    """Of the 27 products of 1, cosine and sine of three angles (27, k), from values (3, 3, 3, k) at `SAMPLES`."""
+    found = np.einsum("ai,bj,ck,ijkm->abcm", COEFFICIENTS, COEFFICIENTS, COEFFICIENTS, values)
     return found.reshape(27, -1)
 
 
@@ -611,7 +612,7 @@ def turns_about_z(angle: Floats) -> Floats:
     return T
 
 
-def _first_of_each(q: Floats, distance: float) -> NDArray[np.bool_]:
+def first_of_each(q: Floats, distance: float) -> NDArray[np.bool_]:
     """Which of the postures (m, 6) are not near an earlier one."""
     same = np.abs(wrapped(q[:, None] - q)).max(axis=2, initial=0.0) < distance
     return ~(same & np.tri(len(q), k=-1, dtype=np.bool_)).any(axis=1)

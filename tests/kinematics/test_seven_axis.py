@@ -18,7 +18,7 @@ from kinreach.kinematics import (
     Status,
 )
 from kinreach.robots import ArmDescription
-from tests.kinematics.test_six_axis_closed_form import kinematics, random_motion
+from tests.kinematics.test_six_axis_closed_form import kinematics, of_ssik, random_motion
 
 FILE = "panda_description/urdf/panda.urdf"
 
@@ -93,18 +93,7 @@ def test_an_arm_that_is_off_its_data_sheet_has_its_curves(panda, tmp_path):
 
 @pytest.mark.parametrize("name", ["iiwa14_ik", pytest.param("j2s7s300_ik", marks=pytest.mark.slow), "rizon4_ik"])
 def test_every_sample_of_ssik_is_on_a_curve(name, tmp_path):
-    ssik = pytest.importorskip("ssik")
-    arm = ssik.Manipulator.from_prebuilt(name)
-    chain, carry = [], np.eye(4)
-    for joint in arm.kinbody.joints:
-        z = np.asarray(joint.axis) / np.linalg.norm(joint.axis)
-        helper = np.eye(3)[np.abs(z).argmin()]
-        x = np.cross(helper, z) / np.linalg.norm(np.cross(helper, z))
-        align = np.eye(4)
-        align[:3, :3] = np.column_stack([x, np.cross(z, x), z])
-        chain.append(carry @ joint.T_left @ align)
-        carry = align.T @ joint.T_right
-    kin, compared = kinematics(tmp_path, np.array([*chain, carry])), 0
+    (arm, kin), compared = of_ssik(tmp_path, name), 0
     for q in np.random.default_rng(2).uniform(-np.pi, np.pi, (2, 7)):
         T = arm.fk(q)
         motions = kin.self_motions(T, limits=False)

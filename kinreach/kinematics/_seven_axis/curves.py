@@ -10,7 +10,7 @@ import numpy as np
 
 from kinreach._checks import MAX_ANGLE, Floats
 from kinreach.errors import InputError
-from kinreach.kinematics._angles import TURN
+from kinreach.kinematics._angles import TURN, wrapped
 from kinreach.kinematics._seven_axis.tracing import LONGEST, SelfMotionTracer
 from kinreach.kinematics._solutions import SLACK, Accept, IKResult, Status, nearest_windings
 
@@ -195,7 +195,7 @@ def within_limits(
         wound = np.column_stack([_wound(*column) for column in zip(q.T, lower, upper, strict=True)])
         inside = np.atleast_1d(((wound >= lower - SLACK) & (wound <= upper + SLACK)).all(axis=1))
         jumps: Floats = np.diff(wound, axis=0, append=wound[:1] if closed else wound[-1:])
-        jumps[-1, turns] -= TURN * np.rint(jumps[-1, turns] / TURN)
+        jumps[-1, turns] = wrapped(jumps[-1, turns])
         whole = np.abs(jumps).max(axis=1) < np.pi
         if closed and not (whole & inside).all():  # begin behind a cut
             first = int(np.argmin(whole & inside)) + 1
@@ -238,7 +238,7 @@ def _at_limit(
     tracer: SelfMotionTracer, T: Floats, inside: Floats, outside: Floats, lower: Floats, upper: Floats
 ) -> list[Floats]:
     """Where a curve leaves the limits between two neighbours: one posture, or none if it is the one inside."""
-    ahead = inside + np.remainder(outside - inside + np.pi, TURN) - np.pi
+    ahead = inside + wrapped(outside - inside)
     best: list[Floats] = []
     least = np.inf
     for joint in np.flatnonzero((ahead < lower) | (ahead > upper)):
@@ -259,8 +259,7 @@ def _at_limit(
 def _motion(tracer: SelfMotionTracer, T: Floats, q: Floats, *, closed: bool) -> SelfMotion:
     steps = np.linalg.norm(np.diff(q, axis=0), axis=1)
     length = np.concatenate([[0.0], np.cumsum(steps)])
-    back = np.remainder(q[0] - q[-1] + np.pi, TURN) - np.pi
-    total = float(length[-1]) + (float(np.linalg.norm(back)) if closed else 0.0)
+    total = float(length[-1]) + (float(np.linalg.norm(wrapped(q[0] - q[-1]))) if closed else 0.0)
     return SelfMotion(q, tracer.tangents(q), length, closed, total, tracer, T)
 
 

@@ -13,21 +13,12 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 
 import numpy as np
-from numpy.typing import NDArray
 
 from kinreach._checks import Floats
 from kinreach.kinematics._angles import TURN, wrapped
 from kinreach.kinematics._chain import SerialChain
 from kinreach.kinematics._general_6r import miss, turns_about_z
-from kinreach.kinematics._six_axis.methods import (
-    MIN_SHARE,
-    Backwards,
-    Elimination,
-    Method,
-    NearClosedForm,
-    by_elimination,
-    method_of,
-)
+from kinreach.kinematics._six_axis.methods import Method, method_of
 
 JOINTS = 7
 #: Values at which a joint is held: with a closed form for the other six, and with elimination.
@@ -73,15 +64,14 @@ class _Sweep:
         held: Index of the joint, the first or the last.
         placements: Of the whole arm, as in `Chain`.
         method: How the six others are solved.
-        quality: How well.
     """
 
-    def __init__(self, held: int, placements: Floats, method: Method, quality: float) -> None:
-        self.held, self.method, self.quality, self._placements = held, method, quality, placements
+    def __init__(self, held: int, placements: Floats, method: Method) -> None:
+        self.held, self.method, self._placements = held, method, placements
 
     def values(self, fineness: int) -> Floats:
         """Values of the held joint [rad]."""
-        count = fineness * (VALUES if self.quality > 1.0 else FEWER_VALUES)
+        count = fineness * (VALUES if self.method.rank else FEWER_VALUES)
         return np.asarray(TURN * (np.arange(count) + 0.382) / count - np.pi)
 
     def poses(self, values: Floats, T: Floats) -> Floats:
@@ -102,14 +92,15 @@ class SelfMotionTracer:
     def __init__(self, chain: SerialChain) -> None:
         self._chain = chain
         A = chain.placements
-        ways = [_Sweep(JOINTS - 1, A, *_best_method(A[:JOINTS])), _Sweep(0, A, *_best_method(A[1:]))]
+        methods = [(JOINTS - 1, method_of(A[:JOINTS])), (0, method_of(A[1:]))]
+        ways = [_Sweep(held, A, method) for held, method in methods if not isinstance(method, float)]
         self._reach = float(np.linalg.norm(A[1:, :3, 3], axis=1).sum())
-        self._sweeps = sorted(ways, key=lambda sweep: -sweep.quality)
+        self._sweeps = sorted(ways, key=lambda sweep: -sweep.method.rank)
 
     @property
     def sound(self) -> bool:
         """Whether a six-axis arm that is left can be solved."""
-        return self._sweeps[0].quality >= MIN_SHARE
+        return bool(self._sweeps)
 
     def curves(self, T: Floats) -> list[tuple[Floats, bool]]:
         """Compute all curves of a pose of the tip, shape (4, 4).
@@ -120,8 +111,8 @@ class SelfMotionTracer:
         if np.linalg.norm(T[:3, 3] - self._chain.placements[0][:3, 3]) > self._reach:
             return []
         best = self._sweeps[0]
-        finer = [(best, FINER)] if best.quality > 1.0 else []  # a short curve may lie between two values
-        for sweep, fineness in [*((each, 1) for each in self._sweeps if each.quality >= MIN_SHARE), *finer]:
+        finer = [(best, FINER)] if best.method.rank else []  # a short curve may lie between two values
+        for sweep, fineness in [*((each, 1) for each in self._sweeps), *finer]:
             values = sweep.values(fineness)
             nodes = self._swept(sweep, values, T)
             if nodes:
@@ -352,17 +343,6 @@ class SelfMotionTracer:
         q, _, off = self.corrected(q, T, direction, steps=2 * NEWTON)
         near = np.linalg.norm(q - before, axis=1) < 1.5 * LONGEST
         return [posture if good else None for posture, good in zip(q, (off < 1e-9) & near, strict=True)]
-
-
-def _best_method(placements: NDArray[np.float64]) -> tuple[Method, float]:
-    """How a six-axis arm is solved, and how well: 2 in closed form, else the share that elimination finds."""
-    method = method_of(placements)
-    if isinstance(method, float):
-        return by_elimination(placements)
-    kind = method._method if isinstance(method, Backwards) else method
-    if isinstance(kind, Elimination):
-        return method, 1.0
-    return method, 1.5 if isinstance(kind, NearClosedForm) else 2.0
 
 
 def _joined(nodes: list[_Node]) -> list[tuple[Floats, bool]]:

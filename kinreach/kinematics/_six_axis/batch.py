@@ -56,7 +56,7 @@ def _regular(arm: DecoupledArm, T: Floats, q: Floats, valid: _Mask, tol: float, 
         doubtful = (m2 <= NEAR * r2) & (np.sqrt(r2) >= np.abs(across) - tol) | (np.abs(m2) < 4.0 * off * np.sqrt(r2))
         along = np.sqrt(m2)
         reached = m2 > 0.0
-        moved = off * (1.0 + (np.sqrt(r2) + np.abs(across)) / along)
+        moved = off * (1.0 + (np.sqrt(r2) + np.abs(across)) / along) if off else off
         for shoulder, m in ((0, along), (4, -along)):
             c1, s1 = (x * m + y * across) / r2, (y * m - x * across) / r2
             q1, turn = np.arctan2(s1, c1), _behind(columns, c1, s1, ca1, sa1)
@@ -70,7 +70,7 @@ def _regular(arm: DecoupledArm, T: Floats, q: Floats, valid: _Mask, tol: float, 
                 for wrist, turns, q234, c, s, q5, q6 in _wrists(arm, turn, tol, off, doubtful):
                     x4, y4 = arm.a4, -arm.sa4 * arm.d5
                     u, w = m - arm.a1 - c * x4 + s * y4, v - s * x4 - c * y4
-                    through = moved * (1.0 + arm.hand / np.abs(np.sin(q5)))
+                    through = moved * (1.0 + arm.hand / np.abs(np.sin(q5))) if off else off
                     for elbow, bent, _, _, q2, q3 in _elbows(arm, u, w, tol, through, doubtful):
                         branch = shoulder + wrist + elbow
                         q[:, branch], valid[branch] = (q1, q2, q3, q234 - q2 - q3, q5, q6), reached & bent & turns
@@ -93,7 +93,7 @@ def _behind(columns: Floats, c: Floats, s: Floats, ca: float, sa: float) -> Floa
 
 
 def _elbows(
-    arm: DecoupledArm, u: Floats, v: Floats, tol: float, off: Floats, doubtful: _Mask
+    arm: DecoupledArm, u: Floats, v: Floats, tol: float, off: Floats | float, doubtful: _Mask
 ) -> Iterator[tuple[int, _Mask, Floats, Floats, Floats, Floats]]:
     """Both elbows: branch, which reach, cosine and sine of q2 + q3, q2 and q3. Adds to the doubtful poses."""
     upper, fore = arm.upper, arm.fore

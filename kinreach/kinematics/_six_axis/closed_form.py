@@ -34,6 +34,7 @@ import numpy as np
 
 from kinreach._checks import Floats
 from kinreach.kinematics._angles import wrap
+from kinreach.kinematics._general_6r import COEFFICIENTS, SAMPLES
 from kinreach.kinematics._six_axis.dh import DenavitHartenberg
 from kinreach.kinematics._solutions import Row
 from kinreach.kinematics._ur.closed_form import ELBOW, MERGED, MOVED, NEAR_WRIST, SHOULDER, WRIST, nearest_in_reach
@@ -42,9 +43,6 @@ from kinreach.kinematics._ur.closed_form import ELBOW, MERGED, MOVED, NEAR_WRIST
 ZERO = 1e-12
 #: Roots of the quadratic equation are polished in as many steps, and are apart by more than this [rad].
 POLISH, APART = 4, 1e-6
-#: Coefficients of 1, cosine and sine of a function that is linear in them, from its values at three angles.
-SAMPLES = 2 * np.pi / 3 * np.arange(3)
-COEFFICIENTS = np.array([np.full(3, 1 / 3), 2 / 3 * np.cos(SAMPLES), 2 / 3 * np.sin(SAMPLES)])
 #: How far a complex root may be off the unit circle to count.
 OFF_CIRCLE = 1e-3
 

@@ -138,12 +138,8 @@ class SixAxisKinematics(ClosedFormKinematics):
             last = 0.0 if start is None else float(start[-1])
             if limits:
                 last = min(max(last, self._low[-1]), self._high[-1])
-        seed, tol, error_of = (
-            start if start is not None else np.zeros(self.n),
-            check_tolerance(tol),
-            self._error_of(goal),
-        )
-        found = [row for pose in T for row in self._rows(pose, seed, error_of, limits=limits and not free, tol=tol)]
+        tol, error_of = check_tolerance(tol), self._error_of(goal)
+        found = [row for pose in T for row in self._rows(pose, start, error_of, limits=limits and not free, tol=tol)]
         if last is not None:
             found = [(*row[:-1], last) for row in found]
         if len(T) > 1:

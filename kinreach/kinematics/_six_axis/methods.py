@@ -14,8 +14,10 @@ from kinreach.kinematics._angles import wrapped
 from kinreach.kinematics._general_6r import (
     EXACT,
     MAX_POSTURES,
+    SAME,
     Chain,
     General6R,
+    first_of_each,
     miss,
     missed_by,
     nearest_by_newton,
@@ -42,8 +44,6 @@ FAR = 0.1
 AMISS = 1e-4
 #: Random postures by which a method is judged, and the share that elimination has to find again.
 TRIALS, MIN_SHARE = 100, 0.98
-#: Two postures nearer than this are one [rad].
-SAME = 1e-6
 _JOINTS = 6
 
 
@@ -52,9 +52,11 @@ class Method(Protocol):
 
     Attributes:
         branches: Most postures of a pose.
+        rank: 2 in closed form, 1 nearly so, 0 by elimination.
     """
 
     branches: int
+    rank: int
 
     def one(self, T: Floats, seed: Floats, tol: float) -> list[Row]:
         """Compute the postures for a pose (4, 4): branch index, flags and angles of each, by branch index.
@@ -77,7 +79,7 @@ class ClosedForm:
         placements: The arm, as in `Chain`.
     """
 
-    branches = BRANCHES
+    branches, rank = BRANCHES, 2
 
     def __init__(self, arm: DecoupledArm, placements: Floats) -> None:
         self._arm, self._chain = arm, Chain(placements)
@@ -105,11 +107,9 @@ class ClosedForm:
             moved, off[far] = nearest_by_newton(self._chain, q[far], poses[far])
             off[far[np.abs(moved - q[far]).max(axis=1) > FAR]] = np.inf
             q[far] = wrapped(moved)
-        kept: list[Row] = []
-        for row, angles, error in zip(rows, q, off, strict=True):
-            if error <= tol and not any(np.abs(wrapped(angles - other[ANGLES])).max() < SAME for other in kept):
-                kept.append((row[BRANCH], row[FLAGS], *angles.tolist()))
-        return kept
+        arrived = np.flatnonzero(off <= tol)
+        kept = arrived[first_of_each(q[arrived], SAME)]
+        return [(rows[index][BRANCH], rows[index][FLAGS], *q[index].tolist()) for index in kept]
 
 
 class NearClosedForm:
@@ -121,7 +121,7 @@ class NearClosedForm:
         off: How far their poses are apart [m, rad].
     """
 
-    branches = MAX_POSTURES
+    branches, rank = MAX_POSTURES, 1
 
     def __init__(self, arm: DecoupledArm, placements: Floats, off: float) -> None:
         self._arm, self._off = arm, CAUTION * off
@@ -137,8 +137,10 @@ class NearClosedForm:
         found = np.array([row[ANGLES] for row in start]).reshape(-1, _JOINTS)
         q, off = newton(self._chain, found, np.broadcast_to(T, (len(found), 4, 4)))
         if not doubt.found and all(
-            flags == 0 and miss < EXACT and moved < FAR
-            for (_, flags, *_), miss, moved in zip(start, off, np.abs(q - found).max(axis=1, initial=0.0), strict=True)
+            flags == 0 and missed < EXACT and moved < FAR
+            for (_, flags, *_), missed, moved in zip(
+                start, off, np.abs(q - found).max(axis=1, initial=0.0), strict=True
+            )
         ):
             return sorted((row[BRANCH], 0, *angles) for row, angles in zip(start, wrapped(q).tolist(), strict=True))
         return self._near_singular(T, seed, tol, [row[ANGLES] for row in self._elimination[0].one(T, seed, EXACT)])
@@ -177,12 +179,11 @@ class NearClosedForm:
         starts = np.array([row[ANGLES] for rows in near for row in rows]).reshape(-1, _JOINTS)
         poses = np.broadcast_to(T, (len(starts), 4, 4))
         q, off = newton(self._chain, starts, poses) if sound else nearest_by_newton(self._chain, starts, poses)
-        every: list[Floats] = []
-        for one in [*np.array(eliminated).reshape(-1, _JOINTS), *wrapped(q[off < EXACT])] or wrapped(q[off < tol]):
-            if not any(np.abs(wrapped(one - other)).max() < SAME for other in every):
-                every.append(one)
+        every = np.vstack([np.array(eliminated).reshape(-1, _JOINTS), wrapped(q[off < EXACT])])
+        if not len(every):
+            every = wrapped(q[off < tol])
         named: dict[int, Floats] = {}
-        for one in every[:MAX_POSTURES]:
+        for one in every[first_of_each(every, SAME)][:MAX_POSTURES]:
             close = [row[BRANCH] for row in near[0] if np.abs(wrapped(one - row[ANGLES])).max() < FAR]
             free = [*close, *range(BRANCHES, MAX_POSTURES), *range(BRANCHES)]
             named[next(branch for branch in free if branch not in named)] = one
@@ -199,7 +200,7 @@ class NearClosedForm:
 class Elimination:
     """Any other arm."""
 
-    branches = MAX_POSTURES
+    branches, rank = MAX_POSTURES, 0
 
     def __init__(self, general: General6R) -> None:
         self._general = general
@@ -226,7 +227,7 @@ class Backwards:
     """
 
     def __init__(self, method: Method) -> None:
-        self._method, self.branches = method, method.branches
+        self._method, self.branches, self.rank = method, method.branches, method.rank
 
     def one(self, T: Floats, seed: Floats, tol: float) -> list[Row]:
         rows = self._method.one(_inverse(T), -seed[::-1], tol)
