@@ -17,6 +17,7 @@ from kinreach.kinematics import (
     PositionGoal,
     SevenAxisKinematics,
     SixAxisKinematics,
+    Trajectory,
     URKinematics,
 )
 from kinreach.robots import PUBLISHED_CALIBRATIONS, Solid, Tool, get_arm
@@ -45,6 +46,7 @@ def samples():
         ur5.all_solutions(far), ur5.nearest(ur5.fk(q), q), ur5.batch(ur5.fk(q)[None]),
         ur5.nearest_batch(ur5.fk(q)[None], q[None]),
         PoseGoal(far), AxisGoal(q[:3]), PositionGoal(q[:3]),
+        Trajectory(("one", "two"), [0.0, 0.5], np.zeros((2, 2)), np.ones((2, 2))),
         *(get_arm(name) for name in ("ur5", "arm3", "panda")),
         get_arm("ur5").calibrated(PUBLISHED_CALIBRATIONS["ur5_a"]),
         cell, *cell.obstacles, cell.goals, *get_arm("ur5").cameras, get_arm("ur5").gripper,

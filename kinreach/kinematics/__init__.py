@@ -7,6 +7,7 @@
 - `ClosedFormSolver`, `PlacoSolver`, `LevenbergMarquardtSolver`, `QPSolver`: solvers, interchangeable by `Solver`.
 - `pose`, `pose_vector`: poses as six numbers, as a UR's pendant writes them.
 - `CollisionChecker`: which links touch each other, or an obstacle.
+- `Trajectory`: joint angles and speeds over time.
 - `check`: measurements of an arm before you rely on it.
 
 The iterative solvers and `check` are imported when they are first asked for. The modules are internal.
@@ -27,6 +28,7 @@ from kinreach.kinematics._seven_axis.kinematics import SevenAxisKinematics
 from kinreach.kinematics._six_axis.kinematics import SixAxisKinematics
 from kinreach.kinematics._solutions import Accept, IKResult, IKSolutions, Status
 from kinreach.kinematics._solvers import ClosedFormSolver, Solver
+from kinreach.kinematics._trajectory import Trajectory
 from kinreach.kinematics._ur.kinematics import CalibratedURKinematics, UR5Kinematics, URKinematics
 from kinreach.robots._rotations import pose, pose_vector
 
@@ -56,6 +58,7 @@ __all__ = [
     "SixAxisKinematics",
     "Solver",
     "Status",
+    "Trajectory",
     "UR5Kinematics",
     "URKinematics",
     "check",
