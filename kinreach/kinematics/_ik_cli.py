@@ -6,6 +6,7 @@ import csv
 import io
 import sys
 from collections.abc import Iterator, Sequence
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -13,14 +14,16 @@ from rich.progress import Progress
 
 from kinreach._checks import Floats, check_path, printable
 from kinreach._files import read_text, write_text
-from kinreach.cli import Parser
+from kinreach.cli import Parser, complain
 from kinreach.errors import InputError
 from kinreach.kinematics._arm import ArmKinematics
 from kinreach.kinematics._closed_form import ClosedFormKinematics
 from kinreach.kinematics._collision import CollisionChecker, NoShapesError
 from kinreach.kinematics._goals import PoseGoal
+from kinreach.robots import ArmDescription, Box, Workcell
 from kinreach.robots._flags import add_arm_flags, arm_of, numbers_of, print_notes
 from kinreach.robots._rotations import pose
+from kinreach.robots._tools import TOOL, TOOL_BODY
 from kinreach.robots._ur import JOINTS
 
 #: Columns of the poses that are read.
@@ -29,6 +32,10 @@ COLUMNS = ("x", "y", "z", "rx", "ry", "rz")
 MAX_BYTES, MAX_POSES = 2**28, 1_000_000
 #: Exit code where a pose has no posture.
 NONE_FOUND = 1
+#: A position this many times as far away as the arm is long is not in metres.
+WRONG_UNIT = 10
+#: Edges of the table of `--table` [m].
+TABLE_SIZE = (6.0, 6.0, 1.0)
 
 
 class Answers:
@@ -38,15 +45,32 @@ class Answers:
         kinematics: Of the arm.
         seed: The posture to stay near [rad], shape (n,).
         cell: Check the obstacles of the arm's work cell too, not only the arm with itself and its tool.
+        table: Height of a table's top above the arm's base [m], to check too.
+
+    Raises:
+        InputError: `table` is above the base.
     """
 
-    def __init__(self, kinematics: ArmKinematics, seed: Floats, *, cell: bool = False) -> None:
+    def __init__(
+        self, kinematics: ArmKinematics, seed: Floats, *, cell: bool = False, table: float | None = None
+    ) -> None:
         self.kinematics, self.seed = kinematics, seed
         self.checker: CollisionChecker | None
         try:
             self.checker = CollisionChecker(kinematics, obstacles=None if cell else ())
+            if table is not None:
+                self.checker = CollisionChecker(_on_table(self.checker, table))
         except NoShapesError:
             self.checker = None
+
+    @property
+    def note(self) -> str:
+        """What the collision checks leave out, for people; empty if nothing."""
+        if self.checker is None or self.kinematics.tip != TOOL:
+            return ""
+        if TOOL_BODY in {shape.name for shape in self.checker.shapes}:
+            return ""
+        return "the tool has no shape, so it cannot collide; --tool-radius or --tool-mesh gives it one"
 
     def collision(self, q: Floats) -> str:
         """Return what collides in a posture, such as "forearm_link - table"; empty if nothing does, or is known."""
@@ -60,12 +84,20 @@ class Answers:
         kin = self.kinematics
         if isinstance(kin, ClosedFormKinematics):
             solutions = kin.all_solutions(T, seed=self.seed)
-            return list(zip(solutions.q, solutions.branch.tolist(), strict=True)), solutions.reason
+            return list(zip(solutions.q, solutions.branch.tolist(), strict=True)), self._in_metres(T, solutions.reason)
         from kinreach.kinematics._solvers import LevenbergMarquardtSolver
 
         accept = None if self.checker is None else self.checker.free
         result = LevenbergMarquardtSolver(kin).solve(PoseGoal(T), self.seed, accept=accept)
-        return ([(result.q, 0)], "") if result.success else ([], result.reason)
+        return ([(result.q, 0)], "") if result.success else ([], self._in_metres(T, result.reason))
+
+    def _in_metres(self, T: Floats, reason: str) -> str:
+        """Why there is no posture; that positions are in metres if this one cannot be."""
+        first, *links = self.kinematics.chain.placements[:, :3, 3]
+        away, length = np.linalg.norm(T[:3, 3] - first), np.linalg.norm(links, axis=1).sum()
+        if away < WRONG_UNIT * length:
+            return reason
+        return f"{reason}: {away:.0f} m from the first joint, of an arm of {length:.1f} m; positions are in metres"
 
     def all(self, T: Floats) -> tuple[list[tuple[Floats, int, str]], str]:
         """Return every posture of a pose with its branch and what collides, nearest first; and why there is none."""
@@ -106,9 +138,14 @@ def main(argv: Sequence[str], *, prog: str) -> int:
     seed = np.array(arm.home) if arguments.seed is None else np.array(numbers_of("--seed", arguments.seed, kin.n))
     if arguments.degrees and arguments.seed is not None:
         seed = np.radians(seed)
-    answers = Answers(kin, seed, cell=arguments.cell)
+    if arguments.cell and arguments.table is not None:
+        raise InputError("give --cell or --table, not both")
+    table = None if arguments.table is None else numbers_of("--table", arguments.table, 1)[0]
+    answers = Answers(kin, seed, cell=arguments.cell, table=table)
     if arguments.pose is not None:
-        return _one(answers, numbers_of("--pose", arguments.pose, 6), degrees=arguments.degrees)
+        numbers = numbers_of("--pose", arguments.pose, 6)
+        _note_turns(numbers[3:])
+        return _one(answers, numbers, degrees=arguments.degrees)
     return _many(answers, check_path("--poses", arguments.poses), check_path("--out", arguments.out), arguments.all)
 
 
@@ -132,12 +169,11 @@ def _one(answers: Answers, numbers: list[float], *, degrees: bool) -> int:
         mark = "*" if index == nearest else " "
         known = cause or ("no" if answers.checker is not None else "not known")
         print(printable(f"{mark} {branch:>4}  {angles}  {known}"))
-    if nearest is None:
-        print("every posture collides")
-        return NONE_FOUND
     seed = ", ".join(f"{scale * angle:.{1 if degrees else 3}f}" for angle in answers.seed)
-    print(f"* nearest to the seed {seed}")
-    return 0
+    print("every posture collides" if nearest is None else f"* nearest to the seed {seed}")
+    if answers.note:
+        print(answers.note)
+    return NONE_FOUND if nearest is None else 0
 
 
 def _many(answers: Answers, source: Path, out: Path, every: bool) -> int:
@@ -158,6 +194,8 @@ def _many(answers: Answers, source: Path, out: Path, every: bool) -> int:
             bar.update(shown, advance=1)
     write_text(out, text.getvalue())
     print(printable(f"{solved} of {len(poses)} poses have a posture: {out}"))
+    if answers.note:
+        print(answers.note)
     return 0 if solved else NONE_FOUND
 
 
@@ -191,7 +229,15 @@ def read_poses(path: Path) -> Floats:
         raise InputError(f"{path} is not a CSV file: {error}") from None
     if not 1 <= len(numbers) <= MAX_POSES:
         raise InputError(f"{path} must have 1 to {MAX_POSES} poses, got {len(numbers)}")
+    _note_turns(max((row[3:] for row in numbers), key=np.linalg.norm))
     return pose(numbers)
+
+
+def _note_turns(rotation: Sequence[float]) -> None:
+    """Print a note on stderr if a rotation vector is longer than a turn: it may be in degrees."""
+    turns = np.linalg.norm(rotation) / (2 * np.pi)
+    if turns > 1.0:
+        complain(f"note: the rotation vector is {turns:.3g} turns long; rx, ry, rz are in radians, not degrees")
 
 
 def _cells(row: list[str], places: Sequence[int], line: int, path: Path) -> list[float]:
@@ -202,6 +248,20 @@ def _cells(row: list[str], places: Sequence[int], line: int, path: Path) -> list
     if not np.isfinite(values).all():
         raise InputError(f"{path}, line {line}: the numbers must be finite, got {','.join(row)[:60]}")
     return values
+
+
+def _on_table(checker: CollisionChecker, height: float) -> ArmDescription:
+    """The arm of a checker on a table, which what is fixed to the base may touch."""
+    if not height <= 0.0:
+        raise InputError(
+            f"--table must be 0 or negative, got {height:g}: metres from the arm's base down to the table's top; "
+            "CollisionChecker(kin, obstacles=...) takes boxes anywhere"
+        )
+    kin = checker.kinematics
+    x, y, z = kin.T_world_arm[:3, 3].tolist()
+    table = Box("table", TABLE_SIZE, (x, y, z + height - TABLE_SIZE[2] / 2))
+    standing = tuple((table.name, shape.name) for shape in checker.shapes if shape.joint < 0)
+    return replace(kin.arm, workcell=Workcell((table,), standing))
 
 
 def _base(text: str) -> str | list[float]:
@@ -231,6 +291,11 @@ def _parser(prog: str) -> Parser:
     )
     parser.add_argument(
         "--cell", action="store_true", help="what stands around the arm in kinreach's scene is an obstacle too"
+    )
+    parser.add_argument(
+        "--table",
+        metavar="Z",
+        help="a table around the arm is an obstacle, with its top this high above the arm's base [m]: 0 or negative",
     )
     add_arm_flags(parser)
     return parser

@@ -143,6 +143,8 @@ def test_one_screen(tmp_path, capsys):
         for head in ("class", "joints", "reach", "collisions", "singular", "IK", "picture"):
             assert f"\n{head:<12} " in text
         assert "100.0 %" in text
+        assert "reached: within 0.1 mm and 0.001 rad; placo, lm and qp stop there" in text
+        assert "m from the origin of " in text
         assert "\n             solver        reached  singular   time, ms: median / p95   largest error, mm\n" in text
         assert len(text.splitlines()) < 25
         assert picture.read_bytes().startswith(b"\x89PNG")

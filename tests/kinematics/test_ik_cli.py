@@ -7,9 +7,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from kinreach._engines import load
 from kinreach.cli import main
-from kinreach.kinematics import ArmKinematics, URKinematics, pose, pose_vector
+from kinreach.kinematics import ArmKinematics, CollisionChecker, URKinematics, pose, pose_vector
 from kinreach.robots import PUBLISHED_CALIBRATIONS
+
+coal, pin = load("coal"), load("pinocchio")
 
 FOLDED = Path(__file__).parents[1] / "data/calibrations/ur5e_folded.yaml"
 REAL = PUBLISHED_CALIBRATIONS["ur5e_a"]
@@ -39,10 +42,10 @@ def test_one_pose(capsys):
     kin = URKinematics.from_calibration(REAL, model="ur5e", tool=TOOL, base="base")
     T, seed = pose([-0.4, -0.1, 0.3, 3.14, 0, 0]), np.array(kin.arm.home)
     expected = kin.all_solutions(T, seed=seed)
-    rows = [line.lstrip("* ").split()[1:7] for line in lines[2:-1]]
+    rows = [line.lstrip("* ").split()[1:7] for line in lines[2:-2]]
     np.testing.assert_allclose(np.array(rows, dtype=float), expected.q, atol=1e-5)
     assert len(rows) >= 2
-    assert sum(line.startswith("*") for line in lines[2:-1]) == 1
+    assert sum(line.startswith("*") for line in lines[2:-2]) == 1
     assert ik("--arm", "ur5e", "--pose", "0.4,0.1,3,3.14,0,0") == 1
     assert "no posture: too far away" in capsys.readouterr().out
 
@@ -52,6 +55,81 @@ def test_a_tool_by_its_name(capsys):
     assert "tip tool in base" in capsys.readouterr().out
     assert ik("--arm", "ur5e", "--tool", "gripper", "--tool-radius", "0.1", "--pose", "0,0,1,0,0,0") == 2
     assert "leave out --tool-radius" in capsys.readouterr().err
+
+
+SEEN = ["--pose", "-0.4,0.1,0.3,3.14,0,0"]
+
+
+@pytest.mark.parametrize(
+    ("tool", "noted"),
+    [
+        (["--tool", "0,0,0.15,0,0,0"], True),
+        (["--tool", "0,0,0.15,0,0,0", "--tool-mass", "1"], True),
+        (["--tool", "0,0,0.15,0,0,0", "--tool-radius", "0.03"], False),
+        (["--tool", "gripper"], False),
+        ([], False),
+    ],
+)
+def test_a_tool_without_a_shape_is_named(tool, noted, tmp_path, capsys):
+    poses = poses_file(tmp_path / "in.csv", np.array([[-0.4, 0.1, 0.3, 3.14, 0, 0]]))
+    for asked in (SEEN, ["--poses", poses, "--out", tmp_path / "out.csv"]):
+        assert ik("--arm", "ur5e", *tool, *asked) == 0
+        assert ("the tool has no shape" in capsys.readouterr().out) is noted
+
+
+@pytest.mark.parametrize("arm", ["ur3e", "ur5e", "panda"])
+@pytest.mark.parametrize("height", [0.0, -0.15])
+def test_a_table_around_the_arm(arm, height, tmp_path, capsys):
+    """As coal finds for each link that moves and the half space below the table's top."""
+    kin = ArmKinematics.of(arm)
+    poses = poses_file(tmp_path / "in.csv", reachable(kin, 25, seed=3))
+    out = tmp_path / "out.csv"
+    asked = ["--arm", arm, "--base", "base_link", "--poses", poses, "--out", out, *["--all"] * (kin.n == 6)]
+    ik(*asked, "--table", height)
+    with out.open() as file:
+        rows = [row for row in csv.DictReader(file) if row["q1"]]
+    checker, counts = CollisionChecker(kin, obstacles=()), {True: 0, False: 0}
+    for row in rows:
+        q = np.array([float(row[f"q{j}"]) for j in range(1, kin.n + 1)])
+        if checker.free(q):
+            hit = below(checker, q, kin.T_world_arm[2, 3] + height)
+            assert row["reason"].endswith(" - table") is hit
+            counts[hit] += 1
+    assert counts[False] >= 10
+    assert kin.n > 6 or counts[True] >= 10  # for more axes the one posture that is written is free
+    assert "poses have a posture" in capsys.readouterr().out
+
+
+def below(checker, q, height):
+    """Whether a link that moves touches what is below a height, by coal's half space."""
+    placed, ground = checker.geometry.createData(), coal.Halfspace(np.array([0.0, 0.0, 1.0]), height)
+    pin.updateGeometryPlacements(checker.model, checker.model.createData(), checker.geometry, placed, q)
+    return any(
+        coal.collide(shape.geometry, coal.Transform3s(M.rotation, M.translation), ground, coal.Transform3s(),
+                     coal.CollisionRequest(), coal.CollisionResult())
+        for shape, known, M in zip(checker.geometry.geometryObjects, checker.shapes, placed.oMg, strict=True)
+        if known.joint >= 0
+    )  # fmt: skip
+
+
+@pytest.mark.parametrize("arm", ["ur5e", "panda", "arm3"])
+def test_a_position_in_millimetres_is_named(arm, tmp_path, capsys):
+    assert ik("--arm", arm, "--pose", "400,200,300,3.14,0,0") == 1
+    assert re.search(r"no posture: .* 53\d m from the first joint, of an arm of \d\.\d m; positions are in metres",
+                     capsys.readouterr().out)  # fmt: skip
+    poses = poses_file(tmp_path / "in.csv", np.array([[3.0, 0, 0, 0, 0, 0], [300.0, 0, 0, 0, 0, 0]]))
+    assert ik("--arm", arm, "--poses", poses, "--out", tmp_path / "out.csv") == 1
+    with (tmp_path / "out.csv").open() as file:
+        assert [row["reason"].endswith("in metres") for row in csv.DictReader(file)] == [False, True]
+
+
+@pytest.mark.parametrize(("rx", "noted"), [(180.0, True), (-6.5, True), (6.2, False), (3.2, False)])
+def test_a_rotation_in_degrees_is_named(rx, noted, tmp_path, capsys):
+    ik("--arm", "ur5e", "--pose", f"-0.4,0.1,0.3,{rx},0,0")
+    assert ("in radians, not degrees" in capsys.readouterr().err) is noted
+    poses = poses_file(tmp_path / "in.csv", np.array([[-0.4, 0.1, 0.3, 3.14, 0, 0], [-0.4, 0.1, 0.3, rx, 0, 0]]))
+    ik("--arm", "ur5e", "--poses", poses, "--out", tmp_path / "out.csv")
+    assert ("in radians, not degrees" in capsys.readouterr().err) is noted
 
 
 def test_degrees_and_a_frame_of_ones_own(capsys):
@@ -120,6 +198,10 @@ def test_every_posture_of_each_pose(tmp_path):
         (["--arm", "ur5e", "--poses", "missing.csv"], "belong together"),
         (["--arm", "ur5e", "--pose", "0,0,1,0,0,0", "--seed", "1,2"], "--seed must be 6 numbers"),
         (["--arm", "ur5e", "--pose", "0,0,1,0,0,0", "--base", "floor"], "unknown base 'floor'"),
+        (["--arm", "ur5e", "--pose", "0,0,1,0,0,0", "--table", "0.2"], "--table must be 0 or negative, got 0.2"),
+        (["--arm", "ur5e", "--pose", "0,0,1,0,0,0", "--table", "nan"], "--table must be 0 or negative"),
+        (["--arm", "ur5e", "--pose", "0,0,1,0,0,0", "--table", "-5000"], "position of the box 'table'"),
+        (["--arm", "ur5e", "--pose", "0,0,1,0,0,0", "--table", "0", "--cell"], "give --cell or --table, not both"),
     ],
 )
 def test_bad_input_is_one_line(arguments, message, capsys):

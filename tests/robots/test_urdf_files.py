@@ -444,7 +444,7 @@ def test_an_arm_of_one_joint_is_checked(tmp_path, capsys):
     file.write_text(chain(TURNS, ("fixed", "")))
     assert cli.main(["check", str(file), "--poses", "2"]) == 0
     out = capsys.readouterr().out
-    assert "reach        0.316 m from the first joint" in out
+    assert "reach        0.316 m from the origin of" in out
     assert out.count("100.0 %") >= 3, out
 
 
