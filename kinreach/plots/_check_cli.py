@@ -92,8 +92,8 @@ def report(subject: Subject, *, poses: int = POSES, seed: int = 0) -> Iterator[s
     yield f"IK           {poses} poses of random postures and {len(chosen)} singular ones, from the start posture"
     position, orientation = check.REACHED
     yield (
-        f"             reached: within {1e3 * position:g} mm and {orientation:g} rad; placo, lm and qp stop there, a closed "
-        "form is exact"
+        f"             reached: within {1e3 * position:g} mm and {orientation:g} rad; placo, lm and qp stop there, "
+        "a closed form is exact"
     )
     yield "             solver        reached  singular   time, ms: median / p95   largest error, mm"
     postures = check.random_postures(kin, poses, seed + 1)
