@@ -4,8 +4,8 @@
 
 A module is drawn by its number of lines, then a line of it, then a change of that line: a comparison, an operator, a
 number, a condition, an argument, a statement. Docstrings, annotations and what an error says stay as they are. The
-tests that enter the function run, those of the module's own room and fast ones first, then the room's other tests, up
-to the first failure.
+tests that enter the function run, those of the module's own room and fast ones first, then the room's other tests, at
+last its slow ones, up to the first failure.
 `--map FILE` says which they are; a run of the fast suite writes it if it is not there. With `--full` what survives them
 meets the whole fast suite. A second call with the same `--out` goes on where the first stopped.
 
@@ -39,6 +39,8 @@ PROG = "python -m benchmarks.studies.random_mutants"
 TABLE = Path(__file__).with_name("random_mutants.toml")
 #: Time of the tests that run first, and of those of a room in which nothing enters what is changed [s].
 FIRST, ROOM = 20.0, 60.0
+#: Longest time of a room's slow tests [s]; none takes a tenth of it.
+SLOW = 7200.0
 
 COMPARED: dict[type, tuple[type, ...]] = {
     ast.Lt: (ast.LtE, ast.Gt),
@@ -240,7 +242,7 @@ class Covering:
             isinstance(node, ast.FunctionDef) and node.lineno <= mutant.line <= (node.end_lineno or 0)
             for node in ast.walk(ast.parse(text))
         )
-        room = mutant.file.replace("kinreach/", "tests/", 1).rpartition("/")[0].replace("/_", "/")
+        room = room_of(mutant)
         tests = {self._tests[number] for number in lines.get(str(mutant.line), []) if inside}
         if not tests:
             tests = {self._tests[number] for each in lines.values() for number in each}
@@ -258,6 +260,11 @@ class Covering:
         """The first of some tests, that take so long together [s]."""
         spent = accumulate(self.seconds[test] + 0.05 for test in tests)
         return tests[: sum(each <= seconds for each in spent)]
+
+
+def room_of(mutant: RandomMutant) -> str:
+    """The folder of the tests of a mutant's room, from the root."""
+    return mutant.file.replace("kinreach/", "tests/", 1).rpartition("/")[0].replace("/_", "/")
 
 
 def judge(copy: Path, mutant: RandomMutant, covering: Covering, *, full: bool) -> dict[str, Any]:

@@ -53,6 +53,23 @@ def test_an_environment_without_a_clock_is_drawn(needs_gl):
     assert all((one != other).any() for one, other in pairwise(frames))
 
 
+def test_the_first_frame_shows_where_an_episode_begins(needs_gl):
+    """An episode that begins turned by 0.5 rad does not look as the one that begins at home."""
+
+    class Turned(Turning):
+        def reset(self, *, seed=None, options=None):
+            self.q = np.array(self.arm.home) + 0.5
+            return np.zeros(1, np.float32), {"q": self.q}
+
+    first = []
+    for env in (Turning(), Turned()):
+        drawn = Drawn(env, mode="rgb_array", fps=10)
+        drawn.reset()
+        first.append(drawn.render())
+        drawn.close()
+    assert (first[0] != first[1]).any()
+
+
 @pytest.mark.parametrize(("env", "backend", "steps"), [("single", "kinematic", 20), ("multi", "mujoco", 30)])
 def test_the_analytic_policy_reaches(env, backend, steps, capsys):
     command = ["demo", "--env", env, "--backend", backend, "--steps", str(steps), "--print", "nothing"]
