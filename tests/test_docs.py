@@ -316,7 +316,7 @@ def test_examples_are_shown_as_they_are():
 def test_the_code_of_a_page_runs(page, capsys):
     code = blocks(DOCS / f"{page}.md")
     assert len(code.splitlines()) >= 4
-    exec(compile(code, page, "exec", dont_inherit=True), {"__name__": page})
+    exec(compile(code, page, "exec", dont_inherit=True), {"__name__": "__main__"})
     printed = capsys.readouterr().out
     assert printed
     shown = re.findall(

@@ -174,9 +174,11 @@ def test_stable_baselines3(run, tmp_path):
 
 @pytest.mark.slow
 def test_pytorch_loop(run):
-    distances = numbers(r"distance +(\d+) mm", run("08_pytorch_loop"))
+    text = run("08_pytorch_loop")
+    distances = numbers(r"distance +(\d+) mm", text)
     assert len(distances) == 7
     assert distances[-1] < distances[0] / 3
+    assert numbers(r"learned: .* ([\d.]+) mm in the median", text)[0] < distances[0] / 3
 
 
 @pytest.mark.usefixtures("needs_gl")

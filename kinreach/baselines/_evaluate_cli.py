@@ -87,6 +87,9 @@ def main(argv: Sequence[str], *, prog: str) -> int:
     if arguments.export is not None:
         (name,) = policies
         _export(policies[name], arguments, options[name], {command: summaries[names[name]]})
+    for what, written in (("Results", arguments.out), ("ONNX model", arguments.export), ("Dataset", arguments.minari)):
+        if written is not None:
+            console.print(f"{what}: {written}", style="dim", soft_wrap=True)
     return 0
 
 

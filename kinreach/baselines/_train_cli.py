@@ -79,6 +79,7 @@ def main(argv: Sequence[str], *, prog: str) -> int:
     with open_engine(arguments.engine, arguments.address) as engine:
         for run in _runs(recipe, folders, engine, arguments, prog):
             words = f"{run.folder}: {run.seconds:.0f} s, {run.cpu_seconds:.0f} s of processor time"
+            words += "; model.zip is there too" if arguments.export else ""
             console.print(words, soft_wrap=True)
             policies[run.card.seed] = run.policy
         judge = partial(_judge, arguments.recipe, arguments.split)

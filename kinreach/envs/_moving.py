@@ -301,17 +301,51 @@ def observation_space(options: MovingOptions) -> spaces.Box:
 
 @with_options(MovingOptions)
 class MovingBallEnv(SingleEnv):
-    """A UR5 that is to touch a rolling ball; the module says what an episode is.
+    """A UR5 touches a ball that rolls over the table, seen by cameras that are late.
 
-    An action is a posture to go to, each angle divided by pi, shape (6,). An observation, shape (16,): where the ball
-    was last seen [m] (3), how long ago that was [s], joint angles [rad] (6) and speeds [rad/s] (6); with `sights` above
-    1 also where it was seen one frame before, two, and so on, less where it was last seen [m] (3 each). The reward of a
-    step is minus the least distance of tip and ball during it [m], and 1 more for touching. `info`: `goal`, where the
-    ball is [m], `q`, where the joints are [rad], `distance`, the least so far [m], `time` [s], `speed` [m/s] and `path`
-    of the ball; `is_success`: it was touched; after a step `reward_terms`, which sum to the reward.
-    `reset(options={"speed": speed, "path": path})` sets a speed [m/s] or a path instead of a random one.
+    ## Description
+    The ball rolls straight on, in a circle of 0.12 m radius, or with a random sideways acceleration of up to 1 m/s^2.
+    Thirty times a second the agent names a posture, and each joint goes there within its limits of speed and
+    acceleration. There are no collisions and no contacts.
+
+    ## Action Space
+    `Box(-1, 1, (6,), float32)`: the posture to go to, each angle divided by pi.
+
+    ## Observation Space
+    `Box(16,), float64`; with `sights=n` 3 (n - 1) numbers more.
+
+    | Num | Observation | Unit |
+    |-----|-------------|------|
+    | 0 to 2 | where the ball was last seen, in the world | m |
+    | 3 | age of that sight | s |
+    | 4 to 9 | joint angles | rad |
+    | 10 to 15 | joint speeds | rad/s |
+    | 16 on | where the ball was seen one frame earlier, two, and so on, relative to the last sight | m |
+
+    ## Rewards
+    Minus the least distance of tip and ball during the step [m], and 1 more for touching. `info["reward_terms"]` has
+    the terms `distance` and `touch`.
+
+    ## Starting State
+    The arm rests in its start posture. Speed and path are drawn from the options. The ball enters the table area at its
+    border, or, on a circle, starts anywhere on it. `reset(options={"speed": speed, "path": path})` sets a speed [m/s]
+    or a path.
+
+    ## Episode End
+    The episode terminates when the tip is within 10 mm of the ball's centre, when the ball leaves the table area, or
+    after three seconds.
+
+    ## Info
+    `goal`, where the ball is [m], `q`, the joint angles [rad], `distance`, the least so far [m], `time` [s], `speed`
+    [m/s] and `path` of the ball, `impossible`, always False; after a step `is_success`, whether the ball was touched,
+    and `reward_terms`.
+
+    ## Arguments
 
     <table of the options>
+
+    ## Version History
+    * v0: initial version
     """
 
     metadata = {"render_modes": []}  # noqa: RUF012 (declared by Gymnasium)
@@ -336,6 +370,9 @@ class MovingBallEnv(SingleEnv):
 
 class MovingVectorEnv(NativeVectorEnv):
     """A batch of `kinreach/Moving-v0`, equal to as many single ones with the seeds `seed`, `seed + 1`, ...
+
+    Episodes start anew as `NativeVectorEnv` describes: where one ended in a step, read its outcome from
+    `info["final_info"]`, because what `info` says of the goal is already the next one's.
 
     Args:
         num_envs: Number of environments.

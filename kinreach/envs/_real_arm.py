@@ -202,20 +202,53 @@ def _direction(rng: np.random.Generator) -> Floats:
 
 @with_options(RealArmOptions)
 class RealArmEnv(gym.Env[Any, Any]):
-    """A UR5 that is not its data sheet; the module says what an episode is.
+    """A UR5 that differs from its data sheet reaches a tray of balls, after a few looks at its own tip.
 
-    An action is a posture for every ball, each angle divided by pi, shape (balls, 6). An observation has a row for
-    each, shape (balls, 14): where the ball was seen (3), where the tip was seen in the last move to it (3, zeros before
-    the first), the posture of that move (6, zeros before), moves so far, and the looks allowed so far. The reward is
-    minus the mean distance. `info` has the median distance of this move [m], `distance`, and those of the moves so far,
-    `error_BUDGET_AGAIN`; `is_success`: this one is below `NEAR`; where the first ball is [m], `goal`, and the posture
-    of the last move to it [rad], `q`; `reward_terms`, which sum to the reward.
+    ## Description
+    The true arm has a published factory calibration; its tool, its base and the cameras are a little off. One step
+    moves the tip to every ball of the tray. Before a step the agent may practise: `look(postures)` sends the arm to
+    postures and returns where the tip was seen, as long as `looks_left` allows. Kinematics only.
+
+    ## Action Space
+    `Box(-1, 1, (balls, 6), float32)`: a posture for each ball, each angle divided by pi.
+
+    ## Observation Space
+    `Box(balls, 14), float64`, a row for each ball.
+
+    | Num | Observation | Unit |
+    |-----|-------------|------|
+    | 0 to 2 | where the ball was seen | m |
+    | 3 to 5 | where the tip was seen in the last move to it; zeros before | m |
+    | 6 to 11 | posture of that move; zeros before | rad |
+    | 12 | moves so far with this budget | 1 |
+    | 13 | looks allowed so far | 1 |
+
+    ## Rewards
+    Minus the mean distance of tip and balls [m]; the only term in `info["reward_terms"]` is `distance`.
+
+    ## Starting State
+    Errors, calibration and the directions of the errors are drawn; the balls are uniform on the table.
+    `reset(options={"errors": name, "calibration": name})` sets either.
+
+    ## Episode End
+    An episode goes through the `budgets`. With each, the arm goes to every ball once, and then `again` times more. The
+    episode terminates after the last move of the last budget.
+
+    ## Info
+    `calibration`, `errors`, `goal`, where the first ball is [m], `impossible`, always False; after a step `distance`,
+    the median distance of this move [m], `error_BUDGET_AGAIN`, the same of each move so far, `is_success`, whether the
+    median is below 0.5 mm, `q`, the posture of the last move to the first ball [rad], and `reward_terms`.
+
+    ## Arguments
+
+    <table of the options>
+
+    ## Version History
+    * v0: initial version
 
     Attributes:
         options: As given.
         believed: The arm as its user believes it to be.
-
-    <table of the options>
     """
 
     metadata = {"render_modes": []}  # noqa: RUF012 (declared by Gymnasium)

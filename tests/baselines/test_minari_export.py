@@ -51,7 +51,7 @@ def test_the_dataset_is_the_evaluation(policy, minari, tmp_path):
 def test_names_that_cannot_be_are_one_line(minari, capsys):
     play = ["evaluate", "single", "--goals", "1", "--backend", "kinematic", "--minari"]
     assert main([*play, "one-v0"]) == 0
-    capsys.readouterr()
+    assert "\nDataset: one-v0\n" in capsys.readouterr().out
     for name, message in (("one-v0", "already"), ("no version", "Malformed"), ("../one-v0", "Malformed")):
         assert main([*play, name]) == 2
         errors = capsys.readouterr().err

@@ -107,6 +107,7 @@ def test_the_command_writes_a_model_with_its_card(tmp_path, capsys):
     path = tmp_path / "new" / "policy.onnx"
     command = ["evaluate", "single", "--goals", "3", "--backend", "kinematic", "--export", str(path)]
     assert main(command) == 0
+    assert f"\nONNX model: {path}\n" in capsys.readouterr().out
     model = onnx.load(path)
     (entry,) = [entry for entry in model.metadata_props if entry.key == "kinreach"]
     card = json.loads(entry.value)

@@ -28,6 +28,17 @@ def test_arguments_have_their_defaults(root, page):
     assert len(shown) >= 5
 
 
+@pytest.mark.parametrize("name", [name for names in PAGES.values() for name in names])
+def test_docstrings_have_gymnasiums_sections(name):
+    """All of them, in Gymnasium's order."""
+    env = gym.make(name)
+    said = env.unwrapped.__class__.__doc__
+    sections = "Description, Action Space, Observation Space, Rewards, Starting State, Episode End, Info, Arguments"
+    found = [head for head in re.findall(r"^ *## (.*)$", said, re.MULTILINE) if head != "Other Arms"]
+    assert found == [*sections.split(", "), "Version History"]
+    assert "<table of" not in said
+
+
 @pytest.mark.parametrize("page", PAGES)
 def test_spaces_are_as_shown(root, page):
     text = (root / f"docs/environments/{page}.md").read_text(encoding="utf-8")

@@ -19,7 +19,8 @@ from kinreach.sim._picture import ScenePicture
 class ButtonPressVectorEnv(NativeVectorEnv):
     """A batch of `kinreach/ButtonPress-v0`, equal to as many single ones with the seeds `seed`, `seed + 1`, ...
 
-    Episodes start anew as `NativeVectorEnv` describes.
+    Episodes start anew as `NativeVectorEnv` describes: where one ended in a step, read its outcome from
+    `info["final_info"]`, because `info["goal"]` is already the next one's.
 
     Args:
         num_envs: Number of environments.
