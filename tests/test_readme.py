@@ -52,7 +52,8 @@ CLAIMS = {
     "The closed form is exact to 5e-9 mm": [("tests/test_readme.py", "def test_how_exact_the_closed_form_is")],
     "`ranked-single` trains for a minute. It is three times faster because it skips collision checks and works at one "
     "table height only (study).": [
-        (TRAINING, "0.192 [0.159, 0.225] | 0.398 | 99.99 | 100.00 | 0.215 | 0.00 | 1 | 43–45 |"),
+        (f"{DATA}/trained.csv", '`single`,5,"100.00 [99.96, 100.00]",100.00,"0.192 [0.159, 0.225]",0.398,99.99,100.00'),
+        (f"{DATA}/trained.csv", "100.00,0.215,1,43–45"),
         (TRAINING, "| `single` | 100 % [99, 100] | 6 % [4, 8] | 0 % [0, 1] |"),
         ("README.md", "| ranked-single | 100.0 [98.1, 100.0] | 0.17 / 0.35 | 0.047 / 0.083 |"),
         ("README.md", "| closed-form | 100.0 [98.1, 100.0] | **0.037** / 0.063 | 0.13 / 0.24 |"),

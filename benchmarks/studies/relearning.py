@@ -3,6 +3,7 @@
     python -m benchmarks.studies.relearning                                        # a table
     python -m benchmarks.studies.relearning --figure docs/images/relearning.png    # and a figure
     python -m benchmarks.studies.relearning --engine ray                           # each fault a task
+    python -m benchmarks.studies.relearning | python -m benchmarks.studies.tables relearning
 
 The faults, the task and its criterion are those of `benchmarks.studies.damage`. An episode is a move to a ball, at the
 end of which the tip is seen, 0.14 mm off in the median. What learns is ranked PPO with the settings of `single`, all
@@ -13,6 +14,7 @@ from __future__ import annotations
 
 import argparse
 import math
+from collections import defaultdict
 from collections.abc import Mapping, Sequence
 from copy import deepcopy
 from dataclasses import dataclass
@@ -23,7 +25,7 @@ import numpy as np
 import torch
 from gymnasium import spaces
 
-from benchmarks.studies.damage import KINDS, SIGMA, Damage, damage, numeric, reached
+from benchmarks.studies.damage import KINDS, SIGMA, Damage, damage, numeric, off_by, reached
 from benchmarks.studies.parts import each
 from benchmarks.studies.tables import head, line
 from kinreach._checks import Floats, check_count
@@ -210,16 +212,23 @@ def main(argv: list[str] | None = None) -> int:
     runs = [(fault, seed) for fault in range(arguments.faults) for seed in range(arguments.seeds)]
     parts = [(kind, fault, seed, start, count, most) for kind, start in groups for fault, seed in runs]
     found = each(arguments, curve, parts)
-    print(head("fault", "begun with", "episodes", "reached, % [95 % CI]", "median of medians, mm", "processor, s"))
     drawn = {}
+    cells: dict[tuple[str, int], list[str]] = defaultdict(list)
+    seconds: dict[tuple[str, int], list[float]] = defaultdict(list)
     for kind, start in groups:
         curves = [next(found) for _ in runs]
         for episodes in budgets(start, most):
             shares, middles, took = np.array([one[episodes] for one in curves]).T
             ((low, high),) = bootstrap_intervals(shares, (mean,))
             drawn[kind, start, episodes] = (shares.mean(), low, high)
-            said = f"{100 * shares.mean():.1f} [{100 * low:.1f}, {100 * high:.1f}]"
-            print(line(kind, start, episodes, said, f"{np.median(middles):.2f}", f"{took.mean():.2f}"), flush=True)
+            share = f"{100 * shares.mean():.1f} [{100 * low:.1f}, {100 * high:.1f}]"
+            cells[start, episodes].append(f"{share}; {off_by(middles)}")
+            seconds[start, episodes].append(took.mean())
+    print(head("begun with", "episodes", "processor, s", *KINDS))
+    for (start, episodes), row in cells.items():
+        times = [f"{took:.2g}" for took in (min(seconds[start, episodes]), max(seconds[start, episodes]))]
+        took = "–".join(dict.fromkeys(times)) if episodes else "-"
+        print(line(start, "-" if start == KNOWN else f"{episodes:,}".replace(",", " "), took, *row))
     if arguments.figure is not None:
         draw(drawn, arguments.figure)
     return 0

@@ -1,5 +1,6 @@
 """The study of damage: faults are what they are called, and who knows them reaches."""
 
+import csv
 import re
 
 import numpy as np
@@ -20,6 +21,7 @@ from benchmarks.studies.damage import (
     share_of_faults,
 )
 from benchmarks.studies.relearning import KNOWN, SHIPPED, curve
+from benchmarks.studies.tables import DATA, as_csv
 from kinreach.baselines._expert import tool_down_postures
 from kinreach.baselines._random_arms import on_table, ur5
 from kinreach.errors import InputError
@@ -64,7 +66,21 @@ def test_looks_find_it(kind):
 
 def test_the_table(capsys):
     assert main(["--faults", "1", "--balls", "4"]) == 0
-    assert capsys.readouterr().out.count("\n| a ") == 3 * 11
+    header, *rows = rows_of(capsys)
+    assert header == ["method", *KINDS]
+    assert len(rows) == 11
+    assert all(re.fullmatch(r"[\d.]+; [\d.]+ mm", cell) for row in rows for cell in row[1:])
+    assert header == published("damage")[0]
+    assert [row[0] for row in published("damage")] == ["method", *(row[0] for row in rows)]
+
+
+def rows_of(capsys):
+    """The printed table, as it becomes a file."""
+    return list(csv.reader(as_csv(capsys.readouterr().out).splitlines()))
+
+
+def published(name):
+    return list(csv.reader((DATA / f"{name}.csv").read_text(encoding="utf-8").splitlines()))
 
 
 def test_intervals_are_over_faults():
@@ -86,7 +102,9 @@ def test_a_policy_learns_again(capsys):
 
 def test_the_table_of_learning_again(capsys, tmp_path):
     assert relearning.main(["--faults", "1", "--seeds", "1", "--balls", "4", "--most", "1000"]) == 0
-    assert capsys.readouterr().out.count("\n| a ") == 3 * 3
+    header, *rows = rows_of(capsys)
+    assert header == ["begun with", "episodes", "processor, s", *KINDS] == published("relearning")[0]
+    assert [row[:2] for row in rows] == [row[:2] for row in published("relearning")[1:4]]
     with pytest.raises(InputError, match="--most must be at least 1"):
         relearning.main(["--most", "0"])
 
