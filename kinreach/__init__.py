@@ -7,7 +7,6 @@ all on the same goals. Imports point one way, downwards:
     kinreach.demo         an environment to watch, or to film: `python -m kinreach.demo`
     kinreach.compare      all methods on equal terms, with statistics: `python -m kinreach.compare`
     kinreach.baselines    policies, recipes, training and evaluation
-    kinreach.plots        the style of the figures
     kinreach.envs         the tasks, as Gymnasium environments
     kinreach.vision       cameras, and the ball found in their pictures
     kinreach.sim          MuJoCo: scene, joint controller, one arm or a batch

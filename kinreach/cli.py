@@ -47,7 +47,7 @@ COMMANDS = {
     "train": Command("kinreach.baselines._train_cli", "train a policy by a recipe"),
     "evaluate": Command("kinreach.baselines._evaluate_cli", "try policies on goals they were not trained on"),
     "ik": Command("kinreach.kinematics._ik_cli", "joint angles for poses of an arm's tool"),
-    "check": Command("kinreach.plots._check_cli", "what an arm is and how its inverse kinematics does"),
+    "check": Command("kinreach._plots._check_cli", "what an arm is and how its inverse kinematics does"),
     "demo": Command("kinreach.demo._cli", "watch an environment with a policy, or film it"),
     "view": Command("kinreach.view._cli", "see postures, and why there are none, in the browser"),
 }

@@ -12,7 +12,6 @@ from kinreach.kinematics import (
     Arm3Kinematics,
     ArmKinematics,
     AxisGoal,
-    CalibratedURKinematics,
     PoseGoal,
     PositionGoal,
     SevenAxisKinematics,
@@ -20,8 +19,13 @@ from kinreach.kinematics import (
     Trajectory,
     URKinematics,
 )
-from kinreach.robots import PUBLISHED_CALIBRATIONS, Solid, Tool, get_arm
-from kinreach.vision import BallFix, GoalMeasurement, Intrinsics, RGBDImage, SensorNoise
+from kinreach.kinematics._ur.kinematics import CalibratedURKinematics
+from kinreach.robots import PUBLISHED_CALIBRATIONS, Tool, get_arm
+from kinreach.robots._urdf import Solid
+from kinreach.vision import Intrinsics, SensorNoise
+from kinreach.vision._ball_finder import BallFix
+from kinreach.vision._cameras import RGBDImage
+from kinreach.vision._goal_view import GoalMeasurement
 
 #: Packages whose exported dataclasses are tried.
 FACES = ("kinreach.kinematics", "kinreach.robots", "kinreach.vision")

@@ -19,8 +19,9 @@ from benchmarks.ik_arms.measure import ON_CURVE, RIGHT, SEVENTH, Effort
 from benchmarks.ik_arms.solvers import Kinreach
 from benchmarks.speed.report import PACKAGES, table
 from kinreach._files import make_writable, replacing, write_text
+from kinreach._plots._methods import colours_of
+from kinreach._plots._style import FAINT, key, new_figure, plain
 from kinreach._provenance import machine, versions
-from kinreach.plots import FAINT, colours_of, key, new_figure, plain
 
 Line = dict[str, Any]
 COLUMNS = (

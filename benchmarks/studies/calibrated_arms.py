@@ -20,8 +20,9 @@ from benchmarks.studies.tables import head, line
 from kinreach._checks import Floats
 from kinreach.cli import Parser, finish
 from kinreach.errors import InputError
-from kinreach.kinematics import CalibratedURKinematics, URKinematics
+from kinreach.kinematics import URKinematics
 from kinreach.kinematics._goals import pose_error
+from kinreach.kinematics._ur.kinematics import CalibratedURKinematics
 from kinreach.robots import PUBLISHED_CALIBRATIONS
 
 PROG = "python -m benchmarks.studies.calibrated_arms"

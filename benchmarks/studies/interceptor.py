@@ -24,8 +24,8 @@ from kinreach._checks import Floats, check_count
 from kinreach.baselines._expert import tool_down_postures
 from kinreach.baselines._loop import Policy, as_policy, rollout
 from kinreach.cli import Parser, finish
-from kinreach.compare import get_task
 from kinreach.compare._methods.interception import Interception
+from kinreach.compare._task import get_task
 from kinreach.envs import _moving as ball
 from kinreach.envs._moving import moved
 from kinreach.kinematics import CollisionChecker

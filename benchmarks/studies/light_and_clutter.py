@@ -200,7 +200,7 @@ def draw(studio: Studio, path: Path) -> None:
     from matplotlib.layout_engine import ConstrainedLayoutEngine
     from matplotlib.patches import Circle
 
-    from kinreach.plots import INK
+    from kinreach._plots._style import INK
 
     shown = [situation for situation in SITUATIONS if situation.ball]
     goal = np.array(PICTURE_GOAL)

@@ -13,15 +13,9 @@ from typing import Any
 import numpy as np
 
 from kinreach.baselines._rewards import FLOOR, TrainingReward
-from kinreach.thesis import (
-    IMPOSSIBLE_REWARD,
-    NEAR_REWARD,
-    REACHED_DISTANCE,
-    REACHED_POSTURE_ERROR,
-    REACHED_REWARD,
-    distance_reward,
-)
+from kinreach.thesis import REACHED_DISTANCE, REACHED_POSTURE_ERROR, distance_reward
 from kinreach.thesis._posture import posture_errors
+from kinreach.thesis._reward import IMPOSSIBLE_REWARD, NEAR_REWARD, REACHED_REWARD
 
 Array = np.ndarray[Any, Any]
 

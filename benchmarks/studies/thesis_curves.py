@@ -26,7 +26,7 @@ from kinreach.baselines._evaluation import evaluate
 from kinreach.baselines._learning_curve import read_curve
 from kinreach.baselines._policies import LearnedPolicy
 from kinreach.cli import Parser, finish
-from kinreach.thesis import IMPOSSIBLE_REWARD
+from kinreach.thesis._reward import IMPOSSIBLE_REWARD
 
 PROG = "python -m benchmarks.studies.thesis_curves"
 

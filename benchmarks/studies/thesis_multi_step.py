@@ -33,7 +33,8 @@ from kinreach.baselines._training import train
 from kinreach.cli import Parser, finish
 from kinreach.envs._reach.task import MULTI_STEP
 from kinreach.kinematics import UR5Kinematics
-from kinreach.thesis import IMPOSSIBLE_REWARD, REACHED_DISTANCE, REACHED_REWARD
+from kinreach.thesis import REACHED_DISTANCE
+from kinreach.thesis._reward import IMPOSSIBLE_REWARD, REACHED_REWARD
 
 PROG = "python -m benchmarks.studies.thesis_multi_step"
 

@@ -16,7 +16,7 @@ from benchmarks.studies.tables import head, line
 from kinreach._jobs import add_options
 from kinreach.cli import Parser, finish
 from kinreach.kinematics import URKinematics
-from kinreach.robots import UR_LENGTHS
+from kinreach.robots._ur import UR_LENGTHS
 
 PROG = "python -m benchmarks.studies.ur_family"
 

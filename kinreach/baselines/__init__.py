@@ -4,7 +4,7 @@
 - `Recipe`, `get_recipe`, `train`: from a recipe and a seed to a policy file, a learning curve and a checkpoint.
 - `register_recipe`, `register_algorithm`: train by a recipe and an algorithm of your own.
 - `SB3VecEnv`: a native batch as stable-baselines3 takes it.
-- `RandomPolicy`, `SolverPolicy`, `AnalyticButtonPolicy`: policies that are not trained.
+- `RandomPolicy`, `AnalyticButtonPolicy`: policies that are not trained.
 
 `train`, `register_algorithm` and `SB3VecEnv` need the extra `train`; the rest runs without torch. The modules are
 internal.
@@ -22,10 +22,9 @@ if TYPE_CHECKING:
     from kinreach.baselines._button_controller import AnalyticButtonPolicy
     from kinreach.baselines._evaluation import HELD_OUT, VALIDATION, evaluate
     from kinreach.baselines._learning_curve import read_curve
-    from kinreach.baselines._loop import Policy, RandomPolicy, rollout
+    from kinreach.baselines._loop import RandomPolicy, rollout
     from kinreach.baselines._policies import load_policy
-    from kinreach.baselines._recipes import RECIPES, Networks, Recipe, get_recipe, register_recipe
-    from kinreach.baselines._solver_policy import SolverPolicy
+    from kinreach.baselines._recipes import Networks, Recipe, get_recipe, register_recipe
     from kinreach.baselines._training import train
     from kinreach.baselines._vec_envs import SB3VecEnv
 
@@ -35,12 +34,9 @@ _MODULES = {
     "AnalyticButtonPolicy": "_button_controller",
     "HELD_OUT": "_evaluation",
     "Networks": "_recipes",
-    "Policy": "_loop",
-    "RECIPES": "_recipes",
     "RandomPolicy": "_loop",
     "Recipe": "_recipes",
     "SB3VecEnv": "_vec_envs",
-    "SolverPolicy": "_solver_policy",
     "VALIDATION": "_evaluation",
     "evaluate": "_evaluation",
     "get_recipe": "_recipes",
@@ -54,16 +50,13 @@ _MODULES = {
 
 __all__ = [
     "HELD_OUT",
-    "RECIPES",
     "VALIDATION",
     "Algorithm",
     "AnalyticButtonPolicy",
     "Networks",
-    "Policy",
     "RandomPolicy",
     "Recipe",
     "SB3VecEnv",
-    "SolverPolicy",
     "evaluate",
     "get_recipe",
     "load_policy",

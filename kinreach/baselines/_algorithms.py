@@ -47,7 +47,7 @@ from kinreach.envs._button.task import CONTROL_LIMIT, JOINTS
 from kinreach.envs._reach.space import SpaceTask
 from kinreach.envs._reach.task import CAMERA, ReachTask, action_range, layout_of
 from kinreach.errors import InputError
-from kinreach.robots import ArmDescription, as_arm, get_arm
+from kinreach.robots import ArmDescription, get_arm
 
 
 def normal_scores(rewards: np.ndarray[Any, Any]) -> np.ndarray[Any, Any]:
@@ -280,7 +280,7 @@ def in_tries(batch: VectorEnv[Any, Any, Any], recipe: Recipe, reward: TrainingRe
 
 
 def _arm(recipe: Recipe) -> ArmDescription:
-    return as_arm(recipe.options.get("arm", "ur5"))
+    return get_arm(recipe.options.get("arm", "ur5"))
 
 
 def _action_to(arm: ArmDescription, q: ArrayLike) -> list[float]:

@@ -25,7 +25,7 @@ from kinreach.baselines._eyes import MIDDLE, Eye
 from kinreach.baselines._policies import SLACK, LearnedPolicy, trained_arm
 from kinreach.envs._reach.task import STEP_SIZE
 from kinreach.errors import InputError
-from kinreach.robots import as_arm
+from kinreach.robots import get_arm
 
 #: Versions of ONNX's operators and of its file format, as ONNX Runtime has had them since 1.14.
 OPSET, IR_VERSION = 18, 8
@@ -129,7 +129,7 @@ def _model(policy: LearnedPolicy, observations: int) -> Any:
 
 def _picture_names(policy: LearnedPolicy) -> list[str]:
     """Return names of the pictures that a policy sees: of the cameras of its arm."""
-    arm = as_arm(trained_arm(policy).get("arm", "ur5"))
+    arm = get_arm(trained_arm(policy).get("arm", "ur5"))
     return sorted(f"{camera.name}_rgb" for camera in arm.goal_cameras)[: len(policy.network.eyes)]
 
 

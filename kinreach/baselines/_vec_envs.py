@@ -16,7 +16,7 @@ from kinreach.baselines._policies import paced
 from kinreach.baselines._rewards import TrainingReward, own
 from kinreach.envs._reach.task import UR5_LAYOUT, Layout, action_range
 from kinreach.errors import InputError, TrainingError
-from kinreach.robots import ArmDescription, as_arm
+from kinreach.robots import ArmDescription, get_arm
 
 Array = np.ndarray[Any, Any]
 
@@ -165,7 +165,7 @@ class TriesVecEnv(SB3VecEnv):
         super().__init__(env, reward=reward)
         self._tries, self._draw, self._steps, self._blur = tries, draw, steps, blur
         self._layout = layout
-        self._half, self._middle = action_range(as_arm(arm))
+        self._half, self._middle = action_range(get_arm(arm))
         self._rng = np.random.default_rng()
         self._infos: list[dict[str, Any]] = [{} for _ in range(env.num_envs)]
         self._over = np.ones(env.num_envs, dtype=np.bool_)

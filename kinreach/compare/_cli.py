@@ -23,7 +23,7 @@ from kinreach.compare._options import Flag, add_flags, flags_of, given_options
 from kinreach.compare._runner import CAMERA, DEFAULT_GOALS, GEOMETRIC, compare, notes
 from kinreach.compare._task import Task, get_task, register_task, task_names
 from kinreach.errors import InputError, OtherResultsError
-from kinreach.robots import ArmDescription, arm_names, as_arm
+from kinreach.robots import ArmDescription, arm_names, get_arm
 from kinreach.robots._flags import ARM_FLAGS, add_arm_flags, arm_of, package_dirs_of, print_notes
 
 #: Width that the tables for people fit into [characters].
@@ -56,7 +56,7 @@ def main(argv: Sequence[str], *, prog: str) -> int:
     texts = {name: getattr(arguments, name) for name in flags if getattr(arguments, name) is not None}
     arm = _arm(arguments)
     own = None if arguments.out is None else check_path("--out", arguments.out)
-    default = Path("results") / _default_folder(task.name, "" if arm is None else as_arm(arm).name, arguments, texts)
+    default = Path("results") / _default_folder(task.name, "" if arm is None else get_arm(arm).name, arguments, texts)
     out, results = _measure(
         task,
         methods,

@@ -9,6 +9,8 @@ import gymnasium as gym
 import numpy as np
 from matplotlib.figure import Figure
 
+from kinreach._plots._maps import view_from_the_robot
+from kinreach._plots._style import INK, name_label, new_figure, text_colour
 from kinreach._registration import MOVING
 from kinreach._statistics import QUANTILES, RATE, Column, Trial, number, thousandfold
 from kinreach.compare._button import decision_ms
@@ -19,7 +21,6 @@ from kinreach.compare._methods.interception import FirstSight, Interception, Las
 from kinreach.compare._task import CONTROLLER, Method, Replay, Task
 from kinreach.envs import _moving as ball
 from kinreach.kinematics import ArmKinematics
-from kinreach.plots import INK, name_label, new_figure, text_colour, view_from_the_robot
 
 #: Title of the second table.
 TIME_TABLE = "Distances and times"

@@ -37,7 +37,7 @@ from kinreach.compare._task import GIVEN, SOLVER, Draw, Method, Task, arm_in, ar
 from kinreach.envs._reach.reachable_goals import with_goals
 from kinreach.envs._reach.task import layout_of
 from kinreach.errors import InputError, InstallationError, KinreachError, MethodError, OtherResultsError, OutputError
-from kinreach.robots import ArmDescription, as_arm
+from kinreach.robots import ArmDescription, get_arm
 
 #: Called with the number of finished trials and the number of all trials.
 Progress = Callable[[int, int], None]
@@ -219,11 +219,11 @@ def prepare(
         if task.observations:
             chosen["observation"] = observation
     if arm is not None:
-        description = with_goals(as_arm(arm))
+        description = with_goals(get_arm(arm))
         if not task.arm:
             raise InputError(f"the task {task.name!r} takes no other arm, got {description.name!r}")
         chosen["arm"] = description if isinstance(arm, ArmDescription) else arm
-        if description.name != task.arm or layout_of(description) != layout_of(as_arm(task.arm)):
+        if description.name != task.arm or layout_of(description) != layout_of(get_arm(task.arm)):
             solvers = {name: method for name, method in task.methods.items() if method.kind == SOLVER}
             own = task.arm_methods.get(description.name, {})
             task = replace(task, title=f"{description.title}: tip at the goal", methods={**solvers, **own})
@@ -645,7 +645,7 @@ def _differences(settings: Mapping[str, Any], versions: Mapping[str, Any], compa
 def _versions(comparison: Comparison, *, methods: bool = True) -> dict[str, Any]:
     found: dict[str, Any] = provenance.versions()
     if (arm := comparison.task.options.get("arm")) is not None:
-        found |= arm_version(as_arm(arm))
+        found |= arm_version(get_arm(arm))
     found |= {
         f"file {path}": provenance.digest(read_bytes(path, "the file", most=MAX_BYTES))
         for path in _files(comparison.task.options)

@@ -170,22 +170,6 @@ def task_names() -> list[str]:
     return list(dict.fromkeys((*_OWN, *_TASKS)))
 
 
-def register_method(task: str, name: str, method: Method) -> None:
-    """Add a method to a registered task; later comparisons of all its methods include it.
-
-    Raises:
-        UnknownNameError: The task is unknown.
-        InputError: It is not a `Method`, or the task has one of that name already.
-    """
-    given: Any = method
-    if not isinstance(given, Method):
-        raise InputError(f"a method must be a Method, got {shown(given)}")
-    found = get_task(task)
-    if name in found.methods:
-        raise InputError(f"the task {task!r} has a method {name!r} already")
-    _TASKS[task] = replace(found, methods={**found.methods, name: method})
-
-
 def common_columns(completed: Callable[[Trial], bool]) -> tuple[Column, ...]:
     """Return the columns of every task: rates over all goals, distances [mm], reward, times.
 

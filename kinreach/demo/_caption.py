@@ -11,8 +11,9 @@ import numpy as np
 from PIL import Image, ImageDraw, ImageFont
 
 from kinreach._checks import Floats
+from kinreach._plots._methods import METHOD_COLOURS, method_name
+from kinreach._plots._style import INK
 from kinreach._statistics import number
-from kinreach.plots import INK, METHOD_COLOURS, method_name
 from kinreach.sim._engine import mujoco
 from kinreach.sim._picture import CAMERA, Scene
 from kinreach.sim._scene import BALL

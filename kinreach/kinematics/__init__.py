@@ -1,10 +1,10 @@
 """Analytic and numeric kinematics: FK, Jacobians, limits, closed-form IK, solvers, collisions.
 
 - `ArmKinematics.of`, `ArmKinematics.from_urdf`: the kinematics of an arm, of the class that lists all postures of
-  a pose where there is one: `URKinematics`, `CalibratedURKinematics`, `SixAxisKinematics`,
-  `Arm3Kinematics`, and as curves `SevenAxisKinematics`.
-- `PoseGoal`, `AxisGoal`, `PositionGoal`: what a solver is asked for; `IKResult` and `IKSolutions`: what it returns.
-- `ClosedFormSolver`, `PlacoSolver`, `LevenbergMarquardtSolver`, `QPSolver`: solvers, interchangeable by `Solver`.
+  a pose where there is one: `URKinematics`, `SixAxisKinematics`, `Arm3Kinematics`, and as curves
+  `SevenAxisKinematics`.
+- `PoseGoal`, `AxisGoal`, `PositionGoal`: what a solver is asked for; `IKResult`: what it returns.
+- `ClosedFormSolver`, `PlacoSolver`, `LevenbergMarquardtSolver`, `QPSolver`: solvers with the same interface.
 - `pose`, `pose_vector`: poses as six numbers, as a UR's pendant writes them.
 - `CollisionChecker`: which links touch each other, or an obstacle.
 - `Trajectory`: joint angles and speeds over time.
@@ -20,14 +20,12 @@ from typing import TYPE_CHECKING, Any
 
 from kinreach.kinematics._arm import ArmKinematics
 from kinreach.kinematics._arm3 import Arm3Kinematics
-from kinreach.kinematics._closed_form import ClosedFormKinematics
 from kinreach.kinematics._collision import CollisionChecker
 from kinreach.kinematics._goals import AxisGoal, PoseGoal, PositionGoal
-from kinreach.kinematics._seven_axis.curves import SelfMotion, SelfMotions
 from kinreach.kinematics._seven_axis.kinematics import SevenAxisKinematics
 from kinreach.kinematics._six_axis.kinematics import SixAxisKinematics
-from kinreach.kinematics._solutions import Accept, IKResult, IKSolutions, Status
-from kinreach.kinematics._solvers import ClosedFormSolver, Solver
+from kinreach.kinematics._solutions import Accept, IKResult
+from kinreach.kinematics._solvers import ClosedFormSolver
 from kinreach.kinematics._trajectory import Trajectory
 from kinreach.kinematics._ur.kinematics import CalibratedURKinematics, UR5Kinematics, URKinematics
 from kinreach.robots._rotations import pose, pose_vector
@@ -41,23 +39,16 @@ __all__ = [
     "Arm3Kinematics",
     "ArmKinematics",
     "AxisGoal",
-    "CalibratedURKinematics",
-    "ClosedFormKinematics",
     "ClosedFormSolver",
     "CollisionChecker",
     "IKResult",
-    "IKSolutions",
     "LevenbergMarquardtSolver",
     "PlacoSolver",
     "PoseGoal",
     "PositionGoal",
     "QPSolver",
-    "SelfMotion",
-    "SelfMotions",
     "SevenAxisKinematics",
     "SixAxisKinematics",
-    "Solver",
-    "Status",
     "Trajectory",
     "UR5Kinematics",
     "URKinematics",

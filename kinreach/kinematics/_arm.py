@@ -25,7 +25,7 @@ from kinreach._engines import load
 from kinreach.errors import InputError
 from kinreach.kinematics._chain import SerialChain
 from kinreach.kinematics._solutions import SLACK
-from kinreach.robots import ArmDescription, Tool, as_arm
+from kinreach.robots import ArmDescription, Tool, get_arm
 from kinreach.robots._rotations import as_frame
 from kinreach.robots._tools import FLANGE, TOOL
 from kinreach.robots._ur import FLIP, JOINTS
@@ -85,7 +85,7 @@ class ArmKinematics:
         base: str | ArrayLike = "base_link",
         tool: Tool | str | ArrayLike | None = None,
     ) -> None:
-        self.arm = as_arm(arm)
+        self.arm = get_arm(arm)
         if tool is not None:
             if tip not in (None, FLANGE):
                 raise InputError(f"give a tip or a tool, not both; got the tip {tip!r}")

@@ -3,9 +3,8 @@
 - `get_arm`, `arm_names`, `register_arm`: arms by name.
 - `ArmDescription`: an arm of your own, also from its URDF file; `Gripper`, `CameraMount`, `Workcell`, `Box` and
   `BoxRegion` are its parts.
-- `Tool`: what is mounted on an arm's flange; `Solid` is one of its shapes.
+- `Tool`: what is mounted on an arm's flange.
 - `read_calibration`: the factory calibration of a UR; `PUBLISHED_CALIBRATIONS` are files of real ones.
-- `UR_LENGTHS`: the UR models and their Denavit-Hartenberg lengths.
 
 Data only: nothing here imports a robotics engine. Every arm is one URDF that feeds Pinocchio, placo and MuJoCo. The
 modules are internal.
@@ -14,26 +13,20 @@ modules are internal.
 from kinreach.robots._calibration import PUBLISHED_CALIBRATIONS, read_calibration
 from kinreach.robots._description import ArmDescription
 from kinreach.robots._grippers import Gripper
-from kinreach.robots._registry import arm_named, arm_names, as_arm, get_arm, register_arm
+from kinreach.robots._registry import arm_names, get_arm, register_arm
 from kinreach.robots._tools import Tool
-from kinreach.robots._ur import UR_LENGTHS
-from kinreach.robots._urdf import Solid
 from kinreach.robots._workcell import Box, BoxRegion, CameraMount, Workcell
 
 __all__ = [
     "PUBLISHED_CALIBRATIONS",
-    "UR_LENGTHS",
     "ArmDescription",
     "Box",
     "BoxRegion",
     "CameraMount",
     "Gripper",
-    "Solid",
     "Tool",
     "Workcell",
-    "arm_named",
     "arm_names",
-    "as_arm",
     "get_arm",
     "read_calibration",
     "register_arm",

@@ -50,7 +50,7 @@ class Calibration:
     """The links of one real arm.
 
     Attributes:
-        model: Which UR it is, a key of `kinreach.robots.UR_LENGTHS`.
+        model: Which UR it is, such as `"ur5e"`.
         placements: A0 to A6 of `T = A0 Rz(q1) A1 ... Rz(q6) A6`, from the DH base (the driver's `base_link_inertia`,
             which is base_link turned by pi about z) to `tool0`, shape (7, 4, 4).
         file: Where it was read.

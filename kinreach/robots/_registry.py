@@ -41,27 +41,20 @@ def register_arm(arm: ArmDescription) -> ArmDescription:
     return arm
 
 
-def get_arm(name: str) -> ArmDescription:
-    """Return the arm with this name, whatever its case.
+def get_arm(name: str | ArmDescription) -> ArmDescription:
+    """Return the arm with this name, in upper or lower case; a description is returned as it is.
 
     Raises:
-        UnknownNameError: There is none; the message lists the available names.
+        UnknownNameError: There is no such arm; the message lists the available names.
         InstallationError: The package with its URDF is not installed.
     """
+    if isinstance(name, ArmDescription):
+        return name
     name = next((known for known in arm_names() if known.lower() == str(name).lower()), name)
     check_known("arm", name, arm_names())
     if name not in _arms():
         _arms()[name] = _FROM_FILES[name]()
     return _arms()[name]
-
-
-def as_arm(arm: str | ArmDescription) -> ArmDescription:
-    """Return the arm with this name, or the description itself.
-
-    Raises:
-        UnknownNameError: There is no such arm.
-    """
-    return arm if isinstance(arm, ArmDescription) else get_arm(arm)
 
 
 def arm_named(

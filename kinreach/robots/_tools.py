@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import xml.etree.ElementTree as ET
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -11,7 +12,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from kinreach._checks import Floats, as_vector, check_known, check_number, check_path
+from kinreach._checks import Floats, as_vector, check_known, check_number, check_path, shown
 from kinreach.errors import InputError
 from kinreach.robots._grippers import FINGER_MASS, PALM, PALM_MASS, PARALLEL_GRIPPER, TCP_OFFSET, finger
 from kinreach.robots._meshes import collision_mesh
@@ -33,19 +34,20 @@ class Tool:
             or a 4x4 transform.
         mass: [kg]; 0 leaves the tool out of the dynamics.
         centre_of_mass: [m].
-        shapes: Boxes, `Solid((x, y, z), xyz, rpy)`, and cylinders, `Solid((radius, length), xyz, rpy)`, that collide
-            and are drawn; the mass is spread in the first.
+        shapes: Boxes, `((x, y, z), xyz, rpy)`, and cylinders, `((radius, length), xyz, rpy)`, that collide and are
+            drawn, in metres and radians; `rpy` may be left out. The mass is spread in the first.
         mesh: A mesh file (STL, OBJ, DAE) that collides and is drawn.
         mesh_scale: Metres per unit of the mesh; 0.001 for millimetres.
 
     Raises:
-        InputError: Not a rigid motion, metres that are millimetres, a negative mass, or a shape that is not a `Solid`.
+        InputError: Not a rigid motion, metres that are millimetres, a negative mass, or another shape than a box
+            or cylinder.
     """
 
     centre: ArrayLike
     mass: float = 0.0
     centre_of_mass: tuple[float, float, float] = (0.0, 0.0, 0.0)
-    shapes: tuple[Solid, ...] = ()
+    shapes: Sequence[Any] = ()
     mesh: str | Path | None = None
     mesh_scale: float = 1.0
     T: Floats = field(init=False, repr=False)
@@ -54,9 +56,7 @@ class Tool:
         object.__setattr__(self, "T", as_frame("tool", self.centre))
         check_number("mass of the tool [kg]", self.mass, least=0.0, most=1e3)
         as_vector("centre_of_mass of the tool [m]", self.centre_of_mass, 3, most=MAX_TOOL)
-        for shape in self.shapes:
-            if not isinstance(shape, Solid):
-                raise InputError(f"shapes of the tool must be Solids, got {shape!r}")
+        object.__setattr__(self, "shapes", tuple(map(_solid, self.shapes)))
         check_number("mesh_scale of the tool", self.mesh_scale, above=0.0, most=1e3)
         if self.mesh is not None:
             object.__setattr__(self, "mesh", str(check_path("mesh of the tool", self.mesh)))
@@ -89,6 +89,23 @@ class Tool:
         pitch, yaw = float(np.arccos(np.clip(end[2] / length, -1, 1))), float(np.arctan2(end[1], end[0]))
         middle: Any = tuple((end / 2).tolist())
         return cls(centre, mass, middle, (Solid((radius, length), middle, (0.0, pitch, yaw)),))
+
+
+def _solid(shape: Any) -> Solid:
+    """Check a shape of a tool, (size, xyz) or (size, xyz, rpy)."""
+    if isinstance(shape, Solid):
+        return shape
+    if not isinstance(shape, tuple | list) or len(shape) not in (2, 3) or np.size(shape[0]) not in (2, 3):
+        raise InputError(
+            f"a shape of the tool must be ((x, y, z), xyz, rpy) or ((radius, length), xyz, rpy), got {shown(shape)}"
+        )
+    size, xyz, rpy = shape if len(shape) == 3 else (*shape, (0.0, 0.0, 0.0))
+    for length in size:
+        check_number("size of a shape of the tool [m]", length, above=0.0, most=MAX_TOOL)
+    place = as_vector("xyz of a shape of the tool [m]", xyz, 3, most=MAX_TOOL)
+    turn = as_vector("rpy of a shape of the tool [rad]", rpy, 3, most=2 * np.pi)
+    numbers: Any = (tuple(map(float, size)), tuple(place.tolist()), tuple(turn.tolist()))
+    return Solid(*numbers)
 
 
 _OPEN = PARALLEL_GRIPPER.opening / 2 + 0.006

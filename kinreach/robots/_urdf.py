@@ -29,6 +29,9 @@ class Solid:
     xyz: tuple[float, float, float] = (0.0, 0.0, 0.0)
     rpy: tuple[float, float, float] = (0.0, 0.0, 0.0)
 
+    def __repr__(self) -> str:
+        return repr((self.size, self.xyz, self.rpy))
+
 
 def numbers(values: Sequence[float]) -> str:
     """Write numbers as in a URDF, without loss."""

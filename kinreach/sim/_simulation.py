@@ -22,7 +22,7 @@ from kinreach._checks import (
     shown,
 )
 from kinreach.errors import InputError, raise_unknown
-from kinreach.robots import ArmDescription, as_arm
+from kinreach.robots import ArmDescription, get_arm
 from kinreach.sim._controller import TOLERANCE, JointController, MoveResult, Touch, touches
 from kinreach.sim._engine import mujoco
 from kinreach.sim._imperfections import Imperfections, as_imperfections, in_scene
@@ -68,7 +68,7 @@ class ArmSimulation:
         tolerance: float = TOLERANCE,
         imperfections: Imperfections | Mapping[str, float] | None = None,
     ) -> None:
-        self.arm = as_arm(arm)
+        self.arm = get_arm(arm)
         check_timestep(timestep)
         flaws = as_imperfections(imperfections)
         self.model: Any = scene_model(self.arm, timestep=timestep, visual=visual, imperfections=in_scene(flaws))
@@ -223,7 +223,7 @@ class BatchSimulation:
             check_count("threads", threads, most=MAX_THREADS),
         )
         check_timestep(timestep)
-        self.arm = as_arm(arm)
+        self.arm = get_arm(arm)
         self.count = count
         flaws = as_imperfections(imperfections)
         self.model: Any = scene_model(self.arm, timestep=timestep, visual=False, imperfections=in_scene(flaws))

@@ -2,8 +2,7 @@
 
 From Python, without a browser:
 
-- `TargetModel`: all postures for a target; `POSE`, `AXIS` and `POINT` are what a target may fix.
-- `new_player`: a policy, solver or method by name, for an environment.
+- `TargetModel`: all postures for a target.
 - `read_results`: a comparison, goal by goal.
 
 The modules are internal: `target`, `real_arm`, `episodes` and `results` compute what the panels of the same names draw;
@@ -16,21 +15,16 @@ import importlib
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from kinreach.view._players import new_player
     from kinreach.view._results import read_results
-    from kinreach.view._target import AXIS, POINT, POSE, TargetModel
+    from kinreach.view._target import TargetModel
 
 #: Name -> its module, imported when the name is first used.
 _MODULES = {
-    "AXIS": "_target",
-    "POINT": "_target",
-    "POSE": "_target",
     "TargetModel": "_target",
-    "new_player": "_players",
     "read_results": "_results",
 }
 
-__all__ = ["AXIS", "POINT", "POSE", "TargetModel", "new_player", "read_results"]
+__all__ = ["TargetModel", "read_results"]
 
 
 def __getattr__(name: str) -> Any:

@@ -96,9 +96,10 @@ def setup_of(
     description = arm_with(arm, calibration=calibration, repair=repair, tool=tool, **options)  # type: ignore[arg-type]
     nominal = None if calibration is None else arm_with(arm, tool=tool, **options)  # type: ignore[arg-type]
     given = "".join(f", {name}={value!r}" for name, value in options.items() if value)
-    sheet = repr(arm.lower()) if arm.lower() in arm_names() else f"arm_named({arm!r})"
+    module, _, attribute = arm.partition(":")
+    sheet = repr(arm.lower()) if arm.lower() in arm_names() else f"import_module({module!r}).{attribute}"
     if arm.lower().endswith(FILES):
-        sheet = f"arm_named({arm!r}{given})"
+        sheet = f"ArmDescription.from_urdf({arm!r}{given})"
     expression = sheet if calibration is None else calibrated(sheet, calibration, repair=repair)
     if tool is not None:
         sheet, expression = with_tool(sheet, tool), with_tool(expression, tool)

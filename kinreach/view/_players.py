@@ -13,9 +13,9 @@ from gymnasium.envs.registration import load_env_creator
 from kinreach._objects import load_module
 from kinreach._registration import ENVIRONMENTS, KINEMATIC_ENVIRONMENTS, SINGLE_ENVIRONMENTS
 from kinreach.baselines._loop import Policy, RandomPolicy, as_policy
-from kinreach.compare import Method, Task, get_task, task_names
+from kinreach.compare import Method, Task
 from kinreach.compare._methods import resolve_methods
-from kinreach.compare._task import POLICY
+from kinreach.compare._task import POLICY, get_task, task_names
 from kinreach.demo._tasks import SHORTER, all_trained, solver_policy, trained_for, trained_policy
 from kinreach.errors import InputError, raise_unknown
 from kinreach.kinematics import ArmKinematics

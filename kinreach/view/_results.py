@@ -13,8 +13,8 @@ import numpy as np
 
 from kinreach._checks import MAX_ANGLE, MAX_DISTANCE, Floats, check_path, shown
 from kinreach._files import read_text
+from kinreach._plots._methods import method_colours
 from kinreach.errors import InputError
-from kinreach.plots import method_colours
 from kinreach.robots import arm_names
 
 #: Files that are read; a trial has some 700 bytes.

@@ -54,7 +54,7 @@ def _limited(model: TargetModel, arm: str) -> str:
 
 def described(arm: str) -> str:
     """Return an expression for an arm's description, from one for the arm, which may be its name."""
-    return arm if "(" in arm else f"get_arm({arm})"
+    return f"get_arm({arm})" if arm.startswith(("'", '"')) else arm
 
 
 def calibrated(sheet: str, file: str, *, repair: bool = False) -> str:
@@ -70,9 +70,11 @@ def with_tool(arm: str, tool: Tool) -> str:
 
 
 def robots(*arms: str) -> list[str]:
-    """The line that imports what expressions for arms need; none where they are names."""
-    names = [name for name in ("Solid", "Tool", "arm_named", "get_arm") if any(f"{name}(" in arm for arm in arms)]
-    return [f"from kinreach.robots import {', '.join(names)}"] if names else []
+    """The lines that import what expressions for arms need; none where they are names."""
+    names = ("ArmDescription.", "Tool(", "get_arm(")
+    needed = [name[:-1] for name in names if any(name in arm for arm in arms)]
+    lines = ["from importlib import import_module"] if any(arm.startswith("import_module(") for arm in arms) else []
+    return lines + ([f"from kinreach.robots import {', '.join(needed)}"] if needed else [])
 
 
 def real_arm_program(model: RealArm, T: Floats, seed: Floats, *, sheet: str, arm: str) -> str:

@@ -31,7 +31,7 @@ from kinreach._checks import (
 )
 from kinreach.errors import InputError
 from kinreach.kinematics._arm import build_model, link_frame, pin
-from kinreach.robots import ArmDescription, as_arm
+from kinreach.robots import ArmDescription, get_arm
 from kinreach.sim._rendering import FrameRenderer
 from kinreach.sim._simulation import ArmSimulation
 from kinreach.sim._visuals import camera_rotation
@@ -83,7 +83,7 @@ def geometric_goal_view(arm: str | ArmDescription, goals_world: ArrayLike) -> Fl
     check_entries("goals_world", goals, MAX_DISTANCE)
     # not a matrix product, whose last bit depends on how many goals there are
     x, y, z = np.ascontiguousarray(goals.reshape(-1, 3).T)
-    rows = _world_to_cameras(as_arm(arm))
+    rows = _world_to_cameras(get_arm(arm))
     views = np.array([a * x + b * y + c * z + offset for a, b, c, offset in rows])
     return views.T.reshape(*goals.shape[:-1], len(views))
 
@@ -103,7 +103,7 @@ def goal_in_world(arm: str | ArmDescription, values: ArrayLike, found: ArrayLike
         UnknownNameError: There is no such arm.
         InputError: Wrong shape, a value that is not finite, or no camera of the arm measures the goal.
     """
-    arm = as_arm(arm)
+    arm = get_arm(arm)
     count = len(goal_camera_poses(arm))
     view = as_vector("values", values, 3 * count, most=2 * MAX_DISTANCE)
     seen = as_array("found", found)
@@ -194,7 +194,7 @@ class CameraGoalView:
         pipeline: str = "hybrid",
         noise: SensorNoise | None = None,
     ) -> None:
-        self.arm = as_arm(arm)
+        self.arm = get_arm(arm)
         goal_camera_poses(self.arm)  # raises if it has none
         check_known("pipeline", pipeline, PIPELINES)
         check_noise(noise)

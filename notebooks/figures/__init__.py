@@ -1,10 +1,10 @@
-"""The notebooks' figures: each function takes data and returns a matplotlib `Figure` in the style of `kinreach.plots`.
+"""The notebooks' figures: each function takes data and returns a matplotlib `Figure` in one style.
 
 Notebooks run in their own folder and import `figures`; from the repository's folder it is `notebooks.figures`. The
 functions do not check their arguments.
 """
 
-from kinreach.plots import draw_error_maps
+from kinreach._plots._maps import draw_error_maps
 
 from .learning import (
     draw_discounted_rewards,

@@ -11,7 +11,8 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import FuncFormatter, LogLocator
 from numpy.typing import ArrayLike, NDArray
 
-from kinreach.plots import FAINT, INK, PALETTE, colours_of, key, label_ends, named, new_figure, plain
+from kinreach._plots._methods import PALETTE, colours_of, named
+from kinreach._plots._style import FAINT, INK, key, label_ends, new_figure, plain
 from kinreach.thesis import REACHED_DISTANCE
 
 #: One seed: increasing positions on the horizontal axis, and the values there.

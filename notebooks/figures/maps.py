@@ -12,23 +12,14 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Circle
 from numpy.typing import ArrayLike, NDArray
 
-from kinreach.plots import (
-    INK,
-    MAGNITUDE,
-    PALETTE,
-    Area,
-    colours_of,
-    key,
-    name_label,
-    named,
-    new_figure,
-    outline,
-    view_from_the_robot,
-)
-from kinreach.thesis import IMPOSSIBLE_REWARD, NEAR_REWARD, REACHED_REWARD
+from kinreach._plots._maps import Area, outline, view_from_the_robot
+from kinreach._plots._methods import PALETTE, colours_of, named
+from kinreach._plots._style import INK, MAGNITUDE, key, name_label, new_figure
 
 Floats = NDArray[np.float64]
 
+#: The thesis's rewards of a posture that is impossible, near the goal, and at it.
+IMPOSSIBLE_REWARD, NEAR_REWARD, REACHED_REWARD = -100.0, 10.0, 20.0
 _IMPOSSIBLE, _NEAR, _REACHED = "#bdbdbd", PALETTE[4], PALETTE[1]
 #: Colour steps of the reward where the tip is not at the goal.
 _FAR = np.linspace(0.0, 4.0, 17)

@@ -11,8 +11,11 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import FuncFormatter, NullFormatter, PercentFormatter
 from numpy.typing import ArrayLike, NDArray
 
-from kinreach.plots import FAINT, INK, colours_of, key, label_ends, name_label, named, new_figure, plain
-from kinreach.thesis import IMPOSSIBLE_REWARD, REACHED_POSTURE_ERROR
+from kinreach._plots._methods import colours_of, named
+from kinreach._plots._style import FAINT, INK, key, label_ends, name_label, new_figure, plain
+from kinreach.thesis import REACHED_POSTURE_ERROR
+
+from .maps import IMPOSSIBLE_REWARD
 
 Floats = NDArray[np.float64]
 

@@ -25,10 +25,11 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Circle, Polygon, Wedge
 from numpy.typing import ArrayLike, NDArray
 
+from kinreach._plots._methods import PALETTE
+from kinreach._plots._style import FAINT, INK, new_figure
 from kinreach.kinematics import UR5Kinematics
-from kinreach.plots import FAINT, INK, PALETTE, new_figure
 from kinreach.robots import CameraMount
-from kinreach.thesis import PentagonAngles, pentagon_angles
+from kinreach.thesis import pentagon_angles
 
 from .pictures import Picture
 
@@ -59,7 +60,7 @@ class Pentagon:
 
     corners: Floats
     joints: Floats
-    angles: PentagonAngles
+    angles: Any
     q: Floats
     forward: Floats
     turn: float

@@ -11,7 +11,8 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Circle
 from numpy.typing import ArrayLike, NDArray
 
-from kinreach.plots import INK, MAGNITUDE, PALETTE, new_figure
+from kinreach._plots._methods import PALETTE
+from kinreach._plots._style import INK, MAGNITUDE, new_figure
 
 #: In colours, uint8 (height, width, 3), or with one number for each pixel, (height, width).
 Picture = NDArray[Any]

@@ -9,7 +9,8 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import FuncFormatter, NullFormatter
 from numpy.typing import ArrayLike
 
-from kinreach.plots import FAINT, INK, PALETTE, colours_of, label_ends, new_figure, plain
+from kinreach._plots._methods import PALETTE, colours_of
+from kinreach._plots._style import FAINT, INK, label_ends, new_figure, plain
 from kinreach.thesis import REACHED_DISTANCE, distance_reward
 
 

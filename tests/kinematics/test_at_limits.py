@@ -8,7 +8,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from kinreach.kinematics import ArmKinematics, ClosedFormKinematics, CollisionChecker, PoseGoal
+from kinreach.kinematics import ArmKinematics, CollisionChecker, PoseGoal
+from kinreach.kinematics._closed_form import ClosedFormKinematics
 from kinreach.kinematics._solutions import SLACK
 from kinreach.kinematics._solvers import LevenbergMarquardtSolver, Tolerance
 from kinreach.robots import ArmDescription, arm_names, get_arm

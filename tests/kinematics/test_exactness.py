@@ -9,9 +9,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from kinreach.kinematics import ArmKinematics, PoseGoal, Status, UR5Kinematics, URKinematics
+from kinreach.kinematics import ArmKinematics, PoseGoal, UR5Kinematics, URKinematics
 from kinreach.kinematics._collision import Cause, CollisionChecker
-from kinreach.kinematics._solutions import nearest_winding, nearest_windings
+from kinreach.kinematics._solutions import Status, nearest_winding, nearest_windings
 from kinreach.kinematics._solvers import LevenbergMarquardtSolver, QPSolver
 from kinreach.kinematics._ur.geometry import Singularity
 from kinreach.robots import get_arm

@@ -7,7 +7,8 @@ import pytest
 from scipy.optimize import least_squares
 
 from kinreach.errors import InputError
-from kinreach.kinematics import ArmKinematics, CollisionChecker, IKResult, PoseGoal, PositionGoal, Status, URKinematics
+from kinreach.kinematics import ArmKinematics, CollisionChecker, IKResult, PoseGoal, PositionGoal, URKinematics
+from kinreach.kinematics._solutions import Status
 
 HIDDEN = """
 import sys

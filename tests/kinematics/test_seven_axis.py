@@ -15,8 +15,8 @@ from kinreach.kinematics import (
     CollisionChecker,
     PositionGoal,
     SevenAxisKinematics,
-    Status,
 )
+from kinreach.kinematics._solutions import Status
 from kinreach.robots import ArmDescription
 from tests.kinematics.test_six_axis_closed_form import kinematics, of_ssik, random_motion
 

@@ -10,17 +10,12 @@ import trimesh
 from scipy.spatial.transform import Rotation
 
 from kinreach.errors import InputError, UnknownNameError
-from kinreach.kinematics import (
-    ArmKinematics,
-    CalibratedURKinematics,
-    CollisionChecker,
-    SixAxisKinematics,
-    URKinematics,
-    pose,
-    pose_vector,
-)
-from kinreach.robots import PUBLISHED_CALIBRATIONS, UR_LENGTHS, Solid, Tool, arm_names, get_arm
+from kinreach.kinematics import ArmKinematics, CollisionChecker, SixAxisKinematics, URKinematics, pose, pose_vector
+from kinreach.kinematics._ur.kinematics import CalibratedURKinematics
+from kinreach.robots import PUBLISHED_CALIBRATIONS, Tool, arm_names, get_arm
 from kinreach.robots._shapes import link_shapes
+from kinreach.robots._ur import UR_LENGTHS
+from kinreach.robots._urdf import Solid
 from kinreach.sim import ArmSimulation
 
 DATA = Path(__file__).parents[1] / "data/calibrations"

@@ -7,8 +7,9 @@ import numpy as np
 import pytest
 
 from kinreach.errors import InputError
-from kinreach.kinematics import ArmKinematics, PositionGoal, Status, UR5Kinematics
+from kinreach.kinematics import ArmKinematics, PositionGoal, UR5Kinematics
 from kinreach.kinematics._goals import pose_error
+from kinreach.kinematics._solutions import Status
 from kinreach.robots import get_arm
 
 FLANGE = UR5Kinematics(tip="tool0")

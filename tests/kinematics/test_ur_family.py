@@ -25,7 +25,8 @@ from kinreach.robots import PUBLISHED_CALIBRATIONS, ArmDescription, arm_names, g
 from kinreach.robots._shapes import link_shapes
 from kinreach.robots._ur import UR_LENGTHS, nominal_urdf
 from kinreach.robots._urdf import add_joint, add_link, origin_of
-from kinreach.sim import ArmSimulation, MoveStatus
+from kinreach.sim import ArmSimulation
+from kinreach.sim._controller import MoveStatus
 
 WITH_MESHES = ("ur3", "ur5", "ur10")
 UR_FILES = Path(str(get_arm("ur5").package_root())) / "example-robot-data/robots/ur_description/urdf"

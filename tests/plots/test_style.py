@@ -8,24 +8,11 @@ import numpy as np
 import pytest
 from matplotlib.colors import to_rgb
 
-from kinreach.compare import get_task, task_names
+from kinreach._plots._maps import draw_error_maps
+from kinreach._plots._methods import METHOD_COLOURS, NAMES, OTHERS, PALETTE, colours_of, method_colours, method_name
+from kinreach._plots._style import FAINT, GRID, INK, LEADER, label_ends, new_figure, plain, spread, text_colour
 from kinreach.compare._methods import colours as task_colours
-from kinreach.plots import (
-    FAINT,
-    INK,
-    METHOD_COLOURS,
-    PALETTE,
-    colours_of,
-    draw_error_maps,
-    label_ends,
-    method_colours,
-    method_name,
-    new_figure,
-    plain,
-    text_colour,
-)
-from kinreach.plots._methods import NAMES, OTHERS
-from kinreach.plots._style import GRID, LEADER, spread
+from kinreach.compare._task import get_task, task_names
 
 #: What colours look like to people without red, green or blue cones (Machado, Oliveira, Fernandes 2009, severity 1).
 BLINDNESS = {

@@ -11,7 +11,8 @@ import pytest
 
 from kinreach.errors import InputError
 from kinreach.kinematics import ArmKinematics, CollisionChecker, UR5Kinematics
-from kinreach.robots import ArmDescription, CameraMount, Workcell, arm_named, get_arm, register_arm
+from kinreach.robots import ArmDescription, CameraMount, Workcell, get_arm, register_arm
+from kinreach.robots._registry import arm_named
 from kinreach.sim._simulation import ArmSimulation
 from kinreach.thesis import posture_error
 from kinreach.vision._goal_view import goal_camera_poses

@@ -14,7 +14,8 @@ from kinreach import cli
 from kinreach.errors import InputError
 from kinreach.kinematics import ArmKinematics, CollisionChecker
 from kinreach.kinematics._collision import NoShapesError
-from kinreach.robots import ArmDescription, arm_named, get_arm
+from kinreach.robots import ArmDescription, get_arm
+from kinreach.robots._registry import arm_named
 from kinreach.robots._shapes import link_shapes
 from kinreach.sim._scene import build_scene
 from kinreach.view._cli import setup_of

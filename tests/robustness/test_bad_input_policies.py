@@ -13,7 +13,7 @@ from kinreach.baselines._evaluation import evaluate
 from kinreach.baselines._learning_curve import read_curve
 from kinreach.baselines._policies import load_policy, pretrained_names
 from kinreach.baselines._recipes import get_recipe
-from kinreach.compare import Settings
+from kinreach.compare._runner import Settings
 from kinreach.errors import InputError
 from tests.robustness.fuzzing import NUMBERS, bad_arrays, things
 

@@ -6,9 +6,11 @@ import numpy as np
 import pytest
 
 import kinreach  # noqa: F401 (registers the environments)
-from kinreach.compare import Settings, compare
+from kinreach.compare import compare
+from kinreach.compare._runner import Settings
 from kinreach.errors import DrawingError, KinreachError
-from kinreach.sim import ArmSimulation, FrameRenderer, render
+from kinreach.sim import ArmSimulation, render
+from kinreach.sim._rendering import FrameRenderer
 
 pytestmark = pytest.mark.usefixtures("needs_gl")
 DRAWN = mujoco.Renderer.render

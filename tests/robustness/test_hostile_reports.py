@@ -10,7 +10,8 @@ import pytest
 from kinreach.baselines._policies import load_policy
 from kinreach.baselines._policy_file import save_policy
 from kinreach.cli import main
-from kinreach.compare import Settings, compare
+from kinreach.compare import compare
+from kinreach.compare._runner import Settings
 
 NAMES = [
     "<script>alert(1)<",

@@ -3,7 +3,8 @@ import numpy as np
 import pytest
 
 from kinreach.errors import InputError, UnknownNameError
-from kinreach.sim import ArmSimulation, BatchSimulation, MoveStatus
+from kinreach.sim import ArmSimulation, BatchSimulation
+from kinreach.sim._controller import MoveStatus
 
 COUNT = 66
 

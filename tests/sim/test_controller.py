@@ -6,7 +6,8 @@ import pytest
 
 from kinreach.errors import InputError
 from kinreach.kinematics._collision import CollisionChecker
-from kinreach.sim import ArmSimulation, BatchSimulation, JointController, MoveStatus
+from kinreach.sim import ArmSimulation, BatchSimulation
+from kinreach.sim._controller import JointController, MoveStatus
 from kinreach.sim._plants import SinglePlant
 from kinreach.sim._scene import TIMESTEP
 

@@ -10,8 +10,9 @@ import pytest
 
 from kinreach.errors import InputError, InstallationError, UnknownNameError
 from kinreach.robots import get_arm
-from kinreach.sim import ArmSimulation, FrameRenderer, render
+from kinreach.sim import ArmSimulation, render
 from kinreach.sim import _rendering as rendering
+from kinreach.sim._rendering import FrameRenderer
 from kinreach.sim._scene import BALL_GROUP
 from kinreach.sim._visuals import camera_rotation
 

@@ -6,8 +6,8 @@ import pytest
 from kinreach.kinematics import ArmKinematics
 from kinreach.kinematics._collision import CollisionChecker
 from kinreach.robots import get_arm
-from kinreach.sim import ArmSimulation, build_scene, scene_model
-from kinreach.sim._scene import TIMESTEP
+from kinreach.sim import ArmSimulation
+from kinreach.sim._scene import TIMESTEP, build_scene, scene_model
 
 ARMS = ("arm3", "ur10", "ur3", "ur5")
 

@@ -5,7 +5,7 @@ import pytest
 
 import kinreach  # noqa: F401
 from kinreach._registration import BUTTON, MOVING, REAL_ARM, SINGLE, SINGLE_KINEMATIC, TRAINING_ENVIRONMENTS
-from kinreach.compare import get_task, task_names
+from kinreach.compare._task import get_task, task_names
 from kinreach.errors import InputError
 from kinreach.kinematics._solvers import SOLVERS
 from kinreach.robots import get_arm

@@ -22,7 +22,8 @@ from kinreach import _provenance as provenance
 from kinreach.baselines._policies import load_policy
 from kinreach.baselines._recipes import get_recipe
 from kinreach.baselines._training import train
-from kinreach.compare import Settings, compare
+from kinreach.compare import compare
+from kinreach.compare._runner import Settings
 from tools.endurance.outcome import Outcome, demand
 
 #: One that has everything imported already, and forks.

@@ -16,7 +16,8 @@ from benchmarks.speed.tables import calls, medians, samples, time_cells
 from benchmarks.studies.calibrated_arms import arm_of
 from kinreach._checks import Floats
 from kinreach.errors import InputError
-from kinreach.kinematics import CalibratedURKinematics, URKinematics
+from kinreach.kinematics import URKinematics
+from kinreach.kinematics._ur.kinematics import CalibratedURKinematics
 
 AGAIN = "python -m benchmarks.speed --suite ik-calibrated"
 #: The robot for which ssik takes the least time to prepare.

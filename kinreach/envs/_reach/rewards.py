@@ -36,15 +36,8 @@ from kinreach._checks import Floats, as_flags, as_floats, check_entries, check_n
 from kinreach.errors import InputError
 from kinreach.kinematics._tensors import like, on_host, where
 from kinreach.robots import ArmDescription, get_arm
-from kinreach.thesis import (
-    IMPOSSIBLE_REWARD,
-    NEAR_REWARD,
-    REACHED_POSTURE_ERROR,
-    REACHED_REWARD,
-    distance_reward,
-    posture_error,
-    reach_reward,
-)
+from kinreach.thesis import REACHED_POSTURE_ERROR, distance_reward, posture_error, reach_reward
+from kinreach.thesis._reward import IMPOSSIBLE_REWARD, NEAR_REWARD, REACHED_REWARD
 
 Flags = NDArray[np.bool_]
 Terms = Mapping[str, Floats]

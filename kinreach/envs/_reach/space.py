@@ -22,7 +22,7 @@ from kinreach.envs._reach.task import JOINTS, MULTI_STEP, SINGLE_STEP, ReachOpti
 from kinreach.errors import InputError
 from kinreach.kinematics import CollisionChecker
 from kinreach.kinematics._tensors import namespace
-from kinreach.robots import as_arm
+from kinreach.robots import get_arm
 from kinreach.robots._workcell import BoxRegion
 from kinreach.thesis import REACHED_DISTANCE
 
@@ -65,7 +65,7 @@ class SpaceOptions(ReachOptions):
         check_number("goal_height [m]", self.goal_height, least=0.0, most=HIGHEST)
         check_number("tilt [degrees]", self.tilt, least=0.0, most=STEEPEST)
         check_number("start_spread [rad]", self.start_spread, least=0.0, most=WIDEST)
-        arm = as_arm(self.arm)
+        arm = get_arm(self.arm)
         if len(arm.joints) < JOINTS:
             raise InputError(f"a tool with a direction takes six joints, arm {arm.name!r} has {len(arm.joints)}")
         if not isinstance(arm.workcell.goals, BoxRegion):
@@ -84,7 +84,7 @@ class SpaceStarts:
     """
 
     def __init__(self, options: SpaceOptions, checker: CollisionChecker) -> None:
-        self._arm = arm = as_arm(options.arm)
+        self._arm = arm = get_arm(options.arm)
         self._table: Any = arm.workcell.goals
         self._height = options.goal_height
         self._least_z = math.cos(math.radians(options.tilt))

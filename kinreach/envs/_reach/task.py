@@ -32,7 +32,7 @@ from kinreach.envs._reach.goals import goal_streams
 from kinreach.envs._reach.rewards import RewardFunction, Score, Scorer, check_reward, default_reward, scorer_of
 from kinreach.errors import InputError
 from kinreach.kinematics import ArmKinematics, AxisGoal, CollisionChecker, PositionGoal
-from kinreach.robots import ArmDescription, BoxRegion, as_arm
+from kinreach.robots import ArmDescription, BoxRegion, get_arm
 from kinreach.sim._controller import BEYOND_LIMIT
 from kinreach.sim._imperfections import IDEAL, Imperfections, as_imperfections
 from kinreach.thesis import REACHED_POSTURE_ERROR
@@ -158,7 +158,7 @@ class ReachOptions:
         if as_imperfections(self.imperfections) != IDEAL and self.backend == "kinematic":
             raise InputError(f'imperfections are of the dynamics: use backend="mujoco", got {self.backend!r}')
         check_reward(self.reward)
-        arm = as_arm(self.arm)
+        arm = get_arm(self.arm)
         if arm.goal_cameras:
             return
         for name, plain in (("observation", "geometric"), ("goal_in", CAMERA)):
@@ -283,12 +283,12 @@ def action_range(arm: ArmDescription) -> tuple[Floats, Floats]:
 
 def action_space(arm: str | ArmDescription = "ur5") -> spaces.Box:
     """Actions of an agent, one in [-1, 1] for each joint."""
-    return spaces.Box(-1.0, 1.0, (len(as_arm(arm).joints),), np.float32)
+    return spaces.Box(-1.0, 1.0, (len(get_arm(arm).joints),), np.float32)
 
 
 def observation_space(arm: str | ArmDescription = "ur5", *, directed: bool = False) -> spaces.Box:
     """Goal block, direction of the tool if goals have one, joint angles and gripper opening in metres and radians."""
-    arm = as_arm(arm)
+    arm = get_arm(arm)
     layout, (lower, upper) = layout_of(arm, directed=directed), joint_limits(arm)
     low, high = np.empty(layout.size), np.empty(layout.size)
     high[layout.goal] = CAMERA_RANGE if arm.goal_cameras else GOAL_RANGE
@@ -364,7 +364,7 @@ def reset_options(
         InputError: An unknown option, a wrong shape, a value that is not finite, a joint outside its limits, a
             direction without length, or a goal or a view that an observation cannot hold.
     """
-    arm = as_arm(arm)
+    arm = get_arm(arm)
     sizes = {"goal": 3, "q": len(arm.joints), "view": layout_of(arm).goal.stop}
     start = Start(*option_rows(options, sizes | ({"direction": 3} if directed else {}), count))
     bound, where = (CAMERA_RANGE, "that the cameras see") if arm.goal_cameras else (GOAL_RANGE, "of goals")
@@ -417,7 +417,7 @@ class ReachTask:
     def __init__(self, options: ReachOptions, variant: ReachVariant) -> None:
         self.options = options
         self.variant = variant
-        self.arm = arm = as_arm(options.arm)
+        self.arm = arm = get_arm(options.arm)
         self.kinematics = ArmKinematics.of(arm, base="world")
         self.scorer = scorer_of(options.reward, self.default_reward())
         self.home = np.array(arm.home)

@@ -50,7 +50,7 @@ from kinreach.kinematics._ur.closed_form import WRIST, solve_axis, solve_pose
 from kinreach.kinematics._ur.free_wrist import free_wrist_within
 from kinreach.kinematics._ur.geometry import BRANCHES, Rows, URGeometry, miss_text, ur_fk
 from kinreach.kinematics._ur.reach import Shortfall, shortfalls, way_into_reach
-from kinreach.robots import ArmDescription, Tool, as_arm
+from kinreach.robots import ArmDescription, Tool, get_arm
 from kinreach.robots._tools import FLANGE
 from kinreach.robots._ur import FLIP
 
@@ -162,7 +162,7 @@ class URKinematics(ClosedFormKinematics):
             UnknownNameError: There is no such model, tip or base.
             InputError: The file is not a calibration of this model.
         """
-        arm = as_arm(model).calibrated(file, repair=repair)
+        arm = get_arm(model).calibrated(file, repair=repair)
         try:
             return URKinematics(arm, tip=tip, base=base, tool=tool)
         except NotOfThisKind:

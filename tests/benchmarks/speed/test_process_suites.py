@@ -13,7 +13,7 @@ from benchmarks.speed.child import ChildRun
 from benchmarks.speed.measure import Timings
 from benchmarks.speed.sections import Options
 from benchmarks.speed.suites import compare, growth, startup
-from kinreach.compare import get_task
+from kinreach.compare._task import get_task
 
 TINY = Options(rounds=1, quick=True, seed=3)
 

@@ -11,6 +11,7 @@ import numpy as np
 
 from kinreach._checks import check_count, check_path, printable
 from kinreach._files import replacing
+from kinreach._plots._workspace import draw_workspace
 from kinreach.cli import Parser
 from kinreach.errors import InputError
 from kinreach.kinematics import (
@@ -25,7 +26,6 @@ from kinreach.kinematics import (
 )
 from kinreach.kinematics._closed_form import POSE_JOINTS
 from kinreach.kinematics._ur.kinematics import CalibratedURKinematics
-from kinreach.plots._workspace import draw_workspace
 from kinreach.robots._flags import add_arm_flags, arm_of, print_notes
 
 #: Endings of the files with a UR's calibration.
