@@ -220,11 +220,25 @@ def test_bad_input():
         ArmKinematics.of("panda", base="base")
     with pytest.raises(InputError, match="mass"):
         Tool(TOOLS[0], -1.0)
-    with pytest.raises(InputError, match="Solid"):
-        Tool(TOOLS[0], shapes=("box",))
+    for shape, message in (
+        ("box", "radius, length"),
+        (((0.1,), (0, 0, 0)), "radius, length"),
+        (((0.1, -0.1), (0, 0, 0)), "size of a shape"),
+        (((0.1, 0.1), (0, 0)), "shape \\(3,\\)"),
+        (((0.1, 0.1, 100), (0, 0, 0)), "size of a shape"),
+    ):
+        with pytest.raises(InputError, match=message):
+            Tool(TOOLS[0], shapes=(shape,))
     with pytest.raises(InputError, match="1 mm apart"):
         Tool.tube([0, 0, 0, 1, 0, 0], 0.05)
     with pytest.raises(InputError, match="already"):
-        get_arm("ur5e").with_tool(Tool(TOOLS[0], shapes=(Solid((0.1, 0.1, 0.1)),))).with_tool(TOOLS[0])
+        get_arm("ur5e").with_tool(Tool(TOOLS[0], shapes=[((0.1, 0.1, 0.1), (0, 0, 0))])).with_tool(TOOLS[0])
     assert isinstance(ArmKinematics.of("ur5e", tool=TOOLS[0]), URKinematics)
     assert not isinstance(ArmKinematics.of("ur5e", tool=TOOLS[0]), SixAxisKinematics)
+
+
+def test_shapes_are_tuples_and_a_printed_tool_is_python():
+    box, tube = ((0.1, 0.1, 0.2), (0.0, 0.0, 0.1)), ((0.03, 0.1), (0.0, 0.0, 0.05), (0.0, 1.57, 0.0))
+    tool = Tool(TOOLS[0], 0.5, shapes=[box, tube])
+    assert tool.shapes == (Solid(*box), Solid(*tube))
+    assert get_arm("ur5e").with_tool(eval(repr(tool))).urdf == get_arm("ur5e").with_tool(tool).urdf

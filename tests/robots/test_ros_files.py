@@ -299,6 +299,6 @@ def test_joints_that_mimic_and_the_one_that_they_follow(tmp_path, capsys):
 def test_the_pages_code_names_the_same_arm(workspace):
     file, share = str(workspace / "mine/ur_description.urdf"), str(workspace / "install/share")
     setup = setup_of(file, tip="wrist_3_link", package_dirs=[share])
-    arm = eval(setup.expression, {"arm_named": arm_named})
+    arm = eval(setup.expression, {"ArmDescription": ArmDescription})
     assert (arm.default_tip, arm.urdf) == ("wrist_3_link", setup.arm.urdf)
     assert setup.model().checker is not None
