@@ -118,13 +118,19 @@ def changes(file: str, text: str) -> list[RandomMutant]:
 
 def _replacements(node: ast.AST) -> Iterator[tuple[Any, str]]:
     """Nodes below one, with the texts that may replace them."""
-    if isinstance(node, ast.Assign) and ast.unparse(node.targets[0]) == "__all__":
+    if isinstance(node, ast.Assign) and (ast.unparse(node.targets[0]) == "__all__" or _is_alias(node)):
         return
     yield from ((node, ast.unparse(each)) for each in _changed(node))
     if isinstance(node, ast.If | ast.IfExp | ast.While):
         yield node.test, f"not ({ast.unparse(node.test)})"
     for child in _children(node):
         yield from _replacements(child)
+
+
+def _is_alias(node: ast.Assign) -> bool:
+    """Whether a name for a type is assigned, which only annotations use."""
+    name = ast.unparse(node.targets[0])
+    return isinstance(node.value, ast.Subscript) and name[:1].isupper() and not name.isupper()
 
 
 def _children(node: Any) -> Iterator[ast.AST]:

@@ -13,6 +13,7 @@ SOURCE = '''
 from typing import Final
 __all__ = ["square"]
 MOST: Final[int] = 3
+Names = dict[str, 7]
 
 def square(x: int = 2, *, least: float | None = None) -> int:
     """The square, 2 * 2."""
@@ -39,7 +40,7 @@ def test_every_change_is_another_program_and_not_of_a_text():
         "continue -> break", "x += 1 -> x -= 1", "x += 1 -> pass", "return max(x, 0) * x -> return",
     }  # fmt: skip
     kept = ast.unparse(ast.parse(SOURCE)).splitlines()
-    for text in ('"""A module: 1 + 1."""', '"""The square, 2 * 2."""', "__all__ = ['square']"):
+    for text in ('"""A module: 1 + 1."""', '"""The square, 2 * 2."""', "__all__ = ['square']", "Names = dict[str, 7]"):
         (line,) = (line for line in kept if text in line)
         assert all(line in program for program in programs)
     assert all("got {x}" in program or "pass" in program for program in programs)
