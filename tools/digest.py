@@ -11,8 +11,10 @@ from __future__ import annotations
 import argparse
 import hashlib
 import platform
+import re
 import sys
 from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import fields, is_dataclass
 from pathlib import Path
 from typing import Any
 
@@ -24,15 +26,31 @@ import kinreach
 from kinreach._registration import BUTTON, MULTI, SINGLE
 from kinreach.baselines._policies import load_policy
 from kinreach.envs._reach.task import TOOL_DOWN
-from kinreach.kinematics import Arm3Kinematics, CollisionChecker, UR5Kinematics
+from kinreach.kinematics import Arm3Kinematics, CollisionChecker, UR5Kinematics, URKinematics
 from kinreach.kinematics._goals import AxisGoal
 from kinreach.kinematics._solvers import LevenbergMarquardtSolver, PlacoSolver, QPSolver
+from kinreach.robots import PUBLISHED_CALIBRATIONS, get_arm
+from kinreach.sim._scene import scene_model
 from kinreach.sim._simulation import ArmSimulation, BatchSimulation
 from kinreach.thesis import posture_error
 
 #: What is rounded away before the second digest: metres, radians and rewards to a billionth.
 DIGITS = 9
 SEED = 20_24
+#: Arms that are described: not all there are, so that a new one changes no digest.
+ARMS = (
+    "arm3", "panda", "ur3", "ur3e", "ur5", "ur5e", "ur7e", "ur8long", "ur10", "ur10e", "ur12e", "ur15", "ur16e", "ur18",
+    "ur20", "ur30",
+)  # fmt: skip
+#: Numbers of an arm's description, and of a MuJoCo model.
+DESCRIBED = (
+    "home", "workcell", "position_gains", "speed_limit", "acceleration_limit", "armature", "joint_damping", "gripper",
+    "cameras",
+)  # fmt: skip
+PARTS = (
+    "actuator_", "body_", "cam_", "dof_", "eq_", "exclude_", "geom_", "jnt_", "light_", "mat_", "site_", "tendon_",
+)  # fmt: skip
+NUMBER = re.compile(r"-?\d+\.?\d*(?:e[+-]?\d+)?")
 #: What a run on the machine of the project has printed.
 REFERENCE = Path(__file__).with_suffix(".txt")
 #: Verdicts that fail a check.
@@ -46,6 +64,37 @@ def forward() -> Iterator[Any]:
     for q in _postures(1000):
         yield kin.fk(q)
         yield kin.jacobian(q)
+
+
+def descriptions() -> Iterator[Any]:
+    """Every number that describes an arm, its gripper, cameras and work cell."""
+    for name in ARMS:
+        arm = get_arm(name)
+        yield [float(number) for number in NUMBER.findall(arm.urdf)]
+        yield from (list(_numbers(getattr(arm, part))) for part in DESCRIBED)
+
+
+def scenes() -> Iterator[Any]:
+    """The models that MuJoCo gets: bodies, shapes, joints, actuators, cameras, lights, and how they look."""
+    for name, visual in (("ur5e", True), ("arm3", True), ("panda", False), ("ur5", False)):
+        model = scene_model(get_arm(name), visual=visual)
+        yield from (getattr(model, each) for each in sorted(dir(model)) if each.startswith(PARTS))
+        yield [model.opt.timestep, model.opt.integrator, model.opt.cone, model.opt.impratio, *model.opt.gravity]
+        yield [float(model.tex_data[part].mean()) for part in np.array_split(np.arange(len(model.tex_data)), 100)]
+
+
+def family() -> Iterator[Any]:
+    """All postures of five poses of every UR, and of those with a published calibration."""
+    kinematics = [URKinematics(name) for name in ARMS[2:]]
+    kinematics += [
+        URKinematics.from_calibration(PUBLISHED_CALIBRATIONS[name], model=name.partition("_")[0])
+        for name in sorted(PUBLISHED_CALIBRATIONS)
+    ]
+    for kin in kinematics:
+        for T in kin.fk(_postures(5)):
+            found = kin.all_solutions(T)
+            yield found.q
+            yield found.branch
 
 
 def closed_form() -> Iterator[Any]:
@@ -140,8 +189,8 @@ def policies() -> Iterator[Any]:
 RESULTS: dict[str, Callable[[], Iterator[Any]]] = {
     part.__name__: part
     for part in (
-        forward, closed_form, nearest, arm3, solvers, collisions, kinematic_reaching, dynamic_reaching, button, moves,
-        policies,
+        descriptions, scenes, family, forward, closed_form, nearest, arm3, solvers, collisions, kinematic_reaching,
+        dynamic_reaching, button, moves, policies,
     )
 }  # fmt: skip
 
@@ -197,6 +246,18 @@ def main(argv: Sequence[str] | None = None) -> int:
         print(f"{name:20} {MISSING} here")
         failed = True
     return int(failed)
+
+
+def _numbers(value: Any) -> Iterator[float]:
+    """The numbers of a value: a number, a dataclass, a mapping or a sequence of such."""
+    if isinstance(value, bool | int | float):
+        yield float(value)
+    elif is_dataclass(value):
+        yield from (number for each in fields(value) for number in _numbers(getattr(value, each.name)))
+    elif isinstance(value, Mapping):
+        yield from (number for key in sorted(value) for number in _numbers(value[key]))
+    elif isinstance(value, Sequence) and not isinstance(value, str):
+        yield from (number for each in value for number in _numbers(each))
 
 
 def _postures(count: int) -> Any:
