@@ -21,7 +21,9 @@ from sphinx.transforms.post_transforms import SphinxPostTransform
 from sphinx.writers.html5 import HTML5Translator
 
 #: A cell of a table that is a number, with its interval, unit or sign.
-NUMBER = re.compile(r"^[-−+±<>≤≥~≈]?\s?\d[\d\s.,eE:–/×x*^-]*(%|[a-zA-Zµ°²/³]{1,6})?\s?(\[.*\]|\(.*\)|±.*)?$")
+NUMBER = re.compile(r"^[-−+±<>≤≥~≈]?\s?(π|\d[\d\s.,eE:–/×x*^-]*(%|[a-zA-Zµ°²/³]{1,6})?\s?(\[.*\]|\(.*\)|±.*)?)$")
+#: A column with a cell of so many characters stays wide on a phone.
+LONG = 60
 #: An interval after a number, as in `97 % [95, 99]`.
 INTERVAL = re.compile(r"\[[-−+\d][^\[\]]*\]")
 
@@ -142,6 +144,9 @@ class NumbersInTables(SphinxPostTransform):
                 if any(texts) and all(not text or text in "–—-" or NUMBER.match(text) for text in texts):
                     for cell in column:
                         cell["classes"].append("number")
+                elif max(map(len, texts), default=0) >= LONG:
+                    for cell in column:
+                        cell["classes"].append("long")
             for text in list(table.findall(nodes.Text)):
                 if INTERVAL.search(text) and not isinstance(text.parent, nodes.literal):
                     _mark_intervals(text)

@@ -98,7 +98,7 @@ def test_docstrings_and_tables_in_the_reference(root, monkeypatch):
         ".. rubric:: Terms\n\n.. list-table::\n   :header-rows: 1\n\n   * - a\n     - b\n   * - 1\n     - 2\n" in text
     )
     assert "As in:\n\n::\n\n    r = |d|\n\nArgs:" in text
-    numbers = ("0.04", "1.2 / 3.4", "97.5 % [91.8, 100.0]", "−3", "< 1e-9 mm", "15 000", "26 µs")
+    numbers = ("0.04", "1.2 / 3.4", "97.5 % [91.8, 100.0]", "−3", "< 1e-9 mm", "15 000", "26 µs", "−π")
     assert [text for text in numbers if not site.NUMBER.match(text)] == []
     assert [text for text in ("1 of 5 seeds reach", "2026 or later, if ever", "x") if site.NUMBER.match(text)] == []
 

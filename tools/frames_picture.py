@@ -46,16 +46,17 @@ def main() -> None:
                 continue
             axes.plot(*zip(T[:3, 3], T[:3, 3] + length * axis, strict=True), color=colour, linewidth=2.2, zorder=9)
             text = f"{letter} {name}" if name.startswith("base") and letter != "z" else letter
-            axes.text(*(T[:3, 3] + (length + 0.05) * axis), text, color=colour, fontsize=9, ha="center", zorder=9)
-    axes.text(*(frames["tool0"][0][:3, 3] + (0.0, 0.0, 0.05)), "   tool0, the flange", color=INK, fontsize=10, zorder=9)
-    axes.text(*(frames["tool"][0][:3, 3]), "     tool", color=INK, fontsize=10, zorder=9)
+            away = length + (0.09 if name.startswith("base") else 0.05)
+            axes.text(*(T[:3, 3] + away * axis), text, color=colour, fontsize=10, ha="center", va="center", zorder=9)
+    axes.text(*(frames["tool0"][0][:3, 3] + (0.0, 0.0, 0.05)), "   tool0 (flange)", color=INK, fontsize=11, zorder=9)
+    axes.text(*(frames["tool"][0][:3, 3]), "     tool", color=INK, fontsize=11, zorder=9)
     axes.set_axis_off()
     axes.set_xlim(-0.45, 0.75)
     axes.set_ylim(-0.6, 0.6)
     axes.set_zlim(-0.1, 1.1)
     axes.set_box_aspect((1, 1, 1), zoom=1.45)
     axes.view_init(elev=22, azim=-50)
-    figure.savefig(OUT, dpi=130, facecolor="white", bbox_inches=Bbox([[1.2, 0.45], [6.4, 3.65]]))
+    figure.savefig(OUT, dpi=200, facecolor="white", bbox_inches=Bbox([[1.2, 0.45], [6.4, 3.65]]))
 
 
 def arm_with_tip(arm: ArmDescription, link: str) -> ArmDescription:

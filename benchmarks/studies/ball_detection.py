@@ -125,26 +125,25 @@ def time_table(result: Measured) -> str:
 
 def draw(path: Path) -> None:
     """Both cameras' pictures of a typical goal, the found circle and its 3-D error drawn in, as a PNG file."""
-    from matplotlib.figure import Figure
     from matplotlib.patches import Circle
+
+    from kinreach._plots._style import new_figure
 
     simulation = ArmSimulation("ur5")
     simulation.place_ball(PICTURE_GOAL)
     with CameraGoalView("ur5") as view:
         look = view.measure(simulation)
     truth = geometric_goal_view("ur5", PICTURE_GOAL).reshape(-1, 3)
-    figure = Figure(figsize=(12.8, 4.0), dpi=150, layout="constrained")
-    axes = figure.subplots(1, len(CAMERAS))
+    note = f"the ball at {PICTURE_GOAL} m in the world; its true centre is known to the simulation"
+    figure, axes = new_figure("Where each camera finds the ball", size=(9.0, 3.4), columns=2, note=note, bare=True)
     for ax, name, image, fix, true in zip(axes, CAMERAS, look.images, look.fixes, truth, strict=True):
         ax.imshow(image.rgb)
-        ax.set_axis_off()
         if fix is None:
-            ax.set_title(f"{name} camera: no ball found")
+            ax.set_title(f"{name} camera: no ball found", loc="left", fontsize=11)
             continue
         u, v, r = fix.circle
-        x, y, z = fix.position
         error = np.linalg.norm(fix.position - true) * 1e3
-        ax.set_title(f"{name} camera: ball at ({x:.3f}, {y:.3f}, {z:.3f}) m, error {error:.2f} mm", fontsize=11)
+        ax.set_title(f"{name} camera · {error:.2f} mm off", loc="left", fontsize=11)
         left = u > view.width / 2
         inset = ax.inset_axes((0.02 if left else 0.68, 0.035, 0.30, 0.533))
         inset.imshow(image.rgb)
@@ -155,7 +154,7 @@ def draw(path: Path) -> None:
         for target in (ax, inset):
             target.add_patch(Circle((u, v), r, fill=False, color="lime", linewidth=1.5))
     with replacing(path) as temporary:
-        figure.savefig(temporary)
+        figure.savefig(temporary, dpi=180)
 
 
 def main(argv: list[str] | None = None) -> int:

@@ -196,21 +196,17 @@ def table(studio: Studio, count: int, seed: int) -> str:
 
 def draw(studio: Studio, path: Path) -> None:
     """What the front camera sees in each situation and what was found, as a PNG file."""
-    from matplotlib.figure import Figure
-    from matplotlib.layout_engine import ConstrainedLayoutEngine
     from matplotlib.patches import Circle
 
-    from kinreach._plots._style import INK
+    from kinreach._plots._style import INK, new_figure
 
     shown = [situation for situation in SITUATIONS if situation.ball]
     goal = np.array(PICTURE_GOAL)
     truth = geometric_goal_view(ARM, goal).reshape(-1, 3)[0]
-    figure = Figure(figsize=(13.0, 8.4), dpi=100, layout=ConstrainedLayoutEngine(h_pad=0.08))
-    axes = figure.subplots(-(-len(shown) // 5), 5)
+    title = "What each pipeline finds in other light, and beside other things"
+    figure, axes = new_figure(title, size=(9.4, 7.4), rows=-(-len(shown) // 5), columns=5, bare=True)
     u, v = studio.intrinsics["front"].project(truth)
-    for ax in axes.ravel():
-        ax.set_axis_off()
-    for ax, situation in zip(axes.ravel(), shown, strict=False):
+    for ax, situation in zip(axes, shown, strict=False):
         image = studio.take(situation, "front", goal, np.random.default_rng(PICTURE_SEED))
         ax.imshow(image.rgb)
         ax.set(xlim=(u - 80, u + 80), ylim=(v + 70, v - 70))
@@ -222,13 +218,13 @@ def draw(studio: Studio, path: Path) -> None:
                 continue
             said.append(f"{pipeline}: {1e3 * np.linalg.norm(fix.position - truth):.1f} mm off")
             ax.add_patch(Circle((fix.circle.u, fix.circle.v), fix.circle.r, fill=False, color=colour, linewidth=width))
-        ax.set_title(situation.name, fontsize=11, weight="bold", color=INK, loc="left", pad=30)
-        ax.annotate("\n".join(said), (0, 1.02), xycoords="axes fraction", fontsize=10, color=INK, va="bottom")
-    rest = axes.ravel()[len(shown) :]
-    if rest.size:
+        ax.set_title(situation.name, fontsize=9, weight="bold", color=INK, loc="left", pad=27)
+        ax.annotate("\n".join(said), (0, 1.02), xycoords="axes fraction", fontsize=8.5, color=INK, va="bottom")
+    rest = axes[len(shown) :]
+    if rest:
         for place, (pipeline, colour) in enumerate(COLOURS.items()):
             rest[0].plot(0.1, 0.75 - 0.2 * place, "o", ms=14, mfc="none", mec=colour, mew=2.5)
-            rest[0].annotate(f"circle that {pipeline} found", (0.2, 0.75 - 0.2 * place), fontsize=11, va="center")
+            rest[0].annotate(f"found by\n{pipeline}", (0.25, 0.75 - 0.2 * place), fontsize=9, va="center")
         rest[0].set(xlim=(0, 1), ylim=(0, 1))
     with replacing(path) as temporary:
         figure.savefig(temporary)
