@@ -50,6 +50,10 @@ class ClusterError(KinreachError, RuntimeError):
     """A cluster does not answer, or died; what was finished is on disk."""
 
 
+class RobotError(KinreachError, RuntimeError):
+    """A robot cannot be reached, refuses a program, or did not come to its end."""
+
+
 class DrawingError(KinreachError, RuntimeError):
     """The graphics library was there and failed all the same."""
 

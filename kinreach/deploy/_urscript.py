@@ -212,9 +212,9 @@ class _Parser:
                 self.take(sign)
             body = self.body("end")
             self.take("end")
+            self.take("\n")
         else:
             body = [self.statement()]
-        self.take("\n")
         self.skip_lines()
         if self.tokens[self.place][1]:
             self.refuse("nothing more is expected")
@@ -305,7 +305,9 @@ class _Parser:
             self.check_depth()
             value = self.term()
             self.depth -= 1
-            return Constant(-value.value) if isinstance(value, Constant) and is_number(value.value) else Negative(value)
+            if isinstance(value, Constant) and isinstance(value.value, float):
+                return Constant(-value.value)
+            return Negative(value)
         if text in ("True", "False"):
             return Constant(text == "True")
         if kind == "pose" or text == "[":

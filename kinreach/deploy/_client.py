@@ -1,0 +1,359 @@
+"""A client of a UR: reads its state by RTDE, sends programs, waits for their end, and stops them."""
+
+from __future__ import annotations
+
+import socket
+import struct
+from collections.abc import Callable
+from dataclasses import dataclass
+from time import monotonic
+from typing import Self
+
+import numpy as np
+
+from kinreach._checks import Floats, check_count, printable, shown
+from kinreach.deploy._controller import FINISHED, NOT_AT_START, REGISTER, Recording
+from kinreach.deploy._program import AT_START, STOP_SCRIPT, Program
+from kinreach.deploy._rtde import (
+    NOT_FOUND,
+    PROTOCOL,
+    RTDE_PORT,
+    Kind,
+    Recipe,
+    RobotMode,
+    RuntimeState,
+    SafetyMode,
+    names_in,
+    package,
+    packages_in,
+)
+from kinreach.deploy._server import KEY, PRIMARY_PORT, ROBOT_MESSAGE, RUNTIME_EXCEPTION
+from kinreach.errors import InputError, RobotError
+from kinreach.kinematics import Trajectory
+from kinreach.robots._ur import JOINTS
+
+#: How long a robot may take to answer, and to begin with a program [s].
+TIMEOUT, START_TIMEOUT = 3.0, 3.0
+#: What is read; old controllers do not have the variables in `_OPTIONAL`.
+_OPTIONAL = ("tcp_offset", f"output_int_register_{REGISTER}")
+_VARIABLES = (
+    "timestamp", "target_q", "target_qd", "actual_q", "actual_qd", "actual_TCP_pose", "robot_mode", "safety_mode",
+    "runtime_state", "speed_scaling", *_OPTIONAL,
+)  # fmt: skip
+#: A joint slower than this stands [rad/s].
+STANDS = 0.001
+
+
+@dataclass(frozen=True, eq=False)
+class RobotState:
+    """What a UR said of itself.
+
+    Attributes:
+        time: Of the controller [s].
+        target_q, actual_q: Joint angles [rad], shape (6,).
+        target_qd, actual_qd: Speeds [rad/s], shape (6,).
+        tcp_pose: Tool centre point in `base`, `[x, y, z, rx, ry, rz]` [m, rad], shape (6,).
+        tcp_offset: Tool centre point on the flange, as `tcp_pose`; None where the controller does not say.
+        robot_mode, safety_mode, runtime_state: RTDE's numbers.
+        speed_scaling: How fast program time passes, 0 to 1.
+        register: Integer register 24, in which kinreach's programs say how far they are; None as `tcp_offset`.
+    """
+
+    time: float
+    target_q: Floats
+    target_qd: Floats
+    actual_q: Floats
+    actual_qd: Floats
+    tcp_pose: Floats
+    robot_mode: int
+    safety_mode: int
+    runtime_state: int
+    speed_scaling: float
+    tcp_offset: Floats | None
+    register: int | None
+
+
+class URClient:
+    """A connection to a UR, real or simulated. Use it in `with`, by one thread.
+
+    Args:
+        address: Host name or IP address.
+        rtde_port: Of RTDE.
+        script_port: That takes programs and sends messages.
+
+    Raises:
+        RobotError: Nobody answers there, or not as a UR.
+    """
+
+    def __init__(self, address: str, *, rtde_port: int = RTDE_PORT, script_port: int = PRIMARY_PORT) -> None:
+        given: object = address
+        if not isinstance(given, str) or not given.isprintable() or not 0 < len(given) < 254:
+            raise InputError(f"the address of a robot must be a host name or an IP address, got {shown(address)}")
+        self.address, self._buffer, self._messages = address, bytearray(), bytearray()
+        self._said: list[str] = []
+        ports = [check_count(name, port, most=65535) for name, port in (("rtde_port", rtde_port),
+                                                                        ("script_port", script_port))]  # fmt: skip
+        self._rtde = self._connect(ports[0])
+        try:
+            self._script = self._connect(ports[1])
+        except RobotError:
+            self._rtde.close()
+            raise
+        try:
+            self._recipe = self._set_up()
+        except BaseException:
+            self.close()
+            raise
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.close()
+
+    def close(self) -> None:
+        """Close the connection; a program that runs goes on."""
+        self._rtde.close()
+        self._script.close()
+
+    def next_state(self) -> RobotState:
+        """Return the next state that the robot sent, or will send; one for each control cycle.
+
+        Raises:
+            RobotError: Nothing comes, or the connection is lost.
+        """
+        values = self._recipe.unpack(self._wait_for(Kind.DATA)[1:])
+        vectors = {name: np.array(value) for name, value in values.items()}
+        register = values.get(f"output_int_register_{REGISTER}")
+        return RobotState(
+            values["timestamp"][0], vectors["target_q"], vectors["target_qd"], vectors["actual_q"],
+            vectors["actual_qd"], vectors["actual_TCP_pose"], int(values["robot_mode"][0]),
+            int(values["safety_mode"][0]), int(values["runtime_state"][0]), values["speed_scaling"][0],
+            vectors.get("tcp_offset"), None if register is None else int(register[0]),
+        )  # fmt: skip
+
+    def read(self) -> RobotState:
+        """Return the robot's present state.
+
+        Raises:
+            RobotError: As `next_state`.
+        """
+        self._rtde.setblocking(False)
+        try:
+            while data := self._rtde.recv(65536):
+                self._buffer += data
+        except BlockingIOError:
+            pass
+        except OSError as error:
+            raise self._lost(error) from None
+        finally:
+            self._rtde.settimeout(TIMEOUT)
+        size = 3 + 1 + self._recipe.size
+        while len(self._buffer) >= 2 * size and self._buffer[2] == Kind.DATA:
+            del self._buffer[:size]  # what is older
+        return self.next_state()
+
+    def send(self, script: str) -> None:
+        """Send a program; the robot ends the one that it runs.
+
+        Raises:
+            RobotError: The connection is lost.
+        """
+        try:
+            self._script.sendall(script.encode())
+        except OSError as error:
+            raise self._lost(error) from None
+
+    def stop(self) -> None:
+        """Stop the robot by `stopj`, within a control cycle of the arrival.
+
+        Raises:
+            RobotError: The connection is lost.
+        """
+        self.send(STOP_SCRIPT)
+
+    def check_ready(self, program: Program) -> None:
+        """Refuse where the robot could not run a program now.
+
+        Raises:
+            RobotError: It is not running, is stopped, runs another program, or stands elsewhere.
+        """
+        state = self.read()
+        if state.robot_mode != RobotMode.RUNNING:
+            raise RobotError(
+                f"the robot at {self.address} is not ready: robot mode {state.robot_mode}; power it on and release the "
+                "brakes"
+            )
+        if state.safety_mode not in (SafetyMode.NORMAL, SafetyMode.REDUCED):
+            raise RobotError(
+                f"the robot at {self.address} is stopped: safety mode {state.safety_mode}; release it first"
+            )
+        if state.runtime_state != RuntimeState.STOPPED:
+            raise RobotError(f"the robot at {self.address} runs a program already; end that one first")
+        off = np.abs(state.actual_q - program.start)
+        if not off.max() <= AT_START:
+            joint = int(off.argmax())
+            raise RobotError(
+                f"the robot at {self.address} does not stand where the program begins: {JOINTS[joint]} is "
+                f"{off[joint]:.3f} rad off; plan again"
+            )
+
+    def run(self, program: Program, *, watch: Callable[[RobotState], object] | None = None) -> Recording:
+        """Send a program and wait for its end. Ctrl-C stops the robot at once, and is raised again when it stands.
+
+        Args:
+            program: Try it in simulation before (`dry_run`).
+            watch: Called with each state on the way.
+
+        Returns:
+            What was commanded and what was measured.
+
+        Raises:
+            RobotError: The robot does not begin, or the program does not come to its end; the message says why as far
+                as the robot does.
+        """
+        self.check_ready(program)
+        states = [self.read()]
+        try:
+            self.send(program.text)
+            self._follow(states, watch)
+        except BaseException as error:
+            if not isinstance(error, RobotError):
+                self.stop()
+                self._wait_until_it_stands(states)
+            raise
+        end = states[-1]
+        if end.safety_mode not in (SafetyMode.NORMAL, SafetyMode.REDUCED):
+            raise RobotError(f"the robot stopped: {self._reason() or f'safety mode {end.safety_mode}'}")
+        if end.register == NOT_AT_START:
+            raise RobotError("the robot did not move: it does not stand at the start posture of the program")
+        if end.register not in (None, FINISHED):
+            raise RobotError(f"the program ended before its last move{self._reason(': ')}")
+        return _recording(states)
+
+    def _follow(self, states: list[RobotState], watch: Callable[[RobotState], object] | None) -> None:
+        """Gather states until the program has ended."""
+        deadline, began = monotonic() + START_TIMEOUT, False
+        while not began or states[-1].runtime_state != RuntimeState.STOPPED:
+            states.append(self.next_state())
+            began = began or states[-1].runtime_state == RuntimeState.PLAYING
+            if watch is not None:
+                watch(states[-1])
+            if not began and monotonic() > deadline:
+                raise RobotError(
+                    f"the robot at {self.address} did not begin{self._reason(': ')}; is it in remote control?"
+                )
+
+    def _wait_until_it_stands(self, states: list[RobotState]) -> None:
+        deadline = monotonic() + TIMEOUT
+        while np.abs(states[-1].actual_qd).max() > STANDS or states[-1].runtime_state == RuntimeState.PLAYING:
+            states.append(self.next_state())
+            if monotonic() > deadline:
+                raise RobotError(f"the robot at {self.address} still moves: use its emergency stop")
+
+    def _reason(self, before: str = "") -> str:
+        """What the robot said of the last program on the script port."""
+        self._script.setblocking(False)
+        try:
+            while data := self._script.recv(65536):
+                self._messages += data
+        except OSError:  # nothing more
+            pass
+        finally:
+            self._script.settimeout(TIMEOUT)
+        text = ""
+        while len(self._messages) >= 15:
+            (size,) = struct.unpack_from(">i", self._messages)
+            if not 5 <= size <= len(self._messages):
+                break
+            message = bytes(self._messages[4:size])
+            del self._messages[:size]
+            if message[0] == ROBOT_MESSAGE and message[10] == RUNTIME_EXCEPTION:
+                text = message[19:].decode("utf-8", "replace")
+            elif message[0] == ROBOT_MESSAGE and message[10] == KEY and len(message) > 20:
+                text = message[20 + message[19] :].decode("utf-8", "replace")
+        return f"{before}{printable(text)}" if text else ""
+
+    def _connect(self, port: int) -> socket.socket:
+        try:
+            connection = socket.create_connection((self.address, port), TIMEOUT)
+        except (OSError, UnicodeError) as error:
+            reason = getattr(error, "strerror", None) or str(error)
+            raise RobotError(f"no robot answers at {self.address}:{port}: {reason}") from None
+        connection.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
+        return connection
+
+    def _set_up(self) -> Recipe:
+        """Begin with RTDE, at the rate of the controller."""
+        self._send(Kind.PROTOCOL_VERSION, struct.pack(">H", PROTOCOL))
+        if self._wait_for(Kind.PROTOCOL_VERSION) != b"\x01":
+            raise RobotError(f"the robot at {self.address} has no RTDE protocol {PROTOCOL}; its software is too old")
+        self._send(Kind.CONTROLLER_VERSION)
+        version = self._wait_for(Kind.CONTROLLER_VERSION)
+        rate = 500.0 if len(version) == 16 and struct.unpack_from(">I", version)[0] >= 5 else 125.0
+        names = list(_VARIABLES)
+        for _ in range(2):
+            self._send(Kind.SETUP_OUTPUTS, struct.pack(">d", rate) + ",".join(names).encode())
+            types = names_in(self._wait_for(Kind.SETUP_OUTPUTS)[1:])
+            missing = [name for name, kind in zip(names, types, strict=False) if kind == NOT_FOUND]
+            if not missing:
+                break
+            names = [name for name in names if name not in missing]
+        if len(types) != len(names) or set(_VARIABLES) - set(names) - set(_OPTIONAL):
+            raise RobotError(f"the robot at {self.address} does not know {', '.join(missing) or 'what is asked for'}")
+        try:
+            recipe = Recipe(names, types)
+        except KeyError as error:
+            raise RobotError(
+                f"the robot at {self.address} has a type {shown(error.args[0])}, which RTDE has not"
+            ) from None
+        self._send(Kind.START)
+        if self._wait_for(Kind.START) != b"\x01":
+            raise RobotError(f"the robot at {self.address} refuses to send its state")
+        return recipe
+
+    def _send(self, kind: Kind, payload: bytes = b"") -> None:
+        try:
+            self._rtde.sendall(package(kind, payload))
+        except OSError as error:
+            raise self._lost(error) from None
+
+    def _wait_for(self, wanted: Kind) -> bytes:
+        """Return the payload of the next package of a kind; messages between are kept for errors."""
+        deadline = monotonic() + TIMEOUT
+        while True:
+            try:
+                for kind, payload in packages_in(self._buffer):
+                    if kind == wanted:
+                        return payload
+                if monotonic() > deadline:
+                    raise TimeoutError("no answer")
+                data = self._rtde.recv(65536)
+                if not data:
+                    raise ConnectionError("the connection was closed")
+            except InputError as error:
+                raise RobotError(f"what answers at {self.address} is not a UR: {error}") from None
+            except OSError as error:
+                raise self._lost(error) from None
+            self._buffer += data
+
+    def _lost(self, error: OSError) -> RobotError:
+        return RobotError(f"the connection to the robot at {self.address} is lost: {error.strerror or error}")
+
+
+def _recording(states: list[RobotState]) -> Recording:
+    """The states of a motion; those that came twice or before it began are left out."""
+    t = np.array([state.time for state in states])
+    kept = np.flatnonzero(np.diff(t, prepend=-np.inf) > 0)
+    rows = [states[index] for index in kept]
+
+    def column(name: str) -> Floats:
+        return np.array([getattr(state, name) for state in rows])
+
+    t = t[kept] - t[kept[0]]
+    return Recording(
+        Trajectory(JOINTS, t, column("target_q"), column("target_qd")),
+        Trajectory(JOINTS, t, column("actual_q"), column("actual_qd")),
+        rows[-1].register or 0,
+        "",
+    )

@@ -1,0 +1,525 @@
+"""A simulated UR controller: it takes programs, moves an arm in MuJoCo, and stops as a UR does. It knows no sockets."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Generator, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from kinreach._checks import Floats, printable, shown
+from kinreach.deploy._motion import JointLine, LineError, Segment, Servo, StraightLine
+from kinreach.deploy._rtde import RobotMode, RuntimeState, SafetyMode
+from kinreach.deploy._urscript import (
+    Assignment,
+    Call,
+    Choice,
+    Constant,
+    Entry,
+    Expression,
+    Name,
+    Negative,
+    Numbers,
+    ScriptError,
+    Statement,
+    is_number,
+    parse,
+)
+from kinreach.errors import InputError
+from kinreach.kinematics import ArmKinematics, Trajectory, pose, pose_vector
+from kinreach.kinematics._solutions import SLACK
+from kinreach.robots import ArmDescription
+from kinreach.robots._tools import FLANGE
+from kinreach.robots._ur import JOINTS
+from kinreach.sim import ArmSimulation
+from kinreach.sim._controller import touches
+from kinreach.sim._engine import mujoco
+
+#: Models whose controller is a CB3; the others have an e-Series controller or a later one.
+CB3 = ("ur3", "ur5", "ur10")
+#: Step of the simulation [s].
+TIMESTEP = 0.002
+#: How quickly the controller stops the joints where no program moves them [rad/s^2].
+BRAKING = 10.0
+#: Speeds below this are rest [rad/s].
+REST = 1e-6
+#: How far a joint may be from its target before the controller stops [rad].
+MAX_DEVIATION = 0.1
+#: Register in which a program of kinreach says how far it is, and what it says.
+REGISTER, BEGUN, FINISHED, NOT_AT_START = 24, 1, 2, 3
+#: Ranges of arguments by their names.
+RANGES: Mapping[str, tuple[float, float]] = {
+    "a": (1e-6, 1e3), "v": (1e-6, 1e3), "t": (0.0, 3600.0), "r": (0.0, 2.0),
+    "lookahead_time": (0.03, 0.2), "gain": (100.0, 2000.0), "m": (0.0, 100.0), "output_id": (0.0, 47.0), "value": (-(2.0**31), 2.0**31 - 1),
+}  # fmt: skip
+
+
+def rate_of(arm: ArmDescription) -> int:
+    """Return the control cycles of an arm's controller per second: 125 of a CB3, 500 of later ones."""
+    return 125 if arm.name.removesuffix("_calibrated") in CB3 else 500
+
+
+def check_is_ur(arm: ArmDescription) -> None:
+    """Refuse an arm that has no UR controller.
+
+    Raises:
+        InputError: It is not a UR, or has no link `tool0`.
+    """
+    if arm.joints != JOINTS or FLANGE not in arm.tips:
+        raise InputError(f"arm {arm.name!r} is not a UR: only URs run URScript, ur3 to ur30")
+
+
+def tcp_of(arm: ArmDescription) -> Floats:
+    """Return the pose of a UR's default tip on its flange (4, 4)."""
+    flange, tip = (ArmKinematics(arm, tip=name) for name in (FLANGE, arm.default_tip))
+    T: Floats = np.linalg.inv(flange.fk(arm.home)) @ tip.fk(arm.home)
+    return T
+
+
+@dataclass(frozen=True, eq=False)
+class Recording:
+    """What the arm did, with a sample for each control cycle.
+
+    Attributes:
+        commanded: What the controller commanded.
+        measured: What the arm did.
+        status: What the program wrote into its register: `BEGUN`, `FINISHED` or `NOT_AT_START`; 0 if nothing.
+        reason: Why the program did not come to its end; empty if it did.
+    """
+
+    commanded: Trajectory
+    measured: Trajectory
+    status: int
+    reason: str
+
+
+class Controller:
+    """The controller of one UR and its arm in MuJoCo. Nothing happens between two calls of `tick`.
+
+    Args:
+        arm: A UR, with its calibration and its tool. Its default tip is the tool centre point until a program sets one.
+        q: Start posture [rad], shape (6,); the arm's home by default.
+        log: Called with each line of the controller's log.
+
+    Attributes:
+        arm: As given.
+        simulation: The arm in MuJoCo.
+        kinematics: Of the flange, in the controller's frame `base`, with the arm's own calibration.
+        cycle: Time between two ticks [s].
+        tcp: Tool centre point on the flange (4, 4).
+        target_q, target_qd, target_qdd: What the arm is commanded [rad], [rad/s], [rad/s^2], shape (6,).
+        speed_slider: From 0 to 1.
+        registers: Integers that programs wrote.
+        runtime_state, safety_mode: As RTDE reports them.
+        reason: Why the last program was refused or stopped; empty if it was not.
+
+    Raises:
+        InputError: Not a UR, or a start posture outside the limits or in collision.
+    """
+
+    def __init__(
+        self, arm: ArmDescription, *, q: Sequence[float] | None = None, log: Callable[[str], object] | None = None
+    ) -> None:
+        check_is_ur(arm)
+        self.arm, self._log = arm, log
+        self.simulation = ArmSimulation(arm, timestep=TIMESTEP)
+        self.kinematics = ArmKinematics(arm, tip=FLANGE, base="base")
+        self.cycle = 1.0 / rate_of(arm)
+        start = np.array(arm.home if q is None else q, dtype=np.float64)
+        self.tcp: Floats = tcp_of(arm)
+        self.payload = 0.0
+        self._drive = _Drive(self.simulation)
+        self.speed_slider = 1.0
+        self.registers: dict[int, int] = {}
+        self.safety_mode, self.runtime_state = SafetyMode.NORMAL, RuntimeState.STOPPED
+        self.reason = ""
+        self._program: Generator[None, None, None] | None = None
+        self._ticks = 0
+        self.place(start)
+        if touching := self.simulation.contacts():
+            raise InputError(f"the start posture is in collision: {touching[0]}")
+
+    def place(self, q: Floats) -> None:
+        """Put the arm at rest into a posture [rad], shape (6,), without moving."""
+        self.simulation.reset(q)
+        self._segments: list[Segment] = []
+        self._servo: tuple[Servo, Floats, float, float] | None = None
+        self._braking = BRAKING
+        self._waypoint, self._blend = q, 0.0
+        self._began = q
+        self.target_q: Floats = q.copy()
+        self.target_qd, self.target_qdd = np.zeros(len(q)), np.zeros(len(q))
+
+    @property
+    def actual_q(self) -> Floats:
+        """Posture of the arm [rad], shape (6,)."""
+        return self.simulation.q
+
+    @property
+    def actual_qd(self) -> Floats:
+        """Speeds of the joints [rad/s], shape (6,)."""
+        return self._drive.speeds
+
+    @property
+    def time(self) -> float:
+        """Time since the controller was made [s]."""
+        return self._ticks * self.cycle
+
+    @property
+    def robot_mode(self) -> RobotMode:
+        """As RTDE reports it."""
+        return RobotMode.RUNNING
+
+    @property
+    def speed_scaling(self) -> float:
+        """How fast program time passes: the slider, and 0 in a protective stop."""
+        return self.speed_slider if self.safety_mode is SafetyMode.NORMAL else 0.0
+
+    @property
+    def tcp_offset(self) -> Floats:
+        """Tool centre point on the flange, `[x, y, z, rx, ry, rz]`, shape (6,)."""
+        return pose_vector(self.tcp)
+
+    def tcp_pose(self, q: Floats) -> Floats:
+        """Return the tool centre point in `base` as a UR reports it, `[x, y, z, rx, ry, rz]`, shape (6,)."""
+        return pose_vector(self.kinematics.fk(q) @ self.tcp)
+
+    def tcp_speed(self, q: Floats, qd: Floats) -> Floats:
+        """Return the speed of the tool centre point in `base` [m/s, rad/s], shape (6,)."""
+        flange = self.kinematics.fk(q)
+        speed = self.kinematics.jacobian(q) @ qd
+        speed[:3] += np.cross(speed[3:], (flange @ self.tcp)[:3, 3] - flange[:3, 3])
+        return speed
+
+    def say(self, text: str) -> None:
+        """Write a line into the log."""
+        if self._log is not None:
+            self._log(printable(text))
+
+    def start(self, text: str) -> None:
+        """Take a program in place of the one that runs; one that is refused ends that one, too.
+
+        Raises:
+            InputError: It is not in the URScript that kinreach runs, or the controller is in a protective stop.
+        """
+        if self.safety_mode is not SafetyMode.NORMAL:
+            raise InputError(f"the program is not run: protective stop ({self.reason})")
+        self._end_program()
+        self.reason = ""
+        try:
+            script = parse(text)
+        except ScriptError as error:
+            self.reason = str(error)
+            self.say(f"program refused: {error}")
+            raise
+        self._program = self._statements(script.body, {})
+        self.runtime_state = RuntimeState.PLAYING
+        self.say(f"program {script.name or 'of one line'} is running")
+
+    def release(self) -> None:
+        """End a protective stop; the arm goes back to where the stopped program began, without moving."""
+        if self.safety_mode is SafetyMode.PROTECTIVE_STOP:
+            self.place(self._began)
+            self.safety_mode = SafetyMode.NORMAL
+            self.say("protective stop released; the arm is back where the program began")
+
+    def tick(self) -> None:
+        """Let one control cycle pass."""
+        if self.safety_mode is SafetyMode.NORMAL:
+            self._advance_program()
+        if self.safety_mode is SafetyMode.NORMAL:
+            self._advance_target()
+        self._drive.step(self.target_q, self.target_qd, self.target_qdd, self.cycle)
+        self._ticks += 1
+        if self.safety_mode is SafetyMode.NORMAL:
+            self._supervise()
+
+    def run(self, text: str, *, longest: float = 600.0) -> Recording:
+        """Run a program to its end, as fast as the machine can, and record it.
+
+        Args:
+            text: The program.
+            longest: Simulated time after which it is given up [s].
+
+        Raises:
+            InputError: The program is refused.
+        """
+        self.start(text)
+        began, rows = self._ticks, [self._row()]
+        while self.runtime_state is RuntimeState.PLAYING and (self._ticks - began) * self.cycle < longest:
+            self.tick()
+            rows.append(self._row())
+        if self.runtime_state is RuntimeState.PLAYING:
+            self._end_program()
+            self.reason = f"the program takes longer than {longest:g} s"
+        t = self.cycle * np.arange(len(rows), dtype=np.float64)
+        commanded, speeds, measured, measured_speeds = (np.array(column) for column in zip(*rows, strict=True))
+        return Recording(
+            Trajectory(JOINTS, t, commanded, speeds),
+            Trajectory(JOINTS, t, measured, measured_speeds),
+            self.registers.get(REGISTER, 0),
+            self.reason,
+        )
+
+    def _row(self) -> tuple[Floats, ...]:
+        return self.target_q, self.target_qd, self.actual_q, self.actual_qd
+
+    def _end_program(self) -> None:
+        self._segments, self._servo, self._braking = [], None, BRAKING
+        self._waypoint, self._blend = self.target_q, 0.0
+        if self._program is not None:
+            self._program.close()
+        self._program, self.runtime_state = None, RuntimeState.STOPPED
+        self._program_time = self._servo_until = 0.0
+        self._began = self.actual_q
+
+    def _advance_program(self) -> None:
+        if self._program is None:
+            return
+        self._program_time += self.cycle * self.speed_slider
+        try:
+            next(self._program)
+        except StopIteration:
+            self._end_program()
+            self.say("program finished")
+        except ScriptError as error:
+            self.reason = str(error)
+            self._end_program()
+            self.say(f"program stopped: {error}")
+        except LineError as error:
+            self._stop(str(error))
+
+    def _advance_target(self) -> None:
+        dt, before = self.cycle * self.speed_slider, self.target_qd
+        if self._segments:
+            try:
+                q, qd = self._summed(dt)
+            except (LineError, np.linalg.LinAlgError) as error:
+                self._stop(str(error))
+                return
+            self.target_q, self.target_qd = q, self.speed_slider * qd
+        elif self._servo is not None:
+            servo, target, lookahead, gain = self._servo
+            servo.follow(target, lookahead, gain, dt)
+            self.target_q, self.target_qd = servo.q, self.speed_slider * servo.qd
+        elif (fastest := float(np.abs(before).max())) > 0.0:
+            self.target_qd = before * max(0.0, 1.0 - self._braking * self.cycle / fastest)
+            self.target_q = self.target_q + self.cycle * self.target_qd
+            self._waypoint = self.target_q
+        self.target_qdd = (self.target_qd - before) / self.cycle
+
+    def _summed(self, dt: float) -> tuple[Floats, Floats]:
+        """Posture and speeds of the segments that are blended; those that have ended are dropped."""
+        for segment in self._segments:
+            segment.advance(dt)
+        while self._segments[0].done and len(self._segments) > 1:
+            self._segments.pop(0)
+        first, *others = self._segments
+        q = first.q + sum(other.q - other.start for other in others)
+        qd = first.qd + sum(other.qd for other in others)
+        if first.done:
+            self._segments = []
+        return q, qd
+
+    def _supervise(self) -> None:
+        """Stop before the arm leaves its limits, when it touches something, and when it does not follow."""
+        controller, data = self.simulation.controller, self.simulation.data
+        outside = (self.target_q < self.kinematics.lower - SLACK) | (self.target_q > self.kinematics.upper + SLACK)
+        fast = np.abs(self.target_qd) > self.kinematics.velocity_limit * 1.001
+        if data.ncon and (touching := touches(self.simulation.model, data, controller.obstacles)):
+            self._stop(f"collision: {touching[0]}")
+        elif outside.any():
+            joint = int(outside.argmax())
+            self._stop(f"joint limit: {JOINTS[joint]} at {self.target_q[joint]:.3f} rad")
+        elif fast.any():
+            joint = int(fast.argmax())
+            limit = self.kinematics.velocity_limit[joint]
+            self._stop(f"joint speed: {JOINTS[joint]} at {abs(self.target_qd[joint]):.2f} rad/s, limit {limit:.2f}")
+        elif (off := np.abs(self.target_q - self.actual_q)).max() > MAX_DEVIATION:
+            self._stop(f"{JOINTS[int(off.argmax())]} is {off.max():.2f} rad from its target")
+
+    def _stop(self, reason: str) -> None:
+        """Protective stop: the program ends, the arm stays where it is."""
+        began = self._began
+        self._end_program()
+        self._began = began
+        self.reason, self.safety_mode = reason, SafetyMode.PROTECTIVE_STOP
+        self.target_q, self.target_qd, self.target_qdd = self.actual_q, np.zeros(6), np.zeros(6)
+        self.say(f"protective stop: {reason}")
+
+    def _statements(self, body: Sequence[Statement], known: dict[str, Any]) -> Generator[None, None, None]:
+        """Execute statements; each yield is the end of a control cycle."""
+        for statement in body:
+            if isinstance(statement, Assignment):
+                known[statement.name] = self._value(statement.value, known, statement.line)
+            elif isinstance(statement, Choice):
+                condition = self._value(statement.condition, known, statement.line)
+                if not isinstance(condition, bool):
+                    raise ScriptError(statement.line, f"runtime error: {shown(condition)} is neither true nor false")
+                yield from self._statements(statement.then if condition else statement.otherwise, known)
+            else:
+                yield from self._call(statement, known)
+        while self._segments:
+            yield
+
+    def _value(self, expression: Expression, known: Mapping[str, Any], line: int) -> Any:
+        if isinstance(expression, Constant):
+            return expression.value
+        if isinstance(expression, Numbers):
+            values = [self._number(entry, known, line) for entry in expression.entries]
+            if expression.is_pose and len(values) != 6:
+                raise ScriptError(line, f"runtime error: a pose has six numbers, got {len(values)}")
+            return _Pose(values) if expression.is_pose else values
+        if isinstance(expression, Name):
+            return known[expression.name]
+        if isinstance(expression, Entry):
+            values, index = known[expression.name], self._number(expression.index, known, line)
+            if not isinstance(values, list) or not index.is_integer() or not 0 <= index < len(values):
+                raise ScriptError(line, f"runtime error: {expression.name} has no entry {index:g}")
+            return values[int(index)]
+        if isinstance(expression, Negative):
+            return -self._number(expression.value, known, line)
+        if isinstance(expression, Call):
+            if expression.function == "norm":
+                return abs(self._number(expression.arguments["a"], known, line))
+            return self.actual_q.tolist()
+        if expression.sign == "or":
+            sides = [self._value(side, known, line) for side in (expression.left, expression.right)]
+            if not all(isinstance(side, bool) for side in sides):
+                raise ScriptError(line, f"runtime error: or is for truth values, got {shown(sides)}")
+            return any(sides)
+        left, right = (self._number(side, known, line) for side in (expression.left, expression.right))
+        return left > right if expression.sign == ">" else left - right
+
+    def _number(self, expression: Expression, known: Mapping[str, Any], line: int) -> float:
+        value = self._value(expression, known, line)
+        if not is_number(value):
+            raise ScriptError(line, f"runtime error: a number is needed, got {shown(value)}")
+        return float(value)
+
+    def _call(self, call: Call, known: Mapping[str, Any]) -> Generator[None, None, None]:
+        """Execute a statement that is a call."""
+        values = {name: self._value(value, known, call.line) for name, value in call.arguments.items()}
+        self._check_ranges(call, values)
+        match call.function:
+            case "movej" | "movel":
+                yield from self._move(call, values)
+            case "servoj":
+                yield from self._servoj(call, values)
+            case "stopj":
+                self._segments, self._servo, self._braking = [], None, values["a"]
+                yield from self._at_rest()
+                self._braking = BRAKING
+            case "sleep":
+                until = self._program_time + float(values["t"])
+                while self._program_time < until - 1e-9:
+                    yield
+            case "set_tcp":
+                self.tcp = pose(self._six(call, values["pose"], is_pose=True))
+            case "set_payload":
+                self.payload = values["m"]
+            case "write_output_integer_register":
+                self.registers[int(values["output_id"])] = int(values["value"])
+            case "popup" | "textmsg":
+                self.say(f"{call.function}: {values.get('s', values.get('s1'))}{values.get('s2', '')}")
+
+    @staticmethod
+    def _check_ranges(call: Call, values: Mapping[str, Any]) -> None:
+        unused = ("a", "v") if call.function == "servoj" else ()
+        for name, value in values.items():
+            low, high = RANGES.get(name, (0.0, 0.0))
+            if name in RANGES and name not in unused and not (is_number(value) and low <= value <= high):
+                raise ScriptError(
+                    call.line,
+                    f"runtime error: {name} of {call.function} must be a number from {low:g} to {high:g}, got "
+                    f"{shown(value)}",
+                )
+
+    def _six(self, call: Call, value: object, *, is_pose: bool) -> Floats:
+        if not isinstance(value, list) or len(value) != 6 or isinstance(value, _Pose) is not is_pose:
+            kind = "a pose p[...]" if is_pose else "a list of six joint angles"
+            raise ScriptError(call.line, f"runtime error: {call.function} takes {kind}, got {shown(value)}")
+        return np.array(value)
+
+    def _at_rest(self) -> Generator[None, None, None]:
+        while self._segments or np.abs(self.target_qd).max() > REST:
+            yield
+
+    def _move(self, call: Call, values: Mapping[str, Any]) -> Generator[None, None, None]:
+        """`movej` and `movel`; the program goes on where the next move may be blended in."""
+        if values["t"] != 0.0:
+            raise ScriptError(call.line, f"runtime error: {call.function} is not run with a time t; give a and v")
+        self._servo = None
+        if not self._segments:
+            yield from self._at_rest()
+            self._waypoint, self._blend = self.target_q, 0.0
+        start, radius = self._waypoint, values["r"]
+        segment: Segment
+        if call.function == "movej":
+            segment = JointLine(start, self._six(call, values["q"], is_pose=False), values["v"], values["a"])
+        else:
+            target = pose(self._six(call, values["pose"], is_pose=True))
+            segment = StraightLine(self.kinematics, self.tcp, start, target, values["v"], values["a"])
+        way = np.linalg.norm(self._tool(segment.end) - self._tool(start))
+        if self._blend + radius > max(way, 0.0) and self._blend + radius > 0.0:
+            self.say(f"line {call.line}: overlapping blends, the move is skipped: radii of {self._blend:g} and "
+                     f"{radius:g} m on a way of {way:.3f} m")  # fmt: skip
+            return
+        self._segments.append(segment)
+        self._waypoint, self._blend = segment.end, radius
+        goal = self._tool(segment.end)
+        yield
+        while not segment.done and not (radius > 0.0 and np.linalg.norm(self._tool(segment.q) - goal) <= radius):
+            yield
+
+    def _tool(self, q: Floats) -> Floats:
+        """Position of the tool centre point [m], shape (3,)."""
+        position: Floats = (self.kinematics.fk(q) @ self.tcp)[:3, 3]
+        return position
+
+    def _servoj(self, call: Call, values: Mapping[str, Any]) -> Generator[None, None, None]:
+        duration = values["t"]
+        if not is_number(duration) or not self.cycle - 1e-9 <= duration <= 10.0:
+            raise ScriptError(call.line, f"runtime error: t of servoj must be from {self.cycle:g} to 10 s, "
+                              f"got {shown(duration)}")  # fmt: skip
+        target = self._six(call, values["q"], is_pose=False)
+        if self._servo is None:
+            yield from self._at_rest()
+            self._servo_until = self._program_time
+        servo = Servo(self.target_q, self.target_qd) if self._servo is None else self._servo[0]
+        self._servo = servo, target, values["lookahead_time"], values["gain"]
+        self._servo_until += duration
+        while self._program_time < self._servo_until - 1e-9:
+            yield
+
+
+class _Pose(list[float]):
+    """A value `p[...]`."""
+
+
+class _Drive:
+    """Gives setpoints to the servos of a simulation, ahead by their lag and the arm's inertia, and steps it."""
+
+    def __init__(self, simulation: ArmSimulation) -> None:
+        model, controller = simulation.model, simulation.controller
+        self._model, self._data = model, simulation.data
+        self._servos = controller.ctrl
+        joints = [model.joint(name) for name in simulation.arm.joints]
+        self._dof = [int(joint.dofadr[0]) for joint in joints]
+        self._stiffness = model.actuator_gainprm[controller.ctrl, 0]
+        self._lag = -model.actuator_biasprm[controller.ctrl, 2] / self._stiffness
+        self._full, self._product = np.zeros(model.nv), np.empty(model.nv)
+
+    @property
+    def speeds(self) -> Floats:
+        """Of the joints [rad/s], shape (6,)."""
+        speeds: Floats = self._data.qvel[self._dof].copy()
+        return speeds
+
+    def step(self, q: Floats, qd: Floats, qdd: Floats, duration: float) -> None:
+        """Simulate for a duration [s] with a posture [rad], speeds [rad/s] and accelerations [rad/s^2] as setpoint."""
+        self._full[self._dof] = qdd
+        mujoco.mj_mulM(self._model, self._data, self._product, self._full)
+        self._data.ctrl[self._servos] = q + self._lag * qd + self._product[self._dof] / self._stiffness
+        mujoco.mj_step(self._model, self._data, round(duration / TIMESTEP))

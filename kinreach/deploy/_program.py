@@ -1,0 +1,329 @@
+"""Programs for a UR: moves or a trajectory, as URScript and back.
+
+A program sets the tool centre point, looks whether the arm stands at the start posture, and moves only if it does. It
+says in an integer register how far it is, which RTDE shows: 1 begun, 2 finished, 3 not at the start posture.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+import kinreach
+from kinreach._checks import Floats, as_vector, check_known, check_number, shown
+from kinreach.deploy._controller import BEGUN, FINISHED, NOT_AT_START, REGISTER, check_is_ur, rate_of, tcp_of
+from kinreach.deploy._urscript import (
+    Assignment,
+    Call,
+    Choice,
+    Constant,
+    Expression,
+    Numbers,
+    ScriptError,
+    Statement,
+    list_text,
+    number_text,
+    parse,
+)
+from kinreach.errors import InputError
+from kinreach.kinematics import ArmKinematics, Trajectory, pose, pose_vector
+from kinreach.robots._ur import JOINTS
+
+#: How far a joint may be from the start posture for the program to move [rad].
+AT_START = 0.01
+#: Largest speeds and accelerations of the tool [m/s], [m/s^2], and of a joint's acceleration [rad/s^2].
+MAX_TOOL_SPEED, MAX_TOOL_ACCELERATION, MAX_ACCELERATION = 1.0, 5.0, 10.0
+#: Settings of `servoj`, those of Universal Robots' ROS driver; how long the end is held [s]; deceleration [rad/s^2].
+LOOKAHEAD, GAIN, HOLD, STOP = 0.03, 2000.0, 0.3, 2.0
+#: Decimals of the tool centre point [m, rad]: what is beyond them is rounding.
+ROUNDED = 9
+NAME = "kinreach_program"
+#: Stops a UR: a program of its own, which ends the one that runs.
+STOP_SCRIPT = "def kinreach_stop():\n  stopj(4)\nend\n"
+
+
+@dataclass(frozen=True)
+class Move:
+    """A move of a program.
+
+    Attributes:
+        command: `"movej"`, on a straight line in joint space, or `"movel"`, with the tool on a straight line.
+        target: Joint angles [rad] of `movej`; of `movel` the pose of the tool centre point in the controller's frame
+            `base`, `[x, y, z, rx, ry, rz]` [m, rad].
+        speed: Of the joint with the longest way [rad/s], or of the tool [m/s].
+        acceleration: As `speed` [rad/s^2], [m/s^2].
+        blend: How far from the target the tool may begin with the next move [m]; 0 stops there.
+
+    Raises:
+        InputError: A value that cannot be used.
+    """
+
+    command: str
+    target: tuple[float, ...]
+    speed: float
+    acceleration: float
+    blend: float = 0.0
+
+    def __post_init__(self) -> None:
+        check_known("command", self.command, ("movej", "movel"))
+        object.__setattr__(self, "target", tuple(as_vector("target", self.target, 6, most=100.0).tolist()))
+        fastest = 100.0 if self.command == "movej" else MAX_TOOL_SPEED
+        hardest = MAX_ACCELERATION if self.command == "movej" else MAX_TOOL_ACCELERATION
+        check_number(f"speed of {self.command}", self.speed, above=0.0, most=fastest)
+        check_number(f"acceleration of {self.command}", self.acceleration, above=0.0, most=hardest)
+        check_number("blend [m]", self.blend, least=0.0, most=2.0)
+
+    @property
+    def text(self) -> str:
+        """The line of URScript."""
+        target = list_text(self.target) if self.command == "movej" else f"p{list_text(self.target)}"
+        numbers = (self.acceleration, self.speed, self.blend)
+        return f"{self.command}({target}, a={{}}, v={{}}, r={{}})".format(*map(number_text, numbers))
+
+
+@dataclass(frozen=True)
+class Program:
+    """A program for one UR: moves, or a trajectory that is streamed by `servoj`.
+
+    Attributes:
+        start: Posture in which it may begin [rad], shape (6,).
+        tcp: Tool centre point on the flange, `[x, y, z, rx, ry, rz]` [m, rad].
+        moves: In their order; empty if there is a trajectory.
+        trajectory: With an even rate, from the start posture; None if there are moves.
+        payload: Mass of the tool [kg], which the program sets; None leaves what is set on the robot.
+        centre_of_mass: Of the tool, on the flange [m].
+        arm: Which arm it is for, for the comment at its top.
+
+    Raises:
+        InputError: Neither moves nor a trajectory, or both; the last move has a blend radius; a trajectory of other
+            joints, that does not begin in the start posture, or has no even rate.
+    """
+
+    start: tuple[float, ...]
+    tcp: tuple[float, ...]
+    moves: tuple[Move, ...] = ()
+    trajectory: Trajectory | None = None
+    payload: float | None = None
+    centre_of_mass: tuple[float, ...] = (0.0, 0.0, 0.0)
+    arm: str = "UR"
+
+    def __post_init__(self) -> None:
+        for name, size in (("start", 6), ("tcp", 6), ("centre_of_mass", 3)):
+            object.__setattr__(self, name, tuple(as_vector(name, getattr(self, name), size, most=100.0).tolist()))
+        object.__setattr__(self, "moves", tuple(self.moves))
+        if self.payload is not None:
+            check_number("payload [kg]", self.payload, least=0.0, most=100.0)
+        if bool(self.moves) == (self.trajectory is not None):
+            raise InputError("a program has moves or a trajectory, and not both")
+        if self.moves and self.moves[-1].blend:
+            raise InputError(f"the last move must stop, its blend is {self.moves[-1].blend:g} m")
+        if self.trajectory is not None:
+            _check_even(self.trajectory)
+            if not np.abs(self.trajectory.q[0] - self.start).max() < AT_START:
+                raise InputError("the trajectory does not begin in the start posture")
+
+    @classmethod
+    def of(
+        cls, kinematics: ArmKinematics, start: ArrayLike, motion: Sequence[Move] | Trajectory, **settings: Any
+    ) -> Program:
+        """Return the program for an arm: with its tool centre point, its title, and a trajectory at its rate.
+
+        Args:
+            kinematics: Of the UR with its tool. Its tip is the tool centre point.
+            start: Posture in which the program may begin [rad], shape (6,).
+            motion: Moves; or a trajectory, which is sampled 125 times a second for a CB3 and 500 times for later ones.
+            settings: `payload` and `centre_of_mass`.
+
+        Raises:
+            InputError: Not a UR, a motion faster than the arm's joints, blends that overlap, or as in the class.
+        """
+        arm = kinematics.arm
+        check_is_ur(arm)
+        tcp = tuple(pose_vector(tcp_of(replace(arm, default_tip=kinematics.tip))).round(ROUNDED).tolist())
+        posture = tuple(kinematics.as_posture("start", start).tolist())
+        if isinstance(motion, Trajectory):
+            program = cls(posture, tcp, trajectory=motion.resampled(rate_of(arm)), arm=arm.title, **settings)
+        else:
+            program = cls(posture, tcp, tuple(motion), arm=arm.title, **settings)
+        _check_speeds(program, kinematics)
+        _check_blends(program, kinematics)
+        return program
+
+    @property
+    def text(self) -> str:
+        """The program in URScript."""
+        body = [f"    {line}" for line in self._motion()]
+        off = " or ".join(f"norm(q[{joint}] - start[{joint}]) > {AT_START}" for joint in range(6))
+        told = "The arm is not at the start posture of this program. Nothing was moved."
+        lines = [
+            f"def {NAME}():",
+            *(f"  # {line}" for line in self._header()),
+            f"  set_tcp(p{list_text(self.tcp)})",
+            *([] if self.payload is None else [f"  set_payload({number_text(self.payload)}, {self._centre})"]),
+            f"  start = {list_text(self.start)}",
+            "  q = get_actual_joint_positions()",
+            f"  if {off}:",
+            f"    write_output_integer_register({REGISTER}, {NOT_AT_START})",
+            f'    popup("{told}", title="kinreach", warning=True)',
+            "    sleep(0.1)",  # so that whoever reads the state every cycle sees that it ran
+            "  else:",
+            f"    write_output_integer_register({REGISTER}, {BEGUN})",
+            *body,
+            f"    write_output_integer_register({REGISTER}, {FINISHED})",
+            "  end",
+            "end",
+        ]
+        return "\n".join(lines) + "\n"
+
+    @property
+    def _centre(self) -> str:
+        return list_text(self.centre_of_mass)
+
+    def _header(self) -> list[str]:
+        """What stands at the top for who reads the program."""
+        degrees = ", ".join(f"{angle:.1f}" for angle in np.degrees(self.start))
+        payload = "as it is set on the robot" if self.payload is None else f"{self.payload:g} kg at {self._centre} m"
+        return [
+            _one_line(f"Written by kinreach {kinreach.__version__} for: {self.arm}"),
+            "Lengths in metres, angles in radians. Poses are those of the tool centre point in the frame base.",
+            f"Tool centre point on the flange: {list_text(self.tcp)}. Payload: {payload}.",
+            f"Begins only at the joint angles {degrees} degrees, each within {np.degrees(AT_START):.1f}.",
+            "Tried in simulation only. Keep a hand at the emergency stop, and begin with the speed slider low.",
+        ]
+
+    def _motion(self) -> list[str]:
+        if self.trajectory is None:
+            return [move.text for move in self.moves]
+        period = number_text(float(self.trajectory.t[1]))
+        how = f"lookahead_time={number_text(LOOKAHEAD)}, gain={number_text(GAIN)}"
+        lines = [f"servoj({list_text(q)}, t={period}, {how})" for q in self.trajectory.q[1:]]
+        end = f"servoj({list_text(self.trajectory.q[-1])}, t={number_text(HOLD)}, {how})"
+        return [*lines, end, f"stopj({number_text(STOP)})"]
+
+    @classmethod
+    def parse(cls, text: str) -> Program:
+        """Read a program that kinreach wrote.
+
+        Args:
+            text: The program; nothing is executed.
+
+        Raises:
+            InputError: It is not of the form that `text` has; the message names the line.
+        """
+        script = parse(text)
+        start: tuple[float, ...] | None = None
+        settings: dict[str, Any] = {}
+        motion: tuple[Statement, ...] = ()
+        for statement in script.body:
+            if isinstance(statement, Assignment) and statement.name == "start":
+                start = _constants(statement.value, statement.line)
+            elif isinstance(statement, Call) and statement.function == "set_tcp":
+                settings["tcp"] = _constants(statement.arguments["pose"], statement.line)
+            elif isinstance(statement, Call) and statement.function == "set_payload":
+                settings["payload"] = _constant(statement.arguments["m"], statement.line)
+                settings["centre_of_mass"] = _constants(statement.arguments["cog"], statement.line)
+            elif isinstance(statement, Choice):
+                motion = statement.otherwise
+        calls = [call for call in motion if isinstance(call, Call) and call.function in ("movej", "movel", "servoj")]
+        if start is None or "tcp" not in settings or not calls:
+            raise InputError("this is not a program of kinreach: it needs set_tcp, start = [...] and moves after else")
+        if calls[0].function == "servoj":
+            settings["trajectory"] = _trajectory(start, calls)
+        else:
+            settings["moves"] = tuple(map(_move, calls))
+        return cls(start, **settings)
+
+
+def _trajectory(start: tuple[float, ...], calls: Sequence[Call]) -> Trajectory:
+    """The motion of `servoj` lines; the last one, which holds the end, is left out."""
+    for call in calls:
+        if call.function != "servoj":
+            raise ScriptError(call.line, f"{call.function} among the servoj of a trajectory")
+    period = _constant(calls[0].arguments["t"], calls[0].line)
+    steps = [call for call in calls if _constant(call.arguments["t"], call.line) == period]
+    q = np.array([start, *(_constants(call.arguments["q"], call.line) for call in steps)])
+    if q.shape[1:] != (6,):
+        raise ScriptError(calls[0].line, f"servoj takes six joint angles, got {q.shape[1:]}")
+    t = period * np.arange(len(q), dtype=np.float64)
+    qd = np.gradient(q, period, axis=0)
+    qd[0] = qd[-1] = 0.0
+    return Trajectory(JOINTS, t, q, qd)
+
+
+def _move(call: Call) -> Move:
+    """The move of a line."""
+    numbers = {name: _constant(call.arguments[name], call.line) for name in ("a", "v", "t", "r")
+               if name in call.arguments}  # fmt: skip
+    if "a" not in numbers or numbers["t"]:
+        raise ScriptError(call.line, f"{call.function} is not a move with a and v")
+    target = call.arguments["q" if call.function == "movej" else "pose"]
+    if not isinstance(target, Numbers) or target.is_pose is not (call.function == "movel"):
+        raise ScriptError(
+            call.line, f"{call.function} takes {'a pose' if call.function == 'movel' else 'joint angles'}"
+        )
+    return Move(call.function, _constants(target, call.line), numbers["v"], numbers["a"], numbers["r"])
+
+
+def _constant(expression: Expression, line: int) -> float:
+    if isinstance(expression, Constant) and isinstance(expression.value, float):
+        return expression.value
+    raise ScriptError(line, "a number is needed here")
+
+
+def _constants(expression: Expression, line: int) -> tuple[float, ...]:
+    if not isinstance(expression, Numbers):
+        raise ScriptError(line, "a list of numbers is needed here")
+    return tuple(_constant(entry, line) for entry in expression.entries)
+
+
+def _one_line(text: str) -> str:
+    """Text for a comment: nothing in it ends the line."""
+    return "".join(sign if sign.isprintable() else "?" for sign in text)
+
+
+def _check_even(trajectory: Trajectory) -> None:
+    if trajectory.joints != JOINTS:
+        raise InputError(f"the joints of a UR's trajectory must be {', '.join(JOINTS)}; got {shown(trajectory.joints)}")
+    steps = np.diff(trajectory.t)
+    if not len(steps) or np.ptp(steps) > 1e-6 * steps[0]:
+        raise InputError("the trajectory must have two samples or more at an even rate; `resampled` makes them")
+
+
+def _check_speeds(program: Program, kinematics: ArmKinematics) -> None:
+    """Refuse moves and trajectories that are faster than the joints."""
+    limit, posture = kinematics.velocity_limit, np.array(program.start)
+    if program.trajectory is not None:
+        period = program.trajectory.t[1]
+        fastest = np.abs(np.diff(program.trajectory.q, axis=0)).max(axis=0) / period
+        _refuse_fast(fastest, limit, "the trajectory")
+    for number, move in enumerate(program.moves, start=1):
+        if move.command == "movej":
+            way = np.abs(np.array(move.target) - posture)
+            _refuse_fast(move.speed * way / max(way.max(), 1e-12), limit, f"move {number}")
+            posture = np.array(move.target)
+
+
+def _refuse_fast(fastest: Floats, limit: Floats, what: str) -> None:
+    for joint, speed, most in zip(JOINTS, fastest, limit, strict=True):
+        if speed > 1.001 * most:
+            raise InputError(f"{what} moves {joint} at {speed:.3g} rad/s, above its limit of {most:.3g} rad/s")
+
+
+def _check_blends(program: Program, kinematics: ArmKinematics) -> None:
+    """Refuse blends that overlap: a controller skips such moves."""
+    tcp = pose(program.tcp)
+    flange = ArmKinematics(kinematics.arm, tip="tool0", base="base")
+    place, before = (flange.fk(program.start) @ tcp)[:3, 3], 0.0
+    for number, move in enumerate(program.moves, start=1):
+        T = flange.fk(move.target) @ tcp if move.command == "movej" else pose(move.target)
+        way = float(np.linalg.norm(T[:3, 3] - place))
+        if 0.0 < before + move.blend >= way:
+            raise InputError(
+                f"the blends of move {number} overlap: radii of {before:g} and {move.blend:g} m on a way of {way:.3f} "
+                "m; give a smaller blend"
+            )
+        place, before = T[:3, 3], move.blend

@@ -1,0 +1,95 @@
+"""`kinreach simulate-ur`: a UR to connect to, simulated on this machine."""
+
+from __future__ import annotations
+
+import select
+import sys
+import threading
+from collections.abc import Sequence
+from dataclasses import replace
+
+from kinreach._checks import check_number, printable
+from kinreach.cli import Parser
+from kinreach.deploy._controller import rate_of
+from kinreach.deploy._rtde import RTDE_PORT, SCRIPT_PORT
+from kinreach.deploy._server import SimulatedUR
+from kinreach.robots import ArmDescription, Workcell
+from kinreach.robots._flags import add_arm_flags, arm_of, numbers_of, print_notes
+
+_ABOUT = (
+    "This is not URSim: it runs the URScript that kinreach writes, and nothing else. ur_rtde's receive and I/O "
+    "interfaces read it; its control interface needs URSim or a robot."
+)
+
+
+def main(argv: Sequence[str], *, prog: str) -> int:
+    """Serve a simulated UR until Ctrl-C.
+
+    Args:
+        argv: Arguments without the program's name.
+        prog: How the user called it, for messages.
+
+    Returns:
+        Exit code 0 where standard input ends; Ctrl-C is raised.
+
+    Raises:
+        KinreachError: Bad input, or a port that is in use.
+    """
+    arguments = _parser(prog).parse_args(argv)
+    print_notes(arm := arm_of(arguments.arm, arguments))
+    arm = without_cell(arm) if arguments.no_cell else arm
+    start = None if arguments.start is None else numbers_of("--from", arguments.start, 6)
+    speed = check_number("--speed", arguments.speed, above=0.0, most=1e6)
+    robot = SimulatedUR(
+        arm, q=start, address=arguments.address, rtde_port=arguments.rtde_port, script_port=arguments.script_port,
+        speed=speed, log=_say,
+    )  # fmt: skip
+    _say(f"{arm.title} at {robot.address}: RTDE {robot.rtde_port}, script port {robot.script_port}, {rate_of(arm)} Hz")
+    _say(_ABOUT)
+    if sys.stdin is not None and sys.stdin.isatty():
+        _say("Enter releases a protective stop, Ctrl-C ends.")
+        threading.Thread(target=_release_by_enter, args=(robot,), daemon=True).start()
+    try:
+        robot.serve()
+    finally:
+        robot.close()
+    return 0
+
+
+def without_cell(arm: ArmDescription) -> ArmDescription:
+    """Return an arm without anything around it."""
+    return replace(arm, workcell=Workcell())
+
+
+def _release_by_enter(robot: SimulatedUR) -> None:
+    while select.select([sys.stdin], [], [])[0] and sys.stdin.readline():
+        robot.release()
+
+
+def _say(text: str) -> None:
+    print(printable(text), flush=True)
+
+
+def _parser(prog: str) -> Parser:
+    parser = Parser(prog=prog, description=f"A UR that is simulated in MuJoCo and answers like a real one. {_ABOUT}")
+    parser.add_argument("--arm", required=True, metavar="NAME|FILE", help="a UR: ur3 to ur30, or its URDF")
+    parser.add_argument("--from", dest="start", metavar="Q1,...,Q6", help="start posture in radians (the arm's home)")
+    parser.add_argument(
+        "--address", default="127.0.0.1", help="of this machine, such as 127.0.0.2 for a second robot (%(default)s)"
+    )
+    parser.add_argument(
+        "--rtde-port", type=int, default=RTDE_PORT, metavar="N", help="port of RTDE, 0 for a free one (%(default)s)"
+    )
+    parser.add_argument(
+        "--script-port",
+        type=int,
+        default=SCRIPT_PORT,
+        metavar="N",
+        help="port that takes programs, 0 for a free one (%(default)s, and 30001 with it)",
+    )
+    parser.add_argument(
+        "--speed", type=float, default=1.0, metavar="X", help="times faster than real time (%(default)s)"
+    )
+    parser.add_argument("--no-cell", action="store_true", help="no table and no floor around the arm")
+    add_arm_flags(parser)
+    return parser

@@ -1,0 +1,374 @@
+"""The simulated UR is read by `ur_rtde`, and no client can harm it."""
+
+import socket
+import struct
+import threading
+import time
+
+import numpy as np
+import pytest
+
+from kinreach.deploy import SimulatedUR
+from kinreach.deploy._rtde import (
+    FORMATS,
+    HEADER,
+    IN_USE,
+    NOT_FOUND,
+    Kind,
+    Recipe,
+    names_in,
+    package,
+    packages_in,
+    type_of,
+)
+from kinreach.errors import InputError
+from kinreach.kinematics import ArmKinematics, pose
+from kinreach.robots import get_arm
+from tests.deploy.conftest import CALIBRATION, TOOL
+
+#: So long a client waits for an answer [s].
+PATIENCE = 30.0
+
+
+@pytest.fixture(scope="module")
+def address(simulated):
+    return simulated("--arm", "ur5e", "--calibration", str(CALIBRATION), "--tool", TOOL)[0]
+
+
+class TestUrRtde:
+    """The real package as the client; its calls hold Python's lock, so that the robot is in another process."""
+
+    def test_the_receive_interface_reads_a_moving_arm(self, address):
+        rtde_receive = pytest.importorskip("rtde_receive")
+        kin = ArmKinematics(
+            get_arm("ur5e").calibrated(CALIBRATION), tool=[float(word) for word in TOOL.split(",")], base="base"
+        )
+        client = rtde_receive.RTDEReceiveInterface(address)
+        try:
+            home = np.array(kin.arm.home)
+            np.testing.assert_allclose(client.getActualQ(), home, atol=1e-6)
+            assert (client.getRobotMode(), client.getSafetyMode(), client.getRuntimeState()) == (7, 1, 1)
+            assert client.getSpeedScaling() == 1.0
+            goal = home + [0.2, -0.1, 0.1, 0.0, 0.1, 0.0]
+            with socket.create_connection((address, 30002)) as script:
+                script.sendall(f"movej({goal.tolist()}, a=1.4, v=0.5)\n".encode())
+                rows, moved, deadline = [], False, time.monotonic() + PATIENCE
+                while not (moved and client.getRuntimeState() == 1) and time.monotonic() < deadline:
+                    rows.append((client.getTimestamp(), client.getActualQ(), client.getActualQd(), client.getTargetQ(),
+                                 client.getActualTCPPose()))  # fmt: skip
+                    moved |= client.getRuntimeState() == 2
+                    time.sleep(0.003)
+            time.sleep(0.3)
+            np.testing.assert_allclose(client.getActualQ(), goal, atol=1e-4)
+            np.testing.assert_allclose(client.getTargetQ(), goal, atol=1e-12)
+            reported, true = pose(client.getActualTCPPose()), kin.fk(np.array(client.getActualQ()))
+            np.testing.assert_allclose(reported, true, atol=1e-9)
+        finally:
+            client.disconnect()
+        times = np.array([row[0] for row in rows])
+        assert (np.diff(times) >= 0).all()
+        assert np.ptp(times) > 0.3
+        speeds, targets = np.abs([row[2] for row in rows]), np.array([row[3] for row in rows])
+        assert 0.4 < speeds.max() < 0.55
+        assert len(np.unique(targets, axis=0)) > 20
+
+    def test_the_io_interface_moves_the_speed_slider(self, address):
+        rtde_io, rtde_receive = pytest.importorskip("rtde_io"), pytest.importorskip("rtde_receive")
+        outputs, inputs = rtde_receive.RTDEReceiveInterface(address), rtde_io.RTDEIOInterface(address)
+        try:
+            for fraction in (0.25, 0.0, 1.0):
+                assert inputs.setSpeedSlider(fraction)
+                deadline = time.monotonic() + PATIENCE
+                while outputs.getTargetSpeedFraction() != fraction and time.monotonic() < deadline:
+                    time.sleep(0.01)
+                assert outputs.getTargetSpeedFraction() == outputs.getSpeedScaling() == fraction
+        finally:
+            inputs.disconnect()
+            outputs.disconnect()
+
+    def test_a_protective_stop_is_reported(self, address):
+        rtde_receive = pytest.importorskip("rtde_receive")
+        client = rtde_receive.RTDEReceiveInterface(address)
+        try:
+            below = [-1.5708, 0.2, 0.0, -1.5708, -1.5708, 0.0]  # through the table
+            with socket.create_connection((address, 30002)) as script:
+                script.sendall(f"movej({below}, a=5, v=3)\n".encode())
+                deadline = time.monotonic() + PATIENCE
+                while client.getSafetyMode() == 1 and time.monotonic() < deadline:
+                    time.sleep(0.01)
+            assert (client.getSafetyMode(), client.getRuntimeState()) == (3, 1)
+            assert client.isProtectiveStopped()
+            assert client.getSpeedScaling() == 0.0
+        finally:
+            client.disconnect()
+
+
+@pytest.fixture
+def robot():
+    with SimulatedUR("ur5e", rtde_port=0, script_port=0, speed=20.0) as served:
+        yield served
+
+
+
+
+class Client:
+    """RTDE by hand, so that it can be wrong."""
+
+    def __init__(self, robot):
+        self.socket = socket.create_connection((robot.address, robot.rtde_port), timeout=PATIENCE)
+        self.buffer = bytearray()
+
+    def __enter__(self):
+        return self
+
+    def __exit__(self, *_):
+        self.socket.close()
+
+    def ask(self, kind, payload=b""):
+        self.socket.sendall(package(kind, payload))
+        return self.next(kind)
+
+    def next(self, wanted):
+        while True:
+            for kind, payload in packages_in(self.buffer):
+                if kind == wanted:
+                    return payload
+            data = self.socket.recv(65536)
+            if not data:
+                raise ConnectionError
+            self.buffer += data
+
+    def begin(self, names, frequency=125.0):
+        assert self.ask(Kind.PROTOCOL_VERSION, b"\0\2") == b"\1"
+        types = names_in(self.ask(Kind.SETUP_OUTPUTS, struct.pack(">d", frequency) + ",".join(names).encode())[1:])
+        assert self.ask(Kind.START) == b"\1"
+        return Recipe(names, types)
+
+
+def alive(robot):
+    """Whether a new client is served."""
+    with Client(robot) as client:
+        recipe = client.begin(["timestamp", "actual_q"])
+        first, second = (recipe.unpack(client.next(Kind.DATA)[1:])["timestamp"][0] for _ in range(2))
+        return second > first
+
+
+def test_types_are_those_of_the_guide():
+    assert type_of("actual_q") == "VECTOR6D"
+    assert type_of("runtime_state") == "UINT32"
+    assert type_of("output_int_register_24") == type_of("input_int_register_47", inputs=True) == "INT32"
+    assert type_of("output_bit_register_64") == "BOOL"
+    assert type_of("speed_slider_fraction", inputs=True) == "DOUBLE"
+    for name in ("", "actual_Q", "output_int_register_48", "output_bit_register_63", "speed_slider_fraction"):
+        assert type_of(name) == NOT_FOUND
+    assert type_of("actual_q", inputs=True) == type_of("output_int_register_1", inputs=True) == NOT_FOUND
+
+
+def test_recipes_pack_and_unpack_every_type():
+    rng, tried = np.random.default_rng(0), set()
+    for _ in range(200):
+        types = rng.choice(list(FORMATS), size=rng.integers(1, 9)).tolist()
+        recipe = Recipe([f"v{index}" for index in range(len(types))], types)
+        values = {
+            name: tuple(rng.integers(0, 2, len(zeros)).tolist()) for name, zeros in recipe.zeros.items()
+        }
+        assert recipe.unpack(recipe.pack(values)) == values
+        assert recipe.unpack(recipe.pack({})) == recipe.zeros
+        with pytest.raises(InputError, match="bytes"):
+            recipe.unpack(recipe.pack(values) + b"\0")
+        tried |= set(types)
+    assert tried == set(FORMATS)
+
+
+def test_packages_come_whole_however_they_are_cut():
+    rng, parts = np.random.default_rng(1), 0
+    for _ in range(50):
+        sent = [(int(kind), rng.bytes(int(size))) for kind, size in zip(rng.integers(0, 256, 5), rng.integers(0, 300, 5),
+                                                                        strict=True)]  # fmt: skip
+        stream = b"".join(HEADER.pack(3 + len(payload), kind) + payload for kind, payload in sent)
+        cuts = np.sort(rng.integers(0, len(stream), 6))
+        buffer, got = bytearray(), []
+        for piece in np.split(np.frombuffer(stream, np.uint8), cuts):
+            buffer += piece.tobytes()
+            got += list(packages_in(buffer))
+            parts += 1
+        assert got == sent
+        assert not buffer
+    assert parts == 350
+
+
+def test_the_frequency_is_that_of_the_recipe(robot):
+    with Client(robot) as client:
+        recipe = client.begin(["timestamp"], 50.0)
+        stamps = [recipe.unpack(client.next(Kind.DATA)[1:])["timestamp"][0] for _ in range(30)]
+    np.testing.assert_allclose(np.diff(stamps), 0.02, atol=1e-9)
+
+
+def test_a_pause_ends_the_data_and_a_start_goes_on(robot):
+    with Client(robot) as client:
+        client.begin(["timestamp"])
+        client.next(Kind.DATA)
+        assert client.ask(Kind.PAUSE) == b"\1"
+        client.buffer.clear()
+        client.socket.settimeout(0.2)
+        with pytest.raises(TimeoutError):
+            client.next(Kind.DATA)
+        client.socket.settimeout(PATIENCE)
+        client.ask(Kind.START)
+        client.next(Kind.DATA)
+
+
+def test_wrong_versions_are_refused_and_may_be_asked_again(robot):
+    with Client(robot) as client:
+        for version in (b"\0\0", b"\0\1", b"\0\3", b"\xff\xff"):
+            assert client.ask(Kind.PROTOCOL_VERSION, version) == b"\0"
+        assert client.ask(Kind.PROTOCOL_VERSION, b"\0\2") == b"\1"
+        assert struct.unpack(">4I", client.ask(Kind.CONTROLLER_VERSION))[0] == 5
+    with Client(robot) as client:  # without version 2
+        client.socket.sendall(package(Kind.SETUP_OUTPUTS, struct.pack(">d", 125.0) + b"actual_q"))
+        assert b"protocol 2" in client.next(Kind.TEXT_MESSAGE)
+        with pytest.raises((ConnectionError, OSError)):
+            client.next(Kind.DATA)
+    assert alive(robot)
+
+
+def test_unknown_variables_are_named_and_nothing_begins(robot):
+    with Client(robot) as client:
+        client.ask(Kind.PROTOCOL_VERSION, b"\0\2")
+        answer = client.ask(Kind.SETUP_OUTPUTS, struct.pack(">d", 125.0) + b"actual_q,nonsense,")
+        assert answer == b"\0VECTOR6D,NOT_FOUND"
+        assert client.ask(Kind.START) == b"\0"
+
+
+def test_an_input_belongs_to_one_client_until_it_goes(robot):
+    names = b"speed_slider_mask,speed_slider_fraction"
+    with Client(robot) as one, Client(robot) as other:
+        for client in (one, other):
+            client.ask(Kind.PROTOCOL_VERSION, b"\0\2")
+        assert one.ask(Kind.SETUP_INPUTS, names) == b"\1UINT32,DOUBLE"
+        assert other.ask(Kind.SETUP_INPUTS, names) == f"\0{IN_USE},{IN_USE}".encode()
+        recipe = other.begin(["target_speed_fraction"], 500.0)
+        for fraction, taken in ((0.5, 0.5), (float("nan"), 0.5), (7.0, 0.5), (0.125, 0.125)):
+            one.socket.sendall(package(Kind.DATA, b"\1" + struct.pack(">Id", 1, fraction)))
+            one.ask(Kind.CONTROLLER_VERSION)  # what was sent before is done when this is answered
+            assert robot.controller.speed_slider == taken
+        seen, deadline = 1.0, time.monotonic() + PATIENCE
+        while seen != taken and time.monotonic() < deadline:
+            seen = recipe.unpack(other.next(Kind.DATA)[1:])["target_speed_fraction"][0]
+        assert seen == taken
+        one.socket.close()
+        deadline = time.monotonic() + PATIENCE
+        while (answer := other.ask(Kind.SETUP_INPUTS, names)) != b"\1UINT32,DOUBLE" and time.monotonic() < deadline:
+            time.sleep(0.01)
+        assert answer == b"\1UINT32,DOUBLE"
+
+
+BAD = {
+    "a size of nothing": struct.pack(">HB", 0, 86),
+    "a size below the header": struct.pack(">HB", 2, 86),
+    "an unknown kind": package(Kind.PROTOCOL_VERSION, b"\0\2") + struct.pack(">HB", 3, 7),
+    "a version of one byte": package(Kind.PROTOCOL_VERSION, b"\2"),
+    "a version of nine bytes": package(Kind.PROTOCOL_VERSION, b"\2" * 9),
+    "no frequency": package(Kind.PROTOCOL_VERSION, b"\0\2") + package(Kind.SETUP_OUTPUTS, b"abc"),
+    "NaN Hz": package(Kind.PROTOCOL_VERSION, b"\0\2") + package(Kind.SETUP_OUTPUTS, struct.pack(">d", float("nan"))),
+    "1e9 Hz": package(Kind.PROTOCOL_VERSION, b"\0\2") + package(Kind.SETUP_OUTPUTS, struct.pack(">d", 1e9)),
+    "names of 60 kB": package(Kind.PROTOCOL_VERSION, b"\0\2") + package(Kind.SETUP_INPUTS, b"x," * 30000),
+    "names that are no text": package(Kind.PROTOCOL_VERSION, b"\0\2") + package(Kind.SETUP_INPUTS, b"\xff\xfe"),
+    "data without a recipe": package(Kind.PROTOCOL_VERSION, b"\0\2") + package(Kind.DATA, b"\1abc"),
+    "empty data": package(Kind.PROTOCOL_VERSION, b"\0\2") + package(Kind.DATA),
+    "data of another size": package(Kind.PROTOCOL_VERSION, b"\0\2")
+    + package(Kind.SETUP_INPUTS, b"speed_slider_fraction") + package(Kind.DATA, b"\1abc"),
+    "random bytes": np.random.default_rng(3).bytes(70_000),
+}  # fmt: skip
+
+
+def test_bad_packages_end_the_connection_and_nothing_else(robot):
+    with Client(robot) as bystander:
+        bystander.begin(["timestamp"])
+        for what, data in BAD.items():
+            with Client(robot) as client:
+                client.socket.sendall(data)
+                with pytest.raises((ConnectionError, OSError)):
+                    client.next(-1)
+                assert robot.controller.safety_mode == 1, what
+        bystander.buffer.clear()
+        bystander.next(Kind.DATA)
+    assert alive(robot)
+
+
+def test_truncated_packages_wait_and_harm_nobody(robot):
+    with Client(robot) as client:
+        client.socket.sendall(struct.pack(">HB", 60000, Kind.SETUP_OUTPUTS) + b"abc")
+        assert alive(robot)
+        client.socket.sendall(b"d")
+    assert alive(robot)
+
+
+def test_clients_that_vanish_or_do_not_read_are_dropped(robot):
+    for number in range(20):
+        client = Client(robot)
+        client.begin(["timestamp", "actual_q", "actual_TCP_pose"], 500.0)
+        if number % 2:  # a reset instead of an end
+            client.socket.setsockopt(socket.SOL_SOCKET, socket.SO_LINGER, struct.pack("ii", 1, 0))
+        client.socket.close()
+    with Client(robot) as deaf:
+        deaf.socket.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, 4096)
+        deaf.begin([f"output_double_register_{n}" for n in range(48)] + ["actual_q"], 500.0)
+        deadline = time.monotonic() + PATIENCE
+        while robot._clients and time.monotonic() < deadline:  # its megabyte is soon full, at 20 times real time
+            time.sleep(0.05)
+        assert not robot._clients
+    assert alive(robot)
+
+
+def test_too_many_clients_are_turned_away(robot):
+    clients = [Client(robot) for _ in range(40)]
+    try:
+        answered = 0
+        for client in clients:
+            try:
+                answered += client.ask(Kind.PROTOCOL_VERSION, b"\0\2") == b"\1"
+            except OSError:
+                pass
+        assert answered == 32
+    finally:
+        for client in clients:
+            client.socket.close()
+    deadline = time.monotonic() + PATIENCE
+    while robot._clients and time.monotonic() < deadline:
+        time.sleep(0.01)
+    assert alive(robot)
+
+
+def test_nothing_is_left_when_it_closes():
+    before = threading.active_count()
+    for _ in range(3):
+        with SimulatedUR("ur5e", rtde_port=0, script_port=0) as robot:
+            client = Client(robot)
+            client.begin(["timestamp"])
+            ports = robot.rtde_port, robot.script_port
+        with pytest.raises((ConnectionError, OSError)):
+            client.next(-1)
+        client.socket.close()
+        for port in ports:
+            with pytest.raises(OSError, match="refused"):
+                socket.create_connection((robot.address, port), timeout=PATIENCE)
+        robot.close()  # twice is as good
+    assert threading.active_count() == before
+
+
+@pytest.mark.parametrize("address", ["0.0.0.0", "192.168.1.4", "::1", "robot", "", None, "127.0.0.256"])
+def test_other_addresses_than_this_machines_own_are_refused(address):
+    with pytest.raises(InputError, match="this machine"):
+        SimulatedUR("ur5e", address=address)
+
+
+def test_a_port_in_use_is_named(robot):
+    with pytest.raises(InputError, match=f"cannot serve at 127.0.0.1:{robot.rtde_port}: .*in use; if another robot"):
+        SimulatedUR("ur5e", rtde_port=robot.rtde_port, script_port=0)
+
+
+@pytest.mark.parametrize("arm", ["panda", "arm3"])
+def test_only_a_ur_has_a_controller(arm):
+    with pytest.raises(InputError, match="is not a UR"):
+        SimulatedUR(arm)
