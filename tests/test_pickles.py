@@ -8,6 +8,7 @@ from dataclasses import fields, is_dataclass
 import numpy as np
 import pytest
 
+from kinreach.deploy import Move, Program, Recording, RobotState
 from kinreach.kinematics import (
     Arm3Kinematics,
     ArmKinematics,
@@ -28,7 +29,7 @@ from kinreach.vision._cameras import RGBDImage
 from kinreach.vision._goal_view import GoalMeasurement
 
 #: Packages whose exported dataclasses are tried.
-FACES = ("kinreach.kinematics", "kinreach.robots", "kinreach.vision")
+FACES = ("kinreach.deploy", "kinreach.kinematics", "kinreach.robots", "kinreach.vision")
 
 
 def samples():
@@ -50,7 +51,9 @@ def samples():
         ur5.all_solutions(far), ur5.nearest(ur5.fk(q), q), ur5.batch(ur5.fk(q)[None]),
         ur5.nearest_batch(ur5.fk(q)[None], q[None]),
         PoseGoal(far), AxisGoal(q[:3]), PositionGoal(q[:3]),
-        Trajectory(("one", "two"), [0.0, 0.5], np.zeros((2, 2)), np.ones((2, 2))),
+        motion := Trajectory(("one", "two"), [0.0, 0.5], np.zeros((2, 2)), np.ones((2, 2))),
+        Recording(motion, motion, 2, ""), move := Move("movej", q, 0.5, 1.0), Program(q, q, (move,)),
+        RobotState(0.5, q, q, q, q, q, 7, 1, 1, 1.0, None, 2),
         *(get_arm(name) for name in ("ur5", "arm3", "panda")),
         get_arm("ur5").calibrated(PUBLISHED_CALIBRATIONS["ur5_a"]),
         cell, *cell.obstacles, cell.goals, *get_arm("ur5").cameras, get_arm("ur5").gripper,

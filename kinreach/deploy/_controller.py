@@ -51,13 +51,14 @@ REGISTER, BEGUN, FINISHED, NOT_AT_START = 24, 1, 2, 3
 #: Ranges of arguments by their names.
 RANGES: Mapping[str, tuple[float, float]] = {
     "a": (1e-6, 1e3), "v": (1e-6, 1e3), "t": (0.0, 3600.0), "r": (0.0, 2.0),
-    "lookahead_time": (0.03, 0.2), "gain": (100.0, 2000.0), "m": (0.0, 100.0), "output_id": (0.0, 47.0), "value": (-(2.0**31), 2.0**31 - 1),
+    "lookahead_time": (0.03, 0.2), "gain": (100.0, 2000.0), "m": (0.0, 100.0), "output_id": (0.0, 47.0),
+    "value": (-(2.0**31), 2.0**31 - 1),
 }  # fmt: skip
 
 
 def rate_of(arm: ArmDescription) -> int:
     """Return the control cycles of an arm's controller per second: 125 of a CB3, 500 of later ones."""
-    return 125 if arm.name.removesuffix("_calibrated") in CB3 else 500
+    return 125 if arm.name.split("_")[0] in CB3 else 500
 
 
 def check_is_ur(arm: ArmDescription) -> None:

@@ -38,7 +38,8 @@ from kinreach.deploy._rtde import (
 )
 from kinreach.deploy._urscript import MAX_CHARACTERS, ScriptError
 from kinreach.errors import InputError
-from kinreach.robots import ArmDescription, as_arm
+from kinreach.robots import ArmDescription
+from kinreach.robots._registry import as_arm
 
 #: The first of the two ports that take scripts; it takes them as the other one does.
 PRIMARY_PORT = 30001

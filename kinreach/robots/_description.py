@@ -293,8 +293,8 @@ class ArmDescription:
         root = add_tool(robot, flange, tool, self.package_root())
         links = {link.get("name") for link in robot.findall("link")}
         if disabled is not None:
-            disabled = tuple(pair for pair in disabled if links.issuperset(pair))
             disabled += ((link_before(robot, flange), TOOL_BODY),)  # joint to joint, they touch
+            disabled = tuple(pair for pair in disabled if links.issuperset(pair))
         return replace(
             self,
             name=f"{self.name}_tool",

@@ -154,6 +154,7 @@ def test_the_thesis_s_gripper_on_another_arm():
 
 def test_the_gripper_makes_room():
     arm = get_arm("ur5").with_tool([0, 0, 0.1, 0, 0, 0])
+    assert ArmSimulation(arm).contacts() == ()  # without a body of the tool
     assert "gripper_palm" not in arm.urdf
     assert "tcp" not in arm.tips
     assert arm.default_tip == "tool"

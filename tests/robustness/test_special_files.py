@@ -16,6 +16,7 @@ from kinreach.baselines._policy_file import read_policy
 from kinreach.cli import main
 from kinreach.compare import compare
 from kinreach.compare._task import policy_version
+from kinreach.deploy import read_trajectory
 from kinreach.errors import InputError, KinreachError
 from kinreach.kinematics import URKinematics
 from kinreach.robots import ArmDescription
@@ -119,6 +120,9 @@ READERS = {
     lambda path: compared(path): "records.jsonl",
     ArmDescription.from_urdf: "arm.urdf",
     lambda path: URKinematics.from_calibration(path, model="ur5"): "calibration.yaml",
+    read_trajectory: "motion.json",
+    lambda path: read_trajectory(path): "motion.csv",
+    lambda path: (read_trajectory(path), None): "motion.script",
 }
 
 

@@ -1,0 +1,168 @@
+"""Trajectories as files: ROS 2's JointTrajectory as JSON, and CSV. What others wrote is read, never executed."""
+
+from __future__ import annotations
+
+import csv
+import io
+import json
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from kinreach._checks import check_path, shown
+from kinreach._files import read_text, write_text
+from kinreach.deploy._program import Program
+from kinreach.deploy._urscript import MAX_CHARACTERS
+from kinreach.errors import InputError
+from kinreach.kinematics import Trajectory
+
+#: Largest file [bytes]; nanoseconds of a second.
+MAX_BYTES, NANO = 2**28, 1_000_000_000
+#: Ending of the column with the speeds of a joint.
+VELOCITY = "_velocity"
+#: Endings of the files: ROS 2's message, a table, URScript.
+JSON, CSV, SCRIPTS = ".json", ".csv", (".script", ".urscript")
+
+
+def write_trajectory(trajectory: Trajectory, file: str | Path) -> None:
+    """Write a trajectory to a file; its ending says how.
+
+    - `.json`: ROS 2's `trajectory_msgs/JointTrajectory`, times to the nanosecond.
+    - `.csv`: a column `time` [s], one for each joint [rad], and one for each joint's speed [rad/s], named
+      `JOINT_velocity`.
+
+    For URScript see `Program`.
+
+    Args:
+        trajectory: Of any arm.
+        file: Path; a file that is there is replaced.
+
+    Raises:
+        InputError: Another ending, or samples that are closer than a nanosecond.
+        OutputError: It cannot be written.
+    """
+    path = check_path("file", file)
+    if path.suffix == JSON:
+        write_text(path, json.dumps(_message(trajectory), indent=1))
+    elif path.suffix == CSV:
+        text = io.StringIO()
+        rows = csv.writer(text, lineterminator="\n")
+        rows.writerow(["time", *trajectory.joints, *(f"{joint}{VELOCITY}" for joint in trajectory.joints)])
+        rows.writerows(np.column_stack([trajectory.t, trajectory.q, trajectory.qd]).tolist())
+        write_text(path, text.getvalue())
+    else:
+        raise InputError(f"a trajectory is written as {JSON} (ROS 2) or {CSV}, got {path.name}")
+
+
+def read_trajectory(file: str | Path) -> Trajectory:
+    """Read a trajectory from a file that `write_trajectory` or ROS 2 wrote, or from a `servoj` program of kinreach.
+
+    Args:
+        file: Path that ends in `.json`, `.csv`, `.script` or `.urscript`.
+
+    Returns:
+        The trajectory. Where a message has no velocities, and in URScript, the speeds are differences.
+
+    Raises:
+        InputError: It cannot be read, or is not what its ending says; the message says where.
+    """
+    path = check_path("file", file)
+    if path.suffix not in (JSON, CSV, *SCRIPTS):
+        raise InputError(f"a trajectory is read from {JSON}, {CSV} or {SCRIPTS[0]}, got {path.name}")
+    limit = MAX_CHARACTERS if path.suffix in SCRIPTS else MAX_BYTES
+    text = read_text(path, "the trajectory", most=limit).removeprefix("\ufeff")
+    try:
+        if path.suffix == JSON:
+            return _from_message(text)
+        if path.suffix == CSV:
+            return _from_table(text)
+        program = Program.parse(text)
+    except InputError as error:
+        raise InputError(f"{path}: {error}") from None
+    if program.trajectory is None:
+        raise InputError(f"{path} has moves, and no trajectory; Program.parse reads them")
+    return program.trajectory
+
+
+def _message(trajectory: Trajectory) -> dict[str, Any]:
+    stamps = [divmod(round(t * NANO), NANO) for t in trajectory.t.tolist()]
+    if len(set(stamps)) < len(stamps):
+        raise InputError("two samples of the trajectory are closer than a nanosecond")
+    rows = zip(stamps, trajectory.q.tolist(), trajectory.qd.tolist(), strict=True)
+    return {
+        "header": {"stamp": {"sec": 0, "nanosec": 0}, "frame_id": ""},
+        "joint_names": list(trajectory.joints),
+        "points": [
+            {
+                "positions": q,
+                "velocities": qd,
+                "accelerations": [],
+                "effort": [],
+                "time_from_start": {"sec": seconds, "nanosec": nanoseconds},
+            }
+            for (seconds, nanoseconds), q, qd in rows
+        ],
+    }
+
+
+def _from_message(text: str) -> Trajectory:
+    try:
+        content = json.loads(text)
+    except (ValueError, RecursionError) as error:
+        raise InputError(f"not JSON: {error}") from None
+    names = content.get("joint_names") if isinstance(content, Mapping) else None
+    points = content.get("points") if isinstance(content, Mapping) else None
+    if not isinstance(names, list) or not isinstance(points, list) or not points:
+        raise InputError("a JointTrajectory needs joint_names and points")
+    t, q, qd = [], [], []
+    for number, point in enumerate(points):
+        try:
+            stamp = point["time_from_start"]
+            t.append(int(stamp["sec"]) + int(stamp["nanosec"]) / NANO)
+            q.append([float(value) for value in point["positions"]])
+            qd.append([float(value) for value in point.get("velocities", [])])
+        except (KeyError, TypeError, ValueError, OverflowError, AttributeError) as error:
+            raise InputError(f"point {number} is not a JointTrajectoryPoint: {shown(error)}") from None
+        if len(q[-1]) != len(names) or len(qd[-1]) not in (0, len(names)):
+            raise InputError(f"point {number} has {len(q[-1])} positions and {len(qd[-1])} velocities for "
+                             f"{len(names)} joints")  # fmt: skip
+    return _trajectory(names, t, q, qd)
+
+
+def _from_table(text: str) -> Trajectory:
+    reader = csv.reader(io.StringIO(text), strict=True)
+    try:
+        header = [name.strip() for name in next(reader, [])]
+        joints = [name for name in header[1:] if not name.endswith(VELOCITY)]
+        columns = ["time", *joints, *(f"{joint}{VELOCITY}" for joint in joints)]
+        if not joints or header not in (columns, columns[: 1 + len(joints)]):
+            raise InputError(f"the columns must be time, the joints, and each JOINT{VELOCITY}, got {shown(header)}")
+        rows = []
+        for row in reader:
+            if not row:
+                continue
+            try:
+                rows.append([float(cell) for cell in row])
+            except ValueError:
+                raise InputError(f"line {reader.line_num}: numbers are needed, got {shown(','.join(row))}") from None
+            if len(row) != len(header):
+                raise InputError(f"line {reader.line_num} has {len(row)} numbers, the first line {len(header)}")
+    except csv.Error as error:
+        raise InputError(f"not CSV: {error}") from None
+    count = len(joints)
+    return _trajectory(
+        joints, [row[0] for row in rows], [row[1 : 1 + count] for row in rows], [row[1 + count :] for row in rows]
+    )
+
+
+def _trajectory(names: list[Any], t: list[float], q: list[list[float]], qd: list[list[float]]) -> Trajectory:
+    """The trajectory of rows; the speeds are differences where a row has none."""
+    if not t:
+        raise InputError("there are no samples")
+    if not all(qd):
+        checked = Trajectory(tuple(names), np.array(t), np.array(q), np.zeros_like(q))
+        speeds = np.gradient(checked.q, checked.t, axis=0) if len(t) > 1 else checked.qd
+        return Trajectory(checked.joints, checked.t, checked.q, np.asarray(speeds, dtype=np.float64))
+    return Trajectory(tuple(names), np.array(t), np.array(q), np.array(qd))

@@ -1,0 +1,186 @@
+"""kinreach's client on the simulated UR: it reads, runs programs, and stops them."""
+
+import socket
+import threading
+import time
+
+import numpy as np
+import pytest
+
+from kinreach.deploy import Move, Program, SimulatedUR, URClient
+from kinreach.deploy._rtde import Kind, package
+from kinreach.errors import InputError, RobotError
+from kinreach.kinematics import ArmKinematics, Trajectory, pose
+from kinreach.robots import get_arm
+from kinreach.robots._ur import JOINTS
+from tests.deploy.conftest import CALIBRATION
+
+ARM = get_arm("ur5e").calibrated(CALIBRATION).with_tool([0, 0, 0.1, 0, 0, 0])
+KIN = ArmKinematics.of(ARM, base="base")
+HOME = np.array(ARM.home)
+
+
+@pytest.fixture
+def robot():
+    log = []
+    with SimulatedUR(ARM, rtde_port=0, script_port=0, speed=8.0, log=log.append) as served:
+        served.log = log
+        yield served
+
+
+@pytest.fixture
+def client(robot):
+    with URClient(robot.address, rtde_port=robot.rtde_port, script_port=robot.script_port) as connected:
+        yield connected
+
+
+def to(goal, **settings):
+    return Program.of(KIN, HOME, [Move("movej", goal, settings.get("speed", 1.0), 2.0)])
+
+
+def test_the_state_is_that_of_the_arm(client):
+    state = client.read()
+    np.testing.assert_allclose(state.actual_q, HOME, atol=1e-6)
+    np.testing.assert_allclose(pose(state.tcp_pose), KIN.fk(state.actual_q), atol=1e-9)
+    np.testing.assert_allclose(state.tcp_offset, [0, 0, 0.1, 0, 0, 0], atol=1e-9)
+    assert (state.robot_mode, state.safety_mode, state.runtime_state, state.speed_scaling) == (7, 1, 1, 1.0)
+    assert client.next_state().time - client.next_state().time == pytest.approx(-0.002)
+    time.sleep(0.3)  # what has come in the meantime is older
+    late = client.read().time
+    assert late > state.time + 0.3
+
+
+def test_a_program_runs_and_is_recorded(client):
+    goal, seen = np.add(HOME, [0.3, -0.1, 0.1, 0.0, 0.2, 0.0]), []
+    for target in (goal, HOME):
+        start = client.read().actual_q
+        program = Program.of(KIN, start, [Move("movej", target, 1.0, 2.0)])
+        done = client.run(program, watch=seen.append)
+        assert (done.status, done.reason) == (2, "")
+        np.testing.assert_allclose(done.commanded.q[-1], target, atol=1e-6)
+        np.testing.assert_allclose(done.measured.q, done.commanded.q, atol=0.01)
+        np.testing.assert_allclose(np.diff(done.commanded.t), 0.002, atol=1e-9)  # no cycle is missing
+        assert 0.7 < np.abs(done.measured.qd).max() < 0.8  # half of the way at 2 rad/s^2
+    assert len(seen) > 300
+
+
+def test_ctrl_c_stops_within_a_cycle_of_the_arrival(robot, client):
+    began = threading.Event()
+
+    def interrupt(state):
+        if np.abs(state.target_qd).max() > 0.9:
+            began.set()
+            raise KeyboardInterrupt
+
+    states, program = [], to(np.add(HOME, [1.2, 0, 0, 0, 0, 0]))
+    follow = client._wait_until_it_stands
+    client._wait_until_it_stands = lambda gathered: (follow(gathered), states.extend(gathered))
+    with pytest.raises(KeyboardInterrupt):
+        client.run(program, watch=interrupt)
+    assert began.is_set()
+    speeds = np.array([state.target_qd[0] for state in states])
+    falling = int(np.flatnonzero(np.diff(speeds) < -1e-4)[0])
+    # from full speed, in even steps of 4 rad/s^2, to rest: no cycle between
+    np.testing.assert_allclose(np.diff(speeds)[falling : falling + 100], -4 * 0.002, atol=1e-4)
+    assert speeds[-1] == 0.0
+    assert client.read().runtime_state == 1
+    assert [line for line in robot.log if line.startswith("program")][-2:] == [
+        "program kinreach_stop is running", "program finished"]  # fmt: skip
+    assert states[-1].actual_q[0] < HOME[0] + 1.1
+
+
+def test_why_a_robot_does_not_run_a_program_is_said(robot, client):
+    with pytest.raises(RobotError, match=r"does not stand where the program begins: elbow_joint is 0.100"):
+        client.run(Program.of(KIN, np.add(HOME, [0, 0, 0.1, 0, 0, 0]), [Move("movej", HOME, 1.0, 2.0)]))
+    client.send(to(np.add(HOME, [1.5, 0, 0, 0, 0, 0]), speed=0.2).text)
+    while client.next_state().runtime_state != 2:
+        pass
+    with pytest.raises(RobotError, match=r"runs a program already"):
+        client.run(to(HOME))
+    client.stop()
+    while client.next_state().runtime_state == 2:
+        pass
+    q = client.read().actual_q
+    down = np.add(q, [0, 2.0, -1.2, 0, 0, 0])
+    with pytest.raises(RobotError, match=r"the robot stopped: protective stop: collision: .* touches table"):
+        client.run(Program.of(KIN, q, [Move("movej", down, 2.0, 5.0)]))
+    with pytest.raises(RobotError, match=r"is stopped: safety mode 3"):
+        client.run(Program.of(KIN, q, [Move("movej", down, 2.0, 5.0)]))
+    robot.release()
+    while client.next_state().safety_mode == 3:
+        pass
+    assert client.run(Program.of(KIN, client.read().actual_q, [Move("movej", q, 1.0, 2.0)])).status == 2
+
+
+def test_a_program_that_is_refused_does_not_begin(robot, client, monkeypatch):
+    monkeypatch.setattr("kinreach.deploy._client.START_TIMEOUT", 0.3)
+    program = to(HOME + 0.1)
+    monkeypatch.setattr(Program, "text", "def f():\n  freedrive_mode()\nend\n")
+    with pytest.raises(RobotError, match=r"did not begin: line 2: compile error: function 'freedrive_mode'.*remote"):
+        client.run(program)
+
+
+def test_a_trajectory_is_streamed(client):
+    t = np.linspace(0, 1, 100)
+    share, rate = (1 - np.cos(np.pi * t)) / 2, np.pi / 2 * np.sin(np.pi * t)
+    way = np.array([0.3, 0, 0.1, 0, 0, 0.2])
+    motion = Trajectory(JOINTS, t, HOME + np.outer(share, way), np.outer(rate, way))
+    done = client.run(Program.of(KIN, HOME, motion))
+    np.testing.assert_allclose(done.commanded.q[-1], HOME + way, atol=1e-4)
+    assert done.commanded.duration == pytest.approx(1.3, abs=0.05)
+
+
+@pytest.mark.parametrize("address", ["", "a b\n", "x" * 300, 7])
+def test_bad_addresses(address):
+    with pytest.raises((InputError, RobotError), match=r"address|no robot answers"):
+        URClient(address)
+
+
+def test_nobody_answers(free_address):
+    with pytest.raises(RobotError, match=r"no robot answers at 127\.\d+\.\d+\.\d+:30004: Connection refused"):
+        URClient(free_address())
+
+
+#: What a server that is no UR may answer to the first question.
+ANSWERS = {
+    "hangs up": (b"", "connection was closed"),
+    "another protocol": (package(Kind.PROTOCOL_VERSION, b"\0"), "no RTDE protocol 2"),
+    "HTTP": (b"HTTP/1.1 400 Bad Request\r\n\r\n" + b"x" * 70_000, "closed|no answer|not a UR"),
+    "a size of nothing": (b"\0\0V", "is not a UR: an RTDE package has"),
+}
+
+
+@pytest.mark.parametrize("what", ANSWERS)
+def test_what_answers_is_no_ur(what):
+    answer, reason = ANSWERS[what]
+    connections = [None]
+    with socket.create_server(("127.0.0.1", 0)) as server:
+
+        def serve():
+            for _ in range(2):
+                connection, _ = server.accept()
+                with connection:
+                    if connections[0] is None:
+                        connections[0] = connection
+                        connection.recv(100)
+                        connection.sendall(answer)
+                        connection.shutdown(socket.SHUT_WR)
+                        connection.recv(100)
+
+        thread = threading.Thread(target=serve)
+        thread.start()
+        port = server.getsockname()[1]
+        with pytest.raises(RobotError, match=reason):
+            URClient("127.0.0.1", rtde_port=port, script_port=port)
+        thread.join()
+
+
+def test_a_lost_connection_is_said(robot, client):
+    robot.close()
+
+    def read_on():
+        while True:
+            client.next_state()
+
+    with pytest.raises(RobotError, match=r"connection to the robot at 127.0.0.1 is lost"):
+        read_on()

@@ -1,0 +1,304 @@
+"""The simulated controller moves as URScript says, and stops where a UR stops."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from kinreach.deploy._controller import Controller
+from kinreach.deploy._motion import JointLine, LineError, Servo, StraightLine
+from kinreach.deploy._rtde import RuntimeState, SafetyMode
+from kinreach.errors import InputError
+from kinreach.kinematics import ArmKinematics, pose, pose_vector
+from kinreach.robots import PUBLISHED_CALIBRATIONS, Workcell, get_arm
+from tests.deploy.conftest import CALIBRATION
+
+REAL = get_arm("ur5e").calibrated(CALIBRATION)
+HOME = np.array(REAL.home)
+
+
+def listed(values):
+    return "[" + ", ".join(repr(float(value)) for value in values) + "]"
+
+
+def program(*lines):
+    return "def test():\n" + "".join(f"  {line}\n" for line in lines) + "end\n"
+
+
+@pytest.fixture
+def ur():
+    controller = Controller(REAL, log=(log := []).append)
+    controller.log = log
+    return controller
+
+
+def shifted(ur, *offset):
+    """Pose of the tool [m, rad], moved from where it stands."""
+    numbers = ur.tcp_pose(ur.target_q)
+    numbers[:3] += offset
+    return numbers
+
+
+@pytest.mark.parametrize("name", ["ur5e_a", "ur3_a", "ur10e_a"])
+def test_poses_are_those_of_the_calibration(name):
+    model, file = name[:-2], PUBLISHED_CALIBRATIONS[name]
+    arm = get_arm(model).calibrated(file).with_tool([0.01, 0.02, 0.1, 0.1, 0.2, 0.3])
+    kin, nominal = (ArmKinematics(each, base="base") for each in (arm, get_arm(model).with_tool(
+        [0.01, 0.02, 0.1, 0.1, 0.2, 0.3])))  # fmt: skip
+    ur = Controller(arm)
+    rng = np.random.default_rng(0)
+    for q in rng.uniform(-1, 1, (20, 6)) + arm.home:
+        np.testing.assert_allclose(pose(ur.tcp_pose(q)), kin.fk(q), atol=1e-12)
+        assert np.linalg.norm(ur.tcp_pose(q)[:3] - nominal.fk(q)[:3, 3]) > 1e-4
+    # the arm in MuJoCo is the calibrated one
+    T = np.linalg.inv(kin.T_world_base) @ ur.simulation.T_world_frame("tool")
+    np.testing.assert_allclose(T, pose(ur.tcp_pose(ur.actual_q)), atol=1e-9)
+
+
+def test_movej_keeps_speed_acceleration_and_arrives(ur):
+    rng = np.random.default_rng(1)
+    for _ in range(5):
+        goal = HOME + rng.uniform(-0.4, 0.4, 6)
+        speed, acceleration = rng.uniform(0.2, 1.0), rng.uniform(0.5, 3.0)
+        done = ur.run(program(f"movej({listed(goal)}, a={acceleration}, v={speed})"))
+        assert done.reason == ""
+        np.testing.assert_allclose(done.commanded.q[-1], goal, atol=1e-12)
+        np.testing.assert_allclose(done.measured.q[-1], goal, atol=2e-3)
+        assert np.abs(done.commanded.qd).max() <= speed * (1 + 1e-9)
+        assert np.abs(np.diff(done.commanded.qd, axis=0)).max() <= acceleration * ur.cycle * 1.01
+        # straight in joint space
+        way = (done.commanded.q - done.commanded.q[0]) / (goal - done.commanded.q[0])
+        assert np.ptp(way, axis=1).max() < 1e-9
+        np.testing.assert_allclose(done.measured.q, done.commanded.q, atol=5e-3)
+        HOME_AGAIN = ur.run(program(f"movej({listed(HOME)}, a=3, v=1)"))
+        assert HOME_AGAIN.reason == ""
+
+
+def test_movel_is_straight_and_turns_evenly(ur):
+    goal = pose_vector(pose(shifted(ur, 0.15, -0.1, 0.05)) @ pose([0, 0, 0, 0.2, -0.1, 0.3]))
+    begin = pose(ur.tcp_pose(HOME))
+    done = ur.run(program(f"movel(p{listed(goal)}, a=1.2, v=0.2)"))
+    assert done.reason == ""
+    poses = np.array([pose(ur.tcp_pose(q)) for q in done.commanded.q])
+    way = goal[:3] - begin[:3, 3]
+    share = (poses[:, :3, 3] - begin[:3, 3]) @ way / (way @ way)
+    off = poses[:, :3, 3] - begin[:3, 3] - share[:, None] * way
+    assert np.abs(off).max() < 1e-8
+    assert (np.diff(share) > -1e-12).all()
+    assert share[-1] == pytest.approx(1.0)
+    np.testing.assert_allclose(poses[-1], pose(goal), atol=1e-8)
+    turned = [np.arccos(np.clip((np.trace(begin[:3, :3].T @ T[:3, :3]) - 1) / 2, -1, 1)) for T in poses]
+    np.testing.assert_allclose(turned, np.array(turned[-1]) * share, atol=1e-6)
+    # the length is the turn's, 0.37 rad counts as 0.37 m: the tool moves so much slower
+    speed = np.linalg.norm(np.diff(poses[:, :3, 3], axis=0), axis=1).max() / ur.cycle
+    assert speed == pytest.approx(0.2 * np.linalg.norm(way) / turned[-1], rel=1e-3)
+    np.testing.assert_allclose(np.diff(done.commanded.q, axis=0) / ur.cycle,
+                               (done.commanded.qd[1:] + done.commanded.qd[:-1]) / 2, atol=5e-3)  # fmt: skip
+
+
+@pytest.mark.parametrize("kind", ["movej", "movel"])
+def test_a_blend_leaves_and_joins_the_lines_at_its_radius_and_saves_time(ur, kind):
+    corner, end, radius = shifted(ur, 0.0, 0.0, 0.2), shifted(ur, 0.2, 0.0, 0.2), 0.05
+    kin = ArmKinematics.of(REAL, tip="tool0", base="base")
+    targets = [f"p{listed(corner)}", f"p{listed(end)}"]
+    if kind == "movej":
+        targets = [listed(kin.nearest(pose(target), HOME).q) for target in (corner, end)]
+    runs = {}
+    for r in (0.0, radius):
+        ur.place(HOME)
+        done = ur.run(program(f"{kind}({targets[0]}, a=1, v=0.2, r={r})", f"{kind}({targets[1]}, a=1, v=0.2)"))
+        assert done.reason == ""
+        runs[r] = done
+    tips = {r: np.array([ur.tcp_pose(q)[:3] for q in done.commanded.q]) for r, done in runs.items()}
+    nearest = {r: np.linalg.norm(tip - corner[:3], axis=1).min() for r, tip in tips.items()}
+    assert nearest[0.0] < 1e-8
+    assert 0.1 * radius < nearest[radius] < radius
+    for tip in tips[radius]:  # the way is the other one's wherever the waypoint is farther away
+        if np.linalg.norm(tip - corner[:3]) > 1.15 * radius:  # in joint space the tool's two speeds differ
+            assert np.linalg.norm(tips[0.0] - tip, axis=1).min() < (2e-3 if kind == "movel" else 0.3 * radius)
+    assert runs[radius].commanded.duration < runs[0.0].commanded.duration - 0.1
+    # without a stop on the way
+    speeds = {r: np.abs(run.commanded.qd).max(axis=1)[50:-50] for r, run in runs.items()}
+    assert speeds[0.0].min() < 1e-9 < 0.02 < speeds[radius].min()
+
+
+def test_overlapping_blends_are_skipped_with_a_warning(ur):
+    corner, end = shifted(ur, 0.0, 0.0, 0.1), shifted(ur, 0.1, 0.0, 0.1)
+    done = ur.run(program(f"movel(p{listed(corner)}, r=0.06)", f"movel(p{listed(end)}, r=0.06)",
+                          f"movel(p{listed(shifted(ur, 0.1, 0.0, 0.0))})"))  # fmt: skip
+    assert done.reason == ""
+    assert [line for line in ur.log if "overlapping blends, the move is skipped" in line]
+
+
+def test_servoj_follows_late_by_the_lookahead_time(ur):
+    t = np.arange(600) * ur.cycle
+    for lookahead, gain in ((0.03, 2000), (0.1, 300), (0.2, 100)):
+        ur.place(HOME)
+        ramp = HOME + np.outer(0.3 * t, [1, 0, 0, 0, 0, -1])
+        done = ur.run(program(*(f"servoj({listed(q)}, t={ur.cycle}, lookahead_time={lookahead}, gain={gain})"
+                                for q in ramp)))  # fmt: skip
+        assert done.reason == ""
+        assert len(done.commanded.t) == pytest.approx(600, abs=2)
+        late = (ramp[400:590, 0] - done.commanded.q[402:592, 0]) / 0.3
+        np.testing.assert_allclose(late, lookahead - ur.cycle, atol=2 * ur.cycle)
+
+
+def test_the_servo_filter_is_stable_wherever_a_controller_takes_it():
+    rng, tried = np.random.default_rng(2), 0
+    for _ in range(100):
+        servo = Servo(np.zeros(1), np.zeros(1))
+        lookahead, gain, dt = rng.uniform(0.03, 0.2), rng.uniform(100, 2000), rng.choice([0.002, 0.008])
+        most = 0.0
+        for _ in range(int(3 / dt)):
+            servo.follow(np.ones(1), lookahead, gain, dt)
+            most = max(most, float(servo.q[0]))
+        assert most < 1.2
+        assert servo.q[0] == pytest.approx(1.0, abs=1e-3)
+        tried += 1
+    assert tried == 100
+
+
+def test_the_speed_slider_stretches_time_and_nothing_else(ur):
+    goal = np.add(HOME, [0.3, 0, 0, 0, 0, 0.2])
+    steps = [f"servoj({listed(HOME + s * (goal - HOME))}, t=0.002, lookahead_time=0.03, gain=2000)"
+             for s in np.linspace(0, 1, 300)]  # fmt: skip
+    for lines in ([f"movej({listed(goal)}, a=1, v=0.5)"], [*steps, f"servoj({listed(goal)}, t=0.3, gain=300)"]):
+        ways = {}
+        for fraction in (1.0, 0.5):
+            ur.place(HOME)
+            ur.speed_slider = fraction
+            ways[fraction] = ur.run(program(*lines)).commanded
+        slow, fast = ways[0.5], ways[1.0]
+        assert slow.duration == pytest.approx(2 * fast.duration, abs=0.01)
+        assert np.abs(slow.qd).max() == pytest.approx(np.abs(fast.qd).max() / 2, rel=0.01)
+        np.testing.assert_allclose(slow.q[::2][:200], fast.q[:200], atol=3e-3)
+    ur.speed_slider = 0.0
+    ur.place(HOME)
+    ur.start(program(f"movej({listed(goal)})"))
+    for _ in range(100):
+        ur.tick()
+    np.testing.assert_array_equal(ur.target_q, HOME)
+    assert ur.runtime_state is RuntimeState.PLAYING
+
+
+def test_a_new_program_takes_over_and_stopj_brakes_from_the_next_cycle(ur):
+    ur.start(program(f"movej({listed(np.add(HOME, [1, 0, 0, 0, 0, 0]))}, a=1.4, v=0.8)"))
+    for _ in range(400):
+        ur.tick()
+    assert ur.target_qd[0] == pytest.approx(0.8)
+    ur.start(program("stopj(4)"))
+    speeds = []
+    while ur.runtime_state is RuntimeState.PLAYING:
+        ur.tick()
+        speeds.append(ur.target_qd[0])
+    assert speeds[0] == pytest.approx(0.8 - 4 * ur.cycle)
+    np.testing.assert_allclose(np.diff(speeds), -4 * ur.cycle, atol=4 * ur.cycle + 1e-9)
+    assert len(speeds) == pytest.approx(0.8 / 4 / ur.cycle, abs=2)
+    assert speeds[-1] == 0.0
+    for _ in range(200):
+        ur.tick()
+    np.testing.assert_allclose(ur.actual_q, ur.target_q, atol=1e-3)
+    # a refused program ends the one that runs, too, and the arm brakes
+    ur.start(program(f"movej({listed(HOME)}, a=1.4, v=0.8)"))
+    for _ in range(100):
+        ur.tick()
+    with pytest.raises(InputError, match=r"halt"):
+        ur.start(program("halt"))
+    for _ in range(200):
+        ur.tick()
+    assert not ur.target_qd.any()
+    assert ur.runtime_state is RuntimeState.STOPPED
+
+
+STOPS = {
+    "joint limit: wrist_3_joint": f"movej({listed([*HOME[:5], 6.5])}, a=5, v=3)",
+    "joint speed: shoulder_pan_joint": f"movej({listed([-0.5, *HOME[1:]])}, a=100, v=20)",
+    "straight line leaves the reach": "movel(p[0, 0, 3, 0, 0, 0])",
+    "collision: .* touches table": f"movej({listed([HOME[0], 0.1, 0.0, *HOME[3:]])}, a=2, v=1)",
+    "collision: self-collision": f"movej({listed([HOME[0], -2.0, 2.9, -1.0, *HOME[4:]])}, a=2, v=1)",
+}
+
+
+class TestProtectiveStops:
+    """Each with its reason, the robot's numbers, and nothing that moves afterwards."""
+
+    @pytest.mark.parametrize("reason", STOPS)
+    def test_stop(self, reason):
+        cell = Workcell() if "self" in reason else REAL.workcell
+        ur = Controller(replace(REAL, workcell=cell), log=(log := []).append)
+        text = program(STOPS[reason], f"movej({listed(HOME)})")
+        done = ur.run(text)
+        assert done.reason != ""
+        with pytest.raises(InputError, match=f"protective stop .*{reason}"):
+            ur.start(text)
+        assert (ur.safety_mode, ur.runtime_state, ur.speed_scaling) == (SafetyMode.PROTECTIVE_STOP, 1, 0.0)
+        assert any(line.startswith("protective stop:") for line in log)
+        for _ in range(300):
+            ur.tick()
+        stands = ur.actual_q
+        for _ in range(50):
+            ur.tick()
+        np.testing.assert_allclose(ur.actual_q, stands, atol=1e-3)
+        ur.release()
+        np.testing.assert_allclose(ur.actual_q, HOME, atol=1e-9)
+        assert ur.run(program(f"movej({listed(HOME + 0.05)})")).reason == ""
+
+    def test_a_singular_straight_line(self, ur):
+        """Through the axis of the first joint."""
+        away = ur.tcp_pose(HOME)
+        away[:2] *= -1
+        done = ur.run(program(f"movel(p{listed(away)})"))
+        assert "singularity at" in done.reason or "joint speed" in done.reason
+
+
+def test_a_start_in_collision_or_outside_the_limits_is_refused():
+    with pytest.raises(InputError, match=r"start posture is in collision"):
+        Controller(REAL, q=[0, -1.0, 2.9, -1.0, -1.57, 0])
+    with pytest.raises(InputError, match=r"outside its limits"):
+        Controller(REAL, q=[7, -1.0, 1.0, -1.0, -1.57, 0])
+
+
+@pytest.mark.parametrize(("lines", "reason"), [
+    ((f"movej({listed(HOME)}, v=-1)",), "line 2: runtime error: v of movej must be a number"),
+    ((f"movej({listed(HOME)}, t=2)",), "movej is not run with a time t"),
+    (("movej([1, 2, 3])",), "takes a list of six joint angles"),
+    ((f"movel({listed(HOME)})",), "movel takes a pose"),
+    ((f"movej(p{listed(HOME)})",), "movej takes a list of six joint angles"),
+    (("set_tcp(p[1, 2])",), "a pose has six numbers"),
+    (("q = get_actual_joint_positions()", "x = q[6]"), "q has no entry 6"),
+    (("q = get_actual_joint_positions()", "x = q - 1"), "a number is needed"),
+    (("sleep(True)",), "t of sleep must be a number"),
+    ((f"servoj({listed(HOME)}, t=0.0001)",), "t of servoj must be from"),
+    ((f"servoj({listed(HOME)}, t=0.002, gain=5)",), "gain of servoj must be"),
+    (("if 1:", "  sleep(1)", "end"), "neither true nor false"),
+    (("write_output_integer_register(48, 1)",), "output_id"),
+])  # fmt: skip
+def test_runtime_errors_end_the_program_with_a_reason(ur, lines, reason):
+    done = ur.run(program(*lines))
+    assert reason in done.reason
+    assert ur.safety_mode is SafetyMode.NORMAL
+    assert ur.runtime_state is RuntimeState.STOPPED
+
+
+def test_a_program_that_does_not_end_is_given_up(ur):
+    assert "takes longer than 0.5 s" in ur.run(program("sleep(3000)"), longest=0.5).reason
+
+
+def test_a_straight_line_within_the_reach_ends_where_a_closed_form_ends():
+    kin = ArmKinematics.of(REAL, tip="tool0", base="base")
+    rng, lines = np.random.default_rng(4), 0
+    for _ in range(60):
+        start = HOME + rng.uniform(-0.3, 0.3, 6)
+        goal = kin.fk(start) @ pose(rng.uniform(-0.12, 0.12, 6))
+        try:
+            line = StraightLine(kin, np.eye(4), start, goal, 0.25, 1.2)
+        except LineError:
+            continue
+        found = kin.all_solutions(goal, seed=start).q
+        assert np.abs(found - line.end).max(axis=1).min() < 1e-6
+        lines += 1
+    assert lines > 45
+
+
+def test_a_segment_of_no_length_is_done_at_once():
+    assert JointLine(HOME, HOME, 1.0, 1.0).done

@@ -1,0 +1,284 @@
+"""URScript out and in: what is written is read back, runs on the simulated controller, and nothing else is run."""
+
+import re
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+import kinreach
+from kinreach.deploy import Move, Program, read_trajectory, write_trajectory
+from kinreach.deploy._controller import FINISHED, NOT_AT_START, Controller
+from kinreach.deploy._urscript import FUNCTIONS, ScriptError, number_text, parse
+from kinreach.errors import InputError, KinreachError
+from kinreach.kinematics import ArmKinematics, Trajectory, pose, pose_vector
+from kinreach.robots import PUBLISHED_CALIBRATIONS, get_arm
+from kinreach.robots._ur import JOINTS
+
+KIN = ArmKinematics.of("ur5e", tool=[0, 0.01, 0.15, 0.1, 0, 0], base="base")
+HOME = np.array(KIN.arm.home)
+
+
+def swing(duration=1.0, amplitude=0.2, samples=200, joints=JOINTS, start=HOME):
+    t = np.linspace(0, duration, samples)
+    share = (1 - np.cos(np.pi * t / duration)) / 2
+    rate = np.pi / duration * np.sin(np.pi * t / duration) / 2
+    way = amplitude * np.arange(1, len(joints) + 1) / len(joints)
+    return Trajectory(joints, t, start + np.outer(share, way), np.outer(rate, way))
+
+
+def turned(angle):
+    return HOME + angle * np.eye(6)[0]
+
+
+finite = st.floats(-6, 6, allow_nan=False)
+sixes = st.tuples(*[finite] * 6)
+moves = st.builds(
+    Move, st.sampled_from(["movej", "movel"]), sixes, st.floats(0.01, 1), st.floats(0.01, 5), st.floats(0, 0.1)
+)
+
+
+@given(sixes, sixes, st.lists(moves, max_size=6), sixes, st.none() | st.floats(0, 50), st.tuples(*[finite] * 3))
+def test_moves_come_back_as_they_were(start, tcp, some, last, payload, centre):
+    settings = {} if payload is None else {"payload": payload, "centre_of_mass": centre}
+    program = Program(start, tcp, (*some, Move("movej", last, 0.5, 1.0)), **settings)
+    assert Program.parse(program.text) == program
+
+
+@given(st.integers(2, 60), st.sampled_from([125.0, 500.0]), st.integers(0, 2**32 - 1))
+def test_a_trajectory_comes_back_as_it_was(samples, rate, seed):
+    rng = np.random.default_rng(seed)
+    q = HOME + rng.normal(0, 0.01, (samples, 6)).cumsum(axis=0)
+    given_one = Trajectory(JOINTS, np.arange(samples) / rate, q, np.gradient(q, 1 / rate, axis=0))
+    program = Program(tuple(q[0].tolist()), (0.0,) * 6, trajectory=given_one)
+    back = Program.parse(program.text).trajectory
+    np.testing.assert_array_equal(back.q, given_one.q)
+    np.testing.assert_allclose(back.t, given_one.t, atol=1e-12)
+    np.testing.assert_allclose(back.qd[1:-1], given_one.qd[1:-1], atol=1e-9)
+
+
+@given(st.integers(1, 40), st.integers(1, 8), st.integers(0, 2**32 - 1), st.sampled_from([".json", ".csv"]))
+def test_files_come_back_as_they_were(tmp_path_factory, samples, joints, seed, ending):
+    rng = np.random.default_rng(seed)
+    names = tuple(f"joint_{number}" for number in range(joints))
+    t = np.cumsum(np.concatenate([[0.0], rng.uniform(1e-3, 2, samples - 1)]))
+    path = tmp_path_factory.mktemp("files") / f"motion{ending}"
+    written = Trajectory(names, t, rng.normal(0, 3, (samples, joints)), rng.normal(0, 3, (samples, joints)))
+    write_trajectory(written, path)
+    back = read_trajectory(path)
+    assert back.joints == names
+    np.testing.assert_allclose(back.t, t, rtol=0, atol=0 if ending == ".csv" else 5.01e-10)
+    np.testing.assert_array_equal(back.q, written.q)
+    np.testing.assert_array_equal(back.qd, written.qd)
+
+
+def test_a_message_without_velocities_and_a_program_in_a_file(tmp_path):
+    path = tmp_path / "ros.json"
+    path.write_text('{"joint_names": ["a", "b"], "points": ['
+                    '{"positions": [0, 1], "time_from_start": {"sec": 0, "nanosec": 0}},'
+                    '{"positions": [1, 3], "time_from_start": {"sec": 0, "nanosec": 500000000}}]}')  # fmt: skip
+    np.testing.assert_allclose(read_trajectory(path).qd, [[2, 4], [2, 4]])
+    program = Program.of(KIN, HOME, swing())
+    path = tmp_path / "motion.script"
+    path.write_text(program.text)
+    np.testing.assert_array_equal(read_trajectory(path).q, program.trajectory.q)
+    path.write_text(Program.of(KIN, HOME, [Move("movej", HOME, 0.5, 1.0)]).text)
+    with pytest.raises(InputError, match=r"motion\.script has moves"):
+        read_trajectory(path)
+
+
+BAD_FILES = {
+    "a.json": ["", "[]", "{", "nan", '{"joint_names": [], "points": []}', "[" * 100_000,
+               '{"joint_names": 3, "points": 4}',
+               '{"joint_names": ["a"], "points": [{"positions": ["x"], "time_from_start": {"sec": 0, "nanosec": 0}}]}',
+               '{"joint_names": ["a"], "points": [{"positions": [1], "time_from_start": {"sec": 1e999}}]}',
+               '{"joint_names": ["a"], "points": [{"positions": [NaN], "time_from_start": {"sec": 0, "nanosec": 0}}]}',
+               '{"joint_names": ["a"], "points": [{"positions": [1, 2], "time_from_start": {"sec": 0, "nanosec": 0}}]}',
+               '{"joint_names": ["a"], "points": [5]}', '{"joint_names": ["a", "a"], "points": [{"positions": [1, 2], '
+               '"time_from_start": {"sec": 0, "nanosec": 0}}]}'],
+    "a.csv": ["", "time", "time,a,b_velocity\n", "time,a\n0,x\n", "time,a\n0,1,2\n", "time,a\n0,nan\n",
+              "time,a\n0,1\n0,2\n", "time,a\n5,1\n", "time,a\n", "t,a\n0,1\n", 'time,a\n0,"1\n'],
+    "a.script": ["", "import os", "def f():\nend\n", "__import__('os')", "def f():\n  while True:\n  end\nend\n"],
+    "a.bag": ["x"],
+}  # fmt: skip
+
+
+def test_bad_files_are_refused_with_their_name(tmp_path):
+    tried = 0
+    for name, texts in BAD_FILES.items():
+        for text in texts:
+            (tmp_path / name).write_text(text)
+            with pytest.raises(KinreachError) as refused:
+                read_trajectory(tmp_path / name)
+            assert name in str(refused.value)
+            assert len(str(refused.value).splitlines()) == 1
+            tried += 1
+    assert tried > 25
+    with pytest.raises(InputError, match=r"written as"):
+        write_trajectory(swing(), tmp_path / "a.script")
+
+
+def test_a_program_says_what_it_is_for_and_sets_the_tool():
+    program = Program.of(KIN, HOME, [Move("movej", HOME + 0.1, 0.5, 1.0)], payload=1.2, centre_of_mass=(0, 0, 0.05))
+    text = program.text
+    assert f"Written by kinreach {kinreach.__version__} for: UR5E with tool" in text
+    assert "set_tcp(p[0, 0.01, 0.15, 0.1, 0, 0])" in text
+    assert "set_payload(1.2, [0, 0, 0.05])" in text
+    assert "Payload: 1.2 kg" in text
+    assert "-90.0, -90.0, 90.0, -90.0, -90.0, 0.0 degrees" in text
+    assert text.isascii()
+    without = Program.of(KIN, HOME, [Move("movej", HOME + 0.1, 0.5, 1.0)]).text
+    assert "set_payload" not in without
+    assert "as it is set on the robot" in without
+    # a title cannot leave its comment
+    hostile = Program(HOME, (0,) * 6, (Move("movej", HOME, 1.0, 1.0),), arm="UR\n  movej([0,0,0,0,0,0])\r\x0b")
+    assert Program.parse(hostile.text).moves == hostile.moves
+    assert len(re.findall(r"^\s*movej", hostile.text, re.MULTILINE)) == 1
+
+
+def test_functions_of_a_program_are_those_that_the_parser_knows():
+    texts = Program.of(KIN, HOME, swing(), payload=1.0).text + Program.of(
+        KIN, HOME, [Move("movel", pose_vector(KIN.fk(HOME)), 0.1, 1.0)]).text + Program.of(
+        KIN, HOME, [Move("movej", HOME, 0.1, 1.0)]).text  # fmt: skip
+    used = set(re.findall(r"(\w+)\(", re.sub(r"#.*|\"[^\"]*\"|^def.*", "", texts, flags=re.MULTILINE)))
+    assert used == set(FUNCTIONS) - {"textmsg"}
+
+
+@pytest.mark.parametrize("name", ["ur5e_a", "ur5_a"])
+def test_programs_move_a_calibrated_arm_as_they_say(name):
+    model = name[:-2]
+    arm = get_arm(model).calibrated(PUBLISHED_CALIBRATIONS[name]).with_tool([0, 0, 0.1, 0, 0, 0])
+    kin = ArmKinematics.of(arm, base="base")
+    home = np.array(arm.home)
+    goal = pose_vector(kin.fk(home) @ pose([0.05, 0.08, -0.1, 0, 0.1, 0]))
+    joint = kin.nearest(pose(goal), home).q
+    ways = {
+        "movej": [Move("movej", joint, 0.8, 1.4)],
+        "movel": [Move("movel", goal, 0.25, 1.2)],
+        "both": [Move("movel", goal, 0.25, 1.2, 0.01), Move("movej", home + 0.1, 0.8, 1.4)],
+        "servoj": swing(start=home),
+    }
+    ends = {"movej": joint, "movel": joint, "both": home + 0.1, "servoj": swing(start=home).q[-1]}
+    for way, motion in ways.items():
+        program = Program.of(kin, home, motion)
+        ur = Controller(arm)
+        done = ur.run(program.text)
+        assert (done.status, done.reason) == (FINISHED, ""), way
+        np.testing.assert_allclose(done.commanded.q[-1], ends[way], atol=1e-4)
+        assert pose_vector(ur.tcp) == pytest.approx(program.tcp)
+    rate = {"ur5e": 500, "ur5": 125}[model]  # the controllers' cycles
+    assert Program.of(kin, home, ways["servoj"]).trajectory.t[1] == pytest.approx(1 / rate)
+    assert Program.of(kin, home, ways["servoj"]).text.count("servoj") == rate + 1
+
+
+def test_nothing_moves_where_the_arm_does_not_stand_at_the_start():
+    rng = np.random.default_rng(5)
+    for joint in range(6):
+        start = HOME.copy()
+        start[joint] += rng.choice([-1, 1]) * 0.02
+        log = []
+        ur = Controller(KIN.arm, q=start, log=log.append)
+        done = ur.run(Program.of(KIN, HOME, [Move("movej", HOME + 0.1, 0.5, 1.0)]).text)
+        assert done.status == NOT_AT_START
+        assert not done.commanded.qd.any()
+        np.testing.assert_allclose(done.measured.q, np.broadcast_to(start, done.measured.q.shape), atol=1e-3)
+        assert any("not at the start posture" in line for line in log)
+        start = HOME.copy()
+        start[joint] += 0.009
+        ur.place(start)
+        assert ur.run(Program.of(KIN, HOME, [Move("movej", HOME + 0.1, 0.5, 1.0)]).text).status == FINISHED
+
+
+@pytest.mark.parametrize(("motion", "reason"), [
+    ([Move("movej", HOME + 0.1, 0.5, 1.0, 0.01)], "the last move must stop"),
+    ([], "has moves or a trajectory"),
+    ([Move("movej", turned(0.2), 3.5, 1.0)], "move 1 moves shoulder_pan_joint at 3.5 rad"),
+    (swing(0.1, 1.0), "the trajectory moves .* above its limit of 3.14"),
+    ([Move("movej", turned(0.2), 1, 1, 0.2), Move("movej", HOME, 1, 1)], "blends of move 1 overlap"),
+    ([Move("movej", turned(0.5), 1, 1, 0.15), Move("movej", turned(0.4), 1, 1)],
+     "blends of move 2 overlap: radii of 0.15 and 0 m"),
+    (swing(joints=("a", "b"), start=0), "joints of a UR's trajectory"),
+])  # fmt: skip
+def test_what_a_robot_should_not_do_is_refused(motion, reason):
+    with pytest.raises(InputError, match=reason):
+        Program.of(KIN, HOME, motion)
+
+
+@pytest.mark.parametrize(("values", "reason"), [
+    ({"command": "movec"}, "unknown command"), ({"target": (1, 2)}, "target must have shape"),
+    ({"speed": 0}, "speed of movej must be"), ({"speed": float("nan")}, "speed of movej"),
+    ({"command": "movel", "speed": 1.5}, "speed of movel must be finite and above 0 and at most 1"),
+    ({"acceleration": 11}, "acceleration of movej must be"), ({"blend": -0.1}, "blend"),
+])  # fmt: skip
+def test_moves_out_of_bounds_are_refused(values, reason):
+    with pytest.raises(InputError, match=reason):
+        Move(**{"command": "movej", "target": HOME, "speed": 0.5, "acceleration": 1.0, **values})
+
+
+def test_only_urs_have_programs():
+    with pytest.raises(InputError, match=r"not a UR"):
+        Program.of(ArmKinematics("panda"), np.zeros(7), [Move("movej", HOME, 1, 1)])
+    with pytest.raises(InputError, match=r"start posture"):
+        Program.of(KIN, HOME + 0.1, swing())
+
+
+REFUSED = {
+    "while True:\n  sleep(1)\nend": "compile error",
+    "thread f():\nend": "compile error|syntax error",
+    "halt": "'halt' is not in the URScript",
+    "socket_open(\"10.0.0.1\", 80)": "function 'socket_open' is not in",
+    "eval(1)": "function 'eval' is not in",
+    "x = y": "name 'y' is not defined",
+    "movej = 3": "'movej' cannot be a variable",
+    "if = 3": "syntax error",
+    "x = 1 +": "syntax error",
+    "x = [1, 2": "syntax error",
+    "x = (1)": "syntax error",
+    "x = 1e999": "too large",
+    "movej()": "movej needs the argument q",
+    "movej([0], v=1, v=2)": "has no free argument 'v'",
+    "movej([0], w=1)": "has no free argument 'w'; it has: q, a, v, t, r",
+    "movej(a=1, [0])": "by place before name",
+    "norm(1)": "the value of norm is not used",
+    "x = movej([0])": "movej returns no value",
+    "x = \"a": "syntax error at",
+    "x = 'a'": "syntax error at",
+    "x = 1; y = 2": "syntax error at",
+    "x = " + "[" * 60: "levels",
+    "x = " + "-" * 60 + "1": "levels",
+    "def f():\n  x = 1": "syntax error",
+    "def f():\n  x = 1\nend\nx = 2": "nothing more is expected",
+    "def f(a):\nend": "syntax error",
+    "def f():\n  if True:\n    y = 1\n  else:\n  end\n  z = y\nend": "name 'y' is not defined",
+    "": "a name is expected",
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("text", REFUSED)
+def test_other_urscript_is_refused_before_anything_moves(text):
+    with pytest.raises(ScriptError, match=REFUSED[text]) as refused:
+        parse(text)
+    assert str(refused.value).startswith(f"line {refused.value.line}: ")
+    ur = Controller(KIN.arm)
+    with pytest.raises(InputError):
+        ur.start(text)
+    ur.tick()
+    assert not ur.target_qd.any()
+
+
+@given(st.text(max_size=80) | st.lists(st.sampled_from(
+    ["def", " ", "f", "(", ")", ":", "\n", "end", "if", "else", "[", "]", "p", ",", "=", "-", ">", "or", "1", ".5",
+     "\"a\"", "movej", "norm", "True", "q", "#", "sleep"]), max_size=30).map("".join))  # fmt: skip
+def test_any_text_is_a_program_or_an_error_with_a_line(text):
+    script = error = None
+    try:
+        script = parse(text)
+    except ScriptError as refused:
+        error = refused
+    assert script.body or script.name if error is None else error.line >= 1
+
+
+@given(st.floats(allow_nan=False, allow_infinity=False))
+def test_numbers_are_written_as_they_are(value):
+    assert parse(f"x = {number_text(value)}").body[0].value.value == value
