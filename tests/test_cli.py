@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import re
+
 import pytest
 
 import kinreach
@@ -21,7 +23,7 @@ def test_without_arguments_it_prints_its_help(capsys):
     assert leaving.value.code == 0
     assert capsys.readouterr().out == bare
     assert bare.startswith("usage: kinreach [-h] [--version] COMMAND ...")
-    assert all(f"{name} " in bare and command.help in bare for name, command in cli.COMMANDS.items())
+    assert all(re.search(rf"  {name}\s+{re.escape(command.help)}\n", bare) for name, command in cli.COMMANDS.items())
     assert "bench" not in cli.COMMANDS
 
 

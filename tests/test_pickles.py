@@ -8,7 +8,9 @@ from dataclasses import fields, is_dataclass
 import numpy as np
 import pytest
 
-from kinreach.deploy import Move, Program, Recording, RobotState
+from kinreach.deploy import Move, Program
+from kinreach.deploy._client import RobotState
+from kinreach.deploy._controller import Recording
 from kinreach.kinematics import (
     Arm3Kinematics,
     ArmKinematics,

@@ -3,25 +3,14 @@
 - `Program` of `Move`s or of a `Trajectory`: URScript and back.
 - `write_trajectory`, `read_trajectory`: a `Trajectory` as ROS 2's message in JSON, or as CSV.
 - `SimulatedUR`: a UR in MuJoCo that answers on the ports of a real one, on this machine only.
-- `URClient`: reads a UR's state (`RobotState`), runs programs and stops them; a `Recording` is what was commanded and
-  measured.
+- `URClient`: reads a UR's state, runs programs, records what was commanded and measured, and stops them.
 
 The modules are internal.
 """
 
-from kinreach.deploy._client import RobotState, URClient
-from kinreach.deploy._controller import Recording
+from kinreach.deploy._client import URClient
 from kinreach.deploy._program import Move, Program
 from kinreach.deploy._server import SimulatedUR
 from kinreach.deploy._trajectory_files import read_trajectory, write_trajectory
 
-__all__ = [
-    "Move",
-    "Program",
-    "Recording",
-    "RobotState",
-    "SimulatedUR",
-    "URClient",
-    "read_trajectory",
-    "write_trajectory",
-]
+__all__ = ["Move", "Program", "SimulatedUR", "URClient", "read_trajectory", "write_trajectory"]

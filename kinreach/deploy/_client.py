@@ -135,6 +135,10 @@ class URClient:
     def read(self) -> RobotState:
         """Return the robot's present state.
 
+        Returns:
+            Arrays `actual_q`, `target_q` [rad], `actual_qd`, `target_qd` [rad/s] and `tcp_pose` (as the pendant shows
+            it), and RTDE's numbers `time`, `robot_mode`, `safety_mode`, `runtime_state` and `speed_scaling`.
+
         Raises:
             RobotError: As `next_state`.
         """
@@ -206,7 +210,7 @@ class URClient:
             watch: Called with each state on the way.
 
         Returns:
-            What was commanded and what was measured.
+            `commanded` and `measured`, each a `Trajectory` with a sample for each control cycle.
 
         Raises:
             RobotError: The robot does not begin, or the program does not come to its end; the message says why as far

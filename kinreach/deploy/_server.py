@@ -38,8 +38,7 @@ from kinreach.deploy._rtde import (
 )
 from kinreach.deploy._urscript import MAX_CHARACTERS, ScriptError
 from kinreach.errors import InputError
-from kinreach.robots import ArmDescription
-from kinreach.robots._registry import as_arm
+from kinreach.robots import ArmDescription, get_arm
 
 #: The first of the two ports that take scripts; it takes them as the other one does.
 PRIMARY_PORT = 30001
@@ -119,7 +118,7 @@ class SimulatedUR:
         speed: float = 1.0,
         log: Callable[[str], object] | None = None,
     ) -> None:
-        self.arm, self.address = as_arm(arm), _loopback(address)
+        self.arm, self.address = get_arm(arm), _loopback(address)
         for name, port in (("rtde_port", rtde_port), ("script_port", script_port)):
             check_count(name, port, least=0, most=65535)
         self.speed = check_number("speed", speed, above=0.0, most=1e6)
