@@ -3,8 +3,8 @@
 What is read must be a regular file of a bounded size: a FIFO would be waited for, a device may act when it is opened.
 What is written is either the old file or the new one, never half of one.
 
-What is being written has a name that says so, with the number of its own inode in it: neither a user's file nor a copy
-of ours has such a name, and only what has it, and is not locked by who writes it, is ever cleaned up.
+A file that is being written has the number of its own inode in its name, which neither a user's file nor a copy has.
+Only files with such a name that no process has locked are cleaned up.
 """
 
 from __future__ import annotations
@@ -52,7 +52,7 @@ def open_input(path: Path, what: str, *, most: int) -> BufferedReader:
         most: Largest size [bytes].
 
     Raises:
-        InputError: There is no such file, it is not a regular file, or it is too large.
+        InputError: The file does not exist, is not a regular file, or is too large.
     """
     try:
         _check_regular(os.stat(path))  # before it is opened, which may do something to a device
@@ -223,7 +223,7 @@ def _locked_temporary(path: Path) -> tuple[int, Path, int]:
 
 
 def _to_disk(path: Path) -> None:
-    """Have the data on the disk before the name points at them; a disk that turns out to be full says so here."""
+    """Have the data on the disk before the name points at them; a full disk raises here."""
     handle = os.open(path, os.O_RDWR)
     try:
         os.fsync(handle)

@@ -30,11 +30,11 @@ SERIAL, RAY = "serial", "ray"
 ENGINES = (SERIAL, RAY)
 #: How often Ray runs a task again whose worker or node died.
 RETRIES = 3
-#: What is cut into jobs is cut into no more: Ray keeps a record of each.
+#: Most jobs of one run: Ray keeps a record of each.
 MAX_JOBS = 10_000
 #: How long the head of a cluster may take to accept a connection [s].
 CONNECTION_TIMEOUT = 5.0
-#: That a job's values depend on, beside what every result says of its versions.
+#: Packages that a job's values depend on, besides those in every result.
 _LEARNING = ("torch", "stable-baselines3")
 
 
@@ -160,7 +160,7 @@ def open_engine(name: str = SERIAL, address: str | None = None) -> Iterator[Engi
 
     Raises:
         InstallationError: Ray is not installed.
-        InputError: There is no such engine, or an address that it has no use for.
+        InputError: Unknown engine, or an address that it has no use for.
         ClusterError: Nothing answers at the address.
     """
     check_known("engine", name, ENGINES)

@@ -18,7 +18,7 @@ def load_object(kind: str, path: str) -> Any:
         path: Its name; importing runs the module.
 
     Raises:
-        InputError: There is no such module or attribute, or the module fails.
+        InputError: Unknown module or attribute, or the module fails.
     """
     module, _, attribute = path.partition(":")
     if not module or not attribute:
@@ -41,7 +41,7 @@ def load_module(kind: str, module: str, path: str) -> Any:
         path: How the user named what is in it, for messages.
 
     Raises:
-        InputError: There is no such module, or it fails.
+        InputError: Unknown module, or it fails.
     """
     if os.getcwd() not in sys.path and "" not in sys.path:
         sys.path.append(os.getcwd())

@@ -2,7 +2,7 @@
 
 Intervals are of independent values: Wilson's for rates, the percentile bootstrap for everything else. A *trial* is a
 flat row: one policy in one episode, name -> number, truth value, text, or list of numbers. A `Column` takes a value
-from each trial and says how the values of one method become one entry of a report. Tables, JSON, CSV and HTML know
+from each trial and summarises the values of one method as one entry of a report. Tables, JSON, CSV and HTML know
 nothing else, so a new task or measure is a new column, and no new reporting.
 """
 

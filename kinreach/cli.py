@@ -29,7 +29,7 @@ EXIT_INTERRUPTED = 130
 EXIT_UNREAD = 1
 #: Flags that ask for help.
 HELP = ("-h", "--help")
-#: What a file system says that takes no more. Results are written through `kinreach._files`, which names the file; this
+#: Errors of a full file system. Results are written through `kinreach._files`, which names the file; this
 #: is for the rest, such as the terminal's output in a file, and the logs of libraries.
 _NO_ROOM = (errno.ENOSPC, errno.EDQUOT, errno.EROFS, errno.EFBIG)
 

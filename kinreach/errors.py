@@ -6,7 +6,7 @@ from collections.abc import Iterable
 from difflib import get_close_matches
 from typing import NoReturn
 
-#: More of a name is not repeated to who said it [characters].
+#: Names in messages are cut at this length [characters].
 LONGEST_NAME = 100
 
 
@@ -59,7 +59,7 @@ class DrawingError(KinreachError, RuntimeError):
 
 
 def raise_unknown(kind: str, name: str, available: Iterable[str]) -> NoReturn:
-    """Raise `UnknownNameError` that names the value and what could have been said instead."""
+    """Raise `UnknownNameError` that names the value and the available ones."""
     available = sorted(available)
     near = get_close_matches(name.lower(), available, n=1) if len(name) <= LONGEST_NAME else []
     guess = f"; did you mean {near[0]}?" if near else ""

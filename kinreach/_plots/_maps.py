@@ -20,9 +20,9 @@ from kinreach._plots._style import FAINT, INK, MAGNITUDE, name_label, new_figure
 Area = tuple[tuple[float, float], tuple[float, float]]
 Floats = NDArray[np.float64]
 
-#: Cells across the longer side of a map whose positions are no grid.
+#: Cells across the longer side of a map whose positions are not a grid.
 _RASTER = 160
-#: A goal colours what is no farther away [m].
+#: A goal colours places within this distance [m].
 _REACH = 0.15
 #: Of cells without a value.
 _MISSING = "#d0d0d0"

@@ -299,7 +299,7 @@ class Algorithm:
         exporter: The deterministic actor of such a model as a `Network`. It is tried before the training begins.
         arguments: Keyword arguments of the class, from the recipe, the environments and the planned actions.
         vec_env: What the model acts in, from a native batch, the recipe and the training reward.
-        defaults: Settings that hold unless the recipe says otherwise.
+        defaults: Settings that hold unless the recipe sets them.
     """
 
     name: str

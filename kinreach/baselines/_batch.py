@@ -25,7 +25,7 @@ def make_batch(environment: str, num_envs: int, options: Mapping[str, Any]) -> V
         options: Of each environment.
 
     Raises:
-        InputError: There is no such environment, or it does not take the options.
+        InputError: Unknown environment, or it does not take the options.
     """
     batch = _native(environment, num_envs, options)
     if batch is None:

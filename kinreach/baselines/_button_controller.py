@@ -3,7 +3,7 @@
 The posture for the target comes from the closed form. Each joint is to run at v = clip(k (q_target - q), +-v_max);
 the acceleration that brings it to this speed within a time constant T, a = (v - qd) / T, takes the torque
 RNEA(q, qd, a) + damping qd. An action moves each control by at most one unit towards torque / gear. The button is
-pressed when the model says that this very action brings the end effector to the target.
+pressed when the model predicts that this action brings the end effector to the target.
 """
 
 from __future__ import annotations
@@ -61,7 +61,7 @@ class ButtonController:
         count: Number of environments.
 
     Raises:
-        UnknownNameError: There is no such actuation.
+        UnknownNameError: Unknown actuation.
     """
 
     def __init__(self, actuation: str = "tuned", *, count: int = 1) -> None:
@@ -144,7 +144,7 @@ class AnalyticButtonPolicy:
         actuation: `"tuned"` or `"report"`, as the environment has it.
 
     Raises:
-        UnknownNameError: There is no such actuation.
+        UnknownNameError: Unknown actuation.
     """
 
     def __init__(self, actuation: str = "tuned") -> None:

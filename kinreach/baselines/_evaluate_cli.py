@@ -29,7 +29,7 @@ from kinreach.baselines._policy_file import read_policy, save_policy
 from kinreach.cli import Parser, quoted
 from kinreach.errors import InputError
 
-#: Goals, unless the user says otherwise.
+#: Default number of goals.
 SPLIT = "held-out"
 #: Options of the environment that belong to what a policy of the button task was trained for.
 TASK_OPTIONS = ("actuation", "max_steps")
@@ -117,7 +117,7 @@ def _check_outputs(arguments: Any) -> None:
 
 
 def _environment(policy: LearnedPolicy, name: str, arguments: Any) -> str:
-    """Id of the environment: what the command line says, else the policy's card."""
+    """Id of the environment: from the command line, else from the policy's card."""
     environment = arguments.env or policy.card.environment
     if environment not in gym.registry:
         known = [known for known in gym.registry if known.startswith("kinreach/")]
@@ -127,7 +127,7 @@ def _environment(policy: LearnedPolicy, name: str, arguments: Any) -> str:
 
 
 def _options(policy: LearnedPolicy, arguments: Any) -> dict[str, Any]:
-    """Options of the policy's environment: what the command line says, else the environment's defaults.
+    """Options of the policy's environment: from the command line, else the environment's defaults.
 
     The length of an episode and the actuation of the button task belong to what a policy was trained for: they are
     those of its card, as far as the card has them and the command line does not say otherwise.

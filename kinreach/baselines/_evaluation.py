@@ -30,7 +30,7 @@ BATCH, RESAMPLES = 500, 500
 TABLE_WIDTH = 110
 
 _DISTANCE = Column("distance_mm", thousandfold("distance"), SPREAD, "distance mm\nmedian / p95", "quantiles", digits=3)
-#: What is reported of an episode, as far as the environment says it.
+#: What is reported of an episode, if `info` has it.
 COLUMNS: Sequence[Column] = (
     Column("reached", "reached", RATE, "reached % [95 % CI]", "interval"),
     Column("impossible", "impossible", RATE, "impossible %", "share"),

@@ -143,7 +143,7 @@ def read_curve(path: str | Path) -> dict[str, Array]:
     """Columns of a learning curve by name; what is empty is NaN.
 
     Raises:
-        InputError: There is no such file, or it is not a learning curve.
+        InputError: The file does not exist or is not a learning curve.
     """
     text = read_text(Path(path), "the learning curve", most=MAX_BYTES)
     try:

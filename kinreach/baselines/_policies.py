@@ -101,7 +101,7 @@ class LearnedPolicy:
 
         Raises:
             InputError: The policy's output means something else, is none of its arm's postures, or as for `act`.
-            UnknownNameError: There is no arm of the name that its card says.
+            UnknownNameError: The arm of its card is unknown.
         """
         if self.card.meaning != "posture":
             raise InputError(f"the output of {self.name} means {self.card.meaning}, not a posture")
@@ -269,7 +269,7 @@ def load_policy(policy: str | Path, *, environment: str | None = None) -> Learne
         environment: Id of the environment that it must be for.
 
     Raises:
-        InputError: There is no such policy, the file is not a policy, or it is for another environment.
+        InputError: Unknown policy, the file is not a policy, or it is for another environment.
         InstallationError: A `model.zip`, and torch is not installed.
     """
     names = pretrained_names()

@@ -158,7 +158,7 @@ def read_policy(path: str | Path) -> tuple[PolicyCard, Network]:
     """Read a policy.
 
     Raises:
-        InputError: There is no such file, or it is not a policy: the message says what is wrong with it.
+        InputError: The file does not exist or is not a policy: the message says what is wrong with it.
     """
     path = check_path("policy", path)
     try:

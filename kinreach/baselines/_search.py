@@ -98,7 +98,7 @@ def read_search(path: Path) -> Search:
     """Read a search from a file of YAML or JSON with the fields of `Search`.
 
     Raises:
-        InputError: It cannot be read, or says what cannot be.
+        InputError: It cannot be read, or has impossible values.
     """
     text = read_text(path, "the search", most=2**20)
     try:

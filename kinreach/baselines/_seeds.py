@@ -31,7 +31,7 @@ class Training:
     """A training as a job.
 
     Attributes:
-        name: Of the recipe, as the user says it: a module of the user's is imported where the job runs.
+        name: Of the recipe, as the user gives it: a module of the user's is imported where the job runs.
         recipe: What to train.
         identity: Of the run.
         export: As in `train`.
@@ -150,7 +150,7 @@ def _contents(folder: Path) -> dict[str, bytes]:
 
 
 def _write(folder: Path, files: Mapping[str, bytes], *, going_on: bool) -> None:
-    """Write what came back, and last what says that the run is finished.
+    """Write the results, and last the mark that the run is finished.
 
     Raises:
         OutputError: The file system refused.

@@ -28,9 +28,9 @@ if TYPE_CHECKING:
 SHOWN = 10
 #: Goals that a finished policy is tried on; `evaluate` does it properly.
 GOALS = 1000
-#: Which of them, unless the user says so: a recipe may be changed because of what is printed.
+#: Default goals: a recipe may be changed because of what is printed.
 SPLIT = "validation"
-#: Options that a search does not take: its file says these things, and it runs on Ray.
+#: Options that are not for a search: its file has them, and it runs on Ray.
 OF_RECIPES = ("seed", "seeds", "steps", "split", "engine", "export", "fresh")
 
 
@@ -46,7 +46,7 @@ def main(argv: Sequence[str], *, prog: str) -> int:
 
     Raises:
         KinreachError: Bad input, packages for training that are not installed, a folder that cannot be written.
-        KeyboardInterrupt: With a message that says what was kept.
+        KeyboardInterrupt: With a message that names what was kept.
     """
     parser = _parser(prog)
     arguments = parser.parse_args(argv)
@@ -123,7 +123,7 @@ def _judge(name: str, split: str, policy: LearnedPolicy) -> Iterator[dict[str, A
 def _runs(
     recipe: Recipe, folders: Mapping[int, Path], engine: Engine, arguments: argparse.Namespace, prog: str
 ) -> Iterator[Run]:
-    """Train under a progress bar; Ctrl-C becomes a line that says how to go on."""
+    """Train under a progress bar; Ctrl-C prints how to resume."""
     try:
         from kinreach.baselines._seeds import train_seeds  # the only imports that need the extra
         from kinreach.baselines._training import train

@@ -44,7 +44,7 @@ def main(argv: Sequence[str], *, prog: str) -> int:
 
     Raises:
         KinreachError: Bad input, a directory that cannot be written, a missing package.
-        KeyboardInterrupt: With a message that says what was kept.
+        KeyboardInterrupt: With a message that names what was kept.
     """
     parser = _parser(prog)
     known, _ = parser.parse_known_args([word for word in argv if word not in HELP])  # which task, before its flags
@@ -142,7 +142,7 @@ def _numbered(folder: Path) -> Iterator[Path]:
 def _measure(
     task: Task, methods: Sequence[str], folders: Iterator[Path], **arguments: Any
 ) -> tuple[Path, dict[str, Any]]:
-    """Compare under a progress bar; Ctrl-C becomes a line that says what is kept.
+    """Compare under a progress bar; Ctrl-C prints what is kept.
 
     Args:
         task: As in `compare`.

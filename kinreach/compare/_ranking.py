@@ -19,7 +19,7 @@ MAX_LISTED = 3
 
 
 def reaching(entries: Sequence[Entry]) -> list[Entry]:
-    """Return the methods that reach goals and whose share cannot be told from the largest, the largest share first."""
+    """Return the methods with the largest share of goals reached, and those whose intervals overlap with it."""
     shares = [entry for entry in entries if entry.get("reached")]
     if not shares:
         return []
@@ -29,7 +29,7 @@ def reaching(entries: Sequence[Entry]) -> list[Entry]:
 
 
 def best_in(entries: Sequence[Entry], key: str) -> list[Entry]:
-    """Return the entry with the least median of a measure, then those that cannot be told from it.
+    """Return the entry with the least median of a measure, then those that do not differ significantly from it.
 
     Args:
         entries: Those that are ranked.

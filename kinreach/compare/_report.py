@@ -151,7 +151,7 @@ def report_html(
 
 
 def render_trials(task: Task, trials: Sequence[Trial], results: Mapping[str, Any]) -> list[Rendering]:
-    """Draw how trials ended, as `task.scene` says: an ordinary success, and the worst failure of each method.
+    """Draw how trials ended, by `task.scene`: an ordinary success, and the worst failure of each method.
 
     The success is that of the method that comes nearest among those that reach. Failures are left out where the task's
     figures show how its episodes go.
@@ -394,7 +394,7 @@ def _words(task: Task, results: Mapping[str, Any]) -> Iterator[tuple[str, str]]:
 
 
 def _option(task: Task, name: str, value: Any) -> str:
-    """Return an option with its value, and what it means if its environment says so."""
+    """Return an option with its value, and its meaning if its environment states it."""
     declared = options_class(task.environment)
     meanings = {entry.name: entry.metadata.get("description", "") for entry in fields(declared)} if declared else {}
     said = ", ".join(map(str, value)) if isinstance(value, list) else str(value)

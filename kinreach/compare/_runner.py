@@ -164,7 +164,7 @@ def compare(
             nothing is written.
         fresh: Measure everything, even if an interrupted comparison could go on, or another one stands in `out`.
         engine: `"serial"`: here, one trial at a time; `"ray"`: blocks of goals as tasks of Ray. Trials are the same,
-            but for the times of decisions: machines that do several things at once measure them.
+            except the times of decisions: machines that do several things at once measure them.
         address: Of a running Ray cluster, `host:port` or `auto`; without it Ray is started on this machine.
         command: How to get the same again, written into the results.
         progress: Called with the number of finished and of all trials.

@@ -122,7 +122,7 @@ class Task:
         return replace(self, options={**self.options, **options})
 
 
-#: Fields of an arm whose printed form says nothing, or more than the field.
+#: Fields of an arm that its version leaves out: their text is not reproducible, or other fields contain them.
 _OUTSIDE = ("build_urdf", "package_root", "workcell", "missing_shapes", "notes", "meshes")
 #: Registered tasks by name.
 _TASKS: dict[str, Task] = {}

@@ -1,4 +1,4 @@
-"""The command line of the demo: run an environment with a policy, watch it, print what it says."""
+"""The command line of the demo: run an environment with a policy, watch it, print its `info`."""
 
 from __future__ import annotations
 

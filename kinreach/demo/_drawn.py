@@ -45,7 +45,7 @@ def arm_of(env: gym.Env[Any, Any]) -> ArmDescription:
 
 
 def put(scene: PosedScene, info: Mapping[str, Any], *, time: float) -> None:
-    """Put a scene where `info` says; without a clock in it, at `time` [s]."""
+    """Move a scene to `info`'s state; without a clock in it, at `time` [s]."""
     scene.put(info["q"], ball=info.get("goal"), time=float(info.get("time", time)))
 
 

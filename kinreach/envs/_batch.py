@@ -198,7 +198,7 @@ class NativeVectorEnv(VectorEnv[Floats, ArrayLike, Floats]):
     it is of the environment's last step, or of the reset where an episode began. `reward_terms` has none inside, so
     that its values sum to the reward. The masks of one step share their memory.
 
-    With `device=`, what `reset` and `step` return are tensors of torch on that device, but for the texts in `info`;
+    With `device=`, what `reset` and `step` return are torch tensors on that device, except the texts in `info`;
     actions and options of `reset` may be tensors anyway.
 
     Args:
@@ -213,7 +213,7 @@ class NativeVectorEnv(VectorEnv[Floats, ArrayLike, Floats]):
         made_with: Keywords that make another one like this, for `copy.deepcopy`: it copies the whole state.
 
     Raises:
-        InputError: There is no such mode, or no such device.
+        InputError: Unknown mode, or no such device.
         InstallationError: Tensors without torch.
     """
 

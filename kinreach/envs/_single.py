@@ -98,7 +98,7 @@ class CopyableEnv(SingleEnv, EzPickle):
         return twin
 
     def render(self) -> Any:
-        """Draw a frame as `render_mode` says; with "human" update the viewer.
+        """Draw a frame in the `render_mode`; with "human" update the viewer.
 
         Returns:
             "rgb_array": uint8, (height, width, 3); "rgb_array_list": a list of such, those of the motion since the

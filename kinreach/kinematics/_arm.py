@@ -74,7 +74,7 @@ class ArmKinematics:
 
     #: Classes with a closed form, in the order in which `of` tries them; the package sets them.
     _closed_forms: ClassVar[Sequence[Any]] = ()
-    #: Whether `solve` looks at every posture of a goal.
+    #: Whether `solve` considers every posture of a goal.
     knows_all_postures: ClassVar[bool] = False
 
     def __init__(

@@ -128,7 +128,7 @@ class CollisionChecker:
     Raises:
         NoShapesError: The arm has no collision shapes.
         InputError: `margin` cannot be used, or a shape cannot be read or has no convex hull.
-        UnknownNameError: There is no arm of that name, or `meshes` is neither.
+        UnknownNameError: Unknown arm, or `meshes` is neither.
         InstallationError: Pinocchio or coal cannot be loaded.
     """
 
@@ -363,7 +363,7 @@ def check_shapes(arm: ArmDescription) -> None:
 
 
 def _shapes(arm: ArmDescription, model: Any, obstacles: Sequence[Box], meshes_as: str) -> Any:
-    """Geometry of the links, meshes as told, followed by the obstacles, fixed to the world."""
+    """Geometry of the links with these meshes, followed by the obstacles, fixed to the world."""
     check_shapes(arm)
     robot = without_shapes(arm.urdf, "visual")
     meshes = {

@@ -2,31 +2,33 @@
 
 The method is that of Raghavan and Roth (Inverse kinematics of the general 6R manipulator and related linkages, Journal
 of Mechanical Design 115, 1993), with the eigenvalues of Manocha and Canny (Efficient inverse kinematics for general 6R
-manipulators, IEEE Transactions on Robotics and Automation 10, 1994). The line of one axis is written twice, once from
-each side of the closed chain, so that its own angle appears nowhere; with the direction l and the point p of a line,
-fourteen functions (p, l, p.p, p.l, p x l, l (p.p) - 2 p (p.l)) are linear in the cosine and sine of every angle. Here
-it is the axis of the fifth joint: joints 1 and 6 are eliminated linearly, which leaves six equations in the sines and
-cosines of joints 2, 3 and 4. Multiplied by cos(q/2) and sin(q/2) of one of the three they are twelve, linear in twelve
-products, with coefficients that are linear in the cosine and sine of another: a quadratic eigenvalue problem in the
-tangent of half that angle, of size 24. Its real eigenvalues hold every posture, of which there are at most sixteen.
+manipulators, IEEE Transactions on Robotics and Automation 10, 1994).
 
-Eight of the 24 are i and -i, four times each, and say nothing. With the angle of the second joint their vectors are
-the same for all poses: where that joint's e^(iq) is large, only the part of a line's functions that grows with it
-counts, and of that there are no more than four: one of each vector p, l, p x l, and l (p.p) - 2 p (p.l). So the problem
-is made one of size 16, once and for all, by an orthogonal projection.
+**Equations.** The line of joint 5's axis is computed from both ends of the closed chain, so the angle of joint 5 does
+not occur. A line has the direction l and the point p; the fourteen functions p, l, p.p, p.l, p x l and
+l (p.p) - 2 p (p.l) are linear in the cosine and sine of every angle. Joints 1 and 6 are eliminated linearly. Six
+equations in the sines and cosines of joints 2, 3 and 4 remain. Multiplied by cos(q/2) and sin(q/2) of one of these
+joints, they become twelve equations that are linear in twelve products, and their coefficients are linear in the cosine
+and sine of another joint. This is a quadratic eigenvalue problem of size 24 in the tangent of half that joint's angle.
+Its real eigenvalues include every posture; there are at most sixteen.
 
-Near the wrist's singularity of an arm that is almost a UR, the equations hardly depend on the eigenvalue, and a matrix
-that has to be inverted is almost singular. That is seen by its inverse, and by eigenvalues that Newton's method has to
-move; such a pose is solved again by the QZ algorithm, which inverts nothing.
+**Deflation.** Eight of the 24 eigenvalues are extraneous: i and -i, four times each. If joint 2 is the eigenvalue,
+their vectors are the same for all poses: for large e^(iq) of that joint only the part of a line's functions that grows
+with it counts, and at most four parts do, one of each vector p, l, p x l and l (p.p) - 2 p (p.l). One orthogonal
+projection per arm reduces the problem to size 16.
 
-Which axis is written twice decides how well the numbers behave. With the fifth the problem stays regular for arms whose
-second to fourth axes are parallel, or almost: the other choices are singular for a UR by its data sheet, and nearly so
-for a real one. It is singular where the first axis and the last are parallel; the pose is then tilted by `TILT`, which
-moves the eigenvalues by about as much and makes the problem regular (Hochstenbach, Mehl and Plestenjak, Solving
+**Conditioning.** Near the wrist singularity of an arm that is almost a UR, a matrix to invert is almost singular. This
+is detected by the size of its inverse, and by eigenvalues that Newton's method has to correct by much. Such a pose is
+solved again by the QZ algorithm, which needs no inverse.
+
+With the axis of joint 5 the problem is regular for arms whose axes 2 to 4 are parallel or nearly so. With another axis
+it is singular for a UR by its data sheet. It is also singular if the first and the last axis are parallel: the pose is
+then tilted by `TILT`, which changes the eigenvalues by about as much (Hochstenbach, Mehl and Plestenjak, Solving
 singular generalized eigenvalue problems by a rank-completing perturbation, SIAM Journal on Matrix Analysis and
 Applications 40, 2019).
 
-What comes out are starting points for Newton's method on the arm itself; only what reaches the pose is returned.
+The eigenvalues give starting points for Newton's method on the arm itself. Only postures that reach the pose are
+returned.
 """
 
 from __future__ import annotations
@@ -41,45 +43,55 @@ from numpy.typing import NDArray
 from kinreach._checks import Floats
 from kinreach.kinematics._angles import wrapped
 
-#: Poses by their row (m,), eigenvalues (m,), the products of each (m, 12), and the largest entry of each pose's matrix.
+#: Row of the pose (m,), eigenvalue (m,), its twelve products (m, 12), and the largest entry of each pose's matrix.
 _Eigen = tuple[NDArray[np.int64], NDArray[Any], NDArray[Any], Floats]
-#: A posture is a solution if it misses by less [m, rad].
+#: A posture is a solution if its error is less [m, rad].
 EXACT = 1e-10
-#: No step is taken from where it is missed by less.
-ARRIVED = 1e-13
-#: A pose whose last axis is nearer to the first one's direction is tilted by as much [rad].
+#: Newton's method stops at an error below this [m, rad].
+CONVERGED = 1e-13
+#: Rotation of a pose whose last axis is closer to the first one's direction than this [rad].
 TILT = 1e-5
-#: Imaginary parts of eigenvalues: real; surely complex; and up to where they are starting points, because two postures
-#: merge there, or have just vanished.
-REAL, COMPLEX, NEARLY_REAL = 1e-11, 1e-4, 3e-2
-#: An eigenvalue that belongs to a posture is exact to this, unless the problem is ill-conditioned [rad]; and entries of
-#: a matrix as large as this say so, too: an inverse was large.
-INEXACT, ILL = 1e-4, 1e5
-#: What is added to a matrix before it is inverted: one that is singular to the last digit then has a large inverse.
-NUDGE = 1e-14
-#: Eigenvalues whose angles differ by more are not equal ones [rad].
-APART = 1e-4
-#: Eigenvalues whose angles differ by less may be equal ones [rad].
-CLUSTER = 0.05
-#: Two postures nearer than this in every joint are one [rad]; up to `SAME_VALLEY` if what is between them reaches, too.
-SAME, SAME_VALLEY = 1e-6, 2e-2
-#: What has not come nearer than this to its pose in twice as many steps does not reach it [m, rad].
+#: Imaginary part up to which an eigenvalue is real.
+MAX_REAL = 1e-11
+#: Imaginary part from which an eigenvalue is complex.
+MIN_COMPLEX = 1e-4
+#: Imaginary part up to which an eigenvalue is a starting point: two postures merge there, or have just vanished.
+MAX_CANDIDATE = 3e-2
+#: Largest correction of a well-conditioned eigenvalue by Newton's method [rad].
+MAX_CORRECTION = 1e-4
+#: A matrix with a larger entry is ill-conditioned.
+MAX_ENTRY = 1e5
+#: Added to a matrix before its inversion, so that a singular one has a large inverse.
+REGULARISATION = 1e-14
+#: Eigenvalues whose angles differ by more are distinct [rad].
+DISTINCT_ANGLE = 1e-4
+#: Eigenvalues whose angles differ by less may be equal [rad].
+CLUSTER_WIDTH = 0.05
+#: Postures closer than this in every joint are the same [rad].
+SAME = 1e-6
+#: Postures closer than this in every joint are the same if the posture between them reaches the pose too [rad].
+SAME_IF_CONNECTED = 2e-2
+#: Newton's method has diverged if the error is larger after `2 * STEPS` steps [m, rad].
 DIVERGED = 1e-3
-#: Where a singular value is less, what is missing in that direction is rounding, and no step is taken in it.
-FLAT = 1e-8
-#: Two bad starts nearer than this lead to the same [rad].
+#: Singular values below this are 0.
+MIN_SINGULAR_VALUE = 1e-8
+#: Starting points closer than this are the same, where Newton's method converges slowly [rad].
 SAME_START = 1e-3
-#: Steps of Newton's method from a good start, and from a bad one; the longest step of a joint [rad].
-STEPS, MAX_STEPS, MAX_JOINT_STEP = 6, 40, 0.3
-#: An eigenvalue that comes for this share of random poses has nothing to do with them.
-IDLE_SHARE = 0.9
-#: Most postures that a six-joint arm has for a pose.
+#: Steps of Newton's method from an eigenvalue, and near a singularity.
+STEPS, MAX_STEPS = 6, 40
+#: Longest step of a joint [rad].
+MAX_JOINT_STEP = 0.3
+#: An eigenvalue that occurs for this share of random poses is spurious.
+SPURIOUS_SHARE = 0.9
+#: Largest number of postures of a six-joint arm for a pose.
 MAX_POSTURES = 16
-POSES = 512  # at once
-AROUND = 256  # starting points around known solutions
+#: Poses solved together.
+BLOCK_SIZE = 512
+#: Random starting points around solutions that may merge.
+RESTARTS = 256
 #: Smallest singular value of the Jacobian at a solution that may have others near it.
 MERGING = 1e-3
-#: How many eigenvalues are i, and as many -i; what multiplies coordinates in the basis of their vectors.
+#: Multiplicity of the extraneous eigenvalues i and -i, and the signs by which they multiply their vectors' coordinates.
 EXTRANEOUS = 4
 SIGNS = np.repeat([1.0, -1.0], EXTRANEOUS)
 _JOINTS = 6
@@ -107,12 +119,12 @@ class Chain:
 
     def __init__(self, placements: Floats) -> None:
         self.placements = placements
-        # how far the tip may be from the origin of the frame before joint 4
-        self._arm = float(np.linalg.norm(placements[4:, :3, 3], axis=1).sum())
+        # largest distance of the tip from the origin of the frame before joint 4
+        self._reach = float(np.linalg.norm(placements[4:, :3, 3], axis=1).sum())
 
     @cached_property
     def _halves(self) -> Floats:
-        """What `_half` says of joints 1 to 3, and of 4 to 6, shape (2, 27, 34)."""
+        """Coefficients of `_half` for joints 1 to 3 and for 4 to 6, shape (2, 27, 34)."""
         return np.array([self._half(self.placements[:4], after=False), self._half(self.placements[4:], after=True)])
 
     def fk(self, q: Floats) -> Floats:
@@ -137,11 +149,11 @@ class Chain:
         return frame, J
 
     def step(self, q: Floats, T: Floats) -> tuple[Floats, Floats, Floats]:
-        """What Newton's method needs to know of postures (m, 6) for poses (m, 4, 4) or (1, 4, 4).
+        """Compute errors and Jacobians of postures (m, 6) for poses (m, 4, 4) or (1, 4, 4).
 
         Returns:
-            Twists that are missing (m, 6) and Jacobians (m, 6, 6), both in the frame before joint 4; and how far the
-            tip misses at most [m, rad], shape (m,).
+            Twists to the poses (m, 6) and Jacobians (m, 6, 6), both in the frame before joint 4; and upper bounds of
+            the tip's error [m, rad], shape (m,).
         """
         count = len(q)
         angles = np.empty((3, _JOINTS, count))
@@ -158,13 +170,13 @@ class Chain:
             error[:, 3:] += np.where(entries[:, 6:] < 1.0, np.copysign(1.0, error[:, 3:]), 0.0)
         square = error * error
         turned = np.sqrt(square[:, 3:].sum(axis=1))
-        return error, J, np.maximum(np.sqrt(square[:, :3].sum(axis=1)) + self._arm * turned, turned)
+        return error, J, np.maximum(np.sqrt(square[:, :3].sum(axis=1)) + self._reach * turned, turned)
 
     @staticmethod
     def _half(placements: Floats, *, after: bool) -> Floats:
         """Three joints' inverse motion (16 numbers) and their three axes (6 each) in the frame before joint 4.
 
-        All of it is linear in 1, cosine and sine of each angle; coefficients of their 27 products, shape (27, 34).
+        They are linear in 1, cosine and sine of each angle; these are the coefficients of the 27 products, (27, 34).
         """
         values = np.empty((3, 3, 3, 34))
         for index in np.ndindex(3, 3, 3):
@@ -194,9 +206,9 @@ class Chain:
 
 
 def miss(reached: Floats, T: Floats) -> Floats:
-    """Vectors (m, 6) from poses to the wanted ones: position [m], and sine of the angle times its axis [rad].
+    """Errors (m, 6) of poses: position [m], and sine of the angle times its axis [rad].
 
-    Where the angle is more than a right one, its part is longer than 1.
+    For angles over pi/2 the second part is longer than 1.
     """
     E = T[:, :3, :3] @ reached[:, :, :3].transpose(0, 2, 1)
     flat = E.reshape(-1, 9)
@@ -216,7 +228,7 @@ def missed_by(error: Floats) -> Floats:
 
 
 def _solved(A: Floats, b: Floats) -> Floats:
-    """Solutions of A x = b, shape (m, n, k); the smallest of those that come nearest where one A is singular."""
+    """Solutions of A x = b, shape (m, n, k); those of least squares if one A is singular."""
     try:
         return np.asarray(np.linalg.solve(A, b), dtype=np.float64)
     except np.linalg.LinAlgError:
@@ -224,33 +236,33 @@ def _solved(A: Floats, b: Floats) -> Floats:
 
 
 def newton(chain: Chain, q: Floats, T: Floats, *, steps: int = STEPS) -> tuple[Floats, Floats]:
-    """Newton's method from postures (m, 6) to poses (m, 4, 4); the results, and how far they miss (m,)."""
+    """Run Newton's method from postures (m, 6) to poses (m, 4, 4); return postures and their errors (m,)."""
     results, off, rows = q.copy(), np.empty(len(q)), np.arange(len(q))
     for left in range(steps, -1, -1):
         error, J, missing = chain.step(q, T)
         results[rows], off[rows] = q, missing
-        going = np.flatnonzero(missing >= ARRIVED)
+        going = np.flatnonzero(missing >= CONVERGED)
         if not (left and len(going)):
             break
         q, T, rows, J, error = q[going], T[going], rows[going], J[going], error[going]
-        step = _solved(J + NUDGE * np.eye(6), error[:, :, None])[:, :, 0]
+        step = _solved(J + REGULARISATION * np.eye(6), error[:, :, None])[:, :, 0]
         q = q + step * np.minimum(1.0, MAX_JOINT_STEP / np.maximum(np.abs(step).max(axis=1), MAX_JOINT_STEP))[:, None]
     return results, off
 
 
 def nearest_by_newton(chain: Chain, q: Floats, T: Floats) -> tuple[Floats, Floats]:
-    """As `newton`, for bad starts and singular arms: by singular values, the best posture on each way."""
+    """Run Newton's method with singular values, for bad starts and singular arms; return each run's best posture."""
     best, best_off, rows = q.copy(), np.full(len(q), np.inf), np.arange(len(q))
     for step in range(MAX_STEPS):
         error, J, off = chain.step(q, T)
         better = off < best_off[rows]
         best[rows[better]], best_off[rows[better]] = q[better], off[better]
-        going = np.flatnonzero((off >= ARRIVED) & (best_off[rows] < (np.inf if step < 2 * STEPS else DIVERGED)))
+        going = np.flatnonzero((off >= CONVERGED) & (best_off[rows] < (np.inf if step < 2 * STEPS else DIVERGED)))
         if not len(going):
             break
         q, T, rows, error = q[going], T[going], rows[going], error[going]
         U, s, V = np.linalg.svd(J[going])
-        inverse = np.divide(1.0, s, out=np.zeros_like(s), where=s > FLAT)
+        inverse = np.divide(1.0, s, out=np.zeros_like(s), where=s > MIN_SINGULAR_VALUE)
         way = (((error[:, None] @ U)[:, 0] * inverse)[:, None] @ V)[:, 0]
         q = q + way * np.minimum(1.0, MAX_JOINT_STEP / np.maximum(np.abs(way).max(axis=1), MAX_JOINT_STEP))[:, None]
     return best, best_off
@@ -263,9 +275,9 @@ class General6R:
         chain: The arm.
     """
 
-    #: Where an eigenvalue would be infinite: pi further [rad]. Angles of no meaning.
+    #: Angles that are pi before the one with an infinite eigenvalue [rad]; arbitrary.
     PHASES = (0.7123, 2.0451)
-    #: Which of the joints 2, 3, 4 (counted from 0) is the eigenvalue, and by which the equations are multiplied.
+    #: Which of joints 2, 3, 4 (0, 1, 2) is the eigenvalue, and which multiplies the equations.
     CHOICES = ((0, 1), (1, 0), (2, 1))
 
     def __init__(self, chain: Chain) -> None:
@@ -276,15 +288,15 @@ class General6R:
         turns[:, 0, 0] = turns[:, 1, 1] = np.cos(SAMPLES)
         turns[:, 1, 0], turns[:, 0, 1] = np.sin(SAMPLES), -np.sin(SAMPLES)
         self._size = float(np.abs(A[1:, :3, 3]).max())
-        # axis 5 in the frame before joint 2, reached over joints 2, 3 and 4
+        # axis 5 in the frame before joint 2, through joints 2, 3 and 4
         near = turns[:, None, None] @ A[2] @ turns[:, None] @ A[3] @ turns @ A[4]
         values = self._functions(near[..., :3, 2], near[..., :3, 3])
         self._near = _coefficients(values).T.copy()
-        # and over joints 1 and 6: (A0 R1 A1)^-1 T A6^-1 R6^-1 A5^-1
+        # and through joints 1 and 6: (A0 R1 A1)^-1 T A6^-1 R6^-1 A5^-1
         self._left = np.linalg.inv(A[0] @ turns @ A[1])
         self._right = np.linalg.inv(A[5] @ turns @ A[6])[:, :, 2:]
         self._bases = [self._deflation(*self.CHOICES[0]), *[(np.eye(24), np.empty((24, 0)))] * 2]
-        self._idle: Floats = np.empty(0)
+        self._spurious: Floats = np.empty(0)
         self._both = np.kron(COEFFICIENTS, COEFFICIENTS)
 
     def solve(self, T: Floats, *, tol: float = EXACT) -> list[Floats]:
@@ -292,24 +304,24 @@ class General6R:
 
         Args:
             T: Poses of the tip, shape (count, 4, 4).
-            tol: Where nothing reaches a pose exactly, postures that miss it by no more than this [m, rad].
+            tol: If no posture reaches a pose exactly, return those with at most this error [m, rad].
 
         Returns:
-            For each pose postures [rad], shape (k, 6), angles in [-pi, pi].
+            For each pose its postures [rad], shape (k, 6), angles in [-pi, pi].
         """
         found: list[Floats] = []
-        for start in range(0, len(T), POSES):
-            found += self._solve_some(T[start : start + POSES], tol)
+        for start in range(0, len(T), BLOCK_SIZE):
+            found += self._solve_some(T[start : start + BLOCK_SIZE], tol)
         return found
 
     def tried(self, q: Floats) -> float:
-        """Solve for the poses of postures (m, 6), and learn which eigenvalues mean nothing for this arm.
+        """Solve for the poses of postures (m, 6), and record the spurious eigenvalues of this arm.
 
-        Where two axes can become parallel whatever the others do, the same eigenvalues come for every pose and lead to
-        no posture. They are left out from now on where they do not lead to one.
+        If two axes can become parallel for any angles of the others, the same eigenvalues occur for every pose and lead
+        to no posture. `solve` ignores them unless Newton's method converges from them.
 
         Returns:
-            Share of the postures that are found again: 1, unless the arm's elimination is singular.
+            Share of the postures that are found again; 1, unless the arm's elimination is singular.
         """
         T = np.tile(np.eye(4), (len(q), 1, 1))
         T[:, :3] = self.chain.fk(q)
@@ -320,22 +332,23 @@ class General6R:
         found, off = newton(self.chain, start, T[pose])
         diverged = np.flatnonzero(off >= EXACT)
         angles = start[diverged, 1]
-        same = np.abs(wrapped(angles[:, None] - angles)) < APART
-        recurring = np.array([len(np.unique(pose[diverged[row]])) for row in same]) > IDLE_SHARE * len(q)
-        self._idle = angles[recurring][first_of_each(angles[recurring, None], APART)]
+        same = np.abs(wrapped(angles[:, None] - angles)) < DISTINCT_ANGLE
+        recurring = np.array([len(np.unique(pose[diverged[row]])) for row in same]) > SPURIOUS_SHARE * len(q)
+        self._spurious = angles[recurring][first_of_each(angles[recurring, None], DISTINCT_ANGLE)]
         back = (off < EXACT) & (np.abs(wrapped(found - q[pose])).max(axis=1) < SAME)
         return len(np.unique(pose[back])) / len(q)
 
     def _solve_some(self, T: Floats, tol: float) -> list[Floats]:
         regular = self._regular(T)
         pose, start, imaginary, largest = self._candidates(regular, *self.CHOICES[0], self.PHASES[0])
-        likely = imaginary < COMPLEX
+        likely = imaginary < MIN_COMPLEX
         q, off = start.copy(), np.full(len(start), np.inf)
         q[likely], off[likely] = newton(self.chain, start[likely], T[pose[likely]])
-        idle = (np.abs(wrapped(start[:, 1, None] - self._idle)) < APART).any(axis=1) & (off >= EXACT)
-        pose, start, imaginary, q, off = pose[~idle], start[~idle], imaginary[~idle], wrapped(q[~idle]), off[~idle]
-        moved, real = np.abs(wrapped(q[:, 1] - start[:, 1])), imaginary <= REAL
-        clear = _clear(pose, len(T), wrapped(start[:, 1]), moved, imaginary, off < EXACT) & (largest < ILL)
+        spurious = (np.abs(wrapped(start[:, 1, None] - self._spurious)) < DISTINCT_ANGLE).any(axis=1) & (off >= EXACT)
+        rest = ~spurious
+        pose, start, imaginary, q, off = pose[rest], start[rest], imaginary[rest], wrapped(q[rest]), off[rest]
+        moved, real = np.abs(wrapped(q[:, 1] - start[:, 1])), imaginary <= MAX_REAL
+        clear = _clear(pose, len(T), wrapped(start[:, 1]), moved, imaginary, off < EXACT) & (largest < MAX_ENTRY)
         found = []
         for row, (begin, end) in enumerate(pairwise(np.searchsorted(pose, np.arange(len(T) + 1)).tolist())):
             part = slice(begin, end)
@@ -343,8 +356,8 @@ class General6R:
                 found.append(q[part][real[part]])
                 continue
             angles, complexity = start[part, 1], imaginary[part]
-            kept, others = q[part][off[part] < EXACT], start[part][complexity >= COMPLEX]
-            if largest[row] >= ILL or (moved[part][real[part]] > INEXACT).any():
+            kept, others = q[part][off[part] < EXACT], start[part][complexity >= MIN_COMPLEX]
+            if largest[row] >= MAX_ENTRY or (moved[part][real[part]] > MAX_CORRECTION).any():
                 _, again, complexity, _ = self._candidates(
                     regular[row, None], *self.CHOICES[0], self.PHASES[0], stable=True
                 )
@@ -353,41 +366,41 @@ class General6R:
             kept = np.vstack([kept, wrapped(more[miss_by < EXACT])])
             kept = self._distinct(kept, T[row])
             if not len(kept) or _in_doubt(len(kept), angles, complexity):
-                kept = self._thoroughly(T[row], kept, tol)
+                kept = self._solve_near_singular(T[row], kept, tol)
             found.append(kept)
         return found
 
-    def _thoroughly(self, T: Floats, known: Floats, tol: float) -> Floats:
-        """All postures of one pose where some merge: all problems' eigenvalues, and Newton's method from around."""
+    def _solve_near_singular(self, T: Floats, known: Floats, tol: float) -> Floats:
+        """All postures of one pose near a singularity: all choices of eigenvalue, and random restarts."""
         regular = self._regular(T[None])
         starts = [self._candidates(regular, *choice, phase)[1] for choice in self.CHOICES for phase in self.PHASES]
         seeds = np.vstack(starts)
         poses = np.broadcast_to(T, (len(seeds), 4, 4))
         q, off = newton(self.chain, seeds, poses, steps=2 * STEPS)
-        late = np.flatnonzero(off >= EXACT)  # from there to where two postures are one, or almost
+        late = np.flatnonzero(off >= EXACT)  # slow convergence, to double or nearly double postures
         late = late[first_of_each(seeds[late], SAME_START)]
         q[late], off[late] = nearest_by_newton(self.chain, seeds[late], poses[late])
         found = self._distinct(np.vstack([known, wrapped(q[off < EXACT])]), T)
         merging = found[np.linalg.svd(self.chain.jacobian(found)[1])[1][:, -1] < MERGING] if len(found) else found
-        if len(merging):  # around each, as solutions that merge are near each other
+        if len(merging):  # solutions that merge are close to each other
             rng = np.random.default_rng(0)
-            away = rng.normal(size=(AROUND, 6)) * 10.0 ** rng.uniform(-4.0, -1.5, (AROUND, 1))
-            around = merging[rng.integers(len(merging), size=AROUND)] + away
-            q, off = newton(self.chain, around, np.broadcast_to(T, (AROUND, 4, 4)), steps=MAX_STEPS)
+            away = rng.normal(size=(RESTARTS, 6)) * 10.0 ** rng.uniform(-4.0, -1.5, (RESTARTS, 1))
+            around = merging[rng.integers(len(merging), size=RESTARTS)] + away
+            q, off = newton(self.chain, around, np.broadcast_to(T, (RESTARTS, 4, 4)), steps=MAX_STEPS)
             found = self._distinct(np.vstack([found, wrapped(q[off < EXACT])]), T)[:MAX_POSTURES]
         elif not len(found) and (off <= tol).any():
             order = np.argsort(off)
             nearest = wrapped(q[order][off[order] <= tol])
-            found = nearest[first_of_each(nearest, SAME_VALLEY)]
+            found = nearest[first_of_each(nearest, SAME_IF_CONNECTED)]
         return found
 
     def _distinct(self, q: Floats, T: Floats) -> Floats:
-        """Postures (m, 6) without repetition: two are one if they are close, or if all between them reaches, too."""
+        """Distinct postures of (m, 6): two are the same if they are close, or if the one between them reaches too."""
         q = q[first_of_each(q, SAME)]
         if len(q) < 2:
             return q
         away = wrapped(q[:, None] - q)
-        near = (np.abs(away).max(axis=2) < SAME_VALLEY) & np.tri(len(q), k=-1, dtype=np.bool_)
+        near = (np.abs(away).max(axis=2) < SAME_IF_CONNECTED) & np.tri(len(q), k=-1, dtype=np.bool_)
         if not near.any():
             return q
         later, earlier = np.nonzero(near)
@@ -420,18 +433,18 @@ class General6R:
     def _candidates(
         self, T: Floats, unknown: int, factor: int, phase: float, *, stable: bool = False
     ) -> tuple[NDArray[np.int64], Floats, Floats, Floats]:
-        """Compute where Newton's method may start.
+        """Compute starting points for Newton's method.
 
         Args:
             T: Poses, shape (count, 4, 4).
             unknown: Which joint is the eigenvalue.
-            factor: By which the equations are multiplied.
-            phase: Where the eigenvalue would be infinite: pi further [rad].
-            stable: By the QZ algorithm, which needs no inverse and takes twenty times as long.
+            factor: Which joint multiplies the equations.
+            phase: The eigenvalue is infinite at this angle plus pi [rad].
+            stable: Use the QZ algorithm, which needs no inverse and takes twenty times as long.
 
         Returns:
-            Poses by their row, in order, (m,); for each a posture (m, 6), and its eigenvalue's imaginary part (m,); and
-            the largest entry of each pose's matrix (count,), 0 where there is no inverse.
+            Rows of the poses, in order, (m,); for each a posture (m, 6) and its eigenvalue's imaginary part (m,); and
+            the largest entry of each pose's matrix (count,), 0 with `stable`.
         """
         far = self._far(T)
         base, triangle = np.linalg.qr(far[:, :, 1:], mode="complete")
@@ -441,7 +454,7 @@ class General6R:
         find = _by_qz if stable else self._by_inverse
         pose, value, products, largest = find(B, C, S, unknown)
         products = products.reshape(-1, 4, 3)
-        # products are one vector times another; the largest entries are the most exact
+        # products are an outer product; the largest entries are the most accurate
         row = np.abs(products).sum(axis=2).argmax(axis=1)
         column = np.abs(products).sum(axis=1).argmax(axis=1)
         every = np.arange(len(pose))
@@ -458,7 +471,7 @@ class General6R:
     def _by_inverse(self, B: Floats, C: Floats, S: Floats, unknown: int) -> _Eigen:
         """Eigenvalues x of (B - C) x^2 + 2 S x + B + C that may be real, by the companion matrix."""
         rest, known = self._bases[unknown]
-        regular = B - C + NUDGE * np.eye(12)
+        regular = B - C + REGULARISATION * np.eye(12)
         image = -_solved(regular, np.concatenate([B + C, 2.0 * S], axis=2) @ rest)
         values, vectors = np.linalg.eig(rest[:12].T @ rest[12:] + rest[12:].T @ image)
         pose, which = _nearly_real(values)
@@ -479,7 +492,7 @@ class General6R:
         return np.linalg.qr(known, mode="complete")[0][:, 2 * EXTRANEOUS :], known
 
     def _far(self, T: Floats) -> Floats:
-        """The functions of axis 5 over joints 1 and 6, a column for each of their nine products (count, 14, 9)."""
+        """The functions of axis 5 through joints 1 and 6, a column for each of their nine products (count, 14, 9)."""
         lines = np.einsum("aij,nbjk->nabik", self._left, T[:, None] @ self._right)[..., :3, :]
         values = self._functions(lines[..., 0], lines[..., 1]).reshape(-1, 9, 14)
         return (self._both @ values).transpose(0, 2, 1)
@@ -496,7 +509,7 @@ class General6R:
         return products.reshape(count, 3, 6, 3, 2, 4).transpose(0, 1, 4, 2, 5, 3).reshape(count, 3, 12, 12)
 
     def _close(self, q: Floats, T: Floats, far: Floats, base: Floats, triangle: Floats) -> None:
-        """Fill in joints 1 and 6 of postures (m, 6), by the equations that eliminate them, and then joint 5."""
+        """Fill in joints 1 and 6 of postures (m, 6), by the equations that eliminate them, then joint 5."""
         A, count = self.chain.placements, len(q)
         angles = np.ones((count, 3, 3))
         angles[:, :, 1], angles[:, :, 2] = np.cos(q[:, 1:4]), np.sin(q[:, 1:4])
@@ -514,7 +527,7 @@ class General6R:
 
 def _by_qz(B: Floats, C: Floats, S: Floats, _: int) -> _Eigen:
     """As `General6R._by_inverse`, by the QZ algorithm, for each pose alone."""
-    from scipy.linalg import eig  # rarely needed, and half of what importing the kinematics would take
+    from scipy.linalg import eig  # rarely needed, and slow to import
 
     count = len(B)
     values, vectors = np.empty((count, 24), np.complex128), np.empty((count, 12, 24), np.complex128)
@@ -530,9 +543,9 @@ def _by_qz(B: Floats, C: Floats, S: Floats, _: int) -> _Eigen:
 
 
 def _nearly_real(values: NDArray[Any]) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
-    """Rows and columns of the eigenvalues (count, k) that are real or almost, one of two that are conjugate."""
+    """Rows and columns of the eigenvalues (count, k) up to `MAX_CANDIDATE`, one of each conjugate pair."""
     with np.errstate(invalid="ignore"):  # some may be infinite
-        near = (np.abs(values.imag) < NEARLY_REAL * (1.0 + np.abs(values) ** 2)) & (values.imag >= 0.0)
+        near = (np.abs(values.imag) < MAX_CANDIDATE * (1.0 + np.abs(values) ** 2)) & (values.imag >= 0.0)
     pose, which = np.nonzero(near)
     return pose, which
 
@@ -543,40 +556,40 @@ def _scaled(rows: NDArray[Any], by: NDArray[Any]) -> Floats:
 
 
 def _in_doubt(found: int, angles: Floats, imaginary: Floats) -> bool:
-    """Whether there may be another number of postures than were found.
+    """Whether the number of postures may differ from the number that was found.
 
-    They come and go in pairs, and each has a real eigenvalue of its own. An eigenvalue that is one of k equal ones is
-    exact to the k-th root of the rounding only: it may belong to a posture although it is not real, if it is almost
-    real or among others.
+    Postures appear and vanish in pairs, and each has a real eigenvalue. One of k equal eigenvalues is accurate to the
+    k-th root of the rounding error only: it may belong to a posture although it is not real, if it is nearly real or
+    in a cluster.
 
     Args:
         found: Number of postures.
         angles: Of the eigenvalues [rad].
         imaginary: Their imaginary parts.
     """
-    if found % 2 or found != np.count_nonzero(imaginary <= REAL):
+    if found % 2 or found != np.count_nonzero(imaginary <= MAX_REAL):
         return True
-    maybe = imaginary > REAL
+    maybe = imaginary > MAX_REAL
     if not maybe.any():
         return False
-    together = np.abs(wrapped(angles[maybe, None] - angles)) < CLUSTER
-    return bool((imaginary[maybe] < COMPLEX).any() or (np.count_nonzero(together, axis=1) > 2).any())
+    together = np.abs(wrapped(angles[maybe, None] - angles)) < CLUSTER_WIDTH
+    return bool((imaginary[maybe] < MIN_COMPLEX).any() or (np.count_nonzero(together, axis=1) > 2).any())
 
 
 def _clear(
     pose: NDArray[np.int64], count: int, angles: Floats, moved: Floats, imaginary: Floats, good: NDArray[np.bool_]
 ) -> NDArray[np.bool_]:
-    """For which poses every real eigenvalue is apart from the others and leads to a posture, and no other may.
+    """Which poses are solved: every real eigenvalue is distinct and leads to a posture, and no other may.
 
-    What `_in_doubt` would ask, for many poses at once, and a little stricter.
+    A stricter `_in_doubt` for many poses at once.
 
     Args:
-        pose: Which pose an eigenvalue belongs to, in order, shape (m,).
+        pose: Row of the pose of each eigenvalue, in order, shape (m,).
         count: Number of poses.
         angles: Of the eigenvalues [rad], in [-pi, pi].
-        moved: By how much Newton's method has moved them, without the sign [rad].
+        moved: Their correction by Newton's method, absolute [rad].
         imaginary: Their imaginary parts.
-        good: Which have led to a posture.
+        good: Which led to a posture.
     """
     order = np.lexsort((angles, pose))
     ends = np.searchsorted(pose, np.arange(count + 1))
@@ -588,16 +601,18 @@ def _clear(
     behind[first] = ahead[last]
     gap = np.empty(len(pose))
     gap[order] = np.minimum(ahead, behind)
-    real = imaginary <= REAL
+    real = imaginary <= MAX_REAL
     fine = np.where(
-        real, good & (gap > APART) & (moved < np.minimum(INEXACT, 0.25 * gap)), (imaginary >= COMPLEX) & (gap > CLUSTER)
+        real,
+        good & (gap > DISTINCT_ANGLE) & (moved < np.minimum(MAX_CORRECTION, 0.25 * gap)),
+        (imaginary >= MIN_COMPLEX) & (gap > CLUSTER_WIDTH),
     )
     number = np.bincount(pose, weights=real, minlength=count)
     return (np.bincount(pose, weights=~fine, minlength=count) == 0) & (number % 2 == 0) & (number > 0)
 
 
 def _coefficients(values: Floats) -> Floats:
-    """Of the 27 products of 1, cosine and sine of three angles (27, k), from values (3, 3, 3, k) at `SAMPLES`."""
+    """Coefficients of 27 products of 1, cosine and sine of three angles, (27, k), from values at `SAMPLES`."""
     found = np.einsum("ai,bj,ck,ijkm->abcm", COEFFICIENTS, COEFFICIENTS, COEFFICIENTS, values)
     return found.reshape(27, -1)
 

@@ -22,7 +22,7 @@ STEPS = 4
 class Prior(NamedTuple):
     """Standard deviations of how far frames are from where the data sheet has them, (translation [m], turn [rad]).
 
-    A part with zeros is as the data sheet says.
+    Zeros stand for the data sheet's values.
 
     Attributes:
         base: Of the arm in the world in which the tip is seen.

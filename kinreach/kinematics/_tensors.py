@@ -59,7 +59,7 @@ def as_device(device: object) -> Any:
 
     Raises:
         InstallationError: Torch is not installed.
-        InputError: There is no such device.
+        InputError: Unknown device.
     """
     torch = load_extra("torch", "train")
     try:

@@ -82,7 +82,7 @@ def read_calibration(file: str | Path, model: str, *, repair: bool = False) -> C
         repair: Put right what an old exporter folded: the figures of one link with x and y negated.
 
     Raises:
-        UnknownNameError: There is no such model.
+        UnknownNameError: Unknown model.
         InputError: The file cannot be read, is none of the three, lacks a joint, has a number that is not finite or
             in another unit, is folded (unless `repair`), or is of another model; the message names joint, value, bound.
     """

@@ -151,7 +151,7 @@ class ArmDescription:
             self._check_fit()
 
     def _check_kinds(self) -> None:
-        """Refuse what is not of the kind that the attribute says."""
+        """Refuse values of another type than the attribute's."""
         kinds: Mapping[str, tuple[type | UnionType, str]] = {
             "name": (str, "text"),
             "title": (str, "text"),
@@ -320,7 +320,7 @@ class ArmDescription:
             repair: Correct what an old exporter folded (`kinreach.robots.read_calibration`).
 
         Raises:
-            UnknownNameError: There is no such model.
+            UnknownNameError: Unknown model.
             InputError: The file is none of these, is folded, or does not fit the model.
         """
         calibration = read_calibration(file, self.name if model is None else model, repair=repair)

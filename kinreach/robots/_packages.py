@@ -54,7 +54,7 @@ def find_meshes(robot: ET.Element, file: Path, package_dirs: Sequence[str | Path
             material.remove(texture)
     parents = {child: parent for parent in robot.iter() for child in parent}
     places: dict[ET.Element, Path] = {}
-    lost: dict[ET.Element, str] = {}  # shapes, or meshes that are no shape's
+    lost: dict[ET.Element, str] = {}  # shapes, or meshes that belong to no shape
     for mesh in robot.iter("mesh"):
         address = mesh.get("filename", "")
         if (place := folders.mesh(address)) is not None:

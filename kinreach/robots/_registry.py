@@ -45,7 +45,7 @@ def get_arm(name: str | ArmDescription) -> ArmDescription:
     """Return the arm with this name, in upper or lower case; a description is returned as it is.
 
     Raises:
-        UnknownNameError: There is no such arm; the message lists the available names.
+        UnknownNameError: Unknown arm; the message lists the available names.
         InstallationError: The package with its URDF is not installed.
     """
     if isinstance(name, ArmDescription):
@@ -73,7 +73,7 @@ def arm_named(
         package_dirs: Folders of the packages with a file's meshes.
 
     Raises:
-        UnknownNameError: There is no such arm.
+        UnknownNameError: Unknown arm.
         InputError: The file is not an arm, the module cannot be imported, or its attribute is not an `ArmDescription`;
             or joints or folders of another arm than a file's are given.
     """

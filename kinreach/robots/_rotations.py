@@ -98,7 +98,7 @@ def as_frame(name: str, value: ArrayLike) -> Floats:
     """Return a frame that a user gives as a 4x4 transform or as six numbers of `pose`; shape (4, 4).
 
     Raises:
-        InputError: Neither, or farther away than `MAX_TOOL`: millimetres in place of metres.
+        InputError: Neither, or farther away than `MAX_TOOL`: millimetres instead of metres.
     """
     given = as_floats(name, value)
     check_entries(name, given, MAX_DISTANCE)

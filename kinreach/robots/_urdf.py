@@ -107,7 +107,7 @@ def set_limits(robot: ET.Element, joint: str, lower: float, upper: float) -> Non
     """Set the lower and the upper limit of a joint [rad].
 
     Raises:
-        InputError: There is no such joint, or it is of a kind that has no limits.
+        InputError: Unknown joint, or it is of a kind that has no limits.
     """
     element = named(robot, "joint", joint)
     limit = None if element is None or element.get("type") not in _LIMITED else element.find("limit")
@@ -414,7 +414,7 @@ class UrdfArm:
         limits: Lower and upper limit of each [rad].
 
     Raises:
-        InputError: There is no such link or joint, a joint is not between root and tip, or none moves there; a joint
+        InputError: Unknown link or joint, a joint is not between root and tip, or none moves there; a joint
             has no range; or without `tip` two branches are equally long.
     """
 
@@ -621,7 +621,7 @@ def check_home(name: str, robot: ET.Element, home: Mapping[str, float]) -> None:
         home: Angles by the names of joints [rad].
 
     Raises:
-        InputError: There is no such joint, or it is outside; the message names its angle and its limits.
+        InputError: Unknown joint, or it is outside; the message names its angle and its limits.
     """
     joints = {joint.get("name", ""): joint for joint in robot.findall("joint")}
     for joint, angle in home.items():

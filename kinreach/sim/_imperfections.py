@@ -51,7 +51,7 @@ def as_imperfections(given: Imperfections | Mapping[str, float] | None) -> Imper
     """Check imperfections, given as such or by name; None is an ideal arm.
 
     Raises:
-        UnknownNameError: There is no imperfection of a name.
+        UnknownNameError: Unknown imperfection.
         InputError: They are neither, or a value cannot be.
     """
     if given is None:

@@ -32,7 +32,7 @@ class SceneViewer:
         camera: Name of the camera whose view the window begins with.
 
     Raises:
-        InstallationError: There is no screen, or no library to open a window with.
+        InstallationError: No screen, or no library that opens a window.
     """
 
     def __init__(self, model: Any, data: Any, *, camera: str) -> None:

@@ -35,7 +35,7 @@ def camera_id(model: Any, name: str) -> int:
     """Return number of a camera of a scene.
 
     Raises:
-        UnknownNameError: There is no such camera; the message lists those there are.
+        UnknownNameError: Unknown camera; the message lists those there are.
     """
     check_known("camera", name, [model.camera(i).name for i in range(model.ncam)])
     found: int = mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_CAMERA, name)
@@ -57,7 +57,7 @@ class FrameRenderer:
     Raises:
         InputError: A size is not a positive integer, or larger than the scene's off-screen buffer.
         DrawingError: The library refused, or this process was forked from one that had drawn.
-        InstallationError: There is no library to draw with; the message names the packages.
+        InstallationError: No OpenGL library works; the message names the packages.
     """
 
     def __init__(self, model: Any, *, width: int = 1280, height: int = 720, shadows: bool = True) -> None:
@@ -80,7 +80,7 @@ class FrameRenderer:
         """Draw a colour picture of a state (`mujoco.MjData`), shape (height, width, 3).
 
         Raises:
-            UnknownNameError: There is no such camera; the message lists those there are.
+            UnknownNameError: Unknown camera; the message lists those there are.
             DrawingError: The graphics library failed.
         """
         self._renderer.disable_depth_rendering()
@@ -90,7 +90,7 @@ class FrameRenderer:
         """Draw the depth of each pixel along a camera's optical axis [m], shape (height, width).
 
         Raises:
-            UnknownNameError: There is no such camera; the message lists those there are.
+            UnknownNameError: Unknown camera; the message lists those there are.
             DrawingError: The graphics library failed.
         """
         self._renderer.enable_depth_rendering()
@@ -149,9 +149,9 @@ def render(
     """Draw one picture of a simulation, shape (height, width, 3); for many keep a `FrameRenderer`.
 
     Raises:
-        UnknownNameError: There is no such camera.
+        UnknownNameError: Unknown camera.
         InputError: The frame is too large.
-        InstallationError: There is no library to draw with.
+        InstallationError: No OpenGL library works.
         DrawingError: The library refused or failed, or this process was forked from one that had drawn.
     """
     with FrameRenderer(simulation.model, width=width, height=height, shadows=shadows) as renderer:

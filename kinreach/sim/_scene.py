@@ -91,7 +91,7 @@ def check_timestep(timestep: object) -> None:
 
 @contextmanager
 def _refusals_of(arm: ArmDescription) -> Iterator[None]:
-    """What MuJoCo says of an arm that it does not take, as an error of ours."""
+    """Turn MuJoCo's refusal of an arm into an `InputError`."""
     try:
         yield
     except ValueError as error:

@@ -55,7 +55,7 @@ class ArmSimulation:
         controller: Executes moves.
 
     Raises:
-        UnknownNameError: There is no arm of that name.
+        UnknownNameError: Unknown arm.
         InputError: A timestep, a tolerance or an imperfection that cannot be used.
     """
 
@@ -152,7 +152,7 @@ class ArmSimulation:
         """Return pose of a frame of the URDF, or of an obstacle, shape (4, 4).
 
         Raises:
-            UnknownNameError: There is no such frame; the message lists those there are.
+            UnknownNameError: Unknown frame; the message lists those there are.
         """
         given: object = name
         named = isinstance(given, str) and given.isprintable()
@@ -200,7 +200,7 @@ class BatchSimulation:
     Raises:
         InputError: `count`, `threads`, a timestep, a tolerance, an imperfection or a device that cannot be used.
         InstallationError: MuJoCo Warp is not installed.
-        UnknownNameError: There is no arm or backend of that name.
+        UnknownNameError: Unknown arm or backend.
     """
 
     def __init__(

@@ -40,7 +40,7 @@ class WarpPlant:
 
     Raises:
         InstallationError: MuJoCo Warp is not installed.
-        InputError: There is no such device.
+        InputError: Unknown device.
     """
 
     def __init__(self, model: Any, count: int, *, device: str | None = None) -> None:

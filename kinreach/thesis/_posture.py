@@ -14,7 +14,7 @@ Where the thesis leaves something open:
 *   **Angles.** The thesis draws alpha, beta and gamma and gives no formula. They are -j1, j2, -j3 on branch A and
     pi + j1, -j2, pi + j3 on branch B, which makes delta pi/2 exactly where the gripper is perpendicular. Nothing is
     wrapped: with joints within ±pi a gripper that is perpendicular a turn further (delta = pi/2 ± 2 pi) has the error
-    2 pi, as the thesis's algebra says.
+    2 pi, as in the thesis's algebra.
 """
 
 from __future__ import annotations

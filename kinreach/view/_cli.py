@@ -90,7 +90,7 @@ def setup_of(
         environment: Id of an environment to begin with, or `module:id`.
 
     Raises:
-        InputError: There is no such arm, tip, policy or environment, or a file or module cannot be used.
+        InputError: Unknown arm, tip, policy or environment, or a file or module cannot be used.
     """
     options = {"tip": tip, "joints": joints, "package_dirs": package_dirs}
     description = arm_with(arm, calibration=calibration, repair=repair, tool=tool, **options)  # type: ignore[arg-type]

@@ -157,7 +157,7 @@ class Recording:
 
     @property
     def made_with(self) -> dict[str, Any]:
-        """Options of the environment, but for the arm."""
+        """Options of the environment, except the arm."""
         options = {**playable(self.name).options, **self.options, **self._needed}
         options.pop(ARM, None)
         return options
@@ -171,7 +171,7 @@ class Recording:
 
         Raises:
             Stopped: `stop` was set.
-            KinreachError: There is no such environment or player, it cannot act there, or the arm cannot; or nothing
+            KinreachError: Unknown environment or player, it cannot act there, or the arm cannot; or nothing
                 says what is to be drawn.
         """
         known = playable(self.name)
@@ -260,7 +260,7 @@ class _Recorder(gym.Wrapper[Any, Any, Any, Any]):
         self._take()
 
     def _begin(self, info: Mapping[str, Any]) -> None:
-        """An episode in the environment's own scene, or in one that follows what it says."""
+        """An episode in the environment's own scene, or in one that follows its `info`."""
         self._scene, self._follows = scene_of(self.env, info)
         self._believed = self.env.has_wrapper_attr("believed")
         self._scene.watch = self._moving

@@ -60,7 +60,7 @@ class Page:
         watch(client, self.report)
         try:
             self._build()
-        except Exception as error:  # a page without its arm still says why
+        except Exception as error:  # a page without its arm still shows why
             self.report(error)
 
     def _build(self) -> None:

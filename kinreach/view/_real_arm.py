@@ -87,8 +87,8 @@ class RealArm:
         nominal, real: Kinematics, from the world to the tip.
 
     Raises:
-        InputError: The arm is no UR.
-        UnknownNameError: There is no such tip.
+        InputError: The arm is not a UR.
+        UnknownNameError: Unknown tip.
     """
 
     def __init__(self, nominal: ArmDescription, real: ArmDescription, *, tip: str | None = None) -> None:

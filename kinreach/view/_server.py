@@ -63,10 +63,10 @@ def _own_host(headers: Any) -> re.Match[str] | None:
 
 @contextlib.contextmanager
 def _guarding(title: str) -> Iterator[threading.Event]:
-    """Servers of websockets that are started here answer only requests of their own page; set when there is one.
+    """Let websocket servers that are started here answer only requests of their own page; the event is set by one.
 
-    Their page has a title and a head of our own, and what is no message does not end its connection. viser has no
-    option for any of it. It starts its server through `serve` of websockets, which has.
+    The page gets its own title and head, and data that is not a message does not end its connection. viser has no
+    options for these; it calls `serve` of websockets, which has.
     """
     from viser._messages import Message
     from websockets.asyncio import server
@@ -134,7 +134,7 @@ class Server:
 
     Raises:
         InstallationError: viser is missing, or its connections cannot be guarded.
-        OutputError: There is no free port.
+        OutputError: No port is free.
     """
 
     def __init__(self, setup: Setup, *, port: int = 8080) -> None:
@@ -150,7 +150,7 @@ class Server:
             with (
                 contextlib.redirect_stdout(io.StringIO()),
                 _guarding(setup.title) as guarded,
-            ):  # viser says where it listens
+            ):  # viser prints where it listens
                 self._viser = viser.ViserServer(host=HOST, port=port, label=setup.arm.title, verbose=False)
         except OSError as error:
             raise OutputError(f"no port can be listened to from {port} on: {error}") from error

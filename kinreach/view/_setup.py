@@ -76,7 +76,7 @@ class Setup:
         """Id of the environment of the policy; empty if there is none, or it does not say.
 
         Raises:
-            InputError: There is no such policy, the file is none, or the module cannot be loaded.
+            InputError: Unknown policy, the file is none, or the module cannot be loaded.
         """
         if self.policy is None:
             return ""
@@ -92,7 +92,7 @@ class Setup:
         For an arm without goals these are the ones that have an arm of their own.
 
         Raises:
-            InputError: There is no environment of that id, or its module cannot be loaded.
+            InputError: Unknown environment, or its module cannot be loaded.
         """
         wanted = self.policy_environment if self.environment is None else self.environment
         if wanted:

@@ -163,7 +163,7 @@ class TargetModel:
         solvers: Names of solvers and policies that can be put beside each other.
 
     Raises:
-        UnknownNameError: There is no such arm or tip.
+        UnknownNameError: Unknown arm or tip.
         InputError: The arm's collision shapes cannot be read.
     """
 
@@ -237,7 +237,7 @@ class TargetModel:
             names: Of `solvers`, by default all.
 
         Raises:
-            UnknownNameError: There is no such solver.
+            UnknownNameError: Unknown solver.
             InputError: A policy that is for another task or arm.
         """
         accept = None if self.checker is None else self.checker.free
@@ -417,7 +417,7 @@ class TargetModel:
 
 
 def _missing_least(postures: Sequence[Posture]) -> str:
-    """The sentence of the branch that is nearest to reaching; empty if none says what it lacks."""
+    """The sentence of the branch that is nearest to reaching; empty if none has a shortfall."""
     lacks = [posture.lack for posture in postures if posture.lack is not None]
     if not lacks:
         return ""

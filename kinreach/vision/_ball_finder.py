@@ -88,7 +88,7 @@ def find_ball(
         something else cuts. Of several that fit, the one whose outline has the most votes.
 
     Raises:
-        UnknownNameError: There is no such pipeline.
+        UnknownNameError: Unknown pipeline.
         InputError: Pictures of another type or size than the camera's, or a radius outside 0.1 mm … 0.2 m.
     """
     check_known("pipeline", pipeline, PIPELINES)

@@ -205,7 +205,7 @@ class RGBDCamera:
         intrinsics: Focal lengths and optical axis [pixels].
 
     Raises:
-        UnknownNameError: There is no such camera; the message lists those there are.
+        UnknownNameError: Unknown camera; the message lists those there are.
         InputError: The renderer draws another scene or another size.
     """
 
@@ -252,9 +252,9 @@ class RGBDCamera:
             rng: Draws the noise; the same generator state gives the same picture.
 
         Raises:
-            InputError: Noise that is no `SensorNoise`, or without a generator, or a picture larger than the scene's
+            InputError: Noise that is not a `SensorNoise`, or without a generator, or a picture larger than the scene's
                 off-screen buffer.
-            InstallationError: There is no library to draw with; the message names the packages.
+            InstallationError: No OpenGL library works; the message names the packages.
         """
         check_noise(noise)
         if noise is not None and rng is None:

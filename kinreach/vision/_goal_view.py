@@ -74,7 +74,7 @@ def geometric_goal_view(arm: str | ArmDescription, goals_world: ArrayLike) -> Fl
         The view of each goal [m], shape (..., 3 * cameras).
 
     Raises:
-        UnknownNameError: There is no such arm.
+        UnknownNameError: Unknown arm.
         InputError: Wrong shape, a value that is not finite, or no camera of the arm measures the goal.
     """
     goals = as_floats("goals_world", goals_world)
@@ -100,7 +100,7 @@ def goal_in_world(arm: str | ArmDescription, values: ArrayLike, found: ArrayLike
         Position in the world [m], shape (3,); None if no camera found the ball.
 
     Raises:
-        UnknownNameError: There is no such arm.
+        UnknownNameError: Unknown arm.
         InputError: Wrong shape, a value that is not finite, or no camera of the arm measures the goal.
     """
     arm = get_arm(arm)
@@ -180,7 +180,7 @@ class CameraGoalView:
         noise: Of the cameras; none by default.
 
     Raises:
-        UnknownNameError: There is no such arm or pipeline.
+        UnknownNameError: Unknown arm or pipeline.
         InputError: A size is not a positive integer, `noise` is not a `SensorNoise`, or no camera of the arm measures
             the goal.
     """
@@ -214,7 +214,7 @@ class CameraGoalView:
         Raises:
             InputError: A simulation of another arm, noise without a generator, or pictures larger than the scene's
                 off-screen buffer.
-            InstallationError: There is no library to draw with; the message names the packages.
+            InstallationError: No OpenGL library works; the message names the packages.
         """
         if simulation.arm is not self.arm:
             raise InputError(f"this view is of {self.arm.name}, got a simulation of {simulation.arm.name}")

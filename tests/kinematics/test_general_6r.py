@@ -7,7 +7,7 @@ from scipy.spatial.transform import Rotation
 
 from kinreach.kinematics import URKinematics
 from kinreach.kinematics._angles import wrapped
-from kinreach.kinematics._general_6r import ILL, Chain, General6R, miss, missed_by, newton
+from kinreach.kinematics._general_6r import MAX_ENTRY, Chain, General6R, miss, missed_by, newton
 from kinreach.kinematics._ur.kinematics import FLIP
 from kinreach.robots import PUBLISHED_CALIBRATIONS
 
@@ -98,7 +98,7 @@ def test_an_ill_conditioned_pose_is_noticed_and_solved():
     kin = URKinematics.from_calibration(PUBLISHED_CALIBRATIONS["ur10e_a"], model="ur10e")
     q = np.array([1.281906, 1.761483, -0.484367, -1.026086, -3.025442, 0.440775])
     general, T = kin._solver.general, FLIP @ kin.fk(q)
-    assert general._candidates(T[None], *general.CHOICES[0], general.PHASES[0])[3][0] > ILL
+    assert general._candidates(T[None], *general.CHOICES[0], general.PHASES[0])[3][0] > MAX_ENTRY
     (found,) = general.solve(T[None])
     assert apart(q, found) < 1e-7
     assert len(found) == 4

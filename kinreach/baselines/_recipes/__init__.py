@@ -44,7 +44,7 @@ def get_recipe(name: str) -> Recipe:
 
     Raises:
         UnknownNameError: There is none of that name; the message lists those that there are.
-        InputError: There is no such module or attribute, or it is not a recipe.
+        InputError: Unknown module or attribute, or it is not a recipe.
     """
     given: Any = name
     if isinstance(given, str) and ":" in given:

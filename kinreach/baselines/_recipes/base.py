@@ -51,7 +51,7 @@ class Recipe:
             border is then learned as well as the middle.
         walk: Steps of the environment in which a posture is walked to in training; of ranked PPO only.
         networks: Actor and critic.
-        settings: Keyword arguments of the algorithm, as JSON values; its entry in the registry says what
+        settings: Keyword arguments of the algorithm, as JSON values; its entry in the registry lists what
             becomes of them (`mlp_arguments`, `ppo_arguments`, ...).
         segments: Parts of the training, after each of which its state is kept.
         window: Environment steps of a row of the learning curve.

@@ -1,4 +1,4 @@
-"""Touch a rolling ball by closed-form kinematics: where it was seen, or where a Kalman filter says that they meet."""
+"""Touch a rolling ball by closed-form kinematics: where it was seen, or where a Kalman filter predicts it."""
 
 from __future__ import annotations
 

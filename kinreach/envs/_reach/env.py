@@ -424,7 +424,7 @@ class SpaceReachEnv(ReachEnv):
 
     @property
     def variant(self) -> ReachVariant:  # type: ignore[override]
-        """Single- or multi-step, as the option `steps` says."""
+        """Single- or multi-step, by the option `steps`."""
         return self._task.variant
 
     @classmethod

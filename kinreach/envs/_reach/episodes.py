@@ -1,4 +1,4 @@
-"""Episodes of a number of arms in step: the whole task but for Gymnasium's interface."""
+"""Episodes of a number of arms in step: the whole task except Gymnasium's interface."""
 
 from __future__ import annotations
 

@@ -180,7 +180,7 @@ def check_cameras(
     """Refuse cameras that cannot be; for the values see `ReachOptions`.
 
     Raises:
-        UnknownNameError: There is no such pipeline.
+        UnknownNameError: Unknown pipeline.
         InputError: A size, a noise or an exposure that cannot be.
     """
     check_known("pipeline", pipeline, PIPELINES)
@@ -436,7 +436,7 @@ class ReachTask:
 
     @property
     def observation_space(self) -> spaces.Box:
-        """What the environments observe, but for pictures."""
+        """What the environments observe, except pictures."""
         return observation_space(self.arm, directed=self.directed)
 
     def reset_options(self, options: Mapping[str, Any] | None, count: int | None) -> Start:

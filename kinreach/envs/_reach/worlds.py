@@ -40,7 +40,7 @@ class Status(IntEnum):
     FORFEITED = 7
 
 
-#: What `info["status"]` says of each `Status`.
+#: `info["status"]` for each `Status`.
 STATUSES = np.array(
     ["completed", "out of limits", "collision", "self-collision", "blocked", "timeout", "diverged", "forfeited"],
     dtype=object,

@@ -44,7 +44,7 @@ def new_solver(name: str, kinematics: ArmKinematics) -> Solver:
     """Make a solver by its short name, one of `SOLVERS`; its package is loaded now.
 
     Raises:
-        UnknownNameError: There is no such solver.
+        UnknownNameError: Unknown solver.
         InputError: The closed form of an arm that has none.
     """
     check_known("solver", name, SOLVERS)

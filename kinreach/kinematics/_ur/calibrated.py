@@ -1,22 +1,21 @@
 """Inverse kinematics of calibrated UR arms: every posture, exactly.
 
-A calibrated arm has no closed form: its axes are tilted by milliradians, so that no two of them meet or are parallel.
-It is treated as an arm of the data sheet's kind that is a little off.
+A calibrated arm has no closed form: its axes are tilted by milliradians, so no two of them intersect or are parallel.
 
-* The nearest arm that does have the closed form is fitted to it: lengths, zero angles, base and flange. What remains
-  is bounded by some tenths of a millimetre and some milliradians, over all postures.
-* Every posture of the calibrated arm is therefore a posture of that arm for a pose within those bounds. As long as no
-  pose within them is singular, each branch of the closed form maps them into themselves and contracts them (the steps
-  of the correction shrink by the ratio of the bounds to the distance from the singularity), so that each branch has
-  exactly one posture; and Newton's method finds it from the closed form's.
-* Where a pose within the bounds is singular (the wrist centre near the shoulder's cylinder, sin q5 near 0, the elbow
-  near stretched or folded), branches may merge or vanish, and near sin q5 = 0 more than eight may appear. Two postures
-  of a stretched elbow that are both found are all there are; in every other such case, and wherever Newton's method did
-  not stay on its branch, `General6R` decides, which knows nothing of branches and finds all.
+1. An arm with a closed form is fitted to it: lengths, zero angles, base and flange. Over all postures the two differ by
+   a few tenths of a millimetre and a few milliradians. These bounds are kept.
+2. Every posture of the calibrated arm is a posture of the fitted arm for a pose within the bounds. If no pose within
+   the bounds is singular, each branch of the closed form has exactly one posture: the correction is a contraction, as
+   its steps shrink by the ratio of the bounds to the distance from the singularity. Newton's method finds the posture
+   from the closed form's.
+3. If a pose within the bounds is singular (wrist centre near the shoulder's cylinder, sin q5 near 0, elbow nearly
+   stretched or folded), branches may merge or vanish, and near sin q5 = 0 there may be more than eight postures. Two
+   postures of a stretched elbow are all if both are found. In the other cases, and if Newton's method left its branch,
+   `General6R` finds all postures without branches.
 
-The branch index is that of the closed form for the fitted arm at the same posture: it follows a posture continuously
-as long as no singularity is crossed. Near one, two postures may share an index: the one farther from the singularity
-keeps it, and the others have indices of 8 and more, in no particular order.
+The branch index is that of the fitted arm's closed form at the same posture. It is continuous as long as no singularity
+is crossed. Two postures near a singularity may have the same index: the one farther from the singularity keeps it, and
+the others get indices from 8 on, in no particular order.
 """
 
 from __future__ import annotations
@@ -49,29 +48,29 @@ from kinreach.kinematics._ur.geometry import BRANCHES, Miss, Rows, URGeometry
 from kinreach.kinematics._ur.reach import Shortfall, shortfalls, way_into_reach
 from kinreach.kinematics._ur.refine import FAR, Refinement
 
-#: Postures at which the fitted arm is compared with the real one, and steps of the fit.
-SAMPLES, FITS = 400, 5
-#: The bounds are what the samples show, times this: maxima between samples, and what is of second order.
-CAUTION = 1.5
-#: How many times what the difference changes with the free angle sin q5 must be for branches to be told apart.
+#: Random postures at which the fitted arm is compared with the real one, and Gauss-Newton steps of the fit.
+SAMPLES, FIT_STEPS = 400, 5
+#: The bounds are the largest differences of the samples times this, for maxima between samples and second order.
+SAFETY_FACTOR = 1.5
+#: Branches are distinct if sin q5 is larger than this multiple of the difference's derivative by the free angle.
 WRIST_MARGIN = 3.0
-#: An arm that differs more from the closed form's kind is none [m, rad].
+#: An arm that differs more from the fitted one is not a UR [m, rad].
 MAX_MISFIT = 0.1
-#: How far q4 and q6 may move for the correction of a pose out of reach to be trusted [rad].
-STEADY = 0.3
+#: Largest correction of q4 and q6 for a pose out of reach that is valid to first order [rad].
+MAX_CORRECTION = 0.3
 
 
 @dataclass(frozen=True)
 class Fit:
-    """The arm with a closed form that is nearest to a calibrated one: `T = before ur_fk(q + zeros) after`.
+    """The arm with a closed form that is closest to a calibrated one: `T = before ur_fk(q + zeros) after`.
 
     Attributes:
         geometry: Its lengths [m].
-        zeros: What to add to the joint angles [rad], shape (6,).
+        zeros: Offsets of the joint angles [rad], shape (6,).
         before: Base of the fitted arm in that of the chain (4, 4).
         after: Tip of the chain in the flange of the fitted arm (4, 4).
-        chain: The arm itself, for `q + zeros`.
-        position: Bound of the distance between the two arms' tips, for one posture [m].
+        chain: The fitted arm, for `q + zeros`.
+        position: Bound of the distance between the two arms' tips at the same posture [m].
         orientation: Bound of the angle [rad].
     """
 
@@ -92,14 +91,14 @@ def fit(chain: Chain, start: URGeometry) -> Fit:
         start: Lengths by the data sheet [m].
 
     Raises:
-        InputError: Nothing near is of a UR's kind.
+        InputError: The arm differs from every UR by more than `MAX_MISFIT`.
     """
     q = np.random.default_rng(0).uniform(-np.pi, np.pi, (SAMPLES, 6))
     T = _poses(chain.fk(q))
     x = np.array([start.d1, start.a2, start.a3, start.d4, start.d5, start.d6])
     zeros: Floats = np.zeros(6)
     before, after = np.eye(4), np.eye(4)
-    for _ in range(FITS):
+    for _ in range(FIT_STEPS):
         error = miss(_chain(x, before, after).fk(q + zeros), T).ravel()
         columns = []
         for index in range(24):
@@ -112,8 +111,8 @@ def fit(chain: Chain, start: URGeometry) -> Fit:
         x, zeros = x + step[:6], zeros + step[6:12]
         before, after = _moved(before, after, step[12:])
     error = miss(_chain(x, before, after).fk(q + zeros), T)
-    position = CAUTION * float(np.linalg.norm(error[:, :3], axis=1).max())
-    orientation = CAUTION * float(np.linalg.norm(error[:, 3:], axis=1).max())
+    position = SAFETY_FACTOR * float(np.linalg.norm(error[:, :3], axis=1).max())
+    orientation = SAFETY_FACTOR * float(np.linalg.norm(error[:, 3:], axis=1).max())
     if not max(position, orientation) < MAX_MISFIT:
         raise InputError("the arm is not a UR, not even one out of adjustment")
     return Fit(URGeometry(*x.tolist()), zeros, before, after, _chain(x, before, after), position, orientation)
@@ -128,7 +127,7 @@ class CalibratedSolver:
 
     Attributes:
         chain: The arm.
-        fit: The arm with a closed form that is nearest.
+        fit: The closest arm with a closed form.
     """
 
     def __init__(self, placements: Floats, start: URGeometry) -> None:
@@ -142,7 +141,7 @@ class CalibratedSolver:
 
     @cached_property
     def general(self) -> General6R:
-        """The elimination, which needs no branches."""
+        """The solver that needs no branches."""
         return General6R(self.chain)
 
     def solve(self, T: Floats, *, tol: float) -> tuple[Floats, NDArray[np.bool_]]:
@@ -150,10 +149,10 @@ class CalibratedSolver:
 
         Args:
             T: Poses, shape (count, 4, 4), rotations exact.
-            tol: Where nothing reaches a pose exactly, postures that miss it by no more than this [m, rad].
+            tol: If no posture reaches a pose exactly, return those with at most this error [m, rad].
 
         Returns:
-            Postures (6, 16, count) [rad], NaN where there is none, and which there are (16, count).
+            Postures (6, 16, count) [rad], NaN where there is none, and whether there is one (16, count).
         """
         count = len(T)
         q = np.full((6, MAX_POSTURES, count), np.nan)
@@ -175,7 +174,7 @@ class CalibratedSolver:
         return q, valid
 
     def solve_one(self, T: Floats, *, tol: float) -> list[tuple[int, Floats]]:
-        """As `solve`, for one pose (4, 4): branches in order, each with its posture (6,)."""
+        """Solve for one pose (4, 4); return branches in order, each with its posture (6,)."""
         rows = self._fitted_rows(T)
         found, _ = solve_pose(rows, self.fit.geometry, tol=EXACT)
         branches = [row[BRANCH] for row in found]
@@ -189,12 +188,12 @@ class CalibratedSolver:
         return sorted(zip(self.branches(postures), postures, strict=True), key=lambda found: found[0])
 
     def _refined_few(self, q: Floats, T: Floats) -> tuple[Floats, float]:
-        """Newton's method from few near starts (m, 6) to one pose (1, 4, 4), and how far the worst result misses."""
+        """Run Newton's method from close starts (m, 6) to one pose (1, 4, 4); return postures and the largest error."""
         start, missing = q, np.inf
         for _ in range(STEPS):
             error, J, off = self.chain.step(q, T)
             missing = float(off.max())
-            if not 0.01 * EXACT < missing < STEADY:
+            if not 0.01 * EXACT < missing < MAX_CORRECTION:
                 break
             try:
                 q = q + np.linalg.solve(J, error[:, :, None])[:, :, 0]
@@ -224,7 +223,7 @@ class CalibratedSolver:
                 if branch not in branches or branch + 1 not in branches:
                     rho = hypot(u - flip * az, flip * (ax * c1 + ay * s1) - z)
                     if g.folded - reach < rho < g.stretched + reach and (
-                        turned + pan > STEADY * s5 or self._may_be_reached(T[None], branch)[0]
+                        turned + pan > MAX_CORRECTION * s5 or self._may_be_reached(T[None], branch)[0]
                     ):
                         return True
         return False
@@ -267,7 +266,7 @@ class CalibratedSolver:
         return index, np.minimum(np.abs(shoulder), np.minimum(np.abs(wrist), np.abs(elbow)))
 
     def _by_branches(self, T: Floats) -> tuple[Floats, NDArray[np.bool_], NDArray[np.bool_]]:
-        """One posture a branch by Newton's method; which branches have one; for which poses that may not be all."""
+        """One posture a branch by Newton's method, which branches have one, and which poses may have others."""
         q, valid, doubtful, _ = solve_poses(T, self._left, self._right, self.fit.geometry, tol=EXACT)
         doubtful |= self._near_singular(T, valid)
         branch, row = np.nonzero(valid & ~doubtful)
@@ -278,10 +277,10 @@ class CalibratedSolver:
         return q, valid, doubtful
 
     def _near_singular(self, T: Floats, valid: NDArray[np.bool_]) -> NDArray[np.bool_]:
-        """For which poses (count, 4, 4) a pose within the bounds of the fit is singular, except folds that are found.
+        """Whether a pose within the fit's bounds is singular, except where both postures of the elbow are found.
 
         Args:
-            T: The poses.
+            T: Poses, shape (count, 4, 4).
             valid: Which branches the fitted arm has for them, shape (8, count).
         """
         g, turned = self.fit.geometry, self.fit.orientation
@@ -289,37 +288,37 @@ class CalibratedSolver:
         entries = self._entries(T)
         with np.errstate(invalid="ignore", divide="ignore"):
             for branch in range(0, BRANCHES, 2):
-                sheet = _Sheet(entries, branch, g)
-                pan = self._centre / sheet.side  # how far q1 may be off [rad]
-                near |= sheet.s5 <= 2.0 * turned + WRIST_MARGIN * (self._wrist[0] + self._wrist[1] / sheet.side)
-                reach = self._centre * (1.0 + sheet.r / sheet.side) + 2.0 * g.d5 * (turned + pan) / sheet.s5
-                border = (sheet.rho < g.stretched + reach) & (sheet.rho > g.folded - reach)
+                elbow = _ElbowCircle(entries, branch, g)
+                pan = self._centre / elbow.side  # largest error of q1 [rad]
+                near |= elbow.s5 <= 2.0 * turned + WRIST_MARGIN * (self._wrist[0] + self._wrist[1] / elbow.side)
+                reach = self._centre * (1.0 + elbow.r / elbow.side) + 2.0 * g.d5 * (turned + pan) / elbow.s5
+                border = (elbow.rho < g.stretched + reach) & (elbow.rho > g.folded - reach)
                 missing = border & ~valid[branch : branch + 2].all(axis=0)
-                near |= missing & (turned + pan > STEADY * sheet.s5)
+                near |= missing & (turned + pan > MAX_CORRECTION * elbow.s5)
                 rows = np.flatnonzero(missing & ~near)
                 if len(rows):
                     near[rows] = self._may_be_reached(T[rows], branch)
-        return (near | (sheet.r <= g.d4)) & (sheet.r >= g.d4 - self._radius)
+        return (near | (elbow.r <= g.d4)) & (elbow.r >= g.d4 - self._radius)
 
     def _may_be_reached(self, T: Floats, branch: int) -> NDArray[np.bool_]:
-        """Whether the elbow of a shoulder and wrist may reach poses (count, 4, 4) that the fitted arm's does not.
+        """Whether one shoulder and wrist may reach poses (count, 4, 4) that are out of the fitted arm's reach.
 
-        The poses are corrected by how the two arms differ with the elbow stretched or folded. What is left of the
+        The poses are corrected by the difference of the two arms with the elbow stretched or folded. The remaining
         difference grows in proportion to the elbow's angle, and the reach shrinks with its square.
         """
         g, wanted = self.fit.geometry, T
-        sheet = _Sheet(self._entries(T), branch, g)
+        elbow = _ElbowCircle(self._entries(T), branch, g)
         for _ in range(2):
-            q = sheet.clamped(g)
+            q = elbow.clamped(g)
             T = _poses(self.fit.chain.fk(q)) @ np.linalg.inv(_poses(self.chain.fk(q - self.fit.zeros))) @ wanted
-            sheet = _Sheet(self._entries(T), branch, g)
+            elbow = _ElbowCircle(self._entries(T), branch, g)
         reached = np.zeros(len(T), dtype=np.bool_)
-        with np.errstate(divide="ignore"):  # where a sheet has no room, its bound is infinite
+        with np.errstate(divide="ignore"):  # inside the shoulder's cylinder the bound is infinite
             for gap, (position, orientation, bend) in zip(
-                (sheet.rho - g.stretched, g.folded - sheet.rho), self._elbow, strict=True
+                (elbow.rho - g.stretched, g.folded - elbow.rho), self._elbow, strict=True
             ):
-                slope = (position + g.d6 * orientation) * (1.0 + sheet.r / sheet.side + g.d5 / (sheet.side * sheet.s5))
-                slope += g.d5 * orientation / sheet.s5
+                slope = (position + g.d6 * orientation) * (1.0 + elbow.r / elbow.side + g.d5 / (elbow.side * elbow.s5))
+                slope += g.d5 * orientation / elbow.s5
                 reached |= gap > slope * slope * bend
         return ~reached
 
@@ -328,22 +327,22 @@ class CalibratedSolver:
         return flange_entries(np.ascontiguousarray(T[:, :3].reshape(-1, 12).T), self._left, self._right)
 
     def _centres(self) -> tuple[float, float]:
-        """How far the arms' wrist centres, and their distances from axis 1, may be apart for one posture [m]."""
+        """Bounds of the distance between the arms' wrist centres, and between their distances from axis 1 [m]."""
         q = np.random.default_rng(2).uniform(-np.pi, np.pi, (10 * SAMPLES, 6))
         arms = (self.fit.chain.fk(q), self.chain.fk(q - self.fit.zeros))
         entries = np.array([self._entries(_poses(rows)).reshape(3, 4, -1) for rows in arms])
         centres = entries[:, :, 3] - self.fit.geometry.d6 * entries[:, :, 2]
         apart = np.linalg.norm(centres[1] - centres[0], axis=0).max()
         radii = np.hypot(centres[:, 0], centres[:, 1])
-        return CAUTION * float(apart), CAUTION * float(np.abs(radii[1] - radii[0]).max())
+        return SAFETY_FACTOR * float(apart), SAFETY_FACTOR * float(np.abs(radii[1] - radii[0]).max())
 
     def _changes(self) -> tuple[tuple[float, float], list[tuple[float, float, float]]]:
-        """How fast the two arms' difference changes where the wrist, or the elbow, is singular.
+        """Derivatives of the two arms' difference where the wrist, or the elbow, is singular.
 
         Returns:
-            Orientation [rad/rad] and position of the wrist centre [m/rad] by the angle by which q4 and q6 turn against
-            each other with sin q5 = 0; and for the stretched and the folded elbow both by the elbow's angle, and how
-            much the reach shrinks with the square of that angle, inverse [1/m].
+            Of orientation [rad/rad] and wrist centre [m/rad] by the angle by which q4 and q6 turn against each other
+            with sin q5 = 0; and for the stretched and the folded elbow of position and orientation by the elbow's
+            angle, with the inverse of the reach's second derivative by it [1/m].
         """
         g = self.fit.geometry
         q = np.random.default_rng(1).uniform(-np.pi, np.pi, (SAMPLES, 6))
@@ -357,13 +356,13 @@ class CalibratedSolver:
         past = []
         for angle, length in ((0.0, g.a2 + g.a3), (np.pi, g.a2 - g.a3)):
             lift = -np.cos(angle) * g.a3 / length  # keeps wrist_1 in its place, to first order
-            position, orientation = CAUTION * change(2, angle, (0, lift, 1, -1 - lift, 0, 0))
+            position, orientation = SAFETY_FACTOR * change(2, angle, (0, lift, 1, -1 - lift, 0, 0))
             past.append((float(position), float(orientation), abs(length / (g.a2 * g.a3))))
-        return (CAUTION * float(wrist[1]), CAUTION * float(wrist[0] + g.d6 * wrist[1])), past
+        return (SAFETY_FACTOR * float(wrist[1]), SAFETY_FACTOR * float(wrist[0] + g.d6 * wrist[1])), past
 
 
-class _Sheet:
-    """One shoulder and one wrist of the fitted arm for many poses.
+class _ElbowCircle:
+    """The elbow's triangle for one shoulder and one wrist of the fitted arm, for many poses.
 
     Args:
         entries: The flange in the DH base, shape (12, count).
@@ -372,8 +371,8 @@ class _Sheet:
 
     Attributes:
         r: Distance of the wrist centre from the first axis [m].
-        side: What is left of it beside d4, 0 inside the cylinder of that radius [m].
-        s5: Sine of q5, without its sign.
+        side: Its component perpendicular to d4, 0 inside the cylinder of that radius [m].
+        s5: Absolute sine of q5.
         rho: Distance between shoulder and wrist_1 [m].
     """
 
@@ -418,7 +417,7 @@ def _chain(lengths: Floats, before: Floats, after: Floats) -> Chain:
 
 
 def _moved(before: Floats, after: Floats, twists: Floats) -> tuple[Floats, Floats]:
-    """Base and flange moved by a small twist each, from outside and from inside [m, rad], shape (12,)."""
+    """Base and flange moved by small twists, in the chain's base and in the tip [m, rad], shape (12,)."""
     outside, flange = moved_frames(np.array([np.eye(4), after]), twists.reshape(2, 6))
     return outside @ before, flange
 

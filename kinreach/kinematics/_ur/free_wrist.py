@@ -20,7 +20,7 @@ from kinreach.kinematics._ur.batch import solve_elbow
 from kinreach.kinematics._ur.closed_form import MOVED, WRIST, reaches_pose, shoulders
 from kinreach.kinematics._ur.geometry import Rows, URGeometry
 
-#: Values of q234 that are tried on a full turn, and around the best of them, as often as `ROUNDS` says.
+#: Values of q234 that are tried on a full turn, and `ROUNDS` times around the best of them.
 STEPS, STEPS_AROUND, ROUNDS = 8192, 129, 5
 
 

@@ -84,7 +84,7 @@ class URKinematics(ClosedFormKinematics):
         geometry: Denavit-Hartenberg lengths [m].
 
     Raises:
-        UnknownNameError: There is no such arm, tip or base.
+        UnknownNameError: Unknown arm, tip or base.
         InputError: The arm's geometry is not that of a UR.
 
     Note:
@@ -159,7 +159,7 @@ class URKinematics(ClosedFormKinematics):
             A `CalibratedURKinematics`; a `URKinematics` if the file has the figures of the data sheet.
 
         Raises:
-            UnknownNameError: There is no such model, tip or base.
+            UnknownNameError: Unknown model, tip or base.
             InputError: The file is not a calibration of this model.
         """
         arm = get_arm(model).calibrated(file, repair=repair)
@@ -418,7 +418,7 @@ class CalibratedURKinematics(URKinematics):
         geometry: Lengths of the nearest arm that has a closed form [m].
 
     Raises:
-        UnknownNameError: There is no such arm, tip or base.
+        UnknownNameError: Unknown arm, tip or base.
         InputError: The arm is not a UR, not even one out of adjustment.
     """
 

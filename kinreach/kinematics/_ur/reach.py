@@ -10,7 +10,7 @@ import numpy as np
 from kinreach._checks import Floats
 from kinreach.kinematics._ur.geometry import BRANCHES, Miss, Rows, URGeometry
 
-#: Angles of the first joint that `way_into_reach` tries first; how many of the least it looks at more closely, with how
+#: Angles of the first joint that `way_into_reach` tries first; how many of the least it refines, with how
 #: many angles between the neighbours of each, and how often.
 TURNS, VALLEYS, FINER, TIMES = 720, 6, 21, 8
 #: So far from the elbow's borders [m] the closed form certainly has a posture.
