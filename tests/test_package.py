@@ -163,6 +163,20 @@ def test_import_loads_no_engine(run_python):
     assert done.stdout.strip() == "[] True"
 
 
+def test_an_episode_loads_few_modules(run_python):
+    """What a reader has to open to follow one goal from `gym.make` to its reward."""
+    code = (
+        "import sys, gymnasium as gym, kinreach\n"
+        "env = gym.make('kinreach/UR5SingleStep-v0', observation='geometric')\n"
+        "env.reset(seed=0)\n"
+        "assert 'reward_terms' in env.step(env.action_space.sample())[4]\n"
+        "print(sum(name.split('.')[0] == 'kinreach' for name in sys.modules))"
+    )
+    done = run_python("-c", code)
+    assert done.returncode == 0, done.stderr
+    assert 40 <= int(done.stdout) <= 70
+
+
 def test_kinematics_loads_no_simulator_and_no_learner(run_python):
     heavy = {"gymnasium", "mujoco", "torch", "stable_baselines3", "cv2", "matplotlib", "placo", "trimesh"}
     heavy |= {"scipy.stats"}

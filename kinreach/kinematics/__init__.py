@@ -10,7 +10,7 @@
 - `Trajectory`: joint angles and speeds over time.
 - `check`: measurements of an arm before you rely on it.
 
-The iterative solvers and `check` are imported when they are first asked for. The modules are internal.
+Closed forms, solvers and `check` are imported when they are first used. The modules are internal.
 """
 
 from __future__ import annotations
@@ -19,20 +19,33 @@ import importlib
 from typing import TYPE_CHECKING, Any
 
 from kinreach.kinematics._arm import ArmKinematics
-from kinreach.kinematics._arm3 import Arm3Kinematics
 from kinreach.kinematics._collision import CollisionChecker
 from kinreach.kinematics._goals import AxisGoal, PoseGoal, PositionGoal
-from kinreach.kinematics._seven_axis.kinematics import SevenAxisKinematics
-from kinreach.kinematics._six_axis.kinematics import SixAxisKinematics
 from kinreach.kinematics._solutions import Accept, IKResult
-from kinreach.kinematics._solvers import ClosedFormSolver
-from kinreach.kinematics._trajectory import Trajectory
-from kinreach.kinematics._ur.kinematics import CalibratedURKinematics, UR5Kinematics, URKinematics
 from kinreach.robots._rotations import pose, pose_vector
 
 if TYPE_CHECKING:
     from kinreach.kinematics import _check as check
-    from kinreach.kinematics._solvers import LevenbergMarquardtSolver, PlacoSolver, QPSolver
+    from kinreach.kinematics._arm3 import Arm3Kinematics
+    from kinreach.kinematics._seven_axis.kinematics import SevenAxisKinematics
+    from kinreach.kinematics._six_axis.kinematics import SixAxisKinematics
+    from kinreach.kinematics._solvers import ClosedFormSolver, LevenbergMarquardtSolver, PlacoSolver, QPSolver
+    from kinreach.kinematics._trajectory import Trajectory
+    from kinreach.kinematics._ur.kinematics import UR5Kinematics, URKinematics
+
+#: Name -> its module, imported when the name is first used: an environment loads no closed form and no solver.
+_MODULES = {
+    "Arm3Kinematics": "_arm3",
+    "ClosedFormSolver": "_solvers",
+    "LevenbergMarquardtSolver": "_solvers",
+    "PlacoSolver": "_solvers",
+    "QPSolver": "_solvers",
+    "SevenAxisKinematics": "_seven_axis.kinematics",
+    "SixAxisKinematics": "_six_axis.kinematics",
+    "Trajectory": "_trajectory",
+    "UR5Kinematics": "_ur.kinematics",
+    "URKinematics": "_ur.kinematics",
+}
 
 __all__ = [
     "Accept",
@@ -57,18 +70,10 @@ __all__ = [
     "pose_vector",
 ]
 
-ArmKinematics._closed_forms = (
-    Arm3Kinematics,
-    URKinematics,
-    CalibratedURKinematics,
-    SixAxisKinematics,
-    SevenAxisKinematics,
-)
-
 
 def __getattr__(name: str) -> Any:
     if name == "check":
         return importlib.import_module(f"{__name__}._check")
-    if name not in ("LevenbergMarquardtSolver", "PlacoSolver", "QPSolver"):
+    if name not in _MODULES:
         raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
-    return getattr(importlib.import_module(f"{__name__}._solvers"), name)
+    return getattr(importlib.import_module(f"{__name__}.{_MODULES[name]}"), name)

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import contextlib
+import importlib
 import threading
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from functools import cached_property
 from pathlib import Path
 from typing import Any, ClassVar, Self
@@ -72,8 +74,16 @@ class ArmKinematics:
         InstallationError: Pinocchio cannot be loaded.
     """
 
-    #: Classes with a closed form, in the order in which `of` tries them; the package sets them.
-    _closed_forms: ClassVar[Sequence[Any]] = ()
+    #: Classes with a closed form by number of joints, as module and name, in the order in which `of` tries them.
+    _closed_forms: ClassVar[Mapping[int, Sequence[tuple[str, str]]]] = {
+        3: (("_arm3", "Arm3Kinematics"),),
+        6: (
+            ("_ur.kinematics", "URKinematics"),
+            ("_ur.kinematics", "CalibratedURKinematics"),
+            ("_six_axis.kinematics", "SixAxisKinematics"),
+        ),
+        7: (("_seven_axis.kinematics", "SevenAxisKinematics"),),
+    }
     #: Whether `solve` considers every posture of a goal.
     knows_all_postures: ClassVar[bool] = False
 
@@ -147,12 +157,10 @@ class ArmKinematics:
             The tip of `ArmKinematics.of("ur5")` is `"tcp"`; that of `URKinematics("ur5")` is `"tool0"`.
         """
         plain = cls(arm, tip=tip, base=base, tool=tool)
-        for kind in cls._closed_forms:
-            if kind.joints == plain.n:
-                try:
-                    return kind(plain.arm, tip=plain.tip, base=base)
-                except InputError:  # as many joints, another geometry
-                    continue
+        for module, name in cls._closed_forms.get(plain.n, ()):
+            kind: Any = getattr(importlib.import_module(f"kinreach.kinematics.{module}"), name)
+            with contextlib.suppress(InputError):  # another geometry
+                return kind(plain.arm, tip=plain.tip, base=base)
         return plain
 
     @classmethod

@@ -55,7 +55,7 @@ class ClosedFormKinematics(ArmKinematics, ABC):
     """
 
     joints: ClassVar[int]
-    _closed_forms = ()
+    _closed_forms: ClassVar = {}
     knows_all_postures = True
 
     def __init__(

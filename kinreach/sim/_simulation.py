@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import importlib
 from collections.abc import Callable, Mapping
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -28,7 +28,9 @@ from kinreach.sim._engine import mujoco
 from kinreach.sim._imperfections import Imperfections, as_imperfections, in_scene
 from kinreach.sim._plants import BatchPlant, Ids, SinglePlant, rows_and_columns
 from kinreach.sim._scene import BALL, TIMESTEP, check_timestep, scene_model
-from kinreach.sim._warp_plant import WarpPlant
+
+if TYPE_CHECKING:
+    from kinreach.sim._warp_plant import WarpPlant
 
 #: What steps a batch.
 MUJOCO, WARP = "mujoco", "warp"
@@ -230,6 +232,8 @@ class BatchSimulation:
         self.batch: Any = None
         self._plant: BatchPlant | WarpPlant
         if backend == WARP:
+            from kinreach.sim._warp_plant import WarpPlant  # needs the extra
+
             self._plant = WarpPlant(self.model, count, device=device)
         else:
             try:

@@ -15,7 +15,7 @@ from safetensors.numpy import save_file
 from kinreach._registration import MULTI, MULTI_KINEMATIC, SINGLE, SPACE
 from kinreach.baselines._policies import LearnedPolicy, load_policy, needed_options, pretrained_names
 from kinreach.baselines._policy_file import ACTIVATIONS, OUTPUTS, Network, PolicyCard, read_policy, save_policy
-from kinreach.envs._reach import ReachEnv
+from kinreach.envs._reach.env import ReachEnv
 from kinreach.errors import InputError, OutputError, UnknownNameError
 
 CARD = PolicyCard(SINGLE, "posture", "silu", "linear", "RankedPPO", {"name": "single"}, 3, 1000, {"reached": 1.0})

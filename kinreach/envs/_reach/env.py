@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import replace
+from functools import cached_property
 from typing import Any, ClassVar, Self
 
 import numpy as np
@@ -84,10 +85,10 @@ class ReachEnv(CopyableEnv):
         """The arm that reaches."""
         return self._task.arm
 
-    @property
+    @cached_property
     def kinematics(self) -> ArmKinematics:
-        """The arm's kinematics from the world to its default tip."""
-        return self._task.kinematics
+        """The arm's kinematics from the world to its default tip, with a closed form if the arm has one."""
+        return ArmKinematics.of(self.arm, base="world")
 
     @property
     def scene(self) -> Scene:

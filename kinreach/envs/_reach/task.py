@@ -418,7 +418,7 @@ class ReachTask:
         self.options = options
         self.variant = variant
         self.arm = arm = get_arm(options.arm)
-        self.kinematics = ArmKinematics.of(arm, base="world")
+        self.kinematics = ArmKinematics(arm, base="world")
         self.scorer = scorer_of(options.reward, self.default_reward())
         self.home = np.array(arm.home)
         self.layout = layout_of(arm, directed=self.directed)

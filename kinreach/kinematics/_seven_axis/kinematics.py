@@ -41,7 +41,7 @@ class SevenAxisKinematics(ArmKinematics):
     """
 
     joints: ClassVar[int] = JOINTS
-    _closed_forms = ()
+    _closed_forms: ClassVar = {}
     knows_all_postures = True
 
     def __init__(

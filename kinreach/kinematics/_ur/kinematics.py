@@ -45,7 +45,6 @@ from kinreach.kinematics._solutions import (
 )
 from kinreach.kinematics._tensors import like, on_host
 from kinreach.kinematics._ur.batch import SHOULDER_LIFT, WRIST_1, WRIST_3, solve_poses
-from kinreach.kinematics._ur.calibrated import CalibratedSolver
 from kinreach.kinematics._ur.closed_form import WRIST, solve_axis, solve_pose
 from kinreach.kinematics._ur.free_wrist import free_wrist_within
 from kinreach.kinematics._ur.geometry import BRANCHES, Rows, URGeometry, miss_text, ur_fk
@@ -486,6 +485,8 @@ class CalibratedURKinematics(URKinematics):
         """Fit the nearest arm with a closed form."""
         placements, axes = self._joint_frames()
         placements[0] = np.linalg.inv(self.T_world_arm @ FLIP) @ placements[0]
+        from kinreach.kinematics._ur.calibrated import CalibratedSolver  # loads the elimination
+
         self._solver = CalibratedSolver(about_z(placements, axes, self._flange.homogeneous), self.geometry)
         self.geometry = self._solver.fit.geometry
 

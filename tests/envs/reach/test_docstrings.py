@@ -5,7 +5,7 @@ import inspect
 import numpy as np
 import pytest
 
-from kinreach.envs._reach import UR5MultiStepEnv, UR5SingleStepEnv
+from kinreach.envs._reach.env import UR5MultiStepEnv, UR5SingleStepEnv
 
 
 @pytest.mark.parametrize("environment", [UR5SingleStepEnv, UR5MultiStepEnv])

@@ -10,7 +10,7 @@ import pytest
 from gymnasium.utils.env_checker import check_env, data_equivalence
 
 import kinreach
-from kinreach.envs._reach import UR5SingleStepEnv
+from kinreach.envs._reach.env import UR5SingleStepEnv
 from kinreach.errors import InputError
 from kinreach.kinematics import UR5Kinematics
 from kinreach.thesis import reach_reward

@@ -4,8 +4,7 @@ import gymnasium as gym
 import numpy as np
 import pytest
 
-from kinreach.envs._reach import DistanceReward, ThesisReward
-from kinreach.envs._reach.rewards import DirectedReward
+from kinreach.envs._reach.rewards import DirectedReward, DistanceReward, ThesisReward
 from kinreach.errors import InputError
 
 SINGLE, MULTI = "kinreach/UR5SingleStep-v0", "kinreach/UR5MultiStep-v0"
