@@ -22,8 +22,8 @@ from sphinx.writers.html5 import HTML5Translator
 
 #: A cell of a table that is a number, with its interval, unit or sign.
 NUMBER = re.compile(r"^[-−+±<>≤≥~≈]?\s?(π|\d[\d\s.,eE:–/×x*^-]*(%|[a-zA-Zµ°²/³]{1,6})?\s?(\[.*\]|\(.*\)|±.*)?)$")
-#: A column with a cell of so many characters stays wide on a phone.
-LONG = 60
+#: Columns with a cell of so many characters stay wide on a phone, by the class of their cells.
+WIDE = {"longer": 180, "long": 60}
 #: An interval after a number, as in `97 % [95, 99]`.
 INTERVAL = re.compile(r"\[[-−+\d][^\[\]]*\]")
 
@@ -33,6 +33,7 @@ def setup(app: Sphinx) -> dict[str, bool]:
     app.add_html_math_renderer("mathml", inline_renderers=(_inline, None), block_renderers=(_block, None))
     app.add_post_transform(NumbersInTables)
     app.connect("autodoc-process-signature", _plain_signature)
+    app.connect("autodoc-skip-member", _field_of_tuple)
     app.connect("autodoc-process-docstring", _comment_of_constant, priority=300)
     app.connect("autodoc-process-docstring", _from_markdown, priority=400)  # before napoleon
     app.connect("autodoc-process-docstring", _two_in_one, priority=600)  # after it
@@ -62,6 +63,11 @@ def _plain_signature(
         for text in (arguments, returned)
     ]
     return plain[0], plain[1]
+
+
+def _field_of_tuple(app: Sphinx, what: str, name: str, value: Any, skip: bool, options: Any) -> bool | None:
+    """Leave out fields that the class describes, and of which Python says "Alias for field number 0"."""
+    return True if (getattr(value, "__doc__", None) or "").startswith("Alias for field number") else None
 
 
 def _comment_of_constant(app: Sphinx, what: str, name: str, value: Any, options: Any, lines: list[str]) -> None:
@@ -144,9 +150,9 @@ class NumbersInTables(SphinxPostTransform):
                 if any(texts) and all(not text or text in "–—-" or NUMBER.match(text) for text in texts):
                     for cell in column:
                         cell["classes"].append("number")
-                elif max(map(len, texts), default=0) >= LONG:
-                    for cell in column:
-                        cell["classes"].append("long")
+                longest = max(map(len, texts), default=0)
+                for cell in column:
+                    cell["classes"] += [name for name, least in WIDE.items() if longest >= least][:1]
             for text in list(table.findall(nodes.Text)):
                 if INTERVAL.search(text) and not isinstance(text.parent, nodes.literal):
                     _mark_intervals(text)
