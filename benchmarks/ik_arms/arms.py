@@ -35,10 +35,11 @@ _EXACT = 1e-9
 
 def arm_names() -> list[str]:
     """Names of all arms: ssik's with six and seven axes, then the calibrated URs."""
-    return [*forked(lambda: [entry.name for entry in _ssik().list_arms()]), *ROBOTS]
+    return [*forked(lambda: [entry.name for entry in ssik().list_arms()]), *ROBOTS]
 
 
-def _ssik() -> Any:
+def ssik() -> Any:
+    """The package ssik."""
     return load_extra("ssik", "bench")
 
 
@@ -47,7 +48,7 @@ def arm(name: str) -> ArmKinematics:
     if name in ROBOTS:
         kin = arm_of(name)
         return ArmKinematics(kin.arm, tip=kin.tip)
-    placements = forked(lambda: placements_of(_ssik().Manipulator.from_prebuilt(name)))
+    placements = forked(lambda: placements_of(ssik().Manipulator.from_prebuilt(name)))
     with tempfile.TemporaryDirectory() as folder:
         file = Path(folder) / f"{name}.urdf"
         file.write_text(urdf(placements), encoding="utf-8")

@@ -16,6 +16,7 @@ from matplotlib.ticker import FuncFormatter, NullFormatter
 
 from benchmarks.ik_arms.arms import CASES, CLASSES
 from benchmarks.ik_arms.measure import ON_CURVE, RIGHT, SEVENTH, Effort
+from benchmarks.ik_arms.self_motions import ERROR, HEADINGS, read, summary
 from benchmarks.ik_arms.solvers import Kinreach
 from benchmarks.speed.report import PACKAGES, table
 from kinreach._files import make_writable, replacing, write_text
@@ -54,10 +55,10 @@ def write(lines: Sequence[Line], effort: Effort, page: Path, *, command: str) ->
     writer.writerows({k: f"{v:.4g}" if isinstance(v, float) else v for k, v in line.items()} for line in lines)
     write_text(page.with_suffix(".csv"), text.getvalue())
     picture = Path(os.path.relpath(image, page.parent)).as_posix()
-    write_text(page, "\n\n".join(_parts(lines, effort, page.with_suffix(".csv").name, picture, command)) + "\n")
+    write_text(page, "\n\n".join(_parts(lines, effort, page.with_suffix(".csv"), picture, command)) + "\n")
 
 
-def _parts(lines: Sequence[Line], effort: Effort, data: str, picture: str, command: str) -> Iterator[str]:
+def _parts(lines: Sequence[Line], effort: Effort, data: Path, picture: str, command: str) -> Iterator[str]:
     here, found = machine(), versions(PACKAGES)
     names = ", ".join(f"{name} {version}" for name, version in found.items() if version and "source" not in name)
     arms, solvers = (len({line[of] for line in lines}) for of in ("arm", "solver"))
@@ -88,6 +89,16 @@ def _parts(lines: Sequence[Line], effort: Effort, data: str, picture: str, comma
         if rows:
             yield f"## {kind[0].upper()}{kind[1:]}"
             yield table(COLUMNS, rows)
+    if curves := read(data.with_name("self_motions.csv")):
+        yield "### Self-motions"
+        yield (
+            "All curves of random poses, limits off: the posture that made the pose is on one, and so are ssik's "
+            f"samples and charts. A grid twice as fine is searched for further curves. Errors are up to "
+            f"{1e3 * ERROR:g} mm and {1e3 * ERROR:g} mrad along and about each axis of every joint. Rows: "
+            "[self_motions.csv](self_motions.csv). Again: `python -m benchmarks.ik_arms.self_motions "
+            "--out docs/reference/self_motions.csv`, which goes on up to 1000 postures of each arm."
+        )
+        yield table(HEADINGS, list(summary(curves)))
     yield "## Refused, because"
     refused = Counter((line["solver"], line["refused"]) for line in lines if line["refused"])
     yield "\n".join(f"* {solver}, {_arms(count)}: {why}" for (solver, why), count in refused.items()) or "None."
@@ -110,7 +121,7 @@ def _parts(lines: Sequence[Line], effort: Effort, data: str, picture: str, comma
     )
     yield (
         f"Machine: {here['processor']}, {here['cores']} cores, load {os.getloadavg()[2]:.0f}. Versions: {names}. "
-        f"All rows: [{data}]({data}). Again: `{command}`"
+        f"All rows: [{data.name}]({data.name}). Again: `{command}`"
     )
 
 

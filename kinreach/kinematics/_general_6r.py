@@ -57,6 +57,8 @@ MAX_REAL = 1e-11
 MIN_COMPLEX = 1e-4
 #: Imaginary part up to which an eigenvalue is a starting point: two postures merge there, or have just vanished.
 MAX_CANDIDATE = 3e-2
+#: The same for the starting points of an arm with one more joint, which may reach what this one misses by far.
+MAX_REDUNDANT_CANDIDATE = 0.2
 #: Largest correction of a well-conditioned eigenvalue by Newton's method [rad].
 MAX_CORRECTION = 1e-4
 #: A matrix with a larger entry is ill-conditioned.
@@ -94,7 +96,6 @@ MERGING = 1e-3
 #: Multiplicity of the extraneous eigenvalues i and -i, and the signs by which they multiply their vectors' coordinates.
 EXTRANEOUS = 4
 SIGNS = np.repeat([1.0, -1.0], EXTRANEOUS)
-_JOINTS = 6
 #: Three angles at which functions that are linear in cosine and sine are sampled [rad].
 SAMPLES = 2 * np.pi / 3 * np.arange(3)
 #: Coefficients of 1, cos and sin of a function that is linear in them, from its values at `SAMPLES`.
@@ -111,60 +112,64 @@ _HALF = np.array([
 
 
 class Chain:
-    """Six joints that each turn about their frame's z axis, `T = A0 Rz(q1) A1 Rz(q2) ... Rz(q6) A6`.
+    """Joints that each turn about their frame's z axis, `T = A0 Rz(q1) A1 Rz(q2) ... Rz(qn) An`.
 
     Args:
-        placements: A0 to A6, shape (7, 4, 4).
+        placements: A0 to An, shape (n + 1, 4, 4); n is 6 or 7.
     """
 
     def __init__(self, placements: Floats) -> None:
         self.placements = placements
+        self._joints = len(placements) - 1
         # largest distance of the tip from the origin of the frame before joint 4
         self._reach = float(np.linalg.norm(placements[4:, :3, 3], axis=1).sum())
 
     @cached_property
-    def _halves(self) -> Floats:
-        """Coefficients of `_half` for joints 1 to 3 and for 4 to 6, shape (2, 27, 34)."""
-        return np.array([self._half(self.placements[:4], after=False), self._half(self.placements[4:], after=True)])
+    def _halves(self) -> list[Floats]:
+        """Coefficients of `_half` for joints 1 to 3, shape (27, 34), and for the others, (27, 34) or (81, 40)."""
+        return [self._half(self.placements[:4], after=False), self._half(self.placements[4:], after=True)]
 
     def fk(self, q: Floats) -> Floats:
-        """Upper rows of the tip's poses, shape (m, 3, 4), for postures (m, 6)."""
+        """Upper rows of the tip's poses, shape (m, 3, 4), for postures (m, n)."""
         frame, turns = self._start(q)
-        for joint in range(_JOINTS):
+        for joint in range(self._joints):
             frame = self._turned(frame, turns, joint)
         return frame
 
     def jacobian(self, q: Floats) -> tuple[Floats, Floats]:
-        """As `fk`, and the geometric Jacobian along the base's axes, shape (m, 6, 6)."""
+        """As `fk`, and the geometric Jacobian along the base's axes, shape (m, 6, n)."""
         frame, turns = self._start(q)
-        axes = np.empty((_JOINTS, len(q), 3, 2))
-        for joint in range(_JOINTS):
+        axes = np.empty((self._joints, len(q), 3, 2))
+        for joint in range(self._joints):
             axes[joint] = frame[:, :, 2:]
             frame = self._turned(frame, turns, joint)
         z, arm = axes[..., 0], frame[:, :, 3] - axes[..., 1]
-        J = np.empty((len(q), 6, _JOINTS))
+        J = np.empty((len(q), 6, self._joints))
         for row, (a, b) in enumerate(((1, 2), (2, 0), (0, 1))):
             J[:, row] = (z[..., a] * arm[..., b] - z[..., b] * arm[..., a]).T
         J[:, 3:] = z.transpose(1, 2, 0)
         return frame, J
 
     def step(self, q: Floats, T: Floats) -> tuple[Floats, Floats, Floats]:
-        """Compute errors and Jacobians of postures (m, 6) for poses (m, 4, 4) or (1, 4, 4).
+        """Compute errors and Jacobians of postures (m, n) for poses (m, 4, 4) or (1, 4, 4).
 
         Returns:
-            Twists to the poses (m, 6) and Jacobians (m, 6, 6), both in the frame before joint 4; and upper bounds of
+            Twists to the poses (m, 6) and Jacobians (m, 6, n), both in the frame before joint 4; and upper bounds of
             the tip's error [m, rad], shape (m,).
         """
         count = len(q)
-        angles = np.empty((3, _JOINTS, count))
+        angles = np.empty((3, self._joints, count))
         angles[0] = 1.0
         np.cos(q.T, out=angles[1])
         np.sin(q.T, out=angles[2])
-        products = (angles[:, None, None, 0::3] * angles[:, None, 1::3]) * angles[:, 2::3]
-        found = products.reshape(27, 2, count).transpose(1, 2, 0) @ self._halves
-        left, right = found[..., :16].reshape(2, count, 4, 4)
-        entries = (left @ T @ right).reshape(count, 16) @ _TWIST
-        J = np.concatenate([found[0, :, 16:], found[1, :, 16:]], axis=1).reshape(count, _JOINTS, 6).transpose(0, 2, 1)
+        products = (angles[:, None, None, 0:6:3] * angles[:, None, 1:6:3]) * angles[:, 2:6:3]
+        first, last = products.reshape(27, 2, count).transpose(1, 2, 0)
+        if self._joints == 7:
+            last = (products[..., 1, None, :] * angles[:, 6]).reshape(81, count).T
+        before, after = first @ self._halves[0], last @ self._halves[1]
+        reached = before[:, :16].reshape(count, 4, 4) @ T @ after[:, :16].reshape(count, 4, 4)
+        entries = reached.reshape(count, 16) @ _TWIST
+        J = np.concatenate([before[:, 16:], after[:, 16:]], axis=1).reshape(count, self._joints, 6).transpose(0, 2, 1)
         error = entries[:, :6]
         if (entries[:, 6] < 1.0).any():  # by more than a right angle
             error[:, 3:] += np.where(entries[:, 6:] < 1.0, np.copysign(1.0, error[:, 3:]), 0.0)
@@ -174,12 +179,14 @@ class Chain:
 
     @staticmethod
     def _half(placements: Floats, *, after: bool) -> Floats:
-        """Three joints' inverse motion (16 numbers) and their three axes (6 each) in the frame before joint 4.
+        """Some joints' inverse motion (16 numbers) and their axes (6 each) in the frame before joint 4.
 
-        They are linear in 1, cosine and sine of each angle; these are the coefficients of the 27 products, (27, 34).
+        They are linear in 1, cosine and sine of each of k angles; these are the coefficients of the products, shape
+        (3^k, 16 + 6 k).
         """
-        values = np.empty((3, 3, 3, 34))
-        for index in np.ndindex(3, 3, 3):
+        joints = len(placements) - (not after)
+        values = np.empty((*[3] * joints, 16 + 6 * joints))
+        for index in np.ndindex(values.shape[:-1]):
             frame = np.eye(4) if after else placements[0]
             axes = []
             for angle, placement in zip(SAMPLES[list(index)], placements[0 if after else 1 :], strict=True):
@@ -338,6 +345,16 @@ class General6R:
         back = (off < EXACT) & (np.abs(wrapped(found - q[pose])).max(axis=1) < SAME)
         return len(np.unique(pose[back])) / len(q)
 
+    def starts(self, T: Floats) -> tuple[Floats, NDArray[np.int64]]:
+        """Compute starts of Newton's method for poses (m, 4, 4): the eigenvalues' postures, complex ones too.
+
+        Returns:
+            Postures (k, 6) [rad], and which pose each is for (k,).
+        """
+        regular = self._regular(T)
+        pose, q, *_ = self._candidates(regular, *self.CHOICES[0], self.PHASES[0], most=MAX_REDUNDANT_CANDIDATE)
+        return q, pose
+
     def _solve_some(self, T: Floats, tol: float) -> list[Floats]:
         regular = self._regular(T)
         pose, start, imaginary, largest = self._candidates(regular, *self.CHOICES[0], self.PHASES[0])
@@ -431,7 +448,7 @@ class General6R:
         return np.concatenate([p, direction, pp, pl, np.cross(p, direction), direction * pp - 2.0 * p * pl], axis=-1)
 
     def _candidates(
-        self, T: Floats, unknown: int, factor: int, phase: float, *, stable: bool = False
+        self, T: Floats, unknown: int, factor: int, phase: float, *, stable: bool = False, most: float = MAX_CANDIDATE
     ) -> tuple[NDArray[np.int64], Floats, Floats, Floats]:
         """Compute starting points for Newton's method.
 
@@ -441,6 +458,7 @@ class General6R:
             factor: Which joint multiplies the equations.
             phase: The eigenvalue is infinite at this angle plus pi [rad].
             stable: Use the QZ algorithm, which needs no inverse and takes twenty times as long.
+            most: Imaginary part up to which an eigenvalue is a starting point.
 
         Returns:
             Rows of the poses, in order, (m,); for each a posture (m, 6) and its eigenvalue's imaginary part (m,); and
@@ -452,7 +470,7 @@ class General6R:
         c, s = np.cos(phase), np.sin(phase)
         C, S = c * C + s * S, c * S - s * C
         find = _by_qz if stable else self._by_inverse
-        pose, value, products, largest = find(B, C, S, unknown)
+        pose, value, products, largest = find(B, C, S, unknown, most)
         products = products.reshape(-1, 4, 3)
         # products are an outer product; the largest entries are the most accurate
         row = np.abs(products).sum(axis=2).argmax(axis=1)
@@ -468,13 +486,13 @@ class General6R:
         self._close(q, T[pose], far[pose], base[pose], triangle[pose])
         return pose, q, np.abs(value.imag) / (1.0 + np.abs(value) ** 2), largest
 
-    def _by_inverse(self, B: Floats, C: Floats, S: Floats, unknown: int) -> _Eigen:
+    def _by_inverse(self, B: Floats, C: Floats, S: Floats, unknown: int, most: float) -> _Eigen:
         """Eigenvalues x of (B - C) x^2 + 2 S x + B + C that may be real, by the companion matrix."""
         rest, known = self._bases[unknown]
         regular = B - C + REGULARISATION * np.eye(12)
         image = -_solved(regular, np.concatenate([B + C, 2.0 * S], axis=2) @ rest)
         values, vectors = np.linalg.eig(rest[:12].T @ rest[12:] + rest[12:].T @ image)
-        pose, which = _nearly_real(values)
+        pose, which = _nearly_real(values, most)
         value, vector = values[pose, which], vectors[pose, :, which]
         mixed = ((known[:12].T @ rest[12:] + known[12:].T @ image)[pose] @ vector[:, :, None])[:, :, 0]
         turned = np.roll(mixed, EXTRANEOUS, axis=1) * SIGNS[: known.shape[1]]
@@ -525,7 +543,7 @@ class General6R:
         q[:, 4] = np.arctan2(turn[:, 1, 0] - turn[:, 0, 1], turn[:, 0, 0] + turn[:, 1, 1])
 
 
-def _by_qz(B: Floats, C: Floats, S: Floats, _: int) -> _Eigen:
+def _by_qz(B: Floats, C: Floats, S: Floats, _: int, most: float) -> _Eigen:
     """As `General6R._by_inverse`, by the QZ algorithm, for each pose alone."""
     from scipy.linalg import eig  # rarely needed, and slow to import
 
@@ -538,14 +556,14 @@ def _by_qz(B: Floats, C: Floats, S: Floats, _: int) -> _Eigen:
         right[12:, 12:] = B[row] - C[row]
         values[row], pair = eig(left, right)
         vectors[row] = pair[:12]
-    pose, which = _nearly_real(values)
+    pose, which = _nearly_real(values, most)
     return pose, values[pose, which], vectors[pose, :, which], np.zeros(count)
 
 
-def _nearly_real(values: NDArray[Any]) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
-    """Rows and columns of the eigenvalues (count, k) up to `MAX_CANDIDATE`, one of each conjugate pair."""
+def _nearly_real(values: NDArray[Any], most: float) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+    """Rows and columns of the eigenvalues (count, k) up to an imaginary part, one of each conjugate pair."""
     with np.errstate(invalid="ignore"):  # some may be infinite
-        near = (np.abs(values.imag) < MAX_CANDIDATE * (1.0 + np.abs(values) ** 2)) & (values.imag >= 0.0)
+        near = (np.abs(values.imag) < most * (1.0 + np.abs(values) ** 2)) & (values.imag >= 0.0)
     pose, which = np.nonzero(near)
     return pose, which
 
@@ -612,9 +630,10 @@ def _clear(
 
 
 def _coefficients(values: Floats) -> Floats:
-    """Coefficients of 27 products of 1, cosine and sine of three angles, (27, k), from values at `SAMPLES`."""
-    found = np.einsum("ai,bj,ck,ijkm->abcm", COEFFICIENTS, COEFFICIENTS, COEFFICIENTS, values)
-    return found.reshape(27, -1)
+    """Coefficients of products of 1, cosine and sine of k angles (3^k, m), from values (3, ..., 3, m) at `SAMPLES`."""
+    for joint in range(values.ndim - 1):
+        values = np.moveaxis(np.tensordot(COEFFICIENTS, values, (1, joint)), 0, joint)
+    return np.ascontiguousarray(values).reshape(-1, values.shape[-1])
 
 
 def turns_about_z(angle: Floats) -> Floats:

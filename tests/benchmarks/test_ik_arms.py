@@ -6,8 +6,10 @@ import json
 import numpy as np
 import pytest
 
+from benchmarks.ik_arms import self_motions
 from benchmarks.ik_arms.arms import CASES, arm, singular_poses
 from benchmarks.ik_arms.measure import recalls
+from benchmarks.ik_arms.self_motions import COLUMNS, faultless, read, summary
 from benchmarks.ik_arms.solvers import Kinreach
 from kinreach import cli
 
@@ -85,6 +87,26 @@ def test_results_are_kept_and_refusals_told(tmp_path):
     assert float(rows["puma560_ik", "kinreach"]["preparation"]) == pytest.approx(12345, rel=1e-3)
     assert rows["puma560_ik", "endless"]["refused"] == "more than 6 s of processor time"
     assert json.loads(file.read_text(encoding="utf-8"))["rows"]["refusing"]["refused"] == "no method for 6 joints"
+
+
+def test_the_study_of_self_motions_goes_on_and_counts_what_is_lost(tmp_path, monkeypatch):
+    out, asked = tmp_path / "self_motions.csv", []
+
+    def row(name, errors, posture):
+        asked.append((name, errors, posture))
+        lost = name == "Gen3" and posture == 1
+        return dict.fromkeys(COLUMNS, 0) | {"arm": name, "errors": int(errors), "posture": posture, "lost": int(lost)}
+
+    monkeypatch.setattr(self_motions, "checked", row)
+    for count in ("1", "2", "2"):
+        monkeypatch.setattr("sys.argv", ["study", "--postures", count, "--out", str(out)])
+        assert self_motions.main() == 0
+    assert len(asked) == len(set(asked)) == 32
+    rows = read(out)
+    assert sum(map(faultless, rows)) == 30
+    told = {line[0]: line[1] for line in summary(rows)}
+    assert len(told) == 16
+    assert (told["Gen3"], told["Gen3, with errors"], told["Panda"]) == ("1 of 2", "1 of 2", "2 of 2")
 
 
 @pytest.mark.parametrize("argv", [("--arms", "puma"), ("--solver", "no_module:A"), ("--solver", "csv:QUOTE_ALL")])

@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 from example_robot_data.robots_loader import getModelPath
 
+from benchmarks.ik_arms.self_motions import ARMS, checked, faultless
 from kinreach.errors import InputError
 from kinreach.kinematics import (
     ArmKinematics,
@@ -102,6 +103,33 @@ def test_every_sample_of_ssik_is_on_a_curve(name, tmp_path):
         assert all(on_a_curve(kin, T, motions, one) for one in [q, *samples[::4]])
         compared += len(samples[::4])
     assert compared >= 20
+
+
+def test_no_curve_is_lost_where_two_almost_meet(tmp_path):
+    """With the elbow almost folded all curves come near singular postures, and four pairs near each other."""
+    (arm, kin), q = (
+        of_ssik(tmp_path, "iiwa7_ik"),
+        np.array([-0.994, 0.2744, -1.9082, 3.1173, -1.6134, -1.5276, -2.6817]),
+    )
+    T = arm.fk(q)
+    motions = kin.self_motions(T, limits=False)
+    exact(kin, T, motions)
+    assert [curve.closed for curve in motions] == [True] * 8
+    samples = [one.q for one in arm.solve(T, respect_limits=False, enumerate_windings=False)]
+    assert len(samples) >= 100
+    assert all(on_a_curve(kin, T, motions, one) for one in [q, *samples[::10]])
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("errors", [False, True])
+@pytest.mark.parametrize("name", ARMS)
+def test_a_grid_twice_as_fine_finds_no_further_curve(name, errors):
+    """Nor does ssik find a posture beside the curves."""
+    pytest.importorskip("ssik")
+    rows = [checked(name, errors, posture) for posture in range(5000, 5004)]
+    assert all(map(faultless, rows)), rows
+    assert sum(row["curves"] for row in rows) >= 8
+    assert errors or sum(row["samples"] for row in rows) >= 60
 
 
 def test_limits_cut_the_curves_where_a_joint_is_at_its_limit(panda):

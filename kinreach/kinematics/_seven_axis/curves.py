@@ -34,7 +34,8 @@ class SelfMotion:
         q: Postures along the curve [rad], shape (m, 7), at most 0.15 rad apart, without jumps.
         tangent: Unit tangents there, shape (m, 7): the tip does not move along them.
         length: Arc length from the first posture [rad], shape (m,): the parameter of the curve.
-        closed: Whether the last posture leads back to the first. If not, the curve ends at joint limits.
+        closed: Whether the last posture leads back to the first. If not, the curve ends at joint limits, or where it
+            crosses another at a singular posture.
         total: Length of the whole curve [rad], with the way back to the first posture if it is closed.
     """
 

@@ -42,6 +42,8 @@ FAR = 0.1
 #: How far parts of the geometry may be missed for Newton's method to begin [m, rad]: where two are singular at once,
 #: rounding grows to this.
 AMISS = 1e-4
+#: By how much starts of Newton's method may miss a pose [m, rad].
+NEAR_MISS = 0.03
 #: Random postures by which a method is judged, and the share that elimination has to find again.
 TRIALS, MIN_SHARE = 100, 0.98
 _JOINTS = 6
@@ -67,8 +69,12 @@ class Method(Protocol):
     def many(self, T: Floats, seeds: Floats, tol: float) -> tuple[Floats, NDArray[np.bool_]]:
         """Compute postures (6, branches, m) for poses (m, 4, 4), NaN where there is none, and which there are."""
 
-    def nearly(self, T: Floats, tol: float) -> Floats:
-        """Compute postures (k, 6) that miss a pose (4, 4) by about `tol` [m, rad] where some only just do not exist."""
+    def starts(self, T: Floats) -> tuple[Floats, NDArray[np.int64]]:
+        """Compute starts of Newton's method for poses (m, 4, 4), faster than `many`; some may be missing.
+
+        Returns:
+            Postures (k, 6) [rad] near those of a pose, and near some that only just do not exist; and which pose (k,).
+        """
 
 
 class ClosedForm:
@@ -94,8 +100,8 @@ class ClosedForm:
         q, valid, singular = solve_poses(self._arm, T, tol)
         return _with_others(self, q, valid, np.flatnonzero(singular), T, seeds, tol)
 
-    def nearly(self, T: Floats, tol: float) -> Floats:
-        return _clamped(self._arm, T, tol)
+    def starts(self, T: Floats) -> tuple[Floats, NDArray[np.int64]]:
+        return _starts(self._arm, T)
 
     def _verified(self, rows: list[Row], T: Floats, tol: float) -> list[Row]:
         """Postures of a singular pose that reach it, those that miss it after some steps of Newton's method."""
@@ -163,8 +169,8 @@ class NearClosedForm:
                 q[:, branch, row], valid[branch, row] = angles, True
         return q, valid
 
-    def nearly(self, T: Floats, tol: float) -> Floats:
-        return _clamped(self._arm, T, tol)
+    def starts(self, T: Floats) -> tuple[Floats, NDArray[np.int64]]:
+        return _starts(self._arm, T)
 
     def _near_singular(
         self, T: Floats, seed: Floats, tol: float, eliminated: Sequence[Sequence[float]] | Floats
@@ -215,8 +221,8 @@ class Elimination:
             q[:, : len(found), row], valid[: len(found), row] = found.T, True
         return q, valid
 
-    def nearly(self, T: Floats, tol: float) -> Floats:
-        return np.empty((0, _JOINTS))
+    def starts(self, T: Floats) -> tuple[Floats, NDArray[np.int64]]:
+        return self._general.starts(T)
 
 
 class Backwards:
@@ -237,8 +243,9 @@ class Backwards:
         q, valid = self._method.many(_inverse(T), -seeds[:, ::-1], tol)
         return -q[::-1], valid
 
-    def nearly(self, T: Floats, tol: float) -> Floats:
-        return -self._method.nearly(_inverse(T), tol)[:, ::-1]
+    def starts(self, T: Floats) -> tuple[Floats, NDArray[np.int64]]:
+        q, pose = self._method.starts(_inverse(T))
+        return -q[:, ::-1], pose
 
 
 def method_of(placements: Floats) -> Method | float:
@@ -306,10 +313,16 @@ def _from_end(method: Method, *, backwards: int) -> Method:
     return Backwards(method) if backwards else method
 
 
-def _clamped(arm: DecoupledArm, T: Floats, tol: float) -> Floats:
-    """Postures of a closed form in which something was clamped, shape (k, 6)."""
-    rows = arm.solve(T, tol=tol, seed=[0.0] * _JOINTS)
-    return np.array([row[ANGLES] for row in rows if row[FLAGS]]).reshape(-1, _JOINTS)
+def _starts(arm: DecoupledArm, T: Floats) -> tuple[Floats, NDArray[np.int64]]:
+    """`Method.starts` of a closed form: its postures; and those of a wide tolerance, where a branch has none."""
+    q, valid, singular = solve_poses(arm, T, EXACT)
+    branch, pose = np.nonzero(valid)
+    asked = [(row, EXACT) for row in np.flatnonzero(singular)]
+    asked += [(row, NEAR_MISS) for row in np.flatnonzero(~valid.all(axis=0))]
+    found = [(row, each[ANGLES]) for row, tol in asked for each in arm.solve(T[row], tol=tol, seed=[0.0] * _JOINTS)]
+    others = np.array([angles for _, angles in found]).reshape(-1, _JOINTS)
+    rows = np.array([row for row, _ in found], dtype=np.int64)
+    return np.vstack([q[:, branch, pose].T, others]), np.concatenate([pose, rows])
 
 
 def _apart(dh: DenavitHartenberg, chain: Chain) -> float:

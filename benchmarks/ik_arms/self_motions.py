@@ -1,0 +1,171 @@
+"""Self-motions of eight seven-axis arms, and of each with errors in every joint: is a posture lost?
+
+    python -m benchmarks.ik_arms.self_motions --postures 1000 --out docs/reference/self_motions.csv
+
+For the pose of each random posture it checks that the curves have that posture, all of ssik's samples and charts, and
+all that a grid twice as fine finds; that they reach the pose, and that the tip stands still along them. One row a
+posture; the same command goes on after an interruption. `python -m benchmarks.ik_arms --docs` puts the table into its
+page.
+"""
+
+from __future__ import annotations
+
+import argparse
+import csv
+import tempfile
+from collections.abc import Iterator, Sequence
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from benchmarks.ik_arms.arms import placements_of, ssik, urdf
+from kinreach._checks import Floats, check_count, check_path
+from kinreach._files import make_writable
+from kinreach.cli import Parser, finish
+from kinreach.kinematics import SevenAxisKinematics
+from kinreach.kinematics._angles import TURN
+from kinreach.kinematics._identification import moved_frames
+from kinreach.kinematics._seven_axis.tracing import SelfMotionTracer
+from kinreach.robots import ArmDescription
+
+PROG = "python -m benchmarks.ik_arms.self_motions"
+#: Names in ssik.
+ARMS = {
+    "Panda": "franka_panda_ik", "FR3": "fr3_ik", "iiwa7": "iiwa7_ik", "iiwa14": "iiwa14_ik",
+    "xArm7": "xarm7_ik", "Gen3": "gen3_ik", "Rizon4": "rizon4_ik", "KR810": "kassow_kr810_ik",
+}  # fmt: skip
+#: Largest error of each joint: along and about each axis [m, rad].
+ERROR = 1e-3
+#: By how much a pose may be missed, and the tip move along a curve [m, rad].
+RIGHT = 1e-9
+#: Samples of each of ssik's charts.
+CHART = 12
+COLUMNS = (
+    "arm", "errors", "posture", "curves", "open", "lost", "samples", "samples lost", "charts lost", "finer lost",
+    "missed", "motion",
+)  # fmt: skip
+
+
+@cache
+def arm_of(name: str, errors: bool) -> SevenAxisKinematics:
+    """One of the arms as its maker drew it, or with `ERROR` in every joint."""
+    placements = placements_of(ssik().Manipulator.from_prebuilt(ARMS[name]))
+    if errors:
+        placements = moved_frames(placements, np.random.default_rng(0).uniform(-ERROR, ERROR, (len(placements), 6)))
+    with tempfile.TemporaryDirectory() as folder:
+        file = Path(folder) / "arm.urdf"
+        file.write_text(urdf(placements), encoding="utf-8")
+        return SevenAxisKinematics(ArmDescription.from_urdf(file))
+
+
+def finer(kin: SevenAxisKinematics) -> SelfMotionTracer:
+    """The same arm's curves from a grid twice as fine."""
+    tracer = SelfMotionTracer(kin.chain)
+    for sweep in tracer._sweeps:
+        count = 2 * len(sweep.values)
+        sweep.values = TURN * (np.arange(count) + 0.17) / count - np.pi
+    return tracer
+
+
+def checked(name: str, errors: bool, posture: int) -> dict[str, Any]:
+    """A row of the table: what is wrong with the curves of one random posture's pose."""
+    kin = arm_of(name, errors)
+    q = np.random.default_rng([posture, 7]).uniform(-np.pi, np.pi, 7)
+    T = kin.fk(q)
+    tracer, motions = kin._tracer, kin.self_motions(T, limits=False).curves
+    curves = [(curve.q, curve.closed) for curve in motions]
+
+    def lost(postures: Floats) -> int:
+        right = np.abs(kin.fk(postures) - T).max(axis=(1, 2)) < RIGHT if len(postures) else []
+        return len(tracer.beside(curves, postures[right], T))
+
+    samples, charts = (np.empty((0, 7)), np.empty((0, 7))) if errors else theirs(name, T)
+    more = [curve for curve, _ in finer(kin).curves(T)]
+    still = [np.einsum("mij,mj->mi", kin.jacobian(curve.q), curve.tangent) for curve in motions]
+    return {
+        "arm": name, "errors": int(errors), "posture": posture,
+        "curves": len(curves), "open": sum(not closed for _, closed in curves), "lost": lost(q[None]),
+        "samples": len(samples) + len(charts), "samples lost": lost(samples), "charts lost": lost(charts),
+        "finer lost": lost(np.vstack([np.empty((0, 7)), *more])),
+        "missed": f"{max((np.abs(kin.fk(curve.q) - T).max() for curve in motions), default=0.0):.1e}",
+        "motion": f"{max((np.abs(each).max() for each in still), default=0.0):.1e}",
+    }  # fmt: skip
+
+
+def faultless(row: dict[str, Any]) -> bool:
+    """Whether a row says that nothing is lost or wrong."""
+    exact = max(float(row["missed"]), float(row["motion"])) < RIGHT
+    return exact and not any(int(row[key]) for key in ("open", "lost", "samples lost", "charts lost", "finer lost"))
+
+
+def theirs(name: str, T: Floats) -> tuple[Floats, Floats]:
+    """Samples by ssik of a pose's postures, and of its charts, which few arms have."""
+    arm = ssik().Manipulator.from_prebuilt(ARMS[name])
+    samples = [one.q for one in arm.solve(T, respect_limits=False, enumerate_windings=False)]
+    try:
+        charts = [q for chart in arm.self_motion(T) for _, piece in chart.sample(CHART) for q in piece]
+    except NotImplementedError:
+        charts = []
+    return np.array(samples).reshape(-1, 7), np.array(charts).reshape(-1, 7)
+
+
+def summary(rows: Sequence[dict[str, str]]) -> Iterator[list[Any]]:
+    """Rows of the page's table, one an arm; columns as `HEADINGS`."""
+    for name in ARMS:
+        for errors in ("0", "1"):
+            mine = [row for row in rows if row["arm"] == name and row["errors"] == errors]
+            if mine:
+                total = {key: sum(int(row[key]) for row in mine) for key in COLUMNS[3:10]}
+                theirs_lost = total["samples lost"] + total["charts lost"]
+                yield [
+                    f"{name}, with errors" if errors == "1" else name,
+                    f"{len(mine) - total['lost']} of {len(mine)}",
+                    total["curves"] / len(mine),
+                    f"{total['samples'] - theirs_lost} of {total['samples']}" if total["samples"] else None,
+                    sum(int(row["finer lost"]) > 0 for row in mine),
+                    total["open"],
+                    max(float(row["missed"]) for row in mine),
+                    max(float(row["motion"]) for row in mine),
+                ]
+
+
+HEADINGS = (
+    "arm", "generating posture on a curve", "curves a pose", "ssik's postures on a curve",
+    "poses with more by a finer grid", "curves that end", "pose missed [m, rad]", "tip moves [m/rad, rad/rad]",
+)  # fmt: skip
+
+
+def main() -> int:
+    """Check posture by posture, arm by arm."""
+    parser = Parser(prog=PROG, description=(__doc__ or "").split("\n")[0])
+    parser.add_argument("--postures", type=int, default=1000, metavar="N", help="of each arm (default: %(default)s)")
+    parser.add_argument("--out", default="results/self_motions.csv", metavar="FILE", help="default: %(default)s")
+    arguments: argparse.Namespace = parser.parse_args()
+    count, out = check_count("--postures", arguments.postures), check_path("--out", arguments.out)
+    make_writable(out.parent)
+    done = {(row["arm"], int(row["errors"]), int(row["posture"])) for row in read(out)}
+    with open(out, "a", newline="", encoding="utf-8") as file:
+        writer = csv.DictWriter(file, COLUMNS)
+        if not file.tell():
+            writer.writeheader()
+        for posture in range(count):
+            for name in ARMS:
+                for errors in (False, True):
+                    if (name, int(errors), posture) not in done:
+                        writer.writerow(checked(name, errors, posture))
+                        file.flush()
+    return 0
+
+
+def read(file: Path) -> list[dict[str, str]]:
+    """The rows of a file, none if there is no file."""
+    if not file.exists():
+        return []
+    with open(file, newline="", encoding="utf-8") as lines:
+        return list(csv.DictReader(lines))
+
+
+if __name__ == "__main__":
+    raise SystemExit(finish(main, prog=PROG))
