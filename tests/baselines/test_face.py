@@ -25,6 +25,8 @@ def test_every_name_is_there_and_a_page_or_an_example_has_it():
 def test_pages_and_examples_import_from_here_alone():
     imports = 0
     for path in PAGES:
+        if path.is_relative_to(ROOT / "docs/reference/api"):
+            continue  # describes what a face's functions return, too
         text = path.read_text(encoding="utf-8")
         assert set(re.findall(r"kinreach\.baselines\.(\w+)", text)) <= set(baselines.__all__), path
         imports += text.count("from kinreach.baselines import")
