@@ -24,7 +24,7 @@ CLAIMS = {
         ("LICENSE", "MIT License"),
     ],
     "It knows 14 UR models with their factory calibration, tool and pendant frames": [
-        ("tests/kinematics/test_ur_family.py", '[["0 / 0"] * 9] * 14'),
+        ("tests/kinematics/test_ur_family.py", "len(rows) == len(UR_LENGTHS) >= 14"),
     ],
     "`make compare`: 200 goals on a table, simulated in MuJoCo.": [
         ("Makefile", "kinreach.compare"),

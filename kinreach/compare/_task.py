@@ -117,6 +117,11 @@ class Task:
     scene: MakeScene | None = None
     paths: DrawPaths | None = None
 
+    def __post_init__(self) -> None:
+        keys = [column.key for column in self.columns]
+        if twice := sorted({key for key in keys if keys.count(key) > 1}):
+            raise InputError(f"columns of the task {self.name!r} must have different keys, got two with {twice[0]!r}")
+
     def with_options(self, options: Mapping[str, Any]) -> Task:
         """Return the same task with some other options of its environments."""
         return replace(self, options={**self.options, **options})

@@ -205,3 +205,8 @@ def test_a_policy_of_another_arm_is_refused(tmp_path):
     with pytest.raises(InputError, match="was trained on the arm 'ur3', not on 'ur5'"):
         compare("ur5", [str(tmp_path / "mine.safetensors")], goals=1)
     assert compare("ur5", [str(tmp_path / "mine.safetensors")], arm="ur3", goals=1)["methods"][0]["goals"] == 1
+
+
+def test_two_columns_of_one_key_are_refused(toy):
+    with pytest.raises(InputError, match="different keys, got two with 'reached'"):
+        replace(toy, columns=(*toy.columns, toy.columns[0]))
