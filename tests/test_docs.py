@@ -103,6 +103,23 @@ def test_docstrings_and_tables_in_the_reference(root, monkeypatch):
     assert [text for text in ("1 of 5 seeds reach", "2026 or later, if ever", "x") if site.NUMBER.match(text)] == []
 
 
+def sentences(text: str) -> Iterator[str]:
+    """What a page says, without code, tables, headings and targets of links; code in a line counts as a word."""
+    text = re.sub(r"^```.*?^```|^:::.*?$|^---$|^(?:    |\||#|!\[).*?$", "\n", text, flags=re.DOTALL | re.MULTILINE)
+    text = re.sub(r"`[^`]*`", "code", re.sub(r"\[([^\]]*)\]\([^)]*\)", r"\1", text))
+    for paragraph in re.split(r"\n\s*\n|^\s*(?:[-*]|\d+\.) ", text, flags=re.MULTILINE):
+        yield from re.split(r"(?<=[.!?:])\*{0,2}\s+", " ".join(paragraph.split()))
+
+
+def test_sentences_are_short():
+    """Of what users read: at most 30 words."""
+    pages = [TOP[0], *(DOCS / f"{name}.md" for name in ("index", "start"))]
+    pages += [path for room in ("guides", "environments", "studies") for path in (DOCS / room).glob("*.md")]
+    said = [(page.name, sentence) for page in pages for sentence in sentences(read(page))]
+    assert len(said) >= 800
+    assert [(page, text) for page, text in said if len(re.findall(r"[^\s]*\w[^\s]*", text)) > 30] == []
+
+
 def test_paths_exist(text):
     paths = set(re.findall(r"`((?:kinreach|tests|notebooks|docs|benchmarks|examples)/[\w/.-]*)`", text))
     paths |= set(re.findall(r"(?:python|pytest) ((?:[\w./-]+\.py ?)+)", text.replace("`", " ")))
