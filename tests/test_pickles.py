@@ -23,7 +23,7 @@ from kinreach.kinematics import (
     URKinematics,
 )
 from kinreach.kinematics._ur.kinematics import CalibratedURKinematics
-from kinreach.robots import PUBLISHED_CALIBRATIONS, Tool, get_arm
+from kinreach.robots import PUBLISHED_CALIBRATIONS, Obstacle, Tool, get_arm
 from kinreach.robots._urdf import Solid
 from kinreach.vision import Intrinsics, SensorNoise
 from kinreach.vision._ball_finder import BallFix
@@ -59,7 +59,7 @@ def samples():
         *(get_arm(name) for name in ("ur5", "arm3", "panda")),
         get_arm("ur5").calibrated(PUBLISHED_CALIBRATIONS["ur5_a"]),
         cell, *cell.obstacles, cell.goals, *get_arm("ur5").cameras, get_arm("ur5").gripper,
-        Tool.tube(np.array([0, 0, 0.1, 0, 0, 0]), 0.03, mass=1.0), Solid((0.1, 0.2, 0.3)),
+        Tool.tube(np.array([0, 0, 0.1, 0, 0, 0]), 0.03, mass=1.0), Solid((0.1, 0.2, 0.3)), Obstacle("ball", (0.1,), (1.0,) * 6),
         picture, fix, GoalMeasurement(q, np.array([True, False]), (fix, None), (picture, picture)),
         Intrinsics.from_fovy(0.8, 64, 48), SensorNoise(),
     ]  # fmt: skip

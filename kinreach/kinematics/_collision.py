@@ -15,6 +15,7 @@ from dataclasses import dataclass
 from enum import IntEnum
 from functools import lru_cache, partial
 from itertools import combinations
+from pathlib import Path
 from sys import float_info
 from typing import Any
 
@@ -26,11 +27,12 @@ from kinreach._engines import load
 from kinreach.errors import InputError
 from kinreach.kinematics._arm import ArmKinematics, build_model
 from kinreach.kinematics._solutions import SLACK
-from kinreach.robots import ArmDescription, Box, arm_names, get_arm
+from kinreach.robots import ArmDescription, Box, Obstacle, arm_names, get_arm
 from kinreach.robots._description import HULLS, MESHES_AS
 from kinreach.robots._meshes import Mesh, collision_mesh
+from kinreach.robots._obstacles import as_obstacles
+from kinreach.robots._rotations import placement, pose
 from kinreach.robots._urdf import link_at, without_shapes
-from kinreach.robots._workcell import as_boxes
 
 pin: Any = load("pinocchio")
 coal: Any = load("coal")
@@ -114,7 +116,8 @@ class CollisionChecker:
 
     Args:
         arm: Kinematics, description or name of the arm. Only the arm matters: a posture collides whatever the tip.
-        obstacles: Boxes in the world frame; default are those of the arm's work cell.
+        obstacles: Boxes and `kinreach.robots.Obstacle`s in the world frame; default are those of the arm's work cell,
+            to which you add yours by `[*arm.workcell.obstacles, ...]`.
         margin: Pairs nearer than this [m] count as colliding, at least 0.
         meshes: `"hulls"` takes meshes as their convex hulls, `"triangles"` as they are: surfaces, so that a part that
             is wholly inside of a mesh does not touch it. Default is `arm.meshes`.
@@ -136,23 +139,23 @@ class CollisionChecker:
         self,
         arm: str | ArmDescription | ArmKinematics,
         *,
-        obstacles: Sequence[Box] | None = None,
+        obstacles: Sequence[Box | Obstacle] | None = None,
         margin: float = 0.0,
         meshes: str | None = None,
     ) -> None:
         margin = check_number("margin", margin, least=0.0, most=MAX_DISTANCE)
         self.kinematics = arm if isinstance(arm, ArmKinematics) else ArmKinematics(arm)
         description = self.kinematics.arm
-        boxes = description.workcell.obstacles if obstacles is None else as_boxes(obstacles)
+        around = description.workcell.obstacles if obstacles is None else as_obstacles(obstacles)
         meshes = description.meshes if meshes is None else meshes
         check_known("meshes", meshes, MESHES_AS)
-        self._obstacles, self._margin, self._meshes = boxes, margin, meshes
+        self._obstacles, self._margin, self._meshes = around, margin, meshes
         self.model = self.kinematics.model
-        self.geometry = _shapes(description, self.model, boxes, meshes)
+        self.geometry = _shapes(description, self.model, around, meshes)
         skipped = (*disabled_pairs(description), *description.workcell.touching)
         self._names = _pair_up(self.geometry, self.model, skipped)
         self.pairs: tuple[Pair, ...] = tuple(sorted(set(self._names)))
-        names = {box.name for box in boxes}
+        names = {each.name for each in around}
         self.shapes = tuple(
             Shape(name := _name(shape, self.model), shape.parentJoint - 1, shape.parentFrame == WORLD and name in names)
             for shape in self.geometry.geometryObjects
@@ -362,7 +365,7 @@ def check_shapes(arm: ArmDescription) -> None:
         raise NoShapesError(f"arm {arm.name!r} has no collision checks and no simulation: {arm.missing_shapes}")
 
 
-def _shapes(arm: ArmDescription, model: Any, obstacles: Sequence[Box], meshes_as: str) -> Any:
+def _shapes(arm: ArmDescription, model: Any, obstacles: Sequence[Box | Obstacle], meshes_as: str) -> Any:
     """Geometry of the links with these meshes, followed by the obstacles, fixed to the world."""
     check_shapes(arm)
     robot = without_shapes(arm.urdf, "visual")
@@ -383,9 +386,9 @@ def _shapes(arm: ArmDescription, model: Any, obstacles: Sequence[Box], meshes_as
     for shape in geometry.geometryObjects:
         if (mesh := meshes[_name(shape, model)].pop(0)) is not None:
             shape.geometry = _hull(shape.name, mesh.vertices) if meshes_as == HULLS else _triangles(mesh)
-    for box in obstacles:
-        placement = pin.SE3(np.eye(3), np.array(box.position, dtype=np.float64))
-        geometry.addGeometryObject(pin.GeometryObject(box.name, WORLD, WORLD, placement, coal.Box(*box.size)))
+    for each in obstacles:
+        T, shape = _obstacle(each)
+        geometry.addGeometryObject(pin.GeometryObject(each.name, WORLD, WORLD, pin.SE3(T), shape))
     for shape in geometry.geometryObjects:
         shape.geometry.computeLocalAABB()
     return geometry
@@ -402,6 +405,19 @@ def _take_mesh(shape: ET.Element, arm: ArmDescription) -> Mesh | None:
     geometry.remove(mesh)
     ET.SubElement(geometry, "sphere", radius="1")
     return Mesh(vertices * scale, faces)
+
+
+def _obstacle(obstacle: Box | Obstacle) -> tuple[Floats, Any]:
+    """Pose in the world and shape of an obstacle."""
+    if isinstance(obstacle, Box):
+        return placement(obstacle.position, (0.0, 0.0, 0.0)), coal.Box(*obstacle.size)
+    T, shape = pose(obstacle.pose), obstacle.shape
+    if isinstance(shape, str | Path):
+        file, scale = Path(shape).resolve(), np.full(3, obstacle.scale)
+        vertices, faces = collision_mesh(file.name, str(file.parent), scale)
+        return T, _triangles(Mesh(vertices * scale, faces))
+    kind = {1: coal.Sphere, 2: coal.Cylinder, 3: coal.Box}[len(shape)]
+    return T, kind(*shape)
 
 
 def _triangles(mesh: Mesh) -> Any:

@@ -34,14 +34,15 @@ class Tool:
             or a 4x4 transform.
         mass: [kg]; 0 leaves the tool out of the dynamics.
         centre_of_mass: [m].
-        shapes: Boxes, `((x, y, z), xyz, rpy)`, and cylinders, `((radius, length), xyz, rpy)`, that collide and are
-            drawn, in metres and radians; `rpy` may be left out. The mass is spread in the first.
+        shapes: Boxes, `((x, y, z), xyz, rpy)`, cylinders, `((radius, length), xyz, rpy)`, and spheres,
+            `((radius,), xyz)`, that collide and are drawn, in metres and radians; `rpy` may be left out. The mass is spread
+            in the first.
         mesh: A mesh file (STL, OBJ, DAE) that collides and is drawn.
         mesh_scale: Metres per unit of the mesh; 0.001 for millimetres.
 
     Raises:
-        InputError: Not a rigid motion, metres that are millimetres, a negative mass, or another shape than a box
-            or cylinder.
+        InputError: Not a rigid motion, metres that are millimetres, a negative mass, or another shape than
+            these.
     """
 
     centre: ArrayLike
@@ -95,9 +96,10 @@ def _solid(shape: Any) -> Solid:
     """Check a shape of a tool, (size, xyz) or (size, xyz, rpy)."""
     if isinstance(shape, Solid):
         return shape
-    if not isinstance(shape, tuple | list) or len(shape) not in (2, 3) or np.size(shape[0]) not in (2, 3):
+    if not isinstance(shape, tuple | list) or len(shape) not in (2, 3) or np.size(shape[0]) not in (1, 2, 3):
         raise InputError(
-            f"a shape of the tool must be ((x, y, z), xyz, rpy) or ((radius, length), xyz, rpy), got {shown(shape)}"
+            "a shape of the tool must be ((x, y, z), xyz, rpy), ((radius, length), xyz, rpy) or ((radius,), xyz), got "
+            f"{shown(shape)}"
         )
     size, xyz, rpy = shape if len(shape) == 3 else (*shape, (0.0, 0.0, 0.0))
     for length in size:

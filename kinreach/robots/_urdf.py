@@ -23,7 +23,7 @@ from kinreach.robots._workcell import CameraMount
 
 @dataclass(frozen=True)
 class Solid:
-    """A box (three sizes) or a cylinder (radius, length) [m], placed in its link's frame."""
+    """A box (three sizes), a cylinder (radius, length) or a sphere (radius) [m], placed in its link's frame."""
 
     size: tuple[float, ...]
     xyz: tuple[float, float, float] = (0.0, 0.0, 0.0)
@@ -150,6 +150,8 @@ def add_link(
             geometry = ET.SubElement(element, "geometry")
             if len(solid.size) == 3:
                 ET.SubElement(geometry, "box", size=numbers(solid.size))
+            elif len(solid.size) == 1:
+                ET.SubElement(geometry, "sphere", radius=repr(solid.size[0]))
             else:
                 ET.SubElement(geometry, "cylinder", radius=repr(solid.size[0]), length=repr(solid.size[1]))
             if kind == "visual" and rgba:
@@ -161,6 +163,8 @@ def _inertia(mass: float, solid: Solid) -> dict[str, str]:
     if len(solid.size) == 3:
         x, y, z = (s * s for s in solid.size)
         diagonal = (mass * (y + z) / 12, mass * (x + z) / 12, mass * (x + y) / 12)
+    elif len(solid.size) == 1:
+        diagonal = (0.4 * mass * solid.size[0] ** 2,) * 3
     else:
         r, h = solid.size
         across = mass * (3 * r * r + h * h) / 12
