@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from difflib import get_close_matches
-from typing import NoReturn
+from typing import Any, NoReturn
 
 #: Names in messages are cut at this length [characters].
 LONGEST_NAME = 100
@@ -32,6 +32,32 @@ class OtherResultsError(InputError):
 
 class UnknownOptionError(UnknownNameError, TypeError):
     """A keyword that an environment does not take; a `TypeError` too, which is what Python and its libraries expect."""
+
+
+class PathError(KinreachError):
+    """There is no path, or a motion cannot be made; the message says where and why.
+
+    Attributes:
+        index: Number of the waypoint or pose before the place where it fails; -1 where no one place is the reason.
+        fraction: How far from there to the next one, from 0 to 1.
+        q: The posture there [rad]; None where there is none.
+        branches: Of a line of the tool: the other branches, which get through.
+        starts: Postures with which these begin [rad], shape (k, n).
+    """
+
+    def __init__(
+        self,
+        message: str,
+        *,
+        index: int = -1,
+        fraction: float = 0.0,
+        q: Any = None,
+        branches: tuple[int, ...] = (),
+        starts: Any = (),
+    ) -> None:
+        super().__init__(message)
+        self.index, self.fraction, self.q = index, fraction, q
+        self.branches, self.starts = branches, starts
 
 
 class TrainingError(KinreachError, ArithmeticError):

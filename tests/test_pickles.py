@@ -59,7 +59,8 @@ def samples():
         *(get_arm(name) for name in ("ur5", "arm3", "panda")),
         get_arm("ur5").calibrated(PUBLISHED_CALIBRATIONS["ur5_a"]),
         cell, *cell.obstacles, cell.goals, *get_arm("ur5").cameras, get_arm("ur5").gripper,
-        Tool.tube(np.array([0, 0, 0.1, 0, 0, 0]), 0.03, mass=1.0), Solid((0.1, 0.2, 0.3)), Obstacle("ball", (0.1,), (1.0,) * 6),
+        Tool.tube(np.array([0, 0, 0.1, 0, 0, 0]), 0.03, mass=1.0), Solid((0.1, 0.2, 0.3)),
+        Obstacle("ball", (0.1,), (1.0,) * 6),
         picture, fix, GoalMeasurement(q, np.array([True, False]), (fix, None), (picture, picture)),
         Intrinsics.from_fovy(0.8, 64, 48), SensorNoise(),
     ]  # fmt: skip

@@ -7,6 +7,7 @@
 - `ClosedFormSolver`, `PlacoSolver`, `LevenbergMarquardtSolver`, `QPSolver`: solvers with the same interface.
 - `pose`, `pose_vector`: poses as six numbers, as a UR's pendant writes them.
 - `CollisionChecker`: which links touch each other, or an obstacle.
+- `plan_path`, `joint_line`: paths around obstacles and straight in joint space, as waypoints.
 - `Trajectory`: joint angles and speeds over time.
 - `check`: measurements of an arm before you rely on it.
 
@@ -27,6 +28,7 @@ from kinreach.robots._rotations import pose, pose_vector
 if TYPE_CHECKING:
     from kinreach.kinematics import _check as check
     from kinreach.kinematics._arm3 import Arm3Kinematics
+    from kinreach.kinematics._planning import joint_line, plan_path
     from kinreach.kinematics._seven_axis.kinematics import SevenAxisKinematics
     from kinreach.kinematics._six_axis.kinematics import SixAxisKinematics
     from kinreach.kinematics._solvers import ClosedFormSolver, LevenbergMarquardtSolver, PlacoSolver, QPSolver
@@ -45,6 +47,8 @@ _MODULES = {
     "Trajectory": "_trajectory",
     "UR5Kinematics": "_ur.kinematics",
     "URKinematics": "_ur.kinematics",
+    "joint_line": "_planning",
+    "plan_path": "_planning",
 }
 
 __all__ = [
@@ -66,6 +70,8 @@ __all__ = [
     "UR5Kinematics",
     "URKinematics",
     "check",
+    "joint_line",
+    "plan_path",
     "pose",
     "pose_vector",
 ]

@@ -124,6 +124,7 @@ class CollisionChecker:
 
     Attributes:
         kinematics: Of the arm.
+        margin: As given.
         pairs: The pairs that are checked.
         shapes: The shapes in `geometry.geometryObjects`, links first.
         model, geometry: Pinocchio's models of the arm and of its shapes.
@@ -149,7 +150,7 @@ class CollisionChecker:
         around = description.workcell.obstacles if obstacles is None else as_obstacles(obstacles)
         meshes = description.meshes if meshes is None else meshes
         check_known("meshes", meshes, MESHES_AS)
-        self._obstacles, self._margin, self._meshes = around, margin, meshes
+        self._obstacles, self.margin, self._meshes = around, margin, meshes
         self.model = self.kinematics.model
         self.geometry = _shapes(description, self.model, around, meshes)
         skipped = (*disabled_pairs(description), *description.workcell.touching)
@@ -169,7 +170,7 @@ class CollisionChecker:
 
     def __reduce__(self) -> tuple[Any, ...]:
         return (
-            partial(CollisionChecker, obstacles=self._obstacles, margin=self._margin, meshes=self._meshes),
+            partial(CollisionChecker, obstacles=self._obstacles, margin=self.margin, meshes=self._meshes),
             (self.kinematics,),
         )
 

@@ -35,8 +35,8 @@ class Tool:
         mass: [kg]; 0 leaves the tool out of the dynamics.
         centre_of_mass: [m].
         shapes: Boxes, `((x, y, z), xyz, rpy)`, cylinders, `((radius, length), xyz, rpy)`, and spheres,
-            `((radius,), xyz)`, that collide and are drawn, in metres and radians; `rpy` may be left out. The mass is spread
-            in the first.
+            `((radius,), xyz)`, that collide and are drawn, in metres and radians; `rpy` may be left out. The mass is
+            spread in the first.
         mesh: A mesh file (STL, OBJ, DAE) that collides and is drawn.
         mesh_scale: Metres per unit of the mesh; 0.001 for millimetres.
 

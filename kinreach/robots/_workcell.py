@@ -46,7 +46,7 @@ class Box:
 
     def __post_init__(self) -> None:
         given: dict[str, Any] = vars(self)
-        _check_name("the name of a box", self.name)
+        check_name("the name of a box", self.name)
         for part, above in (("size", 0.0), ("position", -inf)):
             values = given[part]
             if not isinstance(values, Sequence | np.ndarray) or len(values) != 3:
@@ -101,9 +101,9 @@ class CameraMount:
     observed: bool = False
 
     def __post_init__(self) -> None:
-        _check_name("the name of a camera", self.name)
+        check_name("the name of a camera", self.name)
         of = f"of the camera {self.name!r}"
-        _check_name(f"the link {of}", self.link)
+        check_name(f"the link {of}", self.link)
         check_number(f"fovy {of}", self.fovy, above=0.0, most=MAX_FOVY)
         check_flag(f"observed {of}", self.observed)
         position, target, up = (
@@ -117,7 +117,7 @@ class CameraMount:
             raise InputError(f"the target {of} must not be where it stands, nor up or down from there: {self.target}")
 
 
-def _check_name(what: str, name: object) -> None:
+def check_name(what: str, name: object) -> None:
     if not isinstance(name, str) or not name:
         raise InputError(f"{what} must be text, got {shown(name)}")
 

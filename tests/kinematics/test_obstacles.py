@@ -53,8 +53,8 @@ def test_a_mesh_is_taken_as_its_triangles(tmp_path, scale):
     q = np.array(ARM.home)
     centre = kin.fk(q)[:3, 3]
     for offset, touches in ((0.0, False), (0.06, False), (0.08, True), (0.165, True), (0.18, False)):
-        pose = (*(centre + [offset, 0.0, 0.0]), 0.0, 0.0, 0.0)
-        checker = CollisionChecker(kin, obstacles=[Obstacle("ring", file, pose, scale=scale)])
+        at = (centre[0] + offset, *centre[1:], 0.0, 0.0, 0.0)
+        checker = CollisionChecker(kin, obstacles=[Obstacle("ring", file, at, scale=scale)])
         assert (("ring", "tool_body") in checker.contacts(q)) == touches, offset
 
 

@@ -223,7 +223,7 @@ def test_bad_input():
         Tool(TOOLS[0], -1.0)
     for shape, message in (
         ("box", "radius, length"),
-        (((0.1,), (0, 0, 0)), "radius, length"),
+        (((), (0, 0, 0)), "radius, length"),
         (((0.1, -0.1), (0, 0, 0)), "size of a shape"),
         (((0.1, 0.1), (0, 0)), "shape \\(3,\\)"),
         (((0.1, 0.1, 100), (0, 0, 0)), "size of a shape"),

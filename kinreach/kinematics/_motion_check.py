@@ -1,0 +1,118 @@
+"""Motions along straight lines in joint space, checked so that no collision between two samples is missed."""
+
+from __future__ import annotations
+
+from functools import lru_cache
+from itertools import pairwise
+
+import numpy as np
+
+from kinreach._checks import Floats
+from kinreach.errors import InputError, PathError
+from kinreach.kinematics._collision import CollisionChecker, pin
+from kinreach.kinematics._solutions import SLACK
+
+#: Margins below this make paths slow to check [m].
+MIN_MARGIN = 5e-4
+
+
+class MotionCheck:
+    """Checks motions between postures.
+
+    While joint i turns by dq_i, no point of the arm moves farther than the sum of |dq_i| r_i, where r_i is the largest
+    distance of anything that the joint carries from its axis; nor does it relative to another link. A motion is
+    sampled so that this sum is at most twice the margin of the checker from one sample to the next. Every posture is
+    within one margin of a sample, and a sample is farther than the margin from everything: nothing is missed.
+
+    Args:
+        checker: With a margin.
+
+    Attributes:
+        checker: As given.
+        reach: The distances r_i [m], shape (n,).
+
+    Raises:
+        InputError: The checker has a margin below 0.5 mm.
+    """
+
+    def __init__(self, checker: CollisionChecker) -> None:
+        if checker.margin < MIN_MARGIN:
+            raise InputError(
+                f"paths need a CollisionChecker with a margin of at least {MIN_MARGIN:g} m, got {checker.margin:g}; "
+                "with CollisionChecker(..., margin=0.005) nothing between two samples is missed"
+            )
+        self.checker = checker
+        self.reach = _reach(checker)
+
+    def free(self, q: Floats) -> bool:
+        """Return whether a posture is farther than the margin from everything; joint limits are not looked at."""
+        checker = self.checker
+        search = checker._search
+        return not pin.computeCollisions(checker.model, search.data, search.any_pair, q, True)
+
+    def motion_free(self, start: Floats, end: Floats, *, step: float | None = None) -> bool:
+        """Return whether a motion is free, without its two ends.
+
+        Args:
+            start: Posture [rad], shape (n,).
+            end: Posture [rad], shape (n,).
+            step: Farthest that a point may move between two samples [m]; by default twice the margin, which proves it.
+        """
+        way = end - start
+        count = self._samples(way, 2.0 * self.checker.margin if step is None else step)
+        return all(self.free(start + index / count * way) for index in _coarse_to_fine(count))
+
+    def first_collision(self, start: Floats, end: Floats) -> float | None:
+        """Return at which part of a motion, from 0 to 1, the first sample collides; None if it is free."""
+        way = end - start
+        count = self._samples(way, 2.0 * self.checker.margin)
+        return next((index / count for index in range(count + 1) if not self.free(start + index / count * way)), None)
+
+    def _samples(self, way: Floats, step: float) -> int:
+        return max(1, int(np.ceil(np.abs(way) @ self.reach / step)))
+
+
+def check_waypoints(motion: MotionCheck, waypoints: Floats) -> None:
+    """Check the straight lines from one waypoint to the next.
+
+    Raises:
+        PathError: The first that is out of limits or collides.
+    """
+    kin, checker = motion.checker.kinematics, motion.checker
+    outside = ((waypoints < kin.lower - SLACK) | (waypoints > kin.upper + SLACK)).any(axis=1)
+    if outside.any():
+        index = int(outside.argmax())
+        raise PathError(f"waypoint {index} is {checker.reason(waypoints[index])}", index=index, q=waypoints[index])
+    for index, (start, end) in enumerate(pairwise(waypoints)):
+        fraction = motion.first_collision(start, end)
+        if fraction is not None:
+            q = start + fraction * (end - start)
+            raise PathError(
+                f"collision {100 * fraction:.0f} % of the way from waypoint {index} to {index + 1}, at q = "
+                f"{np.round(q, 3).tolist()}: {checker.reason(q)}",
+                index=index,
+                fraction=fraction,
+                q=q,
+            )
+
+
+@lru_cache(maxsize=1024)
+def _coarse_to_fine(count: int) -> tuple[int, ...]:
+    """The numbers from 1 to count - 1, so that wide gaps are filled first."""
+    order: list[int] = []
+    stride = 1 << (count - 1).bit_length()
+    while stride > 1:
+        order += range(stride // 2, count, stride)
+        stride //= 2
+    return tuple(order)
+
+
+def _reach(checker: CollisionChecker) -> Floats:
+    """Largest distance from each joint's origin of anything that the joint carries, in any posture [m]."""
+    model, far = checker.model, np.zeros(checker.model.nq + 1)
+    for shape in checker.geometry.geometryObjects:
+        centre = shape.placement.act(shape.geometry.aabb_center)
+        far[shape.parentJoint] = max(far[shape.parentJoint], np.linalg.norm(centre) + shape.geometry.aabb_radius)
+    for joint in range(model.nq - 1, 0, -1):
+        far[joint] = max(far[joint], np.linalg.norm(model.jointPlacements[joint + 1].translation) + far[joint + 1])
+    return far[1:]

@@ -1,0 +1,276 @@
+"""Paths in joint space: straight from waypoint to waypoint, or planned around obstacles by OMPL's RRTConnect."""
+
+from __future__ import annotations
+
+import threading
+import time
+from collections.abc import Sequence
+from itertools import pairwise
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from kinreach._checks import MAX_ANGLE, Floats, as_floats, check_count, check_entries, check_number
+from kinreach._engines import load_extra
+from kinreach.errors import InputError, PathError
+from kinreach.kinematics._angles import TURN
+from kinreach.kinematics._arm import ArmKinematics
+from kinreach.kinematics._collision import CollisionChecker
+from kinreach.kinematics._motion_check import MotionCheck, check_waypoints
+from kinreach.kinematics._solutions import SLACK, IKSolutions, nearest_windings
+
+#: While a path is searched for, no point of the arm moves farther between two samples [m]. The path that is found is
+#: then checked so that nothing is missed, and searched for again with half of this where something was.
+SEARCH_STEP = 0.06
+#: Parts of a path that are chosen at random and replaced by straight lines where these are free.
+SHORTCUTS = 20
+#: Largest change of a posture in one step of a tree [rad, a joint counted by how far it moves the arm]. OMPL's own
+#: choice, a fifth of the diagonal of the joint ranges, is some 2: in a cage nearly all steps of that length collide.
+RANGE = 0.3
+MAX_SECONDS = 3600.0
+MAX_SEED = 2**32 - 2
+
+#: OMPL's random numbers come from one seed for the whole process.
+_ONE_SEARCH = threading.Lock()
+
+
+def joint_line(checker: CollisionChecker, waypoints: ArrayLike) -> Floats:
+    """Return a path that is straight in joint space from waypoint to waypoint, checked.
+
+    Args:
+        checker: Of the arm and what stands around it, with a margin that the whole path keeps; nothing between two
+            samples is missed.
+        waypoints: Postures [rad], shape (m, n).
+
+    Returns:
+        The waypoints, shape (m, n).
+
+    Raises:
+        PathError: A waypoint is out of the joint limits, or something is nearer than the margin; says where.
+        InputError: Malformed waypoints, or a checker without a margin.
+    """
+    motion = MotionCheck(checker)
+    path = as_waypoints(waypoints, checker.kinematics.n)
+    check_waypoints(motion, path)
+    return path
+
+
+def plan_path(
+    checker: CollisionChecker,
+    start: ArrayLike,
+    goals: ArrayLike | IKSolutions,
+    *,
+    seed: int = 0,
+    timeout: float = 1.0,
+) -> Floats:
+    """Plan a path around obstacles to whichever goal posture is found first.
+
+    The straight line to each goal is tried first, the nearest goal first; then OMPL's RRTConnect [1] grows a tree from
+    the start and one from all goals; then the path is shortened. The result depends on the seed only, not on the time
+    that it takes.
+
+    Give it all solutions of a pose, `kin.all_solutions(T)`: some may be blocked where others are free. Each is a goal
+    in the full turn of its joints that is nearest to the start, and in the one that is nearest to the middle of their
+    range: the elbow of a UR cannot be turned over itself. Postures are goals as they are.
+
+    [1] Kuffner and LaValle, RRT-Connect: An efficient approach to single-query path planning, ICRA 2000.
+
+    Args:
+        checker: Of the arm and what stands around it, with a margin that the whole path keeps; nothing between two
+            samples is missed. `CollisionChecker("ur5e", obstacles=[*workcell.obstacles, ...], margin=0.005)`.
+        start: Posture [rad], shape (n,).
+        goals: The solutions of a pose; or postures [rad], shape (n,) or (k, n).
+        seed: Of the random numbers.
+        timeout: Time after which no path is found [s].
+
+    Returns:
+        Waypoints [rad], shape (m, n), from the start to one of the goals, straight in joint space between them.
+
+    Raises:
+        PathError: The start collides, no goal is free, or no path was found in time; says which links and obstacles.
+        InputError: Malformed input, a checker without a margin, or a pose without solutions.
+        InstallationError: OMPL is not installed (the extra `paths`).
+    """
+    motion = MotionCheck(checker)
+    kin = checker.kinematics
+    start = kin.as_posture("start", start)
+    if isinstance(goals, IKSolutions):
+        if not goals.success:
+            raise InputError(f"the goal has no posture: {goals.reason}")
+        goals = _windings(kin, start, goals.q)
+    goals = as_waypoints(np.atleast_2d(as_floats("goals", goals)), kin.n, name="goals")
+    seed = check_count("seed", seed, least=0, most=MAX_SEED)
+    deadline = time.monotonic() + check_number("timeout", timeout, above=0.0, most=MAX_SECONDS)
+    _check_free(motion, start, "the start")
+    goals = _free_goals(motion, start, goals)
+    for goal in goals:
+        if motion.motion_free(start, goal):
+            return np.array([start, goal])
+    step = SEARCH_STEP
+    while (found := _search(motion, start, goals, seed, step, deadline)) is not None:
+        path = _shortened(motion, found, np.random.default_rng(seed), step)
+        if all(motion.motion_free(a, b) for a, b in pairwise(path)):
+            return path
+        step /= 2.0
+    raise PathError(
+        f"no path was found within {timeout:g} s to any of {len(goals)} free goal postures; the start is "
+        f"{checker.distance(start).distance:.3g} m from {' - '.join(checker.distance(start).pair)}"
+    )
+
+
+def _windings(kin: ArmKinematics, start: Floats, goals: Floats) -> Floats:
+    """The goals in the full turns nearest to the start and nearest to the middle of the limits, shape (k, n)."""
+    found = []
+    for near in (start, (kin.lower + kin.upper) / 2.0):
+        wound, within = nearest_windings(goals.T, near[:, None], kin.lower, kin.upper)
+        found.append(wound.T[within])
+    return np.unique(np.vstack(found).round(12), axis=0) if any(map(len, found)) else goals
+
+
+def as_waypoints(waypoints: ArrayLike, n: int, *, name: str = "waypoints") -> Floats:
+    """Return postures as an array of shape (m, n) with at least one row, or raise an `InputError`."""
+    path = as_floats(name, waypoints)
+    if path.ndim != 2 or path.shape[1] != n or not len(path):
+        raise InputError(f"{name} must have shape (m, {n}) with m at least 1, got {path.shape}")
+    check_entries(name, path, MAX_ANGLE)
+    return path
+
+
+def _check_free(motion: MotionCheck, q: Floats, name: str) -> None:
+    reason = _why_not(motion, q)
+    if reason:
+        raise PathError(f"{name} is not free: {reason}", q=q)
+
+
+def _why_not(motion: MotionCheck, q: Floats) -> str:
+    checker = motion.checker
+    reason = checker.reason(q)
+    if reason and checker.kinematics.within_limits(q) and (gap := checker.distance(q).distance) > 0.0:
+        return f"{reason} are {1e3 * gap:.2g} mm apart, the margin is {1e3 * checker.margin:g} mm"
+    return reason
+
+
+def _free_goals(motion: MotionCheck, start: Floats, goals: Floats) -> Floats:
+    """The goals that are within the limits and free, nearest first."""
+    kin = motion.checker.kinematics
+    free = np.array([kin.within_limits(goal) and motion.free(goal) for goal in goals])
+    if not free.any():
+        reasons = dict.fromkeys(_why_not(motion, goal) for goal in goals)
+        raise PathError(f"none of the {len(goals)} goal postures is free: {'; '.join(reasons)}")
+    order = np.argsort(np.abs(goals[free] - start) @ motion.reach, kind="stable")
+    return goals[free][order]
+
+
+def _search(
+    motion: MotionCheck, start: Floats, goals: Floats, seed: int, step: float, deadline: float
+) -> Floats | None:
+    """A path of RRTConnect whose motions are free at samples `step` apart; None if there is none in time."""
+    # a joint counts in distances as far as it moves the arm
+    scale = np.sqrt(motion.reach / motion.reach.max())
+    with _ONE_SEARCH:
+        rest = deadline - time.monotonic()
+        if rest <= 0.0:
+            return None
+        found = _rrt_connect(motion, scale, start, goals, seed, step, rest)
+    if found is not None:
+        found[0] = start
+        found[-1] = goals[np.abs(goals - found[-1]).max(axis=1).argmin()]
+    return found
+
+
+def _rrt_connect(
+    motion: MotionCheck, scale: Floats, start: Floats, goals: Floats, seed: int, step: float, seconds: float
+) -> Floats | None:
+    base, geometric, util = (load_extra(f"ompl.{name}", "paths") for name in ("base", "geometric", "util"))
+    kin = motion.checker.kinematics
+    joints = range(kin.n)
+
+    class Validator(base.MotionValidator):  # type: ignore[misc, name-defined]
+        def checkMotion(self, one: Any, other: Any, last: Any = None) -> bool:
+            """Name and arguments are OMPL's."""
+            one, other = posture(one), posture(other)
+            return motion.free(other) and motion.motion_free(one, other, step=step)
+
+    def posture(state: Any) -> Floats:
+        return np.array([state[joint] for joint in joints]) / scale
+
+    space = base.RealVectorStateSpace(kin.n)
+    bounds = base.RealVectorBounds(kin.n)
+    for joint, (low, high) in enumerate(zip(*_sampled_range(kin, start, goals), strict=True)):
+        bounds.setLow(joint, low * scale[joint])
+        bounds.setHigh(joint, high * scale[joint])
+    space.setBounds(bounds)
+
+    def state_of(q: Floats) -> Any:
+        state = space.allocState()
+        for joint, value in enumerate((q * scale).tolist()):
+            state[joint] = value
+        return state
+
+    before = util.getLogLevel()
+    util.setLogLevel(util.LOG_NONE)  # it calls it an error to set a seed twice, and does it
+    try:
+        util.RNG.setSeed(seed + 1)  # 0 is none
+        information = base.SpaceInformation(space)
+        information.setStateValidityChecker(lambda state: motion.free(posture(state)))
+        information.setMotionValidator(Validator(information))
+        information.setup()
+        problem = base.ProblemDefinition(information)
+        problem.addStartState(state_of(start))
+        region = base.GoalStates(information)
+        for goal in goals:
+            region.addState(state_of(goal))
+        problem.setGoal(region)
+        planner = geometric.RRTConnect(information)
+        planner.setRange(RANGE)
+        planner.setProblemDefinition(problem)
+        planner.setup()
+        planner.solve(base.timedPlannerTerminationCondition(seconds))
+        if not problem.hasExactSolution():
+            return None
+        path = problem.getSolutionPath()
+        return np.array([posture(path.getState(index)) for index in range(path.getStateCount())])
+    finally:
+        util.setLogLevel(before)
+
+
+def _sampled_range(kin: ArmKinematics, start: Floats, goals: Floats) -> tuple[Floats, Floats]:
+    """Range of the random postures: one turn about start and goals, or more where these are farther apart.
+
+    A UR's joints have two turns. In the range of all six are 64 times as many postures, each equal to one of these.
+    """
+    known = np.vstack([start, goals])
+    low, high = known.min(axis=0), known.max(axis=0)
+    missing = (TURN - (high - low)).clip(0.0) / 2.0
+    return np.maximum(low - missing, kin.lower) - SLACK, np.minimum(high + missing, kin.upper) + SLACK
+
+
+def _shortened(motion: MotionCheck, path: Floats, rng: np.random.Generator, step: float) -> Floats:
+    """The path without detours: waypoints left out first, then parts chosen at random replaced by straight lines."""
+    points: list[Floats] = [*path]
+    first = 0
+    while first < len(points) - 2:
+        last = len(points) - 1
+        while last > first + 1 and not motion.motion_free(points[first], points[last], step=step):
+            last -= 1
+        del points[first + 1 : last]
+        first += 1
+    for _ in range(SHORTCUTS):
+        if len(points) < 3:
+            break
+        lengths = _lengths(motion, points)
+        ends = np.concatenate([[0.0], lengths.cumsum()])
+        one, other = np.sort(rng.uniform(0.0, ends[-1], 2))
+        i, j = (int(np.searchsorted(ends, at, side="right").clip(1, len(lengths))) - 1 for at in (one, other))
+        if i == j:
+            continue
+        a = points[i] + (one - ends[i]) / lengths[i] * (points[i + 1] - points[i])
+        b = points[j] + (other - ends[j]) / lengths[j] * (points[j + 1] - points[j])
+        if motion.motion_free(a, b, step=step):
+            points[i + 1 : j + 1] = [a, b]
+    return np.array(points)
+
+
+def _lengths(motion: MotionCheck, points: Sequence[Floats]) -> Floats:
+    return np.abs(np.diff(points, axis=0)) @ motion.reach
