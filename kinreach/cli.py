@@ -49,6 +49,7 @@ COMMANDS = {
     "ik": Command("kinreach.kinematics._ik_cli", "joint angles for poses of an arm's tool"),
     "check": Command("kinreach._plots._check_cli", "what an arm is and how its inverse kinematics does"),
     "demo": Command("kinreach.demo._cli", "watch an environment with a policy, or film it"),
+    "move": Command("kinreach.deploy._move_cli", "plan a motion of a UR, try it, and write or send it"),
     "simulate-ur": Command("kinreach.deploy._simulate_cli", "simulate a UR that other programs connect to"),
     "view": Command("kinreach.view._cli", "see postures, and why there are none, in the browser"),
 }

@@ -1,0 +1,269 @@
+"""`kinreach move`: plan a motion of a UR, try it in MuJoCo, and write it as a program or send it."""
+
+from __future__ import annotations
+
+import signal
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+
+import numpy as np
+
+from kinreach._checks import Floats, check_number, check_path, printable
+from kinreach._files import write_text
+from kinreach.cli import Parser
+from kinreach.deploy._client import RobotState, URClient
+from kinreach.deploy._controller import FINISHED, Controller, Recording, check_is_ur, tcp_of
+from kinreach.deploy._motion import axis_and_angle
+from kinreach.deploy._planning import SPEED, Leg, plan
+from kinreach.deploy._program import Program
+from kinreach.deploy._rtde import RTDE_PORT
+from kinreach.deploy._server import PRIMARY_PORT
+from kinreach.deploy._simulate_cli import without_cell
+from kinreach.errors import InputError, RobotError
+from kinreach.kinematics import ArmKinematics, CollisionChecker, pose
+from kinreach.kinematics._closed_form import ClosedFormKinematics
+from kinreach.robots import ArmDescription
+from kinreach.robots._flags import add_arm_flags, arm_of, numbers_of, print_notes
+
+#: How far the robot's own tool centre point may be from kinreach's for the two to be the same arm [m, degrees]: with its
+#: calibration (0.08 mm at most on the one controller whose poses are known), and by the data sheet.
+MAX_OFF_CALIBRATED, MAX_OFF = (5e-4, 0.1), (2e-2, 2.0)
+HOME = "home"
+
+
+def main(argv: Sequence[str], *, prog: str) -> int:
+    """Plan, try, and write or send a motion.
+
+    Args:
+        argv: Arguments without the program's name.
+        prog: How the user called it, for messages.
+
+    Returns:
+        Exit code 0; 1 if the user says no.
+
+    Raises:
+        KinreachError: Bad input, no way to the goal, or a robot that does not do it.
+    """
+    arguments = _parser(prog).parse_args(argv)
+    script = None if arguments.script is None else check_path("--script", arguments.script)
+    if script is not None and (script.is_dir() or not script.parent.is_dir()):
+        raise InputError(f"--script must be a file in a folder that exists, got {script}")
+    if arguments.robot is not None and arguments.start is not None:
+        raise InputError("with --robot the motion begins where the robot stands; leave out --from")
+    ports = [int(number) for number in numbers_of("--ports", arguments.ports, 2)]
+    check_number("--speed", arguments.speed, above=0.0, most=1.0)
+    goals = [pose(numbers_of("--to", text, 6)) for text in arguments.to]
+    print_notes(arm := arm_of(arguments.arm, arguments))
+    check_is_ur(arm)
+    arm = without_cell(arm) if arguments.no_cell else arm
+    mass = None if arguments.tool_mass is None else numbers_of("--tool-mass", arguments.tool_mass, 1)[0]
+    job = _Job(arm, goals, linear=arguments.linear, speed=arguments.speed, blend=arguments.blend, payload=mass)
+    if arguments.robot is None:
+        start = _start(arguments.start, arm)
+        program, _ = job.tried(start)
+        if script is not None:
+            write_text(script, program.text)
+            _say(f"wrote    {script}")
+        return 0
+    with URClient(arguments.robot, rtde_port=ports[0], script_port=ports[1]) as robot:
+        state = robot.read()
+        _say(job.same_arm(state, arguments.robot))
+        program, _ = job.tried(state.actual_q)
+        if script is not None:
+            write_text(script, program.text)
+            _say(f"wrote    {script}")
+        if not (arguments.yes or _agreed(arguments.robot)):
+            _say("nothing was sent")
+            return 1
+        return job.moved(robot, program)
+
+
+class _Job:
+    """What is asked for, of which arm."""
+
+    def __init__(
+        self,
+        arm: ArmDescription,
+        goals: Sequence[Floats],
+        *,
+        linear: bool,
+        speed: float,
+        blend: float,
+        payload: float | None,
+    ) -> None:
+        kin = ArmKinematics.of(arm, base="base")
+        if not isinstance(kin, ClosedFormKinematics):
+            raise InputError(f"{arm.title} has not the geometry of a UR")
+        self.arm, self.kinematics, self.goals = arm, kin, goals
+        self.linear, self.speed, self.blend, self.payload = linear, speed, blend, payload
+        self.checker = CollisionChecker(kin)
+
+    def tried(self, start: Floats) -> tuple[Program, Recording]:
+        """Plan from a posture, run the program in MuJoCo, and say what came of it.
+
+        Raises:
+            InputError: There is no way, or the program does not come to its end.
+        """
+        kin = self.kinematics
+        legs = plan(kin, self.checker, start, self.goals, linear=self.linear, speed=self.speed, blend=self.blend)
+        settings = {} if self.payload is None else {"payload": self.payload, "centre_of_mass": _centre(self.arm)}
+        program = Program.of(kin, start, [leg.move for leg in legs], **settings)
+        _say(f"{self.arm.title}: tip {kin.tip} in {kin.base}, degrees")
+        _say(f"from     {_degrees(start)}")
+        for leg in legs:
+            _say(_described(leg))
+        done = Controller(self.arm, q=start.tolist()).run(program.text)
+        if done.status != FINISHED or done.reason:
+            raise InputError(f"the dry run did not come to its end, nothing is sent: {done.reason}")
+        for line in self._measured(done):
+            _say(line)
+        return program, done
+
+    def _measured(self, done: Recording) -> Iterator[str]:
+        kin = self.kinematics
+        shares = np.abs(done.commanded.qd).max(axis=0) / kin.velocity_limit
+        joint = int(shares.argmax())
+        tips = kin.positions(done.commanded.q)
+        tool = np.linalg.norm(np.diff(tips, axis=0), axis=1).max(initial=0.0) / done.commanded.t[1]
+        name = kin.arm.joints[joint].removesuffix("_joint")
+        yield (
+            f"dry run  {done.commanded.duration:.2f} s; {name} at most {np.abs(done.commanded.qd[:, joint]).max():.2f} "
+            f"rad/s, {100 * shares[joint]:.0f} % of its limit; tool at most {tool:.2f} m/s"
+        )
+        around = ", ".join(box.name for box in self.arm.workcell.obstacles)
+        yield f"         no collision with itself{f', {around}' if around else '; nothing around it is known'}"
+        yield f"         ends {self._miss(self.kinematics.fk(done.measured.q[-1]))} from the goal"
+
+    def _miss(self, T: Floats) -> str:
+        """How far a pose of the tool is from the last goal."""
+        return _difference(T, self.goals[-1])[2]
+
+    def same_arm(self, state: RobotState, address: str) -> str:
+        """Compare the robot's own tool centre point with kinreach's, and describe the difference.
+
+        Raises:
+            RobotError: They are so far apart that it is another arm.
+        """
+        if state.tcp_offset is None:
+            return f"robot    {address}: it does not say its tool centre point, so the model is not checked"
+        flange = ArmKinematics(self.arm, tip="tool0", base="base")
+        far, turned, off = _difference(flange.fk(state.actual_q) @ pose(state.tcp_offset), pose(state.tcp_pose))
+        calibrated = "_calibrated" in self.arm.name
+        most = MAX_OFF_CALIBRATED if calibrated else MAX_OFF
+        if far > most[0] or turned > most[1]:
+            hint = "another calibration or another model" if calibrated else "another model"
+            raise RobotError(
+                f"the robot at {address} is not this {self.arm.title}: its tool centre point is {off} from where "
+                f"kinreach has it; it has {hint}"
+            )
+        advice = "" if calibrated else "; with --calibration it would be less"
+        return f"robot    {address}: its tool centre point is {off} from kinreach's{advice}"
+
+    def moved(self, robot: URClient, program: Program) -> int:
+        """Send a program, wait for its end, and say how it ended."""
+        with _stopped_by_signals():
+            try:
+                done = robot.run(program)
+            except KeyboardInterrupt:
+                raise KeyboardInterrupt("stopped; the robot stands") from None
+        off = 1000 * np.abs(done.measured.q - done.commanded.q).max()
+        _say(
+            f"moved    {done.commanded.duration:.2f} s; joints at most {off:.1f} mrad from what was commanded; ends "
+            f"{self._miss(pose(robot.read().tcp_pose))} from the goal"
+        )
+        return 0
+
+
+def _difference(one: Floats, other: Floats) -> tuple[float, float, str]:
+    """Distance [m] and angle [degrees] between two poses, and both as text."""
+    far = float(np.linalg.norm(one[:3, 3] - other[:3, 3]))
+    turned = float(np.degrees(axis_and_angle(one[:3, :3].T @ other[:3, :3])[1]))
+    return far, turned, f"{1000 * far:.2f} mm and {turned:.2f}°"
+
+
+def _start(text: str | None, arm: ArmDescription) -> Floats:
+    if text in (None, HOME):
+        return np.array(arm.home)
+    return np.array(numbers_of("--from", str(text), 6))
+
+
+def _centre(arm: ArmDescription) -> tuple[float, ...]:
+    """Centre of mass of the tool [m], on the flange: half of the way to its point, where `Tool.tube` has it."""
+    return tuple((tcp_of(arm)[:3, 3] / 2).round(6).tolist())
+
+
+def _degrees(q: Floats) -> str:
+    return "  ".join(f"{angle:7.1f}" for angle in np.degrees(q))
+
+
+def _described(leg: Leg) -> str:
+    branch = f"branch {leg.branch}" if leg.branch >= 0 else "no branch of the closed form"
+    blend = f", blend {1000 * leg.move.blend:.0f} mm" if leg.move.blend else ""
+    speed = f"{leg.move.speed:.2f} {'rad/s' if leg.move.command == 'movej' else 'm/s'}"
+    return (
+        f"to       {_degrees(leg.end)}   {branch}, {leg.free} of {leg.postures} postures free; {leg.move.command}, "
+        f"{speed}{blend}"
+    )
+
+
+def _agreed(address: str) -> bool:
+    """Ask whether the robot may move."""
+    try:
+        return input(f"Move the robot at {printable(address)} now? Ctrl-C stops it. [y/N] ").strip().lower() == "y"
+    except EOFError:
+        raise InputError("nobody answers whether the robot may move; give --yes") from None
+
+
+@contextmanager
+def _stopped_by_signals() -> Iterator[None]:
+    """Let the signals that end a process stop the robot first, as Ctrl-C does."""
+
+    def interrupt(*_: object) -> None:
+        raise KeyboardInterrupt
+
+    before = {number: signal.signal(number, interrupt) for number in (signal.SIGTERM, signal.SIGHUP, signal.SIGINT)}
+    try:
+        yield
+    finally:
+        for number, handler in before.items():
+            signal.signal(number, handler)
+
+
+def _say(text: str) -> None:
+    print(printable(text), flush=True)
+
+
+def _parser(prog: str) -> Parser:
+    parser = Parser(
+        prog=prog,
+        description="Plan a motion of a UR, try it in MuJoCo, and write it as URScript or send it. Without --script "
+        "and --robot it is only tried.",
+    )
+    parser.add_argument("--arm", required=True, metavar="NAME|FILE", help="a UR: ur3 to ur30, or its URDF")
+    parser.add_argument(
+        "--to",
+        required=True,
+        action="append",
+        metavar="X,Y,Z,RX,RY,RZ",
+        help="goal of the tool in the frame base, as on the pendant: metres, rotation vector in radians; repeat it for "
+        "further goals",
+    )
+    parser.add_argument(
+        "--from", dest="start", metavar="Q1,...,Q6", help=f"start posture in radians, or {HOME} (default)"
+    )
+    parser.add_argument("--linear", action="store_true", help="move the tool on straight lines")
+    parser.add_argument(
+        "--speed", type=float, default=SPEED, metavar="PART", help="of the joints' limits, or of 1 m/s (%(default)s)"
+    )
+    parser.add_argument(
+        "--blend", type=float, default=0.0, metavar="M", help="radius at all goals but the last (0: stop)"
+    )
+    parser.add_argument("--script", metavar="FILE", help="write the program")
+    parser.add_argument("--robot", metavar="ADDRESS", help="read the start posture from this robot, ask, and move it")
+    parser.add_argument("--yes", action="store_true", help="do not ask")
+    parser.add_argument(
+        "--ports", default=f"{RTDE_PORT},{PRIMARY_PORT}", metavar="RTDE,SCRIPT", help="of the robot (%(default)s)"
+    )
+    parser.add_argument("--no-cell", action="store_true", help="no table and no floor around the arm")
+    add_arm_flags(parser)
+    return parser

@@ -1,0 +1,243 @@
+"""`kinreach move`: what it plans is free, what it sends was tried, and what it refuses has a reason."""
+
+import os
+import re
+import signal
+import subprocess
+import sys
+import threading
+import time
+from itertools import pairwise
+
+import numpy as np
+import pytest
+
+from kinreach.cli import main
+from kinreach.deploy import Program, SimulatedUR, URClient
+from kinreach.deploy._controller import FINISHED, Controller
+from kinreach.deploy._planning import collision_on, plan
+from kinreach.errors import InputError
+from kinreach.kinematics import ArmKinematics, CollisionChecker, pose, pose_vector
+from kinreach.robots import get_arm
+from tests.deploy.conftest import CALIBRATION, ROOT
+
+ARM = get_arm("ur5e").calibrated(CALIBRATION)
+KIN = ArmKinematics.of(ARM, base="base")
+CHECKER = CollisionChecker(KIN)
+HOME = np.array(ARM.home)
+GOAL, NEAR, BELOW = "-0.4,0.3,0.3,3.14,0,0", "-0.3,0.4,0.3,3.14,0,0", "-0.4,0.3,-0.3,3.14,0,0"
+
+
+def goals(count, seed):
+    rng = np.random.default_rng(seed)
+    for _ in range(count):
+        yield KIN.fk(rng.uniform(-1.2, 1.2, 6) + HOME)
+
+
+@pytest.mark.parametrize("linear", [False, True])
+def test_ways_are_free_by_dense_checks_and_runs_end_at_their_goals(linear):
+    planned, refused = 0, []
+    for T in goals(20, 6):
+        try:
+            (leg,) = plan(KIN, CHECKER, HOME, [T], linear=linear)
+        except InputError as error:
+            refused.append(str(error))
+            continue
+        planned += 1
+        np.testing.assert_allclose(KIN.fk(leg.end), T, atol=1e-5)
+        assert 1 <= leg.free <= leg.postures
+        found = KIN.all_solutions(T, seed=HOME)
+        if leg.branch >= 0:
+            assert np.abs(found.q[found.branch == leg.branch] - leg.end).max(axis=1).min() < 1e-4
+        if planned > 4:
+            continue
+        done = Controller(ARM).run(Program.of(KIN, HOME, [leg.move]).text)
+        if done.reason:  # a straight line near a singularity, where a joint is too fast; the command says so
+            assert linear
+            assert "joint speed" in done.reason
+            continue
+        assert done.status == FINISHED
+        assert not CHECKER.impossible(done.commanded.q).any()
+        np.testing.assert_allclose(KIN.fk(done.commanded.q[-1]), T, atol=1e-5)
+    assert planned >= 6
+    assert refused
+    assert all(text.startswith(("the goal", "no straight way", "the straight line")) for text in refused)
+
+
+def test_a_collision_on_the_way_is_found_with_its_place():
+    over = KIN.nearest(pose([-0.45, 0.3, 0.35, 3.14, 0, 0]), HOME).q
+    assert collision_on(CHECKER, np.array([HOME, over])) == ""
+    rng, found = np.random.default_rng(8), 0
+    for _ in range(40):
+        ends = rng.uniform(-1.5, 1.5, (3, 6)) + HOME
+        dense = np.concatenate([np.linspace(a, b, 400) for a, b in pairwise(ends)])
+        said = collision_on(CHECKER, ends)
+        bad = CHECKER.impossible(dense[1:])
+        if bad.sum() > 20:
+            assert said
+            assert float(said.split(" at ")[1].split(" %")[0]) == pytest.approx(
+                100 * (bad.argmax() + 1) / len(dense), abs=2.5) or CHECKER.impossible(ends[:1]).any()  # fmt: skip
+            found += 1
+        elif not bad.any():
+            assert not said
+    assert found > 10
+
+
+@pytest.fixture
+def run(capsys):
+    """`run(*flags)`: exit code, output and errors of `kinreach move` for a calibrated UR5e."""
+
+    def command(*flags):
+        code = main(["move", "--arm", "ur5e", "--calibration", str(CALIBRATION), *flags])
+        return code, *capsys.readouterr()
+
+    return command
+
+
+def test_without_a_robot_it_is_tried_and_written(run, tmp_path):
+    path = tmp_path / "motion.script"
+    code, out, err = run("--to", GOAL, "--tool", "0,0,0.15,0,0,0", "--tool-mass", "1.5", "--script", str(path))
+    assert (code, err) == (0, "")
+    assert "branch 6, " in out
+    assert "postures free; movej, 0.79 rad/s" in out
+    assert "25 % of its limit" in out
+    assert "no collision with itself, table, floor" in out
+    assert "ends 0.0" in out
+    program = Program.parse(path.read_text())
+    assert program.payload == 1.5
+    assert program.centre_of_mass == (0, 0, 0.075)
+    assert program.start == pytest.approx(ARM.home)
+    arm = ARM.with_tool([0, 0, 0.15, 0, 0, 0])
+    done = Controller(arm).run(path.read_text())
+    np.testing.assert_allclose(ArmKinematics(arm, base="base").fk(done.commanded.q[-1]),
+                               pose([float(word) for word in GOAL.split(",")]), atol=1e-6)  # fmt: skip
+
+
+def test_several_goals_are_blended(run, tmp_path):
+    path = tmp_path / "motion.script"
+    code, out, _ = run("--to", NEAR, "--to", "-0.3,0.5,0.2,3.14,0,0", "--linear", "--blend", "0.03", "--speed", "0.1",
+                       "--from", "-1.6,-1.5,1.5,-1.5,-1.5,0.1", "--no-cell", "--script", str(path))  # fmt: skip
+    assert code == 0
+    assert "movel, 0.10 m/s, blend 30 mm" in out
+    assert "nothing around it is known" in out
+    program = Program.parse(path.read_text())
+    assert [(move.command, move.speed, move.blend) for move in program.moves] == [
+        ("movel", 0.1, 0.03),
+        ("movel", 0.1, 0),
+    ]
+
+
+@pytest.mark.parametrize(("flags", "reason"), [
+    (["--to", "-2,0,0,0,0,0"], "the goal has no posture: too far away"),
+    (["--to", BELOW], "the goal has no free branch: all 8 postures collide: .*table"),
+    (["--to", GOAL, "--to", BELOW], "goal 2 has no free branch"),
+    (["--to", GOAL, "--from", "0,-1,2.9,-1,-1.57,0"], "the start posture cannot be used: upper_arm_link - wrist"),
+    (["--to", GOAL, "--from", "9,-1,2.9,-1,-1.57,0"], "the start posture cannot be used: out of limits: shoulder_pan"),
+    (["--to", GOAL, "--speed", "1.01"], "--speed must be finite and above 0 and at most 1"),
+    (["--to", GOAL, "--speed", "0"], "--speed must be"),
+    (["--to", GOAL, "--speed", "nan"], "--speed must be"),
+    (["--to", GOAL, "--to", "-0.41,0.3,0.3,3.14,0,0", "--blend", "0.2"], "the blends of move [12] overlap"),
+    (["--to", GOAL, "--blend", "-1", "--to", NEAR], "blend"),
+    (["--to", "1,2"], "--to must be 6 numbers"),
+    (["--to", "-400,300,300,3.14,0,0"], "too far|within"),
+    (["--to", GOAL, "--script", "/"], "--script must be a file"),
+    (["--to", GOAL, "--robot", "127.0.0.1", "--from", "home"], "leave out --from"),
+    (["--to", GOAL, "--ports", "1"], "--ports must be 2 numbers"),
+    ([], "--to"),
+])  # fmt: skip
+def test_what_cannot_be_is_refused_in_one_line(flags, reason, capsys):
+    try:
+        code = main(["move", "--arm", "ur5e", *flags])
+    except SystemExit as leaving:
+        code = leaving.code
+    assert code == 2
+    said = capsys.readouterr()
+    assert len(said.err.splitlines()) == 1
+    assert re.search(reason, said.err), said.err
+
+
+def test_only_urs_move(capsys):
+    assert main(["move", "--arm", "panda", "--to", GOAL]) == 2
+    assert "is not a UR" in capsys.readouterr().err
+
+
+@pytest.fixture
+def robot():
+    with SimulatedUR(ARM, rtde_port=0, script_port=0, speed=8.0, log=(log := []).append) as served:
+        served.log, served.ports = log, f"{served.rtde_port},{served.script_port}"
+        yield served
+
+
+def test_a_robot_is_asked_for_its_posture_and_moved(robot, run):
+    code, out, err = run("--to", GOAL, "--robot", "127.0.0.1", "--ports", robot.ports, "--yes")
+    assert (code, err) == (0, "")
+    assert "its tool centre point is 0.00 mm and 0.00° from kinreach's" in out
+    assert "moved    " in out
+    goal = pose([float(word) for word in GOAL.split(",")])
+    with URClient("127.0.0.1", rtde_port=robot.rtde_port, script_port=robot.script_port) as client:
+        np.testing.assert_allclose(pose(client.read().tcp_pose), goal, atol=1e-3)
+    # from there on, by the data sheet: the robot's own straight line ends at the goal all the same
+    code = main(
+        ["move", "--arm", "ur5e", "--to", NEAR, "--linear", "--robot", "127.0.0.1", "--ports", robot.ports, "--yes"]
+    )
+    assert code == 0
+    with URClient("127.0.0.1", rtde_port=robot.rtde_port, script_port=robot.script_port) as client:
+        assert pose_vector(pose(client.read().tcp_pose))[:3] == pytest.approx([-0.3, 0.4, 0.3], abs=5e-4)
+
+
+def test_nothing_is_sent_without_a_yes(robot, run, monkeypatch):
+    for answer, code in (("n", 1), ("", 1), ("Y", 0)):
+        monkeypatch.setattr("builtins.input", lambda _, answer=answer: answer)
+        assert run("--to", GOAL, "--robot", "127.0.0.1", "--ports", robot.ports)[0] == code
+        assert bool(robot.log) is (code == 0)
+
+    def nobody(_):
+        raise EOFError
+
+    monkeypatch.setattr("builtins.input", nobody)
+    code, _, err = run("--to", NEAR, "--robot", "127.0.0.1", "--ports", robot.ports)
+    assert code == 2
+    assert "give --yes" in err
+
+
+def test_what_fails_in_the_dry_run_is_not_sent(robot, run, monkeypatch):
+    monkeypatch.setattr("kinreach.deploy._planning.collision_on", lambda *_: "")  # so that it plans through itself
+    monkeypatch.setattr(CollisionChecker, "reason", lambda *_: "")
+    code, _, err = run("--to", BELOW, "--robot", "127.0.0.1", "--ports", robot.ports, "--yes")
+    assert code == 2
+    assert "the dry run did not come to its end, nothing is sent: collision: " in err
+    assert robot.log == []
+
+
+def test_another_arm_is_recognised(robot, capsys):
+    for flags, reason in (
+        (["--arm", "ur3e"], r"not this UR3E.*another model"),
+        (["--arm", "ur5e", "--calibration", str(ROOT / "tests/data/calibrations/controller_calibration_ur5e.conf")],
+         r"another calibration"),
+    ):  # fmt: skip
+        assert main(["move", *flags, "--to", NEAR, "--robot", "127.0.0.1", "--ports", robot.ports, "--yes"]) == 2
+        assert re.search(reason, capsys.readouterr().err)
+    assert robot.log == []
+
+
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+def test_a_signal_stops_the_robot(number, free_address):
+    """In a process, as from a terminal; the robot decelerates and stands before the command ends."""
+    address = free_address()
+    with SimulatedUR(ARM, address=address, log=(log := []).append) as robot:
+        process = subprocess.Popen(
+            [sys.executable, "-m", "kinreach", "move", "--arm", "ur5e", "--calibration", str(CALIBRATION), "--to",
+             "0.3,-0.3,0.3,3.14,0,0", "--robot", address, "--yes", "--speed", "0.1"],
+            env={**os.environ, "PYTHONPATH": str(ROOT)}, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True,
+        )  # fmt: skip
+        deadline = time.monotonic() + 120
+        while np.abs(robot.controller.target_qd).max() < 0.2 and time.monotonic() < deadline:
+            time.sleep(0.01)
+        process.send_signal(number)
+        _, err = process.communicate(timeout=60)
+        assert process.returncode == 130
+        assert err.splitlines() == ["python -m kinreach move: stopped; the robot stands"]
+        assert "program kinreach_stop is running" in log
+        assert not robot.controller.target_qd.any()
+        assert np.abs(robot.controller.target_q - HOME).max() < 1.0
+    assert threading.active_count() < 10
