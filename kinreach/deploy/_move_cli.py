@@ -25,7 +25,7 @@ from kinreach.kinematics._closed_form import ClosedFormKinematics
 from kinreach.robots import ArmDescription
 from kinreach.robots._flags import add_arm_flags, arm_of, numbers_of, print_notes
 
-#: How far the robot's own tool centre point may be from kinreach's for the two to be the same arm [m, degrees]: with its
+#: How far the robot's own tool centre point may be from kinreach's for the two to be one arm [m, degrees]: with its
 #: calibration (0.08 mm at most on the one controller whose poses are known), and by the data sheet.
 MAX_OFF_CALIBRATED, MAX_OFF = (5e-4, 0.1), (2e-2, 2.0)
 HOME = "home"
