@@ -115,9 +115,10 @@ def _class_of(kin: ArmKinematics) -> str:
     if isinstance(kin, URKinematics):
         return "UR: every posture of a pose exactly, singular poses too"
     if isinstance(kin, SixAxisKinematics):
-        return "six joints: every posture of a pose exactly, in closed form or by elimination"
+        return f"six joints: every posture of a pose exactly, {kin.solved}"
     if isinstance(kin, SevenAxisKinematics):
-        return "seven joints: every posture of a pose as curves; placo, lm and qp give one posture at a time"
+        numeric = "placo, lm and qp give one posture at a time"
+        return f"seven joints: every posture of a pose as curves, {kin.solved}; {numeric}"
     if isinstance(kin, Arm3Kinematics):
         return "turning base with two links: every posture of a position in closed form"
     spare = kin.n - POSE_JOINTS

@@ -134,7 +134,7 @@ def test_solvers_are_judged_by_forward_kinematics(kin):
 
 def test_one_screen(tmp_path, capsys):
     file = f"{get_arm('ur5').package_root()}/example-robot-data/robots/xarm_description/urdf/xarm7.urdf"
-    said = {"ur5": "UR: every", "arm3": "turning base", file: "seven joints: every"}
+    said = {"ur5": "UR: every", "arm3": "turning base", file: "as curves, by Newton's method from a closed form"}
     for arm, kind in said.items():
         picture = tmp_path / "workspace.png"
         assert main([arm, "--poses", "10", "--picture", str(picture)], prog="check") == 0

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from benchmarks.ik_arms.arms import placements_of, urdf
+from benchmarks.ik_arms.arms import placements_of, singular_poses, urdf
 from kinreach.kinematics import ArmKinematics, SixAxisKinematics
 from kinreach.kinematics._general_6r import Chain, General6R
 from kinreach.kinematics._six_axis.methods import Backwards, ClosedForm, Elimination, NearClosedForm
@@ -98,6 +98,7 @@ def test_every_posture(name, backwards, tmp_path):
         kin = kinematics(tmp_path, arm)
         assert isinstance(kin, SixAxisKinematics)
         assert used(kin) is ClosedForm
+        assert kin.solved == "in closed form"
         q = rng.uniform(-np.pi, np.pi, (8, 6))
         T = kin.fk(q)
         batch = kin.batch(T, limits=False)
@@ -169,6 +170,7 @@ def test_an_arm_that_is_a_little_off_its_class_has_every_posture(backwards, off,
         arm = placements(rng, name, backwards=backwards, off=off)
         kin = kinematics(tmp_path, arm)
         assert used(kin) is NearClosedForm
+        assert kin.solved == "by Newton's method from a closed form"
         q = rng.uniform(-np.pi, np.pi, (10, 6))
         form = (kin._method._method if backwards else kin._method)._arm
         for row, joint in ((7, 2), (8, 4), (9, 2), (9, 4)):  # beside singular poses
@@ -188,12 +190,26 @@ def test_an_arm_that_is_a_little_off_its_class_has_every_posture(backwards, off,
     assert compared > 250
 
 
+def test_a_wrist_centre_on_the_first_axis(tmp_path):
+    """Joint 1 is free there, but the elbow reaches at few of its angles; an arm a little off has a posture at two."""
+    kin = of_ssik(tmp_path, "yam_ik")[1]
+    assert used(kin) is NearClosedForm
+    solved = 0
+    for T in singular_poses(kin, 30)["elbow"]:
+        found = kin.all_solutions(T, limits=False)
+        assert found.success
+        assert found.residual.max() < 1.1e-7
+        solved += 1
+    assert solved == 30
+
+
 def test_an_arm_of_no_class_is_solved_by_elimination(tmp_path):
     rng = np.random.default_rng(8)
     arm = placements(rng, "spherical wrist")
     arm[4, :3, 3] += 0.1  # axes 4 and 5 do not meet
     kin = kinematics(tmp_path, arm)
     assert used(kin) is Elimination
+    assert kin.solved == "by elimination"
     for q in rng.uniform(-np.pi, np.pi, (5, 6)):
         found = kin.all_solutions(kin.fk(q), limits=False)
         assert apart(q, found.q) < 1e-6

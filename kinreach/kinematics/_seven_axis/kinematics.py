@@ -15,6 +15,7 @@ from kinreach.kinematics._collision import CollisionChecker
 from kinreach.kinematics._goals import AxisGoal, Goal, PoseGoal, PositionGoal, goal_error, nearest_rotations, pose_error
 from kinreach.kinematics._seven_axis.curves import SelfMotions, within_limits
 from kinreach.kinematics._seven_axis.tracing import JOINTS, SelfMotionTracer
+from kinreach.kinematics._six_axis.methods import WAYS
 from kinreach.kinematics._solutions import Accept, IKResult, Status, check_accept, nearest_windings
 from kinreach.robots import ArmDescription, Tool
 
@@ -60,6 +61,11 @@ class SevenAxisKinematics(ArmKinematics):
             raise InputError(
                 f"arm {self.arm.name!r}: with its first or last joint held, the other six cannot be solved"
             )
+
+    @property
+    def solved(self) -> str:
+        """How postures are found with a joint held: in closed form, by Newton's method from one, or by elimination."""
+        return WAYS[self._tracer.rank]
 
     def self_motions(self, T: ArrayLike, *, limits: bool = True) -> SelfMotions:
         """Compute every posture that brings the tip to a pose, as closed and open curves.

@@ -95,6 +95,11 @@ class SelfMotionTracer:
         """Whether a six-axis arm that is left can be solved."""
         return bool(self._sweeps)
 
+    @property
+    def rank(self) -> int:
+        """Of the better method of the two ends, as in `Method`."""
+        return self._sweeps[0].method.rank
+
     def curves(self, T: Floats) -> list[Curve]:
         """Compute all curves of a pose of the tip, shape (4, 4)."""
         if np.linalg.norm(T[:3, 3] - self._loop.placements[0][:3, 3]) > self._reach:

@@ -166,6 +166,15 @@ class DecoupledArm:
             for branch, flags, q1, q2, q3, q4, q5, q6 in found
         ]
 
+    def on_first_axis(self, T: Floats, tol: float) -> Floats | None:
+        """The pose (4, 4) next to another at which the first joint is free, if it is no farther than `tol` [m]."""
+        beside = (self.before @ T @ self.after[:, 3])[:2]
+        if np.hypot(*beside) > tol:
+            return None
+        moved = T.copy()
+        moved[:3, 3] -= self.before[:2, :3].T @ beside
+        return moved
+
     def _spherical(self, pose: _Rows, tol: float, start: Sequence[float], doubt: Doubt | None) -> Iterator[Row]:
         """Postures of an arm with a spherical wrist."""
         positions = self._arm_by_shoulder if self.by_shoulder else self._arm_by_roots
@@ -205,7 +214,11 @@ class DecoupledArm:
         cosine = ((ca1 * wz - ca4 * ca5) / by_c5, -sa1 * wy / by_c5, sa1 * wx / by_c5)
         square = [s + c for s, c in zip(_square(sine), _square(cosine), strict=True)]
         square[0] -= 1.0
-        for root, (q1, merged) in enumerate(_roots(square, start[0], tol / self.size, doubt)):
+        roots = _roots(square, start[0], tol / self.size, doubt)
+        moved = 2.0 * hypot(x, y) / min(abs(by_s5), abs(by_c5))  # P by q1, if the nearest other root is 1 rad away
+        for root, (q1, merged) in enumerate(roots):
+            apart = min((abs(wrap(q1 - other)) for index, (other, _) in enumerate(roots) if index != root), default=1.0)
+            gain = 1.0 + moved / max(min(apart, 1.0), APART)
             c1, s1 = cos(q1), sin(q1)
             q5 = atan2(sine[0] + sine[1] * c1 + sine[2] * s1, cosine[0] + cosine[1] * c1 + cosine[2] * s1)
             turn = self._behind(pose, c1, s1, ca1, sa1)
@@ -216,7 +229,7 @@ class DecoupledArm:
                 doubt.found = True
             q234, q6, flag = self._outer(turn, q5, tol, None, palm)
             flags = flag | (SHOULDER if merged else 0)
-            yield from self._arms(2 * root, flags, q1, q234, q5, q6, palm, tol, start[1], doubt, 10.0)
+            yield from self._arms(2 * root, flags, q1, q234, q5, q6, palm, tol, start[1], doubt, gain)
 
     def _arms(
         self,

@@ -19,7 +19,7 @@ from kinreach.kinematics._goals import (
     nearest_rotations,
     pose_error,
 )
-from kinreach.kinematics._six_axis.methods import MIN_SHARE, method_of
+from kinreach.kinematics._six_axis.methods import MIN_SHARE, WAYS, method_of
 from kinreach.kinematics._solutions import ANGLES, BRANCH, FLAGS, Accept, ErrorOf, IKResult, IKSolutions, Row
 from kinreach.robots import ArmDescription, Tool
 
@@ -74,6 +74,11 @@ class SixAxisKinematics(ClosedFormKinematics):
                 f"{100 * method:.0f} % again, and {100 * MIN_SHARE:.0f} % are needed"
             )
         self._method = method
+
+    @property
+    def solved(self) -> str:
+        """How postures are found: in closed form, by Newton's method from one, or by elimination."""
+        return WAYS[self._method.rank]
 
     def all_solutions(
         self, T: ArrayLike, *, seed: ArrayLike | None = None, limits: bool = True, tol: float = 1e-7

@@ -42,11 +42,17 @@ FAR = 0.1
 #: How far parts of the geometry may be missed for Newton's method to begin [m, rad]: where two are singular at once,
 #: rounding grows to this.
 AMISS = 1e-4
+#: Angles of a free first joint, from the seed's [rad].
+TURNS = np.linspace(0.0, 2.0 * np.pi, 48, endpoint=False)
 #: By how much starts of Newton's method may miss a pose [m, rad].
 NEAR_MISS = 0.03
 #: Random postures by which a method is judged, and the share that elimination has to find again.
 TRIALS, MIN_SHARE = 100, 0.98
 _JOINTS = 6
+
+
+#: What the ranks of methods are called.
+WAYS = ("by elimination", "by Newton's method from a closed form", "in closed form")
 
 
 class Method(Protocol):
@@ -91,7 +97,10 @@ class ClosedForm:
         self._arm, self._chain = arm, Chain(placements)
 
     def one(self, T: Floats, seed: Floats, tol: float) -> list[Row]:
-        rows = self._arm.solve(T, tol=tol, seed=seed.tolist()) or self._arm.solve(T, tol=AMISS, seed=seed.tolist())
+        rows = self._arm.solve(T, tol=tol, seed=seed.tolist()) or next(
+            (found for pose, start in _asked(self._arm, T, AMISS, seed)
+             if (found := self._arm.solve(pose, tol=AMISS, seed=start))), [],
+        )  # fmt: skip
         if any(row[FLAGS] for row in rows):
             rows = self._verified(rows, T, tol)
         return sorted(rows)
@@ -180,14 +189,16 @@ class NearClosedForm:
         By elimination; and where that may be singular for the arm, by Newton's method from the closed form's postures
         for this pose and for others about it, too.
         """
-        sound = self._elimination[1] >= MIN_SHARE
-        near = [self._arm.solve(pose, tol=10.0 * self._off, seed=seed.tolist()) for pose in self._about(T, alone=sound)]
+        sound, wide = self._elimination[1] >= MIN_SHARE, 10.0 * self._off
+        asked = [each for pose in self._about(T, alone=sound) for each in _asked(self._arm, pose, wide, seed)]
+        near = [self._arm.solve(pose, tol=wide, seed=start) for pose, start in asked]
         starts = np.array([row[ANGLES] for rows in near for row in rows]).reshape(-1, _JOINTS)
         poses = np.broadcast_to(T, (len(starts), 4, 4))
         q, off = newton(self._chain, starts, poses) if sound else nearest_by_newton(self._chain, starts, poses)
         every = np.vstack([np.array(eliminated).reshape(-1, _JOINTS), wrapped(q[off < EXACT])])
         if not len(every):
-            every = wrapped(q[off < tol])
+            q, off = nearest_by_newton(self._chain, starts, poses)
+            every = wrapped(q[off < (EXACT if (off < EXACT).any() else tol)])
         named: dict[int, Floats] = {}
         for one in every[first_of_each(every, SAME)][:MAX_POSTURES]:
             close = [row[BRANCH] for row in near[0] if np.abs(wrapped(one - row[ANGLES])).max() < FAR]
@@ -311,6 +322,16 @@ def _inverse(T: Floats) -> Floats:
 
 def _from_end(method: Method, *, backwards: int) -> Method:
     return Backwards(method) if backwards else method
+
+
+def _asked(arm: DecoupledArm, T: Floats, tol: float, seed: Floats) -> list[tuple[Floats, list[float]]]:
+    """A pose (4, 4) and a seed (6,); if joint 1 is free, or almost, also the pose where it is, and many of its angles.
+
+    Few of them may reach: the elbow has to, too.
+    """
+    free = arm.on_first_axis(T, tol)
+    others = [] if free is None else [(free, [seed[0] + turn, *seed[1:].tolist()]) for turn in TURNS]
+    return [(T, seed.tolist()), *others]
 
 
 def _starts(arm: DecoupledArm, T: Floats) -> tuple[Floats, NDArray[np.int64]]:
