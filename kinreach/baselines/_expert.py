@@ -10,6 +10,13 @@ from kinreach.kinematics import URKinematics
 _QUARTER_TURN = np.array([[0.0, -1.0], [1.0, 0.0]])
 
 
+#: Corners of the open gripper of the thesis's arm, from the tip [m]: of both fingers below, and of the palm.
+GRIPPER = np.array(
+    [[x, y, 0.012] for x in (-0.016, 0.016) for y in (-0.083, -0.062, 0.062, 0.083)]
+    + [[x, y, -0.09] for x in (-0.08, 0.08) for y in (-0.08, 0.08)]
+)
+
+
 def tool_down_postures(kinematics: URKinematics, goals: Floats) -> Floats:
     """Return postures that reach goals with the gripper straight down, turned outwards as the goal is.
 

@@ -136,18 +136,20 @@ MOVING_TASK = Task(
         Column("reached", "reached", RATE, "all, %\n[95 % CI]", "interval"),
         *_rates("touched", None, ""),
         *(column for path in ball.PATHS for column in _rates(path, path, f"Paths: {path}")),
+        Column("impossible", "impossible", RATE, "collided\n%", "share"),
         Column("distance_mm", thousandfold("distance"), QUANTILES, "least\ndistance, mm", "quantiles", TIME_TABLE),
         Column("time_s", _touched_at, QUANTILES, "time to\ntouch, s", "median", TIME_TABLE),
         Column("solve_ms", decision_ms, QUANTILES, "a decision\nms", "median", TIME_TABLE),
     ),
     figures={"speeds": draw_speeds},
     paths=draw_paths,
-    reached="the tip comes within 10 mm of the ball's centre before the ball leaves the table area, in 3 s at most",
+    reached="the tip comes within 10 mm of the ball's centre before the ball leaves the table area, in 3 s at most, "
+    "and neither arm nor fingers were in the table or in the arm on the way (--collisions false: wherever they were)",
     terms={
         "goal": "a ball that rolls over the table: straight on, on a circle of 0.12 m, or with a sideways acceleration "
         f"within {ball.SIDEWAYS:g} m/s² that is drawn anew every {ball.HOLD:g} s",
         "sight": f"{ball.FRAMES} a second, {1e3 * ball.DELAY:g} ms old, 0.14 mm off in the median",
-        "arm": "a UR5 whose joints keep their limits of speed and acceleration; no collisions",
+        "arm": "a UR5 whose joints keep their limits of speed and acceleration; a collision ends the episode",
         "distance": "the least of tip and ball's centre in the episode",
     },
 )

@@ -2,7 +2,7 @@
 
 Thirty times a second the cameras say where the ball was 50 ms ago, and the agent names a posture; the arm goes there
 with its own limits of speed and acceleration, joint by joint. The episode is over when the tip is within 10 mm of the
-ball's centre, when the ball leaves the table area, or after three seconds. Kinematics with inertia only: no collisions.
+ball's centre, when arm or fingers collide, when the ball leaves the table area, or after three seconds.
 """
 
 from __future__ import annotations
@@ -11,7 +11,7 @@ import math
 from collections.abc import Callable, Mapping, Sequence
 from copy import deepcopy
 from dataclasses import dataclass, field
-from functools import partial
+from functools import cache, partial
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -19,13 +19,13 @@ from gymnasium import spaces
 from gymnasium.vector import AutoresetMode
 from numpy.typing import ArrayLike, NDArray
 
-from kinreach._checks import Floats, as_floats, check_count, check_known, check_number, shown
+from kinreach._checks import Floats, as_floats, check_count, check_flag, check_known, check_number, shown
 from kinreach.envs._batch import Flags, Ids, NativeVectorEnv, Outcome, check_batch
 from kinreach.envs._options import about, check_not_over, given_options, options_from, with_options
 from kinreach.envs._real_arm import MEDIAN_LENGTH, NOISE
 from kinreach.envs._single import SingleEnv
 from kinreach.errors import InputError
-from kinreach.kinematics import ArmKinematics
+from kinreach.kinematics import ArmKinematics, CollisionChecker
 from kinreach.robots import ArmDescription, get_arm
 
 #: Frames of the cameras a second, and parts of a frame in which the motion is computed.
@@ -110,6 +110,12 @@ class MovingOptions:
     delay: float = field(default=DELAY, metadata=about("how old what the cameras say is [s]"))
     noise: float = field(default=NOISE, metadata=about("median error of a sight [m]"))
     sights: int = field(default=1, metadata=about("how many of the last sights are observed", flag=None))
+    collisions: bool = field(
+        default=True, metadata=about("a collision ends the episode; without, the arm moves through the table")
+    )
+    strength: float = field(
+        default=1.0, metadata=about("the arm's limits of speed and acceleration, as a share of those that methods know")
+    )
 
     def __post_init__(self) -> None:
         for name in ("speeds", "paths"):
@@ -124,6 +130,8 @@ class MovingOptions:
         check_number("delay [s]", self.delay, least=0.0, most=1.0)
         check_number("noise [m]", self.noise, least=0.0, most=0.1)
         check_count("sights", self.sights, most=MAX_SIGHTS)
+        check_flag("collisions", self.collisions)
+        check_number("strength", self.strength, least=0.1, most=1.0)
 
 
 def check_speed(speed: object) -> float:
@@ -153,6 +161,12 @@ class MovingStart(NamedTuple):
 ANYTHING = MovingStart()
 
 
+@cache
+def ur5_checker() -> CollisionChecker:
+    """Return the collision checks of the UR5 in its work cell; the ball is not in them."""
+    return CollisionChecker("ur5")
+
+
 class MovingEpisodes:
     """The episodes of a number of environments.
 
@@ -161,6 +175,7 @@ class MovingEpisodes:
         count: Number of environments.
 
     Attributes:
+        checker: Says what collides; a training may begin with another.
         frames: Frames so far, shape (count,).
         q, v: Joint angles [rad] and speeds [rad/s], shape (count, 6).
         rolls: Where the balls are at each part of a frame [m], shape (count, PARTS * FRAMES * SECONDS + 1, 3).
@@ -170,6 +185,7 @@ class MovingEpisodes:
         self.options = options
         self.arm: ArmDescription = (arm := get_arm("ur5"))
         self.chain = ArmKinematics(arm, tip="tcp", base="world").chain
+        self.checker = ur5_checker()
         self.home, self.speed_limit, self.acceleration_limit = (
             np.array(arm.home),
             arm.speed_limit,
@@ -189,6 +205,7 @@ class MovingEpisodes:
         self.q, self.v = np.zeros((count, 6)), np.zeros((count, 6))
         self._speeds, self._paths = np.zeros(count), np.empty(count, dtype=object)
         self._nearest = np.full(count, np.inf)
+        self._reasons = np.full(count, "", dtype=object)
 
     def seed(self, index: int, rng: np.random.Generator) -> None:
         """Give an environment its own generator."""
@@ -197,7 +214,7 @@ class MovingEpisodes:
     def copy_from(self, other: MovingEpisodes) -> None:
         """Copy the state of another object with as many environments."""
         self.__dict__.update(
-            deepcopy({name: value for name, value in vars(other).items() if name not in ("arm", "chain")})
+            deepcopy({name: value for name, value in vars(other).items() if name not in ("arm", "chain", "checker")})
         )
 
     def begin(self, ids: Ids, start: MovingStart = ANYTHING) -> None:
@@ -215,14 +232,16 @@ class MovingEpisodes:
             self._sights[index] = self.rolls[index, np.minimum(self._taken, end)] + noise
             self._ends[index], self._speeds[index], self._paths[index] = end, speed, path
         self.frames[ids], self.q[ids], self.v[ids], self._nearest[ids] = 0, self.home, 0.0, np.inf
+        self._reasons[ids] = ""
 
     def step(self, actions: Floats, acting: Flags | None = None) -> Outcome:
         """Simulate one frame in all environments, or where `acting` is True."""
         targets, dt = math.pi * np.clip(actions, -1.0, 1.0), 1.0 / (FRAMES * PARTS)
+        speed, acceleration = (self.options.strength * limit for limit in (self.speed_limit, self.acceleration_limit))
         acting = np.ones(len(targets), dtype=np.bool_) if acting is None else acting
         q, v, postures = self.q, self.v, np.empty((len(targets), PARTS, 6))
         for part in range(PARTS):
-            q, v = moved(q, v, targets, dt, speed=self.speed_limit, acceleration=self.acceleration_limit)
+            q, v = moved(q, v, targets, dt, speed=speed, acceleration=acceleration)
             postures[:, part] = q
         first = self.frames * PARTS
         at = np.minimum(first[:, None] + 1 + np.arange(PARTS), len(self._times) - 1)
@@ -233,11 +252,37 @@ class MovingEpisodes:
         self.q, self.v = (np.where(acting[:, None], new, old) for new, old in ((q, self.q), (v, self.v)))
         self.frames = self.frames + acting
         self._nearest = np.where(acting, np.minimum(self._nearest, nearest), self._nearest)
-        touched = acting & (nearest <= TOUCH)
+        collided = self._collide(postures, acting)
+        touched = acting & (nearest <= TOUCH) & ~collided
         gone = acting & (self.frames * PARTS >= self._ends)
-        terms = {"distance": -np.where(acting, nearest, 0.0), "touch": touched.astype(float)}
+        terms = {
+            "distance": -np.where(acting, nearest, 0.0),
+            "touch": touched.astype(float),
+            "collision": -collided.astype(float),
+        }
         info = {**self.start_info(), "is_success": touched, "reward_terms": terms}
-        return Outcome(terms["distance"] + terms["touch"], touched | gone, np.zeros(len(touched), dtype=np.bool_), info)
+        reward = terms["distance"] + terms["touch"] + terms["collision"]
+        return Outcome(reward, touched | collided | gone, np.zeros(len(touched), dtype=np.bool_), info)
+
+    def _collide(self, postures: Floats, acting: Flags) -> Flags:
+        """Stop the arms that collide in this frame, in the first such posture; return which they are.
+
+        Args:
+            postures: In the parts of the frame [rad], shape (count, PARTS, 6).
+            acting: Which arms move, shape (count,).
+        """
+        collided = np.zeros(len(postures), dtype=np.bool_)
+        if not self.options.collisions:
+            return collided
+        checker = self.checker
+        # a joint that stops at its limit may be beyond it by a rounding error: that is no collision
+        within = np.clip(postures[acting].reshape(-1, 6), checker.kinematics.lower, checker.kinematics.upper)
+        causes = checker.causes(within).reshape(-1, PARTS)
+        collided[acting] = causes.any(axis=1)
+        for index, row in zip(np.flatnonzero(collided), causes[causes.any(axis=1)], strict=True):
+            self.q[index], self.v[index] = postures[index, np.flatnonzero(row)[0]], 0.0
+            self._reasons[index] = checker.reason(self.q[index])
+        return collided
 
     def observe(self) -> Floats:
         """Return the newest sights, those before, and the arms."""
@@ -251,7 +296,12 @@ class MovingEpisodes:
     def start_info(self) -> dict[str, Any]:
         """Return the `info` of a reset."""
         info = {"speed": self._speeds.copy(), "path": self._paths.astype(str), "distance": self._nearest.copy()}
-        return {**info, "impossible": np.zeros(len(self.q), dtype=np.bool_), **self.goal_info()}
+        return {
+            **info,
+            "impossible": self._reasons != "",
+            "impossible_reason": self._reasons.astype(str),
+            **self.goal_info(),
+        }
 
     def goal_info(self) -> dict[str, Any]:
         """Return where balls and arms are now."""
@@ -306,7 +356,8 @@ class MovingBallEnv(SingleEnv):
     ## Description
     The ball rolls straight on, in a circle of 0.12 m radius, or with a random sideways acceleration of up to 1 m/s^2.
     Thirty times a second the agent names a posture, and each joint goes there within its limits of speed and
-    acceleration. There are no collisions and no contacts.
+    acceleration. A collision ends the episode: 240 times a second `kinreach.kinematics.CollisionChecker` judges arm,
+    palm and open fingers. The ball has no contacts.
 
     ## Action Space
     `Box(-1, 1, (6,), float32)`: the posture to go to, each angle divided by pi.
@@ -323,8 +374,8 @@ class MovingBallEnv(SingleEnv):
     | 16 on | where the ball was seen one frame earlier, two, and so on, relative to the last sight | m |
 
     ## Rewards
-    Minus the least distance of tip and ball during the step [m], and 1 more for touching. `info["reward_terms"]` has
-    the terms `distance` and `touch`.
+    Minus the least distance of tip and ball during the step [m], 1 more for a touch that counts, and 1 less for a
+    collision. `info["reward_terms"]` has the terms `distance`, `touch` and `collision`.
 
     ## Starting State
     The arm rests in its start posture. Speed and path are drawn from the options. The ball enters the table area at its
@@ -332,13 +383,15 @@ class MovingBallEnv(SingleEnv):
     or a path.
 
     ## Episode End
-    The episode terminates when the tip is within 10 mm of the ball's centre, when the ball leaves the table area, or
-    after three seconds.
+    The episode terminates when the tip is within 10 mm of the ball's centre, when arm or fingers are in the table or
+    in the arm, when the ball leaves the table area, or after three seconds. A touch in the frame of a collision does
+    not count. With `collisions=False` the arm moves through everything, and every touch counts.
 
     ## Info
-    `goal`, where the ball is [m], `q`, the joint angles [rad], `distance`, the least so far [m], `time` [s], `speed`
-    [m/s] and `path` of the ball, `impossible`, always False; after a step `is_success`, whether the ball was touched,
-    and `reward_terms`.
+    `goal`, where the ball is [m], `q`, the joint angles [rad], after a collision the first that collide, `distance`,
+    the least so far [m], `time` [s], `speed` [m/s] and `path` of the ball, `impossible`, whether the arm collided, and
+    `impossible_reason`, with what, such as "finger_left - table"; after a step `is_success`, whether the ball was
+    touched and that counts, and `reward_terms`.
 
     ## Arguments
 
@@ -425,24 +478,6 @@ def moved(
     wanted = np.where(np.abs(way) < 0.5 * brake * dt, way / dt, wanted)
     v = v + np.clip(wanted - v, -brake, brake)
     return q + dt * v, v
-
-
-def passing_times(q: Floats, v: Floats, targets: Floats, *, speed: float, acceleration: float) -> tuple[Floats, Floats]:
-    """Return the least times in which joints with limits pass targets [s], and their speeds [rad/s], both shape (m, n).
-
-    Args:
-        q: Where they are [rad], shape (n,) or (m, n).
-        v: How fast they are [rad/s], likewise.
-        targets: [rad], shape (m, n).
-        speed: Limit [rad/s].
-        acceleration: Limit [rad/s^2].
-    """
-    way = targets - q
-    side = np.where(way >= 0.0, 1.0, -1.0)
-    far, fast = side * way, side * v
-    top = np.minimum(np.sqrt(fast**2 + 2.0 * acceleration * far), speed)
-    cruise = np.maximum(far - (top**2 - fast**2) / (2.0 * acceleration), 0.0) / speed
-    return np.asarray((top - fast) / acceleration + cruise), side * top
 
 
 def travel_times(q: Floats, v: Floats, targets: Floats, *, speed: float, acceleration: float) -> Floats:

@@ -1,4 +1,4 @@
-"""Touch a rolling ball by closed-form kinematics: where it was seen, or where a Kalman filter predicts it."""
+"""Touch a rolling ball with a model: where it was seen, or where ball and arm can meet without a collision."""
 
 from __future__ import annotations
 
@@ -10,16 +10,33 @@ import gymnasium as gym
 import numpy as np
 
 from kinreach._checks import Floats
-from kinreach.baselines._expert import tool_down_postures
+from kinreach.baselines._expert import GRIPPER, tool_down_postures
+from kinreach.compare._methods.turn_rate import TurnRateFit
 from kinreach.envs import _moving as ball
-from kinreach.envs._moving import passing_times, travel_times
+from kinreach.envs._moving import moved, ur5_checker
 from kinreach.kinematics import UR5Kinematics
 
-#: Prior standard deviations of the ball's speed [m/s] and acceleration [m/s^2], and the intensity of the white jerk
-#: [m/s^2.5].
-SPEED, ACCELERATION, JERK = 0.5, 1.0, 1.0
-#: Horizon of the forecast [s] and its number of steps: 3 mm a step at the highest speed.
-HORIZON, STEPS = 1.0, 200
+#: Time of a part of a frame [s].
+PART = 1.0 / (ball.FRAMES * ball.PARTS)
+#: How far ahead meetings are looked for [frames].
+HORIZON = 40
+#: Shares of the limit of acceleration with which a meeting must be possible: first with something left for corrections.
+MARGINS = (0.94, 1.0)
+#: The tip aims this far above the ball's centre, and the gripper is to be this far above the table [m].
+ABOVE, CLEAR = 0.005, 0.003
+#: Iterations of the search for postures; error that they may have [m].
+ITERATIONS, CLOSE = 12, 1.5e-3
+#: Frames after the earliest meeting at which it meets the ball instead if it can: it needs them if sights differ.
+SPARE = 2
+#: Ways that are checked for collisions in a decision; parts of a frame between checked postures.
+WAYS, STRIDE = 40, 2
+#: Frames after which the arm shall be on its way. Joints that follow it frame by frame lag; with more frames they are
+#: ahead of it in between.
+AHEAD = (3, 2, 1)
+#: Where it waits: this share of the way from the ball to the middle of the area, this high above the ball [m].
+TOWARDS_MIDDLE, WAITING = 0.35, 0.06
+#: Without a way that is free, it keeps to the one that is free the longest if it is lower than this above the ball [m].
+LOW = 0.05
 
 
 class _ClosedForm:
@@ -63,88 +80,181 @@ class LastSight(_ClosedForm):
 
 
 class Interception(_ClosedForm):
-    """Go to the first place where ball and arm can be at the same time: to rest there, or else in passing.
+    """Meet the ball as early as the joints' limits allow, in passing, on a way without collisions.
 
-    A Kalman filter of place, speed and acceleration forecasts the ball; how long the arm takes to a place follows from
-    the limits of its joints. Both are evaluated again with every sight. Without a meeting, it goes where it is the
-    least late. Its parameters were chosen with balls of seed 1.
+    With every sight, a fit of constant speed and turn rate forecasts the ball. For each frame ahead, a posture is
+    searched among those that the joints can have by then: its tip at the ball, its gripper above the table, its
+    direction free. The ways to these postures are checked for collisions, the earliest first, and the arm follows the
+    first that is free. While there is none it waits above the ball. It knows the sights, their noise, the table and
+    the limits of the joints. Its constants were chosen with balls of seed 1.
     """
 
+    def __init__(self, env: gym.Env[Any, Any]) -> None:
+        super().__init__(env)
+        self._limits = {"speed": self._env.speed_limit, "acceleration": self._env.acceleration_limit}
+        area = self._env.arm.workcell.goals
+        self._low, self._high = np.array([area.x, area.y]).T
+        self._table = self._env.height - self._env.arm.workcell.ball_radius
+
     def reset(self, observation: Any, info: Mapping[str, Any]) -> None:
-        """Start a new filter."""
+        """Forget the last ball."""
         super().reset(observation, info)
-        self._filter = KalmanFilter(self._env.noise)
-        self._time = 0.0
+        self._fit, self._time = TurnRateFit(self._env.noise), 0.0
+        self._meeting: float | None = None
 
     def act(self, observation: Any) -> Floats:
         """Go towards the meeting."""
-        age = float(observation[ball.AGE])
-        self._filter.see(self._time - age, observation[ball.BALL])
+        age, q, v = float(observation[ball.AGE]), np.array(observation[ball.ANGLES]), np.array(observation[ball.RATES])
+        self._fit.see(self._time - age, observation[ball.BALL])
         self._time += 1.0 / ball.FRAMES
-        ahead = np.linspace(0.0, HORIZON, STEPS + 1)
-        places = self._filter.forecast(age + ahead)
-        places[:, 2] = self._env.height  # it rolls on the table
-        postures = tool_down_postures(self._kinematics, places)
-        reachable = np.isfinite(postures).all(axis=1)
-        if not reachable.any():
-            return self._target / math.pi
-        postures, ahead = postures[reachable], ahead[reachable]
-        limits = {"speed": self._env.speed_limit, "acceleration": self._env.acceleration_limit}
-        arm = observation[ball.ANGLES], observation[ball.RATES]
-        resting = travel_times(*arm, postures, **limits)
-        meets = np.flatnonzero(resting.max(axis=1) <= ahead)
-        if len(meets):
-            self._target = postures[meets[0]]
-            return self._target / math.pi
-        passing, fast = passing_times(*arm, postures, **limits)
-        late = passing.max(axis=1) - ahead
-        at = np.flatnonzero(late <= 0.0)[0] if (late <= 0.0).any() else int(late.argmin())
-        beyond = fast[at] * np.abs(fast[at]) / (2.0 * limits["acceleration"])  # stopping there does not slow it before
-        self._target = postures[at] + np.where(resting[at] > ahead[at], beyond, 0.0)
+        if not self._fit.moving:
+            seen = observation[ball.BALL][:2]
+            return self._wait(q, v, seen + TOWARDS_MIDDLE * ((self._low + self._high) / 2 - seen))
+        parts: Any = ball.PARTS * np.arange(1, HORIZON + 1)
+        xy = self._fit.forecast(age + PART * parts)
+        outside = ((xy < self._low) | (xy > self._high)).any(axis=1)
+        count = max(int(outside.argmax()) if outside.any() else HORIZON, 1)
+        way, until = self._way(q, v, xy[:count], parts[:count])
+        low = self._kinematics.fk(q)[2, 3] < self._env.height + LOW
+        if way is not None and (until >= len(way) or (low and until >= ball.PARTS)):
+            return self._follow(q, v, way)
+        return self._wait(q, v, xy[min(HORIZON // 3, count - 1)])
+
+    def _way(self, q: Floats, v: Floats, xy: Floats, parts: Any) -> tuple[Floats | None, int]:
+        """Return the way to the earliest meeting without a collision, or else the one that is free the longest.
+
+        Args:
+            q: Joint angles [rad], shape (6,).
+            v: Their speeds [rad/s], shape (6,).
+            xy: Of the ball [m], shape (n, 2).
+            parts: Parts of a frame after which it is there, shape (n,).
+
+        Returns:
+            Joint angles after each part [rad], shape (m, 6), None if there is none; for how many parts it is free.
+        """
+        places = np.column_stack([xy, np.full(len(xy), self._env.height + ABOVE)])
+        down = tool_down_postures(self._kinematics, places)
+        start, tried = np.where(np.isfinite(down), down, q), 0
+        longest: tuple[Floats | None, int] = (None, 0)
+        for margin in MARGINS:
+            postures, misses = self._postures(*self._bounds(q, v, parts, margin), places, start)
+            possible = np.flatnonzero(misses < CLOSE)
+            if not len(possible):
+                continue
+            wanted = possible[0] + SPARE if self._meeting is None else (self._meeting - self._time) * ball.FRAMES
+            for index in sorted(possible, key=lambda frame: (frame < wanted - 0.5, frame))[: WAYS - tried]:
+                way = self._steady(q, v, postures[index], int(parts[index]))
+                checked = np.append(np.arange(STRIDE - 1, len(way) - 1, STRIDE), len(way) - 1)
+                hits = np.flatnonzero(ur5_checker().causes(way[checked]))
+                if not len(hits):
+                    self._meeting = self._time + index / ball.FRAMES
+                    return way, len(way)
+                longest = max(longest, (way, int(checked[hits[0]])), key=lambda found: found[1])
+                tried += 1
+        self._meeting = None
+        return longest
+
+    def _wait(self, q: Floats, v: Floats, xy: Floats) -> Floats:
+        """Go above a place, or where it was going, or stop: the first of these that does not collide."""
+        place = np.clip(xy, self._low + ball.INSIDE, self._high - ball.INSIDE)
+        posture = tool_down_postures(self._kinematics, np.array([[*place, self._env.height + WAITING]]))[0]
+        if np.isfinite(posture).all() and self._is_free(q, v, posture):
+            self._target = posture
+        elif not self._is_free(q, v, self._target):
+            self._target = np.clip(q + v * np.abs(v) / (2.0 * self._limits["acceleration"]), -math.pi, math.pi)
         return self._target / math.pi
 
+    def _is_free(self, q: Floats, v: Floats, target: Floats, parts: int = 8 * ball.PARTS) -> bool:
+        """Return whether the joints can move towards a target for some parts of a frame without a collision."""
+        way = []
+        for _ in range(parts):
+            q, v = moved(q, v, target, PART, **self._limits)
+            way.append(q)
+        return not ur5_checker().causes(np.array(way[STRIDE - 1 :: STRIDE])).any()
 
-class KalmanFilter:
-    """Filter a ball's place, speed and acceleration, each coordinate by itself, with a white jerk.
+    def _follow(self, q: Floats, v: Floats, way: Floats) -> Floats:
+        """Return the action that leads each joint to where the way is some frames later, the most that are free."""
+        for frames in AHEAD:
+            parts = min(frames * ball.PARTS, len(way))
+            self._target = self._towards(q, v, way[parts - 1], parts)
+            if self._is_free(q, v, self._target, parts):
+                break
+        return self._target / math.pi
 
-    Args:
-        noise: Standard deviation of a coordinate of a sight [m].
-    """
+    def _towards(self, q: Floats, v: Floats, goal: Floats, parts: int) -> Floats:
+        """Return the angles to go to so that each joint passes its goal after parts of a frame, shape (6,)."""
+        low, high, joints = np.full(6, -math.pi), np.full(6, math.pi), np.arange(6)
+        for _ in range(3):  # where a joint is then grows with the angle that it goes to
+            tried = np.linspace(low, high, 33)
+            end, speed = np.tile(q, (33, 1)), np.tile(v, (33, 1))
+            for _ in range(parts):
+                end, speed = moved(end, speed, tried, PART, **self._limits)
+            first = (end < goal - 1e-6).sum(axis=0)
+            low, high = tried[np.maximum(first - 1, 0), joints], tried[np.minimum(first, 32), joints]
+        return np.asarray(high)
 
-    def __init__(self, noise: float) -> None:
-        self._noise = max(noise, 1e-6)
-        self._time: float | None = None
-        self._state = np.zeros((3, 3))  # place, speed and acceleration by coordinate
-        self._P: Floats = np.diag([1.0, SPEED**2, ACCELERATION**2])
+    def _steady(self, q: Floats, v: Floats, goal: Floats, parts: int) -> Floats:
+        """Return the way on which each joint passes its goal after so many parts, shape (parts, 6).
 
-    def see(self, time: float, place: Floats) -> None:
-        """Update with a sight [m] that was taken at a time [s], not before the last one."""
-        if self._time is None:
-            self._state[0] = place
-        else:
-            dt = time - self._time
-            F = _motion(np.array([dt]))[0]
-            Q = JERK**2 * np.array(
-                [
-                    [dt**5 / 20, dt**4 / 8, dt**3 / 6],
-                    [dt**4 / 8, dt**3 / 3, dt**2 / 2],
-                    [dt**3 / 6, dt**2 / 2, dt],
-                ]
+        A joint accelerates steadily all the way, or if a limit forbids that, as much as it may and then no more.
+        """
+        speed, most = self._limits["speed"], self._limits["acceleration"]
+        time, tau = parts * PART, PART * np.arange(1, parts + 1)[:, None]
+        beyond = goal - q - v * time  # what the present speed does not bring
+        steady = 2.0 * beyond / time**2
+        limited = (np.abs(v + steady * time) > speed) | (np.abs(steady) > most)
+        gain = most * time - np.sqrt(np.maximum((most * time) ** 2 - 2.0 * most * np.abs(beyond), 0.0))
+        ramp = np.abs(np.clip(v + np.sign(beyond) * gain, -speed, speed) - v) / most
+        acceleration = np.where(limited, np.sign(beyond) * most, steady)
+        ramp = np.where(limited, np.maximum(ramp, 1e-9), time)
+        during = np.minimum(tau, ramp)
+        after = (v + acceleration * ramp) * np.maximum(tau - ramp, 0.0)
+        return np.asarray(q + v * during + acceleration * during**2 / 2.0 + after)
+
+    def _bounds(self, q: Floats, v: Floats, parts: Any, margin: float) -> tuple[Floats, Floats]:
+        """Return the least and greatest angles that the joints can have after parts of a frame, each shape (n, 6)."""
+        gain = margin * self._limits["acceleration"] * PART * np.arange(1, parts[-1] + 1)[:, None]
+        limit = self._limits["speed"]
+        least, most = (
+            q + PART * np.cumsum(np.clip(v + side * gain, -limit, limit), axis=0)[parts - 1] for side in (-1, 1)
+        )
+        return np.clip(least, -math.pi, math.pi), np.clip(most, -math.pi, math.pi)
+
+    def _postures(self, low: Floats, high: Floats, places: Floats, start: Floats) -> tuple[Floats, Floats]:
+        """Return postures within bounds with the tips at places and the gripper above the table, and their errors.
+
+        Levenberg-Marquardt, all at once; joints at a bound that would go beyond it are held.
+
+        Args:
+            low: Least angles [rad], shape (n, 6).
+            high: Greatest angles [rad], shape (n, 6).
+            places: [m], shape (n, 3).
+            start: Where the search begins [rad], shape (n, 6).
+
+        Returns:
+            Joint angles [rad], shape (n, 6); distance from the place plus depth below `CLEAR` [m], shape (n,).
+        """
+        q = np.clip(start, low, high)
+        best, least, rows = q.copy(), np.full(len(q), np.inf), np.arange(len(q))
+        for _ in range(ITERATIONS):
+            T, J = self._kinematics.fk(q), self._kinematics.jacobian(q)
+            arms = np.einsum("nij,kj->nki", T[:, :3, :3], GRIPPER)
+            depth = np.maximum(self._table + CLEAR - arms[:, :, 2] - T[:, 2:3, 3], 0.0)
+            error = np.concatenate([places - T[:, :3, 3], 1.3 * depth], axis=1)
+            missed = np.linalg.norm(error[:, :3], axis=1) + depth.max(axis=1)
+            better = missed < least[rows]
+            best[rows[better]], least[rows[better]] = q[better], missed[better]
+            left = missed >= CLOSE / 3
+            if not left.any():
+                break
+            rows, q, low, high, places, error, J, arms, depth = (
+                values[left] for values in (rows, q, low, high, places, error, J, arms, depth)
             )
-            self._state, self._P = F @ self._state, F @ self._P @ F.T + Q
-        gain = self._P[:, 0] / (self._P[0, 0] + self._noise**2)
-        self._state = self._state + gain[:, None] * (place - self._state[0])
-        self._P = self._P - gain[:, None] * self._P[0]
-        self._time = time
-
-    def forecast(self, ahead: Floats) -> Floats:
-        """Return the ball's places [m], shape (n, 3), at times after the last sight [s], shape (n,)."""
-        return np.asarray((_motion(ahead) @ self._state)[:, 0])
-
-
-def _motion(dt: Floats) -> Floats:
-    """Return the matrices from place, speed and acceleration to those a time later, shape (n, 3, 3)."""
-    F = np.tile(np.eye(3), (len(dt), 1, 1))
-    F[:, 0, 1] = F[:, 1, 2] = dt
-    F[:, 0, 2] = dt**2 / 2
-    return F
+            heights = J[:, None, 2] + arms[:, :, 1, None] * J[:, None, 3] - arms[:, :, 0, None] * J[:, None, 4]
+            A = np.concatenate([J[:, :3], heights * (depth > 0.0)[:, :, None]], axis=1)
+            pull = np.einsum("nij,ni->nj", A, error)
+            held = ((q >= high) & (pull > 0.0)) | ((q <= low) & (pull < 0.0))
+            A, pull = np.where(held[:, None], 0.0, A), np.where(held, 0.0, pull)
+            step = np.linalg.solve(A.transpose(0, 2, 1) @ A + 1e-4 * np.eye(6), pull[:, :, None])[:, :, 0]
+            q = np.clip(q + np.clip(step, -0.5, 0.5), low, high)
+        return best, least

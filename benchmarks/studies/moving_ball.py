@@ -1,0 +1,117 @@
+"""Who touches a rolling ball: every method with and without collisions, and where learning overtakes.
+
+    python -m benchmarks.studies.moving_ball                       # the table, half an hour of one core
+    python -m benchmarks.studies.moving_ball --map --figure FILE   # the map, an hour
+
+Each cell is a share of balls, a third of each kind of path; the same balls for all methods, and none that a method was
+tuned on. Finished cells are kept in `--out`: an interrupted study goes on. The map changes one thing at a time: the
+speed of the ball, the cameras' delay, their noise, and the limits of the arm, which methods still believe.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import gymnasium as gym
+import numpy as np
+
+from benchmarks.studies.tables import head, line, share
+from kinreach import _provenance as provenance
+from kinreach._checks import check_count
+from kinreach._files import make_writable, replacing, write_text
+from kinreach.baselines._loop import Policy, as_policy, rollout
+from kinreach.cli import Parser, finish
+from kinreach.compare import get_task
+from kinreach.plots import INK, new_figure
+
+PROG = "python -m benchmarks.studies.moving_ball"
+#: Methods of the table and of the map.
+METHODS, MAPPED = (
+    ("first-sight", "last-sight", "interception", "policy", "ppo", "ppo-clear"),
+    ("interception", "ppo-clear"),
+)
+RULES: Mapping[str, Mapping[str, Any]] = {"count": {}, "ignored": {"collisions": False}}
+#: Speeds of the table [m/s]; worlds of the map, and the speeds in each.
+TABLE_SPEEDS = (0.2, 0.4, 0.6)
+WORLDS: Mapping[str, Mapping[str, Any]] = {
+    "as trained": {},
+    "delay 100 ms": {"delay": 0.1},
+    "delay 200 ms": {"delay": 0.2},
+    "noise 3 mm": {"noise": 0.003},
+    "noise 10 mm": {"noise": 0.01},
+    "arm 10 % weaker": {"strength": 0.9},
+    "arm 30 % weaker": {"strength": 0.7},
+}
+SPEEDS = (0.2, 0.4, 0.6, 0.8, 1.0, 1.2)
+
+
+def touched(name: str, speed: float, options: Mapping[str, Any], *, balls: int, seed: int, out: Path) -> list[bool]:
+    """Return which balls a method touches, from its file if it has one."""
+    task = get_task("moving")
+    key = {"method": name, "speed": speed, **options, "balls": balls, "seed": seed}
+    file = out / f"{provenance.digest(json.dumps(key, sort_keys=True).encode())}.json"
+    if file.exists():
+        return list(json.loads(file.read_text(encoding="utf-8"))["touched"])
+    env = gym.make(task.environment, **{**task.options, **options, "speeds": (speed,)})
+    policy: Policy = as_policy(task.methods[name].make(env))
+    found = [bool(trial["reached"]) for trial in rollout(env, policy, task.resets(balls, seed, env))]
+    write_text(file, json.dumps({**key, "touched": found}) + "\n")
+    return found
+
+
+def main(argv: list[str] | None = None) -> int:
+    """Print a Markdown table."""
+    parser = Parser(prog=PROG, description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--map", action="store_true", help="the map instead of the table")
+    parser.add_argument("--methods", nargs="+", help="names of the task's methods (default: those of the table or map)")
+    parser.add_argument("--speeds", type=float, nargs="+", help="[m/s] (default: three in the table, six in the map)")
+    parser.add_argument("--balls", type=int, help="in each cell (default: 60, of the map 24)")
+    parser.add_argument("--seed", type=int, default=100, help="of the balls (default: %(default)s)")
+    parser.add_argument("--out", type=Path, default=Path("results/moving-ball"), help="where finished cells are kept")
+    parser.add_argument("--figure", type=Path, help="where the map is drawn")
+    arguments = parser.parse_args(argv)
+    balls = check_count("--balls", arguments.balls or (24 if arguments.map else 60))
+    seed = check_count("--seed", arguments.seed, least=0)
+    make_writable(arguments.out)
+    speeds = tuple(arguments.speeds or (SPEEDS if arguments.map else TABLE_SPEEDS))
+    methods = tuple(arguments.methods or (MAPPED if arguments.map else METHODS))
+    worlds = WORLDS if arguments.map else RULES
+    print(head("world" if arguments.map else "collisions", "method", *(f"{speed:g} m/s" for speed in speeds)))
+    shares = np.zeros((len(worlds), len(methods), len(speeds)))
+    for row, (world, options) in enumerate(worlds.items()):
+        for column, name in enumerate(methods):
+            cells = [touched(name, v, options, balls=balls, seed=seed, out=arguments.out) for v in speeds]
+            shares[row, column] = np.mean(cells, axis=1)
+            print(line(world, f"`{name}`", *(share(sum(cell), balls) for cell in cells)), flush=True)
+    if arguments.figure is not None:
+        draw(shares, list(worlds), methods, speeds, balls, arguments.figure)
+    return 0
+
+
+def draw(
+    shares: np.ndarray, worlds: Sequence[str], methods: Sequence[str], speeds: Sequence[float], balls: int, file: Path
+) -> None:
+    """Draw how many percent more balls the first method touches than the second, by world and speed."""
+    figure, (axes,) = new_figure(
+        f"Balls touched: {methods[0]} less {methods[1]}", size=(8.0, 4.6), grid="none",
+        note=f"{balls} balls a cell; percent of {methods[0]} / {methods[1]} below the difference",
+    )  # fmt: skip
+    more = 100.0 * (shares[:, 0] - shares[:, 1])
+    axes.imshow(more, cmap="RdBu_r", vmin=-100, vmax=100, aspect="auto")
+    for (row, column), value in np.ndenumerate(more):
+        both = " / ".join(f"{100 * share:.0f}" for share in shares[row, :2, column])
+        axes.text(column, row - 0.12, f"{value:+.0f}", ha="center", va="center", color=INK, weight="bold")
+        axes.text(column, row + 0.24, both, ha="center", va="center", color=INK, fontsize=8)
+    axes.set_xticks(range(len(speeds)), [f"{speed:g}" for speed in speeds])
+    axes.set_yticks(range(len(worlds)), worlds)
+    axes.set_xlabel("speed of the ball [m/s]")
+    with replacing(file) as temporary:
+        figure.savefig(temporary, format="png")
+
+
+if __name__ == "__main__":
+    raise SystemExit(finish(main, prog=PROG))

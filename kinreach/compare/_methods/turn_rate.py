@@ -1,0 +1,85 @@
+"""Forecast a rolling ball by constant speed and constant turn rate, fitted to its last sights."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+
+from kinreach._checks import Floats
+
+#: Turn rates that are tried [rad/s]; prior standard deviation of the sideways acceleration [m/s^2].
+RATES, SIDEWAYS = np.linspace(-20.0, 20.0, 402), 2.0
+#: Numbers of last sights that are fitted, beside all: some 20 % more each time.
+WINDOWS = (3, 4, 5, 6, 7, 8, 10, 12, 14, 17, 20, 24, 30, 40, 60)
+
+
+class TurnRateFit:
+    """Fit constant speed and turn rate to the longest run of last sights that agrees with the noise.
+
+    With places as complex numbers, p(t) = p0 + v0 (exp(i w t) - 1) / (i w), which is linear in p0 and v0: each turn
+    rate w of a grid is one linear least-squares problem, and all windows share its sums. This is the text-book model of
+    a coordinated turn (Bar-Shalom, Li and Kirubarajan 2001, chapter 11).
+
+    Args:
+        noise: Standard deviation of a coordinate of a sight [m].
+    """
+
+    def __init__(self, noise: float) -> None:
+        self._noise = max(noise, 1e-6)
+        self._times: list[float] = []
+        self._places: list[complex] = []
+
+    @property
+    def moving(self) -> bool:
+        """Whether sights of two times have been seen, so that there is a speed."""
+        return len(self._times) > 1 and self._times[-1] - self._times[0] > 1e-3
+
+    def see(self, time: float, place: Floats) -> None:
+        """Add a sight [m], shape (2,) or (3,), that was taken at a time [s], not before the last one."""
+        self._times.append(time)
+        self._places.append(complex(place[0], place[1]))
+
+    def forecast(self, ahead: Floats) -> Floats:
+        """Return where the ball will be [m], shape (n, 2), at times after the last sight [s], shape (n,)."""
+        p0, v0, rate = self._fit()
+        z = p0 + v0 * _arc(rate, ahead)
+        return np.column_stack([z.real, z.imag])
+
+    def _fit(self) -> tuple[complex, complex, float]:
+        """Return place and velocity at the last sight, as complex numbers, and the turn rate."""
+        last = self._places[-1]
+        if not self.moving:
+            return last, 0j, 0.0
+        t, z = np.array(self._times[::-1]) - self._times[-1], np.array(self._places[::-1]) - last
+        *_, costs = self._solve(RATES, t, z)
+        best, least = (last, 0j, 0.0), int((t > -1e-3).sum()) + 1
+        for count in sorted({min(max(window, least), len(t)) for window in (least, *WINDOWS, len(t))}):
+            index = int(np.clip(costs[:, count - 1].argmin(), 1, len(RATES) - 2))
+            left, middle, right = costs[index - 1 : index + 2, count - 1]  # the least of a parabola through three
+            step = np.clip((left - right) / max(2.0 * (left - 2.0 * middle + right), 1e-12), -1.0, 1.0)
+            rate = RATES[index] + step * (RATES[1] - RATES[0])
+            p0, v0, misses, _ = (values[0, -1] for values in self._solve(np.array([rate]), t[:count], z[:count]))
+            freedom = max(2 * count - 5, 1)
+            if best[1] and misses > freedom + 4.0 * math.sqrt(2.0 * freedom):
+                break
+            best = (last + p0, v0, float(rate))
+        return best
+
+    def _solve(self, rates: Floats, t: Floats, z: Any) -> tuple[Any, Any, Floats, Floats]:
+        """Return p0, v0, squared misses in units of the noise, and these with the prior, by turn rate and window."""
+        b = _arc(rates[:, None], t)
+        n = np.arange(1, len(t) + 1)
+        B, BB = np.cumsum(b, axis=1), np.cumsum(np.abs(b) ** 2, axis=1)
+        Z, ZZ, BZ = np.cumsum(z), np.cumsum(np.abs(z) ** 2), np.cumsum(b.conj() * z, axis=1)
+        v0 = (BZ - B.conj() * Z / n) / np.maximum(BB - np.abs(B) ** 2 / n, 1e-12)
+        p0 = (Z - v0 * B) / n
+        misses = np.maximum(ZZ - (p0.conj() * Z + v0.conj() * BZ).real, 0.0) / self._noise**2
+        return p0, v0, misses, misses + (np.abs(v0) * rates[:, None] / SIDEWAYS) ** 2
+
+
+def _arc(rate: Any, t: Floats) -> Any:
+    """Return (exp(i w t) - 1) / (i w)."""
+    half = np.asarray(rate * t) / 2.0
+    return t * np.sinc(half / math.pi) * np.exp(1j * half)
