@@ -31,8 +31,8 @@ from kinreach.plots import INK, new_figure
 PROG = "python -m benchmarks.studies.moving_ball"
 #: Methods of the table and of the map.
 METHODS, MAPPED = (
-    ("first-sight", "last-sight", "interception", "policy", "ppo", "ppo-clear"),
-    ("interception", "ppo-clear"),
+    ("first-sight", "last-sight", "interception", "policy", "ppo"),
+    ("interception", "ppo"),
 )
 RULES: Mapping[str, Mapping[str, Any]] = {"count": {}, "ignored": {"collisions": False}}
 #: Speeds of the table [m/s]; worlds of the map, and the speeds in each.

@@ -12,6 +12,7 @@ from __future__ import annotations
 
 import argparse
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -45,16 +46,18 @@ def main(argv: list[str] | None = None) -> int:
     reach = [name for name, recipe in RECIPES.items() if recipe.environment != BUTTON]
     recipes = arguments.recipes.split(",") if arguments.recipes else reach
     rows = (
-        Trainings.evaluated(recipe, folders, goals=arguments.goals, options=_backend(recipe) | given)
+        Trainings.evaluated(recipe, folders, goals=arguments.goals, options=_fixed(recipe) | given)
         for recipe, folders in finished(arguments.runs, recipes).items()
     )
     print_table(HEADINGS, rows, cells)
     return 0
 
 
-def _backend(recipe: str) -> dict[str, str]:
-    """The option that a recipe is evaluated with unless told otherwise."""
-    return {"backend": "kinematic"} if "backend" in RECIPES[recipe].options else {}
+def _fixed(recipe: str) -> dict[str, Any]:
+    """The options that a recipe is evaluated with unless told otherwise."""
+    options = RECIPES[recipe].options
+    fixed = {"backend": "kinematic"} if "backend" in options else {}
+    return {**fixed, **{name: value for name, value in options.items() if name == "collisions"}}
 
 
 def cells(trainings: Trainings) -> tuple[str, ...]:

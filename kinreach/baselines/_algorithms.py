@@ -36,7 +36,6 @@ from kinreach.baselines._adaptive_ppo import AdaptivePPO, AdaptiveRate, Explorat
 from kinreach.baselines._batch import first_observations
 from kinreach.baselines._descent import AnalyticGradient, MovingGradient, RandomArmGradient
 from kinreach.baselines._looks import Looks
-from kinreach.baselines._lowered_table import LoweredTablePPO
 from kinreach.baselines._networks import ACTIVATIONS, LookFeatures, ObservationFeatures, PosturePolicy, actor_network
 from kinreach.baselines._policy_file import Network
 from kinreach.baselines._ppo2 import PPO2
@@ -217,11 +216,6 @@ def simulator_arguments(recipe: Recipe, env: SB3VecEnv, planned: int) -> dict[st
     return actor_arguments(recipe, env, planned) | {"world": env.get_attr("unwrapped")[0].episodes}
 
 
-def lowered_arguments(recipe: Recipe, env: SB3VecEnv, planned: int) -> dict[str, Any]:
-    """Return the arguments of PPO, and the simulation in which the table comes up."""
-    return adaptive_arguments(recipe, env, planned) | {"world": env.get_attr("unwrapped")[0].episodes}
-
-
 def _features(recipe: Recipe) -> dict[str, Any]:
     """Constants of the normalisation, and the waves.
 
@@ -339,7 +333,6 @@ register_algorithm(Algorithm("PPO2", PPO2, arguments=ppo2_arguments, vec_env=ste
 register_algorithm(Algorithm("AdaptivePPO", AdaptivePPO, arguments=adaptive_arguments))
 register_algorithm(Algorithm("RankedPPO", RankedPPO, arguments=ranked_arguments, vec_env=in_tries))
 register_algorithm(Algorithm("AnalyticGradient", AnalyticGradient, arguments=analytic_arguments, vec_env=in_tries))
-register_algorithm(Algorithm("LoweredTablePPO", LoweredTablePPO, arguments=lowered_arguments))
 register_algorithm(Algorithm("MovingGradient", MovingGradient, arguments=simulator_arguments))
 register_algorithm(Algorithm("RandomArmGradient", RandomArmGradient, arguments=simulator_arguments))
 register_algorithm(Algorithm("SAC", SAC))

@@ -10,8 +10,7 @@ import numpy as np
 
 from kinreach._checks import check_known
 from kinreach._objects import load_object
-from kinreach.baselines._expert import GRIPPER
-from kinreach.kinematics import Arm3Kinematics, UR5Kinematics
+from kinreach.kinematics import Arm3Kinematics
 
 Array = np.ndarray[Any, Any]
 
@@ -110,28 +109,6 @@ def guided(rewards: Array, info: Mapping[str, Any]) -> Array:
     return SCALE * (rewards - wrong + penalty * wrong - POSTURE_WEIGHT * error)
 
 
-#: What a touch and a collision pay a learner that meets a rolling ball: the environment's 1 and -1 leave it hovering
-#: above the table, where it loses less by the distance than by what it risks.
-TOUCH_PAYS, COLLISION_COSTS = 5.0, 3.0
-#: Height above the table below which the gripper's lowest point costs something [m], and how much [1/m].
-GRIPPER_CLEAR, DEPTH_COSTS = 0.008, 10.0
-
-
-@cache
-def _ur5() -> UR5Kinematics:
-    return UR5Kinematics(tip="tcp", base="world")
-
-
-def bold(rewards: Array, info: Mapping[str, Any]) -> Array:
-    """Return the environment's terms of a rolling ball with other weights, less the depth of the gripper."""
-    terms, cell = info["reward_terms"], _ur5().arm.workcell
-    T = _ur5().fk(info["q"])
-    lowest = T[:, 2, 3] + (T[:, 2, :3] @ GRIPPER.T).min(axis=1) - (info["goal"][:, 2] - cell.ball_radius)
-    depth = np.maximum(GRIPPER_CLEAR - lowest, 0.0)
-    paid = terms["distance"] + TOUCH_PAYS * terms["touch"] + COLLISION_COSTS * terms["collision"]
-    return np.asarray(paid - DEPTH_COSTS * depth)
-
-
 #: Training rewards by the name that recipes use.
 REWARDS: Mapping[str, TrainingReward] = {
     "own": own,
@@ -141,7 +118,6 @@ REWARDS: Mapping[str, TrainingReward] = {
     "dense-clipped": dense_clipped,
     "scaled": scaled,
     "guided": guided,
-    "bold": bold,
 }
 
 
