@@ -18,6 +18,7 @@ from typing import Any
 
 import gymnasium as gym
 import numpy as np
+from kinreach.plots import INK, new_figure
 
 from benchmarks.studies.tables import head, line, share
 from kinreach import _provenance as provenance
@@ -26,7 +27,6 @@ from kinreach._files import make_writable, replacing, write_text
 from kinreach.baselines._loop import Policy, as_policy, rollout
 from kinreach.cli import Parser, finish
 from kinreach.compare import get_task
-from kinreach.plots import INK, new_figure
 
 PROG = "python -m benchmarks.studies.moving_ball"
 #: Methods of the table and of the map.
