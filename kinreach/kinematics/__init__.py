@@ -7,7 +7,9 @@
 - `ClosedFormSolver`, `PlacoSolver`, `LevenbergMarquardtSolver`, `QPSolver`: solvers with the same interface.
 - `pose`, `pose_vector`: poses as six numbers, as a UR's pendant writes them.
 - `CollisionChecker`: which links touch each other, or an obstacle.
-- `plan_path`, `joint_line`: paths around obstacles and straight in joint space, as waypoints.
+- `plan_path`, `joint_line`, `tool_line`: paths as waypoints, around obstacles, straight in joint space, and straight
+  for the tool.
+- `time_waypoints`, `time_path`: motions along them within the `MotionLimits` of the arm.
 - `Trajectory`: joint angles and speeds over time.
 - `check`: measurements of an arm before you rely on it.
 
@@ -32,6 +34,8 @@ if TYPE_CHECKING:
     from kinreach.kinematics._seven_axis.kinematics import SevenAxisKinematics
     from kinreach.kinematics._six_axis.kinematics import SixAxisKinematics
     from kinreach.kinematics._solvers import ClosedFormSolver, LevenbergMarquardtSolver, PlacoSolver, QPSolver
+    from kinreach.kinematics._timing import MotionLimits, time_path, time_waypoints
+    from kinreach.kinematics._tool_line import tool_line
     from kinreach.kinematics._trajectory import Trajectory
     from kinreach.kinematics._ur.kinematics import UR5Kinematics, URKinematics
 
@@ -40,6 +44,7 @@ _MODULES = {
     "Arm3Kinematics": "_arm3",
     "ClosedFormSolver": "_solvers",
     "LevenbergMarquardtSolver": "_solvers",
+    "MotionLimits": "_timing",
     "PlacoSolver": "_solvers",
     "QPSolver": "_solvers",
     "SevenAxisKinematics": "_seven_axis.kinematics",
@@ -49,6 +54,9 @@ _MODULES = {
     "URKinematics": "_ur.kinematics",
     "joint_line": "_planning",
     "plan_path": "_planning",
+    "time_path": "_timing",
+    "time_waypoints": "_timing",
+    "tool_line": "_tool_line",
 }
 
 __all__ = [
@@ -60,6 +68,7 @@ __all__ = [
     "CollisionChecker",
     "IKResult",
     "LevenbergMarquardtSolver",
+    "MotionLimits",
     "PlacoSolver",
     "PoseGoal",
     "PositionGoal",
@@ -74,6 +83,9 @@ __all__ = [
     "plan_path",
     "pose",
     "pose_vector",
+    "time_path",
+    "time_waypoints",
+    "tool_line",
 ]
 
 

@@ -57,6 +57,24 @@ UR_LENGTHS: Mapping[str, Lengths] = {
 }
 
 
+#: Largest acceleration of a joint in a planned motion [rad/s^2]. Universal Robots publishes none ("acceleration limits
+#: are not publicly available", joint_limits.yaml of Universal_Robots_ROS2_Description 2.4.5); its configuration for
+#: MoveIt uses this for all joints of all models. URScript's movej takes 1.4 where none is given.
+UR_ACCELERATION = 5.0
+
+
+def ur_speeds(name: str) -> tuple[float, ...]:
+    """Largest speeds of a model's joints by its data sheet [rad/s].
+
+    Args:
+        name: Of the arm; what follows "_" does not count. Arms of other names have the highest of all.
+    """
+    model = name.lower().partition("_")[0]
+    if model in UR_LENGTHS:
+        return shape_of(model, UR_LENGTHS).speeds
+    return (2.0 * math.pi,) * len(JOINTS)
+
+
 def nominal_urdf(name: str) -> str:
     """Build the URDF of a model from its lengths and its shapes; links as in example-robot-data.
 
