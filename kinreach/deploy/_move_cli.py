@@ -14,7 +14,7 @@ from kinreach.cli import Parser
 from kinreach.deploy._client import RobotState, URClient
 from kinreach.deploy._controller import FINISHED, Controller, Recording, check_is_ur, tcp_of
 from kinreach.deploy._motion import axis_and_angle
-from kinreach.deploy._planning import SPEED, Leg, plan
+from kinreach.deploy._planning import MARGIN, SPEED, Leg, plan
 from kinreach.deploy._program import Program
 from kinreach.deploy._rtde import RTDE_PORT
 from kinreach.deploy._server import PRIMARY_PORT
@@ -96,7 +96,7 @@ class _Job:
             raise InputError(f"{arm.title} has not the geometry of a UR")
         self.arm, self.kinematics, self.goals = arm, kin, goals
         self.linear, self.speed, self.blend, self.payload = linear, speed, blend, payload
-        self.checker = CollisionChecker(kin)
+        self.checker = CollisionChecker(kin, margin=MARGIN)
 
     def tried(self, start: Floats) -> tuple[Program, Recording]:
         """Plan from a posture, run the program in MuJoCo, and say what came of it.
@@ -107,7 +107,7 @@ class _Job:
         kin = self.kinematics
         legs = plan(kin, self.checker, start, self.goals, linear=self.linear, speed=self.speed, blend=self.blend)
         settings = {} if self.payload is None else {"payload": self.payload, "centre_of_mass": _centre(self.arm)}
-        program = Program.of(kin, start, [leg.move for leg in legs], **settings)
+        program = Program.of(kin, start, [move for leg in legs for move in leg.moves], **settings)
         _say(f"{self.arm.title}: tip {kin.tip} in {kin.base}, degrees")
         _say(f"from     {_degrees(start)}")
         for leg in legs:
@@ -197,11 +197,13 @@ def _degrees(q: Floats) -> str:
 
 
 def _described(leg: Leg) -> str:
+    last = leg.moves[-1]
     branch = f"branch {leg.branch}" if leg.branch >= 0 else "no branch of the closed form"
-    blend = f", blend {1000 * leg.move.blend:.0f} mm" if leg.move.blend else ""
-    speed = f"{leg.move.speed:.2f} {'rad/s' if leg.move.command == 'movej' else 'm/s'}"
+    count = f"{len(leg.moves)} x " if len(leg.moves) > 1 else ""
+    blend = f", blend {1000 * last.blend:.0f} mm" if last.blend else ""
+    speed = f"{last.speed:.2f} {'rad/s' if last.command == 'movej' else 'm/s'}"
     return (
-        f"to       {_degrees(leg.end)}   {branch}, {leg.free} of {leg.postures} postures free; {leg.move.command}, "
+        f"to       {_degrees(leg.end)}   {branch}, {leg.free} of {leg.postures} postures free; {count}{last.command}, "
         f"{speed}{blend}"
     )
 

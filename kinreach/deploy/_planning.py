@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 
@@ -11,8 +12,8 @@ from kinreach._checks import Floats
 from kinreach.deploy._controller import tcp_of
 from kinreach.deploy._motion import LineError, StraightLine
 from kinreach.deploy._program import MAX_TOOL_SPEED, Move
-from kinreach.errors import InputError
-from kinreach.kinematics import ArmKinematics, CollisionChecker, pose_vector
+from kinreach.errors import InputError, PathError
+from kinreach.kinematics import ArmKinematics, CollisionChecker, joint_line, plan_path, pose_vector
 from kinreach.kinematics._closed_form import ClosedFormKinematics
 from kinreach.robots._tools import FLANGE
 
@@ -20,10 +21,10 @@ from kinreach.robots._tools import FLANGE
 SPEED = 0.25
 #: Accelerations of the joints [rad/s^2] and of the tool [m/s^2]: the defaults of URScript.
 JOINT_ACCELERATION, TOOL_ACCELERATION = 1.4, 1.2
-#: Between two postures that are checked for collisions no joint moves further [rad].
-STEP = 0.01
-#: Decimals of the joint angles in a program [rad].
-ROUNDED = 7
+#: What a way keeps from everything [m], and how long it may be searched for [s].
+MARGIN, TIMEOUT = 0.005, 5.0
+#: Decimals of the joint angles in a program [rad], and of poses [m, rad].
+ROUNDED, ROUNDED_POSE = 7, 9
 
 
 @dataclass(frozen=True, eq=False)
@@ -31,13 +32,13 @@ class Leg:
     """The way to one goal.
 
     Attributes:
-        move: What the program does.
+        moves: What the program does; only the last may have a blend.
         end: Posture at the goal [rad], shape (6,).
         branch: Of that posture; -1 if it is none of the closed form's.
-        free, postures: Postures of the goal, and those that do not collide.
+        free, postures: Postures of the goal that keep the margin, and all.
     """
 
-    move: Move
+    moves: tuple[Move, ...]
     end: Floats
     branch: int
     free: int
@@ -54,95 +55,67 @@ def plan(
     speed: float = SPEED,
     blend: float = 0.0,
 ) -> list[Leg]:
-    """Plan the way from a posture through goals, each by the nearest branch whose way is free.
+    """Plan the way from a posture through goals.
 
     Args:
         kinematics: Of the UR with its tool, in the frame `base`.
-        checker: Of collisions.
+        checker: Of collisions, with a margin.
         start: Posture [rad], shape (6,).
         goals: Poses of the tool centre point (4, 4).
-        linear: Straight lines of the tool; else straight lines in joint space.
+        linear: Straight lines of the tool; else straight lines in joint space, around obstacles where that is needed.
         speed: Part of the largest speeds, above 0 and at most 1.
         blend: Radius at all goals but the last [m].
 
     Raises:
-        InputError: The start collides or is outside the limits, a goal has no free posture, or no way to it is free;
-            the message says what collides and where.
+        InputError: A goal has no posture.
+        PathError: The start is not free, or there is no free way to a goal; the message says what is in the way.
     """
-    if reason := checker.reason(start):
-        raise InputError(f"the start posture cannot be used: {reason}")
     legs: list[Leg] = []
     q = start
     for number, T in enumerate(goals, start=1):
         radius = blend if number < len(goals) else 0.0
-        where = f"goal {number}" if len(goals) > 1 else "the goal"
-        leg = (_straight if linear else _joint)(kinematics, checker, q, T, where, speed, radius)
-        legs.append(leg)
-        q = leg.end
+        name = f"goal {number}" if len(goals) > 1 else "the goal"
+        solutions = kinematics.all_solutions(T, seed=q)
+        if not len(solutions):
+            raise InputError(f"{name} has no posture: {solutions.reason}")
+        try:
+            if linear:
+                moves, end = _straight(kinematics, checker, q, T, speed * MAX_TOOL_SPEED, radius)
+            else:
+                path = plan_path(checker, q, solutions, timeout=TIMEOUT)
+                moves, end = _joint(path, speed * float(kinematics.velocity_limit.min()), radius), path[-1]
+        except PathError as error:
+            raise PathError(f"{name}: {error}") from None
+        off = np.abs(np.exp(1j * solutions.q) - np.exp(1j * end)).max(axis=1)  # a full turn is no difference
+        branch = int(solutions.branch[off.argmin()]) if off.min() < 1e-4 else -1
+        free = sum(not checker.in_collision(posture) for posture in solutions.q)
+        legs.append(Leg(moves, end, branch, free, len(solutions)))
+        q = end
     return legs
 
 
-def collision_on(checker: CollisionChecker, way: Floats) -> str:
-    """Return what a way of postures (m, 6) runs into first and where; empty if nothing.
-
-    Between two rows the joints move on a straight line, on which it is looked every `STEP`.
-    """
-    for begin, end, row in zip(way[:-1], way[1:], range(len(way)), strict=False):
-        count = max(1, int(np.ceil(np.abs(end - begin).max() / STEP)))
-        shares = np.linspace(0.0, 1.0, count + 1)[1:]
-        postures = begin + shares[:, None] * (end - begin)
-        bad = np.flatnonzero(checker.impossible(postures))
-        if len(bad):
-            percent = 100 * (row + shares[bad[0]]) / (len(way) - 1)
-            return f"{checker.reason(postures[bad[0]])} at {percent:.0f} % of the way"
-    return ""
-
-
-def _joint(
-    kin: ClosedFormKinematics, checker: CollisionChecker, q: Floats, T: Floats, where: str, speed: float, blend: float
-) -> Leg:
-    found, branches = _postures(kin, q, T, where)
-    blocked: list[str] = []
-    causes = [checker.reason(posture) for posture in found]
-    for posture, branch, cause in zip(found, branches, causes, strict=True):
-        if cause:
-            continue
-        end = posture.round(ROUNDED)
-        if reason := collision_on(checker, np.array([q, end])):
-            blocked.append(reason)
-            continue
-        move = Move("movej", tuple(end), speed * float(kin.velocity_limit.min()), JOINT_ACCELERATION, blend)
-        return Leg(move, end, branch, causes.count(""), len(found))
-    if not blocked:
-        colliding = ", ".join(dict.fromkeys(causes))
-        raise InputError(f"{where} has no free branch: all {len(found)} postures collide: {colliding}")
-    raise InputError(
-        f"no straight way in joint space to {where} is free: {'; '.join(dict.fromkeys(blocked))}; go by way of another "
-        "pose"
-    )
+def _joint(path: Floats, speed: float, blend: float) -> tuple[Move, ...]:
+    """A move to each waypoint; it stops at those between, so that it stays on the way that was checked."""
+    points = path[1:].round(ROUNDED)
+    radii = [0.0] * (len(points) - 1) + [blend]
+    moving = [not np.array_equal(one, other) for one, other in pairwise([path[0].round(ROUNDED), *points])]
+    rows = [row for row in zip(points, radii, moving, strict=True) if row[2]] or [(points[-1], 0.0, True)]
+    return tuple(Move("movej", tuple(point), speed, JOINT_ACCELERATION, radius) for point, radius, _ in rows)
 
 
 def _straight(
-    kin: ClosedFormKinematics, checker: CollisionChecker, q: Floats, T: Floats, where: str, speed: float, blend: float
-) -> Leg:
-    found, branches = _postures(kin, q, T, where)
-    flange, fastest = ArmKinematics(kin.arm, tip=FLANGE, base="base"), speed * MAX_TOOL_SPEED
+    kin: ClosedFormKinematics, checker: CollisionChecker, q: Floats, T: Floats, speed: float, blend: float
+) -> tuple[tuple[Move, ...], Floats]:
+    """The straight line of the tool, and the posture at its end."""
+    flange = ArmKinematics(kin.arm, tip=FLANGE, base="base")
     try:
-        line = StraightLine(flange, tcp_of(kin.arm), q, T, fastest, TOOL_ACCELERATION)
+        line = StraightLine(flange, tcp_of(kin.arm), q, T, speed, TOOL_ACCELERATION)
     except LineError as error:
-        raise InputError(f"{where}: {error}; leave out --linear, or begin in another branch") from None
-    if reason := collision_on(checker, line.path):
-        raise InputError(f"the straight line to {where} is not free: {reason}")
-    off = np.abs(found - line.end).max(axis=1)
-    branch = int(branches[off.argmin()]) if off.min() < 1e-4 else -1
-    free = sum(not checker.in_collision(posture) for posture in found)
-    move = Move("movel", tuple(pose_vector(T).round(9)), fastest, TOOL_ACCELERATION, blend)
-    return Leg(move, line.end, branch, free, len(found))
-
-
-def _postures(kin: ClosedFormKinematics, q: Floats, T: Floats, where: str) -> tuple[Floats, list[int]]:
-    """Every posture of a goal, nearest first, and their branches."""
-    solutions = kin.all_solutions(T, seed=q)
-    if not len(solutions):
-        raise InputError(f"{where} has no posture: {solutions.reason}")
-    return solutions.q, solutions.branch.tolist()
+        raise PathError(f"{error}; leave out --linear, or begin in another branch") from None
+    try:
+        joint_line(checker, line.path)
+    except PathError as error:
+        percent = 100 * (error.index + error.fraction) / (len(line.path) - 1)
+        why = checker.reason(error.q)
+        raise PathError(f"the straight line is not free at {percent:.0f} % of the way: {why}") from None
+    return (Move("movel", tuple(pose_vector(T).round(ROUNDED_POSE)), speed, TOOL_ACCELERATION, blend),), line.end
