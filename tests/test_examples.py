@@ -117,6 +117,15 @@ def test_self_motion(run):
     assert len(re.findall(r" on curve \d$", text, re.MULTILINE)) == 3
 
 
+def test_move_a_ur(run, tmp_path):
+    pytest.importorskip("ompl")
+    text = run("15_move_a_ur")
+    assert numbers(r"(\d+) straight lines", text)[0] > 1
+    assert numbers(r"within (\d+) mrad", text)[0] < 10
+    assert numbers(r"([\d.]+) mm from the goal", text)[0] < 0.2
+    assert (tmp_path / "results" / "move_a_ur.png").stat().st_size > 10_000
+
+
 @pytest.mark.slow
 def test_own_solver(run):
     text = run("02_own_solver")
