@@ -100,9 +100,6 @@ class StraightLine(_Timed):
         speed: Of the tool [m/s]; a turn by 1 rad counts as 1 m.
         acceleration: Of the tool [m/s^2].
 
-    Attributes:
-        path: Postures along the line, evenly [rad], shape (m, n).
-
     Raises:
         LineError: The line leaves the reach or passes a singularity.
     """
@@ -116,15 +113,14 @@ class StraightLine(_Timed):
         self._axis, self._angle = axis_and_angle(self._T[:3, :3].T @ target[:3, :3])
         length = max(float(np.linalg.norm(self._way)), METRES_PER_RADIAN * self._angle)
         super().__init__(start, start, length, speed, acceleration)
-        self.path = self._followed()
-        self.end = self.path[-1]
+        self.end = self._followed()
 
     def _followed(self) -> Floats:
-        """Postures along the line in small steps, shape (m, n)."""
-        steps, path = max(1, int(np.ceil(self.length / STEP))), [self.start]
+        """Posture at the end of the line, by small steps along it."""
+        q, steps = self.start, max(1, int(np.ceil(self.length / STEP)))
         for step in range(1, steps + 1):
-            path.append(self._solved(step / steps, path[-1]))
-        return np.array(path)
+            q = self._solved(step / steps, q)
+        return q
 
     def _solved(self, share: float, q: Floats) -> Floats:
         """Posture near another one at a share of the line, by Newton's method."""

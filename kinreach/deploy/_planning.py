@@ -9,13 +9,10 @@ from itertools import pairwise
 import numpy as np
 
 from kinreach._checks import Floats
-from kinreach.deploy._controller import tcp_of
-from kinreach.deploy._motion import LineError, StraightLine
 from kinreach.deploy._program import MAX_TOOL_SPEED, Move
 from kinreach.errors import InputError, PathError
-from kinreach.kinematics import ArmKinematics, CollisionChecker, joint_line, plan_path, pose_vector
+from kinreach.kinematics import CollisionChecker, plan_path, pose_vector, tool_line
 from kinreach.kinematics._closed_form import ClosedFormKinematics
-from kinreach.robots._tools import FLANGE
 
 #: Part of the joints' speed limits, and of `MAX_TOOL_SPEED`, that a motion has unless another is asked for.
 SPEED = 0.25
@@ -80,7 +77,9 @@ def plan(
             raise InputError(f"{name} has no posture: {solutions.reason}")
         try:
             if linear:
-                moves, end = _straight(kinematics, checker, q, T, speed * MAX_TOOL_SPEED, radius)
+                target, fastest = tuple(pose_vector(T).round(ROUNDED_POSE)), speed * MAX_TOOL_SPEED
+                end = tool_line(kinematics, q, T, checker=checker)[-1]
+                moves: tuple[Move, ...] = (Move("movel", target, fastest, TOOL_ACCELERATION, radius),)
             else:
                 path = plan_path(checker, q, solutions, timeout=TIMEOUT)
                 moves, end = _joint(path, speed * float(kinematics.velocity_limit.min()), radius), path[-1]
@@ -101,21 +100,3 @@ def _joint(path: Floats, speed: float, blend: float) -> tuple[Move, ...]:
     moving = [not np.array_equal(one, other) for one, other in pairwise([path[0].round(ROUNDED), *points])]
     rows = [row for row in zip(points, radii, moving, strict=True) if row[2]] or [(points[-1], 0.0, True)]
     return tuple(Move("movej", tuple(point), speed, JOINT_ACCELERATION, radius) for point, radius, _ in rows)
-
-
-def _straight(
-    kin: ClosedFormKinematics, checker: CollisionChecker, q: Floats, T: Floats, speed: float, blend: float
-) -> tuple[tuple[Move, ...], Floats]:
-    """The straight line of the tool, and the posture at its end."""
-    flange = ArmKinematics(kin.arm, tip=FLANGE, base="base")
-    try:
-        line = StraightLine(flange, tcp_of(kin.arm), q, T, speed, TOOL_ACCELERATION)
-    except LineError as error:
-        raise PathError(f"{error}; leave out --linear, or begin in another branch") from None
-    try:
-        joint_line(checker, line.path)
-    except PathError as error:
-        percent = 100 * (error.index + error.fraction) / (len(line.path) - 1)
-        why = checker.reason(error.q)
-        raise PathError(f"the straight line is not free at {percent:.0f} % of the way: {why}") from None
-    return (Move("movel", tuple(pose_vector(T).round(ROUNDED_POSE)), speed, TOOL_ACCELERATION, blend),), line.end

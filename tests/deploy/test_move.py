@@ -36,7 +36,7 @@ def goals(count, seed):
         yield KIN.fk(rng.uniform(-1.2, 1.2, 6) + HOME)
 
 
-@pytest.mark.parametrize("linear", [False, True])
+@pytest.mark.parametrize("linear", [False, pytest.param(True, marks=pytest.mark.slow)])
 def test_ways_are_free_by_dense_checks_and_runs_end_at_their_goals(linear):
     planned, refused = 0, []
     for T in goals(20, 6):
@@ -225,6 +225,7 @@ def test_another_arm_is_recognised(robot, capsys):
     assert robot.log == []
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
 def test_a_signal_stops_the_robot(number, free_address):
     """In a process, as from a terminal; the robot decelerates and stands before the command ends."""
