@@ -324,6 +324,7 @@ def test_examples_are_shown_as_they_are():
         "environments/real_arm",
         "environments/reach",
         "guides/any_arm",
+        "guides/moving_a_robot",
         "guides/your_ur",
         "index",
         "start",
