@@ -45,7 +45,7 @@ class Effort:
     poses: int = 60
     singular: int = 8
     blocks: int = 5
-    batch: int = 1000
+    batch: int = 10_000
     limit: int = 10
 
 
@@ -112,8 +112,8 @@ def _times(
     """Processor seconds a pose, and as a multiple of kinreach's: medians over blocks that take turns with its own."""
     start = time.process_time()
     with suppress(Exception):
-        call(T[:1] if batch else T[0])
-    first = max(time.process_time() - start, 1e-6)
+        call(T if batch else T[0])
+    first = max((time.process_time() - start) / (len(T) if batch else 1), 1e-6)
     count = min(effort.batch, max(int(0.3 / first), 1)) if batch else min(len(T), max(int(0.03 / first), 1))
     given = [np.resize(T, (count, 4, 4))] if batch else list(T[:count])
 

@@ -14,11 +14,11 @@ from typing import Any
 from matplotlib.lines import Line2D
 from matplotlib.ticker import FuncFormatter, NullFormatter
 
-from benchmarks.ik_arms.arms import CASES, CLASSES
+from benchmarks.ik_arms.arms import CASES, CLASSES, NONE, PARALLEL, SEVEN, WRIST
 from benchmarks.ik_arms.measure import ON_CURVE, RIGHT, SEVENTH, Effort
-from benchmarks.ik_arms.self_motions import ERROR, HEADINGS, read, summary
+from benchmarks.ik_arms.self_motions import ERROR, HEADINGS, faultless, read, summary
 from benchmarks.ik_arms.solvers import Kinreach
-from benchmarks.speed.report import PACKAGES, table
+from benchmarks.speed.report import PACKAGES, show, table
 from kinreach._files import make_writable, replacing, write_text
 from kinreach._plots._methods import colours_of
 from kinreach._plots._style import FAINT, key, new_figure, plain
@@ -35,6 +35,16 @@ PANELS = {
     "singular, empty [%]": "singular poses without an answer",
     "one pose [us]": "median of the arms that a solver takes",
 }
+
+
+#: Classes, column, goal [us], and what is measured.
+TIMES = (
+    ((WRIST, PARALLEL), "single", 60.0, "one pose"),
+    ((WRIST, PARALLEL), "batch", 2.0, "in a batch"),
+    ((NONE,), "single", 1000.0, "one pose"),
+    ((NONE,), "batch", 100.0, "in a batch"),
+    ((SEVEN,), "single", 100_000.0, "one pose"),
+)
 
 
 def write(lines: Sequence[Line], effort: Effort, page: Path, *, command: str) -> None:
@@ -99,6 +109,9 @@ def _parts(lines: Sequence[Line], effort: Effort, data: Path, picture: str, comm
             "--out docs/reference/self_motions.csv`, which goes on up to 1000 postures of each arm."
         )
         yield table(HEADINGS, list(summary(curves)))
+    yield "## Goals"
+    yield "Of kinreach, for every arm of a class. What is worse than the goal on some arms is missed."
+    yield "\n".join(_goals(lines, curves)) or "None of these arms has one."
     yield "## Refused, because"
     refused = Counter((line["solver"], line["refused"]) for line in lines if line["refused"])
     yield "\n".join(f"* {solver}, {_arms(count)}: {why}" for (solver, why), count in refused.items()) or "None."
@@ -157,6 +170,36 @@ def _row(solver: str, lines: Sequence[Line]) -> list[Any]:
 def _middle(lines: Sequence[Line], field: str, scale: float = 1.0) -> float | None:
     values = [line[field] * scale for line in lines if line.get(field) is not None]
     return float(median(values)) if values else None
+
+
+def _goals(lines: Sequence[Line], curves: Sequence[dict[str, str]]) -> Iterator[str]:
+    """Lines of a list: each goal, met or missed, with the median and the worst of the arms that it is set for."""
+    ours = [line for line in lines if line["solver"] == Kinreach.name]
+    taken = [line for line in ours if not line["refused"]]
+    yield _goal("arms taken", [100.0 * (not line["refused"]) for line in ours], 100.0, "%", least=True)
+    yield _goal("recall", [line["recall"] for line in taken], 100.0, "%", least=True)
+    empty = [float(sum(line.get(f"{case}: empty") or 0 for case in CASES)) for line in taken if line["class"] != SEVEN]
+    yield _goal("singular poses without an answer", empty, 0.0, "")
+    for kinds, field, bound, what in TIMES:
+        chosen = [line for line in taken if line["class"] in kinds and line.get(field) is not None]
+        name = f"{' or '.join(kinds)}, {what}"
+        yield _goal(name, [1e6 * line[field] for line in chosen], bound, "us")
+    for field, what in (("ratio", "one pose"), ("batch_ratio", "a batch")):
+        ratios = [1.0 / line[field] for line in lines if line["solver"] == "EAIK" and line.get(field)]
+        yield _goal(f"{what} beside EAIK", ratios, 4.0, "times")
+    if curves:
+        yield _goal("self-motions with a fault", [100.0 * (not faultless(row)) for row in curves], 0.0, "%")
+
+
+def _goal(name: str, values: Sequence[float], bound: float, unit: str, *, least: bool = False) -> str:
+    """A line: whether all values are at most, or at least, a bound."""
+    if not values:
+        return f"* {name}: not measured."
+    met = sum(value >= bound - 1e-9 if least else value <= bound + 1e-9 for value in values)
+    worst = min(values) if least else max(values)
+    numbers = f"median {show(float(median(values)))}, worst {show(float(worst))}"
+    verdict = "met" if met == len(values) else f"**missed** by {len(values) - met} of {len(values)}"
+    return f"* {name}, at {'least' if least else 'most'} {f'{bound:g} {unit}'.strip()}: {verdict} ({numbers})."
 
 
 def _losses(lines: Sequence[Line]) -> Iterator[str]:

@@ -9,6 +9,7 @@ import pytest
 from benchmarks.ik_arms import self_motions
 from benchmarks.ik_arms.arms import CASES, arm, singular_poses
 from benchmarks.ik_arms.measure import recalls
+from benchmarks.ik_arms.page import _goal
 from benchmarks.ik_arms.self_motions import COLUMNS, faultless, read, summary
 from benchmarks.ik_arms.solvers import Kinreach
 from kinreach import cli
@@ -107,6 +108,21 @@ def test_the_study_of_self_motions_goes_on_and_counts_what_is_lost(tmp_path, mon
     told = {line[0]: line[1] for line in summary(rows)}
     assert len(told) == 16
     assert (told["Gen3"], told["Gen3, with errors"], told["Panda"]) == ("1 of 2", "1 of 2", "2 of 2")
+
+
+def test_goals_are_met_or_missed(tmp_path):
+    """The page names each goal of the table, and how many arms miss it."""
+    assert _goal("recall", [100.0, 99.0], 100.0, "%", least=True) == (
+        "* recall, at least 100 %: **missed** by 1 of 2 (median 99.5, worst 99)."
+    )
+    assert _goal("one pose", [59.0, 10.0], 60.0, "us") == "* one pose, at most 60 us: met (median 34.5, worst 59)."
+    assert _goal("one pose", [], 60.0, "us") == "* one pose: not measured."
+    entered(tmp_path, "Broken", "puma560_ik,ur5e_ik")
+    goals = (tmp_path / "ik_arms.md").read_text(encoding="utf-8").split("## Goals")[1].split("##")[0]
+    assert "* recall, at least 100 %: met (median 100, worst 100)." in goals
+    assert "* singular poses without an answer, at most 0: met" in goals
+    assert "* seven axes, one pose: not measured." in goals
+    assert goals.count("\n* ") == 10
 
 
 @pytest.mark.parametrize("argv", [("--arms", "puma"), ("--solver", "no_module:A"), ("--solver", "csv:QUOTE_ALL")])

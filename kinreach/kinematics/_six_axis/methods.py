@@ -199,12 +199,21 @@ class NearClosedForm:
         if not len(every):
             q, off = nearest_by_newton(self._chain, starts, poses)
             every = wrapped(q[off < (EXACT if (off < EXACT).any() else tol)])
-        named: dict[int, Floats] = {}
-        for one in every[first_of_each(every, SAME)][:MAX_POSTURES]:
-            close = [row[BRANCH] for row in near[0] if np.abs(wrapped(one - row[ANGLES])).max() < FAR]
-            free = [*close, *range(BRANCHES, MAX_POSTURES), *range(BRANCHES)]
-            named[next(branch for branch in free if branch not in named)] = one
-        return [(branch, 0, *named[branch].tolist()) for branch in sorted(named)]
+        every = every[first_of_each(every, SAME)][:MAX_POSTURES]
+        near_by = sorted(
+            (float(np.abs(wrapped(one - row[ANGLES])).max()), index, int(row[BRANCH]))
+            for index, one in enumerate(every)
+            for row in near[0]
+        )
+        named: dict[int, int] = {}
+        for apart, index, branch in near_by:  # each branch is that of the posture nearest to the closed form's
+            if apart < FAR and branch not in named and index not in named.values():
+                named[branch] = index
+        order = np.lexsort(every.T)
+        spare = iter([branch for branch in (*range(BRANCHES, MAX_POSTURES), *range(BRANCHES)) if branch not in named])
+        known = set(named.values())
+        named |= {next(spare): index for index in order.tolist() if index not in known}
+        return [(branch, 0, *every[named[branch]].tolist()) for branch in sorted(named)]
 
     def _about(self, T: Floats, *, alone: bool) -> list[Floats]:
         """A pose, and unless it is alone those that are off by as much as the two arms along each axis."""

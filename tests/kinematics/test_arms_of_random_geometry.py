@@ -1,0 +1,109 @@
+"""Arms of random geometry of every class, with turned bases and tips, against Pinocchio."""
+
+import numpy as np
+import pinocchio as pin
+import pytest
+
+from benchmarks.ik_arms.arms import urdf
+from kinreach.errors import InputError
+from kinreach.kinematics import ArmKinematics, SevenAxisKinematics, SixAxisKinematics
+from tests.kinematics.test_six_axis_closed_form import CLASSES, apart, kinematics, motion, placements, random_motion
+
+ERRORS = (0.0, 1e-6, 1e-5, 1e-4, 1e-3)
+#: Pairs of neighbouring axes that meet, and none of them three in one point.
+OTHERS = {"two pairs that meet": ((0, 4), ()), "two pairs in the middle": ((1, 3), ()), "no class": ((), ())}
+
+
+def some_arm(rng, name, *, backwards, off):
+    """A random arm, A0 to A6."""
+    if name in CLASSES:
+        return placements(rng, name, backwards=backwards, off=off)
+    a, d = rng.choice([-1, 1], (2, 6)) * rng.uniform(0.1, 0.5, (2, 6))
+    alpha, turn = rng.choice([-1, 1], 6) * rng.uniform(0.5, 1.5, 6), rng.uniform(-np.pi, np.pi, 6)
+    a[list(OTHERS[name][0])] = 0.0
+    chain = [random_motion(rng, 0.3, np.pi), *(motion(turn[i], d[i], a[i], alpha[i]) for i in range(5))]
+    chain = [*chain, random_motion(rng, 0.2, np.pi)]
+    if backwards:
+        chain = [np.linalg.inv(step) for step in reversed(chain)]
+    return np.array([step @ random_motion(rng, off, off) for step in chain])
+
+
+class Judge:
+    """Pinocchio's pose of the last link of a URDF."""
+
+    def __init__(self, chain):
+        self._model = pin.buildModelFromXML(urdf(chain))
+        self._data = self._model.createData()
+        self._tip = self._model.getFrameId(f"l{len(chain)}")
+
+    def fk(self, q):
+        pin.framesForwardKinematics(self._model, self._data, np.asarray(q))
+        return self._data.oMf[self._tip].homogeneous.copy()
+
+
+def judged(kin, judge, q):
+    """Check all answers for the pose of a posture; their number, and whether the posture is one."""
+    T = judge.fk(q)
+    found = kin.all_solutions(T, limits=False)
+    for one in found.q:
+        assert np.abs(judge.fk(one) - T).max() < 1e-9
+    batch = kin.batch(T[None], limits=False)
+    assert np.flatnonzero(batch.valid[0]).tolist() == found.branch.tolist()
+    same = [apart(one, two[None]) for one, two in zip(batch.q[0][batch.valid[0]], found.q, strict=True)]
+    assert max(same, default=0.0) < 1e-6
+    return len(found), apart(q, found.q) < 1e-5
+
+
+@pytest.mark.parametrize("seed", [0, *(pytest.param(seed, marks=pytest.mark.slow) for seed in range(1, 8))])
+@pytest.mark.parametrize("name", [*CLASSES, *OTHERS])
+def test_six_axes(name, seed, tmp_path):
+    rng, count, again = np.random.default_rng([seed, len(name)]), 0, 0
+    for off in ERRORS[:: 1 if seed else 4]:
+        for backwards in (False, True):
+            chain = some_arm(rng, name, backwards=backwards, off=off)
+            kin, judge = kinematics(tmp_path, chain), Judge(chain)
+            assert isinstance(kin, SixAxisKinematics), (off, backwards)
+            for q in rng.uniform(-np.pi, np.pi, (6 if seed else 2, 6)):
+                number, back = judged(kin, judge, q)
+                count += number
+                assert back, (off, backwards, q.tolist())
+                again += back
+    assert again == (60 if seed else 8)
+    assert count >= 2 * again
+
+
+@pytest.mark.parametrize("seed", [0, *(pytest.param(seed, marks=pytest.mark.slow) for seed in range(1, 8))])
+def test_seven_axes(seed, tmp_path):
+    """Any seven axes: every curve is closed, every sample reaches, and the posture of the pose is on one."""
+    rng, curves = np.random.default_rng([seed, 7]), 0
+    for _ in range(2):
+        chain = np.array([random_motion(rng, 0.4, np.pi) for _ in range(8)])
+        kin, judge = kinematics(tmp_path, chain), Judge(chain)
+        assert isinstance(kin, SevenAxisKinematics)
+        for q in rng.uniform(-np.pi, np.pi, (3, 7)):
+            T = judge.fk(q)
+            motions = kin.self_motions(T, limits=False)
+            known = [(curve.q, curve.closed) for curve in motions]
+            assert all(closed for _, closed in known)
+            assert len(kin._tracer.beside(known, q[None], T)) == 0
+            for curve in motions:
+                assert max(np.abs(judge.fk(one) - T).max() for one in curve.q[::20]) < 1e-9
+            curves += len(motions)
+    assert curves >= 6
+
+
+def test_other_joints_have_no_closed_form(tmp_path):
+    """Eight joints, five, and one that slides are refused by the classes that list all postures."""
+    rng = np.random.default_rng(0)
+    for joints in (5, 8):
+        kin = kinematics(tmp_path, np.array([random_motion(rng, 0.3, np.pi) for _ in range(joints + 1)]))
+        assert type(kin) is ArmKinematics
+        with pytest.raises(InputError, match=f"{joints} joints; six are needed"):
+            SixAxisKinematics(kin.arm)
+        with pytest.raises(InputError, match=f"{joints} joints; seven are needed"):
+            SevenAxisKinematics(kin.arm)
+    file = tmp_path / "sliding.urdf"
+    chain = np.array([random_motion(rng, 0.3, np.pi) for _ in range(7)])
+    file.write_text(urdf(chain).replace('type="revolute"', 'type="prismatic"', 1))
+    with pytest.raises(InputError, match="j1"):
+        SixAxisKinematics(ArmKinematics.from_urdf(file).arm)
