@@ -76,7 +76,7 @@ def test_bad_input_is_one_clear_line(argv, said, capsys, tmp_path, monkeypatch):
 
 def test_a_task_of_a_users_own_does_not_pass_for_one_of_the_package(tmp_path, monkeypatch, capsys):
     module = (
-        "from kinreach.compare import get_task\nfrom dataclasses import replace\nTASK = replace(get_task('arm3'))\n"
+        "from kinreach.compare import _task\nfrom dataclasses import replace\nTASK = replace(_task.get_task('arm3'))\n"
     )
     (tmp_path / "taken_name.py").write_text(module)
     monkeypatch.chdir(tmp_path)
