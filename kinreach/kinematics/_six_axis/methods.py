@@ -1,4 +1,8 @@
-"""How the postures of a six-axis arm are found, one class a way; all give the same."""
+"""How the postures of a six-axis arm are found, one class a way; all give the same.
+
+Calibrated URs have a solver of their own, `kinreach.kinematics._ur.calibrated`, beside `NearClosedForm`: it fits the
+nearest UR first, and its Newton steps and its test for doubtful poses use the geometry of a UR, to be fast in batches.
+"""
 
 from __future__ import annotations
 
