@@ -1,0 +1,26 @@
+"""The study of the moving ball: its table, cells that are kept, and its map."""
+
+import pytest
+
+pytest.importorskip("torch")
+from benchmarks.studies import moving_ball
+
+
+def test_the_table_is_resumed_and_the_map_is_drawn(tmp_path, capsys, monkeypatch):
+    arguments = ["--methods", "last-sight", "ppo", "--speeds", "0.2", "--balls", "6", "--out", str(tmp_path)]
+    assert moving_ball.main(arguments) == 0
+    table = capsys.readouterr().out
+    rows = [[cell.strip() for cell in line.strip("|").split("|")] for line in table.splitlines()[2:]]
+    assert [row[:2] for row in rows] == [
+        [rule, f"`{name}`"] for rule in moving_ball.RULES for name in ("last-sight", "ppo")
+    ]
+    assert rows[3][2].startswith("100.0")
+    assert float(rows[1][2].split()[0]) < 50.0
+    monkeypatch.setattr(moving_ball, "rollout", None)  # nothing is played again
+    assert moving_ball.main(arguments) == 0
+    assert capsys.readouterr().out == table
+    monkeypatch.undo()
+    monkeypatch.setattr(moving_ball, "WORLDS", {"as trained": {}, "noise 10 mm": {"noise": 0.01}})
+    figure = tmp_path / "map.png"
+    assert moving_ball.main([*arguments, "--map", "--figure", str(figure)]) == 0
+    assert figure.stat().st_size > 10_000
