@@ -366,3 +366,66 @@ def test_a_port_in_use_is_named(robot):
 def test_only_a_ur_has_a_controller(arm):
     with pytest.raises(InputError, match=r"is not a UR"):
         SimulatedUR(arm)
+
+
+class TestScriptPort:
+    """Programs come in any pieces, from anybody, and what is no program harms nobody."""
+
+    MOVE = b"def f():\n  movej([-1.4, -1.57, 1.57, -1.57, -1.57, 0], a=1.4, v=0.5)\nend\n"
+
+    @staticmethod
+    def script(robot):
+        return socket.create_connection((robot.address, robot.script_port), timeout=PATIENCE)
+
+    @staticmethod
+    def wait_for(condition):
+        deadline = time.monotonic() + PATIENCE
+        while not condition() and time.monotonic() < deadline:
+            time.sleep(0.005)
+        assert condition()
+
+    def test_a_program_comes_in_pieces(self, robot):
+        with self.script(robot) as client:
+            for at in range(0, len(self.MOVE), 7):
+                client.sendall(self.MOVE[at : at + 7])
+                time.sleep(0.001)
+            self.wait_for(lambda: abs(robot.controller.target_q[0] + 1.4) < 1e-9)
+
+    def test_half_a_program_moves_nothing(self, robot):
+        with self.script(robot) as client:
+            client.sendall(self.MOVE[:-4])
+        with self.script(robot) as client:
+            client.sendall(b"\n\n\r\n" + self.MOVE[: len(self.MOVE) // 2])
+            assert alive(robot)
+        assert alive(robot)
+        assert robot.controller.target_q[0] == pytest.approx(-1.5708, abs=1e-4)
+
+    def test_a_refusal_goes_to_the_clients_of_the_port(self, robot):
+        with self.script(robot) as one, self.script(robot) as other:
+            time.sleep(0.05)
+            other.sendall(b"def f():\n  movej([0, 0])\n  force_mode()\nend\n")
+            for client in (one, other):
+                message = client.recv(4096)
+                size, kind = struct.unpack_from(">iB", message)
+                assert (size, kind, message[14]) == (len(message), 20, 10)
+                assert struct.unpack_from(">i", message, 15) == (3,)
+                assert b"function 'force_mode'" in message
+
+    @pytest.mark.parametrize(
+        "data",
+        [b"\xff\xfe\n", b"\0" * 1000 + b"\n", b"def \n" + b"x\n" * 5000 + b"end\n", b"(" * 10_000 + b"\n"],
+        ids=["no text", "zeros", "nonsense", "brackets"],
+    )
+    def test_what_is_no_program_is_refused(self, robot, data):
+        with self.script(robot) as client:
+            client.sendall(data)
+            assert b"line 1: " in client.recv(4096)
+        assert alive(robot)
+
+    def test_a_program_without_an_end_is_dropped(self, robot, monkeypatch):
+        monkeypatch.setattr("kinreach.deploy._server.MAX_CHARACTERS", 100_000)
+        with self.script(robot) as client, suppress(OSError):
+            client.sendall(b"def f():\n" + b"  sleep(1)\n" * 20_000)
+            assert client.recv(10) == b""
+        assert alive(robot)
+        assert robot.controller.runtime_state == 1

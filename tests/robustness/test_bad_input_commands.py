@@ -22,6 +22,11 @@ OPTIONS = {
         "--env", "--policy", "--steps", "--reset-every", "--seed", "--backend", "--observation", "--actuation",
         "--print", "--video", "--help",
     ],
+    "move": [
+        "--arm", "--to", "--from", "--linear", "--speed", "--blend", "--script", "--robot", "--ports", "--no-cell",
+        "--tool", "--tool-mass", "--calibration", "--tip", "-h", "--nonsense",
+    ],
+    "simulate-ur": ["--arm", "--from", "--address", "--rtde-port", "--script-port", "--speed", "--no-cell", "-h"],
     "bench": ["--suite", "--quick", "--rounds", "--seed", "--out", "--docs", "--fresh", "--help", "--", "--nonsense"],
 }  # fmt: skip
 WORDS = [
@@ -30,7 +35,7 @@ WORDS = [
     "--", "-", "640x360", "0x0", "9" * 5000 + "x1", "1x", "ur5", "arm3", "button", "chess", "lm", "lm,lm", ",", "$HOME",
     "geometric", "camera", "pixels", "kinematic", "mujoco", "hybrid", "thesis", "tuned", "report", "single", "multi",
     "ppo-single", "random", "analytic", "x.safetensors", "a.gif", "a.mp4", ".gif", "a.avi", "reward,info", "nothing",
-    "env,train", "env,chess", "page.md", "page.json",
+    "env,train", "env,chess", "page.md", "page.json", "ur5e", "-0.4,0.3,0.3,3.14,0,0", "127.0.0.1", "0,0",
 ]  # fmt: skip
 
 
@@ -51,7 +56,8 @@ def nothing_is_measured(monkeypatch, tmp_path):
     monkeypatch.delenv("DISPLAY", raising=False)
     for name in (
         "kinreach.compare._cli.compare", "kinreach.baselines._evaluate_cli.evaluate", "kinreach.demo._cli._run",
-        "kinreach.baselines._training.train", "benchmarks.speed.cli.run_suites",
+        "kinreach.baselines._training.train", "kinreach.deploy._move_cli._Job", "kinreach.deploy._move_cli.URClient",
+        "kinreach.deploy._simulate_cli.SimulatedUR", "benchmarks.speed.cli.run_suites",
     ):  # fmt: skip
         monkeypatch.setattr(name, begin)
 
