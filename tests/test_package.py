@@ -31,7 +31,7 @@ ROOMS["baselines"] = {"envs", *ROOMS["envs"]}
 ROOMS["compare"] = {"baselines", "plots", *ROOMS["baselines"]}
 ROOMS["demo"] = {"compare", *ROOMS["compare"]}
 ROOMS["view"] = {"demo", *ROOMS["demo"]}
-ROOMS["deploy"] = {"sim", *ROOMS["sim"]}
+ROOMS["deploy"] = {"sim", "plots", *ROOMS["sim"]}
 #: Modules that every room may import, and that import none: but for the command line, which loads jobs by their names.
 FOUNDATION = {
     "checks", "cli", "engines", "errors", "files", "jobs", "objects", "provenance", "registration",

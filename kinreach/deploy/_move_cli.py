@@ -5,11 +5,12 @@ from __future__ import annotations
 import signal
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
+from pathlib import Path
 
 import numpy as np
 
 from kinreach._checks import Floats, check_number, check_path, printable
-from kinreach._files import write_text
+from kinreach._files import replacing, write_text
 from kinreach.cli import Parser
 from kinreach.deploy._client import RobotState, URClient
 from kinreach.deploy._controller import FINISHED, Controller, Recording, check_is_ur, tcp_of
@@ -51,6 +52,9 @@ def main(argv: Sequence[str], *, prog: str) -> int:
     if arguments.robot is not None and arguments.start is not None:
         raise InputError("with --robot the motion begins where the robot stands; leave out --from")
     ports = [int(number) for number in numbers_of("--ports", arguments.ports, 2)]
+    picture = None if arguments.picture is None else check_path("--picture", arguments.picture)
+    if picture is not None and (picture.is_dir() or not picture.parent.is_dir()):
+        raise InputError(f"--picture must be a file in a folder that exists, got {picture}")
     check_number("--speed", arguments.speed, above=0.0, most=1.0)
     goals = [pose(numbers_of("--to", text, 6)) for text in arguments.to]
     print_notes(arm := arm_of(arguments.arm, arguments))
@@ -60,18 +64,12 @@ def main(argv: Sequence[str], *, prog: str) -> int:
     job = _Job(arm, goals, linear=arguments.linear, speed=arguments.speed, blend=arguments.blend, payload=mass)
     if arguments.robot is None:
         start = _start(arguments.start, arm)
-        program, _ = job.tried(start)
-        if script is not None:
-            write_text(script, program.text)
-            _say(f"wrote    {script}")
+        job.tried(start, script, picture)
         return 0
     with URClient(arguments.robot, rtde_port=ports[0], script_port=ports[1]) as robot:
         state = robot.read()
         _say(job.same_arm(state, arguments.robot))
-        program, _ = job.tried(state.actual_q)
-        if script is not None:
-            write_text(script, program.text)
-            _say(f"wrote    {script}")
+        program = job.tried(state.actual_q, script, picture)
         if not (arguments.yes or _agreed(arguments.robot)):
             _say("nothing was sent")
             return 1
@@ -98,8 +96,8 @@ class _Job:
         self.linear, self.speed, self.blend, self.payload = linear, speed, blend, payload
         self.checker = CollisionChecker(kin, margin=MARGIN)
 
-    def tried(self, start: Floats) -> tuple[Program, Recording]:
-        """Plan from a posture, run the program in MuJoCo, and say what came of it.
+    def tried(self, start: Floats, script: Path | None, picture: Path | None) -> Program:
+        """Plan from a posture, run the program in MuJoCo, say what came of it, and write it and its picture.
 
         Raises:
             InputError: There is no way, or the program does not come to its end.
@@ -117,7 +115,17 @@ class _Job:
             raise InputError(f"the dry run did not come to its end, nothing is sent: {done.reason}")
         for line in self._measured(done):
             _say(line)
-        return program, done
+        if script is not None:
+            write_text(script, program.text)
+            _say(f"wrote    {script}")
+        if picture is not None:
+            from kinreach._plots._motion import draw_motion
+
+            figure = draw_motion(done.commanded, kin.velocity_limit, f"{self.arm.title}, tried in MuJoCo")
+            with replacing(picture) as temporary:
+                figure.savefig(temporary, facecolor="white", format="png")
+            _say(f"picture  {picture}")
+        return program
 
     def _measured(self, done: Recording) -> Iterator[str]:
         kin = self.kinematics
@@ -261,6 +269,7 @@ def _parser(prog: str) -> Parser:
         "--blend", type=float, default=0.0, metavar="M", help="radius at all goals but the last (0: stop)"
     )
     parser.add_argument("--script", metavar="FILE", help="write the program")
+    parser.add_argument("--picture", metavar="FILE.png", help="draw joint angles and speeds of the dry run")
     parser.add_argument("--robot", metavar="ADDRESS", help="read the start posture from this robot, ask, and move it")
     parser.add_argument("--yes", action="store_true", help="do not ask")
     parser.add_argument(

@@ -99,13 +99,16 @@ def run(capsys):
 
 def test_without_a_robot_it_is_tried_and_written(run, tmp_path):
     path = tmp_path / "motion.script"
-    code, out, err = run("--to", GOAL, "--tool", "0,0,0.15,0,0,0", "--tool-mass", "1.5", "--script", str(path))
+    picture = tmp_path / "motion.png"
+    code, out, err = run("--to", GOAL, "--tool", "0,0,0.15,0,0,0", "--tool-mass", "1.5", "--script", str(path),
+                         "--picture", str(picture))  # fmt: skip
     assert (code, err) == (0, "")
     assert "branch 6, " in out
     assert "postures free; movej, 0.79 rad/s" in out
     assert "25 % of its limit" in out
     assert "no collision with itself, table, floor" in out
     assert "ends 0.0" in out
+    assert picture.read_bytes().startswith(b"\x89PNG")
     program = Program.parse(path.read_text())
     assert program.payload == 1.5
     assert program.centre_of_mass == (0, 0, 0.075)
@@ -144,6 +147,7 @@ def test_several_goals_are_blended(run, tmp_path):
     (["--to", "1,2"], "--to must be 6 numbers"),
     (["--to", "-400,300,300,3.14,0,0"], "too far|within"),
     (["--to", GOAL, "--script", "/"], "--script must be a file"),
+    (["--to", GOAL, "--picture", "/nowhere/a.png"], "--picture must be a file"),
     (["--to", GOAL, "--robot", "127.0.0.1", "--from", "home"], "leave out --from"),
     (["--to", GOAL, "--ports", "1"], "--ports must be 2 numbers"),
     ([], "--to"),
