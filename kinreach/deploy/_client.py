@@ -32,8 +32,8 @@ from kinreach.errors import InputError, RobotError
 from kinreach.kinematics import Trajectory
 from kinreach.robots._ur import JOINTS
 
-#: How long a robot may take to answer, and to begin with a program [s].
-TIMEOUT, START_TIMEOUT = 3.0, 3.0
+#: How long a robot may take to answer, to begin with a program, and longer for each character of it [s].
+TIMEOUT, START_TIMEOUT, READING_TIME = 3.0, 3.0, 1e-5
 #: What is read; old controllers do not have the variables in `_OPTIONAL`.
 _OPTIONAL = ("tcp_offset", f"output_int_register_{REGISTER}")
 _VARIABLES = (
@@ -90,7 +90,7 @@ class URClient:
         if not isinstance(given, str) or not given.isprintable() or not 0 < len(given) < 254:
             raise InputError(f"the address of a robot must be a host name or an IP address, got {shown(address)}")
         self.address, self._buffer, self._messages = address, bytearray(), bytearray()
-        self._said: list[str] = []
+        self._silence = TIMEOUT  # after so long the connection counts as lost
         ports = [check_count(name, port, most=65535) for name, port in (("rtde_port", rtde_port),
                                                                         ("script_port", script_port))]  # fmt: skip
         self._rtde = self._connect(ports[0])
@@ -151,7 +151,7 @@ class URClient:
         except OSError as error:
             raise self._lost(error) from None
         finally:
-            self._rtde.settimeout(TIMEOUT)
+            self._rtde.settimeout(self._silence)
         size = 3 + 1 + self._recipe.size
         while len(self._buffer) >= 2 * size and self._buffer[2] == Kind.DATA:
             del self._buffer[:size]  # what is older
@@ -218,9 +218,10 @@ class URClient:
         """
         self.check_ready(program)
         states = [self.read()]
+        text = program.text
         try:
-            self.send(program.text)
-            self._follow(states, watch)
+            self.send(text)
+            self._follow(states, watch, READING_TIME * len(text))
         except BaseException as error:
             if not isinstance(error, RobotError):
                 self.stop()
@@ -235,18 +236,25 @@ class URClient:
             raise RobotError(f"the program ended before its last move{self._reason(': ')}")
         return _recording(states)
 
-    def _follow(self, states: list[RobotState], watch: Callable[[RobotState], object] | None) -> None:
-        """Gather states until the program has ended."""
-        deadline, began = monotonic() + START_TIMEOUT, False
+    def _follow(self, states: list[RobotState], watch: Callable[[RobotState], object] | None, reading: float) -> None:
+        """Gather states until the program has ended; a robot may be silent while it reads a long one."""
+        deadline, began = monotonic() + START_TIMEOUT + reading, False
+        self._be_patient(TIMEOUT + reading)
         while not began or states[-1].runtime_state != RuntimeState.STOPPED:
             states.append(self.next_state())
-            began = began or states[-1].runtime_state == RuntimeState.PLAYING
+            if not began and states[-1].runtime_state == RuntimeState.PLAYING:
+                began = True
+                self._be_patient(TIMEOUT)
             if watch is not None:
                 watch(states[-1])
             if not began and monotonic() > deadline:
                 raise RobotError(
                     f"the robot at {self.address} did not begin{self._reason(': ')}; is it in remote control?"
                 )
+
+    def _be_patient(self, seconds: float) -> None:
+        self._silence = seconds
+        self._rtde.settimeout(seconds)
 
     def _wait_until_it_stands(self, states: list[RobotState]) -> None:
         deadline = monotonic() + TIMEOUT
@@ -324,7 +332,7 @@ class URClient:
 
     def _wait_for(self, wanted: Kind) -> bytes:
         """Return the payload of the next package of a kind; messages between are kept for errors."""
-        deadline = monotonic() + TIMEOUT
+        deadline = monotonic() + self._silence
         while True:
             try:
                 for kind, payload in packages_in(self._buffer):

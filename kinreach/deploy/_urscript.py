@@ -163,16 +163,17 @@ class _Parser:
         self.tokens: list[tuple[str, str, int]] = []
         self.place, self.depth, self.known = 0, 0, set[str]()
         line, at = 1, 0
-        while at < len(text):
-            found = _TOKEN.match(text, at)
-            if found is None:
-                raise ScriptError(line, f"syntax error at {shown(text[at])}")
+        for found in _TOKEN.finditer(text):
+            if found.start() != at:
+                break
             kind, at = str(found.lastgroup), found.end()
             if kind == "line":
                 self.tokens.append((kind, "\n", line))
                 line += 1
             elif kind != "space":
                 self.tokens.append((kind, found[0], line))
+        if at < len(text):
+            raise ScriptError(line, f"syntax error at {shown(text[at])}")
         self.tokens.append(("line", "\n", line))
         self.tokens.append(("end of the program", "", line))
 
@@ -271,6 +272,8 @@ class _Parser:
         return Choice(condition, tuple(then), tuple(otherwise), line)
 
     def expression(self) -> Expression:
+        if (number := self.plain_number()) is not None:
+            return number
         value = self.comparison()
         while self.next_is("or"):
             self.place += 1
@@ -341,6 +344,18 @@ class _Parser:
         self.place += 1
         self.depth -= 1
         return values
+
+    def plain_number(self) -> Constant | None:
+        """Take a number that is a whole argument or entry, which is most of a long program; None if it is not one."""
+        negative = self.tokens[self.place][1] == "-"
+        kind, text, _ = self.tokens[self.place + negative]
+        if kind != "number" or self.tokens[self.place + negative + 1][1] not in (",", "]", ")"):
+            return None
+        value = float(text)
+        if not math.isfinite(value):
+            return None
+        self.place += 1 + negative
+        return Constant(-value if negative else value)
 
     def call(self, function: str, line: int) -> Call:
         if function not in FUNCTIONS:

@@ -130,6 +130,16 @@ def test_a_trajectory_is_streamed(client):
     assert done.commanded.duration == pytest.approx(1.3, abs=0.05)
 
 
+@pytest.mark.slow
+def test_a_minute_is_streamed(robot, client):
+    """Reading such a program takes the simulated robot seconds, in which it says nothing."""
+    t = np.linspace(0, 19 * np.pi, 1000)
+    motion = Trajectory(JOINTS, t, HOME + np.outer(np.sin(t) ** 2, [0.1] * 6), np.outer(np.sin(2 * t), [0.1] * 6))
+    done = client.run(Program.of(KIN, HOME, motion))
+    assert done.commanded.duration == pytest.approx(60.3, abs=2.0)  # and what passes before it begins
+    np.testing.assert_allclose(done.commanded.q[-1], motion.q[-1], atol=1e-4)
+
+
 @pytest.mark.parametrize("address", ["", "a b\n", "x" * 300, 7])
 def test_bad_addresses(address):
     with pytest.raises((InputError, RobotError), match=r"address|no robot answers"):

@@ -149,6 +149,7 @@ def test_several_goals_are_blended(run, tmp_path):
     (["--to", GOAL, "--script", "/"], "--script must be a file"),
     (["--to", GOAL, "--picture", "/nowhere/a.png"], "--picture must be a file"),
     (["--to", GOAL, "--robot", "127.0.0.1", "--from", "home"], "leave out --from"),
+    (["--to", GOAL, "--robot", "127.255.9.9"], r"no robot answers at 127.255.9.9:30004: Connection refused"),
     (["--to", GOAL, "--ports", "1"], "--ports must be 2 numbers"),
     ([], "--to"),
 ])  # fmt: skip
