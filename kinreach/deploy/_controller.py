@@ -42,6 +42,8 @@ CB3 = ("ur3", "ur5", "ur10")
 TIMESTEP = 0.002
 #: How quickly the controller stops the joints where no program moves them [rad/s^2].
 BRAKING = 10.0
+#: How quickly program time follows the speed slider [1/s].
+SLIDER_RATE = 4.0
 #: Speeds below this are rest [rad/s].
 REST = 1e-6
 #: How far a joint may be from its target before the controller stops [rad].
@@ -131,7 +133,7 @@ class Controller:
         self.tcp: Floats = tcp_of(arm)
         self.payload = 0.0
         self._drive = _Drive(self.simulation)
-        self.speed_slider = 1.0
+        self.speed_slider = self._scaling = 1.0
         self.registers: dict[int, int] = {}
         self.safety_mode, self.runtime_state = SafetyMode.NORMAL, RuntimeState.STOPPED
         self.reason = ""
@@ -174,8 +176,8 @@ class Controller:
 
     @property
     def speed_scaling(self) -> float:
-        """How fast program time passes: the slider, and 0 in a protective stop."""
-        return self.speed_slider if self.safety_mode is SafetyMode.NORMAL else 0.0
+        """How fast program time passes: it follows the slider, and is 0 in a protective stop."""
+        return self._scaling if self.safety_mode is SafetyMode.NORMAL else 0.0
 
     @property
     def tcp_offset(self) -> Floats:
@@ -227,6 +229,8 @@ class Controller:
 
     def tick(self) -> None:
         """Let one control cycle pass."""
+        change = SLIDER_RATE * self.cycle
+        self._scaling += min(max(self.speed_slider - self._scaling, -change), change)
         if self.safety_mode is SafetyMode.NORMAL:
             self._advance_program()
         if self.safety_mode is SafetyMode.NORMAL:
@@ -278,7 +282,7 @@ class Controller:
     def _advance_program(self) -> None:
         if self._program is None:
             return
-        self._program_time += self.cycle * self.speed_slider
+        self._program_time += self.cycle * self._scaling
         try:
             next(self._program)
         except StopIteration:
@@ -292,18 +296,18 @@ class Controller:
             self._stop(str(error))
 
     def _advance_target(self) -> None:
-        dt, before = self.cycle * self.speed_slider, self.target_qd
+        dt, before = self.cycle * self._scaling, self.target_qd
         if self._segments:
             try:
                 q, qd = self._summed(dt)
             except (LineError, np.linalg.LinAlgError) as error:
                 self._stop(str(error))
                 return
-            self.target_q, self.target_qd = q, self.speed_slider * qd
+            self.target_q, self.target_qd = q, self._scaling * qd
         elif self._servo is not None:
             servo, target, lookahead, gain = self._servo
             servo.follow(target, lookahead, gain, dt)
-            self.target_q, self.target_qd = servo.q, self.speed_slider * servo.qd
+            self.target_q, self.target_qd = servo.q, self._scaling * servo.qd
         elif (fastest := float(np.abs(before).max())) > 0.0:
             self.target_qd = before * max(0.0, 1.0 - self._braking * self.cycle / fastest)
             self.target_q = self.target_q + self.cycle * self.target_qd

@@ -167,18 +167,26 @@ def test_the_speed_slider_stretches_time_and_nothing_else(ur):
         for fraction in (1.0, 0.5):
             ur.place(HOME)
             ur.speed_slider = fraction
+            for _ in range(200):
+                ur.tick()
+            assert ur.speed_scaling == fraction
             ways[fraction] = ur.run(program(*lines)).commanded
         slow, fast = ways[0.5], ways[1.0]
         assert slow.duration == pytest.approx(2 * fast.duration, abs=0.01)
         assert np.abs(slow.qd).max() == pytest.approx(np.abs(fast.qd).max() / 2, rel=0.01)
         np.testing.assert_allclose(slow.q[::2][:200], fast.q[:200], atol=3e-3)
-    ur.speed_slider = 0.0
+    # on the way to 0 and back the arm slows down without a jerk, and goes on where it was
     ur.place(HOME)
-    ur.start(program(f"movej({listed(goal)})"))
-    for _ in range(100):
+    ur.speed_slider = 1.0
+    ur.start(program(f"movej({listed(np.add(HOME, [1, 0, 0, 0, 0, 0]))}, a=1, v=0.5)"))
+    speeds = []
+    for cycle in range(2000):
+        ur.speed_slider = 0.0 if 500 < cycle < 1000 else 1.0
         ur.tick()
-    np.testing.assert_array_equal(ur.target_q, HOME)
-    assert ur.runtime_state is RuntimeState.PLAYING
+        speeds.append(ur.target_qd[0])
+    assert speeds[900] == 0.0 < 0.49 < speeds[1200]
+    assert np.abs(np.diff(speeds)).max() <= 1.01 * max(1.0, 4.0 * 0.5) * ur.cycle
+    assert ur.reason == ""
 
 
 def test_a_new_program_takes_over_and_stopj_brakes_from_the_next_cycle(ur):

@@ -80,7 +80,7 @@ class TestUrRtde:
             for fraction in (0.25, 0.0, 1.0):
                 assert inputs.setSpeedSlider(fraction)
                 deadline = time.monotonic() + PATIENCE
-                while outputs.getTargetSpeedFraction() != fraction and time.monotonic() < deadline:
+                while outputs.getSpeedScaling() != fraction and time.monotonic() < deadline:
                     time.sleep(0.01)
                 assert outputs.getTargetSpeedFraction() == outputs.getSpeedScaling() == fraction
         finally:
