@@ -34,7 +34,7 @@ METHOD_COLOURS = {
     # PPO
     **dict.fromkeys(("ppo-single", "ppo", "policy-informed"), "#D55E00"),
     "ppo-multi": "#F2A35E",
-    "ppo-multi-ending": "#6A3D9A",
+    **dict.fromkeys(("ppo-multi-ending", "correction"), "#6A3D9A"),
     # ranked PPO
     **dict.fromkeys(("ranked-single", "space-single", "policy"), "#00674C"),
     **dict.fromkeys(("ranked-multi", "space-multi", "policy-tuned"), "#2FBF94"),

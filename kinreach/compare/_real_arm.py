@@ -13,6 +13,7 @@ from kinreach._registration import REAL_ARM
 from kinreach._statistics import QUANTILES, RATE, Column, Trial, thousandfold
 from kinreach.baselines._policies import load_policy
 from kinreach.compare._curves import draw_looks
+from kinreach.compare._methods.correction import LearnedCorrection
 from kinreach.compare._methods.models import ALL_PARAMETERS, REGISTERED, DataSheet, Identified, Residual
 from kinreach.compare._methods.practice import Learner, LookingPolicy
 from kinreach.compare._methods.tuned_policies import Informed, Trained, Tuned
@@ -41,6 +42,7 @@ METHODS: Mapping[str, Method] = {
     "registered": _method(lambda env: Identified(REGISTERED, env.noise), MODEL),
     "identified": _method(lambda env: Identified(ALL_PARAMETERS, env.noise), MODEL),
     "residual": _method(lambda env: Residual(env.noise), BOTH),
+    "correction": _method(lambda env: LearnedCorrection(env.noise), BOTH),
     "policy": _policy_method(lambda env: Trained(load_policy(LEARNED_POLICY)), again=False),
     "policy-again": _policy_method(lambda env: Trained(load_policy(LEARNED_POLICY))),
     "policy-tuned": _policy_method(lambda env: Tuned(load_policy(LEARNED_POLICY), env.noise)),

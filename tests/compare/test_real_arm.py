@@ -5,6 +5,7 @@ import json
 import numpy as np
 import pytest
 
+from benchmarks.studies import corrections
 from kinreach.compare import compare
 from kinreach.compare._cli import main
 from kinreach.compare._task import get_task
@@ -31,14 +32,14 @@ def test_the_data_sheet_misses_by_what_is_wrong(results):
 
 
 def test_who_looks_again_comes_to_what_is_seen(results):
-    for method in ("look-again", "registered", "identified", "residual"):
+    for method in ("look-again", "registered", "identified", "residual", "correction"):
         for errors in ("tool", "all"):
             assert mm(results, method, errors, 0) > 1.5
             assert 0.1 < mm(results, method, errors, 0, 2) < 0.3
 
 
 def test_looks_beforehand_are_worth_as_much(results):
-    for method in ("identified", "residual"):
+    for method in ("identified", "residual", "correction"):
         line = [mm(results, method, "all", budget) for budget in (0, 5, 10, 20, 50)]
         assert line[0] > 5 * line[1]
         assert line[1] > line[-1]
@@ -52,6 +53,16 @@ def test_who_was_trained_on_random_arms_makes_something_of_looks(results):
     assert line[0] > 3.0
     assert line[0] > 3 * line[1] > 3 * line[2]
     assert mm(results, "policy-informed", "all", 0, 1) < 0.5
+
+
+def test_trainings_of_the_correction_differ_little(capsys):
+    assert corrections.main(["--seeds", "3", "--goals", "4"]) == 0
+    rows = [line.strip("| ").split(" | ") for line in capsys.readouterr().out.splitlines()[2:]]
+    values = np.array([[float(cell) for cell in row[1:]] for row in rows])
+    assert [row[0] for row in rows[:2]] == ["identified", "residual"]
+    assert values.shape == (5, 4)
+    assert np.ptp(values[2:], axis=0).max() < 0.02
+    assert values.max() < 0.35
 
 
 def test_the_same_again_and_all_methods_alike():

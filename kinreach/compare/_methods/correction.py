@@ -1,0 +1,81 @@
+"""A learned correction on top of the closed form: trained on simulated arms, it knows no frames of the true one."""
+
+from __future__ import annotations
+
+import math
+from functools import lru_cache
+
+import numpy as np
+
+from kinreach._checks import Floats
+from kinreach.baselines._expert import tool_down_postures
+from kinreach.baselines._random_arms import on_table, summary, ur5
+from kinreach.compare._methods.models import UNKNOWN, Modelled
+from kinreach.kinematics._identification import Prior, frames_of, slopes
+
+#: Errors of the arms in training, root mean square [m, rad]: wider than those of `kinreach/RealArm-v0`. A base that is
+#: off stands for cameras, too.
+TRAINED_ON = Prior(base=(8e-3, 1.2e-2), links=(1e-3, 2e-3), tool=(4e-3, 0.0))
+#: Arms and balls of a training; part of the variance of the corrections that is taken for noise.
+ARMS, BALLS, RIDGE = 4000, 60, 1e-6
+
+
+class LearnedCorrection(Modelled):
+    """Aim by the closed form at a target that a regression corrects, from a summary of the looks.
+
+    What looks say has nine numbers, whatever their number: the mean of how far the tip was off, and of that times
+    either coordinate. To first order these and the error at a ball depend linearly on the frames' errors, so the
+    regression is linear in the nine, with coefficients that are cubic in the ball's place.
+
+    Args:
+        noise: Standard deviation of a coordinate of a look [m].
+        seed: Of the training.
+    """
+
+    def __init__(self, noise: float, seed: int = 0) -> None:
+        self._noise, self._seed = noise, seed
+        self._summary, self._weights, self._doubt = np.zeros(9), np.zeros((90, 3)), UNKNOWN
+
+    def learn(self, q: Floats, seen: Floats) -> None:
+        """Summarise the looks, and train for their number."""
+        places = ur5().chain.positions(q)
+        self._summary = summary(places, seen - places)
+        self._weights, self._doubt = _trained(len(q), self._noise, self._seed)
+
+    def predicted(self, q: Floats) -> Floats:
+        """Return the data sheet's places plus the correction there."""
+        places = ur5().chain.positions(q)
+        return np.asarray(places + _features(self._summary, places) @ self._weights)
+
+    def doubt(self, points: Floats) -> float:
+        """Return the root mean square error of the training."""
+        return self._doubt
+
+
+@lru_cache(maxsize=64)
+def _trained(looks: int, noise: float, seed: int) -> tuple[Floats, float]:
+    """Return the weights (90, 3) of a regression for a number of looks, and its root mean square error [m]."""
+    rng, chain = np.random.default_rng(seed), ur5().chain
+    errors = rng.normal(size=(ARMS, 42)) * TRAINED_ON.deviations(chain.joints).ravel()
+    balls = on_table(BALLS)
+
+    def off(points: Floats) -> Floats:
+        """Errors at points (m, 3), of all arms, shape (ARMS, m, 3)."""
+        change = slopes(frames_of(chain.placements, tool_down_postures(ur5(), points)))
+        return np.asarray((errors @ change.reshape(3 * len(points), -1).T).reshape(ARMS, len(points), 3))
+
+    places = on_table(looks)
+    said = summary(places, off(places) + rng.normal(0.0, noise, (ARMS, looks, 3)))
+    wanted = off(balls).reshape(-1, 3)
+    x = np.concatenate([_features(one, balls) for one in said])
+    gram = x.T @ x
+    weights = np.linalg.solve(gram + RIDGE * np.diag(np.diag(gram)), x.T @ wanted)
+    return weights, math.sqrt(float(np.mean((wanted - x @ weights) ** 2)))
+
+
+def _features(said: Floats, places: Floats) -> Floats:
+    """Products of nine numbers, shape (9,), and ten of places on the table (m, 3), shape (m, 90)."""
+    middle = on_table(50).mean(axis=0)
+    x, y = 5.0 * (places - middle)[:, :2].T
+    basis = np.column_stack([x**i * y**j for i in range(4) for j in range(4 - i)])
+    return np.asarray((basis[:, :, None] * said).reshape(len(places), -1))
