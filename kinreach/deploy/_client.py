@@ -5,6 +5,7 @@ from __future__ import annotations
 import socket
 import struct
 from collections.abc import Callable
+from contextlib import suppress
 from dataclasses import dataclass
 from time import monotonic
 from typing import Self
@@ -223,8 +224,9 @@ class URClient:
             self.send(text)
             self._follow(states, watch, READING_TIME * len(text))
         except BaseException as error:
-            if not isinstance(error, RobotError):
+            with suppress(RobotError):  # whatever happened: nobody watches the motion any more
                 self.stop()
+            if not isinstance(error, RobotError):
                 self._wait_until_it_stands(states)
             raise
         end = states[-1]

@@ -89,6 +89,23 @@ def test_ctrl_c_stops_within_a_cycle_of_the_arrival(robot, client):
     assert states[-1].actual_q[0] < HOME[0] + 1.1
 
 
+def test_a_robot_that_is_no_longer_seen_is_stopped(robot, client):
+    """The state no longer comes, and the script port still takes programs."""
+
+    def lose(state):
+        if np.abs(state.target_qd).max() > 0.9:
+            client._rtde.shutdown(socket.SHUT_RDWR)
+
+    with pytest.raises(RobotError, match=r"connection to the robot at 127.0.0.1 is lost"):
+        client.run(to(np.add(HOME, [1.2, 0, 0, 0, 0, 0])), watch=lose)
+    with URClient(robot.address, rtde_port=robot.rtde_port, script_port=robot.script_port) as other:
+        while (state := other.next_state()).runtime_state == 2:
+            pass
+        assert np.abs(state.target_qd).max() == 0.0
+        assert state.actual_q[0] < HOME[0] + 1.1
+    assert "program kinreach_stop is running" in robot.log
+
+
 def test_why_a_robot_does_not_run_a_program_is_said(robot, client):
     with pytest.raises(RobotError, match=r"does not stand where the program begins: elbow_joint is 0.100"):
         client.run(Program.of(KIN, np.add(HOME, [0, 0, 0.1, 0, 0, 0]), [Move("movej", HOME, 1.0, 2.0)]))
