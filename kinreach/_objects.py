@@ -5,8 +5,11 @@ from __future__ import annotations
 import importlib
 import os
 import sys
+import traceback
+from pathlib import Path
 from typing import Any
 
+import kinreach
 from kinreach.errors import InputError
 
 
@@ -49,3 +52,13 @@ def load_module(kind: str, module: str, path: str) -> Any:
         return importlib.import_module(module)
     except Exception as error:  # whatever the user's module raises
         raise InputError(f"cannot import the {kind} {path}: {type(error).__name__}: {error}") from error
+
+
+def place_of(error: Exception) -> str:
+    """Return file and line of an error in the user's own code; empty if it is not from there."""
+    package = str(Path(kinreach.__file__).parent)
+    frames = traceback.extract_tb(error.__traceback__)
+    own = [
+        frame for frame in frames if "site-packages" not in frame.filename and not frame.filename.startswith(package)
+    ]
+    return f" ({Path(own[-1].filename).name}, line {own[-1].lineno})" if own else ""

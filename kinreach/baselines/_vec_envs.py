@@ -11,6 +11,7 @@ from gymnasium.vector import AutoresetMode, VectorEnv
 from stable_baselines3.common.vec_env import VecEnv
 from stable_baselines3.common.vec_env.base_vec_env import VecEnvIndices, VecEnvObs, VecEnvStepReturn
 
+from kinreach._objects import place_of
 from kinreach.baselines._looks import Looks
 from kinreach.baselines._policies import paced
 from kinreach.baselines._rewards import TrainingReward, own
@@ -84,10 +85,18 @@ class SB3VecEnv(VecEnv):
         """Return what the learner sees as rewards.
 
         Raises:
-            TrainingError: One is NaN or infinite.
+            TrainingError: One is NaN or infinite, or the function of a reward fails or returns another shape.
         """
-        _check_finite("the environment's reward", np.asarray(rewards))
-        seen = np.asarray(self._reward(np.asarray(rewards), info))
+        given = np.asarray(rewards)
+        _check_finite("the environment's reward", given)
+        try:
+            seen = np.asarray(self._reward(given, info))
+        except Exception as error:  # whatever the user's function raises
+            raise TrainingError(
+                f"the training reward failed: {type(error).__name__}: {error}{place_of(error)}"
+            ) from error
+        if seen.shape != given.shape:
+            raise TrainingError(f"the training reward must have shape {given.shape}, got {seen.shape}")
         _check_finite("the training reward", seen)
         return seen
 

@@ -9,7 +9,6 @@ from __future__ import annotations
 import json
 import math
 import os
-import traceback
 from collections import Counter
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import ExitStack, contextmanager, suppress
@@ -22,12 +21,12 @@ import gymnasium as gym
 import numpy as np
 from matplotlib.figure import Figure
 
-import kinreach
 from kinreach import _provenance as provenance
 from kinreach import _statistics as statistics
 from kinreach._checks import check_count, check_known, check_path, shown
 from kinreach._files import locked, make_writable, open_input, read_bytes, read_text, write_text
 from kinreach._jobs import SERIAL, Engine, Serial, open_engine
+from kinreach._objects import place_of
 from kinreach._statistics import Column, Trial, summarise, trials_csv
 from kinreach.baselines._loop import Policy, as_policy, rollout
 from kinreach.compare import _figures as figures
@@ -364,17 +363,7 @@ def _naming(what: str) -> Iterator[None]:
     except KinreachError:  # not the method's: cameras that cannot draw, a package that is missing
         raise
     except Exception as error:
-        raise MethodError(f"{what}: {type(error).__name__}: {error}{_place_of(error)}") from error
-
-
-def _place_of(error: Exception) -> str:
-    """Return file and line of an error in the user's own code; empty if it is not from there."""
-    package = str(Path(kinreach.__file__).parent)
-    frames = traceback.extract_tb(error.__traceback__)
-    own = [
-        frame for frame in frames if "site-packages" not in frame.filename and not frame.filename.startswith(package)
-    ]
-    return f" ({Path(own[-1].filename).name}, line {own[-1].lineno})" if own else ""
+        raise MethodError(f"{what}: {type(error).__name__}: {error}{place_of(error)}") from error
 
 
 class _Environments:
@@ -405,7 +394,7 @@ class _Environments:
         except KinreachError:
             raise
         except Exception as error:
-            raise MethodError(f"{type(error).__name__}: {error}{_place_of(error)}") from error
+            raise MethodError(f"{type(error).__name__}: {error}{place_of(error)}") from error
 
     def _get(self, name: str) -> gym.Env[Any, Any]:
         if name not in self._made:

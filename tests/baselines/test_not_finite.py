@@ -49,6 +49,25 @@ def test_a_reward_that_is_no_number_is_named_and_the_last_checkpoint_kept(name, 
         np.testing.assert_array_equal(one, other)
 
 
+def lacking(given, info):
+    return info["nothing"]
+
+
+@pytest.mark.parametrize("name", ["ppo-multi", "single"])
+@pytest.mark.parametrize(
+    ("reward", "said"),
+    [
+        (lacking, r"the training reward failed: KeyError: 'nothing' \(test_not_finite\.py, line \d+\) after 0 actions"),
+        (lambda given, info: 0.0, r"the training reward must have shape \(\d+,\), got \(\) after 0 actions"),
+        (lambda given, info: given[:, None], r"must have shape \(\d+,\), got \(\d+, 1\)"),
+    ],
+)
+def test_a_reward_that_fails_or_has_another_shape_is_named(name, reward, said, tmp_path, monkeypatch):
+    monkeypatch.setitem(rewards.REWARDS, "mine", reward)
+    with pytest.raises(TrainingError, match=said):
+        train(replace(small(name), reward="mine"), tmp_path, seed=4)
+
+
 def test_before_the_first_checkpoint_there_is_none(tmp_path, monkeypatch):
     monkeypatch.setitem(rewards.REWARDS, "spoilt", spoilt_after(0, np.nan))
     with pytest.raises(TrainingError, match="there is no checkpoint yet"):

@@ -2,6 +2,7 @@
 
 import textwrap
 from dataclasses import replace
+from importlib.resources import files
 
 import numpy as np
 import pytest
@@ -94,9 +95,22 @@ def test_names_must_be_printable(toy, name):
         compare(toy, {name: act})
 
 
-def test_a_policys_file_acts_where_its_card_says(tmp_path):
-    from importlib.resources import files
+def test_files_of_one_name_are_told_apart_by_their_folders(tmp_path):
+    content = (files("kinreach.baselines") / "pretrained" / "single.safetensors").read_bytes()
+    runs = [tmp_path / run / name for run in ("one", "two") for name in ("policy.safetensors", "best.safetensors")]
+    for path in runs:
+        path.parent.mkdir(exist_ok=True)
+        path.write_bytes(content)
+    task = get_task("ur5")
+    parent = tmp_path.name
+    assert list(resolve_methods(task, [str(runs[0])])) == ["policy"]
+    named = list(resolve_methods(task, ["lm", *map(str, runs)]))
+    assert named == ["lm", f"{parent}/one", str(runs[1]), f"{parent}/two", str(runs[3])]
+    with pytest.raises(InputError, match="named twice"):
+        resolve_methods(task, [str(runs[0]), str(runs[0])])
 
+
+def test_a_policys_file_acts_where_its_card_says(tmp_path):
     task = get_task("ur5")
     for name in ("single", "multi"):
         content = (files("kinreach.baselines") / "pretrained" / f"{name}.safetensors").read_bytes()
@@ -195,7 +209,6 @@ def test_a_task_must_give_as_many_goals_as_asked_for(toy):
 
 def test_a_policy_of_another_arm_is_refused(tmp_path):
     from dataclasses import replace
-    from importlib.resources import files
 
     from kinreach.baselines._policy_file import read_policy, save_policy
 

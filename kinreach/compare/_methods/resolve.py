@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import inspect
 from collections import Counter
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -25,6 +25,8 @@ from kinreach.robots import ArmDescription
 
 #: How names of policies' files end: kinreach's own, and a model of stable-baselines3 as it was saved.
 SAFETENSORS, ZIP = ".safetensors", ".zip"
+#: What `kinreach train` writes into the folder of each run.
+POLICY_FILE = "policy.safetensors"
 
 
 def resolve_methods(task: Task, given: Iterable[Any] | Mapping[str, Any]) -> dict[str, Method]:
@@ -35,7 +37,8 @@ def resolve_methods(task: Task, given: Iterable[Any] | Mapping[str, Any]) -> dic
         given: Each is a name of the task's, the path of a policy's file (`policy.safetensors`, or `model.zip` of
             stable-baselines3; `model.zip@multi` for another of the task's environments), `"module:attribute"`, a
             `Method`, a solver or policy, a class of one, a stable-baselines3 model, or a function from observation to
-            action. A mapping gives names; else an object has that of its `name`, its function or its class.
+            action. A mapping gives names; else an object has that of its `name`, its function or its class. Files of
+            one name are told apart by their folders.
 
     Raises:
         InputError: A name occurs twice, or something is none of these.
@@ -47,7 +50,8 @@ def resolve_methods(task: Task, given: Iterable[Any] | Mapping[str, Any]) -> dic
         if not isinstance(given, Iterable):
             raise InputError(f"methods must be a list of names and objects, got {shown(given)}")
         chosen = [given] if isinstance(given, str) else list(given)
-        found = [(_name(value), _method(task, value)) for value in chosen or task.methods]
+        chosen = chosen or list(task.methods)
+        found = [(name, _method(task, value)) for name, value in zip(_names(chosen), chosen, strict=True)]
     for name, count in Counter(name for name, _ in found).items():
         if count > 1:
             raise InputError(f"method {name!r} is named twice")
@@ -91,11 +95,31 @@ def _label(name: object) -> str:
     return name
 
 
+def _names(given: Sequence[Any]) -> list[str]:
+    """Return names; files that would share one have that of their run's folder, else what the user typed."""
+    names = [_name(value) for value in given]
+    for longer in (_folder, str):
+        names = [
+            longer(value) if names.count(name) > 1 and _is_file(value) else name
+            for name, value in zip(names, given, strict=True)
+        ]
+    return names
+
+
+def _is_file(given: Any) -> bool:
+    return isinstance(given, str) and given.partition("@")[0].endswith((SAFETENSORS, ZIP))
+
+
+def _folder(given: str) -> str:
+    """Return "RECIPE/seed-S" of "RECIPE/seed-S/policy.safetensors", as `kinreach evaluate` does; other files whole."""
+    path = Path(given)
+    return str(Path(*path.parts[-3:-1])) if path.name == POLICY_FILE and len(path.parts) > 1 else given
+
+
 def _name(given: Any) -> str:
     if isinstance(given, str):
-        path, _, _ = _label(given).partition("@")
-        if path.endswith((SAFETENSORS, ZIP)):
-            return Path(path).stem
+        if _is_file(_label(given)):
+            return Path(given.partition("@")[0]).stem
         return given.rpartition(":")[2]
     own = getattr(given, "name", None) or getattr(given, "__name__", None) or type(given).__name__
     return _label(own)
