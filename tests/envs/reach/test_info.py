@@ -1,5 +1,7 @@
 """What the environments say of a reset and of a step: where things are, what was meant, what became of it."""
 
+from dataclasses import replace
+
 import gymnasium as gym
 import numpy as np
 import pytest
@@ -7,6 +9,7 @@ import pytest
 from kinreach.envs._reach.episodes import ReachEpisodes
 from kinreach.envs._reach.worlds import STATUSES, KinematicWorld, Status
 from kinreach.errors import InputError
+from kinreach.robots import get_arm
 from kinreach.vision._goal_view import geometric_goal_view
 
 SINGLE, MULTI = "kinreach/UR5SingleStep-v0", "kinreach/UR5MultiStep-v0"
@@ -151,7 +154,7 @@ def test_a_ball_on_a_cameras_axis_is_found():
 
 
 def test_views_of_an_arm_without_cameras_are_goals_in_the_world():
-    env = gym.make(SINGLE, backend="kinematic", arm="arm3")
+    env = gym.make(SINGLE, backend="kinematic", arm=replace(get_arm("arm3"), name="blind", cameras=()))
     observation, info = env.reset(seed=0, options={"view": [0.3, 0.2, 0.1]})
     np.testing.assert_array_equal(observation[:3], [0.3, 0.2, 0.1])
     np.testing.assert_array_equal(info["seen"], [0.3, 0.2, 0.1])
