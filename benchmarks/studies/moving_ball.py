@@ -105,8 +105,9 @@ def draw(
     axes.imshow(more, cmap="RdBu_r", vmin=-100, vmax=100, aspect="auto")
     for (row, column), value in np.ndenumerate(more):
         both = " / ".join(f"{100 * share:.0f}" for share in shares[row, :2, column])
-        axes.text(column, row - 0.12, f"{value:+.0f}", ha="center", va="center", color=INK, weight="bold")
-        axes.text(column, row + 0.24, both, ha="center", va="center", color=INK, fontsize=8)
+        colour = INK if abs(value) < 60 else "white"
+        axes.text(column, row - 0.12, f"{value:+.0f}", ha="center", va="center", color=colour, weight="bold")
+        axes.text(column, row + 0.24, both, ha="center", va="center", color=colour, fontsize=8)
     axes.set_xticks(range(len(speeds)), [f"{speed:g}" for speed in speeds])
     axes.set_yticks(range(len(worlds)), worlds)
     axes.set_xlabel("speed of the ball [m/s]")
