@@ -75,6 +75,7 @@ def test_movej_keeps_speed_acceleration_and_arrives(ur):
 
 
 def test_movel_is_straight_and_turns_evenly(ur):
+    ur.tcp = pose([0.05, -0.1, 0.2, 0.2, 0, 0])
     goal = pose_vector(pose(shifted(ur, 0.15, -0.1, 0.05)) @ pose([0, 0, 0, 0.2, -0.1, 0.3]))
     begin = pose(ur.tcp_pose(HOME))
     done = ur.run(program(f"movel(p{listed(goal)}, a=1.2, v=0.2)"))
