@@ -22,9 +22,9 @@ from kinreach.kinematics._solutions import SLACK, IKSolutions, nearest_windings
 
 #: While a path is searched for, no point of the arm moves farther between two samples [m]. The path that is found is
 #: then checked so that nothing is missed, and searched for again with half of this where something was.
-SEARCH_STEP = 0.06
+SEARCH_STEP = 0.1
 #: Parts of a path that are chosen at random and replaced by straight lines where these are free.
-SHORTCUTS = 20
+SHORTCUTS = 10
 #: Largest change of a posture in one step of a tree [rad, a joint counted by how far it moves the arm]. OMPL's own
 #: choice, a fifth of the diagonal of the joint ranges, is some 2: in a cage nearly all steps of that length collide.
 RANGE = 0.3
