@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-import argparse
 import json
 import os
 import time
 from collections.abc import Iterator, Sequence
+from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
@@ -109,7 +109,7 @@ def _plan(kin: ArmKinematics, checker: CollisionChecker, problem: Problem, plann
     exact = CollisionChecker(kin, obstacles=problem.obstacles)
     parts = [
         a + np.linspace(0.0, 1.0, int(np.ceil(np.abs(b - a).max() / DENSE)) + 1)[:, None] * (b - a)
-        for a, b in zip(path[:-1], path[1:], strict=True)
+        for a, b in pairwise(path)
     ]
     length = float(np.linalg.norm(np.diff(path, axis=0), axis=1).sum())
     hit = int(exact.impossible(np.vstack(parts)).sum())
@@ -154,13 +154,14 @@ def _parts(rows: Sequence[dict[str, Any]], picture: str, command: str) -> Iterat
     yield f"![Share of problems solved against time, a line for each planner]({picture})"
     yield (
         "A UR5e with a gripper reaches between objects on a table, into a bookshelf, and into a cage. A pose of the "
-        f"tool is the goal. The margin is {1e3 * MARGIN:g} mm. Each path is then sampled every {DENSE:g} rad and judged "
-        "by the collision checker without a margin; collisions counts paths with any. Times are the processor's, of "
-        "planning, shortening and proof; the checker is built before. Length is the Euclidean norm over joints."
+        f"tool is the goal. The margin is {1e3 * MARGIN:g} mm. Each path is then sampled every {DENSE:g} rad, and the "
+        "collision checker without a margin judges the samples; collisions counts paths with any. Times are the "
+        "processor's, of planning, shortening and proof; the checker is built before. Length is the Euclidean norm "
+        "over joints."
     )
     yield (
-        "Rivals are OMPL's RRTConnect, LBKPIECE1 and BKPIECE1 with their own settings, all solutions as goals and the same "
-        f"proof for each motion, on the first {RIVALS} problems of each kind. *One goal* is `plan_path` to the nearest "
+        "Rivals are OMPL's RRTConnect, LBKPIECE1 and BKPIECE1 with their own settings, all solutions as goals, and the "
+        f"same proof for each motion, on the first {RIVALS} problems of each kind. *One goal* is `plan_path` to the nearest "
         "free solution alone. Not compared: VAMP itself, which needs a compiler, and answers in some 0.1 ms with "
         "spheres for the arm."
     )

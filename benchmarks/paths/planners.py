@@ -37,7 +37,7 @@ def ompl_default(planner: str) -> Planner:
         motion, kin = MotionCheck(checker), checker.kinematics
 
         class Validator(base.MotionValidator):
-            def checkMotion(self, one: Any, other: Any, last: Any = None) -> bool:  # noqa: N802
+            def checkMotion(self, one: Any, other: Any, last: Any = None) -> bool:
                 one, other = posture(one), posture(other)
                 return motion.free(other) and motion.motion_free(one, other)
 

@@ -113,17 +113,15 @@ def _bookshelf(rng: np.random.Generator) -> tuple[list[Obstacle], np.ndarray]:
     frame = _frame(rng, (0.5, 0.65), (0.1, 0.3))
     width, depth, gap, boards = rng.uniform(0.6, 1.0), 0.3, rng.uniform(0.26, 0.34), 3
     found = [_floor(), _placed(frame, "back", (0.02, width, gap * (boards - 1)), (depth, 0.0, gap * (boards - 1) / 2))]
-    for number in range(boards):
-        found.append(_placed(frame, f"board {number}", (depth, width, 0.02), (depth / 2, 0.0, number * gap)))
-    for side in (-1, 1):
-        found.append(
-            _placed(
-                frame,
-                f"side {side}",
-                (depth, 0.02, gap * (boards - 1)),
-                (depth / 2, side * width / 2, gap * (boards - 1) / 2),
-            )
-        )
+    found += [
+        _placed(frame, f"board {number}", (depth, width, 0.02), (depth / 2, 0.0, number * gap))
+        for number in range(boards)
+    ]
+    height = gap * (boards - 1)
+    found += [
+        _placed(frame, f"side {side}", (depth, 0.02, height), (depth / 2, side * width / 2, height / 2))
+        for side in (-1, 1)
+    ]
     level, across = rng.integers(boards - 1), rng.uniform(-0.5, 0.5) * (width - 0.4)
     for side in (-1, 1):
         spot = (rng.uniform(0.08, 0.2), across + side * rng.uniform(0.14, 0.2), level * gap + 0.09)
@@ -137,17 +135,13 @@ def _cage(rng: np.random.Generator) -> tuple[list[Obstacle], np.ndarray]:
     frame = _frame(rng, (0.4, 0.5), (0.02, 0.2))
     size, bar = rng.uniform(0.36, 0.46), 0.02
     half = size / 2
+    ends, sides = (0.0, size), (-half, half)
+    along = [(y, z) for y in (-half, 0.0, half) for z in ends if y or not z]
     found = [_floor()]
-    for x in (0.0, size):
-        for y in (-half, half):
-            found.append(_placed(frame, f"post {x:.1f} {y:.1f}", (bar, bar, size), (x, y, half)))
-        for z in (0.0, size):
-            found.append(_placed(frame, f"across {x:.1f} {z:.1f}", (bar, size, bar), (x, 0.0, z)))
-    for y in (-half, 0.0, half):
-        for z in (0.0, size):
-            if y or not z:
-                found.append(_placed(frame, f"along {y:.1f} {z:.1f}", (size, bar, bar), (half, y, z)))
-    found += [_placed(frame, f"side {y:.1f}", (bar, bar, size), (half, y, half)) for y in (-half, half)]
+    found += [_placed(frame, f"post {x:.1f} {y:.1f}", (bar, bar, size), (x, y, half)) for x in ends for y in sides]
+    found += [_placed(frame, f"across {x:.1f} {z:.1f}", (bar, size, bar), (x, 0.0, z)) for x in ends for z in ends]
+    found += [_placed(frame, f"along {y:.1f} {z:.1f}", (size, bar, bar), (half, y, z)) for y, z in along]
+    found += [_placed(frame, f"side {y:.1f}", (bar, bar, size), (half, y, half)) for y in sides]
     top = rng.random() < 0.5
     at = (half + rng.uniform(-0.05, 0.05), rng.uniform(-0.06, 0.06), rng.uniform(0.12, 0.2))
     approach = (rng.uniform(-0.2, 0.2), 0.0, -1.0) if top else (1.0, rng.uniform(-0.2, 0.2), 0.0)
