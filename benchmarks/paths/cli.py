@@ -161,8 +161,8 @@ def _parts(rows: Sequence[dict[str, Any]], picture: str, command: str) -> Iterat
     )
     yield (
         "Rivals are OMPL's RRTConnect, LBKPIECE1 and BKPIECE1 with their own settings, all solutions as goals, and the "
-        f"same proof for each motion, on the first {RIVALS} problems of each kind. *One goal* is `plan_path` to the nearest "
-        "free solution alone. Not compared: VAMP itself, which needs a compiler, and answers in some 0.1 ms with "
+        f"same proof for each motion, on the first {RIVALS} problems of each kind. *One goal* is `plan_path` to the "
+        "nearest free solution alone. VAMP itself is not compared: it needs a compiler. It plans in some 0.1 ms, with "
         "spheres for the arm."
     )
     lines = []
