@@ -165,8 +165,8 @@ def _parts(rows: Sequence[dict[str, Any]], picture: str, command: str) -> Iterat
         "Rivals are OMPL's RRTConnect, LBKPIECE1 and BKPIECE1 with their own settings, all solutions as goals, and the "
         f"same proof for each motion, on the first {RIVALS} problems of each kind. All planners have {PATIENCE:g} s on "
         "the clock. *One goal* is `plan_path` to the nearest free solution "
-        "alone: in a cage it is faster where it succeeds, which is less often. VAMP itself is not compared: it needs a compiler. It plans in some 0.1 ms, with "
-        "spheres for the arm."
+        "alone: in a cage it is faster where it succeeds, which is less often. VAMP itself is not compared: it needs a "
+        "compiler. It plans in some 0.1 ms, with spheres for the arm."
     )
     lines = []
     for name, kind in dict.fromkeys((row["set"], row["kind"]) for row in kept):
