@@ -189,8 +189,8 @@ def policies() -> Iterator[Any]:
 RESULTS: dict[str, Callable[[], Iterator[Any]]] = {
     part.__name__: part
     for part in (
-        descriptions, scenes, family, forward, closed_form, nearest, arm3, solvers, collisions, kinematic_reaching,
-        dynamic_reaching, button, moves, policies,
+        forward, closed_form, nearest, arm3, solvers, collisions, kinematic_reaching, dynamic_reaching, button, moves,
+        policies, descriptions, scenes, family,
     )
 }  # fmt: skip
 
