@@ -1,5 +1,7 @@
 """Arms of random geometry of every class, with turned bases and tips, against Pinocchio."""
 
+import re
+
 import numpy as np
 import pinocchio as pin
 import pytest
@@ -40,6 +42,17 @@ class Judge:
         pin.framesForwardKinematics(self._model, self._data, np.asarray(q))
         return self._data.oMf[self._tip].homogeneous.copy()
 
+    def shoulder_and_wrist(self, q):
+        """The points of axis 1 next to axis 2, and of axis 6 next to axis 5."""
+        self.fk(q)
+        axes = [self._data.oMi[joint] for joint in range(1, 7)]
+        found = []
+        for one, other in ((axes[0], axes[1]), (axes[5], axes[4])):
+            z, along = one.rotation[:, 2], other.rotation[:, 2]
+            s, _ = np.linalg.lstsq(np.column_stack([z, -along]), other.translation - one.translation, rcond=None)[0]
+            found.append(one.translation + s * z)
+        return found
+
 
 def judged(kin, judge, q):
     """Check all answers for the pose of a posture; their number, and whether the posture is one."""
@@ -70,6 +83,39 @@ def test_six_axes(name, seed, tmp_path):
                 again += back
     assert again == (60 if seed else 8)
     assert count >= 2 * again
+
+
+def test_out_of_reach_is_named(tmp_path):
+    """No random posture leaves the range; a pose a little outside is named with its distance and the arm's reach."""
+    rng, far, close = np.random.default_rng(3), 0, 0
+    for name in [*CLASSES, *OTHERS]:
+        if name == "spherical wrist, axes 1 and 2 parallel":
+            continue  # every point of axis 1 is next to axis 2
+        chain = some_arm(rng, name, backwards=False, off=0.0)
+        kin, judge = kinematics(tmp_path, chain), Judge(chain)
+        lines = [judge.shoulder_and_wrist(q) for q in rng.uniform(-np.pi, np.pi, (300, 6))]
+        distances = np.array([np.linalg.norm(wrist - shoulder) for shoulder, wrist in lines])
+        for sign, word in ((1.0, "too far away"), (-1.0, "too close")):
+            q = rng.uniform(-np.pi, np.pi, 6)
+            T, (shoulder, wrist) = judge.fk(q), judge.shoulder_and_wrist(q)
+            way = (wrist - shoulder) / np.linalg.norm(wrist - shoulder)
+            bound = distances.max() if sign > 0 else distances.min()
+            wanted = bound + sign * 0.3 * (bound if sign < 0 else 1.0)
+            T[:3, 3] += (wanted - np.linalg.norm(wrist - shoulder)) * way
+            lost = kin.all_solutions(T, limits=False)
+            if sign < 0 and lost:
+                continue  # it can fold further than any of these postures
+            if sign < 0 and not lost.reason.startswith(word):
+                assert lost.reason == "no posture reaches the goal"
+                continue
+            assert lost.reason.startswith(word), (name, lost.reason)
+            would, reach = map(float, re.findall(r"\d+\.\d{3}", lost.reason))
+            assert would == pytest.approx(wanted, abs=1e-3)
+            assert sign * (reach - bound) > -1e-3
+            assert abs(reach - bound) < 0.1 * distances.max()
+            far, close = far + (sign > 0), close + (sign < 0)
+    assert far == 10
+    assert close >= 3
 
 
 @pytest.mark.parametrize("seed", [0, *(pytest.param(seed, marks=pytest.mark.slow) for seed in range(1, 8))])

@@ -20,6 +20,7 @@ from kinreach.kinematics._goals import (
     pose_error,
 )
 from kinreach.kinematics._six_axis.methods import MIN_SHARE, WAYS, method_of
+from kinreach.kinematics._six_axis.reach import WristReach
 from kinreach.kinematics._solutions import ANGLES, BRANCH, FLAGS, Accept, ErrorOf, IKResult, IKSolutions, Row
 from kinreach.robots import ArmDescription, Tool
 
@@ -74,6 +75,7 @@ class SixAxisKinematics(ClosedFormKinematics):
                 f"{100 * method:.0f} % again, and {100 * MIN_SHARE:.0f} % are needed"
             )
         self._method = method
+        self._wrist_reach = WristReach(self._placements)
 
     @property
     def solved(self) -> str:
@@ -93,7 +95,8 @@ class SixAxisKinematics(ClosedFormKinematics):
             tol: Where no posture reaches the pose exactly, the most by which one may miss it [m, rad], 1e-9 to 1.
 
         Returns:
-            Up to sixteen solutions, or the reason why there is none.
+            Up to sixteen solutions, or the reason why there is none. "Too far" and "too close" are measured from the
+            shoulder, on axis 1 next to axis 2, to the wrist, on axis 6 next to axis 5.
 
         Raises:
             InputError: `T` is not a finite rigid motion, or the seed is malformed.
@@ -107,7 +110,8 @@ class SixAxisKinematics(ClosedFormKinematics):
             return pose_error(T, self.fk(q))
 
         rows = self._rows(rigid, start, error_of, limits=limits, tol=tol)
-        return self._solutions(rows, "" if rows else UNREACHED, error_of, start, limits, tol)
+        unreached = "" if rows else self._wrist_reach.why(rigid) or UNREACHED
+        return self._solutions(rows, unreached, error_of, start, limits, tol)
 
     def axis_solutions(
         self,
@@ -149,7 +153,8 @@ class SixAxisKinematics(ClosedFormKinematics):
             found = [(*row[:-1], last) for row in found]
         if len(T) > 1:
             found = [(index, *row[1:]) for index, row in enumerate(found)]
-        return self._solutions(found, "" if found else UNREACHED, error_of, start, limits, tol)
+        unreached = "" if found else (free and self._wrist_reach.why(T[0])) or UNREACHED
+        return self._solutions(found, unreached, error_of, start, limits, tol)
 
     def solve(self, goal: Goal, seed: ArrayLike, *, accept: Accept | None = None) -> IKResult:
         """Compute the posture nearest to a seed for a `PoseGoal` or an `AxisGoal`.
