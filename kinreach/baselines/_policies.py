@@ -241,7 +241,7 @@ def trained_arm(policy: LearnedPolicy) -> dict[str, Any]:
 NEEDED: Mapping[str, tuple[str, ...]] = {
     **dict.fromkeys((SINGLE, MULTI), ("goal_in",)),
     SPACE: ("steps", "goal_height", "tilt", "start_spread", "goal_in"),
-    MOVING: ("sights",),
+    MOVING: ("sights", "collisions"),
     BUTTON: ("controls", "frames"),
 }
 
