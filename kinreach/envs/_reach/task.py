@@ -48,6 +48,8 @@ STEP_SIZE = math.radians(5.0)
 CAMERA_RANGE = 2.0
 #: The same for an arm without cameras, whose goals are given in the world [m].
 GOAL_RANGE = 10.0
+#: Goals that show whether a camera is too far from them.
+SAMPLED_GOALS = 64
 #: Least length of a direction.
 SHORTEST_DIRECTION = 1e-9
 #: URDFs write pi with eleven digits; a limit this near to it is pi [rad].
@@ -304,6 +306,22 @@ def goal_block(arm: ArmDescription, goals: Floats) -> Floats:
     return geometric_goal_view(arm, goals) if arm.goal_cameras else goals.copy()
 
 
+def _check_views(arm: ArmDescription) -> None:
+    """Refuse cameras that measure goals further away than an observation holds.
+
+    Raises:
+        InputError: There is one.
+    """
+    if arm.goal_cameras:
+        seen = np.abs(goal_block(arm, arm.workcell.goals.sample(np.random.default_rng(0), SAMPLED_GOALS))).max(axis=0)
+        if seen.max() > CAMERA_RANGE:
+            camera = arm.goal_cameras[int(seen.argmax()) // 3].name
+            raise InputError(
+                f"camera {camera!r} of arm {arm.name!r} measures goals {seen.max():.2f} m away, more than the "
+                f"{CAMERA_RANGE:g} m of an observation: put it nearer, or leave out observed=True"
+            )
+
+
 def tool_goal(arm: ArmDescription, position: ArrayLike, direction: ArrayLike = TOOL_DOWN) -> AxisGoal | PositionGoal:
     """Return what a solver is asked for: the tip at a point of the world [m], the tool in a direction of the world.
 
@@ -423,6 +441,7 @@ class ReachTask:
         self.home = np.array(arm.home)
         self.layout = layout_of(arm, directed=self.directed)
         self.gripper_opening = 0.0 if arm.gripper is None else arm.gripper.opening
+        _check_views(arm)
         self._scale: Any = variant.scale
         self._middle: Floats | None = None
         if not variant.relative:

@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 from gymnasium.utils.env_checker import check_env
 
+from kinreach.errors import InputError
 from kinreach.robots import CameraMount, get_arm
 from kinreach.vision._goal_view import geometric_goal_view, goal_camera_poses, goal_in_world
 
@@ -33,6 +34,17 @@ def test_each_camera_is_three_numbers_in_the_order_of_the_arm(cameras):
             np.testing.assert_allclose(T[:3, :3] @ point + T[:3, 3], info["goal"], atol=1e-12)
         assert info["ball_found"].shape == (len(cameras),)
         np.testing.assert_allclose(goal_in_world(arm, points.ravel(), info["ball_found"]), info["goal"], atol=1e-12)
+
+
+@pytest.mark.parametrize(
+    "make", [gym.make, lambda name, **options: gym.make_vec(name, 2, "vector_entry_point", **options)]
+)
+def test_a_camera_too_far_from_the_goals_is_refused(make):
+    """An observation holds 2 m along each axis of a camera."""
+    near, far = (CameraMount("side", "world", (0.5, y, 0.2), (0.47, 0.0, -0.18), observed=True) for y in (-1.5, -2.5))
+    make(SINGLE, backend="kinematic", arm=arm_with(near)).close()
+    with pytest.raises(InputError, match=r"camera 'side' of arm 'ur5-cameras' measures goals 2\.\d\d m away"):
+        make(SINGLE, backend="kinematic", arm=arm_with(*UR5.goal_cameras, far))
 
 
 def test_a_batch_observes_what_single_environments_do():
