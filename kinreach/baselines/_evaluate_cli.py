@@ -25,7 +25,7 @@ from kinreach.baselines._evaluation import SPLITS, TABLE_WIDTH, evaluate, evalua
 from kinreach.baselines._minari_export import check_dataset, record_episodes
 from kinreach.baselines._onnx_export import export_onnx
 from kinreach.baselines._policies import LearnedPolicy, load_policy, needed_options, pretrained_names
-from kinreach.baselines._policy_file import read_policy, save_policy
+from kinreach.baselines._policy_file import read_policy, run_name, save_policy
 from kinreach.cli import Parser, quoted
 from kinreach.errors import InputError
 
@@ -169,7 +169,7 @@ def _short_names(policies: Sequence[str]) -> dict[str, str]:
 
 def _short(name: str) -> str:
     path = Path(name)
-    return "/".join(path.parts[-3:-1]) if path.name == "policy.safetensors" else path.stem
+    return run_name(path) or path.stem
 
 
 def _record(name: str, command: str, summary: dict[str, Any]) -> None:

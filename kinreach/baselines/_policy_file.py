@@ -27,6 +27,9 @@ from kinreach.errors import InputError
 
 Array = NDArray[Any]
 
+#: The policy in the folder of a run.
+POLICY_FILE = "policy.safetensors"
+
 
 def _silu(x: Array) -> Array:
     with np.errstate(over="ignore"):
@@ -130,6 +133,11 @@ class PolicyCard:
     results: Mapping[str, Any] = field(default_factory=dict)
     versions: Mapping[str, str] = field(default_factory=dict)
     goal_seeds: Mapping[str, Any] = field(default_factory=dict)
+
+
+def run_name(path: Path) -> str:
+    """Return "RECIPE/seed-S" of the policy of a run, "RECIPE/seed-S/policy.safetensors"; empty of other files."""
+    return "/".join(path.parts[-3:-1]) if path.name == POLICY_FILE else ""
 
 
 def save_policy(path: str | Path, card: PolicyCard, network: Network) -> None:

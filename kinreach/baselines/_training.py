@@ -37,13 +37,13 @@ from kinreach.baselines._evaluation import HELD_OUT
 from kinreach.baselines._learning_curve import COLUMNS, TRACE_COLUMNS, LearningCurve, curve_csv
 from kinreach.baselines._models import Trainee, build
 from kinreach.baselines._policies import LearnedPolicy, load_policy
-from kinreach.baselines._policy_file import PolicyCard, save_policy
+from kinreach.baselines._policy_file import POLICY_FILE, PolicyCard, save_policy
 from kinreach.baselines._recipes import Recipe
 from kinreach.errors import InputError, OutputError, TrainingError
 
 CHECKPOINT, POLICY, CURVE, EPISODE, RUN, MODEL = (
     "checkpoint.pt",
-    "policy.safetensors",
+    POLICY_FILE,
     "curve.csv",
     "episode.csv",
     "run.json",

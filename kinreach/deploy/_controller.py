@@ -35,6 +35,7 @@ from kinreach.robots._ur import JOINTS
 from kinreach.sim import ArmSimulation
 from kinreach.sim._controller import touches
 from kinreach.sim._engine import mujoco
+from kinreach.sim._setpoints import servo_response
 
 #: Models whose controller is a CB3; the others have an e-Series controller or a later one.
 CB3 = ("ur3", "ur5", "ur10")
@@ -512,8 +513,7 @@ class _Drive:
         self._servos = controller.ctrl
         joints = [model.joint(name) for name in simulation.arm.joints]
         self._dof = [int(joint.dofadr[0]) for joint in joints]
-        self._stiffness = model.actuator_gainprm[controller.ctrl, 0]
-        self._lag = -model.actuator_biasprm[controller.ctrl, 2] / self._stiffness
+        self._stiffness, self._lag = servo_response(model, controller.ctrl)
         self._full, self._product = np.zeros(model.nv), np.empty(model.nv)
 
     @property

@@ -13,7 +13,7 @@ import numpy as np
 
 from kinreach._checks import Floats
 from kinreach.kinematics import ArmKinematics
-from kinreach.robots._rotations import turn
+from kinreach.robots._rotations import PoseLine
 from kinreach.sim._setpoints import TrapezoidalProfile
 
 #: A straight line is looked at every so many metres and radians before it is begun.
@@ -109,9 +109,8 @@ class StraightLine(_Timed):
     ) -> None:
         self._kin, self._tcp, self._from_tcp = kinematics, tcp, np.linalg.inv(tcp)
         self._T = kinematics.fk(start) @ tcp
-        self._way = target[:3, 3] - self._T[:3, 3]
-        self._axis, self._angle = axis_and_angle(self._T[:3, :3].T @ target[:3, :3])
-        length = max(float(np.linalg.norm(self._way)), METRES_PER_RADIAN * self._angle)
+        self._line = line = PoseLine(self._T, target)
+        length = max(line.length, METRES_PER_RADIAN * line.angle)
         super().__init__(start, start, length, speed, acceleration)
         self.end = self._followed()
 
@@ -124,10 +123,7 @@ class StraightLine(_Timed):
 
     def _solved(self, share: float, q: Floats) -> Floats:
         """Posture near another one at a share of the line, by Newton's method."""
-        T = np.eye(4)
-        T[:3, :3] = self._T[:3, :3] @ turn(self._axis, share * self._angle)
-        T[:3, 3] = self._T[:3, 3] + share * self._way
-        T = T @ self._from_tcp
+        T = self._line.at(share) @ self._from_tcp
         begin = q
         for _ in range(ITERATIONS):
             now = self._kin.fk(q)
@@ -151,10 +147,11 @@ class StraightLine(_Timed):
 
     def _twist(self, rate: float) -> Floats:
         """Speeds of the flange [m/s, rad/s], shape (6,), in the axes of the base."""
-        spin = self._T[:3, :3] @ self._axis * (self._angle / self.length * rate)
+        line = self._line
+        spin = self._T[:3, :3] @ line.axis * (line.angle / self.length * rate)
         flange = self._kin.fk(self.q)
         arm = flange[:3, 3] - (flange @ self._tcp)[:3, 3]
-        return np.concatenate([self._way / self.length * rate + np.cross(spin, arm), spin])
+        return np.concatenate([line.way / self.length * rate + np.cross(spin, arm), spin])
 
 
 class Servo:
@@ -173,12 +170,3 @@ class Servo:
         speed = self.qd + dt * gain * (target - self.q) / lookahead
         self.qd = speed / (1.0 + dt * gain + dt**2 * gain / lookahead)
         self.q = self.q + dt * self.qd
-
-
-def axis_and_angle(R: Floats) -> tuple[Floats, float]:
-    """Return the axis, shape (3,), and the angle of a rotation from 0 to pi [rad]."""
-    from scipy.spatial.transform import Rotation
-
-    vector = Rotation.from_matrix(R).as_rotvec()
-    angle = float(np.linalg.norm(vector))
-    return (vector / angle if angle > 1e-12 else np.array([0.0, 0.0, 1.0])), angle

@@ -14,7 +14,6 @@ from kinreach._files import replacing, write_text
 from kinreach.cli import Parser
 from kinreach.deploy._client import RobotState, URClient
 from kinreach.deploy._controller import FINISHED, Controller, Recording, check_is_ur, tcp_of
-from kinreach.deploy._motion import axis_and_angle
 from kinreach.deploy._planning import MARGIN, SPEED, Leg, plan
 from kinreach.deploy._program import Program
 from kinreach.deploy._rtde import RTDE_PORT
@@ -23,6 +22,7 @@ from kinreach.deploy._simulate_cli import without_cell
 from kinreach.errors import InputError, RobotError
 from kinreach.kinematics import ArmKinematics, CollisionChecker, pose
 from kinreach.kinematics._closed_form import ClosedFormKinematics
+from kinreach.kinematics._goals import pose_error
 from kinreach.robots import ArmDescription
 from kinreach.robots._flags import add_arm_flags, arm_of, numbers_of, print_notes
 
@@ -184,8 +184,8 @@ class _Job:
 
 def _difference(one: Floats, other: Floats) -> tuple[float, float, str]:
     """Distance [m] and angle [degrees] between two poses, and both as text."""
-    far = float(np.linalg.norm(one[:3, 3] - other[:3, 3]))
-    turned = float(np.degrees(axis_and_angle(one[:3, :3].T @ other[:3, :3])[1]))
+    far, angle = pose_error(one, other)
+    turned = float(np.degrees(angle))
     return far, turned, f"{1000 * far:.2f} mm and {turned:.2f}°"
 
 

@@ -12,6 +12,7 @@ from kinreach._checks import Floats
 from kinreach.deploy._program import MAX_TOOL_SPEED, Move
 from kinreach.errors import InputError, PathError
 from kinreach.kinematics import CollisionChecker, plan_path, pose_vector, tool_line
+from kinreach.kinematics._angles import wrapped
 from kinreach.kinematics._closed_form import ClosedFormKinematics
 
 #: Part of the joints' speed limits, and of `MAX_TOOL_SPEED`, that a motion has unless another is asked for.
@@ -85,7 +86,7 @@ def plan(
                 moves, end = _joint(path, speed * float(kinematics.velocity_limit.min()), radius), path[-1]
         except PathError as error:
             raise PathError(f"{name}: {error}") from None
-        off = np.abs(np.exp(1j * solutions.q) - np.exp(1j * end)).max(axis=1)  # a full turn is no difference
+        off = np.abs(wrapped(solutions.q - end)).max(axis=1)  # a full turn is no difference
         branch = int(solutions.branch[off.argmin()]) if off.min() < 1e-4 else -1
         free = sum(not checker.in_collision(posture) for posture in solutions.q)
         legs.append(Leg(moves, end, branch, free, len(solutions)))

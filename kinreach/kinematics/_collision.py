@@ -211,10 +211,15 @@ class CollisionChecker:
         outside = (q < kin.lower - SLACK) | (q > kin.upper + SLACK)
         causes = np.where(outside.any(axis=1), np.uint8(Cause.LIMITS), np.uint8(Cause.NONE))
         for row in np.flatnonzero(causes == Cause.NONE):
-            if pin.computeCollisions(self.model, search.data, search.any_pair, q[row], True):
+            if self._collides(q[row]):
                 itself = pin.computeCollisions(self.model, search.data, search.links, q[row], True)
                 causes[row] = Cause.SELF if itself else Cause.OBSTACLE
         return causes
+
+    def _collides(self, q: Floats) -> bool:
+        """Whether any pair of a posture (n,) touches or is nearer than the margin; nothing is checked."""
+        search = self._search
+        return bool(pin.computeCollisions(self.model, search.data, search.any_pair, q, True))
 
     def impossible(self, q: ArrayLike) -> NDArray[np.bool_]:
         """Return which postures are outside the joint limits or collide, shape (m,).

@@ -9,7 +9,7 @@ import numpy as np
 
 from kinreach._checks import Floats
 from kinreach.errors import InputError, PathError
-from kinreach.kinematics._collision import CollisionChecker, pin
+from kinreach.kinematics._collision import CollisionChecker
 from kinreach.kinematics._solutions import SLACK
 
 #: Margins below this make paths slow to check [m].
@@ -46,9 +46,7 @@ class MotionCheck:
 
     def free(self, q: Floats) -> bool:
         """Return whether a posture is farther than the margin from everything; joint limits are not looked at."""
-        checker = self.checker
-        search = checker._search
-        return not pin.computeCollisions(checker.model, search.data, search.any_pair, q, True)
+        return not self.checker._collides(q)
 
     def motion_free(self, start: Floats, end: Floats, *, step: float | None = None) -> bool:
         """Return whether a motion is free, without its two ends.

@@ -113,9 +113,10 @@ def plan_path(
         if all(motion.motion_free(a, b) for a, b in pairwise(path)):
             return path
         step /= 2.0
+    nearest = checker.distance(start)
     raise PathError(
         f"no path was found within {timeout:g} s to any of {len(goals)} free goal postures; the start is "
-        f"{checker.distance(start).distance:.3g} m from {' - '.join(checker.distance(start).pair)}"
+        f"{nearest.distance:.3g} m from {' - '.join(nearest.pair)}"
     )
 
 

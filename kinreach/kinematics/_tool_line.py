@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass
 from math import ceil
 from typing import Any
@@ -15,7 +14,7 @@ from kinreach.errors import InputError, PathError
 from kinreach.kinematics._arm import ArmKinematics
 from kinreach.kinematics._collision import CollisionChecker
 from kinreach.kinematics._motion_check import MotionCheck
-from kinreach.robots._rotations import pose, turn
+from kinreach.robots._rotations import PoseLine, pose
 
 #: Rotation of the tool between two postures [rad], at most.
 TURN_STEP = 0.02
@@ -110,10 +109,10 @@ def _follow(
     """The postures of all lines in the branch of the first, or where it stops."""
     path = [start]
     for index in range(len(corners) - 1):
-        at, length, angle = _line(corners[index], corners[index + 1])
-        count = max(1, ceil(length / step), ceil(angle / TURN_STEP))
+        line = PoseLine(corners[index], corners[index + 1])
+        count = max(1, ceil(line.length / step), ceil(line.angle / TURN_STEP))
         for number in range(1, count + 1):
-            stop = _extend(kin, path, at, (number - 1) / count, number / count, HALVINGS)
+            stop = _extend(kin, path, line, (number - 1) / count, number / count, HALVINGS)
             if stop is None:
                 stop = _blocked(kin, motion, path[-2:], number / count)
             if stop is not None:
@@ -121,28 +120,11 @@ def _follow(
     return np.array(path)
 
 
-def _line(start: Floats, end: Floats) -> tuple[Callable[[float], Floats], float, float]:
-    """The pose at each part of a line, from 0 to 1, its length [m] and its angle [rad]."""
-    from scipy.spatial.transform import Rotation
-
-    turned = Rotation.from_matrix(start[:3, :3].T @ end[:3, :3]).as_rotvec()
-    angle = float(np.linalg.norm(turned))
-    axis = turned / angle if angle > 0.0 else turned
-
-    def at(part: float) -> Floats:
-        T = np.eye(4)
-        T[:3, :3] = start[:3, :3] @ turn(axis, part * angle)
-        T[:3, 3] = (1.0 - part) * start[:3, 3] + part * end[:3, 3]
-        return T
-
-    return at, float(np.linalg.norm(end[:3, 3] - start[:3, 3])), angle
-
-
 def _extend(
-    kin: ArmKinematics, path: list[Floats], at: Callable[[float], Floats], before: float, part: float, halvings: int
+    kin: ArmKinematics, path: list[Floats], line: PoseLine, before: float, part: float, halvings: int
 ) -> tuple[float, Floats, str] | None:
     """Append the posture at a part of a line, and those between that it needs; or say why there is none."""
-    solutions: Any = kin.all_solutions(at(part), seed=path[-1], limits=False)  # type: ignore[attr-defined]
+    solutions: Any = kin.all_solutions(line.at(part), seed=path[-1], limits=False)  # type: ignore[attr-defined]
     if not solutions.success:
         return part, path[-1], f"out of reach: {solutions.reason}"
     jump = np.abs(solutions.q[0] - path[-1])
@@ -153,8 +135,8 @@ def _extend(
         names = " and ".join(name for name, way in zip(kin.arm.joints, jump, strict=True) if way > MAX_JUMP)
         return before, path[-1], f"a singularity, where {names} would have to jump"
     middle = (before + part) / 2.0
-    stop = _extend(kin, path, at, before, middle, halvings - 1)
-    return stop if stop is not None else _extend(kin, path, at, middle, part, halvings - 1)
+    stop = _extend(kin, path, line, before, middle, halvings - 1)
+    return stop if stop is not None else _extend(kin, path, line, middle, part, halvings - 1)
 
 
 def _blocked(

@@ -28,6 +28,37 @@ def turn(axis: Floats, angle: float) -> Floats:
     return np.eye(3) + math.sin(angle) * K + (1.0 - math.cos(angle)) * K @ K
 
 
+class PoseLine:
+    """The poses between two: the position on a line, the rotation at an even rate about one axis.
+
+    Args:
+        start, end: Homogeneous transforms, shape (4, 4).
+
+    Attributes:
+        way: From start to end [m], shape (3,).
+        length: Of the way [m].
+        axis: Unit axis in the start's frame, shape (3,); that of z if nothing turns.
+        angle: From 0 to pi [rad].
+    """
+
+    def __init__(self, start: Floats, end: Floats) -> None:
+        from scipy.spatial.transform import Rotation
+
+        vector = Rotation.from_matrix(start[:3, :3].T @ end[:3, :3]).as_rotvec()
+        self._start = start
+        self.way: Floats = end[:3, 3] - start[:3, 3]
+        self.length = float(np.linalg.norm(self.way))
+        self.angle = float(np.linalg.norm(vector))
+        self.axis: Floats = vector / self.angle if self.angle > 1e-12 else np.array([0.0, 0.0, 1.0])
+
+    def at(self, part: float) -> Floats:
+        """Return the pose (4, 4) at a part of the line, from 0 to 1."""
+        T = np.eye(4)
+        T[:3, :3] = self._start[:3, :3] @ turn(self.axis, part * self.angle)
+        T[:3, 3] = self._start[:3, 3] + part * self.way
+        return T
+
+
 def rpy(R: Floats) -> tuple[float, float, float]:
     """Return roll, pitch and yaw of a rotation; yaw is 0 where the pitch is a right angle.
 

@@ -91,6 +91,12 @@ class Plan:
     arrival: NDArray[np.intp]
 
 
+def servo_response(model: Any, servos: Any) -> tuple[Floats, Floats]:
+    """Return the stiffness of position servos [N m/rad], and how far they lag behind at a speed of 1 rad/s [s]."""
+    stiffness = model.actuator_gainprm[servos, 0]
+    return stiffness, -model.actuator_biasprm[servos, 2] / stiffness
+
+
 class SetpointPlanner:
     """Plans the setpoints of an arm's servos so that the joints follow a trapezoid profile without delay.
 
@@ -111,8 +117,7 @@ class SetpointPlanner:
         self._qpos = qpos
         self._dof = dof
         self._period = period
-        self._stiffness = model.actuator_gainprm[servos, 0]
-        self._lag = -model.actuator_biasprm[servos, 2] / self._stiffness
+        self._stiffness, self._lag = servo_response(model, servos)
         self._scratch = mujoco.MjData(model)
 
     def plan(self, state: Floats, points: Sequence[Floats]) -> list[Plan]:

@@ -16,6 +16,7 @@ from kinreach._plots._methods import method_colours
 from kinreach._provenance import digest
 from kinreach.baselines._loop import Policy, as_policy
 from kinreach.baselines._policies import load_policy, needed_options, trained_arm
+from kinreach.baselines._policy_file import run_name
 from kinreach.baselines._solver_policy import SolverPolicy
 from kinreach.compare._task import POLICY, SOLVER, Method, Task, policy_version
 from kinreach.envs._reach.task import CAMERA
@@ -25,8 +26,6 @@ from kinreach.robots import ArmDescription
 
 #: How names of policies' files end: kinreach's own, and a model of stable-baselines3 as it was saved.
 SAFETENSORS, ZIP = ".safetensors", ".zip"
-#: What `kinreach train` writes into the folder of each run.
-POLICY_FILE = "policy.safetensors"
 
 
 def resolve_methods(task: Task, given: Iterable[Any] | Mapping[str, Any]) -> dict[str, Method]:
@@ -98,7 +97,7 @@ def _label(name: object) -> str:
 def _names(given: Sequence[Any]) -> list[str]:
     """Return names; files that would share one have that of their run's folder, else what the user typed."""
     names = [_name(value) for value in given]
-    for longer in (_folder, str):
+    for longer in (lambda file: run_name(Path(file)) or file, str):
         names = [
             longer(value) if names.count(name) > 1 and _is_file(value) else name
             for name, value in zip(names, given, strict=True)
@@ -108,12 +107,6 @@ def _names(given: Sequence[Any]) -> list[str]:
 
 def _is_file(given: Any) -> bool:
     return isinstance(given, str) and given.partition("@")[0].endswith((SAFETENSORS, ZIP))
-
-
-def _folder(given: str) -> str:
-    """Return "RECIPE/seed-S" of "RECIPE/seed-S/policy.safetensors", as `kinreach evaluate` does; other files whole."""
-    path = Path(given)
-    return str(Path(*path.parts[-3:-1])) if path.name == POLICY_FILE and len(path.parts) > 1 else given
 
 
 def _name(given: Any) -> str:

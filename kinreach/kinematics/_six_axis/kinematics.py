@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from functools import cached_property
+
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
@@ -75,7 +77,10 @@ class SixAxisKinematics(ClosedFormKinematics):
                 f"{100 * method:.0f} % again, and {100 * MIN_SHARE:.0f} % are needed"
             )
         self._method = method
-        self._wrist_reach = WristReach(self._placements)
+
+    @cached_property
+    def _wrist_reach(self) -> WristReach:
+        return WristReach(self._placements)
 
     @property
     def solved(self) -> str:
