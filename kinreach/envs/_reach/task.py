@@ -312,8 +312,9 @@ def _check_views(arm: ArmDescription) -> None:
     Raises:
         InputError: There is one.
     """
-    if arm.goal_cameras:
-        seen = np.abs(goal_block(arm, arm.workcell.goals.sample(np.random.default_rng(0), SAMPLED_GOALS))).max(axis=0)
+    goals = arm.workcell.goals
+    if arm.goal_cameras and goals is not None:
+        seen = np.abs(goal_block(arm, goals.sample(np.random.default_rng(0), SAMPLED_GOALS))).max(axis=0)
         if seen.max() > CAMERA_RANGE:
             camera = arm.goal_cameras[int(seen.argmax()) // 3].name
             raise InputError(

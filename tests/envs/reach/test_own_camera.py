@@ -47,6 +47,15 @@ def test_a_camera_too_far_from_the_goals_is_refused(make):
         make(SINGLE, backend="kinematic", arm=arm_with(*UR5.goal_cameras, far))
 
 
+def test_an_arm_with_cameras_and_without_goals_takes_those_of_reset():
+    arm = replace(arm_with(*UR5.goal_cameras), workcell=replace(UR5.workcell, goals=None))
+    env = gym.make(SINGLE, backend="kinematic", arm=arm)
+    with pytest.raises(InputError, match="goal"):
+        env.reset(seed=0)
+    goal = UR5.workcell.goals.sample(np.random.default_rng(0), 1)[0]
+    np.testing.assert_array_equal(env.reset(seed=0, options={"goal": goal})[1]["goal"], goal)
+
+
 def test_a_batch_observes_what_single_environments_do():
     arm = arm_with(*UR5.goal_cameras, SIDE)
     batch = gym.make_vec(SINGLE, 4, "vector_entry_point", backend="kinematic", arm=arm)
