@@ -14,10 +14,10 @@ from kinreach._files import make_writable, replacing, write_text
 from kinreach._provenance import DISTRIBUTIONS
 
 FORMAT = 1
-#: Whose versions are told.
+#: Packages whose versions the page gives.
 PEERS = (
-    "EAIK", "ur_analytic_ik", "ssik", "pin-pink", "mink", "roboticstoolbox-python", "pytracik", "panda-gym", "pybullet",
-    "gymnasium", "stable_baselines3", "torch",
+    "EAIK", "ur_analytic_ik", "ssik", "pin-pink", "mink", "ikpy", "roboticstoolbox-python", "pytracik", "panda-gym",
+    "pybullet", "gymnasium", "stable_baselines3", "torch",
 )  # fmt: skip
 PACKAGES = (*DISTRIBUTIONS, *PEERS)
 TARGET_COLUMNS = ("", "target", "measured", "met")

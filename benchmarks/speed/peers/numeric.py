@@ -1,4 +1,4 @@
-"""Iterative solvers of the UR5: roboticstoolbox, TRAC-IK, pink and mink."""
+"""Iterative solvers of the UR5: roboticstoolbox, TRAC-IK, pink, mink and ikpy."""
 
 from __future__ import annotations
 
@@ -201,6 +201,45 @@ class MinkSolver(FrameTaskSolver):
             self._configuration, [self._task], STEP, "daqp", damping=PROGRAM_DAMPING, limits=self._limits
         )
         return velocity
+
+
+class IkpySolver(IterativeSolver):
+    """ikpy (Manceron): SciPy's least squares on the whole frame, restarted as our own solvers are."""
+
+    name: ClassVar[str] = "ikpy"
+
+    def __init__(self, kin: ArmKinematics, *, tolerance: Tolerance, max_restarts: int = 20) -> None:
+        super().__init__(kin, tolerance=tolerance, max_restarts=max_restarts)
+        from ikpy.chain import Chain
+        from ikpy.link import OriginLink, URDFLink
+
+        placements = [kin.model.jointPlacements[index + 1] for index in range(kin.n)]
+        placements.append(kin.model.frames[kin.tip_frame].placement)
+        space = self.joint_space
+        links = [OriginLink()]
+        for index, placement in enumerate(placements):
+            moves = index < kin.n
+            links.append(
+                URDFLink(
+                    kin.arm.joints[index] if moves else "tip",
+                    placement.translation,
+                    load("pinocchio").rpy.matrixToRpy(placement.rotation),
+                    rotation=np.eye(3)[coordinate_axis(kin, index)] if moves else None,
+                    bounds=(space.search_lower[index], space.search_upper[index]) if moves else None,
+                    joint_type="revolute" if moves else "fixed",
+                )
+            )
+        self._chain = Chain(links, active_links_mask=[False, *[True] * kin.n, False])
+
+    def _descender(self, goal: Goal) -> Descend:
+        target = self.kin.T_world_base @ goal_frame(goal)
+
+        def descend(q: Floats) -> Descent:
+            start = np.concatenate([[0.0], q, [0.0]])
+            found = self._chain.inverse_kinematics_frame(target, initial_position=start, orientation_mode="all")
+            return Descent(np.array(found[1:-1]), 1)
+
+        return descend
 
 
 def _chain(kin: ArmKinematics, lower: Floats, upper: Floats) -> Any:

@@ -11,7 +11,15 @@ import numpy as np
 from benchmarks.speed.measure import EachContender, Timings, clock_seconds, interleaved_each, ratios
 from benchmarks.speed.peers.analytic import ANALYTIC
 from benchmarks.speed.peers.base import IKPeer, installed, silent
-from benchmarks.speed.peers.numeric import SEARCHES, TIMEOUT, MinkSolver, PinkSolver, make_roboticstoolbox, make_trac_ik
+from benchmarks.speed.peers.numeric import (
+    SEARCHES,
+    TIMEOUT,
+    IkpySolver,
+    MinkSolver,
+    PinkSolver,
+    make_roboticstoolbox,
+    make_trac_ik,
+)
 from benchmarks.speed.poses import FLANGE, random_poses
 from benchmarks.speed.sections import Cell, Chart, Options, Progress, Section, Target
 from benchmarks.speed.suites import PROFILED
@@ -130,8 +138,9 @@ posture. Times are of all calls, failures included.
 
 placo, pink, mink and kinreach's own two solvers run the same loop until the tolerance is met: at most {steps} steps
 an attempt, and up to {restarts} restarts from random postures. Steps of placo, pink, mink and QP last 0.2 s under
-the URDF's speed limits, and joints that turn full circle are folded into their limits at the end. roboticstoolbox may
-search as often; TRAC-IK restarts by itself until {timeout:g} ms are over, and runs two threads.
+the URDF's speed limits, and joints that turn full circle are folded into their limits at the end. ikpy has as many
+restarts; its search ends by itself. roboticstoolbox may search as often. TRAC-IK restarts by itself until
+{timeout:g} ms are over, and runs two threads.
 
 {profiled}: the loops took 9 steps on half of the poses. In a step of pink, 60 % of the time built the quadratic
 program in Python, 16 % was qpsolvers with daqp; in one of mink, half and a third. The closed form's nearest posture was
@@ -194,6 +203,13 @@ _SOLVERS: dict[str, type[Any]] = {
     "kinreach, QP": QPSolver,
     "pink": PinkSolver,
     "mink": MinkSolver,
+    "ikpy": IkpySolver,
+}
+_LOOP = "solve_ik(configuration, [task], dt, ...), in a loop"
+_NOTES: dict[type[Any], str] = {
+    PinkSolver: _LOOP,
+    MinkSolver: _LOOP,
+    IkpySolver: 'inverse_kinematics_frame(T, initial_position, orientation_mode="all"), restarted',
 }
 _OWN = ("kinreach, LM", "kinreach, QP")
 
@@ -213,8 +229,7 @@ def _loop(kind: type[Any], seed: Floats) -> IKPeer:
     def postures(result: Any) -> Floats:
         return result.q[None] if result.success else np.empty((0, 6))
 
-    loop = "solve_ik(configuration, [task], dt, ...), in a loop"
-    note = loop if kind in (PinkSolver, MinkSolver) else f"{kind.__name__}(kin).solve(goal, seed)"
+    note = _NOTES.get(kind, f"{kind.__name__}(kin).solve(goal, seed)")
     return IKPeer(note, PoseGoal, lambda goal: solver.solve(goal, seed), postures, lambda goal: once.solve(goal, seed))
 
 
