@@ -10,8 +10,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from kinreach._checks import MAX_DISTANCE, Floats, as_pose, as_vector
+from kinreach._checks import MAX_DISTANCE, Floats, as_pose, as_vector, check_poses
 from kinreach.errors import InputError
+from kinreach.kinematics._chain import blocks
 from kinreach.kinematics._tensors import like
 
 #: How far products of a rotation's columns may be off by rounding alone.
@@ -105,6 +106,39 @@ def exactly_rigid(rows: Sequence[Sequence[float]]) -> bool:
         and -MAX_DISTANCE < pz < MAX_DISTANCE
         and last == [0.0, 0.0, 0.0, 1.0]
     )
+
+
+def skewed(entries: Any) -> Any:
+    """Return which poses are not `exactly_rigid`, last rows apart, for entries of the upper rows, shape (12, count)."""
+    nx, ox, ax, px, ny, oy, ay, py, nz, oz, az, pz = entries
+    off = abs(nx * nx + ny * ny + nz * nz - 1.0)
+    off += abs(ox * ox + oy * oy + oz * oz - 1.0)
+    off += abs(nx * ox + ny * oy + nz * oz)
+    off += abs(ny * oz - nz * oy - ax)
+    off += abs(nz * ox - nx * oz - ay)
+    off += abs(nx * oy - ny * ox - az)
+    near = abs(px) + abs(py) + abs(pz) < MAX_DISTANCE
+    return ~(near & (off < ROUNDING))
+
+
+def rigid_poses(T: Floats) -> Floats:
+    """Return poses (count, 4, 4) with rotations that are exact to rounding.
+
+    Raises:
+        InputError: Another shape, or a pose is not a finite rigid motion.
+    """
+    if T.ndim != 3 or T.shape[1:] != (4, 4):
+        raise InputError(f"T must have shape (count, 4, 4), got {T.shape}")
+    off = np.empty(len(T), dtype=np.bool_)
+    with np.errstate(invalid="ignore", over="ignore"):
+        for rows in blocks(len(T)):
+            off[rows] = skewed(np.ascontiguousarray(T[rows, :3].reshape(-1, 12).T))
+    if off.any() or (T[:, 3] != (0.0, 0.0, 0.0, 1.0)).any():
+        check_poses("T", T)
+        T = T.copy()
+        T[off, :3, :3] = nearest_rotations(T[off, :3, :3])
+        T[:, 3] = (0.0, 0.0, 0.0, 1.0)
+    return T
 
 
 def rotation_angle(R_a: Floats, R_b: Floats) -> float:

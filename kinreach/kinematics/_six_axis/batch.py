@@ -3,14 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from math import pi
 
 import numpy as np
 from numpy.typing import NDArray
 
 from kinreach._checks import Floats
-from kinreach.kinematics._angles import wrapped
+from kinreach.kinematics._angles import TURN
 from kinreach.kinematics._chain import blocks
 from kinreach.kinematics._six_axis.closed_form import DecoupledArm
+from kinreach.kinematics._ur.batch import flange_entries
 from kinreach.kinematics._ur.closed_form import NEAR_WRIST
 from kinreach.kinematics._ur.geometry import BRANCHES
 
@@ -33,18 +35,18 @@ def solve_poses(arm: DecoupledArm, T: Floats, tol: float, *, off: float = 0.0) -
         Postures by branch, shape (6, 8, m), NaN where there is none; which there are, shape (8, m); and which poses
         are singular, or have to be solved one by one for another reason, shape (m,).
     """
-    q, valid = np.full((6, BRANCHES, len(T)), np.nan), np.zeros((BRANCHES, len(T)), dtype=np.bool_)
+    q, valid = np.empty((6, BRANCHES, len(T))), np.empty((BRANCHES, len(T)), dtype=np.bool_)
     doubtful = np.ones(len(T), dtype=np.bool_)
     if arm.by_shoulder:
         for rows in blocks(len(T)):
             doubtful[rows] = _regular(arm, T[rows], q[..., rows], valid[:, rows], tol, off)
-        q[..., doubtful], valid[:, doubtful] = np.nan, False
+    q[..., doubtful], valid[:, doubtful] = np.nan, False
     return q, valid, doubtful
 
 
 def _regular(arm: DecoupledArm, T: Floats, q: Floats, valid: _Mask, tol: float, off: float) -> _Mask:
     """Fill in the postures of poses; returns the poses for which that needs more care."""
-    entries = np.ascontiguousarray((arm.before @ T @ arm.after)[:, :3].reshape(-1, 12).T)
+    entries = flange_entries(np.ascontiguousarray(T[:, :3].reshape(-1, 12).T), arm.before, arm.after)
     x, y, z = entries[3::4]
     columns = entries.reshape(3, 4, -1)[:, :3]
     ca1, sa1 = arm.ca1, arm.sa1
@@ -53,19 +55,23 @@ def _regular(arm: DecoupledArm, T: Floats, q: Floats, valid: _Mask, tol: float, 
         v = ca1 * across + sa1 * z
         r2 = x * x + y * y
         m2 = r2 - across * across
-        doubtful = (m2 <= NEAR * r2) & (np.sqrt(r2) >= np.abs(across) - tol) | (np.abs(m2) < 4.0 * off * np.sqrt(r2))
+        r = np.sqrt(r2)
+        doubtful = (m2 <= NEAR * r2) & (r >= np.abs(across) - tol) | (np.abs(m2) < 4.0 * off * r)
         along = np.sqrt(m2)
         reached = m2 > 0.0
-        moved = off * (1.0 + (np.sqrt(r2) + np.abs(across)) / along) if off else off
+        moved = off * (1.0 + (r + np.abs(across)) / along) if off else off
         for shoulder, m in ((0, along), (4, -along)):
             c1, s1 = (x * m + y * across) / r2, (y * m - x * across) / r2
-            q1, turn = np.arctan2(s1, c1), _behind(columns, c1, s1, ca1, sa1)
+            q[0, shoulder : shoulder + 4] = np.arctan2(s1, c1)
+            turn = _behind(columns, c1, s1, ca1, sa1)
             if arm.spherical:
                 for elbow, bent, c23, s23, q2, q3 in _elbows(arm, m - arm.a1, v, tol, moved, doubtful):
                     turned = _behind(turn, c23, s23, arm.ca3, arm.sa3)
                     for wrist, turns, q4, _, _, q5, q6 in _wrists(arm, turned, tol, off, doubtful):
                         branch = shoulder + wrist + elbow
-                        q[:, branch], valid[branch] = (q1, q2, q3, q4, q5, q6), reached & bent & turns
+                        valid[branch] = reached & bent & turns
+                        for joint, angle in enumerate((q2, q3, q4, q5, q6), 1):
+                            q[joint, branch] = angle
             else:
                 for wrist, turns, q234, c, s, q5, q6 in _wrists(arm, turn, tol, off, doubtful):
                     x4, y4 = arm.a4, -arm.sa4 * arm.d5
@@ -73,11 +79,18 @@ def _regular(arm: DecoupledArm, T: Floats, q: Floats, valid: _Mask, tol: float, 
                     through = moved * (1.0 + arm.hand / np.abs(np.sin(q5))) if off else off
                     for elbow, bent, _, _, q2, q3 in _elbows(arm, u, w, tol, through, doubtful):
                         branch = shoulder + wrist + elbow
-                        q[:, branch], valid[branch] = (q1, q2, q3, q234 - q2 - q3, q5, q6), reached & bent & turns
-        q -= arm.dh.offset[:, None, None]
-        q *= arm.dh.sign[:, None, None]
-        q[...] = wrapped(q)
-        q[:, ~valid] = np.nan
+                        valid[branch] = reached & bent & turns
+                        for joint, angle in enumerate((q2, q3, q234 - q2 - q3, q5, q6), 1):
+                            q[joint, branch] = angle
+        blank = np.where(valid, 0.0, np.nan)
+        for angles, offset, sign in zip(q, arm.dh.offset.tolist(), arm.dh.sign.tolist(), strict=True):
+            angles -= offset
+            angles *= sign
+            angles += blank
+            turns = angles * (1.0 / TURN)
+            np.rint(turns, out=turns)
+            turns *= TURN
+            angles -= turns
     return doubtful
 
 
@@ -134,4 +147,8 @@ def _wrists(
     for wrist, sine, middle in ((0, s5, q5), (2, -s5, -q5)):
         g, k = sine * sa5, sine * sa4
         c, s = (n13 * g + n23 * f) / square, (n23 * g - n13 * f) / square
-        yield wrist, turns, np.arctan2(s, c), c, s, middle, np.arctan2(n31 * h - n32 * k, n31 * k + n32 * h)
+        q4, q6 = np.arctan2(s, c), np.arctan2(n31 * h - n32 * k, n31 * k + n32 * h)
+        yield wrist, turns, q4, c, s, middle, q6
+        if arm.right_angles:  # the other wrist is the same one, turned by half a turn at either end
+            yield 2, turns, q4 + pi, -c, -s, -middle, q6 + pi
+            return

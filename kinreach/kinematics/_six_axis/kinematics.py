@@ -7,19 +7,18 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from kinreach._checks import Floats, as_floats, as_pose, check_poses, check_tolerance, shown
+from kinreach._checks import Floats, as_floats, as_pose, check_tolerance, shown
 from kinreach.errors import InputError
 from kinreach.kinematics._chain import about_z, poses_about
 from kinreach.kinematics._closed_form import TURNS_ABOUT, ClosedFormKinematics
 from kinreach.kinematics._goals import (
-    ROUNDING,
     AxisGoal,
     Goal,
     PoseGoal,
     PositionGoal,
     exactly_rigid,
-    nearest_rotations,
     pose_error,
+    rigid_poses,
 )
 from kinreach.kinematics._six_axis.methods import MIN_SHARE, WAYS, method_of
 from kinreach.kinematics._six_axis.reach import WristReach
@@ -108,7 +107,7 @@ class SixAxisKinematics(ClosedFormKinematics):
         """
         start = self._posture_or_none(seed)
         T = as_floats("T", T).copy()
-        rigid = T if T.shape == (4, 4) and exactly_rigid(T.tolist()) else _made_rigid(as_pose("T", T)[None])[0]
+        rigid = T if T.shape == (4, 4) and exactly_rigid(T.tolist()) else rigid_poses(as_pose("T", T)[None])[0]
         tol = check_tolerance(tol)
 
         def error_of(q: Floats) -> tuple[float, float]:
@@ -196,23 +195,10 @@ class SixAxisKinematics(ClosedFormKinematics):
         return [kept.get(row[BRANCH], row) for row in rows]
 
     def _batch(self, T: Floats, seeds: Floats | None, tol: float, *, limits: bool) -> tuple[Floats, NDArray[np.bool_]]:
-        if T.ndim != 3 or T.shape[1:] != (4, 4):
-            raise InputError(f"T must have shape (count, 4, 4), got {T.shape}")
-        check_poses("T", T)
-        skewed = np.abs(T[:, :3, :3].swapaxes(1, 2) @ T[:, :3, :3] - np.eye(3)).max(axis=(1, 2)) > ROUNDING
-        if skewed.any():
-            T = T.copy()
-            T[skewed] = _made_rigid(T[skewed])
+        T = rigid_poses(T)
         return self._method.many(T, np.zeros((len(T), self.n)) if seeds is None else seeds, tol)
 
     def _last_turns_tip(self) -> bool:
         """Whether the last joint turns the tip about its own z axis, either way, and moves it nowhere."""
         after = self._placements[-1]
         return bool(max(np.abs(after[:2, 2:]).max(), 1.0 - abs(after[2, 2])) < ON_AXIS)
-
-
-def _made_rigid(T: Floats) -> Floats:
-    """Poses (m, 4, 4) with rotations to the last digit."""
-    T = T.copy()
-    T[:, :3, :3] = nearest_rotations(T[:, :3, :3])
-    return T

@@ -12,9 +12,9 @@ from typing import Any
 
 import numpy as np
 
-from kinreach._checks import MAX_DISTANCE, Floats, is_tensor
+from kinreach._checks import Floats, is_tensor
 from kinreach.kinematics._angles import TURN
-from kinreach.kinematics._goals import ROUNDING
+from kinreach.kinematics._goals import skewed
 from kinreach.kinematics._tensors import empty, like, namespace, parts
 from kinreach.kinematics._ur.closed_form import NEAR_WRIST
 from kinreach.kinematics._ur.geometry import BRANCHES, URGeometry
@@ -41,14 +41,14 @@ def solve_poses(T: Any, left: Floats, right: Floats, g: URGeometry, *, tol: floa
     """
     count = len(T)
     q, valid = empty(T, 6, BRANCHES, count), empty(T, BRANCHES, count, flags=True)
-    singular, skewed = empty(T, count, flags=True), empty(T, count, flags=True)
+    singular, off = empty(T, count, flags=True), empty(T, count, flags=True)
     with np.errstate(invalid="ignore", divide="ignore", over="ignore"):
         for part in parts(T):
             m = T[part, :3].reshape(-1, 12).T
             m = m.contiguous() if is_tensor(m) else np.ascontiguousarray(m)
-            skewed[part] = _not_a_rotation(m)
+            off[part] = skewed(m)
             singular[part] = _solve_block(flange_entries(m, left, right), g, tol, q[:, :, part], valid[:, part])
-    return q, valid, singular, skewed
+    return q, valid, singular, off
 
 
 def flange_entries(m: Any, left: Floats, right: Floats) -> Any:
@@ -61,19 +61,6 @@ def flange_entries(m: Any, left: Floats, right: Floats) -> Any:
         turned[:, 3] += rows[:, 3]
         return turned.reshape(12, -1)
     return rows.reshape(12, -1)
-
-
-def _not_a_rotation(m: Any) -> Any:
-    """Which 3x3 blocks are off a right-handed rotation by more than rounding, or are too far away or not finite."""
-    nx, ox, ax, px, ny, oy, ay, py, nz, oz, az, pz = m
-    off = abs(nx * nx + ny * ny + nz * nz - 1.0)
-    off += abs(ox * ox + oy * oy + oz * oz - 1.0)
-    off += abs(nx * ox + ny * oy + nz * oz)
-    off += abs(ny * oz - nz * oy - ax)
-    off += abs(nz * ox - nx * oz - ay)
-    off += abs(nx * oy - ny * ox - az)
-    near = abs(px) + abs(py) + abs(pz) < MAX_DISTANCE
-    return ~(near & (off < ROUNDING))
 
 
 def _solve_block(m: Any, g: URGeometry, tol: float, q: Any, valid: Any) -> Any:

@@ -30,6 +30,7 @@ from kinreach.kinematics._goals import (
     exactly_rigid,
     nearest_rotations,
     pose_error,
+    rigid_poses,
 )
 from kinreach.kinematics._solutions import (
     ANGLES,
@@ -471,13 +472,7 @@ class CalibratedURKinematics(URKinematics):
         return found, 0 if found else self._solver.why_empty(T)
 
     def _batch(self, T: Floats, seeds: Floats | None, tol: float, *, limits: bool) -> tuple[Floats, NDArray[np.bool_]]:
-        if T.ndim != 3 or T.shape[1:] != (4, 4):
-            raise InputError(f"T must have shape (count, 4, 4), got {T.shape}")
-        check_poses("T", T)
-        T = T.copy()
-        T[:, :3, :3] = nearest_rotations(T[:, :3, :3])
-        T[:, 3] = (0.0, 0.0, 0.0, 1.0)
-        return self._solver.solve(self._T_dh_base @ T @ self._T_tip_flange, tol=tol)
+        return self._solver.solve(self._T_dh_base @ rigid_poses(T) @ self._T_tip_flange, tol=tol)
 
     _tensor_batch = ClosedFormKinematics._tensor_batch
 
