@@ -17,7 +17,7 @@ _REACH, _BUTTON = "kinreach.envs._reach", "kinreach.envs._button"
 #: Ids of the environments.
 SINGLE, MULTI, BUTTON = "kinreach/UR5SingleStep-v0", "kinreach/UR5MultiStep-v0", "kinreach/ButtonPress-v0"
 SPACE = "kinreach/Reach-v0"
-REAL_ARM, MOVING = "kinreach/RealArm-v0", "kinreach/Moving-v0"
+REAL_ARM, MOVING, OBSTACLES = "kinreach/RealArm-v0", "kinreach/Moving-v0", "kinreach/Obstacles-v0"
 RANDOM_ARM = "kinreach/RandomArm-v0"
 #: Those of the reach tasks without dynamics, with numbers only in `info`: for clients that cannot pass
 #: `backend="kinematic"` on, or cannot read texts.
@@ -36,7 +36,10 @@ ENVIRONMENTS = {
 #: Environment id -> the same, with `backend="kinematic"` and `info="numbers"`.
 KINEMATIC_ENVIRONMENTS = {SINGLE_KINEMATIC: _SINGLE, MULTI_KINEMATIC: _MULTI}
 #: Those without a native batch.
-SINGLE_ENVIRONMENTS = {REAL_ARM: "kinreach.envs._real_arm:RealArmEnv"}
+SINGLE_ENVIRONMENTS = {
+    REAL_ARM: "kinreach.envs._real_arm:RealArmEnv",
+    OBSTACLES: "kinreach.envs._obstacles:ObstaclesEnv",
+}
 #: As `ENVIRONMENTS`, only for training: nothing is drawn of them.
 TRAINING_ENVIRONMENTS = {
     RANDOM_ARM: (

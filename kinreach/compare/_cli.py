@@ -19,6 +19,7 @@ from kinreach._provenance import digest
 from kinreach._statistics import tables
 from kinreach._terminal import Console
 from kinreach.cli import HELP, Parser, quoted
+from kinreach.compare._motion import MOTION_COLUMNS
 from kinreach.compare._options import Flag, add_flags, flags_of, given_options
 from kinreach.compare._runner import CAMERA, DEFAULT_GOALS, GEOMETRIC, compare, notes
 from kinreach.compare._task import Task, get_task, register_task, task_names
@@ -66,13 +67,15 @@ def main(argv: Sequence[str], *, prog: str) -> int:
         arm=arm,
         observation=arguments.observation,
         options=given_options(flags, texts, arguments.observation),
+        motion=arguments.motion,
         fresh=arguments.fresh,
         engine=arguments.engine,
         address=arguments.address,
         command=_command(prog, arguments, flags, texts, own),
     )
     console = Console(width=TABLE_WIDTH, highlight=False, markup=False, emoji=False)
-    for table in tables(task.columns, results["methods"], title=results["settings"]["title"], width=TABLE_WIDTH):
+    columns = [*task.columns, *(MOTION_COLUMNS if arguments.motion else ())]
+    for table in tables(columns, results["methods"], title=results["settings"]["title"], width=TABLE_WIDTH):
         console.print(table)
         console.print()
     files = ["results.json", "results.csv", "report.html", *(f"{name}.png" for name in task.figures)]
@@ -124,6 +127,7 @@ def _default_folder(task: str, arm: str, arguments: argparse.Namespace, texts: M
     parts = [arm, about, "camera" if arguments.observation == CAMERA else "", methods]
     parts += [f"goals{arguments.goals}"] if arguments.goals != DEFAULT_GOALS else []
     parts += [f"seed{arguments.seed}"] if arguments.seed != 0 else []
+    parts += ["motion"] if arguments.motion else []
     parts += [f"{name}{text}" for name, text in texts.items()]
     short = []
     for part in filter(None, parts):
@@ -194,6 +198,7 @@ def _command(
                 words += [f"--{name.replace('_', '-')}", *([] if value is True else [quoted(value)])]
     words += ["--goals", str(arguments.goals), "--seed", str(arguments.seed)]
     words += [] if arguments.observation == GEOMETRIC else ["--observation", arguments.observation]
+    words += ["--motion"] if arguments.motion else []
     for name, text in texts.items():
         words += [flags[name].spelled, quoted(text)]
     return " ".join([*words, *([] if out is None else ["--out", quoted(str(out))])])
@@ -240,6 +245,11 @@ def _parser(prog: str) -> Parser:
         default=GEOMETRIC,
         help="what methods observe: the true goal (geometric), or what the cameras saw (camera: --task ur5 or space, "
         "needs OpenGL) (default: %(default)s)",
+    )
+    parser.add_argument(
+        "--motion",
+        action="store_true",
+        help="also time each motion within the arm's limits of speed, acceleration and jerk (needs ruckig)",
     )
     parser.add_argument(
         "--out",

@@ -93,30 +93,42 @@ def draw_pressed(trials: Sequence[Trial], results: Mapping[str, Any]) -> Figure:
     return figure
 
 
-def draw_speeds(trials: Sequence[Trial], results: Mapping[str, Any]) -> Figure:
-    """Draw the share of balls that are touched against their speed, with Wilson's 95 % interval."""
-    figure, (axes,) = new_figure("Rolling balls that are touched", size=(7.6, 4.4), note=origin(results), grid="both")
-    names = [method["name"] for method in results["methods"]]
-    colours = dict(zip(names, colours_in(results), strict=True))
-    speeds = sorted({trial["speed"] for trial in trials})
-    ends = {}
-    for rank, name in enumerate(names):
-        rates = []
-        for speed in speeds:
-            own = [trial["reached"] for trial in trials if trial["method"] == name and trial["speed"] == speed]
-            rates.append((np.mean(own), *wilson_interval(sum(own), len(own))))
-        rate, low, high = 100 * np.array(rates).T
-        at = np.array(speeds) + 0.004 * rank  # side by side, so that equal methods do not hide each other
-        axes.errorbar(
-            at, rate, np.maximum([rate - low, high - rate], 0.0), color=colours[name], marker="o", ms=4, lw=1.6,
-            elinewidth=1,
-        )  # fmt: skip
-        ends[name] = (at[-1], rate[-1])
-    axes.set(xlim=(0.0, max(speeds) * 1.03), ylim=(-3, 103), xlabel="speed of the ball [m/s]")
-    axes.yaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:.0f} %"))
-    label_ends(axes, ends, colours)
-    key(axes, "share of balls, all three kinds of paths, with 95 % intervals")
-    return figure
+def draw_shares(entry: str, *, title: str, label: str, of: str) -> Draw:
+    """Draw the share of goals that are reached against a number that trials have, with Wilson's 95 % interval.
+
+    Args:
+        entry: Of the trials.
+        title: Of the figure.
+        label: Of the axis.
+        of: What the shares are of, in words.
+    """
+
+    def draw(trials: Sequence[Trial], results: Mapping[str, Any]) -> Figure:
+        figure, (axes,) = new_figure(title, size=(7.6, 4.4), note=origin(results), grid="both")
+        names = [method["name"] for method in results["methods"]]
+        colours = dict(zip(names, colours_in(results), strict=True))
+        values = sorted({trial[entry] for trial in trials})
+        ends = {}
+        for rank, name in enumerate(names):
+            rates = []
+            for value in values:
+                own = [trial["reached"] for trial in trials if trial["method"] == name and trial[entry] == value]
+                rates.append((np.mean(own), *wilson_interval(sum(own), len(own))))
+            rate, low, high = 100 * np.array(rates).T
+            # side by side, so that equal methods do not hide each other
+            at = np.array(values) + 0.007 * max(values) * rank
+            axes.errorbar(
+                at, rate, np.maximum([rate - low, high - rate], 0.0), color=colours[name], marker="o", ms=4, lw=1.6,
+                elinewidth=1,
+            )  # fmt: skip
+            ends[name] = (at[-1], rate[-1])
+        axes.set(xlim=(min(0.0, -0.03 * max(values)), max(*values, 1e-9) * 1.1), ylim=(-3, 103), xlabel=label)
+        axes.yaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:.0f} %"))
+        label_ends(axes, ends, colours)
+        key(axes, f"share of {of}, with 95 % intervals")
+        return figure
+
+    return draw
 
 
 def draw_looks(budgets: Sequence[int], error_mm: Callable[[int, int], Value]) -> Draw:

@@ -14,7 +14,7 @@ from kinreach._plots._style import INK, name_label, new_figure, text_colour
 from kinreach._registration import MOVING
 from kinreach._statistics import QUANTILES, RATE, Column, Trial, number, thousandfold
 from kinreach.compare._button import decision_ms
-from kinreach.compare._curves import draw_speeds
+from kinreach.compare._curves import draw_shares
 from kinreach.compare._figures import origin
 from kinreach.compare._methods import policy_method
 from kinreach.compare._methods.interception import FirstSight, Interception, LastSight
@@ -141,7 +141,14 @@ MOVING_TASK = Task(
         Column("time_s", _touched_at, QUANTILES, "time to\ntouch, s", "median", TIME_TABLE),
         Column("solve_ms", decision_ms, QUANTILES, "a decision\nms", "median", TIME_TABLE),
     ),
-    figures={"speeds": draw_speeds},
+    figures={
+        "speeds": draw_shares(
+            "speed",
+            title="Rolling balls that are touched",
+            label="speed of the ball [m/s]",
+            of="balls, all three kinds of paths",
+        )
+    },
     paths=draw_paths,
     reached="the tip comes within 10 mm of the ball's centre before the ball leaves the table area, in 3 s at most, "
     "and neither arm nor fingers were in the table or in the arm on the way (--collisions false: wherever they were)",

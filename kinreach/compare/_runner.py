@@ -27,11 +27,12 @@ from kinreach._checks import check_count, check_known, check_path, shown
 from kinreach._files import locked, make_writable, open_input, read_bytes, read_text, write_text
 from kinreach._jobs import SERIAL, Engine, Serial, open_engine
 from kinreach._objects import place_of
-from kinreach._statistics import Column, Trial, summarise, trials_csv
+from kinreach._statistics import Trial, summarise, trials_csv
 from kinreach.baselines._loop import Policy, as_policy, rollout
 from kinreach.compare import _figures as figures
 from kinreach.compare import _report as report
 from kinreach.compare._methods import colours, resolve_methods
+from kinreach.compare._motion import MOTION_COLUMNS, MotionRecorder, check_motion
 from kinreach.compare._task import GIVEN, SOLVER, Draw, Method, Task, arm_in, arm_version, get_task
 from kinreach.envs._reach.reachable_goals import with_goals
 from kinreach.envs._reach.task import layout_of
@@ -104,6 +105,7 @@ class Comparison:
         command: How to get the same again.
         left_out: Methods of the task that this installation or arm cannot do, with the reason.
         arm: Name of the arm that does it, as its environment says; empty if that has no `arm`.
+        motion: As in `compare`.
     """
 
     task: Task
@@ -113,6 +115,7 @@ class Comparison:
     command: str
     left_out: Mapping[str, str]
     arm: str
+    motion: bool
 
     def settings(self) -> dict[str, Any]:
         """Return its settings as JSON types."""
@@ -124,6 +127,7 @@ class Comparison:
             "seed": self.seed,
             "observation": options.get("observation", GEOMETRIC),
             "options": options,
+            "motion": self.motion,
         }
 
 
@@ -136,6 +140,7 @@ def compare(
     arm: str | ArmDescription | None = None,
     observation: str | None = None,
     options: Mapping[str, Any] | None = None,
+    motion: bool = False,
     out: str | Path | None = None,
     fresh: bool = False,
     engine: str = SERIAL,
@@ -159,6 +164,8 @@ def compare(
             no goals, they are `ReachableGoals`, scaled to the arm.
         observation: `"geometric"` (the true goal) or `"camera"` (what the cameras saw), for tasks that have both.
         options: Of the task's environments.
+        motion: Also time each motion by ruckig within the limits of the arm, and report duration and peaks; for tasks
+            whose arm moves from posture to posture.
         out: Directory for `results.json`, `results.csv`, `report.html` and the figures; created if need be. None:
             nothing is written.
         fresh: Measure everything, even if an interrupted comparison could go on, or another one stands in `out`.
@@ -184,7 +191,15 @@ def compare(
         task, methods, goals, seed = given.task, given.methods, given.goals, given.seed
         observation, options = given.observation, given.options
     comparison = prepare(
-        task, methods, goals=goals, seed=seed, arm=arm, observation=observation, options=options, command=command
+        task,
+        methods,
+        goals=goals,
+        seed=seed,
+        arm=arm,
+        observation=observation,
+        options=options,
+        command=command,
+        motion=motion,
     )
     machine = provenance.machine() if engine == SERIAL else {"engine": engine}
     with open_engine(engine, address) as running:
@@ -206,6 +221,7 @@ def prepare(
     observation: str | None,
     options: Mapping[str, Any] | None,
     command: str,
+    motion: bool = False,
 ) -> Comparison:
     """Check what a comparison is asked to do, before anything is measured; arguments and errors as in `compare`."""
     task = get_task(task) if isinstance(task, str) else task
@@ -244,8 +260,11 @@ def prepare(
         if not resolved:
             raise InputError(f"no method of {task.name!r} can be used: {next(iter(left_out.values()))}")
         known = arm_in(environments.default)
+        if motion:
+            check_motion(task, environments.default)
+            task = replace(task, columns=(*task.columns, *MOTION_COLUMNS))
     named = "" if known is None else known.name
-    return Comparison(task, resolved, int(goals), int(seed), command, left_out, named)
+    return Comparison(task, resolved, int(goals), int(seed), command, left_out, named, motion)
 
 
 def run_trials(
@@ -296,12 +315,10 @@ def play(comparison: Comparison, goals: Sequence[tuple[int, Mapping[str, Any], S
         }
         shared = task.options.get("observation") == CAMERA
         for index, reset in enumerate(_resets(task, WARM_UP_GOALS, WARM_UP_SEED, environments.default)):
-            for _ in _one_goal(
-                players, list(players), reset, f"warm-up goal {index}", columns=task.columns, shared=shared
-            ):
+            for _ in _one_goal(comparison, players, list(players), reset, f"warm-up goal {index}", shared=shared):
                 pass
         for index, reset, pending in goals:
-            for name, trial in _one_goal(players, pending, reset, f"goal {index}", columns=task.columns, shared=shared):
+            for name, trial in _one_goal(comparison, players, pending, reset, f"goal {index}", shared=shared):
                 yield {"goal_index": index, "method": name, **trial}
 
 
@@ -315,12 +332,12 @@ def _resets(task: Task, count: int, seed: int, env: gym.Env[Any, Any]) -> Sequen
 
 
 def _one_goal(
+    comparison: Comparison,
     players: Mapping[str, tuple[gym.Env[Any, Any], Policy]],
     names: Sequence[str],
     reset: Mapping[str, Any],
     goal: str,
     *,
-    columns: Sequence[Column],
     shared: bool,
 ) -> Iterator[tuple[str, Trial]]:
     """Run methods on one goal; with a shared look, the others observe what the first one's cameras measured.
@@ -340,8 +357,10 @@ def _one_goal(
             policy.act(observation)
             if shared:
                 reset = {**reset, "options": {**reset.get("options", {}), "view": info["view"]}}
-            (trial,) = rollout(env, policy, [reset])
-        for column in columns:
+            recorder = MotionRecorder() if comparison.motion else None
+            (trial,) = rollout(env, policy, [reset], watch=recorder)
+            trial |= {} if recorder is None else recorder.measured()
+        for column in comparison.task.columns:
             try:
                 column.check(trial)
             except InputError as error:

@@ -39,7 +39,8 @@ DrawPaths = Callable[[Sequence[Trial], Mapping[str, Any], Replay], Figure]
 MakeScene = Callable[[gym.Env[Any, Any], Trial], Scene]
 
 #: Kinds of methods, and what each is given, in words, for the record beside the results.
-SOLVER, POLICY, SEEDED, CONTROLLER, CHANCE = "solver", "policy", "seeded solver", "controller", "chance"
+SOLVER, POLICY, SEEDED, PLANNER = "solver", "policy", "seeded solver", "planner"
+CONTROLLER, CHANCE = "controller", "chance"
 GIVEN: Mapping[str, str] = {
     SOLVER: "where the environment saw the goal, in the world (the true position, or the cameras' mean), the start "
     "posture as the seed, and the acceptance test: a posture that it refuses sends the solver on to another branch or "
@@ -48,6 +49,8 @@ GIVEN: Mapping[str, str] = {
     "second try, and the branch that training has settled on",
     SEEDED: "the policy's observation for the seed, then what a solver is given, with that seed instead of the start "
     "posture",
+    PLANNER: "where the goal and the obstacles are, the start posture, every posture at the goal, and the collision "
+    "checker with its margin",
     CONTROLLER: "what the environment's agent observes, and a model of the arm: closed-form inverse kinematics, and "
     "the masses, friction, gears and period of the simulation; it adds up the controls that it asked for",
     CHANCE: "nothing: uniform among the actions, seeded by the episode",
@@ -139,6 +142,7 @@ _OWN = {
     "button": "_button",
     "real-arm": "_real_arm",
     "moving": "_moving",
+    "obstacles": "_obstacles",
 }
 
 

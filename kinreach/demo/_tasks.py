@@ -9,7 +9,7 @@ from typing import Any
 
 import gymnasium as gym
 
-from kinreach._registration import BUTTON, MOVING, MULTI, REAL_ARM, SINGLE, SPACE
+from kinreach._registration import BUTTON, MOVING, MULTI, OBSTACLES, REAL_ARM, SINGLE, SPACE
 from kinreach.baselines._button_controller import AnalyticButtonPolicy
 from kinreach.baselines._loop import Policy, RandomPolicy, as_policy
 from kinreach.baselines._policies import LearnedPolicy, load_policy, needed_options, pretrained_names, trained_arm
@@ -94,6 +94,7 @@ TASKS: Mapping[str, DemoTask] = {
     "space": _reach(SPACE, "space"),
     "real-arm": _compared(REAL_ARM, "real-arm", policy="identified", steps=6),
     "moving": _compared(MOVING, "moving", policy="interception", steps=200, fps=30),
+    "obstacles": _compared(OBSTACLES, "obstacles", policy="path", steps=20),
     # By default this is the test that the course report describes.
     "button": DemoTask(
         BUTTON,

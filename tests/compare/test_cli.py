@@ -308,6 +308,7 @@ def test_options_of_a_foreign_task_come_from_its_dataclass(foreign, tmp_path, ca
     ("button", ["--max-steps", "(default: 100)", "--actuation"]),
     ("real-arm", ["--looks", "--again", "--calibrations", "--noise", "[m]"]),
     ("moving", ["--speeds", "[m/s]", "--paths", "--delay", "[s]"]),
+    ("obstacles", ["--clutter", "--heights", "--margin", "[m]"]),
 ])  # fmt: skip
 def test_help_lists_the_options_of_a_task_with_units(task, flags, capsys):
     with pytest.raises(SystemExit):

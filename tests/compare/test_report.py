@@ -235,6 +235,7 @@ QUICK = {
     "moving": ["first-sight", "interception"],
     "arm3": ["closed-form", "lm"],
     "button": ["analytic", "random"],
+    "obstacles": ["closed-form", "path"],
 }
 
 

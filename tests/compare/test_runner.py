@@ -195,6 +195,7 @@ def test_results_name_the_arm(toy):
         ("button", "random", {"max_steps": 2}, "arm3"),
         ("moving", "first-sight", {}, "ur5"),
         ("real-arm", "data-sheet", {"budgets": (0,)}, "ur5"),
+        ("obstacles", "closed-form", {}, "ur5"),
     )
     for task, method, options, arm in cases:
         assert compare(task, [method], goals=1, options=options)["settings"]["arm"] == arm

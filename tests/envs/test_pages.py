@@ -11,6 +11,7 @@ import kinreach  # noqa: F401  (registers the environments)
 PAGES = {
     "button": ["kinreach/ButtonPress-v0"],
     "moving": ["kinreach/Moving-v0"],
+    "obstacles": ["kinreach/Obstacles-v0"],
     "reach": ["kinreach/UR5SingleStep-v0", "kinreach/UR5MultiStep-v0", "kinreach/Reach-v0"],
     "real_arm": ["kinreach/RealArm-v0"],
 }

@@ -136,6 +136,15 @@ class ReachEnv(CopyableEnv):
         """
         return self._task.action_for(self._world.q[0], as_vector("q", q, len(self.arm.joints)))
 
+    def waypoints_to(self, q: Floats, target: Floats) -> list[Floats]:
+        """Return the postures that a move passes, the last is the target [rad].
+
+        Args:
+            q: Where it begins [rad], shape (n,).
+            target: [rad], shape (n,).
+        """
+        return self._task.waypoints_to(q, target)
+
     def ik_goal(self, position: ArrayLike) -> AxisGoal | PositionGoal:
         """Return what a solver is asked for to bring the tip to a point of the world [m], shape (3,).
 

@@ -158,12 +158,9 @@ class SpaceTask(ReachTask):
 
     def way_free(self, q: Floats, target: Floats) -> bool:
         """Return whether nothing collides on the move from a posture `q` to a target [rad], both of shape (n,)."""
-        points = [q, target]
-        if self.variant.two_phase:
-            points.insert(1, np.where(np.isin(self.arm.joints, self.arm.moves_last), q, target))
         return not any(
             self.checker.in_collision(posture)
-            for start, end in pairwise(points)
+            for start, end in pairwise([q, *self.waypoints_to(q, target)])
             for posture in np.linspace(start, end, 1 + math.ceil(np.abs(end - start).max() / WAY_STEP))[1:-1]
         )
 

@@ -511,6 +511,12 @@ class ReachTask:
             return np.asarray(way / max(1.0, float(np.abs(way).max())))
         return np.asarray((target if self._middle is None else target - self._middle) / self._scale)
 
+    def waypoints_to(self, q: Floats, target: Floats) -> list[Floats]:
+        """Return the postures that a move passes: with two phases, that in which `arm.moves_last` has yet to move."""
+        if not self.variant.two_phase:
+            return [target]
+        return [np.where(np.isin(self.arm.joints, self.arm.moves_last), q, target), target]
+
     def ik_goal(self, position: ArrayLike, direction: Floats) -> AxisGoal | PositionGoal:
         """`tool_goal` of this arm."""
         return tool_goal(self.arm, position, direction)

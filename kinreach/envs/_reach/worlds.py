@@ -46,7 +46,9 @@ STATUSES = np.array(
     dtype=object,
 )
 #: The status of a target by its `kinreach.kinematics._collision.Cause`.
-_OF_CAUSE = np.array([Status.COMPLETED, Status.OUT_OF_LIMITS, Status.SELF_COLLISION, Status.COLLISION], dtype=np.uint8)
+STATUS_OF_CAUSE = np.array(
+    [Status.COMPLETED, Status.OUT_OF_LIMITS, Status.SELF_COLLISION, Status.COLLISION], dtype=np.uint8
+)
 _OF_MOVE = {
     MoveStatus.REACHED: Status.COMPLETED,
     MoveStatus.OUT_OF_LIMITS: Status.OUT_OF_LIMITS,
@@ -147,7 +149,7 @@ class KinematicWorld:
 
     def execute(self, targets: Floats, *, two_phase: bool, acting: Flags | None = None) -> Executed:
         """Take the targets that can be taken."""
-        status = _OF_CAUSE[self._checker.causes(targets)]
+        status = STATUS_OF_CAUSE[self._checker.causes(targets)]
         if acting is not None:
             status[~acting] = Status.COMPLETED
         impossible = status != Status.COMPLETED

@@ -1,0 +1,144 @@
+"""Methods that go from waypoint to waypoint among obstacles: postures alone, free lines, planned paths, policies."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Mapping
+from typing import Any
+
+import gymnasium as gym
+import numpy as np
+
+from kinreach._checks import Floats
+from kinreach.baselines._loop import Policy
+from kinreach.baselines._policies import load_policy
+from kinreach.envs._obstacles import ObstaclesEnv
+from kinreach.envs._reach.task import MULTI_STEP
+from kinreach.errors import InputError, PathError
+from kinreach.kinematics import joint_line, plan_path
+
+#: So long a path is searched for [s].
+TIMEOUT = 5.0
+
+
+class Waypoints:
+    """Goes from one waypoint to the next, and at the last stays where it is.
+
+    Args:
+        env: With obstacles.
+        waypoints: From the first observation to the postures to go to [rad], shape (m, 6).
+
+    Attributes:
+        reason: Why there are none, else empty.
+    """
+
+    def __init__(self, env: ObstaclesEnv, waypoints: Callable[[Any], Floats]) -> None:
+        self._env, self._waypoints = env, waypoints
+        self._left: Iterator[Floats] | None = None
+        self._target: Floats | None = None
+        self.reason = ""
+
+    def reset(self, observation: Any, info: Mapping[str, Any]) -> None:
+        """Forget the waypoints of the episode before."""
+        self._left, self._target, self.reason = None, None, ""
+
+    def act(self, observation: Any) -> Any:
+        """Return the action that goes to the next waypoint; None if there is no way."""
+        if self._left is None:
+            try:
+                self._left = iter(self._waypoints(observation))
+            except PathError as error:
+                self.reason = str(error)
+                return None
+        self._target = next(self._left, self._target)
+        return None if self._target is None else self._env.action_for(self._target)
+
+
+class Steps:
+    """A policy that changes the joint angles a little in each step.
+
+    Args:
+        env: With obstacles.
+        policy: Of `kinreach/UR5MultiStep-v0`.
+    """
+
+    def __init__(self, env: ObstaclesEnv, policy: Policy) -> None:
+        self._env, self._policy = env, policy
+
+    def reset(self, observation: Any, info: Mapping[str, Any]) -> None:
+        """Begin an episode."""
+        self._policy.reset(observation, info)
+
+    def act(self, observation: Any) -> Any:
+        """Return the action that asks for the changed posture, within the joint limits."""
+        change = MULTI_STEP.scale * np.clip(self._policy.act(observation), -1.0, 1.0)
+        return np.clip(self._env.action_for(observation[6:12] + change), -1.0, 1.0)
+
+
+def from_above(env: ObstaclesEnv, target: Floats) -> Floats:
+    """Return the waypoints of the thesis's two phases: shoulder_lift moves last."""
+    return np.array([np.where(np.isin(env.arm.joints, env.arm.moves_last), env.home, target), target])
+
+
+def solver_from_above(env: gym.Env[Any, Any]) -> Waypoints:
+    """Make the closed form's nearest acceptable posture, gone to in two phases."""
+    world = _among(env)
+    return Waypoints(world, lambda observation: from_above(world, _nearest(world)))
+
+
+def free_line(env: gym.Env[Any, Any]) -> Waypoints:
+    """Make the nearest posture at the goal, of all branches and turns of the tool, to which a straight way is free."""
+    world = _among(env)
+
+    def waypoints(observation: Any) -> Floats:
+        goals = world.goal_postures()
+        for goal in sorted(goals, key=lambda q: float(np.abs(q - world.home).max())):
+            try:
+                return joint_line(world.clearance, [world.home, goal])[1:]
+            except PathError:
+                continue
+        raise PathError(f"the straight way to each of {len(goals)} postures is blocked")
+
+    return Waypoints(world, waypoints)
+
+
+def path_to_one(env: gym.Env[Any, Any]) -> Waypoints:
+    """Make the path to the closed form's nearest acceptable posture."""
+    world = _among(env)
+    return Waypoints(
+        world, lambda observation: plan_path(world.clearance, world.home, _nearest(world), timeout=TIMEOUT)[1:]
+    )
+
+
+def path_to_any(env: gym.Env[Any, Any]) -> Waypoints:
+    """Make the path to whichever posture at the goal is found first, of all branches and turns of the tool."""
+    world = _among(env)
+    return Waypoints(
+        world, lambda observation: plan_path(world.clearance, world.home, world.goal_postures(), timeout=TIMEOUT)[1:]
+    )
+
+
+def trained_posture(name: str) -> Callable[[gym.Env[Any, Any]], Waypoints]:
+    """Return what makes a policy of `kinreach/UR5SingleStep-v0`, gone to in two phases, as where it was trained."""
+
+    def make(env: gym.Env[Any, Any]) -> Waypoints:
+        world, policy = _among(env), load_policy(name)
+        return Waypoints(world, lambda observation: from_above(world, world.posture_for(policy.act(observation))))
+
+    return make
+
+
+def trained_steps(name: str) -> Callable[[gym.Env[Any, Any]], Steps]:
+    """Return what makes a policy of `kinreach/UR5MultiStep-v0`."""
+    return lambda env: Steps(_among(env), load_policy(name))
+
+
+def _nearest(world: ObstaclesEnv) -> Floats:
+    goals = world.goal_postures()
+    return np.asarray(goals[np.abs(goals - world.home).max(axis=1).argmin()])
+
+
+def _among(env: gym.Env[Any, Any]) -> ObstaclesEnv:
+    world = env.unwrapped
+    if not isinstance(world, ObstaclesEnv):
+        raise InputError(f"this method is for kinreach/Obstacles-v0, got {env}")
+    return world

@@ -1,0 +1,112 @@
+"""Obstacles on the table: postures alone, paths around them, and policies that do not see them."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+import gymnasium as gym
+import numpy as np
+
+from kinreach._registration import OBSTACLES
+from kinreach._statistics import QUANTILES, RATE, Column, Trial, thousandfold
+from kinreach.compare._curves import draw_shares
+from kinreach.compare._figures import draw_strip_grid
+from kinreach.compare._methods import waypoints as ways
+from kinreach.compare._reach import METHODS
+from kinreach.compare._task import PLANNER, POLICY, SOLVER, Method, Task, policy_version
+from kinreach.envs._obstacles import MAX_CLUTTER, ObstaclesOptions
+
+#: Title of the second table.
+WAY_TABLE = "Ways of the goals that were reached"
+
+
+def _resets(count: int, seed: int, env: gym.Env[Any, Any]) -> list[dict[str, Any]]:
+    """Return a scene with each number of obstacles, then the next ones."""
+    options: ObstaclesOptions = env.unwrapped.options  # type: ignore[attr-defined]
+    clutter = options.clutter
+    return [
+        {
+            "seed": int(np.random.SeedSequence(seed, spawn_key=(index // len(clutter),)).generate_state(1)[0]),
+            "options": {"clutter": clutter[index % len(clutter)]},
+        }
+        for index in range(count)
+    ]
+
+
+def _reached_among(count: int) -> Callable[[Trial], bool | None]:
+    return lambda trial: bool(trial["reached"]) if trial["clutter"] == count else None
+
+
+def _of_reached(name: str, factor: float = 1.0) -> Callable[[Trial], float | None]:
+    return lambda trial: factor * trial[name] if trial["reached"] else None
+
+
+OBSTACLES_TASK = Task(
+    name="obstacles",
+    title="UR5: the tip on the ball, the tool down, past obstacles on the table",
+    environment=OBSTACLES,
+    resets=_resets,
+    methods={
+        **METHODS,
+        "from-above": Method(ways.solver_from_above, SOLVER),
+        "free-line": Method(ways.free_line, PLANNER),
+        "path-to-one": Method(ways.path_to_one, PLANNER),
+        "path": Method(ways.path_to_any, PLANNER),
+        **{
+            name: Method(ways.trained_posture(policy), POLICY, versions=policy_version(policy))
+            for name, policy in (("ppo-single", "ppo-single"), ("ranked-single", "single"))
+        },
+        **{
+            name: Method(ways.trained_steps(policy), POLICY, versions=policy_version(policy))
+            for name, policy in (("ppo-multi", "ppo-multi"), ("ranked-multi", "multi"))
+        },
+    },
+    columns=(
+        Column("reached", "reached", RATE, "all, %\n[95 % CI]", "interval"),
+        *(
+            Column(f"reached_among.{count}", _reached_among(count), RATE, f"{count} ob-\nstacles", "share")
+            for count in range(MAX_CLUTTER + 1)
+        ),
+        Column("impossible", "impossible", RATE, "collided or\nno way, %", "share"),
+        Column("distance_mm", thousandfold("distance"), QUANTILES, "distance mm\nmedian / p95"),
+        Column("solve_ms", thousandfold("solve_s"), QUANTILES, "to plan, ms\nmedian / p95", "quantiles"),
+        Column("length", _of_reached("length"), QUANTILES, "length, rad\nmedian / p95", "quantiles", WAY_TABLE),
+        Column("moves", _of_reached("steps"), QUANTILES, "moves\nmedian / p95", "quantiles", WAY_TABLE, digits=3),
+        Column("move_s", _of_reached("move_s"), QUANTILES, "duration, s\nmedian / p95", "quantiles", WAY_TABLE),
+    ),
+    figures={
+        "clutter": draw_shares(
+            "clutter", title="Goals reached past obstacles", label="obstacles on the table", of="goals"
+        ),
+        "ways": draw_strip_grid(
+            "Ways, and what they cost",
+            {
+                "length of the way, of goals reached [rad]": (_of_reached("length"), False),
+                "duration of the motion, of goals reached [s]": (_of_reached("move_s"), False),
+                "wall time to plan, one thread [ms]": (thousandfold("solve_s"), False),
+                "moves, of goals reached": (_of_reached("steps"), True),
+            },
+            marks={},
+            legend="dot: one goal · bar: median",
+        ),
+    },
+    reached="the tip ends within 10 mm of the ball, the tool within 0.15 rad of straight down, and nothing of the arm "
+    "touched anything on the way",
+    terms={
+        "goal": "a ball on the table among boxes of 4 to 10 cm across and 10 to 40 cm high, drawn until the start "
+        "posture and one posture at the ball keep 5 mm from everything; a scene may have no free way",
+        "execution": "from waypoint to waypoint, each a straight line in joint space, from rest to rest, in MuJoCo",
+        "collision": "the motion that the arm made, sampled every 0.002 rad and judged by the exact checker, no margin",
+        "accept": "postures, lines and paths keep 5 mm from everything",
+        "timing": "methods take turns in random order on every goal, each after one untimed decision; one process, one "
+        "thread; the checker knows the obstacles beforehand; the clock runs while a method decides, summed over its "
+        "decisions",
+    },
+    notes=lambda results: [
+        "Length: Euclidean norm over joints. Duration: simulated, each move from rest to rest.",
+        "Policies observe the goal and the joints, not the obstacles. Nothing but arm and boxes is in this world.",
+    ],
+)
+
+TASKS = (OBSTACLES_TASK,)

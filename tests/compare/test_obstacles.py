@@ -1,0 +1,95 @@
+"""Past obstacles: a path gets through where postures alone are blocked; and motions keep the arm's limits."""
+
+import numpy as np
+import pytest
+
+from kinreach.compare import compare
+from kinreach.compare._cli import main
+from kinreach.compare._motion import peaks
+from kinreach.compare._task import get_task
+from kinreach.errors import InputError
+from kinreach.kinematics import MotionLimits, Trajectory
+
+METHODS = ["closed-form", "from-above", "free-line", "path-to-one", "path", "ranked-single", "ranked-multi"]
+
+
+@pytest.fixture(scope="module")
+def results():
+    found = compare("obstacles", METHODS, goals=24, options={"clutter": (0, 16)}, motion=True)
+    return {entry["name"]: entry for entry in found["methods"]}
+
+
+def test_without_obstacles_all_arrive(results):
+    for name in METHODS:
+        assert results[name]["reached_among"]["0"] == 1.0, name
+        assert results[name]["reached_among"]["4"] is None
+
+
+def test_paths_get_through_where_postures_are_blocked(results):
+    among = {name: results[name]["reached_among"]["16"] for name in METHODS}
+    assert among["path"] >= 11 / 12
+    assert among["path-to-one"] >= 11 / 12
+    assert among["closed-form"] <= among["free-line"] <= among["path"]
+    for name in ("closed-form", "ranked-single", "ranked-multi"):
+        assert among[name] < 0.7, name
+    assert results["path"]["impossible"] <= 1 / 24
+
+
+def test_ways_are_measured(results):
+    assert results["closed-form"]["moves"]["median"] == 1.0
+    assert results["from-above"]["moves"]["median"] == 2.0
+    assert results["ranked-multi"]["moves"]["median"] >= 8
+    for name in METHODS:
+        assert results[name]["length"]["median"] > 0.5
+        assert 0.5 < results[name]["move_s"]["median"] < 10.0
+
+
+def test_motions_keep_the_limits(results):
+    """As everywhere: rest to rest through the same postures."""
+    for name in METHODS:
+        entry = results[name]
+        for part in ("speed", "acceleration", "jerk"):
+            assert 5.0 < entry[f"motion_{part}"]["p95"] <= 100.1, (name, part)
+        assert entry["motion_s"]["median"] > 0.8 * entry["move_s"]["median"]
+    assert results["ranked-multi"]["motion_s"]["median"] > 2.0 * results["closed-form"]["motion_s"]["median"]
+
+
+def test_peaks_are_those_of_a_known_motion():
+    """A minimum-jerk motion by one joint: its peaks are 15/8, 10/sqrt(3) and 60 of its length and duration."""
+    limits = MotionLimits(("a", "b"), np.full(2, 2.0), np.full(2, 5.0), np.full(2, 50.0))
+    for length, duration in ((1.0, 1.0), (0.3, 2.0)):
+        s = np.linspace(0.0, 1.0, 4001)
+        q, qd = (
+            length * (10 * s**3 - 15 * s**4 + 6 * s**5),
+            length / duration * (30 * s**2 - 60 * s**3 + 30 * s**4),
+        )
+        still = np.zeros_like(q)
+        found = peaks(
+            Trajectory(limits.joints, s * duration, np.stack([still, q], 1), np.stack([still, qd], 1)), limits
+        )
+        expected = (
+            length / duration * 15 / 8 / 2,
+            length / duration**2 * 10 / 3**0.5 / 5,
+            length / duration**3 * 60 / 50,
+        )
+        np.testing.assert_allclose(list(found.values()), expected, rtol=0.01)
+
+
+def test_a_task_without_postures_has_no_motion(tmp_path):
+    with pytest.raises(InputError, match="'moving' does not move its arm from posture to posture; leave out --motion"):
+        main(["--task", "moving", "--motion", "--goals", "1", "--out", str(tmp_path)], prog="compare")
+
+
+def test_on_disk(tmp_path, capsys):
+    arguments = ["--task", "obstacles", "--goals", "2", "--clutter", "4", "--methods", "closed-form", "--motion"]
+    assert main([*arguments, "--out", str(tmp_path)], prog="compare") == 0
+    out = capsys.readouterr().out
+    assert "Motions within the arm's limits" in out
+    assert "--seed 0 --motion --clutter 4 --out" in out
+    for figure in get_task("obstacles").figures:
+        assert (tmp_path / f"{figure}.png").stat().st_size > 10_000
+
+
+def test_bad_input(tmp_path):
+    with pytest.raises(InputError, match="clutter must be at most 20"):
+        main(["--task", "obstacles", "--clutter", "40", "--out", str(tmp_path)], prog="compare")

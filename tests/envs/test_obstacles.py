@@ -1,0 +1,150 @@
+"""Obstacles on the table: what is free, what collides, and who says so."""
+
+from itertools import pairwise
+
+import gymnasium as gym
+import numpy as np
+import pytest
+
+import kinreach  # noqa: F401  (registers the environments)
+from kinreach.errors import InputError, PathError
+from kinreach.kinematics import CollisionChecker, URKinematics, plan_path
+
+NAME = "kinreach/Obstacles-v0"
+FIRST, SECOND = np.eye(6)[:2]
+
+
+@pytest.fixture(scope="module")
+def env():
+    return gym.make(NAME, disable_env_checker=True)
+
+
+def begun(env, seed, clutter=8):
+    _, info = env.reset(seed=seed, options={"clutter": clutter})
+    return env.unwrapped, info
+
+
+def test_a_scene_is_as_described(env):
+    obstacles = 0
+    for seed in range(6):
+        world, info = begun(env, seed, clutter=2 * seed)
+        exact = CollisionChecker("ur5", obstacles=world.arm.workcell.obstacles)
+        assert exact.distance(world.home).distance >= world.options.margin
+        assert info["clutter"] == len(world.obstacles) == 2 * seed
+        np.testing.assert_array_equal(
+            info["obstacles"], np.array([(*b.position, *b.size) for b in world.obstacles]).reshape(-1, 6)
+        )
+        for box in world.obstacles:
+            assert box.position[2] - box.size[2] / 2 == pytest.approx(-0.2)
+            assert 0.1 <= box.size[2] <= 0.4
+            obstacles += 1
+        goals = world.goal_postures()
+        assert len(goals) >= 1
+        kin = URKinematics("ur5", tip="tcp", base="world")
+        for q in goals:
+            T = kin.fk(q)
+            np.testing.assert_allclose(T[:3, 3], info["goal"], atol=1e-7)
+            np.testing.assert_allclose(T[:3, 2], (0, 0, -1), atol=1e-7)
+            assert exact.distance(q).distance >= world.options.margin - 1e-6
+    assert obstacles == 30
+
+
+def test_a_seed_is_a_scene(env):
+    first, again = begun(env, 3)[1], begun(env, 3)[1]
+    other = begun(env, 4)[1]
+    np.testing.assert_array_equal(first["obstacles"], again["obstacles"])
+    np.testing.assert_array_equal(first["goal"], again["goal"])
+    assert (first["goal"] != other["goal"]).any()
+
+
+def test_paths_are_free_and_reach(env):
+    waypoints = 0
+    for seed in range(4):
+        world, _ = begun(env, seed)
+        path = plan_path(world.clearance, world.home, world.goal_postures())
+        way = 0.0
+        for index, (before, q) in enumerate(pairwise(path)):
+            _, reward, terminated, truncated, info = env.step(world.action_for(q))
+            way += np.linalg.norm(q - before)
+            assert reward == pytest.approx(sum(info["reward_terms"].values()))
+            assert terminated == info["reached"] == info["is_success"] == (index == len(path) - 2)
+            assert not truncated
+            assert not info["impossible"]
+            waypoints += 1
+        assert info["distance"] < 1e-3
+        assert info["length"] == pytest.approx(way, rel=1e-3)
+        assert info["move_s"] > 0.5
+    assert waypoints >= 6
+
+
+def test_the_verdict_is_the_checkers(env):
+    """Straight moves to random postures: an oracle with samples of its own finds the same lines free."""
+    rng, collided, free = np.random.default_rng(0), 0, 0
+    for seed in range(16):
+        world, _ = begun(env, seed)
+        target = world.home + rng.uniform(-1.0, 1.0, 6)
+        line = world.home + np.linspace(0, 1, 1500)[:, None] * (target - world.home)
+        exact = CollisionChecker("ur5", obstacles=world.arm.workcell.obstacles)
+        apart = min(exact.distance(q).distance for q in line[::25])
+        _, _, terminated, _, info = env.step(world.action_for(target))
+        if exact.impossible(line).any():
+            assert info["impossible"], seed
+            assert terminated
+            assert info["status"] in ("collision", "self-collision")
+            assert exact.in_collision(info["q"])
+            assert " - " in info["impossible_reason"]
+            collided += 1
+        elif apart > 0.01:  # nearer, the arm may touch what its line does not
+            assert not info["impossible"], (seed, info["impossible_reason"])
+            np.testing.assert_allclose(info["q"], target, atol=1e-3)
+            free += 1
+    assert collided >= 5
+    assert free >= 5
+
+
+def test_an_arm_that_is_sent_to_where_it_stands_ends_the_episode(env):
+    world, _ = begun(env, 0)
+    _, _, terminated, truncated, info = env.step(world.action_for(world.home))
+    assert (terminated, truncated, info["reached"], info["impossible"]) == (True, False, False, False)
+    assert info["status"] == "missed"
+    with pytest.raises(InputError, match="over"):
+        env.step(world.action_for(world.home))
+
+
+def test_episodes_are_truncated():
+    env = gym.make(NAME, disable_env_checker=True, max_steps=2, clutter=(0,))
+    world, _ = begun(env, 0, clutter=0)
+    for count, turn in enumerate((0.1, 0.2)):
+        _, _, terminated, truncated, _ = env.step(world.action_for(world.home + turn * FIRST))
+        assert (terminated, truncated) == (False, count == 1)
+
+
+def test_who_finds_no_way_says_why(env):
+    world, info = begun(env, 1)
+    _, _, terminated, _, info = world.forfeit("too narrow")
+    assert terminated
+    assert (info["impossible"], info["impossible_reason"], info["status"]) == (True, "too narrow", "forfeited")
+    with pytest.raises(PathError, match=r"none of the 1 goal postures is free: .* - table"):
+        plan_path(world.clearance, world.home, world.home + 1.3 * SECOND)
+
+
+@pytest.mark.parametrize(("options", "said"), [
+    ({"clutter": (30,)}, "clutter must be at most 20"),
+    ({"clutter": ()}, "clutter must be a list of at least one number"),
+    ({"heights": (0.4, 0.1)}, "the smaller one first"),
+    ({"margin": 0.0}, "margin"),
+    ({"max_steps": 0}, "max_steps"),
+])  # fmt: skip
+def test_bad_options(options, said):
+    with pytest.raises(InputError, match=said):
+        gym.make(NAME, **options)
+
+
+def test_bad_calls(env):
+    with pytest.raises(InputError, match="reset the environment"):
+        gym.make(NAME).unwrapped.step(np.zeros(6))
+    with pytest.raises(InputError, match="clutter"):
+        env.reset(options={"clutter": -1})
+    env.reset(seed=0)
+    with pytest.raises(InputError, match="shape"):
+        env.step(np.zeros(5))
