@@ -18,7 +18,7 @@ from kinreach._checks import check_count, check_known, check_path
 from kinreach._engines import load_extra
 from kinreach._files import make_writable, write_text
 from kinreach._objects import load_module
-from kinreach._registration import BUTTON
+from kinreach._registration import BUTTON, MOVING
 from kinreach._terminal import Console
 from kinreach.baselines._batch import make_batch
 from kinreach.baselines._evaluation import SPLITS, TABLE_WIDTH, evaluate, evaluation_table
@@ -33,6 +33,8 @@ from kinreach.errors import InputError
 SPLIT = "held-out"
 #: Options of the environment that belong to what a policy of the button task was trained for.
 TASK_OPTIONS = ("actuation", "max_steps")
+#: Values of `--collisions`.
+TRUTH = ("true", "false")
 
 
 def main(argv: Sequence[str], *, prog: str) -> int:
@@ -64,7 +66,7 @@ def main(argv: Sequence[str], *, prog: str) -> int:
     summaries = {
         names[name]: _evaluate(policy, names[name], arguments, options[name]) for name, policy in policies.items()
     }
-    keys = ("backend", "observation", "exposure", "max_steps")
+    keys = ("backend", "observation", "exposure", "max_steps", "collisions")
     chosen = {"env": environment, **{key: getattr(arguments, key) for key in keys}}
     given = "".join(f" --{name.replace('_', '-')} {value}" for name, value in chosen.items() if value is not None)
     split = "" if arguments.split == SPLIT else f" --split {arguments.split}"
@@ -134,7 +136,13 @@ def _options(policy: LearnedPolicy, arguments: Any) -> dict[str, Any]:
     """
     given = {name: getattr(arguments, name) for name in ("backend", "observation", "exposure")}
     trained: dict[str, Any] = {}
-    if (arguments.env or policy.card.environment) == BUTTON:
+    environment = arguments.env or policy.card.environment
+    if arguments.collisions is not None:
+        check_known("--collisions", arguments.collisions, TRUTH)
+        if environment != MOVING:
+            raise InputError("--collisions is for policies of the moving ball")
+        trained["collisions"] = arguments.collisions == TRUTH[0]
+    if environment == BUTTON:
         if any(value is not None for value in given.values()):
             raise InputError("--backend, --observation and --exposure are for reach policies")
         card = policy.card.recipe.get("options")
@@ -216,6 +224,11 @@ def _parser(prog: str) -> Parser:
     )
     parser.add_argument(
         "--max-steps", type=int, metavar="N", help="of an episode of the button task (default: as in training)"
+    )
+    parser.add_argument(
+        "--collisions",
+        metavar="|".join(TRUTH),
+        help="whether a collision ends an episode with the moving ball (default: as in training)",
     )
     parser.add_argument("--out", metavar="FILE", help="write all figures with their intervals as JSON")
     parser.add_argument("--export", metavar="FILE.onnx", help="write the policy as an ONNX model")

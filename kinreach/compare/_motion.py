@@ -50,22 +50,22 @@ class MotionRecorder:
 
     def __init__(self) -> None:
         self._limits: MotionLimits | None = None
-        self._points: list[Floats] = []
+        self.points: list[Floats] = []
         self._possible = True
 
     def __call__(self, env: gym.Env[Any, Any], info: Mapping[str, Any]) -> None:
         """Take the postures of a step."""
         if "target" not in info:
-            self._limits, self._points = MotionLimits.of(env.get_wrapper_attr("arm")), [np.asarray(info["q"])]
+            self._limits, self.points = MotionLimits.of(env.get_wrapper_attr("arm")), [np.asarray(info["q"])]
             return
-        self._points += env.get_wrapper_attr("waypoints_to")(self._points[-1], np.asarray(info["target"]))
+        self.points += env.get_wrapper_attr("waypoints_to")(self.points[-1], np.asarray(info["target"]))
         self._possible &= not info["impossible"]
 
     def measured(self) -> dict[str, Any]:
         """Return entries of the trial; none where an action was impossible, for there is no motion through it."""
         if not self._possible or self._limits is None:
             return {}
-        motion = time_waypoints(np.array(self._points), self._limits, rate=RATE_HZ)
+        motion = time_waypoints(np.array(self.points), self._limits, rate=RATE_HZ)
         return {
             "motion_s": motion.duration,
             **{f"motion_{name}": share for name, share in peaks(motion, self._limits).items()},

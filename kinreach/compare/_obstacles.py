@@ -50,7 +50,7 @@ OBSTACLES_TASK = Task(
     methods={
         **METHODS,
         "from-above": Method(ways.solver_from_above, SOLVER),
-        "free-line": Method(ways.free_line, PLANNER),
+        "free-way": Method(ways.free_way, PLANNER),
         "path-to-one": Method(ways.path_to_one, PLANNER),
         "path": Method(ways.path_to_any, PLANNER),
         **{

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import signal
 from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
 
 import numpy as np
@@ -19,8 +19,8 @@ from kinreach.deploy._program import Program
 from kinreach.deploy._rtde import RTDE_PORT
 from kinreach.deploy._server import PRIMARY_PORT
 from kinreach.deploy._simulate_cli import without_cell
-from kinreach.errors import InputError, RobotError
-from kinreach.kinematics import ArmKinematics, CollisionChecker, pose
+from kinreach.errors import InputError, PathError, RobotError
+from kinreach.kinematics import ArmKinematics, CollisionChecker, joint_line, pose
 from kinreach.kinematics._closed_form import ClosedFormKinematics
 from kinreach.kinematics._goals import pose_error
 from kinreach.robots import ArmDescription
@@ -103,14 +103,11 @@ class _Job:
             InputError: There is no way, or the program does not come to its end.
         """
         kin = self.kinematics
-        legs = plan(kin, self.checker, start, self.goals, linear=self.linear, speed=self.speed, blend=self.blend)
-        settings = {} if self.payload is None else {"payload": self.payload, "centre_of_mass": _centre(self.arm)}
-        program = Program.of(kin, start, [move for leg in legs for move in leg.moves], **settings)
+        legs, program, done = self._planned(start)
         _say(f"{self.arm.title}: tip {kin.tip} in {kin.base}, degrees")
         _say(f"from     {_degrees(start)}")
         for leg in legs:
             _say(_described(leg))
-        done = Controller(self.arm, q=start.tolist()).run(program.text)
         if done.status != FINISHED or done.reason:
             raise InputError(f"the dry run did not come to its end, nothing is sent: {done.reason}")
         for line in self._measured(done):
@@ -126,6 +123,26 @@ class _Job:
                 figure.savefig(temporary, facecolor="white", format="png")
             _say(f"picture  {picture}")
         return program
+
+    def _planned(self, start: Floats) -> tuple[list[Leg], Program, Recording]:
+        """Plan from a posture and run the program in MuJoCo; turns around obstacles are rounded if they stay free."""
+        settings = {} if self.payload is None else {"payload": self.payload, "centre_of_mass": _centre(self.arm)}
+
+        def planned(*, rounded: bool) -> tuple[list[Leg], Program, Recording]:
+            legs = plan(
+                self.kinematics, self.checker, start, self.goals,
+                linear=self.linear, speed=self.speed, blend=self.blend, rounded=rounded,
+            )  # fmt: skip
+            program = Program.of(self.kinematics, start, [move for leg in legs for move in leg.moves], **settings)
+            return legs, program, Controller(self.arm, q=start.tolist()).run(program.text)
+
+        if self.blend and not self.linear:
+            with suppress(InputError, PathError):
+                legs, program, done = planned(rounded=True)
+                if done.status == FINISHED:
+                    joint_line(self.checker, done.commanded.q)
+                    return legs, program, done
+        return planned(rounded=False)
 
     def _measured(self, done: Recording) -> Iterator[str]:
         kin = self.kinematics
@@ -205,10 +222,10 @@ def _degrees(q: Floats) -> str:
 
 
 def _described(leg: Leg) -> str:
-    last = leg.moves[-1]
+    last, widest = leg.moves[-1], max(move.blend for move in leg.moves)
     branch = f"branch {leg.branch}" if leg.branch >= 0 else "no branch of the closed form"
     count = f"{len(leg.moves)} x " if len(leg.moves) > 1 else ""
-    blend = f", blend {1000 * last.blend:.0f} mm" if last.blend else ""
+    blend = f", blend {1000 * widest:.0f} mm" if widest else ""
     speed = f"{last.speed:.2f} {'rad/s' if last.command == 'movej' else 'm/s'}"
     return (
         f"to       {_degrees(leg.end)}   {branch}, {leg.free} of {leg.postures} postures free; {count}{last.command}, "
@@ -266,7 +283,11 @@ def _parser(prog: str) -> Parser:
         "--speed", type=float, default=SPEED, metavar="PART", help="of the joints' limits, or of 1 m/s (%(default)s)"
     )
     parser.add_argument(
-        "--blend", type=float, default=0.0, metavar="M", help="radius at all goals but the last (0: stop)"
+        "--blend",
+        type=float,
+        default=0.0,
+        metavar="M",
+        help="radius at all goals but the last, and where a way around obstacles turns if it stays free (0: stop)",
     )
     parser.add_argument("--script", metavar="FILE", help="write the program")
     parser.add_argument("--picture", metavar="FILE.png", help="draw joint angles and speeds of the dry run")

@@ -21,6 +21,8 @@ SPEED = 0.25
 JOINT_ACCELERATION, TOOL_ACCELERATION = 1.4, 1.2
 #: What a way keeps from everything [m], and how long it may be searched for [s].
 MARGIN, TIMEOUT = 0.005, 5.0
+#: Part of the shorter way beside a waypoint that its blend may take.
+LESS_THAN_HALF = 0.45
 #: Decimals of the joint angles in a program [rad], and of poses [m, rad].
 ROUNDED, ROUNDED_POSE = 7, 9
 
@@ -30,7 +32,7 @@ class Leg:
     """The way to one goal.
 
     Attributes:
-        moves: What the program does; only the last may have a blend.
+        moves: What the program does.
         end: Posture at the goal [rad], shape (6,).
         branch: Of that posture; -1 if it is none of the closed form's.
         free, postures: Postures of the goal that keep the margin, and all.
@@ -52,6 +54,7 @@ def plan(
     linear: bool = False,
     speed: float = SPEED,
     blend: float = 0.0,
+    rounded: bool = False,
 ) -> list[Leg]:
     """Plan the way from a posture through goals.
 
@@ -63,6 +66,8 @@ def plan(
         linear: Straight lines of the tool; else straight lines in joint space, around obstacles where that is needed.
         speed: Part of the largest speeds, above 0 and at most 1.
         blend: Radius at all goals but the last [m].
+        rounded: Blend also where a way around obstacles turns, with that radius or a smaller one. That way is not
+            checked.
 
     Raises:
         InputError: A goal has no posture.
@@ -83,7 +88,9 @@ def plan(
                 moves: tuple[Move, ...] = (Move("movel", target, fastest, TOOL_ACCELERATION, radius),)
             else:
                 path = plan_path(checker, q, solutions, timeout=TIMEOUT)
-                moves, end = _joint(path, speed * float(kinematics.velocity_limit.min()), radius), path[-1]
+                between = _radii(kinematics, path, blend) if rounded else [0.0] * (len(path) - 2)
+                moves = _joint(path, speed * float(kinematics.velocity_limit.min()), [*between, radius])
+                end = path[-1]
         except PathError as error:
             raise PathError(f"{name}: {error}") from None
         off = np.abs(wrapped(solutions.q - end)).max(axis=1)  # a full turn is no difference
@@ -94,10 +101,15 @@ def plan(
     return legs
 
 
-def _joint(path: Floats, speed: float, blend: float) -> tuple[Move, ...]:
-    """A move to each waypoint; it stops at those between, so that it stays on the way that was checked."""
+def _joint(path: Floats, speed: float, radii: Sequence[float]) -> tuple[Move, ...]:
+    """A move to each waypoint but the first."""
     points = path[1:].round(ROUNDED)
-    radii = [0.0] * (len(points) - 1) + [blend]
     moving = [not np.array_equal(one, other) for one, other in pairwise([path[0].round(ROUNDED), *points])]
     rows = [row for row in zip(points, radii, moving, strict=True) if row[2]] or [(points[-1], 0.0, True)]
     return tuple(Move("movej", tuple(point), speed, JOINT_ACCELERATION, radius) for point, radius, _ in rows)
+
+
+def _radii(kinematics: ClosedFormKinematics, path: Floats, most: float) -> list[float]:
+    """Radius at each inner waypoint [m]: at most that, and less than half of the shorter way beside it."""
+    ways = np.linalg.norm(np.diff(kinematics.positions(path), axis=0), axis=1)
+    return np.minimum(most, LESS_THAN_HALF * np.minimum(ways[:-1], ways[1:])).round(ROUNDED).tolist()

@@ -61,9 +61,10 @@ class MotionLimits:
     ) -> MotionLimits:
         """Return the limits of an arm, or lower ones.
 
-        Speeds are those of the URDF, for a UR no more than its data sheet's. Accelerations are 5 rad/s^2 for a UR, as
-        in the maker's configuration for MoveIt, since the data sheets have none; for other arms what the controller of
-        the simulation commands (`ArmDescription.acceleration_limit`). The jerk reaches them in 0.1 s; it is a choice.
+        Speeds are those of the URDF, for a UR no more than its data sheet's. Accelerations are 5 rad/s^2 for a UR: the
+        conservative choice of the maker's example for MoveIt (`ur_moveit_config`), since the data sheets have none. For
+        other arms they are what the controller of the simulation commands (`ArmDescription.acceleration_limit`). The
+        jerk reaches them in 0.1 s; it is a choice.
 
         Args:
             arm: Kinematics, description or name of the arm.

@@ -58,8 +58,10 @@ UR_LENGTHS: Mapping[str, Lengths] = {
 
 
 #: Largest acceleration of a joint in a planned motion [rad/s^2]. Universal Robots publishes none ("acceleration limits
-#: are not publicly available", joint_limits.yaml of Universal_Robots_ROS2_Description 2.4.5); its configuration for
-#: MoveIt uses this for all joints of all models. URScript's movej takes 1.4 where none is given.
+#: are not publicly available", joint_limits.yaml of Universal_Robots_ROS2_Description 2.4.5). ur_moveit_config 7.0.0 of
+#: Universal_Robots_ROS2_Driver, an example by the maker, has this for all joints of all models: "the robot does not
+#: inherently have any limits on joint accelerations (only on torques)", and the value is "chosen conservatively".
+#: URScript's movej takes 1.4 where none is given.
 UR_ACCELERATION = 5.0
 
 

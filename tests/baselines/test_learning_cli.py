@@ -54,6 +54,8 @@ def test_training_prints_a_table_and_evaluation_reads_the_runs(trained, capsys, 
         (["evaluate", "single", "--backend", "magic"], "unknown backend 'magic'; available: kinematic, mujoco"),
         (["evaluate", "single", "--max-steps", "3"], "--max-steps is for policies of the button task"),
         (["evaluate", "single", "--max-steps", "0"], "--max-steps is for policies of the button task"),
+        (["evaluate", "single", "--collisions", "true"], "--collisions is for policies of the moving ball"),
+        (["evaluate", "moving", "--collisions", "no"], "unknown --collisions 'no'; available: false, true"),
         (["evaluate", "single", "--split", "training"], "unknown split 'training'; available: held-out, validation"),
         (["evaluate", "single", "--out", ""], "--out must be a file, got ''"),
         (["evaluate", "single", "--out", "/proc/nowhere/x.json"], "cannot write /proc/nowhere"),
@@ -170,6 +172,20 @@ def test_a_policy_of_the_button_task_is_evaluated_as_it_was_trained(monkeypatch,
     tuned, report = {"max_steps": 100}, {"actuation": "report", "max_steps": 500}
     seven = {"max_steps": 7}
     assert played == [tuned, seven, report, {**report, **seven}, {}, seven, {}, seven]
+
+
+def test_the_collision_rule_is_that_of_training_unless_said(monkeypatch, capsys):
+    played = []
+
+    def note(policy, *, options, **settings):
+        played.append(options)
+        return evaluate(policy, options=options, **settings)
+
+    monkeypatch.setattr(evaluate_cli, "evaluate", note)
+    for given in ([], ["--collisions", "false"], ["--collisions", "true"]):
+        assert main(["evaluate", "ppo-moving", "--goals", "1", *given]) == 0
+        assert " ".join(given) in capsys.readouterr().out
+    assert played == [{}, {"collisions": False}, {"collisions": True}]
 
 
 @pytest.mark.parametrize("options", [{"max_steps": "many"}, {"max_steps": None}, {"actuation": ["report"]}])

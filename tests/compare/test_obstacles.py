@@ -10,7 +10,7 @@ from kinreach.compare._task import get_task
 from kinreach.errors import InputError
 from kinreach.kinematics import MotionLimits, Trajectory
 
-METHODS = ["closed-form", "from-above", "free-line", "path-to-one", "path", "ranked-single", "ranked-multi"]
+METHODS = ["closed-form", "from-above", "free-way", "path-to-one", "path", "ranked-single", "ranked-multi"]
 
 
 @pytest.fixture(scope="module")
@@ -29,7 +29,7 @@ def test_paths_get_through_where_postures_are_blocked(results):
     among = {name: results[name]["reached_among"]["16"] for name in METHODS}
     assert among["path"] >= 11 / 12
     assert among["path-to-one"] >= 11 / 12
-    assert among["closed-form"] <= among["free-line"] <= among["path"]
+    assert among["closed-form"] <= among["free-way"] <= among["path"]
     for name in ("closed-form", "ranked-single", "ranked-multi"):
         assert among[name] < 0.7, name
     assert results["path"]["impossible"] <= 1 / 24

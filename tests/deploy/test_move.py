@@ -16,6 +16,7 @@ import pytest
 from kinreach.cli import main
 from kinreach.deploy import Program, SimulatedUR, URClient
 from kinreach.deploy._controller import FINISHED, Controller
+from kinreach.deploy._move_cli import _Job
 from kinreach.deploy._planning import plan
 from kinreach.errors import InputError, PathError
 from kinreach.kinematics import ArmKinematics, CollisionChecker, pose, pose_vector
@@ -66,11 +67,15 @@ def test_ways_are_free_by_dense_checks_and_runs_end_at_their_goals(linear):
     assert all(text.startswith("the goal") for text in refused)
 
 
+def with_wall():
+    wall = Box("wall", (0.5, 0.02, 0.55), (0.45, 0.0, 0.275))
+    return replace(ARM, workcell=Workcell(obstacles=(*ARM.workcell.obstacles, wall), touching=ARM.workcell.touching))
+
+
 def test_it_goes_around_a_wall():
     """From one side of it to the other, where the straight way in joint space goes through."""
     pytest.importorskip("ompl")
-    wall = Box("wall", (0.5, 0.02, 0.55), (0.45, 0.0, 0.275))
-    arm = replace(ARM, workcell=Workcell(obstacles=(*ARM.workcell.obstacles, wall), touching=ARM.workcell.touching))
+    arm = with_wall()
     kin = ArmKinematics.of(arm, base="base")
     checker = CollisionChecker(kin, margin=0.005)
     rng, around = np.random.default_rng(3), 0
@@ -84,6 +89,49 @@ def test_it_goes_around_a_wall():
         np.testing.assert_allclose(kin.fk(done.commanded.q[-1]), kin.fk(goal), atol=1e-5)
         around += len(leg.moves) > 1
     assert around >= 2
+
+
+def test_turns_around_a_wall_are_rounded_where_they_stay_free():
+    """What is sent keeps the margin, ends where it should, and is done sooner."""
+    pytest.importorskip("ompl")
+    arm = with_wall()
+    kin, checker = ArmKinematics.of(arm, base="base"), CollisionChecker(arm, margin=0.005)
+    rng, rounded = np.random.default_rng(3), 0
+    for _ in range(3):
+        start, goal = (np.add(HOME, [side, *rng.uniform(-0.1, 0.1, 5)]) for side in (-0.8, 0.8))
+        stopping, blended = (
+            _Job(arm, [kin.fk(goal)], linear=False, speed=0.5, blend=blend, payload=None)._planned(start)
+            for blend in (0.0, 0.05)
+        )
+        assert not any(move.blend for move in stopping[1].moves)
+        radii = [move.blend for move in blended[1].moves]
+        assert radii[-1] == 0.0
+        assert max(radii) <= 0.05
+        done = blended[2]
+        assert (done.status, done.reason) == (FINISHED, "")
+        assert not checker.impossible(done.commanded.q).any()
+        np.testing.assert_allclose(kin.fk(done.commanded.q[-1]), kin.fk(goal), atol=1e-5)
+        if any(radii):
+            assert done.commanded.duration < 0.9 * stopping[2].commanded.duration
+            rounded += 1
+    assert rounded >= 2
+
+
+def test_turns_that_would_touch_are_not_rounded(monkeypatch):
+    """Where the check of the rounded way fails, the program stops at each waypoint."""
+    pytest.importorskip("ompl")
+    arm = with_wall()
+    kin = ArmKinematics.of(arm, base="base")
+    start, goal = (np.add(HOME, [side, 0, 0, 0, 0, 0]) for side in (-0.8, 0.8))
+
+    def touches(checker, q):
+        raise PathError("collision")
+
+    monkeypatch.setattr("kinreach.deploy._move_cli.joint_line", touches)
+    _, program, done = _Job(arm, [kin.fk(goal)], linear=False, speed=0.5, blend=0.05, payload=None)._planned(start)
+    assert len(program.moves) > 1
+    assert not any(move.blend for move in program.moves)
+    assert done.status == FINISHED
 
 
 @pytest.fixture

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping
+from contextlib import suppress
 from typing import Any
 
 import gymnasium as gym
@@ -85,18 +86,20 @@ def solver_from_above(env: gym.Env[Any, Any]) -> Waypoints:
     return Waypoints(world, lambda observation: from_above(world, _nearest(world)))
 
 
-def free_line(env: gym.Env[Any, Any]) -> Waypoints:
-    """Make the nearest posture at the goal, of all branches and turns of the tool, to which a straight way is free."""
+def free_way(env: gym.Env[Any, Any]) -> Waypoints:
+    """Make the nearest posture at the goal, of all branches and turns of the tool, with a free way of one or two lines.
+
+    Straight, or else from above.
+    """
     world = _among(env)
 
     def waypoints(observation: Any) -> Floats:
         goals = world.goal_postures()
         for goal in sorted(goals, key=lambda q: float(np.abs(q - world.home).max())):
-            try:
-                return joint_line(world.clearance, [world.home, goal])[1:]
-            except PathError:
-                continue
-        raise PathError(f"the straight way to each of {len(goals)} postures is blocked")
+            for points in (goal[None], from_above(world, goal)):
+                with suppress(PathError):
+                    return joint_line(world.clearance, [world.home, *points])[1:]
+        raise PathError(f"the straight way to each of {len(goals)} postures, and that from above, is blocked")
 
     return Waypoints(world, waypoints)
 
