@@ -321,6 +321,7 @@ def test_examples_are_shown_as_they_are():
 @pytest.mark.parametrize(
     "page",
     [
+        "environments/obstacles",
         "environments/real_arm",
         "environments/reach",
         "guides/any_arm",

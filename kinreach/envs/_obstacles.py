@@ -303,7 +303,8 @@ class ObstaclesEnv(gym.Env[Any, Any]):
         rng, cell = self.np_random, get_arm(ARM).workcell
         table = next(box for box in cell.obstacles if box.name == "table")
         top = table.position[2] + table.size[2] / 2
-        goal, boxes = cell.draw_goals(rng, 1)[0], []
+        goal = cell.draw_goals(rng, 1)[0]
+        boxes: list[Box] = []
         while len(boxes) < count:
             x, y = rng.uniform(*X), rng.uniform(*Y)
             wide, deep, height = rng.uniform(*EDGE), rng.uniform(*EDGE), rng.uniform(*self.options.heights)
