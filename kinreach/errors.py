@@ -15,7 +15,7 @@ class KinreachError(Exception):
 
 
 class InputError(KinreachError, ValueError):
-    """A value, shape or range that cannot be used; the message says which and why."""
+    """A value, shape or range that cannot be used; the message names it and gives the reason."""
 
 
 class UnknownNameError(InputError):
@@ -35,7 +35,7 @@ class UnknownOptionError(UnknownNameError, TypeError):
 
 
 class PathError(KinreachError):
-    """There is no path, or a motion cannot be made; the message says where and why.
+    """No path was found, or a motion cannot be made; the message gives the place and the reason.
 
     Attributes:
         index: Number of the waypoint or pose before the place where it fails; -1 where no one place is the reason.

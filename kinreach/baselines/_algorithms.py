@@ -220,7 +220,7 @@ def _features(recipe: Recipe) -> dict[str, Any]:
     """Constants of the normalisation, and the waves.
 
     Mean and spread of first observations; what does not vary among them is only shifted. Those of the button task all
-    begin upright and almost at rest: their spread says nothing, `BUTTON_SCALE` stands in for it.
+    begin upright and almost at rest: their spread is meaningless, and `BUTTON_SCALE` is used.
     """
     kind = recipe.networks.features
     check_known("features", kind, ("raw", "scaled", "waves", "goal waves", "button", "sights", "arms"))
@@ -255,7 +255,7 @@ def step_by_step_to_the_end(batch: VectorEnv[Any, Any, Any], recipe: Recipe, rew
 def in_tries(batch: VectorEnv[Any, Any, Any], recipe: Recipe, reward: TrainingReward) -> SB3VecEnv:
     """Return a batch in which several postures are tried for each goal, drawn where the task has goals and around.
 
-    Where the features are `"looks"`, so many as the setting of that name says are taken for a segment of the training.
+    If the features are `"looks"`, the setting of that name is the number of looks for a segment of the training.
 
     Raises:
         InputError: The environments are none for reaching, their goals are not in a box, or are observed in pictures.
@@ -294,7 +294,7 @@ class Algorithm:
     """Everything that training needs to know of an algorithm.
 
     Attributes:
-        name: As recipes say it.
+        name: As in recipes.
         model: A class with stable-baselines3's interface, or where to import it from, as `module:Class`.
         exporter: The deterministic actor of such a model as a `Network`. It is tried before the training begins.
         arguments: Keyword arguments of the class, from the recipe, the environments and the planned actions.

@@ -132,7 +132,7 @@ def _options(policy: LearnedPolicy, arguments: Any) -> dict[str, Any]:
     """Options of the policy's environment: from the command line, else the environment's defaults.
 
     The length of an episode and the actuation of the button task belong to what a policy was trained for: they are
-    those of its card, as far as the card has them and the command line does not say otherwise.
+    those of its card, if the card has them and no option overrides them.
     """
     given = {name: getattr(arguments, name) for name in ("backend", "observation", "exposure")}
     trained: dict[str, Any] = {}
@@ -206,7 +206,7 @@ def _parser(prog: str) -> Parser:
     parser.add_argument(
         "--env",
         metavar="ID",
-        help="environment of policies that do not say theirs, as stable-baselines3's model.zip; yours as module:id",
+        help="environment of policies without one, as stable-baselines3's model.zip; yours as module:id",
     )
     parser.add_argument("--goals", type=int, default=1000, metavar="N", help="default: %(default)s")
     parser.add_argument(

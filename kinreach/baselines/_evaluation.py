@@ -95,7 +95,7 @@ def evaluate(
         goals: How many; those of a smaller number are the first of a larger one.
         seed: Of the first goal; goal i is that of the environment's seed `seed + i`.
         environment: Id; that of the policy's card if None.
-        options: Of the environment; arm and goals are those which the policy was trained on, unless they say otherwise.
+        options: Of the environment; by default with the arm and goals that the policy was trained on.
         progress: Called with the number of finished goals.
 
     Raises:

@@ -19,7 +19,7 @@ class Looks:
     Before the first are taken the pictures are noise.
 
     Args:
-        task: Whose balls; its options say how large the pictures are, and how noisy.
+        task: Whose balls; its options have the size and noise of the pictures.
         count: How many looks.
 
     Attributes:
@@ -49,5 +49,5 @@ class Looks:
             self.pictures[:, camera] = seen[name]
 
     def seen(self, numbers: NDArray[Any]) -> dict[str, NDArray[np.uint8]]:
-        """Looks by their numbers, shape (k,), as environments with `observation="pixels"` say them."""
+        """Looks by their numbers, shape (k,), as environments with `observation="pixels"` give them."""
         return {name: self.pictures[numbers, camera] for camera, name in enumerate(self.names)}

@@ -120,7 +120,7 @@ def rollout(
         env: The environment.
         policy: Acts.
         resets: Keyword arguments of `env.reset`, one mapping an episode: `seed`, `options`.
-        watch: Called with the environment and its `info` after every reset and step, to draw it, say.
+        watch: Called with the environment and its `info` after every reset and step, for example to draw it.
 
     Yields:
         A trial an episode: the numbers, truth values, texts and vectors of the environment's last `info`, and
@@ -133,7 +133,7 @@ def rollout(
 
 
 def _check_spaces(policy: Policy, observations: spaces.Space[Any], actions: spaces.Space[Any]) -> None:
-    """Have a policy that can say so refuse an environment that it cannot act in."""
+    """Call the policy's own `check_spaces`, if it has one; it raises if the policy cannot act there."""
     check = getattr(policy, "check_spaces", None)
     if check is not None:
         check(observations, actions)

@@ -93,7 +93,7 @@ class TorchEye(nn.Module):
 
 
 class LookFeatures(BaseFeaturesExtractor):
-    """What the eyes say of looks; an observation is the number of a look, and each look is seen once in a batch.
+    """Outputs of the eyes for looks; an observation is the number of a look, and each look is seen once in a batch.
 
     Args:
         space: Of the observations, shape (1,).

@@ -237,7 +237,7 @@ def trained_arm(policy: LearnedPolicy) -> dict[str, Any]:
     return {"arm": arm} if isinstance(arm, str) else {}
 
 
-#: Options that say which goals there are, or what is observed, by the environment.
+#: Options that change the goals or the observation, by the environment.
 NEEDED: Mapping[str, tuple[str, ...]] = {
     **dict.fromkeys((SINGLE, MULTI), ("goal_in",)),
     SPACE: ("steps", "goal_height", "tilt", "start_spread", "goal_in"),
@@ -265,7 +265,7 @@ def load_policy(policy: str | Path, *, environment: str | None = None) -> Learne
 
     Args:
         policy: Name of one that comes with the package, or path of a policy file or of a stable-baselines3
-            `model.zip`. The zip does not say which environment it is for.
+            `model.zip`. The zip does not name its environment.
         environment: Id of the environment that it must be for.
 
     Raises:

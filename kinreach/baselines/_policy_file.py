@@ -51,7 +51,7 @@ OUTPUTS: Mapping[str, Callable[[Array], Array]] = {"linear": lambda x: x, "tanh"
 class Network:
     """y = shift + gain out(W_k ... act(W_1 f + b_1) ... + b_k) of features f of an observation x.
 
-    Where there are eyes, x is what they say of the cameras' pictures, one after the other. With z = (x - mean) / scale
+    Where there are eyes, x is their outputs for the cameras' pictures, one after the other. With z = (x - mean) / scale
     over the first observations, the features are z, then sin(w z) and cos(w z), in both the waves of one observation
     side by side.
 
@@ -118,7 +118,7 @@ class PolicyCard:
         results: Measured afterwards: success, distances, with the command that measures them again.
         versions: Of the packages that trained it.
         goal_seeds: `"training"`: what the goals of each segment of the training were drawn from, one seed a segment;
-            `"held_out"`: seed of the first goal of `results`, goal i has that plus i; a result whose command says
+            `"held_out"`: seed of the first goal of `results`, goal i has that plus i; a result whose command has
             `--split validation` has others. Empty in older files.
     """
 
@@ -166,7 +166,7 @@ def read_policy(path: str | Path) -> tuple[PolicyCard, Network]:
     """Read a policy.
 
     Raises:
-        InputError: The file does not exist or is not a policy: the message says what is wrong with it.
+        InputError: The file does not exist or is not a policy.
     """
     path = check_path("policy", path)
     try:

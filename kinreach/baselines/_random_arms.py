@@ -1,8 +1,8 @@
-"""Arms with random errors, for training a policy that sees what looks say of the one it has.
+"""Arms with random errors, for training a policy that sees a summary of the looks at its own.
 
 The environment `kinreach/RandomArm-v0`: a UR5 whose frames are off as those of
 `kinreach/RealArm-v0` are, with other errors in each episode, has been observed in a number of looks, and goes to a ball
-once, twice or three times. What looks say of it has the same size whatever their number: the mean of how far the tip
+once, twice or three times. The summary has the same size for any number of looks: the mean of how far the tip
 was seen from where the data sheet has it, and of the same times the place of the look.
 """
 
@@ -38,7 +38,7 @@ MOVES, LOOKS = 3, BUDGETS[:-1]
 MARGIN = 0.01
 SIGMA = NOISE / MEDIAN_LENGTH
 #: Numbers of an observation: where the ball was seen [m], how far the tip was seen from where the data sheet has it
-#: beside this ball, mean of its moves, and from the ball in the last one [m]; moves, looks; what `summary` says.
+#: beside this ball, mean of its moves, and from the ball in the last one [m]; moves, looks; the result of `summary`.
 BALL, OFF, MISSED, DONE, LOOKED, SUMMARY = slice(0, 3), slice(3, 6), slice(6, 9), 9, 10, slice(11, 20)
 SIZE = 20
 #: Of what is drawn: the frames' errors, the ball, the budget, how many moves there are, the noise of the looks, of the
@@ -222,7 +222,7 @@ def _observation_space() -> spaces.Box:
 
 
 class RandomArmEnv(SingleEnv):
-    """One `kinreach/RandomArm-v0`; the module says what an episode is, and `RandomArmVectorEnv` the rest."""
+    """One `kinreach/RandomArm-v0`; the module describes an episode, `RandomArmVectorEnv` the rest."""
 
     metadata = {"render_modes": []}  # noqa: RUF012 (declared by Gymnasium)
     render_mode = None
@@ -240,7 +240,7 @@ class RandomArmEnv(SingleEnv):
 
 
 class RandomArmVectorEnv(NativeVectorEnv):
-    """A batch of `kinreach/RandomArm-v0`; the module says what an episode is.
+    """A batch of `kinreach/RandomArm-v0`; the module describes an episode.
 
     An action is a posture, each angle divided by pi, shape (6,); an observation has 20 numbers. The reward is minus the
     distance [m].

@@ -41,7 +41,7 @@ def dense(rewards: Array, info: Mapping[str, Any]) -> Array:
     """-ln(d + 1e-5) - 5 r_e, and 200 less where the action was impossible.
 
     The thesis's reward is flat within 1 cm of the goal, so that nothing finer can be learned from it; this one is steep
-    there. Among impossible actions it still says which was nearest.
+    there. It still ranks impossible actions by their distance.
     """
     near = -np.log(info["distance"] + DENSE_DISTANCE) - DENSE_POSTURE * info["posture_error"]
     return near + np.where(info["impossible"], DENSE_IMPOSSIBLE, 0.0)

@@ -103,10 +103,10 @@ def read_zip(path: Path) -> tuple[PolicyCard, Network]:
     """Read the actor of a `model.zip` of PPO, A2C, SAC, TD3, DDPG, DQN or TQC with `MlpPolicy`.
 
     Returns:
-        A card that says what the zip says, without an environment, and the network.
+        A card with what the zip has, without an environment, and the network.
 
     Raises:
-        InputError: It is not such a file, or a policy that cannot be read from it: the message says why.
+        InputError: It is not such a file, or its policy cannot be read; the message has the reason.
         InstallationError: stable-baselines3 is not installed.
     """
     file = open_input(path, "the policy", most=MAX_ZIP)

@@ -35,7 +35,7 @@ JUDGES: Mapping[str, tuple[Callable[[Mapping[str, Any]], float], str]] = {
     "distance_mm": (lambda found: found["distance_mm"]["median"], "min"),
     "return": (lambda found: found["return"]["mean"], "max"),
 }
-#: Fields of a recipe that say what it is called, and those that have fields of their own.
+#: Fields of a recipe that name it, and those that have fields of their own.
 _NAMES, _NESTED = ("name", "summary"), ("networks", "settings", "options")
 
 
@@ -223,7 +223,7 @@ def _tuner(tune: Any, given: Search, state: Path, *, resume: bool, threads: int)
 
 
 def trial(given: Search, values: Mapping[str, Any], threads: int = 1) -> Iterator[tuple[int, dict[str, float]]]:
-    """Train with some settings; after each segment the actions that are done, and what the judges say."""
+    """Train with some settings; after each segment yield the number of actions and the scores."""
     recipe = given.tried(values)
     with TemporaryDirectory(prefix="kinreach-") as name:
         identity = run_identity(recipe, given.seed, threads)

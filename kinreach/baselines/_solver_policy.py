@@ -25,9 +25,9 @@ class SolverPolicy:
 
     Args:
         solver: For the arm of the environment, in the world frame.
-        env: A reach environment: says what the goal asks of the tool, which postures are acceptable, and what an
-            action means.
-        proposer: A policy for the same environment whose first action says which posture the solver starts from; by
+        env: A reach environment: defines what the goal asks of the tool, which postures are acceptable, and what
+            an action means.
+        proposer: A policy for the same environment whose first action is the posture that the solver starts from; by
             default it starts from where the arm stands.
 
     Attributes:

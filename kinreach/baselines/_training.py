@@ -3,7 +3,7 @@
 A run is a sequence of segments. Each begins with fresh episodes and generators that follow from the seed and the
 number of the segment alone, so that a run that went on from the state after any segment gives the same policy as one
 that was never interrupted. What a run depends on is its identity: recipe, seed, threads and versions. A folder holds
-one run, is written by one training at a time, and says in `run.json`, which is written last, that the run is finished.
+one run, is written by one training at a time, and is finished when it has `run.json`, which is written last.
 """
 
 from __future__ import annotations
@@ -171,7 +171,7 @@ def kept_run(
 
     Args:
         folder: Of the run.
-        identity: What `run.json` must say, unless `fresh` is set.
+        identity: What `run.json` must have, unless `fresh` is set.
         resume: Whether it is to be kept.
         fresh: Whether whatever is there is to be replaced.
         export: Whether it must have stable-baselines3's own file as well.
@@ -556,7 +556,7 @@ def _end_segment(trainee: Trainee) -> None:
 
 
 def goal_seeds(seed: int, segments: int) -> dict[str, Any]:
-    """Seeds of all goals that a policy has to do with, as its card says them.
+    """Seeds of all goals of a policy, for its card.
 
     Args:
         seed: Of the training.

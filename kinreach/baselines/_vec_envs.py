@@ -153,7 +153,7 @@ class TriesVecEnv(SB3VecEnv):
         draw: Draws goals [m], as the option `goal` of shape (n, 3), and whatever else episodes start with.
         steps: Of an episode; 1 where actions are postures.
         reward: What the learner sees.
-        blur: Standard deviation of noise on the numbers that say where the goal is [m]: without, a network is free in
+        blur: Standard deviation of noise on the numbers of the goal's place [m]: without, a network is free in
             how it answers two cameras that do not quite agree, as real ones do.
         layout: Where goal and joint angles are in the observation.
         arm: That of the environments.

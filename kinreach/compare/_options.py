@@ -70,7 +70,7 @@ def options_class(environment: str) -> type[Any] | None:
             importlib.import_module(module)
         entry = gym.spec(name).entry_point
         creator = load_env_creator(entry) if isinstance(entry, str) else entry
-    except (gym.error.Error, ImportError, AttributeError):  # the comparison says what is wrong when it makes it
+    except (gym.error.Error, ImportError, AttributeError):  # the comparison raises when it makes it
         return None
     found = getattr(creator, "Options", None)
     return found if isinstance(found, type) and is_dataclass(found) else None

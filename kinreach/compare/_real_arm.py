@@ -131,7 +131,7 @@ REAL_ARM_TASK = Task(
     reached=f"the tip ends within {1e3 * NEAR:g} mm of half of the balls after the last look",
     terms={
         "goal": "a workplace: a true UR5, the directions of what is off, 50 balls uniform on the table area, and noise",
-        "look": "the arm goes to a posture, the cameras say where the tip is: 0.14 mm off in the median, as the ball",
+        "look": "the arm goes to a posture, the cameras measure the tip: 0.14 mm off in the median, as the ball",
         "errors": "links: published calibrations of four UR5; tool 5 mm off; base turned by 0.5 degrees; cameras 2 mm "
         "and 0.3 degrees off; each alone and all at once",
         "error": "distance from tip to ball, median of the 50 balls; the tables have its median over workplaces",

@@ -104,7 +104,7 @@ class Comparison:
         goals, seed: As in `compare`.
         command: How to get the same again.
         left_out: Methods of the task that this installation or arm cannot do, with the reason.
-        arm: Name of the arm that does it, as its environment says; empty if that has no `arm`.
+        arm: Name of the environment's arm; empty if it has no `arm`.
         motion: As in `compare`.
     """
 
@@ -618,7 +618,7 @@ def _refuse_other_results(out: Path, comparison: Comparison) -> None:
     """Refuse to overwrite the finished results of another comparison.
 
     Raises:
-        OtherResultsError: `out` holds some; the message says how they differ.
+        OtherResultsError: `out` holds some; the message gives the difference.
     """
     path = out / RESULTS
     if not path.exists():

@@ -92,8 +92,8 @@ class Task:
         arm: Name of the arm that does it, where its environments take others; empty where they do not.
         arm_methods: What other arms have beside the task's solvers: methods by the name of the arm.
         options: Of the environments; `compare` can override them.
-        variants: Ids of the environments that policies from files may be for, by a short name; the first one is taken
-            for a policy that does not say.
+        variants: Ids of the environments that policies from files may be for, by a short name; the first one is the
+            default for a policy without one.
         observations: Values of the environments' option `observation` that make sense; empty if there is none.
         terms: What every method is given alike, in words, by a short name.
         notes: From the contents of `results.json` to lines under the tables, more than the criterion.

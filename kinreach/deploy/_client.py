@@ -54,10 +54,10 @@ class RobotState:
         target_q, actual_q: Joint angles [rad], shape (6,).
         target_qd, actual_qd: Speeds [rad/s], shape (6,).
         tcp_pose: Tool centre point in `base`, `[x, y, z, rx, ry, rz]` [m, rad], shape (6,).
-        tcp_offset: Tool centre point on the flange, as `tcp_pose`; None where the controller does not say.
+        tcp_offset: Tool centre point on the flange, as `tcp_pose`; None if the controller does not report it.
         robot_mode, safety_mode, runtime_state: RTDE's numbers.
         speed_scaling: How fast program time passes, 0 to 1.
-        register: Integer register 24, in which kinreach's programs say how far they are; None as `tcp_offset`.
+        register: Integer register 24, the progress of kinreach's programs; None if it is not reported.
     """
 
     time: float
@@ -214,8 +214,8 @@ class URClient:
             `commanded` and `measured`, each a `Trajectory` with a sample for each control cycle.
 
         Raises:
-            RobotError: The robot does not begin, or the program does not come to its end; the message says why as far
-                as the robot does.
+            RobotError: The robot does not begin, or the program does not come to its end; the message has the
+                robot's reason if it gives one.
         """
         self.check_ready(program)
         states = [self.read()]

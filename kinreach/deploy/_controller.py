@@ -49,7 +49,7 @@ SLIDER_RATE = 4.0
 REST = 1e-6
 #: How far a joint may be from its target before the controller stops [rad].
 MAX_DEVIATION = 0.1
-#: Register in which a program of kinreach says how far it is, and what it says.
+#: Register for the progress of a program of kinreach, and its values.
 REGISTER, BEGUN, FINISHED, NOT_AT_START = 24, 1, 2, 3
 #: Ranges of arguments by their names.
 RANGES: Mapping[str, tuple[float, float]] = {
@@ -202,7 +202,7 @@ class Controller:
             self._log(printable(text))
 
     def start(self, text: str) -> None:
-        """Take a program in place of the one that runs; one that is refused ends that one, too.
+        """Start a program. It ends the one that runs, even if it is refused itself.
 
         Raises:
             InputError: It is not in the URScript that kinreach runs, or the controller is in a protective stop.

@@ -45,7 +45,7 @@ class Segment(Protocol):
 
 
 class LineError(Exception):
-    """A straight line cannot be followed; the message says where and why."""
+    """A straight line cannot be followed; the message gives the place and the reason."""
 
 
 class _Timed:

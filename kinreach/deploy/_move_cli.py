@@ -40,7 +40,7 @@ def main(argv: Sequence[str], *, prog: str) -> int:
         prog: How the user called it, for messages.
 
     Returns:
-        Exit code 0; 1 if the user says no.
+        Exit code 0; 1 if the user answers no.
 
     Raises:
         KinreachError: Bad input, no way to the goal, or a robot that does not do it.
@@ -97,10 +97,10 @@ class _Job:
         self.checker = CollisionChecker(kin, margin=MARGIN)
 
     def tried(self, start: Floats, script: Path | None, picture: Path | None) -> Program:
-        """Plan from a posture, run the program in MuJoCo, say what came of it, and write it and its picture.
+        """Plan from a posture, run the program in MuJoCo, print the outcome, and write program and picture.
 
         Raises:
-            InputError: There is no way, or the program does not come to its end.
+            InputError: No way was found, or the program does not come to its end.
         """
         kin = self.kinematics
         legs, program, done = self._planned(start)
@@ -185,7 +185,7 @@ class _Job:
         return f"robot    {address}: its tool centre point is {off} from kinreach's{advice}"
 
     def moved(self, robot: URClient, program: Program) -> int:
-        """Send a program, wait for its end, and say how it ended."""
+        """Send a program, wait for its end, and print how it ended."""
         with _stopped_by_signals():
             try:
                 done = robot.run(program)

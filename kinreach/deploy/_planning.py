@@ -71,7 +71,7 @@ def plan(
 
     Raises:
         InputError: A goal has no posture.
-        PathError: The start is not free, or there is no free way to a goal; the message says what is in the way.
+        PathError: The start is not free, or no free way to a goal was found; the message names what is in the way.
     """
     legs: list[Leg] = []
     q = start

@@ -1,7 +1,7 @@
 """Programs for a UR: moves or a trajectory, as URScript and back.
 
-A program sets the tool centre point, looks whether the arm stands at the start posture, and moves only if it does. It
-says in an integer register how far it is, which RTDE shows: 1 begun, 2 finished, 3 not at the start posture.
+A program sets the tool centre point, checks that the arm stands at the start posture, and moves only if it does. It
+writes its progress to an integer register, which RTDE shows: 1 begun, 2 finished, 3 not at the start posture.
 """
 
 from __future__ import annotations

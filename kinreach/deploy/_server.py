@@ -211,7 +211,7 @@ class SimulatedUR:
                 self._log(f"speed slider at {100 * fraction:.0f} %")
 
     def run_script(self, text: str) -> None:
-        """Run a script; the clients of the script port are told why it is refused."""
+        """Run a script. If it is refused, the clients of the script port get the reason."""
         try:
             self.controller.start(text)
         except ScriptError as error:

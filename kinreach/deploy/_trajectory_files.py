@@ -27,7 +27,7 @@ JSON, CSV, SCRIPTS = ".json", ".csv", (".script", ".urscript")
 
 
 def write_trajectory(trajectory: Trajectory, file: str | Path) -> None:
-    """Write a trajectory to a file; its ending says how.
+    """Write a trajectory to a file in the format of its ending.
 
     - `.json`: ROS 2's `trajectory_msgs/JointTrajectory`, times to the nanosecond.
     - `.csv`: a column `time` [s], one for each joint [rad], and one for each joint's speed [rad/s], named
@@ -66,7 +66,7 @@ def read_trajectory(file: str | Path) -> Trajectory:
         The trajectory. Where a message has no velocities, and in URScript, the speeds are differences.
 
     Raises:
-        InputError: It cannot be read, or is not what its ending says; the message says where.
+        InputError: The file cannot be read, or does not have the format of its ending; the message gives the place.
     """
     path = check_path("file", file)
     if path.suffix not in (JSON, CSV, *SCRIPTS):

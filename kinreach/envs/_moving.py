@@ -1,6 +1,6 @@
 """A ball that rolls: `kinreach/Moving-v0`, to be touched while it moves, by cameras that see it late.
 
-Thirty times a second the cameras say where the ball was 50 ms ago, and the agent names a posture; the arm goes there
+Thirty times a second the cameras report where the ball was 50 ms ago, and the agent names a posture; the arm goes there
 with its own limits of speed and acceleration, joint by joint. The episode is over when the tip is within 10 mm of the
 ball's centre, when arm or fingers collide, when the ball leaves the table area, or after three seconds.
 """
@@ -30,7 +30,7 @@ from kinreach.robots import ArmDescription, get_arm
 
 #: Frames of the cameras a second, and parts of a frame in which the motion is computed.
 FRAMES, PARTS = 30, 8
-#: How old what the cameras say is [s], how long an episode may be [s], and how near is touching [m].
+#: Age of what the cameras report [s], how long an episode may be [s], and how near is touching [m].
 DELAY, SECONDS, TOUCH = 0.05, 3.0, 0.01
 #: Radius of the circles [m]; sideways acceleration of the random walk [m/s^2], and how long it keeps one [s].
 RADIUS, SIDEWAYS, HOLD = 0.12, 1.0, 0.25
@@ -107,7 +107,7 @@ class MovingOptions:
 
     speeds: tuple[float, ...] = field(default=SPEEDS, metadata=about("of the ball, one of them an episode [m/s]"))
     paths: tuple[str, ...] = field(default=tuple(PATHS), metadata=about(f"one of them an episode: {', '.join(PATHS)}"))
-    delay: float = field(default=DELAY, metadata=about("how old what the cameras say is [s]"))
+    delay: float = field(default=DELAY, metadata=about("age of what the cameras report [s]"))
     noise: float = field(default=NOISE, metadata=about("median error of a sight [m]"))
     sights: int = field(default=1, metadata=about("how many of the last sights are observed", flag=None))
     collisions: bool = field(
@@ -425,7 +425,7 @@ class MovingVectorEnv(NativeVectorEnv):
     """A batch of `kinreach/Moving-v0`, equal to as many single ones with the seeds `seed`, `seed + 1`, ...
 
     Episodes start anew as `NativeVectorEnv` describes: where one ended in a step, read its outcome from
-    `info["final_info"]`, because what `info` says of the goal is already the next one's.
+    `info["final_info"]`, because the goal in `info` is already that of the next episode.
 
     Args:
         num_envs: Number of environments.

@@ -1,8 +1,8 @@
 """An arm that is not its data sheet: a true UR5 with another tool, base and cameras than its user believes.
 
 The environment `kinreach/RealArm-v0` is a workplace. Somewhere in it lies a tray of balls; a step moves the tip to each
-of them at once, and the observation says where the cameras saw the balls and where they saw the tip. Beforehand, an
-agent may practise: `look` sends the arm to postures of its own choice and says where the tip was seen. Kinematics only.
+of them at once, and the observation has the places where the cameras saw the balls and the tip. Beforehand, an agent
+may practise: `look` sends the arm to postures of its own choice and returns where the tip was seen. Kinematics only.
 
 An episode goes through the `budgets`, each a number of looks that may have been taken by then, the earlier ones
 included. With each, the arm goes to every ball once, and then `again` times more: the tip has been seen beside the

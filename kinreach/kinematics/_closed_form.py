@@ -107,7 +107,7 @@ class ClosedFormKinematics(ArmKinematics, ABC):
             torch. Nothing is differentiated here: the gradient of a solution is the inverse of `jacobian`.
 
         Raises:
-            InputError: A pose is not a finite rigid motion; the message says which.
+            InputError: A pose is not a finite rigid motion; the message has its index.
         """
         if is_tensor(T):
             return self._tensor_batch(T, check_tolerance(tol), limits=limits)

@@ -341,7 +341,7 @@ def _neighbours(arm: ArmDescription, shaped: set[str]) -> list[Pair]:
 def _search_data(geometry: Any, margin: float) -> Any:
     """What is asked of each pair, and where the answers go.
 
-    A search begins anew, as coal's own requests say: Pinocchio's begin where the one before ended, and a distance would
+    A search begins anew, as in coal's own requests: Pinocchio's begin where the one before ended, and a distance would
     depend on that one by up to 2e-7 m. (The switch in them is deprecated, and silencing its warning would change the
     filters of all threads.)
     """

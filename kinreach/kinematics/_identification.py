@@ -1,8 +1,8 @@
 """What an arm really is, from where its tip was seen: least squares over the frames of its joints, with a prior.
 
-Every frame of the chain, base and tool included, may be off by a small translation and a small turn. Looks say where
-the tip was in some postures; the frames are the most probable ones given the looks and what is known of arms of this
-kind (maximum a posteriori, Gauss-Newton). Parameters that no look can tell apart stay where the prior has them, which
+Every frame of the chain, base and tool included, may be off by a small translation and a small turn. Looks give the
+place of the tip in some postures; the frames are the most probable ones given the looks and what is known of such
+arms (maximum a posteriori, Gauss-Newton). Parameters that no look can tell apart stay where the prior has them, which
 makes a minimal set of parameters (Hollerbach and Wampler 1996, Int. J. Robotics Research 15) unnecessary.
 """
 

@@ -92,7 +92,7 @@ class Answers:
         return ([(result.q, 0)], "") if result.success else ([], self._in_metres(T, result.reason))
 
     def _in_metres(self, T: Floats, reason: str) -> str:
-        """Why there is no posture; that positions are in metres if this one cannot be."""
+        """The reason, with a note that positions are in metres if this one looks like millimetres."""
         first, *links = self.kinematics.chain.placements[:, :3, 3]
         away, length = np.linalg.norm(T[:3, 3] - first), np.linalg.norm(links, axis=1).sum()
         if away < WRONG_UNIT * length:

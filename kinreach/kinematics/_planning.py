@@ -47,7 +47,7 @@ def joint_line(checker: CollisionChecker, waypoints: ArrayLike) -> Floats:
         The waypoints, shape (m, n).
 
     Raises:
-        PathError: A waypoint is out of the joint limits, or something is nearer than the margin; says where.
+        PathError: A waypoint is out of the joint limits, or something is nearer than the margin; has the place.
         InputError: Malformed waypoints, or a checker without a margin.
     """
     motion = MotionCheck(checker)
@@ -88,7 +88,7 @@ def plan_path(
         Waypoints [rad], shape (m, n), from the start to one of the goals, straight in joint space between them.
 
     Raises:
-        PathError: The start collides, no goal is free, or no path was found in time; says which links and obstacles.
+        PathError: The start collides, no goal is free, or no path was found in time; names links and obstacles.
         InputError: Malformed input, a checker without a margin, or a pose without solutions.
         InstallationError: OMPL is not installed (the extra `paths`).
     """

@@ -101,7 +101,7 @@ class IKResult:
             q: The posture found [rad], shape (n,).
             tolerance: How near is reached; by default 1e-4 m and 1e-3 rad.
             accept: Test that the posture must also pass.
-            reason: What to say if the goal is not reached; by default how far it is.
+            reason: Reason of the result if the goal is not reached; by default how far off it is.
             branch: Closed-form branch index.
             iterations: Steps taken.
             restarts: Fresh seeds tried after the first.

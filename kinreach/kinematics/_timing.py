@@ -175,7 +175,7 @@ def time_path(
         A trajectory that begins and ends at rest.
 
     Raises:
-        InputError: Malformed input, or blends that overlap; says which.
+        InputError: Malformed input, or blends that overlap; the message names them.
         InstallationError: toppra is not installed (the extra `paths`).
     """
     path = as_waypoints(waypoints, len(limits.joints))

@@ -58,8 +58,8 @@ def tool_line(
 
     Raises:
         PathError: The line leaves the reach or the joint limits, passes a singularity, or collides: the message and
-            `index`, `fraction` and `q` say where, `branches` and `starts` which other postures at the start get
-            through.
+            `index`, `fraction` and `q` give the place, `branches` and `starts` the other postures at the start that
+            get through.
         InputError: Malformed input, or an arm without a closed form.
     """
     kin = kinematics
@@ -123,7 +123,7 @@ def _follow(
 def _extend(
     kin: ArmKinematics, path: list[Floats], line: PoseLine, before: float, part: float, halvings: int
 ) -> tuple[float, Floats, str] | None:
-    """Append the posture at a part of a line, and those between that it needs; or say why there is none."""
+    """Append the posture at a part of a line, and those between that it needs; or return why there is none."""
     solutions: Any = kin.all_solutions(line.at(part), seed=path[-1], limits=False)  # type: ignore[attr-defined]
     if not solutions.success:
         return part, path[-1], f"out of reach: {solutions.reason}"

@@ -196,7 +196,7 @@ class ArmDescription:
         """Describe an arm by its URDF file.
 
         Joints that are not part of the arm, such as a gripper's, are held still: they become fixed joints. The
-        attribute `notes` says which are left out. A visual mesh that is not found is left out; without a collision
+        attribute `notes` lists them. A visual mesh that is not found is left out; without a collision
         mesh there is kinematics, but no collision checks and no simulation.
 
         Args:

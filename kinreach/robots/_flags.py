@@ -1,4 +1,4 @@
-"""Flags of the command line that say which arm is meant: its name or file, its calibration, its tool and its tip."""
+"""Flags of the command line that choose the arm: its name or file, its calibration, its tool and its tip."""
 
 from __future__ import annotations
 

@@ -1,8 +1,8 @@
 """Shapes and masses of the UR models that come without meshes: cylinders along the joints' axes and the tubes.
 
 A UR is made of joints of a few sizes and tubes between them. The numbers are read, to the millimetre, off the maker's
-visual meshes (Universal_Robots_ROS2_Description 2.4.5); masses are those of its data sheets. UR8 Long, UR15 and UR18,
-of which there are no meshes, have the shapes of a UR20 in proportion to their lengths.
+visual meshes (Universal_Robots_ROS2_Description 2.4.5); masses are those of its data sheets. No
+meshes exist of UR8 Long, UR15 and UR18: they have the shapes of a UR20 in proportion to their lengths.
 """
 
 from __future__ import annotations

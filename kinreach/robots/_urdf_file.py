@@ -31,7 +31,7 @@ from kinreach.robots._urdf import (
     parse_urdf,
 )
 
-#: Elements that say nothing of the arm itself.
+#: Elements that do not describe the arm itself.
 OTHERS = ("gazebo", "transmission", "ros2_control")
 XACRO = ".xacro"
 

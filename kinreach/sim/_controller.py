@@ -1,8 +1,8 @@
 """Moves of an arm in joint space, by dynamics, and the verdict on each: reached, or why not.
 
 A move has *attained* its target when every joint is within the tolerance of it, the arm stands still, and it is not
-pressed at anything there. A target that is not attained is what the thesis calls impossible; `MoveResult.reason` says
-why. Touching something on the way does not make a target impossible, being held off by it does. For motion
+pressed at anything there. A target that is not attained is what the thesis calls impossible; `MoveResult.reason` has
+the cause. Touching something on the way does not make a target impossible, being held off by it does. For motion
 free of contact, ask a collision checker before the move.
 
 How the servos are led to a target is in `kinreach.sim._setpoints`; what is moved, one simulation or many, in

@@ -171,8 +171,8 @@ class Recording:
 
         Raises:
             Stopped: `stop` was set.
-            KinreachError: Unknown environment or player, it cannot act there, or the arm cannot; or nothing
-                says what is to be drawn.
+            KinreachError: Unknown environment or player, it cannot act there, or the arm cannot; or the
+                environment does not give what is to be drawn.
         """
         known = playable(self.name)
         options = {**self.made_with, **({ARM: self.arm} if ARM in known.choices else {})}

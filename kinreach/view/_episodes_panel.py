@@ -132,7 +132,7 @@ class EpisodesPanel(Panel):
             )
             self._file = gui.add_text("or a file", self._setup.policy or "", hint="policy.safetensors or model.zip")
             self._observation = gui.add_dropdown(
-                "observation", OBSERVATION_KINDS, hint="What cameras say, what perfect ones would, or their pictures",
+                "observation", OBSERVATION_KINDS, hint="What cameras measure, what perfect ones would, or pictures",
                 initial_value="geometric",
             )  # fmt: skip
             self._backend = gui.add_dropdown(

@@ -13,7 +13,7 @@ _UR_BRANCHES = 8
 def branch_name(kinematics: ArmKinematics, branch: int) -> str:
     """Name a posture by its branch index.
 
-    Those of a UR say on which side of the first axis the upper arm passes, seen along the arm; whether the elbow is
+    Names of a UR's tell on which side of the first axis the upper arm passes, seen along the arm; whether the elbow is
     above or below the line from shoulder to wrist, as it is seen while the arm does not reach over itself; and which
     way the wrist is turned: flipped is a positive wrist_2.
     """

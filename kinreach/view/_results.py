@@ -78,7 +78,7 @@ def read_results(file: str | Path) -> Results:
         file: The JSON, or its folder.
 
     Raises:
-        InputError: One of them cannot be read, or is not what it says; the message names it and what is wrong.
+        InputError: One of them cannot be read, or has wrong content; the message names the file and the fault.
     """
     path = check_path("results", file)
     if path.is_dir():

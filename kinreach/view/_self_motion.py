@@ -56,7 +56,7 @@ class SelfMotionFolder(Branch):
         self._text.content = html.small(text)
 
     def show(self, motions: SelfMotions) -> None:
-        """Draw these curves, or say why there are none."""
+        """Draw these curves, or write why there are none."""
         if not motions.success:
             self.clear(f"There is no self-motion: {motions.reason}.")
             return

@@ -73,7 +73,7 @@ class Setup:
 
     @cached_property
     def policy_environment(self) -> str:
-        """Id of the environment of the policy; empty if there is none, or it does not say.
+        """Id of the environment of the policy; empty without a policy, or if the policy does not name one.
 
         Raises:
             InputError: Unknown policy, the file is none, or the module cannot be loaded.

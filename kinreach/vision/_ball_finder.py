@@ -4,7 +4,7 @@ Two pipelines:
 
 - `thesis`: Canny's edges and the Hough circle transform on the grey picture, the depth at the circle's centre, and the
   ray through it (thesis 2.2 and 3.4.2).
-- `hybrid`: the Hough circle transform on the map of what is red says where to look; then the centroid of the red
+- `hybrid`: the Hough circle transform on the map of what is red finds where to look; then the centroid of the red
   pixels there, corrected for perspective, and the depths of all pixels around it. OpenCV's circle is off by up to a
   third of the radius, the centroid by 0.15 pixels at most.
 
@@ -166,7 +166,7 @@ def _from_centre(
     depth: NDArray[np.floating],
     camera: Intrinsics,
 ) -> Floats:
-    """How far what pixels show is from a point in the camera frame [m], NaN where there is no depth."""
+    """Distances of the points that pixels show from a point in the camera frame [m], NaN without depth."""
     z = depth[rows, columns].astype(np.float64)
     seen = _measured(z)
     found = np.full(len(z), np.nan)

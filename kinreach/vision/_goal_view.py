@@ -4,7 +4,7 @@ A view is the goal's position in the frame of each camera of `arm.goal_cameras`,
 front and a wrist camera. Camera frames are optical: x to the picture's right, y down, z forward. The arm stands in its
 start pose, where the goal is measured once per episode; the cameras' poses are therefore constants of the arm.
 
-`geometric_goal_view` says what perfect cameras would: rigid transforms, no rendering. `CameraGoalView` renders both
+`geometric_goal_view` gives what perfect cameras would: rigid transforms, no rendering. `CameraGoalView` renders both
 pictures and finds the ball in them. What was not found has three zeros, the place of the optical centre, where no ball
 can be: the thesis's "no goal for that episode" (6.1).
 """

@@ -42,7 +42,7 @@ def _ppo(name: str, summary: str, *, reward: str) -> Recipe:
 BUTTON_RECIPES = (
     _ppo(
         "button",
-        "PPO; in training only, the closed form says which posture to come near.",
+        "PPO; in training only, the reward prefers the posture of the closed form.",
         reward="guided",
     ),
     _ppo(

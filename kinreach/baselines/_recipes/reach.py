@@ -231,8 +231,7 @@ REACH_RECIPES = (
     replace(
         _SINGLE,
         name="pixels-single",
-        summary="As single, from both cameras' pictures: convolutions that say where something is, "
-        "32 tries for a look.",
+        summary="As single, from both cameras' pictures: convolutions with a spatial softmax, 32 tries for a look.",
         steps=2_048_000,
         num_envs=512,
         blur=0.0,

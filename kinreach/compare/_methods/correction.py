@@ -23,7 +23,7 @@ ARMS, BALLS, RIDGE = 4000, 60, 1e-6
 class LearnedCorrection(Modelled):
     """Aim by the closed form at a target that a regression corrects, from a summary of the looks.
 
-    What looks say has nine numbers, whatever their number: the mean of how far the tip was off, and of that times
+    The summary has nine numbers for any number of looks: the mean of how far the tip was off, and of that times
     either coordinate. To first order these and the error at a ball depend linearly on the frames' errors, so the
     regression is linear in the nine, with coefficients that are cubic in the ball's place.
 

@@ -37,7 +37,7 @@ def resolve_methods(task: Task, given: Iterable[Any] | Mapping[str, Any]) -> dic
             stable-baselines3; `model.zip@multi` for another of the task's environments), `"module:attribute"`, a
             `Method`, a solver or policy, a class of one, a stable-baselines3 model, or a function from observation to
             action. A mapping gives names; else an object has that of its `name`, its function or its class. Files of
-            one name are told apart by their folders.
+            one name get those of their folders as well.
 
     Raises:
         InputError: A name occurs twice, or something is none of these.

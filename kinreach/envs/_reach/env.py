@@ -241,7 +241,7 @@ class UR5SingleStepEnv(ReachEnv):
     ## Observation Space
     `Box(13,), float64`. The goal is measured once per episode, in the start pose, in the optical frames of the cameras
     (x right, y down, z forward). `observation="geometric"` gives its true position; `"camera"` what is found in the
-    rendered images (0, 0, 0 where no ball is found: no goal for that episode, and `info["ball_found"]` says so);
+    rendered images (0, 0, 0 where no ball is found: no goal for that episode, and `info["ball_found"]` is False);
     `"pixels"` gives a `Dict` with the images instead (`front_rgb`, `front_depth`, `wrist_rgb`, `wrist_depth`, `joints`,
     `gripper`).
 
@@ -266,7 +266,7 @@ class UR5SingleStepEnv(ReachEnv):
     `kinreach.thesis`): r_d - r_e with r_d = 1 - d/2 for d >= 2 m, else 0.5 - 0.5 log2(d);
     10 - r_e for d < 0.01 m; 20 for d < 0.01 m and r_e < 0.15 (reached); -100 where the action is impossible: a target
     outside the limits, or one that the arm does not attain because something is in the way (`info["impossible_reason"]`
-    says what). `info["reward_terms"]` has the terms `natural_arm`, `gripper_angle`, `distance` and `special`; their sum
+    names it). `info["reward_terms"]` has the terms `natural_arm`, `gripper_angle`, `distance` and `special`; their sum
     is the reward.
 
     `reward=` takes the place of all that with a function of yours (`kinreach.envs._reach.rewards`).
@@ -356,9 +356,9 @@ class UR5MultiStepEnv(ReachEnv):
 
     ## Episode End
     Terminated when the goal is reached (d < 0.01 m and r_e < 0.15), unless `end_on_reached=False`; truncated after
-    100 steps, or when the simulation diverges (`info["impossible_reason"]` begins with "diverged"). The thesis says
-    both that an episode has 100 actions (section 3.4.5) and that it may end when the goal is reached (section 5.3);
-    the default is the latter.
+    100 steps, or when the simulation diverges (`info["impossible_reason"]` begins with "diverged"). In the
+    thesis an episode has 100 actions (section 3.4.5), or may end when the goal is reached (section 5.3); the default is
+    the latter.
 
     ## Info
     As in `kinreach/UR5SingleStep-v0`.

@@ -37,7 +37,7 @@ class GoalStreams(RowStreams):
 
 
 class CellGoals:
-    """Draws from any work cell; says so if it has no goals.
+    """Draws from any work cell; raises if it has no goals.
 
     Args:
         cell: The work cell.

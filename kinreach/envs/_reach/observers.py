@@ -183,7 +183,7 @@ class PixelObserver:
             rngs: Generators of the sensors' noise, k of them.
 
         Returns:
-            What `space` says by name, each with k rows.
+            The entries of `space` by name, each with k rows.
         """
         parts: dict[str, Any] = self.space.spaces
         seen = {name: np.empty((len(goals), *part.shape), part.dtype) for name, part in parts.items()}

@@ -13,9 +13,9 @@ A reward of your own is any callable of stacks of k steps:
     impossible  whether the action could not be executed, bool, shape (k,)
 
 It returns the reward, shape (k,), and its terms by name, each of shape (k,), which add up to it. A single environment
-calls it with k = 1 and a native batch with k = num_envs, so that it has to work on stacks. When a goal is reached is
-still what the arm's own reward says, unless the callable has a method `reached(distance, q, impossible)` that returns
-truth values, shape (k,).
+calls it with k = 1 and a native batch with k = num_envs, so that it has to work on stacks. The arm's own
+reward still decides when a goal is reached, unless the callable has a method `reached(distance, q, impossible)` that
+returns truth values, shape (k,).
 
 In a batch with tensors (`device=`) the arm's own reward is computed on the device, and yours on the host, in numpy.
 
@@ -68,7 +68,7 @@ class Score(NamedTuple):
 
 
 class Scorer(Protocol):
-    """A reward with everything that the environments say of a step."""
+    """A reward with everything that the environments report of a step."""
 
     def score(self, distance: Floats, q: Floats, impossible: Flags, *angle: Floats) -> Score:
         """Judge k steps; shapes, and what `angle` is, as the module describes."""
@@ -227,7 +227,7 @@ def scorer_of(reward: RewardFunction | None, default: Scorer) -> Scorer:
 
     Args:
         reward: The option.
-        default: Judges where nothing is given, and says what a function does not.
+        default: Used if no reward is given, and for what a function does not return.
 
     Raises:
         InputError: It needs directions, and the task has none.

@@ -57,7 +57,7 @@ NEAR_PI = 1e-9
 
 OBSERVATION_KINDS = ("camera", "geometric", "pixels")
 BACKENDS = ("mujoco", "kinematic", "warp")
-#: In what an observation says where the goal is: metres in the cameras' frames, or places in their pictures and depth.
+#: How an observation gives the goal: in metres in the cameras' frames, or as places in their pictures and depth.
 CAMERA, IMAGE = GOAL_FRAMES = ("camera", "image")
 #: Largest width and height of images [px]; graphics libraries have lower limits.
 LARGEST_PICTURE = 16384
@@ -112,7 +112,7 @@ class ReachOptions:
     goal_in: str = field(
         default=CAMERA,
         metadata=about(
-            'what each camera says of the goal: `"camera"` (x, y, z in its frame [m]) or `"image"` (u = x/z, '
+            'how each camera gives the goal: `"camera"` (x, y, z in its frame [m]) or `"image"` (u = x/z, '
             "v = y/z, both held within 2, and the depth z [m])",
             flag=None,
         ),
@@ -261,7 +261,7 @@ def layout_of(arm: ArmDescription, *, directed: bool = False) -> Layout:
 
     Args:
         arm: Which.
-        directed: Whether goals say where the tool is to point.
+        directed: Whether goals have a direction of the tool.
     """
     return Layout.of(3 * len(arm.goal_cameras) or 3, len(arm.joints), direction=3 if directed else 0)
 
@@ -428,7 +428,7 @@ class ReachTask:
         scorer: Judges the steps.
         layout: Where things are in an observation.
         gripper_opening: In which the arm reaches [m]; 0 without a gripper.
-        directed: Whether goals say where the tool is to point.
+        directed: Whether goals have a direction of the tool.
     """
 
     directed = False

@@ -66,8 +66,8 @@ class Executed:
     Attributes:
         impossible: Whether the target could not be taken, shape (count,).
         status: How each ended, a `Status`, shape (count,).
-        reasons: Why it was impossible, one phrase per arm (empty where possible); None where the world does not say.
-        durations: Simulated time [s], shape (count,); None where there is no simulation.
+        reasons: Why it was impossible, one phrase per arm (empty where possible); None if the world gives none.
+        durations: Simulated time [s], shape (count,); None without simulation.
     """
 
     impossible: Flags

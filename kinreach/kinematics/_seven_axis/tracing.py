@@ -8,7 +8,7 @@ values is found, too. From some of these postures the curves are followed all at
 1989), each up to the next such posture. What is then on no curve starts one more.
 
 A curve has a direction: that of the tangent t with det [J; t] > 0. So from every posture there is one way to go, and
-two that arrive at the same posture say that one has left its curve; it is followed again by shorter steps.
+if two arrive at the same posture, one has left its curve; it is followed again by shorter steps.
 """
 
 from __future__ import annotations

@@ -30,7 +30,7 @@ class Solver(Protocol):
                 q = ...  # anything that starts from `seed`
                 return IKResult.of(self.kin, goal, q, accept=accept)
 
-    `IKResult.of` computes the errors, checks limits and `accept`, and says whether `q` reaches the goal.
+    `IKResult.of` computes the errors, checks limits and `accept`, and sets whether `q` reaches the goal.
 
     Threads may share the solvers of kinreach.
     """
