@@ -215,7 +215,7 @@ def main(argv: Sequence[str] | None = None, *, prog: str = "kinreach") -> int:
 def _general(argv: Sequence[str], prog: str) -> int:
     """Print the version, the help, or an error that lists the subcommands."""
     parser = Parser(prog=prog, description="Analytic kinematics and learning, on the same reaching tasks.")
-    parser.add_argument("--version", action="store_true", help="show the version and exit")
+    parser.add_argument("-V", "--version", action="store_true", help="show the version and exit")
     commands = parser.add_subparsers(metavar="COMMAND")
     for name, command in COMMANDS.items():
         commands.add_parser(name, help=command.help)

@@ -10,8 +10,9 @@ import kinreach
 from kinreach import cli
 
 
-def test_version(capsys):
-    assert cli.main(["--version"]) == 0
+@pytest.mark.parametrize("flag", ["--version", "-V"])
+def test_version(flag, capsys):
+    assert cli.main([flag]) == 0
     assert capsys.readouterr().out == f"kinreach {kinreach.__version__}\n"
 
 
@@ -22,8 +23,8 @@ def test_without_arguments_it_prints_its_help(capsys):
         cli.main(["--help"])
     assert leaving.value.code == 0
     assert capsys.readouterr().out == bare
-    assert bare.startswith("usage: kinreach [-h] [--version] COMMAND ...")
-    assert all(re.search(rf"  {name}\s+{re.escape(command.help)}\n", bare) for name, command in cli.COMMANDS.items())
+    assert bare.startswith("usage: kinreach [-h] [-V] COMMAND ...")
+    assert all(re.search(rf"  {name} +{re.escape(command.help)}\n", bare) for name, command in cli.COMMANDS.items())
     assert "bench" not in cli.COMMANDS
 
 

@@ -32,7 +32,7 @@ from kinreach._checks import Floats, check_count
 from kinreach._files import replacing
 from kinreach._jobs import add_options
 from kinreach._plots._methods import METHOD_COLOURS
-from kinreach._plots._style import FAINT, key, label_ends, new_figure
+from kinreach._plots._style import FAINT, FONT_SIZE, key, label_ends, new_figure, text_colour
 from kinreach._statistics import bootstrap_intervals, mean
 from kinreach.baselines._adaptive_ppo import AdaptiveRate, Exploration
 from kinreach.baselines._algorithms import normal_scores
@@ -187,11 +187,14 @@ def draw(drawn: Mapping[tuple[str, str, int], Sequence[float]], file: Path) -> N
             middle, low, high = 100 * np.array(list(shown.values())).T
             axes.fill_between(list(shown), low, high, color=colour, alpha=0.15, linewidth=0)
             axes.plot(list(shown), middle, color=colour, marker="o", ms=4, lw=1.6)
-            ends[f"from {start}"] = (list(shown)[-1], middle[-1])
+            ends[start] = (list(shown)[-1], middle[-1])
         axes.set(xscale="log", ylim=(-3, 103), xlabel="episodes")
         key(axes, f"{kind} · balls reached [%]")
-        if axes is panels[-1]:
-            label_ends(axes, ends, colours)
+        if axes is panels[-1]:  # the policy's line lies on that of the known fault: its name stands under it
+            label_ends(axes, {f"from {NOTHING}": ends[NOTHING]}, colours)
+            place = {"xy": ends[SHIPPED], "xytext": (0, -8), "textcoords": "offset points", "ha": "right", "va": "top"}
+            colour = text_colour(colours[f"from {SHIPPED}"])
+            axes.annotate(f"from {SHIPPED}", color=colour, fontsize=FONT_SIZE, weight="bold", **place)
     with replacing(file) as temporary:
         figure.savefig(temporary, format="png")
 

@@ -1,5 +1,6 @@
 """Methods as users have them: objects, classes, functions, modules, files."""
 
+import importlib
 import textwrap
 from dataclasses import replace
 from importlib.resources import files
@@ -81,6 +82,28 @@ def test_a_module_of_the_working_directory(toy, tmp_path, monkeypatch):
         compare(toy, ["my_methods:other"])
     with pytest.raises(InputError, match="cannot import the method no_such_module"):
         compare(toy, ["no_such_module:thing"])
+
+
+def test_a_class_of_a_module_has_the_name_that_it_has_in_python(toy, tmp_path, monkeypatch):
+    (tmp_path / "my_named_methods.py").write_text(
+        textwrap.dedent("""
+        class Exact:
+            name = "the exact one"
+
+            def act(self, observation):
+                return observation
+
+
+        class Nameless(Exact):
+            name = property(lambda self: "known later")
+        """)
+    )
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.syspath_prepend(str(tmp_path))
+    exact = importlib.import_module("my_named_methods").Exact
+    given = (["my_named_methods:Exact"], [exact], ["my_named_methods:Nameless"])
+    names = [method["name"] for methods in given for method in compare(toy, methods, goals=1)["methods"]]
+    assert names == ["the exact one", "the exact one", "Nameless"]
 
 
 def test_colours_are_a_methods_own_or_chosen(toy):

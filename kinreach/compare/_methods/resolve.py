@@ -50,7 +50,7 @@ def resolve_methods(task: Task, given: Iterable[Any] | Mapping[str, Any]) -> dic
             raise InputError(f"methods must be a list of names and objects, got {shown(given)}")
         chosen = [given] if isinstance(given, str) else list(given)
         chosen = chosen or list(task.methods)
-        found = [(name, _method(task, value)) for name, value in zip(_names(chosen), chosen, strict=True)]
+        found = [(name, _method(task, value)) for name, value in zip(_names(task, chosen), chosen, strict=True)]
     for name, count in Counter(name for name, _ in found).items():
         if count > 1:
             raise InputError(f"method {name!r} is named twice")
@@ -94,9 +94,9 @@ def _label(name: object) -> str:
     return name
 
 
-def _names(given: Sequence[Any]) -> list[str]:
+def _names(task: Task, given: Sequence[Any]) -> list[str]:
     """Return names; files that would share one have that of their run's folder, else what the user typed."""
-    names = [_name(value) for value in given]
+    names = [_name(task, value) for value in given]
     for longer in (lambda file: run_name(Path(file)) or file, str):
         names = [
             longer(value) if names.count(name) > 1 and _is_file(value) else name
@@ -109,11 +109,14 @@ def _is_file(given: Any) -> bool:
     return isinstance(given, str) and given.partition("@")[0].endswith((SAFETENSORS, ZIP))
 
 
-def _name(given: Any) -> str:
+def _name(task: Task, given: Any) -> str:
     if isinstance(given, str):
         if _is_file(_label(given)):
             return Path(given.partition("@")[0]).stem
-        return given.rpartition(":")[2]
+        if ":" in given and given not in task.methods:
+            own = getattr(load_object("method", given), "name", None)
+            return _label(own) if isinstance(own, str) else given.rpartition(":")[2]
+        return given
     own = getattr(given, "name", None) or getattr(given, "__name__", None) or type(given).__name__
     return _label(own)
 
