@@ -19,15 +19,17 @@ returns truth values, shape (k,).
 
 In a batch with tensors (`device=`) the arm's own reward is computed on the device, and yours on the host, in numpy.
 
-In `kinreach/Reach-v0` both get a fourth argument, the angle between the tool and its wanted direction [rad], shape
-(k,).
+In `kinreach/Reach-v0` a function that takes a fourth argument gets the angle between the tool and its wanted direction
+[rad], shape (k,).
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+import inspect
+from collections.abc import Callable, Mapping
+from functools import partial
 from sys import float_info
-from typing import NamedTuple, Protocol
+from typing import Any, NamedTuple, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -165,13 +167,18 @@ class OwnReward:
 
     Args:
         function: As the module describes.
-        default: Says what the function does not: the posture error, and as a rule what is reached.
+        default: For what the function does not return: the posture error and, if it has no `reached`, what is reached.
+
+    Raises:
+        InputError: The function takes other arguments.
     """
 
     def __init__(self, function: RewardFunction, default: Scorer) -> None:
-        self._function = function
         self._default = default
-        self._reached = getattr(function, "reached", None)
+        directed = isinstance(default, DirectedReward)
+        self._function = _with_or_without_angle("reward", function, directed)
+        reached = getattr(function, "reached", None)
+        self._reached = None if reached is None else _with_or_without_angle("reached", reached, directed)
 
     def score(self, distance: Floats, q: Floats, impossible: Flags, *angle: Floats) -> Score:
         """Call the user's function.
@@ -245,6 +252,32 @@ def nothing(q: Floats) -> Floats:
     """Return zeros, shape (k,)."""
     zeros: Floats = like(q, np.zeros(len(q)))
     return zeros
+
+
+def _with_or_without_angle(name: str, function: Any, directed: bool) -> Callable[..., object]:
+    """Return a function that is called with the angle, whether or not the user's takes it."""
+    try:
+        signature = inspect.signature(function)
+    except ValueError:  # some functions of C have none
+        return function  # type: ignore[no-any-return]
+    if directed and _takes(signature, 4):
+        return function  # type: ignore[no-any-return]
+    if not _takes(signature, 3):
+        also = ", or these and angle" if directed else ""
+        raise InputError(f"{name} must take (distance, q, impossible){also}, got {signature}")
+    return partial(_without_angle, function)
+
+
+def _takes(signature: inspect.Signature, count: int) -> bool:
+    try:
+        signature.bind(*range(count))
+    except TypeError:
+        return False
+    return True
+
+
+def _without_angle(function: RewardFunction, distance: Floats, q: Floats, impossible: Flags, *angle: Floats) -> object:
+    return function(distance, q, impossible)
 
 
 def _column(name: str, value: object, count: int) -> Floats:

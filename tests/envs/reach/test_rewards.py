@@ -112,3 +112,26 @@ def test_a_reward_of_directions_needs_a_task_that_has_them():
     env = gym.make("kinreach/Reach-v0", backend="kinematic", reward=DirectedReward(0.01))
     env.reset(seed=0)
     assert "direction" in env.step(np.zeros(6))[4]["reward_terms"]
+
+
+@pytest.mark.parametrize("count", [None, 3])
+def test_a_reward_without_the_angle_serves_tasks_with_directions_too(count):
+    for reward in (own, OwnVerdict()):
+        options = {"backend": "kinematic", "reward": reward}
+        if count is None:
+            env = gym.make("kinreach/Reach-v0", **options)
+        else:
+            env = gym.make_vec("kinreach/Reach-v0", num_envs=count, vectorization_mode="vector_entry_point", **options)
+        env.reset(seed=0)
+        _, paid, *_, info = env.step(np.zeros(env.action_space.shape))
+        np.testing.assert_array_equal(info["reward_distance"], -np.asarray(info["distance"]))
+        np.testing.assert_allclose(sum(info["reward_terms"].values()), paid, rtol=0, atol=1e-15)
+
+
+def test_a_reward_that_takes_other_arguments_is_refused():
+    for wrong in (lambda distance, q: None, lambda d, q, i, angle: None):
+        with pytest.raises(InputError, match=r"reward must take \(distance, q, impossible\), got \("):
+            gym.make(SINGLE, backend="kinematic", reward=wrong)
+    with pytest.raises(InputError, match=r"must take \(distance, q, impossible\), or these and angle, got \(d, q\)"):
+        gym.make("kinreach/Reach-v0", backend="kinematic", reward=lambda d, q: None)
+    assert gym.make(SINGLE, backend="kinematic", reward=np.hypot)  # has no signature: it is called as it is
