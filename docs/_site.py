@@ -26,12 +26,14 @@ NUMBER = re.compile(r"^[-−+±<>≤≥~≈]?\s?(π|\d[\d\s.,eE:–/×x*^-]*(%|[
 WIDE = {"longer": 180, "long": 60}
 #: An interval after a number, as in `97 % [95, 99]`.
 INTERVAL = re.compile(r"\[[-−+\d][^\[\]]*\]")
+#: A space between groups of three digits, as in `76 800`.
+THOUSANDS = re.compile(r"(?<=\d) (?=\d{3}(?!\d))")
 
 
 def setup(app: Sphinx) -> dict[str, bool]:
     """Called by Sphinx."""
     app.add_html_math_renderer("mathml", inline_renderers=(_inline, None), block_renderers=(_block, None))
-    app.add_post_transform(NumbersInTables)
+    app.add_post_transform(Numbers)
     app.connect("autodoc-process-signature", _plain_signature)
     app.connect("autodoc-skip-member", _field_of_tuple)
     app.connect("autodoc-process-docstring", _comment_of_constant, priority=300)
@@ -135,14 +137,17 @@ def _links_of_notebooks(app: Sphinx, docname: str, source: list[str]) -> None:
         source[0] = re.sub(r"\[([^\]\n]+)\]\((?:\.\./(?!\.\./)[^)\n]*|figures)\)", r"\1", source[0])
 
 
-class NumbersInTables(SphinxPostTransform):
-    """Columns of numbers are right-aligned, intervals small and grey (`site.css`)."""
+class Numbers(SphinxPostTransform):
+    """Numbers do not break; columns of them are right-aligned, intervals small and grey (`site.css`)."""
 
     default_priority = 200
     formats = ("html",)
 
     def run(self, **kwargs: Any) -> None:
-        """Mark the cells of every table."""
+        """Join groups of digits, and mark the cells of every table."""
+        for text in list(self.document.findall(nodes.Text)):
+            if THOUSANDS.search(text) and not isinstance(text.parent, nodes.literal | nodes.literal_block):
+                text.parent.replace(text, nodes.Text(THOUSANDS.sub("\N{NO-BREAK SPACE}", text)))
         for table in self.document.findall(nodes.table):
             rows = [list(row.findall(nodes.entry)) for row in table.findall(nodes.row)]
             for column in zip(*rows, strict=False):
