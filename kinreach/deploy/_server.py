@@ -188,7 +188,7 @@ class SimulatedUR:
             self._inputs_in_use = {name: by for name, by in self._inputs_in_use.items() if by is not client}
 
     def watch(self, client: _Client, events: int) -> None:
-        """Say what a client's socket is waited for."""
+        """Set the events that a client's socket is polled for."""
         self._selector.modify(client.socket, events, client.handle)
 
     def claim(self, names: Sequence[str], client: _Client) -> list[str]:

@@ -61,8 +61,8 @@ class ButtonPressEnv(CopyableEnv):
     ## Observation Space
     `Box(19,), float64`, in the world frame (z up), in the report's order. Positions of the target stay within 0.6 m
     unless you set it elsewhere. The push state is 1 if the action that led here pressed, wherever that was. The
-    controls are not observed, as in the report: who needs them has to add up the own actions, or asks for them
-    (`controls=True`; they follow, -10 to 10). With `frames=n` the observations of the last n steps stand side by side,
+    controls are not observed, as in the report: add up your own actions if you need them, or set `controls=True`;
+    they follow, -10 to 10. With `frames=n` the observations of the last n steps stand side by side,
     the newest first; before the first step all are alike.
 
     | Num | Observation | Min | Max | Unit |

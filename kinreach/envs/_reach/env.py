@@ -269,7 +269,7 @@ class UR5SingleStepEnv(ReachEnv):
     names it). `info["reward_terms"]` has the terms `natural_arm`, `gripper_angle`, `distance` and `special`; their sum
     is the reward.
 
-    `reward=` takes the place of all that with a function of yours (`kinreach.envs._reach.rewards`).
+    `reward=` replaces all that by a function of yours (`kinreach.envs._reach.rewards`).
 
     ## Starting State
     The arm stands in [-pi/2, -pi/2, pi/2, -pi/2, -pi/2, 0] rad. The ball lies on the table, uniformly in
@@ -409,7 +409,7 @@ class SpaceReachEnv(ReachEnv):
     action is impossible. `info["reward_terms"]` has the terms `direction`, `distance` and `special`. No branch of the
     arm is preferred.
 
-    `reward=` takes the place of that with a function of yours, which is given the angle as well
+    `reward=` replaces it by a function of yours, which may take the angle as a fourth argument
     (`kinreach.envs._reach.rewards`).
 
     ## Starting State
