@@ -183,7 +183,7 @@ REACH_RECIPES = (
     replace(
         _MOVING_GRADIENT,
         name="random-arms",
-        summary="Arms with random errors, of which looks have said something: analytic gradient through the true arm.",
+        summary="Arms with random errors, with a summary of looks: analytic gradient through the true arm.",
         environment=RANDOM_ARM,
         options={},
         algorithm="RandomArmGradient",
