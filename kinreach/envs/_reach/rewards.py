@@ -254,14 +254,14 @@ def nothing(q: Floats) -> Floats:
     return zeros
 
 
-def _with_or_without_angle(name: str, function: Any, directed: bool) -> Callable[..., object]:
+def _with_or_without_angle(name: str, function: Callable[..., Any], directed: bool) -> Callable[..., Any]:
     """Return a function that is called with the angle, whether or not the user's takes it."""
     try:
         signature = inspect.signature(function)
     except ValueError:  # some functions of C have none
-        return function  # type: ignore[no-any-return]
+        return function
     if directed and _takes(signature, 4):
-        return function  # type: ignore[no-any-return]
+        return function
     if not _takes(signature, 3):
         also = ", or these and angle" if directed else ""
         raise InputError(f"{name} must take (distance, q, impossible){also}, got {signature}")
