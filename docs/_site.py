@@ -24,6 +24,8 @@ from sphinx.writers.html5 import HTML5Translator
 NUMBER = re.compile(r"^[-−+±<>≤≥~≈]?\s?(π|\d[\d\s.,eE:–/×x*^-]*(%|[a-zA-Zµ°²/³]{1,6})?\s?(\[.*\]|\(.*\)|±.*)?)$")
 #: Columns with a cell of so many characters stay wide on a phone, by the class of their cells.
 WIDE = {"longer": 180, "long": 60}
+#: Columns without a longer cell do not break, and may be narrow on a phone.
+SHORT = 14
 #: An interval after a number, as in `97 % [95, 99]`.
 INTERVAL = re.compile(r"\[[-−+\d][^\[\]]*\]")
 #: A space between groups of three digits, as in `76 800`.
@@ -152,12 +154,12 @@ class Numbers(SphinxPostTransform):
             rows = [list(row.findall(nodes.entry)) for row in table.findall(nodes.row)]
             for column in zip(*rows, strict=False):
                 texts = [cell.astext().strip() for cell in column[1:]]
-                if any(texts) and all(not text or text in "–—-" or NUMBER.match(text) for text in texts):
-                    for cell in column:
-                        cell["classes"].append("number")
+                number = any(texts) and all(not text or text in "–—-" or NUMBER.match(text) for text in texts)
                 longest = max(map(len, texts), default=0)
+                short = longest <= SHORT or (number and not any(map(INTERVAL.search, texts)))
+                classes = [name for name, least in WIDE.items() if longest >= least][:1]
                 for cell in column:
-                    cell["classes"] += [name for name, least in WIDE.items() if longest >= least][:1]
+                    cell["classes"] += ["number"] * number + ["short"] * short + classes
             for text in list(table.findall(nodes.Text)):
                 if INTERVAL.search(text) and not isinstance(text.parent, nodes.literal):
                     _mark_intervals(text)
