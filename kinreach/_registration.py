@@ -18,7 +18,7 @@ _REACH, _BUTTON = "kinreach.envs._reach", "kinreach.envs._button"
 SINGLE, MULTI, BUTTON = "kinreach/UR5SingleStep-v0", "kinreach/UR5MultiStep-v0", "kinreach/ButtonPress-v0"
 SPACE = "kinreach/Reach-v0"
 REAL_ARM, MOVING, OBSTACLES = "kinreach/RealArm-v0", "kinreach/Moving-v0", "kinreach/Obstacles-v0"
-RANDOM_ARM = "kinreach/RandomArm-v0"
+RANDOM_ARM, LIFT = "kinreach/RandomArm-v0", "kinreach/Lift-v0"
 #: Those of the reach tasks without dynamics, with numbers only in `info`: for clients that cannot pass
 #: `backend="kinematic"` on, or cannot read texts.
 SINGLE_KINEMATIC, MULTI_KINEMATIC = "kinreach/UR5SingleStepKinematic-v0", "kinreach/UR5MultiStepKinematic-v0"
@@ -32,6 +32,7 @@ ENVIRONMENTS = {
     SPACE: (f"{_REACH}.env:SpaceReachEnv", f"{_REACH}.vector_env:in_space"),
     BUTTON: (f"{_BUTTON}.env:ButtonPressEnv", f"{_BUTTON}.vector_env:ButtonPressVectorEnv"),
     MOVING: ("kinreach.envs._moving:MovingBallEnv", "kinreach.envs._moving:MovingVectorEnv"),
+    LIFT: ("kinreach.envs._lift.env:LiftEnv", "kinreach.envs._lift.env:LiftVectorEnv"),
 }
 #: Environment id -> the same, with `backend="kinematic"` and `info="numbers"`.
 KINEMATIC_ENVIRONMENTS = {SINGLE_KINEMATIC: _SINGLE, MULTI_KINEMATIC: _MULTI}

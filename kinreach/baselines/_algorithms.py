@@ -31,7 +31,7 @@ from stable_baselines3.common.buffers import RolloutBuffer
 from stable_baselines3.common.noise import NormalActionNoise, VectorizedActionNoise
 
 from kinreach._checks import check_known, shown
-from kinreach._registration import SPACE
+from kinreach._registration import LIFT, SPACE
 from kinreach.baselines._adaptive_ppo import AdaptivePPO, AdaptiveRate, Exploration
 from kinreach.baselines._batch import first_observations
 from kinreach.baselines._descent import AnalyticGradient, MovingGradient, RandomArmGradient
@@ -44,6 +44,7 @@ from kinreach.baselines._rewards import TrainingReward
 from kinreach.baselines._vec_envs import LooksVecEnv, SB3VecEnv, TriesVecEnv
 from kinreach.envs._button.episodes import ButtonOptions
 from kinreach.envs._button.task import CONTROL_LIMIT, JOINTS
+from kinreach.envs._lift.task import KIND_END, LiftTask
 from kinreach.envs._reach.space import SpaceTask
 from kinreach.envs._reach.task import CAMERA, ReachTask, action_range, layout_of
 from kinreach.errors import InputError
@@ -99,6 +100,8 @@ class RankedPPO(AdaptivePPO):
 
 #: Angular frequencies of the waves of normalised observations.
 WAVES = (0.5, 1.0, 2.0)
+#: Opening that a grasp begins with, as an action: 20 mm.
+FIRST_OPENING = -0.75
 #: Seed of the observations whose mean and spread scale the network's inputs.
 _SCALE_SEED = 1
 #: What the features `"button"` divide by: cosines and sines, two positions [m], joint velocities [rad/s], difference of
@@ -154,8 +157,11 @@ def ppo_arguments(recipe: Recipe, env: SB3VecEnv, planned: int) -> dict[str, Any
         policy["log_std_init"] = math.log(networks.std)
     if networks.posture:
         arm = _arm(recipe)
+        gain, shift = (1.0 / action_range(arm)[0]).tolist(), _action_to(arm, arm.home)
+        if recipe.environment == LIFT:
+            gain, shift = [*gain, max(gain)], [*shift, FIRST_OPENING]
         arguments["policy"] = PosturePolicy
-        policy["head"] = {"gain": (1.0 / action_range(arm)[0]).tolist(), "shift": _action_to(arm, arm.home)}
+        policy["head"] = {"gain": gain, "shift": shift}
     if "minibatches" in arguments:
         arguments["batch_size"] = recipe.num_envs * arguments["n_steps"] // arguments.pop("minibatches")
     return arguments
@@ -235,7 +241,7 @@ def _features(recipe: Recipe) -> dict[str, Any]:
         return {"mean": ARMS_MEAN, "scale": ARMS_SCALE, "waves": WAVES}
     observations = first_observations(recipe.environment, recipe.options, seed=_SCALE_SEED)
     if kind == "goal waves":
-        observations = observations[:, layout_of(_arm(recipe), directed=recipe.environment == SPACE).fixed]
+        observations = observations[:, _fixed(recipe)]
     scale = observations.std(axis=0)
     scale = np.where(scale < 1e-6, 1.0, scale)
     waves = WAVES if "waves" in kind else ()
@@ -261,9 +267,11 @@ def in_tries(batch: VectorEnv[Any, Any, Any], recipe: Recipe, reward: TrainingRe
         InputError: The environments are none for reaching, their goals are not in a box, or are observed in pictures.
     """
     task = getattr(batch.unwrapped, "task", None)
-    if not isinstance(task, ReachTask):
-        raise InputError(f"ranked PPO tries postures in an environment for reaching, not in {recipe.environment}")
-    if task.options.goal_in != CAMERA:
+    if not isinstance(task, ReachTask | LiftTask):
+        raise InputError(
+            f"ranked PPO tries postures in an environment for reaching or for grasping, not in {recipe.environment}"
+        )
+    if isinstance(task, ReachTask) and task.options.goal_in != CAMERA:
         raise InputError(f"{recipe.algorithm} takes goals in metres, not goal_in={task.options.goal_in!r}")
     tries: dict[str, Any] = {
         "tries": recipe.settings["tries"],
@@ -274,9 +282,16 @@ def in_tries(batch: VectorEnv[Any, Any, Any], recipe: Recipe, reward: TrainingRe
         "layout": task.layout,
         "arm": task.arm,
     }
-    if recipe.networks.features == "looks":
+    if recipe.networks.features == "looks" and isinstance(task, ReachTask):
         return LooksVecEnv(batch, looks=Looks(task, recipe.settings["looks"]), **tries)
     return TriesVecEnv(batch, **tries)
+
+
+def _fixed(recipe: Recipe) -> slice:
+    """Where observations have what stays the same during an episode."""
+    if recipe.environment == LIFT:
+        return slice(0, KIND_END)
+    return layout_of(_arm(recipe), directed=recipe.environment == SPACE).fixed
 
 
 def _arm(recipe: Recipe) -> ArmDescription:

@@ -17,8 +17,8 @@ GRIPPER = np.array(
 )
 
 
-def tool_down_postures(kinematics: URKinematics, goals: Floats) -> Floats:
-    """Return postures that reach goals with the gripper straight down, turned outwards as the goal is.
+def tool_down_postures(kinematics: URKinematics, goals: Floats, turns: Floats | float = 0.0) -> Floats:
+    """Return postures that reach goals with the gripper straight down, turned outwards as the goal is, and further.
 
     Of all there are, the one nearest to the start pose: over the table area they are of one branch, and change
     smoothly.
@@ -26,12 +26,13 @@ def tool_down_postures(kinematics: URKinematics, goals: Floats) -> Floats:
     Args:
         kinematics: From the world to the tip.
         goals: In the world [m], shape (n, 3).
+        turns: About the vertical, beside that outwards [rad], shape (n,).
 
     Returns:
         Joint angles [rad], shape (n, 6); NaN where there are none.
     """
     home = np.array(kinematics.arm.home)
-    outwards = np.arctan2(goals[:, 1], goals[:, 0])
+    outwards = np.arctan2(goals[:, 1], goals[:, 0]) + turns
     poses = np.tile(np.eye(4), (len(goals), 1, 1))
     poses[:, :2, :2] = np.cos(outwards)[:, None, None] * np.eye(2) + np.sin(outwards)[:, None, None] * _QUARTER_TURN
     poses[:, :3, :3] = poses[:, :3, :3] @ kinematics.fk(home)[:3, :3]

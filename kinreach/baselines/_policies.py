@@ -18,7 +18,7 @@ from gymnasium import spaces
 from numpy.typing import ArrayLike, NDArray
 
 from kinreach._checks import as_floats, check_entries, check_path, shown
-from kinreach._registration import BUTTON, MOVING, MULTI, MULTI_KINEMATIC, SINGLE, SPACE
+from kinreach._registration import BUTTON, LIFT, MOVING, MULTI, MULTI_KINEMATIC, SINGLE, SPACE
 from kinreach.baselines._eyes import picture_names
 from kinreach.baselines._policy_file import Network, PolicyCard, read_policy
 from kinreach.baselines._sb3_zip import read_zip
@@ -242,6 +242,7 @@ NEEDED: Mapping[str, tuple[str, ...]] = {
     **dict.fromkeys((SINGLE, MULTI), ("goal_in",)),
     SPACE: ("steps", "goal_height", "tilt", "start_spread", "goal_in"),
     MOVING: ("sights", "collisions"),
+    LIFT: ("steps",),
     BUTTON: ("controls", "frames"),
 }
 

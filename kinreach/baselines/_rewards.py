@@ -10,7 +10,8 @@ import numpy as np
 
 from kinreach._checks import check_known
 from kinreach._objects import load_object
-from kinreach.kinematics import Arm3Kinematics
+from kinreach.baselines._expert import tool_down_postures
+from kinreach.kinematics import Arm3Kinematics, URKinematics
 
 Array = np.ndarray[Any, Any]
 
@@ -23,6 +24,8 @@ FLOOR = -30.0
 #: The same of learners whose critics are functions of the action, for which such differences are harder still: of the
 #: environment's reward, and of the dense one.
 CRITIC_FLOOR, CRITIC_DENSE_FLOOR = -5.0, -20.0
+#: What it is worth that fingers close around an object, beside the dense reward.
+GRASPED = 5.0
 #: Distance below which the dense reward has nothing left to gain [m], and its weight of the posture error.
 DENSE_DISTANCE, DENSE_POSTURE, DENSE_IMPOSSIBLE = 1e-5, 5.0, -200.0
 
@@ -47,6 +50,32 @@ def dense(rewards: Array, info: Mapping[str, Any]) -> Array:
     return near + np.where(info["impossible"], DENSE_IMPOSSIBLE, 0.0)
 
 
+def grasp(rewards: Array, info: Mapping[str, Any]) -> Array:
+    """Return the dense reward, and `GRASPED` more where the fingers close around the object."""
+    return dense(rewards, info) + GRASPED * info["held"]
+
+
+def grasp_guided(rewards: Array, info: Mapping[str, Any]) -> Array:
+    """Return the reward of lifting in small steps, and in training what the closed form knows of the way there.
+
+    Away from the object the arm is to come to the posture above the grasp, over it to the grasp, in the grasp the
+    fingers are to close; a held object is to be high.
+
+    Args:
+        rewards: Of the environment, shape (n,).
+        info: Of the step, with its `observation`, shape (n, 18).
+    """
+    seen = info["observation"]
+    place, turn, size, q, opening = seen[:, :3], seen[:, 3], seen[:, 4], seen[:, 8:14], seen[:, 14]
+    low = tool_down_postures(_ur5(), place, turn)
+    high = tool_down_postures(_ur5(), np.add(place, (0.0, 0.0, ABOVE)), turn)
+    to_low, to_high = (np.nan_to_num(np.linalg.norm(q - end, axis=1), nan=FAR) for end in (low, high))
+    over = np.linalg.norm(seen[:, 15:17], axis=1) < OVER
+    to_close = CLOSING_WEIGHT * np.where(to_low < CLOSE, np.abs(opening - 2.0 * size), OPEN)
+    ahead = np.where(over, to_low + to_close, to_high + FAR)
+    return rewards - GUIDE_WEIGHT * np.where(info["held"], -1.0, ahead)
+
+
 def clipped(rewards: Array, info: Mapping[str, Any]) -> Array:
     """Return the environment's, not below `CRITIC_FLOOR`."""
     return np.maximum(rewards, CRITIC_FLOOR)
@@ -68,6 +97,18 @@ BRANCH_ORDER = (3, 0, 1, 2)
 #: first thing learned would be never to press. At the end it exceeds the environment's 1: with a discount of 5 % a
 #: step, pressing on the chance that the target is near already would else pay.
 FIRST_PENALTY, LAST_PENALTY = 0.05, 10.0
+
+
+#: Of lifting in small steps: how far above the object the arm comes first [m]; how near to the vertical line through it
+#: is over it [m], and how near to the grasp the fingers close [rad]; their opening before [m].
+ABOVE, OVER, CLOSE, OPEN = 0.06, 0.03, 0.1, 0.10
+#: Weights of what is left to close [1/m], and of all that is left; what is left where the arm is not over the object.
+CLOSING_WEIGHT, GUIDE_WEIGHT, FAR = 5.0, 0.1, 1.5
+
+
+@cache
+def _ur5() -> URKinematics:
+    return URKinematics("ur5", tip="tcp", base="world")
 
 
 @cache
@@ -115,6 +156,8 @@ REWARDS: Mapping[str, TrainingReward] = {
     "floored": floored,
     "clipped": clipped,
     "dense": dense,
+    "grasp": grasp,
+    "grasp-guided": grasp_guided,
     "dense-clipped": dense_clipped,
     "scaled": scaled,
     "guided": guided,

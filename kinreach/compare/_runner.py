@@ -241,7 +241,7 @@ def prepare(
         if description.name != task.arm or layout_of(description) != layout_of(get_arm(task.arm)):
             solvers = {name: method for name, method in task.methods.items() if method.kind == SOLVER}
             own = task.arm_methods.get(description.name, {})
-            task = replace(task, title=f"{description.title}: tip at the goal", methods={**solvers, **own})
+            task = replace(task, title=f"{description.title}: {task.arm_title}", methods={**solvers, **own})
     task = task.with_options(chosen)
     resolved = resolve_methods(task, methods)
     left_out: dict[str, str] = {}

@@ -90,6 +90,7 @@ class Task:
         figures: By name of the file.
         reached: The criterion in a few words.
         arm: Name of the arm that does it, where its environments take others; empty where they do not.
+        arm_title: What another arm does, for the heading after its own title.
         arm_methods: What other arms have beside the task's solvers: methods by the name of the arm.
         options: Of the environments; `compare` can override them.
         variants: Ids of the environments that policies from files may be for, by a short name; the first one is the
@@ -111,6 +112,7 @@ class Task:
     figures: Mapping[str, Draw] = field(default_factory=dict)
     reached: str = "the environment's own criterion"
     arm: str = ""
+    arm_title: str = "tip at the goal"
     arm_methods: Mapping[str, Mapping[str, Method]] = field(default_factory=dict)
     options: Mapping[str, Any] = field(default_factory=dict)
     variants: Mapping[str, str] = field(default_factory=dict)
@@ -143,6 +145,7 @@ _OWN = {
     "real-arm": "_real_arm",
     "moving": "_moving",
     "obstacles": "_obstacles",
+    "lift": "_lift",
 }
 
 

@@ -15,6 +15,7 @@ from kinreach._plots._methods import METHOD_COLOURS, method_name
 from kinreach._plots._style import INK
 from kinreach._statistics import number
 from kinreach.sim._engine import mujoco
+from kinreach.sim._free_objects import OBJECT
 from kinreach.sim._picture import CAMERA, Scene
 from kinreach.sim._scene import BALL
 
@@ -44,6 +45,7 @@ class Caption:
 
     Args:
         policy: Name of the method.
+        done: What is written where an episode ended at the goal.
 
     Attributes:
         goal: Of the episode, where the scene has no ball [m], shape (3,).
@@ -51,7 +53,8 @@ class Caption:
         reached: Whether it ended at the goal.
     """
 
-    def __init__(self, policy: str) -> None:
+    def __init__(self, policy: str, *, done: str = "reached") -> None:
+        self.done = done
         self.name = method_name(policy)
         self.colour = METHOD_COLOURS.get(self.name, INK)
         self.goal: Any = None
@@ -61,8 +64,8 @@ class Caption:
     def follow(self, scene: Scene) -> None:
         """Remember where tip and goal are in the frame that was just drawn."""
         model, data = scene.model, scene.data
-        ball = mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_BODY, BALL)
-        goal = self.goal if ball < 0 else data.mocap_pos[model.body_mocapid[ball]]
+        thing, ball = (mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_BODY, name) for name in (OBJECT, BALL))
+        goal = self.goal if ball < 0 else data.mocap_pos[model.body_mocapid[ball]] if thing < 0 else data.xpos[thing]
         if goal is None:
             self._moments.append(None)
             return

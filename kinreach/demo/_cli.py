@@ -49,7 +49,8 @@ def main(argv: Sequence[str], *, prog: str) -> int:
     mode = "rgb_array_list" if arguments.video else "human" if screen else None
     if mode is None:
         print("No screen here: nothing is drawn. --video FILE.gif or FILE.mp4 films it.", file=sys.stderr)
-    caption = Caption("closed-form" if arguments.policy == "analytic" and task.solvers else arguments.policy)
+    scripted = arguments.policy == "analytic" and (task.solvers or "closed-form" in task.methods)
+    caption = Caption("closed-form" if scripted else arguments.policy, done=task.done)
     env = _make(task, mode, arguments.options | options_for(arguments.policy, task.name), caption)
     try:
         policy = make_policy(arguments.policy, task, env, seed=arguments.seed)
@@ -151,7 +152,7 @@ class _Watched(gym.Wrapper[Any, Any, Any, Any]):
             film.add(caption.write(frame, moment))
         if over:
             caption.reached = bool(info["is_success"])
-            caption.verdict = "reached" if caption.reached else "impossible" if info.get("impossible") else "missed"
+            caption.verdict = caption.done if caption.reached else "impossible" if info.get("impossible") else "missed"
             for _ in range(HOLD):
                 film.add(caption.write(frames[-1], moments[-1]))
 

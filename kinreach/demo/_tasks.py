@@ -9,8 +9,9 @@ from typing import Any
 
 import gymnasium as gym
 
-from kinreach._registration import BUTTON, MOVING, MULTI, OBSTACLES, REAL_ARM, SINGLE, SPACE
+from kinreach._registration import BUTTON, LIFT, MOVING, MULTI, OBSTACLES, REAL_ARM, SINGLE, SPACE
 from kinreach.baselines._button_controller import AnalyticButtonPolicy
+from kinreach.baselines._grasp_policy import GraspPolicy
 from kinreach.baselines._loop import Policy, RandomPolicy, as_policy
 from kinreach.baselines._policies import LearnedPolicy, load_policy, needed_options, pretrained_names, trained_arm
 from kinreach.baselines._solver_policy import SolverPolicy
@@ -39,6 +40,7 @@ class DemoTask:
         comparison: The task of `kinreach.compare` in it, whose options it has and whose methods can act; or none.
         drawn: Whether the environment draws itself.
         fps: Frames per second of a film, in the time of the simulation.
+        done: What a film says of success.
     """
 
     name: str
@@ -50,6 +52,7 @@ class DemoTask:
     comparison: str = ""
     drawn: bool = True
     fps: int = FILM_FPS
+    done: str = "reached"
 
     @property
     def settings(self) -> Mapping[str, Any]:
@@ -95,6 +98,13 @@ TASKS: Mapping[str, DemoTask] = {
     "real-arm": _compared(REAL_ARM, "real-arm", policy="identified", steps=6),
     "moving": _compared(MOVING, "moving", policy="interception", steps=200, fps=30),
     "obstacles": _compared(OBSTACLES, "obstacles", policy="path", steps=20),
+    "lift": DemoTask(
+        LIFT,
+        lambda env: GraspPolicy(new_solver("closed-form", env.get_wrapper_attr("kinematics")), env),
+        steps=5,
+        comparison="lift",
+        done="lifted",
+    ),
     # By default this is the test that the course report describes.
     "button": DemoTask(
         BUTTON,

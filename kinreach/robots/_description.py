@@ -308,6 +308,27 @@ class ArmDescription:
             cameras=tuple(camera for camera in self.cameras if camera.link in {WORLD, *links}),
         )
 
+    def with_gripper(self) -> ArmDescription:
+        """Return the same arm with the parallel gripper of the thesis on its flange, whose tip is `"tcp"`.
+
+        Raises:
+            InputError: It has a gripper already, or no tip `tool0`.
+        """
+        if self.gripper is not None:
+            raise InputError(f"arm {self.name!r} has a gripper already")
+        check_known(f"tip of arm {self.name!r} that can carry a gripper", FLANGE, self.tips)
+        robot, flange = parse_urdf(self.urdf), self.tips[FLANGE]
+        prune(robot, links=("tcp",))
+        add_parallel_gripper(robot, flange)
+        return replace(
+            self,
+            title=f"{self.title} with parallel gripper",
+            build_urdf=partial(str, ET.tostring(robot, encoding="unicode")),
+            tips={**self.tips, "tcp": "tcp"},
+            default_tip="tcp",
+            gripper=PARALLEL_GRIPPER,
+        )
+
     def calibrated(self, file: str | Path, *, model: str | None = None, repair: bool = False) -> ArmDescription:
         """Return the same arm with its joints where its factory calibration has them.
 

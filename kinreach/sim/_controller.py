@@ -66,7 +66,7 @@ class MoveResult:
         q: Posture in which the arm ended [rad], shape (n,).
         error: Largest distance of a joint from the target [rad].
         touches: What is in contact in that posture, deepest first; where the target was reached, touches so slight that
-            they are none.
+            they are none, and free objects.
     """
 
     status: MoveStatus
@@ -88,7 +88,7 @@ class Touch:
 
     Attributes:
         link: A link of the arm.
-        other: An obstacle of the work cell, or another link.
+        other: An obstacle of the work cell, a free object, or another link.
         with_itself: Whether `other` is a link.
         depth: How far the two are inside each other [m].
     """
@@ -105,26 +105,33 @@ class Touch:
 
 
 def touches(model: Any, data: Any, obstacles: Collection[str]) -> tuple[Touch, ...]:
-    """Return bodies in contact in the last computed step, deepest first, each pair once.
+    """Return the links in contact in the last computed step, deepest first, each pair once.
 
     Args:
         model: The scene.
         data: Its state; contacts are read, not computed.
-        obstacles: Names of the bodies that are not links.
+        obstacles: Names of the bodies that are not links, free objects among them.
     """
-    if data.ncon == 0:
-        return ()  # making MuJoCo's list of contacts, even of none, takes longer than a step
-    between: dict[tuple[int, int], float] = {}
-    bodies = model.geom_bodyid[data.contact.geom].tolist()
-    for (first, second), distance in zip(bodies, data.contact.dist.tolist(), strict=True):
-        between[first, second] = max(between.get((first, second), 0.0), -distance)
     deepest: dict[tuple[str, str], float] = {}
-    for (first, second), depth in between.items():
+    for (first, second), depth in pairs_in_contact(model, data).items():
         a, b = model.body(first).name, model.body(second).name
+        if a in obstacles and b in obstacles:  # an object that lies on the table
+            continue
         pair = (b, a) if a in obstacles else (a, b)
         deepest[pair] = max(deepest.get(pair, 0.0), depth)
     found = [Touch(link, other, other not in obstacles, depth) for (link, other), depth in deepest.items()]
     return tuple(sorted(found, key=lambda touch: -touch.depth))
+
+
+def pairs_in_contact(model: Any, data: Any) -> dict[tuple[int, int], float]:
+    """Return the ids of bodies in contact in the last computed step, and how deep they are in each other [m]."""
+    if data.ncon == 0:
+        return {}  # making MuJoCo's list of contacts, even of none, takes longer than a step
+    between: dict[tuple[int, int], float] = {}
+    bodies = model.geom_bodyid[data.contact.geom].tolist()
+    for (first, second), distance in zip(bodies, data.contact.dist.tolist(), strict=True):
+        between[first, second] = max(between.get((first, second), 0.0), -distance)
+    return between
 
 
 class JointController:
@@ -150,6 +157,7 @@ class JointController:
         lower, upper: Joint limits [rad], shape (n,).
         qpos, ctrl: Where the arm's joints are in MuJoCo's `qpos` and `ctrl`.
         obstacles: Names of the bodies that are not links.
+        objects: Those of them that are free objects. One that is held, or pushed, makes no target impossible.
     """
 
     def __init__(
@@ -162,7 +170,9 @@ class JointController:
         self.qpos = as_index([joint.qposadr[0] for joint in joints])
         self.lower, self.upper = np.array([joint.range for joint in joints]).T
         self.ctrl = as_index([model.actuator(name).id for name in arm.joints])
-        self.obstacles = frozenset(box.name for box in arm.workcell.obstacles)
+        free = np.flatnonzero(model.jnt_type == mujoco.mjtJoint.mjJNT_FREE)
+        self.objects = frozenset(model.body(model.jnt_bodyid[joint]).name for joint in free)
+        self.obstacles = frozenset(box.name for box in arm.workcell.obstacles) | self.objects
         dof = as_index([joint.dofadr[0] for joint in joints])
         self._following = Following(self.qpos, dof, self.ctrl, tolerance, model.opt.timestep, encoder_noise)
         self._planner = SetpointPlanner(
@@ -214,8 +224,8 @@ class JointController:
             ends[lost] = DIVERGED
         durations = plant.time[ids] - began
         return [
-            self._result(state, target, int(end), float(duration))
-            for state, target, end, duration in zip(plant.qpos[ids], targets, ends, durations, strict=True)
+            self._result(self._touches(plant, index), plant.qpos[index], target, int(end), float(duration))
+            for index, target, end, duration in zip(ids, targets, ends, durations, strict=True)
         ]
 
     def _follow(self, plant: Plant, ids: Ids, targets: Floats, *, two_phase: bool) -> NDArray[np.int8]:
@@ -225,31 +235,37 @@ class JointController:
             points.insert(1, np.where(self._last, points[0], targets))
         return self._following.run(plant, ids, self._planner.plan(state, points))
 
-    def _result(self, state: Floats, target: Floats, end: int, duration: float) -> MoveResult:
+    def _result(self, found: tuple[Touch, ...], state: Floats, target: Floats, end: int, duration: float) -> MoveResult:
         q = state[self.qpos].copy()
         error = np.abs(q - target)
-        found = self._touches(state)
+        against = next((touch for touch in found if touch.other not in self.objects), None)
         if end == DIVERGED:
             status, reason = MoveStatus.DIVERGED, "diverged: the simulation became unstable"
         elif end == MOVING:
             outside = ", ".join(self.joints_outside_limits(target))
             status, reason = MoveStatus.OUT_OF_LIMITS, f"out of limits: {outside}"
-        elif end == ARRIVED and (not found or found[0].depth <= PRESSED):
+        elif end == ARRIVED and (against is None or against.depth <= PRESSED):
             status, reason = MoveStatus.REACHED, ""
         elif found:
-            status = MoveStatus.COLLISION if found[0].with_itself else MoveStatus.BLOCKED
-            reason = str(found[0]) if found[0].with_itself else f"blocked: {found[0]}"
+            cause = against or found[0]
+            status = MoveStatus.COLLISION if cause.with_itself else MoveStatus.BLOCKED
+            reason = str(cause) if cause.with_itself else f"blocked: {cause}"
         else:
             status = MoveStatus.TIMEOUT if end == LATE else MoveStatus.BLOCKED
             reason = f"{status.value}: {self.arm.joints[int(error.argmax())]} does not arrive, nothing touches"
         return MoveResult(status, reason, duration, q, float(error.max()), found)
 
-    def _touches(self, state: Floats) -> tuple[Touch, ...]:
-        """What touches what in a posture of everything, `qpos`."""
+    def _touches(self, plant: Plant, index: int) -> tuple[Touch, ...]:
+        """What touches what in a simulation's posture of everything, `qpos`."""
+        model = plant.model_of(index)
+        return touches(model, self.posed(model, plant.qpos[index]), self.obstacles)
+
+    def posed(self, model: Any, state: Floats) -> Any:
+        """Return a `mujoco.MjData` with the poses and contacts of a posture of everything; valid until the next."""
         self._scratch.qpos[:] = state
-        mujoco.mj_kinematics(self.model, self._scratch)
-        mujoco.mj_collision(self.model, self._scratch)
-        return touches(self.model, self._scratch, self.obstacles)
+        mujoco.mj_kinematics(model, self._scratch)
+        mujoco.mj_collision(model, self._scratch)
+        return self._scratch
 
 
 def as_index(addresses: Sequence[int]) -> slice | NDArray[np.intp]:

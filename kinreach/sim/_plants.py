@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from copy import copy
 from typing import Any, Protocol
 
 import numpy as np
@@ -61,6 +62,10 @@ class Plant(Protocol):
         """Return which were found unstable since they were last reset or put back, shape (k,)."""
         ...
 
+    def model_of(self, index: int) -> Any:
+        """Return the model (`mujoco.MjModel`) of one, to read; valid until the next call."""
+        ...
+
     def follow(self, ids: Ids, servos: Any, setpoints: Floats, substeps: int) -> None:
         """Simulate some forward while their servos get one setpoint after the other.
 
@@ -116,6 +121,19 @@ class SinglePlant:
         """Return whether the simulation was unstable; see `Plant.diverged`."""
         return np.array([any(self.data.warning[kind].number for kind in _UNSTABLE)])
 
+    def model_of(self, index: int) -> Any:
+        """Return the model; see `Plant.model_of`."""
+        return self.model
+
+    def own(self, name: str) -> NDArray[Any]:
+        """Return a field of the model, live, with a row for the simulation; the model must be its own."""
+        field: NDArray[Any] = getattr(self.model, name)
+        return field[None]
+
+    def update(self, ids: Ids) -> None:
+        """Compute what follows from the fields of the model that were written."""
+        mujoco.mj_setConst(self.model, mujoco.MjData(self.model))
+
     def follow(self, ids: Ids, servos: Any, setpoints: Floats, substeps: int) -> None:
         """Simulate forward; see `Plant.follow`."""
         for setpoint in setpoints[:, 0]:
@@ -138,6 +156,8 @@ class BatchPlant:
         self.batch = batch
         self.mocap: Floats = batch.bind("mocap_pos")
         self._home = model.key("home").id
+        self._fields: dict[str, NDArray[Any]] = {}
+        self._one: Any = None
         self.qpos: Floats = batch.bind("qpos")
         self.qvel: Floats = batch.bind("qvel")
         self.ctrl: Floats = batch.bind("ctrl")
@@ -172,6 +192,26 @@ class BatchPlant:
         """Return which simulations were unstable; see `Plant.diverged`."""
         unstable: NDArray[np.bool_] = self.batch.warning[ids][:, _UNSTABLE, _NUMBER].any(axis=1)
         return unstable
+
+    def model_of(self, index: int) -> Any:
+        """Return the model of one; see `Plant.model_of`."""
+        if not self._fields:
+            return self.model
+        if self._one is None:
+            self._one = copy(self.model)
+        for name, rows in self._fields.items():
+            getattr(self._one, name)[:] = rows[index]
+        return self._one
+
+    def own(self, name: str) -> NDArray[Any]:
+        """Return a field of the model, live, with a row for each simulation; from now on each has its own."""
+        if name not in self._fields:
+            self._fields[name] = self.batch.expand(name)
+        return self._fields[name]
+
+    def update(self, ids: Ids) -> None:
+        """Compute what follows from the fields of the models that were written."""
+        self.batch.set_const(ids)
 
     def follow(self, ids: Ids, servos: Any, setpoints: Floats, substeps: int) -> None:
         """Simulate forward, in one call; see `Plant.follow`."""

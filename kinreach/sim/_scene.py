@@ -8,7 +8,7 @@ with gravity compensation, as in the controller of a real UR5; without it should
 from __future__ import annotations
 
 import xml.etree.ElementTree as ET
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from functools import lru_cache
 from typing import Any
@@ -22,6 +22,7 @@ from kinreach.robots import ArmDescription
 from kinreach.robots._meshes import collision_mesh
 from kinreach.robots._urdf import without_shapes
 from kinreach.sim._engine import mujoco
+from kinreach.sim._free_objects import add_free_objects
 from kinreach.sim._imperfections import IDEAL, Imperfections
 from kinreach.sim._visuals import DRAWN_ONLY, HIDDEN_GROUP, add_camera, add_visual_meshes, add_visuals
 
@@ -43,7 +44,12 @@ GRIPPER_ARMATURE = 0.1
 
 
 def build_scene(
-    arm: ArmDescription, *, timestep: float = TIMESTEP, visual: bool = True, imperfections: Imperfections = IDEAL
+    arm: ArmDescription,
+    *,
+    timestep: float = TIMESTEP,
+    visual: bool = True,
+    imperfections: Imperfections = IDEAL,
+    objects: int = 0,
 ) -> Any:
     """Return the scene of an arm, ready to compile or to edit further.
 
@@ -54,6 +60,7 @@ def build_scene(
             of it has mass or contact: the physics is the same, to the bit. Without, links are drawn by their collision
             shapes and frames come faster.
         imperfections: Of the arm; friction, damping and payload are in the scene.
+        objects: Number of free objects (`kinreach.sim._free_objects`); with one, the ball that marks a goal is hidden.
 
     Returns:
         A `mujoco.MjSpec`.
@@ -71,7 +78,7 @@ def build_scene(
         _drive_joints(spec, arm)
         _drive_gripper(spec, arm)
         _spoil(spec, arm, imperfections)
-        _add_workcell(spec, arm)
+        _add_workcell(spec, arm, marker=objects == 0)
         _exclude_out_of_reach(spec, arm)
         for frame in arm.tips.values():
             spec.body(frame).add_site(name=frame, group=HIDDEN_GROUP)
@@ -80,6 +87,7 @@ def build_scene(
         if visual:
             add_visual_meshes(spec, arm)
         add_visuals(spec, arm.workcell.obstacles, visual=visual)
+        add_free_objects(spec, objects, spec.body(BALL).pos)
         _add_home(spec, arm)
     return spec
 
@@ -102,14 +110,20 @@ def _refusals_of(arm: ArmDescription) -> Iterator[None]:
 
 @lru_cache(maxsize=16)
 def scene_model(
-    arm: ArmDescription, *, timestep: float = TIMESTEP, visual: bool = True, imperfections: Imperfections = IDEAL
+    arm: ArmDescription,
+    *,
+    timestep: float = TIMESTEP,
+    visual: bool = True,
+    imperfections: Imperfections = IDEAL,
+    objects: int = 0,
 ) -> Any:
     """Return the compiled scene (`mujoco.MjModel`), shared: do not change it.
 
     Arguments and errors are those of `build_scene`. To vary a model, compile your own.
     """
     with _refusals_of(arm):
-        return build_scene(arm, timestep=timestep, visual=visual, imperfections=imperfections).compile()
+        spec = build_scene(arm, timestep=timestep, visual=visual, imperfections=imperfections, objects=objects)
+        return spec.compile()
 
 
 def _import_urdf(arm: ArmDescription) -> Any:
@@ -172,7 +186,7 @@ def _spoil(spec: Any, arm: ArmDescription, imperfections: Imperfections) -> None
         )
 
 
-def _add_workcell(spec: Any, arm: ArmDescription) -> None:
+def _add_workcell(spec: Any, arm: ArmDescription, *, marker: bool) -> None:
     cell = arm.workcell
     for box in cell.obstacles:
         # A body each, so that a link that stands on one obstacle can be excused from touching just that one.
@@ -191,7 +205,7 @@ def _add_workcell(spec: Any, arm: ArmDescription) -> None:
         type=mujoco.mjtGeom.mjGEOM_SPHERE,
         size=[cell.ball_radius, 0, 0],
         rgba=BALL_COLOUR,
-        group=BALL_GROUP,
+        group=BALL_GROUP if marker else HIDDEN_GROUP,
         contype=0,
         conaffinity=0,
     )
@@ -227,6 +241,13 @@ def _add_home(spec: Any, arm: ArmDescription) -> None:
     position = {**dict(zip(arm.joints, arm.home, strict=True)), **arm.locked_joints}
     spec.add_key(
         name="home",
-        qpos=[position[joint.name] for joint in spec.joints],
+        qpos=[number for joint in spec.joints for number in _at_home(joint, position)],
         ctrl=[position[actuator.target] for actuator in spec.actuators],
     )
+
+
+def _at_home(joint: Any, position: Mapping[str, float]) -> Sequence[float]:
+    """The numbers of a joint in the start posture; a free object's are its place and an upright quaternion."""
+    if joint.type == mujoco.mjtJoint.mjJNT_FREE:
+        return (*joint.parent.pos, 1.0, 0.0, 0.0, 0.0)
+    return (position[joint.name],)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import importlib
 from collections.abc import Callable, Mapping
+from copy import copy
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -25,6 +26,7 @@ from kinreach.errors import InputError, raise_unknown
 from kinreach.robots import ArmDescription, get_arm
 from kinreach.sim._controller import TOLERANCE, JointController, MoveResult, Touch, touches
 from kinreach.sim._engine import mujoco
+from kinreach.sim._free_objects import OBJECTS
 from kinreach.sim._imperfections import Imperfections, as_imperfections, in_scene
 from kinreach.sim._plants import BatchPlant, Ids, SinglePlant, rows_and_columns
 from kinreach.sim._scene import BALL, TIMESTEP, check_timestep, scene_model
@@ -49,10 +51,11 @@ class ArmSimulation:
         visual: Make it look good, see `build_scene`; costs about 1 s on first use and changes no motion.
         tolerance: How far from its target a joint may come to rest [rad].
         imperfections: Of the arm, as `Imperfections` or by name, such as `{"payload": 0.5}`; an ideal arm by default.
+        objects: Number of free objects, up to two; `kinreach.sim._grasping` puts them somewhere and grasps them.
 
     Attributes:
         arm: The description.
-        model: MuJoCo's model, shared between simulations of the same scene: do not change it.
+        model: MuJoCo's model; without objects shared between simulations of the same scene: do not change it.
         data: MuJoCo's state.
         controller: Executes moves.
 
@@ -69,11 +72,14 @@ class ArmSimulation:
         visual: bool = False,
         tolerance: float = TOLERANCE,
         imperfections: Imperfections | Mapping[str, float] | None = None,
+        objects: int = 0,
     ) -> None:
         self.arm = get_arm(arm)
         check_timestep(timestep)
+        check_count("objects", objects, least=0, most=len(OBJECTS))
         flaws = as_imperfections(imperfections)
-        self.model: Any = scene_model(self.arm, timestep=timestep, visual=visual, imperfections=in_scene(flaws))
+        scene = scene_model(self.arm, timestep=timestep, visual=visual, imperfections=in_scene(flaws), objects=objects)
+        self.model: Any = copy(scene) if objects else scene
         self.data: Any = mujoco.MjData(self.model)
         self.controller = JointController(self.arm, self.model, tolerance=tolerance, encoder_noise=flaws.encoder_noise)
         self._plant = SinglePlant(self.model, self.data)
@@ -191,6 +197,7 @@ class BatchSimulation:
         imperfections: Of the arm, as `Imperfections` or by name, such as `{"payload": 0.5}`; an ideal arm by default.
         backend: `"mujoco"`, or `"warp"`.
         device: Of Warp, such as `"cuda:0"` or `"cpu"`; a GPU where there is one if None.
+        objects: As of `ArmSimulation`; not with Warp.
 
     Attributes:
         arm: The description.
@@ -216,8 +223,10 @@ class BatchSimulation:
         imperfections: Imperfections | Mapping[str, float] | None = None,
         backend: str = MUJOCO,
         device: str | None = None,
+        objects: int = 0,
     ) -> None:
         check_known("backend", backend, (MUJOCO, WARP))
+        check_count("objects", objects, least=0, most=len(OBJECTS) if backend == MUJOCO else 0)
         if device is not None and backend != WARP:
             raise InputError(f"device is for backend={WARP!r}; {backend!r} runs on the processor, got {shown(device)}")
         count, threads = (
@@ -228,7 +237,9 @@ class BatchSimulation:
         self.arm = get_arm(arm)
         self.count = count
         flaws = as_imperfections(imperfections)
-        self.model: Any = scene_model(self.arm, timestep=timestep, visual=False, imperfections=in_scene(flaws))
+        self.model: Any = scene_model(
+            self.arm, timestep=timestep, visual=False, imperfections=in_scene(flaws), objects=objects
+        )
         self.batch: Any = None
         self._plant: BatchPlant | WarpPlant
         if backend == WARP:

@@ -105,6 +105,10 @@ class WarpPlant:
         """Return which simulations were unstable; see `Plant.diverged`."""
         return self._diverged[ids]
 
+    def model_of(self, index: int) -> Any:
+        """Return the model; see `Plant.model_of`."""
+        return self.model
+
     def follow(self, ids: Ids, servos: Any, setpoints: Floats, substeps: int) -> None:
         """Simulate forward; see `Plant.follow`."""
         data, rows = self._data, rows_and_columns(ids, servos)

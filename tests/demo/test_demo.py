@@ -212,7 +212,7 @@ def test_methods_of_a_comparison_act(capsys):
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
-        (["--env", "chess"], "button, moving, multi, real-arm, single, space"),
+        (["--env", "chess"], "button, lift, moving, multi, obstacles, real-arm, single, space"),
         (["--env", "button", "--actuation", "magic"], "report, tuned"),
         (["--policy", "wisdom"], "closed-form, lm, panda-single, pixels-single, placo, ppo-single, qp, random"),
         (["--policy", "space-single"], "unknown policy for kinreach/UR5SingleStep-v0"),

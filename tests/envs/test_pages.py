@@ -14,6 +14,7 @@ PAGES = {
     "obstacles": ["kinreach/Obstacles-v0"],
     "reach": ["kinreach/UR5SingleStep-v0", "kinreach/UR5MultiStep-v0", "kinreach/Reach-v0"],
     "real_arm": ["kinreach/RealArm-v0"],
+    "lift": ["kinreach/Lift-v0"],
 }
 
 

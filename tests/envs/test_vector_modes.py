@@ -23,6 +23,7 @@ OTHERS = {
     "space": ("kinreach/Reach-v0", {"backend": "kinematic", "tilt": 30.0}),
     "moving": ("kinreach/Moving-v0", {}),
     "random arm": ("kinreach/RandomArm-v0", {}),
+    "lift": ("kinreach/Lift-v0", {"attempts": 2}),
 }
 COUNT = 3
 

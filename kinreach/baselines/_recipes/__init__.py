@@ -13,13 +13,14 @@ from kinreach._checks import check_known, shown
 from kinreach._objects import load_object
 from kinreach.baselines._recipes.base import Networks, Recipe
 from kinreach.baselines._recipes.button import BUTTON_RECIPES
+from kinreach.baselines._recipes.lift import LIFT_RECIPES
 from kinreach.baselines._recipes.reach import REACH_RECIPES
 from kinreach.errors import InputError
 
 __all__ = ["RECIPES", "Networks", "Recipe", "get_recipe", "register_recipe"]
 
 #: Recipes by name.
-RECIPES: dict[str, Recipe] = {recipe.name: recipe for recipe in (*REACH_RECIPES, *BUTTON_RECIPES)}
+RECIPES: dict[str, Recipe] = {recipe.name: recipe for recipe in (*REACH_RECIPES, *BUTTON_RECIPES, *LIFT_RECIPES)}
 
 
 def register_recipe(recipe: Recipe) -> Recipe:

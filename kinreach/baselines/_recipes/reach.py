@@ -23,7 +23,7 @@ _THESIS_PPO2 = {
     "max_grad_norm": 0.5,
 }
 _GOAL_WAVES = Networks(activation="silu", features="goal waves", posture=True)
-_RANKED = {
+RANKED = {
     "tries": 8,
     "n_steps": 1,
     "n_epochs": 2,
@@ -39,7 +39,7 @@ _RANKED = {
 
 #: A look is the costly part: 32 tries for each, and a batch of 16 looks at a time.
 _LOOKS = {
-    **_RANKED,
+    **RANKED,
     "looks": 600,
     "tries": 32,
     "minibatches": 1,
@@ -121,7 +121,7 @@ _SINGLE = Recipe(
     blur=5e-4,
     margin=0.02,
     networks=_GOAL_WAVES,
-    settings=_RANKED,
+    settings=RANKED,
     window=20_480,
     options={"backend": "kinematic"},
 )

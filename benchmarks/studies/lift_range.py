@@ -1,0 +1,142 @@
+"""Which objects are lifted: by default, and over the range of shapes, sizes, masses and frictions.
+
+    python -m benchmarks.studies.lift_range [closed-form placo POLICY.safetensors ...] [--objects 1000] [--seed 100]
+        [--arm ur5e] [--figure docs/images/lift_range.png]
+
+One attempt an object, under dynamics, in native batches. The range: balls, cubes and cylinders, 15 to 35 mm, 20 to 300
+g, friction 0.3 to 1.5. The figure shows the shares by mass and friction, and by shape and size.
+"""
+
+from __future__ import annotations
+
+import argparse
+import time
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import gymnasium as gym
+import numpy as np
+
+from benchmarks.studies.tables import head, line, share
+from kinreach._checks import check_count
+from kinreach._files import replacing
+from kinreach._plots._style import INK, new_figure
+from kinreach._registration import LIFT
+from kinreach.baselines._grasp_policy import GraspPolicy
+from kinreach.baselines._policies import load_policy
+from kinreach.cli import Parser, finish
+from kinreach.kinematics._solvers import SOLVERS, new_solver
+
+PROG = "python -m benchmarks.studies.lift_range"
+RANGE = {
+    "shapes": ("ball", "cube", "cylinder"),
+    "sizes": (0.015, 0.035),
+    "masses": (0.02, 0.3),
+    "frictions": (0.3, 1.5),
+}
+WORLDS: dict[str, dict[str, Any]] = {"default": {}, "range": RANGE, "clutter": {**RANGE, "clutter": True}}
+#: Environments in step; parts of the figure's axes.
+BATCH, PARTS = 100, 5
+
+
+def played(name: str, options: dict[str, Any], objects: int, seed: int, threads: int) -> tuple[dict[str, Any], float]:
+    """Play one attempt at each object; return arrays by name, and how many were played in a second."""
+    env = gym.make(LIFT, **options)
+    policy: Any = (
+        GraspPolicy(new_solver(name, env.unwrapped.kinematics), env) if name in SOLVERS else load_policy(name)  # type: ignore[attr-defined]
+    )
+    kept: dict[str, list[Any]] = {}
+    start = time.perf_counter()
+    batch = gym.make_vec(LIFT, BATCH, vectorization_mode="vector_entry_point", threads=threads, **options)
+    for first in range(0, objects, BATCH):
+        observations, _ = batch.reset(seed=seed + first)
+        actions = [policy.act(row) for row in observations]
+        # where there is no grasp, a posture that touches nothing
+        found = batch.step([np.zeros(7) if action is None else action for action in actions])[4]["final_info"]
+        for key in ("is_success", "cause", "shape", "size", "mass", "friction"):
+            kept.setdefault(key, []).extend(found[key])
+    rate = len(kept["size"]) / (time.perf_counter() - start)
+    batch.close()
+    return {key: np.array(values)[:objects] for key, values in kept.items()}, rate
+
+
+def main(argv: list[str] | None = None) -> int:
+    """Print a Markdown table."""
+    parser = Parser(prog=PROG, description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("methods", nargs="*", default=["closed-form"], help="solvers, and policies by name or file")
+    parser.add_argument("--objects", type=int, default=1000, help="of each world (default: %(default)s)")
+    parser.add_argument("--seed", type=int, default=100, help="of the objects (default: %(default)s)")
+    parser.add_argument("--threads", type=int, default=1, help="that step the dynamics (default: %(default)s)")
+    parser.add_argument("--arm", default="ur5", help="default: %(default)s")
+    parser.add_argument("--worlds", nargs="+", default=list(WORLDS), choices=list(WORLDS), help="default: all")
+    parser.add_argument("--figure", type=Path, help="where the shares over the range are drawn")
+    arguments = parser.parse_args(argv)
+    objects = check_count("--objects", arguments.objects, least=BATCH)
+    seed = check_count("--seed", arguments.seed, least=0)
+    print(head("world", "method", "lifted %", "not reached", "not closed", "slipped", "dropped", "a second"))
+    over = {}
+    for world in arguments.worlds:
+        for name in arguments.methods:
+            options = {**WORLDS[world], "arm": arguments.arm}
+            found, rate = played(name, options, objects, seed, arguments.threads)
+            counts = [int((found["cause"] == cause).sum()) for cause in ("reached", "closed", "slipped", "dropped")]
+            lifted = share(int(found["is_success"].sum()), objects)
+            label = Path(name).stem
+            print(line(world, f"`{label}`", lifted, *counts, f"{rate:.0f}"), flush=True)
+            if world == "range":
+                over[label] = found
+    if arguments.figure is not None and over:
+        draw(over, objects, arguments.figure)
+    return 0
+
+
+def draw(found: dict[str, dict[str, Any]], objects: int, file: Path) -> None:
+    """Draw the shares that are lifted, by mass and friction, and by shape and size; a row for each method."""
+    (light, heavy), (slippery, rough), (small, large) = (RANGE[name] for name in ("masses", "frictions", "sizes"))
+    figure, axes = new_figure(
+        "Objects lifted, %", size=(9.0, 0.9 + 2.9 * len(found)), rows=len(found), columns=2, grid="none",
+        note=f"{objects} objects a method, one attempt each; a cell without an object is empty",
+    )  # fmt: skip
+    for row, (name, rows) in enumerate(found.items()):
+        mass, friction, size = (
+            np.minimum(((rows[key] - low) / (high - low) * PARTS).astype(int), PARTS - 1)
+            for key, low, high in (
+                ("mass", light, heavy), ("friction", slippery, rough), ("size", small, large),
+            )
+        )  # fmt: skip
+        shapes = np.array([RANGE["shapes"].index(shape) for shape in rows["shape"]])
+        left, right = axes[2 * row], axes[2 * row + 1]
+        _cells(left, rows["is_success"], friction, mass, (PARTS, PARTS))
+        _cells(right, rows["is_success"], shapes, size, (len(RANGE["shapes"]), PARTS))
+        left.set_title(name, loc="left", fontsize=10, color=INK, weight="bold")
+        left.set_xticks(range(PARTS), _middles(light, heavy, 1e3))
+        left.set_yticks(range(PARTS), _middles(slippery, rough, 1.0))
+        left.set_xlabel("mass [g]")
+        left.set_ylabel("friction")
+        right.set_xticks(range(PARTS), _middles(small, large, 1e3))
+        right.set_yticks(range(len(RANGE["shapes"])), RANGE["shapes"])
+        right.set_xlabel("radius, or half the edge [mm]")
+    with replacing(file) as temporary:
+        figure.savefig(temporary, format="png")
+
+
+def _middles(low: float, high: float, factor: float) -> list[str]:
+    edges = np.linspace(low, high, PARTS + 1)
+    return [f"{factor * middle:.3g}" for middle in (edges[1:] + edges[:-1]) / 2]
+
+
+def _cells(axes: Any, lifted: np.ndarray, rows: np.ndarray, columns: np.ndarray, shape: Sequence[int]) -> None:
+    total, good = np.zeros(shape), np.zeros(shape)
+    np.add.at(total, (rows, columns), 1)
+    np.add.at(good, (rows, columns), lifted)
+    rates = 100 * np.divide(good, total, out=np.full(shape, np.nan), where=total > 0)
+    axes.imshow(rates, cmap="cividis", vmin=0, vmax=100, aspect="auto", origin="lower")
+    for (row, column), rate in np.ndenumerate(rates):
+        if np.isfinite(rate):
+            colour = INK if rate > 60 else "white"
+            axes.text(column, row, f"{rate:.0f}", ha="center", va="center", color=colour, fontsize=9)
+
+
+if __name__ == "__main__":
+    raise SystemExit(finish(main, prog=PROG))

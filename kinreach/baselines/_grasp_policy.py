@@ -1,0 +1,80 @@
+"""A scripted grasp: the tool straight down on the object, the fingers along its faces, and once more after a miss."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Mapping
+from typing import Any
+
+import gymnasium as gym
+import numpy as np
+
+from kinreach._checks import Floats
+from kinreach.envs._lift.task import FACES, IS_CUBE, SEEN, SIZE, face_angle
+from kinreach.kinematics import PoseGoal
+from kinreach.kinematics._solvers import Solver
+from kinreach.robots._rotations import turn
+
+#: How much narrower than the object the fingers want to be [m]; they then press with 40 N each.
+SQUEEZE = 0.008
+#: The tip stays so far above the table [m]: the fingers end 10 mm beyond it.
+LOWEST = 0.012
+#: Turns of the fingers that are tried around a ball or a cylinder; a cube has one for each pair of faces.
+TURNS = 6
+UP = np.array([0.0, 0.0, 1.0])
+
+
+class GraspPolicy:
+    """Asks a solver of inverse kinematics for a grasp of what it observes in `kinreach/Lift-v0`, in single steps.
+
+    The fingers begin as they are in the start pose, turned outwards as the object is; on a cube they are parallel to
+    its faces. Of the turns the first is taken that has a posture which the environment accepts.
+
+    Args:
+        solver: For the arm of the environment, from the world to the tip.
+        env: The environment.
+
+    Attributes:
+        diagnostics: Iterations of the solver, and poses that were asked for.
+        reason: Why the last action was None, else empty.
+    """
+
+    def __init__(self, solver: Solver, env: gym.Env[Any, Any]) -> None:
+        self._solver, self._env = solver, env.unwrapped
+        task: Any = self._env
+        self._home: Floats = task.home
+        self._upright: Floats = task.kinematics.fk(self._home)[:3, :3]
+        self.diagnostics: Mapping[str, float] = {}
+        self.reason = ""
+
+    def reset(self, observation: Any, info: Mapping[str, Any]) -> None:
+        """Begin an episode: there is nothing to remember."""
+
+    def act(self, observation: Any) -> Any:
+        """Return the action of a grasp; None where no camera saw the object or no posture is accepted."""
+        env: Any = self._env
+        iterations = poses = 0
+        self.reason = "no camera found the object"
+        if observation[SEEN].any():
+            for T in self._poses(observation):
+                found: Any = self._solver.solve(PoseGoal(T), self._home, accept=env.accept)
+                iterations, poses, self.reason = iterations + found.iterations, poses + 1, found.reason
+                if found.success:
+                    self.diagnostics = {"iterations": iterations, "poses": poses}
+                    return env.grasp_action(found.q, max(0.0, 2.0 * observation[SIZE] - SQUEEZE))
+        self.diagnostics = {"iterations": iterations, "poses": poses}
+        return None
+
+    def _poses(self, observation: Floats) -> Iterator[Floats]:
+        place, size = observation[SEEN].copy(), float(observation[SIZE])
+        place[2] += max(0.0, LOWEST - size)
+        outwards = math.atan2(place[1], place[0])
+        step, first = math.pi / TURNS, 0.0
+        if observation[IS_CUBE]:
+            step = math.pi / 2
+            first = float(face_angle(observation[FACES] - math.atan2(self._upright[1, 1], self._upright[0, 1])))
+        for count in range(round(2 * math.pi / step)):
+            T = np.eye(4)
+            aside = (count + 1) // 2 * (-1) ** count * step
+            T[:3, :3], T[:3, 3] = turn(UP, outwards + first + aside) @ self._upright, place
+            yield T

@@ -1,0 +1,86 @@
+"""Lifting an object: scripted grasps by solvers of inverse kinematics, and policies."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from typing import Any
+
+import gymnasium as gym
+import numpy as np
+
+from kinreach._registration import LIFT
+from kinreach._statistics import MEAN, QUANTILES, RATE, Column, Trial, thousandfold
+from kinreach.baselines._grasp_policy import GraspPolicy
+from kinreach.compare._button import decision_ms
+from kinreach.compare._task import SOLVER, Method, Task
+from kinreach.envs._lift.task import HEIGHT, HOLD
+from kinreach.kinematics._solvers import new_solver
+
+#: Stages at which a grasp can fail, in their order.
+CAUSES = ("seen", "reached", "closed", "slipped", "dropped")
+#: Title of the second table.
+TIME_TABLE = "Distances and times"
+
+
+def _resets(count: int, seed: int, env: gym.Env[Any, Any]) -> Sequence[Mapping[str, Any]]:
+    return [
+        {"seed": int(np.random.SeedSequence(seed, spawn_key=(index,)).generate_state(1)[0])} for index in range(count)
+    ]
+
+
+def _failed(cause: str) -> Callable[[Trial], bool]:
+    return lambda trial: trial["cause"] == cause
+
+
+def _when_lifted(name: str) -> Callable[[Trial], float | None]:
+    return lambda trial: trial[name] if trial["reached"] else None
+
+
+def _scripted(name: str) -> Method:
+    return Method(lambda env: GraspPolicy(new_solver(name, env.unwrapped.kinematics), env), SOLVER)  # type: ignore[attr-defined]
+
+
+_HEADINGS = {"seen": "not\nseen", "reached": "not\nreached", "closed": "not\nclosed"}
+LIFT_TASK = Task(
+    name="lift",
+    title="A UR5 grasps an object and lifts it",
+    environment=LIFT,
+    arm="ur5",
+    arm_title="it grasps an object and lifts it",
+    options={"attempts": 2},
+    variants={"lift": LIFT},
+    observations=("geometric", "camera"),
+    resets=_resets,
+    methods={name: _scripted(name) for name in ("closed-form", "placo")},
+    columns=(
+        Column("reached", "reached", RATE, "lifted %\n[95 % CI]", "interval"),
+        *(
+            Column(f"failed.{cause}", _failed(cause), RATE, f"{_HEADINGS.get(cause, cause)}\n%", "share")
+            for cause in CAUSES
+        ),
+        Column("impossible", "impossible", RATE, "impos-\nsible %", "share"),
+        Column("attempts", "attempts", MEAN, "attempts\nmean", "mean"),
+        Column(
+            "distance_mm", thousandfold("distance"), QUANTILES, "distance at\nthe grasp, mm", "quantiles", TIME_TABLE
+        ),
+        Column("posture_error", "posture_error", QUANTILES, "posture\nerror, rad", "median", TIME_TABLE),
+        Column("clearance_mm", thousandfold("clearance"), QUANTILES, "height at\nthe end, mm", "median", TIME_TABLE),
+        Column("move_s", _when_lifted("move_s"), QUANTILES, "move s\nmedian", "median", TIME_TABLE),
+        Column("solve_ms", decision_ms, QUANTILES, "a decision\nms", "quantiles", TIME_TABLE),
+    ),
+    reached=f"the object's lowest point is {HEIGHT:g} m above the table for {HOLD:g} s, and the object touches both "
+    "fingers and nothing that stands around",
+    terms={
+        "goal": "an object that lies on the table, free, under MuJoCo's dynamics: its place uniform on the table area, "
+        "turned anyhow; a red ball of 25 mm radius and 50 g, friction 1, unless the options say otherwise",
+        "attempts": "grasps that may be tried; before each the arm looks at the object from its start posture",
+        "accept": "solvers' postures, of the grasp and 0.15 m above it: no collision (self, table, mount, pedestal, "
+        "floor)",
+        "causes": "the first stage that failed in the last attempt: seen by a camera, reached by the tip (within 20 mm "
+        "of its middle), closed (it touches both fingers), slipped before it was up, dropped afterwards",
+        "distance": "tip to the object's middle when the fingers begin to close",
+        "execution": "a controller in MuJoCo: above the grasp, down, fingers closed in 0.5 s, up, still for 0.5 s",
+    },
+)
+
+TASKS = (LIFT_TASK,)

@@ -1,0 +1,1 @@
+"""Grasping and lifting an object with a gripper: `kinreach/Lift-v0`."""

@@ -1,0 +1,220 @@
+"""`kinreach/Lift-v0`: a gripper grasps an object and lifts it, in one decision or in small steps."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import replace
+from functools import partial
+from typing import Any
+
+import numpy as np
+from gymnasium.utils import EzPickle
+from gymnasium.vector import AutoresetMode
+from numpy.typing import ArrayLike
+
+from kinreach._checks import Floats
+from kinreach.envs._batch import NativeVectorEnv, Outcome, check_batch
+from kinreach.envs._lift.episodes import LiftEpisodes
+from kinreach.envs._lift.task import LiftOptions, LiftStart, LiftTask
+from kinreach.envs._options import RENDER_MODES, check_not_over, check_started, options_from, with_options
+from kinreach.envs._single import CopyableEnv
+from kinreach.errors import InputError
+from kinreach.robots import ArmDescription
+from kinreach.sim._free_objects import OBJECTS
+from kinreach.sim._grasping import Grasping
+from kinreach.sim._picture import Scene, ScenePicture
+from kinreach.sim._simulation import ArmSimulation, BatchSimulation
+
+
+def _objects(options: LiftOptions) -> int:
+    return len(OBJECTS) if options.clutter else 1
+
+
+@with_options(LiftOptions)
+class LiftEnv(CopyableEnv):
+    """A UR grasps an object on the table and lifts it.
+
+    ## Description
+    A ball, a cube or an upright cylinder lies free on the table, under MuJoCo's dynamics. With `steps="single"` an
+    action is a grasp, and a controller does the rest: the tip goes 0.15 m above the grasp, the fingers open by 0.10 m;
+    down to the grasp; the fingers close in 0.5 s; up again; the arm holds still for 0.5 s. With `steps="multi"` an
+    action turns the joints and moves the fingers a little, 25 times a second.
+
+    ## Action Space
+    `Box(-1, 1, (7,), float32)`. What is outside [-1, 1] is clipped. With `steps="single"`:
+
+    | Num | Action | Min | Max | Unit |
+    |-----|--------|-----|-----|------|
+    | 0 to 5 | posture of the grasp, one angle per joint | -1 | 1 | pi rad |
+    | 6 | opening to which the fingers close | -1 (0 m) | 1 (0.16 m) | 0.08 m |
+
+    With `steps="multi"`:
+
+    | Num | Action | Min | Max | Unit |
+    |-----|--------|-----|-----|------|
+    | 0 to 5 | change of the joint angles | -1 | 1 | 5 degrees |
+    | 6 | change of the opening | -1 | 1 | 8 mm |
+
+    Changes count from where joints and fingers stand; they are sent to their servos in five parts.
+    Each finger presses with 10 N for each millimetre that it is held off by, 120 N at most.
+
+    ## Observation Space
+    `Box(18,), float64`; with `clutter=True` 3 numbers more.
+
+    | Num | Observation | Min | Max | Unit |
+    |-----|-------------|-----|-----|------|
+    | 0 to 2 | where the object's middle was seen, in the world | -10 | 10 | m |
+    | 3 | angle of a cube's faces to the direction in which it lies, within pi/4; 0 of other shapes | -1 | 1 | rad |
+    | 4 | size: radius, or half the edge | 0 | 1 | m |
+    | 5 to 7 | 1 for its shape: ball, cube, cylinder | 0 | 1 | 1 |
+    | 8 to 13 | joint angles | -3.641593 | 3.641593 | rad |
+    | 14 | opening of the gripper | 0 | 2 | m |
+    | 15 to 17 | from the tip to where the object was seen | -20 | 20 | m |
+    | 18 to 20 | where the second object is (`clutter=True`) | -10 | 10 | m |
+
+    With `steps="single"` the object is seen from the start pose, before every attempt; with `steps="multi"` in every
+    step. `observation="camera"` finds a ball in the rendered pictures of both cameras (0, 0, 0 where none finds it).
+    Mass and friction are not observed.
+
+    ## Rewards
+    The sum of the terms in `info["reward_terms"]`, after every action: `distance`, minus the distance of tip and object
+    [m] (in single steps before the fingers close); `closed`, 1 while the object touches both fingers; `height`, how
+    high it is held, as a share of 0.10 m; `lifted`, 20 for success; `impossible`, -1 where the arm does not attain a
+    posture or collides. In small steps the first three are a second: 0.04 of that a step.
+
+    ## Starting State
+    The arm stands in its start posture with the gripper open by 0.10 m. Place, turn, shape, size, mass and friction of
+    the object are drawn from the options. `reset(options={"place": (x, y), "yaw": angle, "shape": name, "size": size,
+    "mass": mass, "friction": friction})` sets any of them; `"view"` is where the cameras saw it earlier.
+
+    ## Episode End
+    Success: the object's lowest point is 0.10 m above the table for 0.5 s, and it touches both fingers and neither the
+    table nor anything else that stands around. Single steps: the episode terminates with success or after `attempts`
+    actions; before another attempt the arm goes home and looks again. Small steps: it terminates with success, or when
+    the arm collides by more than 1 mm; it is truncated after `max_steps`. A simulation that diverges ends it, and
+    `info["impossible_reason"]` says so.
+
+    ## Info
+    `goal`, the object's middle when it was last looked at [m], `seen`, where the cameras saw it, `yaw` [rad], `shape`,
+    `size` [m], `mass` [kg], `friction`, `q` [rad], `tip` [m], `distance` [m]; after a step `is_success` and `reached`,
+    `status`, `cause` (empty, or what failed: `seen`, `reached`, `closed`, `slipped` or `dropped`), `held`, `clearance`
+    (of the lowest point above the table [m]), `opening` [m], `posture_error` (tilt of the tool, and angle between
+    fingers and faces of a cube [rad]), `impossible`, `impossible_reason`, `attempts`, `move_s` (simulated time [s]),
+    `reward_terms` and each of them as `reward_distance` and so on.
+
+    ## Other Arms
+    `arm=` takes any UR; one without a gripper gets the same on its flange. An action has one number for each joint.
+
+    ## Arguments
+
+    <table of the options>
+
+    ## Version History
+    * v0: initial version
+    """
+
+    metadata = {"render_modes": list(RENDER_MODES), "render_fps": 25}  # noqa: RUF012 (declared by Gymnasium)
+
+    def __init__(self, **options: Any) -> None:
+        EzPickle.__init__(self, **options)
+        self.options = given = options_from(LiftOptions, options)
+        self._task = task = LiftTask(given)
+        self.render_mode = mode = given.render_mode
+        self._simulation = ArmSimulation(task.arm, visual=mode is not None, objects=_objects(given))
+        grasping = Grasping(self._simulation)
+        self._drawn = grasping
+        self._episodes = LiftEpisodes(task, grasping if given.backend == "mujoco" else None, 1)
+        fps = int(self.metadata["render_fps"])
+        self._picture = None if mode is None else ScenePicture(self._simulation, mode=mode, fps=fps)
+        self.action_space, self.observation_space = task.action_space, task.observation_space
+
+    @property
+    def arm(self) -> ArmDescription:
+        """The arm, with its gripper, and the table where the options have it."""
+        return self._task.arm
+
+    @property
+    def kinematics(self) -> Any:
+        """Its kinematics from the world to the tip."""
+        return self._task.kinematics
+
+    @property
+    def scene(self) -> Scene:
+        """What `render` draws."""
+        return self._simulation
+
+    @property
+    def home(self) -> Floats:
+        """The start posture [rad], shape (n,)."""
+        return self._task.home.copy()
+
+    def accept(self, q: ArrayLike) -> bool:
+        """Return whether a grasp's posture [rad], shape (n,), and the one above it are free of collisions."""
+        postures = np.atleast_2d(np.asarray(q, dtype=np.float64))
+        above = self._task.above(postures)
+        return bool(np.isfinite(above).all()) and not self._task.checker.causes(np.vstack([postures, above])).any()
+
+    def grasp_action(self, q: ArrayLike, opening: float) -> Floats:
+        """Return the action of a single step that means a grasp's posture [rad], shape (n,), and an opening [m]."""
+        return self._task.action_for(np.asarray(q, dtype=np.float64), opening)
+
+    def forfeit(self, reason: str) -> tuple[Any, float, bool, bool, dict[str, Any]]:
+        """End the episode of an agent that finds no action: impossible, and the arm stays where it is."""
+        check_started(self._started)
+        return self._answer(self._episodes.forfeit(str(reason)))
+
+    def _check_start(self, options: Mapping[str, Any] | None) -> LiftStart:
+        return self._task.reset_options(options, None)
+
+    def _check_action(self, action: ArrayLike) -> Floats:
+        check_not_over(self._over)
+        return self._task.check_actions(action, None)
+
+    def _answer(self, outcome: Outcome) -> tuple[Any, float, bool, bool, dict[str, Any]]:
+        if self.render_mode == "human":
+            self.render()
+        return super()._answer(replace(outcome, info=outcome.info | self._episodes.goal_info()))
+
+
+class LiftVectorEnv(NativeVectorEnv):
+    """A batch of `kinreach/Lift-v0`, equal to as many single ones with the seeds `seed`, `seed + 1`, ...
+
+    Args:
+        num_envs: Number of environments.
+        threads: Threads that step the dynamics.
+        autoreset_mode: As of `NativeVectorEnv`.
+        **options: As in the single environment (`LiftOptions`), without a `render_mode`.
+
+    Attributes:
+        task: What is to be done.
+
+    Raises:
+        InputError: Options that cannot be.
+    """
+
+    def __init__(
+        self,
+        num_envs: int = 1,
+        *,
+        threads: int = 1,
+        autoreset_mode: AutoresetMode | str = AutoresetMode.SAME_STEP,
+        **options: Any,
+    ) -> None:
+        given = options_from(LiftOptions, options)
+        if given.render_mode is not None:
+            raise InputError(f"a native batch of Lift-v0 is not drawn, got render_mode={given.render_mode!r}")
+        num_envs = check_batch(num_envs, threads, None)
+        self.task = task = LiftTask(given)
+        world = None
+        if given.backend == "mujoco":
+            world = Grasping(BatchSimulation(task.arm, num_envs, threads=threads, objects=_objects(given)))
+        super().__init__(
+            LiftEpisodes(task, world, num_envs),
+            num_envs,
+            action_space=task.action_space,
+            observation_space=task.observation_space,
+            check_actions=partial(task.check_actions, count=num_envs),
+            check_start=partial(task.reset_options, count=num_envs),
+            autoreset_mode=autoreset_mode,
+            made_with={"num_envs": num_envs, "threads": threads, "autoreset_mode": autoreset_mode, **options},
+        )

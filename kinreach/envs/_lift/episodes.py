@@ -1,0 +1,403 @@
+"""Episodes of a number of arms that grasp in step: the whole task except Gymnasium's interface."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from copy import deepcopy
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from kinreach._checks import Floats
+from kinreach.envs._batch import Flags, Ids, Outcome, RowStreams
+from kinreach.envs._lift.geometry import closes
+from kinreach.envs._lift.task import (
+    CLOSING,
+    HEIGHT,
+    HOLD,
+    MULTI,
+    NEAR,
+    STEP_ANGLE,
+    STEP_OPENING,
+    STEP_S,
+    LiftStart,
+    LiftTask,
+    face_angle,
+)
+from kinreach.envs._reach.observers import CameraObserver
+from kinreach.envs._reach.task import CAMERA, joint_limits
+from kinreach.sim._controller import MoveStatus
+from kinreach.sim._free_objects import CUBE, SHAPES, Objects
+from kinreach.sim._grasping import Grasping
+
+#: How far an episode got, and what stopped it there, by the number of the stage.
+STARTED, REACHED, CLOSED, RAISED, LIFTED = range(5)
+CAUSES = np.array(["reached", "closed", "slipped", "dropped", ""], dtype=object)
+#: Of success; more than holding the object all the time could bring.
+LIFTED_REWARD = 20.0
+#: How often a grasp is looked at while the object is to be held [s].
+LOOK = 0.1
+ANYTHING = LiftStart()
+
+
+class LiftEpisodes:
+    """The state of the episodes and their rules, for one arm or thousands.
+
+    Args:
+        task: What is to be done.
+        world: Simulates arms and objects; None where grasps are judged by geometry.
+        count: Number of environments.
+
+    Attributes:
+        task, world: As given.
+        goals: Where the objects' centres were when the cameras looked last, in the world [m], shape (count, 3).
+        seen: Where the cameras saw them [m], shape (count, 3); NaN where none did.
+        yaws: Turns of the objects about the vertical by then [rad], shape (count,).
+        kinds: What the objects are.
+    """
+
+    def __init__(self, task: LiftTask, world: Grasping | None, count: int) -> None:
+        self.task, self.world, self.count = task, world, count
+        self._streams = RowStreams(task, count, size=9)
+        self._sensors = [np.random.default_rng() for _ in range(count)]
+        self._camera: Any = CameraObserver(_Camera(task)) if task.options.observation == CAMERA else None  # type: ignore[arg-type]
+        self.goals, self.seen = np.zeros((count, 3)), np.zeros((count, 3))
+        self.yaws = np.zeros(count)
+        self.kinds = Objects(np.zeros(count, dtype=np.intp), np.ones(count), np.ones(count), np.ones(count))
+        self._others = np.zeros((count, 3)) if task.options.clutter else None
+        self._q = np.tile(task.home, (count, 1))
+        self._opening = np.full(count, task.gripper.opening)
+        self._distance, self._clearance = np.zeros(count), np.zeros(count)
+        self._gripped = np.zeros(count, dtype=np.bool_)
+        self._stage, self._steps = np.zeros(count, dtype=np.intp), np.zeros(count, dtype=np.intp)
+        self._lifted_for, self._time = np.zeros(count), np.zeros(count)
+        self._reasons = np.full(count, "", dtype=object)
+        self._status = np.full(count, "", dtype=object)
+
+    def seed(self, index: int, rng: np.random.Generator) -> None:
+        """Give an environment its own generators, for starts and for the cameras' noise."""
+        starts, self._sensors[index] = rng.spawn(2)
+        self._streams.seed(index, starts)
+
+    def copy_from(self, other: LiftEpisodes) -> None:
+        """Take over the state of as many others with the same task."""
+        kept = ("task", "world", "_camera", "_streams")
+        self.__dict__.update(deepcopy({name: value for name, value in vars(other).items() if name not in kept}))
+        self._streams.copy_from(other._streams)
+        if self.world is not None and other.world is not None:
+            self.world.copy_from(other.world)
+
+    def begin(self, ids: Ids, start: LiftStart = ANYTHING) -> None:
+        """Start new episodes: the arm at home, the gripper open, other objects."""
+        rows = self._streams.draw(ids)
+        given = (start.places, start.yaws, start.shapes, start.sizes, start.masses, start.frictions)
+        for columns, values in zip((slice(0, 2), *(slice(k, k + 1) for k in range(2, 7))), given, strict=True):
+            if values is not None:
+                rows[:, columns] = values
+        kinds = Objects(rows[:, 3].astype(np.intp), rows[:, 4], rows[:, 5], rows[:, 6])
+        for mine, new in zip(self.kinds, kinds, strict=True):
+            mine[ids] = new
+        table = np.full((len(ids), 1), self.task.region.z[0])
+        places, others = np.hstack([rows[:, :2], table]), np.hstack([rows[:, 7:9], table])
+        self._q[ids] = self.task.home
+        self._opening[ids] = self.task.gripper.opening
+        if self.world is not None:
+            self.world.reset(ids, self._q[ids])
+            self.world.put(ids, 0, kinds, places, rows[:, 2])
+            if self._others is not None:
+                self.world.put(ids, 1, kinds, others, np.zeros(len(ids)))
+        if self._others is not None:
+            self._others[ids] = others + [0.0, 0.0, 1.0] * kinds.size[:, None]
+        self.goals[ids] = places + [0.0, 0.0, 1.0] * kinds.size[:, None]
+        self.yaws[ids] = rows[:, 2]
+        self._stage[ids], self._steps[ids] = STARTED, 0
+        self._lifted_for[ids] = self._time[ids] = self._clearance[ids] = 0.0
+        self._gripped[ids], self._reasons[ids], self._status[ids] = False, "", ""
+        self._distance[ids] = np.linalg.norm(self._tips(ids) - self.goals[ids], axis=1)
+        self._see(ids, start.views)
+
+    def _see(self, ids: Ids, views: Floats | None = None) -> None:
+        """Say where the objects are seen now."""
+        if views is not None:
+            self.seen[ids] = np.where((views == 0.0).all(axis=1, keepdims=True), np.nan, views)
+        elif self._camera is not None:
+            self.seen[ids] = self._camera.measure(self.goals[ids], ids, self._sensors).seen
+        else:
+            self.seen[ids] = self.goals[ids]
+
+    def _tips(self, ids: Ids) -> Floats:
+        return np.asarray(self.task.kinematics.chain.positions(self._q[ids]))
+
+    def observe(self) -> Floats:
+        """Return the observations, shape (count, size)."""
+        everyone = np.arange(self.count)
+        return self.task.observation(
+            self.seen, self.yaws, self.kinds, self._q, self._tips(everyone), self._opening, self._others
+        )
+
+    def goal_info(self) -> dict[str, Any]:
+        """Return the entries of `info` about the objects, as arrays."""
+        kinds = self.kinds
+        return {
+            "goal": self.goals.copy(),
+            "seen": self.seen.copy(),
+            "view": np.nan_to_num(self.seen),
+            "yaw": self.yaws.copy(),
+            "shape": np.array(SHAPES)[kinds.shape],
+            "size": kinds.size.copy(),
+            "mass": kinds.mass.copy(),
+            "friction": kinds.friction.copy(),
+        }
+
+    def start_info(self) -> dict[str, Any]:
+        """Return the `info` of a reset, as arrays."""
+        return {**self.goal_info(), "q": self._q.copy(), "tip": self._tips(np.arange(self.count)),
+                "distance": self._distance.copy()}  # fmt: skip
+
+    def step(self, actions: Floats, acting: Flags | None = None) -> Outcome:
+        """Act in all environments, or where `acting` is True."""
+        acting = np.ones(self.count, dtype=np.bool_) if acting is None else acting
+        ids = np.flatnonzero(acting)
+        if not len(ids):
+            return self._outcome(acting, acting, acting)
+        self._reasons[ids] = ""
+        self._steps[ids] += 1
+        if self.task.options.steps == MULTI:
+            return self._small_step(ids, actions, acting)
+        self._stage[ids] = STARTED
+        self._status[ids] = ""
+        self._clearance[ids], self._gripped[ids] = 0.0, False
+        if self.world is None:
+            self._judge_grasps(ids, actions)
+        else:
+            _Attempt(self, self.world, ids, *self.task.grasps(actions[ids])).play()
+        over = acting & ((self._stage == LIFTED) | (self._steps >= self.task.options.attempts) | self._lost)
+        again = np.flatnonzero(acting & ~over)
+        outcome = self._outcome(acting, over, np.zeros_like(over))
+        self._go_home(again)
+        return outcome
+
+    @property
+    def _lost(self) -> Flags:
+        return np.asarray(self._status == "diverged")
+
+    def forfeit(self, reason: str) -> Outcome:
+        """Return the verdict on agents that find no action: impossible, the arms stay, the episodes end."""
+        everyone = np.ones(self.count, dtype=np.bool_)
+        self._stage[:], self._reasons[:], self._status[:] = STARTED, reason, "forfeited"
+        return self._outcome(everyone, everyone, ~everyone)
+
+    def _judge_grasps(self, ids: Ids, actions: Floats) -> None:
+        """Take the postures of grasps that are possible, and say by geometry whether fingers close around objects."""
+        task = self.task
+        q, opening = task.grasps(actions[ids])
+        above = task.above(q)
+        solved = np.isfinite(above).all(axis=1)
+        bad = task.checker.causes(q) != 0
+        bad[solved] |= task.checker.causes(above[solved]) != 0
+        bad |= ~solved
+        self._reasons[ids[bad]], self._status[ids[bad]] = "no posture, or a collision", "impossible"
+        self._q[ids] = np.where(bad[:, None], self._q[ids], q)
+        T = task.poses(q)
+        self._distance[ids] = np.linalg.norm(T[:, :3, 3] - self.goals[ids], axis=1)
+        kinds = self.kinds.of(ids)
+        closed = ~bad & closes(T, opening, self.goals[ids], self.yaws[ids], kinds, come_open=task.gripper.opening)
+        self._gripped[ids] = closed
+        self._stage[ids] = np.where(closed, LIFTED, np.where(~bad & (self._distance[ids] <= NEAR), REACHED, STARTED))
+
+    def _go_home(self, ids: Ids) -> None:
+        """Open the fingers, go home and look again."""
+        world = self.world
+        if world is None or not len(ids):
+            self._q[ids] = self.task.home
+            return
+        world.drive(ids, np.full(len(ids), self.task.gripper.opening), CLOSING)
+        up = self.task.above(self._q[ids])
+        solved = np.isfinite(up).all(axis=1)
+        if solved.any():
+            world.move(ids[solved], up[solved])
+        world.move(ids, np.tile(self.task.home, (len(ids), 1)))
+        self._read(ids)
+        self._look_at(ids)
+        self._see(ids)
+
+    def _look_at(self, ids: Ids) -> None:
+        """Let what is observed of objects be where they are now."""
+        world: Any = self.world
+        place, rotation = world.pose()
+        self.goals[ids] = place[ids]
+        self.yaws[ids] = np.arctan2(rotation[ids, 1, 0], rotation[ids, 0, 0])
+        if self._others is not None:
+            self._others[ids] = world.pose(1)[0][ids]
+
+    def _read(self, ids: Ids) -> Any:
+        """Read arms and grasps from the simulations."""
+        world: Any = self.world
+        now = world.grasp(ids)
+        self._q[ids], self._opening[ids] = world.q[ids], now.opening
+        self._gripped[ids], self._clearance[ids] = now.gripped, now.clearance
+        return now
+
+    def _small_step(self, ids: Ids, actions: Floats, acting: Flags) -> Outcome:
+        """Send joints and fingers a little further, for one period."""
+        task = self.task
+        world: Any = self.world
+        before = world.states(ids)
+        q = np.clip(self._q[ids] + STEP_ANGLE * actions[ids, :-1], *joint_limits(task.arm))
+        opening = np.clip(self._opening[ids] + STEP_OPENING * actions[ids, -1], 0.0, task.gripper.stroke)
+        world.steer(ids, q, opening, STEP_S)
+        lost = world.diverged(ids)
+        if lost.any():
+            world.put_back(ids[lost], before[lost])
+        self._time[ids] += STEP_S
+        now = self._read(ids)
+        self._look_at(ids)
+        self._see(ids)
+        self._distance[ids] = np.linalg.norm(self._tips(ids) - self.goals[ids], axis=1)
+        raised = now.held & (now.clearance >= HEIGHT)
+        self._lifted_for[ids] = np.where(raised, self._lifted_for[ids] + STEP_S, 0.0)
+        stage = np.select(
+            [self._lifted_for[ids] > HOLD - STEP_S / 2, raised, now.gripped, self._distance[ids] <= NEAR],
+            [LIFTED, RAISED, CLOSED, REACHED],
+            STARTED,
+        )
+        self._stage[ids] = np.maximum(self._stage[ids], stage)
+        self._reasons[ids[now.collides]], self._status[ids[now.collides]] = "collision", "collision"
+        self._reasons[ids[lost]] = "diverged: the simulation became unstable"
+        self._status[ids[lost]] = "diverged"
+        ended = acting & ((self._stage == LIFTED) | (self._status == "collision"))
+        over = acting & (self._lost | (self._steps >= task.options.max_steps)) & ~ended
+        return self._outcome(acting, ended, over)
+
+    def _outcome(self, acting: Flags, terminated: Flags, truncated: Flags) -> Outcome:
+        """Say what an action came to."""
+        lifted = acting & (self._stage == LIFTED) & (self._status != "collision")
+        impossible = acting & (self._reasons != "")
+        share = np.clip(self._clearance / HEIGHT, 0.0, 1.0) * self._gripped
+        weight = STEP_S if self.task.options.steps == MULTI else 1.0
+        terms = {
+            "distance": -weight * self._distance,
+            "closed": weight * self._gripped,
+            "height": weight * share,
+            "lifted": LIFTED_REWARD * lifted,
+            "impossible": -1.0 * impossible,
+        }
+        terms = {name: np.where(acting, term, 0.0) for name, term in terms.items()}
+        reward = np.zeros(self.count)
+        for term in terms.values():
+            reward += term
+        words = np.where(self._status != "", self._status, np.where(lifted, "lifted", "missed"))
+        cause = np.where(lifted, "", CAUSES[np.minimum(self._stage, RAISED)])
+        cause = np.where(np.isnan(self.seen).any(axis=1), "seen", cause)
+        info = {
+            **self.start_info(),
+            "posture_error": self._misalignment(),
+            "held": self._gripped.copy(),
+            "clearance": self._clearance.copy(),
+            "opening": self._opening.copy(),
+            "reached": lifted,
+            "is_success": lifted,
+            "impossible": impossible,
+            "impossible_reason": self._reasons.astype(str),
+            "status": words.astype(str),
+            "cause": cause.astype(str),
+            "move_s": self._time.copy(),
+            "attempts": self._steps.copy(),
+            "reward_terms": terms,
+        }
+        info |= {f"reward_{name}": term for name, term in terms.items()}
+        return Outcome(reward, terminated, truncated, info)
+
+    def _misalignment(self) -> Floats:
+        """Angle between tool and vertical, and of the fingers to the nearest faces of a cube [rad], summed."""
+        axes = self.task.poses(self._q)[:, :3, :3]
+        tilt = np.arccos(np.clip(-axes[:, 2, 2], -1.0, 1.0))
+        off = np.abs(face_angle(np.arctan2(axes[:, 1, 1], axes[:, 0, 1]) - self.yaws))
+        return np.asarray(tilt + np.where(self.kinds.shape == SHAPES.index(CUBE), off, 0.0))
+
+    def close(self) -> None:
+        """Let go of the cameras."""
+        if self._camera is not None:
+            self._camera.close()
+
+
+class _Attempt:
+    """One grasp of some arms: above, down, close, up, hold; an arm whose move fails stays where it is."""
+
+    def __init__(self, episodes: LiftEpisodes, world: Grasping, ids: Ids, postures: Floats, openings: Floats) -> None:
+        self._episodes, self._world = episodes, world
+        self._ids, self._postures, self._openings = ids, postures, openings
+        self._row = {int(index): row for row, index in enumerate(ids)}
+
+    def play(self) -> None:
+        episodes, world = self._episodes, self._world
+        above = episodes.task.above(self._postures)
+        solved = np.isfinite(above).all(axis=1)
+        missing = self._ids[~solved]
+        episodes._reasons[missing] = "out of reach: no posture above the grasp"
+        episodes._status[missing] = "impossible"
+        on = self._moved(self._moved(self._ids[solved], above), self._postures)
+        episodes._q[:] = world.q
+        tips = episodes._tips(self._ids)
+        episodes._distance[self._ids] = np.linalg.norm(tips - world.pose()[0][self._ids], axis=1)
+        episodes._stage[on] = np.where(episodes._distance[on] <= NEAR, REACHED, STARTED)
+        on = self._whole(on, lambda ids: world.drive(ids, self._openings[self._of(ids)], CLOSING), CLOSING)
+        if len(on):
+            gripped = world.grasp(on).gripped
+            episodes._stage[on] = np.where(gripped, CLOSED, episodes._stage[on])
+        up = self._moved(on, above)
+        self._hold(up)
+        episodes._q[:] = world.q
+        if len(self._ids):
+            episodes._read(self._ids)
+
+    def _of(self, ids: Ids) -> NDArray[np.intp]:
+        return np.array([self._row[int(index)] for index in ids], dtype=np.intp)
+
+    def _moved(self, ids: Ids, targets: Floats) -> Ids:
+        """Move arms; return those that attained their targets."""
+        if not len(ids):
+            return ids
+        episodes = self._episodes
+        results = self._world.move(ids, targets[self._of(ids)])
+        for index, result in zip(ids, results, strict=True):
+            episodes._time[index] += result.duration
+            if not result.reached:
+                episodes._reasons[index] = result.reason
+                episodes._status[index] = "diverged" if result.status is MoveStatus.DIVERGED else "impossible"
+        return ids[[result.reached for result in results]]
+
+    def _whole(self, ids: Ids, act: Callable[[Ids], object], seconds: float) -> Ids:
+        """Simulate some; return those whose simulation stayed sound, the others are put back."""
+        if not len(ids):
+            return ids
+        episodes, before = self._episodes, self._world.states(ids)
+        act(ids)
+        episodes._time[ids] += seconds
+        lost = self._world.diverged(ids)
+        if lost.any():
+            self._world.put_back(ids[lost], before[lost])
+            episodes._reasons[ids[lost]] = "diverged: the simulation became unstable"
+            episodes._status[ids[lost]] = "diverged"
+        return ids[~lost]
+
+    def _hold(self, ids: Ids) -> None:
+        """See whether objects are up, and stay there."""
+        episodes, world = self._episodes, self._world
+        for look in range(round(HOLD / LOOK) + 1):
+            if look:
+                ids = self._whole(ids, lambda some: world.rest(some, LOOK), LOOK)
+            if not len(ids):
+                return
+            now = world.grasp(ids)
+            ids = ids[now.held & (now.clearance >= HEIGHT)]
+            episodes._stage[ids] = RAISED
+        episodes._stage[ids] = LIFTED
+
+
+class _Camera:
+    """What cameras that look for a ball need of a task."""
+
+    def __init__(self, task: LiftTask) -> None:
+        self.arm, self.options = task.arm, task.options

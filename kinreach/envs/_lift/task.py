@@ -1,0 +1,424 @@
+"""What lifting asks for: options, actions, observations, and what an episode starts with."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from functools import cached_property
+from typing import Any, NamedTuple
+
+import numpy as np
+from gymnasium import spaces
+from numpy.typing import ArrayLike, NDArray
+
+from kinreach._checks import (
+    Floats,
+    as_floats,
+    as_vector,
+    check_count,
+    check_flag,
+    check_known,
+    check_number,
+    shown,
+)
+from kinreach.envs._options import INFOS, INFOS_TEXT, RENDER_MODES, RENDER_MODES_TEXT, about, given_options, option_rows
+from kinreach.envs._reach.task import (
+    CAMERA,
+    CAMERA_RANGE,
+    GOAL_RANGE,
+    Layout,
+    action_range,
+    check_cameras,
+    joint_limits,
+)
+from kinreach.errors import InputError
+from kinreach.kinematics import ArmKinematics, CollisionChecker
+from kinreach.robots import ArmDescription, BoxRegion, get_arm
+from kinreach.sim._controller import BEYOND_LIMIT
+from kinreach.sim._free_objects import BALL_SHAPE, CUBE, SHAPES, Objects
+from kinreach.vision._cameras import SensorNoise
+
+#: Ways to act: a grasp in one action, or changes of joints and fingers 25 times a second.
+SINGLE, MULTI = STEPS = ("single", "multi")
+OBSERVATIONS, BACKENDS = ("geometric", "camera"), ("mujoco", "kinematic")
+#: Period of the multi-step form [s]; largest change of a joint [rad] and of the opening [m] in one of them.
+STEP_S, STEP_ANGLE, STEP_OPENING = 0.04, math.radians(5.0), 0.008
+#: The tip approaches a grasp from so far above and lifts the object by as much [m].
+LIFT = 0.15
+#: How high the object's lowest point has to be above the table [m], and for how long [s].
+HEIGHT, HOLD = 0.10, 0.5
+#: Time in which the fingers close or open [s].
+CLOSING = 0.5
+#: The tip is at the object when it is no further from its centre [m].
+NEAR = 0.02
+#: Bounds of the options: size, mass, friction, how far the table is moved [m].
+MIN_SIZE, MIN_MASS, MAX_MASS, MAX_FRICTION, MAX_SHIFT = 0.01, 1e-3, 1.0, 3.0, 0.05
+#: The fingers come open as at the start; an object is smaller than that by so much [m].
+CLEARANCE = 0.01
+#: Distance between the middles of two objects [m], and how often a second one is drawn until it is kept.
+APART, DRAWS = 0.13, 100
+MAX_ATTEMPTS, MAX_STEPS = 10, 10_000
+#: Where an observation has the object's place, the turn of its faces, its size, and whether it is a cube; where its
+#: goal block ends.
+SEEN, FACES, SIZE, IS_CUBE, KIND_END = slice(0, 3), 3, 4, 6, 8
+
+
+@dataclass(frozen=True, kw_only=True)
+class LiftOptions:
+    """Options of `kinreach/Lift-v0`.
+
+    Raises:
+        UnknownNameError: A name that is not one of those there are.
+        InputError: An object that the gripper cannot hold, another number out of range, or an arm that cannot grasp.
+    """
+
+    steps: str = field(
+        default=SINGLE,
+        metadata=about('`"single"` (an action is a grasp) or `"multi"` (changes of joints and fingers at 25 Hz)'),
+    )
+    observation: str = field(
+        default="geometric", metadata=about('`"geometric"`, or `"camera"`, which finds balls of one size')
+    )
+    backend: str = field(
+        default="mujoco",
+        metadata=about('`"mujoco"`, or `"kinematic"`: a grasp is judged by geometry and nothing is lifted'),
+    )
+    render_mode: str | None = field(default=None, metadata=about(RENDER_MODES_TEXT))
+    arm: str | ArmDescription = field(
+        default="ur5", metadata=about("name of a UR, or an `ArmDescription`; one without a gripper gets it")
+    )
+    shapes: tuple[str, ...] = field(
+        default=(BALL_SHAPE,), metadata=about(f"one of them an episode: {', '.join(SHAPES)}")
+    )
+    sizes: tuple[float, ...] = field(
+        default=(0.025,),
+        metadata=about("radius, or half the edge, uniform between the least and the largest of them [m]"),
+    )
+    masses: tuple[float, ...] = field(
+        default=(0.05,), metadata=about("of the object, uniform between the least and the largest of them [kg]")
+    )
+    frictions: tuple[float, ...] = field(
+        default=(1.0,), metadata=about("coefficient, uniform between the least and the largest of them")
+    )
+    clutter: bool = field(default=False, metadata=about("a second object of the same kind lies on the table"))
+    table: tuple[float, ...] = field(
+        default=(0.0, 0.0, 0.0), metadata=about("how far the table is moved, x, y and z [m], within 0.05")
+    )
+    attempts: int = field(default=1, metadata=about("grasps that may be tried in an episode of single steps"))
+    max_steps: int = field(default=150, metadata=about("steps after which an episode of small steps is truncated"))
+    pipeline: str = field(
+        default="hybrid", metadata=about('how the ball is found: `"hybrid"` or `"thesis"`', observation=CAMERA)
+    )
+    width: int = field(default=640, metadata=about("width of the cameras' images [px]", observation=CAMERA))
+    height: int = field(default=360, metadata=about("height of the cameras' images [px]", observation=CAMERA))
+    rgb_noise: float = field(
+        default=0.0, metadata=about("standard deviation of the colours' noise [levels of 255]", observation=CAMERA)
+    )
+    depth_noise: float = field(
+        default=0.0, metadata=about("standard deviation of the depth's noise [m]", observation=CAMERA)
+    )
+    info: str = field(default="all", metadata=about(INFOS_TEXT, flag=None))
+
+    def __post_init__(self) -> None:
+        check_known("steps", self.steps, STEPS)
+        check_known("observation", self.observation, OBSERVATIONS)
+        check_known("backend", self.backend, BACKENDS)
+        check_known("info", self.info, INFOS)
+        if self.render_mode is not None:
+            check_known("render_mode", self.render_mode, RENDER_MODES)
+        for name in ("shapes", "sizes", "masses", "frictions", "table"):
+            given: Any = getattr(self, name)
+            if isinstance(given, str) or not isinstance(given, Sequence | np.ndarray) or not len(given):
+                raise InputError(f"{name} must be a list of at least one, got {shown(given)}")
+            object.__setattr__(self, name, tuple(given))
+        for shape in self.shapes:
+            check_known("shape", shape, SHAPES)
+        arm = grasping_arm(self.arm)
+        for size in self.sizes:
+            check_size(arm, size)
+        for mass in self.masses:
+            check_mass(mass)
+        for friction in self.frictions:
+            check_friction(friction)
+        as_vector("table [m]", self.table, 3, most=MAX_SHIFT)
+        check_flag("clutter", self.clutter)
+        check_count("attempts", self.attempts, most=MAX_ATTEMPTS)
+        check_count("max_steps", self.max_steps, most=MAX_STEPS)
+        check_cameras(self.pipeline, self.width, self.height, self.rgb_noise, self.depth_noise, 1.0)
+        if self.observation == CAMERA and (
+            set(self.shapes) != {BALL_SHAPE} or len(set(self.sizes)) > 1 or not arm.goal_cameras
+        ):
+            raise InputError(
+                'observation="camera" finds balls of one size, with an arm that has goal cameras; got '
+                f"shapes {self.shapes}, sizes {self.sizes}, arm {arm.name!r}"
+            )
+        if self.backend == "kinematic" and self.steps != SINGLE:
+            raise InputError('backend="kinematic" is for steps="single": in small steps the dynamics decide')
+
+    @property
+    def noise(self) -> SensorNoise:
+        """The cameras' noise."""
+        return SensorNoise(rgb_sigma=self.rgb_noise, depth_sigma=self.depth_noise)
+
+
+def check_size(arm: ArmDescription, size: object) -> float:
+    """Check an object's size [m]: the gripper must get around it.
+
+    Raises:
+        InputError: It is none, or out of range.
+    """
+    gripper: Any = arm.gripper
+    most = (gripper.opening - CLEARANCE) / 2
+    value = check_number("the object's size [m]", size, least=MIN_SIZE)
+    if value > most:
+        raise InputError(
+            f"the object's size must be from {MIN_SIZE:g} to {most:g} m, got {value:g}: it is {2 * value:g} m wide, "
+            f"and the fingers come open by {gripper.opening:g} m (stroke {gripper.stroke:g} m)"
+        )
+    return value
+
+
+def check_mass(mass: object) -> float:
+    """Check an object's mass [kg]."""
+    return check_number("the object's mass [kg]", mass, least=MIN_MASS, most=MAX_MASS)
+
+
+def check_friction(friction: object) -> float:
+    """Check an object's coefficient of friction."""
+    return check_number("the object's friction", friction, least=0.0, most=MAX_FRICTION)
+
+
+def grasping_arm(arm: str | ArmDescription) -> ArmDescription:
+    """Return an arm with a gripper; one that has none gets it on its flange.
+
+    Raises:
+        InputError: It has no flange, no closed form of six joints, or no goals in a box.
+    """
+    found = get_arm(arm)
+    found = found if found.gripper is not None else found.with_gripper()
+    if not isinstance(found.workcell.goals, BoxRegion) or not any(
+        box.name == "table" for box in found.workcell.obstacles
+    ):
+        raise InputError(f"objects lie on a table, in a BoxRegion; the work cell of arm {found.name!r} lacks them")
+    if not hasattr(ArmKinematics.of(found, base="world"), "nearest_batch"):
+        raise InputError(f"grasping needs an arm with a closed form, such as a UR; arm {found.name!r} has none")
+    return found
+
+
+def face_angle(turn: Floats) -> Floats:
+    """Return by how much cubes that are turned so far [rad] are off the nearest quarter turn, in [-pi/4, pi/4)."""
+    return np.asarray((turn + math.pi / 4) % (math.pi / 2) - math.pi / 4)
+
+
+class LiftStart(NamedTuple):
+    """What k episodes start with; None for what is drawn.
+
+    Attributes:
+        places: Where objects lie [m], shape (k, 2).
+        yaws: Turns about the vertical [rad], shape (k, 1).
+        sizes, masses, frictions: [m], [kg] and coefficients, shapes (k, 1).
+        shapes: Indices into `SHAPES`, shape (k, 1).
+        views: Where the cameras saw the objects [m], shape (k, 3).
+    """
+
+    places: Floats | None = None
+    yaws: Floats | None = None
+    sizes: Floats | None = None
+    masses: Floats | None = None
+    frictions: Floats | None = None
+    views: Floats | None = None
+    shapes: NDArray[np.intp] | None = None
+
+
+#: The options of `reset` that are numbers, and how many of them.
+_NUMBERS = {"place": 2, "yaw": 1, "size": 1, "mass": 1, "friction": 1, "view": 3}
+
+
+class LiftTask:
+    """The task on one arm: meaning of actions, observations and starts, for one environment or thousands.
+
+    Args:
+        options: Of the environment.
+
+    Attributes:
+        options: As given.
+        arm: With its gripper and the table where the options have it.
+        kinematics: From the world to the arm's tip.
+        home: Its start posture [rad], shape (n,).
+        region: Where objects lie; z is the height of the table's top.
+        layout: Where things are in an observation; its goal block is all that says of the object where and what it is.
+        size: Numbers of an observation.
+    """
+
+    def __init__(self, options: LiftOptions) -> None:
+        self.options = options
+        arm = grasping_arm(options.arm)
+        cell, shift = arm.workcell, np.array(options.table)
+        boxes = tuple(
+            replace(box, position=tuple((np.array(box.position) + shift).tolist())) if box.name == "table" else box
+            for box in cell.obstacles
+        )
+        table = next(box for box in boxes if box.name == "table")
+        goals: Any = cell.goals
+        top = table.position[2] + table.size[2] / 2
+        (x0, x1), (y0, y1) = goals.x, goals.y
+        self.region = BoxRegion((x0 + shift[0], x1 + shift[0]), (y0 + shift[1], y1 + shift[1]), (top, top))
+        radius = max(options.sizes)
+        self.arm = replace(arm, workcell=replace(cell, obstacles=boxes, goals=self.region, ball_radius=radius))
+        self.kinematics: Any = ArmKinematics.of(self.arm, base="world")
+        self.home = np.array(arm.home)
+        self.gripper: Any = arm.gripper
+        self._half, self._middle = action_range(self.arm)
+        joints = len(arm.joints)
+        self.layout = Layout.of(goal=KIND_END, joints=joints)
+        self.size = self.layout.size + 3 + 3 * options.clutter
+
+    @cached_property
+    def checker(self) -> CollisionChecker:
+        """The verdict on collisions of the arm with its fingers open; objects are not in it."""
+        return CollisionChecker(self.kinematics)
+
+    @property
+    def action_space(self) -> spaces.Box:
+        """An action for each joint, and one for the fingers."""
+        return spaces.Box(-1.0, 1.0, (len(self.home) + 1,), np.float32)
+
+    @property
+    def observation_space(self) -> spaces.Box:
+        """Of one environment."""
+        lower, upper = joint_limits(self.arm)
+        high = np.concatenate([
+            3 * [GOAL_RANGE], [1.0], 4 * [1.0], upper + BEYOND_LIMIT, [CAMERA_RANGE], 3 * [2 * GOAL_RANGE],
+            3 * self.options.clutter * [GOAL_RANGE],
+        ])  # fmt: skip
+        low, layout = -high, self.layout
+        low[SIZE:KIND_END] = low[layout.gripper] = 0.0
+        low[layout.q] = lower - BEYOND_LIMIT
+        return spaces.Box(low, high, dtype=np.float64)
+
+    def observation(
+        self,
+        seen: Floats,
+        yaws: Floats,
+        kinds: Objects,
+        q: Floats,
+        tips: Floats,
+        openings: Floats,
+        others: Floats | None,
+    ) -> Floats:
+        """Put observations together, shape (k, size); see the environment's table."""
+        cube = kinds.shape == SHAPES.index(CUBE)
+        outwards = np.arctan2(seen[:, 1], seen[:, 0])
+        parts = [
+            np.clip(np.nan_to_num(seen), -GOAL_RANGE, GOAL_RANGE),
+            np.nan_to_num(np.where(cube, face_angle(yaws - outwards), 0.0))[:, None],
+            kinds.size[:, None],
+            kinds.shape[:, None] == np.arange(len(SHAPES)),
+            q,
+            openings[:, None],
+            np.clip(np.where(np.isfinite(seen), seen - tips, 0.0), -2 * GOAL_RANGE, 2 * GOAL_RANGE),
+        ]
+        return np.concatenate(parts if others is None else [*parts, np.clip(others, -GOAL_RANGE, GOAL_RANGE)], axis=1)
+
+    def grasps(self, actions: Floats) -> tuple[Floats, Floats]:
+        """Return postures [rad] and openings to close to [m] that actions of single steps mean."""
+        return self._middle + self._half * actions[:, :-1], (1.0 + actions[:, -1]) / 2 * self.gripper.stroke
+
+    def action_for(self, q: Floats, opening: float) -> Floats:
+        """Return the action of a single step that means a posture [rad], shape (n,), and an opening [m]."""
+        return np.append((q - self._middle) / self._half, 2.0 * opening / self.gripper.stroke - 1.0)
+
+    def poses(self, postures: Floats) -> Floats:
+        """Return poses of the tips in the world in postures [rad], shape (k, n), to the bit as of each alone."""
+        T: Floats = self.kinematics.chain.fk(postures)
+        return T
+
+    def above(self, postures: Floats) -> Floats:
+        """Return postures with the tip `LIFT` above that of others and turned alike; NaN where there are none."""
+        T = self.poses(postures)
+        T[:, 2, 3] += LIFT
+        if self.options.backend == "kinematic":
+            return np.asarray(self.kinematics.nearest_batch(T, postures).q)
+        above = np.full_like(postures, np.nan)  # one by one: products of matrices depend on how many there are
+        for row, pose, posture in zip(above, T, postures, strict=True):
+            found = self.kinematics.nearest(pose, posture)
+            if found.success:
+                row[:] = found.q
+        return above
+
+    def sample(self, rng: np.random.Generator, count: int) -> Floats:
+        """Draw what `count` episodes start with, shape (count, 9): place, yaw, shape, size, mass, friction, other's."""
+        options = self.options
+        places = self.region.sample(rng, count)[:, :2]
+        yaws = rng.uniform(-math.pi, math.pi, count)
+        shapes = np.array([SHAPES.index(name) for name in options.shapes])[
+            rng.integers(len(options.shapes), size=count)
+        ]
+        numbers = [
+            rng.uniform(min(ends), max(ends), count) for ends in (options.sizes, options.masses, options.frictions)
+        ]
+        others = self.region.sample(rng, count)[:, :2]
+        for _ in range(DRAWS):
+            close = np.linalg.norm(others - places, axis=1) < APART
+            if not (options.clutter and close.any()):
+                break
+            others[close] = self.region.sample(rng, int(close.sum()))[:, :2]
+        return np.column_stack([places, yaws, shapes, *numbers, others])
+
+    def training_starts(self, rng: np.random.Generator, count: int, *, margin: float) -> dict[str, Any]:
+        """Draw options of `reset` for learners, places also in a margin around the region [m]."""
+        rows = self.sample(rng, count)
+        rows[:, :2] = self.region.wider(margin).sample(rng, count)[:, :2]
+        return {
+            "place": rows[:, :2],
+            "yaw": rows[:, 2],
+            "shape": np.array(SHAPES)[rows[:, 3].astype(int)],
+            "size": rows[:, 4],
+        }
+
+    def reset_options(self, options: Mapping[str, Any] | None, count: int | None) -> LiftStart:
+        """Check the options of `reset`; of a batch they have a row for each environment.
+
+        Raises:
+            InputError: An unknown option, a wrong shape, or a value that cannot be.
+        """
+        given = given_options(options, (*_NUMBERS, "shape"))
+        shapes = given.pop("shape", None)
+        for name in given:
+            if given[name] is not None and _NUMBERS[name] == 1:
+                values = as_floats(name, given[name])
+                given[name] = values[..., None] if values.ndim == (count is not None) else values
+        places, yaws, sizes, masses, frictions, views = option_rows(given, _NUMBERS, count)
+        for size in () if sizes is None else np.unique(sizes).tolist():
+            check_size(self.arm, size)
+        for mass in () if masses is None else np.unique(masses).tolist():
+            check_mass(mass)
+        for friction in () if frictions is None else np.unique(frictions).tolist():
+            check_friction(friction)
+        if places is not None and (np.abs(places) > GOAL_RANGE).any():
+            raise InputError(f"place must be within ±{GOAL_RANGE:g} m, got {places.flat[np.abs(places).argmax()]:g}")
+        return LiftStart(places, yaws, sizes, masses, frictions, views, self._shapes(shapes, count))
+
+    def _shapes(self, given: Any, count: int | None) -> NDArray[np.intp] | None:
+        if given is None:
+            return None
+        names = [given] if isinstance(given, str) else list(given)
+        names = names * (count or 1) if isinstance(given, str) else names
+        if len(names) != (count or 1):
+            raise InputError(f"shape must have a name for each of {count or 1} environments, got {len(names)}")
+        for name in names:
+            check_known("shape", str(name), SHAPES)
+        return np.array([[SHAPES.index(str(name))] for name in names])
+
+    def check_actions(self, actions: ArrayLike, count: int | None) -> Floats:
+        """Return checked actions, clipped to [-1, 1], shape (k, n + 1).
+
+        Raises:
+            InputError: Wrong shape, or a value that is not finite.
+        """
+        values, size = as_floats("action", actions), len(self.home) + 1
+        shape = (size,) if count is None else (count, size)
+        if values.shape != shape or not np.isfinite(values).all():
+            raise InputError(f"action must be finite and have shape {shape}, got {values.shape}")
+        return np.clip(values, -1.0, 1.0).reshape(-1, size)

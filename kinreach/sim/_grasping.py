@@ -1,0 +1,223 @@
+"""Grasping in simulations with free objects: put them down, drive the fingers, and see what is held."""
+
+from __future__ import annotations
+
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from kinreach._checks import Floats
+from kinreach.errors import InputError
+from kinreach.robots import Gripper
+from kinreach.sim._controller import JointController, as_index, pairs_in_contact, touches
+from kinreach.sim._engine import mujoco
+from kinreach.sim._free_objects import BODY_FIELDS, GEOM_FIELDS, OBJECT, OBJECTS, Objects
+from kinreach.sim._plants import BatchPlant, Ids, SinglePlant, rows_and_columns
+from kinreach.sim._setpoints import CONTROL_PERIOD
+from kinreach.sim._simulation import ArmSimulation, BatchSimulation
+
+Flags = NDArray[np.bool_]
+
+
+class Grasp(NamedTuple):
+    """What k grippers and objects are doing; every array has k rows.
+
+    Attributes:
+        held: Whether the object touches both fingers and nothing but the gripper.
+        gripped: Whether it touches both fingers.
+        position: Of the object's centre in the world [m], shape (k, 3).
+        clearance: Of its lowest point above the table on which it was put [m].
+        collides: Whether a link is in an obstacle or in another link, deeper than `TOUCHED`.
+        opening: Between the fingers [m].
+    """
+
+    held: Flags
+    gripped: Flags
+    position: Floats
+    clearance: Floats
+    collides: Flags
+    opening: Floats
+
+
+#: Contacts of links that are less deep are none to `Grasp.collides` [m].
+TOUCHED = 1e-3
+
+
+class Grasping:
+    """The grippers and objects of simulations, one or a batch; what it does to one does not depend on the others.
+
+    Args:
+        simulation: With free objects, of an arm with a gripper.
+
+    Attributes:
+        controller: Of the simulations.
+        gripper: Of the arm.
+        count: Number of simulations.
+        objects: Number of objects of each.
+    """
+
+    def __init__(self, simulation: ArmSimulation | BatchSimulation) -> None:
+        arm, model = simulation.arm, simulation.model
+        if arm.gripper is None:
+            raise InputError(f"arm {arm.name!r} has no gripper; with_gripper() puts one on its flange")
+        self.controller: JointController = simulation.controller
+        self.gripper: Gripper = arm.gripper
+        self.objects = len(self.controller.objects)
+        plant: Any = simulation._plant
+        self._plant: SinglePlant | BatchPlant = plant
+        self.count = len(plant.qpos)
+        joints = [arm.gripper.joint, arm.gripper.mimic_joint]
+        self._fingers = [int(model.jnt_bodyid[model.joint(name).id]) for name in joints]
+        self._finger_qpos = as_index([model.joint(name).qposadr[0] for name in joints])
+        self._servos = as_index([model.actuator(name).id for name in joints])
+        self._all_servos = np.arange(model.nu)
+        self._object = model.body(OBJECT).id
+        self._rows = [
+            slice(*(int(model.joint(name).qposadr[0]) + k for k in (0, 7))) for name in OBJECTS[: self.objects]
+        ]
+        self._bodies = [model.body(name).id for name in OBJECTS[: self.objects]]
+        self._geoms = [model.geom(name).id for name in OBJECTS[: self.objects]]
+        self._kinds: list[Objects | None] = [None] * self.objects
+        self._table = np.zeros(self.count)
+        self._substeps = max(1, round(CONTROL_PERIOD / model.opt.timestep))
+
+    @property
+    def period(self) -> float:
+        """Time between two setpoints [s]."""
+        return self._substeps * float(self.controller.model.opt.timestep)
+
+    def reset(self, ids: Ids, q: Floats) -> None:
+        """Put arms at rest into postures [rad], shape (k, n), the gripper open as at the start."""
+        controller, plant = self.controller, self._plant
+        if isinstance(plant, BatchPlant):
+            plant.home(ids)
+        else:
+            mujoco.mj_resetDataKeyframe(plant.model, plant.data, plant.model.key("home").id)
+        plant.qpos[rows_and_columns(ids, controller.qpos)] = q
+        plant.ctrl[rows_and_columns(ids, controller.ctrl)] = q
+
+    def put(self, ids: Ids, which: int, kinds: Objects, places: Floats, yaws: Floats) -> None:
+        """Put down an object of each simulation, upright.
+
+        Args:
+            ids: Simulations, shape (k,).
+            which: Which of their objects.
+            kinds: What they are.
+            places: Where they touch the table, in the world [m], shape (k, 3).
+            yaws: Turns about the vertical [rad], shape (k,).
+        """
+        self._make(ids, which, kinds)
+        pose = self._plant.qpos[ids, self._rows[which]]
+        pose[:, :3] = places
+        pose[:, 2] += kinds.size
+        pose[:, 3:] = np.stack([np.cos(yaws / 2), 0 * yaws, 0 * yaws, np.sin(yaws / 2)], 1)
+        self._plant.qpos[ids, self._rows[which]] = pose
+        if which == 0:
+            self._table[ids] = places[:, 2]
+
+    def _make(self, ids: Ids, which: int, kinds: Objects) -> None:
+        """Let objects be others, where they are."""
+        known = self._kinds[which]
+        if known is None:
+            unknown = np.full(self.count, -1.0)
+            known = Objects(unknown.astype(np.intp), unknown.copy(), unknown.copy(), unknown.copy())
+        changed = np.zeros(len(ids), dtype=np.bool_)
+        for now, new in zip(known, kinds, strict=True):
+            changed |= now[ids] != new
+            now[ids] = new
+        self._kinds[which] = known
+        if not changed.any():
+            return
+        rows = ids[changed]
+        fields = kinds.of(changed).fields()
+        for names, index in ((GEOM_FIELDS, self._geoms[which]), (BODY_FIELDS, self._bodies[which])):
+            for name in names:
+                self._plant.own(name)[rows, index] = fields[name]
+        self._plant.update(rows)
+
+    def drive(self, ids: Ids, openings: Floats, seconds: float) -> None:
+        """Let the fingers go evenly to openings [m], shape (k,), and the arms stand where they were sent to."""
+        start = self._plant.ctrl[rows_and_columns(ids, self._servos)]
+        share = np.linspace(0.0, 1.0, 1 + max(1, round(seconds / self.period)))[1:, None, None]
+        self._follow(ids, self._servos, start + share * (openings[:, None] / 2 - start))
+
+    def rest(self, ids: Ids, seconds: float) -> None:
+        """Let everything go on for a while."""
+        self._follow(ids, self._servos, np.repeat(
+            self._plant.ctrl[rows_and_columns(ids, self._servos)][None], max(1, round(seconds / self.period)), axis=0
+        ))  # fmt: skip
+
+    def steer(self, ids: Ids, postures: Floats, openings: Floats, seconds: float) -> None:
+        """Let the setpoints of arms and fingers go evenly to postures [rad] and openings [m]."""
+        servos = np.concatenate([self._all_servos[self.controller.ctrl], self._all_servos[self._servos]])
+        start = self._plant.ctrl[np.ix_(ids, servos)]
+        end = np.concatenate([postures, np.repeat(openings[:, None] / 2, 2, axis=1)], axis=1)
+        share = np.linspace(0.0, 1.0, 1 + max(1, round(seconds / self.period)))[1:, None, None]
+        self._follow(ids, servos, start + share * (end - start))
+
+    def _follow(self, ids: Ids, servos: Any, setpoints: Floats) -> None:
+        self._plant.follow(ids, servos, setpoints, self._substeps)
+
+    def move(self, ids: Ids, targets: Floats) -> Any:
+        """Move arms, all joints at once; see `JointController.move`."""
+        return self.controller.move(self._plant, ids, targets, two_phase=False)
+
+    def diverged(self, ids: Ids) -> Flags:
+        """Return which were found unstable since they were last reset or put back."""
+        return self._plant.diverged(ids)
+
+    def states(self, ids: Ids) -> Floats:
+        """Copy full states, for `put_back`."""
+        return self._plant.states(ids)
+
+    def put_back(self, ids: Ids, states: Floats) -> None:
+        """Put simulations back into states, at rest."""
+        self._plant.put_back(ids, states)
+
+    def copy_from(self, other: Grasping) -> None:
+        """Take over objects and full states of as many other simulations of the same scene."""
+        everyone = np.arange(self.count)
+        for which, kinds in enumerate(other._kinds):
+            if kinds is not None:
+                self._make(everyone, which, kinds)
+        self._table[:] = other._table
+        self._plant.put(everyone, other._plant.states(everyone))
+
+    @property
+    def q(self) -> Floats:
+        """Postures [rad], shape (count, n)."""
+        return self._plant.qpos[:, self.controller.qpos].copy()
+
+    def pose(self, which: int = 0) -> tuple[Floats, Floats]:
+        """Return places of the objects' centres [m], shape (count, 3), and rotations, shape (count, 3, 3)."""
+        pose = self._plant.qpos[:, self._rows[which]]
+        rotation = np.empty((self.count, 9))
+        for row, quaternion in zip(rotation, pose[:, 3:].copy(), strict=True):
+            mujoco.mju_normalize4(quaternion)
+            mujoco.mju_quat2Mat(row, quaternion)
+        return pose[:, :3].copy(), rotation.reshape(-1, 3, 3)
+
+    def grasp(self, ids: Ids) -> Grasp:
+        """Return what some grippers and objects are doing, shape (k,)."""
+        kinds = self._kinds[0]
+        if kinds is None:
+            raise InputError("put the objects down first")
+        gripped, held, collides = (np.zeros(len(ids), dtype=np.bool_) for _ in range(3))
+        palm = set(self._fingers)
+        for row, index in enumerate(ids):
+            model = self._plant.model_of(index)
+            data = self.controller.posed(model, self._plant.qpos[index])
+            touching = {sum(pair) - self._object for pair in pairs_in_contact(model, data) if self._object in pair}
+            gripped[row] = palm <= touching
+            held[row] = gripped[row] and not any(
+                model.body(body).name in self.controller.obstacles for body in touching - palm
+            )
+            collides[row] = any(
+                touch.depth > TOUCHED and touch.other not in self.controller.objects
+                for touch in touches(model, data, self.controller.obstacles)
+            )
+        place, rotation = (values[ids] for values in self.pose())
+        below = kinds.of(ids).lowest(rotation)
+        opening = self._plant.qpos[rows_and_columns(ids, self._finger_qpos)].sum(axis=1)
+        return Grasp(held, gripped, place, place[:, 2] - below - self._table[ids], collides, opening)

@@ -1,0 +1,44 @@
+"""Lifting in the comparison: scripted grasps, and what failed where."""
+
+import numpy as np
+import pytest
+
+from kinreach.compare import compare
+from kinreach.compare._lift import CAUSES, LIFT_TASK
+
+
+class Aside:
+    """The closed form, too far to the left, or with fingers that do not close, by turns."""
+
+    def __init__(self, env):
+        self._scripted = LIFT_TASK.methods["closed-form"].make(env)
+
+    def reset(self, observation, info):
+        self._turn = int(1e6 * info["goal"][0]) % 3
+
+    def act(self, observation):
+        action = self._scripted.act(observation)
+        action[0] += 0.06 * (self._turn == 0)
+        action[6] = np.where(self._turn == 1, 0.5, action[6])
+        return None if self._turn == 2 else action
+
+
+def test_failures_add_up():
+    methods = {"closed-form": LIFT_TASK.methods["closed-form"], "placo": LIFT_TASK.methods["placo"], "aside": Aside}
+    found = compare("lift", methods, goals=8, options={"attempts": 1})
+    entries = {entry["name"]: entry for entry in found["methods"]}
+    for entry in entries.values():
+        assert sum(entry["failed"].values()) + entry["reached"] == pytest.approx(1.0)
+        assert set(entry["failed"]) == set(CAUSES)
+    assert [entries[name]["reached"] for name in entries] == [1.0, 1.0, 0.0]
+    failed = entries["aside"]["failed"]
+    assert failed["reached"] > 0
+    assert failed["closed"] > 0
+    assert entries["aside"]["outcomes"].get("forfeited", 0) > 0
+
+
+def test_another_arm_and_another_object():
+    found = compare("lift", goals=3, arm="ur5e", options={"shapes": ("cube",), "sizes": (0.03,)})
+    assert [entry["reached"] for entry in found["methods"]] == [1.0, 1.0]
+    assert found["settings"]["arm"] == "ur5e"
+    assert "lifts" in found["settings"]["title"]

@@ -1,0 +1,386 @@
+"""Lifting: an object is lifted where it is held, and nowhere else; batches, options, ends and bad input."""
+
+import copy
+from functools import partial
+
+import gymnasium as gym
+import numpy as np
+import pytest
+from gymnasium.utils.env_checker import check_env
+
+import kinreach  # noqa: F401
+from kinreach._registration import LIFT
+from kinreach.baselines._grasp_policy import GraspPolicy
+from kinreach.envs._lift.episodes import CAUSES
+from kinreach.envs._lift.task import HEIGHT, HOLD
+from kinreach.errors import InputError, UnknownNameError
+from kinreach.kinematics._solvers import new_solver
+from kinreach.robots import get_arm
+
+RANGE = {
+    "shapes": ("ball", "cube", "cylinder"),
+    "sizes": (0.015, 0.035),
+    "masses": (0.02, 0.3),
+    "frictions": (0.3, 1.5),
+}
+FORMS = {"single": {}, "multi": {"steps": "multi", "max_steps": 12}, "kinematic": {"backend": "kinematic"}}
+
+
+def make(**options):
+    return gym.make(LIFT, disable_env_checker=True, **options)
+
+
+def scripted(env):
+    return GraspPolicy(new_solver("closed-form", env.unwrapped.kinematics), env)
+
+
+def lowest_point(env):
+    """Height of the object's lowest point above the table, from all of its corners, or from a fine sampling."""
+    model, data = env.unwrapped.scene.model, env.unwrapped.scene.data
+    import mujoco
+
+    mujoco.mj_kinematics(model, data)
+    geom = model.geom("object")
+    size, place, R = geom.size, data.geom("object").xpos, data.geom("object").xmat.reshape(3, 3)
+    table = env.unwrapped.arm.workcell.goals.z[0]
+    if geom.type == mujoco.mjtGeom.mjGEOM_SPHERE:
+        return place[2] - size[0] - table
+    if geom.type == mujoco.mjtGeom.mjGEOM_BOX:
+        points = np.array(np.meshgrid(*3 * [[-1, 1]])).reshape(3, -1) * size[:, None]
+    else:
+        angle = np.linspace(0, 2 * np.pi, 400)
+        ring = np.stack([size[0] * np.cos(angle), size[0] * np.sin(angle), 0 * angle])
+        half = np.array([[0], [0], [size[1]]])
+        points = np.hstack([ring + half, ring - half])
+    return (place[:, None] + R @ points)[2].min() - table
+
+
+@pytest.mark.parametrize("options", [{}, RANGE, RANGE | {"arm": "ur5e"}], ids=["default", "range", "ur5e"])
+def test_a_scripted_grasp_lifts(options):
+    env, lifted, shapes = make(**options), 0, set()
+    policy = scripted(env)
+    for seed in range(12):
+        observation, info = env.reset(seed=seed)
+        policy.reset(observation, info)
+        assert lowest_point(env) == pytest.approx(0.0, abs=1e-9)
+        shapes.add(info["shape"])
+        _, reward, terminated, truncated, info = env.step(policy.act(observation))
+        assert (terminated, truncated) == (True, False)
+        assert info["clearance"] == pytest.approx(lowest_point(env), abs=1e-4)
+        assert info["is_success"] == (info["cause"] == "")
+        if info["is_success"]:
+            assert info["held"]
+            assert info["clearance"] > HEIGHT
+            assert reward > 21.9
+            assert 2.0 + HOLD < info["move_s"] < 6.0
+        lifted += info["is_success"]
+    assert lifted == 12
+    assert len(shapes) == len(options.get("shapes", ["ball"]))
+
+
+def test_cubes_are_grasped_along_their_faces():
+    env = make(shapes=("cube",), sizes=(0.03,))
+    policy = scripted(env)
+    for seed in range(8):
+        observation, info = env.reset(seed=seed, options={"yaw": 0.7 * seed})
+        outwards = np.arctan2(info["goal"][1], info["goal"][0])
+        assert abs(observation[3]) <= np.pi / 4
+        assert np.exp(4j * observation[3]) == pytest.approx(np.exp(4j * (0.7 * seed - outwards)))
+        info = env.step(policy.act(observation))[4]
+        assert info["is_success"]
+        assert info["posture_error"] < 0.01
+
+
+@pytest.mark.parametrize(
+    ("wrong", "cause"),
+    [
+        ("beside", "reached"),
+        ("open", "closed"),
+        ("slippery", "slipped"),
+        ("impossible", "reached"),
+        ("unsolved", "reached"),
+    ],
+)
+def test_a_grasp_that_fails_says_at_which_stage(wrong, cause):
+    env, seen = make(), 0
+    for seed in range(4):
+        options = {"friction": 0.0} if wrong == "slippery" else {}
+        observation, info = env.reset(seed=seed, options=options)
+        action = scripted(env).act(observation)
+        if wrong == "beside":
+            action[0] += 0.06
+        elif wrong == "open":
+            action[6] = 0.0  # 8 cm around a ball of 5
+        elif wrong == "impossible":
+            action[1] += 0.12  # into the table
+        elif wrong == "unsolved":
+            action[:6] = [0, -0.5, 0, -0.5, 0, 0]  # stretched upwards: nothing above it
+        _, reward, terminated, _, info = env.step(action)
+        assert terminated
+        assert not info["is_success"]
+        assert (info["cause"], info["impossible"]) == (cause, wrong in ("impossible", "unsolved"))
+        assert info["impossible"] == bool(info["impossible_reason"])
+        assert reward < 3.0
+        seen += 1
+    assert seen == 4
+    assert cause in CAUSES
+
+
+def test_after_a_miss_the_arm_looks_again():
+    env, lifted = make(attempts=2), 0
+    for seed in range(6):
+        observation, info = env.reset(seed=seed)
+        policy = scripted(env)
+        action = policy.act(observation)
+        aside = np.linalg.norm(info["goal"][:2]) * 0.1
+        action[0] += 0.1 / np.pi
+        observation, _, terminated, truncated, info = env.step(action)
+        assert (terminated, truncated, info["is_success"]) == (False, False, False)
+        assert np.abs(observation[8:14] - env.unwrapped.home).max() < 0.01
+        assert observation[14] == pytest.approx(0.10, abs=1e-3)
+        assert aside > 0.03
+        _, _, terminated, _, info = env.step(policy.act(observation))
+        assert terminated
+        assert info["attempts"] == 2
+        lifted += info["is_success"]
+    assert lifted == 6
+
+
+def test_clutter_is_seen_and_left_alone():
+    env = make(clutter=True)
+    policy, lifted = scripted(env), 0
+    for seed in range(8):
+        observation, _ = env.reset(seed=seed)
+        other = observation[18:21]
+        assert np.linalg.norm(other - observation[:3]) >= 0.13
+        observation, _, _, _, info = env.step(policy.act(observation))
+        lifted += info["is_success"]
+        body = env.unwrapped.scene.data.body("other").xpos
+        assert np.linalg.norm(body - other) < 0.005
+    assert lifted == 8
+
+
+@pytest.mark.parametrize("shift", [(0.0, 0.0, 0.05), (0.04, -0.05, -0.03)])
+def test_the_table_can_stand_elsewhere(shift):
+    env, usual, lifted = make(table=shift), make(), 0
+    policy = scripted(env)
+    for seed in range(6):
+        observation, info = env.reset(seed=seed)
+        np.testing.assert_allclose(info["goal"], usual.reset(seed=seed)[1]["goal"] + shift, atol=1e-12)
+        lifted += env.step(policy.act(observation))[4]["is_success"]
+    assert lifted == 6
+
+
+def test_small_steps_can_lift():
+    """A script of small steps: above, down, close, up, and still."""
+    env = make(steps="multi", max_steps=300)
+    kinematics, home = env.unwrapped.kinematics, env.unwrapped.home
+    for seed in range(2):
+        observation, info = env.reset(seed=seed)
+        place, over, count = info["goal"], False, 0
+        task = env.unwrapped._task
+        low = scripted(env).act(observation)[:6] * np.pi
+        high = task.above(low[None])[0]
+        while not over:
+            closed = count > 75
+            target = high if count < 40 or count > 95 else low
+            action = np.append(np.clip((target - observation[8:14]) / np.radians(5.0), -1, 1), -1.0 if closed else 0.0)
+            observation, reward, terminated, truncated, info = env.step(action)
+            assert reward == sum(info["reward_terms"].values())
+            assert np.linalg.norm(kinematics.positions(observation[8:14][None])[0] - info["tip"]) < 1e-9
+            np.testing.assert_allclose(observation[15:18], info["goal"] - info["tip"], atol=1e-12)
+            over, count = terminated or truncated, count + 1
+        assert info["is_success"], (info["cause"], info["status"], count)
+        assert terminated
+        assert info["goal"][2] - place[2] > HEIGHT
+        assert 95 < count < 200
+    assert np.abs(home).sum() > 0
+
+
+@pytest.mark.parametrize("form", FORMS)
+@pytest.mark.parametrize("options", [{}, RANGE | {"clutter": True}], ids=["default", "range"])
+def test_a_batch_is_as_many_single_ones(form, options):
+    """Bit for bit, with whatever objects, over the ends of episodes."""
+    options = FORMS[form] | options | ({"attempts": 2} if form == "single" else {})
+    batch = gym.make_vec(
+        LIFT, num_envs=3, vectorization_mode="vector_entry_point", autoreset_mode="NextStep", **options
+    )
+    singles = [make(**options) for _ in range(3)]
+    policies = [scripted(env) for env in singles]
+    seen, told = batch.reset(seed=5)
+    rows = [env.reset(seed=5 + i) for i, env in enumerate(singles)]
+    same = np.testing.assert_array_equal if form != "kinematic" else partial(np.testing.assert_allclose, atol=1e-9)
+    same(seen, [row[0] for row in rows])
+    rng, over, compared, ends = np.random.default_rng(0), np.zeros(3, dtype=bool), 0, 0
+    for step in range(4 if form != "multi" else 15):
+        actions = rng.uniform(-1, 1, (3, 7)) * 0.3
+        if form != "multi":
+            for i, policy in enumerate(policies):
+                action = None if (step + i) % 3 == 0 else policy.act(seen[i])
+                actions[i] = actions[i] if action is None else action
+        seen, rewards, ended, cut, told = batch.step(actions)
+        for i, env in enumerate(singles):
+            if over[i]:
+                observation, info = env.reset()
+                over[i] = False
+            else:
+                observation, reward, terminated, truncated, info = env.step(actions[i])
+                same(reward, rewards[i])
+                assert (terminated, truncated) == (ended[i], cut[i])
+                assert sum(info["reward_terms"].values()) == pytest.approx(reward, abs=1e-12)
+                over[i] = terminated or truncated
+                ends += over[i]
+                for name in ("cause", "status", "impossible_reason"):
+                    assert info[name] == told[name][i]
+                for name in ("clearance", "distance", "move_s", "opening"):
+                    same(info[name], told[name][i])
+            same(observation, seen[i])
+            same(info["goal"], told["goal"][i])
+            compared += 1
+    assert compared == 3 * (step + 1)
+    assert ends >= 3
+
+
+def test_episodes_repeat_and_copies_go_on_alike():
+    for options in ({"clutter": True, **RANGE}, {"steps": "multi", **RANGE}):
+        env, same = make(**options).unwrapped, make(**options).unwrapped
+        for seed in (3, None):
+            observation, _ = env.reset(seed=seed)
+            np.testing.assert_array_equal(observation, same.reset(seed=seed)[0])
+            action = np.append(scripted(env).act(observation)[:6] * 0.9, -0.5)
+            twin = copy.deepcopy(env)
+            results = [world.step(action) for world in (env, same, twin)]
+            for result in results[1:]:
+                np.testing.assert_array_equal(result[0], results[0][0])
+                assert result[1:4] == results[0][1:4]
+        np.testing.assert_array_equal(env.reset()[0], twin.reset()[0])
+
+
+@pytest.mark.parametrize("form", FORMS)
+def test_gymnasium_agrees(form):
+    check_env(make(**FORMS[form]).unwrapped, skip_render_check=True)
+
+
+@pytest.mark.parametrize("form", ["single", "multi"])
+def test_stable_baselines3_agrees(form):
+    from stable_baselines3.common.env_checker import check_env as sb3_check_env
+
+    sb3_check_env(make(**FORMS[form]), skip_render_check=True)
+
+
+@pytest.mark.parametrize("form", ["single", "multi"])
+def test_a_simulation_that_diverges_ends_the_episode(form):
+    env = make(attempts=3, **FORMS[form])
+    observation, _ = env.reset(seed=0)
+    action = scripted(env).act(observation)
+    env.unwrapped.scene.data.qvel[:] = 1e7
+    observation, _, terminated, truncated, info = env.step(action if form == "single" else 0.0 * action)
+    assert terminated or truncated
+    assert info["status"] == "diverged"
+    assert info["impossible_reason"].startswith("diverged")
+    assert not info["is_success"]
+    assert np.isfinite(observation).all()
+    env.reset(seed=1)
+    assert env.step(np.zeros(7))[4]["status"] != "diverged"
+
+
+def test_a_collision_ends_an_episode_of_small_steps():
+    env = make(steps="multi")
+    env.reset(seed=0)
+    over = False
+    while not over:
+        _, reward, over, truncated, info = env.step([0, 1, 0, 0, 0, 0, 0])  # the upper arm goes down
+        assert not truncated
+    assert (info["impossible"], info["status"], info["is_success"]) == (True, "collision", False)
+    assert info["reward_terms"]["impossible"] == -1.0
+    assert reward == sum(info["reward_terms"].values())
+
+
+def test_geometry_predicts_what_the_dynamics_do():
+    """The kinematic backend's verdict on grasps that are a little off, beside that of MuJoCo."""
+    options = {**RANGE, "backend": "mujoco"}
+    count = 120
+    dynamic = gym.make_vec(LIFT, num_envs=count, vectorization_mode="vector_entry_point", **options)
+    judged = gym.make_vec(LIFT, count, vectorization_mode="vector_entry_point", **options | {"backend": "kinematic"})
+    observations, _ = dynamic.reset(seed=0)
+    np.testing.assert_array_equal(judged.reset(seed=0)[0], observations)
+    policy, rng = scripted(make(**RANGE)), np.random.default_rng(1)
+    actions = np.array([policy.act(row) for row in observations])
+    actions[:, :6] += rng.normal(0.0, 0.006, (count, 6)) * (np.arange(count) % 3)[:, None]
+    lifted, predicted = (env.step(actions)[4]["final_info"]["is_success"] for env in (dynamic, judged))
+    assert 0.4 < predicted.mean() < 0.95
+    assert (lifted & predicted).sum() / predicted.sum() >= 0.97  # what geometry promises, the dynamics keep
+    assert lifted.sum() >= predicted.sum()
+
+
+@pytest.mark.parametrize(
+    ("options", "error", "said"),
+    [
+        (
+            {"sizes": (0.09,)},
+            InputError,
+            "from 0.01 to 0.045 m, got 0.09: it is 0.18 m wide, and the fingers come open",
+        ),
+        ({"sizes": (0.005,)}, InputError, "size"),
+        ({"sizes": ()}, InputError, "sizes must be a list of at least one"),
+        ({"masses": (0.0,)}, InputError, "mass .* at least 0.001 and at most 1, got 0"),
+        ({"masses": (0.1, -0.1)}, InputError, "mass"),
+        ({"frictions": (-0.1,)}, InputError, "friction must be finite and at least 0 and at most 3, got -0.1"),
+        ({"shapes": ("cone",)}, UnknownNameError, "cone"),
+        ({"table": (0.0, 0.0, 0.2)}, InputError, "table"),
+        ({"steps": "two"}, UnknownNameError, "two"),
+        ({"attempts": 0}, InputError, "attempts must be at least 1"),
+        ({"clutter": 1}, InputError, "clutter"),
+        ({"arm": "panda"}, InputError, "arm 'panda'"),
+        ({"arm": "arm3"}, InputError, "tool0"),
+        ({"observation": "camera", "shapes": ("cube",)}, InputError, "finds balls of one size"),
+        ({"backend": "kinematic", "steps": "multi"}, InputError, "kinematic"),
+    ],
+)
+def test_bad_options(options, error, said):
+    with pytest.raises(error, match=said):
+        make(**options)
+
+
+def test_bad_input():
+    env = make()
+    with pytest.raises(InputError, match="reset"):
+        env.unwrapped.step(np.zeros(7))
+    for options, said in (
+        ({"size": 0.1}, "size"),
+        ({"mass": 0.0}, "mass"),
+        ({"friction": -1.0}, "friction"),
+        ({"place": (0, 0, 0)}, "place must have shape"),
+        ({"ball": 1}, "unknown reset options"),
+        ({"shape": "cone"}, "cone"),
+    ):
+        with pytest.raises((InputError, UnknownNameError), match=said):
+            env.reset(options=options)
+    env.reset(seed=0)
+    for action in (np.zeros(6), np.full(7, np.nan)):
+        with pytest.raises(InputError, match="action"):
+            env.unwrapped.step(action)
+
+
+def test_a_ur_gets_the_gripper():
+    arm = get_arm("ur5e").with_gripper()
+    assert (arm.gripper, arm.default_tip) == (get_arm("ur5").gripper, "tcp")
+    with pytest.raises(InputError, match="has a gripper already"):
+        arm.with_gripper()
+
+
+def test_cameras_find_the_ball(needs_gl):
+    env = make(observation="camera")
+    policy, lifted = scripted(env), 0
+    for seed in range(3):
+        observation, info = env.reset(seed=seed)
+        assert 0.0 < np.linalg.norm(observation[:3] - info["goal"]) < 0.005
+        lifted += env.step(policy.act(observation))[4]["is_success"]
+    assert lifted == 3
+
+
+def test_the_object_is_drawn(needs_gl):
+    env = make(render_mode="rgb_array", shapes=("cube",), sizes=(0.035,))
+    env.reset(seed=0)
+    red = env.render()[..., 0].astype(int) - env.render()[..., 1]
+    assert (red > 80).sum() > 40
