@@ -64,13 +64,13 @@ def train_seeds(
     folders: Mapping[int, Path],
     engine: Engine,
     *,
-    steps: int | None = None,
-    resume: bool = False,
-    fresh: bool = False,
-    threads: int = 1,
-    export: bool = False,
-    progress: Callable[[int, int], None] = lambda done, planned: None,
-    notice: Callable[[str], None] = lambda text: None,
+    steps: int | None,
+    resume: bool,
+    fresh: bool,
+    threads: int,
+    export: bool,
+    progress: Callable[[int, int], None],
+    notice: Callable[[str], None],
 ) -> Iterator[Run]:
     """Train a recipe with several seeds, and yield each run as it is finished.
 

@@ -9,6 +9,7 @@ from gymnasium.vector import AutoresetMode
 from scipy.stats import norm, rankdata
 
 from kinreach.baselines._algorithms import AdaptiveRate, Exploration, normal_scores
+from kinreach.baselines._batch import last_value
 from kinreach.baselines._learning_curve import COLUMNS, TRACE_COLUMNS, LearningCurve, curve_csv, read_curve
 from kinreach.baselines._models import build
 from kinreach.baselines._policies import paced
@@ -262,3 +263,14 @@ def test_learning_curves_survive_the_file(tmp_path):
     for name in ("bad.csv", "missing.csv"):
         with pytest.raises(InputError, match="learning curve"):
             read_curve(tmp_path / name)
+
+
+def test_what_a_step_came_to_is_found_after_a_reset_in_the_same_step():
+    """Gymnasium's own batches then keep it in `final_info`, for the environments that were reset."""
+    step, ended = np.array([1.0, 2.0, 3.0]), np.array([False, True, False])
+    np.testing.assert_array_equal(last_value({"distance": step}, "distance"), step)
+    final = {"distance": np.array([0.0, 5.0, 0.0]), "is_success": ended}
+    info = {"distance": step, "final_info": final, "_final_info": ended}
+    np.testing.assert_array_equal(last_value(info, "distance"), [1.0, 5.0, 3.0])
+    np.testing.assert_array_equal(last_value(info, "is_success"), ended)  # a reset has none
+    assert last_value(info, "time") is None

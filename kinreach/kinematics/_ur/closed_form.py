@@ -60,7 +60,7 @@ def solve_pose(rows: Rows, g: URGeometry, *, tol: float = 1e-7, q6: float = 0.0)
     d1, _, _, d5, d6, _, _, _ = g.packed
     x, y, z = px - d6 * ax, py - d6 * ay, pz - d6 * az - d1
     wrists: list[Wrist] = []
-    regular = True
+    near = False
     for branch, flags, s1, c1 in shoulders(x, y, g.d4, tol):
         q1, u = atan2(s1, c1), -x * c1 - y * s1
         c6, s6, c5 = nx * s1 - ny * c1, oy * c1 - ox * s1, ax * s1 - ay * c1
@@ -75,7 +75,7 @@ def solve_pose(rows: Rows, g: URGeometry, *, tol: float = 1e-7, q6: float = 0.0)
             q234 += pi if q234 <= 0.0 else -pi
             wrists.append((branch + 2, flags, q1, -q5, q6_, q234, u + s, -c - z))
         elif s5 > tol:
-            regular = False
+            near = True
             n_u, o_u = nx * c1 + ny * s1, ox * c1 + oy * s1
             total = atan2(nz - o_u, n_u + oz) if c5 > 0.0 else atan2(-nz - o_u, oz - n_u)
             wrists += _near_wrists((branch, flags, q1, atan2(s5, c5), atan2(s6, c6)), total, -u, z, g, tol / s5)
@@ -87,7 +87,7 @@ def solve_pose(rows: Rows, g: URGeometry, *, tol: float = 1e-7, q6: float = 0.0)
             q6_ = wrap(angle - q234 if c5 > 0.0 else q234 - angle + pi)
             wrists.append((branch, flags, q1, q5, q6_, q234, u, v))
     found, miss, clamped = _elbows(wrists, g, tol)
-    if len(wrists) == REGULAR_WRISTS and regular and not clamped:
+    if len(wrists) == REGULAR_WRISTS and not (near or clamped):
         return found, miss
     return _verified(found, miss, lambda q: reaches_pose(q, g, rows, tol))
 
