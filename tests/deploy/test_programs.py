@@ -140,7 +140,7 @@ def test_a_program_says_what_it_is_for_and_sets_the_tool():
 def test_a_call_that_is_not_the_programs_changes_nothing():
     program = Program.of(KIN, HOME, [Move("movej", HOME + 0.1, 0.5, 1.0)], payload=1.2, centre_of_mass=(0, 0, 0.05))
     longer = re.sub(r"^( *)set_payload.*$", r'\g<0>\n\1textmsg("begin")', program.text, flags=re.MULTILINE)
-    assert longer.count("textmsg(\"begin\")") == 1
+    assert longer.count('textmsg("begin")') == 1
     assert Program.parse(longer) == Program.parse(program.text)
 
 
