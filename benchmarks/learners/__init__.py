@@ -37,6 +37,7 @@ from benchmarks.learners.thesis_world import (
     thesis_single_tolerance,
 )
 from benchmarks.learners.variants import (
+    moving_clear,
     pixels_light,
     ppo_multi_ending,
     space_ranked,
@@ -53,6 +54,7 @@ __all__ = [
     "ddpg_multi",
     "ddpg_single",
     "ik_net",
+    "moving_clear",
     "pixels_light",
     "ppo_multi_ending",
     "sac_multi",

@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import replace
 
 from kinreach.baselines import get_recipe, register_recipe
+from kinreach.baselines._expert import GRIPPER
 
 ppo_multi_ending = register_recipe(
     replace(
@@ -32,5 +33,13 @@ space_ranked = register_recipe(
         reward="dense",
         steps=8_000_000,
         settings=get_recipe("single").settings,
+    )
+)
+moving_clear = register_recipe(
+    replace(
+        get_recipe("moving"),
+        name="moving-clear",
+        summary="As moving, with the gripper's corners kept above the table and the tool down.",
+        settings={**get_recipe("moving").settings, "feelers": GRIPPER.tolist(), "down": 0.1},
     )
 )

@@ -7,6 +7,7 @@
 A joint that is stuck, one that is 2 degrees off, or a link that is bent by 3 degrees and 5 mm; the ball on the table,
 the tool straight down. Kinematics only. Reached: within 10 mm, the tool within 0.15 rad, as `kinreach/Reach-v0` has it.
 Intervals are over faults: the percentile bootstrap draws faults, not balls, and where all faults agree there is none.
+Finished faults are kept in `--out`.
 """
 
 from __future__ import annotations
@@ -18,13 +19,15 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from itertools import islice
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from benchmarks.studies.parts import each
+from benchmarks.studies.parts import each, kept
 from benchmarks.studies.tables import head, line
 from kinreach._checks import Floats, check_count
+from kinreach._files import make_writable
 from kinreach._jobs import add_options
 from kinreach._statistics import bootstrap_intervals, mean
 from kinreach.baselines._expert import tool_down_postures
@@ -185,6 +188,11 @@ def reached(fault: Damage, q: Floats, balls: Floats) -> tuple[int, float]:
     return int(((apart < REACHED_DISTANCE) & (off < REACHED_POSTURE_ERROR)).sum()), 1e3 * float(np.median(apart))
 
 
+def found_before(kind: str, seed: int, count: int, folder: str) -> Tried:
+    """What `tried` says, from its file if there is one."""
+    return kept(Path(folder), {"kind": kind, "fault": seed, "balls": count}, lambda: tried(kind, seed, count))
+
+
 def tried(kind: str, seed: int, count: int) -> Tried:
     """What each method makes of a fault, on the same balls."""
     policy = load_policy(LEARNED_POLICY)
@@ -237,12 +245,15 @@ def main(argv: list[str] | None = None) -> int:
     parser = Parser(prog=PROG, description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--faults", type=int, default=20, help="of each kind (default: %(default)s)")
     parser.add_argument("--balls", type=int, default=50, help="for each fault (default: %(default)s)")
+    parser.add_argument("--out", type=Path, default=Path("results/damage"), help="where finished faults are kept")
     add_options(parser)
     arguments = parser.parse_args(argv)
     check_count("--faults", arguments.faults)
     check_count("--balls", arguments.balls)
-    parts: list[Any] = [(kind, seed, arguments.balls) for kind in KINDS for seed in range(arguments.faults)]
-    faults = each(arguments, tried, parts)
+    make_writable(arguments.out)
+    out = str(arguments.out.resolve())
+    parts: list[Any] = [(kind, seed, arguments.balls, out) for kind in KINDS for seed in range(arguments.faults)]
+    faults = each(arguments, found_before, parts)
     found = [list(islice(faults, arguments.faults)) for _ in KINDS]
     print(head("method", *KINDS))
     for name in found[0][0]:

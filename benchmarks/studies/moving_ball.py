@@ -12,7 +12,6 @@ are ignored in it, as no policy of the package was trained with them.
 from __future__ import annotations
 
 import argparse
-import json
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
@@ -20,10 +19,10 @@ from typing import Any
 import gymnasium as gym
 import numpy as np
 
+from benchmarks.studies.parts import kept
 from benchmarks.studies.tables import head, line, share
-from kinreach import _provenance as provenance
 from kinreach._checks import check_count
-from kinreach._files import make_writable, replacing, write_text
+from kinreach._files import make_writable, replacing
 from kinreach._plots._style import INK, new_figure
 from kinreach.baselines._loop import Policy, as_policy, rollout
 from kinreach.cli import Parser, finish
@@ -52,16 +51,14 @@ SPEEDS = (0.4, 0.8, 1.2)
 
 def touched(name: str, speed: float, options: Mapping[str, Any], *, balls: int, seed: int, out: Path) -> list[bool]:
     """Return which balls a method touches, from its file if it has one."""
-    task = get_task("moving")
-    key = {"method": name, "speed": speed, **options, "balls": balls, "seed": seed}
-    file = out / f"{provenance.digest(json.dumps(key, sort_keys=True).encode())}.json"
-    if file.exists():
-        return list(json.loads(file.read_text(encoding="utf-8"))["touched"])
-    env = gym.make(task.environment, **{**task.options, **options, "speeds": (speed,)})
-    policy: Policy = as_policy(task.methods[name].make(env))
-    found = [bool(trial["reached"]) for trial in rollout(env, policy, task.resets(balls, seed, env))]
-    write_text(file, json.dumps({**key, "touched": found}) + "\n")
-    return found
+
+    def played() -> list[bool]:
+        task = get_task("moving")
+        env = gym.make(task.environment, **{**task.options, **options, "speeds": (speed,)})
+        policy: Policy = as_policy(task.methods[name].make(env))
+        return [bool(trial["reached"]) for trial in rollout(env, policy, task.resets(balls, seed, env))]
+
+    return kept(out, {"method": name, "speed": speed, **options, "balls": balls, "seed": seed}, played)
 
 
 def main(argv: list[str] | None = None) -> int:

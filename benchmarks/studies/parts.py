@@ -1,12 +1,19 @@
-"""Studies that are a list of parts, none of which knows of the others: here one after the other, or as tasks of Ray."""
+"""Studies that are a list of parts, none of which knows of the others: one after the other, or as tasks of Ray.
+
+What a part found can be kept in a file, so that an interrupted study goes on.
+"""
 
 from __future__ import annotations
 
 import argparse
-from collections.abc import Callable, Iterator, Sequence
+import json
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from functools import partial
+from pathlib import Path
 from typing import Any, TypeVar
 
+from kinreach import _provenance as provenance
+from kinreach._files import write_text
 from kinreach._jobs import open_engine
 
 Value = TypeVar("Value")
@@ -32,6 +39,23 @@ def each(arguments: argparse.Namespace, function: Callable[..., Value], parts: S
             while following in found:
                 yield found.pop(following)
                 following += 1
+
+
+def kept(folder: Path, key: Mapping[str, Any], measure: Callable[[], Value]) -> Value:
+    """Return what a measurement found: from its file in a folder, or measured now and written there.
+
+    Args:
+        folder: Of the files.
+        key: What the measurement depends on; its digest is the file's name.
+        measure: The measurement. What it returns must be JSON.
+    """
+    file = folder / f"{provenance.digest(json.dumps(key, sort_keys=True).encode())}.json"
+    if file.exists():
+        found: Value = json.loads(file.read_text(encoding="utf-8"))["found"]
+        return found
+    found = measure()
+    write_text(file, json.dumps({**key, "found": found}) + "\n")
+    return found
 
 
 def _values(function: Callable[..., Value], numbered: Sequence[tuple[int, Any]]) -> Iterator[tuple[int, Value]]:

@@ -74,6 +74,7 @@ class Stack:
         windows: Rows of the learning curve.
         looks: How often the policies are looked at while they are trained.
         options: Of the environment.
+        inputs: What is subtracted from an observation, and what it is divided by, before the networks see it.
     """
 
     environment: str
@@ -86,6 +87,7 @@ class Stack:
     windows: int = 50
     looks: int = 10
     options: Mapping[str, Any] = field(default_factory=dict)
+    inputs: tuple[tuple[float, ...], tuple[float, ...]] = ((0.0,) * _INPUTS, (1.0,) * _INPUTS)
 
 
 def initial_weights(seed: int, shared: bool) -> dict[str, Tensor]:
@@ -113,12 +115,16 @@ class Networks:
     Args:
         trained: What each training has of its own.
         shared: As in `Stack`.
+        inputs: As in `Stack`.
 
     Attributes:
         weights: By name, each of shape (trainings, ...).
     """
 
-    def __init__(self, trained: Sequence[Trained], shared: bool) -> None:
+    def __init__(
+        self, trained: Sequence[Trained], shared: bool, inputs: tuple[Sequence[float], Sequence[float]] = Stack.inputs
+    ) -> None:
+        self._shift, self._scale = map(torch.tensor, inputs)
         self._seeds = [one.seed for one in trained]
         each = [initial_weights(seed, shared) for seed in self._seeds]
         self.weights = {name: torch.stack([weights[name] for weights in each]) for name in each[0]}
@@ -134,6 +140,7 @@ class Networks:
         self._shared = shared
 
     def _hidden(self, net: str, x: Tensor) -> Tensor:
+        x = (x - self._shift) / self._scale
         for layer in (0, 1):
             x = torch.baddbmm(self.weights[f"{net}{layer}.b"], x, self.weights[f"{net}{layer}.w"]).tanh()
         return x
@@ -201,7 +208,7 @@ class Networks:
         layers = [(arrays[f"{name}.w"].T, arrays[f"{name}.b"][0]) for name in ("pi0", "pi1", "mean")]
         gain = np.full(_JOINTS, float(self._gain[index]))
         network = Network(
-            np.zeros(_INPUTS), np.ones(_INPUTS), np.zeros(0), layers, "tanh", "linear", gain, np.zeros(_JOINTS)
+            self._shift.numpy(), self._scale.numpy(), np.zeros(0), layers, "tanh", "linear", gain, np.zeros(_JOINTS)
         )
         recipe = {"name": "a stacked training"}
         seed = self._seeds[index]
@@ -295,7 +302,7 @@ def train_stack(
         look: Called `stack.looks` times, with the actions that each has done.
     """
     count, arms, length = len(trained), stack.arms, stack.n_steps
-    networks = Networks(trained, stack.shared)
+    networks = Networks(trained, stack.shared, stack.inputs)
     updates = -(-stack.steps // (arms * length))
     curves = Curves(count, updates, stack.windows)
     seeds = sorted({one.seed for one in trained})

@@ -27,7 +27,7 @@ METHOD_COLOURS = {
     **dict.fromkeys(("closed-form", "analytic", "interception", "look-again"), "#003F66"),
     **dict.fromkeys(("placo", "last-sight", "registered"), "#0072B2"),
     **dict.fromkeys(("lm", "identified"), "#56B4E9"),
-    "qp": "#8CCBEB",
+    **dict.fromkeys(("qp", "identified-joints"), "#8CCBEB"),
     **dict.fromkeys(("hybrid", "residual"), "#CC79A7"),
     # paths around obstacles
     **{"from-above": "#A65E2E", "free-way": "#5B7F1F", "path-to-one": "#CC79A7", "path": "#6A3D9A"},
@@ -35,7 +35,7 @@ METHOD_COLOURS = {
     **dict.fromkeys(("random", "first-sight", "data-sheet"), "#7A7A7A"),
     # PPO
     **dict.fromkeys(("ppo-single", "ppo", "policy-informed"), "#D55E00"),
-    "ppo-multi": "#F2A35E",
+    **dict.fromkeys(("ppo-multi", "correction-joints"), "#F2A35E"),
     **dict.fromkeys(("ppo-multi-ending", "correction"), "#6A3D9A"),
     # ranked PPO
     **dict.fromkeys(("ranked-single", "space-single", "policy"), "#00674C"),

@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from kinreach._checks import Floats, check_known
 from kinreach._engines import load
 from kinreach.envs._button import ACTUATIONS
-from kinreach.envs._button.task import CONTROL_LIMIT, JOINTS, PRESS_RADIUS, action_of
+from kinreach.envs._button.task import CONTROL_LIMIT, JOINTS, OBSERVATIONS, PRESS_RADIUS, action_of
 from kinreach.errors import InputError
 from kinreach.kinematics import Arm3Kinematics
 from kinreach.kinematics._angles import wrapped
@@ -54,7 +54,9 @@ GAINS = {
 
 
 class ButtonController:
-    """Controls a number of arms by what their environments observe; it adds up the controls that it asked for.
+    """Controls a number of arms by what their environments observe.
+
+    It reads the controls where they are observed (`controls=True`); else it adds up those that it asked for.
 
     Args:
         actuation: `"tuned"` or `"report"`, as the environments have it.
@@ -87,7 +89,7 @@ class ButtonController:
         """Return one action for each environment.
 
         Args:
-            observations: Shape (count, 19).
+            observations: Shape (count, 19), or (count, 22) with the controls.
 
         Raises:
             InputError: Another number of observations.
@@ -96,6 +98,8 @@ class ButtonController:
             raise InputError(f"needs {len(self._fresh)} observations, got {len(observations)}")
         qd, goals = observations[:, 12:15], observations[:, 6:9]
         self._follow(np.arctan2(observations[:, 3:6], observations[:, :3]), goals)
+        if observations.shape[1] > OBSERVATIONS:
+            self._control = observations[:, OBSERVATIONS:].copy()
         speed = np.clip(self._stiffness * (self._target - self._q), -self._speed, self._speed)
         acceleration = (speed - qd) / self._time_constant
         torque = self._damping * qd

@@ -16,6 +16,7 @@ from kinreach.envs._moving import FRAMES, PARTS, MovingEpisodes, travel_times
 from kinreach.envs._reach.observers import measured
 from kinreach.envs._reach.space import SpaceTask
 from kinreach.envs._reach.task import TOOL_DOWN, action_range
+from kinreach.robots import ArmDescription
 
 #: From the mean actions of some rows of a batch, and their indices, to what is to be made small.
 Objective = Callable[[torch.Tensor, torch.Tensor], torch.Tensor]
@@ -52,6 +53,28 @@ class Descent(AdaptivePPO):
         self._n_updates += self.n_epochs
         self.logger.record("train/loss", loss.item())
         self._explore()
+
+
+def table_top(arm: ArmDescription) -> float:
+    """Return the height of the table in the world [m]; minus infinity without one."""
+    tops = [box.position[2] + box.size[2] / 2 for box in arm.workcell.obstacles if box.name == "table"]
+    return max(tops, default=-math.inf)
+
+
+def feeler_depth(tips: torch.Tensor, feelers: torch.Tensor, least: float) -> torch.Tensor:
+    """Return how far points fixed to the tips, shape (k, 3), are below a height, summed [m], shape (n,).
+
+    Args:
+        tips: Poses, shape (n, 4, 4).
+        feelers: In the tips' frames [m].
+        least: The height [m].
+    """
+    heights = tips[:, 2, :3] @ feelers.T + tips[:, 2, 3:]
+    return (least - heights).clamp(min=0.0).sum(1)
+
+
+#: Weight of the tool's angle where no direction is asked for, and one keeps the arm from wandering [m/rad].
+DOWN = 0.02
 
 
 class AnalyticGradient(Descent):
@@ -94,16 +117,14 @@ class AnalyticGradient(Descent):
         goals = torch.as_tensor(measured(task, observations[:, task.layout.goal]).seen, dtype=torch.float32)
         directions = torch.as_tensor(observations[:, task.layout.direction], dtype=torch.float32)
 
-        tops = [box.position[2] + box.size[2] / 2 for box in task.arm.workcell.obstacles if box.name == "table"]
-        least = max(tops, default=-math.inf) + CLEARANCE
+        least = table_top(task.arm) + CLEARANCE
 
         def error(means: torch.Tensor, rows: torch.Tensor) -> torch.Tensor:
             q = middle + half * means
             tips = chain.fk(q)
             miss = (tips[:, :3, 3] - goals[rows]).square().sum(1)
             turn = (tips[:, :3, 2] - directions[rows]).square().sum(1)  # the angle squared, where it is small
-            heights = tips[:, 2, :3] @ self.feelers.T + tips[:, 2, 3:]
-            depth = (least - heights).clamp(min=0.0).sum(1)
+            depth = feeler_depth(tips, self.feelers, least)
             beyond = (q.abs() - self.largest).clamp(min=0.0).sum(1)
             return ((miss + ROOT_OF).sqrt() + LEVER * (turn + ROOT_OF).sqrt() + depth + FOLDED * beyond).mean()
 
@@ -128,32 +149,47 @@ class SimulatorGradient(Descent):
         """Return the current observations, to which the state of the world belongs."""
         return np.array(self._last_obs, dtype=np.float64)
 
-    def missed(self, means: torch.Tensor, places: Callable[[Floats], tuple[Floats, Floats]]) -> torch.Tensor:
-        """Return the mean distance of the tips from their goals, and `DOWN` times the angle of the tool.
+    def missed(
+        self, q: torch.Tensor, places: Callable[[Floats], tuple[Floats, Floats]], down: float = DOWN
+    ) -> torch.Tensor:
+        """Return the mean distance of the tips from their goals, and `down` times the angle of the tool.
 
         Args:
-            means: Actions.
+            q: Postures that are gone to [rad].
             places: From postures [rad] to how far the tips are from where the data sheet has them, and to where they
                 should be [m]; both are taken as they are, without a gradient.
+            down: [m/rad].
         """
-        q = math.pi * means
         tips = self.world.chain.fk(q)
         off, goals = (torch.as_tensor(part, dtype=torch.float32) for part in places(q.detach().numpy().astype(float)))
         miss = (tips[:, :3, 3] + off - goals).square().sum(1)
         turn = (tips[:, :3, 2] - torch.tensor(TOOL_DOWN)).square().sum(1)
-        return ((miss + ROOT_OF).sqrt() + DOWN * (turn + ROOT_OF).sqrt()).mean()
+        return ((miss + ROOT_OF).sqrt() + down * (turn + ROOT_OF).sqrt()).mean()
 
 
 class MovingGradient(SimulatorGradient):
-    """Learns to meet a rolling ball: where it will be when the arm can be there, which the simulation knows."""
+    """Learns to meet a rolling ball: where it will be when the arm can be there, which the simulation knows.
+
+    Args:
+        feelers: Points fixed to the tip that are to stay above the table, on the way as well [m], shape (k, 3).
+        down: Weight of the tool's angle beside the distance [m/rad].
+    """
 
     world: MovingEpisodes
 
+    def __init__(self, *args: Any, feelers: Sequence[Sequence[float]] = (), down: float = DOWN, **kwargs: Any) -> None:
+        self.feelers, self.down = torch.tensor(feelers, dtype=torch.float32).reshape(-1, 3), down
+        super().__init__(*args, **kwargs)
+
     def objective(self, observations: Floats) -> Objective:
-        """Return the distance of the tip from the ball at the time when the slowest joint has arrived."""
+        """Return the distance of the tip from the ball at the time when the slowest joint has arrived.
+
+        And the depth of the feelers, there and on the way [m].
+        """
         world, rate = self.world, FRAMES * PARTS
         q, v, frames, rolls = world.q.copy(), world.v.copy(), world.frames.copy(), world.rolls.astype(np.float32)
         limits = {"speed": world.speed_limit, "acceleration": world.acceleration_limit}
+        least = table_top(world.arm) + GRIPPER_CLEARANCE
 
         def error(means: torch.Tensor, rows: torch.Tensor) -> torch.Tensor:
             own = rows.numpy()
@@ -163,7 +199,13 @@ class MovingGradient(SimulatorGradient):
                 at = np.minimum(np.round(frames[own] * PARTS + needed * rate).astype(int), rolls.shape[1] - 1)
                 return np.zeros((len(own), 3)), rolls[own, at]
 
-            return self.missed(means, places)
+            target = math.pi * means
+            missed = self.missed(target, places, self.down)
+            if not len(self.feelers):
+                return missed
+            start = torch.as_tensor(q[own], dtype=torch.float32)
+            ways = (world.chain.fk(start + part * (target - start)) for part in WAY)
+            return missed + sum(feeler_depth(tips, self.feelers, least).mean() for tips in ways) / len(WAY)
 
         return error
 
@@ -183,18 +225,18 @@ class RandomArmGradient(SimulatorGradient):
             def places(q: Floats) -> tuple[Floats, Floats]:
                 return self.world.tips(q, own) - self.world.chain.positions(q), balls[own]
 
-            return self.missed(means, places)
+            return self.missed(math.pi * means, places)
 
         return error
 
 
 #: Weight of the tool's angle beside the distance [m/rad].
 LEVER = 0.1
-#: The same where no direction is asked for, and one keeps the arm from wandering [m/rad].
-DOWN = 0.02
 #: Weight of an angle beyond the largest [m/rad]; ten times that of the tool's, which gives way.
 FOLDED = 1.0
-#: How far above the table feelers are to stay [m].
-CLEARANCE = 0.01
+#: How far above the table feelers are to stay [m], and those of a gripper that comes down on a ball.
+CLEARANCE, GRIPPER_CLEARANCE = 0.01, 0.004
+#: Parts of the way at which feelers are tried.
+WAY = (0.25, 0.5, 0.75, 1.0)
 #: Keeps the slope of a root finite where an error is zero.
 ROOT_OF = 1e-10

@@ -7,6 +7,10 @@ may practise: `look` sends the arm to postures of its own choice and returns whe
 An episode goes through the `budgets`, each a number of looks that may have been taken by then, the earlier ones
 included. With each, the arm goes to every ball once, and then `again` times more: the tip has been seen beside the
 ball, and the posture can be corrected.
+
+What is wrong is a rigid transform, or one of four errors that no frame describes (non-geometric ones: Whitney, Lozinski
+and Rourke 1986, J. Dyn. Sys., Meas., Control 108): gears that give way under a load, their hysteresis, encoders off
+their axes, and a stand that bends.
 """
 
 from __future__ import annotations
@@ -36,18 +40,34 @@ from kinreach.sim._engine import mujoco
 from kinreach.sim._posed import PosedScene
 from kinreach.sim._scene import build_scene
 
-#: What can be wrong.
-LINKS, TOOL, BASE, CAMERAS = "links", "tool", "base", "cameras"
+#: What can be wrong: rigid transforms, and what no rigid transform describes.
+GEOMETRIC = LINKS, TOOL, BASE, CAMERAS = "links", "tool", "base", "cameras"
+NONGEOMETRIC = SAG, BACKLASH, ENCODERS, MOUNT = "sag", "backlash", "encoders", "mount"
 #: Errors of a workplace -> what is wrong with it.
 ERRORS: Mapping[str, tuple[str, ...]] = {
-    "links": (LINKS,),
-    "tool": (TOOL,),
-    "base": (BASE,),
-    "cameras": (CAMERAS,),
-    "all": (LINKS, TOOL, BASE, CAMERAS),
+    **{name: (name,) for name in GEOMETRIC},
+    "all": GEOMETRIC,
+    **{name: (name,) for name in NONGEOMETRIC},
+    "nongeometric": NONGEOMETRIC,
+    "everything": (*GEOMETRIC, *NONGEOMETRIC),
 }
 #: How far the tool is off [m], by how much the base is turned [rad], how far and by how much the cameras are off.
 TOOL_OFF, BASE_TURN, CAMERAS_OFF, CAMERAS_TURN = 5e-3, math.radians(0.5), 2e-3, math.radians(0.3)
+#: Load at the tip, all that a UR5 may carry [kg], and acceleration of gravity [m/s²].
+PAYLOAD, GRAVITY = 5.0, 9.81
+#: Of the joints' gears [N m/rad]: strain wave gears of sizes 25 and 14 and a ratio of 100, whose peak torques (157 and
+#: 28 N m) are nearly those of the UR5's joints, at low torque (Harmonic Drive, CHA-A actuators, 2018, stiffness K1).
+STIFFNESS = np.repeat((31e3, 4.7e3), 3)
+#: Hysteresis of the same gears, the most that the maker allows: one minute of arc [rad].
+HYSTERESIS = math.radians(1.0 / 60.0)
+#: Amplitude of an encoder's error over a turn [rad]: a ring of 32.5 mm radius, 0.02 mm off its axis, a fifth of what a
+#: maker of such encoders allows (Synapticon, SOMANET Circulo, 2022: 635 seconds of arc at 0.1 mm).
+ECCENTRICITY = 0.02 / 32.5
+#: The stand: its bending stiffness [N m/rad] and half its height [m]. An aluminium tube of 80 x 80 x 4 mm and 0.7 m by
+#: the theory of beams (70 GPa). Universal Robots' manual asks for a stiff stand and names no number.
+STAND_STIFFNESS, STAND_CENTRE = 1.2e5, 0.35
+#: Masses of the UR5's links, as in its URDF [kg].
+LINK_MASSES = np.array((3.7, 8.393, 2.275, 1.219, 1.219, 0.1879))
 #: Median length of the error of a look [m], and of an error with a standard deviation of 1 a coordinate.
 NOISE, MEDIAN_LENGTH = 1.4e-4, 1.5382
 #: Looks that may be taken before, a choice of these; half of the balls have to be nearer than this in the end [m].
@@ -75,7 +95,7 @@ class RealArmOptions:
     """
 
     errors: tuple[str, ...] = field(
-        default=tuple(ERRORS), metadata=about("what is wrong, one of them an episode: " + ", ".join(ERRORS))
+        default=(*GEOMETRIC, "all"), metadata=about("what is wrong, one of them an episode: " + ", ".join(ERRORS))
     )
     calibrations: tuple[str, ...] = field(default=UR5S, metadata=about("true UR5s: names of published ones, or files"))
     budgets: tuple[int, ...] = field(
@@ -138,24 +158,57 @@ class Workplace:
         tool: Of the tip, in its frame [m].
         base: Turn of the base about the vertical [rad].
         cameras: The world as the cameras see it in the true world, shape (4, 4).
+        sags: Whether gears give way under the payload.
+        lags: Whether gears have hysteresis.
+        phases: Of the encoders' errors [rad], shape (6,); None without.
+        tilts: Whether the stand bends under arm and payload.
     """
 
     arm: ArmDescription
     tool: Floats
     base: float
     cameras: Floats
+    sags: bool = False
+    lags: bool = False
+    phases: Floats | None = None
+    tilts: bool = False
 
-    def tips(self, q: Floats) -> Floats:
-        """Return where the tip is in postures (m, 6) [m], shape (m, 3)."""
-        T = frames_of(_chain(self.arm).placements, q)[-1]  # for few balls quicker than the chain
-        return np.asarray((T[:, :3, :3] @ self.tool + T[:, :3, 3]) @ turn(np.array((0.0, 0.0, 1.0)), self.base).T)
+    def joints(self, q: Floats, start: Floats) -> Floats:
+        """Return where the joints are [rad] when the arm goes from `start`, (1, 6), to postures (m, 6) in turn."""
+        true = q.copy()
+        if self.phases is not None:
+            true += ECCENTRICITY * np.sin(q + self.phases)
+        if self.lags:
+            true -= 0.5 * HYSTERESIS * np.sign(np.diff(q, axis=0, prepend=start))
+        if self.sags:
+            true -= PAYLOAD * GRAVITY * _chain(self.arm).jacobian(q)[:, 2] / STIFFNESS
+        return true
+
+    def tips(self, q: Floats, start: Floats | None = None) -> Floats:
+        """Return where the tip is in postures (m, 6) [m], shape (m, 3), taken one after the other.
+
+        Args:
+            q: Commanded [rad].
+            start: The posture before them; the first of them if None.
+        """
+        joints = self.joints(q, q[:1] if start is None else start[None])
+        frames = frames_of(_chain(self.arm).placements, joints)  # for few balls quicker than the chain
+        yaw = turn(np.array((0.0, 0.0, 1.0)), self.base).T
+        tips = np.asarray((frames[-1][:, :3, :3] @ self.tool + frames[-1][:, :3, 3]) @ yaw)
+        if not self.tilts:
+            return tips
+        origins = np.array([frame[:, :3, 3] for frame in frames]) @ yaw
+        centres = 0.5 * (origins[:-1] + origins[1:])
+        x, y, _ = GRAVITY / STAND_STIFFNESS * (np.tensordot(LINK_MASSES, centres, 1) + PAYLOAD * tips).T
+        foot = np.array((0.0, 0.0, -STAND_CENTRE))
+        return np.asarray(tips + np.cross(np.column_stack([-y, x, 0.0 * x]), tips - foot))
 
     def seen(self, points: Floats) -> Floats:
         """Return where the cameras see points (m, 3) of the world, without noise [m]."""
         return np.asarray(points @ self.cameras[:3, :3].T + self.cameras[:3, 3])
 
     def scene(self) -> PosedScene:
-        """Return the arm as it truly stands in its work cell, its tool where it truly is."""
+        """Return the arm as it truly stands in its work cell, its tool where it truly is; without what is not rigid."""
         return PosedScene(self.arm, model=_true_model(self.arm, tuple(self.tool.tolist()), self.base))
 
 
@@ -192,6 +245,10 @@ def workplace(errors: str, calibration: str, rng: np.random.Generator) -> Workpl
         TOOL_OFF * tool if TOOL in parts else np.zeros(3),
         float(BASE_TURN * base) if BASE in parts else 0.0,
         cameras,
+        sags=SAG in parts,
+        lags=BACKLASH in parts,
+        phases=rng.uniform(-math.pi, math.pi, 6) if ENCODERS in parts else None,
+        tilts=MOUNT in parts,
     )
 
 
@@ -308,7 +365,7 @@ class RealArmEnv(gym.Env[Any, Any]):
         self._balls = get_arm("ur5").workcell.draw_goals(rng, self.options.balls)
         self._seen = self._observed(self._balls)
         self._looks, self._level, self._moves, self._over = 0, 0, 0, False
-        self._scene = None
+        self._scene, self._at = None, np.array(self.believed.home)
         self._info = {**chosen, "impossible": False, "goal": self._balls[0].copy()}
         return self._observation(), dict(self._info)
 
@@ -336,7 +393,9 @@ class RealArmEnv(gym.Env[Any, Any]):
             raise InputError(f"there are {self.looks_left} looks left, got {len(q)} postures")
         self._looks += len(q)
         self._show(q)
-        return self._observed(place.tips(q))
+        tips = place.tips(q, self._at)
+        self._at = np.concatenate([self._at[None], q])[-1]
+        return self._observed(tips)
 
     def step(self, action: ArrayLike) -> tuple[Any, float, bool, bool, dict[str, Any]]:
         """Go to every ball.
@@ -350,7 +409,7 @@ class RealArmEnv(gym.Env[Any, Any]):
         check_not_over(self._over)
         self._q = math.pi * np.clip(given, -1.0, 1.0)
         self._show(self._q, self._balls)
-        tips = place.tips(self._q)
+        tips, self._at = place.tips(self._q, self._at), self._q[-1]
         self._tips = self._observed(tips)
         distances = np.linalg.norm(tips - self._balls, axis=1)
         middle = float(np.median(distances))

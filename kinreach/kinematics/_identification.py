@@ -3,11 +3,13 @@
 Every frame of the chain, base and tool included, may be off by a small translation and a small turn. Looks give the
 place of the tip in some postures; the frames are the most probable ones given the looks and what is known of such
 arms (maximum a posteriori, Gauss-Newton). Parameters that no look can tell apart stay where the prior has them, which
-makes a minimal set of parameters (Hollerbach and Wampler 1996, Int. J. Robotics Research 15) unnecessary.
+makes a minimal set of parameters (Hollerbach and Wampler 1996, Int. J. Robotics Research 15) unnecessary. Joints may
+deviate from what is commanded by more parameters, such as their compliance.
 """
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import NamedTuple
 
 import numpy as np
@@ -40,6 +42,18 @@ class Prior(NamedTuple):
         return np.repeat(np.array(parts), 3, axis=1)
 
 
+class JointTerms(NamedTuple):
+    """How joints deviate from what is commanded, as a sum of terms with unknown factors.
+
+    Attributes:
+        of: From postures (m, n) [rad] to each joint's deviation by each term, shape (m, n, k).
+        spread: Standard deviations of the factors, shape (k,).
+    """
+
+    of: Callable[[Floats], Floats]
+    spread: Floats
+
+
 class IdentifiedArm:
     """The most probable arm, and what is not known of it.
 
@@ -49,38 +63,63 @@ class IdentifiedArm:
         seen: Where [m], shape (m, 3).
         prior: What is known of such arms.
         noise: Standard deviation of each coordinate of a look [m], above zero.
+        terms: Deviations of the joints that are identified, too.
 
     Attributes:
-        chain: The arm.
+        chain: The arm, without deviations of the joints.
     """
 
-    def __init__(self, chain: SerialChain, q: Floats, seen: Floats, *, prior: Prior, noise: float) -> None:
+    def __init__(
+        self,
+        chain: SerialChain,
+        q: Floats,
+        seen: Floats,
+        *,
+        prior: Prior,
+        noise: float,
+        terms: JointTerms | None = None,
+    ) -> None:
         spread = prior.deviations(chain.joints).ravel()
-        self._free = spread > 0.0
+        self._free, frames_end = spread > 0.0, len(spread)
+        if terms is not None:
+            spread = np.concatenate([spread, terms.spread])
+            self._free = np.concatenate([self._free, terms.spread > 0.0])
         precision = np.diag(1.0 / spread[self._free] ** 2)
         offsets: Floats = np.zeros(int(self._free.sum()))
         self._placements: Floats = chain.placements
+        self._terms, self._factors = terms, np.zeros(len(spread) - frames_end)
         for _ in range(STEPS):
-            frames = frames_of(self._placements, q)
-            J = slopes(frames)[:, self._free]
+            frames, J = self._linearised(q)
             missed = (seen - frames[-1][:, :3, 3]).ravel() + J @ offsets
             information = J.T @ J / noise**2 + precision
             offsets = np.asarray(np.linalg.solve(information, J.T @ missed / noise**2))
             errors = np.zeros(len(spread))
             errors[self._free] = offsets
-            self._placements = moved_frames(chain.placements, errors.reshape(-1, 6))
+            self._placements = moved_frames(chain.placements, errors[:frames_end].reshape(-1, 6))
+            self._factors = errors[frames_end:]
         self._covariance = np.linalg.inv(information)
         *links, tip = self._placements
         self.chain = SerialChain(links, [np.array((0.0, 0.0, 1.0))] * len(links), tip)
 
     def positions(self, q: Floats) -> Floats:
         """Where its tip is in postures (m, n) [m], shape (m, 3); for few postures quicker than by the chain."""
-        return np.asarray(frames_of(self._placements, q)[-1][:, :3, 3])
+        return np.asarray(self._frames(q)[-1][:, :3, 3])
 
     def doubt(self, q: Floats) -> float:
         """Standard deviation of a coordinate of the tip, over postures (m, n) [m]."""
-        J = slopes(frames_of(self._placements, q))[:, self._free]
+        J = self._linearised(q)[1]
         return float(np.sqrt(np.einsum("ij,jk,ik->i", J, self._covariance, J).mean()))
+
+    def _frames(self, q: Floats) -> list[Floats]:
+        return frames_of(self._placements, q if self._terms is None else q + self._terms.of(q) @ self._factors)
+
+    def _linearised(self, q: Floats) -> tuple[list[Floats], Floats]:
+        """The frames in postures (m, n), and how the tips move with the free parameters, shape (3 m, k)."""
+        frames = self._frames(q)
+        J = slopes(frames)
+        if self._terms is not None:
+            J = np.concatenate([J, joint_slopes(J, self._terms.of(q))], axis=1)
+        return frames, J[:, self._free]
 
 
 def moved_frames(placements: Floats, errors: Floats) -> Floats:
@@ -122,6 +161,13 @@ def slopes(frames: list[Floats]) -> Floats:
         arm = np.einsum("mji,mj->mi", R, tips - frame[:, :3, 3])
         columns += [R, -R @ _cross(arm)]
     return np.concatenate(columns, axis=2).reshape(3 * len(tips), -1)
+
+
+def joint_slopes(J: Floats, terms: Floats) -> Floats:
+    """How the tips move with the factors of joint terms (m, n, k), shape (3 m, k), from the `slopes` there."""
+    m, n, k = terms.shape
+    turns = J[:, 5 : 6 * n : 6].reshape(m, 3, n)  # a joint turns about its frame's z axis
+    return np.asarray((turns @ terms).reshape(3 * m, k))
 
 
 def _cross(vectors: Floats) -> Floats:

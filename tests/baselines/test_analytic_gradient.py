@@ -9,9 +9,11 @@ import pytest
 pytest.importorskip("stable_baselines3")
 import torch
 
-from kinreach.baselines._descent import DOWN, LEVER
+from kinreach.baselines._descent import DOWN, GRIPPER_CLEARANCE, LEVER, WAY
 from kinreach.baselines._evaluation import VALIDATION, evaluate
+from kinreach.baselines._expert import tool_down_postures
 from kinreach.baselines._models import build
+from kinreach.baselines._random_arms import ur5
 from kinreach.baselines._recipes import get_recipe
 from kinreach.baselines._training import train
 from kinreach.envs._reach.space import SpaceTask
@@ -120,6 +122,27 @@ def test_a_ball_is_to_be_met_where_it_will_be():
         assert compared >= 12
     finally:
         trainee.env.close()
+
+
+def test_a_gripper_in_the_table_costs():
+    """By how deep its corners would be, at the target and on the way there, beside the objective without feelers."""
+    low = [[0.0, 0.0, 0.05]]  # under the tip, in the table where the tip is at a ball
+    recipe = replace(get_recipe("moving"), num_envs=8, window=80)
+    values = []
+    for feelers in ((), low):
+        trainee = build(replace(recipe, settings={**recipe.settings, "feelers": feelers}), 0, steps=1000)
+        trainee.env.seed(1)
+        objective = trainee.model.objective(trainee.env.reset())
+        world = trainee.env.get_attr("unwrapped")[0].episodes
+        q = tool_down_postures(ur5(), world.rolls[:, 40])
+        values.append([float(objective(torch.as_tensor(q[[i]] / np.pi, dtype=torch.float32), torch.tensor([i])))
+                       for i in range(8)])  # fmt: skip
+        trainee.env.close()
+    least = -0.2 + GRIPPER_CLEARANCE
+    tips = world.chain.fk(np.array([world.home + part * (q - world.home) for part in WAY]).reshape(-1, 6))
+    depth = np.maximum(least - (tips[:, 2, 2] * 0.05 + tips[:, 2, 3]), 0.0).reshape(len(WAY), 8).mean(axis=0)
+    assert (depth > 0.005).all()
+    np.testing.assert_allclose(np.subtract(*values[::-1]), depth, atol=1e-5)
 
 
 @pytest.mark.parametrize("name", ["moving", "random-arms"])

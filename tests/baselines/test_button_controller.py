@@ -63,6 +63,21 @@ def test_one_at_a_time_it_does_what_it_does_for_many(actuation):
         assert taken == together["steps"][index]
 
 
+def test_it_reads_the_controls_where_they_are_observed():
+    """Where somebody else acted before, it knows what the arm's controls are; alone it does the same as ever."""
+    plain, observing = ButtonController(count=1), ButtonController(count=1)
+    env, seen_env = make(), make(controls=True)
+    seen, more = env.reset(seed=4)[0], seen_env.reset(seed=4)[0]
+    for _ in range(20):
+        action = plain.actions(seen[None])
+        assert observing.actions(more[None]) == action
+        seen, more = env.step(int(action[0]))[0], seen_env.step(int(action[0]))[0]
+    more = seen_env.step(0)[0]  # an action of another's: all controls down by one
+    observing.actions(more[None])
+    assert np.abs(observing._control[0] - more[19:]).max() <= 1.0
+    assert np.abs(more[19:] - plain._control[0]).max() > 0.0
+
+
 def test_episodes_after_the_first_start_with_a_clean_slate():
     env = make()
     policy = AnalyticButtonPolicy()

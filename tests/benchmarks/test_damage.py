@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 pytest.importorskip("torch")
+from benchmarks.studies import damage as study
 from benchmarks.studies import relearning
 from benchmarks.studies.damage import (
     BENT,
@@ -64,9 +65,14 @@ def test_looks_find_it(kind):
     assert known >= (10 if kind == STUCK else 40)
 
 
-def test_the_table(capsys):
-    assert main(["--faults", "1", "--balls", "4"]) == 0
-    header, *rows = rows_of(capsys)
+def test_the_table(capsys, tmp_path, monkeypatch):
+    arguments = ["--faults", "1", "--balls", "4", "--out", str(tmp_path)]
+    assert main(arguments) == 0
+    table = capsys.readouterr().out
+    monkeypatch.setattr(study, "tried", None)  # no fault is tried again
+    assert main(arguments) == 0
+    assert capsys.readouterr().out == table
+    header, *rows = csv.reader(as_csv(table).splitlines())
     assert header == ["method", *KINDS]
     assert len(rows) == 11
     assert all(re.fullmatch(r"[\d.]+; [\d.]+ mm", cell) for row in rows for cell in row[1:])

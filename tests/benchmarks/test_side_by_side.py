@@ -153,6 +153,20 @@ def test_a_stack_learns():
         assert impossible[-1] < 0.8 * impossible[0]
 
 
+def test_inputs_are_shifted_and_scaled_first():
+    """In the networks and in the policies that come of them."""
+    rng = np.random.default_rng(0)
+    shift, scale = tuple(rng.normal(size=13).tolist()), tuple(rng.uniform(0.5, 2.0, 13).tolist())
+    stack = Stack(SINGLE, 128, 128, 1, 0.0, shared=False, inputs=(shift, scale))
+    plain, scaled = Networks([trained()], shared=False), Networks([trained()], shared=False, inputs=stack.inputs)
+    x = torch.randn(1, 50, 13)
+    with torch.no_grad():
+        expected = plain.means((x - torch.tensor(shift)) / torch.tensor(scale))
+        assert torch.equal(scaled.means(x), expected)
+    network = scaled.policy(0, stack).network
+    np.testing.assert_allclose(network(x[0].numpy().astype(float)), expected[0].numpy(), atol=1e-5)
+
+
 def test_random_actions_are_a_mixture():
     """Probabilities are those of scipy's normal and of the uniform distribution over the range."""
     jobs = [trained(gain=1.0, std=0.4, random=share) for share in (0.0, 0.3, 0.1)]

@@ -11,17 +11,38 @@ from gymnasium.utils.env_checker import check_env
 import kinreach  # noqa: F401
 from kinreach._registration import REAL_ARM
 from kinreach.baselines._expert import tool_down_postures
-from kinreach.envs._real_arm import BUDGET, ERRORS, MOVES, POSTURE, SEEN_BALL, SEEN_TIP, UR5S, true_arm, workplace
+from kinreach.envs._real_arm import (
+    BUDGET,
+    ECCENTRICITY,
+    GEOMETRIC,
+    GRAVITY,
+    HYSTERESIS,
+    LINK_MASSES,
+    MOVES,
+    NONGEOMETRIC,
+    PAYLOAD,
+    POSTURE,
+    SEEN_BALL,
+    SEEN_TIP,
+    STAND_CENTRE,
+    STAND_STIFFNESS,
+    STIFFNESS,
+    UR5S,
+    true_arm,
+    workplace,
+)
 from kinreach.errors import InputError, UnknownNameError
 from kinreach.kinematics import ArmKinematics, UR5Kinematics
 from kinreach.robots import PUBLISHED_CALIBRATIONS, get_arm
+
+RIGID = (*GEOMETRIC, "all")
 
 
 def make(**options):
     return gym.make(REAL_ARM, disable_env_checker=True, **options)
 
 
-@pytest.mark.parametrize("errors", ERRORS)
+@pytest.mark.parametrize("errors", RIGID)
 def test_what_is_off(errors):
     """Beside Pinocchio, of the data sheet and of the calibrated arm."""
     seen = 0
@@ -52,6 +73,90 @@ def test_what_is_off(errors):
                 assert moved.max() == 0.0
             seen += 1
     assert seen == 20
+
+
+def postures(count, seed=0):
+    """Over the table, the tool down."""
+    kin = UR5Kinematics(tip="tcp", base="world")
+    balls = kin.arm.workcell.draw_goals(np.random.default_rng(seed), count)
+    return kin, tool_down_postures(kin, balls), balls
+
+
+def joints_of(errors, q, start=None):
+    return workplace(errors, "ur5_a", np.random.default_rng(1)).joints(q, q[:1] if start is None else start)
+
+
+def test_gears_give_way_as_pinocchios_gravity_says():
+    """The torques of a payload at the tip are what gravity adds when Pinocchio's model carries it."""
+    pin = pytest.importorskip("pinocchio")
+    kin, q, _ = postures(40)
+    loaded, last = kin.model.copy(), kin.model.joints[kin.n].id
+    placement = kin.model.frames[kin.tip_frame].placement
+    loaded.appendBodyToJoint(last, pin.Inertia(PAYLOAD, placement.translation, np.zeros((3, 3))), pin.SE3.Identity())
+    models = [(model, model.createData()) for model in (loaded, kin.model)]
+    more, less = (np.array([pin.computeGeneralizedGravity(*model, one) for one in q]) for model in models)
+    np.testing.assert_allclose(q - joints_of("sag", q), (more - less) / STIFFNESS, atol=1e-9)
+    assert 5e-4 < np.abs(more - less).max() / STIFFNESS[0] < 2e-3
+
+
+def test_the_stand_bends_as_far_as_the_centre_of_mass_is_out():
+    """Beside Pinocchio's centre of mass; links are taken for rods, and the gripper for the last link's mass."""
+    pin = pytest.importorskip("pinocchio")
+    kin, q, balls = postures(40)
+    place = workplace("mount", "ur5_a", np.random.default_rng(0))
+    masses = [inertia.mass for inertia in kin.model.inertias][1:]
+    np.testing.assert_allclose(masses[:5], LINK_MASSES[:5], atol=1e-3)
+    centres = np.array([pin.centerOfMass(kin.model, kin.data, one) for one in q])
+    moment = GRAVITY * (pin.computeTotalMass(kin.model) * centres + PAYLOAD * balls)
+    tilt = np.linalg.norm(moment[:, :2], axis=1) / STAND_STIFFNESS
+    moved = place.tips(q) - balls
+    out = np.hypot(balls[:, 2] + STAND_CENTRE, np.linalg.norm(balls[:, :2], axis=1))
+    np.testing.assert_allclose(np.linalg.norm(moved, axis=1), tilt * out, rtol=0.25)
+    assert (moved[:, 2] < 0).all()
+
+
+def test_hysteresis_and_encoders():
+    _, q, _ = postures(30)
+    rng = np.random.default_rng(0)
+    below, above = q - rng.uniform(0.01, 1, q.shape), q + rng.uniform(0.01, 1, q.shape)
+    from_below, from_above = (
+        np.array([joints_of("backlash", q[[i]], start[[i]])[0] for i in range(len(q))]) for start in (below, above)
+    )
+    np.testing.assert_allclose(from_above - from_below, HYSTERESIS, atol=1e-15)
+    np.testing.assert_allclose(0.5 * (from_above + from_below), q, atol=1e-15)
+    turn = np.linspace(-np.pi, np.pi, 721)[:, None] * np.ones(6)
+    off = joints_of("encoders", turn) - turn
+    np.testing.assert_allclose(off.max(axis=0), ECCENTRICITY, rtol=1e-4)
+    np.testing.assert_allclose(off.mean(axis=0), 0.0, atol=2e-6)
+    assert len({int(k) for k in off.argmax(axis=0)}) == 6
+
+
+def test_errors_add_up():
+    """All four bend the arm by about what they do one by one, each by less than a millimetre and a half."""
+    _, q, balls = postures(60)
+    alone = [workplace(e, "ur5_a", np.random.default_rng(1)).tips(q) - balls for e in NONGEOMETRIC]
+    together = workplace("nongeometric", "ur5_a", np.random.default_rng(1)).tips(q) - balls
+    np.testing.assert_allclose(together, sum(alone), atol=2e-5)
+    sizes = [np.median(np.linalg.norm(one, axis=1)) for one in alone]
+    assert 5e-5 < min(sizes) < max(sizes) < 1.5e-3
+    everything = workplace("everything", "ur5_a", np.random.default_rng(1))
+    rigid = workplace("all", "ur5_a", np.random.default_rng(1))
+    np.testing.assert_array_equal(everything.cameras, rigid.cameras)
+    assert np.linalg.norm(everything.tips(q) - rigid.tips(q) - together, axis=1).max() < 5e-5
+
+
+def test_the_way_to_a_ball_counts():
+    """The same postures in another order end elsewhere, by the gears' hysteresis alone."""
+    _, q, _ = postures(6)
+    ends = []
+    for order in (np.arange(6), np.arange(6)[::-1]):
+        env = make(budgets=(5,), again=0, balls=6, errors=("backlash",), noise=1e-9).unwrapped
+        env.reset(seed=0)
+        env.look(q[:5])
+        env.step(q[order] / np.pi)
+        ends.append(env._tips[np.argsort(order)])
+    apart = np.linalg.norm(ends[0] - ends[1], axis=1)
+    assert 1e-5 < np.median(apart) < 5e-4
 
 
 def test_an_episode():
@@ -103,7 +208,7 @@ def test_gymnasium_agrees():
 def test_the_scene_is_the_true_arm():
     """Its tip is where looks are taken; who watches sees every look and every ball, and the arm at it in the end."""
     env, seen = make(balls=2, budgets=(5,), again=0).unwrapped, 0
-    for errors in ERRORS:
+    for errors in RIGID:
         env.reset(seed=4, options={"errors": errors})
         scene, ends = env.scene, []
         scene.watch = lambda scene=scene, ends=ends: ends.append(scene.q)

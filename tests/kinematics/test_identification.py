@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from kinreach.kinematics import ArmKinematics
-from kinreach.kinematics._identification import IdentifiedArm, Prior
+from kinreach.kinematics._identification import IdentifiedArm, JointTerms, Prior, frames_of, joint_slopes, slopes
 from kinreach.robots import PUBLISHED_CALIBRATIONS, get_arm
 
 PRIOR = Prior(base=(0.02, 0.02), links=(1e-3, 2e-3), tool=(0.01, 0.0))
@@ -69,3 +69,32 @@ def test_what_the_prior_excludes_stays():
     np.testing.assert_allclose(arm.chain.positions(q), seen, atol=1e-9)
     links = IdentifiedArm(nominal, q[:12], chain_of("ur5_a").positions(q[:12]), prior=prior, noise=9e-5)
     assert off(links, chain_of("ur5_a"), q) > 3e-4
+
+
+def waves(q):
+    """Sine and cosine of each joint, shape (m, 6, 12)."""
+    return np.concatenate([np.eye(6) * part[:, :, None] for part in (np.sin(q), np.cos(q))], axis=2)
+
+
+def test_slopes_of_joint_terms_are_differences():
+    chain, q = chain_of(), postures(20, 0)
+    terms = waves(q)
+    J = joint_slopes(slopes(frames_of(chain.placements, q)), terms)
+    for k in range(terms.shape[2]):
+        step = 1e-6 * terms[:, :, k]
+        change = (chain.positions(q + step) - chain.positions(q - step)) / 2e-6
+        np.testing.assert_allclose(J[:, k], change.ravel(), atol=1e-8)
+
+
+def test_deviations_of_joints_are_found_beside_the_frames():
+    """Exact looks: all of both. Without the terms the frames cannot explain what the joints do."""
+    rng, q, test = np.random.default_rng(0), postures(200, 1), postures(300, 2)
+    factors = rng.normal(0, 1e-3, 12)
+    true = chain_of("ur5_a")
+    seen, wanted = (true.positions(one + waves(one) @ factors) for one in (q, test))
+    terms = JointTerms(waves, np.full(12, 1e-3))
+    with_terms = IdentifiedArm(chain_of(), q, seen, prior=PRIOR, noise=1e-7, terms=terms)
+    without = IdentifiedArm(chain_of(), q, seen, prior=PRIOR, noise=1e-7)
+    assert np.linalg.norm(with_terms.positions(test) - wanted, axis=1).max() < 1e-6
+    assert np.median(np.linalg.norm(without.positions(test) - wanted, axis=1)) > 1e-4
+    assert with_terms.doubt(test) < 1e-6

@@ -10,8 +10,8 @@ import numpy as np
 from kinreach._checks import Floats
 from kinreach.baselines._expert import tool_down_postures
 from kinreach.baselines._random_arms import on_table, summary, ur5
-from kinreach.compare._methods.models import UNKNOWN, Modelled
-from kinreach.kinematics._identification import Prior, frames_of, slopes
+from kinreach.compare._methods.models import JOINT_TERMS, UNKNOWN, Modelled
+from kinreach.kinematics._identification import Prior, frames_of, joint_slopes, slopes
 
 #: Errors of the arms in training, root mean square [m, rad]: wider than those of `kinreach/RealArm-v0`. A base that is
 #: off stands for cameras, too.
@@ -30,17 +30,18 @@ class LearnedCorrection(Modelled):
     Args:
         noise: Standard deviation of a coordinate of a look [m].
         seed: Of the training.
+        joints: Whether the joints of the arms in training deviate, too, by `JOINT_TERMS`.
     """
 
-    def __init__(self, noise: float, seed: int = 0) -> None:
-        self._noise, self._seed = noise, seed
+    def __init__(self, noise: float, seed: int = 0, *, joints: bool = False) -> None:
+        self._noise, self._seed, self._joints = noise, seed, joints
         self._summary, self._weights, self._doubt = np.zeros(9), np.zeros((90, 3)), UNKNOWN
 
     def learn(self, q: Floats, seen: Floats) -> None:
         """Summarise the looks, and train for their number."""
         places = ur5().chain.positions(q)
         self._summary = summary(places, seen - places)
-        self._weights, self._doubt = _trained(len(q), self._noise, self._seed)
+        self._weights, self._doubt = _trained(len(q), self._noise, self._seed, self._joints)
 
     def predicted(self, q: Floats) -> Floats:
         """Return the data sheet's places plus the correction there."""
@@ -53,15 +54,20 @@ class LearnedCorrection(Modelled):
 
 
 @lru_cache(maxsize=64)
-def _trained(looks: int, noise: float, seed: int) -> tuple[Floats, float]:
+def _trained(looks: int, noise: float, seed: int, joints: bool) -> tuple[Floats, float]:
     """Return the weights (90, 3) of a regression for a number of looks, and its root mean square error [m]."""
     rng, chain = np.random.default_rng(seed), ur5().chain
     errors = rng.normal(size=(ARMS, 42)) * TRAINED_ON.deviations(chain.joints).ravel()
+    if joints:
+        errors = np.hstack([errors, rng.normal(size=(ARMS, len(JOINT_TERMS.spread))) * JOINT_TERMS.spread])
     balls = on_table(BALLS)
 
     def off(points: Floats) -> Floats:
         """Errors at points (m, 3), of all arms, shape (ARMS, m, 3)."""
-        change = slopes(frames_of(chain.placements, tool_down_postures(ur5(), points)))
+        q = tool_down_postures(ur5(), points)
+        change = slopes(frames_of(chain.placements, q))
+        if joints:
+            change = np.hstack([change, joint_slopes(change, JOINT_TERMS.of(q))])
         return np.asarray((errors @ change.reshape(3 * len(points), -1).T).reshape(ARMS, len(points), 3))
 
     places = on_table(looks)

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from kinreach._checks import Floats
 from kinreach.baselines._expert import tool_down_postures
 from kinreach.baselines._random_arms import on_table, ur5
-from kinreach.kinematics._identification import IdentifiedArm, Prior
+from kinreach.kinematics._identification import IdentifiedArm, JointTerms, Prior
 
 #: How far base and tool may be from the data sheet [m, rad], and links: calibrations of UR3, UR10e, UR3e and UR5e have
 #: 0.3 to 0.8 mm and 1.4 to 1.7 mrad (root mean square), none of which is among those of the task `real-arm`.
@@ -19,6 +19,21 @@ REGISTERED = Prior(base=(0.02, 0.02), links=(0.0, 0.0), tool=(0.01, 0.0))
 ALL_PARAMETERS = Prior(base=(0.02, 0.02), links=(1e-3, 2e-3), tool=(0.01, 0.0))
 #: Expected error without any look, and of links that registering does not fit [m].
 UNKNOWN, UNMODELLED = 5e-3, 1e-4
+
+
+def _joint_terms(q: Floats) -> Floats:
+    """Return how joints may deviate in postures (m, 6) that are taken one after the other, shape (m, 6, 24).
+
+    Of each joint the sine and cosine of its angle (an encoder off its axis), by how much it lifts the tip (compliance
+    under a load), and the sign of its last motion (hysteresis).
+    """
+    lifts = ur5().chain.jacobian(q)[:, 2]
+    ways = np.sign(np.diff(q, axis=0, prepend=q[:1]))
+    return np.concatenate([np.eye(6) * part[:, :, None] for part in (np.sin(q), np.cos(q), lifts, ways)], axis=2)
+
+
+#: Deviations of joints: an encoder's error [rad], compliance under a load [rad/m], half of the hysteresis [rad].
+JOINT_TERMS = JointTerms(_joint_terms, np.repeat((1e-3, 1e-3, 5e-3, 3e-4), 6))
 
 
 class DataSheet:
@@ -69,15 +84,17 @@ class Identified(Modelled):
     Args:
         prior: How far each frame may be off.
         noise: Standard deviation of a coordinate of a look [m].
+        terms: Deviations of the joints that are identified, too.
     """
 
-    def __init__(self, prior: Prior, noise: float) -> None:
-        self._prior, self._noise = prior, noise
+    def __init__(self, prior: Prior, noise: float, terms: JointTerms | None = None) -> None:
+        self._prior, self._noise, self._terms = prior, noise, terms
         self._arm: IdentifiedArm | None = None
 
     def learn(self, q: Floats, seen: Floats) -> None:
         """Fit the frames."""
-        self._arm = IdentifiedArm(ur5().chain, q, seen, prior=self._prior, noise=self._noise)
+        chain = ur5().chain
+        self._arm = IdentifiedArm(chain, q, seen, prior=self._prior, noise=self._noise, terms=self._terms)
 
     def predicted(self, q: Floats) -> Floats:
         """Return the tip's places by the identified chain."""

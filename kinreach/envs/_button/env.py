@@ -100,6 +100,9 @@ class ButtonPressEnv(CopyableEnv):
     The report gives the 100 and the radius, the other values are ours: -d as it stands, and a `near` so small that a
     whole episode of waiting at the target pays less than pressing at once.
 
+    `reward=` takes a function of yours, `reward(distance, q, press)`, with stacks of k steps as
+    `kinreach.envs._reach.rewards` describes: distances [m], joint angles [rad], whether the action pressed.
+
     ## Starting State
     Joint angles uniform within 0.1 rad of zero (the arm upright), joint velocities within 0.1 rad/s, controls 0. The
     target is uniform in one of four quadrants, 0.2 <= |x|, |y| <= 0.6 m and 0.1 <= z <= 0.6 m, and drawn again where

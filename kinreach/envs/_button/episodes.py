@@ -15,17 +15,19 @@ from kinreach.envs._button.task import (
     ACTUATIONS,
     CONTROL_LIMIT,
     JOINTS,
+    PRESS_RADIUS,
     SPEED_BOUND,
     Actions,
     Actuation,
+    ButtonReward,
     Flags,
-    button_reward,
     meaning,
     observation,
     observation_space,
 )
 from kinreach.envs._button.world import Ids, TorqueWorld
 from kinreach.envs._options import INFOS, INFOS_TEXT, RENDER_MODES, RENDER_MODES_TEXT, about, option_rows
+from kinreach.envs._reach.rewards import OwnReward, RewardFunction, Scorer, check_reward
 from kinreach.errors import InputError
 from kinreach.kinematics import Arm3Kinematics
 from kinreach.robots import ArmDescription, get_arm
@@ -55,6 +57,9 @@ class ButtonOptions:
         metadata=about("keep the first target (`True`), or the target itself, (x, y, z) in the world [m]"),
     )
     max_steps: int = field(default=1000, metadata=about("steps after which an episode is truncated"))
+    reward: RewardFunction | None = field(
+        default=None, metadata=about("a function of distance, q and press; by default the report's reward")
+    )
     controls: bool = field(default=False, metadata=about("observe the three controls, too", flag=None))
     frames: int = field(default=1, metadata=about("observe so many steps, up to 16, the newest first", flag=None))
     render_mode: str | None = field(default=None, metadata=about(RENDER_MODES_TEXT))
@@ -64,6 +69,7 @@ class ButtonOptions:
         check_known("actuation", self.actuation, ACTUATIONS)
         check_known("info", self.info, INFOS)
         check_count("max_steps", self.max_steps)
+        check_reward(self.reward, "distance, q and press")
         check_flag("controls", self.controls)
         check_count("frames", self.frames, most=MAX_FRAMES)
         if self.render_mode is not None:
@@ -167,6 +173,8 @@ class ButtonEpisodes:
         self._period = options.motors.period
         self._gears = np.array(options.motors.gears)
         self._keep = options.keep_target
+        report, reward = ButtonReward(), options.reward
+        self._scorer: Scorer = report if reward is None else OwnReward(reward, report)
         self._has_target = np.zeros(count, dtype=np.bool_)
         self._state = np.zeros((3, count, JOINTS))  # joint angles, velocities, end effectors
         self._control = np.zeros((count, JOINTS))
@@ -261,8 +269,9 @@ class ButtonEpisodes:
         older = self._seen[:, :-1]
         seen = np.concatenate([self._present()[:, None], older], axis=1)
         self._seen = seen if acting is None else np.where(acting[:, None, None], seen, self._seen)
-        reward, terms = button_reward(self.distance, self._pushed)
-        pressed, wrong = terms.press > 0, terms.wrong_press < 0
+        distance = self.distance
+        score = self._scorer.score(distance, self._state[0].copy(), self._pushed)
+        pressed, wrong = score.reached, self._pushed & (distance >= PRESS_RADIUS)
         self._steps += 1 if acting is None else acting
         self._wrong_presses += wrong
         self._energy += ((self._control * self._gears) ** 2).sum(axis=1) * self._period
@@ -279,10 +288,10 @@ class ButtonEpisodes:
             "energy": self._energy.copy(),
             "steps": self._steps.copy(),
             "move_s": self._steps * self._period,
-            "reward_terms": terms._asdict(),
+            "reward_terms": score.terms,
         }
-        info |= {f"reward_{name}": term for name, term in terms._asdict().items()}
-        outcome = Outcome(reward, pressed, truncated, info)
+        info |= {f"reward_{name}": term for name, term in score.terms.items()}
+        outcome = Outcome(score.reward, pressed, truncated, info)
         return outcome if acting is None else outcome.of(acting)
 
     def start_info(self) -> dict[str, Any]:

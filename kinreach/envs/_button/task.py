@@ -14,6 +14,7 @@ from gymnasium import spaces
 from numpy.typing import ArrayLike, NDArray
 
 from kinreach._checks import Floats, as_array
+from kinreach.envs._reach.rewards import Score, nothing
 from kinreach.errors import InputError
 from kinreach.robots import get_arm
 
@@ -169,3 +170,16 @@ def button_reward(distance: Floats, press: Flags) -> tuple[Floats, RewardTerms]:
         press=np.where(press & near, PRESS_REWARD, 0.0),
     )
     return terms.distance + terms.near + terms.wrong_press + terms.press, terms
+
+
+class ButtonReward:
+    """The report's reward, with everything that the environment says of a step."""
+
+    def score(self, distance: Floats, q: Floats, press: Flags, *angle: Floats) -> Score:
+        """Reached: pressed, nearer than 0.05 m."""
+        reward, terms = button_reward(distance, press)
+        return Score(reward, terms._asdict(), self.posture_error(q), press & (distance < PRESS_RADIUS))
+
+    def posture_error(self, q: Floats) -> Floats:
+        """Zeros, shape (k,): any posture will do."""
+        return nothing(q)

@@ -20,7 +20,7 @@ returns truth values, shape (k,).
 In a batch with tensors (`device=`) the arm's own reward is computed on the device, and yours on the host, in numpy.
 
 In `kinreach/Reach-v0` a function that takes a fourth argument gets the angle between the tool and its wanted direction
-[rad], shape (k,).
+[rad], shape (k,). In `kinreach/ButtonPress-v0` the third says whether the action pressed, in place of `impossible`.
 """
 
 from __future__ import annotations
@@ -219,14 +219,18 @@ def default_reward(arm: ArmDescription) -> ThesisReward | DistanceReward:
     return DistanceReward(arm.workcell.reached_distance)
 
 
-def check_reward(reward: object) -> None:
+def check_reward(reward: object, arguments: str = "distance, q and impossible") -> None:
     """Refuse what cannot be an environment's option `reward`.
+
+    Args:
+        reward: The option.
+        arguments: What it is called with.
 
     Raises:
         InputError: It cannot be called.
     """
     if reward is not None and not callable(reward):
-        raise InputError(f"reward must be a callable of distance, q and impossible, got {shown(reward)}")
+        raise InputError(f"reward must be a callable of {arguments}, got {shown(reward)}")
 
 
 def scorer_of(reward: RewardFunction | None, default: Scorer) -> Scorer:
