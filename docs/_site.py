@@ -13,6 +13,7 @@ from typing import Any
 
 from docutils import nodes
 from docutils.utils.math.latex2mathml import tex2mathml
+from PIL import Image
 from sphinx.application import Sphinx
 from sphinx.config import Config
 from sphinx.errors import PycodeError
@@ -26,6 +27,8 @@ NUMBER = re.compile(r"^[-−+±<>≤≥~≈]?\s?(π|\d[\d\s.,eE:–/×x*^-]*(%|[
 WIDE = {"longer": 180, "long": 60}
 #: Columns without a longer cell do not break, and may be narrow on a phone.
 SHORT = 14
+#: A figure is a chart if more than this share of its pixels is at least so bright, of 255.
+WHITE_SHARE, NEAR_WHITE = 0.65, 250
 #: An interval after a number, as in `97 % [95, 99]`.
 INTERVAL = re.compile(r"\[[-−+\d][^\[\]]*\]")
 #: A space between groups of three digits, as in `76 800`.
@@ -36,6 +39,7 @@ def setup(app: Sphinx) -> dict[str, bool]:
     """Called by Sphinx."""
     app.add_html_math_renderer("mathml", inline_renderers=(_inline, None), block_renderers=(_block, None))
     app.add_post_transform(Numbers)
+    app.add_post_transform(Charts)
     app.connect("autodoc-process-signature", _plain_signature)
     app.connect("autodoc-skip-member", _field_of_tuple)
     app.connect("autodoc-process-docstring", _comment_of_constant, priority=300)
@@ -163,6 +167,21 @@ class Numbers(SphinxPostTransform):
             for text in list(table.findall(nodes.Text)):
                 if INTERVAL.search(text) and not isinstance(text.parent, nodes.literal):
                     _mark_intervals(text)
+
+
+class Charts(SphinxPostTransform):
+    """Figures that are mostly white get the class `chart`; they are inverted where pages are dark (`site.css`)."""
+
+    default_priority = 200
+    formats = ("html",)
+
+    def run(self, **kwargs: Any) -> None:
+        """Mark the images of a page."""
+        for image in self.document.findall(nodes.image):
+            if image["uri"].endswith(".png"):
+                picture = Image.open(self.app.srcdir / image["uri"]).convert("L")
+                light = picture.histogram()[NEAR_WHITE:]
+                image["classes"] += ["chart"] * (sum(light) > WHITE_SHARE * picture.width * picture.height)
 
 
 def _mark_intervals(text: nodes.Text) -> None:

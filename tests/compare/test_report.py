@@ -180,6 +180,7 @@ def test_the_first_sentences_say_what_was_found():
         "near comes nearest: 1.50 mm in the median; same is indistinguishable.",
         "same decides fastest: 1.50 ms in the median.",
     ]
+    assert found(near, far)[0] == "Both methods reach every one of 200 goals."
     assert found(near) == ["near reaches every one of 200 goals."]
     assert found(entry("a", 0), entry("b", 0)) == ["No method reaches any of 200 goals."]
 
