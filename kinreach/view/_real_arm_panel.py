@@ -185,5 +185,5 @@ class RealArmPanel(Panel):
             for arm in self._arms:
                 arm.take(miss.q)
             self._arrow.points = np.array([[tip, tip + times * miss.vector]], dtype=np.float32)
-            self._label.text = length(miss.distance) + (f", drawn {times} times as long" if times > 1 else "")
+            self._label.text = length(miss.distance) + (f", drawn × {times}" if times > 1 else "")
             self._label.position = tip + times * miss.vector
