@@ -30,7 +30,10 @@ METHOD_COLOURS = {
     **dict.fromkeys(("qp", "identified-joints"), "#8CCBEB"),
     **dict.fromkeys(("hybrid", "residual"), "#CC79A7"),
     # paths around obstacles
-    **{"from-above": "#A65E2E", "free-way": "#5B7F1F", "path-to-one": "#CC79A7", "path": "#6A3D9A"},
+    "from-above": "#A65E2E",
+    "free-way": "#5B7F1F",
+    "path-to-one": "#CC79A7",
+    "path": "#6A3D9A",
     # neither a model nor learning
     **dict.fromkeys(("random", "first-sight", "data-sheet"), "#7A7A7A"),
     # PPO

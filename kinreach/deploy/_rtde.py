@@ -20,6 +20,8 @@ PROTOCOL = 2
 MAX_NAMES = 2048
 HEADER = struct.Struct(">HB")
 NOT_FOUND, IN_USE = "NOT_FOUND", "IN_USE"
+#: Level of a text message that reports an error; 0 is an exception, 2 a warning, 3 information.
+ERROR = 1
 
 
 class Kind(IntEnum):
@@ -178,15 +180,10 @@ def package(kind: Kind, payload: bytes = b"") -> bytes:
     return HEADER.pack(HEADER.size + len(payload), kind) + payload
 
 
-def text_message(text: str, *, level: int = 1) -> bytes:
-    """Return a message from the controller to its client.
-
-    Args:
-        text: ASCII.
-        level: 0 exception, 1 error, 2 warning, 3 information.
-    """
+def error_message(text: str) -> bytes:
+    """Return an error message from the controller to its client, in ASCII."""
     said, source = text.encode("ascii", "replace")[:255], b"kinreach"
-    return package(Kind.TEXT_MESSAGE, bytes([len(said)]) + said + bytes([len(source)]) + source + bytes([level]))
+    return package(Kind.TEXT_MESSAGE, bytes([len(said)]) + said + bytes([len(source)]) + source + bytes([ERROR]))
 
 
 def packages_in(buffer: bytearray) -> Iterator[tuple[int, bytes]]:

@@ -30,10 +30,10 @@ from kinreach.deploy._rtde import (
     Recipe,
     RuntimeState,
     SafetyMode,
+    error_message,
     names_in,
     package,
     packages_in,
-    text_message,
     type_of,
 )
 from kinreach.deploy._urscript import MAX_CHARACTERS, ScriptError
@@ -360,7 +360,7 @@ class _RtdeClient(_Client):
 
     def refuse(self, why: str) -> None:
         super().refuse(why)
-        self.send(text_message(why))
+        self.send(error_message(why))
 
     def take(self) -> None:
         for kind, payload in packages_in(self.received):

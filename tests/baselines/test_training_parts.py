@@ -1,6 +1,7 @@
 """The parts that training adds to stable-baselines3: schedules, ranks, pacing, groups, the learning curve."""
 
 from dataclasses import replace
+from types import SimpleNamespace
 
 import gymnasium as gym
 import numpy as np
@@ -15,6 +16,7 @@ from kinreach.baselines._models import build
 from kinreach.baselines._policies import paced
 from kinreach.baselines._recipes import get_recipe
 from kinreach.baselines._rewards import REWARDS
+from kinreach.baselines._training import _end_segment
 from kinreach.baselines._vec_envs import TriesVecEnv
 from kinreach.envs._reach.task import STEP_SIZE, action_range, layout_of
 from kinreach.errors import InputError
@@ -274,3 +276,14 @@ def test_what_a_step_came_to_is_found_after_a_reset_in_the_same_step():
     np.testing.assert_array_equal(last_value(info, "distance"), [1.0, 5.0, 3.0])
     np.testing.assert_array_equal(last_value(info, "is_success"), ended)  # a reset has none
     assert last_value(info, "time") is None
+
+
+def test_episodes_that_a_segment_cuts_off_are_cut_off_in_the_replay_buffer():
+    """Those that had ended are not."""
+    timeouts = np.array([[0.0, 0.0, 0.0], [0.0, 1.0, 0.0]])
+    buffer = SimpleNamespace(pos=2, dones=np.array([[0.0, 0.0, 0.0], [1.0, 1.0, 0.0]]), timeouts=timeouts)
+    cuts = []
+    curve, model = SimpleNamespace(cut=lambda: cuts.append(1)), SimpleNamespace(replay_buffer=buffer)
+    _end_segment(SimpleNamespace(curve=curve, model=model))
+    np.testing.assert_array_equal(timeouts, [[0.0, 0.0, 0.0], [0.0, 1.0, 1.0]])
+    assert cuts == [1]

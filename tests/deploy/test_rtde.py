@@ -222,7 +222,10 @@ def test_wrong_versions_are_refused_and_may_be_asked_again(robot):
         assert struct.unpack(">4I", client.ask(Kind.CONTROLLER_VERSION))[0] == 5
     with Client(robot) as client:  # without version 2
         client.socket.sendall(package(Kind.SETUP_OUTPUTS, struct.pack(">d", 125.0) + b"actual_q"))
-        assert b"protocol 2" in client.next(Kind.TEXT_MESSAGE)
+        message = client.next(Kind.TEXT_MESSAGE)
+        length = message[0]
+        assert b"protocol 2" in message[1 : 1 + length]
+        assert message[1 + length :] == b"\x08kinreach\x01"  # the source, and an error
         with pytest.raises((ConnectionError, OSError)):
             client.next(Kind.DATA)
     assert alive(robot)

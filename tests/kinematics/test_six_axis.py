@@ -121,6 +121,20 @@ def test_a_last_joint_that_turns_against_the_tool_is_free_too():
     assert count >= 60
 
 
+def test_a_free_last_joint_is_moved_to_its_limit_where_limits_count():
+    arm = described("kinova")
+    kin = ArmKinematics.of(arm.with_limits({arm.joints[-1]: (-1.0, 1.0)}))
+    counted = 0
+    for q in random_postures(kin, 20, seed=5):
+        T, seed = kin.fk(q), np.append(q[:-1], 2.5)
+        within = kin.axis_solutions(T[:3, 3], T[:3, 2], seed=seed).q
+        np.testing.assert_allclose(within[:, -1], 1.0, atol=1e-12)
+        free = kin.axis_solutions(T[:3, 3], T[:3, 2], seed=seed, limits=False).q
+        np.testing.assert_allclose(free[:, -1], 2.5, atol=1e-12)
+        counted += len(within)
+    assert counted >= 40
+
+
 def urdf(axes):
     links = "".join(f'<link name="l{i}"/>' for i in range(7))
     joints = "".join(
