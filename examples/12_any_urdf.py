@@ -41,7 +41,7 @@ print(
 singular = check.singular_postures(kin, reach.farthest)
 print(f"{len(singular.q)} singular postures, such as {singular.q[0].round(2) + 0.0}")
 
-# the arm with itself: a URDF says nothing of what is around it
+# the arm with itself: a URDF does not describe what is around it
 checker = CollisionChecker(kin)
 for solver in (LevenbergMarquardtSolver(kin), QPSolver(kin)):
     results = [

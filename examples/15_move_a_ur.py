@@ -55,7 +55,7 @@ with SimulatedUR(arm, q=start, rtde_port=0, script_port=0, speed=4) as ur:
 off = np.abs(done.measured.q - done.commanded.q).max()
 print(f"{done.commanded.duration:.1f} s, joints within {1000 * off:.0f} mrad")
 miss = 1000 * np.linalg.norm(reached[:3, 3] - goal[:3, 3])
-print(f"the robot says that its tool is {miss:.1f} mm from the goal")
+print(f"by the robot's own model its tool is {miss:.1f} mm from the goal")
 
 Path("results").mkdir(exist_ok=True)
 figure, axes = plt.subplots(2, 3, figsize=(9, 4.5), sharex=True, layout="constrained")

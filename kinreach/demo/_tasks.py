@@ -40,7 +40,7 @@ class DemoTask:
         comparison: The task of `kinreach.compare` in it, whose options it has and whose methods can act; or none.
         drawn: Whether the environment draws itself.
         fps: Frames per second of a film, in the time of the simulation.
-        done: What a film says of success.
+        done: Text for success in a film.
     """
 
     name: str

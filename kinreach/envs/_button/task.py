@@ -173,7 +173,7 @@ def button_reward(distance: Floats, press: Flags) -> tuple[Floats, RewardTerms]:
 
 
 class ButtonReward:
-    """The report's reward, with everything that the environment says of a step."""
+    """The report's reward, with everything that the environment reports of a step."""
 
     def score(self, distance: Floats, q: Floats, press: Flags, *angle: Floats) -> Score:
         """Reached: pressed, nearer than 0.05 m."""

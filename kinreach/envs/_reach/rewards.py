@@ -20,7 +20,7 @@ returns truth values, shape (k,).
 In a batch with tensors (`device=`) the arm's own reward is computed on the device, and yours on the host, in numpy.
 
 In `kinreach/Reach-v0` a function that takes a fourth argument gets the angle between the tool and its wanted direction
-[rad], shape (k,). In `kinreach/ButtonPress-v0` the third says whether the action pressed, in place of `impossible`.
+[rad], shape (k,). In `kinreach/ButtonPress-v0` the third is whether the action pressed, instead of `impossible`.
 """
 
 from __future__ import annotations
