@@ -16,10 +16,10 @@ from kinreach.kinematics._motion_check import MotionCheck
 Planner = Callable[[Any, np.ndarray, Any, float], np.ndarray | None]
 
 
-def kinreach(checker: Any, start: np.ndarray, goals: Any, seconds: float) -> np.ndarray | None:
+def kinreach(checker: Any, start: np.ndarray, goals: Any, seconds: float, *, seed: int = 0) -> np.ndarray | None:
     """`plan_path` to all solutions."""
     try:
-        return plan_path(checker, start, goals, timeout=seconds)
+        return plan_path(checker, start, goals, timeout=seconds, seed=seed)
     except PathError:
         return None
 

@@ -3,8 +3,8 @@
     python -m benchmarks.studies.smooth_policies
 
 The postures that a policy asks for in the comparison `ur5`, one each 0.1 s, are made a command at 500 Hz in several
-ways. Printed is what each asks of the joints against their limits, how long it takes, and how far the tip is from the
-way along straight joint lines through the postures.
+ways. Printed are the largest speed, acceleration and jerk of each as multiples of the joints' limits, how long it
+takes, and how far the tip is at most from the way along straight joint lines through the postures.
 """
 
 from __future__ import annotations
@@ -41,7 +41,7 @@ FILTERS = (0.02, 0.03, 0.05, 0.07, 0.1, 0.15, 0.2, 0.3)
 ARRIVED = 1e-7
 #: Samples of the way that a command is compared with are so near to each other [rad].
 FINE = 2e-4
-POLICIES = ("ppo-multi", "multi")
+POLICIES = {"ppo-multi": "ppo-multi", "ranked-multi": "multi"}
 
 
 def _trajectory(limits: MotionLimits, q: Floats, qd: Floats | None = None) -> Trajectory:
@@ -118,7 +118,7 @@ def postures_of(name: str, count: int) -> list[Floats]:
     environment = MULTI if name in POLICIES else SINGLE
     env = gym.make(environment, disable_env_checker=True)
     solver = SolverPolicy(new_solver("closed-form", env.unwrapped.kinematics), env)  # type: ignore[attr-defined]
-    policy: Any = load_policy(name) if name in POLICIES else solver
+    policy: Any = load_policy(POLICIES[name]) if name in POLICIES else solver
     found = []
     for reset in resets_to(goals_of(env, count, 0), 0):
         recorder = MotionRecorder()
@@ -142,7 +142,7 @@ def main(argv: list[str] | None = None) -> int:
     count = check_count("--goals", parser.parse_args(argv).goals)
     kinematics = ArmKinematics.of("ur5", tip="tcp", base="world")
     limits = MotionLimits.of(kinematics)
-    print(head("policy", "command", "s, median", "speed %", "acceleration %", "jerk %", "off its way, mm"))
+    print(head("policy", "command", "s, median", "speed", "acceleration", "jerk", "off its way, mm"))
     for name in (*POLICIES, "closed-form"):
         motions = postures_of(name, count)
         ways = dict(WAYS)
@@ -157,7 +157,7 @@ def main(argv: list[str] | None = None) -> int:
             worst = np.max([list(peaks(motion, limits).values()) for motion in made], axis=0)
             far = max(off_way(kinematics, motion, points) for motion, points in zip(made, motions, strict=True))
             seconds = float(np.median([motion.duration for motion in made]))
-            shares = [f"{100 * share:.0f}" for share in worst]
+            shares = ["above 1000" if share > 1000.0 else f"{share:.{2 if share < 10.0 else 0}f}" for share in worst]
             print(line(name, way, f"{seconds:.2f}", *shares, f"{1e3 * far:.1f}"), flush=True)
     return 0
 

@@ -123,6 +123,8 @@ def draw_shares(entry: str, *, title: str, label: str, of: str) -> Draw:
             )  # fmt: skip
             ends[name] = (at[-1], rate[-1])
         axes.set(xlim=(min(0.0, -0.03 * max(values)), max(*values, 1e-9) * 1.1), ylim=(-3, 103), xlabel=label)
+        if all(isinstance(value, int) for value in values):
+            axes.set_xticks(values)
         axes.yaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:.0f} %"))
         label_ends(axes, ends, colours)
         key(axes, f"share of {of}, with 95 % intervals")
