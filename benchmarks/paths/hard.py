@@ -78,14 +78,18 @@ def by_the_processor() -> None:
 def main(argv: list[str] | None = None) -> int:
     """Print a Markdown table."""
     parser = Parser(prog=PROG, description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--cages", default=",".join(map(str, CAGES)), help="default: %(default)s")
+    parser.add_argument("--range", type=float, metavar="RAD", help="only with this range")
     parser.add_argument("--seconds", type=int, default=2, help="of processor time (default: %(default)s)")
     parser.add_argument("--seeds", type=int, default=2, help="default: %(default)s")
     arguments = parser.parse_args(argv)
     seconds, seeds = check_count("--seconds", arguments.seconds), check_count("--seeds", arguments.seeds)
+    cages = [check_count("--cages", int(word), least=0) for word in arguments.cages.split(",")]
+    searches = SEARCHES if arguments.range is None else {f"range {arguments.range:g} rad": with_range(arguments.range)}
     by_the_processor()
-    kin, problems = ur5e(), [problem for problem in generated("cage", max(CAGES) + 1) if problem.index in CAGES]
+    kin, problems = ur5e(), [problem for problem in generated("cage", max(cages) + 1) if problem.index in cages]
     print(head("planner", "searches", f"solved within {LIMIT:g} s", f"cages solved in {seconds} s"))
-    for name, search in SEARCHES.items():
+    for name, search in searches.items():
         in_time, solved = 0, set()
         for problem in problems:
             for seed in range(seeds):
