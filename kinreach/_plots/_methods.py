@@ -20,6 +20,8 @@ NAMES = {
     "button": "ppo",
     "ppo-moving": "ppo",
     "moving": "policy",
+    "lift": "ranked",
+    "lift-range": "ranked-range",
 }
 #: Method -> its colour. Only methods that no figure shows together share one.
 METHOD_COLOURS = {
@@ -41,8 +43,8 @@ METHOD_COLOURS = {
     **dict.fromkeys(("ppo-multi", "correction-joints"), "#F2A35E"),
     **dict.fromkeys(("ppo-multi-ending", "correction"), "#6A3D9A"),
     # ranked PPO
-    **dict.fromkeys(("ranked-single", "space-single", "policy"), "#00674C"),
-    **dict.fromkeys(("ranked-multi", "space-multi", "policy-tuned"), "#2FBF94"),
+    **dict.fromkeys(("ranked-single", "space-single", "policy", "ranked"), "#00674C"),
+    **dict.fromkeys(("ranked-multi", "space-multi", "policy-tuned", "ranked-range"), "#2FBF94"),
     "policy-again": "#E69F00",
     # what the documents and other packages do
     **dict.fromkeys(("thesis-ppo-single", "thesis-ppo-multi", "button-guided-controls"), "#000000"),

@@ -7,17 +7,23 @@ from typing import Any
 
 import gymnasium as gym
 import numpy as np
+from matplotlib.figure import Figure
 
+from kinreach._plots._style import name_label, new_figure
 from kinreach._registration import LIFT
 from kinreach._statistics import MEAN, QUANTILES, RATE, Column, Trial, thousandfold
 from kinreach.baselines._grasp_policy import GraspPolicy
 from kinreach.compare._button import decision_ms
+from kinreach.compare._figures import origin
+from kinreach.compare._methods import policy_method
 from kinreach.compare._task import SOLVER, Method, Task
 from kinreach.envs._lift.task import HEIGHT, HOLD
 from kinreach.kinematics._solvers import new_solver
 
 #: Stages at which a grasp can fail, in their order.
 CAUSES = ("seen", "reached", "closed", "slipped", "dropped")
+#: Their colours in the figure.
+SHADES = ("#111111", "#444444", "#777777", "#a6a6a6", "#d0d0d0")
 #: Title of the second table.
 TIME_TABLE = "Distances and times"
 
@@ -40,6 +46,31 @@ def _scripted(name: str) -> Method:
     return Method(lambda env: GraspPolicy(new_solver(name, env.unwrapped.kinematics), env), SOLVER)  # type: ignore[attr-defined]
 
 
+def draw_causes(trials: Sequence[Trial], results: Mapping[str, Any]) -> Figure:
+    """Draw the share that each method lifts, and what failed in the rest."""
+    methods = results["methods"]
+    figure, (axes,) = new_figure(
+        "Objects lifted, and what failed",
+        size=(8.0, 1.3 + 0.5 * len(methods)),
+        grid="x",
+        note=f"the first stage that failed in the last attempt · {origin(results)}",
+    )
+    for row, method in enumerate(methods):
+        left = 100.0 * method["reached"]
+        axes.barh(row, left, color=method["colour"], height=0.6)
+        axes.text(1.0, row, f"{left:.1f}", va="center", color="white", fontsize=9, weight="bold")
+        for cause, shade in zip(CAUSES, SHADES, strict=True):
+            share = 100.0 * method["failed"][cause]
+            axes.barh(row, share, left=left, color=shade, height=0.6, label=cause if row == 0 else None)
+            left += share
+    axes.set_yticks(range(len(methods)), [name_label(method["name"]) for method in methods])
+    axes.set_ylim(len(methods) - 0.4, -0.6)
+    axes.set_xlim(0.0, 100.0)
+    axes.set_xlabel("% of the objects")
+    axes.legend(loc="lower left", bbox_to_anchor=(0.0, 1.0), ncols=len(CAUSES), frameon=False, fontsize=8)
+    return figure
+
+
 _HEADINGS = {"seen": "not\nseen", "reached": "not\nreached", "closed": "not\nclosed"}
 LIFT_TASK = Task(
     name="lift",
@@ -51,7 +82,11 @@ LIFT_TASK = Task(
     variants={"lift": LIFT},
     observations=("geometric", "camera"),
     resets=_resets,
-    methods={name: _scripted(name) for name in ("closed-form", "placo")},
+    methods={
+        **{name: _scripted(name) for name in ("closed-form", "placo")},
+        "ranked": policy_method("lift", LIFT),
+        "ranked-range": policy_method("lift-range", LIFT),
+    },
     columns=(
         Column("reached", "reached", RATE, "lifted %\n[95 % CI]", "interval"),
         *(
@@ -68,6 +103,7 @@ LIFT_TASK = Task(
         Column("move_s", _when_lifted("move_s"), QUANTILES, "move s\nmedian", "median", TIME_TABLE),
         Column("solve_ms", decision_ms, QUANTILES, "a decision\nms", "quantiles", TIME_TABLE),
     ),
+    figures={"causes": draw_causes},
     reached=f"the object's lowest point is {HEIGHT:g} m above the table for {HOLD:g} s, and the object touches both "
     "fingers and nothing that stands around",
     terms={
