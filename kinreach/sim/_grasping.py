@@ -144,9 +144,8 @@ class Grasping:
 
     def rest(self, ids: Ids, seconds: float) -> None:
         """Let everything go on for a while."""
-        self._follow(ids, self._servos, np.repeat(
-            self._plant.ctrl[rows_and_columns(ids, self._servos)][None], max(1, round(seconds / self.period)), axis=0
-        ))  # fmt: skip
+        now = self._plant.ctrl[rows_and_columns(ids, self._servos)]
+        self._follow(ids, self._servos, np.repeat(now[None], max(1, round(seconds / self.period)), axis=0))
 
     def steer(self, ids: Ids, postures: Floats, openings: Floats, seconds: float) -> None:
         """Let the setpoints of arms and fingers go evenly to postures [rad] and openings [m]."""

@@ -362,6 +362,16 @@ def test_bad_input():
             env.unwrapped.step(action)
 
 
+def test_the_scene_follows_grasps_that_are_only_judged():
+    env = make(backend="kinematic", shapes=("cube",), sizes=(0.02,))
+    observation, info = env.reset(seed=3)
+    assert lowest_point(env) == pytest.approx(0.0, abs=1e-9)
+    env.step(scripted(env).act(observation))
+    scene = env.unwrapped.scene
+    np.testing.assert_allclose(scene.T_world_frame("object")[:3, 3], info["goal"], atol=1e-12)
+    assert np.linalg.norm(scene.tip_position - info["goal"]) < 1e-6
+
+
 def test_a_ur_gets_the_gripper():
     arm = get_arm("ur5e").with_gripper()
     assert (arm.gripper, arm.default_tip) == (get_arm("ur5").gripper, "tcp")

@@ -121,9 +121,8 @@ class LiftEnv(CopyableEnv):
         self._task = task = LiftTask(given)
         self.render_mode = mode = given.render_mode
         self._simulation = ArmSimulation(task.arm, visual=mode is not None, objects=_objects(given))
-        grasping = Grasping(self._simulation)
-        self._drawn = grasping
-        self._episodes = LiftEpisodes(task, grasping if given.backend == "mujoco" else None, 1)
+        self._grasping = Grasping(self._simulation)
+        self._episodes = LiftEpisodes(task, self._grasping if given.backend == "mujoco" else None, 1)
         fps = int(self.metadata["render_fps"])
         self._picture = None if mode is None else ScenePicture(self._simulation, mode=mode, fps=fps)
         self.action_space, self.observation_space = task.action_space, task.observation_space
@@ -170,7 +169,17 @@ class LiftEnv(CopyableEnv):
         check_not_over(self._over)
         return self._task.check_actions(action, None)
 
+    def _follow(self) -> None:
+        """Let the scene that is drawn follow grasps that are only judged."""
+        episodes = self._episodes
+        if episodes.world is None:
+            only, limits = np.zeros(1, dtype=np.intp), self._simulation.controller
+            self._grasping.reset(only, np.clip(episodes.q, limits.lower, limits.upper))
+            places = episodes.goals - np.outer(episodes.kinds.size, (0.0, 0.0, 1.0))
+            self._grasping.put(only, 0, episodes.kinds, places, episodes.yaws)
+
     def _answer(self, outcome: Outcome) -> tuple[Any, float, bool, bool, dict[str, Any]]:
+        self._follow()
         if self.render_mode == "human":
             self.render()
         return super()._answer(replace(outcome, info=outcome.info | self._episodes.goal_info()))

@@ -55,6 +55,7 @@ class LiftEpisodes:
         seen: Where the cameras saw them [m], shape (count, 3); NaN where none did.
         yaws: Turns of the objects about the vertical by then [rad], shape (count,).
         kinds: What the objects are.
+        q: Postures of the arms [rad], shape (count, n).
     """
 
     def __init__(self, task: LiftTask, world: Grasping | None, count: int) -> None:
@@ -66,7 +67,7 @@ class LiftEpisodes:
         self.yaws = np.zeros(count)
         self.kinds = Objects(np.zeros(count, dtype=np.intp), np.ones(count), np.ones(count), np.ones(count))
         self._others = np.zeros((count, 3)) if task.options.clutter else None
-        self._q = np.tile(task.home, (count, 1))
+        self.q = np.tile(task.home, (count, 1))
         self._opening = np.full(count, task.gripper.opening)
         self._distance, self._clearance = np.zeros(count), np.zeros(count)
         self._gripped = np.zeros(count, dtype=np.bool_)
@@ -100,10 +101,10 @@ class LiftEpisodes:
             mine[ids] = new
         table = np.full((len(ids), 1), self.task.region.z[0])
         places, others = np.hstack([rows[:, :2], table]), np.hstack([rows[:, 7:9], table])
-        self._q[ids] = self.task.home
+        self.q[ids] = self.task.home
         self._opening[ids] = self.task.gripper.opening
         if self.world is not None:
-            self.world.reset(ids, self._q[ids])
+            self.world.reset(ids, self.q[ids])
             self.world.put(ids, 0, kinds, places, rows[:, 2])
             if self._others is not None:
                 self.world.put(ids, 1, kinds, others, np.zeros(len(ids)))
@@ -127,13 +128,13 @@ class LiftEpisodes:
             self.seen[ids] = self.goals[ids]
 
     def _tips(self, ids: Ids) -> Floats:
-        return np.asarray(self.task.kinematics.chain.positions(self._q[ids]))
+        return np.asarray(self.task.kinematics.chain.positions(self.q[ids]))
 
     def observe(self) -> Floats:
         """Return the observations, shape (count, size)."""
         everyone = np.arange(self.count)
         return self.task.observation(
-            self.seen, self.yaws, self.kinds, self._q, self._tips(everyone), self._opening, self._others
+            self.seen, self.yaws, self.kinds, self.q, self._tips(everyone), self._opening, self._others
         )
 
     def goal_info(self) -> dict[str, Any]:
@@ -152,7 +153,7 @@ class LiftEpisodes:
 
     def start_info(self) -> dict[str, Any]:
         """Return the `info` of a reset, as arrays."""
-        return {**self.goal_info(), "q": self._q.copy(), "tip": self._tips(np.arange(self.count)),
+        return {**self.goal_info(), "q": self.q.copy(), "tip": self._tips(np.arange(self.count)),
                 "distance": self._distance.copy()}  # fmt: skip
 
     def step(self, actions: Floats, acting: Flags | None = None) -> Outcome:
@@ -198,7 +199,7 @@ class LiftEpisodes:
         bad[solved] |= task.checker.causes(above[solved]) != 0
         bad |= ~solved
         self._reasons[ids[bad]], self._status[ids[bad]] = "no posture, or a collision", "impossible"
-        self._q[ids] = np.where(bad[:, None], self._q[ids], q)
+        self.q[ids] = np.where(bad[:, None], self.q[ids], q)
         T = task.poses(q)
         self._distance[ids] = np.linalg.norm(T[:, :3, 3] - self.goals[ids], axis=1)
         kinds = self.kinds.of(ids)
@@ -210,10 +211,10 @@ class LiftEpisodes:
         """Open the fingers, go home and look again."""
         world = self.world
         if world is None or not len(ids):
-            self._q[ids] = self.task.home
+            self.q[ids] = self.task.home
             return
         world.drive(ids, np.full(len(ids), self.task.gripper.opening), CLOSING)
-        up = self.task.above(self._q[ids])
+        up = self.task.above(self.q[ids])
         solved = np.isfinite(up).all(axis=1)
         if solved.any():
             world.move(ids[solved], up[solved])
@@ -235,7 +236,7 @@ class LiftEpisodes:
         """Read arms and grasps from the simulations."""
         world: Any = self.world
         now = world.grasp(ids)
-        self._q[ids], self._opening[ids] = world.q[ids], now.opening
+        self.q[ids], self._opening[ids] = world.q[ids], now.opening
         self._gripped[ids], self._clearance[ids] = now.gripped, now.clearance
         return now
 
@@ -244,7 +245,7 @@ class LiftEpisodes:
         task = self.task
         world: Any = self.world
         before = world.states(ids)
-        q = np.clip(self._q[ids] + STEP_ANGLE * actions[ids, :-1], *joint_limits(task.arm))
+        q = np.clip(self.q[ids] + STEP_ANGLE * actions[ids, :-1], *joint_limits(task.arm))
         opening = np.clip(self._opening[ids] + STEP_OPENING * actions[ids, -1], 0.0, task.gripper.stroke)
         world.steer(ids, q, opening, STEP_S)
         lost = world.diverged(ids)
@@ -311,7 +312,7 @@ class LiftEpisodes:
 
     def _misalignment(self) -> Floats:
         """Angle between tool and vertical, and of the fingers to the nearest faces of a cube [rad], summed."""
-        axes = self.task.poses(self._q)[:, :3, :3]
+        axes = self.task.poses(self.q)[:, :3, :3]
         tilt = np.arccos(np.clip(-axes[:, 2, 2], -1.0, 1.0))
         off = np.abs(face_angle(np.arctan2(axes[:, 1, 1], axes[:, 0, 1]) - self.yaws))
         return np.asarray(tilt + np.where(self.kinds.shape == SHAPES.index(CUBE), off, 0.0))
@@ -338,7 +339,7 @@ class _Attempt:
         episodes._reasons[missing] = "out of reach: no posture above the grasp"
         episodes._status[missing] = "impossible"
         on = self._moved(self._moved(self._ids[solved], above), self._postures)
-        episodes._q[:] = world.q
+        episodes.q[:] = world.q
         tips = episodes._tips(self._ids)
         episodes._distance[self._ids] = np.linalg.norm(tips - world.pose()[0][self._ids], axis=1)
         episodes._stage[on] = np.where(episodes._distance[on] <= NEAR, REACHED, STARTED)
@@ -348,7 +349,7 @@ class _Attempt:
             episodes._stage[on] = np.where(gripped, CLOSED, episodes._stage[on])
         up = self._moved(on, above)
         self._hold(up)
-        episodes._q[:] = world.q
+        episodes.q[:] = world.q
         if len(self._ids):
             episodes._read(self._ids)
 
