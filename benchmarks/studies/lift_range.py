@@ -4,7 +4,8 @@
         [--arm ur5e] [--figure docs/images/lift_range.png]
 
 One attempt an object, under dynamics, in native batches. The range: balls, cubes and cylinders, 15 to 35 mm, 20 to 300
-g, friction 0.3 to 1.5. The figure shows the shares by mass and friction, and by shape and size.
+g, friction 0.3 to 1.5. Beyond it: 10 to 45 mm, 20 g to 1 kg, friction 0 to 0.4. The figure shows the shares beyond the
+range, by mass and friction, and by shape and size.
 """
 
 from __future__ import annotations
@@ -35,7 +36,13 @@ RANGE = {
     "masses": (0.02, 0.3),
     "frictions": (0.3, 1.5),
 }
-WORLDS: dict[str, dict[str, Any]] = {"default": {}, "range": RANGE, "clutter": {**RANGE, "clutter": True}}
+BEYOND = {**RANGE, "sizes": (0.01, 0.045), "masses": (0.02, 1.0), "frictions": (0.0, 0.4)}
+WORLDS: dict[str, dict[str, Any]] = {
+    "default": {},
+    "range": RANGE,
+    "clutter": {**RANGE, "clutter": True},
+    "beyond": BEYOND,
+}
 #: Environments in step; parts of the figure's axes.
 BATCH, PARTS = 100, 5
 
@@ -70,7 +77,7 @@ def main(argv: list[str] | None = None) -> int:
     parser.add_argument("--threads", type=int, default=1, help="that step the dynamics (default: %(default)s)")
     parser.add_argument("--arm", default="ur5", help="default: %(default)s")
     parser.add_argument("--worlds", nargs="+", default=list(WORLDS), choices=list(WORLDS), help="default: all")
-    parser.add_argument("--figure", type=Path, help="where the shares over the range are drawn")
+    parser.add_argument("--figure", type=Path, help="where the shares beyond the range are drawn")
     arguments = parser.parse_args(argv)
     objects = check_count("--objects", arguments.objects, least=BATCH)
     seed = check_count("--seed", arguments.seed, least=0)
@@ -84,7 +91,7 @@ def main(argv: list[str] | None = None) -> int:
             lifted = share(int(found["is_success"].sum()), objects)
             label = Path(name).stem
             print(line(world, f"`{label}`", lifted, *counts, f"{rate:.0f}"), flush=True)
-            if world == "range":
+            if world == "beyond":
                 over[label] = found
     if arguments.figure is not None and over:
         draw(over, objects, arguments.figure)
@@ -93,9 +100,10 @@ def main(argv: list[str] | None = None) -> int:
 
 def draw(found: dict[str, dict[str, Any]], objects: int, file: Path) -> None:
     """Draw the shares that are lifted, by mass and friction, and by shape and size; a row for each method."""
-    (light, heavy), (slippery, rough), (small, large) = (RANGE[name] for name in ("masses", "frictions", "sizes"))
+    (light, heavy), (slippery, rough), (small, large) = (BEYOND[name] for name in ("masses", "frictions", "sizes"))
     figure, axes = new_figure(
-        "Objects lifted, %", size=(9.0, 0.9 + 2.9 * len(found)), rows=len(found), columns=2, grid="none",
+        "Objects lifted beyond the range, %", size=(9.0, 0.9 + 2.9 * len(found)), rows=len(found), columns=2,
+        grid="none",
         note=f"{objects} objects a method, one attempt each; a cell without an object is empty",
     )  # fmt: skip
     for row, (name, rows) in enumerate(found.items()):

@@ -15,8 +15,8 @@ from kinreach.kinematics import PoseGoal
 from kinreach.kinematics._solvers import Solver
 from kinreach.robots._rotations import turn
 
-#: How much narrower than the object the fingers want to be [m]; they then press with 40 N each.
-SQUEEZE = 0.008
+#: How much narrower than the object the fingers want to be [m]; they then press with all their force, 120 N each.
+SQUEEZE = 0.024
 #: The tip stays so far above the table [m]: the fingers end 10 mm beyond it.
 LOWEST = 0.012
 #: Turns of the fingers that are tried around a ball or a cylinder; a cube has one for each pair of faces.

@@ -242,7 +242,7 @@ NEEDED: Mapping[str, tuple[str, ...]] = {
     **dict.fromkeys((SINGLE, MULTI), ("goal_in",)),
     SPACE: ("steps", "goal_height", "tilt", "start_spread", "goal_in"),
     MOVING: ("sights", "collisions"),
-    LIFT: ("steps",),
+    LIFT: ("steps", "shapes", "sizes"),
     BUTTON: ("controls", "frames"),
 }
 

@@ -73,7 +73,7 @@ def grasp_guided(rewards: Array, info: Mapping[str, Any]) -> Array:
     over = np.linalg.norm(seen[:, 15:17], axis=1) < OVER
     to_close = CLOSING_WEIGHT * np.where(to_low < CLOSE, np.abs(opening - 2.0 * size), OPEN)
     ahead = np.where(over, to_low + to_close, to_high + FAR)
-    return rewards - GUIDE_WEIGHT * np.where(info["held"], -1.0, ahead)
+    return rewards + GUIDE_WEIGHT * (WHOLE_WAY - np.where(info["held"], -1.0, ahead))
 
 
 def clipped(rewards: Array, info: Mapping[str, Any]) -> Array:
@@ -104,6 +104,8 @@ FIRST_PENALTY, LAST_PENALTY = 0.05, 10.0
 ABOVE, OVER, CLOSE, OPEN = 0.06, 0.03, 0.1, 0.10
 #: Weights of what is left to close [1/m], and of all that is left; what is left where the arm is not over the object.
 CLOSING_WEIGHT, GUIDE_WEIGHT, FAR = 5.0, 0.1, 1.5
+#: More than is ever left: what is seen must be positive, or to collide at once would be best.
+WHOLE_WAY = 4.0
 
 
 @cache

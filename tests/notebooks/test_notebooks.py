@@ -29,7 +29,13 @@ FIGURES: dict[str, tuple[str, ...]] = {
     "09": (),
 }
 #: What a notebook without a figure of the thesis takes up: sections of the thesis, or the report of the other task.
-SECTIONS = {"05": ("section 1.1",), "06": ("sections 6.3 and 7.2",), "07": ("Gym Coding Report",), "08": ("(7.1)",), "09": ("(7.1)",)}
+SECTIONS = {
+    "05": ("section 1.1",),
+    "06": ("sections 6.3 and 7.2",),
+    "07": ("Gym Coding Report",),
+    "08": ("(7.1)",),
+    "09": ("(7.1)",),
+}
 #: Notebooks with learned policies: they can train them again instead.
 WITH_POLICIES = ("03", "04", "05", "06", "07")
 

@@ -1,0 +1,54 @@
+"""Recipes of lifting: grasps are tried as the environment has them, and what training rewards leads to a grasp."""
+
+from dataclasses import replace
+
+import gymnasium as gym
+import numpy as np
+import pytest
+
+import kinreach  # noqa: F401
+from kinreach._registration import LIFT
+from kinreach.baselines._algorithms import FIRST_OPENING
+from kinreach.baselines._expert import tool_down_postures
+from kinreach.baselines._models import build
+from kinreach.baselines._recipes import get_recipe
+from kinreach.baselines._rewards import training_reward
+from kinreach.kinematics import UR5Kinematics
+
+
+@pytest.mark.parametrize("name", ["lift", "lift-range"])
+def test_a_policy_begins_at_the_start_pose_with_fingers_nearly_closed(name):
+    recipe = replace(get_recipe(name), num_envs=64, steps=64, window=64)
+    trainee = build(recipe, 0, steps=64)
+    env = gym.make(LIFT)
+    observation, _ = env.reset(seed=0)
+    action = trainee.network(observation)
+    np.testing.assert_allclose(action[:6] * np.pi, env.unwrapped.home, atol=0.05)
+    assert action[6] == pytest.approx(FIRST_OPENING, abs=0.05)
+    observations = trainee.env.reset()
+    groups = observations.reshape(8, 8, -1)
+    assert (groups == groups[:, :1]).all()  # eight tries of the same object
+    assert len(np.unique(groups[:, 0, 0])) == 8
+
+
+def test_the_guiding_reward_grows_on_the_way_to_the_grasp():
+    """Home, above, in the grasp, closed, held: in this order, for objects all over the table."""
+    reward, kinematics = training_reward("grasp-guided"), UR5Kinematics(tip="tcp", base="world")
+    env = gym.make_vec(LIFT, 20, vectorization_mode="vector_entry_point", steps="multi", shapes=("cube", "ball"))
+    seen, _ = env.reset(seed=0)
+    place, turn = seen[:, :3], seen[:, 3]
+    low = tool_down_postures(kinematics, place, turn)
+    high = tool_down_postures(kinematics, np.add(place, (0, 0, 0.06)), turn)
+    stages = []
+    for q, opening, held in (
+        (seen[:, 8:14], 0.1, False),
+        (high, 0.1, False),
+        (low, 0.1, False),
+        (low, 0.05, False),
+        (low, 0.05, True),
+    ):
+        now = seen.copy()
+        now[:, 8:14], now[:, 14] = q, opening
+        now[:, 15:18] = place - kinematics.positions(q)
+        stages.append(reward(np.zeros(20), {"observation": now, "held": np.full(20, held)}))
+    assert (np.diff(stages, axis=0) > 0).all()
