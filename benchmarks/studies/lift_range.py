@@ -40,6 +40,7 @@ BEYOND = {**RANGE, "sizes": (0.01, 0.045), "masses": (0.02, 1.0), "frictions": (
 WORLDS: dict[str, dict[str, Any]] = {
     "default": {},
     "range": RANGE,
+    "cubes": {**RANGE, "shapes": ("cube",)},
     "clutter": {**RANGE, "clutter": True},
     "beyond": BEYOND,
 }
