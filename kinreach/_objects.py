@@ -24,6 +24,9 @@ def load_object(kind: str, path: str) -> Any:
         InputError: Unknown module or attribute, or the module fails.
     """
     module, _, attribute = path.partition(":")
+    if module.endswith(".py"):
+        name = module.removesuffix(".py").replace("/", ".")
+        raise InputError(f"a module is named without .py, as in {name}:{attribute or 'NAME'}; got {path!r}")
     if not module or not attribute:
         raise InputError(f"a {kind} of your own is named module:attribute, got {path!r}")
     found = load_module(kind, module, path)

@@ -24,6 +24,7 @@ if TYPE_CHECKING:
     from kinreach.baselines._learning_curve import read_curve
     from kinreach.baselines._loop import RandomPolicy, rollout
     from kinreach.baselines._policies import load_policy
+    from kinreach.baselines._policy_file import Network
     from kinreach.baselines._recipes import Networks, Recipe, get_recipe, register_recipe
     from kinreach.baselines._training import train
     from kinreach.baselines._vec_envs import SB3VecEnv
@@ -33,6 +34,7 @@ _MODULES = {
     "Algorithm": "_algorithms",
     "AnalyticButtonPolicy": "_button_controller",
     "HELD_OUT": "_evaluation",
+    "Network": "_policy_file",
     "Networks": "_recipes",
     "RandomPolicy": "_loop",
     "Recipe": "_recipes",
@@ -53,6 +55,7 @@ __all__ = [
     "VALIDATION",
     "Algorithm",
     "AnalyticButtonPolicy",
+    "Network",
     "Networks",
     "RandomPolicy",
     "Recipe",

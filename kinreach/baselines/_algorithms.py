@@ -310,7 +310,8 @@ class Algorithm:
 
     Attributes:
         name: As in recipes.
-        model: A class with stable-baselines3's interface, or where to import it from, as `module:Class`.
+        model: A subclass of stable-baselines3's `OnPolicyAlgorithm` or `OffPolicyAlgorithm`, or where to import it
+            from, as `module:Class`.
         exporter: The deterministic actor of such a model as a `Network`. It is tried before the training begins.
         arguments: Keyword arguments of the class, from the recipe, the environments and the planned actions.
         vec_env: What the model acts in, from a native batch, the recipe and the training reward.

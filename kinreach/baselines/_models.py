@@ -10,7 +10,7 @@ from gymnasium import spaces
 from stable_baselines3.common.base_class import BaseAlgorithm
 
 from kinreach._checks import check_known
-from kinreach._objects import load_object
+from kinreach._objects import load_object, place_of
 from kinreach.baselines._algorithms import ALGORITHMS, Algorithm
 from kinreach.baselines._batch import make_batch
 from kinreach.baselines._learning_curve import LearningCurve
@@ -105,7 +105,18 @@ def check_export(trainee: Trainee) -> None:
     Raises:
         InputError: It cannot be exported, or answers otherwise.
     """
-    model, network = trainee.model, trainee.network
+    model, name = trainee.model, trainee.algorithm.name
+    if not isinstance(model, BaseAlgorithm):
+        raise InputError(
+            f"{name} must be a subclass of stable-baselines3's OnPolicyAlgorithm or OffPolicyAlgorithm, got a "
+            f"{type(model).__name__}"
+        )
+    try:
+        network = trainee.network
+    except KinreachError:
+        raise
+    except Exception as error:  # whatever an exporter raises
+        raise InputError(f"the exporter of {name} fails: {type(error).__name__}: {error}{place_of(error)}") from error
     space: Any = model.observation_space
     draws = np.random.default_rng(0).normal(size=(_SAMPLES, *space.shape))
     observations = np.clip(draws, space.low, space.high).astype(space.dtype)

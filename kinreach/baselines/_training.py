@@ -160,7 +160,10 @@ def run_identity(recipe: Recipe, seed: int, threads: int) -> dict[str, Any]:
             {"recipe": recipe.to_dict(), "seed": seed, "threads": threads, "versions": _versions()}, allow_nan=False
         )
     except (TypeError, ValueError) as error:
-        raise InputError(f"settings and options of the recipe {recipe.name} must be JSON values: {error}") from None
+        raise InputError(
+            f"settings and options of the recipe {recipe.name} must be JSON values: {error}; a reward of your own "
+            'is the recipe\'s reward="module:function"'
+        ) from None
     return json.loads(written)
 
 

@@ -76,6 +76,7 @@ def main(argv: Sequence[str], *, prog: str) -> int:
     console = Console(width=TABLE_WIDTH, highlight=False, markup=False, emoji=False)
     columns = [*task.columns, *(MOTION_COLUMNS if arguments.motion else ())]
     for table in tables(columns, results["methods"], title=results["settings"]["title"], width=TABLE_WIDTH):
+        console.width = max(TABLE_WIDTH, Console(width=4 * TABLE_WIDTH).measure(table).maximum)  # nothing is cut
         console.print(table)
         console.print()
     files = ["results.json", "results.csv", "report.html", *(f"{name}.png" for name in task.figures)]

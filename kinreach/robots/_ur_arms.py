@@ -1,9 +1,9 @@
-"""Universal Robots arms: UR3, UR5 and UR10 with a parallel gripper in a work cell; the others without shapes.
+"""Universal Robots arms: UR3, UR5 and UR10 with a parallel gripper in a work cell; the others with shapes of cylinders.
 
 Those three are the joint-limited ones of example-robot-data (all joints within ±pi). kinreach mounts them with a yaw of
 +90 degrees, so that the front is world +x (base_link -y), and adds the gripper of `grippers`, with `tcp` between the
-finger tips, 0.20 m along z from `tool0`. The other models have kinematics only: the same frames and no shapes, made
-from their lengths, with the ±2 pi of the data sheets.
+finger tips, 0.20 m along z from `tool0`. The other models have the same frames, made from their lengths, the cylinders
+of `_ur_shapes`, and the ±2 pi of the data sheets.
 """
 
 from __future__ import annotations

@@ -175,9 +175,23 @@ def test_what_cannot_be_exported_is_said_before_the_training(registries, tmp_pat
         arguments = algorithms.mlp_arguments(recipe, env, planned)
         return arguments | {"policy_kwargs": {"activation_fn": torch.nn.Softplus}}
 
+    class Alone:
+        """Not a class of stable-baselines3."""
+
+        def __init__(self, *arguments, **settings):
+            self.policy = torch.nn.Linear(1, 1)
+
     register_algorithm(Algorithm("Wrong", SAC, exporter=wrong))
     register_algorithm(Algorithm("Soft", SAC, arguments=soft))
-    for name, message in (("Wrong", "does not answer as the model does"), ("Soft", "Softplus cannot be exported")):
+    register_algorithm(Algorithm("Fails", SAC, exporter=lambda model: model.actor["mu"]))
+    register_algorithm(Algorithm("Alone", Alone))
+    messages = {
+        "Wrong": "does not answer as the model does",
+        "Soft": "Softplus cannot be exported",
+        "Fails": r"the exporter of Fails fails: TypeError: .*test_from_outside\.py, line",
+        "Alone": "Alone must be a subclass of stable-baselines3's OnPolicyAlgorithm or OffPolicyAlgorithm, got a Alone",
+    }
+    for name, message in messages.items():
         with pytest.raises(InputError, match=message):
             train(replace(RECIPE, algorithm=name), tmp_path, progress=lambda *_: pytest.fail("it trains"))
 

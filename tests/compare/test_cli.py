@@ -14,6 +14,7 @@ import pytest
 from kinreach import cli
 from kinreach.baselines._policies import load_policy
 from kinreach.baselines._policy_file import save_policy
+from kinreach.compare import _cli
 from kinreach.compare import _runner as runner
 from kinreach.compare import _task as registry
 from kinreach.compare._runner import RECORDS
@@ -38,7 +39,16 @@ def test_a_comparison_prints_its_tables_and_the_command_that_gives_it_again(tmp_
     assert json.loads((tmp_path / "a b" / "results.json").read_text())["settings"]["goals"] == 3
 
 
+def test_no_number_of_a_table_is_cut(tmp_path, monkeypatch, capsys):
+    monkeypatch.setattr(_cli, "TABLE_WIDTH", 20)
+    assert call("--methods", "closed-form", "--goals", "2", "--out", str(tmp_path / "a")) == 0
+    said = capsys.readouterr().out
+    assert "…" not in said
+    assert "closed-form  100.0 [34.2, 100.0]" in said
+
+
 @pytest.mark.parametrize(("argv", "said"), [
+    (["--methods", "solvers/mine.py:Mine"], "a module is named without .py, as in solvers.mine:Mine"),
     (["--task", "ur6"], "unknown task 'ur6'"),
     (["--methods", "closed"], "unknown ur5 method 'closed'"),
     (["--methods", "nowhere:Thing"], "cannot import the method nowhere:Thing"),

@@ -121,6 +121,27 @@ def test_a_last_joint_that_turns_against_the_tool_is_free_too():
     assert count >= 60
 
 
+@pytest.mark.parametrize("written", ["1.5707963", "1.570796", "1.5708"])
+def test_a_right_angle_that_a_file_rounds_leaves_the_last_joint_free(written):
+    """The tip is then off the last axis by that; the other joints make up for it."""
+    arm = described("kinova")
+    robot = ET.fromstring(arm.urdf)
+    (axis,) = (joint.find("axis") for joint in robot.iter("joint") if joint.get("name") == arm.joints[-1])
+    off = float(written) - np.pi / 2
+    axis.set("xyz", f"{np.sin(off)} 0 {np.cos(off)}")
+    kin = ArmKinematics.of(replace(arm, build_urdf=partial(str, ET.tostring(robot, encoding="unicode"))))
+    exact, count = ArmKinematics.of(arm), 0
+    for q in random_postures(kin, 10, seed=6):
+        T = kin.fk(q)
+        found = kin.axis_solutions(T[:3, 3], T[:3, 2], seed=q)
+        assert len(found) == len(exact.axis_solutions(T[:3, 3], T[:3, 2], seed=q))
+        assert apart(q, found.q) < 1e-6
+        assert found.residual.max() < 1e-9
+        np.testing.assert_allclose(found.q[:, -1], q[-1], atol=1e-12)
+        count += len(found)
+    assert count >= 30
+
+
 def test_a_free_last_joint_is_moved_to_its_limit_where_limits_count():
     arm = described("kinova")
     kin = ArmKinematics.of(arm.with_limits({arm.joints[-1]: (-1.0, 1.0)}))

@@ -22,13 +22,15 @@ from kinreach.kinematics._goals import (
 )
 from kinreach.kinematics._six_axis.methods import MIN_SHARE, WAYS, method_of
 from kinreach.kinematics._six_axis.reach import WristReach
-from kinreach.kinematics._solutions import ANGLES, BRANCH, FLAGS, Accept, ErrorOf, IKResult, IKSolutions, Row
+from kinreach.kinematics._solutions import ANGLES, BRANCH, FLAGS, Accept, ErrorOf, IKResult, IKSolutions, Row, Tolerance
+from kinreach.kinematics._solvers.iterative import GoalTask
 from kinreach.robots import ArmDescription, Tool
 
 #: Values of free joints that are tried beside the seed's where the limits forbid that [rad], the nearest first.
 OTHERS = sorted(np.linspace(-np.pi, np.pi, 48, endpoint=False).tolist(), key=abs)
-#: How far the tip may be from the last joint's axis for that joint to turn about it [m, and sine of an angle].
-ON_AXIS = 1e-9
+#: How far the tip may be from the last joint's axis for that joint to turn about it [m, and sine of an angle]: a right
+#: angle in a URDF is often written as 1.5708. From `OFF_AXIS` on, the other joints make up for it, in so many steps.
+ON_AXIS, OFF_AXIS, AXIS_STEPS = 1e-5, 1e-12, 6
 UNREACHED = "no posture reaches the goal"
 
 
@@ -154,7 +156,7 @@ class SixAxisKinematics(ClosedFormKinematics):
         tol, error_of = check_tolerance(tol), self._error_of(goal)
         found = [row for pose in T for row in self._rows(pose, start, error_of, limits=limits and not free, tol=tol)]
         if last is not None:
-            found = [(*row[:-1], last) for row in found]
+            found = [self._made_up_for((*row[:-1], last), goal) for row in found]
         if len(T) > 1:
             found = [(index, *row[1:]) for index, row in enumerate(found)]
         unreached = "" if found else (free and self._wrist_reach.why(T[0])) or UNREACHED
@@ -201,4 +203,14 @@ class SixAxisKinematics(ClosedFormKinematics):
     def _last_turns_tip(self) -> bool:
         """Whether the last joint turns the tip about its own z axis, either way, and moves it nowhere."""
         after = self._placements[-1]
-        return bool(max(np.abs(after[:2, 2:]).max(), 1.0 - abs(after[2, 2])) < ON_AXIS)
+        return bool(np.abs(after[:2, 2:]).max() < ON_AXIS)
+
+    def _made_up_for(self, row: Row, goal: AxisGoal) -> Row:
+        """Move all joints but the last so that the tip meets a goal that it misses as little as it is off that axis."""
+        task, q = GoalTask(self, goal, Tolerance()), np.array(row[ANGLES])
+        for _ in range(AXIS_STEPS):
+            error, J = task.linearise(q)
+            if np.abs(error).max() < OFF_AXIS:
+                break
+            q[:-1] += np.linalg.lstsq(J[:, :-1], error, rcond=None)[0]
+        return (row[BRANCH], row[FLAGS], *q.tolist())
