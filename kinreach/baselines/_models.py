@@ -115,8 +115,8 @@ def check_export(trainee: Trainee) -> None:
         network = trainee.network
     except KinreachError:
         raise
-    except Exception as error:  # whatever an exporter raises
-        raise InputError(f"the exporter of {name} fails: {type(error).__name__}: {error}{place_of(error)}") from error
+    except Exception as why:  # whatever an exporter raises
+        raise InputError(f"the exporter of {name} fails: {type(why).__name__}: {why}{place_of(why)}") from why
     space: Any = model.observation_space
     draws = np.random.default_rng(0).normal(size=(_SAMPLES, *space.shape))
     observations = np.clip(draws, space.low, space.high).astype(space.dtype)

@@ -73,11 +73,13 @@ def main(argv: Sequence[str], *, prog: str) -> int:
         address=arguments.address,
         command=_command(prog, arguments, flags, texts, own),
     )
-    console = Console(width=TABLE_WIDTH, highlight=False, markup=False, emoji=False)
+    console, wide = (
+        Console(width=width, highlight=False, markup=False, emoji=False)
+        for width in (TABLE_WIDTH, 10 * TABLE_WIDTH)  # a table that does not fit is printed whole
+    )
     columns = [*task.columns, *(MOTION_COLUMNS if arguments.motion else ())]
     for table in tables(columns, results["methods"], title=results["settings"]["title"], width=TABLE_WIDTH):
-        console.width = max(TABLE_WIDTH, Console(width=4 * TABLE_WIDTH).measure(table).maximum)  # nothing is cut
-        console.print(table)
+        wide.print(table)
         console.print()
     files = ["results.json", "results.csv", "report.html", *(f"{name}.png" for name in task.figures)]
     files += ["paths.png"] if task.paths is not None else []
