@@ -237,6 +237,7 @@ QUICK = {
     "arm3": ["closed-form", "lm"],
     "button": ["analytic", "random"],
     "obstacles": ["closed-form", "path"],
+    "lift": ["closed-form", "placo"],
 }
 
 
