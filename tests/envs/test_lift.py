@@ -333,7 +333,7 @@ def test_geometry_predicts_what_the_dynamics_do():
         ({"clutter": 1}, InputError, "clutter"),
         ({"arm": "panda"}, InputError, "arm 'panda'"),
         ({"arm": "arm3"}, InputError, "tool0"),
-        ({"observation": "camera", "shapes": ("cube",)}, InputError, "finds balls of one size"),
+        ({"observation": "camera", "shapes": ("cube",)}, InputError, "is for balls of one size"),
         ({"backend": "kinematic", "steps": "multi"}, InputError, "kinematic"),
     ],
 )
@@ -387,6 +387,20 @@ def test_cameras_find_the_ball(needs_gl):
         assert 0.0 < np.linalg.norm(observation[:3] - info["goal"]) < 0.005
         lifted += env.step(policy.act(observation))[4]["is_success"]
     assert lifted == 3
+
+
+def test_pictures_show_the_ball(needs_gl):
+    env = make(observation="pixels", width=128, height=72)
+    batch = gym.make_vec(LIFT, 2, vectorization_mode="vector_entry_point", observation="pixels", width=128, height=72)
+    both, _ = batch.reset(seed=0)
+    for seed in range(2):
+        observation, _ = env.reset(seed=seed)
+        assert env.observation_space.contains(observation)
+        for name, part in observation.items():
+            np.testing.assert_array_equal(part, both[name][seed])
+        red = observation["front_rgb"][..., 0].astype(int) - observation["front_rgb"][..., 1]
+        assert (red > 80).sum() > 8
+        assert observation["gripper"] == pytest.approx([0.1])
 
 
 def test_the_object_is_drawn(needs_gl):

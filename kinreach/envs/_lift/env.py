@@ -73,7 +73,8 @@ class LiftEnv(CopyableEnv):
     | 18 to 20 | where the second object is (`clutter=True`) | -10 | 10 | m |
 
     With `steps="single"` the object is seen from the start pose, before every attempt; with `steps="multi"` in every
-    step. `observation="camera"` finds a ball in the rendered pictures of both cameras (0, 0, 0 where none finds it).
+    step. `observation="camera"` finds a ball in the rendered pictures of both cameras (0, 0, 0 where none finds it);
+    `"pixels"` gives the pictures, with depth, joint angles and opening, as in `kinreach/UR5SingleStep-v0`.
     Mass and friction are not observed.
 
     ## Rewards
@@ -125,7 +126,7 @@ class LiftEnv(CopyableEnv):
         self._episodes = LiftEpisodes(task, self._grasping if given.backend == "mujoco" else None, 1)
         fps = int(self.metadata["render_fps"])
         self._picture = None if mode is None else ScenePicture(self._simulation, mode=mode, fps=fps)
-        self.action_space, self.observation_space = task.action_space, task.observation_space
+        self.action_space, self.observation_space = task.action_space, self._episodes.observation_space
 
     @property
     def arm(self) -> ArmDescription:
@@ -217,11 +218,12 @@ class LiftVectorEnv(NativeVectorEnv):
         world = None
         if given.backend == "mujoco":
             world = Grasping(BatchSimulation(task.arm, num_envs, threads=threads, objects=_objects(given)))
+        episodes = LiftEpisodes(task, world, num_envs)
         super().__init__(
-            LiftEpisodes(task, world, num_envs),
+            episodes,
             num_envs,
             action_space=task.action_space,
-            observation_space=task.observation_space,
+            observation_space=episodes.observation_space,
             check_actions=partial(task.check_actions, count=num_envs),
             check_start=partial(task.reset_options, count=num_envs),
             autoreset_mode=autoreset_mode,

@@ -7,6 +7,7 @@ from copy import deepcopy
 from typing import Any
 
 import numpy as np
+from gymnasium import spaces
 from numpy.typing import NDArray
 
 from kinreach._checks import Floats
@@ -25,8 +26,8 @@ from kinreach.envs._lift.task import (
     LiftTask,
     face_angle,
 )
-from kinreach.envs._reach.observers import CameraObserver
-from kinreach.envs._reach.task import CAMERA, joint_limits
+from kinreach.envs._reach.observers import CameraObserver, PixelObserver
+from kinreach.envs._reach.task import CAMERA, joint_limits, layout_of
 from kinreach.sim._controller import MoveStatus
 from kinreach.sim._free_objects import CUBE, SHAPES, Objects
 from kinreach.sim._grasping import Grasping
@@ -63,6 +64,7 @@ class LiftEpisodes:
         self._streams = RowStreams(task, count, size=9)
         self._sensors = [np.random.default_rng() for _ in range(count)]
         self._camera: Any = CameraObserver(_Camera(task)) if task.options.observation == CAMERA else None  # type: ignore[arg-type]
+        self._pixels: Any = PixelObserver(_Camera(task)) if task.options.observation == "pixels" else None  # type: ignore[arg-type]
         self.goals, self.seen = np.zeros((count, 3)), np.zeros((count, 3))
         self.yaws = np.zeros(count)
         self.kinds = Objects(np.zeros(count, dtype=np.intp), np.ones(count), np.ones(count), np.ones(count))
@@ -83,7 +85,7 @@ class LiftEpisodes:
 
     def copy_from(self, other: LiftEpisodes) -> None:
         """Take over the state of as many others with the same task."""
-        kept = ("task", "world", "_camera", "_streams")
+        kept = ("task", "world", "_camera", "_pixels", "_streams")
         self.__dict__.update(deepcopy({name: value for name, value in vars(other).items() if name not in kept}))
         self._streams.copy_from(other._streams)
         if self.world is not None and other.world is not None:
@@ -130,9 +132,17 @@ class LiftEpisodes:
     def _tips(self, ids: Ids) -> Floats:
         return np.asarray(self.task.kinematics.chain.positions(self.q[ids]))
 
-    def observe(self) -> Floats:
-        """Return the observations, shape (count, size)."""
+    @property
+    def observation_space(self) -> spaces.Space[Any]:
+        """Of one environment."""
+        return self.task.observation_space if self._pixels is None else self._pixels.space
+
+    def observe(self) -> Any:
+        """Return the observations, shape (count, size); with pixels, a dictionary of arrays with as many rows."""
         everyone = np.arange(self.count)
+        if self._pixels is not None:
+            seen = self._pixels.measure(self.q, self.goals, self._sensors)
+            return {**seen, "gripper": self._opening[:, None].copy()}
         return self.task.observation(
             self.seen, self.yaws, self.kinds, self.q, self._tips(everyone), self._opening, self._others
         )
@@ -319,8 +329,9 @@ class LiftEpisodes:
 
     def close(self) -> None:
         """Let go of the cameras."""
-        if self._camera is not None:
-            self._camera.close()
+        for observer in (self._camera, self._pixels):
+            if observer is not None:
+                observer.close()
 
 
 class _Attempt:
@@ -398,7 +409,8 @@ class _Attempt:
 
 
 class _Camera:
-    """What cameras that look for a ball need of a task."""
+    """What cameras that look at a ball need of a task."""
 
     def __init__(self, task: LiftTask) -> None:
         self.arm, self.options = task.arm, task.options
+        self.layout, self.gripper_opening = layout_of(task.arm), task.gripper.opening

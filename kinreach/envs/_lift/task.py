@@ -41,7 +41,7 @@ from kinreach.vision._cameras import SensorNoise
 
 #: Ways to act: a grasp in one action, or changes of joints and fingers 25 times a second.
 SINGLE, MULTI = STEPS = ("single", "multi")
-OBSERVATIONS, BACKENDS = ("geometric", "camera"), ("mujoco", "kinematic")
+OBSERVATIONS, BACKENDS = ("geometric", "camera", "pixels"), ("mujoco", "kinematic")
 #: Period of the multi-step form [s]; largest change of a joint [rad] and of the opening [m] in one of them.
 STEP_S, STEP_ANGLE, STEP_OPENING = 0.04, math.radians(5.0), 0.008
 #: The tip approaches a grasp from so far above and lifts the object by as much [m].
@@ -78,7 +78,8 @@ class LiftOptions:
         metadata=about('`"single"` (an action is a grasp) or `"multi"` (changes of joints and fingers at 25 Hz)'),
     )
     observation: str = field(
-        default="geometric", metadata=about('`"geometric"`, or `"camera"`, which finds balls of one size')
+        default="geometric",
+        metadata=about('`"geometric"`; for balls of one size also `"camera"`, which finds them, or `"pixels"`'),
     )
     backend: str = field(
         default="mujoco",
@@ -146,11 +147,11 @@ class LiftOptions:
         check_count("attempts", self.attempts, most=MAX_ATTEMPTS)
         check_count("max_steps", self.max_steps, most=MAX_STEPS)
         check_cameras(self.pipeline, self.width, self.height, self.rgb_noise, self.depth_noise, 1.0)
-        if self.observation == CAMERA and (
-            set(self.shapes) != {BALL_SHAPE} or len(set(self.sizes)) > 1 or not arm.goal_cameras
+        if self.observation != "geometric" and (
+            set(self.shapes) != {BALL_SHAPE} or len(set(self.sizes)) > 1 or self.clutter or not arm.goal_cameras
         ):
             raise InputError(
-                'observation="camera" finds balls of one size, with an arm that has goal cameras; got '
+                f'observation="{self.observation}" is for balls of one size, and an arm that has goal cameras; got '
                 f"shapes {self.shapes}, sizes {self.sizes}, arm {arm.name!r}"
             )
         if self.backend == "kinematic" and self.steps != SINGLE:
