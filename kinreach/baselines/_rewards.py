@@ -11,6 +11,7 @@ import numpy as np
 from kinreach._checks import check_known
 from kinreach._objects import load_object
 from kinreach.baselines._expert import tool_down_postures
+from kinreach.envs._lift.task import HEIGHT
 from kinreach.kinematics import Arm3Kinematics, URKinematics
 
 Array = np.ndarray[Any, Any]
@@ -63,7 +64,7 @@ def grasp_guided(rewards: Array, info: Mapping[str, Any]) -> Array:
 
     Args:
         rewards: Of the environment, shape (n,).
-        info: Of the step, with its `observation`, shape (n, 18).
+        info: Of the step, with its `observation`, shape (n, 18), `held` and `clearance`.
     """
     seen = info["observation"]
     place, turn, size, q, opening = seen[:, :3], seen[:, 3], seen[:, 4], seen[:, 8:14], seen[:, 14]
@@ -73,7 +74,8 @@ def grasp_guided(rewards: Array, info: Mapping[str, Any]) -> Array:
     over = np.linalg.norm(seen[:, 15:17], axis=1) < OVER
     to_close = CLOSING_WEIGHT * np.where(to_low < CLOSE, np.abs(opening - 2.0 * size), OPEN)
     ahead = np.where(over, to_low + to_close, to_high + FAR)
-    return rewards + GUIDE_WEIGHT * (WHOLE_WAY - np.where(info["held"], -1.0, ahead))
+    high_up = RAISED_WEIGHT * np.clip(info["clearance"] / HEIGHT, 0.0, 1.0)
+    return rewards + GUIDE_WEIGHT * (WHOLE_WAY - np.where(info["held"], -high_up, ahead))
 
 
 def clipped(rewards: Array, info: Mapping[str, Any]) -> Array:
@@ -102,8 +104,9 @@ FIRST_PENALTY, LAST_PENALTY = 0.05, 10.0
 #: Of lifting in small steps: how far above the object the arm comes first [m]; how near to the vertical line through it
 #: is over it [m], and how near to the grasp the fingers close [rad]; their opening before [m].
 ABOVE, OVER, CLOSE, OPEN = 0.06, 0.03, 0.1, 0.10
-#: Weights of what is left to close [1/m], and of all that is left; what is left where the arm is not over the object.
-CLOSING_WEIGHT, GUIDE_WEIGHT, FAR = 5.0, 0.1, 1.5
+#: Weights of what is left to close [1/m], of how high the object is, and of all that is left; what is left where the arm
+#: is not over the object.
+CLOSING_WEIGHT, RAISED_WEIGHT, GUIDE_WEIGHT, FAR = 5.0, 6.0, 0.05, 1.5
 #: More than is ever left: what is seen must be positive, or to collide at once would be best.
 WHOLE_WAY = 4.0
 

@@ -40,15 +40,18 @@ def test_the_guiding_reward_grows_on_the_way_to_the_grasp():
     low = tool_down_postures(kinematics, place, turn)
     high = tool_down_postures(kinematics, np.add(place, (0, 0, 0.06)), turn)
     stages = []
-    for q, opening, held in (
-        (seen[:, 8:14], 0.1, False),
-        (high, 0.1, False),
-        (low, 0.1, False),
-        (low, 0.05, False),
-        (low, 0.05, True),
+    for q, opening, height in (
+        (seen[:, 8:14], 0.1, None),
+        (high, 0.1, None),
+        (low, 0.1, None),
+        (low, 0.06, None),
+        (low, 0.05, 0.0),
+        (high, 0.05, 0.05),
+        (high, 0.05, 0.12),
     ):
         now = seen.copy()
         now[:, 8:14], now[:, 14] = q, opening
         now[:, 15:18] = place - kinematics.positions(q)
-        stages.append(reward(np.zeros(20), {"observation": now, "held": np.full(20, held)}))
+        held = np.full(20, height is not None)
+        stages.append(reward(np.zeros(20), {"observation": now, "held": held, "clearance": np.full(20, height or 0.0)}))
     assert (np.diff(stages, axis=0) > 0).all()

@@ -55,7 +55,6 @@ _MULTI = Recipe(
 LIFT_RECIPES = (
     _LIFT,
     _MULTI,
-    replace(_MULTI, name="lift-multi-own", summary="The same from the environment's reward alone.", reward="own"),
     replace(
         _LIFT,
         name="lift-range",
