@@ -104,10 +104,10 @@ FIRST_PENALTY, LAST_PENALTY = 0.05, 10.0
 #: Of lifting in small steps: how far above the object the arm comes first [m]; how near to the vertical line through it
 #: is over it [m], and how near to the grasp the fingers close [rad]; their opening before [m].
 ABOVE, OVER, CLOSE, OPEN = 0.06, 0.03, 0.1, 0.10
-#: Weights of what is left to close [1/m], of how high the object is, and of all that is left; what is left where the arm
-#: is not over the object.
+#: Weights of what is left to close [1/m], of how high the object is, and of all of it; what is left where the arm is
+#: not over the object.
 CLOSING_WEIGHT, RAISED_WEIGHT, GUIDE_WEIGHT, FAR = 5.0, 6.0, 0.05, 1.5
-#: More than is ever left: what is seen must be positive, or to collide at once would be best.
+#: More than is ever left: what is seen must be positive, or colliding at once would be best.
 WHOLE_WAY = 4.0
 
 
