@@ -2,7 +2,7 @@
 
     python -m benchmarks.studies.damage                  # the table
     python -m benchmarks.studies.damage --engine ray     # each fault a task
-    python -m benchmarks.studies.damage --faults 12 --balls 40 | python -m benchmarks.studies.tables damage
+    python -m benchmarks.studies.damage --faults 60 --balls 40 | python -m benchmarks.studies.tables damage
 
 A joint that is stuck, one that is 2 degrees off, or a link that is bent by 3 degrees and 5 mm; the ball on the table,
 the tool straight down. Kinematics only. Reached: within 10 mm, the tool within 0.15 rad, as `kinreach/Reach-v0` has it.
