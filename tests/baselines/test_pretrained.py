@@ -126,7 +126,8 @@ def test_cards_are_those_of_the_recipes_as_they_are():
     assert len(cards) >= 12
     for name, card in cards.items():
         recipe = RECIPES[card.recipe["name"]]
-        assert card.recipe == json.loads(json.dumps(recipe.to_dict())), name
+        now = json.loads(json.dumps(recipe.to_dict()))
+        assert card.recipe | {"summary": ""} == now | {"summary": ""}, name  # its words may change
         meaning = "preferences" if recipe.environment == BUTTON else "posture" if recipe.networks.posture else "action"
         assert (card.environment, card.meaning, card.algorithm) == (recipe.environment, meaning, recipe.algorithm)
         assert recipe.steps <= card.steps < 1.02 * recipe.steps

@@ -12,7 +12,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from kinreach._registration import BUTTON, MOVING, REAL_ARM, SINGLE
+from kinreach._registration import BUTTON, MOVING, OBSTACLES, REAL_ARM, SINGLE
 from kinreach.kinematics import ArmKinematics
 from kinreach.robots import PUBLISHED_CALIBRATIONS
 from kinreach.robots._rotations import placement
@@ -361,7 +361,7 @@ def test_parts_of_other_arms(serve, tmp_path):
         assert tab.page.names == ("Target", "Episodes", "Results")
     assert SINGLE in setup_of("ur5e").environments
     (tmp_path / "bare.urdf").write_text(get_arm("ur5e").urdf)
-    assert set(setup_of(str(tmp_path / "bare.urdf")).environments) == {BUTTON, REAL_ARM, MOVING}  # it has no goals
+    assert set(setup_of(str(tmp_path / "bare.urdf")).environments) == {BUTTON, REAL_ARM, MOVING, OBSTACLES}  # no goals
 
 
 def test_an_episode_is_played_stepped_and_scrubbed(serve):
