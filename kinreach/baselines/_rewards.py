@@ -11,7 +11,7 @@ import numpy as np
 from kinreach._checks import check_known
 from kinreach._objects import load_object
 from kinreach.baselines._expert import tool_down_postures
-from kinreach.envs._lift.task import HEIGHT
+from kinreach.envs._lift.task import HEIGHT, NEAR
 from kinreach.kinematics import Arm3Kinematics, URKinematics
 
 Array = np.ndarray[Any, Any]
@@ -74,8 +74,9 @@ def grasp_guided(rewards: Array, info: Mapping[str, Any]) -> Array:
     over = np.linalg.norm(seen[:, 15:17], axis=1) < OVER
     to_close = CLOSING_WEIGHT * np.where(to_low < CLOSE, np.abs(opening - 2.0 * size), OPEN)
     ahead = np.where(over, to_low + to_close, to_high + FAR)
+    held = info["held"] & (np.linalg.norm(seen[:, 15:18], axis=1) < NEAR)  # not one that lies below the finger tips
     high_up = RAISED_WEIGHT * np.clip(info["clearance"] / HEIGHT, 0.0, 1.0)
-    return rewards + GUIDE_WEIGHT * (WHOLE_WAY - np.where(info["held"], -high_up, ahead))
+    return rewards + GUIDE_WEIGHT * (WHOLE_WAY - np.where(held, -high_up, ahead))
 
 
 def clipped(rewards: Array, info: Mapping[str, Any]) -> Array:
