@@ -478,9 +478,13 @@ def notes(comparison_task: Task, results: Mapping[str, Any]) -> list[str]:
     return [
         f"{settings['goals']} goals, seed {settings['seed']}. Reached: {settings['terms']['reached']}; its 95 % "
         "interval is Wilson's.",
-        *comparison_task.notes(results),
+        *_own_notes(comparison_task, results),
         *(f"Left out: {name}: {reason}" for name, reason in settings["left_out"].items()),
     ]
+
+
+def _own_notes(comparison_task: Task, results: Mapping[str, Any]) -> list[str]:
+    return [] if comparison_task.notes is None else comparison_task.notes(results)
 
 
 def _compare_on_disk(
@@ -514,7 +518,9 @@ def _compare_on_disk(
     write_text(out / "results.csv", trials_csv(trials))
     drawings = {**comparison.task.figures, **_path_figure(comparison)}
     drawn = figures.write_figures(drawings, out, trials, results)
-    report.write_report(out / "report.html", comparison.task, trials, results, drawn, comparison.task.notes(results))
+    report.write_report(
+        out / "report.html", comparison.task, trials, results, drawn, _own_notes(comparison.task, results)
+    )
     write_text(out / RESULTS, json.dumps(results, indent=2, allow_nan=False) + "\n")
     records.remove()
     return results

@@ -120,7 +120,7 @@ class Task:
     variants: Mapping[str, str] = field(default_factory=dict)
     observations: tuple[str, ...] = ()
     terms: Mapping[str, str] = field(default_factory=dict)
-    notes: Callable[[Mapping[str, Any]], list[str]] = lambda results: []
+    notes: Callable[[Mapping[str, Any]], list[str]] | None = None
     scene: MakeScene | None = None
     paths: DrawPaths | None = None
 
