@@ -328,7 +328,7 @@ def test_a_part_that_cannot_be_built_says_why(serve, monkeypatch, capfd, broken)
         tab.page.show(part)
         wait_for(lambda: "ValueError: a &lt;part&gt;" in tab.text)
         assert "\x1b" not in tab.text
-        assert tab.part == part
+        wait_for(lambda: tab.part == part)
         assert type(shown[part]) is Panel
         assert shown[part].program() == "# Nothing is shown.\n"
         assert all(type(panel) is not Panel for name, panel in shown.items() if name != part)

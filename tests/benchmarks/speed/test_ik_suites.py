@@ -28,7 +28,7 @@ HOME = np.array(FLANGE.arm.home)
 REFUSED = defaultdict(
     dict, {"ik-calibrated": {"EAIK": "Unknown Kinematic Class", ik_calibrated.SSIK: "takes minutes; not with --quick"}}
 )
-MODULES = {"pink": "pink", "mink": "mink", "roboticstoolbox": "roboticstoolbox", "TRAC-IK": "trac_ik"}
+MODULES = {"pink": "pink", "mink": "mink", "ikpy": "ikpy", "roboticstoolbox": "roboticstoolbox", "TRAC-IK": "trac_ik"}
 
 
 @pytest.mark.filterwarnings("ignore")
@@ -65,7 +65,7 @@ def test_analytic_peers_get_the_pose_in_their_own_frames(name):
 @pytest.mark.parametrize("suite", ["ik-single", "ik-edge-cases", "ik-batch", "ik-calibrated", "fk-batch"])
 @pytest.mark.filterwarnings("ignore")
 def test_suites(suite, monkeypatch, checked):
-    for solver in ("placo", "kinreach, QP", "pink", "mink"):  # slow, and tested above
+    for solver in ("placo", "kinreach, QP", "pink", "mink", "ikpy"):  # slow, and tested above
         monkeypatch.delitem(ik_single._SOLVERS, solver)
     told = []
     sections = checked(load_suite(suite)(QUICK, lambda *what: told.append(what)))
