@@ -53,7 +53,6 @@ WARM_UP_SEED, WARM_UP_GOALS = 2**63, 2
 GEOMETRIC, CAMERA = "geometric", "camera"
 #: Trials of a job that are worth its start, half a second of making environments; trials that it sends at once.
 BLOCK, TOGETHER = 500, 32
-NO_OPTIONS: Mapping[str, Any] = {}
 #: The trials of an unfinished comparison, and the results of a finished one.
 RECORDS, RESULTS = "records.jsonl", "results.json"
 #: Sizes of what is read [bytes]: results, or a line of the trials, and all trials; one has some 700.
@@ -387,11 +386,11 @@ def _naming(what: str) -> Iterator[None]:
 
 
 class _Environments:
-    """The environments of a comparison, one for each id and the methods' own options, closed with the stack."""
+    """The environments of a comparison, one for each id, closed with the stack."""
 
     def __init__(self, task: Task, stack: ExitStack) -> None:
         self._task, self._stack = task, stack
-        self._made: dict[tuple[Any, ...], gym.Env[Any, Any]] = {}
+        self._made: dict[str, gym.Env[Any, Any]] = {}
 
     @property
     def default(self) -> gym.Env[Any, Any]:
@@ -400,7 +399,7 @@ class _Environments:
 
     def of(self, method: Method) -> gym.Env[Any, Any]:
         """Return the environment of a method."""
-        return self._get(method.environment or self._task.environment, method.options)
+        return self._get(method.environment or self._task.environment)
 
     def policy(self, method: Method) -> Policy:
         """Make a method's policy.
@@ -416,16 +415,15 @@ class _Environments:
         except Exception as error:
             raise MethodError(f"{type(error).__name__}: {error}{place_of(error)}") from error
 
-    def _get(self, name: str, options: Mapping[str, Any] = NO_OPTIONS) -> gym.Env[Any, Any]:
-        wanted = (name, *options.items())
-        if wanted not in self._made:
+    def _get(self, name: str) -> gym.Env[Any, Any]:
+        if name not in self._made:
             try:
-                env = gym.make(name, disable_env_checker=True, **{**self._task.options, **options})
+                env = gym.make(name, disable_env_checker=True, **self._task.options)
             except gym.error.Error as error:
                 raise InputError(f"the task {self._task.name!r} has no environment: {error}") from error
             self._stack.callback(env.close)
-            self._made[wanted] = env
-        return self._made[wanted]
+            self._made[name] = env
+        return self._made[name]
 
 
 def results_of(

@@ -67,7 +67,6 @@ class Method:
         environment: Id of the environment it acts in; the task's own if empty.
         versions: What its answers depend on besides code and packages, by name: digests of files.
         colour: In figures; one is chosen if empty.
-        options: Of that environment, beside the task's.
     """
 
     make: Callable[[gym.Env[Any, Any]], Any]
@@ -75,7 +74,6 @@ class Method:
     environment: str = ""
     versions: Mapping[str, str] = field(default_factory=dict)
     colour: str = ""
-    options: Mapping[str, Any] = field(default_factory=dict)
 
 
 @dataclass(frozen=True)

@@ -51,7 +51,7 @@ def main(argv: Sequence[str], *, prog: str) -> int:
         print("No screen here: nothing is drawn. --video FILE.gif or FILE.mp4 films it.", file=sys.stderr)
     scripted = arguments.policy == "analytic" and (task.solvers or "closed-form" in task.methods)
     caption = Caption("closed-form" if scripted else arguments.policy, done=task.done)
-    env = _make(task, mode, arguments.options | _options_for(arguments.policy, task), caption)
+    env = _make(task, mode, arguments.options | options_for(arguments.policy, task.name), caption)
     try:
         policy = make_policy(arguments.policy, task, env, seed=arguments.seed)
         film = Film(arguments.video, fps=task.fps, colours=colours()) if arguments.video else nullcontext()
@@ -63,12 +63,6 @@ def main(argv: Sequence[str], *, prog: str) -> int:
     if arguments.video:
         print(printable(f"Film: {arguments.video}"))
     return 0
-
-
-def _options_for(policy: str, task: DemoTask) -> dict[str, Any]:
-    """Options of the environment that a policy needs, trained or a method of the comparison."""
-    method = task.methods.get(policy)
-    return options_for(policy, task.name) if method is None else dict(method.options)
 
 
 def _make(task: DemoTask, mode: str | None, options: Mapping[str, Any], caption: Caption) -> gym.Env[Any, Any]:

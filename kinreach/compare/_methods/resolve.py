@@ -66,15 +66,14 @@ def solver_method(new: Callable[[Any], Solver]) -> Method:
     return Method(lambda env: SolverPolicy(new(_kinematics(env)), env), SOLVER)
 
 
-def policy_method(policy: str, environment: str, **options: Any) -> Method:
+def policy_method(policy: str, environment: str) -> Method:
     """Make a method of a trained policy that comes with the package, or of a file.
 
     Args:
         policy: Name, or path of a file.
         environment: Id of the environment that it acts in.
-        **options: Of that environment, beside the task's.
     """
-    return Method(lambda env: load_policy(policy), POLICY, environment, policy_version(policy), options=options)
+    return Method(lambda env: load_policy(policy), POLICY, environment, policy_version(policy))
 
 
 def _kinematics(env: gym.Env[Any, Any]) -> Any:
