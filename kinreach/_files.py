@@ -9,7 +9,6 @@ Only files with such a name that no process has locked are cleaned up.
 
 from __future__ import annotations
 
-import fcntl
 import os
 import re
 import secrets
@@ -19,6 +18,8 @@ from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from io import BufferedReader
 from pathlib import Path
+
+from filelock import lock_descriptor
 
 from kinreach.errors import InputError, OutputError
 
@@ -165,12 +166,11 @@ def locked(directory: Path, writer: str) -> Iterator[None]:
     """
     handle = os.open(directory, os.O_RDONLY | os.O_DIRECTORY)
     try:
-        try:
-            fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
-        except BlockingIOError:
-            raise OutputError(f"{writer} is writing into {directory} already; wait for it, or use another") from None
-        except OSError:  # no locks there
-            pass
+        free = True
+        with suppress(OSError):  # no locks there
+            free = lock_descriptor(handle, blocking=False)
+        if not free:
+            raise OutputError(f"{writer} is writing into {directory} already; wait for it, or use another")
         yield
     finally:
         os.close(handle)
@@ -186,8 +186,8 @@ def _sweep(directory: Path, beginning: str) -> None:
             handle = os.open(left, os.O_RDWR | os.O_NOFOLLOW | os.O_NONBLOCK)
             try:
                 status = os.fstat(handle)
-                if stat.S_ISREG(status.st_mode) and status.st_ino == int(name["inode"], 16):
-                    fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
+                ours = stat.S_ISREG(status.st_mode) and status.st_ino == int(name["inode"], 16)
+                if ours and lock_descriptor(handle, blocking=False):
                     left.unlink()
             finally:
                 os.close(handle)
@@ -210,7 +210,7 @@ def _locked_temporary(path: Path) -> tuple[int, Path, int]:
     new = path.parent / f"{prefix}{token}{path.suffix}"
     handle = os.open(new, os.O_RDWR | os.O_CREAT | os.O_EXCL, 0o666)
     with suppress(OSError):  # a file system without locks: it cannot be swept either
-        fcntl.flock(handle, fcntl.LOCK_EX)
+        lock_descriptor(handle)
     status = os.fstat(handle)
     temporary = path.parent / f"{prefix}{status.st_ino:x}-{token}{path.suffix}"
     try:
