@@ -221,6 +221,7 @@ def test_every_point_of_the_thesis_has_a_verdict():
     assert set(re.findall(r"\b\d\.\d\b", " ".join(rows))) == wanted
 
 
+@pytest.mark.slow
 def test_names_in_the_points_exist():
     """The column "where" names what the package, figures or logs define, a file of the package, or a notebook."""
     files = {path.name for path in ((ROOT / "kinreach").rglob("*.py"))} | {
@@ -318,6 +319,7 @@ def test_examples_are_shown_as_they_are():
     assert len(shown) >= 10
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "page",
     [

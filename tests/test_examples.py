@@ -111,12 +111,14 @@ def test_own_arm(run):
     assert "compare, lm: 100 % reached" in text
 
 
+@pytest.mark.slow
 def test_self_motion(run):
     text = run("14_self_motion")
     assert len(re.findall(r"^\d+ postures, [\d.]+ rad, closed: False$", text, re.MULTILINE)) >= 3
     assert len(re.findall(r" on curve \d$", text, re.MULTILINE)) == 3
 
 
+@pytest.mark.slow
 def test_move_a_ur(run, tmp_path):
     pytest.importorskip("ompl")
     text = run("15_move_a_ur")

@@ -57,6 +57,7 @@ class TestSerial:
     def test_all_is_one_job(self):
         assert Serial().split(range(7), 2) == [range(7)]
 
+    @pytest.mark.slow
     def test_it_does_not_know_ray(self, run_python):
         code = "import sys; from kinreach.compare import compare; compare(goals=1, methods=['closed-form']); "
         done = run_python("-c", f"{code}print('ray' in sys.modules)")

@@ -165,6 +165,7 @@ def test_the_files_and_pictures_are_there():
     assert [file for file in files if not (README.parent / file).exists()] == []
 
 
+@pytest.mark.slow
 def test_the_comparison_commands_run(tmp_path, capsys):
     commands = re.findall(r"python -m kinreach\.compare ([^`\n]+)", README.read_text())
     assert len(commands) >= 1

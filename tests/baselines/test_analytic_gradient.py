@@ -37,6 +37,7 @@ def observations(trainee):
     return trainee.env.reset().astype(float)
 
 
+@pytest.mark.slow
 def test_what_is_made_small(trainee, observations):
     """By Pinocchio: distance and angle of postures that are high enough for the fingers; more where they are not."""
     kin, task = ArmKinematics("ur5", tip="tcp", base="world"), SpaceTask.of(SMALL.options)
@@ -145,6 +146,7 @@ def test_a_gripper_in_the_table_costs():
     np.testing.assert_allclose(np.subtract(*values[::-1]), depth, atol=1e-5)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["moving", "random-arms"])
 def test_what_the_simulation_knows_is_learned(name, tmp_path):
     recipe = replace(get_recipe(name), num_envs=256, window=256)

@@ -128,6 +128,7 @@ def test_the_command_knows_what_a_policy_observes(tmp_path):
     assert inputs("moving", tmp_path / "policy.onnx") == 1
 
 
+@pytest.mark.slow
 def test_the_command_knows_what_a_policy_sees(tmp_path, needs_gl):
     assert inputs("pixels-single", tmp_path / "policy.onnx") == 2
 

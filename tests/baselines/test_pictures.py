@@ -127,6 +127,7 @@ def test_evaluation_shows_it_pictures_of_its_size(run):
     assert np.isfinite(found.measures["distance"]).all()
 
 
+@pytest.mark.slow
 def test_the_same_seed_trains_the_same_policy(run, tmp_path):
     again = train(small(), tmp_path, seed=3)
     assert (again.folder / "policy.safetensors").read_bytes() == (run.folder / "policy.safetensors").read_bytes()

@@ -28,6 +28,7 @@ def uninterrupted(tmp_path_factory):
     return {name: train(small(name), folder / name, seed=4) for name in SMALL}
 
 
+@pytest.mark.slow
 def test_another_seed_gives_another_policy(uninterrupted, tmp_path):
     other = train(small("single"), tmp_path, seed=5)
     assert not np.array_equal(*(weights(run.folder / "policy.safetensors") for run in (uninterrupted["single"], other)))

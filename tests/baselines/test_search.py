@@ -79,6 +79,7 @@ def test_what_a_file_cannot_say(text, message, file):
         read_search(file(text))
 
 
+@pytest.mark.slow
 def test_a_trial_is_judged_after_every_segment():
     given = Search("ppo-single", {"num_envs": {"choice": [8]}}, steps=400, goals=10)
     found = list(trial(given, {"num_envs": 8}))

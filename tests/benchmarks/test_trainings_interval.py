@@ -145,6 +145,7 @@ def test_what_is_not_a_table_of_trainings_is_refused(values):
         trainings_interval(values)
 
 
+@pytest.mark.slow
 @settings(max_examples=50, deadline=None, derandomize=True)
 @given(arrays(np.float64, st.tuples(st.integers(1, 4), st.integers(1, 9)), elements=st.floats(-1e150, 1e150)))
 def test_any_finite_values_have_an_interval_around_their_mean(values):

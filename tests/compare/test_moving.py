@@ -21,6 +21,7 @@ def results(request):
     return request.param, {entry["name"]: entry for entry in entries}
 
 
+@pytest.mark.slow
 def test_who_touches(results):
     collisions, found = results
     for speed in ("0.05", "0.6"):

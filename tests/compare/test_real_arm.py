@@ -24,6 +24,7 @@ def mm(results, method, errors, budget, again=0):
     return results[method][errors][f"looks_{budget}_{again}"]["median"]
 
 
+@pytest.mark.slow
 def test_the_data_sheet_misses_by_what_is_wrong(results):
     assert mm(results, "data-sheet", "tool", 50, 2) == pytest.approx(5.0, abs=0.1)
     assert 3.0 < mm(results, "data-sheet", "base", 0) < 6.0
@@ -31,6 +32,7 @@ def test_the_data_sheet_misses_by_what_is_wrong(results):
         assert mm(results, "data-sheet", errors, 0) == mm(results, "data-sheet", errors, 50, 2)
 
 
+@pytest.mark.slow
 def test_who_looks_again_comes_to_what_is_seen(results):
     for method in ("look-again", "registered", "identified", "residual", "correction"):
         for errors in ("tool", "all"):
@@ -38,6 +40,7 @@ def test_who_looks_again_comes_to_what_is_seen(results):
             assert 0.1 < mm(results, method, errors, 0, 2) < 0.3
 
 
+@pytest.mark.slow
 def test_looks_beforehand_are_worth_as_much(results):
     for method in ("identified", "residual", "correction"):
         line = [mm(results, method, "all", budget) for budget in (0, 5, 10, 20, 50)]
@@ -48,6 +51,7 @@ def test_looks_beforehand_are_worth_as_much(results):
     assert mm(results, "policy-tuned", "base", 20) < 0.2 * mm(results, "policy", "base", 20)
 
 
+@pytest.mark.slow
 def test_who_was_trained_on_random_arms_makes_something_of_looks(results):
     line = [mm(results, "policy-informed", "all", budget) for budget in (0, 5, 50)]
     assert line[0] > 3.0
@@ -55,6 +59,7 @@ def test_who_was_trained_on_random_arms_makes_something_of_looks(results):
     assert mm(results, "policy-informed", "all", 0, 1) < 0.5
 
 
+@pytest.mark.slow
 def test_trainings_of_the_correction_differ_little(capsys):
     assert corrections.main(["--seeds", "3", "--goals", "4"]) == 0
     rows = [line.strip("| ").split(" | ") for line in capsys.readouterr().out.splitlines()[2:]]

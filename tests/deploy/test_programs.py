@@ -274,6 +274,7 @@ def test_other_urscript_is_refused_before_anything_moves(text):
     assert not ur.target_qd.any()
 
 
+@pytest.mark.slow
 @given(st.text(max_size=80) | st.lists(st.sampled_from(
     ["def", " ", "f", "(", ")", ":", "\n", "end", "if", "else", "[", "]", "p", ",", "=", "-", ">", "or", "1", ".5",
      "\"a\"", "movej", "norm", "True", "q", "#", "sleep"]), max_size=30).map("".join))  # fmt: skip

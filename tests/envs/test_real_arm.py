@@ -205,6 +205,7 @@ def test_gymnasium_agrees():
     check_env(gym.make(REAL_ARM, balls=3).unwrapped, skip_render_check=True)
 
 
+@pytest.mark.slow
 def test_the_scene_is_the_true_arm():
     """Its tip is where looks are taken; who watches sees every look and every ball, and the arm at it in the end."""
     env, seen = make(balls=2, budgets=(5,), again=0).unwrapped, 0

@@ -42,6 +42,7 @@ def commands():
     yield ["train", "single", "--steps", "1", "--out", f"{NAME}.json"], 2
 
 
+@pytest.mark.slow
 def test_no_command_hands_escape_codes_on(here, capfd):
     tried = 0
     for argv, code in commands():

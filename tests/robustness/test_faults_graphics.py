@@ -117,6 +117,7 @@ def test_a_comparison_keeps_what_it_has_seen_and_goes_on(failing_frame, no_sourc
     assert len(whole) == 1 + 4
 
 
+@pytest.mark.slow
 def test_results_do_not_depend_on_the_pictures_of_the_report(failing_frame, no_source_changes, tmp_path):
     settings = Settings(task="ur5", methods=("closed-form",), goals=2, seed=1)
     failing_frame(1)

@@ -53,6 +53,7 @@ def still_answers(tab, capfd):
     assert len(panel.answer.postures) > 0
 
 
+@pytest.mark.slow
 def test_what_no_input_takes_is_a_red_sentence(tab, capfd):
     refused = 0
     for element in tab.inputs:

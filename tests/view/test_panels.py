@@ -463,6 +463,7 @@ def test_a_real_arm_beside_the_one_that_is_believed_in(serve):
         wait_for(lambda: 0 < apart() < 0.02)
 
 
+@pytest.mark.slow
 def test_programs_of_all_parts_run(serve, comparison, capsys):
     """As they are copied: of a calibrated arm, in each part of the page."""
     said = {}

@@ -40,6 +40,7 @@ def test_all_methods_of_comparisons_are_offered():
 KINEMATIC = [pytest.param(name, marks=pytest.mark.slow) for name in playable_names() if "Kinematic" in name]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", [*(name for name in playable_names() if "Kinematic" not in name), *KINEMATIC])
 def test_everybody_who_is_offered_plays(name):
     players = playable(name).players(get_arm("ur5"))

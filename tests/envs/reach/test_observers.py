@@ -24,6 +24,7 @@ def remembered(task):
     return observer
 
 
+@pytest.mark.slow
 def test_goals_are_seen_as_well_as_by_rendering(task, remembered):
     goals = task.arm.workcell.draw_goals(np.random.default_rng(5), LOOKS)
     rendering = CameraObserver(task)
