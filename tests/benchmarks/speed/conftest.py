@@ -35,12 +35,6 @@ def checked() -> Callable[[list[Section]], list[Section]]:
 
 
 @pytest.fixture
-def make_section() -> Callable[..., Section]:
-    """`make_section(title)`: a section with something of everything."""
-    return _section
-
-
-@pytest.fixture
 def suites(monkeypatch: pytest.MonkeyPatch) -> Iterator[dict[str, Any]]:
     """Three suites in place of the real ones: what they run, which of them were played, whether they draw charts."""
     fake: dict[str, Any] = {"runs": {}, "played": [], "charts": False}
