@@ -311,3 +311,20 @@ class TestFilesAgree:
         assert re.search(
             rf'^version: {re.escape(kinreach.__version__)}\ndate-released: "{released[0][1]}"$', citation, re.M
         )
+
+
+def test_dataclasses_are_frozen_and_options_are_named():
+    """But for an episode of the page, which grows; arguments of an environment have no order."""
+    found = [
+        (node.name, line)
+        for path in MODULES
+        for node in ast.walk(tree(path))
+        if isinstance(node, ast.ClassDef)
+        for line in map(ast.unparse, node.decorator_list)
+        if line.partition("(")[0] == "dataclass"
+    ]
+    assert len(found) > 120
+    assert [name for name, line in found if "frozen=True" not in line] == ["Episode"]
+    named = [name for name, line in found if "kw_only=True" in line]
+    assert named == [name for name, _ in found if name.endswith("Options")]
+    assert {"ReachOptions", "LiftOptions"} < set(named)

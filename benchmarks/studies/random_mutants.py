@@ -3,9 +3,9 @@
     python -m benchmarks.studies.random_mutants --seed 1 --count 100 [--map FILE] [--out FILE] [--full]
 
 A module is drawn by its number of lines, then a line of it, then a change of that line: a comparison, an operator, a
-number, a condition, an argument, a statement. Docstrings, annotations and what an error says stay as they are. The
-tests that enter the function run, those of the module's own room and fast ones first, then the room's other tests, at
-last its slow ones, up to the first failure.
+number, a condition, an argument, a statement. Docstrings, annotations, assertions (`strict=` of `zip` is one) and what
+an error says stay as they are. The fast tests that enter the function run, those of the module's own room first, then
+the room's other tests, up to the first failure.
 `--map FILE` says which they are; a run of the fast suite writes it if it is not there. With `--full` what survives them
 meets the whole fast suite. A second call with the same `--out` goes on where the first stopped.
 
@@ -39,8 +39,6 @@ PROG = "python -m benchmarks.studies.random_mutants"
 TABLE = Path(__file__).with_name("random_mutants.toml")
 #: Time of the tests that run first, and of those of a room in which nothing enters what is changed [s].
 FIRST, ROOM = 20.0, 60.0
-#: Longest time of a room's slow tests [s]; none takes a tenth of it.
-SLOW = 7200.0
 
 COMPARED: dict[type, tuple[type, ...]] = {
     ast.Lt: (ast.LtE, ast.Gt),
@@ -141,7 +139,7 @@ def _children(node: Any) -> Iterator[ast.AST]:
     if isinstance(node, ast.If) and ast.unparse(node.test) == "TYPE_CHECKING":
         return
     if isinstance(node, ast.Call):
-        skipped += [keyword for keyword in node.keywords if keyword.arg in TEXTS]
+        skipped += [keyword for keyword in node.keywords if keyword.arg in (*TEXTS, "strict")]
     yield from (child for child in ast.iter_child_nodes(node) if all(child is not one for one in skipped))
 
 
@@ -185,7 +183,7 @@ def _changed(node: Any) -> Iterator[ast.AST]:
                 function.attr = SWAPPED[node.func.attr]
                 yield other(func=function)
             for place, keyword in enumerate(node.keywords):
-                if keyword.arg not in TEXTS:
+                if keyword.arg not in (*TEXTS, "strict"):
                     yield other(keywords=[*node.keywords[:place], *node.keywords[place + 1 :]])
             if len(node.args) > 1:
                 yield other(args=node.args[:-1])
@@ -241,7 +239,7 @@ class Covering:
         """Tests that enter the function of a mutant, those to run first apart from the others; then its room's others.
 
         More tests use what a cached function returned than enter it. Where there is no such test, and outside of
-        functions: all that enter one of the module, and those of its room.
+        functions: all that enter one of the module, those of its room, and those of the whole package.
         """
         lines: dict[str, list[int]] = self._lines.get(mutant.file, {})
         inside = any(
@@ -252,7 +250,8 @@ class Covering:
         tests = {self._tests[number] for number in lines.get(str(mutant.line), []) if inside}
         if not tests:
             tests = {self._tests[number] for each in lines.values() for number in each}
-            others = {test for test in self._tests if test.startswith(f"{'/'.join(room.split('/')[:2])}/")} - tests
+            places = f"{'/'.join(room.split('/')[:2])}/", "tests/test_"
+            others = {test for test in self._tests if test.startswith(places)} - tests
             tests |= set(self._fast(sorted(others, key=self.seconds.__getitem__), ROOM))
         kept = [test for test in tests if not test.startswith(READERS)]
         ordered = sorted(kept, key=lambda test: (not test.startswith(room), self.seconds[test]))

@@ -23,7 +23,7 @@ def square(x: int = 2, *, least: float | None = None) -> int:
         if any([each > MOST, x != 5]):
             continue
         x += 1
-    print(x, sep="", help="1 + 1")
+    print(x, *zip([x], strict=True), sep="", help="1 + 1")
     return max(x, 0) * x
 '''
 
@@ -45,6 +45,7 @@ def test_every_change_is_another_program_and_not_of_a_text():
         assert all(line in program for program in programs)
     assert all("got {x}" in program or "pass" in program for program in programs)
     assert all("float | None" in program for program in programs)
+    assert all("strict=True" in program for program in programs if "zip(" in program)
 
 
 def test_draws_are_the_same_again_and_by_the_number_of_lines():
