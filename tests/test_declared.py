@@ -1,0 +1,112 @@
+"""What is declared stays: signatures, options of commands, tasks with their methods and columns, recipes.
+
+Each is a list in tests/data/declared. `KINREACH_KEEP=1 pytest tests/test_declared.py` keeps what there is now; its
+change in git is to be read before it is committed.
+"""
+
+import argparse
+import importlib
+import inspect
+import os
+import pkgutil
+from collections.abc import Mapping, Sequence
+from dataclasses import fields, is_dataclass
+from functools import partial
+from pathlib import Path
+
+import pytest
+
+import kinreach
+from kinreach.baselines._recipes import RECIPES
+from kinreach.cli import COMMANDS
+from kinreach.compare._task import get_task, task_names
+
+KEPT = Path(__file__).parent / "data" / "declared"
+FACES = sorted(f"kinreach.{each.name}" for each in pkgutil.iter_modules(kinreach.__path__) if each.name[0] != "_")
+
+
+def said(value):
+    """Return a value in words that are the same in every process."""
+    if isinstance(value, str | int | float | bool | None | tuple) and not is_dataclass(value):
+        return f"({', '.join(map(said, value))})" if isinstance(value, tuple) else repr(value)
+    if isinstance(value, partial):
+        return f"{said(value.func)}({', '.join(map(said, (*value.args, *value.keywords.items())))})"
+    if isinstance(value, Mapping):  # digests of policies change when they are trained anew
+        parts = (key if key.startswith("policy ") else f"{key}: {said(each)}" for key, each in value.items())
+        return f"{{{', '.join(parts)}}}"
+    if isinstance(value, Sequence):
+        return f"[{', '.join(map(said, value))}]"
+    if is_dataclass(value) and not isinstance(value, type):
+        parts = (f"{field.name}={said(getattr(value, field.name))}" for field in fields(value))
+        return f"{type(value).__name__}({', '.join(parts)})"
+    name = getattr(value, "__qualname__", None)
+    return type(value).__name__ if name is None else name.replace(".<locals>", "")
+
+
+def listed(value, name):
+    """Yield the entries of nested declarations, each in a line."""
+    if is_dataclass(value) and not isinstance(value, type) and name.count(".") < 2:
+        for field in fields(value):
+            yield from listed(getattr(value, field.name), f"{name}.{field.name}")
+    elif isinstance(value, Mapping) and value and name.count(".") < 3:
+        for key, each in value.items():
+            yield from listed(each, f"{name}.{key}")
+    elif isinstance(value, Sequence) and value and is_dataclass(value[0]):
+        yield from (f"{name}: {said(each)}" for each in value)
+    else:
+        yield f"{name}: {said(value)}"
+
+
+def signatures():
+    for face in FACES:
+        module = importlib.import_module(face)
+        for name in getattr(module, "__all__", ()):
+            value = getattr(module, name)
+            own = {name: value} if callable(value) else {}
+            if inspect.isclass(value):
+                own |= {f"{name}.{key}": each for key, each in vars(value).items() if key[0] != "_" and callable(each)}
+            for key, each in own.items():
+                try:
+                    parameters = inspect.signature(each).parameters.values()
+                except (TypeError, ValueError):
+                    continue
+                shown = (
+                    f"{one.kind.name[:1] if one.kind.name[0] == 'K' else ''}{one.name}"
+                    + ("" if one.default is one.empty else f"={said(one.default)}")
+                    for one in parameters
+                )
+                yield f"{face}.{key}({', '.join(shown)})"
+
+
+def commands():
+    for name, command in COMMANDS.items():
+        parser = importlib.import_module(command.module)._parser(name)
+        yield f"{name}: {parser.prog} {parser.formatter_class.__name__} {parser.allow_abbrev}"
+        for action in parser._actions:
+            if not isinstance(action, argparse._HelpAction):
+                parts = (action.nargs, action.const, action.default, action.type, action.choices, action.required)
+                flags = " ".join(action.option_strings) or action.dest
+                yield f"{name} {flags}: {type(action).__name__} {' '.join(map(said, parts))}"
+
+
+def tasks():
+    for name in task_names():
+        yield from listed(get_task(name), name)
+
+
+def recipes():
+    for name, recipe in RECIPES.items():
+        if type(recipe).__module__.startswith("kinreach"):
+            yield from listed(recipe, name)
+
+
+@pytest.mark.parametrize("declared", [signatures, commands, tasks, recipes])
+def test_what_is_declared_stays(declared):
+    lines = list(declared())
+    assert len(lines) > 90
+    path = KEPT / f"{declared.__name__}.txt"
+    if os.environ.get("KINREACH_KEEP"):
+        path.parent.mkdir(exist_ok=True)
+        path.write_text("\n".join(lines) + "\n", encoding="utf-8")
+    kept = path.read_text(encoding="utf-8").splitlines()
+    assert lines == kept, "if it is meant: KINREACH_KEEP=1 pytest tests/test_declared.py"
