@@ -39,8 +39,9 @@ def said(value):
     if is_dataclass(value) and not isinstance(value, type):
         parts = (f"{field.name}={said(getattr(value, field.name))}" for field in fields(value))
         return f"{type(value).__name__}({', '.join(parts)})"
-    name = getattr(value, "__qualname__", None)
-    return type(value).__name__ if name is None else name.replace(".<locals>", "")
+    name = getattr(value, "__qualname__", type(value).__name__).replace(".<locals>", "")
+    inside = [said(cell.cell_contents) for cell in getattr(value, "__closure__", None) or ()]
+    return f"{name}[{', '.join(inside)}]" if inside and not inspect.isclass(value) else name
 
 
 def listed(value, name):
