@@ -1,0 +1,75 @@
+"""What is written into films stays: places, sizes, colours and words."""
+
+import numpy as np
+
+from kinreach.demo import _caption
+from kinreach.demo._caption import Caption, Moment
+
+#: The strokes for a distance, in order.
+BOX = "rounded_rectangle (18, 18, 318, {bottom}) 8 white"
+NAME = ["ellipse (32, 35, 46, 49) {colour}", "text (56, 28) {name} 22 Bold {ink}"]
+VIEW = [
+    "rounded_rectangle (774, 18, 942, 212) 8 white",
+    "ellipse (784, 28, 932, 176) #b8b8b8 1",
+    "ellipse (821, 65, 895, 139) #b8b8b8 1",
+    "line (849, 102, 867, 102) #dc0a08 3",
+    "line (858, 93, 858, 111) #dc0a08 3",
+]
+
+
+class Pen:
+    """Writes down what is drawn."""
+
+    def __init__(self, image):
+        self.lines = []
+        Pen.last = self
+
+    def textlength(self, text, font):
+        return 10 * len(text)
+
+    def __getattr__(self, name):
+        def draw(place, *more, **named):
+            font = named.pop("font", None)
+            shown = [f"{font.size}{' Bold' * ('Bold' in font.path)}"] if font else []
+            corners = ", ".join(f"{round(float(each), 3):g}" for each in place)
+            self.lines.append(" ".join(map(str, (name, f"({corners})", *more, *shown, *named.values()))))
+
+        return draw
+
+
+def written(monkeypatch, caption, moment):
+    monkeypatch.setattr(_caption.ImageDraw, "Draw", Pen)
+    caption.write(np.zeros((540, 960, 3), dtype=np.uint8), moment)
+    return Pen.last.lines
+
+
+def named(caption):
+    return [line.format(colour=caption.colour, name=caption.name, ink=_caption.INK) for line in NAME]
+
+
+def test_a_frame_without_a_distance_has_a_name(monkeypatch):
+    caption = Caption("button")
+    ink, box = _caption.INK, BOX.format(bottom=100)
+    assert written(monkeypatch, caption, None) == [box, *named(caption), f"text (32, 62)  22 {ink}"]
+
+
+def test_the_tip_is_enlarged_in_the_smallest_circle_that_it_is_in(monkeypatch):
+    caption, ink = Caption("closed-form"), _caption.INK
+    caption.verdict, caption.reached = "reached", True
+    cases = {
+        0.5: ("0.50", "1", 37.0), 1.0: ("1.00", "1", 74.0), 1.5: ("1.50", "10", 11.1), 10.0: ("10.0", "10", 74.0),
+        40.0: ("40.0", "100", 29.6), 100.0: ("100", "100", 74.0),
+    }  # fmt: skip
+    for mm, (number, radius, away) in cases.items():
+        lines = written(monkeypatch, caption, Moment(np.array([1e-3 * mm, -0.5e-3 * mm]), 1e-3 * mm))
+        text = f"tip, circle: {radius} mm"
+        x, y = 858 + away, 102 + 0.5 * away
+        assert lines == [
+            BOX.format(bottom=134), *named(caption), f"text (32, 62) distance {number} mm 22 {ink}",
+            "text (32, 96) reached 22 Bold #1a7f37", *VIEW,
+            f"ellipse ({x - 6:g}, {y - 6:g}, {x + 6:g}, {y + 6:g}) {caption.colour}",
+            f"text ({858 - 5 * len(text):g}, 186) {text} 15 {ink}",
+        ]  # fmt: skip
+    caption.reached = False
+    lines = written(monkeypatch, caption, Moment(np.zeros(2), 0.1001))
+    assert lines[-1] == "text (32, 96) reached 22 Bold #b42318"  # too far away to be enlarged
