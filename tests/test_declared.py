@@ -61,7 +61,8 @@ def listed(value, name):
 def signatures():
     for face in FACES:
         module = importlib.import_module(face)
-        for name in getattr(module, "__all__", ()):
+        defined = [name for name, each in vars(module).items() if inspect.isclass(each) and issubclass(each, Exception)]
+        for name in getattr(module, "__all__", defined):
             value = getattr(module, name)
             own = {name: value} if callable(value) else {}
             if inspect.isclass(value):

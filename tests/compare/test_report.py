@@ -1,6 +1,7 @@
 """The report: whole, self-contained, safe to open, and its tables sort in a browser."""
 
 import json
+import os
 import re
 import subprocess
 import threading
@@ -10,6 +11,7 @@ from datetime import date
 from functools import partial
 from html.parser import HTMLParser
 from http.server import SimpleHTTPRequestHandler, ThreadingHTTPServer
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -375,3 +377,13 @@ def test_in_a_browser(page, browser_path, tmp_path):
         f"[{closed},{lm},{hostile}],[{closed},{lm},{hostile}],1,4,"  # by time: all equal, the order stays
         'true,["data:image/png;","data:image/png;"]]'  # every column is in sight at 1400 px; figures can be saved
     )
+
+
+def test_the_report_is_as_it_was(page):
+    """But for pictures and how it was measured; `KINREACH_KEEP=1` keeps it as it is now."""
+    measured = r"base64,[A-Za-z0-9+/=]+|sha256-[^']*|<(style|script|dd)>.*?</(style|script|dd)>"
+    body = re.sub(measured, "", page, flags=re.DOTALL).replace(date.today().isoformat(), "DATE")
+    kept = Path(__file__).parents[1] / "data" / "report.html"
+    if os.environ.get("KINREACH_KEEP"):
+        kept.write_text(body, encoding="utf-8")
+    assert body.splitlines() == kept.read_text(encoding="utf-8").splitlines()

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from contextlib import closing
 from typing import Any, NamedTuple, Protocol
 
 import numpy as np
@@ -107,11 +108,8 @@ class RememberedObserver:
         self._arm = task.arm
         rng = np.random.default_rng(_LOOKS_SEED)
         goals = task.arm.workcell.draw_goals(rng, task.options.looks)
-        observer = CameraObserver(task)
-        try:
+        with closing(CameraObserver(task)) as observer:
             taken = observer.measure(goals, np.zeros(len(goals), dtype=np.intp), [rng])
-        finally:
-            observer.close()
         self._nearest = cKDTree(goals)
         self._errors, self._found = taken.views - goal_block(task.arm, goals), taken.found
 
