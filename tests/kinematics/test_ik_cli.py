@@ -123,7 +123,7 @@ def test_a_position_in_millimetres_is_named(arm, tmp_path, capsys):
         assert [row["reason"].endswith("in metres") for row in csv.DictReader(file)] == [False, True]
 
 
-@pytest.mark.parametrize(("rx", "noted"), [(180.0, True), (-6.5, True), (6.2, False), (3.2, False)])
+@pytest.mark.parametrize(("rx", "noted"), [(180.0, True), (-6.5, True), (2 * np.pi, False), (6.2, False), (3.2, False)])
 def test_a_rotation_in_degrees_is_named(rx, noted, tmp_path, capsys):
     ik("--arm", "ur5e", "--pose", f"-0.4,0.1,0.3,{rx},0,0")
     assert ("in radians, not degrees" in capsys.readouterr().err) is noted
