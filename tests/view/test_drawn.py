@@ -22,7 +22,7 @@ from kinreach.view._server import Server
 
 KEPT = Path(__file__).parents[1] / "data" / "page"
 #: For what is drawn to arrive [s].
-PATIENCE = 40.0
+PATIENCE = 20.0
 #: What viser adds to everything.
 USUAL = {
     "scale": 1.0, "cast_shadow": True, "receive_shadow": True, "wireframe": False, "opacity": None, "visible": True,

@@ -1,0 +1,82 @@
+"""Flags that choose the arm: the tool that they describe, joints and folders, and what they refuse."""
+
+import argparse
+import os
+
+import numpy as np
+import pytest
+
+from kinreach.errors import InputError
+from kinreach.robots._flags import add_arm_flags, arm_of, joints_of, package_dirs_of, tool_of
+from kinreach.robots._tools import TOOLS
+
+CENTRE = "0.01,-0.02 0.15,0,0,1.5"
+
+
+def parsed(*words):
+    parser = argparse.ArgumentParser()
+    add_arm_flags(parser)
+    return parser.parse_args([*words])
+
+
+@pytest.mark.parametrize(
+    ("flags", "mass", "mesh", "scale", "radius"),
+    [
+        ([], 0.0, None, 1.0, None),
+        (["--tool-mass", "1.5"], 1.5, None, 1.0, None),
+        (["--tool-radius", "0.03"], 0.0, None, 1.0, 0.03),
+        (["--tool-radius", "0.03", "--tool-mass", "1.5"], 1.5, None, 1.0, 0.03),
+        (["--tool-mesh", "a.stl"], 0.0, "a.stl", 1.0, None),
+        (["--tool-mesh", "a.stl", "--tool-mesh-scale", "0.001", "--tool-mass", "2"], 2.0, "a.stl", 0.001, None),
+        (["--tool-mesh", "a.stl", "--tool-radius", "0.02"], 0.0, "a.stl", 1.0, 0.02),
+        (["--tool-mesh-scale", "0.001"], 0.0, None, 1.0, None),
+    ],
+)
+def test_a_tool_is_what_its_flags_say(flags, mass, mesh, scale, radius):
+    tool = tool_of(parsed("--tool", CENTRE, *flags))
+    np.testing.assert_allclose(tool.T[:3, 3], [0.01, -0.02, 0.15])
+    assert (tool.mass, tool.mesh, tool.mesh_scale) == (mass, mesh, scale)
+    assert [shape.size[0] for shape in tool.shapes] == ([] if radius is None else [radius])
+    if radius is not None:
+        np.testing.assert_allclose(tool.shapes[0].size[1], np.linalg.norm([0.01, -0.02, 0.15]))
+        np.testing.assert_allclose(tool.shapes[0].xyz, [0.005, -0.01, 0.075])
+        np.testing.assert_allclose(tool.centre_of_mass, [0.005, -0.01, 0.075])
+
+
+def test_tools_by_name_and_none():
+    assert tool_of(parsed()) is None
+    for name, tool in TOOLS.items():
+        assert tool_of(parsed("--tool", name)) is tool
+
+
+@pytest.mark.parametrize("flag", ["mass", "radius", "mesh", "mesh-scale"])
+def test_what_describes_a_tool_needs_one_without_a_shape(flag):
+    with pytest.raises(InputError, match=f"^--tool-{flag} needs --tool$"):
+        tool_of(parsed(f"--tool-{flag}", "1"))
+    with pytest.raises(InputError, match=f"has a shape and a mass; leave out --tool-{flag}$"):
+        tool_of(parsed("--tool", next(iter(TOOLS)), f"--tool-{flag}", "1"))
+
+
+@pytest.mark.parametrize(
+    ("flags", "said"),
+    [
+        (["--tool", "1,2,3"], "--tool must be 6 numbers, separated by commas, got '1,2,3'"),
+        (["--tool", "0,0,0,0,0,x"], "--tool must be 6 numbers, separated by commas"),
+        (["--tool", CENTRE, "--tool-radius", "1 2"], "--tool-radius must be a number, got '1 2'"),
+        (["--tool", CENTRE, "--tool-mesh", "a.stl", "--tool-mesh-scale", ""], "--tool-mesh-scale must be a number"),
+        (["--tool", CENTRE, "--tip", "tool0"], "give --tip or --tool, not both"),
+        (["--tip", "nowhere"], "tip"),
+    ],
+)
+def test_numbers_and_contradictions_are_named(flags, said):
+    with pytest.raises(InputError, match=said):
+        arm_of("ur5e", parsed(*flags))
+
+
+def test_joints_and_folders():
+    assert joints_of(parsed()) is None
+    assert joints_of(parsed("--joints", "a, b,c ")) == ["a", "b", "c"]
+    assert package_dirs_of(parsed()) == []
+    assert package_dirs_of(parsed("--package-dir", f"x{os.pathsep}y", "--package-dir", f"z{os.pathsep}")) == [*"xyz"]
+    assert arm_of("ur5e", parsed("--tip", "tool0")).default_tip == "tool0"
+    assert arm_of("ur5e", parsed("--tool", CENTRE)).default_tip == "tool"
