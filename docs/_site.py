@@ -9,6 +9,8 @@ from __future__ import annotations
 import re
 import shutil
 import sys
+import zlib
+from pathlib import Path
 from typing import Any
 
 from docutils import nodes
@@ -31,12 +33,12 @@ SHORT = 14
 WHITE_SHARE, NEAR_WHITE = 0.65, 250
 #: An interval after a number, as in `97 % [95, 99]`.
 INTERVAL = re.compile(r"\[[-−+\d][^\[\]]*\]")
-#: A space between groups of three digits, as in `76 800`.
-THOUSANDS = re.compile(r"(?<=\d) (?=\d{3}(?!\d))")
+#: A space between groups of three digits, as in `76 800`, or before a unit.
+UNBROKEN = re.compile(r"(?<=\d) (?=(?:\d{3}(?!\d)|(?:%|[cmµ]?m|[mµ]?s|m/s|k?g|N|rad|Hz)(?![\w/])))")
 
 
-def setup(app: Sphinx) -> dict[str, bool]:
-    """Called by Sphinx."""
+def setup(app: Sphinx) -> dict[str, int]:
+    """Called by Sphinx, which reads all pages again when this file has changed."""
     app.add_html_math_renderer("mathml", inline_renderers=(_inline, None), block_renderers=(_block, None))
     app.add_post_transform(Numbers)
     app.add_post_transform(Charts)
@@ -47,7 +49,8 @@ def setup(app: Sphinx) -> dict[str, bool]:
     app.connect("autodoc-process-docstring", _two_in_one, priority=600)  # after it
     app.connect("config-inited", _copy_notebooks)
     app.connect("source-read", _links_of_notebooks)
-    return {"parallel_read_safe": True, "parallel_write_safe": True}
+    version = zlib.crc32(Path(__file__).read_bytes())
+    return {"env_version": version, "parallel_read_safe": True, "parallel_write_safe": True}
 
 
 def _inline(translator: HTML5Translator, node: nodes.math) -> None:
@@ -150,10 +153,10 @@ class Numbers(SphinxPostTransform):
     formats = ("html",)
 
     def run(self, **kwargs: Any) -> None:
-        """Join groups of digits, and mark the cells of every table."""
+        """Join groups of digits and units, and mark the cells of every table."""
         for text in list(self.document.findall(nodes.Text)):
-            if THOUSANDS.search(text) and not isinstance(text.parent, nodes.literal | nodes.literal_block):
-                text.parent.replace(text, nodes.Text(THOUSANDS.sub("\N{NO-BREAK SPACE}", text)))
+            if UNBROKEN.search(text) and not isinstance(text.parent, nodes.literal | nodes.literal_block):
+                text.parent.replace(text, nodes.Text(UNBROKEN.sub("\N{NO-BREAK SPACE}", text)))
         for table in self.document.findall(nodes.table):
             rows = [list(row.findall(nodes.entry)) for row in table.findall(nodes.row)]
             for column in zip(*rows, strict=False):

@@ -56,10 +56,12 @@ def main(argv: Sequence[str], *, prog: str) -> int:
         policy = make_policy(arguments.policy, task, env, seed=arguments.seed)
         film = Film(arguments.video, fps=task.fps, colours=colours()) if arguments.video else nullcontext()
         with film as reel:
-            reached, episodes = _run(env, policy, arguments, printed, reel, caption)
+            reached, episodes, steps = _run(env, policy, arguments, printed, reel, caption)
     finally:
         env.close()
-    print(f"{arguments.steps} steps, {episodes} episodes, goal reached in {reached}")
+    if steps < arguments.steps:
+        print("The GIF is full; a film named FILE.mp4 has no limit.", file=sys.stderr)
+    print(f"{steps} steps, {episodes} episodes, goal reached in {reached}")
     if arguments.video:
         print(printable(f"Film: {arguments.video}"))
     return 0
@@ -89,14 +91,17 @@ def _run(
     printed: Sequence[str],
     film: Film | None,
     caption: Caption,
-) -> tuple[int, int]:
-    """Play episodes; return how many ended at the goal, and their number."""
+) -> tuple[int, int, int]:
+    """Play episodes; return how many ended at the goal, their number, and their steps.
+
+    It stops when the steps are done or the film is full.
+    """
     reached = episodes = steps = 0
     watched = _Watched(env, printed, film, caption, TASKS[arguments.env].fps)
 
     def resets() -> Iterator[Mapping[str, Any]]:
         seed = arguments.seed  # of the first episode; the others go on from its generators
-        while steps < arguments.steps:
+        while steps < arguments.steps and not watched.full:
             watched.limit = min(arguments.reset_every, arguments.steps - steps)
             yield {"seed": seed}
             seed = None
@@ -105,7 +110,7 @@ def _run(
         reached += trial["is_success"]
         steps += trial["steps"]
         episodes += 1
-    return reached, episodes
+    return reached, episodes, steps
 
 
 class _Watched(gym.Wrapper[Any, Any, Any, Any]):
@@ -125,6 +130,11 @@ class _Watched(gym.Wrapper[Any, Any, Any, Any]):
         self._steps_per_frame = max(1, round(env.metadata.get("render_fps", fps) / fps))
         self._step = self._total = 0
 
+    @property
+    def full(self) -> bool:
+        """Whether the film takes no more frames."""
+        return self._film is not None and self._film.full
+
     def reset(self, **options: Any) -> tuple[Any, dict[str, Any]]:
         self._step = 0
         observation, info = self.env.reset(**options)
@@ -141,7 +151,7 @@ class _Watched(gym.Wrapper[Any, Any, Any, Any]):
         self._total += 1
         if self._film is not None and (over or self._step % self._steps_per_frame == 0):
             self._add(self._film, over, info)
-        return observation, reward, terminated, truncated or self._step >= self.limit, info
+        return observation, reward, terminated, truncated or self._step >= self.limit or self.full, info
 
     def _add(self, film: Film, over: bool, info: Mapping[str, Any]) -> None:
         """Add the frames of a step; the last one of an episode stands still, with how it ended."""

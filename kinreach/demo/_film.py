@@ -42,7 +42,7 @@ class Film(AbstractContextManager["Film"]):
         colours: That a GIF has besides those of its first frame.
 
     Raises:
-        InputError: Another ending, or too many frames for a GIF.
+        InputError: Another ending.
         OutputError: The file cannot be written.
     """
 
@@ -63,12 +63,17 @@ class Film(AbstractContextManager["Film"]):
         self._temporary = self._stack.enter_context(replacing(self.path))
         return self
 
+    @property
+    def full(self) -> bool:
+        """Whether it is a GIF that has as many frames as it may."""
+        return self.path.suffix == ".gif" and self.frames >= MAX_GIF_FRAMES
+
     def add(self, frame: Frame) -> None:
-        """Append a frame, uint8 RGB, shape (height, width, 3)."""
+        """Append a frame, uint8 RGB, shape (height, width, 3), unless the film is full."""
+        if self.full:
+            return
         self.frames += 1
         if self.path.suffix == ".gif":
-            if self.frames > MAX_GIF_FRAMES:
-                raise InputError(f"a GIF has at most {MAX_GIF_FRAMES} frames here; name the film {self.path.stem}.mp4")
             if self.frames % GIF_EVERY == 1:
                 self._images.append(self._with_few_colours(Image.fromarray(frame)))
             return

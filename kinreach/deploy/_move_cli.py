@@ -228,8 +228,8 @@ def _described(leg: Leg) -> str:
     blend = f", blend {1000 * widest:.0f} mm" if widest else ""
     speed = f"{last.speed:.2f} {'rad/s' if last.command == 'movej' else 'm/s'}"
     return (
-        f"to       {_degrees(leg.end)}   {branch}, {leg.free} of {leg.postures} postures free; {count}{last.command}, "
-        f"{speed}{blend}"
+        f"to       {_degrees(leg.end)}\n"
+        f"         {branch}, {leg.free} of {leg.postures} postures free; {count}{last.command}, {speed}{blend}"
     )
 
 

@@ -146,6 +146,19 @@ def test_it_films(ending, tmp_path, needs_gl, capsys):
         assert written(last[: last.shape[0] // 2, -220:], METHOD_COLOURS["closed-form"]) > 50  # the tip, enlarged
 
 
+@pytest.mark.slow
+def test_a_full_gif_ends_the_demo(tmp_path, monkeypatch, needs_gl, capsys):
+    """What was filmed until then is kept, and all episodes end."""
+    monkeypatch.setattr("kinreach.demo._film.MAX_GIF_FRAMES", 30)
+    path = tmp_path / "film.gif"
+    assert main(["demo", "--env", "moving", "--policy", "random", "--print", "nothing", "--video", str(path)]) == 0
+    printed = capsys.readouterr()
+    assert int(printed.out.split(" steps")[0]) <= 30
+    assert "mp4" in printed.err
+    with Image.open(path) as film:
+        assert 5 < film.n_frames <= 15  # Pillow joins frames that are the same
+
+
 def written(frame, colour):
     """How many pixels have a colour."""
     return int((np.abs(frame - 255 * np.array(to_rgb(colour))).max(axis=2) < 12).sum())
