@@ -16,7 +16,7 @@ from matplotlib.ticker import FuncFormatter, NullFormatter
 
 from benchmarks.ik_arms.arms import CASES, CLASSES, NONE, PARALLEL, SEVEN, WRIST
 from benchmarks.ik_arms.measure import ON_CURVE, RIGHT, SEVENTH, Effort
-from benchmarks.ik_arms.self_motions import ERROR, HEADINGS, faultless, read, summary
+from benchmarks.ik_arms.self_motions import ERROR, FULL, HEADINGS, faultless, read, summary
 from benchmarks.ik_arms.solvers import Kinreach
 from benchmarks.speed.report import PACKAGES, show, table
 from kinreach._files import make_writable, replacing, write_text
@@ -102,11 +102,12 @@ def _parts(lines: Sequence[Line], effort: Effort, data: Path, picture: str, comm
     if curves := read(data.with_name("self_motions.csv")):
         yield "### Self-motions"
         yield (
-            "All curves of random poses, limits off: the posture that made the pose is on one, and so are ssik's "
-            f"samples and charts. A grid twice as fine is searched for further curves. Errors are up to "
-            f"{1e3 * ERROR:g} mm and {1e3 * ERROR:g} mrad along and about each axis of every joint. Rows: "
-            "[self_motions.csv](self_motions.csv). Again: `python -m benchmarks.ik_arms.self_motions "
-            "--out docs/reference/self_motions.csv`, which goes on up to 1000 postures of each arm."
+            "All curves of random poses, limits off: the posture that made the pose is on one, every curve reaches the "
+            f"pose, and the tip stands still along it. The first {FULL} poses of each arm are also compared with "
+            "ssik's samples and charts, and searched for further curves by a grid twice as fine; these two columns "
+            f"count those only. Errors are up to {1e3 * ERROR:g} mm and {1e3 * ERROR:g} mrad along and about each "
+            "axis of every joint. Rows: [self_motions.csv](self_motions.csv). Again: `python -m "
+            "benchmarks.ik_arms.self_motions --out docs/reference/self_motions.csv`."
         )
         yield table(HEADINGS, list(summary(curves)))
     yield "## Goals"

@@ -2,10 +2,10 @@
 
     python -m benchmarks.ik_arms.self_motions --postures 1000 --out docs/reference/self_motions.csv
 
-For the pose of each random posture it checks that the curves have that posture, all of ssik's samples and charts, and
-all that a grid twice as fine finds; that they reach the pose, and that the tip stands still along them. One row a
-posture; the same command goes on after an interruption. `python -m benchmarks.ik_arms --docs` puts the table into its
-page.
+For the pose of each random posture it checks that the curves have that posture, that they reach the pose, and that the
+tip stands still along them. For the first `--full` postures it also checks that the curves have all of ssik's samples
+and charts, and all that a grid twice as fine finds. One row a posture; the same command goes on after an interruption.
+`python -m benchmarks.ik_arms --docs` puts the table into its page.
 """
 
 from __future__ import annotations
@@ -40,12 +40,13 @@ ARMS = {
 ERROR = 1e-3
 #: By how much a pose may be missed, and the tip move along a curve [m, rad].
 RIGHT = 1e-9
+#: Postures of each arm that are compared with ssik's and with a finer grid's.
+FULL = 68
 #: Samples of each of ssik's charts.
 CHART = 12
-COLUMNS = (
-    "arm", "errors", "posture", "curves", "open", "lost", "samples", "samples lost", "charts lost", "finer lost",
-    "missed", "motion",
-)  # fmt: skip
+#: Columns that are filled for the first postures only.
+COMPARED = ("samples", "samples lost", "charts lost", "finer lost")
+COLUMNS = ("arm", "errors", "posture", "curves", "open", "lost", *COMPARED, "missed", "motion")
 
 
 @cache
@@ -69,8 +70,15 @@ def finer(kin: SevenAxisKinematics) -> SelfMotionTracer:
     return tracer
 
 
-def checked(name: str, errors: bool, posture: int) -> dict[str, Any]:
-    """A row of the table: what is wrong with the curves of one random posture's pose."""
+def checked(name: str, errors: bool, posture: int, *, full: bool) -> dict[str, Any]:
+    """A row of the table: what is wrong with the curves of one random posture's pose.
+
+    Args:
+        name: One of `ARMS`.
+        errors: Whether its joints have errors.
+        posture: Seed of the posture.
+        full: Also compare the curves with ssik's postures and those of a finer grid. If not, these columns are empty.
+    """
     kin = arm_of(name, errors)
     q = np.random.default_rng([posture, 7]).uniform(-np.pi, np.pi, 7)
     T = kin.fk(q)
@@ -81,14 +89,16 @@ def checked(name: str, errors: bool, posture: int) -> dict[str, Any]:
         right = np.abs(kin.fk(postures) - T).max(axis=(1, 2)) < RIGHT if len(postures) else []
         return len(tracer.beside(curves, postures[right], T))
 
-    samples, charts = (np.empty((0, 7)), np.empty((0, 7))) if errors else theirs(name, T)
-    more = [curve for curve, _ in finer(kin).curves(T)]
+    others: dict[str, Any] = dict.fromkeys(COMPARED, "")
+    if full:
+        samples, charts = (np.empty((0, 7)), np.empty((0, 7))) if errors else theirs(name, T)
+        more = np.vstack([np.empty((0, 7)), *(curve for curve, _ in finer(kin).curves(T))])
+        counts = len(samples) + len(charts), lost(samples), lost(charts), lost(more)
+        others = dict(zip(COMPARED, counts, strict=True))
     still = [np.einsum("mij,mj->mi", kin.jacobian(curve.q), curve.tangent) for curve in motions]
     return {
         "arm": name, "errors": int(errors), "posture": posture,
-        "curves": len(curves), "open": sum(not closed for _, closed in curves), "lost": lost(q[None]),
-        "samples": len(samples) + len(charts), "samples lost": lost(samples), "charts lost": lost(charts),
-        "finer lost": lost(np.vstack([np.empty((0, 7)), *more])),
+        "curves": len(curves), "open": sum(not closed for _, closed in curves), "lost": lost(q[None]), **others,
         "missed": f"{max((np.abs(kin.fk(curve.q) - T).max() for curve in motions), default=0.0):.1e}",
         "motion": f"{max((np.abs(each).max() for each in still), default=0.0):.1e}",
     }  # fmt: skip
@@ -97,7 +107,7 @@ def checked(name: str, errors: bool, posture: int) -> dict[str, Any]:
 def faultless(row: dict[str, Any]) -> bool:
     """Whether a row says that nothing is lost or wrong."""
     exact = max(float(row["missed"]), float(row["motion"])) < RIGHT
-    return exact and not any(int(row[key]) for key in ("open", "lost", "samples lost", "charts lost", "finer lost"))
+    return exact and not any(int(row[key] or 0) for key in ("open", "lost", *COMPARED[1:]))
 
 
 def theirs(name: str, T: Floats) -> tuple[Floats, Floats]:
@@ -116,15 +126,16 @@ def summary(rows: Sequence[dict[str, str]]) -> Iterator[list[Any]]:
     for name in ARMS:
         for errors in ("0", "1"):
             mine = [row for row in rows if row["arm"] == name and row["errors"] == errors]
+            compared = [row for row in mine if row["finer lost"]]
             if mine:
-                total = {key: sum(int(row[key]) for row in mine) for key in COLUMNS[3:10]}
+                total = {key: sum(int(row[key] or 0) for row in mine) for key in COLUMNS[3:10]}
                 theirs_lost = total["samples lost"] + total["charts lost"]
                 yield [
                     f"{name}, with errors" if errors == "1" else name,
                     f"{len(mine) - total['lost']} of {len(mine)}",
                     total["curves"] / len(mine),
                     f"{total['samples'] - theirs_lost} of {total['samples']}" if total["samples"] else None,
-                    sum(int(row["finer lost"]) > 0 for row in mine),
+                    f"{sum(int(row['finer lost']) > 0 for row in compared)} of {len(compared)}",
                     total["open"],
                     max(float(row["missed"]) for row in mine),
                     max(float(row["motion"]) for row in mine),
@@ -141,9 +152,11 @@ def main() -> int:
     """Check posture by posture, arm by arm."""
     parser = Parser(prog=PROG, description=(__doc__ or "").split("\n")[0])
     parser.add_argument("--postures", type=int, default=1000, metavar="N", help="of each arm (default: %(default)s)")
+    parser.add_argument("--full", type=int, default=FULL, metavar="N", help="of them, compared (default: %(default)s)")
     parser.add_argument("--out", default="results/self_motions.csv", metavar="FILE", help="default: %(default)s")
     arguments: argparse.Namespace = parser.parse_args()
     count, out = check_count("--postures", arguments.postures), check_path("--out", arguments.out)
+    full = check_count("--full", arguments.full, least=0)
     make_writable(out.parent)
     done = {(row["arm"], int(row["errors"]), int(row["posture"])) for row in read(out)}
     with open(out, "a", newline="", encoding="utf-8") as file:
@@ -154,7 +167,7 @@ def main() -> int:
             for name in ARMS:
                 for errors in (False, True):
                     if (name, int(errors), posture) not in done:
-                        writer.writerow(checked(name, errors, posture))
+                        writer.writerow(checked(name, errors, posture, full=posture < full))
                         file.flush()
     return 0
 

@@ -10,7 +10,7 @@ from benchmarks.ik_arms import self_motions
 from benchmarks.ik_arms.arms import CASES, arm, singular_poses
 from benchmarks.ik_arms.measure import recalls
 from benchmarks.ik_arms.page import _goal
-from benchmarks.ik_arms.self_motions import COLUMNS, faultless, read, summary
+from benchmarks.ik_arms.self_motions import COLUMNS, COMPARED, faultless, read, summary
 from benchmarks.ik_arms.solvers import Kinreach
 from kinreach import cli
 
@@ -93,21 +93,23 @@ def test_results_are_kept_and_refusals_told(tmp_path):
 def test_the_study_of_self_motions_goes_on_and_counts_what_is_lost(tmp_path, monkeypatch):
     out, asked = tmp_path / "self_motions.csv", []
 
-    def row(name, errors, posture):
+    def row(name, errors, posture, *, full):
         asked.append((name, errors, posture))
         lost = name == "Gen3" and posture == 1
-        return dict.fromkeys(COLUMNS, 0) | {"arm": name, "errors": int(errors), "posture": posture, "lost": int(lost)}
+        row = dict.fromkeys(COLUMNS, 0) | {"arm": name, "errors": int(errors), "posture": posture, "lost": int(lost)}
+        return row if full else row | dict.fromkeys(COMPARED, "")
 
     monkeypatch.setattr(self_motions, "checked", row)
     for count in ("1", "2", "2"):
-        monkeypatch.setattr("sys.argv", ["study", "--postures", count, "--out", str(out)])
+        monkeypatch.setattr("sys.argv", ["study", "--postures", count, "--full", "1", "--out", str(out)])
         assert self_motions.main() == 0
     assert len(asked) == len(set(asked)) == 32
     rows = read(out)
     assert sum(map(faultless, rows)) == 30
-    told = {line[0]: line[1] for line in summary(rows)}
+    told = {line[0]: (line[1], line[4]) for line in summary(rows)}
     assert len(told) == 16
-    assert (told["Gen3"], told["Gen3, with errors"], told["Panda"]) == ("1 of 2", "1 of 2", "2 of 2")
+    assert (told["Gen3"], told["Gen3, with errors"]) == (("1 of 2", "0 of 1"), ("1 of 2", "0 of 1"))
+    assert told["Panda"] == ("2 of 2", "0 of 1")
 
 
 def test_goals_are_met_or_missed(tmp_path):
