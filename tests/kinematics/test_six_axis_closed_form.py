@@ -203,6 +203,27 @@ def test_a_wrist_centre_on_the_first_axis(tmp_path):
     assert solved == 30
 
 
+@pytest.mark.parametrize("off", [0.0, 1e-6, 1e-4])
+def test_joint_1_and_the_pitch_of_the_hand_are_free(off, tmp_path):
+    """A wrist centre on axis 1, and axes 4 and 6 parallel: the elbow reaches at two angles of joint 1 only."""
+    rng, solved = np.random.default_rng(13), 0
+    for _ in range(2):
+        a, turn = [*rng.uniform((0.02, 0.2, 0.2, 0.05), (0.05, 0.4, 0.4, 0.1)), 0.0], rng.uniform(-np.pi, np.pi, 5)
+        tilts = rng.choice([-1, 1]) * RIGHT, 0.0, 0.0, RIGHT, rng.choice([-1, 1]) * RIGHT
+        chain = [random_motion(rng, 0.3, np.pi), *map(motion, turn, np.zeros(5), a, tilts)]
+        chain = np.array([step @ random_motion(rng, off, off) for step in (*chain, random_motion(rng, 0.2, np.pi))])
+        kin = kinematics(tmp_path, chain)
+        assert used(kin) is (NearClosedForm if off else ClosedForm)
+        T = singular_poses(kin, 9)["both"]
+        for pose, valid in zip(T, kin.batch(T, limits=False).valid, strict=True):
+            found = kin.all_solutions(pose, limits=False)
+            assert found.success
+            assert found.residual.max() < 1.1e-7
+            assert np.flatnonzero(valid).tolist() == found.branch.tolist()
+            solved += len(kin._method._arm.asked(pose, 1e-3, [0.0] * 6)) > 100
+    assert solved >= 5
+
+
 def test_an_arm_of_no_class_is_solved_by_elimination(tmp_path):
     rng = np.random.default_rng(8)
     arm = placements(rng, "spherical wrist")

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from kinreach._checks import Floats
 from kinreach.kinematics._angles import TURN
 from kinreach.kinematics._chain import blocks
-from kinreach.kinematics._six_axis.closed_form import DecoupledArm
+from kinreach.kinematics._six_axis.closed_form import ZERO, DecoupledArm
 from kinreach.kinematics._ur.batch import flange_entries
 from kinreach.kinematics._ur.closed_form import NEAR_WRIST
 from kinreach.kinematics._ur.geometry import BRANCHES
@@ -56,7 +56,7 @@ def _regular(arm: DecoupledArm, T: Floats, q: Floats, valid: _Mask, tol: float, 
         r2 = x * x + y * y
         m2 = r2 - across * across
         r = np.sqrt(r2)
-        doubtful = (m2 <= NEAR * r2) & (r >= np.abs(across) - tol) | (np.abs(m2) < 4.0 * off * r)
+        doubtful = (m2 <= NEAR * r2 + ZERO * ZERO) & (r >= np.abs(across) - tol) | (np.abs(m2) < 4.0 * off * r)
         along = np.sqrt(m2)
         reached = m2 > 0.0
         moved = off * (1.0 + (r + np.abs(across)) / along) if off else off

@@ -43,6 +43,8 @@ from kinreach.kinematics._ur.closed_form import ELBOW, MERGED, MOVED, NEAR_WRIST
 ZERO = 1e-12
 #: Roots of the quadratic equation are polished in as many steps, and are apart by more than this [rad].
 POLISH, APART = 4, 1e-6
+#: Angles of a free joint that are tried, from the seed's [rad].
+TURNS = np.linspace(0.0, 2.0 * np.pi, 48, endpoint=False).tolist()
 #: How far a complex root may be off the unit circle to count.
 OFF_CIRCLE = 1e-3
 
@@ -166,14 +168,26 @@ class DecoupledArm:
             for branch, flags, q1, q2, q3, q4, q5, q6 in found
         ]
 
-    def on_first_axis(self, T: Floats, tol: float) -> Floats | None:
-        """The pose (4, 4) next to another at which the first joint is free, if it is no farther than `tol` [m]."""
-        beside = (self.before @ T @ self.after[:, 3])[:2]
-        if np.hypot(*beside) > tol:
-            return None
-        moved = T.copy()
-        moved[:3, 3] -= self.before[:2, :3].T @ beside
-        return moved
+    def asked(self, T: Floats, tol: float, seed: Sequence[float]) -> list[tuple[Floats, list[float]]]:
+        """A pose (4, 4) and a seed (6,); if joint 1 is free, or almost, also the pose where it is, and other seeds.
+
+        They have many angles of joint 1, as the elbow reaches at few of them. Where three parallel axes are parallel to
+        axis 6, too, joints 2, 3, 4 and 6 move together: many angles of joint 6.
+        """
+        pose, given = self.before @ T @ self.after, list(seed)
+        if hypot(*pose[:2, 3]) > tol:
+            return [(T, given)]
+        free = T.copy()
+        free[:3, 3] -= self.before[:2, :3].T @ pose[:2, 3]
+        seeds = [[given[0] + turn, *given[1:]] for turn in TURNS]
+        way = pose[:3, 2]
+        q1 = atan2(self.sa1 * way[0], -self.sa1 * way[1])
+        parallel = np.cross(way, (sin(q1) * self.sa1, -cos(q1) * self.sa1, copysign(self.ca1, way[2])))
+        if not self.spherical and np.abs(parallel).max() <= tol:
+            for turned in (q1, q1 + pi):
+                first = self._sign[0] * (turned - self._offset[0])
+                seeds += [[first, *given[1:5], given[5] + turn] for turn in TURNS]
+        return [(T, given), *((free, start) for start in seeds)]
 
     def _spherical(self, pose: _Rows, tol: float, start: Sequence[float], doubt: Doubt | None) -> Iterator[Row]:
         """Postures of an arm with a spherical wrist."""
@@ -322,7 +336,7 @@ class DecoupledArm:
         m2 = r2 - across * across
         if doubt is not None:
             doubt.folded(m2 / r2 if r2 > 0.0 else 0.0, sqrt(r2))
-        if m2 > MERGED * MERGED * r2:
+        if m2 > MERGED * MERGED * r2 + ZERO * ZERO:
             along = sqrt(m2)
             gain = 1.0 + (sqrt(r2) + abs(across)) / along
             for branch, m in ((0, along), (4, -along)):

@@ -46,8 +46,6 @@ FAR = 0.1
 #: How far parts of the geometry may be missed for Newton's method to begin [m, rad]: where two are singular at once,
 #: rounding grows to this.
 AMISS = 1e-4
-#: Angles of a free first joint, from the seed's [rad].
-TURNS = np.linspace(0.0, 2.0 * np.pi, 48, endpoint=False)
 #: By how much starts of Newton's method may miss a pose [m, rad].
 NEAR_MISS = 0.03
 #: Random postures by which a method is judged, and the share that elimination has to find again.
@@ -101,13 +99,11 @@ class ClosedForm:
         self._arm, self._chain = arm, Chain(placements)
 
     def one(self, T: Floats, seed: Floats, tol: float) -> list[Row]:
-        rows = self._arm.solve(T, tol=tol, seed=seed.tolist()) or next(
-            (found for pose, start in _asked(self._arm, T, AMISS, seed)
-             if (found := self._arm.solve(pose, tol=AMISS, seed=start))), [],
+        given = seed.tolist()
+        return self._reached(self._arm.solve(T, tol=tol, seed=given), T, tol) or next(
+            (found for pose, start in self._arm.asked(T, AMISS, given)
+             if (found := self._reached(self._arm.solve(pose, tol=AMISS, seed=start), T, tol))), [],
         )  # fmt: skip
-        if any(row[FLAGS] for row in rows):
-            rows = self._verified(rows, T, tol)
-        return sorted(rows)
 
     def many(self, T: Floats, seeds: Floats, tol: float) -> tuple[Floats, NDArray[np.bool_]]:
         q, valid, singular = solve_poses(self._arm, T, tol)
@@ -116,8 +112,10 @@ class ClosedForm:
     def starts(self, T: Floats) -> tuple[Floats, NDArray[np.int64]]:
         return _starts(self._arm, T)
 
-    def _verified(self, rows: list[Row], T: Floats, tol: float) -> list[Row]:
-        """Postures of a singular pose that reach it, those that miss it after some steps of Newton's method."""
+    def _reached(self, rows: list[Row], T: Floats, tol: float) -> list[Row]:
+        """Postures that reach a pose; those of a singular one that miss it after some steps of Newton's method."""
+        if not any(row[FLAGS] for row in rows):
+            return sorted(rows)
         q = np.array([row[ANGLES] for row in rows])
         poses = np.broadcast_to(T, (len(q), 4, 4))
         off = missed_by(miss(self._chain.fk(q), poses))
@@ -128,7 +126,7 @@ class ClosedForm:
             q[far] = wrapped(moved)
         arrived = np.flatnonzero(off <= tol)
         kept = arrived[first_of_each(q[arrived], SAME)]
-        return [(rows[index][BRANCH], rows[index][FLAGS], *q[index].tolist()) for index in kept]
+        return sorted((rows[index][BRANCH], rows[index][FLAGS], *q[index].tolist()) for index in kept)
 
 
 class NearClosedForm:
@@ -194,7 +192,7 @@ class NearClosedForm:
         for this pose and for others about it, too.
         """
         sound, wide = self._elimination[1] >= MIN_SHARE, 10.0 * self._off
-        asked = [each for pose in self._about(T, alone=sound) for each in _asked(self._arm, pose, wide, seed)]
+        asked = [each for pose in self._about(T, alone=sound) for each in self._arm.asked(pose, wide, seed.tolist())]
         near = [self._arm.solve(pose, tol=wide, seed=start) for pose, start in asked]
         starts = np.array([row[ANGLES] for rows in near for row in rows]).reshape(-1, _JOINTS)
         poses = np.broadcast_to(T, (len(starts), 4, 4))
@@ -335,16 +333,6 @@ def _inverse(T: Floats) -> Floats:
 
 def _from_end(method: Method, *, backwards: int) -> Method:
     return Backwards(method) if backwards else method
-
-
-def _asked(arm: DecoupledArm, T: Floats, tol: float, seed: Floats) -> list[tuple[Floats, list[float]]]:
-    """A pose (4, 4) and a seed (6,); if joint 1 is free, or almost, also the pose where it is, and many of its angles.
-
-    Few of them may reach: the elbow has to, too.
-    """
-    free = arm.on_first_axis(T, tol)
-    others = [] if free is None else [(free, [seed[0] + turn, *seed[1:].tolist()]) for turn in TURNS]
-    return [(T, seed.tolist()), *others]
 
 
 def _starts(arm: DecoupledArm, T: Floats) -> tuple[Floats, NDArray[np.int64]]:
