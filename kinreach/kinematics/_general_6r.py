@@ -65,6 +65,7 @@ MAX_CORRECTION = 1e-4
 MAX_ENTRY = 1e5
 #: Added to a matrix before its inversion, so that a singular one has a large inverse.
 REGULARISATION = 1e-14
+_REGULAR = REGULARISATION * np.eye(6)
 #: Eigenvalues whose angles differ by more are distinct [rad].
 DISTINCT_ANGLE = 1e-4
 #: Eigenvalues whose angles differ by less may be equal [rad].
@@ -251,9 +252,13 @@ def newton(chain: Chain, q: Floats, T: Floats, *, steps: int = STEPS) -> tuple[F
         going = np.flatnonzero(missing >= CONVERGED)
         if not (left and len(going)):
             break
-        q, T, rows, J, error = q[going], T[going], rows[going], J[going], error[going]
-        step = _solved(J + REGULARISATION * np.eye(6), error[:, :, None])[:, :, 0]
-        q = q + step * np.minimum(1.0, MAX_JOINT_STEP / np.maximum(np.abs(step).max(axis=1), MAX_JOINT_STEP))[:, None]
+        if len(going) < len(rows):
+            q, T, rows, J, error = q[going], T[going], rows[going], J[going], error[going]
+        step = _solved(J + _REGULAR, error[:, :, None])[:, :, 0]
+        longest = np.abs(step).max(axis=1)
+        if longest.max() > MAX_JOINT_STEP:
+            step *= np.minimum(1.0, MAX_JOINT_STEP / np.maximum(longest, MAX_JOINT_STEP))[:, None]
+        q = q + step
     return results, off
 
 

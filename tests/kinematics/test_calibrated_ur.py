@@ -211,7 +211,7 @@ def test_one_round_of_newtons_method_arrives():
         rng = np.random.default_rng(0)
         q = rng.uniform(-2.5, 2.5, (300, 6))
         q = q[(np.abs(np.sin(q[:, [2, 4]])) > 0.3).all(axis=1)]
-        refinement = kin._solver._refined
+        refinement = kin._solver._refinement
         wanted = refinement.wanted(kin._T_dh_base @ kin.fk(q) @ kin._T_tip_flange)
         _, off = refinement.refined((q + rng.uniform(-0.01, 0.01, q.shape)).T.copy(), wanted)
         arrived += (off < EXACT).sum()

@@ -6,7 +6,7 @@ import pytest
 from benchmarks.ik_arms.arms import placements_of, singular_poses, urdf
 from kinreach.kinematics import ArmKinematics, SixAxisKinematics
 from kinreach.kinematics._general_6r import Chain, General6R
-from kinreach.kinematics._six_axis.methods import Backwards, ClosedForm, Elimination, NearClosedForm
+from kinreach.kinematics._six_axis.methods import Backwards, ClosedForm, Elimination, NearlyDecoupled
 from kinreach.kinematics._solutions import ANGLES
 
 RIGHT = np.pi / 2
@@ -169,7 +169,7 @@ def test_an_arm_that_is_a_little_off_its_class_has_every_posture(backwards, off,
     for name in CLASSES:
         arm = placements(rng, name, backwards=backwards, off=off)
         kin = kinematics(tmp_path, arm)
-        assert used(kin) is NearClosedForm
+        assert used(kin) is NearlyDecoupled
         assert kin.solved == "by Newton's method from a closed form"
         q = rng.uniform(-np.pi, np.pi, (10, 6))
         form = (kin._method._method if backwards else kin._method)._arm
@@ -193,7 +193,7 @@ def test_an_arm_that_is_a_little_off_its_class_has_every_posture(backwards, off,
 def test_a_wrist_centre_on_the_first_axis(tmp_path):
     """Joint 1 is free there, but the elbow reaches at few of its angles; an arm a little off has a posture at two."""
     kin = of_ssik(tmp_path, "yam_ik")[1]
-    assert used(kin) is NearClosedForm
+    assert used(kin) is NearlyDecoupled
     solved = 0
     for T in singular_poses(kin, 30)["elbow"]:
         found = kin.all_solutions(T, limits=False)
@@ -213,7 +213,7 @@ def test_joint_1_and_the_pitch_of_the_hand_are_free(off, tmp_path):
         chain = [random_motion(rng, 0.3, np.pi), *map(motion, turn, np.zeros(5), a, tilts)]
         chain = np.array([step @ random_motion(rng, off, off) for step in (*chain, random_motion(rng, 0.2, np.pi))])
         kin = kinematics(tmp_path, chain)
-        assert used(kin) is (NearClosedForm if off else ClosedForm)
+        assert used(kin) is (NearlyDecoupled if off else ClosedForm)
         T = singular_poses(kin, 9)["both"]
         for pose, valid in zip(T, kin.batch(T, limits=False).valid, strict=True):
             found = kin.all_solutions(pose, limits=False)

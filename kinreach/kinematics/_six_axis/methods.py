@@ -1,12 +1,7 @@
-"""How the postures of a six-axis arm are found, one class a way; all give the same.
-
-Calibrated URs have a solver of their own, `kinreach.kinematics._ur.calibrated`, beside `NearClosedForm`: it fits the
-nearest UR first, and its Newton steps and its test for doubtful poses use the geometry of a UR, to be fast in batches.
-"""
+"""How the postures of a six-axis arm are found, one class a way; all give the same."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from functools import cached_property
 from typing import Protocol
 
@@ -28,6 +23,7 @@ from kinreach.kinematics._general_6r import (
     newton,
 )
 from kinreach.kinematics._identification import moved_frames
+from kinreach.kinematics._near_closed_form import FAR, NearClosedForm, no_postures
 from kinreach.kinematics._six_axis.batch import solve_poses
 from kinreach.kinematics._six_axis.closed_form import DecoupledArm, Doubt, decouples
 from kinreach.kinematics._six_axis.dh import DenavitHartenberg
@@ -41,8 +37,6 @@ EXACTLY, NEARLY = (1e-9, 1e-9), (3e-3, 5e-3)
 EXACT_FIT, CLOSE_FIT, NEAR_FIT = 1e-10, 1e-3, 0.03
 #: By how many times that a pose may be missed by the closed form and yet be reached.
 CAUTION = 3.0
-#: Newton's method moves a joint no further than this on the way to the posture of the same branch [rad].
-FAR = 0.1
 #: How far parts of the geometry may be missed for Newton's method to begin [m, rad]: where two are singular at once,
 #: rounding grows to this.
 AMISS = 1e-4
@@ -129,8 +123,8 @@ class ClosedForm:
         return sorted((rows[index][BRANCH], rows[index][FLAGS], *q[index].tolist()) for index in kept)
 
 
-class NearClosedForm:
-    """An arm that almost decouples: Newton's method from the closed form, and elimination where that may miss one.
+class NearlyDecoupled(NearClosedForm):
+    """An arm that almost decouples.
 
     Args:
         arm: The arm that decouples.
@@ -138,54 +132,38 @@ class NearClosedForm:
         off: How far their poses are apart [m, rad].
     """
 
-    branches, rank = MAX_POSTURES, 1
-
     def __init__(self, arm: DecoupledArm, placements: Floats, off: float) -> None:
+        super().__init__(placements)
         self._arm, self._off = arm, CAUTION * off
-        self._placements, self._chain = placements, Chain(placements)
 
     @cached_property
     def _elimination(self) -> tuple[Method, float]:
-        return by_elimination(self._placements)
+        return by_elimination(self.chain.placements)
 
-    def one(self, T: Floats, seed: Floats, tol: float) -> list[Row]:
+    def _start(self, T: Floats, seed: Floats) -> tuple[list[int], Floats, bool]:
         doubt = Doubt(self._off, self._arm.size)
-        start = self._arm.solve(T, tol=EXACT, seed=seed.tolist(), doubt=doubt)
-        found = np.array([row[ANGLES] for row in start]).reshape(-1, _JOINTS)
-        q, off = newton(self._chain, found, np.broadcast_to(T, (len(found), 4, 4)))
-        if not doubt.found and all(
-            flags == 0 and missed < EXACT and moved < FAR
-            for (_, flags, *_), missed, moved in zip(
-                start, off, np.abs(q - found).max(axis=1, initial=0.0), strict=True
-            )
-        ):
-            return sorted((row[BRANCH], 0, *angles) for row, angles in zip(start, wrapped(q).tolist(), strict=True))
-        return self._near_singular(T, seed, tol, [row[ANGLES] for row in self._elimination[0].one(T, seed, EXACT)])
+        rows = self._arm.solve(T, tol=EXACT, seed=seed.tolist(), doubt=doubt)
+        q = np.array([row[ANGLES] for row in rows]).reshape(-1, _JOINTS)
+        return [row[BRANCH] for row in rows], q, doubt.found or any(row[FLAGS] for row in rows)
 
-    def many(self, T: Floats, seeds: Floats, tol: float) -> tuple[Floats, NDArray[np.bool_]]:
-        q, valid = _empty(len(T))
-        start, exists, doubtful = solve_poses(self._arm, T, EXACT, off=self._off)
-        branch, row = np.nonzero(exists)
-        found, off = newton(self._chain, start[:, branch, row].T, T[row])
-        good = (off < EXACT) & (np.abs(found - start[:, branch, row].T).max(axis=1, initial=0.0) < FAR)
-        q[:, branch, row], valid[branch, row] = wrapped(found).T, good
-        doubtful[row[~good]] = True
-        rows = np.flatnonzero(doubtful)
-        q[..., rows], valid[:, rows] = np.nan, False
-        others, exist = self._elimination[0].many(T[rows], seeds[rows], EXACT) if len(rows) else _empty(0)
-        for column, row in enumerate(rows):
-            for branch, _, *angles in self._near_singular(
-                T[row], seeds[row], tol, others[:, exist[:, column], column].T
-            ):
-                q[:, branch, row], valid[branch, row] = angles, True
-        return q, valid
+    def _starts(self, T: Floats) -> tuple[Floats, NDArray[np.bool_], NDArray[np.bool_]]:
+        return solve_poses(self._arm, T, EXACT, off=self._off)
+
+    def _every(self, T: Floats, seeds: Floats, tol: float) -> tuple[Floats, NDArray[np.int64], NDArray[np.int64]]:
+        others, exist = self._elimination[0].many(T, seeds, EXACT)
+        found = [
+            (*row[ANGLES], pose, row[BRANCH])
+            for pose, seed in enumerate(seeds)
+            for row in self._near_singular(T[pose], seed, tol, others[:, exist[:, pose], pose].T)
+        ]
+        postures, indices = np.split(np.array(found).reshape(-1, _JOINTS + 2), [_JOINTS], axis=1)
+        pose, branch = indices.T.astype(np.int64)
+        return postures, pose, branch
 
     def starts(self, T: Floats) -> tuple[Floats, NDArray[np.int64]]:
         return _starts(self._arm, T)
 
-    def _near_singular(
-        self, T: Floats, seed: Floats, tol: float, eliminated: Sequence[Sequence[float]] | Floats
-    ) -> list[Row]:
+    def _near_singular(self, T: Floats, seed: Floats, tol: float, eliminated: Floats) -> list[Row]:
         """Postures of a pose for which the closed form may have others; those near one of its have its branch index.
 
         By elimination; and where that may be singular for the arm, by Newton's method from the closed form's postures
@@ -196,10 +174,10 @@ class NearClosedForm:
         near = [self._arm.solve(pose, tol=wide, seed=start) for pose, start in asked]
         starts = np.array([row[ANGLES] for rows in near for row in rows]).reshape(-1, _JOINTS)
         poses = np.broadcast_to(T, (len(starts), 4, 4))
-        q, off = newton(self._chain, starts, poses) if sound else nearest_by_newton(self._chain, starts, poses)
-        every = np.vstack([np.array(eliminated).reshape(-1, _JOINTS), wrapped(q[off < EXACT])])
+        q, off = newton(self.chain, starts, poses) if sound else nearest_by_newton(self.chain, starts, poses)
+        every = np.vstack([eliminated, wrapped(q[off < EXACT])])
         if not len(every):
-            q, off = nearest_by_newton(self._chain, starts, poses)
+            q, off = nearest_by_newton(self.chain, starts, poses)
             every = wrapped(q[off < (EXACT if (off < EXACT).any() else tol)])
         every = every[first_of_each(every, SAME)][:MAX_POSTURES]
         near_by = sorted(
@@ -238,7 +216,7 @@ class Elimination:
         return [(index, 0, *q) for index, q in enumerate(found.tolist())]
 
     def many(self, T: Floats, seeds: Floats, tol: float) -> tuple[Floats, NDArray[np.bool_]]:
-        q, valid = _empty(len(T))
+        q, valid = no_postures(len(T))
         for row, found in enumerate(self._general.solve(T, tol=tol)):
             q[:, : len(found), row], valid[: len(found), row] = found.T, True
         return q, valid
@@ -293,11 +271,11 @@ def method_of(placements: Floats) -> Method | float:
         if fits:
             off, backwards, arm, way = min(fits, key=lambda fit: fit[0])
             if off <= CLOSE_FIT:
-                return _from_end(NearClosedForm(arm, way, off), backwards=backwards)
+                return _from_end(NearlyDecoupled(arm, way, off), backwards=backwards)
     method, share = by_elimination(placements)
     if share >= MIN_SHARE:
         return method
-    return _from_end(NearClosedForm(arm, way, off), backwards=backwards) if fits else share
+    return _from_end(NearlyDecoupled(arm, way, off), backwards=backwards) if fits else share
 
 
 def by_elimination(placements: Floats) -> tuple[Method, float]:
@@ -309,11 +287,6 @@ def by_elimination(placements: Floats) -> tuple[Method, float]:
     shares = [general.tried(postures) for general, (_, postures) in zip(methods, ways, strict=True)]
     best = int(np.argmax(shares))
     return _from_end(Elimination(methods[best]), backwards=best), shares[best]
-
-
-def _empty(count: int) -> tuple[Floats, NDArray[np.bool_]]:
-    """No posture for any of some poses, as `Method.many` returns it."""
-    return np.full((_JOINTS, MAX_POSTURES, count), np.nan), np.zeros((MAX_POSTURES, count), dtype=np.bool_)
 
 
 def _with_others(

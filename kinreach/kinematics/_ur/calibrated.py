@@ -31,22 +31,21 @@ from numpy.typing import NDArray
 from kinreach._checks import Floats
 from kinreach.errors import InputError
 from kinreach.kinematics._angles import wrapped
-from kinreach.kinematics._chain import blocks
 from kinreach.kinematics._general_6r import (
     EXACT,
     MAX_POSTURES,
-    STEPS,
     Chain,
     General6R,
     miss,
 )
 from kinreach.kinematics._identification import moved_frames
+from kinreach.kinematics._near_closed_form import NearClosedForm
 from kinreach.kinematics._solutions import ANGLES, BRANCH, FLAGS
 from kinreach.kinematics._ur.batch import flange_entries, solve_poses
 from kinreach.kinematics._ur.closed_form import solve_pose
 from kinreach.kinematics._ur.geometry import BRANCHES, Miss, Rows, URGeometry
 from kinreach.kinematics._ur.reach import Shortfall, shortfalls, way_into_reach
-from kinreach.kinematics._ur.refine import FAR, Refinement
+from kinreach.kinematics._ur.refine import Refinement
 
 #: Random postures at which the fitted arm is compared with the real one, and Gauss-Newton steps of the fit.
 SAMPLES, FIT_STEPS = 400, 5
@@ -118,8 +117,8 @@ def fit(chain: Chain, start: URGeometry) -> Fit:
     return Fit(URGeometry(*x.tolist()), zeros, before, after, _chain(x, before, after), position, orientation)
 
 
-class CalibratedSolver:
-    """Every posture of a calibrated UR.
+class CalibratedSolver(NearClosedForm):
+    """Every posture of a calibrated UR, of its flange in the chain's base.
 
     Args:
         placements: The chain from its base to the flange, A0 to A6, shape (7, 4, 4).
@@ -131,9 +130,9 @@ class CalibratedSolver:
     """
 
     def __init__(self, placements: Floats, start: URGeometry) -> None:
-        self.chain = Chain(placements)
+        super().__init__(placements)
         self.fit = fit(self.chain, start)
-        self._refined = Refinement(placements)
+        self._refinement = Refinement(placements)
         self._left: Floats = np.asarray(np.linalg.inv(self.fit.before), dtype=np.float64)
         self._right: Floats = np.asarray(np.linalg.inv(self.fit.after), dtype=np.float64)
         self._centre, self._radius = self._centres()
@@ -144,62 +143,32 @@ class CalibratedSolver:
         """The solver that needs no branches."""
         return General6R(self.chain)
 
-    def solve(self, T: Floats, *, tol: float) -> tuple[Floats, NDArray[np.bool_]]:
-        """Compute all postures for many poses of the flange in the chain's base.
-
-        Args:
-            T: Poses, shape (count, 4, 4), rotations exact.
-            tol: If no posture reaches a pose exactly, return those with at most this error [m, rad].
-
-        Returns:
-            Postures (6, 16, count) [rad], NaN where there is none, and whether there is one (16, count).
-        """
-        count = len(T)
-        q = np.full((6, MAX_POSTURES, count), np.nan)
-        valid = np.zeros((MAX_POSTURES, count), dtype=np.bool_)
-        doubtful = np.empty(count, dtype=np.bool_)
-        for part in blocks(count):
-            q[:, :BRANCHES, part], valid[:BRANCHES, part], doubtful[part] = self._by_branches(T[part])
-        rows = np.flatnonzero(doubtful)
-        q[:, :, rows], valid[:, rows] = np.nan, False
-        lists = self.general.solve(T[rows], tol=tol)
-        if lists:
-            postures, pose = np.vstack(lists), np.repeat(np.arange(len(rows)), [len(found) for found in lists])
-            index = self._index(postures.T)[0]
-            counts = np.bincount(MAX_POSTURES * pose + index, minlength=MAX_POSTURES * len(rows))
-            shared = counts.reshape(-1, MAX_POSTURES).max(axis=1) > 1
-            for which in np.flatnonzero(shared):
-                index[pose == which] = self.branches(lists[which])
-            q[:, index, rows[pose]], valid[index, rows[pose]] = postures.T, True
-        return q, valid
-
-    def solve_one(self, T: Floats, *, tol: float) -> list[tuple[int, Floats]]:
-        """Solve for one pose (4, 4); return branches in order, each with its posture (6,)."""
+    def _start(self, T: Floats, seed: Floats) -> tuple[list[int], Floats, bool]:
         rows = self._fitted_rows(T)
         found, _ = solve_pose(rows, self.fit.geometry, tol=EXACT)
         branches = [row[BRANCH] for row in found]
-        if not any(row[FLAGS] for row in found) and not self._one_near_singular(rows, T, branches):
-            if not found:
-                return []
-            q, off = self._refined_few(np.array([row[ANGLES] for row in found]) - self.fit.zeros, T[None])
-            if off < EXACT and self._index(q.T)[0].tolist() == branches:
-                return list(zip(branches, wrapped(q), strict=True))
-        (postures,) = self.general.solve(T[None], tol=tol)
-        return sorted(zip(self.branches(postures), postures, strict=True), key=lambda found: found[0])
+        doubtful = any(row[FLAGS] for row in found) or self._one_near_singular(rows, T, branches)
+        return branches, np.array([row[ANGLES] for row in found]).reshape(-1, 6) - self.fit.zeros, doubtful
 
-    def _refined_few(self, q: Floats, T: Floats) -> tuple[Floats, float]:
-        """Run Newton's method from close starts (m, 6) to one pose (1, 4, 4); return postures and the largest error."""
-        start, missing = q, np.inf
-        for _ in range(STEPS):
-            error, J, off = self.chain.step(q, T)
-            missing = float(off.max())
-            if not 0.01 * EXACT < missing < MAX_CORRECTION:
-                break
-            try:
-                q = q + np.linalg.solve(J, error[:, :, None])[:, :, 0]
-            except np.linalg.LinAlgError:
-                break
-        return q, missing if np.abs(q - start).max() < FAR else np.inf
+    def _starts(self, T: Floats) -> tuple[Floats, NDArray[np.bool_], NDArray[np.bool_]]:
+        q, valid, doubtful, _ = solve_poses(T, self._left, self._right, self.fit.geometry, tol=EXACT)
+        q -= self.fit.zeros[:, None, None]
+        return q, valid, doubtful | self._near_singular(T, valid)
+
+    def _refined(self, q: Floats, row: NDArray[np.int64], T: Floats) -> tuple[Floats, NDArray[np.bool_]]:
+        return self._refinement.near(q, row, self._refinement.wanted(T))
+
+    def _stays(self, found: Floats, start: Floats, branch: Sequence[int] | NDArray[np.int64]) -> NDArray[np.bool_]:
+        return np.asarray(self._index(found)[0] == branch)
+
+    def _every(self, T: Floats, seeds: Floats, tol: float) -> tuple[Floats, NDArray[np.int64], NDArray[np.int64]]:
+        lists = self.general.solve(T, tol=tol)
+        postures, pose = np.vstack(lists), np.repeat(np.arange(len(T)), [len(found) for found in lists])
+        index = self._index(postures.T)[0]
+        counts = np.bincount(MAX_POSTURES * pose + index, minlength=MAX_POSTURES * len(T))
+        for which in np.flatnonzero(counts.reshape(-1, MAX_POSTURES).max(axis=1) > 1):
+            index[pose == which] = self.branches_of(lists[which])
+        return postures, pose, index
 
     def _one_near_singular(self, rows: Rows, T: Floats, branches: Sequence[int]) -> bool:
         """As `_near_singular`, for one pose and the branches that it has."""
@@ -246,7 +215,7 @@ class CalibratedSolver:
         rows: Rows = (self._left @ T @ self._right)[:3].tolist()
         return rows
 
-    def branches(self, q: Floats) -> list[int]:
+    def branches_of(self, q: Floats) -> list[int]:
         """Return the index of each posture (k, 6) of one pose, all different."""
         index, margin = self._index(q.T)
         taken: dict[int, int] = {}
@@ -264,17 +233,6 @@ class CalibratedSolver:
         wrist, elbow = np.sin(q5), np.sin(q3)
         index = 4 * (shoulder < 0.0) + 2 * (wrist < 0.0) + (elbow < 0.0)
         return index, np.minimum(np.abs(shoulder), np.minimum(np.abs(wrist), np.abs(elbow)))
-
-    def _by_branches(self, T: Floats) -> tuple[Floats, NDArray[np.bool_], NDArray[np.bool_]]:
-        """One posture a branch by Newton's method, which branches have one, and which poses may have others."""
-        q, valid, doubtful, _ = solve_poses(T, self._left, self._right, self.fit.geometry, tol=EXACT)
-        doubtful |= self._near_singular(T, valid)
-        branch, row = np.nonzero(valid & ~doubtful)
-        found, arrived = self._refined.near(q[:, branch, row] - self.fit.zeros[:, None], row, self._refined.wanted(T))
-        arrived &= self._index(found)[0] == branch
-        q[:, branch, row] = wrapped(found)
-        doubtful[row[~arrived]] = True
-        return q, valid, doubtful
 
     def _near_singular(self, T: Floats, valid: NDArray[np.bool_]) -> NDArray[np.bool_]:
         """Whether a pose within the fit's bounds is singular, except where both postures of the elbow are found.
