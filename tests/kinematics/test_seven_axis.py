@@ -19,7 +19,7 @@ from kinreach.kinematics import (
 )
 from kinreach.kinematics._solutions import Status
 from kinreach.robots import ArmDescription
-from tests.kinematics.test_six_axis_closed_form import kinematics, of_ssik, random_motion
+from tests.kinematics.test_six_axis_closed_form import RIGHT, kinematics, motion, of_ssik, random_motion
 
 FILE = "panda_description/urdf/panda.urdf"
 
@@ -130,6 +130,22 @@ def test_a_grid_twice_as_fine_finds_no_further_curve(name, errors):
     assert all(map(faultless, rows)), rows
     assert sum(row["curves"] for row in rows) >= 8
     assert errors or sum(row["samples"] for row in rows) >= 60
+
+
+def test_a_curve_of_an_elbow_that_is_almost_stretched_is_found(tmp_path):
+    """Only joints 3 and 5 move along it: it lies between two values of the first joint and of the last."""
+    lengths, tilts = (0.34, 0, 0.4, 0, 0.4, 0, 0.126), (-RIGHT, RIGHT, RIGHT, -RIGHT, -RIGHT, RIGHT, 0)
+    links = (motion(0, length, 0, tilt) for length, tilt in zip(lengths, tilts, strict=True))
+    kin, rng, found = kinematics(tmp_path, np.array([np.eye(4), *links])), np.random.default_rng(0), 0
+    for bent in np.repeat([1e-2, 3e-3, 1e-3, 1e-4], 6):
+        q = rng.uniform(-2.8, 2.8, 7)
+        q[3] = bent * rng.choice([-1, 1])
+        T = kin.fk(q)
+        curves = [(curve.q, curve.closed) for curve in kin.self_motions(T, limits=False)]
+        assert all(closed for _, closed in curves)
+        assert len(kin._tracer.beside(curves, q[None], T)) == 0
+        found += len(curves)
+    assert found == 8 * 24
 
 
 def test_limits_cut_the_curves_where_a_joint_is_at_its_limit(panda):

@@ -33,6 +33,8 @@ LONGEST, SHORTEST, MAX_STEPS = 0.1, 1e-6, 4000
 SHORTER, TRIES = 4.0, 3
 #: A posture is on a curve if it misses the pose by less [m, rad]; steps of Newton's method to get there.
 ON_CURVE, NEWTON = 1e-11, 4
+#: Beside a singular posture Newton's method is slow; what misses the pose by less goes on [m, rad].
+SLOW = 1e-4
 #: Longest step of a joint in Newton's method [rad].
 MAX_JOINT_STEP = 0.3
 #: Two postures nearer than this are one [rad].
@@ -62,10 +64,11 @@ class _Sweep:
         self.held, self.method, self._placements = held, method, placements
         self.values: Floats = TURN * (np.arange(VALUES) + 0.382) / VALUES - np.pi
 
-    def starts(self, T: Floats) -> Floats:
-        """Postures (m, 7) near those of a pose (4, 4) with the held joint at its values."""
-        q, value = self.method.starts(self.poses(self.values, T))
-        return np.insert(q, self.held, self.values[value], axis=1)
+    def starts(self, T: Floats, shift: float) -> Floats:
+        """Postures (m, 7) near those of a pose (4, 4) with the held joint at its values, moved by a part of a step."""
+        values = self.values + shift * TURN / len(self.values)
+        q, value = self.method.starts(self.poses(values, T))
+        return np.insert(q, self.held, values[value], axis=1)
 
     def poses(self, values: Floats, T: Floats) -> Floats:
         """Poses of the six-axis arm for values of the held joint, shape (m, 4, 4)."""
@@ -105,7 +108,10 @@ class SelfMotionTracer:
         if np.linalg.norm(T[:3, 3] - self._loop.placements[0][:3, 3]) > self._reach:
             return []
         curves: list[Curve] = []
-        q = self._nearest(np.vstack([sweep.starts(T) for sweep in self._sweeps]), T)
+        for shift in (0.0, 0.5):  # with the elbow almost stretched a curve may lie between two values of both joints
+            q = self._nearest(np.vstack([sweep.starts(T, shift) for sweep in self._sweeps]), T)
+            if len(q):
+                break
         while len(q):
             spread = np.argsort(np.arange(len(q)) * GOLDEN % 1.0)
             found = self._followed(_each_once(q[spread[:SEEDS]]), T)
@@ -196,11 +202,12 @@ class SelfMotionTracer:
     def _nearest(self, q: Floats, T: Floats) -> Floats:
         """Bring postures (m, 7) to a pose by the shortest steps; those that arrive."""
         q, going, found = q.copy(), np.arange(len(q)), []
-        for _ in range(3 * NEWTON):
+        for step in range(10 * NEWTON):
             error, J, off = self._loop.step(q[going], T[None])
             arrived = off < ON_CURVE
             found.append(going[arrived])
-            going, error, J = going[~arrived], error[~arrived], J[~arrived]
+            left = ~arrived & ((step < 3 * NEWTON) | (off < SLOW))
+            going, error, J = going[left], error[left], J[left]
             if not len(going):
                 break
             turned = J.transpose(0, 2, 1)
