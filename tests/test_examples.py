@@ -120,7 +120,6 @@ def test_self_motion(run):
 
 @pytest.mark.slow
 def test_move_a_ur(run, tmp_path):
-    pytest.importorskip("ompl")
     text = run("15_move_a_ur")
     assert numbers(r"(\d+) straight lines", text)[0] > 1
     assert numbers(r"within (\d+) mrad", text)[0] < 10

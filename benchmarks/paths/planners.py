@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
 from ompl import base, geometric, util
 
 from kinreach.errors import PathError
+from kinreach.kinematics import _planning as planning
 from kinreach.kinematics import plan_path
 from kinreach.kinematics._motion_check import MotionCheck
 
@@ -30,23 +32,36 @@ def one_goal(checker: Any, start: np.ndarray, goals: Any, seconds: float) -> np.
     return kinreach(checker, start, min(free, key=lambda q: np.abs(q - start).max()), seconds)
 
 
-def ompl_default(planner: str) -> Planner:
-    """A planner of OMPL with its own settings and its own shortening; to all solutions, each motion proven free."""
+def ompl(planner: str, *, as_ours: bool = False) -> Planner:
+    """A planner of OMPL to all solutions, with its own settings and its own shortening, each motion proven free.
+
+    With `as_ours`: with the settings, the goals, the coarse search, the shortening and the proof of `plan_path`.
+    """
 
     def plan(checker: Any, start: np.ndarray, goals: Any, seconds: float) -> np.ndarray | None:
         motion, kin = MotionCheck(checker), checker.kinematics
+        if as_ours:
+            ends = planning._free_goals(motion, start, planning._windings(kin, start, goals.q))
+            for end in ends:
+                if motion.motion_free(start, end):
+                    return np.array([start, end])
+            step, scale = planning.SEARCH_STEP, np.sqrt(motion.reach / motion.reach.max())
+            lower, upper = planning._sampled_range(kin, start, ends)
+        else:
+            ends = [q for q in goals.q if motion.free(q)]
+            step, scale, lower, upper = None, np.ones(kin.n), kin.lower, kin.upper
 
         class Validator(base.MotionValidator):
             def checkMotion(self, one: Any, other: Any, last: Any = None) -> bool:
                 one, other = posture(one), posture(other)
-                return motion.free(other) and motion.motion_free(one, other)
+                return motion.free(other) and motion.motion_free(one, other, step=step)
 
         def posture(state: Any) -> np.ndarray:
-            return np.array([state[joint] for joint in range(kin.n)])
+            return np.array([state[joint] for joint in range(kin.n)]) / scale
 
         def state_of(q: np.ndarray) -> Any:
             state = space.allocState()
-            for joint, value in enumerate(q.tolist()):
+            for joint, value in enumerate((q * scale).tolist()):
                 state[joint] = value
             return state
 
@@ -54,8 +69,8 @@ def ompl_default(planner: str) -> Planner:
         util.RNG.setSeed(1)
         space, bounds = base.RealVectorStateSpace(kin.n), base.RealVectorBounds(kin.n)
         for joint in range(kin.n):
-            bounds.setLow(joint, float(kin.lower[joint]))
-            bounds.setHigh(joint, float(kin.upper[joint]))
+            bounds.setLow(joint, float(lower[joint] * scale[joint]))
+            bounds.setHigh(joint, float(upper[joint] * scale[joint]))
         space.setBounds(bounds)
         information = base.SpaceInformation(space)
         information.setStateValidityChecker(lambda state: motion.free(posture(state)))
@@ -63,19 +78,26 @@ def ompl_default(planner: str) -> Planner:
         information.setup()
         problem, region = base.ProblemDefinition(information), base.GoalStates(information)
         problem.addStartState(state_of(start))
-        for q in goals.q:
-            if motion.free(q):
-                region.addState(state_of(q))
+        for q in ends:
+            region.addState(state_of(q))
         problem.setGoal(region)
         algorithm = getattr(geometric, planner)(information)
+        if as_ours:
+            algorithm.setRange(planning.RANGE)
         algorithm.setProblemDefinition(problem)
         algorithm.setup()
         algorithm.solve(base.timedPlannerTerminationCondition(seconds))
         if not problem.hasExactSolution():
             return None
         path = problem.getSolutionPath()
-        geometric.PathSimplifier(information).reduceVertices(path)
-        return np.array([posture(path.getState(index)) for index in range(path.getStateCount())])
+        if not as_ours:
+            geometric.PathSimplifier(information).reduceVertices(path)
+        found = np.array([posture(path.getState(index)) for index in range(path.getStateCount())])
+        if as_ours:
+            found = planning._shortened(motion, found, np.random.default_rng(0), step)
+            if not all(motion.motion_free(a, b) for a, b in pairwise(found)):
+                return None
+        return found
 
     return plan
 
@@ -83,7 +105,8 @@ def ompl_default(planner: str) -> Planner:
 PLANNERS: dict[str, Planner] = {
     "kinreach": kinreach,
     "kinreach, one goal": one_goal,
-    "RRTConnect": ompl_default("RRTConnect"),
-    "LBKPIECE1": ompl_default("LBKPIECE1"),
-    "BKPIECE1": ompl_default("BKPIECE1"),
+    "RRTConnect, as kinreach": ompl("RRTConnect", as_ours=True),
+    "RRTConnect": ompl("RRTConnect"),
+    "LBKPIECE1": ompl("LBKPIECE1"),
+    "BKPIECE1": ompl("BKPIECE1"),
 }

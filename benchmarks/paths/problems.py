@@ -10,6 +10,7 @@ import re
 import tarfile
 from collections.abc import Iterator, Sequence
 from functools import cache
+from itertools import count
 from pathlib import Path
 from typing import NamedTuple
 
@@ -48,10 +49,10 @@ def ur5e() -> ArmKinematics:
     return ArmKinematics.of(get_arm("ur5e").with_tool("gripper"), base="world")
 
 
-def generated(kind: str, count: int) -> Iterator[Problem]:
-    """Problems whose start is free, and the goal in at least one of its branches."""
+def generated(kind: str) -> Iterator[Problem]:
+    """Problems without end, whose start is free, and the goal in at least one of its branches."""
     kin, start = ur5e(), np.array(START)
-    for index in range(count):
+    for index in count():
         rng = np.random.default_rng([KINDS.index(kind), index])
         while True:
             obstacles, goal = _SCENES[kind](rng)

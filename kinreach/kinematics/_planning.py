@@ -1,18 +1,16 @@
-"""Paths in joint space: straight from waypoint to waypoint, or planned around obstacles by OMPL's RRTConnect."""
+"""Paths in joint space: straight from waypoint to waypoint, or planned around obstacles by RRTConnect."""
 
 from __future__ import annotations
 
-import threading
+import math
 import time
 from collections.abc import Sequence
 from itertools import pairwise
-from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from kinreach._checks import MAX_ANGLE, Floats, as_floats, check_count, check_entries, check_number
-from kinreach._engines import load_extra
 from kinreach.errors import InputError, PathError
 from kinreach.kinematics._angles import TURN
 from kinreach.kinematics._arm import ArmKinematics
@@ -25,14 +23,10 @@ from kinreach.kinematics._solutions import SLACK, IKSolutions, nearest_windings
 SEARCH_STEP = 0.1
 #: Parts of a path that are chosen at random and replaced by straight lines where these are free.
 SHORTCUTS = 10
-#: Largest change of a posture in one step of a tree [rad, a joint counted by how far it moves the arm]. OMPL's own
-#: choice, a fifth of the diagonal of the joint ranges, is some 2: in a cage nearly all steps of that length collide.
+#: Largest change of a posture in one step of a tree [rad, a joint counted by how far it moves the arm].
 RANGE = 0.3
 MAX_SECONDS = 3600.0
 MAX_SEED = 2**32 - 2
-
-#: OMPL's random numbers come from one seed for the whole process.
-_ONE_SEARCH = threading.Lock()
 
 
 def joint_line(checker: CollisionChecker, waypoints: ArrayLike) -> Floats:
@@ -66,15 +60,16 @@ def plan_path(
 ) -> Floats:
     """Plan a path around obstacles to whichever goal posture is found first.
 
-    The straight line to each goal is tried first, the nearest goal first; then OMPL's RRTConnect [1] grows a tree from
-    the start and one from all goals; then the path is shortened. The result depends on the seed only, not on the time
-    that it takes.
+    The straight line to each goal is tried first, the nearest goal first. Then RRTConnect [1] grows a tree from the
+    start and one from all goals, always the smaller one [2]. Then the path is shortened. The result depends on the
+    seed only, not on the time that it takes.
 
     Give it all solutions of a pose, `kin.all_solutions(T)`: some may be blocked where others are free. Each is a goal
     in the full turn of its joints that is nearest to the start, and in the one that is nearest to the middle of their
     range: the elbow of a UR cannot be turned over itself. Postures are goals as they are.
 
     [1] Kuffner and LaValle, RRT-Connect: An efficient approach to single-query path planning, ICRA 2000.
+    [2] Kuffner and LaValle, An efficient approach to path planning using balanced bidirectional RRT search, CMU 2005.
 
     Args:
         checker: Of the arm and what stands around it, with a margin that the whole path keeps; nothing between two
@@ -90,7 +85,6 @@ def plan_path(
     Raises:
         PathError: The start collides, no goal is free, or no path was found in time; names links and obstacles.
         InputError: Malformed input, a checker without a margin, or a pose without solutions.
-        InstallationError: OMPL is not installed (the extra `paths`).
     """
     motion = MotionCheck(checker)
     kin = checker.kinematics
@@ -108,8 +102,8 @@ def plan_path(
         if motion.motion_free(start, goal):
             return np.array([start, goal])
     step = SEARCH_STEP
-    while (found := _search(motion, start, goals, seed, step, deadline)) is not None:
-        path = _shortened(motion, found, np.random.default_rng(seed), step)
+    while (found := _search(motion, start, goals, rng := np.random.default_rng(seed), step, deadline)) is not None:
+        path = _shortened(motion, found, rng, step)
         if all(motion.motion_free(a, b) for a, b in pairwise(path)):
             return path
         step /= 2.0
@@ -164,76 +158,78 @@ def _free_goals(motion: MotionCheck, start: Floats, goals: Floats) -> Floats:
 
 
 def _search(
-    motion: MotionCheck, start: Floats, goals: Floats, seed: int, step: float, deadline: float
+    motion: MotionCheck, start: Floats, goals: Floats, rng: np.random.Generator, step: float, deadline: float
 ) -> Floats | None:
     """A path of RRTConnect whose motions are free at samples `step` apart; None if there is none in time."""
-    # a joint counts in distances as far as it moves the arm
-    scale = np.sqrt(motion.reach / motion.reach.max())
-    with _ONE_SEARCH:
-        rest = deadline - time.monotonic()
-        if rest <= 0.0:
+    lower, upper = _sampled_range(motion.checker.kinematics, start, goals)
+    of_start, of_goals = _Tree(motion, start[None], step), _Tree(motion, goals, step)
+    while time.monotonic() < deadline:
+        # the tree in the narrower place is the smaller one, and needs the tries
+        grown, other = (of_start, of_goals) if len(of_start) < len(of_goals) else (of_goals, of_start)
+        node = grown.extend(lower + rng.random(len(lower)) * (upper - lower))
+        if node is None:
+            continue
+        q = grown.postures[node]
+        met = other.extend(q)
+        while met is not None and other.postures[met] is not q:
+            met = other.extend(q)
+        if met is not None:
+            path = [*grown.branch(node)[::-1], *other.branch(met)[1:]]
+            return np.array(path if grown is of_start else path[::-1])
+    return None
+
+
+class _Tree:
+    """Postures, each with a free motion from an earlier one, its parent; the first have none.
+
+    Args:
+        motion: Checks the motions.
+        roots: The first postures [rad], shape (k, n).
+        step: Of the checks.
+    """
+
+    def __init__(self, motion: MotionCheck, roots: Floats, step: float) -> None:
+        self._motion, self._step = motion, step
+        # a joint counts in distances as far as it moves the arm
+        self._scale = np.sqrt(motion.reach / motion.reach.max())
+        self.postures = [*roots]
+        self._parents: list[int | None] = [None] * len(roots)
+        self._scaled = np.zeros((2 * len(roots), roots.shape[1]))
+        self._squares = np.zeros(len(self._scaled))
+        for node, q in enumerate(roots):
+            self._place(node, q)
+
+    def __len__(self) -> int:
+        return len(self.postures)
+
+    def extend(self, toward: Floats) -> int | None:
+        """Go from the nearest posture towards another one, at most by `RANGE`; return the new one, None if blocked."""
+        target, count = toward * self._scale, len(self)
+        nearest = int((self._squares[:count] - 2.0 * (self._scaled[:count] @ target)).argmin())
+        q, way = self.postures[nearest], target - self._scaled[nearest]
+        distance = math.sqrt(way @ way)
+        end = toward if distance <= RANGE else q + RANGE / distance * (toward - q)
+        if not (self._motion.free(end) and self._motion.motion_free(q, end, step=self._step)):
             return None
-        found = _rrt_connect(motion, scale, start, goals, seed, step, rest)
-    if found is not None:
-        found[0] = start
-        found[-1] = goals[np.abs(goals - found[-1]).max(axis=1).argmin()]
-    return found
+        if count == len(self._scaled):
+            self._scaled = np.concatenate([self._scaled, np.zeros_like(self._scaled)])
+            self._squares = np.concatenate([self._squares, np.zeros_like(self._squares)])
+        self._place(count, end)
+        self.postures.append(end)
+        self._parents.append(nearest)
+        return count
 
+    def branch(self, node: int | None) -> list[Floats]:
+        """The postures from a node to its root."""
+        found = []
+        while node is not None:
+            found.append(self.postures[node])
+            node = self._parents[node]
+        return found
 
-def _rrt_connect(
-    motion: MotionCheck, scale: Floats, start: Floats, goals: Floats, seed: int, step: float, seconds: float
-) -> Floats | None:
-    base, geometric, util = (load_extra(f"ompl.{name}", "paths") for name in ("base", "geometric", "util"))
-    kin = motion.checker.kinematics
-    joints = range(kin.n)
-
-    class Validator(base.MotionValidator):  # type: ignore[misc, name-defined]
-        def checkMotion(self, one: Any, other: Any, last: Any = None) -> bool:
-            """Name and arguments are OMPL's."""
-            one, other = posture(one), posture(other)
-            return motion.free(other) and motion.motion_free(one, other, step=step)
-
-    def posture(state: Any) -> Floats:
-        return np.array([state[joint] for joint in joints]) / scale
-
-    space = base.RealVectorStateSpace(kin.n)
-    bounds = base.RealVectorBounds(kin.n)
-    for joint, (low, high) in enumerate(zip(*_sampled_range(kin, start, goals), strict=True)):
-        bounds.setLow(joint, low * scale[joint])
-        bounds.setHigh(joint, high * scale[joint])
-    space.setBounds(bounds)
-
-    def state_of(q: Floats) -> Any:
-        state = space.allocState()
-        for joint, value in enumerate((q * scale).tolist()):
-            state[joint] = value
-        return state
-
-    before = util.getLogLevel()
-    util.setLogLevel(util.LOG_NONE)  # it calls it an error to set a seed twice, and does it
-    try:
-        util.RNG.setSeed(seed + 1)  # 0 is none
-        information = base.SpaceInformation(space)
-        information.setStateValidityChecker(lambda state: motion.free(posture(state)))
-        information.setMotionValidator(Validator(information))
-        information.setup()
-        problem = base.ProblemDefinition(information)
-        problem.addStartState(state_of(start))
-        region = base.GoalStates(information)
-        for goal in goals:
-            region.addState(state_of(goal))
-        problem.setGoal(region)
-        planner = geometric.RRTConnect(information)
-        planner.setRange(RANGE)
-        planner.setProblemDefinition(problem)
-        planner.setup()
-        planner.solve(base.timedPlannerTerminationCondition(seconds))
-        if not problem.hasExactSolution():
-            return None
-        path = problem.getSolutionPath()
-        return np.array([posture(path.getState(index)) for index in range(path.getStateCount())])
-    finally:
-        util.setLogLevel(before)
+    def _place(self, node: int, q: Floats) -> None:
+        scaled = q * self._scale
+        self._scaled[node], self._squares[node] = scaled, scaled @ scaled
 
 
 def _sampled_range(kin: ArmKinematics, start: Floats, goals: Floats) -> tuple[Floats, Floats]:

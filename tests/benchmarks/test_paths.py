@@ -3,13 +3,14 @@
 import io
 import json
 import tarfile
+from itertools import islice
 
 import numpy as np
 import pytest
 
 pytest.importorskip("ompl")
 
-from benchmarks.paths import cli, hard, planners, problems
+from benchmarks.paths import cli, planners, problems
 from kinreach.cli import run
 from kinreach.kinematics import CollisionChecker
 from kinreach.robots import get_arm
@@ -22,7 +23,7 @@ def call(*argv):
 @pytest.mark.parametrize("kind", problems.KINDS)
 def test_generated_problems_are_free_at_both_ends_and_the_same_again(kind):
     kin = problems.ur5e()
-    once, again = (list(problems.generated(kind, 3)) for _ in range(2))
+    once, again = (list(islice(problems.generated(kind), 3)) for _ in range(2))
     for problem, same in zip(once, again, strict=True):
         assert problem.obstacles == same.obstacles
         assert (problem.goal == same.goal).all()
@@ -80,20 +81,6 @@ def test_a_planner_that_collides_is_found_out_and_results_are_kept(tmp_path, mon
     assert (tmp_path / "paths.png").stat().st_size > 10_000
     assert not call("--problems", "3", "--out", str(tmp_path))
     assert len((tmp_path / "rows.jsonl").read_text(encoding="utf-8").splitlines()) == 18
-
-
-def test_other_settings_are_tried_by_the_time_of_the_processor(monkeypatch, capsys):
-    """On a problem that a straight way solves."""
-    for module, name in (
-        (hard.planning, "time"),
-        (hard.planning, "RANGE"),
-        (hard.base, "timedPlannerTerminationCondition"),
-    ):
-        monkeypatch.setattr(module, name, getattr(module, name))  # so that it is put back
-    assert hard.main(["--cages", "3", "--seconds", "5", "--seeds", "1"]) == 0
-    rows = capsys.readouterr().out.splitlines()[2:]
-    assert len(rows) == len(hard.SEARCHES) == 5
-    assert all(row.endswith("| 1 | 1 | 3 |") for row in rows)
 
 
 def test_bad_input_is_one_line(tmp_path, capsys):

@@ -74,7 +74,6 @@ def with_wall():
 
 def test_it_goes_around_a_wall():
     """From one side of it to the other, where the straight way in joint space goes through."""
-    pytest.importorskip("ompl")
     arm = with_wall()
     kin = ArmKinematics.of(arm, base="base")
     checker = CollisionChecker(kin, margin=0.005)
@@ -93,7 +92,6 @@ def test_it_goes_around_a_wall():
 
 def test_turns_around_a_wall_are_rounded_where_they_stay_free():
     """What is sent keeps the margin, ends where it should, and is done sooner."""
-    pytest.importorskip("ompl")
     arm = with_wall()
     kin, checker = ArmKinematics.of(arm, base="base"), CollisionChecker(arm, margin=0.005)
     rng, rounded = np.random.default_rng(3), 0
@@ -119,7 +117,6 @@ def test_turns_around_a_wall_are_rounded_where_they_stay_free():
 
 def test_turns_that_would_touch_are_not_rounded(monkeypatch):
     """Where the check of the rounded way fails, the program stops at each waypoint."""
-    pytest.importorskip("ompl")
     arm = with_wall()
     kin = ArmKinematics.of(arm, base="base")
     start, goal = (np.add(HOME, [side, 0, 0, 0, 0, 0]) for side in (-0.8, 0.8))

@@ -1,18 +1,16 @@
 """Paths around obstacles: free where nothing was looked at, the same for a seed, and refused with the reason."""
 
 import importlib
-import sys
 from itertools import pairwise
 
 import numpy as np
 import pytest
 
-from kinreach.errors import InputError, InstallationError, PathError
+from kinreach.errors import InputError, PathError
 from kinreach.kinematics import CollisionChecker, URKinematics, joint_line, plan_path
 from kinreach.kinematics._motion_check import MotionCheck
 from kinreach.robots import Box, Obstacle, get_arm
 
-pytest.importorskip("ompl")
 MARGIN = 0.005
 WALL = Box("wall", (0.5, 0.02, 0.5), (0.45, 0.0, 0.25))
 POST = Obstacle("post", (0.04, 1.0), (-0.4, -0.3, 0.5, 0.3, 0.0, 0.0))
@@ -178,14 +176,6 @@ def test_there_is_an_end_to_the_search(kin):
     goal = np.array([0.0, -1.2, 2 * np.pi - 2.2, 1.8, 1.57, 0.0])
     with pytest.raises(PathError, match=r"no path was found within 0\.2 s to any of 1 free goal postures"):
         plan_path(checker_with(), start, goal, timeout=0.2)
-
-
-def test_a_missing_package_is_named(kin, checker, monkeypatch):
-    start, goals = across(kin, checker, 3)
-    goal = [q for q in goals.q if checker.free(q)][-1]
-    monkeypatch.setitem(sys.modules, "ompl.base", None)
-    with pytest.raises(InstallationError, match=r"pip install 'kinreach\[paths\]'"):
-        plan_path(checker, start, goal)
 
 
 def test_a_joint_line_says_where_it_collides(kin, checker):
