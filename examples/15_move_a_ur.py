@@ -3,7 +3,6 @@
     python examples/15_move_a_ur.py [film]
 
 The plot is results/move_a_ur.png, the film results/move_a_ur.gif, which needs OpenGL.
-Planning around the wall needs the extra `paths`.
 """
 
 import sys

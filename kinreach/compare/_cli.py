@@ -19,7 +19,7 @@ from kinreach._provenance import digest
 from kinreach._statistics import tables
 from kinreach._terminal import Console
 from kinreach.cli import HELP, Parser, quoted
-from kinreach.compare._motion import MOTION_COLUMNS
+from kinreach.compare._motion import with_motion
 from kinreach.compare._options import Flag, add_flags, flags_of, given_options
 from kinreach.compare._runner import CAMERA, DEFAULT_GOALS, GEOMETRIC, compare, notes
 from kinreach.compare._task import Task, get_task, register_task, task_names
@@ -77,7 +77,7 @@ def main(argv: Sequence[str], *, prog: str) -> int:
         Console(width=width, highlight=False, markup=False, emoji=False)
         for width in (TABLE_WIDTH, 10 * TABLE_WIDTH)  # a table that does not fit is printed whole
     )
-    columns = [*task.columns, *(MOTION_COLUMNS if arguments.motion else ())]
+    columns = (with_motion(task) if arguments.motion else task).columns
     for table in tables(columns, results["methods"], title=results["settings"]["title"], width=TABLE_WIDTH):
         wide.print(table)
         console.print()

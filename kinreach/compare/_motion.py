@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import replace
 from typing import Any
 
 import gymnasium as gym
@@ -43,6 +44,11 @@ def check_motion(task: Task, env: gym.Env[Any, Any]) -> None:
     if not hasattr(env.unwrapped, "waypoints_to"):
         raise InputError(f"the task {task.name!r} does not move its arm from posture to posture; leave out --motion")
     load_extra("ruckig", "paths")
+
+
+def with_motion(task: Task) -> Task:
+    """Return the task with the columns of its motions."""
+    return replace(task, columns=(*task.columns, *MOTION_COLUMNS))
 
 
 class MotionRecorder:

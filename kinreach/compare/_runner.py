@@ -32,7 +32,7 @@ from kinreach.baselines._loop import Policy, as_policy, rollout
 from kinreach.compare import _figures as figures
 from kinreach.compare import _report as report
 from kinreach.compare._methods import colours, resolve_methods
-from kinreach.compare._motion import MOTION_COLUMNS, MotionRecorder, check_motion
+from kinreach.compare._motion import MotionRecorder, check_motion, with_motion
 from kinreach.compare._task import GIVEN, SOLVER, Draw, Method, Task, arm_in, arm_version, get_task
 from kinreach.envs._reach.reachable_goals import with_goals
 from kinreach.envs._reach.task import layout_of
@@ -262,7 +262,7 @@ def prepare(
         known = arm_in(environments.default)
         if motion:
             check_motion(task, environments.default)
-            task = replace(task, columns=(*task.columns, *MOTION_COLUMNS))
+            task = with_motion(task)
     named = "" if known is None else known.name
     return Comparison(task, resolved, int(goals), int(seed), command, left_out, named, motion)
 

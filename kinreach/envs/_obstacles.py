@@ -122,6 +122,21 @@ def _checker_among(obstacles: tuple[Box, ...], margin: float) -> CollisionChecke
     return CollisionChecker(_kinematics(), obstacles=around, margin=margin)
 
 
+def _verdict(
+    reached: bool, impossible: bool, reason: str, status: str, target: Floats, terms: dict[str, float]
+) -> dict[str, Any]:
+    """What `info` says of a step."""
+    return {
+        "reached": reached,
+        "is_success": reached,
+        "impossible": impossible,
+        "impossible_reason": reason,
+        "status": status,
+        "target": target,
+        "reward_terms": terms,
+    }
+
+
 @with_options(ObstaclesOptions)
 class ObstaclesEnv(gym.Env[Any, Any]):
     """A UR5 reaches a ball on a table with obstacles, from waypoint to waypoint.
@@ -330,15 +345,7 @@ class ObstaclesEnv(gym.Env[Any, Any]):
         reached = near and not reason
         terms = {"distance": -state["distance"], "reached": float(reached), "collision": -float(bool(reason))}
         self._over = reached or bool(reason) or way < STANDING
-        verdict = {
-            "reached": reached,
-            "is_success": reached,
-            "impossible": bool(reason),
-            "impossible_reason": reason,
-            "status": "completed" if reached else status,
-            "target": target,
-            "reward_terms": terms,
-        }
+        verdict = _verdict(reached, bool(reason), reason, "completed" if reached else status, target, terms)
         truncated = not self._over and self._steps >= self.options.max_steps
         terminated, self._over = self._over, self._over or truncated
         return self._observe(), sum(terms.values()), terminated, truncated, {**state, **verdict}
@@ -355,15 +362,7 @@ class ObstaclesEnv(gym.Env[Any, Any]):
         check_started(self._started)
         state, self._over = self._state(), True
         terms = {"distance": -state["distance"], "reached": 0.0, "collision": 0.0}
-        verdict = {
-            "reached": False,
-            "is_success": False,
-            "impossible": True,
-            "impossible_reason": str(reason),
-            "status": str(STATUSES[Status.FORFEITED]),
-            "target": self._q.copy(),
-            "reward_terms": terms,
-        }
+        verdict = _verdict(False, True, str(reason), str(STATUSES[Status.FORFEITED]), self._q.copy(), terms)
         return self._observe(), sum(terms.values()), True, False, {**state, **verdict}
 
     def _move(self, target: Floats) -> tuple[str, str]:
