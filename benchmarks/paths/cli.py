@@ -236,5 +236,7 @@ def _figure(rows: Sequence[dict[str, Any]]) -> Any:
         panel.set(title=kind, xscale="log", xlim=(1.0, 4e3), ylim=(0, 102), xlabel="processor time [ms]")
         panel.xaxis.set_major_formatter(FuncFormatter(plain))
     axes[0].set_ylabel("problems solved [%]")
-    figure.legend(*axes[0].get_legend_handles_labels(), loc="outside upper left", ncols=len(PLANNERS), frameon=False)
+    figure.legend(
+        *axes[0].get_legend_handles_labels(), loc="outside upper left", ncols=(len(PLANNERS) + 1) // 2, frameon=False
+    )
     return figure

@@ -221,6 +221,11 @@ class CollisionChecker:
         search = self._search
         return bool(pin.computeCollisions(self.model, search.data, search.any_pair, q, True))
 
+    def _any_collides(self, q: Floats) -> bool:
+        """Whether any of the postures (m, n) does; stops at the first."""
+        model, data, pairs = self.model, self._search.data, self._search.any_pair
+        return any(pin.computeCollisions(model, data, pairs, each, True) for each in q)
+
     def impossible(self, q: ArrayLike) -> NDArray[np.bool_]:
         """Return which postures are outside the joint limits or collide, shape (m,).
 

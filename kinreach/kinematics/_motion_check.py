@@ -6,6 +6,7 @@ from functools import lru_cache
 from itertools import pairwise
 
 import numpy as np
+from numpy.typing import NDArray
 
 from kinreach._checks import Floats
 from kinreach.errors import InputError, PathError
@@ -58,7 +59,7 @@ class MotionCheck:
         """
         way = end - start
         count = self._samples(way, 2.0 * self.checker.margin if step is None else step)
-        return all(self.free(start + index / count * way) for index in _coarse_to_fine(count))
+        return not self.checker._any_collides(start + _coarse_to_fine(count)[:, None] / count * way)
 
     def first_collision(self, start: Floats, end: Floats) -> float | None:
         """Return at which part of a motion, from 0 to 1, the first sample collides; None if it is free."""
@@ -95,20 +96,22 @@ def check_waypoints(motion: MotionCheck, waypoints: Floats) -> None:
 
 
 @lru_cache(maxsize=1024)
-def _coarse_to_fine(count: int) -> tuple[int, ...]:
+def _coarse_to_fine(count: int) -> NDArray[np.int64]:
     """The numbers from 1 to count - 1, so that wide gaps are filled first."""
     order: list[int] = []
     stride = 1 << (count - 1).bit_length()
     while stride > 1:
         order += range(stride // 2, count, stride)
         stride //= 2
-    return tuple(order)
+    return np.array(order, dtype=np.int64)
 
 
 def _reach(checker: CollisionChecker) -> Floats:
     """Largest distance from each joint's origin of anything that the joint carries, in any posture [m]."""
     model, far = checker.model, np.zeros(checker.model.nq + 1)
     for shape in checker.geometry.geometryObjects:
+        if not shape.parentJoint:
+            continue  # stands still
         centre = shape.placement.act(shape.geometry.aabb_center)
         far[shape.parentJoint] = max(far[shape.parentJoint], np.linalg.norm(centre) + shape.geometry.aabb_radius)
     for joint in range(model.nq - 1, 0, -1):
