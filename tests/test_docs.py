@@ -120,6 +120,13 @@ def test_sentences_are_short():
     assert [(page, text) for page, text in said if len(re.findall(r"[^\s]*\w[^\s]*", text)) > 30] == []
 
 
+def test_user_pages_are_short():
+    """At most 18 000 words in what a user reads first, without code."""
+    pages = [DOCS / "index.md", DOCS / "start.md", *(page for page in PAGES if page.parent.name in NARROW)]
+    text = [re.sub(r"^```.*?^```", "", read(page), flags=re.DOTALL | re.MULTILINE) for page in pages]
+    assert 10_000 < sum(len(page.split()) for page in text) <= 18_000
+
+
 def test_paths_exist(text):
     paths = set(re.findall(r"`((?:kinreach|tests|notebooks|docs|benchmarks|examples)/[\w/.-]*)`", text))
     paths |= set(re.findall(r"(?:python|pytest) ((?:[\w./-]+\.py ?)+)", text.replace("`", " ")))
