@@ -75,7 +75,7 @@ def main(argv: Sequence[str], *, prog: str) -> int:
     return 0
 
 
-def report(subject: Subject, *, poses: int = POSES, seed: int = 0) -> Iterator[str]:
+def report(subject: Subject, *, poses: int, seed: int) -> Iterator[str]:
     """Yield the lines of the report, each as soon as it is measured."""
     kin = subject.kinematics
     yield f"{kin.arm.name}: {kin.arm.title}, tip {kin.tip}"

@@ -7,8 +7,8 @@ import time
 import numpy as np
 import pytest
 
-from kinreach.deploy import Move, Program, SimulatedUR, URClient
-from kinreach.deploy._rtde import Kind, package
+from kinreach.deploy import Move, Program, SimulatedUR, URClient, _server
+from kinreach.deploy._rtde import NOT_FOUND, Kind, package
 from kinreach.errors import InputError, RobotError
 from kinreach.kinematics import ArmKinematics, Trajectory, pose
 from kinreach.robots import get_arm
@@ -48,6 +48,17 @@ def test_the_state_is_that_of_the_arm(client):
     time.sleep(0.3)  # what has come in the meantime is older
     late = client.read().time
     assert late > state.time + 0.02
+
+
+def test_an_old_controller_knows_fewer_variables(robot, monkeypatch):
+    known = _server.type_of
+    monkeypatch.setattr(
+        _server, "type_of", lambda name, **inputs: NOT_FOUND if name == "tcp_offset" else known(name, **inputs)
+    )
+    with URClient(robot.address, rtde_port=robot.rtde_port, script_port=robot.script_port) as connected:
+        state = connected.read()
+    assert state.tcp_offset is None
+    np.testing.assert_allclose(state.actual_q, HOME, atol=1e-6)
 
 
 def test_a_program_runs_and_is_recorded(client):
