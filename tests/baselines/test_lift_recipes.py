@@ -8,12 +8,18 @@ import pytest
 
 import kinreach  # noqa: F401
 from kinreach._registration import LIFT
-from kinreach.baselines._algorithms import FIRST_OPENING
+from kinreach.baselines._algorithms import FIRST_OPENING, _fixed
 from kinreach.baselines._expert import tool_down_postures
 from kinreach.baselines._models import build
 from kinreach.baselines._recipes import get_recipe
 from kinreach.baselines._rewards import training_reward
 from kinreach.kinematics import UR5Kinematics
+
+
+@pytest.mark.parametrize(("name", "numbers"), [("lift", 8), ("lift-range", 8), ("single", 6), ("multi", 6)])
+def test_an_episode_begins_with_what_stays_the_same(name, numbers):
+    """Where the object is and what it is; where two cameras see the ball."""
+    assert _fixed(get_recipe(name)) == slice(0, numbers)
 
 
 @pytest.mark.parametrize("name", ["lift", "lift-range"])
