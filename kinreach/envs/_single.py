@@ -5,6 +5,7 @@ from __future__ import annotations
 from abc import abstractmethod
 from collections.abc import Mapping
 from copy import deepcopy
+from functools import cached_property
 from typing import Any, Self
 
 import gymnasium as gym
@@ -13,10 +14,14 @@ from gymnasium.utils import EzPickle
 from gymnasium.wrappers import RecordVideo
 from numpy.typing import ArrayLike
 
+from kinreach._checks import Floats
 from kinreach.envs._batch import Outcome, first_row, numbers_of
 from kinreach.envs._options import check_seed, check_started
 from kinreach.errors import InputError
-from kinreach.sim._picture import ScenePicture
+from kinreach.kinematics import ArmKinematics
+from kinreach.robots import ArmDescription
+from kinreach.sim._picture import Scene, ScenePicture
+from kinreach.sim._simulation import ArmSimulation
 
 
 class SingleEnv(gym.Env[Any, Any]):
@@ -115,6 +120,33 @@ class CopyableEnv(SingleEnv, EzPickle):
     def _info(self, info: dict[str, Any]) -> dict[str, Any]:
         row = first_row(info)
         return numbers_of(row) if self.options.info == "numbers" else row
+
+
+class ArmEnv(CopyableEnv):
+    """An environment with one arm; a subclass sets `_task` and `_simulation`."""
+
+    _task: Any
+    _simulation: ArmSimulation
+
+    @property
+    def arm(self) -> ArmDescription:
+        """The arm, in its work cell."""
+        return self._simulation.arm
+
+    @cached_property
+    def kinematics(self) -> Any:
+        """The arm's kinematics from the world to its default tip, with a closed form if the arm has one."""
+        return ArmKinematics.of(self.arm, base="world")
+
+    @property
+    def scene(self) -> Scene:
+        """What `render` draws; while reaching with `backend="kinematic"` it moves only if there is a `render_mode`."""
+        return self._simulation
+
+    @property
+    def home(self) -> Floats:
+        """The start posture [rad], shape (n,)."""
+        return np.array(self._task.home)
 
 
 class RecordMotion(RecordVideo):

@@ -110,6 +110,12 @@ class ArmSimulation:
         """
         self.data.mocap_pos[self._ball] = as_vector("position", position, 3, most=MAX_DISTANCE)
 
+    def open_gripper(self, opening: float) -> None:
+        """Put the fingers of the arm's gripper where it is open by `opening` [m], at once."""
+        gripper: Any = self.arm.gripper
+        for name in (gripper.joint, gripper.mimic_joint):
+            self.data.joint(name).qpos[0] = opening / 2
+
     def move(self, q_target: ArrayLike, *, two_phase: bool = True) -> MoveResult:
         """Move to a posture by dynamics; see `JointController.move`.
 

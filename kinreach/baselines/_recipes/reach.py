@@ -23,7 +23,7 @@ _THESIS_PPO2 = {
     "max_grad_norm": 0.5,
 }
 _GOAL_WAVES = Networks(activation="silu", features="goal waves", posture=True)
-RANKED = {
+_RANKED = {
     "tries": 8,
     "n_steps": 1,
     "n_epochs": 2,
@@ -39,7 +39,7 @@ RANKED = {
 
 #: A look is the costly part: 32 tries for each, and a batch of 16 looks at a time.
 _LOOKS = {
-    **RANKED,
+    **_RANKED,
     "looks": 600,
     "tries": 32,
     "minibatches": 1,
@@ -84,7 +84,7 @@ _THESIS_MULTI = Recipe(
     options={"backend": "kinematic"},
     settings={**_THESIS_PPO2, "gain": 1 / 5, "gamma": 0.99, "n_steps": 1024, "learning_rate": 2.5e-4},
 )
-_PPO_MULTI = Recipe(
+PPO_MULTI = Recipe(
     name="ppo-multi",
     summary="PPO with scheduled exploration and an adaptive rate, γ 0.7; the thesis's reward, not below -30.",
     environment=MULTI,
@@ -110,7 +110,7 @@ _PPO_MULTI = Recipe(
     window=20_480,
 )
 
-_SINGLE = Recipe(
+RANKED_SINGLE = Recipe(
     name="single",
     summary="Ranked PPO: eight postures tried for every goal, dense reward in training.",
     environment=SINGLE,
@@ -121,7 +121,7 @@ _SINGLE = Recipe(
     blur=5e-4,
     margin=0.02,
     networks=_GOAL_WAVES,
-    settings=RANKED,
+    settings=_RANKED,
     window=20_480,
     options={"backend": "kinematic"},
 )
@@ -129,7 +129,7 @@ _SINGLE = Recipe(
 _FINGERS = [[x, y, 0.01] for x in (-0.011, 0.011) for y in (-0.062, 0.062)]
 _RIGHT = math.pi / 2
 _SPACE_SINGLE = replace(
-    _SINGLE,
+    RANKED_SINGLE,
     name="space-single",
     summary="Analytic policy gradient through forward kinematics: goals in a volume, tool directions, other starts.",
     environment=SPACE,
@@ -178,7 +178,7 @@ REACH_RECIPES = (
         num_envs=1024,
         steps=3_000_000,
         reward="own",
-        settings={**_PPO_MULTI.settings, "gamma": 0.9, "exploration": {"first": 0.3, "last": 0.01, "until": 0.8}},
+        settings={**PPO_MULTI.settings, "gamma": 0.9, "exploration": {"first": 0.3, "last": 0.01, "until": 0.8}},
     ),
     replace(
         _MOVING_GRADIENT,
@@ -218,10 +218,10 @@ REACH_RECIPES = (
         },
         window=20_480,
     ),
-    _PPO_MULTI,
-    _SINGLE,
+    PPO_MULTI,
+    RANKED_SINGLE,
     replace(
-        _SINGLE,
+        RANKED_SINGLE,
         name="panda-single",
         summary="As single, for the Panda: no camera, no posture that is asked for, only the distance and collisions.",
         steps=1_000_000,
@@ -229,7 +229,7 @@ REACH_RECIPES = (
         options={"backend": "kinematic", "arm": "panda"},
     ),
     replace(
-        _SINGLE,
+        RANKED_SINGLE,
         name="pixels-single",
         summary="As single, from both cameras' pictures: convolutions with a spatial softmax, 32 tries for a look.",
         steps=2_048_000,
@@ -252,7 +252,7 @@ REACH_RECIPES = (
         options={**_SPACE_SINGLE.options, "steps": "multi", "end_on_reached": False},
     ),
     replace(
-        _SINGLE,
+        RANKED_SINGLE,
         name="multi",
         summary="Ranked PPO: eight postures walked to for every goal, dense reward in training.",
         environment=MULTI,

@@ -17,12 +17,11 @@ from kinreach.envs._batch import NativeVectorEnv, Outcome, check_batch
 from kinreach.envs._lift.episodes import LiftEpisodes
 from kinreach.envs._lift.task import LiftOptions, LiftStart, LiftTask
 from kinreach.envs._options import RENDER_MODES, check_not_over, check_started, options_from, with_options
-from kinreach.envs._single import CopyableEnv
+from kinreach.envs._single import ArmEnv
 from kinreach.errors import InputError
-from kinreach.robots import ArmDescription
 from kinreach.sim._free_objects import OBJECTS
 from kinreach.sim._grasping import Grasping
-from kinreach.sim._picture import Scene, ScenePicture
+from kinreach.sim._picture import ScenePicture
 from kinreach.sim._simulation import ArmSimulation, BatchSimulation
 
 
@@ -31,7 +30,7 @@ def _objects(options: LiftOptions) -> int:
 
 
 @with_options(LiftOptions)
-class LiftEnv(CopyableEnv):
+class LiftEnv(ArmEnv):
     """A UR grasps an object on the table and lifts it.
 
     ## Description
@@ -73,9 +72,10 @@ class LiftEnv(CopyableEnv):
     | 18 to 20 | where the second object is (`clutter=True`) | -10 | 10 | m |
 
     With `steps="single"` the object is seen from the start pose, before every attempt; with `steps="multi"` in every
-    step. `observation="camera"` finds a ball in the rendered pictures of both cameras (0, 0, 0 where none finds it);
-    `"pixels"` gives the pictures, with depth, joint angles and opening, as in `kinreach/UR5SingleStep-v0`.
-    Mass and friction are not observed.
+    step. Two observations are for one ball of one size, and the UR5: `observation="camera"` finds it in the rendered
+    pictures of both cameras (0, 0, 0 where none finds it), once an episode in small steps; `"pixels"` gives the
+    pictures, with depth, joint angles and opening, as in `kinreach/UR5SingleStep-v0`. Mass and friction are not
+    observed.
 
     ## Rewards
     The sum of the terms in `info["reward_terms"]`, after every action: `distance`, minus the distance of tip and object
@@ -127,26 +127,6 @@ class LiftEnv(CopyableEnv):
         fps = int(self.metadata["render_fps"])
         self._picture = None if mode is None else ScenePicture(self._simulation, mode=mode, fps=fps)
         self.action_space, self.observation_space = task.action_space, self._episodes.observation_space
-
-    @property
-    def arm(self) -> ArmDescription:
-        """The arm, with its gripper, and the table where the options have it."""
-        return self._task.arm
-
-    @property
-    def kinematics(self) -> Any:
-        """Its kinematics from the world to the tip."""
-        return self._task.kinematics
-
-    @property
-    def scene(self) -> Scene:
-        """What `render` draws."""
-        return self._simulation
-
-    @property
-    def home(self) -> Floats:
-        """The start posture [rad], shape (n,)."""
-        return self._task.home.copy()
 
     def accept(self, q: ArrayLike) -> bool:
         """Return whether a grasp's posture [rad], shape (n,), and the one above it are free of collisions."""

@@ -79,7 +79,7 @@ class LiftEpisodes:
         self._status = np.full(count, "", dtype=object)
 
     def seed(self, index: int, rng: np.random.Generator) -> None:
-        """Give an environment its own generators, for starts and for the cameras' noise."""
+        """Give an environment its own generators: of starts, and of the cameras' noise."""
         starts, self._sensors[index] = rng.spawn(2)
         self._streams.seed(index, starts)
 
@@ -141,8 +141,7 @@ class LiftEpisodes:
         """Return the observations, shape (count, size); with pixels, a dictionary of arrays with as many rows."""
         everyone = np.arange(self.count)
         if self._pixels is not None:
-            seen = self._pixels.measure(self.q, self.goals, self._sensors)
-            return {**seen, "gripper": self._opening[:, None].copy()}
+            return self._pixels.measure(self.q, self.goals, self._sensors, self._opening)
         return self.task.observation(
             self.seen, self.yaws, self.kinds, self.q, self._tips(everyone), self._opening, self._others
         )
@@ -264,12 +263,13 @@ class LiftEpisodes:
         self._time[ids] += STEP_S
         now = self._read(ids)
         self._look_at(ids)
-        self._see(ids)
+        if self._camera is None:  # from the start pose it looks once, before the episode
+            self._see(ids)
         self._distance[ids] = np.linalg.norm(self._tips(ids) - self.goals[ids], axis=1)
         raised = now.held & (now.clearance >= HEIGHT)
         self._lifted_for[ids] = np.where(raised, self._lifted_for[ids] + STEP_S, 0.0)
         stage = np.select(
-            [self._lifted_for[ids] > HOLD - STEP_S / 2, raised, now.gripped, self._distance[ids] <= NEAR],
+            [self._lifted_for[ids] >= HOLD, raised, now.gripped, self._distance[ids] <= NEAR],
             [LIFTED, RAISED, CLOSED, REACHED],
             STARTED,
         )

@@ -35,6 +35,7 @@ from kinreach.envs._reach.task import (
 from kinreach.errors import InputError
 from kinreach.kinematics import ArmKinematics, CollisionChecker
 from kinreach.robots import ArmDescription, BoxRegion, get_arm
+from kinreach.robots._tools import FLANGE
 from kinreach.sim._controller import BEYOND_LIMIT
 from kinreach.sim._free_objects import BALL_SHAPE, CUBE, SHAPES, Objects
 from kinreach.vision._cameras import SensorNoise
@@ -147,13 +148,18 @@ class LiftOptions:
         check_count("attempts", self.attempts, most=MAX_ATTEMPTS)
         check_count("max_steps", self.max_steps, most=MAX_STEPS)
         check_cameras(self.pipeline, self.width, self.height, self.rgb_noise, self.depth_noise, 1.0)
-        if self.observation != "geometric" and (
-            set(self.shapes) != {BALL_SHAPE} or len(set(self.sizes)) > 1 or self.clutter or not arm.goal_cameras
-        ):
-            raise InputError(
-                f'observation="{self.observation}" is for balls of one size, and an arm that has goal cameras; got '
-                f"shapes {self.shapes}, sizes {self.sizes}, arm {arm.name!r}"
-            )
+        if self.observation != "geometric":
+            lacks = {
+                f"shapes {shown(self.shapes)}": set(self.shapes) != {BALL_SHAPE},
+                f"sizes {shown(self.sizes)}": len(set(self.sizes)) > 1,
+                "clutter=True": self.clutter,
+                f"arm {arm.name!r}, which has no goal cameras": not arm.goal_cameras,
+            }
+            if any(lacks.values()):
+                raise InputError(
+                    f'observation="{self.observation}" is for one ball, of one size, and the UR5; got '
+                    f'{", ".join(what for what, so in lacks.items() if so)}; observation="geometric" takes all'
+                )
         if self.backend == "kinematic" and self.steps != SINGLE:
             raise InputError('backend="kinematic" is for steps="single": in small steps the dynamics decide')
 
@@ -197,7 +203,10 @@ def grasping_arm(arm: str | ArmDescription) -> ArmDescription:
         InputError: It has no flange, no closed form of six joints, or no goals in a box.
     """
     found = get_arm(arm)
-    found = found if found.gripper is not None else found.with_gripper()
+    if found.gripper is None:
+        if FLANGE not in found.tips:
+            raise InputError(f"grasping needs an arm with a flange {FLANGE!r}, a UR; arm {found.name!r} has none")
+        found = found.with_gripper()
     if not isinstance(found.workcell.goals, BoxRegion) or not any(
         box.name == "table" for box in found.workcell.obstacles
     ):

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import replace
-from functools import cached_property
 from typing import Any, ClassVar, Self
 
 import numpy as np
@@ -26,15 +25,14 @@ from kinreach.envs._reach.task import (
     check_actions,
 )
 from kinreach.envs._reach.worlds import KinematicWorld, ReachWorld, SingleDynamicWorld
-from kinreach.envs._single import CopyableEnv
+from kinreach.envs._single import ArmEnv
 from kinreach.errors import InputError
-from kinreach.kinematics import ArmKinematics, AxisGoal, PositionGoal
-from kinreach.robots import ArmDescription
-from kinreach.sim._picture import Scene, ScenePicture
+from kinreach.kinematics import AxisGoal, PositionGoal
+from kinreach.sim._picture import ScenePicture
 from kinreach.sim._simulation import ArmSimulation
 
 
-class ReachEnv(CopyableEnv):
+class ReachEnv(ArmEnv):
     """One arm that reaches for a ball; the subclasses are the tasks, and describe them.
 
     Attributes:
@@ -79,26 +77,6 @@ class ReachEnv(CopyableEnv):
         twin = super().__deepcopy__(memo)
         twin._follow()
         return twin
-
-    @property
-    def arm(self) -> ArmDescription:
-        """The arm that reaches."""
-        return self._task.arm
-
-    @cached_property
-    def kinematics(self) -> ArmKinematics:
-        """The arm's kinematics from the world to its default tip, with a closed form if the arm has one."""
-        return ArmKinematics.of(self.arm, base="world")
-
-    @property
-    def scene(self) -> Scene:
-        """What `render` draws; with `backend="kinematic"` it follows the arm only if there is a `render_mode`."""
-        return self._simulation
-
-    @property
-    def home(self) -> Floats:
-        """The start posture [rad], shape (n,)."""
-        return self._task.home.copy()
 
     def accept(self, q: ArrayLike) -> bool:
         """Return whether a posture [rad], shape (n,), is free of collisions, and natural where that is rewarded.

@@ -172,13 +172,20 @@ class PixelObserver:
         images["gripper"] = spaces.Box(0.0, CAMERA_RANGE, (1,), np.float64)
         return spaces.Dict(images)
 
-    def measure(self, postures: Floats, goals: Floats, rngs: Sequence[np.random.Generator]) -> dict[str, Any]:
+    def measure(
+        self,
+        postures: Floats,
+        goals: Floats,
+        rngs: Sequence[np.random.Generator],
+        openings: Floats | None = None,
+    ) -> dict[str, Any]:
         """Render the cameras' images of the arm in some postures.
 
         Args:
             postures: Joint angles [rad], shape (k, n).
             goals: Of the balls in the world [m], shape (k, 3).
             rngs: Generators of the sensors' noise, k of them.
+            openings: Of the gripper [m], shape (k,); as the task begins by default.
 
         Returns:
             The entries of `space` by name, each with k rows.
@@ -189,12 +196,14 @@ class PixelObserver:
         for row, (q, goal, rng) in enumerate(zip(postures, goals, rngs, strict=True)):
             self._simulation.reset(np.clip(q, limits.lower, limits.upper))
             self._simulation.place_ball(goal)
+            if openings is not None:
+                self._simulation.open_gripper(openings[row])
             for name, camera in self._cameras.items():
                 frame = camera.capture(noise=self._task.options.noise, rng=rng)
                 seen[f"{name}_rgb"][row] = frame.rgb
                 seen[f"{name}_depth"][row, ..., 0] = np.minimum(frame.depth, np.float32(DEPTH_RANGE))
         seen["joints"][:] = postures
-        seen["gripper"][:] = self._task.gripper_opening
+        seen["gripper"][:, 0] = self._task.gripper_opening if openings is None else openings
         return seen
 
     def close(self) -> None:
