@@ -1,7 +1,7 @@
 """Which objects are lifted: by default, and over the range of shapes, sizes, masses and frictions.
 
     python -m benchmarks.studies.lift_range [closed-form placo POLICY.safetensors ...] [--objects 1000] [--seed 100]
-        [--arm ur5e] [--figure docs/images/lift_range.png]
+        [--arm ur5e] [--figure docs/images/lift_beyond.png]
 
 One attempt an object, under dynamics, in native batches. The range: balls, cubes and cylinders, 15 to 35 mm, 20 to 300
 g, friction 0.3 to 1.5. Beyond it: 10 to 45 mm, 20 g to 1 kg, friction 0 to 0.4. The figure shows the shares beyond the
@@ -44,6 +44,8 @@ WORLDS: dict[str, dict[str, Any]] = {
     "clutter": {**RANGE, "clutter": True},
     "beyond": BEYOND,
 }
+#: Names of policies as methods of the comparison.
+METHODS = {"lift": "ranked", "lift-range": "ranked-range"}
 #: Environments in step; parts of the figure's axes.
 BATCH, PARTS = 100, 5
 
@@ -118,14 +120,14 @@ def draw(found: dict[str, dict[str, Any]], objects: int, file: Path) -> None:
         left, right = axes[2 * row], axes[2 * row + 1]
         _cells(left, rows["is_success"], friction, mass, (PARTS, PARTS))
         _cells(right, rows["is_success"], shapes, size, (len(RANGE["shapes"]), PARTS))
-        left.set_title(name, loc="left", fontsize=10, color=INK, weight="bold")
+        left.set_title(METHODS.get(name, name), loc="left", fontsize=10, color=INK, weight="bold")
         left.set_xticks(range(PARTS), _middles(light, heavy, 1e3))
         left.set_yticks(range(PARTS), _middles(slippery, rough, 1.0))
-        left.set_xlabel("mass [g]")
-        left.set_ylabel("friction")
+        left.set_xlabel("mass, middle of the cell [g]")
+        left.set_ylabel("friction, middle of the cell")
         right.set_xticks(range(PARTS), _middles(small, large, 1e3))
         right.set_yticks(range(len(RANGE["shapes"])), RANGE["shapes"])
-        right.set_xlabel("radius, or half the edge [mm]")
+        right.set_xlabel("radius or half the edge, middle of the cell [mm]")
     with replacing(file) as temporary:
         figure.savefig(temporary, format="png")
 

@@ -411,7 +411,8 @@ def test_pictures_show_the_ball(needs_gl):
 
 
 def test_in_small_steps_cameras_look_once_and_pictures_show_the_fingers(needs_gl):
-    camera, env = make(observation="camera", steps="multi"), make(observation="pixels", steps="multi", width=128, height=72)
+    camera = make(observation="camera", steps="multi")
+    env = make(observation="pixels", steps="multi", width=128, height=72)
     first, _ = camera.reset(seed=0)
     shown, _ = env.reset(seed=0)
     for _ in range(12):
