@@ -60,14 +60,22 @@ def test_who_was_trained_on_random_arms_makes_something_of_looks(results):
 
 
 @pytest.mark.slow
-def test_trainings_of_the_correction_differ_little(capsys):
-    assert corrections.main(["--seeds", "3", "--goals", "4"]) == 0
-    rows = [line.strip("| ").split(" | ") for line in capsys.readouterr().out.splitlines()[2:]]
-    values = np.array([[float(cell) for cell in row[1:]] for row in rows])
-    assert [row[0] for row in rows[:2]] == ["identified", "residual"]
-    assert values.shape == (5, 4)
-    assert np.ptp(values[2:], axis=0).max() < 0.02
-    assert values.max() < 0.35
+def test_trainings_of_the_corrections_differ_little(tmp_path, capsys, monkeypatch):
+    arguments = ["--seeds", "2", "--goals", "3", "--out", str(tmp_path)]
+    assert corrections.main(arguments) == 0
+    printed = capsys.readouterr().out
+    rows = [line.strip("| ").split(" | ") for line in printed.splitlines()[2:]]
+    assert [row[0] for row in rows] == 5 * ["all"] + 6 * ["everything"]
+    assert [row[1] for row in rows[:2]] == ["`identified`", "`residual`"]
+    for learned, spread in ((rows[2:5], 0.02), (rows[8:], 0.03)):
+        values = np.array([[float(cell.split()[0]) for cell in row[2:]] for row in learned])
+        assert values.shape == (3, 4)
+        assert 0.1 < values.min() <= values.max() < 0.5
+        assert 0.0 < np.ptp(values, axis=0).max() < spread
+        np.testing.assert_allclose(values[2], values[:2].mean(axis=0), atol=2e-3)
+    monkeypatch.setattr(corrections, "compare", None)  # nothing is measured again
+    assert corrections.main(arguments) == 0
+    assert capsys.readouterr().out == printed
 
 
 def test_the_same_again_and_all_methods_alike():
