@@ -2,6 +2,7 @@
 
     python -m benchmarks.studies.moving_ball                       # the table, a quarter of an hour of one core
     python -m benchmarks.studies.moving_ball --map --figure FILE   # the map
+    python -m benchmarks.studies.moving_ball --causes moving ppo-moving   # what policies collide with
 
 Each cell is a share of balls, a third of each kind of path; the same balls for all methods, and none that a method was
 tuned on. Finished cells are kept in `--out`: an interrupted study goes on. The map changes one thing at a time: the
@@ -12,7 +13,9 @@ are ignored in it, as no policy of the package was trained with them.
 from __future__ import annotations
 
 import argparse
+from collections import Counter
 from collections.abc import Mapping, Sequence
+from contextlib import closing
 from pathlib import Path
 from typing import Any
 
@@ -24,9 +27,14 @@ from benchmarks.studies.tables import head, line, share
 from kinreach._checks import check_count
 from kinreach._files import make_writable, replacing
 from kinreach._plots._style import INK, new_figure
-from kinreach.baselines._loop import Policy, as_policy, rollout
+from kinreach.baselines import load_policy
+from kinreach.baselines._batch import make_batch
+from kinreach.baselines._expert import GRIPPER
+from kinreach.baselines._loop import Policy, as_policy, rollout, rollout_batch
 from kinreach.cli import Parser, finish
 from kinreach.compare._task import get_task
+from kinreach.kinematics import UR5Kinematics
+from kinreach.robots import get_arm
 
 PROG = "python -m benchmarks.studies.moving_ball"
 #: Methods of the table and of the map.
@@ -61,19 +69,55 @@ def touched(name: str, speed: float, options: Mapping[str, Any], *, balls: int, 
     return kept(out, {"method": name, "speed": speed, **options, "balls": balls, "seed": seed}, played)
 
 
+def caused(policy: str, balls: int, seed: int) -> list[object]:
+    """Return what a policy collides with where collisions count, and how its gripper is then; speeds of the table.
+
+    Returns:
+        The policy; shares that touch and that collide [%]; with what, most often first; of those that collide the
+        median time [s], distance of tip and ball [mm], tilt of the tool [deg], and depth below the table's top of the
+        gripper's lowest corner [mm].
+    """
+    task, kinematics, cell = get_task("moving"), UR5Kinematics(tip="tcp", base="world"), get_arm("ur5").workcell
+    with closing(make_batch(task.environment, balls, {**task.options, "speeds": TABLE_SPEEDS})) as env:
+        trials = rollout_batch(env, load_policy(policy), seed=seed)
+    hits = [trial for trial in trials if trial["impossible"]]
+    name, touched = f"`{policy}`", share(sum(trial["is_success"] for trial in trials), balls)
+    if not hits:
+        return [name, touched, share(0, balls), *5 * "-"]
+    T = kinematics.fk(np.array([trial["q"] for trial in hits]))
+    away = np.linalg.norm(T[:, :3, 3] - np.array([trial["goal"] for trial in hits]), axis=1)
+    lowest = T[:, 2, 3] + (T[:, 2, :3] @ GRIPPER.T).min(axis=1)
+    top = cell.goals.z[0] - cell.ball_radius
+    causes = Counter(str(trial["impossible_reason"]) for trial in hits).most_common()
+    medians = (
+        f"{np.median([trial['time'] for trial in hits]):.2f}",
+        f"{1e3 * np.median(away):.0f}",
+        f"{np.median(np.degrees(np.arccos(-T[:, 2, 2]))):.0f}",
+        f"{1e3 * np.median(top - lowest):.0f}",
+    )
+    return [name, touched, share(len(hits), balls), ", ".join(f"{cause}: {n}" for cause, n in causes), *medians]
+
+
 def main(argv: list[str] | None = None) -> int:
     """Print a Markdown table."""
     parser = Parser(prog=PROG, description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--map", action="store_true", help="the map instead of the table")
+    parser.add_argument("--causes", nargs="+", metavar="POLICY", help="what these policies collide with (300 balls)")
     parser.add_argument("--methods", nargs="+", help="names of the task's methods (default: those of the table or map)")
     parser.add_argument("--speeds", type=float, nargs="+", help="[m/s] (default: three)")
-    parser.add_argument("--balls", type=int, help="in each cell (default: 60, of the map 24)")
+    parser.add_argument("--balls", type=int, help="in each cell (default: 60, of the map 24, of causes 300)")
     parser.add_argument("--seed", type=int, default=100, help="of the balls (default: %(default)s)")
     parser.add_argument("--out", type=Path, default=Path("results/moving-ball"), help="where finished cells are kept")
     parser.add_argument("--figure", type=Path, help="where the map is drawn")
     arguments = parser.parse_args(argv)
     balls = check_count("--balls", arguments.balls or (24 if arguments.map else 60))
     seed = check_count("--seed", arguments.seed, least=0)
+    if arguments.causes:
+        print(head("policy", "touched, %", "collided, %", "with what", "time, s", "tip to ball, mm", "tilt, °",
+                   "below the table, mm"))  # fmt: skip
+        for policy in arguments.causes:
+            print(line(*caused(policy, arguments.balls or 300, seed)), flush=True)
+        return 0
     make_writable(arguments.out)
     speeds = tuple(arguments.speeds or (SPEEDS if arguments.map else TABLE_SPEEDS))
     methods = tuple(arguments.methods or (MAPPED if arguments.map else METHODS))

@@ -24,3 +24,21 @@ def test_the_table_is_resumed_and_the_map_is_drawn(tmp_path, capsys, monkeypatch
     figure = tmp_path / "map.png"
     assert moving_ball.main([*arguments, "--map", "--figure", str(figure)]) == 0
     assert figure.stat().st_size > 10_000
+
+
+def test_what_policies_collide_with(capsys):
+    """A policy that learned without collisions puts its fingers into the table, tilted, near the ball."""
+    assert moving_ball.main(["--causes", "ppo-moving", "--balls", "12", "--seed", "3"]) == 0
+    (row,) = (
+        [cell.strip() for cell in line.strip("|").split("|")] for line in capsys.readouterr().out.splitlines()[2:]
+    )
+    collided, causes, time, away, tilt, depth = row[2:]
+    assert row[0] == "`ppo-moving`"
+    assert float(collided.split()[0]) > 80.0
+    hits = {cause: int(count) for cause, _, count in (part.rpartition(": ") for part in causes.split(", "))}
+    assert sum(hits.values()) == round(0.12 * float(collided.split()[0]))
+    assert max(hits, key=hits.__getitem__) in ("finger_right - table", "finger_left - table")
+    assert 0.0 < float(time) < 3.0
+    assert 5.0 < float(tilt) < 60.0
+    assert float(away) < 100.0
+    assert 0.0 < float(depth) < 60.0
