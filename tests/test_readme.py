@@ -71,7 +71,7 @@ CLAIMS = {
         (f"{DATA}/moving-ball.csv", 'count,`ppo`,"0.0 [0.0, 6.0]","0.0 [0.0, 6.0]","0.0 [0.0, 6.0]"'),
         (f"{DATA}/moving-ball.csv", 'ignored,`ppo`,"100.0 [94.0, 100.0]","91.7 [81.9, 96.4]","53.3 [40.9, 65.4]"'),
     ],
-    "Each policy is one of five trainings.": [
+    "Each policy: one of five trainings.": [
         (TRAINING, "The policy of `ppo-moving` is seed 1"),
         (TRAINING, "`pixels-single`, `space-single`, `space-multi`, `random-arms`, `moving` and `thesis-multi` are"),
     ],
