@@ -1,5 +1,7 @@
 """The loop between policies and environments, where these are anybody's."""
 
+from dataclasses import replace
+
 import gymnasium as gym
 import numpy as np
 import pytest
@@ -8,6 +10,7 @@ from gymnasium.vector import AutoresetMode
 import kinreach  # noqa: F401 (registers the environments)
 from kinreach._registration import MOVING
 from kinreach._statistics import success_columns
+from kinreach.baselines import evaluate, load_policy
 from kinreach.baselines._loop import FunctionPolicy, RandomPolicy, rollout_batch
 
 
@@ -37,6 +40,14 @@ def test_chance_takes_observations_of_any_size(observation):
         policy.reset(observation, {})
         drawn.append(policy.act(observation))
     np.testing.assert_array_equal(*drawn)
+
+
+def test_an_evaluation_has_what_each_episode_says():
+    found = evaluate(load_policy("button-report"), goals=3)
+    said = [{"reached": True, "impossible": False}, {"reached": False, "impossible": True}]
+    made_up = replace(found, trials=[{**found.trials[0], **one} for one in said])
+    assert made_up.reached.tolist() == [True, False]
+    assert made_up.impossible.tolist() == [False, True]
 
 
 def test_a_distance_that_is_no_number_is_no_success():
