@@ -133,8 +133,8 @@ class CalibratedSolver(NearClosedForm):
         super().__init__(placements)
         self.fit = fit(self.chain, start)
         self._refinement = Refinement(placements)
-        self._left: Floats = np.linalg.inv(self.fit.before)
-        self._right: Floats = np.linalg.inv(self.fit.after)
+        self._left: Floats = np.asarray(np.linalg.inv(self.fit.before), dtype=np.float64)
+        self._right: Floats = np.asarray(np.linalg.inv(self.fit.after), dtype=np.float64)
         self._centre, self._radius = self._centres()
         self._wrist, self._elbow = self._changes()
 
