@@ -126,7 +126,7 @@ def test_no_curve_is_lost_where_two_almost_meet(tmp_path):
 def test_a_grid_twice_as_fine_finds_no_further_curve(name, errors):
     """Nor does ssik find a posture beside the curves."""
     pytest.importorskip("ssik")
-    rows = [checked(name, errors, posture) for posture in range(5000, 5004)]
+    rows = [checked(name, errors, posture, full=True) for posture in range(5000, 5004)]
     assert all(map(faultless, rows)), rows
     assert sum(row["curves"] for row in rows) >= 8
     assert errors or sum(row["samples"] for row in rows) >= 60
