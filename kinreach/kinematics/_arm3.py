@@ -10,7 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
-from enum import IntFlag
+from enum import IntFlag, auto
 from math import atan2, copysign, hypot, sqrt
 from typing import Any
 
@@ -50,9 +50,9 @@ class Singularity(IntFlag):
 class Miss(IntFlag):
     """What kept a branch from reaching."""
 
-    BASE_CYLINDER = 1
-    ELBOW_OUT = 2
-    ELBOW_IN = 4
+    BASE_CYLINDER = auto()
+    ELBOW_OUT = auto()
+    ELBOW_IN = auto()
 
 
 _MISS_TEXT = {
