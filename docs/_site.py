@@ -24,7 +24,7 @@ from sphinx.transforms.post_transforms import SphinxPostTransform
 from sphinx.writers.html5 import HTML5Translator
 
 #: A cell of a table that is a number, with its interval, unit or sign.
-NUMBER = re.compile(  # noqa: E501
+NUMBER = re.compile(
     r"^(above |below )?[-−+±<>≤≥~≈]?\s?(π|\d[\d\s.,eE:–/×x*^-]*(%|[a-zA-Zµ°²/³]{1,6})?\s?(\[.*\]|\(.*\)|±.*)?)$"
 )
 #: Columns with a cell of so many characters stay wide on a phone, by the class of their cells.
