@@ -2,13 +2,16 @@
 
 import csv
 import json
+from dataclasses import replace
+from types import SimpleNamespace
 
 import pytest
 
+from kinreach.baselines import _search
 from kinreach.baselines._recipes import get_recipe
-from kinreach.baselines._search import JUDGES, Search, read_search, trial
+from kinreach.baselines._search import JUDGES, Search, read_search, search, trial
 from kinreach.cli import main
-from kinreach.errors import KinreachError
+from kinreach.errors import InputError, KinreachError
 from tests.ray_cluster import private_folder
 
 SAID = """
@@ -121,3 +124,104 @@ def test_tune_runs_a_search_and_keeps_it(file, tmp_path, run_python, own_ray_fol
     again = run_python(*command, "--resume")  # all trials are there
     assert again.returncode == 0, again.stderr
     assert json.loads((folder / "results.json").read_text())["trials"] == results["trials"]
+
+
+class Tune(SimpleNamespace):
+    """Stands in for Ray Tune: notes what it is asked for, and runs the trials that it is given."""
+
+    def __init__(self, trials, restores=False):
+        super().__init__(asked={}, reports=[], trials=trials)
+        self.Tuner = type("Tuner", (), {
+            "__init__": lambda tuner, run, **options: self.asked.update(run=run, **options),
+            "can_restore": staticmethod(lambda path: restores),
+            "restore": staticmethod(lambda path, run, **more: self.asked.update(run=run, path=path, **more) or self),
+            "fit": self.fit,
+        })  # fmt: skip
+        self.TuneConfig = self.RunConfig = self.FailureConfig = dict
+        self.choice = self.randint = self.loguniform = lambda *values: values
+
+    def with_resources(self, run, resources):
+        self.asked["resources"] = resources
+        return run
+
+    def report(self, values):
+        self.reports.append(values)
+
+    def fit(self, tuner=None):
+        found = []
+        for config, error in self.trials:
+            if not error:
+                self.asked["run"](config)
+            found.append(SimpleNamespace(config=config, error=error, metrics=None if error else self.reports[-1]))
+        return found
+
+
+TRIED = {"settings.learning_rate": 1e-3, "networks.hidden": [32, 32], "num_envs": 8}
+
+
+def with_tune(monkeypatch, tune):
+    options = {}
+
+    def load(name, extra):
+        if name == "ray.tune":
+            return tune
+        kind = {"basic_variant": "BasicVariantGenerator", "optuna": "OptunaSearch", "schedulers": "ASHAScheduler"}
+        kind = kind.get(name.rpartition(".")[2], name)
+        return SimpleNamespace(**{kind: lambda **given: options.setdefault(kind, given) and kind})
+
+    def trial(given, values, threads):
+        yield 130, {"return": -1.0, "reached": 0.0}
+        yield given.tried(values).steps, {"return": 1e3 * values["settings.learning_rate"] * threads}
+
+    monkeypatch.setattr(_search, "load_extra", load)
+    monkeypatch.setattr(_search, "trial", trial)
+    return options
+
+
+@pytest.mark.parametrize("searcher", ["random", "optuna"])
+def test_what_tune_is_asked_for(searcher, file, tmp_path, monkeypatch):
+    given = replace(read_search(file(SAID)), searcher=searcher)
+    tune = Tune([({**TRIED, "settings.learning_rate": rate}, None) for rate in (1e-4, 1e-2)] + [(TRIED, "it broke")])
+    options = with_tune(monkeypatch, tune)
+    results = search(given, tmp_path, threads=2)
+    asked = tune.asked
+    assert asked["resources"] == {"cpu": 2}
+    assert tune.reports[0] == {"steps": 130, "return": -1.0, "reached": 0.0}
+    assert asked["param_space"] == {
+        "settings.learning_rate": (1e-4, 1e-2), "networks.hidden": ([[32, 32], [64, 64]],), "num_envs": (8, 16),
+    }  # fmt: skip
+    kinds = {"random": ("BasicVariantGenerator", "random_state"), "optuna": ("OptunaSearch", "seed")}
+    kind, seed = kinds[searcher]
+    assert asked["tune_config"] == {
+        "metric": "return", "mode": "max", "num_samples": 3, "search_alg": kind, "scheduler": "ASHAScheduler",
+    }  # fmt: skip
+    assert options == {
+        kind: {seed: 0},
+        "ASHAScheduler": {"time_attr": "steps", "max_t": 400, "grace_period": 44, "reduction_factor": 3},
+    }
+    assert asked["run_config"] == {
+        "name": "tune", "storage_path": str(tmp_path), "verbose": 0, "failure_config": {"max_failures": 0},
+    }  # fmt: skip
+    rows = results["trials"]
+    assert [row["status"] for row in rows] == ["finished", "finished", "failed"]
+    assert [row["return"] for row in rows] == [20.0, 0.2, None]
+    assert [row["steps"] for row in rows] == [400, 400, None]
+    assert results["best"]["settings"]["learning_rate"] == rows[0]["settings.learning_rate"]
+    assert {"torch", "stable-baselines3", "ray", "optuna", "kinreach"} <= set(results["versions"])
+    assert json.loads((tmp_path / "results.json").read_text()) == json.loads(json.dumps(results))
+    with (tmp_path / "results.csv").open() as csv_file:
+        assert [row["num_envs"] for row in csv.DictReader(csv_file)] == ["8"] * 3
+
+
+def test_a_search_goes_on_or_says_why_it_found_nothing(file, tmp_path, monkeypatch):
+    given = replace(read_search(file(SAID)), scheduler="none")
+    tune = Tune([(TRIED, None)], restores=True)
+    with_tune(monkeypatch, tune)
+    assert len(search(given, tmp_path, resume=True)["trials"]) == 1
+    assert tune.asked["path"] == str(tmp_path / "tune")
+    assert (tune.asked["resume_unfinished"], tune.asked["restart_errored"]) == (True, True)
+    tune = Tune([(TRIED, "Traceback\nValueError: it broke")], restores=True)
+    assert with_tune(monkeypatch, tune) == {}
+    with pytest.raises(InputError, match=r"came to anything: ValueError: it broke$"):
+        search(given, tmp_path)
+    assert tune.asked["tune_config"]["scheduler"] is None

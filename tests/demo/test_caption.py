@@ -1,9 +1,15 @@
 """What is written into films stays: places, sizes, colours and words."""
 
+from types import SimpleNamespace
+
+import gymnasium as gym
+import mujoco
 import numpy as np
 
-from kinreach.demo import _caption
+from kinreach.demo import _caption, _cli
 from kinreach.demo._caption import Caption, Moment
+from kinreach.robots import get_arm
+from kinreach.sim._scene import scene_model
 
 #: The strokes for a distance, in order.
 BOX = "rounded_rectangle (18, 18, 318, {bottom}) 8 white"
@@ -73,3 +79,62 @@ def test_the_tip_is_enlarged_in_the_smallest_circle_that_it_is_in(monkeypatch):
     caption.reached = False
     lines = written(monkeypatch, caption, Moment(np.zeros(2), 0.1001))
     assert lines[-1] == "text (32, 96) reached 22 Bold #b42318"  # too far away to be enlarged
+
+
+def test_a_caption_follows_the_ball_the_object_or_the_goal():
+    """What is right of and above the goal as the camera sees it; an object counts before a goal without a ball."""
+    model = scene_model(get_arm("ur5"))
+    data = mujoco.MjData(model)
+    mujoco.mj_forward(model, data)
+    data.mocap_pos[model.body("ball").mocapid[0]] = (0.5, 0.1, 0.0)
+    caption = Caption("closed-form")
+    caption.follow(SimpleNamespace(model=model, data=data))
+    tip = data.site_xpos[model.nsite - 1]
+    right, up, _ = data.camera("overview").xmat.reshape(3, 3).T
+    away = tip - (0.5, 0.1, 0.0)
+    (moment,) = caption.moments(1)
+    np.testing.assert_allclose(moment.offset, [away @ right, away @ up])
+    np.testing.assert_allclose(moment.distance, np.linalg.norm(away))
+    assert caption.moments(1) == []
+    bare = scene_model(get_arm("arm3"))
+    data = mujoco.MjData(bare)
+    mujoco.mj_forward(bare, data)
+    has_ball = mujoco.mj_name2id(bare, mujoco.mjtObj.mjOBJ_BODY, "ball") >= 0
+    caption.follow(SimpleNamespace(model=bare, data=data))
+    assert (caption.moments(1) == [None]) is not has_ball
+
+
+class Frames(gym.Env):
+    """Episodes of three steps with two frames each."""
+
+    metadata = {"render_fps": 50}  # noqa: RUF012 (declared by Gymnasium)
+    action_space = observation_space = gym.spaces.Discrete(2)
+
+    def reset(self, *, seed=None, options=None):
+        self.left = 3
+        return 0, {"goal": np.zeros(3)}
+
+    def step(self, action):
+        self.left -= 1
+        over = self.left == 0
+        return 0, 0.0, over, False, {"is_success": over and action == 1, "impossible": action == 0}
+
+    def render(self):
+        return [f"frame {self.left} {index}" for index in range(2)]
+
+
+def test_the_last_frame_of_an_episode_stands_still_with_its_verdict(monkeypatch):
+    for action, verdict in ((1, "pressed"), (0, "impossible")):
+        caption, film = Caption("ppo", done="pressed"), []
+        monkeypatch.setattr(caption, "moments", lambda count: [f"moment {index}" for index in range(count)])
+        monkeypatch.setattr(caption, "write", lambda frame, moment, own=caption: (frame, moment, own.verdict))
+        watched = _cli._Watched(Frames(), [], SimpleNamespace(add=film.append, full=False), caption, 25)
+        watched.limit = 9
+        for _ in range(2):
+            watched.reset()
+            assert caption.verdict == ""
+            steps = [watched.step(action) for _ in range(3)]
+            assert [step[2:4] for step in steps] == [(False, False), (False, False), (True, False)]
+        frames = [(f"frame {left} {index}", f"moment {index}", "") for left in (1, 0) for index in (0, 1)]
+        assert film == 2 * [*frames, *[("frame 0 1", "moment 1", verdict)] * 20]  # every other step is filmed
+        assert caption.reached is (action == 1)
