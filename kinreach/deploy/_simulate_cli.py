@@ -17,8 +17,8 @@ from kinreach.robots import ArmDescription, Workcell
 from kinreach.robots._flags import add_arm_flags, arm_of, numbers_of, print_notes
 
 _ABOUT = (
-    "This is not URSim: it runs the URScript that kinreach writes, and nothing else. ur_rtde's receive and I/O "
-    "interfaces read it; its control interface needs URSim or a robot."
+    "This is not URSim: it runs the URScript that kinreach writes, and nothing else.\n"
+    "ur_rtde's receive and I/O interfaces read it; its control interface needs URSim or a robot."
 )
 
 
@@ -44,8 +44,9 @@ def main(argv: Sequence[str], *, prog: str) -> int:
         arm, q=start, address=arguments.address, rtde_port=arguments.rtde_port, script_port=arguments.script_port,
         speed=speed, log=_say,
     )  # fmt: skip
-    _say(f"{arm.title} at {robot.address}: RTDE {robot.rtde_port}, script port {robot.script_port}, {rate_of(arm)} Hz")
-    _say(_ABOUT)
+    _say(f"{robot.address}: RTDE {robot.rtde_port}, script port {robot.script_port}, {rate_of(arm)} Hz")
+    _say(arm.title)
+    print(_ABOUT, flush=True)
     if sys.stdin is not None and sys.stdin.isatty():
         _say("Enter releases a protective stop, Ctrl-C ends.")
         threading.Thread(target=_release_by_enter, args=(robot,), daemon=True).start()
