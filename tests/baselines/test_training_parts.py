@@ -9,6 +9,7 @@ import pytest
 from gymnasium.vector import AutoresetMode
 from scipy.stats import norm, rankdata
 
+from kinreach.baselines import _batch
 from kinreach.baselines._algorithms import AdaptiveRate, Exploration, normal_scores
 from kinreach.baselines._batch import last_value
 from kinreach.baselines._learning_curve import COLUMNS, TRACE_COLUMNS, LearningCurve, curve_csv, read_curve
@@ -287,3 +288,19 @@ def test_episodes_that_a_segment_cuts_off_are_cut_off_in_the_replay_buffer():
     _end_segment(SimpleNamespace(curve=curve, model=model))
     np.testing.assert_array_equal(timeouts, [[0.0, 0.0, 0.0], [0.0, 1.0, 1.0]])
     assert cuts == [1]
+
+
+def test_environments_of_the_first_observations_are_closed(monkeypatch):
+    closed = []
+    make = _batch._make
+
+    def made(*arguments, **options):
+        batch = make(*arguments, **options)
+        close = batch.close
+        monkeypatch.setattr(batch, "close", lambda: closed.append(batch) or close())
+        return batch
+
+    monkeypatch.setattr(_batch, "_make", made)
+    observations = _batch.first_observations("kinreach/Reach-v0", {"backend": "kinematic"}, seed=0)
+    assert len(observations) == _batch.SAMPLE
+    assert len(closed) == 1

@@ -558,6 +558,7 @@ def test_postures_are_clicked_pointed_at_and_copied(serve):
         panel = tab.page.target
         panel.move(placement((0.5, 0.1, -0.05), (np.pi, 0, 0)))
         postures = panel.answer.postures
+        assert panel.pointed == -1
         usable = [p for p in postures if p.state is State.USABLE]
         refused = next(p for p in postures if p.state is State.COLLIDES)
         wait_for(lambda: ghosts(tab)[0] == len(usable) - 1 > 1)
