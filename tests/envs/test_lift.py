@@ -358,8 +358,10 @@ def test_bad_input():
         ({"mass": 0.0}, "mass"),
         ({"friction": -1.0}, "friction"),
         ({"place": (0, 0, 0)}, "place must have shape"),
+        ({"place": (5, 0)}, "place must be on the table, x from 0.18 to 0.88 m and y from -0.6 to 0.6 m, got 5, 0"),
         ({"ball": 1}, "unknown reset options"),
         ({"shape": "cone"}, "cone"),
+        ({"shape": 3}, "shape must be a name"),
     ):
         with pytest.raises((InputError, UnknownNameError), match=said):
             env.reset(options=options)

@@ -86,7 +86,8 @@ class LiftEnv(ArmEnv):
     ## Starting State
     The arm stands in its start posture with the gripper open by 0.10 m. Place, turn, shape, size, mass and friction of
     the object are drawn from the options. `reset(options={"place": (x, y), "yaw": angle, "shape": name, "size": size,
-    "mass": mass, "friction": friction})` sets any of them; `"view"` is where the cameras saw it earlier.
+    "mass": mass, "friction": friction})` sets any of them, the place on the table; `"view"` is where the cameras saw
+    it earlier.
 
     ## Episode End
     Success: the object's lowest point is 0.10 m above the table for 0.5 s, and it touches both fingers and neither the

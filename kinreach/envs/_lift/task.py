@@ -272,6 +272,7 @@ class LiftTask:
         table = next(box for box in boxes if box.name == "table")
         goals: Any = cell.goals
         top = table.position[2] + table.size[2] / 2
+        self._table = [(at - edge / 2, at + edge / 2) for at, edge in zip(table.position, table.size, strict=True)][:2]
         (x0, x1), (y0, y1) = goals.x, goals.y
         self.region = BoxRegion((x0 + shift[0], x1 + shift[0]), (y0 + shift[1], y1 + shift[1]), (top, top))
         radius = max(options.sizes)
@@ -406,13 +407,24 @@ class LiftTask:
             check_mass(mass)
         for friction in () if frictions is None else np.unique(frictions).tolist():
             check_friction(friction)
-        if places is not None and (np.abs(places) > GOAL_RANGE).any():
-            raise InputError(f"place must be within ±{GOAL_RANGE:g} m, got {places.flat[np.abs(places).argmax()]:g}")
+        if places is not None:
+            self._check_places(places)
         return LiftStart(places, yaws, sizes, masses, frictions, views, self._shapes(shapes, count))
+
+    def _check_places(self, places: Floats) -> None:
+        (x0, x1), (y0, y1) = self._table
+        off = ((places < (x0, y0)) | (places > (x1, y1))).any(axis=1)
+        if off.any():
+            x, y = places[off.argmax()]
+            raise InputError(
+                f"place must be on the table, x from {x0:g} to {x1:g} m and y from {y0:g} to {y1:g} m, got {x:g}, {y:g}"
+            )
 
     def _shapes(self, given: Any, count: int | None) -> NDArray[np.intp] | None:
         if given is None:
             return None
+        if not isinstance(given, str | Sequence | np.ndarray):
+            raise InputError(f"shape must be a name, or a list of one for each environment, got {shown(given)}")
         names = [given] if isinstance(given, str) else list(given)
         names = names * (count or 1) if isinstance(given, str) else names
         if len(names) != (count or 1):
