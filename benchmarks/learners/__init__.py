@@ -37,6 +37,9 @@ from benchmarks.learners.thesis_world import (
     thesis_single_tolerance,
 )
 from benchmarks.learners.variants import (
+    lift_multi_careful,
+    lift_multi_unguided,
+    lift_ppo_single,
     moving_clear,
     pixels_light,
     ppo_multi_ending,
@@ -54,6 +57,9 @@ __all__ = [
     "ddpg_multi",
     "ddpg_single",
     "ik_net",
+    "lift_multi_careful",
+    "lift_multi_unguided",
+    "lift_ppo_single",
     "moving_clear",
     "pixels_light",
     "ppo_multi_ending",

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 
+from kinreach._registration import LIFT
 from kinreach.baselines import get_recipe, register_recipe
 from kinreach.baselines._expert import GRIPPER
 
@@ -41,5 +42,36 @@ moving_clear = register_recipe(
         name="moving-clear",
         summary="As moving, with the gripper's corners kept above the table and the tool down.",
         settings={**get_recipe("moving").settings, "feelers": GRIPPER.tolist(), "down": 0.1},
+    )
+)
+lift_ppo_single = register_recipe(
+    replace(
+        get_recipe("ppo-single"),
+        name="lift-ppo-single",
+        summary="As ppo-single, for grasping: one try an object, a critic, and the environment's own reward.",
+        environment=LIFT,
+        reward="own",
+    )
+)
+lift_multi_unguided = register_recipe(
+    replace(
+        get_recipe("lift-multi"),
+        name="lift-multi-unguided",
+        summary="As lift-multi, with the environment's own reward.",
+        reward="own",
+    )
+)
+lift_multi_careful = register_recipe(
+    replace(
+        get_recipe("lift-multi"),
+        name="lift-multi-careful",
+        summary="As lift-multi, with γ 0.95, smaller updates, and less noise at the end.",
+        steps=1_200_000,
+        settings={
+            **get_recipe("lift-multi").settings,
+            "gamma": 0.95,
+            "exploration": {"first": 0.3, "last": 0.05, "until": 0.7},
+            "adaptive": {"first": 1e-3, "target_kl": 0.01, "decay": 0.5, "highest": 2e-3},
+        },
     )
 )

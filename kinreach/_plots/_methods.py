@@ -22,6 +22,7 @@ NAMES = {
     "moving": "policy",
     "lift": "ranked",
     "lift-range": "ranked-range",
+    "lift-multi": "ppo-multi",
 }
 #: Method -> its colour. Only methods that no figure shows together share one.
 METHOD_COLOURS = {

@@ -116,6 +116,10 @@ SIGHT_SCALE = 0.01
 #: the mean error [m] and its slopes [m].
 ARMS_MEAN = (0.475, 0.0, -0.175, *(0.0,) * 6, 1.0, 20.0, *(0.0,) * 9)
 ARMS_SCALE = (0.1, 0.18, 0.006, *(5e-3,) * 6, 1.0, 20.0, *(5e-3, 7e-4, 7e-4) * 3)
+#: What `"grasps"` subtract and divide by: an object [m], the angle of its faces [rad], its size [m] and shape, joint
+#: angles [rad], the opening [m], from the tip to the object [m].
+GRASPS_MEAN = (0.475, 0.0, -0.175, 0.0, 0.025, 0.0, 0.0, 0.0, *get_arm("ur5").home, 0.05, *(0.0,) * 3)
+GRASPS_SCALE = (0.1, 0.18, 0.05, 0.5, 0.01, 1.0, 1.0, 1.0, *(0.5,) * 6, 0.02, *(0.05,) * 3)
 
 
 def mlp_arguments(recipe: Recipe, env: SB3VecEnv, planned: int) -> dict[str, Any]:
@@ -229,7 +233,7 @@ def _features(recipe: Recipe) -> dict[str, Any]:
     begin upright and almost at rest: their spread is meaningless, and `BUTTON_SCALE` is used.
     """
     kind = recipe.networks.features
-    check_known("features", kind, ("raw", "scaled", "waves", "goal waves", "button", "sights", "arms"))
+    check_known("features", kind, ("raw", "scaled", "waves", "goal waves", "button", "sights", "arms", "grasps"))
     if kind == "button":
         options = ButtonOptions(**recipe.options)
         frame = (*BUTTON_SCALE, *(CONTROL_LIMIT,) * JOINTS * options.controls)
@@ -239,6 +243,8 @@ def _features(recipe: Recipe) -> dict[str, Any]:
         return {"mean": [*SIGHTS_MEAN, *(0.0 for _ in earlier)], "scale": [*SIGHTS_SCALE, *earlier], "waves": WAVES}
     if kind == "arms":
         return {"mean": ARMS_MEAN, "scale": ARMS_SCALE, "waves": WAVES}
+    if kind == "grasps":
+        return {"mean": GRASPS_MEAN, "scale": GRASPS_SCALE}
     observations = first_observations(recipe.environment, recipe.options, seed=_SCALE_SEED)
     if kind == "goal waves":
         observations = observations[:, _fixed(recipe)]

@@ -60,7 +60,7 @@ def grasp_guided(rewards: Array, info: Mapping[str, Any]) -> Array:
     """Return the reward of lifting in small steps, and in training what the closed form knows of the way there.
 
     Away from the object the arm is to come to the posture above the grasp, over it to the grasp, in the grasp the
-    fingers are to close; a held object is to be high.
+    fingers are to close; with the object held, to a posture further up, the tool still straight down.
 
     Args:
         rewards: Of the environment, shape (n,).
@@ -70,13 +70,17 @@ def grasp_guided(rewards: Array, info: Mapping[str, Any]) -> Array:
     place, turn, size, q, opening = seen[:, :3], seen[:, 3], seen[:, 4], seen[:, 8:14], seen[:, 14]
     low = tool_down_postures(_ur5(), place, turn)
     high = tool_down_postures(_ur5(), np.add(place, (0.0, 0.0, ABOVE)), turn)
-    to_low, to_high = (np.nan_to_num(np.linalg.norm(q - end, axis=1), nan=FAR) for end in (low, high))
+    up = np.outer(np.clip(RAISED - info["clearance"], 0.0, RAISED), (0.0, 0.0, 1.0))
+    raised = tool_down_postures(_ur5(), place + up, turn)
+    to_low, to_high, to_raised = (
+        np.nan_to_num(np.linalg.norm(q - end, axis=1), nan=FAR) for end in (low, high, raised)
+    )
     over = np.linalg.norm(seen[:, 15:17], axis=1) < OVER
     to_close = CLOSING_WEIGHT * np.where(to_low < CLOSE, np.abs(opening - 2.0 * size), OPEN)
     ahead = np.where(over, to_low + to_close, to_high + FAR)
     held = info["held"] & (np.linalg.norm(seen[:, 15:18], axis=1) < NEAR)  # not one that lies below the finger tips
-    high_up = RAISED_WEIGHT * np.clip(info["clearance"] / HEIGHT, 0.0, 1.0)
-    return rewards + GUIDE_WEIGHT * (WHOLE_WAY - np.where(held, -high_up, ahead))
+    to_lift = to_raised - HELD - RAISED_WEIGHT * np.clip(info["clearance"] / HEIGHT, 0.0, 1.0)
+    return rewards + GUIDE_WEIGHT * (WHOLE_WAY - np.where(held, to_lift, ahead))
 
 
 def clipped(rewards: Array, info: Mapping[str, Any]) -> Array:
@@ -103,13 +107,14 @@ FIRST_PENALTY, LAST_PENALTY = 0.05, 10.0
 
 
 #: Of lifting in small steps: how far above the object the arm comes first [m]; how near to the vertical line through it
-#: is over it [m], and how near to the grasp the fingers close [rad]; their opening before [m].
-ABOVE, OVER, CLOSE, OPEN = 0.06, 0.03, 0.1, 0.10
+#: is over it [m], and how near to the grasp the fingers close [rad]; their opening before [m]; how high a held object
+#: is to come [m].
+ABOVE, OVER, CLOSE, OPEN, RAISED = 0.06, 0.03, 0.1, 0.10, 0.12
 #: Weights of what is left to close [1/m], of how high the object is, and of all of it; what is left where the arm is
-#: not over the object.
-CLOSING_WEIGHT, RAISED_WEIGHT, GUIDE_WEIGHT, FAR = 5.0, 6.0, 0.05, 1.5
+#: not over the object, and what it is worth that the object is held.
+CLOSING_WEIGHT, RAISED_WEIGHT, GUIDE_WEIGHT, FAR, HELD = 20.0, 6.0, 0.05, 2.5, 1.0
 #: More than is ever left: what is seen must be positive, or colliding at once would be best.
-WHOLE_WAY = 4.0
+WHOLE_WAY = 6.0
 
 
 @cache

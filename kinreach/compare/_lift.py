@@ -17,7 +17,7 @@ from kinreach.compare._button import decision_ms
 from kinreach.compare._figures import origin
 from kinreach.compare._methods import policy_method
 from kinreach.compare._task import SOLVER, Method, Task
-from kinreach.envs._lift.task import HEIGHT, HOLD
+from kinreach.envs._lift.task import HEIGHT, HOLD, MULTI
 from kinreach.kinematics._solvers import new_solver
 
 #: Stages at which a grasp can fail, in their order.
@@ -86,6 +86,7 @@ LIFT_TASK = Task(
         **{name: _scripted(name) for name in ("closed-form", "placo")},
         "ranked": policy_method("lift", LIFT),
         "ranked-range": policy_method("lift-range", LIFT),
+        "ppo-multi": policy_method("lift-multi", LIFT, steps=MULTI),
     },
     columns=(
         Column("reached", "reached", RATE, "lifted %\n[95 % CI]", "interval"),
@@ -94,7 +95,7 @@ LIFT_TASK = Task(
             for cause in CAUSES
         ),
         Column("impossible", "impossible", RATE, "impos-\nsible %", "share"),
-        Column("attempts", "attempts", MEAN, "attempts\nmean", "mean"),
+        Column("attempts", "attempts", MEAN, "actions\nmean", "mean"),
         Column(
             "distance_mm", thousandfold("distance"), QUANTILES, "distance at\nthe grasp, mm", "quantiles", TIME_TABLE
         ),

@@ -386,20 +386,20 @@ def _naming(what: str) -> Iterator[None]:
 
 
 class _Environments:
-    """The environments of a comparison, one for each id, closed with the stack."""
+    """The environments of a comparison, one for each id and options, closed with the stack."""
 
     def __init__(self, task: Task, stack: ExitStack) -> None:
         self._task, self._stack = task, stack
-        self._made: dict[str, gym.Env[Any, Any]] = {}
+        self._made: dict[tuple[str, str], gym.Env[Any, Any]] = {}
 
     @property
     def default(self) -> gym.Env[Any, Any]:
         """The environment of the task."""
-        return self._get(self._task.environment)
+        return self._get(self._task.environment, {})
 
     def of(self, method: Method) -> gym.Env[Any, Any]:
         """Return the environment of a method."""
-        return self._get(method.environment or self._task.environment)
+        return self._get(method.environment or self._task.environment, method.options)
 
     def policy(self, method: Method) -> Policy:
         """Make a method's policy.
@@ -415,15 +415,16 @@ class _Environments:
         except Exception as error:
             raise MethodError(f"{type(error).__name__}: {error}{place_of(error)}") from error
 
-    def _get(self, name: str) -> gym.Env[Any, Any]:
-        if name not in self._made:
+    def _get(self, name: str, options: Mapping[str, Any]) -> gym.Env[Any, Any]:
+        key = name, repr(sorted(options.items()))
+        if key not in self._made:
             try:
-                env = gym.make(name, disable_env_checker=True, **self._task.options)
+                env = gym.make(name, disable_env_checker=True, **{**self._task.options, **options})
             except gym.error.Error as error:
                 raise InputError(f"the task {self._task.name!r} has no environment: {error}") from error
             self._stack.callback(env.close)
-            self._made[name] = env
-        return self._made[name]
+            self._made[key] = env
+        return self._made[key]
 
 
 def results_of(

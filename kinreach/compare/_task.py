@@ -65,6 +65,7 @@ class Method:
         make: From the environment that it will act in to its policy, or to what `as_policy` makes one of.
         kind: A key of `GIVEN`, or another word or two.
         environment: Id of the environment it acts in; the task's own if empty.
+        options: Of that environment, where they differ from the task's.
         versions: What its answers depend on besides code and packages, by name: digests of files.
         colour: In figures; one is chosen if empty.
     """
@@ -74,6 +75,7 @@ class Method:
     environment: str = ""
     versions: Mapping[str, str] = field(default_factory=dict)
     colour: str = ""
+    options: Mapping[str, Any] = field(default_factory=dict)
 
 
 @dataclass(frozen=True)

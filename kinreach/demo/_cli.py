@@ -51,7 +51,8 @@ def main(argv: Sequence[str], *, prog: str) -> int:
         print("No screen here: nothing is drawn. --video FILE.gif or FILE.mp4 films it.", file=sys.stderr)
     scripted = arguments.policy == "analytic" and (task.solvers or "closed-form" in task.methods)
     caption = Caption("closed-form" if scripted else arguments.policy, done=task.done)
-    env = _make(task, mode, arguments.options | options_for(arguments.policy, task.name), caption)
+    own = task.methods[arguments.policy].options if arguments.policy in task.methods else {}
+    env = _make(task, mode, arguments.options | options_for(arguments.policy, task.name) | own, caption)
     try:
         policy = make_policy(arguments.policy, task, env, seed=arguments.seed)
         film = Film(arguments.video, fps=task.fps, colours=colours()) if arguments.video else nullcontext()

@@ -1,5 +1,7 @@
 """Lifting in the comparison: scripted grasps, and what failed where."""
 
+from importlib import resources
+
 import numpy as np
 import pytest
 
@@ -42,3 +44,14 @@ def test_another_arm_and_another_object():
     assert [entry["reached"] for entry in found["methods"]] == [1.0, 1.0]
     assert found["settings"]["arm"] == "ur5e"
     assert "lifts" in found["settings"]["title"]
+
+
+def test_a_policy_of_small_steps_acts_in_small_steps():
+    """In the same table as grasps in one decision, under its name and as a file, for the same objects."""
+    file = str(resources.files("kinreach.baselines") / "pretrained" / "lift-multi.safetensors")
+    found = compare("lift", ["ranked", "ppo-multi", file], goals=4, options={"attempts": 1})
+    one, steps, same = found["methods"]
+    assert one["attempts"] == 1.0
+    assert 20 < steps["attempts"] < 150
+    assert steps["attempts"] == same["attempts"]
+    assert [entry["reached"] for entry in found["methods"]] == [1.0, 1.0, 1.0]

@@ -18,7 +18,8 @@ class Networks:
         activation: `"tanh"`, `"silu"`, `"relu"`, `"elu"` or `"leaky_relu"`.
         features: `"raw"`: the observation as it is; `"scaled"`: shifted and scaled by constants; `"goal waves"`: the
             goal alone, scaled, and waves of it; `"waves"`: the same of all; `"button"`: scaled by the constants of the
-            button task; `"sights"`, `"arms"`: by those of rolling balls and of random arms, and waves; `"looks"`: the
+            button task; `"grasps"`: by those of grasping in small steps; `"sights"`, `"arms"`: by those of rolling
+            balls and of random arms, and waves; `"looks"`: the
             output of convolutions on both cameras' pictures, in ranked PPO only.
         posture: Whether the actor's output is a change of the start pose [rad], small at first.
         std: Standard deviation of the actions to begin with, where it is learned; 1 is half the range.

@@ -14,8 +14,9 @@ from kinreach._checks import check_known, shown
 from kinreach._objects import load_object
 from kinreach._plots._methods import method_colours
 from kinreach._provenance import digest
+from kinreach._registration import LIFT
 from kinreach.baselines._loop import Policy, as_policy
-from kinreach.baselines._policies import load_policy, needed_options, trained_arm
+from kinreach.baselines._policies import LearnedPolicy, load_policy, needed_options, trained_arm
 from kinreach.baselines._policy_file import run_name
 from kinreach.baselines._solver_policy import SolverPolicy
 from kinreach.compare._task import POLICY, SOLVER, Method, Task, policy_version
@@ -66,14 +67,20 @@ def solver_method(new: Callable[[Any], Solver]) -> Method:
     return Method(lambda env: SolverPolicy(new(_kinematics(env)), env), SOLVER)
 
 
-def policy_method(policy: str, environment: str) -> Method:
+def policy_method(policy: str, environment: str, **options: Any) -> Method:
     """Make a method of a trained policy that comes with the package, or of a file.
 
     Args:
         policy: Name, or path of a file.
         environment: Id of the environment that it acts in.
+        **options: Of that environment, beside the task's.
     """
-    return Method(lambda env: load_policy(policy), POLICY, environment, policy_version(policy))
+    return Method(lambda env: load_policy(policy), POLICY, environment, policy_version(policy), options=options)
+
+
+def _form(policy: LearnedPolicy) -> dict[str, Any]:
+    """Return how a policy acts, where that is an option: in `kinreach/Lift-v0`."""
+    return {"steps": needed_options(policy).get("steps", "single")} if policy.card.environment == LIFT else {}
 
 
 def _kinematics(env: gym.Env[Any, Any]) -> Any:
@@ -157,7 +164,7 @@ def _from_file(task: Task, path: str, variant: str) -> Method:
         raise InputError(f"the policy {path} was trained on the arm {trained!r}, not on {name!r}")
     if needed_options(policy).get("goal_in", CAMERA) != CAMERA:
         raise InputError(f"the policy {path} takes goals in pictures, the methods of a comparison take them in metres")
-    return Method(lambda env: policy, POLICY, environment, policy_version(path))
+    return Method(lambda env: policy, POLICY, environment, policy_version(path), options=_form(policy))
 
 
 def _construct(cls: Callable[..., Any], env: gym.Env[Any, Any]) -> Any:
