@@ -191,7 +191,7 @@ def _changed(node: Any) -> Iterator[ast.AST]:
             yield other(body=node.orelse, orelse=node.body)
         case ast.Expr(value=ast.Call() | ast.Yield() | ast.Await()) | ast.Raise() | ast.Assign():
             yield ast.Pass()
-        case ast.Return(value=value) if value is not None:
+        case ast.Return(value=value) if value is not None and ast.unparse(value) != "None":
             yield ast.Return(None)
         case ast.Continue():
             yield ast.Break()

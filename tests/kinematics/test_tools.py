@@ -33,6 +33,9 @@ def test_poses_as_six_numbers():
     for wrong in ([0] * 5, [0, 0, 0, 0, 0, np.nan], "0,0,0,0,0,0", [[0] * 7]):
         with pytest.raises(InputError):
             pose(wrong)
+    for wrong in (np.eye(3), T.reshape(-1, 2, 8), np.zeros(16)):
+        with pytest.raises(InputError, match="shape"):
+            pose_vector(wrong)
     with pytest.raises(InputError, match="rotation"):
         pose_vector(np.diag([2.0, 1.0, 1.0, 1.0]))
 
