@@ -23,7 +23,7 @@ from kinreach._provenance import versions
 from kinreach.cli import Parser
 
 OUT = "results/ik_arms"
-QUICK = {"singular": 4, "blocks": 3, "batch": 100, "limit": 6}
+QUICK = {"singular": 4, "blocks": 3, "limit": 6}
 _EPILOG = """\
 A solver is a class with `name`, `__init__(kin)`, which raises to refuse an arm, and `all(T)`, which returns the
 postures of a pose as an array (k, n). See benchmarks/ik_arms/solvers.py. Results are kept in --out: the same command
@@ -121,7 +121,7 @@ def _parser(prog: str) -> Parser:
     parser.add_argument("--solver", metavar="MODULE:CLASS", help="enter a solver of your own")
     parser.add_argument("--arms", metavar="A,B", help="some of the arms, such as ur5e_ik,puma560_ik")
     parser.add_argument("--poses", type=int, metavar="N", help=f"of each arm (default: {Effort.poses})")
-    parser.add_argument("--quick", action="store_true", help="10 poses, small blocks: shows that it works")
+    parser.add_argument("--quick", action="store_true", help="10 poses, few blocks: shows that it works")
     parser.add_argument("--docs", metavar="FILE", help="write the page there, such as docs/reference/ik_arms.md")
     parser.add_argument("--out", default=OUT, metavar="DIR", help="where results are kept (default: %(default)s)")
     return parser

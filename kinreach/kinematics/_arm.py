@@ -8,7 +8,7 @@ import threading
 from collections.abc import Mapping, Sequence
 from functools import cached_property
 from pathlib import Path
-from typing import Any, ClassVar, Self
+from typing import TYPE_CHECKING, Any, ClassVar, Self
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -36,6 +36,8 @@ pin: Any = load("pinocchio")
 
 #: Axes of Pinocchio's types of revolute joints; others carry their axis.
 PLAIN_AXES = {"JointModelRX": (1.0, 0.0, 0.0), "JointModelRY": (0.0, 1.0, 0.0), "JointModelRZ": (0.0, 0.0, 1.0)}
+#: Methods of arms of which all postures are known, as a list or as curves.
+LISTS, CURVES = ("all_solutions", "batch", "nearest", "nearest_batch"), ("self_motions", "clearest", "manipulable")
 
 
 class _WorkSpace(threading.local):
@@ -189,6 +191,17 @@ class ArmKinematics:
         """
         arm = ArmDescription.from_urdf(file, tip=tip, joints=joints, **facts)
         return cls.of(arm, tip=tip if tool is None else None, base=base, tool=tool)
+
+    if not TYPE_CHECKING:
+
+        def __getattr__(self, name: str) -> Any:
+            if name not in LISTS + CURVES or "n" not in self.__dict__:
+                raise AttributeError(f"{type(self).__name__!r} object has no attribute {name!r}")
+            what = f"arm {self.arm.name!r} with {self.n} joints has no {name}"
+            if not self.knows_all_postures:
+                raise AttributeError(f"{what}: LevenbergMarquardtSolver(kin) or PlacoSolver(kin) finds one posture")
+            other = "self_motions has its curves" if name in LISTS else "all_solutions lists its postures"
+            raise AttributeError(f"{what}: {other}, nearest chooses one")
 
     def __repr__(self) -> str:
         return f"{type(self).__name__}(arm={self.arm.name!r}, tip={self.tip!r}, base={self.base!r})"

@@ -169,7 +169,9 @@ class SerialChain:
         frame = Frame((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0), (0.0, 0.0, 0.0))
         root, total = frame, q[0]
         for index, (angle, constant) in enumerate(zip(q, self._constants, strict=True)):
-            if index > 0 and constant[2, 2] == 1.0:  # parallel to the joint before: the same axes turn further
+            if (
+                index > 0 and constant[2, 2] == 1.0 and not constant[:2, 2].any()
+            ):  # parallel to the joint before: the same axes turn further
                 total = plus(plus(total, angle), float(np.arctan2(constant[1, 0], constant[0, 0])))
                 root = root._replace(p=frame.point(constant[:3, 3].tolist()))
             else:

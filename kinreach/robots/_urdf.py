@@ -453,7 +453,10 @@ class UrdfArm:
             raise InputError(f"arm {name!r}: no joint moves the tip {self.tip!r}; give tip= one of its links")
         for joint in self.joints:
             if self._kind(joint) == "prismatic" or self._joints[joint].find("mimic") is not None:
-                raise InputError(f"arm {name!r}: joint {joint!r} slides or mimics another; leave it out of joints=")
+                raise InputError(
+                    f"arm {name!r}: joint {joint!r} slides or mimics another; use placo.KinematicsSolver, which moves "
+                    "such joints, or leave it out of joints="
+                )
         self.limits = [_limits(self._joints[joint]) for joint in self.joints]
         for joint, (lower, upper) in zip(self.joints, self.limits, strict=True):
             if lower == upper:
@@ -543,7 +546,8 @@ class UrdfArm:
                 slides = next(joint.get("name") for joint in self._path(link) if joint.get("type") == "prismatic")
                 raise InputError(
                     f"arm {self.name!r}: joint {slides!r} slides, and joints that turn are mounted on it; name with "
-                    "joints= those that turn, or with tip= a link before it"
+                    "joints= those that turn, or with tip= a link before it, or use placo.KinematicsSolver, which "
+                    "moves such joints"
                 )
         ends = {self._last_turning(link, held): link for link in self._links if rank(link)[0] == turning}
         if len(ends) > 1:

@@ -6,10 +6,18 @@ import numpy as np
 import pinocchio as pin
 import pytest
 
-from benchmarks.ik_arms.arms import urdf
+from benchmarks.ik_arms.arms import singular_poses, urdf
 from kinreach.errors import InputError
 from kinreach.kinematics import ArmKinematics, SevenAxisKinematics, SixAxisKinematics
-from tests.kinematics.test_six_axis_closed_form import CLASSES, apart, kinematics, motion, placements, random_motion
+from tests.kinematics.test_six_axis_closed_form import (
+    CLASSES,
+    apart,
+    eliminated,
+    kinematics,
+    motion,
+    placements,
+    random_motion,
+)
 
 ERRORS = (0.0, 1e-6, 1e-5, 1e-4, 1e-3)
 #: Pairs of neighbouring axes that meet, and none of them three in one point.
@@ -25,6 +33,24 @@ def some_arm(rng, name, *, backwards, off):
     a[list(OTHERS[name][0])] = 0.0
     chain = [random_motion(rng, 0.3, np.pi), *(motion(turn[i], d[i], a[i], alpha[i]) for i in range(5))]
     chain = [*chain, random_motion(rng, 0.2, np.pi)]
+    if backwards:
+        chain = [np.linalg.inv(step) for step in reversed(chain)]
+    return np.array([step @ random_motion(rng, off, off) for step in chain])
+
+
+def regular_arm(rng, name, *, backwards, off):
+    """A random arm whose joints begin at quarter turns, with many right angles and lengths that are 0."""
+    zero = rng.random((2, 6)) < 0.3
+    a, d = np.where(zero, 0.0, rng.choice([-1, 1], (2, 6)) * rng.uniform(0.1, 0.5, (2, 6)))
+    alpha = rng.choice([-1, 1], 6) * np.where(rng.random(6) < 0.7, np.pi / 2, rng.uniform(0.5, 1.5, 6))
+    turn = rng.integers(-1, 3, 8) * np.pi / 2
+    a[1:3], d[3] = np.where(a[1:3] == 0.0, 0.3, a[1:3]), d[3] or 0.2
+    for values, key in ((a, "a"), (d, "d"), (alpha, "alpha")):
+        for index, value in CLASSES[name].get(key, {}).items():
+            values[index] = value
+    a[0] = a[0] or 0.15 * (alpha[0] == 0.0)  # axes 1 and 2 are two axes
+    chain = [motion(turn[6], 0.2, 0, np.pi / 2), *(motion(turn[i], d[i], a[i], alpha[i]) for i in range(5))]
+    chain += [motion(turn[7], 0.1, 0, 0)]
     if backwards:
         chain = [np.linalg.inv(step) for step in reversed(chain)]
     return np.array([step @ random_motion(rng, off, off) for step in chain])
@@ -54,17 +80,16 @@ class Judge:
         return found
 
 
-def judged(kin, judge, q):
-    """Check all answers for the pose of a posture; their number, and whether the posture is one."""
-    T = judge.fk(q)
+def judged(kin, judge, T, exact=1e-9):
+    """Check all answers for a pose, alone and in a batch; return them."""
     found = kin.all_solutions(T, limits=False)
     for one in found.q:
-        assert np.abs(judge.fk(one) - T).max() < 1e-9
+        assert np.abs(judge.fk(one) - T).max() < exact
     batch = kin.batch(T[None], limits=False)
     assert np.flatnonzero(batch.valid[0]).tolist() == found.branch.tolist()
     same = [apart(one, two[None]) for one, two in zip(batch.q[0][batch.valid[0]], found.q, strict=True)]
     assert max(same, default=0.0) < 1e-6
-    return len(found), apart(q, found.q) < 1e-5
+    return found.q
 
 
 @pytest.mark.parametrize("seed", [0, *(pytest.param(seed, marks=pytest.mark.slow) for seed in range(1, 8))])
@@ -77,12 +102,53 @@ def test_six_axes(name, seed, tmp_path):
             kin, judge = kinematics(tmp_path, chain), Judge(chain)
             assert isinstance(kin, SixAxisKinematics), (off, backwards)
             for q in rng.uniform(-np.pi, np.pi, (6 if seed else 2, 6)):
-                number, back = judged(kin, judge, q)
-                count += number
-                assert back, (off, backwards, q.tolist())
-                again += back
+                found = judged(kin, judge, judge.fk(q))
+                assert apart(q, found) < 1e-5, (off, backwards, q.tolist())
+                count, again = count + len(found), again + 1
     assert again == (60 if seed else 8)
     assert count >= 2 * again
+
+
+@pytest.mark.parametrize("seed", [0, *(pytest.param(seed, marks=pytest.mark.slow) for seed in range(1, 8))])
+@pytest.mark.parametrize("name", CLASSES)
+def test_singular_poses(name, seed, tmp_path):
+    """Arms of a class and near it, of any angles and of right ones: never empty, alone as in a batch."""
+    rng, solved = np.random.default_rng([seed, len(name), 1]), 0
+    for some in (some_arm, regular_arm) if seed else (regular_arm,):
+        for off in (0.0, 10 ** rng.uniform(-8.0, -3.0))[not seed :]:
+            chain = some(rng, name, backwards=bool(rng.integers(2)), off=off)
+            kin, judge = kinematics(tmp_path, chain), Judge(chain)
+            assert isinstance(kin, SixAxisKinematics)
+            for case, poses in singular_poses(ArmKinematics(kin.arm), 4 if seed else 1).items():
+                for T in poses:
+                    assert len(judged(kin, judge, T, 2e-7)), (some, off, case)
+                    solved += 1
+    assert solved >= (60 if seed else 3)
+
+
+@pytest.mark.parametrize(
+    ("name", "seed", "off", "backwards", "case", "row"),
+    [
+        ("spherical wrist", (8881, 297), 1e-3, False, "wrist", 3),
+        ("spherical wrist, axes 1 and 2 meet", (8881, 68), 1e-5, True, "wrist", 3),
+        ("spherical wrist, axes 1 and 2 meet", (8881, 145), 1e-8, False, "wrist", 1),
+        ("spherical wrist, axes 1 and 2 meet", (8881, 145), 1e-8, False, "beside by 1e-9", 2),
+        ("spherical wrist, axes 1 and 2 meet", (8881, 222), 1e-8, False, "wrist", 2),
+        ("spherical wrist, axes 1 and 2 parallel", (8881, 36), 1e-5, False, "wrist", 3),
+        ("three parallel axes", (8883, 38), 1e-3, True, "right angles", 0),
+    ],
+)
+def test_two_singularities_at_once(name, seed, off, backwards, case, row, tmp_path):
+    """The first makes what the arm is off its class larger; at the second that decides which postures there are."""
+    rng = np.random.default_rng(seed)
+    rng.choice(7), rng.integers(2)
+    chain = some_arm(rng, name, backwards=backwards, off=off)
+    kin, judge = kinematics(tmp_path, chain), Judge(chain)
+    T = singular_poses(ArmKinematics(kin.arm), 4)[case][row]
+    found = judged(kin, judge, T)
+    others = eliminated(chain, T[None])
+    assert others is None or all(apart(one, found) < 1e-4 for one in others[0])
+    assert len(found) >= 2
 
 
 def test_out_of_reach_is_named(tmp_path):
@@ -148,8 +214,19 @@ def test_other_joints_have_no_closed_form(tmp_path):
             SixAxisKinematics(kin.arm)
         with pytest.raises(InputError, match=f"{joints} joints; seven are needed"):
             SevenAxisKinematics(kin.arm)
+        for name in ("all_solutions", "nearest", "self_motions"):
+            with pytest.raises(AttributeError, match=f"with {joints} joints has no {name}: Levenb.* or PlacoSolver"):
+                getattr(kin, name)
     file = tmp_path / "sliding.urdf"
     chain = np.array([random_motion(rng, 0.3, np.pi) for _ in range(7)])
     file.write_text(urdf(chain).replace('type="revolute"', 'type="prismatic"', 1))
-    with pytest.raises(InputError, match="j1"):
-        SixAxisKinematics(ArmKinematics.from_urdf(file).arm)
+    with pytest.raises(InputError, match=r"'j1' slides.*placo\.KinematicsSolver"):
+        ArmKinematics.from_urdf(file)
+    six, seven = (kinematics(tmp_path, np.array([random_motion(rng, 0.3, np.pi) for _ in range(n)])) for n in (7, 8))
+    with pytest.raises(AttributeError, match="6 joints has no self_motions: all_solutions lists its postures"):
+        six.self_motions(np.eye(4))
+    with pytest.raises(AttributeError, match="7 joints has no all_solutions: self_motions has its curves"):
+        seven.all_solutions(np.eye(4))
+    assert not hasattr(six, "clearest")
+    with pytest.raises(AttributeError, match="'SixAxisKinematics' object has no attribute 'other'"):
+        six.other  # noqa: B018

@@ -8,6 +8,7 @@ import pytest
 from kinreach.errors import InputError, UnknownNameError
 from kinreach.kinematics import Arm3Kinematics, ArmKinematics, UR5Kinematics
 from kinreach.kinematics._goals import pose_error
+from tests.kinematics.test_six_axis_closed_form import kinematics, motion
 
 ARMS = [("ur5", "tool0"), ("ur5", "tcp"), ("arm3", "end_effector")]
 
@@ -68,6 +69,17 @@ def test_jacobian_by_central_differences(arm, tip, base):
             spin = (ahead[:3, :3] - behind[:3, :3]) / (2 * step) @ R.T
             np.testing.assert_allclose(J[:3, j], (ahead - behind)[:3, 3] / (2 * step), atol=1e-8)
             np.testing.assert_allclose(J[3:, j], [spin[2, 1], spin[0, 2], spin[1, 0]], atol=1e-8)
+
+
+@pytest.mark.parametrize("tilt", [1e-9, 1e-8, 3e-8, 1e-6])
+def test_axes_that_are_almost_parallel_are_not_taken_for_parallel(tilt, tmp_path):
+    """The cosine of a tilt of 1e-8 is 1 to rounding; its sine moves the tip by 1e-8 m."""
+    rng = np.random.default_rng(0)
+    chain = np.array([motion(rng.uniform(-3, 3), 0.3, 0.4, tilt) for _ in range(7)])
+    kin, q = kinematics(tmp_path, chain), rng.uniform(-np.pi, np.pi, (20, 6))
+    exact = np.array([kin.fk(one) for one in q])
+    np.testing.assert_allclose(kin.fk(q), exact, atol=1e-10, rtol=0)
+    assert np.abs(exact[:, 2, :2]).max() > 0.5 * tilt
 
 
 def test_front_of_the_ur5_is_world_x():

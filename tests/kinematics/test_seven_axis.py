@@ -19,7 +19,7 @@ from kinreach.kinematics import (
 )
 from kinreach.kinematics._solutions import Status
 from kinreach.robots import ArmDescription
-from tests.kinematics.test_six_axis_closed_form import RIGHT, kinematics, motion, of_ssik, random_motion
+from tests.kinematics.test_six_axis_closed_form import RIGHT, apart, kinematics, motion, of_ssik, random_motion
 
 FILE = "panda_description/urdf/panda.urdf"
 
@@ -132,20 +132,27 @@ def test_a_grid_twice_as_fine_finds_no_further_curve(name, errors):
     assert errors or sum(row["samples"] for row in rows) >= 60
 
 
-def test_a_curve_of_an_elbow_that_is_almost_stretched_is_found(tmp_path):
-    """Only joints 3 and 5 move along it: it lies between two values of the first joint and of the last."""
+def test_the_curves_of_an_elbow_that_is_stretched_or_almost_so_are_found(tmp_path):
+    """Only joints 3 and 5 move along them: they lie between two values of the first joint and of the last.
+
+    Every posture on them is singular if the elbow is exactly stretched; each curve is there for both sides of it.
+    """
     lengths, tilts = (0.34, 0, 0.4, 0, 0.4, 0, 0.126), (-RIGHT, RIGHT, RIGHT, -RIGHT, -RIGHT, RIGHT, 0)
     links = (motion(0, length, 0, tilt) for length, tilt in zip(lengths, tilts, strict=True))
     kin, rng, found = kinematics(tmp_path, np.array([np.eye(4), *links])), np.random.default_rng(0), 0
-    for bent in np.repeat([1e-2, 3e-3, 1e-3, 1e-4], 6):
+    for bent in np.repeat([1e-2, 3e-3, 1e-3, 1e-4, 1e-5, 3e-6, 1e-6, 1e-8, 0.0], 2):
         q = rng.uniform(-2.8, 2.8, 7)
         q[3] = bent * rng.choice([-1, 1])
+        q[[1, 5]] = np.copysign(np.maximum(np.abs(q[[1, 5]]), 0.05), q[[1, 5]])  # and nothing else is singular
         T = kin.fk(q)
-        curves = [(curve.q, curve.closed) for curve in kin.self_motions(T, limits=False)]
-        assert all(closed for _, closed in curves)
-        assert len(kin._tracer.beside(curves, q[None], T)) == 0
-        found += len(curves)
-    assert found == 8 * 24
+        motions = kin.self_motions(T, limits=False)
+        exact(kin, T, motions)
+        assert all(curve.closed for curve in motions)
+        assert apart(q, kin.nearest(T, q).q[None]) < 5e-5
+        for curve in motions:
+            assert np.abs(kin.fk(curve.at(0.7 * curve.total)) - T).max() < 1e-9
+        found += len(motions)
+    assert found == 8 * 18
 
 
 def test_limits_cut_the_curves_where_a_joint_is_at_its_limit(panda):

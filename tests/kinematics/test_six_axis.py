@@ -218,7 +218,7 @@ def test_axes_that_it_cannot_solve_are_named(tmp_path):
     file.write_text(urdf(["0 0 1"] * 6))
     arm = ArmDescription.from_urdf(file)
     assert type(ArmKinematics.of(arm)) is ArmKinematics
-    with pytest.raises(InputError, match=r"elimination singular; of random postures it finds \d+ % again"):
+    with pytest.raises(InputError, match="singular in every posture: its six joints move the tip in five directions"):
         SixAxisKinematics(arm)
     with pytest.raises(InputError, match="3 joints; six are needed"):
         SixAxisKinematics("arm3")

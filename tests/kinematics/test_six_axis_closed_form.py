@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from benchmarks.ik_arms.arms import placements_of, singular_poses, urdf
+from kinreach.errors import InputError
 from kinreach.kinematics import ArmKinematics, SixAxisKinematics
 from kinreach.kinematics._general_6r import Chain, General6R
 from kinreach.kinematics._six_axis.methods import Backwards, ClosedForm, Elimination, NearlyDecoupled
@@ -201,6 +202,39 @@ def test_a_wrist_centre_on_the_first_axis(tmp_path):
         assert found.residual.max() < 1.1e-7
         solved += 1
     assert solved == 30
+
+
+@pytest.mark.parametrize("parallel", [False, True])
+def test_a_wrist_centre_on_the_second_axis(parallel, tmp_path):
+    """Joint 2 turns the wrist only, which reaches at some of its angles."""
+    a, d4, tilts = (0.0, 0.3, 0.27, 0.0, 0.0), 0.2, (1.2, 0.0 if parallel else RIGHT, RIGHT, RIGHT, 1.3)
+    a = (0.0, 0.3, np.sqrt(0.3**2 - d4**2), 0.0, 0.0) if parallel else a
+    links = (motion(0, d4 if i == 3 else 0, a[i], tilts[i]) for i in range(5))
+    kin, solved = kinematics(tmp_path, np.array([np.eye(4), *links, motion(0, 0.1, 0, 0)])), 0
+    assert used(kin) is ClosedForm
+    q = np.random.default_rng(11).uniform(-np.pi, np.pi, (12, 6))
+    q[:, 2] = np.arctan2(d4, a[2]) + np.arccos(-0.3 / np.hypot(a[2], d4))  # a2 + a3 cos q3 + d4 sin q3 = 0
+    for T in kin.fk(q):
+        found = kin.all_solutions(T, limits=False)
+        assert found.success
+        assert found.residual.max() < 1.1e-7
+        assert np.flatnonzero(kin.batch(T[None], limits=False).valid[0]).tolist() == found.branch.tolist()
+        solved += len(kin._method._arm.asked(T, 1e-4, [0.0] * 6)) > 40
+    assert solved == 12
+
+
+@pytest.mark.parametrize("joint", [0, 1])
+@pytest.mark.parametrize("off", [0.0, 1e-6])
+def test_two_joints_about_one_axis_are_refused(joint, off, tmp_path):
+    """Every posture is singular, or almost: nothing is returned rather than something wrong."""
+    rng = np.random.default_rng(12)
+    arm = placements(rng, "spherical wrist")
+    arm[joint + 1] = motion(0.4, 0.2, 0.0, 0.0)
+    arm = np.array([step @ random_motion(rng, off, off) for step in arm])
+    kin = kinematics(tmp_path, arm)
+    assert not isinstance(kin, SixAxisKinematics)
+    with pytest.raises(InputError, match="of random postures it finds" if off else "singular in every posture"):
+        SixAxisKinematics(kin.arm)
 
 
 @pytest.mark.parametrize("off", [0.0, 1e-6, 1e-4])

@@ -27,6 +27,8 @@ from kinreach.kinematics._six_axis.methods import Method, method_of
 JOINTS = 7
 #: Values at which a joint is held, and postures from which curves are followed at once.
 VALUES, SEEDS = 48, 64
+#: How often that is done at most; all curves of a pose that is not singular are found in one to three rounds.
+ROUNDS = 8
 #: Longest and shortest step along a curve [rad], and most steps.
 LONGEST, SHORTEST, MAX_STEPS = 0.1, 1e-6, 4000
 #: By how much shorter the steps are where a curve was left, and how often.
@@ -37,6 +39,9 @@ ON_CURVE, NEWTON = 1e-11, 4
 SLOW = 1e-4
 #: Longest step of a joint in Newton's method [rad].
 MAX_JOINT_STEP = 0.3
+#: Smallest singular value of the Jacobian at a posture whose curve cannot be followed; and by how much a pose is moved
+#: where all of a curve is like that [m, rad].
+SINGULAR, INWARDS = 3e-6, 1e-10
 #: Two postures nearer than this are one [rad].
 SAME = 1e-5
 #: Cosine between the tangents at both ends of a step; and how far a curve that bends by that is beside its tangent, in
@@ -108,16 +113,46 @@ class SelfMotionTracer:
         if np.linalg.norm(T[:3, 3] - self._loop.placements[0][:3, 3]) > self._reach:
             return []
         curves: list[Curve] = []
-        for shift in (0.0, 0.5):  # with the elbow almost stretched a curve may lie between two values of both joints
-            q = self._nearest(np.vstack([sweep.starts(T, shift) for sweep in self._sweeps]), T)
-            if len(q):
+        q = self._starts(T)
+        if len(q):
+            T, q = self._beside_boundary(T, q)
+        for _ in range(ROUNDS):
+            if not len(q):
                 break
-        while len(q):
             spread = np.argsort(np.arange(len(q)) * GOLDEN % 1.0)
             found = self._followed(_each_once(q[spread[:SEEDS]]), T)
             curves += [curve for curve in found if 2 * len(self.beside(curves, curve[0], T)) > len(curve[0])]
             q = self.beside(curves, q[spread[SEEDS:]], T)
         return curves
+
+    def _starts(self, T: Floats) -> Floats:
+        """Postures (m, 7) of a pose, on every curve."""
+        for shift in (0.0, 0.5):  # with the elbow almost stretched a curve may lie between two values of both joints
+            q = self._nearest(np.vstack([sweep.starts(T, shift) for sweep in self._sweeps]), T)
+            if len(q):
+                break
+        return q
+
+    def _beside_boundary(self, T: Floats, q: Floats) -> tuple[Floats, Floats]:
+        """A pose and its postures (m, 7); if whole curves are singular, the pose `INWARDS` of it and its postures.
+
+        With the elbow stretched axes 3 and 5 of many arms coincide. The tip is on the boundary of what it reaches, and
+        a curve has no tangent of its own, as the elbow also bends without moving the tip. Two curves meet there, one
+        for each side of the elbow.
+        """
+        U, s, _ = np.linalg.svd(self._loop.jacobian(q)[1])
+        singular = s[:, 5] < SINGULAR
+        if np.count_nonzero(singular) < 0.25 * len(q):
+            return T, q
+        v, w = np.split(U[np.argmax(singular), :, 5], 2)  # the tip cannot move along this twist
+        found = []
+        for sign in (1.0, -1.0):
+            moved = T.copy()
+            moved[:3, 3] += sign * INWARDS * v
+            moved[:3, :3] += sign * INWARDS * np.cross(w, T[:3, :3], axisb=0, axisc=0)
+            found.append((moved, self._starts(moved)))
+        moved, near = max(found, key=lambda each: len(each[1]))
+        return (moved, near) if len(near) else (T, q)
 
     def beside(self, curves: list[Curve], q: Floats, T: Floats) -> Floats:
         """Those of postures (m, 7) of a pose that are on none of some of its curves."""

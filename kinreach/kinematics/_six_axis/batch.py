@@ -59,24 +59,28 @@ def _regular(arm: DecoupledArm, T: Floats, q: Floats, valid: _Mask, tol: float, 
         doubtful = (m2 <= NEAR * r2 + ZERO * ZERO) & (r >= np.abs(across) - tol) | (np.abs(m2) < 4.0 * off * r)
         along = np.sqrt(m2)
         reached = m2 > 0.0
-        moved = off * (1.0 + (r + np.abs(across)) / along) if off else off
+        moved: Floats | float = 0.0
+        turned: Floats | float = 0.0
+        if off:
+            moved, turned = off * (1.0 + (r + np.abs(across)) / along), off * (1.0 + 1.0 / along)
         for shoulder, m in ((0, along), (4, -along)):
             c1, s1 = (x * m + y * across) / r2, (y * m - x * across) / r2
             q[0, shoulder : shoulder + 4] = np.arctan2(s1, c1)
             turn = _behind(columns, c1, s1, ca1, sa1)
             if arm.spherical:
                 for elbow, bent, c23, s23, q2, q3 in _elbows(arm, m - arm.a1, v, tol, moved, doubtful):
-                    turned = _behind(turn, c23, s23, arm.ca3, arm.sa3)
-                    for wrist, turns, q4, _, _, q5, q6 in _wrists(arm, turned, tol, off, doubtful):
+                    behind = _behind(turn, c23, s23, arm.ca3, arm.sa3)
+                    bends = turned + moved / (arm.fore * np.abs(np.sin(q3 + arm.fore_angle))) if off else off
+                    for wrist, turns, q4, _, _, q5, q6 in _wrists(arm, behind, tol, bends, doubtful):
                         branch = shoulder + wrist + elbow
                         valid[branch] = reached & bent & turns
                         for joint, angle in enumerate((q2, q3, q4, q5, q6), 1):
                             q[joint, branch] = angle
             else:
-                for wrist, turns, q234, c, s, q5, q6 in _wrists(arm, turn, tol, off, doubtful):
+                for wrist, turns, q234, c, s, q5, q6 in _wrists(arm, turn, tol, turned, doubtful):
                     x4, y4 = arm.a4, -arm.sa4 * arm.d5
                     u, w = m - arm.a1 - c * x4 + s * y4, v - s * x4 - c * y4
-                    through = moved * (1.0 + arm.hand / np.abs(np.sin(q5))) if off else off
+                    through = moved + turned * arm.hand / np.abs(arm.sa4 * arm.sa5 * np.sin(q5)) if off else off
                     for elbow, bent, _, _, q2, q3 in _elbows(arm, u, w, tol, through, doubtful):
                         branch = shoulder + wrist + elbow
                         valid[branch] = reached & bent & turns
@@ -128,13 +132,13 @@ def _elbows(
 
 
 def _wrists(
-    arm: DecoupledArm, turn: Floats, tol: float, off: float, doubtful: _Mask
+    arm: DecoupledArm, turn: Floats, tol: float, off: Floats | float, doubtful: _Mask
 ) -> Iterator[tuple[int, _Mask, Floats, Floats, Floats, Floats, Floats]]:
     """Both wrists: branch, which turn, q4, its cosine and sine, q5 and q6. Adds to the doubtful poses."""
     (_, _, n13), (_, _, n23), (n31, n32, n33) = turn
     ca4, sa4, ca5, sa5 = arm.ca4, arm.sa4, arm.ca5, arm.sa5
     square = n13 * n13 + n23 * n23
-    doubtful |= square < max(NEAR_WRIST, tol, off) ** 2
+    doubtful |= square < np.maximum(max(NEAR_WRIST, tol), off) ** 2
     c5 = (ca4 * ca5 - n33) / (sa4 * sa5)
     s2 = square if arm.right_angles else 1.0 - c5 * c5
     if not arm.right_angles:

@@ -60,17 +60,14 @@ class Doubt:
 
     Args:
         off: How far they are off [m, rad].
-        size: Smallest length of the arm [m].
 
     Attributes:
         found: Whether it may.
-        off: As given: the sine between two axes of a wrist below which it may.
-        fold: Angle between two postures that meet below which it may [rad].
+        off: As given.
     """
 
-    def __init__(self, off: float, size: float) -> None:
-        self.found = False
-        self.off, self.fold = off, 2.0 * sqrt(off / size)
+    def __init__(self, off: float) -> None:
+        self.found, self.off = False, off
 
     def folded(self, sine2: float, length: float, gain: float = 1.0) -> None:
         """Take two postures that meet into account.
@@ -82,16 +79,21 @@ class Doubt:
         """
         self.found = self.found or abs(sine2) * length < 4.0 * self.off * gain
 
+    def aligned(self, sine: float, gain: float) -> None:
+        """Take the sine between the outer axes of a wrist into account; `gain` as in `folded`."""
+        self.found = self.found or sine < self.off * gain
+
 
 def decouples(dh: DenavitHartenberg) -> bool:
-    """Return whether an arm has a spherical wrist, or axes 2, 3 and 4 parallel, and two links that bend."""
+    """Return whether an arm has a spherical wrist, or axes 2, 3 and 4 parallel, and is not singular everywhere."""
     sines = np.abs(np.sin(dh.alpha)) > ZERO
     spherical = not dh.a[3:].any() and dh.d[4] == 0.0
     parallel = bool(sines[0]) and not sines[1]
     if not (sines[3:].all() and (spherical or (parallel and not sines[2]))):
         return False
-    fore = dh.a[2] != 0.0 or (spherical and sines[2] and dh.d[3] != 0.0)
-    return not parallel or bool(dh.a[1] != 0.0 and fore)
+    apart = (sines[:2] | (dh.a[:2] != 0.0)).all() and sines[:2].any()  # axes 1, 2 and 3
+    fore = dh.a[2] != 0.0 or (spherical and sines[2] and dh.d[3] != 0.0)  # the wrist is not on axis 3
+    return bool(apart and fore)
 
 
 class DecoupledArm:
@@ -169,37 +171,55 @@ class DecoupledArm:
         ]
 
     def asked(self, T: Floats, tol: float, seed: Sequence[float]) -> list[tuple[Floats, list[float]]]:
-        """A pose (4, 4) and a seed (6,); if joint 1 is free, or almost, also the pose where it is, and other seeds.
+        """A pose (4, 4) and a seed (6,); if joint 1 or 2 is free, or almost, also other seeds.
 
-        They have many angles of joint 1, as the elbow reaches at few of them. Where three parallel axes are parallel to
-        axis 6, too, joints 2, 3, 4 and 6 move together: many angles of joint 6.
+        They have many angles of that joint, as the elbow or the wrist reaches at few of them. If it is joint 1, the
+        pose beside them is the one where it is free. Where three parallel axes are parallel to axis 6, too, joints 2,
+        3, 4 and 6 move together: many angles of joint 6.
         """
-        pose, given = self.before @ T @ self.after, list(seed)
-        if hypot(*pose[:2, 3]) > tol:
+        pose, given, free = self.before @ T @ self.after, list(seed), T
+        x, y, z = pose[:3, 3].tolist()
+        first, second = hypot(x, y) <= tol, self._on_axis_2(x, y, z, tol)
+        if not (first or second):
             return [(T, given)]
-        free = T.copy()
-        free[:3, 3] -= self.before[:2, :3].T @ pose[:2, 3]
-        seeds = [[given[0] + turn, *given[1:]] for turn in TURNS]
-        way = pose[:3, 2]
-        q1 = atan2(self.sa1 * way[0], -self.sa1 * way[1])
-        parallel = np.cross(way, (sin(q1) * self.sa1, -cos(q1) * self.sa1, copysign(self.ca1, way[2])))
-        if not self.spherical and np.abs(parallel).max() <= tol:
-            for turned in (q1, q1 + pi):
-                first = self._sign[0] * (turned - self._offset[0])
-                seeds += [[first, *given[1:5], given[5] + turn] for turn in TURNS]
+        step = 4 if first and second else 1
+        seeds = [
+            [given[0] + turn, given[1] + bend, *given[2:]]
+            for turn in (TURNS[::step] if first else [0.0])
+            for bend in (TURNS[::step] if second else [0.0])
+        ]
+        if first:
+            free = T.copy()
+            free[:3, 3] -= self.before[:2, :3].T @ pose[:2, 3]
+            way = pose[:3, 2]
+            q1 = atan2(self.sa1 * way[0], -self.sa1 * way[1])
+            parallel = np.cross(way, (sin(q1) * self.sa1, -cos(q1) * self.sa1, copysign(self.ca1, way[2])))
+            if not self.spherical and np.abs(parallel).max() <= tol:
+                for turned in (q1, q1 + pi):
+                    start = self._sign[0] * (turned - self._offset[0])
+                    seeds += [[start, *given[1:5], given[5] + turn] for turn in TURNS]
         return [(T, given), *((free, start) for start in seeds)]
+
+    def _on_axis_2(self, x: float, y: float, z: float, tol: float) -> bool:
+        """Whether the centre of a spherical wrist may be on axis 2, so that joint 2 only turns the wrist."""
+        square = x * x + y * y + z * z
+        off_axis = abs(self.ca1 * self.ca1 * (square - self.a1 * self.a1) - z * z)
+        return (
+            self.spherical and (not self.by_shoulder or self.folded <= tol) and off_axis <= tol * (sqrt(square) + 1.0)
+        )
 
     def _spherical(self, pose: _Rows, tol: float, start: Sequence[float], doubt: Doubt | None) -> Iterator[Row]:
         """Postures of an arm with a spherical wrist."""
         positions = self._arm_by_shoulder if self.by_shoulder else self._arm_by_roots
         for branch, flags, q1, q2, q3 in positions(pose, tol, start, doubt):
+            gain = 1.0 if doubt is None else 1.0 + self._turned_by_moves(q2, q3)
             turn = self._behind(pose, cos(q1), sin(q1), self.ca1, self.sa1)
             if self.sa2 == 0.0:
                 turn = self._behind(turn, cos(q2 + q3), sin(q2 + q3), self.ca3, self.sa3)
             else:
                 turn = self._behind(turn, cos(q2), sin(q2), self.ca2, self.sa2)
                 turn = self._behind(turn, cos(q3), sin(q3), self.ca3, self.sa3)
-            for side, flag, q4, q5, q6 in self._wrists(turn, tol, doubt, first=start[3]):
+            for side, flag, q4, q5, q6 in self._wrists(turn, tol, doubt, gain, first=start[3]):
                 yield branch + side, flags | flag, q1, q2, q3, q4, q5, q6
 
     def _three_parallel(self, pose: _Rows, tol: float, start: Sequence[float], doubt: Doubt | None) -> Iterator[Row]:
@@ -207,8 +227,9 @@ class DecoupledArm:
         for branch, flags, q1, c1, s1, u, v, gain in self._shoulders(pose, tol, start[0], doubt):
             palm = (u, v, self.hand, self.hand_angle, start[5])
             turn = self._behind(pose, c1, s1, self.ca1, self.sa1)
-            for side, flag, q234, q5, q6 in self._wrists(turn, tol, doubt, palm=palm):
-                through = gain * (1.0 + self.hand / max(abs(sin(q5)), tol))
+            turned = 1.0 + 1.0 / max(abs(u + self.a1), tol)
+            for side, flag, q234, q5, q6 in self._wrists(turn, tol, doubt, turned, palm=palm):
+                through = gain + turned * self.hand / max(abs(self.sa4 * self.sa5 * sin(q5)), tol)
                 yield from self._arms(
                     branch + side, flags | flag, q1, q234, q5, q6, palm, tol, start[1], doubt, through
                 )
@@ -228,22 +249,24 @@ class DecoupledArm:
         cosine = ((ca1 * wz - ca4 * ca5) / by_c5, -sa1 * wy / by_c5, sa1 * wx / by_c5)
         square = [s + c for s, c in zip(_square(sine), _square(cosine), strict=True)]
         square[0] -= 1.0
-        roots = _roots(square, start[0], tol / self.size, doubt)
-        moved = 2.0 * hypot(x, y) / min(abs(by_s5), abs(by_c5))  # P by q1, if the nearest other root is 1 rad away
+        roots = _roots(square, start[0], tol / self.size, doubt, 2.0 / abs(by_s5) + 2.0 / abs(by_c5))
+        slope = 2.0 / min(abs(by_s5), abs(by_c5))  # of q1, if the nearest other root is 1 rad away
         for root, (q1, merged) in enumerate(roots):
             apart = min((abs(wrap(q1 - other)) for index, (other, _) in enumerate(roots) if index != root), default=1.0)
-            gain = 1.0 + moved / max(min(apart, 1.0), APART)
+            turned = 1.0 + slope / max(min(apart, 1.0), APART)
             c1, s1 = cos(q1), sin(q1)
             q5 = atan2(sine[0] + sine[1] * c1 + sine[2] * s1, cosine[0] + cosine[1] * c1 + cosine[2] * s1)
             turn = self._behind(pose, c1, s1, ca1, sa1)
             u, v = x * c1 + y * s1 - self.a1, ca1 * (y * c1 - x * s1) + sa1 * z
             hand = (self.a4 + a5 * cos(q5), ca4 * a5 * sin(q5) - sa4 * self.d5)
             palm = (u, v, hypot(*hand), atan2(hand[1], hand[0]), start[5])
-            if doubt is not None and hypot(turn[0][2], turn[1][2]) < doubt.off:
-                doubt.found = True
+            aligned = hypot(turn[0][2], turn[1][2])
+            if doubt is not None:
+                doubt.aligned(aligned, turned)
+            through = 1.0 + turned * (hypot(x, y) + palm[2] / max(aligned, tol))
             q234, q6, flag = self._outer(turn, q5, tol, None, palm)
             flags = flag | (SHOULDER if merged else 0)
-            yield from self._arms(2 * root, flags, q1, q234, q5, q6, palm, tol, start[1], doubt, gain)
+            yield from self._arms(2 * root, flags, q1, q234, q5, q6, palm, tol, start[1], doubt, through)
 
     def _arms(
         self,
@@ -288,24 +311,31 @@ class DecoupledArm:
         far = (px * px + py * py + pz * pz - a1 * a1 - n0, -n1, -n2)
         high = (pz - ca1 * z0, -ca1 * z1, -ca1 * z2)
         meet, parallel = abs(a1) < ZERO, sa1 == 0.0  # axes 1 and 2
+        distance = hypot(px, py, pz)
         if meet or parallel:
             equation = [*(far if meet else high), 0.0, 0.0, 0.0]
+            moved = 2.0 * distance if meet else 1.0
         else:
             by_far, by_high = sa1 * sa1, 4.0 * a1 * a1
             equation = [
                 by_far * f + by_high * (h + by_far * z) - by_far * by_high * n
                 for f, h, z, n in zip(_square(far), _square(high), _square(height), (n0, n1, n2, 0, 0, 0), strict=True)
             ]
-        for root, (q3, merged) in enumerate(_roots(equation, start[2], tol / self.size, doubt)):
+            moved = 8.0 * abs(a1 * sa1) * (distance + abs(a1)) * (abs(sa1) * distance + abs(a1))
+        for root, (q3, merged) in enumerate(_roots(equation, start[2], tol / self.size, doubt, moved)):
             c3, s3 = cos(q3), sin(q3)
+            gain = 1.0
+            if doubt is not None and (meet or parallel):  # by how much the chord's end moves, as joint 3 turns
+                gain += self.fore * moved / max(abs(equation[2] * c3 - equation[1] * s3), ZERO)
+                gain /= abs(sa1) if meet else min(abs(a1), 1.0)
             px2, py2, pz2 = self._point(c3, s3)
             r2 = hypot(px2, py2)
             x = 0.0 if meet else 0.5 * (far[0] + far[1] * c3 + far[2] * s3) / a1
             y = 0.0 if parallel else (high[0] + high[1] * c3 + high[2] * s3) / sa1
             if meet:
-                ends = [(rest, y, flag) for rest, flag in _chord(y, r2, tol, doubt)]
+                ends = [(rest, y, flag) for rest, flag in _chord(y, r2, tol, doubt, gain)]
             elif parallel:
-                ends = [(x, rest, flag) for rest, flag in _chord(x, r2, tol, doubt)]
+                ends = [(x, rest, flag) for rest, flag in _chord(x, r2, tol, doubt, gain)]
             else:
                 ends = [(x, y, 0)]
             for other, (x, y, flag) in enumerate(ends):
@@ -323,6 +353,17 @@ class DecoupledArm:
         along = self.sa3 * self.d4
         x, y, z = c3 * self.a3 + s3 * along, s3 * self.a3 - c3 * along, self.ca3 * self.d4 + self.d3
         return x + self.a2, self.ca2 * y - self.sa2 * z, self.sa2 * y + self.ca2 * z + self.d2
+
+    def _turned_by_moves(self, q2: float, q3: float) -> float:
+        """By how much joints 1 to 3 turn at most if they move the centre of a spherical wrist [rad/m]."""
+        c2, s2 = cos(q2), sin(q2)
+        x, y, z = self._point(cos(q3), sin(q3))  # as seen behind joint 2
+        first = _cross((s2 * self.sa1, c2 * self.sa1, self.ca1), (x + self.a1 * c2, y - self.a1 * s2, z))
+        second = (-y, x, 0.0)
+        third = _cross((0.0, -self.sa2, self.ca2), (x - self.a2, y, z - self.d2))
+        sides = _cross(second, third), _cross(third, first), _cross(first, second)
+        volume = abs(sum(a * b for a, b in zip(first, sides[0], strict=True)))
+        return hypot(*sides[0], *sides[1], *sides[2]) / max(volume, ZERO)
 
     def _shoulders(
         self, pose: _Rows, tol: float, start: float, doubt: Doubt | None
@@ -365,17 +406,24 @@ class DecoupledArm:
         )
 
     def _wrists(
-        self, turn: _Rows, tol: float, doubt: Doubt | None, *, first: float | None = None, palm: _Palm | None = None
+        self,
+        turn: _Rows,
+        tol: float,
+        doubt: Doubt | None,
+        gain: float,
+        *,
+        first: float | None = None,
+        palm: _Palm | None = None,
     ) -> Iterator[tuple[int, int, float, float, float]]:
         """Both ways to make a rotation of three turns, Rz(first) Rx(alpha4) Rz(q5) Rx(alpha5) Rz(last).
 
-        Yields branch, flags and the three angles. Arguments as in `_outer`.
+        Yields branch, flags and the three angles. Arguments as in `_outer`, and `gain` as in `Doubt.folded`.
         """
         (_, _, n13), (_, _, n23), (n31, n32, n33) = turn
         ca4, sa4, ca5, sa5 = self.ca4, self.sa4, self.ca5, self.sa5
         s = hypot(n13, n23)
-        if doubt is not None and s < doubt.off:
-            doubt.found = True
+        if doubt is not None:
+            doubt.aligned(s, gain)
         if self.right_angles:
             middle, merged = atan2(s, -n33 * sa4 * sa5), s <= tol
             if s > NEAR_WRIST and not merged:
@@ -386,7 +434,7 @@ class DecoupledArm:
         else:
             cosine = (ca4 * ca5 - n33) / (sa4 * sa5)
             if doubt is not None:
-                doubt.folded(1.0 - cosine * cosine, abs(sa4 * sa5))
+                doubt.folded(1.0 - cosine * cosine, abs(sa4 * sa5), gain)
             if abs(sa4 * sa5) * (abs(cosine) - 1.0) > tol:
                 return
             middle = acos(min(1.0, max(-1.0, cosine)))
@@ -476,10 +524,14 @@ class DecoupledArm:
             yield 0, ELBOW, q2, (0.0 if straight else pi) - self.fore_angle
 
 
-def _chord(given: float, radius: float, tol: float, doubt: Doubt | None) -> list[tuple[float, int]]:
+def _cross(a: Sequence[float], b: Sequence[float]) -> tuple[float, float, float]:
+    return a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]
+
+
+def _chord(given: float, radius: float, tol: float, doubt: Doubt | None, gain: float) -> list[tuple[float, int]]:
     """The other coordinate of points on a circle of which one is given [m], with flags."""
     if doubt is not None:
-        doubt.folded(1.0 - (given / radius) ** 2 if radius > 0.0 else 0.0, radius)
+        doubt.folded(1.0 - (given / radius) ** 2 if radius > 0.0 else 0.0, radius, gain)
     square = radius * radius - given * given
     if square > (MERGED * radius) ** 2:
         return [(sqrt(square), 0), (-sqrt(square), 0)]
@@ -492,7 +544,7 @@ def _square(line: Sequence[float]) -> tuple[float, float, float, float, float, f
     return a * a, 2.0 * a * b, 2.0 * a * d, b * b, 2.0 * b * d, d * d
 
 
-def _roots(k: Sequence[float], start: float, tol: float, doubt: Doubt | None) -> list[tuple[float, bool]]:
+def _roots(k: Sequence[float], start: float, tol: float, doubt: Doubt | None, gain: float) -> list[tuple[float, bool]]:
     """Angles at which a quadratic function of cosine and sine is 0, or almost, and whether two roots merge there.
 
     Args:
@@ -500,17 +552,19 @@ def _roots(k: Sequence[float], start: float, tol: float, doubt: Doubt | None) ->
         start: What is returned if the function is 0 everywhere [rad].
         tol: How far the function may be off where two roots merge, in shares of its largest coefficient.
         doubt: As in `DecoupledArm.solve`.
+        gain: By how much the function changes for one unit that poses are off.
     """
     one, c, s, cc, cs, ss = k
     largest = max(map(abs, k))
     if largest < ZERO:
         return [(start, True)]
+    fold = 0.0 if doubt is None else 2.0 * sqrt(doubt.off * gain / largest)  # angle between roots that may meet [rad]
     high, low = complex(0.25 * (cc - ss), -0.25 * cs), complex(0.5 * c, -0.5 * s)
     middle = one + 0.5 * (cc + ss)
     if abs(high) <= ZERO * largest:  # a line
         size = 2.0 * abs(low)
         if doubt is not None:
-            doubt.found = doubt.found or size == 0.0 or abs(1.0 - (middle / size) ** 2) < doubt.fold * doubt.fold
+            doubt.found = doubt.found or size == 0.0 or abs(1.0 - (middle / size) ** 2) < fold * fold
         if abs(middle) > size + 2.0 * tol * largest or size == 0.0:
             return []
         way = atan2(s, c)
@@ -522,7 +576,7 @@ def _roots(k: Sequence[float], start: float, tol: float, doubt: Doubt | None) ->
     off_circle = max(OFF_CIRCLE, 2.0 * sqrt(tol))
     for z in np.roots([high, low, middle, low.conjugate(), high.conjugate()]).tolist():
         off = abs(abs(z) - 1.0)
-        if doubt is not None and OFF_CIRCLE < off < 2.0 * doubt.fold:
+        if doubt is not None and OFF_CIRCLE < off < 2.0 * fold:
             doubt.found = True
         if off > off_circle:
             continue
@@ -547,7 +601,7 @@ def _roots(k: Sequence[float], start: float, tol: float, doubt: Doubt | None) ->
                 if abs(slope) >= abs(bend) * off_circle:
                     break
                 q -= slope / bend
-        if doubt is not None and any(abs(wrap(other - q)) < doubt.fold for other, _ in found):
+        if doubt is not None and any(abs(wrap(other - q)) < fold for other, _ in found):
             doubt.found = True
         if near:
             found[near[0]] = (q, True)

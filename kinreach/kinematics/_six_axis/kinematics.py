@@ -20,7 +20,7 @@ from kinreach.kinematics._goals import (
     pose_error,
     rigid_poses,
 )
-from kinreach.kinematics._six_axis.methods import MIN_SHARE, WAYS, method_of
+from kinreach.kinematics._six_axis.methods import MIN_SHARE, SINGULAR, WAYS, method_of
 from kinreach.kinematics._six_axis.reach import WristReach
 from kinreach.kinematics._solutions import ANGLES, BRANCH, FLAGS, Accept, ErrorOf, IKResult, IKSolutions, Row, Tolerance
 from kinreach.kinematics._solvers.iterative import GoalTask
@@ -72,6 +72,11 @@ class SixAxisKinematics(ClosedFormKinematics):
         placements[0] = self.T_base_world @ placements[0]
         self._placements = about_z(placements, axes, self.model.frames[self.tip_frame].placement.homogeneous)
         method = method_of(self._placements)
+        if method == SINGULAR:
+            raise InputError(
+                f"arm {self.arm.name!r} is singular in every posture: its six joints move the tip in five directions "
+                "or fewer, and a pose has no posture or infinitely many"
+            )
         if isinstance(method, float):
             raise InputError(
                 f"arm {self.arm.name!r}: its axes make the elimination singular; of random postures it finds "

@@ -35,6 +35,10 @@ EXACTLY, NEARLY = (1e-9, 1e-9), (3e-3, 5e-3)
 #: How far an arm of the closed form may be off its parameters [m, rad]; one that is nearly of it; and one of which the
 #: closed form is used only if elimination is singular.
 EXACT_FIT, CLOSE_FIT, NEAR_FIT = 1e-10, 1e-3, 0.03
+#: Smallest singular value of the Jacobian of an arm that is singular in every posture.
+ALWAYS_SINGULAR = 1e-9
+#: What `method_of` returns for it.
+SINGULAR = -1.0
 #: By how many times that a pose may be missed by the closed form and yet be reached.
 CAUTION = 3.0
 #: How far parts of the geometry may be missed for Newton's method to begin [m, rad]: where two are singular at once,
@@ -141,13 +145,18 @@ class NearlyDecoupled(NearClosedForm):
         return by_elimination(self.chain.placements)
 
     def _start(self, T: Floats, seed: Floats) -> tuple[list[int], Floats, bool]:
-        doubt = Doubt(self._off, self._arm.size)
+        doubt = Doubt(self._off)
         rows = self._arm.solve(T, tol=EXACT, seed=seed.tolist(), doubt=doubt)
         q = np.array([row[ANGLES] for row in rows]).reshape(-1, _JOINTS)
         return [row[BRANCH] for row in rows], q, doubt.found or any(row[FLAGS] for row in rows)
 
     def _starts(self, T: Floats) -> tuple[Floats, NDArray[np.bool_], NDArray[np.bool_]]:
-        return solve_poses(self._arm, T, EXACT, off=self._off)
+        q, valid, doubtful = solve_poses(self._arm, T, EXACT, off=self._off)
+        if not self._arm.by_shoulder:
+            for row, pose in enumerate(T):
+                branches, found, doubtful[row] = self._start(pose, np.zeros(_JOINTS))
+                q[:, branches, row], valid[branches, row] = found.T, True
+        return q, valid, doubtful
 
     def _every(self, T: Floats, seeds: Floats, tol: float) -> tuple[Floats, NDArray[np.int64], NDArray[np.int64]]:
         others, exist = self._elimination[0].many(T, seeds, EXACT)
@@ -180,13 +189,15 @@ class NearlyDecoupled(NearClosedForm):
             q, off = nearest_by_newton(self.chain, starts, poses)
             every = wrapped(q[off < (EXACT if (off < EXACT).any() else tol)])
         every = every[first_of_each(every, SAME)][:MAX_POSTURES]
+        exact = self._arm.solve(T, tol=EXACT, seed=seed.tolist())
         near_by = sorted(
-            (float(np.abs(wrapped(one - row[ANGLES])).max()), index, int(row[BRANCH]))
+            (wider, float(np.abs(wrapped(one - row[ANGLES])).max()), index, int(row[BRANCH]))
+            for wider, rows in enumerate((exact, near[0]))  # a wide tolerance may count other branches
+            for row in rows
             for index, one in enumerate(every)
-            for row in near[0]
         )
         named: dict[int, int] = {}
-        for apart, index, branch in near_by:  # each branch is that of the posture nearest to the closed form's
+        for _, apart, index, branch in near_by:  # each branch is that of the posture nearest to the closed form's
             if apart < FAR and branch not in named and index not in named.values():
                 named[branch] = index
         order = np.lexsort(every.T)
@@ -255,8 +266,12 @@ def method_of(placements: Floats) -> Method | float:
         placements: The arm, as in `Chain`.
 
     Returns:
-        The method; or, if there is none, the share of random postures that elimination finds again.
+        The method; or, if there is none, the share of random postures that elimination finds again, `SINGULAR`
+        if every posture is singular.
     """
+    _, J = Chain(placements).jacobian(_random_postures())
+    if np.linalg.svd(J)[1][:, -1].max() < ALWAYS_SINGULAR:
+        return SINGULAR
     back = _inverse(placements[::-1])
     for (length, angle), most in ((EXACTLY, EXACT_FIT), (NEARLY, NEAR_FIT)):
         fits = []
