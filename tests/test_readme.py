@@ -67,11 +67,11 @@ CLAIMS = {
     "At 0.6 m/s a planner touches 95 % of the balls without a collision.": [
         (f"{DATA}/moving-ball.csv", 'count,`interception`,"98.3 [91.1, 99.7]","93.3 [84.1, 97.4]","95.0 [86.3, 98.3]"'),
     ],
-    "PPO, trained without collisions, touches none that way, and 53 % if they are ignored.": [
-        (f"{DATA}/moving-ball.csv", 'count,`ppo`,"0.0 [0.0, 6.0]","0.0 [0.0, 6.0]","0.0 [0.0, 6.0]"'),
+    "The best PPO touches 5 %, another one 53 % if collisions are ignored.": [
+        (f"{DATA}/moving-ball.csv", 'count,`ppo-clear`,"76.7 [64.6, 85.6]","66.7 [54.1, 77.3]","5.0 [1.7, 13.7]"'),
         (f"{DATA}/moving-ball.csv", 'ignored,`ppo`,"100.0 [94.0, 100.0]","91.7 [81.9, 96.4]","53.3 [40.9, 65.4]"'),
     ],
-    "Each policy: one of five trainings.": [
+    "Each policy: one of 4–5 trainings.": [
         (TRAINING, "The policy of `ppo-moving` is seed 1"),
         (TRAINING, "`pixels-single`, `space-single`, `space-multi`, `random-arms`, `moving` and `thesis-multi` are"),
     ],

@@ -66,9 +66,12 @@ def test_touched_balls_are_those_of_the_appendix():
     head, *rows = kept("moving-ball")
     shares = {(rule, method.strip("`")): cells[head.index("0.6 m/s") - 2] for rule, method, *cells in rows}
     shown = {row[0]: row[1:] for row in cells(read("learning_pays")) if len(row) == 3}
-    for name, rule in (("ball at 0.6 m/s: touched, %", "count"), ("the same, collisions ignored", "ignored")):
-        assert shown[name] == [shares[rule, "interception"], shares[rule, "ppo"]]
-    assert len(shares) == 10
+    for name, rule, learned in (
+        ("ball at 0.6 m/s: touched, %", "count", "ppo-clear"),
+        ("the same, collisions ignored", "ignored", "ppo"),
+    ):
+        assert shown[name] == [shares[rule, "interception"], shares[rule, learned]]
+    assert len(shares) == 12
 
 
 def test_seeds_of_the_page_are_those_of_the_trainings():

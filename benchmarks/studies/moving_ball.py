@@ -2,12 +2,13 @@
 
     python -m benchmarks.studies.moving_ball                       # the table, a quarter of an hour of one core
     python -m benchmarks.studies.moving_ball --map --figure FILE   # the map
-    python -m benchmarks.studies.moving_ball --causes moving ppo-moving   # what policies collide with
+    python -m benchmarks.studies.moving_ball --causes moving ppo-moving ppo-moving-clear   # what policies collide with
+    python -m benchmarks.studies.moving_ball --trainings results/train/ppo-moving-clear    # all seeds of a recipe
 
 Each cell is a share of balls, a third of each kind of path; the same balls for all methods, and none that a method was
 tuned on. Finished cells are kept in `--out`: an interrupted study goes on. The map changes one thing at a time: the
 speed of the ball, the cameras' delay, their noise, and the limits of the arm, which methods still believe. Collisions
-are ignored in it, as no policy of the package was trained with them.
+are ignored in it: `ppo` was trained without them.
 """
 
 from __future__ import annotations
@@ -24,13 +25,15 @@ import numpy as np
 
 from benchmarks.studies.parts import kept
 from benchmarks.studies.tables import head, line, share
+from benchmarks.studies.trainings import with_interval
 from kinreach._checks import check_count
 from kinreach._files import make_writable, replacing
 from kinreach._plots._style import INK, new_figure
 from kinreach.baselines import load_policy
 from kinreach.baselines._batch import make_batch
-from kinreach.baselines._expert import GRIPPER
+from kinreach.baselines._evaluation import evaluate
 from kinreach.baselines._loop import Policy, as_policy, rollout, rollout_batch
+from kinreach.baselines._recipes.reach import FINGERS
 from kinreach.cli import Parser, finish
 from kinreach.compare._task import get_task
 from kinreach.kinematics import UR5Kinematics
@@ -39,7 +42,7 @@ from kinreach.robots import get_arm
 PROG = "python -m benchmarks.studies.moving_ball"
 #: Methods of the table and of the map.
 METHODS, MAPPED = (
-    ("first-sight", "last-sight", "interception", "policy", "ppo"),
+    ("first-sight", "last-sight", "interception", "policy", "ppo", "ppo-clear"),
     ("interception", "ppo"),
 )
 RULES: Mapping[str, Mapping[str, Any]] = {"count": {}, "ignored": {"collisions": False}}
@@ -75,7 +78,7 @@ def caused(policy: str, balls: int, seed: int) -> list[object]:
     Returns:
         The policy; shares that touch and that collide [%]; with what, most often first; of those that collide the
         median time [s], distance of tip and ball [mm], tilt of the tool [deg], and depth below the table's top of the
-        gripper's lowest corner [mm].
+        fingers' lowest corner [mm].
     """
     task, kinematics, cell = get_task("moving"), UR5Kinematics(tip="tcp", base="world"), get_arm("ur5").workcell
     with closing(make_batch(task.environment, balls, {**task.options, "speeds": TABLE_SPEEDS})) as env:
@@ -86,7 +89,7 @@ def caused(policy: str, balls: int, seed: int) -> list[object]:
         return [name, touched, share(0, balls), *5 * "-"]
     T = kinematics.fk(np.array([trial["q"] for trial in hits]))
     away = np.linalg.norm(T[:, :3, 3] - np.array([trial["goal"] for trial in hits]), axis=1)
-    lowest = T[:, 2, 3] + (T[:, 2, :3] @ GRIPPER.T).min(axis=1)
+    lowest = T[:, 2, 3] + (T[:, 2, :3] @ np.transpose(FINGERS)).min(axis=1)
     top = cell.goals.z[0] - cell.ball_radius
     causes = Counter(str(trial["impossible_reason"]) for trial in hits).most_common()
     medians = (
@@ -98,14 +101,23 @@ def caused(policy: str, balls: int, seed: int) -> list[object]:
     return [name, touched, share(len(hits), balls), ", ".join(f"{cause}: {n}" for cause, n in causes), *medians]
 
 
+def of_trainings(folder: Path, speed: float, options: Mapping[str, Any], balls: int) -> str:
+    """Return the share of held-out balls of one speed that all seeds of a recipe touch [%], with its interval."""
+    given = {**get_task("moving").options, **options, "speeds": (speed,)}
+    policies = (load_policy(file) for file in sorted(folder.glob("seed-*/policy.safetensors")))
+    touched = [evaluate(policy, goals=balls, options=given).reached for policy in policies]
+    return with_interval(np.array(touched), unit=100, decimals=1)
+
+
 def main(argv: list[str] | None = None) -> int:
     """Print a Markdown table."""
     parser = Parser(prog=PROG, description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--map", action="store_true", help="the map instead of the table")
     parser.add_argument("--causes", nargs="+", metavar="POLICY", help="what these policies collide with (300 balls)")
+    parser.add_argument("--trainings", type=Path, help="folder of the seeds of a recipe (1000 balls a speed)")
     parser.add_argument("--methods", nargs="+", help="names of the task's methods (default: those of the table or map)")
     parser.add_argument("--speeds", type=float, nargs="+", help="[m/s] (default: three)")
-    parser.add_argument("--balls", type=int, help="in each cell (default: 60, of the map 24, of causes 300)")
+    parser.add_argument("--balls", type=int, help="in each cell (default: 60; map 24, causes 300, trainings 1000)")
     parser.add_argument("--seed", type=int, default=100, help="of the balls (default: %(default)s)")
     parser.add_argument("--out", type=Path, default=Path("results/moving-ball"), help="where finished cells are kept")
     parser.add_argument("--figure", type=Path, help="where the map is drawn")
@@ -117,6 +129,13 @@ def main(argv: list[str] | None = None) -> int:
                    "below the table, mm"))  # fmt: skip
         for policy in arguments.causes:
             print(line(*caused(policy, arguments.balls or 300, seed)), flush=True)
+        return 0
+    if arguments.trainings:
+        speeds = tuple(arguments.speeds or TABLE_SPEEDS)
+        print(head("collisions", *(f"{speed:g} m/s" for speed in speeds)))
+        for rule, options in RULES.items():
+            cells = (of_trainings(arguments.trainings, v, options, arguments.balls or 1000) for v in speeds)
+            print(line(rule, *cells), flush=True)
         return 0
     make_writable(arguments.out)
     speeds = tuple(arguments.speeds or (SPEEDS if arguments.map else TABLE_SPEEDS))

@@ -19,6 +19,7 @@ NAMES = {
     "thesis-multi": "thesis-ppo-multi",
     "button": "ppo",
     "ppo-moving": "ppo",
+    "ppo-moving-clear": "ppo-clear",
     "moving": "policy",
     "lift": "ranked",
     "lift-range": "ranked-range",
@@ -41,7 +42,7 @@ METHOD_COLOURS = {
     **dict.fromkeys(("random", "first-sight", "data-sheet"), "#7A7A7A"),
     # PPO
     **dict.fromkeys(("ppo-single", "ppo", "policy-informed"), "#D55E00"),
-    **dict.fromkeys(("ppo-multi", "correction-joints"), "#F2A35E"),
+    **dict.fromkeys(("ppo-multi", "ppo-clear", "correction-joints"), "#F2A35E"),
     **dict.fromkeys(("ppo-multi-ending", "correction"), "#6A3D9A"),
     # ranked PPO
     **dict.fromkeys(("ranked-single", "space-single", "policy", "ranked"), "#00674C"),

@@ -1,4 +1,7 @@
-"""PPO whose standard deviation follows a schedule, and whose learning rate adapts to how far updates lead."""
+"""PPO whose standard deviation follows a schedule, and whose learning rate adapts to how far updates lead.
+
+Where collisions end an episode, `LateCollisionsPPO` lets them count from a part of the training on.
+"""
 
 from __future__ import annotations
 
@@ -9,6 +12,8 @@ from typing import Any
 import torch
 from stable_baselines3 import PPO
 from torch.optim import Optimizer
+
+from kinreach.envs._moving import MovingEpisodes
 
 
 @dataclass(frozen=True)
@@ -122,3 +127,25 @@ class AdaptivePPO(PPO):
         if self.exploration is not None:
             with torch.no_grad():
                 self.policy.log_std.fill_(math.log(self.exploration.at(self.progress)))
+
+
+class LateCollisionsPPO(AdaptivePPO):
+    """Train with a rolling ball, at first with an arm that moves through everything.
+
+    Args:
+        world: The episodes of the batch.
+        until: Share of the training after which collisions count.
+        **kwargs: Of `AdaptivePPO`.
+    """
+
+    def __init__(self, *args: Any, world: MovingEpisodes, until: float, **kwargs: Any) -> None:
+        self.world, self.until = world, until
+        super().__init__(*args, **kwargs)
+
+    def _excluded_save_params(self) -> list[str]:
+        return [*super()._excluded_save_params(), "world"]
+
+    def collect_rollouts(self, *args: Any, **kwargs: Any) -> bool:
+        """Say whether collisions count, then act."""
+        self.world.options = replace(self.world.options, collisions=self.progress >= self.until)
+        return super().collect_rollouts(*args, **kwargs)

@@ -32,7 +32,7 @@ from stable_baselines3.common.noise import NormalActionNoise, VectorizedActionNo
 
 from kinreach._checks import check_known, shown
 from kinreach._registration import LIFT, SPACE
-from kinreach.baselines._adaptive_ppo import AdaptivePPO, AdaptiveRate, Exploration
+from kinreach.baselines._adaptive_ppo import AdaptivePPO, AdaptiveRate, Exploration, LateCollisionsPPO
 from kinreach.baselines._batch import first_observations
 from kinreach.baselines._descent import AnalyticGradient, MovingGradient, RandomArmGradient
 from kinreach.baselines._looks import Looks
@@ -223,7 +223,16 @@ def analytic_arguments(recipe: Recipe, env: SB3VecEnv, planned: int) -> dict[str
 
 def simulator_arguments(recipe: Recipe, env: SB3VecEnv, planned: int) -> dict[str, Any]:
     """Return the arguments of an actor, and the simulation that it acts in."""
-    return actor_arguments(recipe, env, planned) | {"world": env.get_attr("unwrapped")[0].episodes}
+    return actor_arguments(recipe, env, planned) | _simulation(env)
+
+
+def late_collisions_arguments(recipe: Recipe, env: SB3VecEnv, planned: int) -> dict[str, Any]:
+    """Return the arguments of adaptive PPO, and the simulation that it acts in."""
+    return adaptive_arguments(recipe, env, planned) | _simulation(env)
+
+
+def _simulation(env: SB3VecEnv) -> dict[str, Any]:
+    return {"world": env.get_attr("unwrapped")[0].episodes}
 
 
 def _features(recipe: Recipe) -> dict[str, Any]:
@@ -353,6 +362,7 @@ def register_algorithm(algorithm: Algorithm) -> Algorithm:
 register_algorithm(Algorithm("PPO", PPO, arguments=ppo_arguments))
 register_algorithm(Algorithm("PPO2", PPO2, arguments=ppo2_arguments, vec_env=step_by_step_to_the_end))
 register_algorithm(Algorithm("AdaptivePPO", AdaptivePPO, arguments=adaptive_arguments))
+register_algorithm(Algorithm("LateCollisionsPPO", LateCollisionsPPO, arguments=late_collisions_arguments))
 register_algorithm(Algorithm("RankedPPO", RankedPPO, arguments=ranked_arguments, vec_env=in_tries))
 register_algorithm(Algorithm("AnalyticGradient", AnalyticGradient, arguments=analytic_arguments, vec_env=in_tries))
 register_algorithm(Algorithm("MovingGradient", MovingGradient, arguments=simulator_arguments))

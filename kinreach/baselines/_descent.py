@@ -11,12 +11,12 @@ import torch
 
 from kinreach._checks import Floats
 from kinreach.baselines._adaptive_ppo import AdaptivePPO
+from kinreach.baselines._expert import table_top
 from kinreach.baselines._random_arms import RandomArmEpisodes
 from kinreach.envs._moving import FRAMES, PARTS, MovingEpisodes, travel_times
 from kinreach.envs._reach.observers import measured
 from kinreach.envs._reach.space import SpaceTask
 from kinreach.envs._reach.task import TOOL_DOWN, action_range
-from kinreach.robots import ArmDescription
 
 #: From the mean actions of some rows of a batch, and their indices, to what is to be made small.
 Objective = Callable[[torch.Tensor, torch.Tensor], torch.Tensor]
@@ -53,12 +53,6 @@ class Descent(AdaptivePPO):
         self._n_updates += self.n_epochs
         self.logger.record("train/loss", loss.item())
         self._explore()
-
-
-def table_top(arm: ArmDescription) -> float:
-    """Return the height of the table in the world [m]; minus infinity without one."""
-    tops = [box.position[2] + box.size[2] / 2 for box in arm.workcell.obstacles if box.name == "table"]
-    return max(tops, default=-math.inf)
 
 
 def feeler_depth(tips: torch.Tensor, feelers: torch.Tensor, least: float) -> torch.Tensor:

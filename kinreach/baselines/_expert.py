@@ -2,19 +2,29 @@
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 
 from kinreach._checks import Floats
 from kinreach.kinematics import URKinematics
+from kinreach.robots import ArmDescription
 
 _QUARTER_TURN = np.array([[0.0, -1.0], [1.0, 0.0]])
 
 
-#: Corners of the open gripper of the thesis's arm, from the tip [m]: of both fingers below, and of the palm.
+#: Points around the gripper of the thesis's arm, from the tip [m]: of the palm, and below and beside both fingers.
+#: These end 10 mm beyond the tip, 124 mm apart outside: with the points above the table the gripper is clear of it.
 GRIPPER = np.array(
     [[x, y, 0.012] for x in (-0.016, 0.016) for y in (-0.083, -0.062, 0.062, 0.083)]
     + [[x, y, -0.09] for x in (-0.08, 0.08) for y in (-0.08, 0.08)]
 )
+
+
+def table_top(arm: ArmDescription) -> float:
+    """Return the height of the table in the world [m]; minus infinity without one."""
+    tops = [box.position[2] + box.size[2] / 2 for box in arm.workcell.obstacles if box.name == "table"]
+    return max(tops, default=-math.inf)
 
 
 def tool_down_postures(kinematics: URKinematics, goals: Floats, turns: Floats | float = 0.0) -> Floats:

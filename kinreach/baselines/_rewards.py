@@ -10,8 +10,9 @@ import numpy as np
 
 from kinreach._checks import check_known
 from kinreach._objects import load_object
-from kinreach.baselines._expert import tool_down_postures
+from kinreach.baselines._expert import GRIPPER, table_top, tool_down_postures
 from kinreach.envs._lift.task import HEIGHT, NEAR
+from kinreach.envs._moving import ANGLES
 from kinreach.kinematics import Arm3Kinematics, URKinematics
 
 Array = np.ndarray[Any, Any]
@@ -161,6 +162,38 @@ def guided(rewards: Array, info: Mapping[str, Any]) -> Array:
     return SCALE * (rewards - wrong + penalty * wrong - POSTURE_WEIGHT * error)
 
 
+#: Of touching a rolling ball: what a touch or a collision counts, and how far above the table the gripper's corners are
+#: to stay [m].
+TOUCHED, ABOVE_TABLE = 3.0, 0.006
+#: Weight of how deep they are [1/m]: to begin with, and more where balls are touched. From the first share of episodes
+#: on it grows, at the second it is whole.
+DEPTH_WEIGHT, MORE_DEPTH, GROWS_FROM, GROWN_AT = 1.0, 20.0, 0.5, 0.9
+#: Least weight of a collision, as a share, and of the tool's tilt.
+LEAST_COLLISION, LEAST_TILT = 0.3, 0.3
+
+
+def level(rewards: Array, info: Mapping[str, Any]) -> Array:
+    """Return the reward of touching a rolling ball, less how deep the gripper is in the table, and how far it tilts.
+
+    At first a level tool is what is learned. Where more than half of the balls are touched, it begins to cost more that
+    the gripper is in the table, and a touch there is worth less. Had it cost as much before, the arm would stay away
+    from fast balls. Tilt along the fingers costs a third of tilt across them.
+
+    Args:
+        rewards: Of the environment, shape (n,).
+        info: Of the step, with its `observation`, shape (n, 16) or more, `reward_terms` and `reached_lately`.
+    """
+    terms, lately = info["reward_terms"], info["reached_lately"]
+    T = _ur5().fk(info["observation"][:, ANGLES])
+    height = T[:, 2, 3] + (T[:, 2, :3] @ GRIPPER.T).min(axis=1) - table_top(_ur5().arm)
+    strict = float(np.clip((lately - GROWS_FROM) / (GROWN_AT - GROWS_FROM), 0.0, 1.0)) ** 2
+    depth = (DEPTH_WEIGHT + MORE_DEPTH * strict) * np.maximum(ABOVE_TABLE - height, 0.0)
+    tilt = max(LEAST_TILT, 1.0 - 1.3 * lately) * (T[:, 2, 1] ** 2 + 0.3 * T[:, 2, 0] ** 2)
+    touched = np.where(height > 0.0, 1.0, 1.0 - strict) * terms["touch"]
+    counted = TOUCHED * (touched + max(LEAST_COLLISION, strict) * terms["collision"])
+    return np.asarray(terms["distance"] + counted - depth - tilt)
+
+
 #: Training rewards by the name that recipes use.
 REWARDS: Mapping[str, TrainingReward] = {
     "own": own,
@@ -172,6 +205,7 @@ REWARDS: Mapping[str, TrainingReward] = {
     "dense-clipped": dense_clipped,
     "scaled": scaled,
     "guided": guided,
+    "level": level,
 }
 
 

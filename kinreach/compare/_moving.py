@@ -131,6 +131,7 @@ MOVING_TASK = Task(
         "interception": Method(Interception, CONTROLLER),
         "policy": policy_method("moving", MOVING),
         "ppo": policy_method("ppo-moving", MOVING),
+        "ppo-clear": policy_method("ppo-moving-clear", MOVING),
     },
     columns=(
         Column("reached", "reached", RATE, "all, %\n[95 % CI]", "interval"),

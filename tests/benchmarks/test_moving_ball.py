@@ -1,9 +1,13 @@
 """The study of the moving ball: its table, cells that are kept, and its map."""
 
+from importlib import resources
+
 import pytest
 
 pytest.importorskip("torch")
 from benchmarks.studies import moving_ball
+
+PRETRAINED = resources.files("kinreach.baselines") / "pretrained"
 
 
 def test_the_table_is_resumed_and_the_map_is_drawn(tmp_path, capsys, monkeypatch):
@@ -42,3 +46,18 @@ def test_what_policies_collide_with(capsys):
     assert 5.0 < float(tilt) < 60.0
     assert float(away) < 100.0
     assert 0.0 < float(depth) < 60.0
+
+
+def test_every_seed_of_a_recipe_at_every_speed(tmp_path, capsys):
+    """Two policies as the seeds of a recipe: slow balls are touched, where collisions are ignored."""
+    for seed, name in enumerate(("moving", "ppo-moving")):
+        (folder := tmp_path / f"seed-{seed}").mkdir()
+        (folder / "policy.safetensors").write_bytes((PRETRAINED / f"{name}.safetensors").read_bytes())
+    assert moving_ball.main(["--trainings", str(tmp_path), "--balls", "12", "--speeds", "0.1", "0.6"]) == 0
+    head, _, counted, ignored = (
+        [cell.strip() for cell in line.strip("|").split("|")] for line in capsys.readouterr().out.splitlines()
+    )
+    assert head == ["collisions", "0.1 m/s", "0.6 m/s"]
+    assert (counted[0], ignored[0]) == ("count", "ignored")
+    assert float(counted[1].split()[0]) < 50.0 < 90.0 < float(ignored[1].split()[0])
+    assert float(ignored[2].split()[0]) < 60.0

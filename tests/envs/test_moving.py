@@ -106,7 +106,7 @@ def test_touching_ends_it():
         _, info = env.reset(seed=seed, options={"speed": 0.05, "path": "circle"})
         over = False
         while not over:
-            above = max(0.008, 0.1 - 0.1 * info["time"])  # comes down slowly: the fingers end 13 mm above the table
+            above = max(0.008, 0.1 - 0.1 * info["time"])  # comes down slowly: the fingers end 15 mm above the table
             place = info["goal"] + [0.0, 0.0, above]
             q = tool_down_postures(UR5Kinematics(tip="tcp", base="world"), place[None])[0]
             _, reward, over, _, info = env.step(q / np.pi)

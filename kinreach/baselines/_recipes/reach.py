@@ -126,7 +126,7 @@ RANKED_SINGLE = Recipe(
     options={"backend": "kinematic"},
 )
 #: Corners of the finger tips, from the tip [m].
-_FINGERS = [[x, y, 0.01] for x in (-0.011, 0.011) for y in (-0.062, 0.062)]
+FINGERS = [[x, y, 0.01] for x in (-0.011, 0.011) for y in (-0.062, 0.062)]
 _RIGHT = math.pi / 2
 _SPACE_SINGLE = replace(
     RANKED_SINGLE,
@@ -149,7 +149,7 @@ _SPACE_SINGLE = replace(
         # the thesis's other branch, where wrist_1 stays within its limits; in that of the start pose 4 % of the goals
         # need it beyond them
         "around": [_RIGHT, -_RIGHT, -_RIGHT, -_RIGHT, _RIGHT, 0.0],
-        "feelers": _FINGERS,
+        "feelers": FINGERS,
         # wrist_1 meets the upper arm where the elbow is folded by more than 2.82; the tool gives way by up to 0.15 rad
         "largest": [math.pi, math.pi, 2.8, math.pi, math.pi, math.pi],
     },
@@ -168,17 +168,30 @@ _MOVING_GRADIENT = Recipe(
     window=40_960,
 )
 
+_PPO_MOVING = replace(
+    _MOVING_GRADIENT,
+    name="ppo-moving",
+    summary="The same by PPO: trial and error, with the same sights.",
+    algorithm="AdaptivePPO",
+    num_envs=1024,
+    steps=3_000_000,
+    reward="own",
+    settings={**PPO_MULTI.settings, "gamma": 0.9, "exploration": {"first": 0.3, "last": 0.01, "until": 0.8}},
+)
+
 REACH_RECIPES = (
     _MOVING_GRADIENT,
+    _PPO_MOVING,
     replace(
-        _MOVING_GRADIENT,
-        name="ppo-moving",
-        summary="The same by PPO: trial and error, with the same sights.",
-        algorithm="AdaptivePPO",
-        num_envs=1024,
-        steps=3_000_000,
-        reward="own",
-        settings={**PPO_MULTI.settings, "gamma": 0.9, "exploration": {"first": 0.3, "last": 0.01, "until": 0.8}},
+        _PPO_MOVING,
+        name="ppo-moving-clear",
+        summary="As ppo-moving, with a level tool above the table; collisions count in the last 30 % of the training.",
+        algorithm="LateCollisionsPPO",
+        steps=4_000_000,
+        reward="level",
+        options={"sights": 6},
+        settings={**_PPO_MOVING.settings, "exploration": {"first": 0.3, "last": 0.01, "until": 0.7}, "until": 0.7},
+        segments=13,
     ),
     replace(
         _MOVING_GRADIENT,
