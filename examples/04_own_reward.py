@@ -42,8 +42,7 @@ for q in kin.axis_solutions(info["goal"], [0, 0, -1], seed=home).q:
     )
     print(
         f"{np.linalg.norm(q - home):.2f} rad from home: "
-        f"the thesis pays {paid[0]:.2f}, this reward {paid[1]:.2f} "
-        f"({terms})"
+        f"thesis {paid[0]:.2f}, this reward {paid[1]:.2f} ({terms})"
     )
 
 batch = gym.make_vec(

@@ -55,7 +55,7 @@ for solver in (LevenbergMarquardtSolver(kin), QPSolver(kin)):
         f"within {1000 * worst:.2f} mm"
     )
 print(
-    "the first that was missed:",
+    "the first that was missed:\n ",
     next((result.reason for result in results if not result.success), "none"),
 )
 

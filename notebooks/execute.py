@@ -1,8 +1,11 @@
-"""Run notebooks from top to bottom and keep what they show: `python notebooks/execute.py [NOTEBOOK ...] [--check]`.
+"""Run notebooks and keep what they show.
 
-Without names all notebooks of this folder are run. Outputs are written into the files; times and versions are not, so
-that running them again changes only what really is different. With `--check` nothing is written. How long each took is
-printed, and how long all: by the clock, and the processor time, which a busy machine does not change much.
+    python notebooks/execute.py [NOTEBOOK ...] [--check]
+
+Without names all notebooks of this folder are run. Outputs are written into the files;
+times and versions are not, so that running them again changes only what differs. With
+`--check` nothing is written. It prints how long each took, and how long all: by the
+clock, and the processor time, which a busy machine does not change much.
 """
 
 from __future__ import annotations
@@ -25,19 +28,23 @@ KERNEL = {"display_name": "Python 3", "language": "python", "name": "python3"}
 
 
 def execute(path: Path) -> Any:
-    """The notebook after a run in its own folder, without anything that differs from one run to the next.
+    """Return the notebook after a run, without what differs from run to run.
 
     Raises:
         CellExecutionError: A cell failed; the message shows it.
     """
     notebook = nbformat.read(path, as_version=4)
-    notebook.metadata = nbformat.from_dict({"kernelspec": KERNEL, "language_info": {"name": "python"}})
+    notebook.metadata = nbformat.from_dict(
+        {"kernelspec": KERNEL, "language_info": {"name": "python"}}
+    )
     client = NotebookClient(
         notebook,
         timeout=TIMEOUT,
         record_timing=False,
         resources={"metadata": {"path": str(path.parent)}},
-        extra_arguments=["--log-level=40"],  # it warns of unencrypted traffic, which stays on the loopback
+        extra_arguments=[
+            "--log-level=40"
+        ],  # it warns of unencrypted traffic, which stays on the loopback
     )
     client.execute()
     notebook.metadata.language_info = nbformat.from_dict({"name": "python"})
@@ -50,9 +57,15 @@ def execute(path: Path) -> Any:
 
 def main(argv: list[str] | None = None) -> int:
     """Run notebooks; the exit status is 1 if one failed."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("notebooks", nargs="*", type=Path, help="default: all of this folder")
-    parser.add_argument("--check", action="store_true", help="only run them, write nothing")
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
+    parser.add_argument(
+        "notebooks", nargs="*", type=Path, help="default: all of this folder"
+    )
+    parser.add_argument(
+        "--check", action="store_true", help="only run them, write nothing"
+    )
     args = parser.parse_args(argv)
     missing = [str(path) for path in args.notebooks if not path.is_file()]
     if missing:
@@ -72,7 +85,10 @@ def main(argv: list[str] | None = None) -> int:
             temporary = path.with_suffix(".tmp")
             nbformat.write(notebook, temporary)
             temporary.replace(path)
-        print(f"{path.name}: {_spent(start, before)}, {path.stat().st_size / 1e3:.0f} kB", flush=True)
+        print(
+            f"{path.name}: {_spent(start, before)}, {path.stat().st_size / 1e3:.0f} kB",
+            flush=True,
+        )
     print(f"altogether: {_spent(began, used)}")
     return int(failed)
 
@@ -84,7 +100,10 @@ def _spent(start: float, before: float) -> str:
 
 def _processor_time() -> float:
     """Of this process, and of the kernels that have ended [s]."""
-    usage = [resource.getrusage(who) for who in (resource.RUSAGE_SELF, resource.RUSAGE_CHILDREN)]
+    usage = [
+        resource.getrusage(who)
+        for who in (resource.RUSAGE_SELF, resource.RUSAGE_CHILDREN)
+    ]
     return sum(each.ru_utime + each.ru_stime for each in usage)
 
 

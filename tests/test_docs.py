@@ -311,8 +311,14 @@ def test_code_is_narrow():
         for code in re.findall(r"^```(?:python|bash)\n(.*?)^```", read(page), re.DOTALL | re.MULTILINE):
             wide += [f"{page.name}: {line}" for line in code.splitlines() if len(line) > 88]
             lines += len(code.splitlines())
+    for file in (ROOT / "notebooks").glob("*.ipynb"):
+        for cell in json.loads(read(file))["cells"]:
+            if cell["cell_type"] == "code":
+                code = "".join(cell["source"]).splitlines()
+                wide += [f"{file.name}: {line}" for line in code if len(line) > 88]
+                lines += len(code)
     assert wide == []
-    assert lines >= 500
+    assert lines >= 1500
 
 
 def test_examples_are_shown_as_they_are():

@@ -148,7 +148,7 @@ def test_own_policy(run):
 def test_own_reward(run):
     text = run("04_own_reward")
     ways = numbers(r"([\d.]+) rad from home", text)
-    thesis, own = numbers(r"thesis pays (-?[\d.]+)", text), numbers(r"this reward (-?[\d.]+)", text)
+    thesis, own = numbers(r"home: thesis (-?[\d.]+)", text), numbers(r"this reward (-?[\d.]+)", text)
     assert len(ways) == len(thesis) == len(own) >= 4
     possible = [i for i, value in enumerate(thesis) if value > -100]
     assert len(possible) >= 2

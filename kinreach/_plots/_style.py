@@ -57,7 +57,7 @@ def new_figure(
     if title:
         figure.suptitle(title, x=0.01, ha="left", fontsize=13, weight="bold", color=INK)
     if note:
-        text = fill(note, width=round(16 * size[0]))
+        text = fill(note, width=round(16 * size[0]), break_on_hyphens=False)
         figure.supxlabel(text, x=0.01, ha="left", fontsize=7, color=FAINT)
     axes = list(figure.subplots(rows, columns, squeeze=False, width_ratios=widths).ravel())
     for ax in axes:

@@ -169,7 +169,7 @@ class Program:
             f"  if {off}:",
             f"    write_output_integer_register({REGISTER}, {NOT_AT_START})",
             f'    popup("{told}", title="kinreach", warning=True)',
-            "    sleep(0.1)",  # so that whoever reads the state every cycle sees that it ran
+            "    sleep(0.1)",  # a client that reads the state every cycle sees that it ran
             "  else:",
             f"    write_output_integer_register({REGISTER}, {BEGUN})",
             *body,

@@ -125,7 +125,7 @@ def _checker_among(obstacles: tuple[Box, ...], margin: float) -> CollisionChecke
 def _verdict(
     reached: bool, impossible: bool, reason: str, status: str, target: Floats, terms: dict[str, float]
 ) -> dict[str, Any]:
-    """What `info` says of a step."""
+    """Return the entries of `info` that describe a step."""
     return {
         "reached": reached,
         "is_success": reached,
@@ -166,8 +166,8 @@ class ObstaclesEnv(gym.Env[Any, Any]):
 
     ## Starting State
     The arm stands in its start posture. The ball is uniform on the table area. Obstacles are boxes of 4 to 10 cm by
-    4 to 10 cm, as high as `heights` says. Drawn again are scenes in which the start posture is nearer to something
-    than the margin, or every posture at the ball with the tool down. Whether a free way leads there is not looked at.
+    4 to 10 cm, with a height within `heights`. A scene is drawn again if the start posture is nearer to something than
+    the margin, or if every posture at the ball with the tool down is. Whether a free way leads there is not checked.
     `reset(options={"clutter": count})` sets the number of obstacles.
 
     ## Episode End
@@ -407,7 +407,7 @@ class ObstaclesEnv(gym.Env[Any, Any]):
         return observation
 
     def _state(self) -> dict[str, Any]:
-        """What `info` says of the episode now."""
+        """Return the entries of `info` that describe the episode now."""
         T = self.kinematics.fk(self._q)
         boxes = [(*box.position, *box.size) for box in self.obstacles]
         return {
