@@ -45,7 +45,7 @@ METHODS, MAPPED = (
     ("first-sight", "last-sight", "interception", "policy", "ppo", "ppo-clear"),
     ("interception", "ppo"),
 )
-RULES: Mapping[str, Mapping[str, Any]] = {"count": {}, "ignored": {"collisions": False}}
+RULES: Mapping[str, Mapping[str, Any]] = {"count": {"collisions": True}, "ignored": {"collisions": False}}
 #: Speeds of the table [m/s]; worlds of the map, and the speeds in each.
 TABLE_SPEEDS = (0.2, 0.4, 0.6)
 WORLDS: Mapping[str, Mapping[str, Any]] = {
