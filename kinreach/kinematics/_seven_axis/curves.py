@@ -35,7 +35,7 @@ class SelfMotion:
         tangent: Unit tangents there, shape (m, 7): the tip does not move along them.
         length: Arc length from the first posture [rad], shape (m,): the parameter of the curve.
         closed: Whether the last posture leads back to the first. If not, the curve ends at joint limits, or where it
-            crosses another at a singular posture.
+            crosses another, or almost, at a singular posture.
         total: Length of the whole curve [rad], with the way back to the first posture if it is closed.
     """
 
