@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import io
 from collections import Counter, defaultdict
-from functools import cache
+from functools import cache, lru_cache
 from pathlib import Path
 from typing import Any, NamedTuple, NoReturn
 from xml.parsers import expat
@@ -24,6 +24,8 @@ from kinreach.robots._urdf import MESHES, PACKAGE
 MAX_BYTES, MAX_COORDINATE, MAX_FACES = 2**26, 100.0, 2_000_000
 #: Most shapes that the scene of a COLLADA file places.
 MAX_PLACED = 10_000
+#: Meshes that are kept in memory.
+MAX_KEPT = 64
 #: A collision mesh that is thinner, such as a plate without thickness, is taken to be this thick [m].
 MIN_THICKNESS = 1e-4
 #: A mesh whose points are this near to one line has no surface [m].
@@ -43,7 +45,9 @@ class Mesh(NamedTuple):
 
 
 def collision_mesh(address: str, package_root: str | None, scale: Floats) -> Mesh:
-    """Read the mesh of a collision shape, with a hull that has a volume.
+    """Read the mesh of a collision shape, with a hull that has a volume; its arrays are read-only.
+
+    A mesh that was read before is not read again as long as its file does not change.
 
     Args:
         address: `package://` address.
@@ -53,14 +57,29 @@ def collision_mesh(address: str, package_root: str | None, scale: Floats) -> Mes
     Raises:
         InputError: The file is not a mesh that can be used.
     """
+    try:
+        status = _inside(address, package_root).stat()
+    except OSError:
+        return _collision_mesh(address, package_root, tuple(scale), None)  # reports the error
+    return _collision_mesh(address, package_root, tuple(scale), (status.st_ino, status.st_size, status.st_mtime_ns))
+
+
+@lru_cache(maxsize=MAX_KEPT)
+def _collision_mesh(
+    address: str, package_root: str | None, scale: tuple[float, float, float], status: tuple[int, ...] | None
+) -> Mesh:
     soup = [
         (part.vertices @ T[:3, :3].T + T[:3, 3])[part.faces].reshape(-1, 3)
-        for part, T in placed_parts(address, package_root, scale)
+        for part, T in placed_parts(address, package_root, np.array(scale))
     ]
     corners = np.concatenate(soup)
     _, first, number = np.unique(corners, axis=0, return_index=True, return_inverse=True)
     order = np.argsort(first)  # as they come in the file
-    return _with_thickness(address, Mesh(corners[first[order]], np.argsort(order)[number].reshape(-1, 3)), scale)
+    mesh = Mesh(corners[first[order]], np.argsort(order)[number].reshape(-1, 3))
+    mesh = _with_thickness(address, mesh, np.array(scale))
+    for array in mesh:
+        array.flags.writeable = False
+    return mesh
 
 
 def placed_parts(address: str, package_root: str | None, scale: Floats) -> list[tuple[Any, Floats]]:

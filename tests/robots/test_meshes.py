@@ -6,6 +6,7 @@ import os
 import subprocess
 import sys
 from dataclasses import replace
+from functools import partial
 
 import mujoco
 import numpy as np
@@ -100,6 +101,20 @@ def test_a_plate_however_it_is_made(tmp_path):
         )
         arm = replace(with_mesh(tmp_path, f"{name}.stl"), build_urdf=lambda text=text: text)
         assert CollisionChecker(arm).contacts(arm.home) == contacts(build_scene(arm).compile(), arm.home)
+
+
+def test_a_mesh_is_read_once_until_its_file_changes(tmp_path):
+    file = tmp_path / "a.stl"
+    BOX.export(file)
+    read = partial(collision_mesh, "package://a.stl", str(tmp_path))
+    first = read(np.ones(3))
+    assert read(np.ones(3)) is first
+    assert read(np.full(3, 0.001)) is not first
+    with pytest.raises(ValueError, match="read-only"):
+        first.vertices[0] = 0.0
+    BOX.copy().apply_scale(2.0).export(tmp_path / "b.stl")
+    os.replace(tmp_path / "b.stl", file)
+    np.testing.assert_allclose(read(np.ones(3)).vertices, 2.0 * first.vertices)
 
 
 def test_a_shape_is_the_same_in_every_format(tmp_path):
