@@ -102,6 +102,7 @@ def test_a_closed_renderer_says_so():
         renderer.rgb(simulation.data, "front")
 
 
+@pytest.mark.slow
 def test_a_comparison_keeps_what_it_has_seen_and_goes_on(failing_frame, no_source_changes, tmp_path, monkeypatch):
     monkeypatch.setattr("kinreach.compare._figures.write_figures", lambda *arguments: {})
     monkeypatch.setattr("kinreach.compare._report.render_trials", lambda *arguments: [])

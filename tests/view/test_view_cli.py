@@ -44,6 +44,7 @@ def test_a_missing_extra_is_said_in_one_line(monkeypatch, capsys):
     assert line.endswith("the page needs: pip install 'kinreach[view]'")
 
 
+@pytest.mark.slow
 def test_it_is_served_here_and_nowhere_else():
     """On the loopback address; other addresses of the machine are not listened to; Ctrl-C ends it."""
     pytest.importorskip("viser")

@@ -245,6 +245,7 @@ def test_a_comparison_in_space():
     assert entry["posture_error"]["p95"] < 1e-3
 
 
+@pytest.mark.slow
 def test_training_draws_around_the_volume():
     recipe = replace(get_recipe("space-ranked"), num_envs=64, steps=64, segments=1, window=64)
     env = build(recipe, 0, steps=64).env
