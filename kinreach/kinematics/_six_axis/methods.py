@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from functools import cached_property
+from math import sqrt
 from typing import Protocol
 
 import numpy as np
@@ -185,8 +186,12 @@ class NearlyDecoupled(NearClosedForm):
         poses = np.broadcast_to(T, (len(starts), 4, 4))
         q, off = newton(self.chain, starts, poses) if sound else nearest_by_newton(self.chain, starts, poses)
         every = np.vstack([eliminated, wrapped(q[off < EXACT])])
-        if not len(every):
-            q, off = nearest_by_newton(self.chain, starts, poses)
+        if not len(
+            every
+        ):  # at one singularity an angle moves by the root of what the arm is off; at a second, that counts
+            rows = self._arm.solve(T, tol=sqrt(wide), seed=seed.tolist())
+            starts = np.vstack([starts, np.array([row[ANGLES] for row in rows]).reshape(-1, _JOINTS)])
+            q, off = nearest_by_newton(self.chain, starts, np.broadcast_to(T, (len(starts), 4, 4)))
             every = wrapped(q[off < (EXACT if (off < EXACT).any() else tol)])
         every = every[first_of_each(every, SAME)][:MAX_POSTURES]
         exact = self._arm.solve(T, tol=EXACT, seed=seed.tolist())
