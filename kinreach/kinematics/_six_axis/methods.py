@@ -186,9 +186,8 @@ class NearlyDecoupled(NearClosedForm):
         poses = np.broadcast_to(T, (len(starts), 4, 4))
         q, off = newton(self.chain, starts, poses) if sound else nearest_by_newton(self.chain, starts, poses)
         every = np.vstack([eliminated, wrapped(q[off < EXACT])])
-        if not len(
-            every
-        ):  # at one singularity an angle moves by the root of what the arm is off; at a second, that counts
+        if not len(every):
+            # At one singularity an angle moves by the root of what the arm is off; at a second, that counts.
             rows = self._arm.solve(T, tol=sqrt(wide), seed=seed.tolist())
             starts = np.vstack([starts, np.array([row[ANGLES] for row in rows]).reshape(-1, _JOINTS)])
             q, off = nearest_by_newton(self.chain, starts, np.broadcast_to(T, (len(starts), 4, 4)))
