@@ -35,8 +35,10 @@ SHORT = 14
 WHITE_SHARE, NEAR_WHITE = 0.65, 250
 #: An interval after a number, as in `97 % [95, 99]`.
 INTERVAL = re.compile(r"\[[-−+\d][^\[\]]*\]")
+#: Numbers of several seeds, as in `99.7, 99.6, 99.4`.
+SEEDS = re.compile(r"[-−]?[\d.]+(, [-−]?[\d.]+){2,5}")
 #: A space between groups of three digits, as in `76 800`, or before a unit.
-UNBROKEN = re.compile(r"(?<=\d) (?=(?:\d{3}(?!\d)|(?:%|[cmµ]?m|[mµ]?s|m/s|k?g|N|rad|Hz)(?![\w/])))")
+UNBROKEN = re.compile(r"(?<=\d) (?=(?:\d{3}(?!\d)|(?:%|[cmµ]?m|[mµu]?s|m/s|episodes/s|k?g|N|rad|Hz)(?![\w/])))")
 
 
 def setup(app: Sphinx) -> dict[str, int]:
@@ -168,7 +170,8 @@ class Numbers(SphinxPostTransform):
                 short = longest <= SHORT or (number and not any(map(INTERVAL.search, texts)))
                 classes = [name for name, least in WIDE.items() if longest >= least][:1]
                 for cell in column:
-                    cell["classes"] += ["number"] * number + ["short"] * short + classes
+                    seeds = bool(SEEDS.fullmatch(cell.astext().strip()))
+                    cell["classes"] += ["number"] * number + ["short"] * (short or seeds) + classes
             for text in list(table.findall(nodes.Text)):
                 if INTERVAL.search(text) and not isinstance(text.parent, nodes.literal):
                     _mark_intervals(text)

@@ -3,7 +3,8 @@
 `python -m kinreach.compare` is the command; from Python:
 
     from kinreach.compare import compare
-    results = compare("ur5", methods=["closed-form", "placo", MySolver()], goals=50, out="results/mine")
+    methods = ["closed-form", "placo", MySolver()]
+    results = compare("ur5", methods=methods, goals=50, out="results/mine")
 
 A task is data (`Task`): an environment, goals, methods, columns and figures; a method is anything that becomes a policy
 for that environment. `register_task` adds a task from outside the package; a method is passed to `compare` or stands in
