@@ -18,9 +18,9 @@ panda = ArmKinematics.from_urdf(f"{getModelPath(file)}/{file}", tip="panda_hand_
 seed = np.array([0.4, -0.6, 0.3, -2.1, 0.2, 1.7, 0.6])
 T = panda.fk(seed)
 
-curves = panda.self_motions(T)
-for curve in curves:
+for curve in panda.self_motions(T):
     print(f"{len(curve.q)} postures, {curve.total:.2f} rad, closed: {curve.closed}")
+    plt.plot(curve.q[:, 0], curve.q[:, 6])
 
 checker = CollisionChecker(panda, meshes="hulls")
 best = {
@@ -30,11 +30,8 @@ best = {
 }
 for name, found in best.items():
     print(f"{name}: {found.q.round(2)} on curve {found.branch}")
-
-for curve in curves:
-    plt.plot(curve.q[:, 0], curve.q[:, 6])
-for name, found in best.items():
     plt.plot(found.q[0], found.q[6], "o", label=name)
+
 plt.xlabel("joint 1 [rad]"), plt.ylabel("joint 7 [rad]"), plt.legend()
 Path("results").mkdir(exist_ok=True)
 plt.savefig("results/self_motion.png", dpi=120)
