@@ -71,7 +71,7 @@ CLAIMS = {
         (f"{DATA}/moving-ball.csv", 'count,`ppo-clear`,"76.7 [64.6, 85.6]","66.7 [54.1, 77.3]","5.0 [1.7, 13.7]"'),
         (f"{DATA}/moving-ball.csv", 'ignored,`ppo`,"100.0 [94.0, 100.0]","91.7 [81.9, 96.4]","53.3 [40.9, 65.4]"'),
     ],
-    "Each policy: one of 4–5 trainings.": [
+    "Each policy: one of five trainings.": [
         (TRAINING, "The policy of `ppo-moving` is seed 1"),
         (TRAINING, "`pixels-single`, `space-single`, `space-multi`, `random-arms`, `moving` and `thesis-multi` are"),
     ],
