@@ -2,12 +2,13 @@
 
     python -m benchmarks.studies.moving_ball                       # the table, a quarter of an hour of one core
     python -m benchmarks.studies.moving_ball --map --figure FILE   # the map
+    python -m benchmarks.studies.moving_ball --map --trainings results/train/ppo-moving   # with all seeds of PPO
     python -m benchmarks.studies.moving_ball --causes moving ppo-moving ppo-moving-clear   # what policies collide with
     python -m benchmarks.studies.moving_ball --trainings results/train/ppo-moving-clear    # all seeds of a recipe
 
 Each cell is a share of balls, a third of each kind of path; the same balls for all methods, and none that a method was
 tuned on. Finished cells are kept in `--out`: an interrupted study goes on. The map changes one thing at a time: the
-speed of the ball, the cameras' delay, their noise, and the limits of the arm, which methods still believe. Collisions
+speed of the ball, the cameras' delay, their noise, and the limits of the arm, of which no method is told. Collisions
 are ignored in it: `ppo` was trained without them.
 """
 
@@ -25,7 +26,7 @@ import numpy as np
 
 from benchmarks.studies.parts import kept
 from benchmarks.studies.tables import head, line, share
-from benchmarks.studies.trainings import with_interval
+from benchmarks.studies.trainings import POLICY, trainings_interval, with_interval
 from kinreach._checks import check_count
 from kinreach._files import make_writable, replacing
 from kinreach._plots._style import INK, new_figure
@@ -61,12 +62,13 @@ SPEEDS = (0.4, 0.8, 1.2)
 
 
 def touched(name: str, speed: float, options: Mapping[str, Any], *, balls: int, seed: int, out: Path) -> list[bool]:
-    """Return which balls a method touches, from its file if it has one."""
+    """Return which balls a method, or the policy in a file, touches; from the file of this cell if it has one."""
 
     def played() -> list[bool]:
         task = get_task("moving")
         env = gym.make(task.environment, **{**task.options, **options, "speeds": (speed,)})
-        policy: Policy = as_policy(task.methods[name].make(env))
+        acting = task.methods[name].make(env) if name in task.methods else load_policy(name)
+        policy: Policy = as_policy(acting)
         return [bool(trial["reached"]) for trial in rollout(env, policy, task.resets(balls, seed, env))]
 
     return kept(out, {"method": name, "speed": speed, **options, "balls": balls, "seed": seed}, played)
@@ -104,7 +106,7 @@ def caused(policy: str, balls: int, seed: int) -> list[object]:
 def of_trainings(folder: Path, speed: float, options: Mapping[str, Any], balls: int) -> str:
     """Return the share of held-out balls of one speed that all seeds of a recipe touch [%], with its interval."""
     given = {**get_task("moving").options, **options, "speeds": (speed,)}
-    policies = (load_policy(file) for file in sorted(folder.glob("seed-*/policy.safetensors")))
+    policies = (load_policy(file) for file in sorted(folder.glob(f"seed-*/{POLICY}")))
     touched = [evaluate(policy, goals=balls, options=given).reached for policy in policies]
     return with_interval(np.array(touched), unit=100, decimals=1)
 
@@ -114,7 +116,8 @@ def main(argv: list[str] | None = None) -> int:
     parser = Parser(prog=PROG, description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--map", action="store_true", help="the map instead of the table")
     parser.add_argument("--causes", nargs="+", metavar="POLICY", help="what these policies collide with (300 balls)")
-    parser.add_argument("--trainings", type=Path, help="folder of the seeds of a recipe (1000 balls a speed)")
+    parser.add_argument("--trainings", type=Path, help="folder of the seeds of a recipe (1000 balls a speed); with "
+                        "--map they are the map's second method")  # fmt: skip
     parser.add_argument("--methods", nargs="+", help="names of the task's methods (default: those of the table or map)")
     parser.add_argument("--speeds", type=float, nargs="+", help="[m/s] (default: three)")
     parser.add_argument("--balls", type=int, help="in each cell (default: 60; map 24, causes 300, trainings 1000)")
@@ -130,7 +133,7 @@ def main(argv: list[str] | None = None) -> int:
         for policy in arguments.causes:
             print(line(*caused(policy, arguments.balls or 300, seed)), flush=True)
         return 0
-    if arguments.trainings:
+    if arguments.trainings and not arguments.map:
         speeds = tuple(arguments.speeds or TABLE_SPEEDS)
         print(head("collisions", *(f"{speed:g} m/s" for speed in speeds)))
         for rule, options in RULES.items():
@@ -140,31 +143,48 @@ def main(argv: list[str] | None = None) -> int:
     make_writable(arguments.out)
     speeds = tuple(arguments.speeds or (SPEEDS if arguments.map else TABLE_SPEEDS))
     methods = tuple(arguments.methods or (MAPPED if arguments.map else METHODS))
+    files = {name: [name] for name in methods}
+    if arguments.trainings:
+        files[methods[1]] = [str(file) for file in sorted(arguments.trainings.glob(f"seed-*/{POLICY}"))]
     worlds = {name: {**world, **RULES["ignored"]} for name, world in WORLDS.items()} if arguments.map else RULES
     print(head("world" if arguments.map else "collisions", "method", *(f"{speed:g} m/s" for speed in speeds)))
-    shares = np.zeros((len(worlds), len(methods), len(speeds)))
-    for row, (world, options) in enumerate(worlds.items()):
-        for column, name in enumerate(methods):
-            cells = [touched(name, v, options, balls=balls, seed=seed, out=arguments.out) for v in speeds]
-            shares[row, column] = np.mean(cells, axis=1)
-            print(line(world, f"`{name}`", *(share(sum(cell), balls) for cell in cells)), flush=True)
+    cells = {}
+    for world, options in worlds.items():
+        for name in methods:
+            for speed in speeds:
+                one = (touched(file, speed, options, balls=balls, seed=seed, out=arguments.out) for file in files[name])
+                cells[world, name, speed] = np.array(list(one))
+            row = (with_interval(cells[world, name, speed], unit=100, decimals=1) for speed in speeds)
+            print(line(world, f"`{name}`", *row), flush=True)
     if arguments.figure is not None:
-        draw(shares, list(worlds), methods, speeds, balls, arguments.figure)
+        draw(cells, list(worlds), methods, speeds, arguments.figure)
     return 0
 
 
 def draw(
-    shares: np.ndarray, worlds: Sequence[str], methods: Sequence[str], speeds: Sequence[float], balls: int, file: Path
+    cells: Mapping[tuple[str, str, float], np.ndarray],
+    worlds: Sequence[str],
+    methods: Sequence[str],
+    speeds: Sequence[float],
+    file: Path,
 ) -> None:
     """Draw how many percent more balls the first method touches than the second, by world and speed."""
+    first, second = methods[:2]
+    trainings, balls = cells[worlds[0], second, speeds[0]].shape
     figure, (axes,) = new_figure(
-        f"Balls touched: {methods[0]} less {methods[1]}", size=(8.0, 4.6), grid="none",
-        note=f"{balls} balls a cell; percent of {methods[0]} / {methods[1]} below the difference",
+        f"Balls touched, in %: {first} less {second}", size=(8.0, 4.6), grid="none",
+        note=f"{balls} balls a cell. Below the difference: {first} / {second}"
+        + (f", mean of {trainings} trainings and its interval" if trainings > 1 else ""),
     )  # fmt: skip
-    more = 100.0 * (shares[:, 0] - shares[:, 1])
+    shares = 100.0 * np.array([[[cells[world, name, speed].mean() for speed in speeds] for name in methods[:2]]
+                               for world in worlds])  # fmt: skip
+    more = shares[:, 0] - shares[:, 1]
     axes.imshow(more, cmap="RdBu_r", vmin=-100, vmax=100, aspect="auto")
     for (row, column), value in np.ndenumerate(more):
-        both = " / ".join(f"{100 * share:.0f}" for share in shares[row, :2, column])
+        both = f"{shares[row, 0, column]:.0f} / {shares[row, 1, column]:.0f}"
+        if trainings > 1:
+            low, high = trainings_interval(cells[worlds[row], second, speeds[column]])
+            both += f" [{100 * low:.0f}, {100 * high:.0f}]"
         colour = INK if abs(value) < 60 else "white"
         axes.text(column, row - 0.12, f"{value:+.0f}", ha="center", va="center", color=colour, weight="bold")
         axes.text(column, row + 0.24, both, ha="center", va="center", color=colour, fontsize=8)

@@ -459,7 +459,7 @@ class MovingVectorEnv(NativeVectorEnv):
 
 
 def moved(
-    q: Floats, v: Floats, target: Floats, dt: float, *, speed: float, acceleration: float
+    q: Floats, v: Floats, target: Floats, dt: float, *, speed: float | Floats, acceleration: float | Floats
 ) -> tuple[Floats, Floats]:
     """Return angles and speeds after a short time on the way to a target, where each joint can still stop.
 
@@ -468,8 +468,8 @@ def moved(
         v: Speeds now [rad/s].
         target: [rad].
         dt: Time [s].
-        speed: Limit [rad/s].
-        acceleration: Limit [rad/s^2].
+        speed: Limit [rad/s], or one for each angle.
+        acceleration: Limit [rad/s^2], or one for each angle.
     """
     way = target - q
     # the largest speed from which it stops at the target, braking from the next moment on

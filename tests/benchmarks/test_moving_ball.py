@@ -48,12 +48,34 @@ def test_what_policies_collide_with(capsys):
     assert 0.0 < float(depth) < 60.0
 
 
-def test_every_seed_of_a_recipe_at_every_speed(tmp_path, capsys):
-    """Two policies as the seeds of a recipe: slow balls are touched, where collisions are ignored."""
+@pytest.fixture
+def trainings(tmp_path):
+    """Two policies as the seeds of a recipe."""
     for seed, name in enumerate(("moving", "ppo-moving")):
         (folder := tmp_path / f"seed-{seed}").mkdir()
         (folder / "policy.safetensors").write_bytes((PRETRAINED / f"{name}.safetensors").read_bytes())
-    assert moving_ball.main(["--trainings", str(tmp_path), "--balls", "12", "--speeds", "0.1", "0.6"]) == 0
+    return tmp_path
+
+
+def test_the_map_of_all_seeds(trainings, capsys, monkeypatch):
+    """The second method's cells are means over the trainings, and their interval holds them both."""
+    monkeypatch.setattr(moving_ball, "WORLDS", {"as trained": {}})
+    figure, shown = trainings / "map.png", ["--methods", "last-sight", "ppo", "--speeds", "0.4", "--balls", "12"]
+    given = [*shown, "--out", str(trainings / "cells"), "--map", "--figure", str(figure)]
+    assert moving_ball.main([*given, "--trainings", str(trainings)]) == 0
+    _, _, _, row = capsys.readouterr().out.splitlines()
+    world, name, cell = (cell.strip() for cell in row.strip("|").split("|"))
+    assert (world, name) == ("as trained", "`ppo`")
+    middle, low, high = (float(part.strip("[,]")) for part in cell.split())
+    assert 30.0 < middle < 75.0  # 13 and 92 of the 60 balls of the table
+    assert low < 20.0
+    assert high > 80.0
+    assert figure.stat().st_size > 10_000
+
+
+def test_every_seed_of_a_recipe_at_every_speed(trainings, capsys):
+    """Slow balls are touched, where collisions are ignored."""
+    assert moving_ball.main(["--trainings", str(trainings), "--balls", "12", "--speeds", "0.1", "0.6"]) == 0
     head, _, counted, ignored = (
         [cell.strip() for cell in line.strip("|").split("|")] for line in capsys.readouterr().out.splitlines()
     )

@@ -1,13 +1,16 @@
 """Rolling balls: who looks ahead touches them, and who looks down touches nothing else."""
 
 import math
+from contextlib import closing
 
+import gymnasium as gym
 import numpy as np
 import pytest
 
 from kinreach.compare import compare
 from kinreach.compare._cli import main
 from kinreach.compare._methods.turn_rate import TurnRateFit
+from kinreach.compare._task import get_task
 from kinreach.envs._moving import moved, travel_times
 from kinreach.errors import InputError
 
@@ -33,6 +36,22 @@ def test_who_touches(results):
     assert found["interception"]["touched"]["0.2"] is None
     assert found["interception"]["impossible"] <= 0.2 * collisions
     assert (found["first-sight"]["impossible"] > 0.3) == collisions
+
+
+@pytest.mark.parametrize("strength", [1.0, 0.9, 0.7])
+def test_the_share_of_its_limits_that_the_arm_keeps_is_found(strength):
+    """From the second frame on, whatever the methods were told."""
+    task, found = get_task("moving"), []
+    with closing(gym.make(task.environment, **{**task.options, "strength": strength, "collisions": False})) as env:
+        method = task.methods["interception"].make(env)
+        for seed in range(5):
+            observation, info = env.reset(seed=seed)
+            method.reset(observation, info)
+            for _ in range(4):
+                observation, *_ = env.step(method.act(observation))
+            found.append(method._limits["speed"] / env.unwrapped.speed_limit)
+    np.testing.assert_allclose(found, strength, rtol=0.0, atol=1e-9)
+    assert len(found) == 5
 
 
 def forecast_error(rate, noise, *, sights=12, ahead=0.4):

@@ -33,6 +33,8 @@ WAYS, STRIDE = 40, 2
 #: Frames after which the arm shall be on its way. Joints that follow it frame by frame lag; with more frames they are
 #: ahead of it in between.
 AHEAD = (3, 2, 1)
+#: Shares of its limits that the arm may turn out to keep.
+SHARES = np.linspace(1.0, 0.1, 91)
 #: Where it waits: this share of the way from the ball to the middle of the area, this high above the ball [m].
 TOWARDS_MIDDLE, WAITING = 0.35, 0.06
 #: Without a way that is free, it keeps to the one that is free the longest if it is lower than this above the ball [m].
@@ -86,12 +88,13 @@ class Interception(_ClosedForm):
     searched among those that the joints can have by then: its tip at the ball, its gripper above the table, its
     direction free. The ways to these postures are checked for collisions, the earliest first, and the arm follows the
     first that is free. While there is none it waits above the ball. It knows the sights, their noise, the table and
-    the limits of the joints. Its constants were chosen with balls of seed 1.
+    the limits of the joints. Of these it finds the share that the arm keeps from where its actions led the joints.
+    Its constants were chosen with balls of seed 1.
     """
 
     def __init__(self, env: gym.Env[Any, Any]) -> None:
         super().__init__(env)
-        self._limits = {"speed": self._env.speed_limit, "acceleration": self._env.acceleration_limit}
+        self._known = {"speed": self._env.speed_limit, "acceleration": self._env.acceleration_limit}
         area = self._env.arm.workcell.goals
         self._low, self._high = np.array([area.x, area.y]).T
         self._table = self._env.height - self._env.arm.workcell.ball_radius
@@ -101,10 +104,13 @@ class Interception(_ClosedForm):
         super().reset(observation, info)
         self._fit, self._time = TurnRateFit(self._env.noise), 0.0
         self._meeting: float | None = None
+        self._limits, self._missed = dict(self._known), np.zeros(len(SHARES))
+        self._last = np.array(info["q"]), np.zeros(6)
 
     def act(self, observation: Any) -> Floats:
         """Go towards the meeting."""
         age, q, v = float(observation[ball.AGE]), np.array(observation[ball.ANGLES]), np.array(observation[ball.RATES])
+        self._fit_limits(q, v)
         self._fit.see(self._time - age, observation[ball.BALL])
         self._time += 1.0 / ball.FRAMES
         if not self._fit.moving:
@@ -119,6 +125,16 @@ class Interception(_ClosedForm):
         if way is not None and (until >= len(way) or (low and until >= ball.PARTS)):
             return self._follow(q, v, way)
         return self._wait(q, v, xy[min(HORIZON // 3, count - 1)])
+
+    def _fit_limits(self, q: Floats, v: Floats) -> None:
+        """Take the share of the limits that explains best where the joints got in all frames so far."""
+        end, speed = (np.tile(start, (len(SHARES), 1)) for start in self._last)
+        limits = {name: SHARES[:, None] * limit for name, limit in self._known.items()}
+        for _ in range(ball.PARTS if self._time else 0):
+            end, speed = moved(end, speed, self._target, PART, **limits)
+        self._missed += ((end - q) ** 2).sum(axis=1)
+        share, self._last = SHARES[self._missed.argmin()], (q, v)
+        self._limits = {name: share * limit for name, limit in self._known.items()}
 
     def _way(self, q: Floats, v: Floats, xy: Floats, parts: Any) -> tuple[Floats | None, int]:
         """Return the way to the earliest meeting without a collision, or else the one that is free the longest.
