@@ -120,12 +120,12 @@ def main(argv: list[str] | None = None) -> int:
                         "--map they are the map's second method")  # fmt: skip
     parser.add_argument("--methods", nargs="+", help="names of the task's methods (default: those of the table or map)")
     parser.add_argument("--speeds", type=float, nargs="+", help="[m/s] (default: three)")
-    parser.add_argument("--balls", type=int, help="in each cell (default: 60; map 24, causes 300, trainings 1000)")
+    parser.add_argument("--balls", type=int, help="in each cell (default: 60; map 96, causes 300, trainings 1000)")
     parser.add_argument("--seed", type=int, default=100, help="of the balls (default: %(default)s)")
     parser.add_argument("--out", type=Path, default=Path("results/moving-ball"), help="where finished cells are kept")
     parser.add_argument("--figure", type=Path, help="where the map is drawn")
     arguments = parser.parse_args(argv)
-    balls = check_count("--balls", arguments.balls or (24 if arguments.map else 60))
+    balls = check_count("--balls", arguments.balls or (96 if arguments.map else 60))
     seed = check_count("--seed", arguments.seed, least=0)
     if arguments.causes:
         print(head("policy", "touched, %", "collided, %", "with what", "time, s", "tip to ball, mm", "tilt, °",
