@@ -39,7 +39,10 @@ print(
 )
 
 singular = check.singular_postures(kin, reach.farthest)
-print(f"{len(singular.q)} singular postures, such as {singular.q[0].round(2) + 0.0}")
+print(
+    f"{len(singular.q)} singular postures; "
+    f"in one, joints 2 to {kin.n} are at {singular.q[0, 1:].round(2) + 0.0}"
+)
 
 # the arm with itself: a URDF does not describe what is around it
 checker = CollisionChecker(kin)

@@ -19,7 +19,7 @@ seed = np.array([0.4, -0.6, 0.3, -2.1, 0.2, 1.7, 0.6])
 T = panda.fk(seed)
 
 for curve in panda.self_motions(T):
-    print(f"{len(curve.q)} postures, {curve.total:.2f} rad, closed: {curve.closed}")
+    print(f"a curve of {curve.total:.2f} rad, closed: {curve.closed}")
     plt.plot(curve.q[:, 0], curve.q[:, 6])
 
 checker = CollisionChecker(panda, meshes="hulls")

@@ -59,14 +59,14 @@ def collision_mesh(address: str, package_root: str | None, scale: Floats) -> Mes
     """
     try:
         status = _inside(address, package_root).stat()
-    except OSError:
-        return _collision_mesh(address, package_root, tuple(scale), None)  # reports the error
+    except OSError:  # reading reports the error, which is not kept
+        return _collision_mesh.__wrapped__(address, package_root, tuple(scale), ())
     return _collision_mesh(address, package_root, tuple(scale), (status.st_ino, status.st_size, status.st_mtime_ns))
 
 
 @lru_cache(maxsize=MAX_KEPT)
 def _collision_mesh(
-    address: str, package_root: str | None, scale: tuple[float, float, float], status: tuple[int, ...] | None
+    address: str, package_root: str | None, scale: tuple[float, float, float], status: tuple[int, ...]
 ) -> Mesh:
     soup = [
         (part.vertices @ T[:3, :3].T + T[:3, 3])[part.faces].reshape(-1, 3)

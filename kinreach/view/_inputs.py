@@ -64,6 +64,7 @@ class Entry:
     def __init__(self, handle: Any, react: Callable[[], None]) -> None:
         self._handle = handle
         self._written: deque[Any] = deque(maxlen=1)
+        self._known = handle.value
 
         async def note(event: Any) -> None:
             if event.client is not None:
@@ -75,13 +76,19 @@ class Entry:
     def take(self) -> Any:
         """Return what the user has written since the last call; None for nothing."""
         try:
-            return self._written.pop()
+            self._known = self._written.pop()
         except IndexError:
             return None
+        return self._known
 
     def show(self, value: Any) -> None:
-        """Show a value, unless it is shown already: on the way to "-0.2" a user types "-0"."""
-        if not self._written and not np.array_equal(self._handle.value, value):
+        """Show a value, unless it is shown already: on the way to "-0.2" a user types "-0".
+
+        What differs from the value last taken or shown was written by the user since, noted or not.
+        """
+        unread = self._written or not np.array_equal(self._handle.value, self._known)
+        if not unread and not np.array_equal(self._known, value):
+            self._known = value
             self._handle.value = value
 
 

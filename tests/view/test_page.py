@@ -151,11 +151,16 @@ def test_on_a_phone_the_arm_and_the_verdict_are_in_view(open_tab):
     """The tip is above the sheet, the verdict in what is seen of it, and nothing is wider than the screen."""
     width, height = 390, 844
     tab, page, _ = open_tab(width=width, height=height)
-    parts = (".mantine-Paper-root:has(.kr-bar)", ".kinreach-verdict")
-    sheet, verdict = (tab.locator(part).bounding_box() for part in parts)
+
+    def boxes():
+        parts = (".mantine-Paper-root:has(.kr-bar)", ".kinreach-verdict")
+        sheet, verdict = (tab.locator(part).bounding_box() for part in parts)
+        seen = sheet["y"] < verdict["y"] < verdict["y"] + verdict["height"] < height
+        return (sheet, verdict) if seen else None
+
+    sheet, _ = wait_for(tab, boxes)
     assert sheet["y"] > height / 2
     assert (sheet["x"], sheet["width"]) == (0, width)
-    assert sheet["y"] < verdict["y"] < verdict["y"] + verdict["height"] < height
     links = page.target.model.kinematics.fk(page.target.q)[:3, 3], np.zeros(3), np.array([0.0, 0.0, 0.6])
     for point in links:
         u, v = on_screen(page.client.camera, point, width, height)

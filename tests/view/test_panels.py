@@ -1,5 +1,6 @@
 """The parts of the page on a real server, with a tab that has no browser."""
 
+import asyncio
 import contextlib
 import gc
 import html
@@ -23,7 +24,7 @@ pytest.importorskip("viser")
 from benchmarks.studies.tab import Tab, wait_for
 from kinreach.robots import arm_names, get_arm
 from kinreach.view._episodes import Recording
-from kinreach.view._inputs import by_user
+from kinreach.view._inputs import Entry, by_user
 from kinreach.view._names import plain
 from kinreach.view._page import panels
 from kinreach.view._panel import Panel
@@ -613,3 +614,22 @@ def test_an_input_that_changes_twice_gives_its_newest_value():
             note(event).send(None)  # it waits for nothing
         changed(event)
     assert heard == ["a", "b", "d"]
+
+
+def test_what_was_typed_and_not_yet_noted_is_not_written_over():
+    """The page's own thread has the new value, and the thread that answers the one before shows that one."""
+    callbacks = []
+    handle = SimpleNamespace(value=0.0, on_update=callbacks.append)
+    entry = Entry(handle, lambda: None)
+    entry.show(0.5)
+    assert handle.value == 0.5
+    handle.value = 0.3  # by the page; its callbacks have not been called
+    entry.show(0.0)
+    assert handle.value == 0.3
+    asyncio.run(callbacks[0](SimpleNamespace(client=object(), target=handle)))
+    entry.show(0.0)
+    assert handle.value == 0.3
+    assert entry.take() == 0.3
+    assert entry.take() is None
+    entry.show(0.1)
+    assert handle.value == 0.1
