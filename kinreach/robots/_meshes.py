@@ -59,7 +59,7 @@ def collision_mesh(address: str, package_root: str | None, scale: Floats) -> Mes
     """
     try:
         status = _inside(address, package_root).stat()
-    except OSError:  # reading reports the error, which is not kept
+    except OSError:  # reading reports it; a file that has come since is read, and not kept without its status
         return _collision_mesh.__wrapped__(address, package_root, tuple(scale), ())
     return _collision_mesh(address, package_root, tuple(scale), (status.st_ino, status.st_size, status.st_mtime_ns))
 
