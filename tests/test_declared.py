@@ -1,4 +1,4 @@
-"""What is declared stays: signatures, options of commands, tasks with methods and columns, recipes, environments.
+"""What is declared stays: signatures, options of commands, tasks with methods and columns, recipes, arms, environments.
 
 Each is a list in tests/data/declared; what is new needs no line there. `KINREACH_KEEP=1 pytest tests/test_declared.py`
 keeps what there is now; its change in git is to be read before it is committed.
@@ -10,8 +10,9 @@ import inspect
 import os
 import pkgutil
 from collections.abc import Mapping, Sequence
-from dataclasses import fields, is_dataclass
+from dataclasses import fields, is_dataclass, replace
 from functools import partial
+from hashlib import sha256
 from pathlib import Path
 
 import gymnasium as gym
@@ -25,6 +26,10 @@ from kinreach.baselines._recipes.reach import REACH_RECIPES
 from kinreach.cli import COMMANDS
 from kinreach.compare._task import _OWN, get_task
 from kinreach.demo._tasks import TASKS
+from kinreach.robots import get_arm
+from kinreach.robots._description import no_package
+from kinreach.robots._tools import TOOLS
+from kinreach.robots._ur import UR_LENGTHS, nominal_urdf, ur_speeds
 
 KEPT = Path(__file__).parent / "data" / "declared"
 FACES = sorted(f"kinreach.{each.name}" for each in pkgutil.iter_modules(kinreach.__path__) if each.name[0] != "_")
@@ -106,6 +111,17 @@ def recipes():
         yield from listed(recipe, recipe.name)
 
 
+def arms():
+    """What each arm of the package is, its URDF as a digest; arms that tests register are not among them."""
+    for name in (*UR_LENGTHS, "arm3", "panda"):
+        arm = get_arm(name)
+        yield from listed(replace(arm, build_urdf=get_arm, package_root=no_package), name)
+        yield f"{name}.urdf: {sha256(arm.urdf.encode()).hexdigest()}"
+    for name in UR_LENGTHS:
+        yield f"{name}: speeds {ur_speeds(name)}, URDF of its lengths {sha256(nominal_urdf(name).encode()).hexdigest()}"
+    yield from listed(TOOLS, "tools")
+
+
 def environments():
     for name, spec in gym.registry.items():
         if name.startswith("kinreach/"):
@@ -120,7 +136,7 @@ def environments():
     yield from listed(METHOD_COLOURS, "colours")
 
 
-@pytest.mark.parametrize("declared", [signatures, commands, tasks, recipes, environments])
+@pytest.mark.parametrize("declared", [signatures, commands, tasks, recipes, arms, environments])
 def test_what_is_declared_stays(declared):
     lines = list(declared())
     assert len(lines) > 40

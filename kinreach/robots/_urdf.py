@@ -281,13 +281,13 @@ def check_urdf(text: object, package_root: str | None) -> None:
             finite, too large or of the wrong sign; a lower limit is above the upper one; a mesh is outside the package.
     """
     robot = parse_urdf(text)
-    _check_tree(robot)
     for element in robot.iter():
         for name, count in _NUMBERS.get(element.tag, {}).items():
             if name in element.attrib:
                 _check_numbers(f"{name} of <{element.tag}>", element.attrib[name], count, name)
         if element.tag in ("mesh", "texture"):
             _check_file(element.get("filename", ""), package_root)
+    _check_tree(robot)
     for joint in robot.findall("joint"):
         _check_limits(joint)
 

@@ -1,0 +1,209 @@
+"""What a URDF may have in it, what is built from primitives, and what is derived from a chain."""
+
+from __future__ import annotations
+
+import re
+import xml.etree.ElementTree as ET
+from dataclasses import replace
+
+import numpy as np
+import pytest
+import trimesh
+
+from kinreach.errors import InputError
+from kinreach.robots import ArmDescription, get_arm
+from kinreach.robots._urdf import MAX_LINKS, MAX_NUMBER, Solid, UrdfArm, add_link, check_urdf, origin_of
+
+#: A robot with every attribute that is a number, each with a value that no other number in it has.
+ROBOT = """<robot name="r">
+  <link name="a">
+    <inertial><origin xyz="0.01 0 0" rpy="0.02 0 0"/><mass value="1.5"/>
+      <inertia ixx="0.11" ixy="0.12" ixz="0.13" iyy="0.14" iyz="0.15" izz="0.16"/></inertial>
+    <visual><origin xyz="0.03 0 0"/><geometry><box size="0.21 0.22 0.23"/></geometry>
+      <material name="m"><color rgba="0.31 0.32 0.33 1"/></material></visual>
+    <collision><geometry><cylinder radius="0.41" length="0.42"/></geometry></collision>
+    <collision><geometry><sphere radius="0.43"/></geometry></collision>
+    <collision><geometry><mesh filename="package://a/x.stl" scale="0.51 0.52 0.53"/></geometry></collision>
+  </link>
+  <link name="b"/> <link name="c"/>
+  <joint name="j" type="revolute"><parent link="a"/><child link="b"/><axis xyz="0 0.61 0"/>
+    <limit lower="-0.71" upper="1.72" effort="0.73" velocity="0.74"/><dynamics damping="0.81" friction="0.82"/></joint>
+  <joint name="k" type="prismatic"><parent link="b"/><child link="c"/>
+    <limit lower="-1" upper="1" effort="1" velocity="1"/><mimic joint="j" multiplier="0.91" offset="0.92"/></joint>
+</robot>"""
+ABOVE_ZERO, NOT_NEGATIVE = {"size", "radius", "length"}, {"value", "effort", "velocity", "damping", "friction"}
+
+
+def numbers_of(robot):
+    """Every attribute of numbers: element, name, and how many there are."""
+    for element in robot.iter():
+        for name, text in element.attrib.items():
+            words = text.split()
+            if re.fullmatch(r"[-\d. ]+", text):
+                yield element, name, len(words)
+
+
+def test_every_number_is_one_and_has_its_sign():
+    check_urdf(ROBOT, "/")
+    robot, tried = ET.fromstring(ROBOT), set()
+    for element, name, count in numbers_of(robot):
+        kept = element.get(name)
+        good, bad = {"1", "0.5", "0", "-0.5"}, {"nan", "inf", "x", f"{2 * MAX_NUMBER}", f"{-2 * MAX_NUMBER}"}
+        bad |= {"-0.5"} if name in ABOVE_ZERO | NOT_NEGATIVE else set()
+        bad |= {"0"} if name in ABOVE_ZERO | {"scale"} else set()
+        if name == "upper":
+            bad.add("-2")  # below the lower one
+        for value in good - bad:
+            element.set(name, " ".join([value, *["0.9"] * (count - 1)]))
+            check_urdf(ET.tostring(robot, encoding="unicode"), "/")
+        for text in (*(" ".join([*["0.9"] * (count - 1), value]) for value in bad), "", "1 " * (count + 1)):
+            element.set(name, text)
+            with pytest.raises(InputError, match=rf"^{name} of <{element.tag}> must |lower limit above the upper one"):
+                check_urdf(ET.tostring(robot, encoding="unicode"), "/")
+        element.set(name, kept)
+        tried.add((element.tag, name))
+    assert len(tried) == 24
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "said"),
+    [
+        ('<link name="b"/>', '<link name=""/>', "nameless part"),
+        ('<link name="b"/>', "<link/>", "nameless part"),
+        ('<link name="b"/>', '<link name="b"/><link name="b"/>', "names 'b' 2 times"),
+        ('<link name="b"/>', '<link name="b\u202e"/>', "names 'b.*' 1 times"),
+        ('joint name="k"', 'joint name=""', "a joint without a name"),
+        ('joint name="k"', "joint", "a joint without a name"),
+        ('joint name="k"', 'joint name="k\u202e"', "a joint without a name that can be printed"),
+        ('joint name="k"', 'joint name="j"', "two joints of one name"),
+        ('type="prismatic"', 'type="floating"', "joint 'k' of the URDF must be one of revolute"),
+        ('type="prismatic"', "", "joint 'k' of the URDF must be one of revolute"),
+        ('<limit lower="-1" upper="1" effort="1" velocity="1"/>', "", "joint 'k' .* with its limits"),
+        ('<axis xyz="0 0.61 0"/>', '<axis xyz="0 9e-7 0"/>', "joint 'j' of the URDF has an axis without direction"),
+        ('<child link="c"/>', "", "joint 'k' of the URDF must connect two links"),
+        ('<parent link="b"/>', '<parent link="z"/>', "joint 'k' of the URDF must connect two links"),
+        ('<link name="c"/>', '<link name="c"/><link name="d"/>', "got 2 that hang on none"),
+        ("package://a/x.stl", "package://a/../x.stl", "files of a URDF must be within"),
+        ("<geometry><box", '<geometry><mesh filename="x.stl"/><box', "files of a URDF must be within"),
+        ('<color rgba="0.31 0.32 0.33 1"/>', '<texture filename="x.png"/>', "files of a URDF must be within"),
+        ("<robot", "<model", "not XML"),
+    ],
+)  # fmt: skip
+def test_what_is_wrong_with_the_parts_is_named(old, new, said):
+    assert ROBOT.count(old) == 1
+    with pytest.raises(InputError, match=said):
+        check_urdf(ROBOT.replace(old, new), "/")
+
+
+def test_a_urdf_has_a_link_and_not_too_many():
+    for count, good in ((0, False), (1, True), (MAX_LINKS, True), (MAX_LINKS + 1, False)):
+        links = "".join(f'<link name="l{i}"/>' for i in range(count))
+        joints = "".join(
+            f'<joint name="j{i}" type="fixed"><parent link="l0"/><child link="l{i}"/></joint>' for i in range(1, count)
+        )
+        text = f'<robot name="r">{links}{joints}</robot>'
+        if good:
+            check_urdf(text, None)
+        else:
+            with pytest.raises(InputError, match=f"1 to {MAX_LINKS} links, got {count}"):
+                check_urdf(text, None)
+
+
+@pytest.mark.parametrize("centre", [None, (0.1, 0.2, 0.3)])
+def test_the_inertia_of_a_solid_is_trimeshs(centre):
+    rng = np.random.default_rng(0)
+    shapes = {3: trimesh.creation.box, 2: trimesh.creation.cylinder, 1: trimesh.creation.icosphere}
+    for count in (3, 2, 1) * 5:
+        size, mass = tuple(rng.uniform(0.05, 0.5, count).tolist()), rng.uniform(0.1, 5.0)
+        solid = Solid(size, tuple(rng.uniform(-1, 1, 3).tolist()), tuple(rng.uniform(-1, 1, 3).tolist()))
+        robot = ET.Element("robot")
+        add_link(robot, "one", mass=mass, centre=centre, solids=(solid, Solid((9.0,))), rgba="1 0 0 1")
+        inertial = robot.find("link/inertial")
+        assert float(inertial.find("mass").get("value")) == mass
+        made = {
+            3: {"extents": size},
+            2: dict(zip(("radius", "height"), size, strict=False), sections=200),
+            1: {"radius": size[0], "subdivisions": 4},
+        }
+        shape = shapes[count](**made[count])
+        expected = np.diag(shape.moment_inertia) * mass / shape.volume
+        found = inertial.find("inertia").attrib
+        np.testing.assert_allclose([float(found[key]) for key in ("ixx", "iyy", "izz")], expected, rtol=0.01)
+        assert [found[key] for key in ("ixy", "ixz", "iyz")] == ["0"] * 3
+        np.testing.assert_allclose(origin_of(inertial)[:3, 3], solid.xyz if centre is None else centre)
+        for kind in ("visual", "collision"):
+            first, second = robot.findall(f"link/{kind}")
+            np.testing.assert_array_equal(origin_of(first)[:3, 3], solid.xyz)
+            np.testing.assert_array_equal(origin_of(first)[:3, :3], origin_of(inertial)[:3, :3])
+            (geometry,) = first.find("geometry")
+            assert [float(v) for text in geometry.attrib.values() for v in text.split()] == list(size)
+            assert (first.find("material") is not None) is (kind == "visual")
+            assert second.find("geometry/sphere").get("radius") == "9.0"
+    bare = ET.Element("robot")
+    add_link(bare, "one", solids=(Solid((1.0,)),))
+    add_link(bare, "cube", mass=3.0)
+    assert bare.find("link[@name='one']/inertial") is None
+    assert bare.find("link/visual/material") is None
+    assert float(bare.find("link[@name='cube']/inertial/inertia").get("izz")) == pytest.approx(3.0 * 0.05**2 / 6)
+
+
+def chain(*, efforts=(40.0, 1.0), speeds=(2.5, 2.0)):
+    """Two joints, 0.3 m apart, and a hand 0.4 m behind the second one; links of 2, 1 and 0.5 kg."""
+    inertial = '<inertial><origin xyz="0.1 0 0"/><mass value="{}"/><inertia ixx="{}" iyy="{}" izz="{}"/></inertial>'
+    masses = {
+        "base": (9, 9, 9, 9),
+        "one": (2, 0.01, 0.03, 0.02),
+        "two": (1, 0.02, 0.01, 0.01),
+        "hand": (0.5, 0, 0, 0.04),
+    }
+    links = "".join(f'<link name="{name}">{inertial.format(*numbers)}</link>' for name, numbers in masses.items())
+    joints = "".join(
+        f'<joint name="{name}" type="revolute"><parent link="{parent}"/><child link="{child}"/>'
+        f'<origin xyz="0 {length} 0"/><axis xyz="0 0 1"/><dynamics damping="{number}.5"/>'
+        f'<limit lower="-1" upper="{number}" effort="{effort}" velocity="{speed}"/></joint>'
+        for number, (name, parent, child, length, effort, speed) in enumerate(
+            zip(("j", "k"), ("base", "one"), ("one", "two"), (0.7, -0.3), efforts, speeds, strict=True), start=2
+        )
+    )
+    return (
+        f'<robot name="r">{links}{joints}<joint name="f" type="fixed"><parent link="two"/><child link="hand"/>'
+        '<origin xyz="0 0 0.4"/></joint></robot>'
+    )
+
+
+def test_what_a_description_does_not_give_is_derived_from_the_chain():
+    arm = ArmDescription("r", "r", chain, armature=0.2)
+    second = 1.0 * 0.1**2 + 0.02 + 0.5 * 0.5**2 + 0.04
+    first = 2.0 * 0.1**2 + 0.03 + 1.0 * 0.4**2 + 0.02 + 0.5 * 0.8**2 + 0.04
+    np.testing.assert_allclose(arm.position_gains, 900.0 * np.array([first + 0.2, second + 0.2]))
+    assert arm.acceleration_limit == pytest.approx(1.0 / 2 / (second + 0.2))
+    assert (arm.speed_limit, arm.home, arm.joint_damping) == (2.0, (0.5, 1.0), (2.5, 3.5))
+    assert (arm.joints, arm.base, arm.default_tip, dict(arm.tips)) == (
+        ("j", "k"), "base", "hand", {"hand": "hand", "two": "two"}
+    )  # fmt: skip
+    (overview,) = arm.cameras
+    np.testing.assert_allclose(overview.position, 1.4 * np.array([1.5, -1.5, 0.9]))
+    np.testing.assert_allclose(overview.target, 1.4 * np.array([0.15, 0.0, 0.3]))
+    strong = ArmDescription("r", "r", lambda: chain(efforts=(0.0, 1000.0), speeds=(0.0, 9.0)))
+    assert (strong.acceleration_limit, strong.speed_limit) == (10.0, 3.0)
+    assert ArmDescription("r", "r", lambda: chain(efforts=(1.0, 1.0))).acceleration_limit == pytest.approx(
+        1.0 / 2 / (first + 0.1)
+    )
+
+
+def test_the_world_is_the_base_only_where_it_carries_several_links():
+    robot = ET.fromstring(get_arm("arm3").urdf)
+    assert UrdfArm("arm3", robot).base == "base_link"
+    ET.SubElement(robot, "link", name="table")
+    joint = ET.SubElement(robot, "joint", name="beside", type="fixed")
+    ET.SubElement(joint, "parent", link="world")
+    ET.SubElement(joint, "child", link="table")
+    assert UrdfArm("arm3", robot).base == "world"
+
+
+def test_a_home_may_be_beyond_a_limit_by_its_digits():
+    arm = replace(get_arm("ur5"), home=(3.141595, *get_arm("ur5").home[1:]))
+    assert arm.urdf
+    for angle in (np.pi + 2e-5, -np.pi - 2e-5):
+        with pytest.raises(InputError, match="outside its limits"):
+            replace(arm, home=(angle, *arm.home[1:])).urdf  # noqa: B018
