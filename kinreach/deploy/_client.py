@@ -143,8 +143,8 @@ class URClient:
         Raises:
             RobotError: As `next_state`.
         """
-        self._rtde.setblocking(False)
         try:
+            self._rtde.setblocking(False)
             while data := self._rtde.recv(65536):
                 self._buffer += data
         except BlockingIOError:
@@ -152,7 +152,8 @@ class URClient:
         except OSError as error:
             raise self._lost(error) from None
         finally:
-            self._rtde.settimeout(self._silence)
+            with suppress(OSError):  # closed
+                self._rtde.settimeout(self._silence)
         size = 3 + 1 + self._recipe.size
         while len(self._buffer) >= 2 * size and self._buffer[2] == Kind.DATA:
             del self._buffer[:size]  # what is older

@@ -1,6 +1,7 @@
 """kinreach's client on the simulated UR: it reads, runs programs, and stops them."""
 
 import socket
+import struct
 import threading
 import time
 
@@ -177,6 +178,61 @@ def test_bad_addresses(address):
 def test_nobody_answers(free_address):
     with pytest.raises(RobotError, match=r"no robot answers at 127\.\d+\.\d+\.\d+:30004: Connection refused"):
         URClient(free_address())
+
+
+def test_the_last_reason_counts_however_the_messages_are_cut(client):
+    """As the script port sends them: others between, and pieces of any size."""
+    head = struct.pack(">QbB", 5, -1, 10)
+    kinds = {
+        "": [
+            bytes([20]) + struct.pack(">QbB", 5, -1, 0) + b"a label",
+            bytes([16]) + b"state of the robot, " * 3,
+            b"\x14",
+        ],
+        "text": [bytes([20]) + head + struct.pack(">ii", 3, 1) + "line 3: ä".encode()],
+        "key": [bytes([20]) + struct.pack(">QbB", 5, -1, 7) + struct.pack(">iiB", 0, 0, 5) + b"Title" + b"collision"],
+    }
+    said = {"text": "line 3: ä", "key": "collision"}
+    rng, heard = np.random.default_rng(0), 0
+    here, there = socket.socketpair()
+    real, client._script = client._script, here
+    try:
+        for _ in range(30):
+            order = rng.choice(list(kinds), 5)
+            parts = [body.ljust(11, b"\0") for kind in order for body in kinds[kind]]
+            stream = b"".join(struct.pack(">i", 4 + len(body)) + body for body in parts)
+            last = ""
+            for piece in np.split(np.frombuffer(stream, np.uint8), np.sort(rng.integers(0, len(stream), 6))):
+                if len(piece):
+                    there.sendall(piece.tobytes())
+                last = client._reason(": ") or last
+            wanted = [said[kind] for kind in order if kind]
+            assert last == (f": {wanted[-1]}" if wanted else "")
+            heard += bool(wanted)
+        assert client._reason(": ") == ""
+    finally:
+        client._script = real
+        here.close()
+        there.close()
+    assert heard > 20
+
+
+def test_a_robot_that_falls_silent_is_lost_in_time(monkeypatch):
+    """Before the first answer, and once it has answered."""
+    monkeypatch.setattr("kinreach.deploy._client.TIMEOUT", 0.3)
+    with socket.create_server(("127.0.0.1", 0)) as server:
+        port = server.getsockname()[1]
+        began = time.monotonic()
+        with pytest.raises(RobotError, match=r"connection to the robot at 127\.0\.0\.1 is lost: (timed out|no answer)"):
+            URClient("127.0.0.1", rtde_port=port, script_port=port)
+    assert 0.2 < time.monotonic() - began < 5.0
+
+
+@pytest.mark.parametrize("use", [URClient.read, URClient.next_state, URClient.stop])
+def test_a_client_that_is_closed_has_lost_its_robot(client, use):
+    client.close()
+    with pytest.raises(RobotError, match=r"connection to the robot at 127\.0\.0\.1 is lost"):
+        use(client)
 
 
 #: What a server that is no UR may answer to the first question.

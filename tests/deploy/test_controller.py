@@ -260,6 +260,28 @@ class TestProtectiveStops:
         assert "singularity at" in done.reason or "joint speed" in done.reason
 
 
+def test_values_and_what_is_none():
+    ur = Controller(REAL, log=(log := []).append)
+    ur.run(program("x = 3 - 1 - 1", "q = [x, -x, 7]", "if q[0] > 0.5 or False:", "  textmsg(q[2] - q[1])", "else:",
+                   "  textmsg(0)", "end", "if norm(-x) > 1 or norm(x) > 2:", "  textmsg(1)", "else:", "  textmsg(2)",
+                   "end"))  # fmt: skip
+    assert [line for line in log if line.startswith("textmsg")] == ["textmsg: 8.0", "textmsg: 2.0"]
+    ur.run(program('popup("a")', 'textmsg("b", "c")'))
+    assert log[-3:-1] == ["popup: a", "textmsg: bc"]
+    for lines, reason in (
+        (("if 1 or True:", "  sleep(1)", "end"), "or is for truth values"),
+        (("x = 3", "y = x[0]"), "x has no entry 0"),
+        (("x = [1]", "y = x[0.5]"), "x has no entry 0.5"),
+        (("x = [1]", "y = x[-1]"), "x has no entry -1"),
+        (("x = True > 1",), "a number is needed, got True"),
+        (("set_tcp([0, 0, 0, 0, 0, 0])",), "set_tcp takes a pose"),
+        (("servoj([0, 0], t=0.1)",), "servoj takes a list of six"),
+        ((f"servoj({listed(HOME)}, t=11)",), "t of servoj must be from 0.002 to 10 s"),
+        (("textmsg(1)", 'set_payload("a", [0])'), "m of set_payload must be a number from 0 to 100"),
+    ):
+        assert reason in ur.run(program(*lines)).reason, lines
+
+
 def test_a_start_in_collision_or_outside_the_limits_is_refused():
     with pytest.raises(InputError, match=r"start posture is in collision"):
         Controller(REAL, q=[0, -1.0, 2.9, -1.0, -1.57, 0])

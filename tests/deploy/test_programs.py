@@ -88,35 +88,68 @@ def test_a_message_without_velocities_and_a_program_in_a_file(tmp_path):
         read_trajectory(path)
 
 
+POINT = '{"joint_names": ["a"], "points": [{"positions": %s, "time_from_start": {"sec": %s, "nanosec": 0}}]}'
 BAD_FILES = {
-    "a.json": ["", "[]", "{", "nan", '{"joint_names": [], "points": []}', "[" * 100_000,
-               '{"joint_names": 3, "points": 4}',
-               '{"joint_names": ["a"], "points": [{"positions": ["x"], "time_from_start": {"sec": 0, "nanosec": 0}}]}',
-               '{"joint_names": ["a"], "points": [{"positions": [1], "time_from_start": {"sec": 1e999}}]}',
-               '{"joint_names": ["a"], "points": [{"positions": [NaN], "time_from_start": {"sec": 0, "nanosec": 0}}]}',
-               '{"joint_names": ["a"], "points": [{"positions": [1, 2], "time_from_start": {"sec": 0, "nanosec": 0}}]}',
-               '{"joint_names": ["a"], "points": [5]}', '{"joint_names": ["a", "a"], "points": [{"positions": [1, 2], '
-               '"time_from_start": {"sec": 0, "nanosec": 0}}]}'],
-    "a.csv": ["", "time", "time,a,b_velocity\n", "time,a\n0,x\n", "time,a\n0,1,2\n", "time,a\n0,nan\n",
-              "time,a\n0,1\n0,2\n", "time,a\n5,1\n", "time,a\n", "t,a\n0,1\n", 'time,a\n0,"1\n'],
-    "a.script": ["", "import os", "def f():\nend\n", "__import__('os')", "def f():\n  while True:\n  end\nend\n"],
-    "a.bag": ["x"],
+    "a.json": {
+        "": "not JSON", "{": "not JSON", "nan": "not JSON", "[" * 100_000: "not JSON",
+        "[]": "needs joint_names and points", '{"joint_names": [], "points": []}': "needs joint_names and points",
+        '{"joint_names": 3, "points": [1]}': "needs joint_names and points",
+        '{"joint_names": ["a"], "points": 4}': "needs joint_names and points",
+        POINT % ('["x"]', 0): "point 0 is not a JointTrajectoryPoint", POINT % ("[1]", "1e999"): "point 0 is not",
+        POINT % ("[NaN]", 0): "q must be finite", POINT % ("[1, 2]", 0): "point 0 has 2 positions and 0 velocities",
+        POINT % ('[1], "velocities": [1, 2]', 0): "1 positions and 2 velocities for 1 joints",
+        '{"joint_names": ["a"], "points": [5]}': "point 0 is not",
+        POINT.replace('["a"]', '["a", "a"]') % ("[1, 2]", 0): "different names",
+    },
+    "a.csv": {
+        "": "columns must be time", "time": "columns must be time", "time,a,b_velocity\n": "columns must be time",
+        "t,a\n0,1\n": "columns must be time", "time,a\n0,x\n": "line 2: numbers are needed, got '0,x'",
+        "time,a\n0,1,2\n": "line 2 has 3 numbers, the first line 2", "time,a\n0,nan\n": "q must be finite",
+        "time,a\n0,1\n0,2\n": "t must increase", "time,a\n5,1\n": "t must begin at 0", "time,a\n": "no samples",
+        'time,a\n0,"1\n': "not CSV",
+    },
+    "a.script": {
+        "": "line 1: ", "import os": "line 1: ", "def f():\nend\n": "not a program of kinreach",
+        "__import__('os')": "line 1: ", "def f():\n  while True:\n  end\nend\n": "line 2: ",
+    },
+    "a.bag": {"x": "a trajectory is read from .json, .csv or .script, got a.bag"},
 }  # fmt: skip
 
 
-def test_bad_files_are_refused_with_their_name(tmp_path):
+def test_bad_files_are_refused_with_their_name_and_the_reason(tmp_path):
     tried = 0
     for name, texts in BAD_FILES.items():
-        for text in texts:
+        for text, reason in texts.items():
             (tmp_path / name).write_text(text)
             with pytest.raises(KinreachError) as refused:
                 read_trajectory(tmp_path / name)
             assert name in str(refused.value)
+            assert reason in str(refused.value), text
             assert len(str(refused.value).splitlines()) == 1
             tried += 1
-    assert tried > 25
+    assert tried > 30
     with pytest.raises(InputError, match=r"written as"):
         write_trajectory(swing(), tmp_path / "a.script")
+    near = Trajectory(("a",), [0.0, 1e-10], [[0.0], [0.0]], [[0.0], [0.0]])
+    with pytest.raises(InputError, match="closer than a nanosecond"):
+        write_trajectory(near, tmp_path / "a.json")
+
+
+def test_spaces_empty_lines_and_a_byte_order_mark_change_no_table(tmp_path):
+    (tmp_path / "a.csv").write_text("\ufefftime, a ,b\n\n0,1,2\n\n\n0.5,3,4\n", encoding="utf-8")
+    read = read_trajectory(tmp_path / "a.csv")
+    assert (read.joints, read.t.tolist(), read.q.tolist()) == (("a", "b"), [0.0, 0.5], [[1, 2], [3, 4]])
+    (tmp_path / "a.csv").write_text("time,a\n0,1\n")
+    assert read_trajectory(tmp_path / "a.csv").qd.tolist() == [[0.0]]
+
+
+def test_comments_and_empty_lines_change_no_program():
+    program = Program.of(KIN, HOME, [Move("movej", HOME + 0.1, 0.5, 1.0)], payload=1.2)
+    rng, others = np.random.default_rng(0), ["", "   ", "# a comment", "\t# def f():", "\r"]
+    for _ in range(20):
+        lines = [part for line in ["", *program.text.splitlines(), ""]
+                 for part in (line, *rng.choice(others, rng.integers(3)))]  # fmt: skip
+        assert Program.parse("\n".join(lines)) == Program.parse(program.text)
 
 
 def test_a_program_says_what_it_is_for_and_sets_the_tool():
@@ -221,6 +254,18 @@ def test_what_a_robot_should_not_do_is_refused(motion, reason):
 def test_moves_out_of_bounds_are_refused(values, reason):
     with pytest.raises(InputError, match=reason):
         Move(**{"command": "movej", "target": HOME, "speed": 0.5, "acceleration": 1.0, **values})
+
+
+def test_defaults_are_those_of_universal_robots_manual():
+    for line, defaults in (
+        ("movej([0])", {"a": 1.4, "v": 1.05, "t": 0, "r": 0}),
+        ("movel([0])", {"a": 1.2, "v": 0.25, "t": 0, "r": 0}),
+        ("servoj([0])", {"a": 0, "v": 0, "t": 0.002, "lookahead_time": 0.1, "gain": 300}),
+        ('popup("a")', {"title": "Popup", "warning": False, "error": False, "blocking": False}),
+        ('textmsg("a")', {"s2": ""}),
+    ):
+        _, *given = parse(line).body[0].arguments.items()
+        assert {name: constant.value for name, constant in given} == defaults
 
 
 def test_only_urs_have_programs():

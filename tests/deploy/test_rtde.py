@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 
 from kinreach.deploy import SimulatedUR
+from kinreach.deploy._controller import Controller
 from kinreach.deploy._rtde import (
     FORMATS,
     HEADER,
@@ -22,8 +23,9 @@ from kinreach.deploy._rtde import (
     packages_in,
     type_of,
 )
+from kinreach.deploy._server import _OUTPUTS, output
 from kinreach.errors import InputError
-from kinreach.kinematics import ArmKinematics, pose
+from kinreach.kinematics import ArmKinematics, pose, pose_vector
 from kinreach.robots import get_arm
 from tests.deploy.conftest import CALIBRATION, TOOL
 
@@ -161,6 +163,62 @@ def test_types_are_those_of_the_guide():
     for name in ("", "actual_Q", "output_int_register_48", "output_bit_register_63", "speed_slider_fraction"):
         assert type_of(name) == NOT_FOUND
     assert type_of("actual_q", inputs=True) == type_of("output_int_register_1", inputs=True) == NOT_FOUND
+
+
+def test_every_output_is_the_controllers():
+    """On the way, at rest, and in a protective stop; speeds by differences of poses."""
+    ur = Controller(get_arm("ur5e").calibrated(CALIBRATION).with_tool([0.01, -0.02, 0.15, 0.3, 0, 0]))
+    at_rest = outputs(ur)
+    assert (at_rest["timestamp"], at_rest["robot_status_bits"], at_rest["runtime_state"]) == ((0.0,), (1,), (1,))
+    goal = np.add(ur.arm.home, [0.4, -0.2, 0.2, 0.3, -0.2, 0.1]).tolist()
+    ur.start(f"def f():\n  set_payload(1.25, [0, 0, 0])\n  movej({goal}, a=3, v=0.5)\nend\n")
+    for _ in range(150):
+        ur.tick()
+    before = outputs(ur)
+    ur.speed_slider = 0.75
+    for _ in range(2):
+        ur.tick()
+    now, dt = outputs(ur), 2 * ur.cycle
+    assert now["timestamp"][0] == pytest.approx(152 / 500)
+    for kind in ("target", "actual"):
+        T_before, T = (pose(each[f"{kind}_TCP_pose"]) for each in (before, now))
+        np.testing.assert_allclose(T, ur.kinematics.fk(now[f"{kind}_q"]) @ ur.tcp, atol=1e-12)
+        spin = pose_vector(T @ np.linalg.inv(T_before))[3:] / dt
+        moved = np.concatenate([(T - T_before)[:3, 3] / dt, spin])
+        mean = np.mean([before[f"{kind}_TCP_speed"], now[f"{kind}_TCP_speed"]], axis=0)
+        np.testing.assert_allclose(mean, moved, atol=2e-3)
+        np.testing.assert_allclose(np.subtract(now[f"{kind}_q"], before[f"{kind}_q"]) / dt,
+                                   np.mean([before[f"{kind}_qd"], now[f"{kind}_qd"]], axis=0), atol=5e-3)  # fmt: skip
+    np.testing.assert_array_equal(now["target_qdd"], ur.target_qdd)
+    np.testing.assert_allclose(now["tcp_offset"], [0.01, -0.02, 0.15, 0.3, 0, 0], atol=1e-9)
+    assert now["speed_scaling"][0] == pytest.approx(1.0 - dt * 4.0)
+    numbers = {"payload": 1.25, "robot_mode": 7, "safety_mode": 1, "safety_status": 1, "safety_status_bits": 1,
+               "robot_status_bits": 3, "runtime_state": 2, "target_speed_fraction": 0.75}  # fmt: skip
+    assert {name: now[name] for name in numbers} == {name: (value,) for name, value in numbers.items()}
+    assert now["joint_mode"] == (253,) * 6
+    ur.registers[7] = -3
+    assert (output(ur, "output_int_register_7"), output(ur, "output_int_register_8")) == ((-3,), (0,))
+    assert output(ur, "tool_mode") == ()
+    ur.run("movel(p[0, 0, 3, 0, 0, 0])")
+    stopped = outputs(ur)
+    numbers = {
+        "safety_mode": 3,
+        "safety_status": 3,
+        "safety_status_bits": 4,
+        "speed_scaling": 0,
+        "robot_status_bits": 1,
+    }
+    assert {name: stopped[name] for name in numbers} == {name: (value,) for name, value in numbers.items()}
+
+
+def outputs(ur):
+    """All outputs that the simulation knows, by name; each has the shape of its type."""
+    values = {name: output(ur, name) for name in _OUTPUTS}
+    for name, value in values.items():
+        assert Recipe([name], [type_of(name)]).unpack(Recipe([name], [type_of(name)]).pack(values))[name] == tuple(
+            value
+        )
+    return values
 
 
 def test_recipes_pack_and_unpack_every_type():
