@@ -200,10 +200,10 @@ def _check_collada(content: bytes) -> None:
         if tag in ("node", "visual_scene"):
             inside.append(attributes.get("id", "") if tag == "node" else "")
         elif tag == "instance_node":
-            for node in inside:
+            for node in {*inside}:
                 used[node].append(attributes.get("url", "").removeprefix("#"))
         elif tag in ("instance_geometry", "instance_controller"):
-            placed.update(inside)
+            placed.update({*inside})
 
     def end(tag: str) -> None:
         if tag.rpartition(":")[2] in ("node", "visual_scene"):

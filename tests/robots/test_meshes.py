@@ -16,7 +16,7 @@ import trimesh
 from kinreach.errors import InputError
 from kinreach.kinematics import CollisionChecker
 from kinreach.robots import ArmDescription, get_arm
-from kinreach.robots._meshes import MAX_BYTES, MIN_THICKNESS, collision_mesh
+from kinreach.robots._meshes import MAX_BYTES, MIN_THICKNESS, _collision_mesh, collision_mesh
 from kinreach.robots._shapes import link_shapes
 from kinreach.sim._scene import build_scene
 
@@ -200,10 +200,45 @@ HOSTILE = {
     "before.obj": (obj(WIDE, [(0, 1, -99_999)]), "cannot be read|a vertex that it does not have"),
     "doctype.dae": (b'<!DOCTYPE r SYSTEM "file:///etc/passwd">' + DAE[DAE.index(b"<COLLADA") :], "document type"),
     "laughing.dae": (laughing_dae(), "places more than"),
+    "circle.dae": (
+        DAE.replace(b"<node ", b'<node id="n"><instance_node url="#n"/></node><node ', 1),
+        "places parts within parts without end",
+    ),
     "deep.dae": (b"<node>" * 200_000, "cannot be read|is not XML"),
     "zip.dae": (b"PK\3\4" + bytes(100), "is not XML"),
     "other.3ds": (stl(BOX.vertices, BOX.faces), "is not one of .stl, .obj, .dae"),
 }  # fmt: skip
+
+
+def test_what_is_no_mesh_is_one_sentence_of_the_reader(tmp_path):
+    for name, (content, said) in HOSTILE.items():
+        (tmp_path / name).write_bytes(content)
+        with pytest.raises(InputError, match=f"^the mesh .*{name}.*({said})") as refused:
+            collision_mesh(f"package://{name}", str(tmp_path), np.ones(3))
+        assert len(str(refused.value)) < 400
+    assert len(HOSTILE) > 20
+
+
+@pytest.mark.parametrize(
+    ("limit", "enough", "less"), [("MAX_FACES", 24, 23), ("MAX_PLACED", 2, 1), ("MAX_COORDINATE", 0.2001, 0.1999)]
+)
+def test_meshes_are_as_large_as_they_may_be(tmp_path, monkeypatch, limit, enough, less):
+    """Two boxes of twelve triangles at ±0.1 m, one of them in a node within the node of the other."""
+    text = DAE.decode()
+    geometry = text[text.index("<instance_geometry") : text.index("</instance_geometry>")] + "</instance_geometry>"
+    inner = f"<node><translate>-0.2 0 0</translate>{geometry}</node>"
+    (tmp_path / "two.dae").write_text(text.replace(geometry, f"<translate>0.1 0 0</translate>{geometry}{inner}"))
+    for bound, good in ((enough, True), (less, False)):
+        monkeypatch.setattr(f"kinreach.robots._meshes.{limit}", bound)
+        _collision_mesh.cache_clear()
+        if good:
+            mesh = collision_mesh("package://two.dae", str(tmp_path), np.ones(3))
+            np.testing.assert_allclose(np.ptp(mesh.vertices, axis=0), (0.4, 0.1, 0.06), atol=1e-6)
+        else:
+            with pytest.raises(InputError, match=r"more than|farther than"):
+                collision_mesh("package://two.dae", str(tmp_path), np.ones(3))
+
+
 #: Prints what each engine says of each mesh; a process that dies says nothing.
 TRY = """
 import resource, sys
