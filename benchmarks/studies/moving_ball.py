@@ -5,6 +5,7 @@
     python -m benchmarks.studies.moving_ball --map --trainings results/train/ppo-moving   # with all seeds of PPO
     python -m benchmarks.studies.moving_ball --causes moving ppo-moving ppo-moving-clear   # what policies collide with
     python -m benchmarks.studies.moving_ball --trainings results/train/ppo-moving-clear    # all seeds of a recipe
+    python -m benchmarks.studies.moving_ball --times               # how long a decision takes, on one core
 
 Each cell is a share of balls, a third of each kind of path; the same balls for all methods, and none that a method was
 tuned on. Finished cells are kept in `--out`: an interrupted study goes on. The map changes one thing at a time: the
@@ -15,6 +16,7 @@ are ignored in it: `ppo` was trained without them.
 from __future__ import annotations
 
 import argparse
+import time
 from collections import Counter
 from collections.abc import Mapping, Sequence
 from contextlib import closing
@@ -111,6 +113,35 @@ def of_trainings(folder: Path, speed: float, options: Mapping[str, Any], balls: 
     return with_interval(np.array(touched), unit=100, decimals=1)
 
 
+class Timed:
+    """A policy, with the processor time of each of its decisions [ms]."""
+
+    def __init__(self, policy: Policy) -> None:
+        self._policy = policy
+        self.reset = policy.reset
+        self.decisions: list[float] = []
+
+    def act(self, observation: Any) -> Any:
+        """Return the policy's action."""
+        start = time.process_time()
+        action = self._policy.act(observation)
+        self.decisions.append(1e3 * (time.process_time() - start))
+        return action
+
+
+def times(name: str, balls: int, seed: int) -> list[object]:
+    """Return a method, its number of decisions, and their median, 95th percentile and longest time [ms]."""
+    task = get_task("moving")
+    env = gym.make(task.environment, **{**task.options, "speeds": TABLE_SPEEDS})
+    policy = Timed(as_policy(task.methods[name].make(env)))
+    first, *resets = task.resets(1 + balls * len(TABLE_SPEEDS), seed, env)
+    list(rollout(env, policy, [first]))  # loads what it needs
+    policy.decisions.clear()
+    list(rollout(env, policy, resets))
+    spent = np.array(policy.decisions)
+    return [f"`{name}`", len(spent), *(f"{value:.2g}" for value in (*np.quantile(spent, (0.5, 0.95)), spent.max()))]
+
+
 def main(argv: list[str] | None = None) -> int:
     """Print a Markdown table."""
     parser = Parser(prog=PROG, description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
@@ -118,6 +149,7 @@ def main(argv: list[str] | None = None) -> int:
     parser.add_argument("--causes", nargs="+", metavar="POLICY", help="what these policies collide with (300 balls)")
     parser.add_argument("--trainings", type=Path, help="folder of the seeds of a recipe (1000 balls a speed); with "
                         "--map they are the map's second method")  # fmt: skip
+    parser.add_argument("--times", action="store_true", help="how long a decision takes (60 balls a speed)")
     parser.add_argument("--methods", nargs="+", help="names of the task's methods (default: those of the table or map)")
     parser.add_argument("--speeds", type=float, nargs="+", help="[m/s] (default: three)")
     parser.add_argument("--balls", type=int, help="in each cell (default: 60; map 96, causes 300, trainings 1000)")
@@ -132,6 +164,11 @@ def main(argv: list[str] | None = None) -> int:
                    "below the table, mm"))  # fmt: skip
         for policy in arguments.causes:
             print(line(*caused(policy, arguments.balls or 300, seed)), flush=True)
+        return 0
+    if arguments.times:
+        print(head("method", "decisions", "median, ms", "p95, ms", "longest, ms"))
+        for name in arguments.methods or ("interception", "ppo", "ppo-clear"):
+            print(line(*times(name, balls, seed)), flush=True)
         return 0
     if arguments.trainings and not arguments.map:
         speeds = tuple(arguments.speeds or TABLE_SPEEDS)

@@ -30,6 +30,16 @@ def test_the_table_is_resumed_and_the_map_is_drawn(tmp_path, capsys, monkeypatch
     assert figure.stat().st_size > 10_000
 
 
+def test_how_long_decisions_take(capsys):
+    """Each decision is counted, and the 95th percentile lies between the median and the longest."""
+    assert moving_ball.main(["--times", "--methods", "last-sight", "--balls", "2"]) == 0
+    name, decisions, *spent = (cell.strip() for cell in capsys.readouterr().out.splitlines()[2].strip("|").split("|"))
+    middle, high, longest = map(float, spent)
+    assert name == "`last-sight`"
+    assert int(decisions) > 6
+    assert 0.0 < middle <= high <= longest
+
+
 def test_what_policies_collide_with(capsys):
     """A policy that learned without collisions puts its fingers into the table, tilted, near the ball."""
     assert moving_ball.main(["--causes", "ppo-moving", "--balls", "12", "--seed", "3"]) == 0
