@@ -41,6 +41,7 @@ def execute(path: Path) -> Any:
         notebook,
         timeout=TIMEOUT,
         record_timing=False,
+        coalesce_streams=True,  # lines that come late are no output of their own
         resources={"metadata": {"path": str(path.parent)}},
         extra_arguments=[
             "--log-level=40"

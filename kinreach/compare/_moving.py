@@ -151,8 +151,8 @@ MOVING_TASK = Task(
         )
     },
     paths=draw_paths,
-    reached="the tip comes within 10 mm of the ball's centre before the ball leaves the table area, in 3 s at most, "
-    "and neither arm nor fingers were in the table or in the arm on the way (--collisions false: wherever they were)",
+    reached="the tip comes within 10 mm of the ball's centre, in 3 s at most and before the ball leaves the table "
+    "area, without a collision of arm or fingers on the way (--collisions false allows them)",
     terms={
         "goal": "a ball that rolls over the table: straight on, on a circle of 0.12 m, or with a sideways acceleration "
         f"within {ball.SIDEWAYS:g} m/s² that is drawn anew every {ball.HOLD:g} s",

@@ -128,6 +128,7 @@ def report_html(
     shown = [_chart(file, title) for title, file in charts.items()]
     opening = [*([_picture(scene)] if scene else []), *shown[:1]]
     goals = f"{settings['goals']} goals" if settings["goals"] > 1 else "one goal"
+    command = " ".join(f"<span>{escape(word)}</span>" for word in settings["command"].split(" "))
     return Template(folder.joinpath("report_template.html").read_text(encoding="utf-8")).substitute(
         policy=f"default-src 'none'; img-src data:; style-src 'unsafe-inline'; script-src 'sha256-{digest}'",
         title=escape(settings["title"]),
@@ -137,7 +138,7 @@ def report_html(
         ),
         criterion=f"A goal counts as <strong>reached</strong> if: {escape(settings['terms']['reached'])}. "
         f"{len(results['methods'])} methods, the same {goals} for each, seed {settings['seed']}, "
-        f"{date.today().isoformat()}. Again: <code>{escape(settings['command'])}</code>",
+        f"{date.today().isoformat()}. Again: <code>{command}</code>",
         opening=f'<div class="opening{"" if len(opening) > 1 else " alone"}">{"".join(opening)}</div>'
         if opening
         else "",
