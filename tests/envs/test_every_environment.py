@@ -1,0 +1,227 @@
+"""What holds of every environment: batches, resets, copies, renderers, arguments."""
+
+import copy
+import inspect
+from dataclasses import fields
+
+import gymnasium as gym
+import numpy as np
+import pytest
+from gymnasium.vector import AutoresetMode
+
+import kinreach  # noqa: F401 (registers the environments)
+from kinreach._registration import BUTTON, LIFT, MOVING, MULTI, REAL_ARM, SINGLE, SPACE
+from kinreach.errors import InputError
+
+OBSTACLES = "kinreach/Obstacles-v0"
+OBJECTS = {"shapes": ("ball", "cube"), "sizes": (0.02, 0.03), "masses": (0.05, 0.2), "frictions": (0.5, 1.5)}
+TASKS = {
+    "single": (SINGLE, {"backend": "kinematic"}),
+    "single, dynamics": (SINGLE, {}),
+    "multi": (MULTI, {"backend": "kinematic"}),
+    "space": (SPACE, {"backend": "kinematic", "tilt": 30.0, "start_spread": 0.3}),
+    "button": (BUTTON, {"max_steps": 7}),
+    "moving": (MOVING, {}),
+    "lift": (LIFT, {"attempts": 2, "clutter": True, **OBJECTS}),
+    "judged": (LIFT, {"backend": "kinematic", **OBJECTS}),
+    "small steps": (LIFT, {"steps": "multi", "max_steps": 4, **OBJECTS}),
+}
+ALONE = {
+    "real arm": (REAL_ARM, {"balls": 2, "budgets": (0, 5), "again": 1}),
+    "obstacles": (OBSTACLES, {"clutter": (2,), "max_steps": 2}),
+}
+COUNT = 3
+#: One arm takes the URDF's angles as they are written, many take right angles where almost right ones are written.
+ROUNDED = {"single": 1e-9, "single, dynamics": 1e-11, "multi": 1e-9, "space": 1e-9, "judged": 1e-9}
+#: Left out in kinematic batches of the reach tasks, or not in the same words.
+SHORTENED = {"target_tip", "impossible_reason"}
+
+
+def single(task):
+    name, options = (TASKS | ALONE)[task]
+    return gym.make(name, disable_env_checker=True, **options).unwrapped
+
+
+def batch(task, **more):
+    name, options = TASKS[task]
+    return gym.make_vec(name, num_envs=COUNT, vectorization_mode="vector_entry_point", **options, **more)
+
+
+def same(one, other, *, row=None, atol=0.0):
+    """How many values are the same; of `other` a row if it is of a batch."""
+    if isinstance(one, dict):
+        names = {name for name in other if row is None or name[0] != "_"}  # the others are masks
+        assert names | SHORTENED == set(one) | SHORTENED
+        names -= SHORTENED if atol == ROUNDED["single"] else set()
+        return sum(same(one[name], other[name], row=row, atol=atol) for name in names)
+    one, other = np.asarray(one), np.asarray(other if row is None else other[row])
+    if other.dtype.kind in "OU":
+        assert (one == other).all(), (one, other)
+    else:
+        np.testing.assert_allclose(one, other, rtol=0, atol=atol)
+        assert (one.dtype == np.bool_) == (other.dtype == np.bool_)
+    return 1
+
+
+@pytest.mark.parametrize("task", TASKS)
+def test_a_batch_says_all_that_single_environments_say(task):
+    """Every entry of `info`, from reset to reset."""
+    many, singles = batch(task, autoreset_mode="Disabled"), [single(task) for _ in range(COUNT)]
+    atol = ROUNDED.get(task, 0.0)
+    observations, told = many.reset(seed=3)
+    many.action_space.seed(0)
+    compared = ends = 0
+    for index, env in enumerate(singles):
+        observation, info = env.reset(seed=3 + index)
+        compared += same(observation, observations, row=index, atol=atol) + same(info, told, row=index, atol=atol)
+    for _ in range({"multi": 101, "lift": 3, "moving": 91}.get(task, 8)):
+        actions = many.action_space.sample() * (0.3 if task == "lift" else 1)
+        *stepped, told = many.step(actions)
+        over = stepped[2] | stepped[3]
+        for index, env in enumerate(singles):
+            *alone, info = env.step(actions[index])
+            for mine, theirs in zip(alone, stepped, strict=True):
+                same(mine, theirs, row=index, atol=atol)
+            compared += same(info, told, row=index, atol=atol)
+        ends += over.sum()
+        if over.any():
+            observations, told = many.reset(options={"reset_mask": over})
+            for index in np.flatnonzero(over):
+                observation, info = singles[index].reset()
+                same(observation, observations, row=index, atol=atol)
+                same(info, told, row=index, atol=atol)
+    assert compared > 100
+    assert ends >= 2
+
+
+@pytest.mark.parametrize("task", [*TASKS, *ALONE])
+def test_nothing_of_earlier_episodes_is_left_after_a_seeded_reset(task):
+    used, fresh = single(task), single(task)
+    used.action_space.seed(1)
+    used.reset(seed=9)
+    for _ in range(2):
+        *_, terminated, truncated, _ = used.step(used.action_space.sample())
+        if terminated or truncated:
+            used.reset()
+    (mine, told), (theirs, said) = used.reset(seed=4), fresh.reset(seed=4)
+    compared = same(mine, theirs) + same(told, said)
+    for _ in range(3):
+        action = used.action_space.sample()
+        (*ours, told), (*others, said) = used.step(action), fresh.step(action)
+        for one, other in zip(ours, others, strict=True):
+            compared += same(one, other)
+        compared += same(told, said)
+        if ours[2] or ours[3]:
+            (mine, told), (theirs, said) = used.reset(), fresh.reset()
+            compared += same(mine, theirs) + same(told, said)
+    assert compared > 20
+
+
+@pytest.mark.parametrize("task", TASKS)
+def test_a_copy_of_a_batch_knows_which_episodes_have_ended(task):
+    env = batch(task, autoreset_mode="NextStep")
+    env.reset(seed=2)
+    env.action_space.seed(0)
+    for _ in range(100):
+        if (ended := np.logical_or(*env.step(env.action_space.sample())[2:4])).any():
+            break
+    assert ended.any()
+    twin, compared = copy.deepcopy(env), 0
+    for _ in range(2):
+        action = env.action_space.sample()
+        for one, other in zip(env.step(action), twin.step(action), strict=True):
+            compared += same(one, other)
+    assert compared > 30
+    assert twin.spec is env.spec
+
+
+@pytest.mark.parametrize("task", ["single", "lift", "obstacles"])
+def test_an_episode_is_forfeited_after_a_reset_only(task):
+    env = single(task)
+    with pytest.raises(InputError, match="reset the environment"):
+        env.forfeit("no way")
+    env.reset(seed=0)
+    assert env.forfeit("no way")[4]["impossible_reason"] == "no way"
+
+
+class Blank:
+    """A renderer without graphics."""
+
+    made = []  # noqa: RUF012
+
+    def __init__(self, model, *, width, height, shadows=True):
+        self.model, self.width, self.height, self.shadows, self.open = model, width, height, shadows, True
+        self.made.append(self)
+
+    def rgb(self, data, camera):
+        assert self.open
+        return np.zeros((self.height, self.width, 3), np.uint8)
+
+    def depth(self, data, camera):
+        assert self.open
+        return np.ones((self.height, self.width), np.float32)
+
+    def close(self):
+        self.open = False
+
+
+CAMERAS = {"width": 32, "height": 18}
+DRAWN = {
+    "camera": (SINGLE, {"backend": "kinematic", "observation": "camera", **CAMERAS}),
+    "pixels": (MULTI, {"backend": "kinematic", "observation": "pixels", **CAMERAS}),
+    "frames": (MULTI, {"backend": "kinematic", "arm": "arm3", "render_mode": "rgb_array"}),
+    "button": (BUTTON, {"render_mode": "rgb_array"}),
+    "lift, camera": (LIFT, {"backend": "kinematic", "observation": "camera", **CAMERAS}),
+    "lift, pixels": (LIFT, {"backend": "kinematic", "observation": "pixels", **CAMERAS}),
+}
+
+
+@pytest.mark.parametrize("many", [False, True])
+@pytest.mark.parametrize("task", DRAWN)
+def test_a_closed_environment_has_no_renderer_left(task, many, monkeypatch):
+    monkeypatch.setattr(Blank, "made", [])
+    for module in ("sim._picture", "vision._cameras", "vision._goal_view"):
+        monkeypatch.setattr(f"kinreach.{module}.FrameRenderer", Blank)
+    name, options = DRAWN[task]
+    env = gym.make_vec(name, 2, "vector_entry_point", **options) if many else gym.make(name, **options)
+    for _ in range(2):
+        env.reset(seed=0)
+        if "render_mode" in options:
+            env.render()
+        assert any(renderer.open for renderer in Blank.made)
+        env.unwrapped.close_extras() if many else env.close()
+        assert not any(renderer.open for renderer in Blank.made)
+    assert not any(renderer.shadows for renderer in Blank.made)
+    if "width" in options:
+        assert {(renderer.width, renderer.height) for renderer in Blank.made} == {(32, 18)}
+
+
+@pytest.mark.parametrize("name", [SINGLE, MULTI])
+def test_the_scene_is_where_the_environment_is(name):
+    env = gym.make(name, backend="kinematic", arm="arm3", render_mode="rgb_array").unwrapped
+    info, compared = env.reset(seed=0)[1], 0
+    for action in (0.1 * np.ones(3), -0.2 * np.ones(3), None):
+        for one in (env, copy.deepcopy(env)):
+            np.testing.assert_allclose(one.scene.tip_position, info["tip"], atol=1e-9)
+            np.testing.assert_array_equal(one.scene.ball_position, info["goal"])
+            compared += 1
+        info = env.step(action)[4] if action is not None else info
+    assert compared == 6
+
+
+@pytest.mark.parametrize("name", [SINGLE, SPACE, BUTTON, MOVING, LIFT, REAL_ARM, OBSTACLES])
+def test_arguments_are_keywords(name):
+    parameters = inspect.signature(type(gym.make(name).unwrapped)).parameters.values()
+    assert {parameter.kind for parameter in parameters} == {inspect.Parameter.KEYWORD_ONLY}
+    kind = type(gym.make(name).unwrapped).Options
+    assert [parameter.name for parameter in parameters] == [entry.name for entry in fields(kind)]
+
+
+@pytest.mark.parametrize("name", [SINGLE, MULTI, SPACE, BUTTON, MOVING, LIFT])
+def test_a_batch_has_one_environment_and_one_thread_by_default(name):
+    env = gym.make_vec(name, vectorization_mode="vector_entry_point", num_envs=2).unwrapped
+    found = {parameter.name: parameter.default for parameter in inspect.signature(type(env)).parameters.values()}
+    assert found["num_envs"] == found.get("threads", 1) == 1
+    assert found["autoreset_mode"] is AutoresetMode.SAME_STEP
+    assert env.metadata["render_fps"] == {MOVING: 30}.get(name, 25)
+    assert gym.make(name).metadata.get("render_fps", 25) == 25
