@@ -245,6 +245,48 @@ def test_a_batch_is_as_many_single_ones(form, options):
     assert ends >= 3
 
 
+def test_options_of_a_reset_are_those_of_each_environment():
+    batch = gym.make_vec(LIFT, num_envs=3, vectorization_mode="vector_entry_point", **RANGE)
+    places = np.array([[0.4, 0.1], [0.5, -0.1], [0.45, 0.0]])
+    views = np.array([[0.4, 0.1, -0.17], [0.0, 0.0, 0.0], [0.45, 0.0, -0.17]])
+    options = {"place": places, "yaw": [0.1, 0.2, 0.3], "shape": ["cube", "ball", "cylinder"], "view": views,
+               "size": [0.02, 0.025, 0.03], "mass": [0.1, 0.2, 0.3], "friction": [0.4, 0.5, 0.6]}  # fmt: skip
+    observations, told = batch.reset(seed=0, options=options)
+    for row in range(3):
+        observation, info = make(**RANGE).reset(options={name: values[row] for name, values in options.items()})
+        np.testing.assert_array_equal(observation, observations[row])
+        for name in ("yaw", "shape", "size", "mass", "friction"):
+            assert info[name] == options[name][row] == told[name][row]
+        np.testing.assert_array_equal(info["goal"], [*places[row], -0.2 + options["size"][row]])
+        np.testing.assert_array_equal(info["seen"], views[row] if views[row].any() else 3 * [np.nan])
+    assert not observations[1, :3].any()
+    assert not observations[1, 15:18].any()
+    info = batch.step(np.zeros((3, 7)))[4]["final_info"]
+    assert (info["cause"] == "seen").tolist() == [False, True, False]
+    same = batch.reset(options={"shape": "ball", "size": None})[1]["shape"]
+    assert same.tolist() == 3 * ["ball"]
+    with pytest.raises(InputError, match="a name for each of 3 environments, got 2"):
+        batch.reset(options={"shape": ["ball", "cube"]})
+
+
+def test_what_is_drawn_is_in_its_range_and_reaches_both_ends():
+    task = make(clutter=True, **RANGE).unwrapped._task
+    rows = task.sample(np.random.default_rng(0), 4000)
+    region = task.region
+    low = [region.x[0], region.y[0], -np.pi, 0, 0.015, 0.02, 0.3, region.x[0], region.y[0]]
+    high = [region.x[1], region.y[1], np.pi, 2, 0.035, 0.3, 1.5, region.x[1], region.y[1]]
+    assert (rows >= low).all()
+    assert (rows <= high).all()
+    np.testing.assert_allclose(rows.min(axis=0), low, atol=5e-3)
+    np.testing.assert_allclose(rows.max(axis=0), high, atol=5e-3)
+    assert np.linalg.norm(rows[:, :2] - rows[:, 7:], axis=1).min() >= 0.13
+    starts = task.training_starts(np.random.default_rng(0), 4000, margin=0.02)
+    assert region.x[0] - 0.02 <= starts["place"][:, 0].min() < region.x[0] - 0.015
+    assert set(starts["shape"]) == set(RANGE["shapes"])
+    np.testing.assert_array_equal(np.sort(starts["size"]), np.sort(rows[:, 4]))
+    assert {"place", "yaw", "shape", "size"} == set(starts)
+
+
 def test_episodes_repeat_and_copies_go_on_alike():
     for options in ({"clutter": True, **RANGE}, {"steps": "multi", **RANGE}):
         env, same = make(**options).unwrapped, make(**options).unwrapped

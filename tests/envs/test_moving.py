@@ -22,6 +22,7 @@ from kinreach.envs._moving import (
     SIDEWAYS,
     TOUCH,
     moved,
+    travel_times,
 )
 from kinreach.errors import InputError, UnknownNameError
 from kinreach.kinematics import CollisionChecker, UR5Kinematics
@@ -180,6 +181,20 @@ def test_braking_uses_the_whole_limit():
             counted += 1
         np.testing.assert_allclose(q, target, atol=1e-12)
     assert counted == 819
+
+
+def test_the_least_time_of_a_way_is_what_it_takes():
+    """From any speed, towards the target or away from it: beside many small steps of `moved`."""
+    rng, limits, dt = np.random.default_rng(0), {"speed": 3.0, "acceleration": 10.0}, 1e-3
+    q, v, target = rng.uniform(-2, 2, (300, 6)), rng.uniform(-3, 3, (300, 6)), rng.uniform(-2, 2, (300, 6))
+    target[:30] = q[:30]
+    expected, taken = travel_times(q, v, target, **limits), np.zeros(q.shape)
+    np.testing.assert_array_equal(travel_times(q[0], v[0], target, **limits)[0], expected[0])
+    for step in range(1, 4000):
+        q, v = moved(q, v, target, dt, **limits)
+        taken = np.where((np.abs(q - target) > 1e-6) | (np.abs(v) > 1e-3), step * dt, taken)
+    assert taken.max() < 3.9
+    np.testing.assert_allclose(taken, expected, atol=6 * dt)
 
 
 @pytest.mark.parametrize("collisions", [False, True])

@@ -49,6 +49,47 @@ def test_a_scene_is_as_described(env):
     assert obstacles == 30
 
 
+def test_obstacles_are_anywhere_on_the_table_but_at_the_ball():
+    env = gym.make(NAME, disable_env_checker=True, clutter=(20,), heights=(0.2, 0.21)).unwrapped
+    env.reset(seed=0, options={"clutter": 0})
+    drawn = [env._scene(20) for _ in range(60)]
+    boxes = np.array([(*box.position[:2], *box.size[:2]) for scene, _ in drawn for box in scene])
+    low, high = [0.2, -0.45, 0.04, 0.04], [0.75, 0.45, 0.1, 0.1]
+    assert (boxes >= low).all()
+    assert (boxes <= high).all()
+    np.testing.assert_allclose(boxes.min(axis=0), low, atol=5e-3)
+    np.testing.assert_allclose(boxes.max(axis=0), high, atol=5e-3)
+    gaps = [
+        np.linalg.norm((np.abs(goal[:2] - box.position[:2]) - np.array(box.size[:2]) / 2).clip(0.0))
+        for scene, goal in drawn
+        for box in scene
+    ]
+    assert 0.04 <= min(gaps) < 0.045
+    assert len(boxes) == len({box.name for scene, _ in drawn[:1] for box in scene}) * 60 == 1200
+
+
+def test_goal_postures_turn_the_gripper_by_an_eighth_of_half_a_turn(env):
+    world, _ = begun(env, 0, clutter=0)
+    turned = (world.goal_postures()[:, 5] - world.home[5]) / (np.pi / 8)
+    np.testing.assert_allclose(turned, np.round(turned), atol=1e-9)
+    assert np.unique(np.round(turned)).tolist() == list(range(8))
+
+
+def test_a_move_is_straight_and_drawn_as_it_goes(env):
+    world, _ = begun(env, 0, clutter=0)
+    assert world.waypoints_to(world.home, world.home + 1.0)[0][0] == world.home[0] + 1.0
+    shown = []
+    scene = world._simulated(visual=False)
+    scene.watch = lambda: shown.append(scene.q)
+    way = 0.3 * np.array([1.0, -1.0, 0.5, 0.0, 0.2, 0.4])
+    env.step(world.action_for(world.home + way))
+    along = (shown - world.home) @ way / (way @ way)
+    assert np.abs(shown - (world.home + along[:, None] * way)).max() < 0.01
+    assert along[-1] == pytest.approx(1.0, abs=1e-3)
+    np.testing.assert_array_equal(scene.ball_position, world._goal)
+    assert scene.watch is not None  # whoever watches goes on watching
+
+
 def test_a_seed_is_a_scene(env):
     first, again = begun(env, 3)[1], begun(env, 3)[1]
     other = begun(env, 4)[1]

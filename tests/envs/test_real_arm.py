@@ -1,6 +1,7 @@
 """An arm that is not its data sheet: what is wrong is wrong by as much as is said, and looks are counted."""
 
 import os
+from functools import partial
 
 import gymnasium as gym
 import mujoco
@@ -28,12 +29,14 @@ from kinreach.envs._real_arm import (
     STAND_STIFFNESS,
     STIFFNESS,
     UR5S,
+    _true_model,
     true_arm,
     workplace,
 )
 from kinreach.errors import InputError, UnknownNameError
 from kinreach.kinematics import ArmKinematics, UR5Kinematics
 from kinreach.robots import PUBLISHED_CALIBRATIONS, get_arm
+from kinreach.sim._scene import build_scene
 
 RIGID = (*GEOMETRIC, "all")
 
@@ -205,27 +208,34 @@ def test_gymnasium_agrees():
     check_env(gym.make(REAL_ARM, balls=3).unwrapped, skip_render_check=True)
 
 
-@pytest.mark.slow
-def test_the_scene_is_the_true_arm():
+@pytest.mark.parametrize("errors", RIGID)
+def test_the_scene_is_the_true_arm(errors, monkeypatch):
     """Its tip is where looks are taken; who watches sees every look and every ball, and the arm at it in the end."""
-    env, seen = make(balls=2, budgets=(5,), again=0).unwrapped, 0
-    for errors in RIGID:
-        env.reset(seed=4, options={"errors": errors})
-        scene, ends = env.scene, []
-        scene.watch = lambda scene=scene, ends=ends: ends.append(scene.q)
-        for q in np.random.default_rng(0).uniform(-3, 3, (4, 1, 6)):
-            env.look(q)
-            mujoco.mj_kinematics(scene.model, scene.data)
-            np.testing.assert_allclose(scene.data.body("tcp").xpos, env._place.tips(q)[0], atol=1e-9)
-            np.testing.assert_allclose(ends[-1], q[0], atol=1e-12)
-            seen += 1
-        env.step(np.stack([0.5 * q[0], q[0]]) / np.pi)
-        np.testing.assert_array_equal(scene.data.mocap_pos[0], env._balls[1])
-        assert sum(np.allclose(end, 0.5 * q[0]) for end in ends) == 1
+    monkeypatch.setattr("kinreach.envs._real_arm.build_scene", partial(build_scene, visual=False))
+    _true_model.cache_clear()
+    env = make(balls=2, budgets=(5,), again=0).unwrapped
+    with pytest.raises(InputError, match="reset the environment"):
+        _ = env.scene
+    env.reset(seed=4, options={"errors": errors})
+    scene, ends, seen = env.scene, [], 0
+    np.testing.assert_array_equal(scene.q, env.believed.home)
+    np.testing.assert_array_equal(scene.data.mocap_pos[0], env._balls[0])
+    scene.watch = lambda: ends.append(scene.q)
+    for q in np.random.default_rng(0).uniform(-3, 3, (4, 1, 6)):
+        env.look(q)
+        mujoco.mj_kinematics(scene.model, scene.data)
+        np.testing.assert_allclose(scene.data.body("tcp").xpos, env._place.tips(q)[0], atol=1e-9)
         np.testing.assert_allclose(ends[-1], q[0], atol=1e-12)
-        assert np.abs(np.diff(ends, axis=0)).max() <= 1.05 * scene.arm.speed_limit * 0.02
-        assert scene.data.time == pytest.approx(0.02 * len(ends))
-    assert seen == 20
+        seen += 1
+    env.step(np.stack([0.5 * q[0], q[0]]) / np.pi)
+    np.testing.assert_array_equal(scene.data.mocap_pos[0], env._balls[1])
+    assert sum(np.allclose(end, 0.5 * q[0]) for end in ends) == 1
+    np.testing.assert_allclose(ends[-1], q[0], atol=1e-12)
+    assert np.abs(np.diff(ends, axis=0)).max() <= 1.05 * scene.arm.speed_limit * 0.02
+    assert scene.data.time == pytest.approx(0.02 * len(ends))
+    assert seen == 4
+    assert env.scene is scene
+    _true_model.cache_clear()
 
 
 @pytest.mark.parametrize(
