@@ -5,16 +5,10 @@
 
 from __future__ import annotations
 
-import importlib
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from kinreach.envs._single import RecordMotion
-
-#: Name -> its module, imported when the name is first used: a kinematic environment loads no renderer.
-_MODULES = {
-    "RecordMotion": "_single",
-}
 
 __all__ = [
     "RecordMotion",
@@ -22,6 +16,8 @@ __all__ = [
 
 
 def __getattr__(name: str) -> Any:
-    if name not in _MODULES:
+    if name != "RecordMotion":
         raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
-    return getattr(importlib.import_module(f"{__name__}.{_MODULES[name]}"), name)
+    from kinreach.envs._single import RecordMotion  # when it is first used: it loads MuJoCo
+
+    return RecordMotion

@@ -18,6 +18,7 @@ from kinreach._checks import MAX_THREADS, Floats, as_flags, check_count, check_k
 from kinreach.envs._options import check_seed, check_started
 from kinreach.errors import InputError
 from kinreach.kinematics._tensors import as_device, on_device, on_host
+from kinreach.sim._picture import FPS, Scene, ScenePicture
 
 #: Rows drawn at a time. Part of what a seed means: changing it may change the goals that follow from a seed.
 AHEAD = 256
@@ -110,16 +111,26 @@ class RowStreams:
         return np.array([self._sampler.sample(self._rngs[index], AHEAD) for index in ids])
 
 
-class Picture(Protocol):
-    """Draws the environments of a batch."""
+class BatchPicture:
+    """Draws the environments of a batch, one after the other, with one scene.
+
+    Args:
+        scene: What is drawn.
+        show: Puts the scene into the state of an environment.
+    """
+
+    def __init__(self, scene: Scene, show: Callable[[int], None]) -> None:
+        self._show = show
+        self._picture = ScenePicture(scene, mode="rgb_array")
 
     def frame(self, index: int) -> Any:
-        """Draw one environment: uint8, shape (height, width, 3)."""
-        ...
+        """Return a frame of one environment, uint8, shape (height, width, 3)."""
+        self._show(index)
+        return self._picture.frame()
 
     def close(self) -> None:
         """Free the renderer."""
-        ...
+        self._picture.close()
 
 
 class Episodes(Protocol):
@@ -219,7 +230,7 @@ class NativeVectorEnv(VectorEnv[Floats, ArrayLike, Floats]):
 
     metadata = {  # noqa: RUF012 (declared by Gymnasium)
         "render_modes": ["rgb_array"],
-        "render_fps": 25,
+        "render_fps": FPS,
         "autoreset_mode": AutoresetMode.SAME_STEP,
     }
 
@@ -233,7 +244,7 @@ class NativeVectorEnv(VectorEnv[Floats, ArrayLike, Floats]):
         check_actions: Callable[[ArrayLike], Any],
         check_start: Callable[[Mapping[str, Any] | None], Any],
         autoreset_mode: AutoresetMode | str = AutoresetMode.SAME_STEP,
-        picture: Picture | None = None,
+        picture: BatchPicture | None = None,
         device: str | None = None,
         made_with: Mapping[str, Any],
     ) -> None:
@@ -262,7 +273,6 @@ class NativeVectorEnv(VectorEnv[Floats, ArrayLike, Floats]):
 
     def __deepcopy__(self, memo: dict[int, Any]) -> Self:
         twin = type(self)(**self._made_with)
-        memo[id(self)] = twin
         for name in ("single_action_space", "single_observation_space", "action_space", "observation_space"):
             setattr(twin, name, deepcopy(getattr(self, name)))
         twin.spec = self.spec

@@ -199,13 +199,12 @@ class MovingEpisodes:
         self._times = np.arange(frames * PARTS + 1) / (FRAMES * PARTS)
         self._taken = np.maximum(np.arange(frames + 1) * PARTS - round(options.delay * FRAMES * PARTS), 0)
         self._rngs = [np.random.default_rng() for _ in range(count)]
-        self.rolls = np.zeros((count, len(self._times), 3))
-        self._sights = np.zeros((count, frames + 1, 3))
-        self._ends, self.frames = np.zeros(count, dtype=np.intp), np.zeros(count, dtype=np.intp)
-        self.q, self.v = np.zeros((count, 6)), np.zeros((count, 6))
-        self._speeds, self._paths = np.zeros(count), np.empty(count, dtype=object)
-        self._nearest = np.full(count, np.inf)
-        self._reasons = np.full(count, "", dtype=object)
+        self.rolls = np.empty((count, len(self._times), 3))
+        self._sights = np.empty((count, frames + 1, 3))
+        self._ends, self.frames = np.empty(count, dtype=np.intp), np.empty(count, dtype=np.intp)
+        self.q, self.v = np.empty((count, 6)), np.empty((count, 6))
+        self._speeds, self._paths = np.empty(count), np.empty(count, dtype=object)
+        self._nearest, self._reasons = np.empty(count), np.empty(count, dtype=object)
 
     def seed(self, index: int, rng: np.random.Generator) -> None:
         """Give an environment its own generator."""

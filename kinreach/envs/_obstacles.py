@@ -206,7 +206,8 @@ class ObstaclesEnv(gym.Env[Any, Any]):
         self.observation_space: spaces.Box = observation_space(arm)
         self.obstacles: tuple[Box, ...] = ()
         self._home = np.array(arm.home)
-        self._opening = 0.0 if arm.gripper is None else arm.gripper.opening
+        gripper: Any = arm.gripper
+        self._opening = gripper.opening
         self._started = self._over = False
         self._simulation: ArmSimulation | None = None
 

@@ -94,7 +94,6 @@ class CopyableEnv(SingleEnv, EzPickle):
 
     def __deepcopy__(self, memo: dict[int, Any]) -> Self:
         twin = type(self)(**self._ezpickle_kwargs)
-        memo[id(self)] = twin
         twin._np_random, twin._np_random_seed = deepcopy((self._np_random, self._np_random_seed))
         twin.action_space, twin.observation_space = deepcopy((self.action_space, self.observation_space))
         twin.spec = self.spec

@@ -50,15 +50,15 @@ class Objects(NamedTuple):
         square = self.mass * one**2
         across = np.where(ball, 0.4 * square, np.where(cube, square * 2 / 3, square * (0.25 + 1 / 3)))
         along = np.where(cylinder, 0.5 * square, across)
-        half = np.where(cylinder[:, None], np.stack([one, one, none], 1), np.repeat(one[:, None], 3, 1))
+        half = np.where(cylinder[:, None], np.column_stack([one, one, none]), one[:, None])
         return {
             "geom_type": _TYPES[self.shape],
-            "geom_size": np.where(ball[:, None], np.stack([one, none, none], 1), half),
+            "geom_size": np.where(ball[:, None], np.column_stack([one, none, none]), half),
             "geom_rbound": one * np.select([ball, cube], [1.0, np.sqrt(3.0)], np.sqrt(2.0)),
-            "geom_aabb": np.stack([none, none, none, one, one, one], 1),
-            "geom_friction": np.stack([self.friction, none + TORSION, none + ROLLING], 1),
+            "geom_aabb": np.column_stack([none, none, none, one, one, one]),
+            "geom_friction": np.column_stack([self.friction, none + TORSION, none + ROLLING]),
             "body_mass": self.mass,
-            "body_inertia": np.stack([across, across, along], 1),
+            "body_inertia": np.column_stack([across, across, along]),
         }
 
     def lowest(self, rotation: Floats) -> Floats:

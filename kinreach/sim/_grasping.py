@@ -78,7 +78,8 @@ class Grasping:
         ]
         self._bodies = [model.body(name).id for name in OBJECTS[: self.objects]]
         self._geoms = [model.geom(name).id for name in OBJECTS[: self.objects]]
-        self._kinds: list[Objects | None] = [None] * self.objects
+        unlike_any = [Objects(*np.full((4, self.count), -1.0)) for _ in range(self.objects)]
+        self._kinds = [kinds._replace(shape=kinds.shape.astype(np.intp)) for kinds in unlike_any]
         self._table = np.zeros(self.count)
         self._substeps = max(1, round(CONTROL_PERIOD / model.opt.timestep))
 
@@ -118,15 +119,10 @@ class Grasping:
 
     def _make(self, ids: Ids, which: int, kinds: Objects) -> None:
         """Let objects be others, where they are."""
-        known = self._kinds[which]
-        if known is None:
-            unknown = np.full(self.count, -1.0)
-            known = Objects(unknown.astype(np.intp), unknown.copy(), unknown.copy(), unknown.copy())
         changed = np.zeros(len(ids), dtype=np.bool_)
-        for now, new in zip(known, kinds, strict=True):
+        for now, new in zip(self._kinds[which], kinds, strict=True):
             changed |= now[ids] != new
             now[ids] = new
-        self._kinds[which] = known
         if not changed.any():
             return
         rows = ids[changed]
@@ -178,8 +174,7 @@ class Grasping:
         """Take over objects and full states of as many other simulations of the same scene."""
         everyone = np.arange(self.count)
         for which, kinds in enumerate(other._kinds):
-            if kinds is not None:
-                self._make(everyone, which, kinds)
+            self._make(everyone, which, kinds)
         self._table[:] = other._table
         self._plant.put(everyone, other._plant.states(everyone))
 
@@ -199,9 +194,6 @@ class Grasping:
 
     def grasp(self, ids: Ids) -> Grasp:
         """Return what some grippers and objects are doing, shape (k,)."""
-        kinds = self._kinds[0]
-        if kinds is None:
-            raise InputError("put the objects down first")
         gripped, held, collides = (np.zeros(len(ids), dtype=np.bool_) for _ in range(3))
         palm = set(self._fingers)
         for row, index in enumerate(ids):
@@ -217,6 +209,6 @@ class Grasping:
                 for touch in touches(model, data, self.controller.obstacles)
             )
         place, rotation = (values[ids] for values in self.pose())
-        below = kinds.of(ids).lowest(rotation)
+        below = self._kinds[0].of(ids).lowest(rotation)
         opening = self._plant.qpos[rows_and_columns(ids, self._finger_qpos)].sum(axis=1)
         return Grasp(held, gripped, place, place[:, 2] - below - self._table[ids], collides, opening)

@@ -40,8 +40,7 @@ class Imperfections:
 
     def __post_init__(self) -> None:
         for entry in fields(self):
-            value = check_number(entry.name, getattr(self, entry.name), least=0.0, most=LIMITS[entry.name])
-            object.__setattr__(self, entry.name, value)
+            check_number(entry.name, getattr(self, entry.name), least=0.0, most=LIMITS[entry.name])
 
 
 IDEAL = Imperfections()

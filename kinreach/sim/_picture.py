@@ -19,6 +19,8 @@ from kinreach.sim._rendering import FrameRenderer
 #: Size of a frame [pixels], and the camera that a person looks through.
 WIDTH, HEIGHT = 640, 360
 CAMERA = "overview"
+#: Frames per second of simulated time.
+FPS = 25
 #: How long a window may take to close [s].
 CLOSING = 5.0
 
@@ -122,7 +124,7 @@ class ScenePicture:
         drawn: Called with the scene after each colour frame.
     """
 
-    def __init__(self, scene: Scene, *, mode: str, fps: int) -> None:
+    def __init__(self, scene: Scene, *, mode: str, fps: int = FPS) -> None:
         self.size = (WIDTH, HEIGHT)
         self.drawn: Callable[[Scene], object] | None = None
         self._scene = scene

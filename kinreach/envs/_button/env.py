@@ -17,10 +17,7 @@ from kinreach.envs._button.world import ButtonState, SingleTorqueWorld
 from kinreach.envs._options import RENDER_MODES, options_from, with_options
 from kinreach.envs._single import CopyableEnv
 from kinreach.robots import ArmDescription
-from kinreach.sim._picture import Scene, ScenePicture
-
-#: Frames per second of simulated time in the viewer and in films.
-FPS = 25
+from kinreach.sim._picture import FPS, Scene, ScenePicture
 
 
 @with_options(ButtonOptions)
@@ -145,7 +142,7 @@ class ButtonPressEnv(CopyableEnv):
         self.metadata = {**self.metadata, "render_fps": round(1 / motors.period)}
         self._world = SingleTorqueWorld(self.options.arm, motors, visual=mode is not None)
         self._episodes = ButtonEpisodes(self.options, self._world)
-        self._picture = None if mode is None else ScenePicture(self._world, mode=mode, fps=FPS)
+        self._picture = None if mode is None else ScenePicture(self._world, mode=mode)
         self.action_space = action_space()
         self.observation_space: spaces.Space[Any] = self.options.observation_space
 

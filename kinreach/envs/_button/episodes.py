@@ -165,7 +165,7 @@ class ButtonEpisodes:
 
     def __init__(self, options: ButtonOptions, world: TorqueWorld) -> None:
         count = world.count
-        self.goals = np.zeros((count, 3))
+        self.goals = np.empty((count, 3))
         self.world = world
         self._starts = ButtonStarts()
         self._streams = RowStreams(self._starts, count, size=SIZE)
@@ -176,14 +176,14 @@ class ButtonEpisodes:
         report, reward = ButtonReward(), options.reward
         self._scorer: Scorer = report if reward is None else OwnReward(reward, report)
         self._has_target = np.zeros(count, dtype=np.bool_)
-        self._state = np.zeros((3, count, JOINTS))  # joint angles, velocities, end effectors
-        self._control = np.zeros((count, JOINTS))
-        self._pushed = np.zeros(count, dtype=np.bool_)
-        self._steps = np.zeros(count, dtype=np.int64)
-        self._wrong_presses = np.zeros(count, dtype=np.int64)
-        self._energy = np.zeros(count)
+        self._state = np.empty((3, count, JOINTS))  # joint angles, velocities, end effectors
+        self._control = np.empty((count, JOINTS))
+        self._pushed = np.empty(count, dtype=np.bool_)
+        self._steps = np.empty(count, dtype=np.int64)
+        self._wrong_presses = np.empty(count, dtype=np.int64)
+        self._energy = np.empty(count)
         self._controls = options.controls
-        self._seen = np.zeros((count, options.frames, options.observation_space.shape[0] // options.frames))
+        self._seen = np.empty((count, options.frames, options.observation_space.shape[0] // options.frames))
         self._fixed = options.target
         if self._fixed is not None:
             self._refuse_unreachable("fixed_target", self._fixed[None])

@@ -8,12 +8,11 @@ from typing import Any
 import numpy as np
 from gymnasium.vector import AutoresetMode
 
-from kinreach.envs._batch import NativeVectorEnv, check_batch
+from kinreach.envs._batch import BatchPicture, NativeVectorEnv, check_batch
 from kinreach.envs._button.episodes import ButtonEpisodes, ButtonOptions
 from kinreach.envs._button.task import action_space, check_actions
 from kinreach.envs._button.world import BatchTorqueWorld, SingleTorqueWorld
 from kinreach.envs._options import options_from
-from kinreach.sim._picture import ScenePicture
 
 
 class ButtonPressVectorEnv(NativeVectorEnv):
@@ -54,27 +53,18 @@ class ButtonPressVectorEnv(NativeVectorEnv):
             check_actions=partial(check_actions, count=num_envs),
             check_start=partial(episodes.check_start, count=num_envs),
             autoreset_mode=autoreset_mode,
-            picture=None if given.render_mode is None else ButtonPicture(given, episodes),
+            picture=None if given.render_mode is None else _picture(given, episodes),
             device=device,
             made_with=dict(options, num_envs=num_envs, threads=threads, autoreset_mode=autoreset_mode, device=device),
         )
         self.metadata = {**self.metadata, "render_fps": round(1 / given.motors.period)}
 
 
-class ButtonPicture:
-    """Draws the environments of a batch, one after the other, with one scene."""
+def _picture(options: ButtonOptions, episodes: ButtonEpisodes) -> BatchPicture:
+    scene = SingleTorqueWorld(options.arm, options.motors, visual=True)
 
-    def __init__(self, options: ButtonOptions, episodes: ButtonEpisodes) -> None:
-        self._episodes = episodes
-        self._scene = SingleTorqueWorld(options.arm, options.motors, visual=True)
-        self._picture = ScenePicture(self._scene, mode="rgb_array", fps=NativeVectorEnv.metadata["render_fps"])
+    def show(index: int) -> None:
+        q = episodes.world.q[[index]]
+        scene.reset(np.zeros(1, dtype=np.intp), episodes.goals[[index]], q, np.zeros_like(q))
 
-    def frame(self, index: int) -> Any:
-        """Return a frame of one environment, uint8, shape (height, width, 3)."""
-        q = self._episodes.world.q[[index]]
-        self._scene.reset(np.zeros(1, dtype=np.intp), self._episodes.goals[[index]], q, np.zeros_like(q))
-        return self._picture.frame()
-
-    def close(self) -> None:
-        """Free the renderer."""
-        self._picture.close()
+    return BatchPicture(scene, show)

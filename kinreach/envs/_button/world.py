@@ -83,7 +83,6 @@ def build_torque_scene(arm: ArmDescription, actuation: Actuation, *, visual: boo
         motor.ctrllimited = mujoco.mjtLimited.mjLIMITED_TRUE
         motor.ctrlrange = (-CONTROL_LIMIT, CONTROL_LIMIT)
     _flatten_floor(spec, arm)
-    spec.key("home").ctrl = np.zeros(len(arm.joints))
     spec.delete(spec.camera(CAMERA))
     add_camera(spec, OVERVIEW, housing=False)
     if visual:

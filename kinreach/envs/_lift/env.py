@@ -21,7 +21,7 @@ from kinreach.envs._single import ArmEnv
 from kinreach.errors import InputError
 from kinreach.sim._free_objects import OBJECTS
 from kinreach.sim._grasping import Grasping
-from kinreach.sim._picture import ScenePicture
+from kinreach.sim._picture import FPS, ScenePicture
 from kinreach.sim._simulation import ArmSimulation, BatchSimulation
 
 
@@ -115,7 +115,7 @@ class LiftEnv(ArmEnv):
     * v0: initial version
     """
 
-    metadata = {"render_modes": list(RENDER_MODES), "render_fps": 25}  # noqa: RUF012 (declared by Gymnasium)
+    metadata = {"render_modes": list(RENDER_MODES), "render_fps": FPS}  # noqa: RUF012 (declared by Gymnasium)
 
     def __init__(self, **options: Any) -> None:
         EzPickle.__init__(self, **options)
@@ -125,8 +125,7 @@ class LiftEnv(ArmEnv):
         self._simulation = ArmSimulation(task.arm, visual=mode is not None, objects=_objects(given))
         self._grasping = Grasping(self._simulation)
         self._episodes = LiftEpisodes(task, self._grasping if given.backend == "mujoco" else None, 1)
-        fps = int(self.metadata["render_fps"])
-        self._picture = None if mode is None else ScenePicture(self._simulation, mode=mode, fps=fps)
+        self._picture = None if mode is None else ScenePicture(self._simulation, mode=mode)
         self.action_space, self.observation_space = task.action_space, self._episodes.observation_space
 
     def accept(self, q: ArrayLike) -> bool:

@@ -65,18 +65,16 @@ class LiftEpisodes:
         self._sensors = [np.random.default_rng() for _ in range(count)]
         self._camera: Any = CameraObserver(_Camera(task)) if task.options.observation == CAMERA else None  # type: ignore[arg-type]
         self._pixels: Any = PixelObserver(_Camera(task)) if task.options.observation == "pixels" else None  # type: ignore[arg-type]
-        self.goals, self.seen = np.zeros((count, 3)), np.zeros((count, 3))
-        self.yaws = np.zeros(count)
-        self.kinds = Objects(np.zeros(count, dtype=np.intp), np.ones(count), np.ones(count), np.ones(count))
-        self._others = np.zeros((count, 3)) if task.options.clutter else None
-        self.q = np.tile(task.home, (count, 1))
-        self._opening = np.full(count, task.gripper.opening)
-        self._distance, self._clearance = np.zeros(count), np.zeros(count)
-        self._gripped = np.zeros(count, dtype=np.bool_)
-        self._stage, self._steps = np.zeros(count, dtype=np.intp), np.zeros(count, dtype=np.intp)
-        self._lifted_for, self._time = np.zeros(count), np.zeros(count)
-        self._reasons = np.full(count, "", dtype=object)
-        self._status = np.full(count, "", dtype=object)
+        self.goals, self.seen = np.empty((count, 3)), np.empty((count, 3))
+        self.yaws = np.empty(count)
+        self.kinds = Objects(np.empty(count, dtype=np.intp), np.empty(count), np.empty(count), np.empty(count))
+        self._others = np.empty((count, 3)) if task.options.clutter else None
+        self.q, self._opening = np.empty((count, len(task.home))), np.empty(count)
+        self._distance, self._clearance = np.empty(count), np.empty(count)
+        self._gripped = np.empty(count, dtype=np.bool_)
+        self._stage, self._steps = np.empty(count, dtype=np.intp), np.empty(count, dtype=np.intp)
+        self._lifted_for, self._time = np.empty(count), np.empty(count)
+        self._reasons, self._status = np.empty(count, dtype=object), np.empty(count, dtype=object)
 
     def seed(self, index: int, rng: np.random.Generator) -> None:
         """Give an environment its own generators: of starts, and of the cameras' noise."""

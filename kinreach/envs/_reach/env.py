@@ -28,7 +28,7 @@ from kinreach.envs._reach.worlds import KinematicWorld, ReachWorld, SingleDynami
 from kinreach.envs._single import ArmEnv
 from kinreach.errors import InputError
 from kinreach.kinematics import AxisGoal, PositionGoal
-from kinreach.sim._picture import ScenePicture
+from kinreach.sim._picture import FPS, ScenePicture
 from kinreach.sim._simulation import ArmSimulation
 
 
@@ -42,7 +42,7 @@ class ReachEnv(ArmEnv):
 
     metadata = {  # noqa: RUF012 (declared by Gymnasium)
         "render_modes": list(RENDER_MODES),
-        "render_fps": 25,
+        "render_fps": FPS,
     }
     variant: ClassVar[ReachVariant]
 
@@ -62,8 +62,7 @@ class ReachEnv(ArmEnv):
             else KinematicWorld(task, 1, explain=True)
         )
         self._episodes = ReachEpisodes(task, self._world)
-        fps = int(self.metadata["render_fps"])
-        self._picture = None if mode is None else ScenePicture(self._simulation, mode=mode, fps=fps)
+        self._picture = None if mode is None else ScenePicture(self._simulation, mode=mode)
         self._started = False
         self.action_space = action_space(task.arm)
         self.observation_space = self._episodes.observation_space

@@ -42,21 +42,21 @@ class ReachEpisodes:
 
     def __init__(self, task: ReachTask, world: ReachWorld) -> None:
         count = world.count
-        self.goals = self.seen = np.zeros((count, 3))
-        self.found = np.zeros((count, max(1, len(task.arm.goal_cameras))), dtype=np.bool_)
+        self.goals = self.seen = np.empty((count, 3))
+        self.found = np.empty((count, max(1, len(task.arm.goal_cameras))), dtype=np.bool_)
         self.directions = np.tile(TOOL_DOWN, (count, 1))
         self.task = task
         self.world = world
         self._observer = goal_observer(task)
         self._pixels = PixelObserver(task) if task.options.observation == "pixels" else None
         self._pictures: dict[str, NDArray[Any]] = {}
-        self._changed = np.ones(count, dtype=np.bool_)  # since the pictures were taken
+        self._changed = np.empty(count, dtype=np.bool_)  # since the pictures were taken
         self._streams = task.streams(count)
         self._sensors = [np.random.default_rng() for _ in range(count)]
-        self._observation = np.zeros((count, task.layout.size))
+        self._observation = np.empty((count, task.layout.size))
         self._observation[:, task.layout.gripper] = task.gripper_opening
-        self._steps = np.zeros(count, dtype=np.int64)
-        self._move_time = np.zeros(count)
+        self._steps = np.empty(count, dtype=np.int64)
+        self._move_time = np.empty(count)
 
     def seed(self, index: int, rng: np.random.Generator) -> None:
         """Give an arm its own generators, for goals and for noise."""
@@ -194,8 +194,6 @@ class ReachEpisodes:
         everyone = np.ones(count, dtype=np.bool_)
         statuses = np.full(count, Status.FORFEITED, dtype=np.uint8)
         score, info = self._judge(self.world.q.copy(), Executed(everyone, statuses, [reason] * count))
-        self._steps += 1
-        self._changed[:] = True
         return Outcome(score.reward, everyone, ~everyone, info)
 
     def _judge(self, targets: Floats, executed: Executed) -> tuple[Score, dict[str, Any]]:

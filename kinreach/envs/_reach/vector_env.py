@@ -9,7 +9,7 @@ import numpy as np
 from gymnasium.vector import AutoresetMode
 
 from kinreach._checks import check_count
-from kinreach.envs._batch import NativeVectorEnv, check_batch
+from kinreach.envs._batch import BatchPicture, NativeVectorEnv, check_batch
 from kinreach.envs._options import options_from
 from kinreach.envs._reach.episodes import ReachEpisodes
 from kinreach.envs._reach.space import SpaceTask
@@ -24,7 +24,6 @@ from kinreach.envs._reach.task import (
 )
 from kinreach.envs._reach.worlds import BatchDynamicWorld, KinematicWorld, ReachWorld
 from kinreach.sim._imperfections import as_imperfections
-from kinreach.sim._picture import ScenePicture
 from kinreach.sim._simulation import ArmSimulation
 
 #: Two pictures of three bytes and a depth; what all environments see may take so much [bytes].
@@ -94,7 +93,7 @@ class ReachVectorEnv(NativeVectorEnv):
             check_actions=partial(check_actions, count=num_envs, joints=len(arm.joints)),
             check_start=partial(task.reset_options, count=num_envs),
             autoreset_mode=autoreset_mode,
-            picture=None if given.render_mode is None else ReachPicture(episodes),
+            picture=None if given.render_mode is None else _picture(episodes),
             device=device,
             made_with={
                 "num_envs": num_envs,
@@ -107,24 +106,15 @@ class ReachVectorEnv(NativeVectorEnv):
         )
 
 
-class ReachPicture:
-    """Draws the environments of a batch, one after the other, with one scene."""
+def _picture(episodes: ReachEpisodes) -> BatchPicture:
+    scene = ArmSimulation(episodes.task.arm, visual=True)
+    limits = scene.controller
 
-    def __init__(self, episodes: ReachEpisodes) -> None:
-        self._episodes = episodes
-        self._scene = ArmSimulation(episodes.task.arm, visual=True)
-        self._picture = ScenePicture(self._scene, mode="rgb_array", fps=NativeVectorEnv.metadata["render_fps"])
+    def show(index: int) -> None:
+        scene.reset(np.clip(episodes.world.q[index], limits.lower, limits.upper))
+        scene.place_ball(episodes.goals[index])
 
-    def frame(self, index: int) -> Any:
-        """Return a frame of one environment, uint8, shape (height, width, 3)."""
-        limits = self._scene.controller
-        self._scene.reset(np.clip(self._episodes.world.q[index], limits.lower, limits.upper))
-        self._scene.place_ball(self._episodes.goals[index])
-        return self._picture.frame()
-
-    def close(self) -> None:
-        """Free the renderer."""
-        self._picture.close()
+    return BatchPicture(scene, show)
 
 
 #: Entry points of the native batches.
