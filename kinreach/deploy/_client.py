@@ -1,4 +1,4 @@
-"""A client of a UR: reads its state by RTDE, sends programs, waits for their end, and stops them."""
+"""A client of a UR that reads its state by RTDE, sends programs, waits for their end, and stops them."""
 
 from __future__ import annotations
 
@@ -33,21 +33,21 @@ from kinreach.errors import InputError, RobotError
 from kinreach.kinematics import Trajectory
 from kinreach.robots._ur import JOINTS
 
-#: How long a robot may take to answer, to begin with a program, and longer for each character of it [s].
+#: Longest time for an answer, for the start of a program, and in addition for each of its characters [s].
 TIMEOUT, START_TIMEOUT, READING_TIME = 3.0, 3.0, 1e-5
-#: What is read; old controllers do not have the variables in `_OPTIONAL`.
+#: Variables that are read; old controllers do not have those in `_OPTIONAL`.
 _OPTIONAL = ("tcp_offset", f"output_int_register_{REGISTER}")
 _VARIABLES = (
     "timestamp", "target_q", "target_qd", "actual_q", "actual_qd", "actual_TCP_pose", "robot_mode", "safety_mode",
     "runtime_state", "speed_scaling", *_OPTIONAL,
 )  # fmt: skip
-#: A joint slower than this stands [rad/s].
+#: Speed of a joint below which it is at rest [rad/s].
 STANDS = 0.001
 
 
 @dataclass(frozen=True, eq=False)
 class RobotState:
-    """What a UR said of itself.
+    """The state of a UR.
 
     Attributes:
         time: Of the controller [s].
@@ -56,7 +56,7 @@ class RobotState:
         tcp_pose: Tool centre point in `base`, `[x, y, z, rx, ry, rz]` [m, rad], shape (6,).
         tcp_offset: Tool centre point on the flange, as `tcp_pose`; None if the controller does not report it.
         robot_mode, safety_mode, runtime_state: RTDE's numbers.
-        speed_scaling: How fast program time passes, 0 to 1.
+        speed_scaling: Speed of program time, 0 to 1.
         register: Integer register 24, the progress of kinreach's programs; None if it is not reported.
     """
 
@@ -79,11 +79,11 @@ class URClient:
 
     Args:
         address: Host name or IP address.
-        rtde_port: Of RTDE.
-        script_port: That takes programs and sends messages.
+        rtde_port: Port of RTDE.
+        script_port: Port for programs and messages.
 
     Raises:
-        RobotError: Nobody answers there, or not as a UR.
+        RobotError: There is no answer, or not one of a UR.
     """
 
     def __init__(self, address: str, *, rtde_port: int = RTDE_PORT, script_port: int = PRIMARY_PORT) -> None:
@@ -118,10 +118,10 @@ class URClient:
         self._script.close()
 
     def next_state(self) -> RobotState:
-        """Return the next state that the robot sent, or will send; one for each control cycle.
+        """Return the next state; there is one for each control cycle.
 
         Raises:
-            RobotError: Nothing comes, or the connection is lost.
+            RobotError: The connection is lost.
         """
         values = self._recipe.unpack(self._wait_for(Kind.DATA)[1:])
         vectors = {name: np.array(value) for name, value in values.items()}
@@ -134,11 +134,7 @@ class URClient:
         )  # fmt: skip
 
     def read(self) -> RobotState:
-        """Return the robot's present state.
-
-        Returns:
-            Arrays `actual_q`, `target_q` [rad], `actual_qd`, `target_qd` [rad/s] and `tcp_pose` (as the pendant shows
-            it), and RTDE's numbers `time`, `robot_mode`, `safety_mode`, `runtime_state` and `speed_scaling`.
+        """Return the robot's latest state.
 
         Raises:
             RobotError: As `next_state`.
@@ -160,7 +156,7 @@ class URClient:
         return self.next_state()
 
     def send(self, script: str) -> None:
-        """Send a program; the robot ends the one that it runs.
+        """Send a program; the running one ends.
 
         Raises:
             RobotError: The connection is lost.
@@ -171,7 +167,7 @@ class URClient:
             raise self._lost(error) from None
 
     def stop(self) -> None:
-        """Stop the robot by `stopj`, within a control cycle of the arrival.
+        """Stop the robot by `stopj`, within a control cycle.
 
         Raises:
             RobotError: The connection is lost.
@@ -179,7 +175,7 @@ class URClient:
         self.send(STOP_SCRIPT)
 
     def check_ready(self, program: Program) -> None:
-        """Refuse where the robot could not run a program now.
+        """Check that the robot can run a program now.
 
         Raises:
             RobotError: It is not running, is stopped, runs another program, or stands elsewhere.
@@ -208,15 +204,14 @@ class URClient:
         """Send a program and wait for its end. Ctrl-C stops the robot at once, and is raised again when it stands.
 
         Args:
-            program: Try it in simulation before (`dry_run`).
-            watch: Called with each state on the way.
+            program: Try it in simulation before.
+            watch: Called with each state.
 
         Returns:
             `commanded` and `measured`, each a `Trajectory` with a sample for each control cycle.
 
         Raises:
-            RobotError: The robot does not begin, or the program does not come to its end; the message has the
-                robot's reason if it gives one.
+            RobotError: The robot does not begin or finish the program; the message has the robot's reason, if any.
         """
         self.check_ready(program)
         states = [self.read()]
@@ -225,7 +220,7 @@ class URClient:
             self.send(text)
             self._follow(states, watch, READING_TIME * len(text))
         except BaseException as error:
-            with suppress(RobotError):  # whatever happened: nobody watches the motion any more
+            with suppress(RobotError):
                 self.stop()
             if not isinstance(error, RobotError):
                 self._wait_until_it_stands(states)
@@ -240,7 +235,7 @@ class URClient:
         return _recording(states)
 
     def _follow(self, states: list[RobotState], watch: Callable[[RobotState], object] | None, reading: float) -> None:
-        """Gather states until the program has ended; a robot may be silent while it reads a long one."""
+        """Collect states until the program has ended; a robot may be silent while it reads a long one."""
         deadline, began = monotonic() + START_TIMEOUT + reading, False
         self._be_patient(TIMEOUT + reading)
         while not began or states[-1].runtime_state != RuntimeState.STOPPED:
@@ -267,7 +262,7 @@ class URClient:
                 raise RobotError(f"the robot at {self.address} still moves: use its emergency stop")
 
     def _reason(self, before: str = "") -> str:
-        """What the robot said of the last program on the script port."""
+        """The robot's last message on the script port about its program."""
         self._script.setblocking(False)
         try:
             while data := self._script.recv(65536):
@@ -299,7 +294,7 @@ class URClient:
         return connection
 
     def _set_up(self) -> Recipe:
-        """Begin with RTDE, at the rate of the controller."""
+        """Set up RTDE at the rate of the controller."""
         self._send(Kind.PROTOCOL_VERSION, struct.pack(">H", PROTOCOL))
         if self._wait_for(Kind.PROTOCOL_VERSION) != b"\x01":
             raise RobotError(f"the robot at {self.address} has no RTDE protocol {PROTOCOL}; its software is too old")
@@ -334,7 +329,7 @@ class URClient:
             raise self._lost(error) from None
 
     def _wait_for(self, wanted: Kind) -> bytes:
-        """Return the payload of the next package of a kind; messages between are kept for errors."""
+        """Return the payload of the next package of a kind, without those before it."""
         deadline = monotonic() + self._silence
         while True:
             try:
@@ -357,7 +352,7 @@ class URClient:
 
 
 def _recording(states: list[RobotState]) -> Recording:
-    """The states of a motion; those that came twice or before it began are left out."""
+    """Make the recording of a motion from its states, each time once."""
     t = np.array([state.time for state in states])
     kept = np.flatnonzero(np.diff(t, prepend=-np.inf) > 0)
     rows = [states[index] for index in kept]

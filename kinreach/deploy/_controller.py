@@ -1,4 +1,4 @@
-"""A simulated UR controller: it takes programs, moves an arm in MuJoCo, and stops as a UR does. It knows no sockets."""
+"""A simulated UR controller, without sockets: it runs programs on an arm in MuJoCo and stops as a UR does."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ import numpy as np
 
 from kinreach._checks import Floats, printable, shown
 from kinreach.deploy._motion import JointLine, LineError, Segment, Servo, StraightLine
-from kinreach.deploy._rtde import RobotMode, RuntimeState, SafetyMode
+from kinreach.deploy._rtde import RuntimeState, SafetyMode
 from kinreach.deploy._urscript import (
     Assignment,
     Call,
@@ -41,9 +41,9 @@ from kinreach.sim._setpoints import servo_response
 CB3 = ("ur3", "ur5", "ur10")
 #: Step of the simulation [s].
 TIMESTEP = 0.002
-#: How quickly the controller stops the joints where no program moves them [rad/s^2].
+#: Deceleration of joints that no program moves [rad/s^2].
 BRAKING = 10.0
-#: How quickly program time follows the speed slider [1/s].
+#: Largest rate at which the speed of program time follows the speed slider [1/s].
 SLIDER_RATE = 4.0
 #: Speeds below this are rest [rad/s].
 REST = 1e-6
@@ -60,7 +60,7 @@ RANGES: Mapping[str, tuple[float, float]] = {
 
 
 def rate_of(arm: ArmDescription) -> int:
-    """Return the control cycles of an arm's controller per second: 125 of a CB3, 500 of later ones."""
+    """Return the control cycles of a UR's controller per second: 125 of a CB3, 500 of later ones."""
     return 125 if arm.name.split("_")[0] in CB3 else 500
 
 
@@ -83,13 +83,13 @@ def tcp_of(arm: ArmDescription) -> Floats:
 
 @dataclass(frozen=True, eq=False)
 class Recording:
-    """What the arm did, with a sample for each control cycle.
+    """A recorded motion, with a sample for each control cycle.
 
     Attributes:
-        commanded: What the controller commanded.
-        measured: What the arm did.
-        status: What the program wrote into its register: `BEGUN`, `FINISHED` or `NOT_AT_START`; 0 if nothing.
-        reason: Why the program did not come to its end; empty if it did.
+        commanded: By the controller.
+        measured: Of the arm.
+        status: Register of the program: `BEGUN`, `FINISHED` or `NOT_AT_START`; 0 if it wrote none.
+        reason: Why the program did not finish; empty if it did.
     """
 
     commanded: Trajectory
@@ -99,7 +99,7 @@ class Recording:
 
 
 class Controller:
-    """The controller of one UR and its arm in MuJoCo. Nothing happens between two calls of `tick`.
+    """The controller of one UR and its arm in MuJoCo. Time passes only in `tick`.
 
     Args:
         arm: A UR, with its calibration and its tool. Its default tip is the tool centre point until a program sets one.
@@ -112,7 +112,7 @@ class Controller:
         kinematics: Of the flange, in the controller's frame `base`, with the arm's own calibration.
         cycle: Time between two ticks [s].
         tcp: Tool centre point on the flange (4, 4).
-        target_q, target_qd, target_qdd: What the arm is commanded [rad], [rad/s], [rad/s^2], shape (6,).
+        target_q, target_qd, target_qdd: Commands of the joints [rad], [rad/s], [rad/s^2], shape (6,).
         speed_slider: From 0 to 1.
         registers: Integers that programs wrote.
         runtime_state, safety_mode: As RTDE reports them.
@@ -171,22 +171,12 @@ class Controller:
         return self._ticks * self.cycle
 
     @property
-    def robot_mode(self) -> RobotMode:
-        """As RTDE reports it."""
-        return RobotMode.RUNNING
-
-    @property
     def speed_scaling(self) -> float:
-        """How fast program time passes: it follows the slider, and is 0 in a protective stop."""
+        """Speed of program time: it follows the slider, and is 0 in a protective stop."""
         return self._scaling if self.safety_mode is SafetyMode.NORMAL else 0.0
 
-    @property
-    def tcp_offset(self) -> Floats:
-        """Tool centre point on the flange, `[x, y, z, rx, ry, rz]`, shape (6,)."""
-        return pose_vector(self.tcp)
-
     def tcp_pose(self, q: Floats) -> Floats:
-        """Return the tool centre point in `base` as a UR reports it, `[x, y, z, rx, ry, rz]`, shape (6,)."""
+        """Return the tool centre point in `base`, `[x, y, z, rx, ry, rz]`, shape (6,)."""
         return pose_vector(self.kinematics.fk(q) @ self.tcp)
 
     def tcp_speed(self, q: Floats, qd: Floats) -> Floats:
@@ -202,7 +192,7 @@ class Controller:
             self._log(printable(text))
 
     def start(self, text: str) -> None:
-        """Start a program. It ends the one that runs, even if it is refused itself.
+        """Start a program. The running one ends, even if the new one is refused.
 
         Raises:
             InputError: It is not in the URScript that kinreach runs, or the controller is in a protective stop.
@@ -222,7 +212,7 @@ class Controller:
         self.say(f"program {script.name or 'of one line'} is running")
 
     def release(self) -> None:
-        """End a protective stop; the arm goes back to where the stopped program began, without moving."""
+        """End a protective stop; the arm is put back to where the stopped program began."""
         if self.safety_mode is SafetyMode.PROTECTIVE_STOP:
             self.place(self._began)
             self.safety_mode = SafetyMode.NORMAL
@@ -242,11 +232,11 @@ class Controller:
             self._supervise()
 
     def run(self, text: str, *, longest: float = 600.0) -> Recording:
-        """Run a program to its end, as fast as the machine can, and record it.
+        """Run a program to its end, as fast as possible, and record it.
 
         Args:
             text: The program.
-            longest: Simulated time after which it is given up [s].
+            longest: Simulated time after which the program is stopped [s].
 
         Raises:
             InputError: The program is refused.
@@ -316,7 +306,7 @@ class Controller:
         self.target_qdd = (self.target_qd - before) / self.cycle
 
     def _summed(self, dt: float) -> tuple[Floats, Floats]:
-        """Posture and speeds of the segments that are blended; those that have ended are dropped."""
+        """Sum the segments that are blended, and drop those that have ended."""
         for segment in self._segments:
             segment.advance(dt)
         while self._segments[0].done and len(self._segments) > 1:
@@ -329,7 +319,7 @@ class Controller:
         return q, qd
 
     def _supervise(self) -> None:
-        """Stop before the arm leaves its limits, when it touches something, and when it does not follow."""
+        """Stop at a limit of a joint or its speed, on contact, and when the arm does not follow."""
         controller, data = self.simulation.controller, self.simulation.data
         outside = (self.target_q < self.kinematics.lower - SLACK) | (self.target_q > self.kinematics.upper + SLACK)
         fast = np.abs(self.target_qd) > self.kinematics.velocity_limit * 1.001
@@ -346,7 +336,7 @@ class Controller:
             self._stop(f"{JOINTS[int(off.argmax())]} is {off.max():.2f} rad from its target")
 
     def _stop(self, reason: str) -> None:
-        """Protective stop: the program ends, the arm stays where it is."""
+        """Stop protectively: the program ends, the arm stays where it is."""
         began = self._began
         self._end_program()
         self._began = began
@@ -453,7 +443,7 @@ class Controller:
             yield
 
     def _move(self, call: Call, values: Mapping[str, Any]) -> Generator[None, None, None]:
-        """`movej` and `movel`; the program goes on where the next move may be blended in."""
+        """Run `movej` or `movel` until the next move may be blended in."""
         if values["t"] != 0.0:
             raise ScriptError(call.line, f"runtime error: {call.function} is not run with a time t; give a and v")
         self._servo = None
@@ -505,7 +495,7 @@ class _Pose(list[float]):
 
 
 class _Drive:
-    """Gives setpoints to the servos of a simulation, ahead by their lag and the arm's inertia, and steps it."""
+    """Feeds the servos of a simulation with setpoints that compensate their lag and the arm's inertia."""
 
     def __init__(self, simulation: ArmSimulation) -> None:
         model, controller = simulation.model, simulation.controller
@@ -518,7 +508,6 @@ class _Drive:
 
     @property
     def speeds(self) -> Floats:
-        """Of the joints [rad/s], shape (6,)."""
         speeds: Floats = self._data.qvel[self._dof].copy()
         return speeds
 

@@ -1,4 +1,4 @@
-"""How the simulated controller moves: joint lines and straight lines, each a segment; the `servoj` filter.
+"""Motions of the simulated controller: segments in joint space and on straight lines, and the `servoj` filter.
 
 A segment runs on a trapezoid from rest to rest. Two segments are blended by starting the second while the first still
 has the blend radius to go: their motions add up. With equal speeds and accelerations the tool leaves the first line and
@@ -16,7 +16,7 @@ from kinreach.kinematics import ArmKinematics
 from kinreach.robots._rotations import PoseLine
 from kinreach.sim._setpoints import TrapezoidalProfile
 
-#: A straight line is looked at every so many metres and radians before it is begun.
+#: Step in which a straight line is checked before it begins [m, rad].
 STEP = 0.005
 #: Newton's method: largest number of iterations, residual at which it ends [m, rad], and longest step [rad].
 ITERATIONS, RESIDUAL, MAX_STEP = 12, 1e-9, 0.3
@@ -49,7 +49,7 @@ class LineError(Exception):
 
 
 class _Timed:
-    """A segment whose path is run through on a trapezoid."""
+    """A segment with a trapezoidal speed profile."""
 
     def __init__(self, start: Floats, end: Floats, length: float, speed: float, acceleration: float) -> None:
         self.start, self.end = start, end
@@ -115,14 +115,14 @@ class StraightLine(_Timed):
         self.end = self._followed()
 
     def _followed(self) -> Floats:
-        """Posture at the end of the line, by small steps along it."""
+        """Compute the posture at the end of the line, by small steps along it."""
         q, steps = self.start, max(1, int(np.ceil(self.length / STEP)))
         for step in range(1, steps + 1):
             q = self._solved(step / steps, q)
         return q
 
     def _solved(self, share: float, q: Floats) -> Floats:
-        """Posture near another one at a share of the line, by Newton's method."""
+        """Compute the posture at a share of the line near another one, by Newton's method."""
         T = self._line.at(share) @ self._from_tcp
         begin = q
         for _ in range(ITERATIONS):
@@ -146,7 +146,7 @@ class StraightLine(_Timed):
         self.qd = np.asarray(np.linalg.solve(self._kin.jacobian(self.q), self._twist(rate)), dtype=np.float64)
 
     def _twist(self, rate: float) -> Floats:
-        """Speeds of the flange [m/s, rad/s], shape (6,), in the axes of the base."""
+        """Compute the speeds of the flange along the base's axes [m/s, rad/s], shape (6,)."""
         line = self._line
         spin = self._T[:3, :3] @ line.axis * (line.angle / self.length * rate)
         flange = self._kin.fk(self.q)
@@ -157,9 +157,9 @@ class StraightLine(_Timed):
 class Servo:
     """`servoj`: follows a posture that changes every cycle, late by the lookahead time.
 
-    A model of what Universal Robots does not publish: the speed is led to the distance over the lookahead time, with
-    the gain as the rate [1/s]. A ramp is followed with a lag of the lookahead time. With the settings of the ROS
-    driver, 0.03 s and 2000, its users report 0.034 s on a real arm.
+    Universal Robots does not publish its filter. In this model the speed approaches the distance over the lookahead
+    time, with the gain as the rate [1/s]. With the settings of the ROS driver, 0.03 s and 2000, its users report a lag
+    of 0.034 s on a real arm.
     """
 
     def __init__(self, q: Floats, qd: Floats) -> None:

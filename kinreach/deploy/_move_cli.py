@@ -26,8 +26,8 @@ from kinreach.kinematics._goals import pose_error
 from kinreach.robots import ArmDescription
 from kinreach.robots._flags import add_arm_flags, arm_of, numbers_of, print_notes
 
-#: How far the robot's own tool centre point may be from kinreach's for the two to be one arm [m, degrees]: with its
-#: calibration (0.08 mm at most on the one controller whose poses are known), and by the data sheet.
+#: Largest distance of the robot's own tool centre point from kinreach's [m, degrees]: with its calibration (0.08 mm on
+#: the one controller whose poses are known), and by the data sheet.
 MAX_OFF_CALIBRATED, MAX_OFF = (5e-4, 0.1), (2e-2, 2.0)
 HOME = "home"
 
@@ -46,15 +46,10 @@ def main(argv: Sequence[str], *, prog: str) -> int:
         KinreachError: Bad input, no way to the goal, or a robot that does not do it.
     """
     arguments = _parser(prog).parse_args(argv)
-    script = None if arguments.script is None else check_path("--script", arguments.script)
-    if script is not None and (script.is_dir() or not script.parent.is_dir()):
-        raise InputError(f"--script must be a file in a folder that exists, got {script}")
+    script, picture = _output("--script", arguments.script), _output("--picture", arguments.picture)
     if arguments.robot is not None and arguments.start is not None:
         raise InputError("with --robot the motion begins where the robot stands; leave out --from")
     ports = [int(number) for number in numbers_of("--ports", arguments.ports, 2)]
-    picture = None if arguments.picture is None else check_path("--picture", arguments.picture)
-    if picture is not None and (picture.is_dir() or not picture.parent.is_dir()):
-        raise InputError(f"--picture must be a file in a folder that exists, got {picture}")
     check_number("--speed", arguments.speed, above=0.0, most=1.0)
     goals = [pose(numbers_of("--to", text, 6)) for text in arguments.to]
     print_notes(arm := arm_of(arguments.arm, arguments))
@@ -76,9 +71,15 @@ def main(argv: Sequence[str], *, prog: str) -> int:
         return job.moved(robot, program)
 
 
-class _Job:
-    """What is asked for, of which arm."""
+def _output(flag: str, text: str | None) -> Path | None:
+    """Check a file that will be written."""
+    path = None if text is None else check_path(flag, text)
+    if path is not None and (path.is_dir() or not path.parent.is_dir()):
+        raise InputError(f"{flag} must be a file in a folder that exists, got {path}")
+    return path
 
+
+class _Job:
     def __init__(
         self,
         arm: ArmDescription,
@@ -160,7 +161,7 @@ class _Job:
         yield f"         ends {self._miss(self.kinematics.fk(done.measured.q[-1]))} from the goal"
 
     def _miss(self, T: Floats) -> str:
-        """How far a pose of the tool is from the last goal."""
+        """Describe how far a pose of the tool is from the last goal."""
         return _difference(T, self.goals[-1])[2]
 
     def same_arm(self, state: RobotState, address: str) -> str:
@@ -200,7 +201,7 @@ class _Job:
 
 
 def _difference(one: Floats, other: Floats) -> tuple[float, float, str]:
-    """Distance [m] and angle [degrees] between two poses, and both as text."""
+    """Compute distance [m] and angle [degrees] between two poses, and both as text."""
     far, angle = pose_error(one, other)
     turned = float(np.degrees(angle))
     return far, turned, f"{1000 * far:.2f} mm and {turned:.2f}°"

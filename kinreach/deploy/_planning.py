@@ -1,4 +1,4 @@
-"""From goals to the moves of a program: which branch, which way, and why not."""
+"""Planning of a program's moves from its goals."""
 
 from __future__ import annotations
 
@@ -15,11 +15,11 @@ from kinreach.kinematics import CollisionChecker, plan_path, pose_vector, tool_l
 from kinreach.kinematics._angles import wrapped
 from kinreach.kinematics._closed_form import ClosedFormKinematics
 
-#: Part of the joints' speed limits, and of `MAX_TOOL_SPEED`, that a motion has unless another is asked for.
+#: Default part of the joints' speed limits, and of `MAX_TOOL_SPEED`.
 SPEED = 0.25
 #: Accelerations of the joints [rad/s^2] and of the tool [m/s^2]: the defaults of URScript.
 JOINT_ACCELERATION, TOOL_ACCELERATION = 1.4, 1.2
-#: What a way keeps from everything [m], and how long it may be searched for [s].
+#: Distance that a way keeps from everything [m], and longest search for it [s].
 MARGIN, TIMEOUT = 0.005, 5.0
 #: Part of the shorter way beside a waypoint that its blend may take.
 LESS_THAN_HALF = 0.45
@@ -32,7 +32,7 @@ class Leg:
     """The way to one goal.
 
     Attributes:
-        moves: What the program does.
+        moves: Of the program.
         end: Posture at the goal [rad], shape (6,).
         branch: Of that posture; -1 if it is none of the closed form's.
         free, postures: Postures of the goal that keep the margin, and all.
@@ -102,7 +102,7 @@ def plan(
 
 
 def _joint(path: Floats, speed: float, radii: Sequence[float]) -> tuple[Move, ...]:
-    """A move to each waypoint but the first."""
+    """Make a move to each waypoint but the first."""
     points = path[1:].round(ROUNDED)
     moving = [not np.array_equal(one, other) for one, other in pairwise([path[0].round(ROUNDED), *points])]
     rows = [row for row in zip(points, radii, moving, strict=True) if row[2]] or [(points[-1], 0.0, True)]
@@ -110,6 +110,6 @@ def _joint(path: Floats, speed: float, radii: Sequence[float]) -> tuple[Move, ..
 
 
 def _radii(kinematics: ClosedFormKinematics, path: Floats, most: float) -> list[float]:
-    """Radius at each inner waypoint [m]: at most that, and less than half of the shorter way beside it."""
+    """Compute the radius at each inner waypoint [m]: less than half of the shorter way beside it, at most `most`."""
     ways = np.linalg.norm(np.diff(kinematics.positions(path), axis=0), axis=1)
     return np.minimum(most, LESS_THAN_HALF * np.minimum(ways[:-1], ways[1:])).round(ROUNDED).tolist()

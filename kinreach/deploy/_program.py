@@ -184,7 +184,7 @@ class Program:
         return list_text(self.centre_of_mass)
 
     def _header(self) -> list[str]:
-        """What stands at the top for who reads the program."""
+        """Lines of the comment at the top."""
         degrees = ", ".join(f"{angle:.1f}" for angle in np.degrees(self.start))
         payload = "as it is set on the robot" if self.payload is None else f"{self.payload:g} kg at {self._centre} m"
         return [
@@ -239,7 +239,7 @@ class Program:
 
 
 def _trajectory(start: tuple[float, ...], calls: Sequence[Call]) -> Trajectory:
-    """The motion of `servoj` lines; the last one, which holds the end, is left out."""
+    """Read the motion of `servoj` lines, without the last one, which holds the end."""
     for call in calls:
         if call.function != "servoj":
             raise ScriptError(call.line, f"{call.function} among the servoj of a trajectory")
@@ -255,7 +255,6 @@ def _trajectory(start: tuple[float, ...], calls: Sequence[Call]) -> Trajectory:
 
 
 def _move(call: Call) -> Move:
-    """The move of a line."""
     numbers = {name: _constant(call.arguments[name], call.line) for name in ("a", "v", "t", "r")
                if name in call.arguments}  # fmt: skip
     if "a" not in numbers or numbers["t"]:
@@ -281,7 +280,6 @@ def _constants(expression: Expression, line: int) -> tuple[float, ...]:
 
 
 def _one_line(text: str) -> str:
-    """Text for a comment: nothing in it ends the line."""
     return "".join(sign if sign.isprintable() else "?" for sign in text)
 
 

@@ -44,7 +44,7 @@ class RobotMode(IntEnum):
 
 
 class SafetyMode(IntEnum):
-    """Values of `safety_mode`, as far as a script may be sent or the simulated controller reports them."""
+    """Values of `safety_mode` in which a script may be sent, or that the simulated controller reports."""
 
     NORMAL = 1
     REDUCED = 2
@@ -52,14 +52,10 @@ class SafetyMode(IntEnum):
 
 
 class RuntimeState(IntEnum):
-    """Values of `runtime_state`: what the controller does with a program."""
+    """Values of `runtime_state` that the simulated controller reports."""
 
-    STOPPING = 0
     STOPPED = 1
     PLAYING = 2
-    PAUSING = 3
-    PAUSED = 4
-    RESUMING = 5
 
 
 #: RTDE's types and those of `struct`.
@@ -129,7 +125,7 @@ class Recipe:
         formats = [FORMATS[kind] for kind in types]
         self._format = struct.Struct(">" + "".join(formats))
         self._counts = [int(text[:-1] or 1) for text in formats]
-        #: A value of the right shape for what is not known.
+        #: Default values.
         self.zeros: dict[str, tuple[float, ...]] = {
             name: (0,) * count for name, count in zip(names, self._counts, strict=True)
         }
@@ -140,7 +136,7 @@ class Recipe:
         return self._format.size
 
     def pack(self, values: Mapping[str, Sequence[float]]) -> bytes:
-        """Return the values of all variables as bytes; 0 for those that are not given."""
+        """Return the values of all variables as bytes; missing ones are 0."""
         numbers: list[float] = []
         for name in self.names:
             numbers += values.get(name) or self.zeros[name]
@@ -187,7 +183,7 @@ def error_message(text: str) -> bytes:
 
 
 def packages_in(buffer: bytearray) -> Iterator[tuple[int, bytes]]:
-    """Take the whole packages out of a buffer and yield kind and payload of each; what is incomplete stays.
+    """Remove the complete packages from a buffer and yield kind and payload of each.
 
     Raises:
         InputError: A size smaller than the header.

@@ -1,7 +1,7 @@
-"""A simulated UR on this machine: RTDE and the script ports in front of a simulated controller.
+"""A simulated UR on this machine: RTDE and the script ports of a simulated controller.
 
-One thread does everything in turn: it reads what has come, lets a control cycle pass when it is due, and sends. Nobody
-can keep it waiting: no socket blocks, and a client that does not read is disconnected.
+One thread reads from the clients, lets a control cycle pass when it is due, and sends. No client can keep it waiting:
+no socket blocks, and a client that does not read is disconnected.
 """
 
 from __future__ import annotations
@@ -28,6 +28,7 @@ from kinreach.deploy._rtde import (
     SCRIPT_PORT,
     Kind,
     Recipe,
+    RobotMode,
     RuntimeState,
     SafetyMode,
     error_message,
@@ -38,15 +39,16 @@ from kinreach.deploy._rtde import (
 )
 from kinreach.deploy._urscript import MAX_CHARACTERS, ScriptError
 from kinreach.errors import InputError
+from kinreach.kinematics import pose_vector
 from kinreach.robots import ArmDescription, get_arm
 
-#: The first of the two ports that take scripts; it takes them as the other one does.
+#: The second port that takes scripts.
 PRIMARY_PORT = 30001
 #: Clients of a port, and bytes that may wait for one.
 MAX_CLIENTS, MAX_WAITING = 32, 2**20
 #: Input recipes of a client.
 MAX_RECIPES = 255
-#: So far behind real time [s] the simulation no longer tries to catch up.
+#: Largest delay behind real time that the simulation catches up with [s].
 PATIENCE = 0.2
 #: Messages on a script port: kind of the package, and kinds of messages in it.
 ROBOT_MESSAGE, KEY, RUNTIME_EXCEPTION = 20, 7, 10
@@ -66,9 +68,9 @@ _OUTPUTS: Mapping[str, Callable[[Controller], Sequence[float]]] = {
     "actual_TCP_speed": lambda ur: ur.tcp_speed(ur.actual_q, ur.actual_qd).tolist(),
     "target_TCP_pose": lambda ur: ur.tcp_pose(ur.target_q).tolist(),
     "target_TCP_speed": lambda ur: ur.tcp_speed(ur.target_q, ur.target_qd).tolist(),
-    "tcp_offset": lambda ur: ur.tcp_offset.tolist(),
+    "tcp_offset": lambda ur: pose_vector(ur.tcp).tolist(),
     "payload": lambda ur: (ur.payload,),
-    "robot_mode": lambda ur: (ur.robot_mode,),
+    "robot_mode": lambda ur: (RobotMode.RUNNING,),
     "joint_mode": lambda ur: (JOINT_RUNNING,) * 6,
     "safety_mode": lambda ur: (ur.safety_mode,),
     "safety_status": lambda ur: (ur.safety_mode,),
@@ -86,7 +88,7 @@ class SimulatedUR:
     It is not URSim: RTDE (protocol 2) and the script port are served, not the dashboard; programs are those that
     kinreach writes. `ur_rtde`'s receive and I/O interfaces read it; its control interface needs a real robot or URSim.
 
-    It works from `with` on, in a thread of its own, or in the calling thread by `serve`.
+    It runs in its own thread within `with`, or in the calling thread by `serve`.
 
     Args:
         arm: Name of a UR, or its description, with its calibration and tool.
@@ -100,7 +102,7 @@ class SimulatedUR:
     Attributes:
         arm, address: As given.
         rtde_port, script_port: In use.
-        controller: The simulated controller. Once the robot works only its thread may touch it.
+        controller: The simulated controller. While the robot runs, only its thread may use it.
 
     Raises:
         UnknownNameError: There is no arm of that name.
@@ -147,7 +149,7 @@ class SimulatedUR:
         self.close()
 
     def close(self) -> None:
-        """Stop working, and close all connections and ports."""
+        """Stop, and close all connections and ports."""
         self._stopping.set()
         if self._thread is not None:
             self._thread.join()
@@ -160,7 +162,7 @@ class SimulatedUR:
         self._selector.close()
 
     def serve(self) -> None:
-        """Work in this thread until `close` is called in another one, or Ctrl-C."""
+        """Run in this thread until `close` is called in another one, or Ctrl-C."""
         cycle = self.controller.cycle / self.speed
         due = time.monotonic()
         while not self._stopping.is_set():
@@ -176,7 +178,7 @@ class SimulatedUR:
                 due = due + cycle if now - due < PATIENCE else now + cycle
 
     def release(self) -> None:
-        """Release a protective stop, as on the pendant; the arm is put back to where the stopped program began."""
+        """Release a protective stop; the arm is put back to where the stopped program began."""
         self._released.set()
 
     def drop(self, client: _Client) -> None:
@@ -201,7 +203,7 @@ class SimulatedUR:
         return types
 
     def set_inputs(self, values: Mapping[str, Sequence[float]]) -> None:
-        """Take a client's inputs: the speed slider. The others have nothing to act on."""
+        """Set a client's inputs; only the speed slider has an effect."""
         if "speed_slider_fraction" in values and values.get("speed_slider_mask", (1,))[0]:
             fraction = values["speed_slider_fraction"][0]
             if not 0.0 <= fraction <= 1.0:  # NaN, too
@@ -211,7 +213,7 @@ class SimulatedUR:
                 self._log(f"speed slider at {100 * fraction:.0f} %")
 
     def run_script(self, text: str) -> None:
-        """Run a script. If it is refused, the clients of the script port get the reason."""
+        """Run a script; if it is refused, send the reason to the clients of the script ports."""
         try:
             self.controller.start(text)
         except ScriptError as error:
@@ -230,7 +232,7 @@ class SimulatedUR:
             self._tell_clients(RUNTIME_EXCEPTION, struct.pack(">ii", 1, 1), text)
 
     def _tell_clients(self, kind: int, head: bytes, text: str) -> None:
-        """Send a message to the clients of the script ports, as a primary interface does."""
+        """Send a message to the clients of the script ports."""
         stamp = struct.pack(">QbB", int(1e6 * self.controller.time), -1, kind)
         body = bytes([ROBOT_MESSAGE]) + stamp + head + text.encode("utf-8", "replace")[:2000]
         for client in list(self._clients):
@@ -238,7 +240,7 @@ class SimulatedUR:
                 client.send(struct.pack(">i", 4 + len(body)) + body)
 
     def _listen(self, port: int, kind: type[_Client]) -> int:
-        """Open a port; returns its number."""
+        """Open a port and return its number."""
         try:
             server = socket.create_server((self.address, port), backlog=MAX_CLIENTS)
         except OSError as error:
@@ -279,7 +281,7 @@ class SimulatedUR:
 
 
 def output(ur: Controller, name: str) -> Sequence[float]:
-    """Return the value of an RTDE output; empty where the simulation knows none."""
+    """Return the value of an RTDE output; empty if the simulation has none."""
     if name in _OUTPUTS:
         return _OUTPUTS[name](ur)
     if name.startswith("output_int_register_"):
@@ -288,14 +290,14 @@ def output(ur: Controller, name: str) -> Sequence[float]:
 
 
 class _Client:
-    """A connection; what it sends is taken in pieces, what it gets waits until it is read."""
+    """A connection with buffers for what was received and what has to be sent."""
 
     def __init__(self, robot: SimulatedUR, connection: socket.socket) -> None:
         self.robot, self.socket = robot, connection
         self.received, self.waiting = bytearray(), bytearray()
 
     def handle(self, events: int) -> None:
-        """Read and write as far as it goes."""
+        """Read and write without waiting."""
         if events & selectors.EVENT_WRITE:
             self.send(b"")
         if events & selectors.EVENT_READ:
@@ -316,7 +318,7 @@ class _Client:
                 self.robot.drop(self)
 
     def send(self, data: bytes) -> None:
-        """Send, or keep for later; a client that does not read is disconnected."""
+        """Send now or later; disconnect a client that does not read."""
         had = bool(self.waiting)
         self.waiting += data
         try:
@@ -333,11 +335,11 @@ class _Client:
             self.robot.watch(self, selectors.EVENT_READ | (selectors.EVENT_WRITE if self.waiting else 0))
 
     def take(self) -> None:
-        """Take what is complete out of `received`."""
+        """Process the complete parts of `received`."""
         raise NotImplementedError
 
     def refuse(self, why: str) -> None:
-        """Say why the connection ends."""
+        """Report why the connection ends."""
         self.robot._log(f"a client is disconnected: {why}")
 
 
@@ -454,7 +456,7 @@ def _unpacked(form: str, payload: bytes) -> tuple[Any, ...]:
 
 
 def _loopback(address: object) -> str:
-    """Return a loopback address of this machine; a robot that anybody could move is not served."""
+    """Return a loopback address of this machine; refuse others, so that nobody else can move the robot."""
     try:
         given = ipaddress.IPv4Address("127.0.0.1" if address == "localhost" else address)
     except ValueError:

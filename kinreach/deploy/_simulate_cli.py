@@ -58,7 +58,7 @@ def main(argv: Sequence[str], *, prog: str) -> int:
 
 
 def without_cell(arm: ArmDescription) -> ArmDescription:
-    """Return an arm without anything around it."""
+    """Return an arm with an empty work cell."""
     return replace(arm, workcell=Workcell())
 
 

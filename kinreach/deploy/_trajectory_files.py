@@ -1,4 +1,4 @@
-"""Trajectories as files: ROS 2's JointTrajectory as JSON, and CSV. What others wrote is read, never executed."""
+"""Trajectories as files: ROS 2's JointTrajectory as JSON, and CSV. Nothing in a file is executed."""
 
 from __future__ import annotations
 
@@ -158,7 +158,7 @@ def _from_table(text: str) -> Trajectory:
 
 
 def _trajectory(names: list[Any], t: list[float], q: list[list[float]], qd: list[list[float]]) -> Trajectory:
-    """The trajectory of rows; the speeds are differences where a row has none."""
+    """Make a trajectory; where a row has no speeds, all are differences."""
     if not t:
         raise InputError("there are no samples")
     if not all(qd):

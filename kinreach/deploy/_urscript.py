@@ -1,4 +1,4 @@
-"""The part of URScript that kinreach writes: a strict parser. Nothing is evaluated by Python.
+"""A strict parser of the URScript that kinreach writes. Nothing is evaluated by Python.
 
     program    = "def" NAME "():" body "end" | statement
     statement  = NAME "=" expression | call | "if" expression ":" body ["else:" body] "end"
@@ -36,7 +36,7 @@ FUNCTIONS: Mapping[str, Mapping[str, float | bool | str | None]] = {
     "textmsg": {"s1": None, "s2": ""},
     "write_output_integer_register": {"output_id": None, "value": None},
 }
-#: Those that return a value, and stand in expressions only.
+#: Functions that return a value, only for expressions.
 VALUES = ("get_actual_joint_positions", "norm")
 _TOKEN = re.compile(
     r"(?P<space>[ \t\r]+|\#[^\n]*)|(?P<number>(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?)|(?P<string>\"[^\"\n]*\")|"
@@ -346,7 +346,7 @@ class _Parser:
         return values
 
     def plain_number(self) -> Constant | None:
-        """Take a number that is a whole argument or entry, which is most of a long program; None if it is not one."""
+        """Parse a number that is a whole argument or entry, as most of a long program is; None if it is not one."""
         negative = self.tokens[self.place][1] == "-"
         kind, text, _ = self.tokens[self.place + negative]
         if kind != "number" or self.tokens[self.place + negative + 1][1] not in (",", "]", ")"):

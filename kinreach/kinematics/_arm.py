@@ -118,7 +118,7 @@ class ArmKinematics:
         self.T_base_world: Floats = np.asarray(np.linalg.inv(self.T_world_base), dtype=np.float64)
 
     def _base_frame(self, base: str | ArrayLike) -> tuple[str, Floats]:
-        """Name and pose in the world of the frame that poses are given in."""
+        """Return the base frame's name and pose in the world."""
         if not isinstance(base, str):
             return "own", self.T_world_arm @ as_frame("base", base)
         frames = {"base_link": self.T_world_arm, "world": np.eye(4)}
@@ -238,7 +238,6 @@ class ArmKinematics:
         return poses.reshape(*q.shape[:-1], 4, 4)
 
     def _pose(self, q: Floats) -> Floats:
-        """`fk` of one posture, by Pinocchio."""
         data = self._work.data
         pin.forwardKinematics(self.model, data, q)
         T_world_tip: Floats = pin.updateFramePlacement(self.model, data, self.tip_frame).homogeneous
@@ -316,7 +315,8 @@ class ArmKinematics:
     def _joint_frames(self) -> tuple[list[Floats], list[Floats]]:
         """Pose of each joint's frame in that of the joint before (the world for the first), and its axis in its own."""
         joints = range(1, self.n + 1)
-        axes = [np.array(_axis(self.model.joints[i].shortname(), self.model.joints[i])) for i in joints]
+        kinds = [(self.model.joints[i], self.model.joints[i].shortname()) for i in joints]
+        axes = [np.array(PLAIN_AXES[kind] if kind in PLAIN_AXES else joint.extract().axis) for joint, kind in kinds]
         return [self.model.jointPlacements[i].homogeneous for i in joints], axes
 
 
@@ -354,8 +354,3 @@ def build_model(arm: ArmDescription) -> Any:
         if not model.existFrame(frame, pin.BODY):
             raise InputError(f"arm {arm.name!r}: the URDF has no link {frame!r}")
     return model
-
-
-def _axis(shortname: str, joint: Any) -> tuple[float, float, float]:
-    """Axis of a revolute joint in its own frame, from Pinocchio's joint type."""
-    return PLAIN_AXES[shortname] if shortname in PLAIN_AXES else tuple(joint.extract().axis)

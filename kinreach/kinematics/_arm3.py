@@ -283,5 +283,5 @@ class Arm3Kinematics(ClosedFormKinematics):
         return solve_positions(self._in_joint_frame(T), self.geometry, tol=tol)
 
     def _in_joint_frame(self, p: Floats) -> Floats:
-        """Points of the base frame (count, 3) in the first joint's (3, count)."""
+        """Express points of the base frame (count, 3) in the first joint's (3, count)."""
         return self._T_joint_base[:3, :3] @ p.T + self._T_joint_base[:3, 3:]

@@ -19,8 +19,8 @@ from kinreach._checks import Floats, is_tensor, torch_module
 
 BLOCK = 4096
 
-#: What is nearer to 0, 1 or -1 is taken for it: URDFs write pi/2 with twelve digits, which leaves 5e-12 where a zero is
-#: meant. The tip of an arm of one metre is off by 1e-11 m.
+#: Entries nearer to 0, 1 or -1 become those: URDFs write pi/2 with twelve digits, which leaves 5e-12 instead of zero.
+#: The tip of an arm of one metre is off by 1e-11 m.
 SNAP = 1e-11
 #: By how much the product of a rotation and its transpose may be off.
 ORTHONORMAL = 1e-15
@@ -83,12 +83,12 @@ class Frame(NamedTuple):
         return [plus(p, along) for p, along in zip(self.p, self.direction(offset), strict=True)]
 
     def moved(self, T: Floats) -> Frame:
-        """The frame whose pose in this one is `T`, shape (4, 4)."""
+        """Return the frame whose pose in this one is `T`, shape (4, 4)."""
         x, y, z, p = T[:3].T.tolist()
         return Frame(self.direction(x), self.direction(y), self.direction(z), self.point(p))
 
     def turned(self, c: Entry, s: Entry) -> Frame:
-        """The frame after a turn about z by the angle with this cosine and sine."""
+        """Return the frame after a turn about z by the angle with this cosine and sine."""
         pairs = list(zip(self.x, self.y, strict=True))
         x = [plus(times(c, x), times(s, y)) for x, y in pairs]
         y = [minus(times(c, y), times(s, x)) for x, y in pairs]
@@ -147,7 +147,6 @@ class SerialChain:
         return p.T
 
     def _pose(self, q: Vector) -> Sequence[Vector]:
-        """Rows of the pose of the tip."""
         frame = self._last(q).moved(self._tip)
         return [*zip(*frame, strict=True), (0.0, 0.0, 0.0, 1.0)]
 
@@ -160,7 +159,6 @@ class SerialChain:
         return list(zip(*columns, strict=True))
 
     def _last(self, q: Vector) -> Frame:
-        """The frame of the last joint."""
         # each frame is made from the one before, which is then let go: few arrays stay in the cache
         return deque(self._turned(q), maxlen=1)[0]
 
@@ -187,7 +185,7 @@ def blocks(count: int) -> Iterator[slice]:
 
 
 def _evaluated(entries: Callable[[Vector], Sequence[Vector]], q: Any, rows: int, columns: int) -> Any:
-    """The matrices whose entries a function has from the angles, shape (m, rows, columns), for q of shape (m, n)."""
+    """Fill matrices (m, rows, columns) with the entries that a function computes from postures q (m, n)."""
     if is_tensor(q):
         stack = torch_module().stack
         whole = [[e if is_tensor(e) else q.new_full(q.shape[:-1], e) for e in row] for row in entries(q.unbind(-1))]
@@ -217,28 +215,22 @@ def _cos_sin(angle: Entry) -> tuple[Entry, Entry]:
 
 
 def about_z(placements: Sequence[Floats], axes: Sequence[Floats], tip: Floats) -> Floats:
-    """A chain whose joints all turn about z, `T = A0 Rz(q0) A1 ... An`, from that of `SerialChain`.
+    """Convert the chain of `SerialChain` to one whose joints all turn about z, `T = A0 Rz(q0) A1 ... An`.
 
     Returns:
         A0 to An, shape (n + 1, 4, 4).
     """
     before, found = np.eye(4), []
     for placement, axis in zip(placements, axes, strict=True):
-        align = _aligned(axis)
+        align = np.eye(4)
+        align[:3, :3] = rotation_to(axis)
         found.append(before @ placement @ align)
         before = align.T
     return np.array([*found, before @ tip])
 
 
-def _aligned(axis: Floats) -> Floats:
-    """The turn of a frame that takes its z axis to an axis, shape (4, 4)."""
-    align = np.eye(4)
-    align[:3, :3] = rotation_to(axis)
-    return align
-
-
 def _snapped(T: Floats) -> Floats:
-    """The transform with whole numbers where it almost has them, unless the rotation would not be one."""
+    """Round entries that almost are whole numbers, unless the rotation would not be one any more."""
     whole = np.rint(T)
     snapped = np.where(np.abs(T - whole) < SNAP, whole, T)
     R = snapped[:3, :3]

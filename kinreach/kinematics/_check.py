@@ -24,21 +24,21 @@ from kinreach.kinematics._solvers import ClosedFormSolver, LevenbergMarquardtSol
 
 #: Random postures that reach, collisions and calibrations are measured on.
 POSTURES = 2000
-#: Singular postures are looked for from this many random ones, at this many angles of each joint.
+#: Number of random postures next to which singular ones are searched, and of angles of each joint.
 STARTS, ANGLES = 12, 25
-#: A smallest singular value below this is that of a singular posture; the arm is taken as one of 1 m.
+#: Smallest singular value below which a posture is singular, for an arm scaled to 1 m.
 SINGULAR = 1e-6
 #: The same for arms with more than six joints, and how often each of their joints is turned.
 NEARLY_SINGULAR, ROUNDS = 1e-4, 4
 #: An angle of a joint recurs if it is singular next to this share of the random postures.
 RECURRING = 0.25
-#: What is judged as reached: less than this away [m], [rad].
+#: Largest error of a goal that counts as reached [m], [rad].
 REACHED = (1e-4, 1e-3)
 
 
 @dataclass(frozen=True)
 class Reach:
-    """Where the tip gets to in random postures, seen from the arm's first joint [m].
+    """Positions of the tip in random postures, from the arm's first joint [m].
 
     Attributes:
         farthest, usual: Largest distance, and the one that 95 % of the postures are within.
@@ -227,7 +227,7 @@ def _least_agile(kin: ArmKinematics, q: Floats, joint: int, scale: float) -> tup
 
 
 def solvers_of(kin: ArmKinematics) -> list[Solver]:
-    """The solvers that the arm and this installation have; each is tried once, so that none is timed cold."""
+    """Return the solvers that the arm and this installation have; each has solved once, so that none is timed cold."""
     makers: list[Callable[[ArmKinematics], Solver]] = [PlacoSolver, LevenbergMarquardtSolver, QPSolver]
     if isinstance(kin, ClosedFormKinematics):
         makers.insert(0, ClosedFormSolver)
@@ -274,7 +274,7 @@ def solved(kin: ArmKinematics, solver: Solver, postures: Floats, singular: Float
 
 
 def deviation(real: ArmKinematics, believed: ArmKinematics, *, seed: int = 0, count: int = POSTURES) -> Deviation:
-    """How far the tip of the real arm is from where another description of it puts the tip, in the same postures."""
+    """Compute how far the tips of a real arm and of another description of it are apart in the same postures."""
     q = random_postures(real, count, seed)
     T, expected = real.fk(q), believed.fk(q)
     turned = np.einsum("nij,nik->njk", expected[:, :3, :3], T[:, :3, :3])

@@ -1,9 +1,8 @@
-"""Whether postures collide: the arm with itself, and with what stands around it.
+"""Collision checks of postures: the arm with itself, and with obstacles.
 
-Solvers and environments, single and in batches, all have this one verdict. Where `arm.meshes` is "hulls" meshes are
-taken as their convex hulls, as MuJoCo takes them, so that its contacts agree
-(`benchmarks.studies.collision_agreement`); where it is "triangles" they are taken as they are. Boxes and cylinders are
-what they are. The gripper is held at `arm.locked_joints`.
+Solvers and environments, single and in batches, use this one verdict. With `arm.meshes` "hulls" the convex hulls of
+meshes are checked, as in MuJoCo, so that its contacts agree (`benchmarks.studies.collision_agreement`); with
+"triangles" the meshes themselves. The gripper is held at `arm.locked_joints`.
 """
 
 from __future__ import annotations
@@ -41,9 +40,9 @@ coal: Any = load("coal")
 WORLD = 0
 
 #: At coal's own 1e-6 the search for a separating plane misses one overlap, up to 10 mm deep, in some 50 000 postures.
-#: What this misses is at the edge of a collision and less than 1 µm deep; it takes no longer.
+#: With this, overlaps that are missed are less than 1 µm deep, in the same time.
 GJK_TOLERANCE = 1e-10
-#: Random postures that tell which links always touch.
+#: Number of random postures in which links that always touch are found.
 SAMPLES = 300
 
 #: Two links or obstacles by name, in alphabetical order.
@@ -51,7 +50,7 @@ Pair = tuple[str, str]
 
 
 class NoShapesError(InputError):
-    """The arm has no collision shapes, or not all."""
+    """Some or all collision shapes of the arm are missing."""
 
 
 class Cause(IntEnum):
@@ -92,7 +91,7 @@ class Shape:
 
 
 class _Search(threading.local):
-    """What one thread searches with.
+    """The search data of one thread.
 
     Args:
         model, geometry: Pinocchio's.
@@ -119,8 +118,8 @@ class CollisionChecker:
         obstacles: Boxes and `kinreach.robots.Obstacle`s in the world frame; default are those of the arm's work cell,
             to which you add yours by `[*arm.workcell.obstacles, ...]`.
         margin: Pairs nearer than this [m] count as colliding, at least 0.
-        meshes: `"hulls"` takes meshes as their convex hulls, `"triangles"` as they are: surfaces, so that a part that
-            is wholly inside of a mesh does not touch it. Default is `arm.meshes`.
+        meshes: `"hulls"` checks the convex hulls of meshes, `"triangles"` their surfaces: a part that is wholly
+            inside a mesh does not touch it. Default is `arm.meshes`.
 
     Attributes:
         kinematics: Of the arm.
@@ -130,7 +129,7 @@ class CollisionChecker:
         model, geometry: Pinocchio's models of the arm and of its shapes.
 
     Raises:
-        NoShapesError: The arm has no collision shapes.
+        NoShapesError: Collision shapes are missing.
         InputError: `margin` cannot be used, or a shape cannot be read or has no convex hull.
         UnknownNameError: Unknown arm, or `meshes` is neither.
         InstallationError: Pinocchio or coal cannot be loaded.
@@ -183,16 +182,14 @@ class CollisionChecker:
         Raises:
             InputError: `q` is malformed.
         """
-        q = self.kinematics.as_posture("q", q)
-        search = self._search
-        return bool(pin.computeCollisions(self.model, search.data, search.any_pair, q, True))
+        return self._collides(self.kinematics.as_posture("q", q))
 
     def free(self, q: ArrayLike) -> bool:
         """Return the opposite of `in_collision`; pass it to a solver as `accept`."""
         return not self.in_collision(q)
 
     def causes(self, q: ArrayLike) -> NDArray[np.uint8]:
-        """Return why postures are impossible. The verdict on one does not depend on the others, nor on their number.
+        """Return why postures are impossible. The verdict on one does not depend on the others.
 
         Args:
             q: Postures [rad], shape (m, n).
@@ -217,7 +214,7 @@ class CollisionChecker:
         return causes
 
     def _collides(self, q: Floats) -> bool:
-        """Whether any pair of a posture (n,) touches or is nearer than the margin; nothing is checked."""
+        """Whether any pair touches or is nearer than the margin in a checked posture (n,)."""
         search = self._search
         return bool(pin.computeCollisions(self.model, search.data, search.any_pair, q, True))
 
@@ -301,10 +298,10 @@ class CollisionChecker:
 
 @lru_cache(maxsize=16)
 def disabled_pairs(arm: ArmDescription) -> tuple[tuple[str, str], ...]:
-    """The pairs of links that are not checked: `arm.disabled_collisions`, or if that is None, what is found by hulls.
+    """Return the pairs of links that are not checked: `arm.disabled_collisions`, or if that is None, those found.
 
-    Found are neighbours, the links on either side of a joint; pairs that touch in the arm's home posture; and pairs
-    that touch in every one of `SAMPLES` random postures.
+    These are neighbours, the links on either side of a joint; pairs whose hulls touch in the arm's home posture; and
+    pairs whose hulls touch in each of `SAMPLES` random postures.
 
     Raises:
         InputError: The collision shapes cannot be read.
@@ -344,11 +341,11 @@ def _neighbours(arm: ArmDescription, shaped: set[str]) -> list[Pair]:
 
 
 def _search_data(geometry: Any, margin: float) -> Any:
-    """What is asked of each pair, and where the answers go.
+    """Create the requests and results of all pairs.
 
-    A search begins anew, as in coal's own requests: Pinocchio's begin where the one before ended, and a distance would
-    depend on that one by up to 2e-7 m. (The switch in them is deprecated, and silencing its warning would change the
-    filters of all threads.)
+    Each search begins anew, as in coal's own requests: Pinocchio's begin where the last one ended, and a distance would
+    depend on that by up to 2e-7 m. (Their switch is deprecated, and silencing its warning would change the filters of
+    all threads.)
     """
     results = geometry.createData()
     collision, distance = coal.CollisionRequest(coal.CollisionRequestFlag.NO_REQUEST, 1), coal.DistanceRequest()
@@ -367,7 +364,7 @@ def _search_data(geometry: Any, margin: float) -> Any:
 
 
 def check_shapes(arm: ArmDescription) -> None:
-    """Refuse an arm of whose collision shapes one is missing.
+    """Refuse an arm with a missing collision shape.
 
     Raises:
         NoShapesError: The message names the mesh.
@@ -377,7 +374,7 @@ def check_shapes(arm: ArmDescription) -> None:
 
 
 def _shapes(arm: ArmDescription, model: Any, obstacles: Sequence[Box | Obstacle], meshes_as: str) -> Any:
-    """Geometry of the links with these meshes, followed by the obstacles, fixed to the world."""
+    """Build the geometry of the links, followed by the obstacles, fixed to the world."""
     check_shapes(arm)
     robot = without_shapes(arm.urdf, "visual")
     meshes = {
@@ -406,7 +403,7 @@ def _shapes(arm: ArmDescription, model: Any, obstacles: Sequence[Box | Obstacle]
 
 
 def _take_mesh(shape: ET.Element, arm: ArmDescription) -> Mesh | None:
-    """A collision mesh in the shape's frame [m], with a ball in its place; None for another shape."""
+    """Replace a collision mesh by a ball and return it in the shape's frame [m]; None for another shape."""
     geometry = shape.find("geometry")
     mesh = None if geometry is None else geometry.find("mesh")
     if geometry is None or mesh is None:

@@ -1,4 +1,4 @@
-"""What an inverse-kinematics solver is asked for, in the base frame of the kinematics it belongs to."""
+"""Goals of inverse kinematics, in the base frame of the kinematics they belong to."""
 
 from __future__ import annotations
 
@@ -61,7 +61,7 @@ class PositionGoal:
 
 
 def _as_point(position: ArrayLike) -> Floats:
-    """A point of the goal's own: what the caller does with its array later does not move it."""
+    """Return a copy, which the caller cannot change later."""
     return as_vector("position", position, 3, most=MAX_DISTANCE).copy()
 
 

@@ -1,10 +1,10 @@
-"""What an arm really is, from where its tip was seen: least squares over the frames of its joints, with a prior.
+"""Identification of an arm from measured positions of its tip: least squares over its frames, with a prior.
 
-Every frame of the chain, base and tool included, may be off by a small translation and a small turn. Looks give the
-place of the tip in some postures; the frames are the most probable ones given the looks and what is known of such
-arms (maximum a posteriori, Gauss-Newton). Parameters that no look can tell apart stay where the prior has them, which
-makes a minimal set of parameters (Hollerbach and Wampler 1996, Int. J. Robotics Research 15) unnecessary. Joints may
-deviate from what is commanded by more parameters, such as their compliance.
+Every frame of the chain, with base and tool, may be off by a small translation and a small turn. Measurements are
+positions of the tip in known postures; the frames are the most probable ones (maximum a posteriori, Gauss-Newton).
+Parameters that the measurements do not determine stay at the prior, so that no minimal set of parameters is needed
+(Hollerbach and Wampler 1996, Int. J. Robotics Research 15). Joints may deviate from their commands by more parameters,
+such as their compliance.
 """
 
 from __future__ import annotations
@@ -43,7 +43,7 @@ class Prior(NamedTuple):
 
 
 class JointTerms(NamedTuple):
-    """How joints deviate from what is commanded, as a sum of terms with unknown factors.
+    """How joints deviate from their commands, as a sum of terms with unknown factors.
 
     Attributes:
         of: From postures (m, n) [rad] to each joint's deviation by each term, shape (m, n, k).
@@ -55,14 +55,14 @@ class JointTerms(NamedTuple):
 
 
 class IdentifiedArm:
-    """The most probable arm, and what is not known of it.
+    """The most probable arm, and its uncertainty.
 
     Args:
         chain: The arm by its data sheet.
-        q: Postures in which its tip was seen [rad], shape (m, n).
-        seen: Where [m], shape (m, 3).
-        prior: What is known of such arms.
-        noise: Standard deviation of each coordinate of a look [m], above zero.
+        q: Postures [rad], shape (m, n).
+        seen: Measured positions of the tip [m], shape (m, 3).
+        prior: Of the frames.
+        noise: Standard deviation of each measured coordinate [m], above zero.
         terms: Deviations of the joints that are identified, too.
 
     Attributes:
@@ -102,11 +102,11 @@ class IdentifiedArm:
         self.chain = SerialChain(links, [np.array((0.0, 0.0, 1.0))] * len(links), tip)
 
     def positions(self, q: Floats) -> Floats:
-        """Where its tip is in postures (m, n) [m], shape (m, 3); for few postures quicker than by the chain."""
+        """Compute positions of the tip in postures (m, n) [m], shape (m, 3); for few faster than the chain."""
         return np.asarray(self._frames(q)[-1][:, :3, 3])
 
     def doubt(self, q: Floats) -> float:
-        """Standard deviation of a coordinate of the tip, over postures (m, n) [m]."""
+        """Compute the standard deviation of the tip's coordinates over postures (m, n) [m]."""
         J = self._linearised(q)[1]
         return float(np.sqrt(np.einsum("ij,jk,ik->i", J, self._covariance, J).mean()))
 

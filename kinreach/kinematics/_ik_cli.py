@@ -32,14 +32,14 @@ COLUMNS = ("x", "y", "z", "rx", "ry", "rz")
 MAX_BYTES, MAX_POSES = 2**28, 1_000_000
 #: Exit code where a pose has no posture.
 NONE_FOUND = 1
-#: A position this many times as far away as the arm is long is not in metres.
+#: A position farther away than this many lengths of the arm is not in metres.
 WRONG_UNIT = 10
 #: Edges of the table of `--table` [m].
 TABLE_SIZE = (6.0, 6.0, 1.0)
 
 
 class Answers:
-    """Postures of an arm for poses, with what keeps them from being used.
+    """Postures of an arm for poses, and what they collide with.
 
     Args:
         kinematics: Of the arm.
@@ -65,7 +65,7 @@ class Answers:
 
     @property
     def note(self) -> str:
-        """What the collision checks leave out, for people; empty if nothing."""
+        """A note on what the collision checks leave out; empty if nothing."""
         if self.checker is None or self.kinematics.tip != TOOL:
             return ""
         if TOOL_BODY in {shape.name for shape in self.checker.shapes}:
@@ -92,7 +92,7 @@ class Answers:
         return ([(result.q, 0)], "") if result.success else ([], self._in_metres(T, result.reason))
 
     def _in_metres(self, T: Floats, reason: str) -> str:
-        """The reason, with a note that positions are in metres if this one looks like millimetres."""
+        """Add to a reason that positions are in metres, if this one seems to be in millimetres."""
         first, *links = self.kinematics.chain.placements[:, :3, 3]
         away, length = np.linalg.norm(T[:3, 3] - first), np.linalg.norm(links, axis=1).sum()
         if away < WRONG_UNIT * length:
@@ -251,7 +251,7 @@ def _cells(row: list[str], places: Sequence[int], line: int, path: Path) -> list
 
 
 def _on_table(checker: CollisionChecker, height: float) -> ArmDescription:
-    """The arm of a checker on a table, which what is fixed to the base may touch."""
+    """Put the arm of a checker on a table, which parts that are fixed to the base may touch."""
     if not height <= 0.0:
         raise InputError(
             f"--table must be 0 or negative, got {height:g}: metres from the arm's base down to the table's top; "
@@ -265,7 +265,6 @@ def _on_table(checker: CollisionChecker, height: float) -> ArmDescription:
 
 
 def _base(text: str) -> str | list[float]:
-    """A frame by its name, or by six numbers."""
     return numbers_of("--base", text, 6) if any(sign.isdigit() for sign in text) and "," in text else text
 
 
@@ -290,12 +289,12 @@ def _parser(prog: str) -> Parser:
         "frame of your own by its pose in base_link, X,Y,Z,RX,RY,RZ",
     )
     parser.add_argument(
-        "--cell", action="store_true", help="what stands around the arm in kinreach's scene is an obstacle too"
+        "--cell", action="store_true", help="check the obstacles of the arm's work cell in kinreach, too"
     )
     parser.add_argument(
         "--table",
         metavar="Z",
-        help="a table around the arm is an obstacle, with its top this high above the arm's base [m]: 0 or negative",
+        help="check a table around the arm, too, with its top at this height above the arm's base [m]: 0 or negative",
     )
     add_arm_flags(parser)
     return parser

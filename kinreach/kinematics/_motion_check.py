@@ -1,4 +1,4 @@
-"""Motions along straight lines in joint space, checked so that no collision between two samples is missed."""
+"""Collision checks of straight lines in joint space that miss nothing between two samples."""
 
 from __future__ import annotations
 
@@ -46,7 +46,7 @@ class MotionCheck:
         self.reach = _reach(checker)
 
     def free(self, q: Floats) -> bool:
-        """Return whether a posture is farther than the margin from everything; joint limits are not looked at."""
+        """Return whether a posture is farther than the margin from everything, regardless of joint limits."""
         return not self.checker._collides(q)
 
     def motion_free(self, start: Floats, end: Floats, *, step: float | None = None) -> bool:
@@ -111,7 +111,7 @@ def _reach(checker: CollisionChecker) -> Floats:
     model, far = checker.model, np.zeros(checker.model.nq + 1)
     for shape in checker.geometry.geometryObjects:
         if not shape.parentJoint:
-            continue  # stands still
+            continue  # fixed to the world
         centre = shape.placement.act(shape.geometry.aabb_center)
         far[shape.parentJoint] = max(far[shape.parentJoint], np.linalg.norm(centre) + shape.geometry.aabb_radius)
     for joint in range(model.nq - 1, 0, -1):

@@ -18,10 +18,10 @@ from kinreach.kinematics._collision import CollisionChecker
 from kinreach.kinematics._motion_check import MotionCheck, check_waypoints
 from kinreach.kinematics._solutions import SLACK, IKSolutions, nearest_windings
 
-#: While a path is searched for, no point of the arm moves farther between two samples [m]. The path that is found is
-#: then checked so that nothing is missed, and searched for again with half of this where something was.
+#: How far a point of the arm may move between two samples during the search [m]. The path is then checked so that
+#: nothing is missed; if something was, the search is repeated with half of this.
 SEARCH_STEP = 0.1
-#: Parts of a path that are chosen at random and replaced by straight lines where these are free.
+#: Number of random parts of a path that are replaced by straight lines where these are free.
 SHORTCUTS = 10
 #: Largest change of a posture in one step of a tree [rad, a joint counted by how far it moves the arm].
 RANGE = 0.3
@@ -115,7 +115,7 @@ def plan_path(
 
 
 def _windings(kin: ArmKinematics, start: Floats, goals: Floats) -> Floats:
-    """The goals in the full turns nearest to the start and nearest to the middle of the limits, shape (k, n)."""
+    """Return the goals in the full turns nearest to the start and to the middle of the limits, shape (k, n)."""
     found = []
     for near in (start, (kin.lower + kin.upper) / 2.0):
         wound, within = nearest_windings(goals.T, near[:, None], kin.lower, kin.upper)
@@ -160,7 +160,7 @@ def _free_goals(motion: MotionCheck, start: Floats, goals: Floats) -> Floats:
 def _search(
     motion: MotionCheck, start: Floats, goals: Floats, rng: np.random.Generator, step: float, deadline: float
 ) -> Floats | None:
-    """A path of RRTConnect whose motions are free at samples `step` apart; None if there is none in time."""
+    """Search a path by RRTConnect whose motions are free at samples `step` apart; None if time runs out."""
     lower, upper = _sampled_range(motion.checker.kinematics, start, goals)
     of_start, of_goals = _Tree(motion, start[None], step), _Tree(motion, goals, step)
     while time.monotonic() < deadline:
@@ -233,9 +233,9 @@ class _Tree:
 
 
 def _sampled_range(kin: ArmKinematics, start: Floats, goals: Floats) -> tuple[Floats, Floats]:
-    """Range of the random postures: one turn about start and goals, or more where these are farther apart.
+    """Return the range of random postures: one turn about start and goals, or more where these are farther apart.
 
-    A UR's joints have two turns. In the range of all six are 64 times as many postures, each equal to one of these.
+    A UR's joints have two turns: their whole range holds each posture 64 times.
     """
     known = np.vstack([start, goals])
     low, high = known.min(axis=0), known.max(axis=0)
@@ -244,7 +244,7 @@ def _sampled_range(kin: ArmKinematics, start: Floats, goals: Floats) -> tuple[Fl
 
 
 def _shortened(motion: MotionCheck, path: Floats, rng: np.random.Generator, step: float) -> Floats:
-    """The path without detours: waypoints left out first, then parts chosen at random replaced by straight lines."""
+    """Shorten a path: leave out waypoints, then replace random parts by straight lines."""
     points: list[Floats] = [*path]
     first = 0
     while first < len(points) - 2:

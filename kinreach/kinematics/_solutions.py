@@ -1,4 +1,4 @@
-"""Results of inverse kinematics, for one posture, all postures of a goal, or many goals; and the nearest windings."""
+"""Results of inverse kinematics: one posture, all postures of a goal, or many goals; and the nearest windings."""
 
 from __future__ import annotations
 
@@ -42,7 +42,7 @@ Accept = Callable[[Floats], bool]
 
 
 def check_accept(accept: object) -> None:
-    """Refuse what cannot be called, before anything is computed."""
+    """Refuse what cannot be called."""
     if accept is not None and not callable(accept):
         raise InputError(f"accept must be a function of a posture, or None, got {shown(accept)}")
 
@@ -157,9 +157,9 @@ class _Known:
 
 @dataclass(frozen=True)
 class IKSolutions:
-    """Every posture that reaches a goal, in the order of the branch index (of the distance, if a seed was given).
+    """Every posture that reaches a goal, in the order of the branch index, or of the distance from the seed.
 
-    Arrays are made when they are first asked for.
+    Arrays are made on first use.
 
     Attributes:
         found: One `Row` per solution.
@@ -179,7 +179,6 @@ class IKSolutions:
         return len(self.found)
 
     def __getstate__(self) -> dict[str, Any]:
-        """All values, with the errors computed: functions cannot be pickled."""
         errors = {tuple(q): tuple(error) for q, error in zip(self.q.tolist(), self.residual.tolist(), strict=True)}
         return {**vars(self), "error_of": _Known(errors)}
 

@@ -1,6 +1,6 @@
-"""What the same formulas need to run on numpy's arrays and on torch's tensors, and the way from one to the other.
+"""Functions that let the same formulas run on numpy's arrays and torch's tensors, and conversions between them.
 
-Tensors are taken, and torch is not imported before somebody asks for them.
+Torch is imported only when a tensor is used.
 """
 
 from __future__ import annotations
@@ -86,7 +86,7 @@ def on_device(values: Any, device: Any) -> Any:
 
 
 def parts(values: Any) -> Iterator[slice]:
-    """Return slices of rows to compute at a time: ones that stay in a processor's cache, all rows on another device."""
+    """Return slices of rows that stay in a processor's cache; all rows at once on another device."""
     if is_tensor(values) and values.device.type != "cpu":
         return iter((slice(None),))
     return blocks(len(values))

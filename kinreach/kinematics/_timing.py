@@ -23,13 +23,13 @@ ACCELERATION_TIME = 0.1
 MAX_LIMIT, MAX_RATE = 1e6, 1e5
 #: Two waypoints that are nearer are the same [rad].
 SAME = 1e-9
-#: Points of a path at which toppra looks at the limits, at least, and for each piece of it.
+#: Points of a path at which toppra checks the limits: at least, and for each piece.
 GRID, GRID_PER_PIECE = 200, 8
 
 
 @dataclass(frozen=True, eq=False)
 class MotionLimits:
-    """What the joints of an arm may do in a motion. The arrays are read-only.
+    """Limits of an arm's joints in a motion. The arrays are read-only.
 
     Attributes:
         joints: Names of the joints.
@@ -226,7 +226,7 @@ class _RoundedPath:
 
     @property
     def grid(self) -> Floats:
-        """Where the limits are looked at: the ends of the pieces, and points between them."""
+        """Where the limits are checked: the ends of the pieces, and points between them."""
         pieces = [np.linspace(a, b, GRID_PER_PIECE, endpoint=False) for a, b in pairwise(self._starts) if b - a > SAME]
         points = np.unique(np.concatenate([*pieces, np.linspace(0.0, self.duration, GRID), [self.duration]]))
         return points[np.concatenate([[True], np.diff(points) > SAME])]

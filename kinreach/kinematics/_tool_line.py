@@ -1,4 +1,4 @@
-"""Straight lines of the tool: the branch is kept, and what stops the arm is said with its place."""
+"""Straight lines of the tool in one branch; errors name where and why a line stops."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ MAX_JUMP, HALVINGS = 0.1, 8
 
 @dataclass(frozen=True)
 class _Stop:
-    """Where a line cannot go on: the way, which part of it, the last posture, and why."""
+    """Where a line stops: its index, the part of it, the last posture, and why."""
 
     index: int
     fraction: float
@@ -106,7 +106,7 @@ def _as_poses(poses: ArrayLike) -> Floats:
 def _follow(
     kin: ArmKinematics, start: Floats, corners: Floats, step: float, motion: MotionCheck | None
 ) -> Floats | _Stop:
-    """The postures of all lines in the branch of the first, or where it stops."""
+    """Return the postures of all lines in the branch of the first, or where they stop."""
     path = [start]
     for index in range(len(corners) - 1):
         line = PoseLine(corners[index], corners[index + 1])
@@ -123,7 +123,7 @@ def _follow(
 def _extend(
     kin: ArmKinematics, path: list[Floats], line: PoseLine, before: float, part: float, halvings: int
 ) -> tuple[float, Floats, str] | None:
-    """Append the posture at a part of a line, and those between that it needs; or return why there is none."""
+    """Append the posture at a part of a line, with postures between where it is far; or return why there is none."""
     solutions: Any = kin.all_solutions(line.at(part), seed=path[-1], limits=False)  # type: ignore[attr-defined]
     if not solutions.success:
         return part, path[-1], f"out of reach: {solutions.reason}"
@@ -142,7 +142,7 @@ def _extend(
 def _blocked(
     kin: ArmKinematics, motion: MotionCheck | None, ends: list[Floats], part: float
 ) -> tuple[float, Floats, str] | None:
-    """Why the arm cannot be in the last posture, or not get there from the one before."""
+    """Return why the arm cannot reach the last posture from the one before; None if it can."""
     q = ends[-1]
     if outside := kin.joints_outside_limits(q):
         return part, q, f"out of limits: {', '.join(outside)}"

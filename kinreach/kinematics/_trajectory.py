@@ -1,4 +1,4 @@
-"""A motion of the joints over time."""
+"""Motions of the joints over time."""
 
 from __future__ import annotations
 
@@ -13,9 +13,9 @@ from numpy.typing import ArrayLike
 from kinreach._checks import MAX_ANGLE, Floats, as_floats, check_entries, check_number, shown
 from kinreach.errors import InputError
 
-#: Samples of a trajectory, and so of one that is resampled.
+#: Largest number of samples of a trajectory.
 MAX_SAMPLES = 10_000_000
-#: A time that is nearer to a multiple of the period than this part of it is that multiple.
+#: Part of a period by which a time may be off a multiple of it by rounding.
 ROUNDING = 1e-9
 
 

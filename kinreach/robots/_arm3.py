@@ -1,7 +1,7 @@
 """The 3-DOF arm of the button task: a turning base and a two-link arm that moves in a vertical plane.
 
-Geometry, masses and inertias are those of the course project's arm. The links' shapes are drawn here with
-primitives; the end effector is a point on the third link.
+Geometry, masses and inertias are those of the course project's arm; the shapes are primitives. The end effector is a
+point on the third link.
 """
 
 from __future__ import annotations

@@ -54,7 +54,7 @@ class Calibration:
         placements: A0 to A6 of `T = A0 Rz(q1) A1 ... Rz(q6) A6`, from the DH base (the driver's `base_link_inertia`,
             which is base_link turned by pi about z) to `tool0`, shape (7, 4, 4).
         file: Where it was read.
-        repaired: Name of the link whose folded figures were put right; empty if there was none.
+        repaired: Name of the link whose folded figures were corrected; empty if there was none.
     """
 
     model: str
@@ -79,7 +79,7 @@ def read_calibration(file: str | Path, model: str, *, repair: bool = False) -> C
     Args:
         file: The driver's `kinematics.yaml`, the controller's `calibration.conf`, or a calibrated URDF.
         model: Which UR it is, "ur3" to "ur30".
-        repair: Put right what an old exporter folded: the figures of one link with x and y negated.
+        repair: Correct what an old exporter folded: the figures of one link with x and y negated.
 
     Raises:
         UnknownNameError: Unknown model.
@@ -161,7 +161,7 @@ def calibrated_urdf(text: str, calibration: Calibration, *, base: str, tip: str)
 
 @dataclass(frozen=True)
 class _Placed:
-    """An arm as a file has it: the pose of each joint's frame in that of the joint before, and that of tool0.
+    """The figures of a file: the pose of each joint's frame in that of the joint before, and that of tool0.
 
     Attributes:
         steps: In the DH base, shape (7, 4, 4).
@@ -172,14 +172,13 @@ class _Placed:
     axes: Floats
 
     def folded(self, index: int) -> _Placed:
-        """With x and y of one link negated."""
         steps = self.steps.copy()
         steps[index, :2, 3] *= -1.0
         return _Placed(steps, self.axes)
 
 
 def _from_driver(text: str) -> _Placed:
-    """From the driver's file: x y z roll pitch yaw of six links."""
+    """Read the driver's file: x y z roll pitch yaw of six links."""
     try:
         content = yaml.load(text, Loader=yaml.BaseLoader)  # texts only: no tags, and no merging that multiplies
     except (yaml.YAMLError, RecursionError, ValueError) as error:
@@ -206,7 +205,7 @@ def _from_driver(text: str) -> _Placed:
 
 
 def _from_controller(text: str, model: str) -> _Placed:
-    """From the controller's file: four lists of six numbers, to be added to the DH parameters of the data sheet."""
+    """Read the controller's file: four lists of six numbers, to be added to the DH parameters of the data sheet."""
     lists = dict(_DELTA_LINE.findall(text))
     values = []
     for key in _DELTAS:
@@ -230,7 +229,7 @@ def _from_controller(text: str, model: str) -> _Placed:
 
 
 def _from_urdf(text: str) -> _Placed:
-    """From a URDF whose joints have the names of a UR, with or without a prefix."""
+    """Read a URDF whose joints have the names of a UR, with or without a prefix."""
     robot = parse_urdf(text)
     for link in robot.findall("link"):
         for element in list(link):
@@ -259,7 +258,7 @@ def _from_urdf(text: str) -> _Placed:
 
 
 def _number(name: str, value: Any, most: float, unit: str) -> float:
-    """A finite number within bounds; text is a number if it looks like one, as YAML takes 1e-5 for text."""
+    """Check a finite number within bounds, also as text: YAML reads 1e-5 as text."""
     try:
         number = float(value)
     except (TypeError, ValueError, OverflowError):
@@ -272,7 +271,7 @@ def _number(name: str, value: Any, most: float, unit: str) -> float:
 
 
 def _placements(placed: _Placed, model: str) -> Floats:
-    """The same arm with frames as near to those of the data sheet as its axes allow, shape (7, 4, 4)."""
+    """Compute the chain whose frames are as near to the data sheet's as the axes allow, shape (7, 4, 4)."""
     wanted = _at_zero(nominal_placements(model))
     frames, frame = [], np.eye(4)
     for step, axis, near in zip(placed.steps[:6], placed.axes, wanted[:6], strict=True):
@@ -289,7 +288,7 @@ def _placements(placed: _Placed, model: str) -> Floats:
 
 
 def _what_is_wrong(placements: Floats, model: str) -> str:
-    """Which joint is farther from the data sheet than any calibration; empty if none is."""
+    """Describe the first joint that is farther from the data sheet than any calibration; empty if none is."""
     tilts, offsets = _differences(placements, nominal_placements(model))
     for what, tilt, offset in zip((*JOINTS, "tool0"), tilts, offsets, strict=True):
         if not tilt <= MAX_TILT:
@@ -315,7 +314,7 @@ def _differences(placements: Floats, nominal: Floats) -> tuple[Floats, Floats]:
 
 
 def _unfolded(placed: _Placed, model: str) -> tuple[str, Floats]:
-    """The link whose x and y have to be negated for the arm to fit, and the arm then; an empty name if none does."""
+    """Find the link with whose x and y negated the arm fits, and that arm; an empty name if there is none."""
     for index, link in enumerate(LINKS):
         placements = _placements(placed.folded(index), model)
         if not _what_is_wrong(placements, model):
@@ -324,7 +323,6 @@ def _unfolded(placed: _Placed, model: str) -> tuple[str, Floats]:
 
 
 def _better_model(placed: _Placed, model: str) -> str:
-    """Which other models the arm would fit, in words."""
     fitting = [
         other for other in UR_LENGTHS if other != model and not _what_is_wrong(_placements(placed, other), other)
     ]

@@ -35,7 +35,7 @@ from kinreach.robots._workcell import CameraMount, Workcell
 
 #: Attributes with one number for each joint.
 PER_JOINT = ("home", "position_gains", "joint_damping")
-#: How collision checks take meshes.
+#: Kinds of collision meshes.
 MESHES_AS = (HULLS, TRIANGLES) = ("hulls", "triangles")
 
 
@@ -65,8 +65,8 @@ class ArmDescription:
         disabled_collisions: Link pairs that touch by construction (SRDF `disable_collisions`). None: neighbours, and
             pairs that collide at home, and pairs that always collide, found by `kinreach.kinematics._collision`.
         package_root: Returns the folder that `package://` stands for, or None if the URDF names no mesh.
-        meshes: How collision checks take collision meshes: `"hulls"`, as their convex hulls, which is how MuJoCo takes
-            them; or `"triangles"`, as they are, the default of `from_urdf`.
+        meshes: What collision checks use of a mesh: `"hulls"`, its convex hull, as MuJoCo does; or `"triangles"`, the
+            mesh itself, the default of `from_urdf`.
         position_gains: Stiffness of the position servo of each joint [N m/rad]; default makes each servo answer in
             1/30 s, by an estimate of the inertia that the joint carries.
         speed_limit: Joint speed the controller commands [rad/s]; default is the slowest joint's limit, at most 3.
@@ -212,7 +212,7 @@ class ArmDescription:
                 then those around the file, and those of `ROS_PACKAGE_PATH` and `AMENT_PREFIX_PATH`.
             gripper_on: Link that the parallel gripper of `kinreach.robots._grippers` is mounted on; its `tcp` is then
                 the default tip. Default is no gripper.
-            meshes: How collision checks take collision meshes, `"triangles"` or `"hulls"`.
+            meshes: What collision checks use of a mesh, `"triangles"` or `"hulls"`.
             facts: Any other attribute of `ArmDescription`, such as `position_gains=`.
 
         Raises:
@@ -271,9 +271,9 @@ class ArmDescription:
         return replace(self, build_urdf=partial(str, text), home=tuple(np.clip(self.home, lower, upper).tolist()))
 
     def with_tool(self, tool: Tool | str | ArrayLike) -> ArmDescription:
-        """The same arm with a tool on its flange, whose centre point becomes the tip `"tool"`.
+        """Return the same arm with a tool on its flange, whose centre point becomes the tip `"tool"`.
 
-        It takes the place of a gripper, such as kinreach's own on UR3, UR5 and UR10.
+        It replaces a gripper, such as kinreach's own on UR3, UR5 and UR10.
 
         Args:
             tool: A `Tool`; or only its centre point, `[x, y, z, rx, ry, rz]` as on the pendant, or a 4x4 transform; or
@@ -331,9 +331,6 @@ class ArmDescription:
 
     def calibrated(self, file: str | Path, *, model: str | None = None, repair: bool = False) -> ArmDescription:
         """Return the same arm with its joints where its factory calibration has them.
-
-        Simulation, collision checker and environments take it as any other arm; a method that is given the arm
-        without its calibration believes in the data sheet.
 
         Args:
             file: The ROS driver's `kinematics.yaml`, the controller's `calibration.conf`, or a calibrated URDF.

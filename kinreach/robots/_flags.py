@@ -30,7 +30,7 @@ def add_arm_flags(parser: argparse.ArgumentParser) -> None:
         help="factory calibration of a UR: the ROS driver's kinematics.yaml, the controller's calibration.conf, or a "
         "calibrated URDF",
     )
-    group.add_argument("--repair", action="store_true", help="put right a calibration that an old exporter folded")
+    group.add_argument("--repair", action="store_true", help="correct a calibration that an old exporter folded")
     group.add_argument(
         "--tool",
         metavar="X,Y,Z,RX,RY,RZ",
@@ -55,7 +55,7 @@ def add_arm_flags(parser: argparse.ArgumentParser) -> None:
 
 
 def arm_of(name: str, arguments: argparse.Namespace) -> ArmDescription:
-    """Return the arm that the flags of `add_arm_flags` describe; its default tip is the one that was asked for.
+    """Return the arm that the flags of `add_arm_flags` describe, with `--tip` as its default tip.
 
     Args:
         name: Name, URDF file, or `module:attribute`.
@@ -90,7 +90,7 @@ def arm_with(
     Args:
         name: Name, URDF file, or `module:attribute`.
         calibration: Path of a UR's calibration.
-        repair: Put right a calibration that is folded.
+        repair: Correct a folded calibration.
         tool: On the flange.
         tip: Short name of the default tip.
         joints: Of a URDF.

@@ -1,4 +1,4 @@
-"""Grippers: the data of one, and a parallel gripper that any URDF can be given."""
+"""Grippers, and a parallel gripper that can be added to any URDF."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ class Gripper:
 
 #: The gripper that `add_parallel_gripper` adds.
 PARALLEL_GRIPPER = Gripper("finger_left_joint", "finger_right_joint", stroke=STROKE, opening=0.10, force=120.0)
-#: Its parts that touch by construction.
+#: Its links that touch by construction.
 PARALLEL_GRIPPER_PAIRS = (
     ("gripper_palm", "finger_left"),
     ("gripper_palm", "finger_right"),
@@ -48,7 +48,7 @@ PALM_MASS, FINGER_MASS = 0.9, 0.1
 
 
 def finger(y: float) -> Solid:
-    """Return a finger whose middle is so far beside the flange's z axis [m]."""
+    """Return a finger at a distance from the flange's z axis, along its y axis [m]."""
     return Solid((0.022, 0.012, 0.105), (0, y, 0.1575))
 
 

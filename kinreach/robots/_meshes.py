@@ -1,6 +1,6 @@
-"""Mesh files, read in one place and checked before an engine sees what is in them.
+"""Mesh files, read and checked before an engine uses them.
 
-Engines open no mesh themselves: a vertex that is not finite, or a hull without thickness, ends the process in them.
+Engines open no mesh themselves: a vertex that is not finite, or a hull without thickness, crashes them.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ MAX_BYTES, MAX_COORDINATE, MAX_FACES = 2**26, 100.0, 2_000_000
 MAX_PLACED = 10_000
 #: Meshes that are kept in memory.
 MAX_KEPT = 64
-#: A collision mesh that is thinner, such as a plate without thickness, is taken to be this thick [m].
+#: Least thickness of a collision mesh, such as a plate without any [m].
 MIN_THICKNESS = 1e-4
 #: A mesh whose points are this near to one line has no surface [m].
 LINE = 1e-6
@@ -47,7 +47,7 @@ class Mesh(NamedTuple):
 def collision_mesh(address: str, package_root: str | None, scale: Floats) -> Mesh:
     """Read the mesh of a collision shape, with a hull that has a volume; its arrays are read-only.
 
-    A mesh that was read before is not read again as long as its file does not change.
+    A mesh is read again only if its file has changed.
 
     Args:
         address: `package://` address.
@@ -122,7 +122,7 @@ def _check_part(name: str, part: Any, T: Floats, scale: Floats) -> None:
 
 
 def _with_thickness(name: str, mesh: Mesh, scale: Floats) -> Mesh:
-    """The mesh itself; where it is thinner than `MIN_THICKNESS` its hull, made that thick."""
+    """Return the mesh; if it is thinner than `MIN_THICKNESS`, its hull, made that thick."""
     points = mesh.vertices[np.unique(mesh.faces)] * scale
     centre = points.mean(axis=0)
     axes = np.linalg.eigh(np.cov(points.T, ddof=0))[1][:, ::-1]  # the direction in which the mesh is thinnest is last
@@ -142,7 +142,7 @@ def _with_thickness(name: str, mesh: Mesh, scale: Floats) -> Mesh:
 
 
 def _inside(address: str, package_root: str | None) -> Path:
-    """The file of an address, which is within the package, links followed."""
+    """Return the file of an address, links followed; refuse one outside the package."""
     root = Path(package_root or "").resolve()
     try:
         path = (root / address.removeprefix(PACKAGE)).resolve()
@@ -157,7 +157,7 @@ def _inside(address: str, package_root: str | None) -> Path:
 
 
 def _read(path: Path) -> Any:
-    """The scene in a file; errors go on after "the mesh ...".
+    """Read the scene in a file; errors continue "the mesh ...".
 
     Raises:
         InputError: It cannot be read.
@@ -175,8 +175,7 @@ def _read(path: Path) -> Any:
 
 
 def _parsed(content: bytes, kind: str) -> Any:
-    """The scene in the bytes of a file."""
-    import trimesh  # half a second, which an arm without meshes does not take
+    import trimesh  # half a second, which an arm without meshes saves
 
     if kind == "dae":
         _check_collada(content)
@@ -190,7 +189,7 @@ def _parsed(content: bytes, kind: str) -> Any:
 
 
 def _check_collada(content: bytes) -> None:
-    """Refuse what is not XML, entities, and a scene that places parts within parts until there are very many."""
+    """Refuse what is not XML, a document type, and a scene that places very many parts."""
     inside: list[str] = []  # open nodes
     placed: Counter[str] = Counter()
     used: defaultdict[str, list[str]] = defaultdict(list)

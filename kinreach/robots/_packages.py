@@ -134,7 +134,7 @@ class _Folders:
             yield self._file.parent / address, ()
 
     def _search(self, name: str) -> list[Path]:
-        """Folders of a package: those given, then around the file, then ROS's, then in their repositories."""
+        """Return the folders of a package: the given ones first, then around the file, ROS's, and nested ones."""
         places = []
         for folder in (*self._given, *self._around, *self._ros):
             places += [folder / name, *([folder] if folder.name == name else [])]
@@ -142,7 +142,7 @@ class _Folders:
 
     @cached_property
     def _nested(self) -> dict[str, list[Path]]:
-        """Packages by their names, in repositories within the folders that are named."""
+        """Packages by name, in repositories within the given folders and ROS's."""
         places: dict[str, list[Path]] = {}
         for repository in (path for folder in (*self._given, *self._ros) for path in _folders_in(folder)):
             for package in _folders_in(repository):
@@ -151,7 +151,6 @@ class _Folders:
 
 
 def _entries(variable: str) -> list[str]:
-    """Entries of a path of the environment."""
     return [entry for entry in os.environ.get(variable, "").split(os.pathsep) if entry]
 
 

@@ -15,9 +15,9 @@ from kinreach.robots import _panda as panda
 from kinreach.robots import _ur_arms as ur_arms
 from kinreach.robots._description import ArmDescription
 
-#: How the names of files that describe an arm end.
+#: Endings of files that describe an arm.
 FILES = (".urdf", ".xml", ".xacro")
-#: Arms that are read from a file when they are first asked for.
+#: Arms that are read from a file on first use.
 _FROM_FILES: dict[str, Callable[[], ArmDescription]] = {"panda": panda.describe}
 
 

@@ -1,4 +1,4 @@
-"""Rotations and poses as people write them: roll, pitch and yaw in a URDF, the six numbers of a UR's pendant."""
+"""Rotations and poses: roll, pitch and yaw of a URDF, the six numbers of a UR's pendant."""
 
 from __future__ import annotations
 
@@ -60,10 +60,7 @@ class PoseLine:
 
 
 def rpy(R: Floats) -> tuple[float, float, float]:
-    """Return roll, pitch and yaw of a rotation; yaw is 0 where the pitch is a right angle.
-
-    Roll is what is left of the rotation without yaw, so that the three make it up also near that pitch.
-    """
+    """Return roll, pitch and yaw of a rotation; yaw is 0 where the pitch is a right angle."""
     across = math.hypot(R[0, 0], R[1, 0])
     yaw = math.atan2(R[1, 0], R[0, 0]) if across > 1e-12 else 0.0
     s, c = math.sin(yaw), math.cos(yaw)

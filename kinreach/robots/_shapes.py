@@ -15,7 +15,7 @@ from kinreach.robots._description import ArmDescription
 from kinreach.robots._meshes import placed_parts
 from kinreach.robots._urdf import origin_of
 
-#: Of shapes whose file or material names no colour.
+#: Default colour.
 GREY = (0.62, 0.64, 0.67, 1.0)
 
 

@@ -72,7 +72,7 @@ class Tool:
 
     @classmethod
     def tube(cls, centre: ArrayLike, radius: float, *, mass: float = 0.0) -> Tool:
-        """A tool that fills a cylinder from the flange to its centre point, such as a gripper or a nozzle.
+        """Return a tool that fills a cylinder from the flange to its centre point, such as a gripper or a nozzle.
 
         Args:
             centre: As in `Tool`.

@@ -35,11 +35,11 @@ class _Cell:
 
     Attributes:
         name: The model; `NAME_joint_limited_robot.urdf` is its file.
-        table_top: Height of the table. Lower, and the natural postures would push wrist_1 across ±pi.
-        table, table_x: Edges of the table top, and where its centre is in front of the arm.
-        goals_x, goals_y: Where goals are on the table; both natural postures reach them with the tool down.
-        plate, plate_x: Edges of the plate under the arm, and its centre.
-        front_target, wrist_target: Where the cameras look: a point in the world, and one in the frame of tool0.
+        table_top: Height of the table. If it is lower, the natural postures push wrist_1 across ±pi.
+        table, table_x: Edges of the table top, and x of its centre.
+        goals_x, goals_y: Ranges of the goals; both natural postures reach them with the tool down.
+        plate, plate_x: Edges of the plate under the arm, and x of its centre.
+        front_target, wrist_target: Targets of the cameras, in the world and in the frame of tool0.
         overview, overview_target: Viewpoint of pictures.
         position_gains: Stiffness of the position servos [N m/rad].
         speed_limit: Of the joints [rad/s].
@@ -187,7 +187,7 @@ def _describe(cell: _Cell) -> ArmDescription:
 
 
 def _table(name: str) -> Workcell:
-    """The arm on the edge of a table, with goals on it; sizes in proportion to what it reaches."""
+    """A table with goals, its sizes in proportion to the arm's reach."""
     lengths = UR_LENGTHS[name]
     reach = -lengths.a2 - lengths.a3
     return Workcell(
@@ -202,7 +202,7 @@ def _table(name: str) -> Workcell:
 
 
 def _describe_nominal(name: str) -> ArmDescription:
-    """A model without meshes: the bare arm on a table."""
+    """Describe a model without meshes: the bare arm on a table."""
     return ArmDescription(
         name=name,
         title=name.upper(),

@@ -52,7 +52,7 @@ class URShape:
     torques: tuple[float, ...]
 
     def scaled(self, factor: float) -> URShape:
-        """The same shape in another size: masses go with the volume, the motors are the same."""
+        """Return the shape in another size; masses scale with the volume, the motors stay."""
 
         def times(value: Any, factor: float) -> Any:
             if isinstance(value, tuple):
@@ -65,7 +65,7 @@ class URShape:
 
 
 def _speeds(base: float, elbow: float, wrist: float) -> tuple[float, ...]:
-    """Of the two joints at the base, the elbow and the three wrists, from degrees a second."""
+    """Speeds of the six joints [rad/s] from those of the base, the elbow and the wrists [degrees/s]."""
     return tuple(round(radians(speed), 4) for speed in (base, base, elbow, wrist, wrist, wrist))
 
 

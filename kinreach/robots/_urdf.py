@@ -1,4 +1,4 @@
-"""URDF: built from primitives, checked before an engine is given one, and the chain of an arm in it."""
+"""URDFs: built from primitives, checked before an engine reads them, and the chain of an arm in one."""
 
 from __future__ import annotations
 
@@ -56,7 +56,7 @@ def without_shapes(text: str, *kinds: str) -> ET.Element:
 
 
 def named(robot: ET.Element, tag: str, name: str) -> ET.Element | None:
-    """Find the link or joint of this name, whatever characters are in it."""
+    """Find a link or joint by its name, which may have any characters."""
     return next((element for element in robot.findall(tag) if element.get("name") == name), None)
 
 
@@ -67,7 +67,7 @@ def link_at(joint: ET.Element, end: str) -> str:
 
 
 def links_below(robot: ET.Element, link: str) -> list[str]:
-    """Names of all links that a link carries, itself not among them."""
+    """Return the names of all links that a link carries, without its own."""
     found = [link]
     for parent in found:  # which grows
         found += [link_at(joint, "child") for joint in robot.findall("joint") if link_at(joint, "parent") == parent]
@@ -75,7 +75,7 @@ def links_below(robot: ET.Element, link: str) -> list[str]:
 
 
 def link_before(robot: ET.Element, link: str) -> str:
-    """Name of the link beyond the first joint that moves on the way from a link to the root; empty if there is none."""
+    """Return the name of the link before the last joint that moves a link; empty if none does."""
     above = {link_at(joint, "child"): joint for joint in robot.findall("joint")}
     while link in above and above[link].get("type") == "fixed":
         link = link_at(above[link], "parent")
@@ -93,9 +93,7 @@ def origin_of(element: ET.Element) -> Floats:
 
 def set_origin(robot: ET.Element, joint: str, xyz: Sequence[float], rpy: Sequence[float]) -> None:
     """Place a joint's child in its parent's frame [m], roll-pitch-yaw [rad]."""
-    element = named(robot, "joint", joint)
-    if element is None:
-        raise KeyError(joint)
+    element = next(each for each in robot.findall("joint") if each.get("name") == joint)
     origin = element.find("origin")
     if origin is None:
         origin = ET.SubElement(element, "origin")
@@ -202,7 +200,7 @@ def add_joint(
 
 #: Bounds of a URDF: characters, links, and how large a number in it may be.
 MAX_CHARACTERS, MAX_LINKS, MAX_NUMBER = 2**23, 500, 1e9
-#: Deepest nesting of elements, and the shortest vector that has a direction: rounding takes it from shorter ones.
+#: Deepest nesting of elements, and the shortest axis.
 MAX_DEPTH, MIN_AXIS = 100, 1e-6
 PACKAGE = "package://"
 #: Mesh files that a URDF may name, by their ends.
@@ -293,7 +291,7 @@ def check_urdf(text: object, package_root: str | None) -> None:
 
 
 def check_limits_complete(robot: ET.Element) -> None:
-    """Refuse a joint that moves with a `<limit>` that leaves out what the engines ask for."""
+    """Refuse a joint that moves and has a `<limit>` without the numbers that the engines need."""
     for joint in robot.findall("joint"):
         limit = joint.find("limit")
         if limit is None or joint.get("type") not in _MOVED:
@@ -310,7 +308,7 @@ def _refuse_declarations(*declared: object) -> NoReturn:
 
 
 def _check_tree(robot: ET.Element) -> None:
-    """Every joint connects two links, no link hangs on two, and all hang on one: some engines leave out a loop."""
+    """Refuse links and joints that are not a tree: some engines leave out a loop."""
     links = [link.get("name", "") for link in robot.findall("link")]
     joints = robot.findall("joint")
     if not 1 <= len(links) <= MAX_LINKS:
@@ -349,7 +347,7 @@ def _check_tree(robot: ET.Element) -> None:
 
 
 def _check_limits(joint: ET.Element) -> None:
-    """The lower limit is not above the upper one, where the kind of joint has limits; one that is left out is 0."""
+    """Refuse a lower limit above the upper one; a missing one is 0."""
     limit = joint.find("limit")
     if limit is None or joint.get("type") not in _LIMITED:
         return
@@ -378,7 +376,7 @@ def _check_numbers(what: str, text: str, count: int, name: str) -> None:
 
 
 def _check_file(name: str, package_root: str | None) -> None:
-    """A file is within the package: a URDF cannot have anything else of this machine read."""
+    """Refuse a file outside the package."""
     path = PurePosixPath(name.removeprefix(PACKAGE))
     inside = name.startswith(PACKAGE) and not path.is_absolute() and ".." not in path.parts and name.isprintable()
     if package_root is None or not inside:
@@ -389,14 +387,12 @@ def _check_file(name: str, package_root: str | None) -> None:
 
 #: Answer of a default position servo [1/s]: stiffness is this squared times the inertia.
 SERVO_RATE = 30.0
-#: Largest speed [rad/s] and acceleration [rad/s^2] that are taken for a default.
+#: Largest default speed [rad/s] and acceleration [rad/s^2].
 MAX_SPEED, MAX_ACCELERATION = 3.0, 10.0
 #: Branches that an error message names.
 MAX_NAMED = 6
 #: Field of view of the default `overview` camera [degrees].
 OVERVIEW_FOVY = 40.0
-
-
 #: How far a start posture may be beyond a limit [rad]: URDFs write pi with few digits.
 LIMIT_DIGITS = 1e-5
 
@@ -467,7 +463,7 @@ class UrdfArm:
 
     @property
     def base(self) -> str:
-        """The first link, or the one that `world` carries."""
+        """The first link, or the only one that `world` carries."""
         (root,) = (link for link in self._links if link not in self._carried_by)
         carried = [link_at(joint, "child") for joint in self._joints.values() if link_at(joint, "parent") == root]
         return carried[0] if root == "world" and len(carried) == 1 else root
@@ -495,19 +491,19 @@ class UrdfArm:
         return min([MAX_SPEED, *given])
 
     def acceleration_limit(self, armature: float) -> float:
-        """What every joint can do with half of its torque [rad/s^2], with this rotor inertia [kg m^2]."""
+        """Return what every joint reaches with half of its torque [rad/s^2], from its rotor inertia [kg m^2]."""
         torques = [self._number(joint, "limit", "effort") for joint in self.joints]
         loads = [inertia + armature for inertia in self._inertias]
         return min([MAX_ACCELERATION, *(t / (2.0 * load) for t, load in zip(torques, loads, strict=True) if t > 0.0)])
 
     def position_gains(self, armature: float) -> tuple[float, ...]:
-        """Stiffness with which each servo answers at `SERVO_RATE` [N m/rad], with this rotor inertia [kg m^2]."""
+        """Return the stiffness of servos that answer at `SERVO_RATE` [N m/rad], from the rotor inertia [kg m^2]."""
         return tuple(SERVO_RATE**2 * (inertia + armature) for inertia in self._inertias)
 
     @property
     def overview(self) -> CameraMount:
         """A camera from which the arm is seen, however it is stretched."""
-        size = sum(_length(joint) for joint in self._path(self.tip)) or 1.0  # a tip on the root is looked at, too
+        size = sum(_length(joint) for joint in self._path(self.tip)) or 1.0
         return CameraMount(
             "overview", "world", (1.5 * size, -1.5 * size, 0.9 * size), (0.15 * size, 0.0, 0.3 * size),
             fovy=OVERVIEW_FOVY,
@@ -515,7 +511,7 @@ class UrdfArm:
 
     @cached_property
     def _inertias(self) -> list[float]:
-        """Inertia that each joint carries, stretched out: masses at their distances along the chain [kg m^2]."""
+        """Inertia that each joint carries when the arm is stretched out [kg m^2]."""
         carried = dict.fromkeys(self.joints, 0.0)
         for name, link in self._links.items():
             inertial = link.find("inertial")
@@ -567,7 +563,7 @@ class UrdfArm:
         return turning[-1] if turning else ""
 
     def _moved_by(self, link: str) -> str:
-        """The last joint of `q` before a link; empty if none moves it, or if another joint moves it as well."""
+        """The last joint before a link; empty if none moves it, or if the last one is not a joint of `q`."""
         for joint in reversed(self._path(link)):
             if joint.get("type") in _MOVED:
                 name = joint.get("name", "")

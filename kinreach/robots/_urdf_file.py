@@ -1,4 +1,4 @@
-"""An arm read from a URDF file as ROS's packages have them."""
+"""Arms from URDF files, as ROS's packages have them."""
 
 from __future__ import annotations
 
@@ -91,7 +91,7 @@ def read_urdf(
     for endless in robot.findall("joint[@type='continuous']"):
         _limit_to_a_turn(endless)
     for limit in robot.findall("joint/limit"):
-        if float(limit.get("velocity", "0")) == 0.0:  # not given: it would hold the joint still in a solver's steps
+        if float(limit.get("velocity", "0")) == 0.0:  # missing: a solver's steps would hold the joint still
             limit.set("velocity", repr(MAX_SPEED))
     if named(robot, "link", WORLD) is None:
         root_link = UrdfArm(name, robot, tip=arm.tip).base
@@ -186,7 +186,7 @@ def _fix(joint: ET.Element, place: float) -> None:
 
 
 def _limit_to_a_turn(joint: ET.Element) -> None:
-    """A joint without end turns once here, from -pi to pi, so that a posture is a plain vector."""
+    """Make a continuous joint a revolute one from -pi to pi, so that a posture is a plain vector."""
     joint.set("type", "revolute")
     limit = joint.find("limit")
     if limit is None:

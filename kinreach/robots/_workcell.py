@@ -16,8 +16,7 @@ from numpy.typing import NDArray
 from kinreach._checks import MAX_DISTANCE, as_vector, check_flag, check_number, shown
 from kinreach.errors import InputError
 
-#: Edges and coordinates of obstacles are no larger [m]: the collision engines lose touches between shapes whose sizes
-#: are too far apart.
+#: Largest edge and coordinate of an obstacle [m]: collision engines miss contacts of shapes of too different sizes.
 MAX_SIZE = 1000.0
 #: Largest vertical field of view of a camera [degrees].
 MAX_FOVY = 179.0
@@ -76,7 +75,7 @@ class CameraMount:
     """A camera that is fixed to a link; all points are in that link's frame [m].
 
     Attributes:
-        name: What it is asked for by.
+        name: Such as `"front"`.
         link: Link that carries it; `"world"` for a camera that stands still.
         position: Optical centre.
         target: Point in the middle of the picture.

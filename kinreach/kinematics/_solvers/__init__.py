@@ -25,13 +25,13 @@ __all__ = [
     "new_solver",
 ]
 
-#: Iterative solvers -> their modules, loaded when asked for: each needs a package of its own.
+#: Iterative solvers -> their modules, loaded on first use: each needs its own package.
 _ITERATIVE = {
     "LevenbergMarquardtSolver": "levenberg_marquardt",
     "PlacoSolver": "placo_solver",
     "QPSolver": "qp_solver",
 }
-#: Short names of the solvers, as comparisons and the page call them -> their classes.
+#: Short names of the solvers -> their classes.
 SOLVERS = {
     "closed-form": "ClosedFormSolver",
     "placo": "PlacoSolver",

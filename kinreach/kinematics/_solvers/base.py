@@ -1,4 +1,4 @@
-"""What every solver of inverse kinematics offers, and the closed form as one of them."""
+"""The protocol of inverse-kinematics solvers, and the closed form as one of them."""
 
 from __future__ import annotations
 

@@ -1,6 +1,6 @@
-"""What the iterative solvers share: the error of a goal, steps in joint space, restarts, the acceptance test.
+"""Shared parts of the iterative solvers: the error of a goal, steps in joint space, restarts, the acceptance test.
 
-All is written in the tip's own axes. With the tip at (R, p) and the goal at (R*, p*), Siciliano et al., Robotics,
+All quantities are in the tip's own axes. With the tip at (R, p) and the goal at (R*, p*), Siciliano et al., Robotics,
 section 3.7, gives
 
     e_p = R^T (p* - p)          [m]     J_p = rows 0-2 of the body Jacobian
@@ -13,10 +13,9 @@ axis costs nothing. A position goal keeps the first three rows.
 The step J dq = e is Gauss-Newton up to the left Jacobian of SO(3), which leaves the gradient J^T e exact: the
 derivative of |e_o|^2 / 2 is -e_o . omega, because e_o is its own eigenvector there.
 
-A revolute joint whose range covers 2 pi has no posture that it cannot take: q and q +- 2 pi are the same one. Held at
-its limits on the way, it would stop on the wrong side of a seam that is not there (measured on the UR5 within +-pi,
-random poses: placo's first attempt then succeeds in 31 % instead of 82 %). So such joints are searched without limits
-and folded back at the end; the others keep theirs at every step.
+A revolute joint whose range covers 2 pi can take any angle: q and q +- 2 pi are the same posture. Limits on the way
+would only stop it too early (UR5 within +-pi, random poses: placo's first attempt then succeeds in 31 % instead of
+82 %). Such joints are searched without limits and folded back at the end; the others keep theirs at every step.
 """
 
 from __future__ import annotations
@@ -149,10 +148,10 @@ def _fold(angle: float, lower: float, upper: float, full_circle: bool) -> float:
 
 DEFAULT_TOLERANCE = Tolerance()
 
-#: Most steps of an attempt, and most attempts: a goal that cannot be reached takes them all.
+#: Largest number of steps and of restarts that can be set.
 MAX_COUNT = 10_000
 
-#: Largest duration of a step [s]: with it, speed limits limit nothing.
+#: Largest duration of a step [s].
 MAX_DT = 1e3
 
 #: A step below this [rad] ends an attempt: the limits or a singular posture hold it.
@@ -160,7 +159,7 @@ STALLED = 1e-5
 
 
 class Descent(NamedTuple):
-    """Where one descent ended: posture [rad] (n,), which may be some turns outside the limits, and steps taken."""
+    """End of one descent: posture [rad] (n,), which may be some turns outside the limits, and steps."""
 
     q: Floats
     iterations: int
@@ -328,4 +327,4 @@ class SteppingSolver(IterativeSolver):
 
     @abstractmethod
     def _prepare(self) -> None:
-        """Prepare what all goals share."""
+        """Prepare the parts that all goals share."""

@@ -18,7 +18,7 @@ DAMPING_BIAS = 1e-6
 
 
 class QPSolver(SteppingSolver):
-    """The step that pink and mink take, with daqp behind qpsolvers.
+    """The step of pink and mink, with daqp behind qpsolvers.
 
     Each step solves
 
@@ -72,8 +72,7 @@ class QPSolver(SteppingSolver):
 
 
 def _import_solve_qp() -> Any:
-    """qpsolvers, which only this solver needs: without it the others still work."""
-    try:
+    try:  # only this solver needs it
         from qpsolvers import solve_qp
     except ImportError as error:
         raise InstallationError(f"{error}; the QP solver needs: pip install 'qpsolvers[daqp]'") from error

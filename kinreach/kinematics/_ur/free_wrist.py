@@ -1,9 +1,9 @@
-"""Where wrist_3 is free and the limits are narrow: of all its values, the one that fits.
+"""Values of a free wrist_3 that fit narrow limits.
 
 At sin q5 = 0 only q234 + q6 is given (at q5 = pi their difference), so a branch is not one posture but a family of
-them. `closed_form` takes the member with q6 nearest to the caller's value; if the joint limits forbid that one, the
-nearest that they allow is looked for here, by trying `STEPS` values of q234 and narrowing down around the best. What is
-allowed within less than a step only may be missed.
+them. `closed_form` returns the member with q6 nearest to the caller's value. If the joint limits forbid that one, the
+nearest that they allow is searched here over `STEPS` values of q234, refined around the best. A member that is allowed
+within less than a step may be missed.
 """
 
 from __future__ import annotations

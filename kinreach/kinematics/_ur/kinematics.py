@@ -57,14 +57,14 @@ from kinreach.robots._ur import FLIP
 pin: Any = load("pinocchio")
 
 FIT_TOLERANCE = 1e-8
-#: Turns about the tool that are tried where all postures with the seed's are refused [rad], the smallest first.
+#: Turns about the tool that are tried if all postures with the seed's wrist_3 are refused [rad].
 TURNS = np.radians([45, -45, 90, -90, 135, -135, 180])
 #: How far the flange may be from the last joint's axis for wrist_3 to turn about it [m, and sine of an angle].
 AXIS_TOLERANCE = 1e-9
 
 
 class NotOfThisKind(InputError):
-    """The arm has another geometry than a closed form is for."""
+    """The arm does not have the geometry of a closed form."""
 
 
 class URKinematics(ClosedFormKinematics):
@@ -153,7 +153,7 @@ class URKinematics(ClosedFormKinematics):
             tip: As for `URKinematics`.
             base: As for `URKinematics`.
             tool: As for `URKinematics`.
-            repair: Put right what an old exporter folded (`kinreach.robots.read_calibration`).
+            repair: Correct what an old exporter folded (`kinreach.robots.read_calibration`).
 
         Returns:
             A `CalibratedURKinematics`; a `URKinematics` if the file has the figures of the data sheet.
@@ -241,7 +241,6 @@ class URKinematics(ClosedFormKinematics):
         return self._reach is not None
 
     def _at_turns(self, goal: AxisGoal, start: Floats | None, *, limits: bool, tol: float) -> IKSolutions:
-        """Solutions of an axis goal at some turns about the direction."""
         found: list[Row] = []
         for T in poses_about(goal.position, goal.axis, TURNS_ABOUT):
             found += self._solve_pose(self._flange_rows(T), None, limits=False, tol=tol)[0]
@@ -323,7 +322,7 @@ class URKinematics(ClosedFormKinematics):
         return self.nearest(goal.T, seed, accept=accept)
 
     def _solve_pose(self, rows: Rows, start: Floats | None, *, limits: bool, tol: float) -> tuple[list[Row], int]:
-        """As `solve_pose`; where wrist_3 is free, it takes a value with which the posture is within the limits."""
+        """As `solve_pose`; a free wrist_3 gets a value with which the posture is within the limits."""
         seed = np.zeros(self.n) if start is None else start
         found, miss = solve_pose(rows, self.geometry, tol=tol, q6=float(seed[WRIST_3]))
         free = [row for row in found if row[FLAGS] & WRIST]

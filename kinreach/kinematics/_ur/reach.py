@@ -1,4 +1,4 @@
-"""Which part of a UR keeps each branch from a pose, by how much, and how near the arm can come."""
+"""Why a UR does not reach a pose: which part of it, by how much, and the nearest pose in reach."""
 
 from __future__ import annotations
 
@@ -10,10 +10,10 @@ import numpy as np
 from kinreach._checks import Floats
 from kinreach.kinematics._ur.geometry import BRANCHES, Miss, Rows, URGeometry
 
-#: Angles of the first joint that `way_into_reach` tries first; how many of the least it refines, with how
-#: many angles between the neighbours of each, and how often.
+#: Angles of the first joint in the grid of `way_into_reach`; how many minima it refines, by grids of how many angles,
+#: and how often.
 TURNS, VALLEYS, FINER, TIMES = 720, 6, 21, 8
-#: So far from the elbow's borders [m] the closed form certainly has a posture.
+#: Distance from the elbow's borders at which the closed form always has a posture [m].
 INSIDE = 1e-9
 
 
@@ -22,9 +22,9 @@ class Shortfall:
     """Why a branch has no posture.
 
     Attributes:
-        part: What keeps it: the shoulder's cylinder, the stretched or the folded elbow.
-        needed: The distance that the pose asks of that part [m]: of the wrist centre from the first axis, or between
-            shoulder and wrist_1.
+        part: The shoulder's cylinder, the stretched or the folded elbow.
+        needed: Distance that the pose needs [m]: of the wrist centre from the first axis, or between shoulder and
+            wrist_1.
         bound: The nearest distance that the part allows [m].
     """
 
