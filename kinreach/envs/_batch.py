@@ -22,8 +22,8 @@ from kinreach.sim._picture import FPS, Scene, ScenePicture
 
 #: Rows drawn at a time. Part of what a seed means: changing it may change the goals that follow from a seed.
 AHEAD = 256
-#: Environments for which they are drawn before they are put in place: as many as stay in the cache. An array of that
-#: size has a use when it is freed, too: from then on glibc keeps the memory that every step takes and gives back.
+#: Environments for which they are drawn before they are put in place: as many as fit into the cache. Freeing an array
+#: of that size also makes glibc keep the memory that every step allocates.
 TOGETHER = 256
 #: More environments in one batch are refused before memory is asked for.
 MAX_ENVIRONMENTS = 2**17
@@ -64,9 +64,9 @@ class Sampler(Protocol):
 
 
 class RowStreams:
-    """An endless sequence of rows for each of a number of environments: goals, or whatever an episode starts with.
+    """An endless sequence of rows for each environment: goals, or other values that an episode starts with.
 
-    A sequence depends on its own generator alone, not on how many environments there are.
+    A sequence depends on its own generator only, not on the number of environments.
 
     Args:
         sampler: Draws the rows.
@@ -81,7 +81,7 @@ class RowStreams:
         self._next = np.full(count, AHEAD)
 
     def seed(self, index: int, rng: np.random.Generator) -> None:
-        """Start an environment's sequence afresh with a generator that it then owns."""
+        """Restart an environment's sequence with a generator, which it then owns."""
         self._rngs[index] = rng
         self._next[index] = AHEAD
 
@@ -94,7 +94,7 @@ class RowStreams:
         return self._taken(ids).copy()
 
     def _taken(self, ids: np.ndarray) -> Floats:
-        """As `draw`; holds until the next call."""
+        """Return the same as `draw`, valid until the next call."""
         turns = self._next[ids]
         empty = ids[turns == AHEAD]
         for start in range(0, len(empty), TOGETHER):
@@ -145,7 +145,7 @@ class Episodes(Protocol):
         ...
 
     def begin(self, ids: Ids, start: Any = ...) -> None:
-        """Start new episodes of some environments, with what `reset(options=)` asks for, one row for each of them."""
+        """Start new episodes of some environments; `start` has the options of `reset`, one row for each of them."""
         ...
 
     def step(self, actions: Any, acting: Flags | None = None) -> Outcome:
@@ -199,15 +199,14 @@ class NativeVectorEnv(VectorEnv[Floats, ArrayLike, Floats]):
 
     With `AutoresetMode.SAME_STEP`, the default, an episode that ends starts anew in the same step: the observation
     returned is the first of the new episode, `info["final_obs"]` is the last of the old one where `info["_final_obs"]`
-    is True, and `info["final_info"]` holds what the single environment's `info` would, as arrays. The other entries of
-    `info` are those of the step that was just made, whether or not an episode ended with it; only those about the goal
-    are already the new episode's. With `NEXT_STEP` the step after an end starts the next episode, whatever the action:
-    the reward is 0. With `DISABLED` nothing starts by itself: `reset(options={"reset_mask": mask})`, bool, shape
-    (num_envs,), restarts some.
+    is True, and `info["final_info"]` holds the single environment's `info`, as arrays. The other entries of `info` are
+    those of the last step, except those about the goal, which are the new episode's. With `NEXT_STEP` the step after
+    an end starts the next episode and ignores the action: the reward is 0. With `DISABLED` episodes are restarted by
+    `reset(options={"reset_mask": mask})`, bool, shape (num_envs,).
 
-    As Gymnasium's own batches have it, each entry `key` of `info` has a mask `_key`, bool, shape (num_envs,): whether
-    it is of the environment's last step, or of the reset where an episode began. `reward_terms` has none inside, so
-    that its values sum to the reward. The masks of one step share their memory.
+    As in Gymnasium's own batches, each entry `key` of `info` has a mask `_key`, bool, shape (num_envs,): whether it is
+    of the environment's last step, or of the reset where an episode began. `reward_terms` has none inside, so that its
+    values sum to the reward. The masks of one step share their memory.
 
     With `device=`, what `reset` and `step` return are torch tensors on that device, except the texts in `info`;
     actions and options of `reset` may be tensors anyway.
@@ -216,12 +215,12 @@ class NativeVectorEnv(VectorEnv[Floats, ArrayLike, Floats]):
         episodes: The task.
         num_envs: Number of environments.
         action_space, observation_space: Of one environment.
-        check_actions: Turns what the user hands to `step` into what `episodes` takes.
-        check_start: Turns the options of `reset` but the mask into what `episodes` takes: a tuple of arrays or None.
+        check_actions: Checks the actions of `step` and converts them for `episodes`.
+        check_start: Does the same with the options of `reset` without the mask: a tuple of arrays or None.
         autoreset_mode: Gymnasium's, or its value.
         picture: Draws one environment, for `render_mode="rgb_array"`.
         device: Of torch, such as `"cuda"` or `"cpu"`; None for arrays of numpy.
-        made_with: Keywords that make another one like this, for `copy.deepcopy`: it copies the whole state.
+        made_with: Keywords of the constructor, for `copy.deepcopy`, which copies the whole state.
 
     Raises:
         InputError: Unknown mode, or no such device.
@@ -292,8 +291,7 @@ class NativeVectorEnv(VectorEnv[Floats, ArrayLike, Floats]):
                 (num_envs,): which environments start anew (all by default).
 
         Raises:
-            InputError: Unknown or malformed options, as many seeds as there are not environments, or a mask before all
-                have started.
+            InputError: Unknown or malformed options, a wrong number of seeds, or a mask before all have started.
         """
         if isinstance(options, Mapping):
             options = {name: on_host(value) for name, value in options.items()}
@@ -378,14 +376,12 @@ class NativeVectorEnv(VectorEnv[Floats, ArrayLike, Floats]):
         return info | {f"_{name}": always if name in self._starting else stepped for name in info}
 
     def _handed_out(self, *values: Any) -> Any:
-        """Return values on the device that was asked for."""
         return values if self._device is None else tuple(on_device(value, self._device) for value in values)
 
     def _selected(self, info: dict[str, Any]) -> dict[str, Any]:
         return numbers_of(info) if self._numbers_only else info
 
     def _checked_seeds(self, seed: int | Sequence[int | None] | None) -> list[int | None]:
-        """Return the seed of each environment, or None."""
         if seed is None:
             return [None] * self.num_envs
         if isinstance(seed, Sequence | np.ndarray) and not isinstance(seed, str | bytes):
@@ -413,7 +409,7 @@ def check_batch(num_envs: int, threads: int, render_mode: object) -> int:
     """Check the number of environments of a batch and return it.
 
     Raises:
-        InputError: No environments, more than fit, or more than are drawn; no threads; a mode that no batch has.
+        InputError: A number of environments or threads out of range, or a mode that batches do not have.
     """
     num_envs = check_count("num_envs", num_envs, most=MAX_ENVIRONMENTS)
     check_count("threads", threads, most=MAX_THREADS)

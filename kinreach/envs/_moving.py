@@ -1,4 +1,4 @@
-"""A ball that rolls: `kinreach/Moving-v0`, to be touched while it moves, by cameras that see it late.
+"""A rolling ball to be touched, seen late: `kinreach/Moving-v0`.
 
 Thirty times a second the cameras report where the ball was 50 ms ago, and the agent names a posture; the arm goes there
 with its own limits of speed and acceleration, joint by joint. The episode is over when the tip is within 10 mm of the
@@ -147,7 +147,7 @@ def check_speed(speed: object) -> float:
 
 
 class MovingStart(NamedTuple):
-    """What episodes begin with, instead of what is drawn.
+    """Values that episodes begin with, instead of drawn ones.
 
     Attributes:
         speeds: Of the balls [m/s], shape (k,), or None.
@@ -163,7 +163,7 @@ ANYTHING = MovingStart()
 
 @cache
 def ur5_checker() -> CollisionChecker:
-    """Return the collision checks of the UR5 in its work cell; the ball is not in them."""
+    """Return the collision checker of the UR5 in its work cell, without the ball."""
     return CollisionChecker("ur5")
 
 
@@ -175,7 +175,7 @@ class MovingEpisodes:
         count: Number of environments.
 
     Attributes:
-        checker: Says what collides; a training may begin with another.
+        checker: The verdict on collisions; a training may begin with another.
         frames: Frames so far, shape (count,).
         q, v: Joint angles [rad] and speeds [rad/s], shape (count, 6).
         rolls: Where the balls are at each part of a frame [m], shape (count, PARTS * FRAMES * SECONDS + 1, 3).
@@ -274,7 +274,7 @@ class MovingEpisodes:
         if not self.options.collisions:
             return collided
         checker = self.checker
-        # a joint that stops at its limit may be beyond it by a rounding error: that is no collision
+        # a joint that stops at its limit may be beyond it by a rounding error, which is not a collision
         within = np.clip(postures[acting].reshape(-1, 6), checker.kinematics.lower, checker.kinematics.upper)
         causes = checker.causes(within).reshape(-1, PARTS)
         collided[acting] = causes.any(axis=1)
@@ -284,7 +284,7 @@ class MovingEpisodes:
         return collided
 
     def observe(self) -> Floats:
-        """Return the newest sights, those before, and the arms."""
+        """Return the observations of all environments."""
         everyone, frames = np.arange(len(self.frames)), self.frames
         seen = self._sights[everyone, frames]
         age = (frames * PARTS - self._taken[frames]) / (FRAMES * PARTS)
@@ -312,7 +312,7 @@ class MovingEpisodes:
 
 
 def check_actions(actions: ArrayLike, count: int | None) -> Floats:
-    """Check actions: postures to go to, shape (count, 6); for None that of a single environment, shape (6,).
+    """Check actions: postures to go to, shape (count, 6), or (6,) where `count` is None.
 
     Raises:
         InputError: Wrong shape or a value that is not finite.
@@ -324,10 +324,10 @@ def check_actions(actions: ArrayLike, count: int | None) -> Floats:
 
 
 def check_start(options: Mapping[str, Any] | None, count: int | None) -> MovingStart:
-    """`speed` [m/s] and `path` of each ball; for None those of a single environment.
+    """Check the options of `reset`: `speed` [m/s] and `path` of each ball; one of each where `count` is None.
 
     Raises:
-        InputError: An unknown option, other numbers of them than balls, or a speed that the arm cannot follow.
+        InputError: An unknown option, a wrong number of values, or a speed that the arm cannot follow.
         UnknownNameError: An unknown path.
     """
     rows: dict[str, list[Any]] = {}
@@ -432,7 +432,7 @@ class MovingVectorEnv(NativeVectorEnv):
         **options: As in the single environment (`MovingOptions`).
 
     Attributes:
-        episodes: What really goes on.
+        episodes: The task.
 
     Raises:
         InputError: Options that cannot be.
@@ -460,7 +460,7 @@ class MovingVectorEnv(NativeVectorEnv):
 def moved(
     q: Floats, v: Floats, target: Floats, dt: float, *, speed: float | Floats, acceleration: float | Floats
 ) -> tuple[Floats, Floats]:
-    """Return angles and speeds after a short time on the way to a target, where each joint can still stop.
+    """Return angles and speeds after a short time on the way to a target, at which each joint can still stop.
 
     Args:
         q: Angles now [rad].
@@ -480,7 +480,7 @@ def moved(
 
 
 def travel_times(q: Floats, v: Floats, targets: Floats, *, speed: float, acceleration: float) -> Floats:
-    """Return the least times in which joints with limits come to rest at targets [s], shape (m, n).
+    """Return the least times in which joints come to rest at targets [s], shape (m, n).
 
     Args:
         q: Where they are [rad], shape (n,) or (m, n).

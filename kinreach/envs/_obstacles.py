@@ -99,7 +99,7 @@ def check_clutter(count: object) -> int:
     """Check a number of obstacles and return it.
 
     Raises:
-        InputError: It is not a number from 0 to 20.
+        InputError: It is not an integer from 0 to 20.
     """
     return check_count("clutter", count, least=0, most=MAX_CLUTTER)
 
@@ -111,7 +111,7 @@ def _kinematics() -> URKinematics:
 
 @lru_cache(maxsize=4)
 def _arm_among(obstacles: tuple[Box, ...]) -> ArmDescription:
-    """Return the UR5 with more obstacles on its table, the same object for the same obstacles."""
+    """Return the UR5 with more obstacles on its table; cached, because scenes are cached by the arm."""
     arm = get_arm(ARM)
     return replace(arm, workcell=replace(arm.workcell, obstacles=(*arm.workcell.obstacles, *obstacles)))
 
@@ -125,7 +125,6 @@ def _checker_among(obstacles: tuple[Box, ...], margin: float) -> CollisionChecke
 def _verdict(
     reached: bool, impossible: bool, reason: str, status: str, target: Floats, terms: dict[str, float]
 ) -> dict[str, Any]:
-    """Return the entries of `info` that describe a step."""
     return {
         "reached": reached,
         "is_success": reached,
@@ -150,8 +149,8 @@ class ObstaclesEnv(gym.Env[Any, Any]):
     `Box(-1, 1, (6,), float32)`: the posture to go to, each angle divided by pi. What is outside [-1, 1] is clipped.
 
     ## Observation Space
-    `Box(13,), float64`, that of `kinreach/UR5SingleStep-v0`: nothing is observed of the obstacles. `info["obstacles"]`
-    has them, and `obstacles`, `checker` and `clearance` are for planners.
+    `Box(13,), float64`, that of `kinreach/UR5SingleStep-v0`, without the obstacles. Planners use `info["obstacles"]`,
+    or the attributes `obstacles`, `checker` and `clearance`.
 
     | Num | Observation | Unit |
     |-----|-------------|------|
@@ -228,11 +227,11 @@ class ObstaclesEnv(gym.Env[Any, Any]):
 
     @property
     def scene(self) -> Scene:
-        """What is drawn of this episode."""
+        """The simulation that is drawn."""
         return self._simulated(visual=True)
 
     def _simulated(self, *, visual: bool) -> ArmSimulation:
-        """The simulation of this episode; it looks good only where it was drawn before the first move."""
+        """The simulation of this episode, with visuals only if it was drawn before the first move."""
         if self._simulation is None:
             self._simulation = ArmSimulation(self.arm, visual=visual)
             self._simulation.place_ball(self._goal)
@@ -270,7 +269,7 @@ class ObstaclesEnv(gym.Env[Any, Any]):
         return np.asarray((as_vector("q", q, len(half)) - middle) / half)
 
     def ik_goal(self, position: ArrayLike) -> AxisGoal:
-        """Return what a solver is asked for to bring the tip to a point of the world [m], the tool down.
+        """Return the goal of a solver: the tip at a point of the world [m], the tool down.
 
         Raises:
             InputError: Wrong shape, or not finite.
@@ -278,7 +277,7 @@ class ObstaclesEnv(gym.Env[Any, Any]):
         return tool_goal(get_arm(ARM), position)  # type: ignore[return-value]
 
     def waypoints_to(self, q: Floats, target: Floats) -> list[Floats]:
-        """Return the postures that a move passes, the last is the target [rad]: here no other."""
+        """Return the postures that a move passes [rad]: only the target."""
         return [target]
 
     def goal_postures(self) -> Floats:
@@ -298,7 +297,7 @@ class ObstaclesEnv(gym.Env[Any, Any]):
             options: `"clutter"`: the number of obstacles, instead of a drawn one.
 
         Raises:
-            InputError: A seed that is none, an unknown option, or a number of obstacles that is not from 0 to 20.
+            InputError: An invalid seed, an unknown option, or a number of obstacles that is not from 0 to 20.
         """
         seed, given = check_seed(seed), given_options(options, ("clutter",))
         super().reset(seed=seed)
@@ -315,7 +314,6 @@ class ObstaclesEnv(gym.Env[Any, Any]):
         return self._observe(), self._state()
 
     def _scene(self, count: int) -> tuple[tuple[Box, ...], Floats]:
-        """Draw obstacles, and the ball's place [m]."""
         rng, cell = self.np_random, get_arm(ARM).workcell
         table = next(box for box in cell.obstacles if box.name == "table")
         top = table.position[2] + table.size[2] / 2
@@ -352,7 +350,7 @@ class ObstaclesEnv(gym.Env[Any, Any]):
         return self._observe(), sum(terms.values()), terminated, truncated, {**state, **verdict}
 
     def forfeit(self, reason: str) -> tuple[Any, float, bool, bool, dict[str, Any]]:
-        """End the episode of an agent that finds no way; the arm stays where it is.
+        """End the episode of an agent that finds no path; the arm stays where it is.
 
         Args:
             reason: Why, for `info["impossible_reason"]`.
@@ -393,11 +391,11 @@ class ObstaclesEnv(gym.Env[Any, Any]):
         return MISSED if moved.reached else moved.status.value, moved.reason
 
     def _dense(self, taken: Floats) -> Floats:
-        """Samples of the straight lines through postures (m, 6), so near to each other that they are judged by."""
+        """Sample the straight lines through postures (m, 6) every `DENSE`."""
         ways = np.concatenate([[0.0], np.abs(np.diff(taken, axis=0)).max(axis=1).cumsum()])
         at = np.linspace(0.0, ways[-1], 1 + int(np.ceil(ways[-1] / DENSE)))
         q = np.column_stack([np.interp(at, ways, angles) for angles in taken.T])
-        # a joint that stops at its limit may be beyond it by a rounding error: that is no collision
+        # a joint that stops at its limit may be beyond it by a rounding error, which is not a collision
         return np.clip(q, self.kinematics.lower, self.kinematics.upper)
 
     def _observe(self) -> Floats:
@@ -408,7 +406,6 @@ class ObstaclesEnv(gym.Env[Any, Any]):
         return observation
 
     def _state(self) -> dict[str, Any]:
-        """Return the entries of `info` that describe the episode now."""
         T = self.kinematics.fk(self._q)
         boxes = [(*box.position, *box.size) for box in self.obstacles]
         return {

@@ -27,9 +27,8 @@ def about(description: str, *, observation: str = "", flag: str | None = "") -> 
 
     Args:
         description: With the unit.
-        observation: The only `observation` that the option is for.
-        flag: Its name on the command line, if that is another one. None: it has none,
-            because methods rely on what they observe, or because a command sets it.
+        observation: The only `observation` that uses the option.
+        flag: Its name on the command line, if it is another one; None for an option without a flag.
     """
     return {"description": description, "observation": observation, "flag": flag}
 
@@ -49,7 +48,7 @@ def options_from(kind: type[Options], given: Mapping[str, Any]) -> Options:
 
 
 def with_options(kind: type[Any]) -> Callable[[Environment], Environment]:
-    """Class decorator of an environment: its `Options`, its signature and the table in its docstring."""
+    """Decorate an environment's class: set its `Options`, its signature and the table in its docstring."""
     rows = [
         f"| `{entry.name}` | `{_quoted(entry.default)}` | {entry.metadata['description']} |"
         for entry in fields(kind)
@@ -92,12 +91,12 @@ def option_rows(
 
     Args:
         options: As given by the user.
-        sizes: The options there are, each with the length of its rows.
+        sizes: The known options, each with the length of its rows.
         count: Number of environments of a batch; None for a single one, whose options are plain rows.
 
     Returns:
-        In the order of `sizes`, arrays of shape (count, size), or (1, size) for a single environment; None for what is
-        not given.
+        In the order of `sizes`, arrays of shape (count, size), or (1, size) for a single environment; None for options
+        that are not given.
 
     Raises:
         InputError: An unknown option, a wrong shape, or a value that is not finite.

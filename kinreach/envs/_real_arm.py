@@ -1,4 +1,4 @@
-"""An arm that is not its data sheet: a true UR5 with another tool, base and cameras than its user believes.
+"""A real arm: a UR5 whose tool, base and cameras differ from what its user believes.
 
 The environment `kinreach/RealArm-v0` is a workplace. Somewhere in it lies a tray of balls; a step moves the tip to each
 of them at once, and the observation has the places where the cameras saw the balls and the tip. Beforehand, an agent
@@ -89,9 +89,9 @@ class RealArmOptions:
     """Options of `kinreach/RealArm-v0`.
 
     Raises:
-        UnknownNameError: Errors that there are not.
-        InputError: A budget below zero or in no increasing order, a number out of range, a calibration that is not one
-            of a UR5.
+        UnknownNameError: Unknown errors.
+        InputError: Budgets that are negative or do not increase, a number out of range, or a calibration that is not
+            one of a UR5.
     """
 
     errors: tuple[str, ...] = field(
@@ -151,7 +151,7 @@ def _chain(arm: ArmDescription) -> SerialChain:
 
 @dataclass(frozen=True)
 class Workplace:
-    """What is true, and how it is seen.
+    """The true arm, and how the cameras see it.
 
     Attributes:
         arm: With its true links.
@@ -331,7 +331,7 @@ class RealArmEnv(gym.Env[Any, Any]):
 
     @property
     def scene(self) -> PosedScene:
-        """The true arm of this episode; when it is watched it moves to every look and every ball, else it jumps.
+        """The true arm of this episode; it is animated while `watch` is set, else it jumps.
 
         Raises:
             InputError: Before the first reset.
@@ -349,8 +349,8 @@ class RealArmEnv(gym.Env[Any, Any]):
             options: `"errors"` and `"calibration"`: instead of drawn ones.
 
         Raises:
-            InputError: A seed that is none, an unknown option, or a calibration that is not one of a UR5.
-            UnknownNameError: Errors that there are not.
+            InputError: An invalid seed, an unknown option, or a calibration that is not one of a UR5.
+            UnknownNameError: Unknown errors.
         """
         seed, given = check_seed(seed), given_options(options, ("errors", "calibration"))
         if "errors" in given:
@@ -371,11 +371,11 @@ class RealArmEnv(gym.Env[Any, Any]):
 
     @property
     def looks_left(self) -> int:
-        """How many looks may still be taken before the next move."""
+        """Number of looks that may still be taken before the next move."""
         return self.options.budgets[self._level] - self._looks
 
     def look(self, postures: ArrayLike) -> Floats:
-        """Go somewhere and see where the tip is.
+        """Go to postures and see where the tip is.
 
         Args:
             postures: [rad], shape (m, 6).
@@ -430,13 +430,11 @@ class RealArmEnv(gym.Env[Any, Any]):
         return self._place
 
     def _show(self, postures: Floats, balls: Iterable[Floats] = ()) -> None:
-        """Move the drawn arm from one to the next, if it is watched."""
         if self._scene is not None and self._scene.watch is not None:
             for q, ball in zip_longest(postures, balls):
                 self._scene.go(q, ball=ball)
 
     def _observed(self, points: Floats) -> Floats:
-        """Points as the cameras see them, with noise."""
         return self._begun().seen(points) + self.np_random.normal(0.0, self._noise, points.shape)
 
     def _observation(self) -> Floats:

@@ -35,7 +35,7 @@ class SingleEnv(gym.Env[Any, Any]):
 
         Args:
             seed: Of all random numbers of this episode and the next ones.
-            options: What the episode starts with instead of random values, as the class describes.
+            options: Values that the episode starts with instead of random ones, as the class describes.
 
         Raises:
             InputError: A seed that is not an integer at least 0, an unknown option, or one that is malformed.
@@ -60,14 +60,14 @@ class SingleEnv(gym.Env[Any, Any]):
 
     @abstractmethod
     def _check_start(self, options: Mapping[str, Any] | None) -> Any:
-        """The options of `reset` as the episodes take them."""
+        """Check the options of `reset` and convert them for the episodes."""
 
     @abstractmethod
     def _check_action(self, action: ArrayLike) -> Any:
-        """An action as the episodes take it."""
+        """Check an action and convert it for the episodes."""
 
     def _follow(self) -> None:
-        """Let what is drawn follow the start of an episode."""
+        """Update the drawn scene after a reset."""
 
     def _answer(self, outcome: Outcome) -> tuple[Any, float, bool, bool, dict[str, Any]]:
         terminated, truncated = bool(outcome.terminated[0]), bool(outcome.truncated[0])
@@ -83,10 +83,10 @@ class SingleEnv(gym.Env[Any, Any]):
 
 
 class CopyableEnv(SingleEnv, EzPickle):
-    """An environment that `copy.deepcopy` copies with its whole state, generators included: both go on alike.
+    """An environment that `copy.deepcopy` copies with its whole state, generators included.
 
-    Nothing that draws is copied, it is made anew with the first frame. Pickling, as Gymnasium has it, keeps the options
-    only: what comes back is to be reset.
+    Renderers are not copied but made anew with the first frame. Pickling keeps only the options, as in Gymnasium: reset
+    the result before its first step.
     """
 
     options: Any

@@ -57,7 +57,7 @@ class MoveStatus(Enum):
 
 @dataclass(frozen=True, eq=False)
 class MoveResult:
-    """What became of a move.
+    """Result of a move.
 
     Attributes:
         status: How it ended.
@@ -65,8 +65,8 @@ class MoveResult:
         duration: Simulated time [s].
         q: Posture in which the arm ended [rad], shape (n,).
         error: Largest distance of a joint from the target [rad].
-        touches: What is in contact in that posture, deepest first; where the target was reached, touches so slight that
-            they are none, and free objects.
+        touches: Contacts in that posture, deepest first; where the target was reached, only slight ones and those with
+            free objects.
     """
 
     status: MoveStatus
@@ -142,15 +142,15 @@ class JointController:
     goal: all reached, residual error 3e-5 rad in the median and 6e-5 rad at most (0.03 and 0.07 mm at the tip), 1.28 to
     1.36 s of simulated time.
 
-    A verdict hangs on the target almost alone. Of 1700 targets up to 0.2 rad (sigma) from a tool-down posture, all 453
-    in collision were found impossible, and one of the others, whose way is blocked; of 600 random ones all 367 in
+    The verdict depends almost only on the target. Of 1700 targets up to 0.2 rad (sigma) from a tool-down posture, all
+    453 in collision were found impossible, and one of the others, whose path is blocked; of 600 random ones all 367 in
     collision, and 30 of the others.
 
     Args:
         arm: The arm.
         model: A scene of it, from `kinreach.sim._scene`.
         tolerance: How far from its target a joint may come to rest [rad].
-        encoder_noise: Standard deviation of what the servos read of their joints [rad].
+        encoder_noise: Standard deviation of the servos' readings of their joints [rad].
 
     Attributes:
         arm, model, tolerance: As given.
@@ -187,7 +187,7 @@ class JointController:
         return outside
 
     def joints_outside_limits(self, q: Floats) -> tuple[str, ...]:
-        """Return names of the joints that are outside their limits."""
+        """Return the names of the joints that are outside their limits."""
         return tuple(name for name, out in zip(self.arm.joints, self.outside_limits(q), strict=True) if out)
 
     def refuse_outside_limits(self, q: Floats) -> None:
@@ -198,7 +198,7 @@ class JointController:
             raise InputError(f"{name} = {q[joint]:.6g} rad is outside its limits [{low:.6g}, {high:.6g}]")
 
     def move(self, plant: Plant, ids: Ids, targets: Floats, *, two_phase: bool = True) -> list[MoveResult]:
-        """Move arms until they stand at their targets or are found not to get there.
+        """Move arms until they stand at their targets or it is clear that they do not arrive.
 
         Args:
             plant: The simulations; those that are moved are simulated forward.
@@ -256,7 +256,6 @@ class JointController:
         return MoveResult(status, reason, duration, q, float(error.max()), found)
 
     def _touches(self, plant: Plant, index: int) -> tuple[Touch, ...]:
-        """What touches what in a simulation's posture of everything, `qpos`."""
         model = plant.model_of(index)
         return touches(model, self.posed(model, plant.qpos[index]), self.obstacles)
 

@@ -1,4 +1,4 @@
-"""Grasping in simulations with free objects: put them down, drive the fingers, and see what is held."""
+"""Grasping in simulations with free objects: place objects, drive the fingers, and read what is held."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ Flags = NDArray[np.bool_]
 
 
 class Grasp(NamedTuple):
-    """What k grippers and objects are doing; every array has k rows.
+    """State of k grippers and objects; every array has k rows.
 
     Attributes:
         held: Whether the object touches both fingers and nothing but the gripper.
@@ -45,7 +45,7 @@ TOUCHED = 1e-3
 
 
 class Grasping:
-    """The grippers and objects of simulations, one or a batch; what it does to one does not depend on the others.
+    """The grippers and objects of simulations, one or a batch; each is independent of the others.
 
     Args:
         simulation: With free objects, of an arm with a gripper.
@@ -104,7 +104,7 @@ class Grasping:
         Args:
             ids: Simulations, shape (k,).
             which: Which of their objects.
-            kinds: What they are.
+            kinds: Their shapes, sizes, masses and frictions.
             places: Where they touch the table, in the world [m], shape (k, 3).
             yaws: Turns about the vertical [rad], shape (k,).
         """
@@ -118,7 +118,6 @@ class Grasping:
             self._table[ids] = places[:, 2]
 
     def _make(self, ids: Ids, which: int, kinds: Objects) -> None:
-        """Let objects be others, where they are."""
         changed = np.zeros(len(ids), dtype=np.bool_)
         for now, new in zip(self._kinds[which], kinds, strict=True):
             changed |= now[ids] != new
@@ -133,18 +132,18 @@ class Grasping:
         self._plant.update(rows)
 
     def drive(self, ids: Ids, openings: Floats, seconds: float) -> None:
-        """Let the fingers go evenly to openings [m], shape (k,), and the arms stand where they were sent to."""
+        """Move the fingers evenly to openings [m], shape (k,), while the arms keep their setpoints."""
         start = self._plant.ctrl[rows_and_columns(ids, self._servos)]
         share = np.linspace(0.0, 1.0, 1 + max(1, round(seconds / self.period)))[1:, None, None]
         self._follow(ids, self._servos, start + share * (openings[:, None] / 2 - start))
 
     def rest(self, ids: Ids, seconds: float) -> None:
-        """Let everything go on for a while."""
+        """Simulate with unchanged setpoints."""
         now = self._plant.ctrl[rows_and_columns(ids, self._servos)]
         self._follow(ids, self._servos, np.repeat(now[None], max(1, round(seconds / self.period)), axis=0))
 
     def steer(self, ids: Ids, postures: Floats, openings: Floats, seconds: float) -> None:
-        """Let the setpoints of arms and fingers go evenly to postures [rad] and openings [m]."""
+        """Move the setpoints of arms and fingers evenly to postures [rad] and openings [m]."""
         servos = np.concatenate([self._all_servos[self.controller.ctrl], self._all_servos[self._servos]])
         start = self._plant.ctrl[np.ix_(ids, servos)]
         end = np.concatenate([postures, np.repeat(openings[:, None] / 2, 2, axis=1)], axis=1)
@@ -159,7 +158,7 @@ class Grasping:
         return self.controller.move(self._plant, ids, targets, two_phase=False)
 
     def diverged(self, ids: Ids) -> Flags:
-        """Return which were found unstable since they were last reset or put back."""
+        """Return which became unstable since they were last reset or put back."""
         return self._plant.diverged(ids)
 
     def states(self, ids: Ids) -> Floats:
@@ -171,7 +170,7 @@ class Grasping:
         self._plant.put_back(ids, states)
 
     def copy_from(self, other: Grasping) -> None:
-        """Take over objects and full states of as many other simulations of the same scene."""
+        """Copy objects and full states of as many other simulations of the same scene."""
         everyone = np.arange(self.count)
         for which, kinds in enumerate(other._kinds):
             self._make(everyone, which, kinds)
@@ -193,7 +192,7 @@ class Grasping:
         return pose[:, :3].copy(), rotation.reshape(-1, 3, 3)
 
     def grasp(self, ids: Ids) -> Grasp:
-        """Return what some grippers and objects are doing, shape (k,)."""
+        """Return the state of some grippers and objects."""
         gripped, held, collides = (np.zeros(len(ids), dtype=np.bool_) for _ in range(3))
         palm = set(self._fingers)
         for row, index in enumerate(ids):

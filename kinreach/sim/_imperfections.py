@@ -1,6 +1,6 @@
 """Imperfections of real arms: friction, damping, an unknown load, noise of the encoders.
 
-The controller knows of none of it: it plans for the ideal arm, and compensates the gravity of that.
+The controller ignores them: it plans for the ideal arm, and compensates its gravity.
 """
 
 from __future__ import annotations
@@ -27,10 +27,10 @@ class Imperfections:
         damping: Viscous friction of every joint at 1 rad/s, as a share of its largest torque [s/rad]; beside the
             damping that the arm's description has.
         payload: Mass at the tip that is not compensated [kg].
-        encoder_noise: Standard deviation of what a servo reads of its joint, drawn anew every 8 ms [rad].
+        encoder_noise: Standard deviation of a servo's reading of its joint, drawn anew every 8 ms [rad].
 
     Raises:
-        InputError: A value below 0, or one that no arm has.
+        InputError: A value out of range.
     """
 
     friction: float = 0.0
@@ -51,7 +51,7 @@ def as_imperfections(given: Imperfections | Mapping[str, float] | None) -> Imper
 
     Raises:
         UnknownNameError: Unknown imperfection.
-        InputError: They are neither, or a value cannot be.
+        InputError: They are neither, or a value is out of range.
     """
     if given is None:
         return IDEAL

@@ -60,12 +60,12 @@ class SceneViewer:
     def close(self) -> None:
         """Close the window; further calls do nothing."""
         self._handle.close()
-        for thread in self._threads:  # a thread that still draws when the interpreter ends takes it down
+        for thread in self._threads:  # one that still draws when the interpreter ends makes it crash
             thread.join(CLOSING)
 
 
 def _check_screen() -> None:
-    """Say now that no window can be opened: MuJoCo's own thread would die of it, and its caller wait for ever."""
+    """Raise if no window can be opened: MuJoCo's own thread would end, and its caller wait forever."""
     if platform.system() != "Linux":
         return
     try:
@@ -160,7 +160,6 @@ class ScenePicture:
         self._renderer = self._viewer = None
 
     def _moving(self) -> None:
-        """Called by the simulation in the course of a motion."""
         now = self._scene.data.time
         if now < self._next_frame - self._period:  # the simulation was reset
             self._next_frame = 0.0
@@ -174,7 +173,7 @@ class ScenePicture:
                 self._drawn_at = now
 
     def _keep_pace(self) -> None:
-        """Wait, so that the viewer runs no faster than the clock."""
+        """Wait, so that the viewer does not run faster than the clock."""
         time.sleep(max(0.0, self._due - time.monotonic()))
         self._due = time.monotonic() + self._period
 

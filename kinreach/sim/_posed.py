@@ -13,7 +13,7 @@ from kinreach.robots import ArmDescription
 from kinreach.sim._engine import mujoco
 from kinreach.sim._scene import BALL, scene_model
 
-#: How often `go` shows the arm on its way [s].
+#: Time between two postures of `go` [s].
 PERIOD = 0.02
 
 
@@ -63,9 +63,9 @@ class PosedScene:
             self.data.time = time
 
     def go(self, q: ArrayLike, *, ball: ArrayLike | None = None) -> None:
-        """Show the way to a posture: all joints together, smoothly, the fastest at the arm's limit of speed.
+        """Move to a posture smoothly, all joints together, the fastest at the arm's limit of speed.
 
-        Arguments and errors are those of `put`; the ball is there from the start.
+        Arguments and errors are those of `put`; the ball is placed at the start.
         """
         start, end = self.q, as_vector("q", q, len(self.arm.joints))
         seconds = 1.5 * float(np.abs(end - start).max()) / self.arm.speed_limit

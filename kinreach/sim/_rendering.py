@@ -32,10 +32,10 @@ _PROBE_SIZE = 8
 
 
 def camera_id(model: Any, name: str) -> int:
-    """Return number of a camera of a scene.
+    """Return the number of a camera of a scene.
 
     Raises:
-        UnknownNameError: Unknown camera; the message lists those there are.
+        UnknownNameError: Unknown camera.
     """
     check_known("camera", name, [model.camera(i).name for i in range(model.ncam)])
     found: int = mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_CAMERA, name)
@@ -48,11 +48,11 @@ class FrameRenderer:
     Args:
         model: A scene, from `kinreach.sim._scene`.
         width, height: Size of the frames [pixels].
-        shadows: Draw shadows and reflections; a frame takes two to five times as long.
+        shadows: Draw shadows and reflections, two to five times slower.
 
     Attributes:
         model, width, height: As given.
-        frames: How many were drawn.
+        frames: Number of drawn frames.
 
     Raises:
         InputError: A size is not a positive integer, or larger than the scene's off-screen buffer.
@@ -80,7 +80,7 @@ class FrameRenderer:
         """Draw a colour picture of a state (`mujoco.MjData`), shape (height, width, 3).
 
         Raises:
-            UnknownNameError: Unknown camera; the message lists those there are.
+            UnknownNameError: Unknown camera.
             DrawingError: The graphics library failed.
         """
         self._renderer.disable_depth_rendering()
@@ -90,7 +90,7 @@ class FrameRenderer:
         """Draw the depth of each pixel along a camera's optical axis [m], shape (height, width).
 
         Raises:
-            UnknownNameError: Unknown camera; the message lists those there are.
+            UnknownNameError: Unknown camera.
             DrawingError: The graphics library failed.
         """
         self._renderer.enable_depth_rendering()
@@ -172,7 +172,6 @@ def _choose_library() -> None:
 
 
 def _first_working(names: Sequence[str]) -> Any:
-    """The context class of the first library that works."""
     failures = []
     platform_before = os.environ.get("PYOPENGL_PLATFORM")
     for name in names:
@@ -186,7 +185,7 @@ def _first_working(names: Sequence[str]) -> Any:
 
 
 def _context(name: str) -> Any:
-    """MuJoCo's context class for a library, after a proof that one can be made."""
+    """MuJoCo's context class for a library, after making one as a test."""
     context = importlib.import_module(f"mujoco.{name}").GLContext
     probe = context(_PROBE_SIZE, _PROBE_SIZE)
     probe.make_current()

@@ -56,9 +56,8 @@ def build_scene(
     Args:
         arm: The arm and its work cell.
         timestep: Step of the simulation [s].
-        visual: Make it look good: draw the links by the URDF's visual meshes, the table's legs, camera housings. None
-            of it has mass or contact: the physics is the same, to the bit. Without, links are drawn by their collision
-            shapes and frames come faster.
+        visual: Draw the links by the URDF's visual meshes, the table's legs and camera housings, without mass or
+            contact. Otherwise links are drawn by their collision shapes, which is faster.
         imperfections: Of the arm; friction, damping and payload are in the scene.
         objects: Number of free objects (`kinreach.sim._free_objects`); with one, the ball that marks a goal is hidden.
 
@@ -66,8 +65,7 @@ def build_scene(
         A `mujoco.MjSpec`.
 
     Raises:
-        InputError: A timestep or a mesh that cannot be used, a collision mesh that is missing, or an arm that MuJoCo
-            does not take.
+        InputError: A timestep out of range, an unusable or missing mesh, or an arm that MuJoCo refuses.
     """
     check_timestep(timestep)
     check_shapes(arm)
@@ -93,13 +91,12 @@ def build_scene(
 
 
 def check_timestep(timestep: object) -> None:
-    """Refuse a timestep that cannot be used: shorter and a second takes minutes, longer and contacts are lost."""
+    """Check a timestep: with a shorter one simulation is too slow, with a longer one contacts are lost."""
     check_number("timestep", timestep, least=1e-5, most=0.02)
 
 
 @contextmanager
 def _refusals_of(arm: ArmDescription) -> Iterator[None]:
-    """Turn MuJoCo's refusal of an arm into an `InputError`."""
     try:
         yield
     except ValueError as error:
@@ -117,9 +114,9 @@ def scene_model(
     imperfections: Imperfections = IDEAL,
     objects: int = 0,
 ) -> Any:
-    """Return the compiled scene (`mujoco.MjModel`), shared: do not change it.
+    """Return the compiled scene (`mujoco.MjModel`), which is shared: do not change it.
 
-    Arguments and errors are those of `build_scene`. To vary a model, compile your own.
+    Arguments and errors are those of `build_scene`.
     """
     with _refusals_of(arm):
         spec = build_scene(arm, timestep=timestep, visual=visual, imperfections=imperfections, objects=objects)
@@ -237,7 +234,6 @@ def _exclude_out_of_reach(spec: Any, arm: ArmDescription) -> None:
 
 
 def _add_home(spec: Any, arm: ArmDescription) -> None:
-    """The start posture as a keyframe, for `reset` and for viewers."""
     position = {**dict(zip(arm.joints, arm.home, strict=True)), **arm.locked_joints}
     spec.add_key(
         name="home",

@@ -1,7 +1,7 @@
 """Setpoints of the servos in a move: planned ahead, and followed until the arm stands.
 
 `SetpointPlanner` lays a synchronous trapezoid profile over the way of all joints; `Following` gives its setpoints to
-the servos, one every control period, and finds out whether the arm arrives, is blocked, or is late.
+the servos, one every control period, and determines whether the arm arrives, is blocked, or is late.
 """
 
 from __future__ import annotations
@@ -167,8 +167,8 @@ class Following:
         qpos, dof, servos: Where the arm's joints are in MuJoCo's `qpos`, `qvel` and `ctrl`; slices or arrays of ints.
         tolerance: How far from its target a joint may come to rest [rad].
         timestep: Step of the simulation [s].
-        encoder_noise: Standard deviation of what the servos read of their joints [rad]. A servo that reads its joint
-            too far on gets too small a setpoint.
+        encoder_noise: Standard deviation of the servos' readings of their joints [rad]; an error of a reading is
+            subtracted from the setpoint.
     """
 
     qpos: Any
@@ -189,7 +189,7 @@ class Following:
         return self.substeps * self.timestep
 
     def run(self, plant: Plant, ids: Ids, phases: Sequence[Plan]) -> NDArray[np.int8]:
-        """Move simulations through the phases of their plans, each until it stands or is found not to arrive.
+        """Move simulations through the phases of their plans, each until it stands or does not arrive.
 
         A phase but the last is over as soon as the arm is within the tolerance. At the end of the last it has to come
         to rest (or, leaning on something, hardly move any more).
@@ -253,7 +253,7 @@ class _Run:
         self.calm[rows], self.stalled[rows] = 0, False
 
     def end_moves(self, rows: Ids, end: int) -> None:
-        """Let these keep their last setpoint, with nothing left to decide."""
+        """End the moves of these rows; they keep their last setpoint."""
         self.end[rows] = end
         self.arrival[rows] = self.deadline[rows] = NEVER
         self.calm[rows], self.stalled[rows] = -NEVER, False
@@ -275,13 +275,13 @@ class _Run:
         return self.end
 
     def next_check(self, soonest: int) -> int:
-        """When something may have to be decided next; until then all setpoints are known."""
+        """Return the time of the next check; all setpoints until then are known."""
         stall_check = self.time - self.time % STALL_CHECK + STALL_CHECK
         after = max(self.time, soonest) + 1
         return min(stall_check, after + -after % ARRIVAL_CHECK)
 
     def check(self) -> bool:
-        """Decide what is to be decided; returns whether a phase or a move was over.
+        """End phases and moves that are over; return whether there were any.
 
         Before its setpoint has arrived an arm is judged at stall checks only: others may cause a check between
         them, which must not matter.

@@ -43,12 +43,12 @@ MAX_COUNT = 2**17
 class ArmSimulation:
     """An arm, its obstacles and the ball, under MuJoCo's dynamics. One per thread.
 
-    All poses are in the world frame (z up, metres). What is read off is always that of the current state.
+    All poses are in the world frame (z up, metres) and of the current state.
 
     Args:
         arm: Name of a registered arm, or a description.
         timestep: Step of the simulation [s].
-        visual: Make it look good, see `build_scene`; costs about 1 s on first use and changes no motion.
+        visual: Draw visual meshes, see `build_scene`; takes about 1 s on first use and does not change the motion.
         tolerance: How far from its target a joint may come to rest [rad].
         imperfections: Of the arm, as `Imperfections` or by name, such as `{"payload": 0.5}`; an ideal arm by default.
         objects: Number of free objects, up to two; `kinreach.sim._grasping` puts them somewhere and grasps them.
@@ -133,12 +133,12 @@ class ArmSimulation:
         return self.controller.move(self._plant, self._only, target[None], two_phase=two_phase)[0]
 
     def copy_state(self, other: ArmSimulation) -> None:
-        """Take over the whole state of another simulation of the same arm: both go on alike, to the bit."""
+        """Copy the whole state of another simulation of the same arm."""
         self._plant.put(self._only, other._plant.states(other._only))
 
     @property
     def watch(self) -> Callable[[], object] | None:
-        """Called after every control period of a move (0.008 s), to draw it, say; it must not change the state."""
+        """Called after every control period of a move (0.008 s), for example to draw it; must not change the state."""
         return self._plant.watch
 
     @watch.setter
@@ -163,10 +163,10 @@ class ArmSimulation:
         return self.T_world_frame(self.arm.tips[self.arm.default_tip])[:3, 3]
 
     def T_world_frame(self, name: str) -> Floats:
-        """Return pose of a frame of the URDF, or of an obstacle, shape (4, 4).
+        """Return the pose of a frame of the URDF, or of an obstacle, shape (4, 4).
 
         Raises:
-            UnknownNameError: Unknown frame; the message lists those there are.
+            UnknownNameError: Unknown frame.
         """
         given: object = name
         named = isinstance(given, str) and given.isprintable()
@@ -180,7 +180,7 @@ class ArmSimulation:
         return T
 
     def contacts(self) -> tuple[Touch, ...]:
-        """Return the contacts in the current posture, deepest first; nothing is moved."""
+        """Return the contacts in the current posture, deepest first."""
         mujoco.mj_fwdPosition(self.model, self.data)
         return touches(self.model, self.data, self.controller.obstacles)
 
@@ -188,8 +188,8 @@ class ArmSimulation:
 class BatchSimulation:
     """A number of independent `ArmSimulation`, each bit for bit what it would be alone, on any number of threads.
 
-    Those are its own: make one per thread. It cannot be pickled. With `backend="warp"` they
-    are stepped by MuJoCo Warp, and only nearly what they would be alone: see `kinreach.sim._warp_plant`.
+    Make one per thread. It cannot be pickled. With `backend="warp"` they are stepped by MuJoCo Warp, and only nearly
+    equal to single ones: see `kinreach.sim._warp_plant`.
 
     Simulations are named by their ids, 0 to `count` - 1; wherever ids are given they are distinct and ascending. All
     poses are in the world frame (z up, metres).
@@ -316,7 +316,7 @@ class BatchSimulation:
         return self.controller.move(self._plant, ids, targets, two_phase=two_phase)
 
     def copy_states(self, other: BatchSimulation) -> None:
-        """Take over the whole states of another batch of the same arm and size: both go on alike, to the bit."""
+        """Copy the whole states of another batch of the same arm and size."""
         everyone = np.arange(self.count)
         self._plant.put(everyone, other._plant.states(everyone))
 

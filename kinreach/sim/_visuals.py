@@ -38,10 +38,10 @@ _GAMMA = 0.75
 
 
 def add_visuals(spec: Any, boxes: Sequence[Box], *, visual: bool) -> None:
-    """Sky, lights, materials of the obstacles and picture quality.
+    """Add sky, lights, materials of the obstacles and picture quality.
 
-    With `visual` also what is only drawn, table legs and a floor without end, and smooth edges. Without, a frame takes
-    a tenth of the time (5 ms instead of 55 ms at 320x180, in software, no shadows): right for cameras that measure.
+    With `visual` also table legs, an endless floor and smooth edges. Without, frames are ten times faster (5 ms instead
+    of 55 ms at 320x180, in software, no shadows), for cameras that measure.
     """
     _add_light(spec)
     _add_materials(spec)
@@ -120,7 +120,7 @@ def _draw_legs(spec: Any, box: Box) -> None:
 
 
 def camera_rotation(mount: CameraMount) -> Floats:
-    """Return orientation of a camera in its link's frame, shape (3, 3).
+    """Return the orientation of a camera in its link's frame, shape (3, 3).
 
     Columns are the picture's right, its up, and the direction from the target to the camera (OpenGL's convention).
     """
@@ -132,7 +132,7 @@ def camera_rotation(mount: CameraMount) -> Floats:
 
 
 def add_camera(spec: Any, mount: CameraMount, *, housing: bool) -> None:
-    """Add a camera, and if asked for the drawing of its housing and holder (if it has a holder)."""
+    """Add a camera and, if it has a holder and `housing` is true, draw its housing and holder."""
     body = spec.body(mount.link)
     R = camera_rotation(mount)
     quat = np.empty(4)
@@ -154,7 +154,7 @@ def add_camera(spec: Any, mount: CameraMount, *, housing: bool) -> None:
 
 
 def add_visual_meshes(spec: Any, arm: ArmDescription) -> None:
-    """Draw the links that have visual meshes by them.
+    """Draw links by their visual meshes, if they have any.
 
     Raises:
         InputError: A mesh cannot be used.

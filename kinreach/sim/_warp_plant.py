@@ -30,8 +30,8 @@ _UNSTABLE = 1e10
 class WarpPlant:
     """Many simulations, stepped by MuJoCo Warp; a `Plant`.
 
-    States are kept here in double precision and computed in single. All simulations are stepped whichever are asked
-    for, and only those take over what became of them.
+    States are kept in double precision and computed in single. All simulations are stepped; only the states of those
+    that are asked for are updated.
 
     Args:
         model: The scene (`mujoco.MjModel`).
@@ -65,8 +65,7 @@ class WarpPlant:
         self.qvel: Floats = self._arrays["qvel"]
         self.ctrl: Floats = self._arrays["ctrl"]
         self.mocap: Floats = np.tile(self._start["mocap_pos"], (count, 1, 1))
-        self._time = np.zeros(count)
-        self._diverged = np.zeros(count, dtype=np.bool_)
+        self._time, self._diverged = np.empty(count), np.empty(count, dtype=np.bool_)
 
     @property
     def time(self) -> Floats:

@@ -1,9 +1,9 @@
 """How natural a posture of the UR5 is: the thesis's natural-arm and gripper-angle errors (section 3.4.4).
 
-Every function takes one posture or a stack of them: `q` has shape (..., 6), in the base_link convention [rad], with the
-thesis's names j0 ... j5 for its entries (shoulder_pan, shoulder_lift, elbow, wrist_1, wrist_2, wrist_3). A result has
-the leading dimensions; for one posture it is a float. A tensor of torch is computed with on its device and in its
-precision, and its values are not checked; so are gradients.
+`q` is one posture or a stack of them, shape (..., 6), in the base_link convention [rad], with the thesis's names
+j0 ... j5 for its entries (shoulder_pan, shoulder_lift, elbow, wrist_1, wrist_2, wrist_3). Results have the leading
+dimensions; for one posture they are floats. Tensors of torch stay on their device and in their precision, with
+gradients; their values are not checked.
 
 Where the thesis leaves something open:
 

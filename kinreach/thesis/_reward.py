@@ -40,7 +40,7 @@ Flags = NDArray[np.bool_]
 
 
 class RewardTerms(NamedTuple):
-    """What the reward consists of, each of shape (...). `sum(terms)` is the reward, to the last bit.
+    """Terms of the reward, each of shape (...). `sum(terms)` is the reward, to the last bit.
 
     Added from left to right; the posture's terms come first because then the sum is also the thesis's r_d - r_e to
     the last bit. `_asdict()` gives the terms by name.
@@ -64,7 +64,7 @@ class ReachReward:
 
     Attributes:
         reward: Shape (...).
-        terms: What it consists of.
+        terms: Its terms.
         posture_error: r_e of the postures [rad], shape (...), whatever the special case.
         reached: Whether the goal is reached, shape (...): possible, d < 0.01 m and r_e < 0.15.
     """

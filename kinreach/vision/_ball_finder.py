@@ -1,4 +1,4 @@
-"""Where a red ball of known radius is, from one RGB-D picture. Pure functions on arrays.
+"""Find a red ball of known radius in one RGB-D picture. Pure functions on arrays.
 
 Two pipelines:
 
@@ -42,8 +42,8 @@ AREA_TOLERANCE = 1.15
 #: Pixels count for the centroid up to this many radii from its last estimate: the outline of a ball reaches 1.1 at the
 #: picture's edge, the rest is for OpenCV's circle.
 REACH = 1.5
-#: And where there is depth, up to this many radii from the ball's centre: what is red beside the ball or behind it is
-#: no part of it, and of a flat square too little is left to be a ball.
+#: And where there is depth, up to this many radii from the ball's centre: this leaves out red things beside the ball or
+#: behind it, and so much of a flat square that the rest is too small for a ball.
 SHELL = 1.25
 #: From so many radii of the outline to so many, the surface of a ball is one radius from its centre in the median; that
 #: of a ball 1.6 times as large is 1.09, of a flat thing 1.23.
@@ -55,7 +55,7 @@ STEPS = 4
 
 @dataclass(frozen=True, eq=False)
 class BallFix:
-    """A ball that was found.
+    """A detected ball.
 
     Attributes:
         circle: Where it is in the picture [pixels].
@@ -218,7 +218,6 @@ def _measured(depth: Floats) -> NDArray[np.bool_]:
 
 
 def _radii(camera: Intrinsics, radius: float) -> tuple[float, float]:
-    """Smallest and largest radius of the ball's circle [pixels]."""
     return camera.fx * radius / FARTHEST, camera.fx * radius / NEAREST
 
 

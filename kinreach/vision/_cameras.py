@@ -40,7 +40,7 @@ MAX_EXPOSURE = 100.0
 
 @dataclass(frozen=True)
 class Intrinsics:
-    """What a camera does to points in its own frame.
+    """Pinhole model of a camera.
 
     Attributes:
         width, height: Size of the picture [pixels].
@@ -48,7 +48,7 @@ class Intrinsics:
         cx, cy: Pixel coordinates of the optical axis.
 
     Raises:
-        InputError: A size is not a positive integer, a focal length not positive, or a number not finite.
+        InputError: A value out of range.
     """
 
     width: int
@@ -129,7 +129,7 @@ class Intrinsics:
 
 @dataclass(frozen=True, eq=False)
 class RGBDImage:
-    """What a camera saw.
+    """An RGB-D picture.
 
     Attributes:
         rgb: Colours, uint8, shape (height, width, 3).
@@ -142,7 +142,7 @@ class RGBDImage:
 
 @dataclass(frozen=True)
 class SensorNoise:
-    """Normal noise of a sensor, independent from pixel to pixel, and how well it is exposed.
+    """Normal noise of a sensor, independent from pixel to pixel, and random exposure.
 
     Attributes:
         rgb_sigma: Of each colour channel [levels of 255].
@@ -179,11 +179,7 @@ class SensorNoise:
 
 
 def check_noise(noise: Any) -> None:
-    """Refuse what is neither the noise of a sensor nor None.
-
-    Raises:
-        InputError: It is not.
-    """
+    """Check that a value is a `SensorNoise` or None."""
     if noise is not None and not isinstance(noise, SensorNoise):
         raise InputError(f"noise must be a SensorNoise or None, got {shown(noise)}")
 
@@ -191,10 +187,10 @@ def check_noise(noise: Any) -> None:
 class RGBDCamera:
     """A camera of the scene; to be closed, or used as a context manager.
 
-    It loads no graphics library before its first picture.
+    The graphics library is loaded with the first picture.
 
     Args:
-        simulation: That it sees, always in the current state.
+        simulation: The scene, in its current state.
         name: Of one of the arm's cameras.
         width, height: Size of the pictures [pixels].
         renderer: Draws for this camera and others of the same scene and size, and is closed by its maker. By
@@ -205,7 +201,7 @@ class RGBDCamera:
         intrinsics: Focal lengths and optical axis [pixels].
 
     Raises:
-        UnknownNameError: Unknown camera; the message lists those there are.
+        UnknownNameError: Unknown camera.
         InputError: The renderer draws another scene or another size.
     """
 

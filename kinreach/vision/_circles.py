@@ -30,7 +30,7 @@ CANNY = 100.0
 #: Votes that make a centre (`param2`). From 10 to 14 every ball of 50 was found by both cameras at 1280x720, 640x360
 #: and 320x180, with noise and without; from 18 on the smallest ones, 6 pixels in radius, begin to be missed.
 VOTES = 12.0
-#: Of circles that are drawn around every edge [pixels]; wider than any picture that is looked at.
+#: Largest radius of the circles around every edge [pixels].
 MAX_RADIUS_PIXELS = 1024.0
 
 

@@ -64,7 +64,7 @@ def goal_camera_poses(arm: ArmDescription) -> Floats:
 
 
 def geometric_goal_view(arm: str | ArmDescription, goals_world: ArrayLike) -> Floats:
-    """Measure a goal as perfect cameras.
+    """Return where perfect cameras would see goals.
 
     Args:
         arm: Name of a registered arm, or a description.
@@ -150,13 +150,13 @@ def goals_in_world(arm: ArmDescription, views: Floats, found: NDArray[np.bool_])
 
 @dataclass(frozen=True, eq=False)
 class GoalMeasurement:
-    """What the cameras made of the ball.
+    """A measurement of the ball by the cameras.
 
     Attributes:
         values: The view [m], shape (3 * cameras,); zeros for a camera that did not find the ball.
         found: Which camera found it, bool, shape (cameras,).
-        fixes: What each camera found, with its circle in the picture, or None.
-        images: What each camera saw.
+        fixes: Result of each camera, with its circle in the picture, or None.
+        images: Picture of each camera.
     """
 
     values: Floats
@@ -242,7 +242,7 @@ class CameraGoalView:
         return self._renderer
 
     def close(self) -> None:
-        """Free the graphics memory; the next look would ask for it again."""
+        """Free the graphics memory; the next look allocates it again."""
         if self._renderer is not None:
             self._renderer.close()
             self._renderer = None

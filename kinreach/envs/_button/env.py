@@ -153,7 +153,7 @@ class ButtonPressEnv(CopyableEnv):
 
     @property
     def arm(self) -> ArmDescription:
-        """The arm that presses."""
+        """The arm."""
         return self.options.arm
 
     def reset(self, *, seed: int | None = None, options: dict[str, Any] | None = None) -> tuple[Floats, dict[str, Any]]:

@@ -47,7 +47,7 @@ class ButtonOptions:
     """Options of the button environments, single and in native batches.
 
     Raises:
-        UnknownNameError: A name that is not one of those there are.
+        UnknownNameError: An unknown name.
         InputError: A target that is not three finite numbers, or no steps.
     """
 
@@ -78,7 +78,7 @@ class ButtonOptions:
 
     @property
     def arm(self) -> ArmDescription:
-        """The arm that does the task."""
+        """The arm."""
         return get_arm("arm3")
 
     @property
@@ -114,7 +114,7 @@ class ButtonStarts:
     def reachable(self, targets: Floats) -> Flags:
         """Return whether the closed form has a posture within the joint limits for targets [m], shape (n, 3).
 
-        Collisions need no look: each of 4971 such targets of the region had a posture free of them.
+        Collisions are not checked: each of 4971 such targets of the region had a posture without one.
         """
         return np.any(self._kinematics.batch(targets).valid, axis=1)
 
@@ -137,7 +137,7 @@ class ButtonStarts:
 
 
 class Start(NamedTuple):
-    """What `reset(options=)` asks for, one row an environment; None for what it leaves open.
+    """The options of `reset`, one row an environment; None for those that are not given.
 
     Attributes:
         goals: Targets in the world [m], shape (count, 3).
@@ -194,7 +194,7 @@ class ButtonEpisodes:
         self._has_target[index] = False
 
     def copy_from(self, other: ButtonEpisodes) -> None:
-        """Take over the state of as many other arms with the same options, in the middle of their episodes."""
+        """Copy the state of as many other arms with the same options."""
         self.world.copy_from(other.world)
         self._streams.copy_from(other._streams)
         for name in (
@@ -244,7 +244,6 @@ class ButtonEpisodes:
         return self._seen.reshape(len(self._seen), -1).copy()
 
     def _present(self) -> Floats:
-        """Return the present observations, shape (count, 19), or (count, 22) with the controls."""
         q, qd, tip = self._state
         seen = observation(q, qd, tip, self.goals, self._pushed)
         return np.hstack([seen, self._control]) if self._controls else seen
@@ -307,7 +306,7 @@ class ButtonEpisodes:
         """Do nothing."""
 
     def _simulate(self, acting: Flags | None) -> Flags:
-        """Step the world; which arms have diverged. Their last good state stays."""
+        """Step the world; return which arms have diverged. Their last good state is kept."""
         self.world.step(self._control, acting)
         good = np.all(np.abs(self.world.qd) <= SPEED_BOUND, axis=1)
         if good.all():

@@ -30,7 +30,7 @@ class ButtonPressVectorEnv(NativeVectorEnv):
             environments.
 
     Raises:
-        InputError: Options that cannot be.
+        InputError: Invalid options.
     """
 
     def __init__(

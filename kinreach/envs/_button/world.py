@@ -37,7 +37,7 @@ AWAY = (0.0, 0.0, -20.0)
 
 
 class ButtonState(IntEnum):
-    """What the button shows."""
+    """State of the drawn button."""
 
     IDLE = 0
     #: A press away from the target.
@@ -64,7 +64,7 @@ def build_torque_scene(arm: ArmDescription, actuation: Actuation, *, visual: boo
         A `mujoco.MjSpec`.
     """
     spec = build_scene(arm, timestep=actuation.timestep, visual=visual)
-    # A simulation that diverges is to show it, and not to start afresh behind our back.
+    # Without this MuJoCo restarts a simulation that diverges.
     spec.option.disableflags |= mujoco.mjtDisableBit.mjDSBL_AUTORESET
     for servo in list(spec.actuators):
         spec.delete(servo)
@@ -189,7 +189,7 @@ class TorqueWorld(Protocol):
         ...
 
     def show(self, state: ButtonState) -> None:
-        """Let the button that is drawn, if there is one, show what came of a step."""
+        """Set the state of the drawn button, if there is one."""
         ...
 
 
@@ -203,7 +203,7 @@ class SingleTorqueWorld:
 
     Attributes:
         model, data: MuJoCo's.
-        watch: Called after every step, when the button shows what came of it.
+        watch: Called after every step, when the button's state is set.
     """
 
     count = 1

@@ -135,7 +135,7 @@ class LiftEnv(ArmEnv):
         return bool(np.isfinite(above).all()) and not self._task.checker.causes(np.vstack([postures, above])).any()
 
     def grasp_action(self, q: ArrayLike, opening: float) -> Floats:
-        """Return the action of a single step that means a grasp's posture [rad], shape (n,), and an opening [m]."""
+        """Return the action of a single step for a grasp's posture [rad], shape (n,), and an opening [m]."""
         return self._task.action_for(np.asarray(q, dtype=np.float64), opening)
 
     def forfeit(self, reason: str) -> tuple[Any, float, bool, bool, dict[str, Any]]:
@@ -151,7 +151,7 @@ class LiftEnv(ArmEnv):
         return self._task.check_actions(action, None)
 
     def _follow(self) -> None:
-        """Let the scene that is drawn follow grasps that are only judged."""
+        """Update the drawn scene where grasps are judged by geometry only."""
         episodes = self._episodes
         if episodes.world is None:
             only, limits = np.zeros(1, dtype=np.intp), self._simulation.controller
@@ -179,7 +179,7 @@ class LiftVectorEnv(NativeVectorEnv):
         task: What is to be done.
 
     Raises:
-        InputError: Options that cannot be.
+        InputError: Invalid options.
     """
 
     def __init__(

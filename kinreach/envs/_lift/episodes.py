@@ -119,7 +119,6 @@ class LiftEpisodes:
         self._see(ids, start.views)
 
     def _see(self, ids: Ids, views: Floats | None = None) -> None:
-        """Say where the objects are seen now."""
         if views is not None:
             self.seen[ids] = np.where((views == 0.0).all(axis=1, keepdims=True), np.nan, views)
         elif self._camera is not None:
@@ -197,7 +196,7 @@ class LiftEpisodes:
         return self._outcome(everyone, everyone, ~everyone)
 
     def _judge_grasps(self, ids: Ids, actions: Floats) -> None:
-        """Take the postures of grasps that are possible, and say by geometry whether fingers close around objects."""
+        """Take the possible postures, and judge by geometry whether fingers close around objects."""
         task = self.task
         q, opening = task.grasps(actions[ids])
         above = task.above(q)
@@ -215,7 +214,6 @@ class LiftEpisodes:
         self._stage[ids] = np.where(closed, LIFTED, np.where(~bad & (self._distance[ids] <= NEAR), REACHED, STARTED))
 
     def _go_home(self, ids: Ids) -> None:
-        """Open the fingers, go home and look again."""
         world = self.world
         if world is None or not len(ids):
             self.q[ids] = self.task.home
@@ -231,7 +229,6 @@ class LiftEpisodes:
         self._see(ids)
 
     def _look_at(self, ids: Ids) -> None:
-        """Let what is observed of objects be where they are now."""
         world: Any = self.world
         place, rotation = world.pose()
         self.goals[ids] = place[ids]
@@ -248,7 +245,6 @@ class LiftEpisodes:
         return now
 
     def _small_step(self, ids: Ids, actions: Floats, acting: Flags) -> Outcome:
-        """Send joints and fingers a little further, for one period."""
         task = self.task
         world: Any = self.world
         before = world.states(ids)
@@ -280,7 +276,6 @@ class LiftEpisodes:
         return self._outcome(acting, ended, over)
 
     def _outcome(self, acting: Flags, terminated: Flags, truncated: Flags) -> Outcome:
-        """Say what an action came to."""
         lifted = acting & (self._stage == LIFTED) & (self._status != "collision")
         impossible = acting & (self._reasons != "")
         share = np.clip(self._clearance / HEIGHT, 0.0, 1.0) * self._gripped
@@ -326,7 +321,7 @@ class LiftEpisodes:
         return np.asarray(tilt + np.where(self.kinds.shape == SHAPES.index(CUBE), off, 0.0))
 
     def close(self) -> None:
-        """Let go of the cameras."""
+        """Free the cameras' renderers."""
         for observer in (self._camera, self._pixels):
             if observer is not None:
                 observer.close()
@@ -379,7 +374,7 @@ class _Attempt:
         return ids[[result.reached for result in results]]
 
     def _whole(self, ids: Ids, act: Callable[[Ids], object], seconds: float) -> Ids:
-        """Simulate some; return those whose simulation stayed sound, the others are put back."""
+        """Simulate some; put back those whose simulation diverged, and return the others."""
         if not len(ids):
             return ids
         episodes, before = self._episodes, self._world.states(ids)
@@ -393,7 +388,6 @@ class _Attempt:
         return ids[~lost]
 
     def _hold(self, ids: Ids) -> None:
-        """See whether objects are up, and stay there."""
         episodes, world = self._episodes, self._world
         for look in range(round(HOLD / LOOK) + 1):
             if look:
@@ -407,7 +401,7 @@ class _Attempt:
 
 
 class _Camera:
-    """What cameras that look at a ball need of a task."""
+    """The part of a reach task that observers need."""
 
     def __init__(self, task: LiftTask) -> None:
         self.arm, self.options = task.arm, task.options

@@ -1,4 +1,4 @@
-"""What lifting asks for: options, actions, observations, and what an episode starts with."""
+"""The lifting task: options, actions, observations, and starts of episodes."""
 
 from __future__ import annotations
 
@@ -173,7 +173,7 @@ def check_size(arm: ArmDescription, size: object) -> float:
     """Check an object's size [m]: the gripper must get around it.
 
     Raises:
-        InputError: It is none, or out of range.
+        InputError: It is not a number, or out of range.
     """
     gripper: Any = arm.gripper
     most = (gripper.opening - CLEARANCE) / 2
@@ -197,10 +197,10 @@ def check_friction(friction: object) -> float:
 
 
 def grasping_arm(arm: str | ArmDescription) -> ArmDescription:
-    """Return an arm with a gripper; one that has none gets it on its flange.
+    """Return an arm with a gripper, which is added to the flange if it has none.
 
     Raises:
-        InputError: It has no flange, no closed form of six joints, or no goals in a box.
+        InputError: The arm has no flange, no closed form of six joints, or no goals in a box.
     """
     found = get_arm(arm)
     if found.gripper is None:
@@ -217,12 +217,12 @@ def grasping_arm(arm: str | ArmDescription) -> ArmDescription:
 
 
 def face_angle(turn: Floats) -> Floats:
-    """Return by how much cubes that are turned so far [rad] are off the nearest quarter turn, in [-pi/4, pi/4)."""
+    """Return the difference of an angle [rad] from the nearest quarter turn, in [-pi/4, pi/4)."""
     return np.asarray((turn + math.pi / 4) % (math.pi / 2) - math.pi / 4)
 
 
 class LiftStart(NamedTuple):
-    """What k episodes start with; None for what is drawn.
+    """Values that k episodes start with; None for those that are drawn.
 
     Attributes:
         places: Where objects lie [m], shape (k, 2).
@@ -257,7 +257,7 @@ class LiftTask:
         kinematics: From the world to the arm's tip.
         home: Its start posture [rad], shape (n,).
         region: Where objects lie; z is the height of the table's top.
-        layout: Where things are in an observation; its goal block is all that says of the object where and what it is.
+        layout: Where things are in an observation; its goal block describes the object.
         size: Numbers of an observation.
     """
 
@@ -287,7 +287,7 @@ class LiftTask:
 
     @cached_property
     def checker(self) -> CollisionChecker:
-        """The verdict on collisions of the arm with its fingers open; objects are not in it."""
+        """The collision checker of the arm with its fingers open, without objects."""
         return CollisionChecker(self.kinematics)
 
     @property
@@ -333,20 +333,20 @@ class LiftTask:
         return np.concatenate(parts if others is None else [*parts, np.clip(others, -GOAL_RANGE, GOAL_RANGE)], axis=1)
 
     def grasps(self, actions: Floats) -> tuple[Floats, Floats]:
-        """Return postures [rad] and openings to close to [m] that actions of single steps mean."""
+        """Return postures [rad] and final openings [m] of actions of single steps."""
         return self._middle + self._half * actions[:, :-1], (1.0 + actions[:, -1]) / 2 * self.gripper.stroke
 
     def action_for(self, q: Floats, opening: float) -> Floats:
-        """Return the action of a single step that means a posture [rad], shape (n,), and an opening [m]."""
+        """Return the action of a single step for a posture [rad], shape (n,), and an opening [m]."""
         return np.append((q - self._middle) / self._half, 2.0 * opening / self.gripper.stroke - 1.0)
 
     def poses(self, postures: Floats) -> Floats:
-        """Return poses of the tips in the world in postures [rad], shape (k, n), to the bit as of each alone."""
+        """Return poses of the tips in the world for postures [rad], shape (k, n), bit for bit as for each alone."""
         T: Floats = self.kinematics.chain.fk(postures)
         return T
 
     def above(self, postures: Floats) -> Floats:
-        """Return postures with the tip `LIFT` above that of others and turned alike; NaN where there are none."""
+        """Return postures with the tip `LIFT` higher and turned alike; NaN where there are none."""
         T = self.poses(postures)
         T[:, 2, 3] += LIFT
         if self.options.backend == "kinematic":
@@ -359,7 +359,7 @@ class LiftTask:
         return above
 
     def sample(self, rng: np.random.Generator, count: int) -> Floats:
-        """Draw what `count` episodes start with, shape (count, 9): place, yaw, shape, size, mass, friction, other's."""
+        """Draw `count` starts, shape (count, 9): place, yaw, shape, size, mass, friction, place of the other."""
         options = self.options
         places = self.region.sample(rng, count)[:, :2]
         yaws = rng.uniform(-math.pi, math.pi, count)
@@ -392,7 +392,7 @@ class LiftTask:
         """Check the options of `reset`; of a batch they have a row for each environment.
 
         Raises:
-            InputError: An unknown option, a wrong shape, or a value that cannot be.
+            InputError: An unknown option, a wrong shape, or a value out of range.
         """
         given = given_options(options, (*_NUMBERS, "shape"))
         shapes = given.pop("shape", None)

@@ -69,7 +69,6 @@ class ReachEnv(ArmEnv):
 
     @classmethod
     def _new_task(cls, options: Mapping[str, Any]) -> ReachTask:
-        """The task with the options that the environment was made with."""
         return ReachTask(options_from(ReachOptions, options), cls.variant)
 
     def __deepcopy__(self, memo: dict[int, Any]) -> Self:
@@ -123,7 +122,7 @@ class ReachEnv(ArmEnv):
         return self._task.waypoints_to(q, target)
 
     def ik_goal(self, position: ArrayLike) -> AxisGoal | PositionGoal:
-        """Return what a solver is asked for to bring the tip to a point of the world [m], shape (3,).
+        """Return the goal of a solver that brings the tip to a point of the world [m], shape (3,).
 
         The tool points down; with fewer than six joints its direction is free.
 
@@ -185,7 +184,7 @@ class ReachEnv(ArmEnv):
         return super()._answer(replace(outcome, info=self._episodes.goal_info() | outcome.info))
 
     def _follow(self) -> None:
-        """Let the scene that is drawn follow a world that has no scene of its own."""
+        """Update the drawn scene where the world has no scene of its own."""
         if self._picture is not None and not self._world.dynamic:
             limits = self._simulation.controller
             self._simulation.reset(np.clip(self._world.q[0], limits.lower, limits.upper))

@@ -20,7 +20,7 @@ from kinreach.vision._goal_view import in_image
 
 Flags = NDArray[np.bool_]
 
-#: `impossible_reason` where the world does not explain.
+#: `impossible_reason` where the world gives none.
 _PHRASES = np.where(STATUSES == "completed", "", STATUSES)
 
 
@@ -64,7 +64,7 @@ class ReachEpisodes:
         self._streams.seed(index, goal_rng)
 
     def copy_from(self, other: ReachEpisodes) -> None:
-        """Take over the state of as many other arms with the same task, in the middle of their episodes."""
+        """Copy the state of as many other arms with the same task."""
         self.world.copy_from(other.world)
         self._streams.copy_from(other._streams)
         self.goals, self.found, self.seen = other.goals.copy(), other.found.copy(), other.seen.copy()
@@ -84,8 +84,7 @@ class ReachEpisodes:
 
         Args:
             ids: Whose episodes, shape (k,).
-            start: What is given instead, one row for each of them. Goals are measured from the start pose whatever
-                the posture.
+            start: Given values, one row for each of them. Goals are always measured from the start pose.
         """
         goals, start = self.task.completed(start, self._streams, ids)
         self.world.reset(ids, goals, start.q)
@@ -226,7 +225,7 @@ class ReachEpisodes:
         """Where the tips would be in the targets [m], shape (count, 3)."""
         if self.world.dynamic or self.task.options.tolerance:
             return self.task.kinematics.positions(targets)
-        tips = tip.copy()  # what a kinematic world takes it takes exactly
+        tips = tip.copy()  # a kinematic world reaches possible targets exactly
         if impossible.any():
             tips[impossible] = self.task.kinematics.positions(targets[impossible])
         return tips
@@ -238,7 +237,7 @@ class ReachEpisodes:
         return distance
 
     def close(self) -> None:
-        """Let go of the cameras."""
+        """Free the cameras' renderers."""
         self._observer.close()
         if self._pixels is not None:
             self._pixels.close()

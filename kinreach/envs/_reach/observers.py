@@ -49,7 +49,7 @@ class GoalObserver(Protocol):
         Args:
             goals: Where the balls are in the world [m], shape (k, 3).
             ids: Whose goals they are, shape (k,).
-            rngs: Everybody's generators for the sensors' noise.
+            rngs: Generators of the sensors' noise, of all environments.
         """
         ...
 
@@ -65,7 +65,7 @@ class GeometricObserver:
         self._task = task
 
     def measure(self, goals: Floats, ids: Ids, rngs: Sequence[np.random.Generator]) -> Measurements:
-        """Return the true positions; the ball is always found."""
+        """Return the true positions."""
         return Measurements(goal_block(self._task.arm, goals), _all_found(self._task, len(goals)), goals)
 
     def close(self) -> None:

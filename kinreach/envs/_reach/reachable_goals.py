@@ -62,7 +62,6 @@ class ReachableGoals:
 
     @cached_property
     def _base(self) -> Floats:
-        """Origin of the first joint [m]."""
         placement: Floats = self._kinematics.model.jointPlacements[1].translation
         return placement
 

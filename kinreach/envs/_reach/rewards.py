@@ -1,4 +1,4 @@
-"""What a step of the reach tasks is paid: the thesis's reward, minus the distance, or a function of your own.
+"""Rewards of the reach tasks: the thesis's reward, minus the distance, or a function of your own.
 
 A reward of your own is any callable of stacks of k steps:
 
@@ -46,7 +46,7 @@ Terms = Mapping[str, Floats]
 
 
 class RewardFunction(Protocol):
-    """What `reward=` takes; the module describes it."""
+    """A function for the option `reward`, as the module describes it."""
 
     def __call__(self, distance: Floats, q: Floats, impossible: Flags, *angle: Floats) -> tuple[Floats, Terms]:
         """Return the reward of k steps, shape (k,), and the terms that add up to it."""
@@ -54,12 +54,12 @@ class RewardFunction(Protocol):
 
 
 class Score(NamedTuple):
-    """What k steps are worth; arrays of shape (k,).
+    """The verdict on k steps; arrays of shape (k,).
 
     Attributes:
         reward: The sum of the terms.
-        terms: What it consists of, by name.
-        posture_error: How far the postures are from what the task asks of them [rad]; 0 where it asks nothing.
+        terms: The terms by name.
+        posture_error: Error of the postures [rad]; 0 if the task accepts any posture.
         reached: Whether the goal is reached.
     """
 
@@ -70,7 +70,7 @@ class Score(NamedTuple):
 
 
 class Scorer(Protocol):
-    """A reward with everything that the environments report of a step."""
+    """A reward with everything that environments report of a step."""
 
     def score(self, distance: Floats, q: Floats, impossible: Flags, *angle: Floats) -> Score:
         """Judge k steps; shapes, and what `angle` is, as the module describes."""
@@ -100,7 +100,7 @@ class ThesisReward:
 
 
 class DistanceReward:
-    """Minus the distance to the goal; any posture will do.
+    """Minus the distance to the goal, in any posture.
 
     Args:
         radius: Distance below which the goal is reached [m].
@@ -163,14 +163,14 @@ class DirectedReward:
 
 
 class OwnReward:
-    """Somebody's own reward function, checked at every call.
+    """A user's reward function, checked at every call.
 
     Args:
         function: As the module describes.
-        default: For what the function does not return: the posture error and, if it has no `reached`, what is reached.
+        default: Gives the posture error and, if the function has no `reached`, whether the goal is reached.
 
     Raises:
-        InputError: The function takes other arguments.
+        InputError: The function has other arguments.
     """
 
     def __init__(self, function: RewardFunction, default: Scorer) -> None:
@@ -184,7 +184,7 @@ class OwnReward:
         """Call the user's function.
 
         Raises:
-            InputError: It returned something else than the module describes.
+            InputError: It did not return what the module describes.
         """
         distance, q, impossible = on_host(distance), on_host(q), on_host(impossible)
         angle = tuple(map(on_host, angle))
@@ -220,11 +220,11 @@ def default_reward(arm: ArmDescription) -> ThesisReward | DistanceReward:
 
 
 def check_reward(reward: object, arguments: str = "distance, q and impossible") -> None:
-    """Refuse what cannot be an environment's option `reward`.
+    """Check an environment's option `reward`.
 
     Args:
         reward: The option.
-        arguments: What it is called with.
+        arguments: Its arguments, for the message.
 
     Raises:
         InputError: It cannot be called.
@@ -238,7 +238,7 @@ def scorer_of(reward: RewardFunction | None, default: Scorer) -> Scorer:
 
     Args:
         reward: The option.
-        default: Used if no reward is given, and for what a function does not return.
+        default: Used if no reward is given, and for values that a function does not return.
 
     Raises:
         InputError: It needs directions, and the task has none.
@@ -259,7 +259,7 @@ def nothing(q: Floats) -> Floats:
 
 
 def _with_or_without_angle(name: str, function: Callable[..., Any], directed: bool) -> Callable[..., Any]:
-    """Return a function that is called with the angle, whether or not the user's takes it."""
+    """Return a function with the argument `angle`, whether or not the user's has it."""
     try:
         signature = inspect.signature(function)
     except ValueError:  # some functions of C have none
@@ -285,7 +285,6 @@ def _without_angle(function: RewardFunction, distance: Floats, q: Floats, imposs
 
 
 def _column(name: str, value: object, count: int) -> Floats:
-    """Numbers of shape (count,)."""
     column = as_floats(name, value)  # type: ignore[arg-type]
     if column.shape != (count,):
         raise InputError(f"{name} must have shape ({count},), got {column.shape}")

@@ -41,7 +41,7 @@ class SpaceOptions(ReachOptions):
     """Options of `kinreach/Reach-v0`.
 
     Raises:
-        UnknownNameError: A name that is not one of those there are.
+        UnknownNameError: An unknown name.
         InputError: As `ReachOptions`; or an arm whose goals are not drawn in a box, or with fewer than six joints.
     """
 
@@ -73,7 +73,7 @@ class SpaceOptions(ReachOptions):
 
 
 class SpaceStarts:
-    """Draws what an episode starts with: a row has the goal [m], the direction of the tool and the posture [rad].
+    """Draws starts of episodes: a row has the goal [m], the direction of the tool and the posture [rad].
 
     Goals are uniform in the volume, directions on the cap of the sphere around straight down, and joints around the
     start pose, among the postures that are possible.
@@ -132,11 +132,11 @@ class SpaceTask(ReachTask):
         return cls(options_from(SpaceOptions, options))
 
     def default_reward(self) -> DirectedReward:
-        """Return the distance and the direction count, and no branch is preferred."""
+        """Return a reward of distance and direction, without a preferred branch."""
         return DirectedReward(REACHED_DISTANCE)
 
     def training_starts(self, rng: np.random.Generator, count: int, *, margin: float) -> dict[str, Floats]:
-        """Goals, directions and starts as episodes have them, the goals also around the volume."""
+        """Draw options of `reset` for learners, goals also around the volume."""
         rows = self._starts.sample(rng, count, margin=margin)
         return {"goal": rows[:, :3], "direction": rows[:, 3:6], "q": rows[:, 6:]}
 
@@ -145,7 +145,7 @@ class SpaceTask(ReachTask):
         return RowStreams(self._starts, count, size=6 + len(self.arm.joints))
 
     def completed(self, start: Start, streams: RowStreams, ids: NDArray[np.intp]) -> tuple[Floats, Start]:
-        """Goals, and a start that leaves nothing open but the view; rows are drawn whatever is given."""
+        """Return goals and a start in which only the view may be missing; rows are drawn in any case."""
         drawn = streams.draw(ids)
         goals, directions, q = drawn[:, :3], drawn[:, 3:6], drawn[:, 6:]
         return (
@@ -165,7 +165,7 @@ class SpaceTask(ReachTask):
         )
 
     def score(self, distance: Floats, q: Floats, impossible: NDArray[np.bool_], directions: Floats) -> Score:
-        """Score as `ReachTask`; a user's function gets the angle, too."""
+        """Judge k steps by the distance and the angle; see `ReachTask.score`."""
         error = self.posture_error(q, directions)
         return self.scorer.score(distance, q, impossible, error)._replace(posture_error=error)
 

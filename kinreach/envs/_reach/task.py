@@ -70,8 +70,8 @@ class ReachOptions:
     """Options of the reach environments, single and in native batches.
 
     Raises:
-        UnknownNameError: A name that is not one of those there are.
-        InputError: A size, a noise or a reward that cannot be, or cameras that the arm has not.
+        UnknownNameError: An unknown name.
+        InputError: A size, noise or reward out of range, or an observation whose cameras the arm lacks.
     """
 
     observation: str = field(default="geometric", metadata=about('`"camera"`, `"geometric"` or `"pixels"`'))
@@ -179,11 +179,11 @@ class ReachOptions:
 def check_cameras(
     pipeline: object, width: object, height: object, rgb_noise: object, depth_noise: object, exposure: object
 ) -> None:
-    """Refuse cameras that cannot be; for the values see `ReachOptions`.
+    """Check the options of cameras; for the values see `ReachOptions`.
 
     Raises:
         UnknownNameError: Unknown pipeline.
-        InputError: A size, a noise or an exposure that cannot be.
+        InputError: A size, noise or exposure out of range.
     """
     check_known("pipeline", pipeline, PIPELINES)
     for name, size in (("width", width), ("height", height)):
@@ -246,7 +246,7 @@ class Layout(NamedTuple):
 
     @property
     def size(self) -> int:
-        """How many numbers an observation has."""
+        """Length of an observation."""
         return self.gripper + 1
 
 
@@ -324,12 +324,12 @@ def _check_views(arm: ArmDescription) -> None:
 
 
 def tool_goal(arm: ArmDescription, position: ArrayLike, direction: ArrayLike = TOOL_DOWN) -> AxisGoal | PositionGoal:
-    """Return what a solver is asked for: the tip at a point of the world [m], the tool in a direction of the world.
+    """Return the goal of a solver: the tip at a point of the world [m], the tool in a direction of the world.
 
-    With fewer than six joints the direction is left open.
+    With fewer than six joints the direction is free.
 
     Raises:
-        InputError: No point.
+        InputError: The position is not an array of numbers.
     """
     point = as_floats("position", position)
     return AxisGoal(point, direction) if len(arm.joints) >= JOINTS else PositionGoal(point)  # type: ignore[arg-type]
@@ -355,7 +355,7 @@ def check_actions(actions: ArrayLike, count: int | None, joints: int = JOINTS) -
 
 
 class Start(NamedTuple):
-    """What `reset(options=)` asks for, one row an environment; None for what it leaves open.
+    """The options of `reset`, one row an environment; None for those that are not given.
 
     Attributes:
         goals: Where the balls are in the world [m], shape (count, 3).
@@ -479,7 +479,7 @@ class ReachTask:
         return {"goal": goals.wider(margin).sample(rng, count)}
 
     def completed(self, start: Start, streams: RowStreams, ids: NDArray[np.intp]) -> tuple[Floats, Start]:
-        """Goals, and a start with what it leaves open drawn from the streams of the given environments."""
+        """Return goals and a start, with missing values drawn from the streams of the given environments."""
         return streams.draw(ids) if start.goals is None else start.goals.copy(), start
 
     def score(self, distance: Floats, q: Floats, impossible: NDArray[np.bool_], directions: Floats) -> Score:
@@ -494,7 +494,7 @@ class ReachTask:
         return self.scorer.score(distance, q, impossible)
 
     def posture_error(self, q: Floats, directions: Floats) -> Floats:
-        """Return how far postures [rad], shape (k, n), are from what the task asks of them, shape (k,)."""
+        """Return `Score.posture_error` of postures [rad], shape (k, n); shape (k,)."""
         return self.scorer.posture_error(q)
 
     def targets(self, q: Floats, actions: Floats) -> Floats:
@@ -522,7 +522,7 @@ class ReachTask:
         return tool_goal(self.arm, position, direction)
 
     def natural(self, q: ArrayLike, direction: Floats) -> bool:
-        """Return whether a posture [rad], shape (n,), has the posture error that reaching asks for."""
+        """Return whether the posture error of a posture [rad], shape (n,), is small enough to reach a goal."""
         posture = as_vector("q", q, len(self.arm.joints))
         return bool(self.posture_error(posture[None], direction[None])[0] < REACHED_POSTURE_ERROR)
 
@@ -532,5 +532,5 @@ class ReachTask:
 
     @cached_property
     def checker(self) -> CollisionChecker:
-        """The verdict on collisions."""
+        """The collision checker, with the option `collision_margin`."""
         return CollisionChecker(self.kinematics, margin=self.options.collision_margin)

@@ -51,7 +51,7 @@ class ReachVectorEnv(NativeVectorEnv):
         task: What is to be done.
 
     Raises:
-        InputError: Options that cannot be.
+        InputError: Invalid options.
     """
 
     def __init__(

@@ -1,4 +1,4 @@
-"""What executes postures: kinematic or simulated, for one arm and for many."""
+"""Worlds that execute postures, kinematic or simulated, for one arm or many."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ Flags = NDArray[np.bool_]
 
 
 class Status(IntEnum):
-    """What became of an action, as a number; `STATUSES` has the words."""
+    """Result of an action as a number; `STATUSES` has the words."""
 
     COMPLETED = 0
     OUT_OF_LIMITS = 1
@@ -61,12 +61,12 @@ _OF_MOVE = {
 
 @dataclass(frozen=True, eq=False)
 class Executed:
-    """What became of the actions of all arms.
+    """Results of the actions of all arms.
 
     Attributes:
-        impossible: Whether the target could not be taken, shape (count,).
+        impossible: Whether the target was not reached, shape (count,).
         status: How each ended, a `Status`, shape (count,).
-        reasons: Why it was impossible, one phrase per arm (empty where possible); None if the world gives none.
+        reasons: Why it was impossible, one phrase per arm (empty where possible), or None.
         durations: Simulated time [s], shape (count,); None without simulation.
     """
 
@@ -88,27 +88,27 @@ class ReachWorld(Protocol):
     dynamic: bool
 
     def reset(self, ids: Ids, goals: Floats, q: Floats | None) -> None:
-        """Put arms into postures [rad], shape (k, n), or the start pose, and their balls to goals [m], shape (k, 3)."""
+        """Put arms into postures [rad], shape (k, n), or the start pose, and balls to goals [m], shape (k, 3)."""
         ...
 
     def execute(self, targets: Floats, *, two_phase: bool, acting: Flags | None = None) -> Executed:
         """Move arms to joint targets [rad], shape (count, n): all of them, or where `acting` is True, shape (count,).
 
-        The others complete their action at once, and nothing of them changes.
+        The others stay unchanged, with the status COMPLETED.
         """
         ...
 
     def copy_from(self, other: Any) -> None:
-        """Take over the state of another world of the same kind and size."""
+        """Copy the state of another world of the same kind and size."""
         ...
 
     def snapshot(self) -> tuple[Any, Any]:
-        """Copy postures [rad] and positions of the tips [m], as `q` and `tip`; as tensors where asked for."""
+        """Copy `q` and `tip`, as tensors if the world has a device."""
         ...
 
     @property
     def q(self) -> Floats:
-        """Postures of all arms [rad], shape (count, n), to be read only; they hold until the next move or reset."""
+        """Postures of all arms [rad], shape (count, n); read-only, valid until the next move or reset."""
         ...
 
     @property
@@ -118,14 +118,14 @@ class ReachWorld(Protocol):
 
 
 class KinematicWorld:
-    """Arms that jump to their targets; joint limits and collisions of the target are still judged.
+    """Arms that jump to their targets, if these are within the joint limits and free of collisions.
 
-    An impossible target leaves the arm where it is. Collisions on the way are not judged.
+    An impossible target leaves the arm where it is. Collisions on the way are not checked.
 
     Args:
         task: Whose arm.
         count: Number of arms.
-        explain: Say for each impossible target why; costs time, meant for single environments.
+        explain: Give the reason for each impossible target, which takes time.
     """
 
     dynamic = False
@@ -142,13 +142,13 @@ class KinematicWorld:
         self._tip = np.repeat(self._home_tip, count, axis=1)
 
     def reset(self, ids: Ids, goals: Floats, q: Floats | None) -> None:
-        """Put arms into postures [rad], shape (k, n), or the start pose; balls need no place here."""
+        """Put arms into postures [rad], shape (k, n), or the start pose."""
         rows = ids if len(ids) < self.count else slice(None)
         self._q[:, rows] = self._home if q is None else q.T
         self._tip[:, rows] = self._home_tip if q is None else self._kinematics.positions(q).T
 
     def execute(self, targets: Floats, *, two_phase: bool, acting: Flags | None = None) -> Executed:
-        """Take the targets that can be taken."""
+        """Put arms to their targets where these are possible."""
         status = STATUS_OF_CAUSE[self._checker.causes(targets)]
         if acting is not None:
             status[~acting] = Status.COMPLETED
@@ -168,7 +168,7 @@ class KinematicWorld:
         return self.q.copy(order="K"), self.tip.copy(order="K")
 
     def copy_from(self, other: KinematicWorld) -> None:
-        """Take over the postures of another world."""
+        """Copy the postures of another world."""
         self._q[:], self._tip[:] = other._q, other._tip
 
     @property
@@ -183,7 +183,6 @@ class KinematicWorld:
 
 
 def _executed(moves: Sequence[MoveResult]) -> Executed:
-    """What moves came to."""
     status = np.array([_OF_MOVE[move.status] for move in moves], dtype=np.uint8)
     durations = np.array([move.duration for move in moves])
     return Executed(status != Status.COMPLETED, status, [move.reason for move in moves], durations)
@@ -216,7 +215,7 @@ class SingleDynamicWorld:
         return self.q, self.tip
 
     def copy_from(self, other: SingleDynamicWorld) -> None:
-        """Take over the state of another simulation."""
+        """Copy the state of another simulation."""
         self.simulation.copy_state(other.simulation)
 
     @property
@@ -288,7 +287,7 @@ class BatchDynamicWorld:
         return q, self._kinematics.positions(q)
 
     def copy_from(self, other: BatchDynamicWorld) -> None:
-        """Take over the states of as many other simulations."""
+        """Copy the states of as many other simulations."""
         self._batch.copy_states(other._batch)
 
     @property
