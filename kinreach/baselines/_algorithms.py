@@ -156,7 +156,6 @@ def ppo_arguments(recipe: Recipe, env: SB3VecEnv, planned: int) -> dict[str, Any
     """Return the arguments of PPO: `minibatches` give the batch size, and the actor may have a `PostureHead`."""
     arguments = mlp_arguments(recipe, env, planned)
     networks, policy = recipe.networks, arguments["policy_kwargs"]
-    policy["net_arch"] = {"pi": list(networks.hidden), "vf": list(networks.hidden)}
     if networks.std != 1.0:
         policy["log_std_init"] = math.log(networks.std)
     if networks.posture:
@@ -232,7 +231,7 @@ def late_collisions_arguments(recipe: Recipe, env: SB3VecEnv, planned: int) -> d
 
 
 def _simulation(env: SB3VecEnv) -> dict[str, Any]:
-    return {"world": env.get_attr("unwrapped")[0].episodes}
+    return {"world": env.get_attr("unwrapped", 0)[0].episodes}
 
 
 def _features(recipe: Recipe) -> dict[str, Any]:

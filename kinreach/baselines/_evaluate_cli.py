@@ -72,9 +72,9 @@ def main(argv: Sequence[str], *, prog: str) -> int:
     split = "" if arguments.split == SPLIT else f" --split {arguments.split}"
     command = f"{prog} {' '.join(map(quoted, arguments.policies))} --goals {arguments.goals}{split}{given}"
     title = f"{arguments.goals} {arguments.split} goals{given.replace(' --', ', ')}"
-    console = Console(width=TABLE_WIDTH, highlight=False, markup=False, emoji=False)
+    console = Console(width=TABLE_WIDTH)
     console.print(evaluation_table(summaries, title=title))
-    console.print(f"Again: {command}", style="dim", soft_wrap=True)
+    console.note(f"Again: {command}")
     if arguments.out is not None:
         found = {
             "policies": summaries,
@@ -91,7 +91,7 @@ def main(argv: Sequence[str], *, prog: str) -> int:
         _export(policies[name], arguments, options[name], {command: summaries[names[name]]})
     for what, written in (("Results", arguments.out), ("ONNX model", arguments.export), ("Dataset", arguments.minari)):
         if written is not None:
-            console.print(f"{what}: {written}", style="dim", soft_wrap=True)
+            console.note(f"{what}: {written}")
     return 0
 
 

@@ -136,7 +136,7 @@ class PostureHead(nn.Linear):
         super().__init__(hidden, len(shift))
         self.gain: Tensor
         self.shift: Tensor
-        self.register_buffer("gain", torch.tensor(gain, dtype=torch.float32), persistent=False)
+        self.register_buffer("gain", torch.tensor(gain, dtype=torch.float32))
         self.register_buffer("shift", torch.tensor(shift, dtype=torch.float32))
         nn.init.orthogonal_(self.weight, 0.01)
         nn.init.zeros_(self.bias)

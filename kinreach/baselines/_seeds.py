@@ -116,7 +116,7 @@ def train_seeds(
         for index, kept in engine.map(train_here, jobs, threads=threads):
             job = jobs[index]
             folder = folders[job.identity["seed"]]
-            _write(folder, kept.files, going_on=done[index] > 0 or job.checkpoint is not None)
+            _write(folder, kept.files)
             done[index] = kept.done
             progress(sum(done.values()) + recipe.steps * len(finished), recipe.steps * len(folders))
             for text in kept.notices:
@@ -149,13 +149,13 @@ def _contents(folder: Path) -> dict[str, bytes]:
     return {path.relative_to(folder).as_posix(): path.read_bytes() for path in files}
 
 
-def _write(folder: Path, files: Mapping[str, bytes], *, going_on: bool) -> None:
+def _write(folder: Path, files: Mapping[str, bytes]) -> None:
     """Write the results, and last the mark that the run is finished.
 
     Raises:
         OutputError: The file system refused.
     """
-    clear(folder, going_on=going_on)
+    clear(folder)
     for name in sorted(files, key=lambda name: (name == RUN, name)):
         path = folder / name
         path.parent.mkdir(exist_ok=True)

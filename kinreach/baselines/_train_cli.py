@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import argparse
 from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from functools import partial
 from operator import itemgetter
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from rich.progress import BarColumn, Progress, TaskID, TextColumn, TimeElapsedColumn, TimeRemainingColumn
+from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
 from rich.table import Table
 
 from kinreach._checks import MAX_THREADS, check_count, check_known, check_path
@@ -72,7 +73,7 @@ def main(argv: Sequence[str], *, prog: str) -> int:
     if not arguments.out:
         raise InputError("--out must name a folder, got ''")
     out = check_path("--out", arguments.out)
-    console = Console(width=TABLE_WIDTH, highlight=False, markup=False, emoji=False)
+    console = Console(width=TABLE_WIDTH)
     seeds = range(arguments.seed, arguments.seed + arguments.seeds)
     folders = {seed: out / recipe.name / f"seed-{seed}" for seed in seeds}
     policies = {}
@@ -87,16 +88,14 @@ def main(argv: Sequence[str], *, prog: str) -> int:
     evaluations = {f"seed {seeds[number]}": summary for number, summary in found}
     console.print(evaluation_table(evaluations, title=f"{recipe.name}, {GOALS} {arguments.split} goals"))
     again = f"kinreach evaluate {quoted(str(out / recipe.name))}/seed-*/policy.safetensors"
-    console.print(f"Held-out goals, more of them, dynamics, cameras: {again}", style="dim", soft_wrap=True)
+    console.note(f"Held-out goals, more of them, dynamics, cameras: {again}")
     return 0
 
 
 def _search(arguments: argparse.Namespace) -> int:
     """Search by a file, and show the best trials."""
-    try:
+    with _needs_training():
         from kinreach.baselines._search import JUDGES, read_search, search
-    except ImportError as error:
-        raise InstallationError(f"training needs more packages ({error.name}): pip install 'kinreach[train]'") from None
     file = check_path("--search", arguments.search)
     given = read_search(file)
     check_count("--threads", arguments.threads, most=MAX_THREADS)
@@ -109,10 +108,19 @@ def _search(arguments: argparse.Namespace) -> int:
         table.add_column(name)
     for row in results["trials"][:SHOWN]:
         table.add_row(*(f"{row[name]:.4g}" if isinstance(row[name], float) else str(row[name]) for name in names))
-    console = Console(width=TABLE_WIDTH, highlight=False, markup=False, emoji=False)
+    console = Console(width=TABLE_WIDTH)
     console.print(table)
-    console.print(f"All trials, and the best one's recipe: {out}", style="dim", soft_wrap=True)
+    console.note(f"All trials, and the best one's recipe: {out}")
     return 0
+
+
+@contextmanager
+def _needs_training() -> Iterator[None]:
+    """Name the extra if an import fails; nothing but training needs it."""
+    try:
+        yield
+    except ImportError as error:
+        raise InstallationError(f"training needs more packages ({error.name}): pip install 'kinreach[train]'") from None
 
 
 def _judge(name: str, split: str, policy: LearnedPolicy) -> Iterator[dict[str, Any]]:
@@ -124,16 +132,14 @@ def _runs(
     recipe: Recipe, folders: Mapping[int, Path], engine: Engine, arguments: argparse.Namespace, prog: str
 ) -> Iterator[Run]:
     """Train under a progress bar; Ctrl-C prints how to resume."""
-    try:
-        from kinreach.baselines._seeds import train_seeds  # the only imports that need the extra
+    with _needs_training():
+        from kinreach.baselines._seeds import train_seeds
         from kinreach.baselines._training import train
-    except ImportError as error:
-        raise InstallationError(f"training needs more packages ({error.name}): pip install 'kinreach[train]'") from None
     errors = Console(stderr=True)
     common: dict[str, Any] = {
         name: getattr(arguments, name) for name in ("steps", "resume", "fresh", "threads", "export")
     }
-    common["notice"] = lambda text: errors.print(text, highlight=False, markup=False, emoji=False, soft_wrap=True)
+    common["notice"] = partial(errors.print, soft_wrap=True)
     columns = (
         TextColumn("{task.description}"),
         BarColumn(),
@@ -145,23 +151,17 @@ def _runs(
     writing = next(iter(folders.values())).parent
     try:
         with Progress(*columns, console=errors, transient=True, disable=not errors.is_terminal) as bar:
+            shown = bar.add_task(f"{recipe.name}, {len(folders)} seeds", total=None, figures="")
+
+            def show(done: int, planned: int, row: dict[str, float | None] | None = None) -> None:
+                bar.update(shown, completed=done, total=planned, figures=_figures(row) if row else "")
+
             if arguments.engine != SERIAL:
-                all_of_them = bar.add_task(f"{recipe.name}, {len(folders)} seeds", total=None, figures="")
-
-                def show_all(done: int, planned: int) -> None:
-                    bar.update(all_of_them, completed=done, total=planned)
-
-                yield from train_seeds(arguments.recipe, folders, engine, progress=show_all, **common)
+                yield from train_seeds(arguments.recipe, folders, engine, progress=show, **common)
                 return
             for seed, writing in folders.items():
-                shown = bar.add_task(f"{recipe.name}, seed {seed}", total=None, figures="")
-
-                def show(done: int, planned: int, row: dict[str, float | None], shown: TaskID = shown) -> None:
-                    bar.update(shown, completed=done, total=planned, figures=_figures(row))
-
-                run = train(recipe, writing, seed=seed, progress=show, **common)
-                bar.remove_task(shown)
-                yield run
+                bar.reset(shown, description=f"{recipe.name}, seed {seed}")
+                yield train(recipe, writing, seed=seed, progress=show, **common)
     except KeyboardInterrupt:
         again = f"{prog} {' '.join(map(quoted, _again(arguments)))}"
         raise KeyboardInterrupt(f"interrupted; what is in {writing} is kept; go on with: {again}") from None
@@ -180,14 +180,9 @@ def _again(arguments: argparse.Namespace) -> list[str]:
 
 def _figures(row: dict[str, float | None]) -> str:
     """Return the last row of the learning curve, without what is None."""
-    parts = []
-    if row["reward"] is not None:
-        parts.append(f"reward {row['reward']:.2f}")
-    if row["reached"] is not None:
-        parts.append(f"reached {100 * row['reached']:.0f} %")
-    if row["distance"] is not None:
-        parts.append(f"{1e3 * row['distance']:.1f} mm")
-    return ", ".join(parts)
+    texts = (("reward", "reward {:.2f}", 1), ("reached", "reached {:.0f} %", 100), ("distance", "{:.1f} mm", 1e3))
+    found = ((text, factor, row[name]) for name, text, factor in texts)
+    return ", ".join(text.format(factor * value) for text, factor, value in found if value is not None)
 
 
 def _parser(prog: str) -> Parser:

@@ -270,13 +270,13 @@ def make_folder(folder: Path) -> None:
     make_writable(folder / TENSORBOARD)
 
 
-def clear(folder: Path, *, going_on: bool) -> None:
-    """Remove what an earlier training left and this one will write; what it goes on from stays.
+def clear(folder: Path) -> None:
+    """Remove the results of an earlier training, but not its checkpoint.
 
     Raises:
         OutputError: The file system refused.
     """
-    _remove(folder, (RUN, POLICY, MODEL) if going_on else (RUN, POLICY, MODEL, CURVE, EPISODE))
+    _remove(folder, (RUN, POLICY, MODEL, CURVE, EPISODE))
 
 
 def _segments(
@@ -312,8 +312,8 @@ def _segments(
     model = trainee.model
     model.set_logger(configure(str(folder / TENSORBOARD), ["tensorboard"]))
     try:
-        clear(folder, going_on=first > 0)
-        if first:  # the run may have been killed between its checkpoint and its curve
+        clear(folder)
+        if first:
             _write_curves(folder, trainee.curve)
         for segment, target in enumerate(_targets(recipe, model)):
             if segment < first:
@@ -417,17 +417,15 @@ def read_checkpoint(path: Path, identity: Mapping[str, Any]) -> dict[str, Any] |
     Raises:
         InputError: It is the state of another run, not a regular file, or too large.
     """
-    file = open_input(path, "the checkpoint", most=MAX_CHECKPOINT)
-    try:
-        if not zipfile.is_zipfile(file):  # torch would try it as a plain pickle, and warn before it refuses
+    with open_input(path, "the checkpoint", most=MAX_CHECKPOINT) as file:
+        try:
+            if not zipfile.is_zipfile(file):  # torch would try it as a plain pickle, and warn before it refuses
+                return None
+            file.seek(0)
+            state: dict[str, Any] = torch.load(file, weights_only=True)
+            other = dict(state["identity"])
+        except (OSError, pickle.UnpicklingError, RuntimeError, LookupError, TypeError, EOFError, ValueError):
             return None
-        file.seek(0)
-        state: dict[str, Any] = torch.load(file, weights_only=True)
-        other = dict(state["identity"])
-    except (OSError, pickle.UnpicklingError, RuntimeError, LookupError, TypeError, EOFError, ValueError):
-        return None
-    finally:
-        file.close()
     if differences := _differences(other, identity):
         raise InputError(
             f"{path} belongs to a run with {differences}; train without --resume to begin anew, or into another folder"
@@ -460,7 +458,8 @@ def restore(trainee: Trainee, state: Mapping[str, Any]) -> tuple[int, list[str]]
 
 def _variables(model: BaseAlgorithm) -> list[str]:
     """Return names of tensors that are not parameters of a module, such as SAC's entropy coefficient."""
-    return list(model._get_torch_save_params()[1])
+    _, names = model._get_torch_save_params()
+    return list(names)
 
 
 def _write_curves(folder: Path, curve: LearningCurve) -> None:

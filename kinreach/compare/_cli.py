@@ -73,13 +73,10 @@ def main(argv: Sequence[str], *, prog: str) -> int:
         address=arguments.address,
         command=_command(prog, arguments, flags, texts, own),
     )
-    console, wide = (
-        Console(width=width, highlight=False, markup=False, emoji=False)
-        for width in (TABLE_WIDTH, 10 * TABLE_WIDTH)  # a table that does not fit is printed whole
-    )
+    console = Console(width=10 * TABLE_WIDTH)  # a table that does not fit is printed whole
     columns = (with_motion(task) if arguments.motion else task).columns
     for table in tables(columns, results["methods"], title=results["settings"]["title"], width=TABLE_WIDTH):
-        wide.print(table)
+        console.print(table)
         console.print()
     files = ["results.json", "results.csv", "report.html", *(f"{name}.png" for name in task.figures)]
     files += ["paths.png"] if task.paths is not None else []
@@ -91,7 +88,7 @@ def main(argv: Sequence[str], *, prog: str) -> int:
         f"Scene: {scene}" if scene.is_file() else "No picture of the scene: report.html says why.",
     ]
     for line in lines:
-        console.print(line, style="dim", soft_wrap=True)
+        console.note(line)
     return 0
 
 

@@ -12,7 +12,7 @@ import os
 from collections import Counter
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import ExitStack, contextmanager, suppress
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -60,41 +60,6 @@ MAX_BYTES, MAX_RECORDS = 256 * 1024 * 1024, 64 * 1024**3
 
 
 @dataclass(frozen=True)
-class Settings:
-    """Settings of a comparison: the same ones give the same numbers, times aside.
-
-    Attributes:
-        task: Name of a registered task.
-        methods: As in `compare`, by name; all of the task's own if empty.
-        goals: Number of goals.
-        seed: Of the goals and of the cameras' noise. The first N goals of a seed, and what is seen of them, are the
-            same for every number of goals.
-        observation: What the methods observe: `"geometric"`, the true goal, or `"camera"`, what the cameras saw.
-        options: Of the task's environments, such as `pipeline` or `max_steps`.
-
-    Raises:
-        UnknownNameError: A task, method or observation does not exist; the message lists those that do.
-        InputError: A number is out of range, or a method is named twice.
-    """
-
-    task: str = "ur5"
-    methods: tuple[str, ...] = ()
-    goals: int = DEFAULT_GOALS
-    seed: int = 0
-    observation: str = GEOMETRIC
-    options: Mapping[str, Any] = field(default_factory=dict)
-
-    def __post_init__(self) -> None:
-        task = get_task(self.task)
-        names = resolve_methods(task, self.methods)
-        methods: Any = self.methods
-        given = (methods,) if isinstance(methods, str) else tuple(methods)
-        object.__setattr__(self, "methods", given or tuple(names))
-        _check_numbers(self.goals, self.seed)
-        _check_observation(task, self.observation)
-
-
-@dataclass(frozen=True)
 class Comparison:
     """What is compared, checked and complete.
 
@@ -132,8 +97,8 @@ class Comparison:
 
 
 def compare(
-    task: str | Task | Settings = "ur5",
-    methods: Sequence[Any] | Mapping[str, Any] | str | Path = (),
+    task: str | Task = "ur5",
+    methods: Sequence[Any] | Mapping[str, Any] = (),
     *,
     goals: int = DEFAULT_GOALS,
     seed: int = 0,
@@ -154,8 +119,7 @@ def compare(
     settings (and the same code, versions and machine) it goes on from there.
 
     Args:
-        task: Name of a registered task, or a task. `Settings` stand for all arguments up to `options`; the second
-            argument is then `out`.
+        task: Name of a registered task, or a task.
         methods: Names of the task's methods, files of policies, solvers, policies, classes or functions, see
             `kinreach.compare._methods.resolve_methods`; all of the task's own if empty.
         goals: Number of goals.
@@ -186,10 +150,6 @@ def compare(
             results of another comparison.
         UnknownNameError: The task, method, arm or observation is unknown.
     """
-    if isinstance(task, Settings):
-        given, out = task, methods if isinstance(methods, str | Path) else out
-        task, methods, goals, seed = given.task, given.methods, given.goals, given.seed
-        observation, options = given.observation, given.options
     comparison = prepare(
         task,
         methods,

@@ -13,7 +13,9 @@ from kinreach.baselines._evaluation import evaluate
 from kinreach.baselines._learning_curve import read_curve
 from kinreach.baselines._policies import load_policy, pretrained_names
 from kinreach.baselines._recipes import get_recipe
-from kinreach.compare._runner import Settings
+from kinreach.compare._methods import resolve_methods
+from kinreach.compare._runner import _check_numbers, _check_observation
+from kinreach.compare._task import get_task
 from kinreach.errors import InputError
 from tests.robustness.fuzzing import NUMBERS, bad_arrays, things
 
@@ -98,9 +100,10 @@ def test_learning_curves(fuzzed, tmp_path):
 
 def test_settings_of_comparisons(fuzzed):
     def run(case):
-        settings = Settings(**case)
-        assert settings.goals >= 1
-        assert all(isinstance(name, str) for name in settings.methods)
+        task = get_task(case.get("task", "ur5"))
+        _check_numbers(case.get("goals", 1), case.get("seed", 0))
+        _check_observation(task, case.get("observation", "geometric"))
+        assert all(isinstance(name, str) for name in resolve_methods(task, case.get("methods", ())))
 
     value = things() | NUMBERS | st.integers(-5, 10**12) | st.sampled_from(WORDS) | st.booleans()
     names = st.lists(st.sampled_from(WORDS), max_size=2) | value | st.lists(things() | st.text(max_size=3), max_size=3)
@@ -151,7 +154,7 @@ def test_statistics(fuzzed):
 @pytest.mark.parametrize("methods", ["lm", ["a\nb"], ["\ud800.safetensors"], ["\u202eevil.safetensors"], [b"lm"], 5])
 def test_names_that_cannot_be_printed_are_refused(methods):
     if methods == "lm":
-        assert Settings(methods=methods).methods == ("lm",)
+        assert list(resolve_methods(get_task("ur5"), methods)) == ["lm"]
         return
     with pytest.raises(InputError, match=r"printable|a method is a name|methods must be a list"):
-        Settings(methods=methods)
+        resolve_methods(get_task("ur5"), methods)

@@ -7,7 +7,6 @@ import pytest
 
 import kinreach  # noqa: F401 (registers the environments)
 from kinreach.compare import compare
-from kinreach.compare._runner import Settings
 from kinreach.errors import DrawingError, KinreachError
 from kinreach.sim import ArmSimulation, render
 from kinreach.sim._rendering import FrameRenderer
@@ -106,13 +105,13 @@ def test_a_closed_renderer_says_so():
 def test_a_comparison_keeps_what_it_has_seen_and_goes_on(failing_frame, no_source_changes, tmp_path, monkeypatch):
     monkeypatch.setattr("kinreach.compare._figures.write_figures", lambda *arguments: {})
     monkeypatch.setattr("kinreach.compare._report.render_trials", lambda *arguments: [])
-    settings = Settings(task="ur5", methods=("closed-form",), goals=4, seed=1, observation="camera")
+    settings = {"methods": ["closed-form"], "goals": 4, "seed": 1, "observation": "camera"}
     failing_frame(14)  # in the fourth look: each has four frames, and the first two are of the warm-up
     with pytest.raises(DrawingError):
-        compare(settings, tmp_path / "broken")
+        compare(**settings, out=tmp_path / "broken")
     assert len((tmp_path / "broken" / "records.jsonl").read_text().splitlines()) == 1 + 1
-    compare(settings, tmp_path / "broken")
-    compare(settings, tmp_path / "whole")
+    compare(**settings, out=tmp_path / "broken")
+    compare(**settings, out=tmp_path / "whole")
     broken, whole = (_without_times(tmp_path / name / "results.csv") for name in ("broken", "whole"))
     assert broken == whole
     assert len(whole) == 1 + 4
@@ -120,9 +119,8 @@ def test_a_comparison_keeps_what_it_has_seen_and_goes_on(failing_frame, no_sourc
 
 @pytest.mark.slow
 def test_results_do_not_depend_on_the_pictures_of_the_report(failing_frame, no_source_changes, tmp_path):
-    settings = Settings(task="ur5", methods=("closed-form",), goals=2, seed=1)
     failing_frame(1)
-    compare(settings, tmp_path)
+    compare(methods=["closed-form"], goals=2, seed=1, out=tmp_path)
     assert (tmp_path / "results.json").exists()
     assert "cannot draw frame 1" in (tmp_path / "report.html").read_text(encoding="utf-8")
     assert not (tmp_path / "scene.png").exists()

@@ -11,7 +11,6 @@ from kinreach.baselines._policies import load_policy
 from kinreach.baselines._policy_file import save_policy
 from kinreach.cli import main
 from kinreach.compare import compare
-from kinreach.compare._runner import Settings
 
 NAMES = [
     "<script>alert(1)<",
@@ -64,10 +63,10 @@ def test_every_name_is_a_name(tmp_path, monkeypatch):
     folder.mkdir()
     paths = [str(path) for path in files(folder)]
     assert len(paths) == len(NAMES)
-    results = compare(Settings(methods=("lm", *paths), goals=1), tmp_path / "out")
+    results = compare(methods=["lm", *paths], goals=1, out=tmp_path / "out")
     page = (tmp_path / "out" / "report.html").read_text()
     plain = Elements()
-    compare(Settings(methods=("lm",), goals=1), tmp_path / "plain")
+    compare(methods=["lm"], goals=1, out=tmp_path / "plain")
     plain.feed((tmp_path / "plain" / "report.html").read_text())
     hostile = Elements()
     hostile.feed(page)

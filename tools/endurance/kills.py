@@ -23,7 +23,6 @@ from kinreach.baselines._policies import load_policy
 from kinreach.baselines._recipes import get_recipe
 from kinreach.baselines._training import train
 from kinreach.compare import compare
-from kinreach.compare._runner import Settings
 from tools.endurance.outcome import Outcome, demand
 
 #: One that has everything imported already, and forks.
@@ -37,7 +36,7 @@ RECIPES = {
     "single": {"num_envs": 32, "steps": 32 * 192, "segments": 12, "window": 512},
     "sac-single": {"num_envs": 8, "steps": 480, "segments": 12, "window": 64},
 }
-COMPARISON = Settings(task="ur5", methods=("closed-form", "placo", "lm", "ranked-single"), goals=25, seed=3)
+COMPARISON = {"methods": ("closed-form", "placo", "lm", "ranked-single"), "goals": 25, "seed": 3}
 
 
 @dataclass(frozen=True)
@@ -69,7 +68,7 @@ def training_result(folder: Path) -> tuple[bytes, str]:
 def compared(folder: Path) -> None:
     """Run a small comparison, or go on with it."""
     provenance.source_digest = lambda: "0" * 12  # somebody may edit a module meanwhile
-    compare(COMPARISON, folder)
+    compare(**COMPARISON, out=folder)
 
 
 def comparison_result(folder: Path) -> Any:
