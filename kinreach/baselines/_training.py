@@ -440,7 +440,7 @@ def restore(trainee: Trainee, state: Mapping[str, Any]) -> tuple[int, list[str]]
         The number of the next segment, and `sources`: digests of the code that had a part in the state.
     """
     model, curve = trainee.model, trainee.curve
-    model.set_parameters(state["parameters"], exact_match=True)
+    model.set_parameters(state["parameters"])
     for name in _variables(model):
         getattr(model, name).data.copy_(state["variables"][name])
     for name in (name for name in _COUNTERS if hasattr(model, name)):
@@ -508,10 +508,8 @@ def _learn(trainee: Trainee, target: int, callback: BaseCallback) -> None:
             reset_num_timesteps=False,
             log_interval=None,  # type: ignore[arg-type]
         )
-    except ValueError:  # of torch's distributions, whose parameters must be finite
+    finally:  # torch's distributions raise another error where a parameter is not finite
         _check_parameters(model)
-        raise
-    _check_parameters(model)
 
 
 def _check_parameters(model: BaseAlgorithm) -> None:
