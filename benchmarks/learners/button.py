@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from dataclasses import replace
 from typing import Any
 
-from kinreach.baselines import Networks, Recipe, get_recipe, register_recipe
+from kinreach.baselines import Algorithm, Networks, Recipe, get_recipe, register_algorithm, register_recipe
 
 #: 2 s; its steps are a tenth as long.
 _REPORT = {"actuation": "report", "max_steps": 500}
@@ -57,6 +57,7 @@ def _dqn(name: str, summary: str, *, options: Mapping[str, Any], gamma: float) -
     )
 
 
+register_algorithm(Algorithm("DQN", "stable_baselines3:DQN"))
 button_dqn = _dqn(
     "button-dqn", "DQN with the training reward of `button`.", options=get_recipe("button").options, gamma=0.95
 )

@@ -7,7 +7,7 @@ learns. Their critics tell actions apart that differ by little: 10 mm are 0.004 
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any, ClassVar
 
 import numpy as np
@@ -26,6 +26,7 @@ from kinreach._registration import MULTI, SINGLE
 from kinreach.baselines import Algorithm, Networks, Recipe, SB3VecEnv, register_algorithm, register_recipe
 from kinreach.baselines._adaptive_ppo import Exploration, share_left
 from kinreach.baselines._algorithms import mlp_arguments
+from kinreach.baselines._rewards import REWARDS, dense
 from kinreach.envs._reach.task import action_range
 from kinreach.robots import get_arm
 
@@ -195,6 +196,17 @@ def scheduled_arguments(recipe: Recipe, env: SB3VecEnv, planned: int) -> dict[st
     return arguments
 
 
+def clipped(rewards: Any, info: Mapping[str, Any]) -> Any:
+    """Return the environment's reward, not below -5: lower ones spoil critics that are functions of the action."""
+    return np.maximum(rewards, -5.0)
+
+
+def dense_clipped(rewards: Any, info: Mapping[str, Any]) -> Any:
+    """Return the dense reward, not below -20."""
+    return np.maximum(dense(rewards, info), -20.0)
+
+
+REWARDS.update({"clipped": clipped, "dense-clipped": dense_clipped})
 for learner in (ScheduledSAC, ScheduledTD3, ScheduledDDPG):
     register_algorithm(Algorithm(learner.__name__, learner, arguments=scheduled_arguments))
 

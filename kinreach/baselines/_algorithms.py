@@ -25,10 +25,9 @@ import torch
 from gymnasium.vector import VectorEnv
 from numpy.typing import ArrayLike
 from scipy.special import ndtri
-from stable_baselines3 import DDPG, DQN, PPO, SAC, TD3
+from stable_baselines3 import PPO
 from stable_baselines3.common.base_class import BaseAlgorithm
 from stable_baselines3.common.buffers import RolloutBuffer
-from stable_baselines3.common.noise import NormalActionNoise, VectorizedActionNoise
 
 from kinreach._checks import check_known, shown
 from kinreach._registration import LIFT, SPACE
@@ -125,8 +124,8 @@ GRASPS_SCALE = (0.1, 0.18, 0.05, 0.5, 0.01, 1.0, 1.0, 1.0, *(0.5,) * 6, 0.02, *(
 def mlp_arguments(recipe: Recipe, env: SB3VecEnv, planned: int) -> dict[str, Any]:
     """Keyword arguments of a model with `MlpPolicy`, from the settings and the networks of a recipe.
 
-    In the settings, `adam` are keyword arguments of the optimiser, `action_noise` is a standard deviation, and
-    `policy_kwargs` are added to what follows from the networks.
+    In the settings, `adam` are keyword arguments of the optimiser, and `policy_kwargs` are added to those of the
+    networks.
 
     Args:
         recipe: What to train.
@@ -145,10 +144,6 @@ def mlp_arguments(recipe: Recipe, env: SB3VecEnv, planned: int) -> dict[str, Any
         policy |= {"features_extractor_class": ObservationFeatures, "features_extractor_kwargs": _features(recipe)}
     if "adam" in settings:
         policy["optimizer_kwargs"] = dict(settings.pop("adam"))
-    if "action_noise" in settings:
-        size = env.action_space.shape or ()
-        noise = NormalActionNoise(np.zeros(size), np.full(size, settings["action_noise"]))
-        settings["action_noise"] = VectorizedActionNoise(noise, recipe.num_envs)
     return {"policy": "MlpPolicy", **settings, "policy_kwargs": policy | settings.get("policy_kwargs", {})}
 
 
@@ -366,7 +361,3 @@ register_algorithm(Algorithm("RankedPPO", RankedPPO, arguments=ranked_arguments,
 register_algorithm(Algorithm("AnalyticGradient", AnalyticGradient, arguments=analytic_arguments, vec_env=in_tries))
 register_algorithm(Algorithm("MovingGradient", MovingGradient, arguments=simulator_arguments))
 register_algorithm(Algorithm("RandomArmGradient", RandomArmGradient, arguments=simulator_arguments))
-register_algorithm(Algorithm("SAC", SAC))
-register_algorithm(Algorithm("TD3", TD3))
-register_algorithm(Algorithm("DDPG", DDPG))
-register_algorithm(Algorithm("DQN", DQN))

@@ -23,9 +23,6 @@ TrainingReward = Callable[[Array, Mapping[str, Any]], Array]
 
 #: The thesis's -100 and -25 dwarf all that is to be learned at first; below this there are no differences.
 FLOOR = -30.0
-#: The same of learners whose critics are functions of the action, for which such differences are harder still: of the
-#: environment's reward, and of the dense one.
-CRITIC_FLOOR, CRITIC_DENSE_FLOOR = -5.0, -20.0
 #: What it is worth that fingers close around an object, beside the dense reward.
 GRASPED = 5.0
 #: Distance below which the dense reward has nothing left to gain [m], and its weight of the posture error.
@@ -82,16 +79,6 @@ def grasp_guided(rewards: Array, info: Mapping[str, Any]) -> Array:
     held = info["held"] & (np.linalg.norm(seen[:, 15:18], axis=1) < NEAR)  # not one that lies below the finger tips
     to_lift = to_raised - HELD - RAISED_WEIGHT * np.clip(info["clearance"] / HEIGHT, 0.0, 1.0)
     return rewards + GUIDE_WEIGHT * (WHOLE_WAY - np.where(held, to_lift, ahead))
-
-
-def clipped(rewards: Array, info: Mapping[str, Any]) -> Array:
-    """Return the environment's, not below `CRITIC_FLOOR`."""
-    return np.maximum(rewards, CRITIC_FLOOR)
-
-
-def dense_clipped(rewards: Array, info: Mapping[str, Any]) -> Array:
-    """Return the dense one, not below `CRITIC_DENSE_FLOOR`."""
-    return np.maximum(dense(rewards, info), CRITIC_DENSE_FLOOR)
 
 
 #: A press pays 100; with this factor returns are of the order of 1, which suits the step sizes of a value network.
@@ -195,14 +182,12 @@ def level(rewards: Array, info: Mapping[str, Any]) -> Array:
 
 
 #: Training rewards by the name that recipes use.
-REWARDS: Mapping[str, TrainingReward] = {
+REWARDS: dict[str, TrainingReward] = {
     "own": own,
     "floored": floored,
-    "clipped": clipped,
     "dense": dense,
     "grasp": grasp,
     "grasp-guided": grasp_guided,
-    "dense-clipped": dense_clipped,
     "scaled": scaled,
     "guided": guided,
     "level": level,

@@ -78,6 +78,10 @@ RECIPE = Recipe(
 )  # fmt: skip
 
 
+for name in ("SAC", "DQN"):
+    register_algorithm(Algorithm(name, f"stable_baselines3:{name}"))
+
+
 @pytest.mark.parametrize(
     ("environment", "algorithm", "settings"),
     [

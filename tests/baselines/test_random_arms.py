@@ -1,5 +1,6 @@
 """Arms with random errors: what looks say of them is what is true of them, and a policy learns from it."""
 
+from copy import deepcopy
 from dataclasses import replace
 
 import gymnasium as gym
@@ -116,3 +117,34 @@ def test_a_single_environment_is_that_of_the_batch(env):
 def test_nothing_of_an_episode_can_be_asked_for(env):
     with pytest.raises(InputError, match="unknown reset options"):
         env.reset(options={"goal": np.zeros((COUNT, 3))})
+
+
+def test_a_copy_goes_on_alike(env):
+    actions = np.random.default_rng(0).uniform(-1, 1, (6, COUNT, 6))
+    env.step(actions[0])
+    twin = deepcopy(env)
+    for action in actions[1:]:
+        for ours, theirs in zip(env.step(action)[:4], twin.step(action)[:4], strict=True):
+            np.testing.assert_array_equal(ours, theirs)
+    np.testing.assert_array_equal(env.reset()[0], twin.reset()[0])
+
+
+def test_arms_balls_and_noise_are_as_large_as_promised(env):
+    """Of many arms: frames by `ERRORS`, balls over the table and a little further, noise of 0.14 mm."""
+    world = arms.RandomArmEpisodes(1000)
+    for index in range(1000):
+        world.seed(index, np.random.default_rng(index))
+    world.begin(np.arange(1000))
+    off = world.placements[:, :, :3, 3] - world.chain.placements[:, :3, 3]
+    spread = np.sqrt((off**2).sum(axis=2).mean(axis=0))
+    assert spread[0] == pytest.approx(3e-3 * 3**0.5, rel=0.1)
+    assert spread[-1] == pytest.approx(3e-3 * 3**0.5, rel=0.5)
+    low, high = (np.array([getattr(arms.ur5().arm.workcell.goals, axis)[end] for axis in "xyz"]) for end in (0, 1))
+    np.testing.assert_allclose(world.balls.min(axis=0), low - 0.01, atol=2e-3)
+    np.testing.assert_allclose(world.balls.max(axis=0), high + 0.01, atol=2e-3)
+    seen = world.observe()
+    miss = np.linalg.norm(seen[:, arms.BALL] - world.balls, axis=1)
+    assert np.median(miss) == pytest.approx(1.4e-4, rel=0.1)
+    assert (seen[:, [*range(3, 10)]] == 0.0).all()
+    assert np.unique(seen[:, arms.LOOKED]).tolist() == sorted(arms.LOOKS)
+    assert np.unique(world._moves).tolist() == [1, 2, 3]

@@ -1,6 +1,7 @@
 """The loop between policies and environments, where these are anybody's."""
 
 from dataclasses import replace
+from types import SimpleNamespace
 
 import gymnasium as gym
 import numpy as np
@@ -8,10 +9,13 @@ import pytest
 from gymnasium.vector import AutoresetMode
 
 import kinreach  # noqa: F401 (registers the environments)
-from kinreach._registration import MOVING
+from kinreach._registration import MOVING, SINGLE
 from kinreach._statistics import success_columns
-from kinreach.baselines import evaluate, load_policy
-from kinreach.baselines._loop import FunctionPolicy, RandomPolicy, rollout_batch
+from kinreach.baselines import _loop, _solver_policy, evaluate, load_policy
+from kinreach.baselines._loop import FunctionPolicy, RandomPolicy, as_policy, flat, rollout, rollout_batch
+from kinreach.baselines._solver_policy import SolverPolicy
+from kinreach.errors import InputError
+from kinreach.kinematics import IKResult
 
 
 def test_whoever_watches_gymnasiums_own_batch_sees_the_last_observations():
@@ -56,3 +60,82 @@ def test_a_distance_that_is_no_number_is_no_success():
     assert [column.of(near) for column in columns] == [True] * len(columns)
     assert [column.of(nowhere) for column in columns] == [False] * len(columns)
     assert [column.of(unknown) for column in columns] == [None] * len(columns)
+
+
+class Clock:
+    """A clock that only those whom it is given to advance."""
+
+    def __init__(self):
+        self.now = 100.0
+
+    def perf_counter(self):
+        return self.now
+
+
+def test_a_trial_has_the_times_of_its_decisions(monkeypatch):
+    """Of the solver, which is begun anew for every goal, and within it of the acceptance tests."""
+    clock, env = Clock(), gym.make(SINGLE, backend="kinematic")
+    for module in (_loop, _solver_policy):
+        monkeypatch.setattr(module, "time", clock)
+    accept = env.unwrapped.accept
+
+    def slow(q):
+        clock.now += 0.25
+        return accept(q)
+
+    class Solver:
+        def solve(self, goal, seed, *, accept):
+            clock.now += 1.0
+            found = [accept(seed), accept(seed + 0.01)]
+            return IKResult.of(env.unwrapped.kinematics, goal, seed, iterations=len(found))
+
+    monkeypatch.setattr(env.unwrapped, "accept", slow)
+    policy = SolverPolicy(Solver(), env)
+    begin = policy.reset
+    monkeypatch.setattr(policy, "reset", lambda *given: (setattr(clock, "now", clock.now + 8.0), begin(*given)))
+    step = env.unwrapped.step
+    monkeypatch.setattr(
+        env.unwrapped, "step", lambda action: (setattr(clock, "now", clock.now + 64.0), step(action))[1]
+    )
+    (trial,) = rollout(env, policy, [{"seed": 0}])
+    assert (trial["solve_s"], trial["accept_s"], trial["candidates"], trial["iterations"]) == (9.5, 0.5, 2, 2)
+    env.close()
+
+
+@pytest.mark.parametrize("env_name", [SINGLE, MOVING])
+def test_watchers_see_the_reset_and_every_step(env_name):
+    env, seen = gym.make(env_name), []
+    (trial,) = rollout(
+        env, as_policy(lambda observation: np.zeros(6)), [{"seed": 1}], watch=lambda *call: seen.append(call)
+    )
+    assert [each[0] for each in seen] == [env] * (trial["steps"] + 1)
+    assert flat(seen[-1][1]).items() <= trial.items()
+    env.close()
+
+
+def test_a_trial_is_of_plain_values():
+    info = {
+        "q": np.array([1.0, 2.0]), "flags": np.array([True, False]), "lost": np.array([1.0, np.nan]), "deep": {"a": 1},
+        "distance": np.float32(0.5), "far": np.inf, "count": np.int64(3), "is_success": np.True_, "zero": np.array(2.0),
+        "table": np.eye(2, dtype=int), "text": "so", "other": object(),
+    }  # fmt: skip
+    assert flat(info) == {
+        "q": [1.0, 2.0], "flags": [True, False], "lost": None, "distance": 0.5, "far": None, "count": 3, "zero": 2.0,
+        "is_success": True, "table": [1, 0, 0, 1], "text": "so", "other": None, "reached": True, "impossible": False,
+        "status": "completed",
+    }  # fmt: skip
+    assert flat({}) == {"reached": False, "impossible": False, "status": "missed"}
+    assert type(flat(info)["count"]) is int
+
+
+def test_what_acts_is_a_policy_and_nothing_else():
+    model = SimpleNamespace(predict=lambda observation, deterministic: ((observation, deterministic), None))
+    acting = SimpleNamespace(act=lambda observation: -observation)
+    whole = RandomPolicy(gym.spaces.Discrete(3))
+    assert as_policy(model).act(2) == (2, True)
+    assert as_policy(acting).act(2) == -2
+    assert as_policy(abs).act(-3) == 3
+    assert as_policy(whole) is whole
+    for given in (3, None, "single", SimpleNamespace(act=3)):
+        with pytest.raises(InputError, match="a policy has act"):
+            as_policy(given)

@@ -95,3 +95,16 @@ def test_ppo_trains_on_discrete_actions():
     model = PPO("MlpPolicy", button_batch(16, max_steps=10), n_steps=8, batch_size=64, n_epochs=1, device="cpu")
     model.learn(256)
     assert model.num_timesteps == 256
+
+
+def test_environments_of_a_batch_have_nothing_of_their_own():
+    env = batch("UR5SingleStep", 3)
+    assert env.env_is_wrapped(gym.Wrapper) == [False] * 3
+    assert env.env_is_wrapped(gym.Wrapper, [0, 2]) == [False] * 2
+    assert env.get_attr("num_envs") == [3, 3, 3]
+    assert env.get_attr("num_envs", 1) == [3]
+    with pytest.raises(InputError, match="seen cannot be set for some"):
+        env.set_attr("seen", 3)
+    with pytest.raises(InputError, match="have no methods of their own, such as render"):
+        env.env_method("render")
+    env.close()

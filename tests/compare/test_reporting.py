@@ -47,8 +47,8 @@ def trials_of(name, distance, impossible):
             "goal_index": index, "method": name, "goal": goal.tolist(), "seen": seen.tolist(),
             "target_tip": meant.tolist(), "tip": tip.tolist(), "q": [0.1] * 6, "distance": off,
             "posture_error": float(rng.uniform(0, 0.2)), "reached": reached, "impossible": refused,
-            "status": "collision" if refused else "completed", "steps": int(rng.integers(1, 90)), "reward": 20 - 30 * off,
-            "return": -50 * off, "solve_s": float(rng.uniform(1e-3, 1e-2)), "accept_s": float(rng.uniform(1e-4, 1e-3)),
+            "status": "collision" if refused else "completed", "steps": int(rng.integers(1, 90)),
+            "reward": 20 - 30 * off, "return": -50 * off, "solve_s": float(rng.uniform(1e-3, 1e-2)), "accept_s": float(rng.uniform(1e-4, 1e-3)),
             "move_s": float(rng.uniform(1, 3)), "iterations": int(rng.integers(0, 9)), "restarts": int(refused),
             "candidates": int(rng.integers(1, 4)), "wrong_presses": int(rng.integers(0, 4)), "attempts": 1 + refused,
             "energy": float(rng.uniform(5, 90)), "clutter": clutter, "length": float(rng.uniform(1, 6)), "speed": speed,
@@ -107,7 +107,8 @@ def drawn(figure):
             where = np.asarray(part.get_offsets()), corners
             yield f"  {type(part).__name__} {colours} {of(*(array[:, axis] for array in where for axis in (0, 1)))}"
         for patch in axes.patches:
-            yield f"  patch {of(patch.get_path().get_extents(patch.get_patch_transform()).bounds, to_hex(patch.get_facecolor()), str(patch.get_label()))}"
+            bounds = patch.get_path().get_extents(patch.get_patch_transform()).bounds
+            yield f"  patch {of(bounds, to_hex(patch.get_facecolor()), str(patch.get_label()))}"
         for text in axes.texts:
             place = text.xy if hasattr(text, "xy") else text.get_position()
             look = text.get_color(), text.get_weight(), text.get_ha(), text.get_va()
