@@ -8,6 +8,7 @@ import subprocess
 import sys
 import time
 from itertools import count
+from types import SimpleNamespace
 
 import pytest
 
@@ -84,6 +85,88 @@ class TestRayTask:
         others = {**jobs._versions(), "mujoco": "3.1.0"}
         with pytest.raises(InstallationError, match=r"has 4\.\S+ mujoco, the driver 3\.1\.0: install the same on all"):
             next(jobs._values((thrice, others, 1), 1))
+
+
+class FakeRay:
+    """Stands in for Ray: runs a task when the next of its values is asked for, and notes what it was asked."""
+
+    def __init__(self, fails=None, known=False):
+        self.asked, self.fails, self.known = [], fails, known
+        self.exceptions = SimpleNamespace(RayTaskError=type("RayTaskError", (Exception,), {}), RayError=OSError)
+
+    def is_initialized(self):
+        return self.known
+
+    def init(self, **options):
+        if isinstance(self.fails, Exception):
+            raise self.fails
+        self.asked.append(options)
+
+    def shutdown(self):
+        self.asked.append("shutdown")
+
+    def remote(self, **options):
+        self.asked.append(options)
+        return lambda function: SimpleNamespace(remote=lambda shared, job: function(shared, job))
+
+    def put(self, value):
+        return value
+
+    def wait(self, streams, *, num_returns):
+        assert num_returns == 1
+        return streams[-1:], streams[:-1]
+
+    def get(self, values):
+        if self.fails:
+            raise self.fails(self)
+        return values
+
+
+class TestRay:
+    def test_values_come_with_the_numbers_of_their_jobs(self):
+        ray = FakeRay()
+        found = list(jobs.Ray(ray).map(thrice, [1, 2], threads=3, together=2))
+        assert sorted(found) == [(0, 10), (0, 11), (0, 12), (1, 20), (1, 21), (1, 22)]
+        assert [value for number, value in found if number == 1] == [20, 21, 22]
+        assert ray.asked == [{"num_returns": "streaming", "num_cpus": 3, "max_retries": 3}]
+
+    def test_what_a_job_raised_is_raised_and_a_lost_one_is_one_line(self):
+        def failed(ray):
+            error = ray.exceptions.RayTaskError()
+            error.cause = InputError("of the job")
+            return error
+
+        with pytest.raises(InputError, match="of the job"):
+            list(jobs.Ray(FakeRay(failed)).map(thrice, [1]))
+        with pytest.raises(ClusterError, match=r"^the cluster lost a task: node died$"):
+            list(jobs.Ray(FakeRay(lambda ray: OSError("node died\nand more"))).map(thrice, [1]))
+
+    @pytest.mark.parametrize(("address", "options"), [(None, ("local", False)), ("auto", ("auto", None))])
+    def test_it_is_started_and_ended_with_the_block(self, address, options, monkeypatch):
+        ray = FakeRay()
+        monkeypatch.setattr(jobs, "load_extra", lambda name, extra: ray)
+        monkeypatch.delenv("RAY_USAGE_STATS_ENABLED", raising=False)
+        with open_engine("ray", address) as engine:
+            assert isinstance(engine, jobs.Ray)
+            assert os.environ["RAY_USAGE_STATS_ENABLED"] == "0"
+        (started, ended), (where, dashboard) = ray.asked, options
+        assert (started["address"], started["include_dashboard"], ended) == (where, dashboard, "shutdown")
+        assert (started["log_to_driver"], started["logging_level"]) == (False, "ERROR")
+
+    def test_a_cluster_that_is_connected_stays(self, monkeypatch):
+        ray = FakeRay(known=True)
+        monkeypatch.setattr(jobs, "load_extra", lambda name, extra: ray)
+        with open_engine("ray") as engine:
+            assert isinstance(engine, jobs.Ray)
+        assert ray.asked == []
+
+    @pytest.mark.parametrize(
+        ("address", "said"), [(None, "Ray does not start: no"), ("auto", "no Ray cluster answers at auto: no")]
+    )
+    def test_one_that_does_not_start_is_one_line(self, address, said, monkeypatch):
+        monkeypatch.setattr(jobs, "load_extra", lambda name, extra: FakeRay(ConnectionError("no\nway")))
+        with pytest.raises(ClusterError, match=f"^{said}$"), open_engine("ray", address):
+            pytest.fail("it is there")
 
 
 class TestBadInput:

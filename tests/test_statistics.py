@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from kinreach._statistics import bootstrap_intervals, mean, median, p95, wilson_interval
+from kinreach._statistics import bootstrap_intervals, mean, median, number, p95, trials_csv, wilson_interval
 from kinreach.errors import InputError
 
 
@@ -71,3 +71,22 @@ def test_bootstrap_refuses_what_it_cannot_resample(values: list[float]) -> None:
 def test_reducers() -> None:
     values = np.arange(101.0)
     assert (median(values), mean(values), p95(values)) == (50.0, 50.0, 95.0)
+
+
+@pytest.mark.parametrize(
+    ("value", "text"),
+    [(None, "-"), (0.0, "0.00"), (0.5, "0.50"), (9.994, "9.99"), (10.0, "10.0"), (99.94, "99.9"), (100.0, "100"),
+     (1234.6, "1235"), (0.1, "0.10"), (0.0999, "0.10"), (0.0123, "0.012"), (1e-3, "0.0010"), (9.9e-4, "1e-3"),
+     (4.2e-13, "4e-13"), (-0.02, "-0.020"), (-12.34, "-12.3")],
+)  # fmt: skip
+def test_numbers_have_two_or_three_digits(value: float | None, text: str) -> None:
+    assert number(value) == text
+
+
+def test_a_number_may_have_its_own_digits() -> None:
+    assert [number(1234.5678, digits) for digits in (2, 4, 6)] == ["1.2e+03", "1235", "1234.57"]
+
+
+def test_trials_as_csv() -> None:
+    trials = [{"a": 1, "b": True, "c": [1.5, 2]}, {"a": None, "d": "x,\x1by"}]
+    assert trials_csv(trials) == 'a,b,c,d\n1,1,1.5 2,\n,,,"x,\\x1by"\n'

@@ -1,5 +1,6 @@
 """The analytic policy gradient: what it goes down is the error, and it comes near in seconds."""
 
+import io
 import math
 from dataclasses import replace
 
@@ -83,6 +84,11 @@ def test_other_environments_are_refused(name):
     settings = {**SMALL.settings}
     with pytest.raises(InputError, match=r"analytic gradients are for postures|ranked PPO tries postures"):
         build(replace(SMALL, environment=recipe.environment, options=recipe.options, settings=settings), 0, steps=1)
+
+
+def test_a_model_is_saved_without_its_task(trainee):
+    trainee.model.save(io.BytesIO())
+    assert "task" in trainee.model._excluded_save_params()
 
 
 def test_a_folded_elbow_costs(trainee, observations, monkeypatch):

@@ -221,3 +221,45 @@ def test_help_lists_the_recipes(capsys):
         main(["train", "--help"])
     assert leaving.value.code == 0
     assert "thesis-single" in capsys.readouterr().out
+
+
+def test_a_bar_shows_each_seed_and_how_far_it_is(tmp_path, monkeypatch, capsys):
+    calls = []
+
+    class Bar:
+        def __init__(self, *columns, disable, **options):
+            calls.append((len(columns), disable, options["transient"]))
+
+        def __enter__(self):
+            return self
+
+        def __exit__(self, *error):
+            calls.append("closed")
+
+        def add_task(self, description, **options):
+            return 7
+
+        def reset(self, task, *, description):
+            calls.append((task, description))
+
+        def update(self, task, *, completed, total, figures):
+            calls.append((task, completed, total, figures.split()[0] if figures else ""))
+
+    monkeypatch.setattr(train_cli, "Progress", Bar)
+    assert main(["train", "single", "--steps", "4096", "--seeds", "2", "--seed", "3", "--out", str(tmp_path)]) == 0
+    assert (calls[0], calls[-1]) == ((6, True, True), "closed")
+    assert [each for each in calls if each[1:] in (("single, seed 3",), ("single, seed 4",))] == [
+        (7, "single, seed 3"), (7, "single, seed 4"),
+    ]  # fmt: skip
+    said = capsys.readouterr().out
+    assert f"{tmp_path / 'single' / 'seed-4'}: " in said
+    assert "seed 3" in said
+    assert "evaluate " in said
+
+
+def test_what_a_bar_says_of_a_row():
+    nothing = dict.fromkeys(("reward", "reached", "distance", "steps"))
+    assert train_cli._figures(nothing) == ""
+    assert train_cli._figures({**nothing, "reached": 0.256}) == "reached 26 %"
+    whole = {"reward": -1.234, "reached": 1.0, "distance": 0.01234, "steps": 3}
+    assert train_cli._figures(whole) == "reward -1.23, reached 100 %, 12.3 mm"

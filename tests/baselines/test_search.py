@@ -2,12 +2,16 @@
 
 import csv
 import json
+import sys
+from contextlib import contextmanager
 from dataclasses import replace
 from types import SimpleNamespace
 
 import pytest
 
 from kinreach.baselines import _search
+from kinreach.baselines import _train_cli as train_cli
+from kinreach.baselines._evaluation import VALIDATION
 from kinreach.baselines._recipes import get_recipe
 from kinreach.baselines._search import JUDGES, Search, read_search, search, trial
 from kinreach.cli import main
@@ -160,9 +164,10 @@ TRIED = {"settings.learning_rate": 1e-3, "networks.hidden": [32, 32], "num_envs"
 
 
 def with_tune(monkeypatch, tune):
-    options = {}
+    options = {"loaded": []}
 
     def load(name, extra):
+        options["loaded"].append(name)
         if name == "ray.tune":
             return tune
         kind = {"basic_variant": "BasicVariantGenerator", "optuna": "OptunaSearch", "schedulers": "ASHAScheduler"}
@@ -195,6 +200,7 @@ def test_what_tune_is_asked_for(searcher, file, tmp_path, monkeypatch):
     assert asked["tune_config"] == {
         "metric": "return", "mode": "max", "num_samples": 3, "search_alg": kind, "scheduler": "ASHAScheduler",
     }  # fmt: skip
+    assert ("optuna" in options.pop("loaded")) == (searcher == "optuna")
     assert options == {
         kind: {seed: 0},
         "ASHAScheduler": {"time_attr": "steps", "max_t": 400, "grace_period": 44, "reduction_factor": 3},
@@ -208,7 +214,7 @@ def test_what_tune_is_asked_for(searcher, file, tmp_path, monkeypatch):
     assert [row["steps"] for row in rows] == [400, 400, None]
     assert results["best"]["settings"]["learning_rate"] == rows[0]["settings.learning_rate"]
     assert {"torch", "stable-baselines3", "ray", "optuna", "kinreach"} <= set(results["versions"])
-    assert json.loads((tmp_path / "results.json").read_text()) == json.loads(json.dumps(results))
+    assert (tmp_path / "results.json").read_text() == json.dumps(results, indent=2) + "\n"
     with (tmp_path / "results.csv").open() as csv_file:
         assert [row["num_envs"] for row in csv.DictReader(csv_file)] == ["8"] * 3
 
@@ -221,7 +227,65 @@ def test_a_search_goes_on_or_says_why_it_found_nothing(file, tmp_path, monkeypat
     assert tune.asked["path"] == str(tmp_path / "tune")
     assert (tune.asked["resume_unfinished"], tune.asked["restart_errored"]) == (True, True)
     tune = Tune([(TRIED, "Traceback\nValueError: it broke")], restores=True)
-    assert with_tune(monkeypatch, tune) == {}
+    assert with_tune(monkeypatch, tune) == {"loaded": []}
     with pytest.raises(InputError, match=r"came to anything: ValueError: it broke$"):
         search(given, tmp_path)
     assert tune.asked["tune_config"]["scheduler"] is None
+
+
+def test_a_trial_is_trained_anew_and_judged_on_validation_goals(monkeypatch):
+    asked = []
+
+    def segments(recipe, folder, identity, *, resume):
+        asked.append((recipe.num_envs, recipe.steps, folder.is_dir(), identity["seed"], identity["threads"], resume))
+        for steps in (200, 400):
+            yield SimpleNamespace(card=SimpleNamespace(steps=steps))
+
+    def judged(policy, *, goals, seed, options):
+        asked.append((goals, seed, options))
+        return SimpleNamespace(summary=lambda: {"reached": 0.5, "return": {"mean": -1.0}})
+
+    monkeypatch.setattr(_search, "segments", segments)
+    monkeypatch.setattr(_search, "evaluate", judged)
+    given = Search("ppo-multi", {"num_envs": {"choice": [8]}}, steps=400, goals=10, seed=3)
+    scores = {"reached": 0.5, "return": -1.0}
+    assert list(trial(given, {"num_envs": 8}, 2)) == [(200, scores), (400, scores)]
+    judging = (10, VALIDATION, {"backend": "kinematic"})
+    assert asked == [(8, 400, True, 3, 2, False), judging, judging]
+
+
+def test_the_command_shows_the_best_trials(file, tmp_path, monkeypatch, capsys):
+    rows = [
+        {**TRIED, "steps": 400, "reached": 0.123456, "distance_mm": None, "return": -1.0, "status": "finished"}
+    ] * 12
+    asked = []
+
+    def found(given, out, **options):
+        asked.append((given.recipe, out, options))
+        return {"trials": rows}
+
+    @contextmanager
+    def engine(*given):
+        asked.append(given)
+        yield
+
+    monkeypatch.setattr(_search, "search", found)
+    monkeypatch.setattr(train_cli, "open_engine", engine)
+    command = ["train", "--search", str(file(SAID)), "--out", str(tmp_path), "--threads", "2", "--address", "auto"]
+    assert main([*command, "--resume"]) == 0
+    out = tmp_path / "search-mine"
+    assert asked == [("ray", "auto"), ("ppo-single", out, {"resume": True, "threads": 2})]
+    said = capsys.readouterr().out
+    assert said.count("0.1235") == 10
+    for words in (
+        "ppo-single, 20 validation goals",
+        "settings.learning_rate",
+        "[32, 32]",
+        "finished",
+        "None",
+        str(out),
+    ):
+        assert words in said
+    monkeypatch.setitem(sys.modules, "kinreach.baselines._search", None)
+    assert main(command) == 2
+    assert "pip install 'kinreach[train]'" in capsys.readouterr().err

@@ -1,23 +1,27 @@
 """Training runs leave what they promise."""
 
+import io
+import json
 import os
+import random
 from dataclasses import replace
 
 import numpy as np
 import pytest
 import torch
+from tensorboard.backend.event_processing.event_accumulator import EventAccumulator
 
 from kinreach._registration import MULTI
 from kinreach._statistics import wilson_interval
 from kinreach.baselines import _evaluation as evaluation
 from kinreach.baselines._evaluation import evaluate
-from kinreach.baselines._learning_curve import read_curve
+from kinreach.baselines._learning_curve import COLUMNS, read_curve
 from kinreach.baselines._models import build
 from kinreach.baselines._networks import actor_network
 from kinreach.baselines._policies import LearnedPolicy, load_policy
 from kinreach.baselines._recipes import get_recipe
 from kinreach.baselines._rewards import REWARDS
-from kinreach.baselines._training import train
+from kinreach.baselines._training import _begin_segment, goal_seeds, train
 from kinreach.errors import InputError, UnknownNameError
 from tests.baselines.small_runs import SMALL, small
 
@@ -114,12 +118,23 @@ def test_ppo2_speaks_the_thesis_s_units_throughout(name, unit):
 def test_runs_leave_what_they_promise(tmp_path):
     run = train(small("single"), tmp_path, seed=4, export=True)
     assert {"policy.safetensors", "curve.csv", "run.json", "tensorboard", "model.zip"} == set(os.listdir(tmp_path))
-    assert any("tfevents" in name for name in os.listdir(tmp_path / "tensorboard"))
+    logs = EventAccumulator(str(tmp_path / "tensorboard")).Reload()
+    columns = [name for name in COLUMNS[2:] if name != "return"]
+    assert {name for name in logs.Tags()["scalars"] if name.startswith("curve/")} >= {
+        f"curve/{name}" for name in columns
+    }
     card = run.policy.card
     assert (card.seed, card.recipe["name"], card.algorithm, card.steps) == (4, "single", "RankedPPO", 768)
     assert card.versions["torch"] == torch.__version__
     curve = read_curve(tmp_path / "curve.csv")
     assert curve["steps"][-1] == 768
+    for name in columns:
+        events = logs.Scalars(f"curve/{name}")
+        np.testing.assert_allclose([event.value for event in events], curve[name], rtol=1e-6)
+        assert [event.step for event in events] == curve["steps"].tolist()
+    text = (tmp_path / "run.json").read_text()
+    assert text == json.dumps(json.loads(text), indent=2) + "\n"
+    assert json.loads(text)["resumed"] is False
     with pytest.raises(UnknownNameError, match="thesis-single"):
         get_recipe("nothing")
 
@@ -174,3 +189,41 @@ def test_an_evaluation_on_another_arm_is_on_that_arm():
     )
     np.testing.assert_array_equal(asked, other)
     assert (asked != own).all()
+
+
+def test_every_generator_follows_from_the_seed_and_the_segment(monkeypatch):
+    trainee, seeded = build(small("single"), 0, steps=768), []
+    monkeypatch.setattr(trainee.env, "seed", seeded.append)
+
+    def draws(seed, segment):
+        _begin_segment(trainee, seed, segment)
+        space = trainee.model.action_space.sample().tolist()
+        return random.random(), np.random.uniform(), float(torch.rand(1)), *space
+
+    first, again, other, segment = draws(3, 1), draws(3, 1), draws(4, 1), draws(3, 2)
+    assert first == again
+    assert not set(first) & (set(other) | set(segment))
+    assert len(set(first)) == len(first) == 9
+    goals = [goal_seeds(seed, 3)["training"] for seed in (3, 4)]
+    assert seeded == [goals[0][1], goals[0][1], goals[1][1], goals[0][2]]
+    assert trainee.model._last_obs is None
+
+
+@pytest.mark.parametrize("name", ["moving", "ppo-moving-clear", "random-arms"])
+def test_a_model_is_saved_without_its_simulation(name):
+    recipe = get_recipe(name)
+    steps = {"n_steps": 1, "minibatches": 1}
+    trainee = build(replace(recipe, num_envs=8, settings={**recipe.settings, **steps}), 0, steps=100)
+    saved = io.BytesIO()
+    trainee.model.save(saved)
+    assert len(saved.getvalue()) > 1000
+    assert "world" in trainee.model._excluded_save_params()
+    trainee.env.close()
+
+
+def test_trainings_stay_on_the_processor(monkeypatch):
+    """Also where there is a graphics card, which is slower for networks as small as these."""
+    monkeypatch.setattr(torch.cuda, "is_available", lambda: True)
+    trainee = build(small("ppo-multi"), 0, steps=768)
+    assert trainee.model.device == torch.device("cpu")
+    trainee.env.close()

@@ -74,6 +74,16 @@ def test_peaks_are_those_of_a_known_motion():
         np.testing.assert_allclose(list(found.values()), expected, rtol=0.01)
 
 
+def test_peaks_reach_from_rest_to_rest():
+    """At a speed that begins and ends at once: what a sample's time makes of it, on both sides."""
+    limits = MotionLimits(("a",), np.full(1, 4.0), np.full(1, 500.0), np.full(1, 250_000.0))
+    for speed in (1.0, -2.0):
+        moving = Trajectory(
+            limits.joints, np.arange(5) / 500.0, speed * np.arange(5)[:, None] / 500.0, np.full((5, 1), speed)
+        )
+        np.testing.assert_allclose(list(peaks(moving, limits).values()), np.abs(speed) * np.array([0.25, 1.0, 1.0]))
+
+
 def test_a_task_without_postures_has_no_motion(tmp_path):
     with pytest.raises(InputError, match="'moving' does not move its arm from posture to posture; leave out --motion"):
         main(["--task", "moving", "--motion", "--goals", "1", "--out", str(tmp_path)], prog="compare")

@@ -187,6 +187,19 @@ def test_the_first_sentences_say_what_was_found():
     assert found(entry("a", 0), entry("b", 0)) == ["No method reaches any of 200 goals."]
 
 
+def test_a_measure_that_some_method_lacks_is_not_ranked():
+    timed = {"decision_ms": {"median": 1.0}, "decision_ms_ci": {"median": (0.5, 2)}}
+    near, far = entry("near", 200, (1, 2)), entry("far", 200, (9, 9))
+    sentences = {
+        2: [near | timed, far],  # decisions of one only: the whole time counts
+        1: [near | {"distance_mm": {"median": None}}, far],
+    }
+    assert [sentence.split()[1] for sentence in found(*sentences[2])[1:]] == ["comes", "decides"]
+    assert [sentence.split()[1] for sentence in found(*sentences[1])[1:]] == ["decides"]
+    both = found(near | timed, far | {**timed, "decision_ms": {"median": 3.0}})
+    assert both[-1] == "near decides fastest: 1.00 ms in the median; far is indistinguishable."
+
+
 def test_only_methods_that_reach_are_ranked():
     good, almost, bad = entry("good", 200, (5, 6)), entry("almost", 198, (5.5, 7)), entry("bad", 90, (1, 2), (0.1, 0.2))
     said = found(good, almost, bad)

@@ -12,6 +12,7 @@ from kinreach._files import locked
 from kinreach._statistics import Column, success_columns, summarise
 from kinreach.compare import compare
 from kinreach.compare._runner import MAX_SEED, RECORDS, WARM_UP_SEED, prepare, run_trials
+from kinreach.compare._task import arm_version
 from kinreach.errors import InputError, OutputError, UnknownNameError
 from kinreach.robots import get_arm
 
@@ -157,6 +158,21 @@ def test_another_arm_of_the_same_name_does_not_go_on(tmp_path):
     assert started == [2, 0]
 
 
+def test_an_arm_has_another_version_whatever_of_it_changes():
+    arm = get_arm("ur5")
+    changes = {
+        "home": (*arm.home[:5], 0.1), "meshes": "triangles", "title": "another", "gripper": None,
+        "joints": arm.joints[::-1],
+    }  # fmt: skip
+    cell = replace(arm.workcell, obstacles=arm.workcell.obstacles[:1])
+    goals = replace(arm.workcell, goals=arm.workcell.goals.wider(0.01))
+    others = [replace(arm, **{name: value}) for name, value in changes.items() if getattr(arm, name) != value]
+    others += [replace(arm, workcell=each) for each in (cell, goals)]
+    assert len(others) >= 6
+    versions = [arm_version(each)["arm ur5"] for each in (arm, *others)]
+    assert len(set(versions)) == len(versions)
+
+
 def test_two_comparisons_do_not_write_into_one_folder(toy, tmp_path):
     with locked(tmp_path, "a comparison"), pytest.raises(OutputError, match="a comparison is writing into"):
         compare(toy, goals=2, out=tmp_path)
@@ -203,7 +219,9 @@ def test_results_name_the_arm(toy):
 
 def test_files_say_the_same(toy, tmp_path):
     results = compare(toy, goals=3, out=tmp_path)
-    assert json.loads((tmp_path / "results.json").read_text()) == json.loads(json.dumps(results))
+    assert (tmp_path / "results.json").read_text() == json.dumps(results, indent=2) + "\n"
+    assert results["settings"]["observation"] == "geometric"
+    assert results["settings"]["machine"]["processor"]
     texts = sorted(path.name for path in tmp_path.iterdir() if path.suffix != ".png")  # pictures need OpenGL
     assert texts == ["report.html", "results.csv", "results.json"]
     rows = rows_of(tmp_path / "results.csv")
