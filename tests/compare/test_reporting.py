@@ -5,6 +5,7 @@
 
 import math
 import os
+from dataclasses import replace
 from functools import partial
 from io import StringIO
 from itertools import cycle
@@ -150,7 +151,9 @@ def reported(task):
 @pytest.mark.parametrize("name", _OWN)
 def test_reports_are_as_they_were(name, monkeypatch):
     monkeypatch.setattr(_runner, "summarise", partial(summarise, resamples=20))
-    lines = list(reported(with_motion(get_task(name))))
+    task = get_task(name)
+    named = replace(task, reached="reached", terms={term: term for term in task.terms})  # texts are kept elsewhere
+    lines = list(reported(with_motion(named)))
     assert len(lines) > 60
     path = KEPT / f"{name}.txt"
     if os.environ.get("KINREACH_KEEP"):
