@@ -84,6 +84,16 @@ def test_seeds_of_the_page_are_those_of_the_trainings():
     assert checked == 6
 
 
+def test_speeds_are_those_of_the_benchmarks():
+    """A number that links to a section of the benchmarks stands in it."""
+    sections = (ROOT / "docs" / "reference" / "benchmarks.md").read_text(encoding="utf-8").split("\n## ")
+    named = {re.sub(r"[^a-z0-9-]", "", part.partition("\n")[0].lower().replace(" ", "-")): part for part in sections}
+    text = read("appendix/thesis_points")
+    links = re.findall(r"\[([^\]]*)\]\(\.\./\.\./reference/benchmarks\.md#([^)]*)\)", text)
+    assert len(links) == text.count("reference/benchmarks.md#") == 7
+    assert [(number, at) for number, at in links if not re.search(rf"(?<![\d.]){number}(?![\d.]\d)", named[at])] == []
+
+
 def shown_number(text):
     """A number and what its last digit is worth, which it may be off by on another processor."""
     return float(text), 1.01 * 10.0 ** -len(text.partition(".")[2])
