@@ -2,7 +2,8 @@
 
     python examples/15_move_a_ur.py [film]
 
-The plot is results/move_a_ur.png, the film results/move_a_ur.gif, which needs OpenGL.
+The plot is results/move_a_ur.png, the film results/move_a_ur.gif. Needs no extra, but
+OpenGL for the film.
 """
 
 import sys
@@ -75,6 +76,7 @@ if sys.argv[1:] == ["film"]:
         scene.reset(done.measured.at(time)[0])
         scene.place_ball([0.0, 0.0, -0.5])  # the scene has one, under the table
         scene.contacts()  # puts the links where they are
-        frames.append(Image.fromarray(render(scene, width=480, height=300)))
+        image = Image.fromarray(render(scene, width=960, height=600))
+        frames.append(image.quantize(64))
     film = {"append_images": frames[1:], "duration": 100, "loop": 0}
     frames[0].save("results/move_a_ur.gif", save_all=True, **film)
