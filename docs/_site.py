@@ -32,7 +32,7 @@ WIDE = {"longer": 180, "long": 60}
 #: Columns without a longer cell do not break, and may be narrow on a phone.
 SHORT = 14
 #: A figure is a chart if more than this share of its pixels is at least so bright, of 255.
-WHITE_SHARE, NEAR_WHITE = 0.65, 250
+WHITE_SHARE, NEAR_WHITE = 0.55, 250
 #: An interval after a number, as in `97 % [95, 99]`.
 INTERVAL = re.compile(r"\[[-−+\d][^\[\]]*\]")
 #: Numbers of several seeds, as in `99.7, 99.6, 99.4`.
