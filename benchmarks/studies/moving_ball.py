@@ -6,6 +6,7 @@
     python -m benchmarks.studies.moving_ball --causes moving ppo-moving ppo-moving-clear   # what policies collide with
     python -m benchmarks.studies.moving_ball --trainings results/train/ppo-moving-clear    # all seeds of a recipe
     python -m benchmarks.studies.moving_ball --times               # how long a decision takes, on one core
+    python -m benchmarks.studies.moving_ball --paths random        # only of one kind
 
 Each cell is a share of balls, a third of each kind of path; the same balls for all methods, and none that a method was
 tuned on. Finished cells are kept in `--out`: an interrupted study goes on. The map changes one thing at a time: the
@@ -39,6 +40,7 @@ from kinreach.baselines._loop import Policy, as_policy, rollout, rollout_batch
 from kinreach.baselines._recipes.reach import FINGERS
 from kinreach.cli import Parser, finish
 from kinreach.compare._task import get_task
+from kinreach.envs._moving import PATHS
 from kinreach.kinematics import UR5Kinematics
 from kinreach.robots import get_arm
 
@@ -152,6 +154,7 @@ def main(argv: list[str] | None = None) -> int:
     parser.add_argument("--times", action="store_true", help="how long a decision takes (60 balls a speed)")
     parser.add_argument("--methods", nargs="+", help="names of the task's methods (default: those of the table or map)")
     parser.add_argument("--speeds", type=float, nargs="+", help="[m/s] (default: three)")
+    parser.add_argument("--paths", nargs="+", choices=PATHS, help="kinds of paths (default: all)")
     parser.add_argument("--balls", type=int, help="in each cell (default: 60; map 96, causes 300, trainings 1000)")
     parser.add_argument("--seed", type=int, default=100, help="of the balls (default: %(default)s)")
     parser.add_argument("--out", type=Path, default=Path("results/moving-ball"), help="where finished cells are kept")
@@ -184,6 +187,8 @@ def main(argv: list[str] | None = None) -> int:
     if arguments.trainings:
         files[methods[1]] = [str(file) for file in sorted(arguments.trainings.glob(f"seed-*/{POLICY}"))]
     worlds = {name: {**world, **RULES["ignored"]} for name, world in WORLDS.items()} if arguments.map else RULES
+    if arguments.paths:
+        worlds = {name: {**world, "paths": tuple(arguments.paths)} for name, world in worlds.items()}
     print(head("world" if arguments.map else "collisions", "method", *(f"{speed:g} m/s" for speed in speeds)))
     cells = {}
     for world, options in worlds.items():

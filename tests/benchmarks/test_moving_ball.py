@@ -30,6 +30,16 @@ def test_the_table_is_resumed_and_the_map_is_drawn(tmp_path, capsys, monkeypatch
     assert figure.stat().st_size > 10_000
 
 
+def test_one_kind_of_path_alone(tmp_path, capsys):
+    """The first sight is on the way of a ball on a circle again, and not of a straight one."""
+    shares = {}
+    for path in ("circle", "straight"):
+        given = ["--methods", "first-sight", "--speeds", "0.6", "--balls", "4", "--out", str(tmp_path)]
+        assert moving_ball.main([*given, "--paths", path]) == 0
+        shares[path] = float(capsys.readouterr().out.splitlines()[-1].split("|")[3].split()[0])
+    assert shares == {"circle": 100.0, "straight": 0.0}
+
+
 def test_how_long_decisions_take(capsys):
     """Each decision is counted, and the 95th percentile lies between the median and the longest."""
     assert moving_ball.main(["--times", "--methods", "last-sight", "--balls", "2"]) == 0
