@@ -50,15 +50,16 @@ CLAIMS = {
     ],
     "less than 10 mm off, gripper straight down": [("kinreach/thesis/_reward.py", "REACHED_DISTANCE = 0.01")],
     "The closed form is exact to 5e-9 mm": [("tests/test_readme.py", "def test_how_exact_the_closed_form_is")],
-    "`ranked-single` learns one table in a minute of training. It decides three times faster because it skips collision "
-    "checks (study).": [
+    "`ranked-single` learns one table in a minute of training. It decides three times faster because it skips "
+    "collision checks (study).": [
         (f"{DATA}/trained.csv", '`single`,5,"100.00 [99.96, 100.00]",100.00,"0.192 [0.159, 0.225]",0.398,99.99,100.00'),
         (f"{DATA}/trained.csv", "100.00,0.215,1,43–45"),
         (TRAINING, "| `single` | 100 % [99, 100] | 6 % [4, 8] | 0 % [0, 1] |"),
         ("README.md", "| ranked-single | 100.0 [98.1, 100.0] | 0.17 / 0.35 | 0.047 / 0.083 |"),
         ("README.md", "| closed-form | 100.0 [98.1, 100.0] | **0.037** / 0.063 | 0.13 / 0.24 |"),
     ],
-    "After five looks at a wrong arm, fitted frames leave 0.21 mm, a learned correction 0.22, and the best policy 0.73.": [
+    "After five looks at a wrong arm, fitted frames leave 0.21 mm, a learned correction 0.22, "
+    "and the best policy 0.73.": [
         (f"{DATA}/real-arm.csv", '`identified`,"5.90 [4.55, 7.31]","0.21 [0.20, 0.23]"'),
         (f"{DATA}/real-arm.csv", '`correction-joints`,"5.90 [4.55, 7.31]","0.22 [0.21, 0.24]"'),
         (f"{DATA}/real-arm.csv", '`policy-tuned`,"6.57 [5.57, 7.16]","0.73 [0.66, 0.80]"'),
