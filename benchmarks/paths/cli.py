@@ -193,9 +193,9 @@ def _parts(rows: Sequence[dict[str, Any]], picture: str, command: str) -> Iterat
         "the clock each. *RRTConnect, as kinreach* is OMPL's with the settings of `plan_path`: its steps and "
         "distances, a coarse search, the shortening, and the proof at the end. What is left between the two are the "
         "trees: `plan_path` always grows the smaller one, which is the one in the narrow place, and has no calls "
-        "between C++ and Python. *One goal* is `plan_path` to the nearest free solution alone. PRM* was not tried: from Python, "
-        "OMPL's did not return. Nor was VAMP, which needs a compiler; its authors report some 0.1 ms, with spheres for "
-        "the arm."
+        "between C++ and Python. *One goal* is `plan_path` to the nearest free solution alone. PRM* was not tried: "
+        "from Python, OMPL's did not return. Nor was VAMP, which needs a compiler; its authors report some 0.1 ms, "
+        "with spheres for the arm."
     )
     yield (
         "kinreach's planner was tuned: its longest step on a quarter of VAMP's problems and on other cages than those "
