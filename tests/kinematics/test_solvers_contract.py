@@ -12,7 +12,7 @@ from kinreach.kinematics._collision import CollisionChecker
 from kinreach.kinematics._goals import AxisGoal, PoseGoal, PositionGoal, goal_error
 from kinreach.kinematics._solutions import Status
 from kinreach.kinematics._solvers.base import Tolerance
-from kinreach.kinematics._solvers.iterative import GoalTask, JointSpace
+from kinreach.kinematics._solvers.iterative import Descent, GoalTask, IterativeSolver, JointSpace
 from kinreach.kinematics._solvers.levenberg_marquardt import LevenbergMarquardtSolver
 from kinreach.kinematics._solvers.placo_solver import PlacoSolver
 from kinreach.kinematics._solvers.qp_solver import QPSolver
@@ -137,6 +137,47 @@ def test_rejected_when_every_posture_is_refused(solver_class, kin):
     np.testing.assert_array_equal(result.q, asked[0])
     assert result.position_error <= Tolerance().position
     assert result.restarts == 4
+
+
+class Scripted(IterativeSolver):
+    """Descents that end where a script says, whatever their start."""
+
+    name = "scripted"
+
+    def _descender(self, goal):
+        self.starts, ends = [], iter(self.script)
+
+        def descend(q):
+            self.starts.append(q)
+            return Descent(*next(ends))
+
+        return descend
+
+
+def test_attempts_are_counted_and_the_best_one_is_returned():
+    kin = ArmKinematics("arm3")
+    solver, seed = Scripted(kin, max_restarts=2, rng_seed=3), [0.1, 0.2, 0.3 + 2 * np.pi]
+    goal, there = PositionGoal(kin.fk([0.4, 0.5, 0.6])[:3, 3]), np.array([0.4, 0.5, 0.6])
+    solver.script = [(there + 0.2, 3), (there + 0.1, 4), (there + 2 * np.pi * np.eye(3)[0], 5)]
+    found = solver.solve(goal, seed)
+    assert (found.status, found.iterations, found.restarts, found.reason) == (Status.OK, 12, 2, "")
+    np.testing.assert_allclose(found.q, there, atol=1e-12)
+    rng = np.random.default_rng(3)
+    np.testing.assert_allclose(solver.starts[0], [0.1, 0.2, 2.0])
+    np.testing.assert_array_equal(solver.starts[1:], rng.uniform(kin.lower, kin.upper, (2, 3)))
+    refused = solver.solve(goal, seed, accept=lambda q: False)
+    assert (refused.status, refused.iterations, refused.restarts) == (Status.REJECTED, 12, 2)
+    assert refused.reason.startswith("1 of 3 attempts (12 steps) converged, and accept refused")
+    np.testing.assert_allclose(refused.q, there, atol=1e-12)
+    solver.script[2] = (there - 0.15, 5)
+    missed = solver.solve(goal, seed)
+    assert (missed.status, missed.iterations, missed.restarts) == (Status.NOT_CONVERGED, 12, 2)
+    np.testing.assert_allclose(missed.q, there + 0.1)
+    assert (
+        f"came within 0.0001 m and 0.001 rad; the nearest is {missed.position_error:.3g} m and 0 rad" in missed.reason
+    )
+    solver.script = [(there, 7)]
+    assert solver.solve(goal, seed).iterations == 7
 
 
 @solvers

@@ -8,10 +8,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from kinreach.errors import InputError
+from kinreach.errors import InputError, InstallationError
 from kinreach.kinematics import ArmKinematics, CollisionChecker, UR5Kinematics
 from kinreach.robots import ArmDescription, CameraMount, Workcell, get_arm, register_arm
 from kinreach.robots._registry import arm_named
+from kinreach.robots._ur_arms import example_robot_data
 from kinreach.sim._simulation import ArmSimulation
 from kinreach.thesis import posture_error
 from kinreach.vision._goal_view import goal_camera_poses
@@ -35,6 +36,14 @@ def test_an_arm_is_named_as_a_file_or_in_a_module_too(tmp_path):
     ):
         with pytest.raises(InputError, match=said):
             arm_named(name)
+
+
+def test_missing_descriptions_are_named(monkeypatch):
+    monkeypatch.setattr("importlib.util.find_spec", lambda name: None)
+    with pytest.raises(
+        InstallationError, match=r"descriptions of the arms are missing; install them with: pip install"
+    ):
+        example_robot_data()
 
 
 def tool_down(position, turn):

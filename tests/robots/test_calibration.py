@@ -2,6 +2,7 @@
 
 import csv
 import re
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -184,6 +185,21 @@ def test_what_cannot_be_a_calibration(tmp_path, old, new, said):
 def test_what_cannot_be_a_controllers_file(tmp_path, old, new, said):
     with pytest.raises(KinreachError, match=said):
         read_calibration(changed(tmp_path, old, new, FILES / "controller_calibration_ur5e.conf"), "ur5e")
+
+
+def test_a_urdf_that_is_not_that_of_the_model():
+    with pytest.raises(InputError, match="the URDF 'ur5' is not that of a ur5e by its data sheet"):
+        get_arm("ur5").calibrated(PUBLISHED_CALIBRATIONS["ur5e_a"], model="ur5e")
+
+
+def test_an_origin_that_is_left_out_is_put_in():
+    file, arm = PUBLISHED_CALIBRATIONS["ur3e_a"], get_arm("ur3e")
+    bare, count = re.subn(r'<origin xyz="0.0 0.0 0.0" rpy="0.0 0.0 0.0" />\s*(?=<parent)', "", arm.urdf)
+    assert count == 1
+    other = replace(arm, build_urdf=lambda: bare).calibrated(file)
+    q = np.random.default_rng(0).uniform(-3, 3, (20, 6))
+    np.testing.assert_allclose(ArmKinematics(other).fk(q), ArmKinematics(arm.calibrated(file)).fk(q), atol=1e-12)
+    assert (other.name, other.title) == ("ur3e_calibrated", f"UR3E, calibrated by {file.name}")
 
 
 def test_files_that_are_none(tmp_path):
