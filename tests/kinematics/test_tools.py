@@ -187,6 +187,21 @@ def test_a_point_and_a_direction_with_a_turned_tool(calibrated):
     assert found > 300
 
 
+@pytest.mark.parametrize("calibrated", [False, True])
+def test_without_a_seed_wrist_3_is_at_0_or_at_the_limit_next_to_it(calibrated):
+    arm = get_arm("ur5e").with_limits({"wrist_3_joint": (0.5, 2.0)})
+    arm = arm.calibrated(PUBLISHED_CALIBRATIONS["ur5e_a"], model="ur5e") if calibrated else arm
+    kin, found = (CalibratedURKinematics if calibrated else URKinematics)(arm), 0
+    for q in np.random.default_rng(8).uniform(-2.5, 2.5, (5, 6)):
+        p, axis = kin.fk(q)[:3, 3], kin.fk(q)[:3, 2]
+        for options, angle in (({}, 0.5), ({"limits": True}, 0.5), ({"limits": False}, 0.0), ({"seed": q}, None)):
+            solutions = kin.axis_solutions(p, axis, **options)
+            assert (solutions.q[:, 5] == (np.clip(q[5], 0.5, 2.0) if angle is None else angle)).all()
+            assert solutions.residual.max() < 1e-7
+            found += len(solutions)
+    assert found > 100
+
+
 @pytest.mark.parametrize("name", ["ur5e", "ur5", "panda"])
 def test_a_tool_with_a_mesh(name, tmp_path):
     """In millimetres; beside meshes of the arm, which are in another folder."""
