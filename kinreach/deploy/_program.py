@@ -245,9 +245,11 @@ def _trajectory(start: tuple[float, ...], calls: Sequence[Call]) -> Trajectory:
             raise ScriptError(call.line, f"{call.function} among the servoj of a trajectory")
     period = _constant(calls[0].arguments["t"], calls[0].line)
     steps = [call for call in calls if _constant(call.arguments["t"], call.line) == period]
-    q = np.array([start, *(_constants(call.arguments["q"], call.line) for call in steps)])
-    if q.shape[1:] != (6,):
-        raise ScriptError(calls[0].line, f"servoj takes six joint angles, got {q.shape[1:]}")
+    rows = [_constants(call.arguments["q"], call.line) for call in steps]
+    for call, row in zip(steps, rows, strict=True):
+        if len(row) != len(JOINTS):
+            raise ScriptError(call.line, f"servoj takes six joint angles, got {len(row)}")
+    q = np.array([start, *rows])
     t = period * np.arange(len(q), dtype=np.float64)
     qd = np.gradient(q, period, axis=0)
     qd[0] = qd[-1] = 0.0

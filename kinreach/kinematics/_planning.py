@@ -254,8 +254,6 @@ def _shortened(motion: MotionCheck, path: Floats, rng: np.random.Generator, step
         del points[first + 1 : last]
         first += 1
     for _ in range(SHORTCUTS):
-        if len(points) < 3:
-            break
         lengths = _lengths(motion, points)
         ends = np.concatenate([[0.0], lengths.cumsum()])
         one, other = np.sort(rng.uniform(0.0, ends[-1], 2))

@@ -268,6 +268,32 @@ def test_defaults_are_those_of_universal_robots_manual():
         assert {name: constant.value for name, constant in given} == defaults
 
 
+@pytest.mark.parametrize(("kind", "old", "new", "reason"), [
+    ("movej", r"movej\(\[.*?\]", "movej([1, 2]", "target must have shape"),
+    ("movej", r"movej\(\[", "movej(p[", "movej takes joint angles"),
+    ("movej", r", v=0.5", "", None),
+    ("movej", r", v=0.5", ", v=0.5, t=2", "movej is not a move with a and v"),
+    ("movej", r"movej\((.*?)\], ", r"movej(\1 - 1], ", "a number is needed here"),
+    ("movej", r"movej\(\[.*?\]", "movej(start", "movej takes joint angles"),
+    ("movej", r"  start = .*", "  start = 3", "a list of numbers is needed here"),
+    ("movej", r"  start = .*", "  start = [True]", "a number is needed here"),
+    ("movej", r"set_tcp\(p\[.*\]\)", "textmsg(1)", "it needs set_tcp, start"),
+    ("movej", r"movej\(.*", "sleep(1)", "it needs set_tcp, start"),
+    ("servoj", r"(servoj\(.*\n)", r"\1    movej([0, 0, 0, 0, 0, 0])\n", "movej among the servoj of a trajectory"),
+    ("servoj", r"servoj\(\[.*?\]", "servoj([1, 2]", "line 16: servoj takes six joint angles, got 2"),
+])  # fmt: skip
+def test_what_is_not_of_kinreachs_form_is_named(kind, old, new, reason):
+    motion = swing() if kind == "servoj" else [Move("movej", HOME + 0.1, 0.5, 1.0)]
+    text = Program.of(KIN, HOME, motion).text
+    changed = re.sub(old, new, text, count=1)
+    assert changed != text
+    if reason is None:
+        assert Program.parse(changed).moves[0].speed == 1.05  # URScript's own
+        return
+    with pytest.raises(InputError, match=reason):
+        Program.parse(changed)
+
+
 def test_only_urs_have_programs():
     with pytest.raises(InputError, match=r"not a UR"):
         Program.of(ArmKinematics("panda"), np.zeros(7), [Move("movej", HOME, 1, 1)])
@@ -305,6 +331,11 @@ REFUSED = {
     "def f():\n  if True:\n    y = 1\n  else:\n  end\n  z = y\nend": "name 'y' is not defined",
     "": "a name is expected",
 }  # fmt: skip
+
+
+def test_levels_count_within_one_another_and_not_one_after_another():
+    part = "  x = [1, -2]\n  y = -x[1] - norm(-x[0])\n  if y > 1:\n    sleep(1)\n  else:\n    sleep(2)\n  end\n"
+    assert len(parse(f"def f():\n{60 * part}end\n").body) == 180
 
 
 @pytest.mark.parametrize("text", REFUSED)

@@ -421,6 +421,13 @@ def test_other_addresses_than_this_machines_own_are_refused(address):
 def test_a_port_in_use_is_named(robot):
     with pytest.raises(InputError, match=f"cannot serve at 127.0.0.1:{robot.rtde_port}: .*in use; if another robot"):
         SimulatedUR("ur5e", rtde_port=robot.rtde_port, script_port=0)
+    with socket.socket() as free:
+        free.bind((robot.address, 0))
+        number = free.getsockname()[1]
+    with pytest.raises(InputError, match=f"cannot serve at 127.0.0.1:{robot.script_port}: "):
+        SimulatedUR("ur5e", rtde_port=number, script_port=robot.script_port)
+    with pytest.raises(ConnectionRefusedError):  # the port that it had opened is closed
+        socket.create_connection((robot.address, number), timeout=PATIENCE)
 
 
 @pytest.mark.parametrize("arm", ["panda", "arm3"])

@@ -5,6 +5,7 @@ import pytest
 
 from kinreach.errors import InputError
 from kinreach.kinematics import Arm3Kinematics, ArmKinematics, URKinematics
+from kinreach.kinematics._tensors import parts
 from kinreach.robots import get_arm
 
 torch = pytest.importorskip("torch")
@@ -110,6 +111,12 @@ def test_arms_without_formulas_for_tensors_go_by_way_of_numpy():
     np.testing.assert_array_equal(found.q.numpy(), expected.q)
     np.testing.assert_array_equal(found.valid.numpy(), expected.valid)
     assert found.valid.any()
+
+
+def test_rows_are_computed_in_blocks_on_the_processor_alone():
+    assert list(parts(torch.empty(9000, device="meta"))) == [slice(None)]
+    for rows in (torch.empty(9000), np.empty(9000)):
+        assert list(parts(rows)) == [slice(0, 4096), slice(4096, 8192), slice(8192, 12288)]
 
 
 def test_tensors_of_other_shapes_or_kinds_are_refused():

@@ -155,6 +155,15 @@ def write(tmp_path, a="revolute", limit=LIMIT, mimic=""):
     return file
 
 
+def test_an_arm_is_named_by_its_urdf_else_by_its_file(tmp_path):
+    file = tmp_path / "stem.urdf"
+    for head, name in (('<robot name="two">', "two"), ("<robot>", "stem"), ('<robot name="">', "stem")):
+        file.write_text(write(tmp_path).read_text().replace('<robot name="two">', head))
+        arm = ArmDescription.from_urdf(file)
+        assert (arm.name, arm.title) == (name, name)
+        assert ArmDescription.from_urdf(file, name="mine").title == "mine"
+
+
 def test_a_joint_without_end_turns_once(tmp_path):
     kin = ArmKinematics.from_urdf(write(tmp_path, a="continuous", limit=""))
     assert kin.arm.joints == ("a", "b")
